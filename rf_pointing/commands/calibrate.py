@@ -1,7 +1,8 @@
-"""Executable `calibrate`: a campaign on the live simulated station, from plan to accepted model.
+"""Executable `calibrate`: a campaign on the live station, from plan to accepted model.
 
-The sky is filled with beacons, and the campaign that fills the 36 sectors in the least time is
-planned.  The graph is brought up as `track` does it, the calibrator runs the campaign and fits.
+The sky of a simulated station is filled with beacons; a station whose drive is not simulated tracks
+the satellites of --elements in real time.  The campaign that fills the 36 sectors in the least time
+is planned.  The graph is brought up as `track` does it, the calibrator runs the campaign and fits.
 More beacons are tracked with the new model in the shadow of the old one, and it is accepted if it
 is better there.  The report shows the observations of the fit. Exit code 0: the better of the two
 models is in force; 1: interrupted, stopped by a fault of the antenna, or no model to decide about;
@@ -11,6 +12,7 @@ models is in force; 1: interrupted, stopped by a fault of the antenna, or no mod
 import argparse
 import math
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -22,27 +24,28 @@ import yaml
 from numpy.typing import NDArray
 from rclpy.action import ActionClient
 from rf_pointing_msgs.action import FitModel, RunCampaign
-from std_srvs.srv import Trigger
 
 from rf_pointing import calibration
 from rf_pointing.calibration import Campaign, FitResult, ObservationJournal, Observations, SectorRule
 from rf_pointing.commands import track_options
 from rf_pointing.commands.options import (
+    ELEMENTS_HELP,
     add_namespace_option,
     add_station_options,
     band_of,
     between,
+    elements_of,
     ending_with_reason,
     say,
-    seed,
     station_of,
 )
 from rf_pointing.commands.station_run import StationRun, run_to_end
-from rf_pointing.commands.track_options import DEFAULT_MODELS, output_folder, speed_factor
+from rf_pointing.commands.track_options import DEFAULT_MODELS, output_folder
 from rf_pointing.core import MDEG, require_between
 from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.core.modes import Sensor
 from rf_pointing.ephemeris import Elements, Pass, tle_lines
+from rf_pointing.ephemeris.source import read_source
 from rf_pointing.nodes import bias_calibrator, convert_planning
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.model_keeper import ModelKeeper
@@ -69,28 +72,30 @@ ACQUISITION_S = 45.0
 
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line, completed by what a run of `track` has by default."""
-    parser = argparse.ArgumentParser(prog="calibrate", description="Calibrate the simulated station's pointing model.")
+    parser = argparse.ArgumentParser(
+        prog="calibrate", description="Calibrate the pointing model of a station, simulated or real."
+    )
     add = parser.add_argument
     add_station_options(parser)
     add("--sensor", choices=[*SENSORS, Sensor.AUTO], help="(default: that of the station's band)")
-    add("--start", metavar="UTC", default=DEFAULT_START, help=f"simulated time (default: {DEFAULT_START})")
-    add("--longest", metavar="S", type=float, default=4800.0, help="simulated time at most (default: 4800)")
+    add("--elements", metavar="FILE|DIR|URL", default="",
+        help=f"satellites that the station receives, for a real drive: {ELEMENTS_HELP}")  # fmt: skip
+    add("--start", metavar="UTC", help=f"begin (default: {DEFAULT_START}, of a real drive the present)")
+    add("--longest", metavar="S", type=float, help="length of the campaign at most (default: 4800, real: 86400)")
     add("--fewest", type=int, default=25, help="observations in each sector (default: 25)")
-    add("--ephemeris-error", metavar="S", type=between(-60.0, 60.0), default=0.0, help="of the beacons (default: 0)")
+    add("--ephemeris-error", metavar="S", type=between(-60.0, 60.0), help="of the beacons (default: 0)")
     add("--orbit-prior", metavar="M", type=float, default=5.0,
         help="error of the beacons' orbits that the fit allows for in each pass (default: 5)")  # fmt: skip
     add("--resume", action="store_true", help="continue an interrupted campaign: only what its observations left thin")
     add("--shadow", metavar="N", type=int, default=3,
         help="passes with the new model in the shadow before it is accepted (default: 3)")  # fmt: skip
     add("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"(default: {DEFAULT_MODELS})")
-    add("--speed", default="max", help="factor of real time, or max (default)")
-    add("--seed", type=seed, default=1, help="seed of every noise source (default: 1)")
+    track_options.add_simulation_options(parser)
     add_namespace_option(parser)
     add("--params-file", action="append", default=[], help="further ROS parameter file")
     add("--output", metavar="DIR", help="folder of bag and report (default: runs/calibration-TIME-NUMBER)")
-    # Any beacon will do: each pass selects its own at ephemeris_publisher.
-    beacons_and_journal = {"satellite": "90001", "keep_observations": True}
-    return argparse.Namespace(**vars(track_options.arguments([])) | vars(parser.parse_args(argv)) | beacons_and_journal)
+    given = vars(parser.parse_args(argv)) | {"keep_observations": True}
+    return argparse.Namespace(**vars(track_options.arguments([])) | given)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,27 +110,38 @@ class Schedule:
 
 def plan(options: argparse.Namespace) -> Schedule:
     """Return the beacons and the passes to track; ValueError when nothing can be tracked."""
+    real = not station_of(options).simulated
+    if options.longest is None:
+        options.longest = 86400.0 if real else 4800.0
+    if options.ephemeris_error is None and not real:
+        options.ephemeris_error = 0.0
     require_between("shadow", options.shadow, 2, 20)
     require_between("longest", options.longest, 60.0, 86400.0)
     require_between("orbit_prior", options.orbit_prior, 0.01, 1e6)
     # Without a folder a kill would lose the campaign, and nothing could be resumed.
     if not options.models:
         raise ValueError("models='' must name a folder: a campaign keeps its observations there")
-    start_s = parse_utc(options.start)
+    if real and not options.elements:
+        raise ValueError(
+            "elements='' must name satellites: the beacons of a simulated sky are not in that of a real antenna"
+        )
+    start_s = time.time() if real and not options.start else parse_utc(options.start or DEFAULT_START)
     # The beacons' epoch is the start: SGP4 elements are good for days, not for years.
-    elements, rule = beacons(start_s), SectorRule(fewest=options.fewest, most=max(30, options.fewest))
+    elements = read_source(elements_of(options)).elements if options.elements else beacons(start_s)
+    rule = SectorRule(fewest=options.fewest, most=max(30, options.fewest))
     filled, last_s = progress_so_far(options, rule) if options.resume else (None, start_s)
     begin_s = max(start_s, last_s) + LARGEST_SLEW_S
     campaign = planned(options, elements, begin_s, options.longest, ARCS_S, rule, filled)
     if not campaign.passes and campaign.coverage.thin:
-        raise ValueError(f"longest={options.longest} s leaves no beacon to track")
+        raise ValueError(f"longest={options.longest} s leaves no satellite to track")
     windows = windows_of(options, elements, campaign)
     begin_s = (windows[-1].los_t_s if windows else begin_s) + LARGEST_SLEW_S
     # Planned after the campaign's end, on passes that the fit has not seen.
-    rest = planned(options, elements, begin_s, options.shadow * SHADOW_SPAN_S, SHADOW_ARCS_S, rule)
+    span_s = options.longest if options.elements else options.shadow * SHADOW_SPAN_S
+    rest = planned(options, elements, begin_s, span_s, SHADOW_ARCS_S, rule)
     shadow = windows_of(options, elements, rest)[: options.shadow]
     if len(shadow) < options.shadow:
-        raise ValueError(f"shadow={options.shadow}: only {len(shadow)} beacons can be tracked after the campaign")
+        raise ValueError(f"shadow={options.shadow}: only {len(shadow)} passes can be tracked after the campaign")
     return Schedule(elements, campaign, windows, shadow)
 
 
@@ -216,7 +232,9 @@ class CalibrationRun(StationRun):
     """
 
     def __init__(self, options: argparse.Namespace, schedule: Schedule, output: Path) -> None:
-        super().__init__("calibrate", options, [*schedule.windows, *schedule.shadow][0], output)
+        first = [*schedule.windows, *schedule.shadow][0]
+        super().__init__("calibrate", options, first, output)
+        self._begin_s = first.aos_t_s - track_options.before_pass_s(options, first)
         self._options, self._schedule, self._output = options, schedule, output
         self._shown, self._count = 0, 0
         self._campaign = ActionClient(self.node, RunCampaign, "bias_calibrator/run_campaign")
@@ -224,6 +242,8 @@ class CalibrationRun(StationRun):
 
     def calibrate(self) -> Outcome:
         """Bring the graph up, run campaign, fit and shadow; accept the model if it is better."""
+        if self.real:
+            self.wait_for(self._begin_s, "the first pass is waited for; the antenna is started")
         self.bring_up(self._campaign, self._fit)
         if self._schedule.windows:
             campaign = self._observe(self._schedule.windows, resume=self._options.resume)
@@ -245,10 +265,10 @@ class CalibrationRun(StationRun):
         if shadow.fault:
             return Outcome(fit.model.name, made, fault=shadow.fault)
         if shadow.verdict != "better":
-            self.say(f"{self._call('bias_calibrator/reject').message}: the old model stays in force")
+            self.say(f"{self.call('bias_calibrator/reject').message}: the old model stays in force")
             enough = shadow.verdict == "undecided" and shadow.passes_observed >= len(self._schedule.shadow)
             return Outcome(fit.model.name, made, enough, shadow.message)
-        answer = self._call("bias_calibrator/accept")
+        answer = self.call("bias_calibrator/accept")
         self.say(answer.message)
         return Outcome(fit.model.name, made, answer.success, shadow.message)
 
@@ -267,13 +287,6 @@ class CalibrationRun(StationRun):
         self.say(result.message)
         return result
 
-    def _call(self, name: str) -> Trigger.Response:
-        client = self.node.create_client(Trigger, name)
-        self.graph.wait_until(client.service_is_ready, name)
-        future = client.call_async(Trigger.Request())
-        self.graph.wait_until(future.done, f"an answer of {name}")
-        return future.result()
-
     def _show(self, message: Any) -> None:
         state = message.feedback
         text = (
@@ -291,11 +304,13 @@ def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing calibrate`."""
     options = arguments(argv)
     with ending_with_reason("calibrate"):
-        speed_factor(options.speed)
+        track_options.check_time(options)
         track_options.check_files(options)
         schedule = plan(options)
         output = output_folder(options, f"calibration-{datetime.now(UTC):%Y%m%dT%H%M%S}")
-        options.elements = str(output / "beacons.tle")
+        options.elements = str(output / "satellites.tle")
+        # Any will do: each pass selects its own at ephemeris_publisher.
+        options.satellite = str(schedule.elements[0].catalogue_number)
         lines = [line for one in schedule.elements for line in (one.name, *tle_lines(one))]
         Path(options.elements).write_text("\n".join(lines) + "\n")
         options.params_file.append(str(calibrator_parameters(output / "calibrator.yaml", options)))
@@ -311,7 +326,7 @@ def plan_text(schedule: Schedule) -> str:
     if not windows:
         return f"{filled} are full already; {last}"
     first, end = utc_text(windows[0].aos_t_s), utc_text(windows[-1].los_t_s)
-    return f"{len(windows)} beacons from {first} to {end} fill {filled}; {last}"
+    return f"{len(windows)} passes from {first} to {end} fill {filled}; {last}"
 
 
 def execute(options: argparse.Namespace, schedule: Schedule, output: Path) -> int:

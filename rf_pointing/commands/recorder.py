@@ -18,7 +18,10 @@ QUEUE = 2000
 
 
 class Recorder:
-    """Subscribes to all `topics` of `namespace` and writes their messages with the wall time."""
+    """Subscribes to all `topics` of `namespace` and writes their messages with the wall time.
+
+    A topic without a publisher in its row is recorded where there is one, and not waited for.
+    """
 
     def __init__(
         self,
@@ -28,13 +31,14 @@ class Recorder:
         topics: Sequence[Topic] = TOPICS,
         notes: Mapping[str, str] | None = None,
     ) -> None:
-        self._node = node
+        self._node, self._topics = node, topics
         self._writer = BagWriter(path, definitions(Path(get_package_share_directory("rf_pointing_msgs"))), notes=notes)
         self._subscriptions = [self._subscribe(topic, namespace) for topic in topics]
 
     def unmatched(self) -> list[str]:
-        """Return the topics, by full name, that no publisher is connected to yet."""
-        return [item.topic_name for item in self._subscriptions if item.get_publisher_count() == 0]
+        """Return the topics, by full name, that no publisher of the run is connected to yet."""
+        waited = zip(self._topics, self._subscriptions, strict=True)
+        return [item.topic_name for topic, item in waited if topic.publisher and item.get_publisher_count() == 0]
 
     def close(self) -> BagResult:
         """End the recording; the result lists what is missing from the bag."""

@@ -1,4 +1,8 @@
-"""One run of the simulated station on the live graph: nodes, recording, and an orderly end."""
+"""One run of a station on the live graph: nodes, recording, and an orderly end.
+
+A simulated antenna has a clock and a receiver of its own, and time is held until the run begins.
+An antenna with a drive runs in real time; what its receiver publishes is recorded.
+"""
 
 import argparse
 import signal
@@ -9,24 +13,33 @@ from typing import Any, TypeVar
 
 import rclpy
 from rclpy.action import ActionClient
+from std_srvs.srv import Trigger
 
 from rf_pointing.commands.managed_graph import ManagedGraph, NotStartedError
-from rf_pointing.commands.options import say
+from rf_pointing.commands.options import say, station_of
 from rf_pointing.commands.recorder import Recorder
-from rf_pointing.commands.track_options import bag_folder, in_real_time, notes, parameter_files, parameters
+from rf_pointing.commands.track_options import (
+    bag_folder,
+    in_real_time,
+    nodes_of,
+    notes,
+    parameter_files,
+    parameters,
+)
 from rf_pointing.ephemeris import Pass
-from rf_pointing.nodes.graph import NODES
+from rf_pointing.nodes.graph import NODES, TOPICS, topics_of
 from rf_pointing.nodes.main_loop import make_executor, settle_garbage
 
 PATIENCE_S = 20.0
 SETTLE_S = 0.2
 """Publishers and subscribers that the graph knows still need a moment to match each other."""
+SAY_EVERY_S = 60.0
 LOOK_PERIOD_S = 0.2
 """Time between two checks that every node still runs."""
 PUNCTUAL = ("simulation_clock", "antenna_servo")
 """These have priority in real time."""
 # All nodes wake at once every 0.1 s; only the servo's 50 Hz cannot wait some milliseconds.
-CLOCK, OTHERS = NODES[:1], NODES[1:]
+CLOCK = NODES[:1]
 
 
 class InterruptedRunError(Exception):
@@ -80,22 +93,24 @@ class GraphRun:
 
 
 class StationRun(GraphRun):
-    """The simulated station in the namespace of the options, with its recording.
+    """The station of the options in their namespace, with its recording.
 
-    `options` are those of `track`; time begins shortly before `window`, the first pass.
+    `options` are those of `track`; simulated time begins shortly before `window`, the first pass.
     """
 
     graph: ManagedGraph
 
     def __init__(self, program: str, options: argparse.Namespace, window: Pass, output: Path) -> None:
         super().__init__(program, options.namespace)
-        self._begun = False
-        on_time = PUNCTUAL if in_real_time(options.speed) else ()
+        self._begun, self._reset = False, options.reset_fault
+        self.real, self._nodes = not station_of(options).simulated, nodes_of(options)
+        on_time = PUNCTUAL if in_real_time(options) else ()
         files = parameter_files(options, parameters(options, window, output), output)
         self.graph = ManagedGraph(
             self.node, options.namespace, files, output / "logs", self.spin, patience_s=PATIENCE_S, on_time=on_time
         )
-        self._recorder = Recorder(self.node, options.namespace, bag_folder(options, output), notes=notes(options))
+        topics = topics_of(self._nodes) if self.real else TOPICS
+        self._recorder = Recorder(self.node, options.namespace, bag_folder(options, output), topics, notes(options))
 
     def spin(self, timeout_s: float) -> None:
         """Handle one event, or wait for one; InterruptedRunError if stopped before time runs."""
@@ -104,28 +119,54 @@ class StationRun(GraphRun):
         super().spin(timeout_s)
 
     def bring_up(self, *actions: ActionClient) -> None:
-        """Start and activate all nodes while time is held, until all topics and `actions` match."""
+        """Start and activate all nodes, until all topics and `actions` match.
+
+        Simulated time is held meanwhile; a real antenna stands where it is.
+        """
         began_s = time.monotonic()
-        self.graph.start(NODES)
+        self.graph.start(self._nodes, simulated_time=not self.real)
         # The clock first: while the others start, its held time reaches them.
-        self.graph.configure(CLOCK)
-        self.graph.configure(OTHERS)
-        self.graph.activate(OTHERS)
+        others = [name for name in self._nodes if name not in CLOCK]
+        if not self.real:
+            self.graph.configure(CLOCK)
+        self.graph.configure(others)
+        self.graph.activate(others)
         self.graph.wait_until(lambda: all(client.server_is_ready() for client in actions), "the actions")
         self.graph.wait_until(lambda: not self._recorder.unmatched(), "every topic")
         self.graph.wait(SETTLE_S)
-        self.say(f"{len(NODES)} nodes matched and active in {time.monotonic() - began_s:.1f} s")
+        self.say(f"{len(self._nodes)} nodes matched and active in {time.monotonic() - began_s:.1f} s")
+        if self._reset:
+            self.say(f"reset of a latched fault: {self.call('antenna_servo/reset_fault').message}")
+
+    def call(self, name: str) -> Trigger.Response:
+        """Call a service of a node that takes no argument, and return its answer."""
+        client = self.node.create_client(Trigger, name)
+        self.graph.wait_until(client.service_is_ready, name)
+        future = client.call_async(Trigger.Request())
+        self.graph.wait_until(future.done, f"an answer of {name}")
+        return future.result()
+
+    def wait_for(self, t_s: float, what: str) -> None:
+        """Let real time go on until `t_s` (UTC, s since 1970), and report once a minute."""
+        next_s = t_s - time.time()
+        while (left_s := t_s - time.time()) > 0.0:
+            if left_s <= next_s:
+                self.say(f"in real time: {what} in {left_s:.0f} s")
+                next_s = left_s - SAY_EVERY_S
+            self.spin(min(0.5, left_s))
 
     def run_time(self) -> None:
-        """Start time."""
-        self.graph.change(CLOCK, "activate")
+        """Start simulated time; real time does not wait."""
+        if not self.real:
+            self.graph.change(CLOCK, "activate")
         self._begun = True
         # Collections of the recorder's process delay what it receives.
         settle_garbage()
 
     def hold_time(self) -> None:
-        """Stop time."""
-        self.graph.change(CLOCK, "deactivate")
+        """Stop simulated time; a real antenna stands where the last pass has left it."""
+        if not self.real:
+            self.graph.change(CLOCK, "deactivate")
 
     def send(self, client: ActionClient, goal: Any, owner: str, feedback: Callable[[Any], None] | None = None) -> Any:
         """Send a goal and return its handle; NotStartedError with the reason if it is refused."""

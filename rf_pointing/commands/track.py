@@ -1,7 +1,9 @@
-"""Executable `track`: bring up a simulated antenna, track one pass, record it and report on it.
+"""Executable `track`: bring up an antenna, track one pass, record it and report on it.
 
 Every node runs as a process of its own.  During the pass one line shows what the antenna does:
-redrawn in place on a terminal, or repeated every ten seconds in a log.
+redrawn in place on a terminal, or repeated every ten seconds in a log.  A station whose drive is
+not simulated is flown in real time, without simulation_clock and rf_receiver: `track` waits for the
+pass, and begins early enough for the antenna to be at its start.
 Exit code 0: the pass was tracked, as `core/pass_outcome.py` defines it; 1: it was not; 2: it could
 not be started.
 """
@@ -88,12 +90,15 @@ class PassRun(StationRun):
     def __init__(self, options: argparse.Namespace, window: Pass, output: Path) -> None:
         super().__init__("track", options, window, output)
         self._sensor, self._window = track_options.sensor_of(options), window
+        self._begin_s = window.aos_t_s - track_options.before_pass_s(options, window)
         self._client = ActionClient(self.node, TrackPass, "track_pass")
         self._certificate: PassCertificate | None = None
         self.node.create_subscription(PassCertificate, "pass_certificate", self._note_certificate, LATCHED)
 
     def track(self) -> TrackPass.Result:
         """Bring the graph up, track the pass, and return the result."""
+        if self.real:
+            self.wait_for(self._begin_s, f"{self._window.name} is waited for; the antenna is started")
         self.bring_up(self._client)
         progress = ProgressLine()
         goal = TrackPass.Goal(target_pass=convert_planning.pass_to_message(self._window), sensor=self._sensor)
@@ -108,7 +113,7 @@ class PassRun(StationRun):
         self._certificate = message
 
     def _show_certificate(self, handle: Any) -> None:
-        """Print the certificate of the accepted goal; time is still held, so nothing has moved."""
+        """Print the certificate of the accepted goal; simulated time is still held meanwhile."""
         deadline_s, ended = time.monotonic() + CERTIFICATE_S, handle.get_result_async()
         while self._certificate is None and not ended.done() and time.monotonic() < deadline_s:
             self.graph.check()
@@ -125,7 +130,7 @@ def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing track`."""
     options = track_options.arguments(argv)
     with ending_with_reason("track"):
-        track_options.speed_factor(options.speed)
+        track_options.check_time(options)
         sensor = track_options.sensor_of(options)
         track_options.check_files(options)
         window = track_options.choose_pass(options)

@@ -2,11 +2,13 @@
 
 import argparse
 import math
+import time
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from rf_pointing.commands.options import (
@@ -23,16 +25,17 @@ from rf_pointing.commands.options import (
     station_of,
 )
 from rf_pointing.core import MDEG, leaves
-from rf_pointing.core.dates import DAY_S
+from rf_pointing.core.dates import DAY_S, parse_utc
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import ElementUncertainty, Pass, first_pass_above, stale_warning
 from rf_pointing.ephemeris.element_files import element_files, is_address
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.ephemeris.source import load_track
-from rf_pointing.nodes.graph import GRAPH, NODES
+from rf_pointing.nodes.graph import DRIVE_NODES, GRAPH, NODES
 from rf_pointing.planning import Gate, MachineParams, choose_turns
 from rf_pointing.rf import LinkParams
+from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.antenna.simulated_antenna import SimulationParams
 from rf_pointing.station.description import owner
 from rf_pointing.station.pointing.params import ControllerParams
@@ -58,19 +61,20 @@ SETTLE_S = 30.0
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     """Return the parsed command line."""
     load_trackers()
-    parser = argparse.ArgumentParser(prog="track", description="Track one satellite pass with the simulated station.")
+    parser = argparse.ArgumentParser(
+        prog="track", description="Track one satellite pass with a station, simulated or real."
+    )
     add_target_options(parser)
     add = parser.add_argument
     add("--min-peak", type=between(0.0, 90.0), default=40.0, help="least peak elevation in deg (default: 40)")
     add("--sensor", choices=tuple(SENSOR_CHOICES), help="(default: that of the station's band)")
     add("--scan-sigma", metavar="MDEG", type=float, help="accuracy of conscan per axis at the pass's weakest "
         "carrier: chooses radius and period (default: the station's)")  # fmt: skip
-    add("--speed", default="max", help="factor of real time, or max (default)")
+    add_simulation_options(parser)
     add("--ephemeris-error", metavar="S", type=between(-60.0, 60.0), help="time by which the satellite is ahead of "
         "its elements (default: the station's, simulation.along_track_offset_s)")  # fmt: skip
     add("--models", metavar="DIR", default=str(DEFAULT_MODELS), help=f"folder of accepted pointing models (default: "
         f"{DEFAULT_MODELS}); empty or none in it: the station's bias model")  # fmt: skip
-    add("--seed", type=seed, default=1, help="seed of every noise source (default: 1)")
     add_namespace_option(parser)
     add("--params-file", action="append", default=[], help="further ROS parameter file, may be repeated")
     add("--record", metavar="DIR", help="bag directory (default: OUTPUT/bag)")
@@ -79,11 +83,41 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
+def add_simulation_options(parser: argparse.ArgumentParser) -> None:
+    """Add what a simulated antenna alone has, and what a real one alone needs."""
+    add = parser.add_argument
+    add("--speed", help="of a simulated antenna: factor of real time, or max (default)")
+    add("--seed", type=seed, help="of a simulated antenna: seed of every noise source (default: 1)")
+    add("--reset-fault", action="store_true", help="of a real antenna: reset the fault that an earlier run has "
+        "latched, after you have looked at the antenna")  # fmt: skip
+
+
+def check_time(options: argparse.Namespace) -> None:
+    """Raise ValueError for a speed that is none, and on a real drive for what is not real time."""
+    speed_factor(options.speed)
+    station = station_of(options)
+    if station.simulated:
+        return
+    real = f"drive.type={station.drive['type']} of {station.name} moves a device, in real time"
+    for name in ("speed", "seed", "ephemeris_error"):
+        if (value := getattr(options, name)) is not None:
+            raise ValueError(f"{name.replace('_', '-')}={value}: {real}; it is for a simulated drive")
+    if options.start and (late_s := time.time() - parse_utc(options.start)) > 0.0:
+        raise ValueError(f"start={options.start} was {late_s:.0f} s ago: {real}; the present is the default")
+
+
+def nodes_of(options: argparse.Namespace) -> tuple[str, ...]:
+    """Return the executables of a run, in the order of their start."""
+    return NODES if station_of(options).simulated else DRIVE_NODES
+
+
 def choose_pass(options: argparse.Namespace) -> Pass:
     """Return the pass to track; ValueError if satellite, station and time do not give one."""
     above, span_s = station_of(options).mask.above(lowest_rad(options)), 2.0 * 86400.0
     track = load_track(source_of(options))
-    window = first_pass_above(track, start_of(options), math.radians(options.min_peak), above, span_s)
+    real = not station_of(options).simulated
+    start_s = time.time() if real and not options.start else start_of(options)
+    window = first_pass_above(track, start_s, math.radians(options.min_peak), above, span_s)
     machine = NodeParameters("", station_of(options).parameters("pointing_controller", band_of(options)))
     beamwidth_rad = machine.group("machine", MachineParams()).half_power_beamwidth_rad
     stale_s = source_of(options).stale_days * DAY_S
@@ -119,9 +153,9 @@ def chosen_scan(options: argparse.Namespace, window: Pass) -> ConscanParams | No
     return scan_for_accuracy(node.group("conscan", ConscanParams()), limits, level_db_hz, options.scan_sigma * MDEG)
 
 
-def speed_factor(text: str) -> float:
-    """Return the factor, 0 for max."""
-    if text == "max":
+def speed_factor(text: str | None) -> float:
+    """Return the factor, 0 for max, which is the default."""
+    if text in (None, "max"):
         return 0.0
     try:
         factor = float(text)
@@ -132,18 +166,26 @@ def speed_factor(text: str) -> float:
     return factor
 
 
-def in_real_time(speed: str) -> bool:
+def in_real_time(options: argparse.Namespace) -> bool:
     """Return whether the servo ticks one by one, rather than five ticks at once."""
-    return 0.0 < speed_factor(speed) <= REAL_TIME_SPEED
+    return not station_of(options).simulated or 0.0 < speed_factor(options.speed) <= REAL_TIME_SPEED
 
 
 def before_pass_s(options: argparse.Namespace, window: Pass) -> float:
-    """Return the whole simulated seconds before acquisition: the slew from the antenna's start."""
+    """Return the whole seconds before acquisition: the slew from where the antenna may be."""
     station, band, sets = station_of(options), band_of(options), ControllerParams().sets()
     controller, servo = (
         NodeParameters(node, station.parameters(node, band)) for node in ("pointing_controller", "antenna_servo")
     )
     limits, machine, mask, gate = (controller.group(name, sets[name]) for name in ("limits", "machine", "mask", "gate"))
+    if not station.simulated:
+        # A real antenna may be anywhere: the longest slew of the azimuth, or over the top.
+        travel_rad = (
+            limits.azimuth_max_rad - limits.azimuth_min_rad,
+            limits.elevation_max_rad - limits.elevation_min_rad,
+        )
+        slew_s = max(np.divide(travel_rad, machine.rate_limit_rad_s))
+        return float(math.ceil(max(SLEW_TIME_S, slew_s + SETTLE_S)))
     # Where a simulated antenna begins is no number of the station's: a file may say it.
     files = read_parameter_files([Path(name) for name in options.params_file])
     servo.values.update(files.get("antenna_servo", servo).values)
@@ -167,15 +209,18 @@ def before_pass_s(options: argparse.Namespace, window: Pass) -> float:
 
 def parameters(options: argparse.Namespace, window: Pass, output: Path) -> dict[str, dict[str, Any]]:
     """Return the parameters by node that follow from the command line; files go to `output`."""
+    station = {"station": str(flown_station(options, window, output).resolve()), "band": band_of(options)}
+    own = _own_parameters(options, output)
+    nodes = {node: station | own.get(node, {}) for node in OF_STATION if node in nodes_of(options)}
+    if not station_of(options).simulated:
+        return nodes
     clock = {
         "start_s": float(math.floor(window.aos_t_s) - before_pass_s(options, window)),
         "speed": speed_factor(options.speed),
         # At 10 Hz the servo makes up its ticks at once: 80 % less traffic of the clock.
-        "tick_s": 0.02 if in_real_time(options.speed) else 0.1,
+        "tick_s": 0.02 if in_real_time(options) else 0.1,
     }
-    station = {"station": str(flown_station(options, window, output).resolve()), "band": band_of(options)}
-    own = _own_parameters(options, output)
-    return {"simulation_clock": clock} | {node: station | own.get(node, {}) for node in OF_STATION}
+    return {"simulation_clock": clock} | nodes
 
 
 def _own_parameters(options: argparse.Namespace, output: Path) -> dict[str, dict[str, Any]]:
@@ -187,10 +232,13 @@ def _own_parameters(options: argparse.Namespace, output: Path) -> dict[str, dict
         "source.interpolation_degree": source_of(options).interpolation_degree,
     }
     real = {} if options.ephemeris_error is None else {"source.along_track_offset_s": options.ephemeris_error}
+    number = 1 if options.seed is None else options.seed
+    # A real antenna remembers its fault and the turn of its cables from run to run.
+    kept = state_files(state_folder(), options.namespace)
     return {
         "ephemeris_publisher": source,
-        "rf_receiver": {**source, **real, "signal.seed": options.seed},
-        "antenna_servo": {"antenna.seed": options.seed},
+        "rf_receiver": {**source, **real, "signal.seed": number},
+        "antenna_servo": {"antenna.seed": number} if station_of(options).simulated else kept,
         "pointing_controller": {"certificate_folder": str(output.resolve())},
         "bias_calibrator": {
             "calibrator.folder": str(Path(options.models).resolve()) if options.models else "",
@@ -220,7 +268,8 @@ def _for_nodes(options: argparse.Namespace) -> str:
 
 def notes(options: argparse.Namespace) -> dict[str, str]:
     """Return the notes on the run for the bag and the report."""
-    of_run = {name: str(getattr(options, name)) for name in ("speed", "seed")}
+    simulated = {"speed": str(options.speed or "max"), "seed": str(1 if options.seed is None else options.seed)}
+    of_run = simulated if station_of(options).simulated else {"drive": str(station_of(options).drive["type"])}
     return {"station": station_of(options).name, "band": band_of(options), "sensor": sensor_of(options), **of_run}
 
 
@@ -231,8 +280,8 @@ def check_files(options: argparse.Namespace) -> None:
     """
     own = _own_parameters(options, Path())
     for node, said in read_parameter_files([Path(name) for name in options.params_file]).items():
-        if node not in (*NODES, "**"):
-            raise ValueError(f"params-file: {node} is no node; there are {', '.join(NODES)}")
+        if node not in (*nodes_of(options), "**"):
+            raise ValueError(f"params-file: {node} is no node; there are {', '.join(nodes_of(options))}")
         given = {"station", "band", *own.get(node, {})} if node in OF_STATION else {"start_s", "speed", "tick_s"}
         if twice := sorted(said.values.keys() & given):
             raise ValueError(f"params-file: {node} {', '.join(twice)}: given by the command line, see --help")

@@ -17,6 +17,8 @@ from rf_pointing.drives.words import WORDS
 
 ENTRY_POINTS = "rf_pointing.drives"
 SIMULATED_ROTATOR = "simulated_rotator"
+SIMULATED = ("simulated", SIMULATED_ROTATOR)
+"""Drives that need no device: they move in whatever time the graph has."""
 
 
 def known_types() -> list[str]:

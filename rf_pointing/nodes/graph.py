@@ -4,6 +4,7 @@
 the picture of the graph and the table of topics in the documentation are made from it.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -126,8 +127,22 @@ def _topics() -> tuple[Topic, ...]:
     return (*found.values(), in_use, Topic("/diagnostics", DiagnosticArray, STREAM, "1 Hz", every))
 
 
+def topics_of(names: Collection[str]) -> tuple[Topic, ...]:
+    """Return what is recorded of a graph of these nodes: without the truth of a simulation.
+
+    The topics of a receiver that is not among them name no publisher.
+    """
+    ours_too = (topic for topic in TOPICS if not topic.name.startswith("sim/") and topic.name != "clock")
+    return tuple(
+        topic if {"every node", *names} & set(topic.publisher.split(", ")) else replace(topic, publisher="")
+        for topic in ours_too
+    )
+
+
 TOPICS = _topics()
 NODES = tuple(node.name for node in GRAPH)
 """Executables of a simulated antenna."""
 STATION_NODES = tuple(node.name for node in GRAPH if not node.simulated)
 """Executables that a station with an antenna and a receiver of its own keeps."""
+DRIVE_NODES = ("antenna_servo", *STATION_NODES)
+"""Executables of a station whose drive is a device; its receiver is its own."""

@@ -3,7 +3,6 @@
 Imported by launch files only, so `launch` and `launch_ros` are needed nowhere else.
 """
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
 
+from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.description import read_station
 
 RESPAWN_DELAY_S = 0.5
@@ -38,12 +38,6 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
     ]
 
 
-def state_folder() -> Path:
-    """Return the folder of the user's state for the present ROS domain."""
-    base = os.environ.get("XDG_STATE_HOME") or "~/.local/state"
-    return Path(base).expanduser() / "rf_pointing" / f"domain{os.environ.get('ROS_DOMAIN_ID') or 0}"
-
-
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
     """Return the actions that start `names`."""
     return [_node(context, name, simulated="simulation_clock" in names) for name in names]
@@ -68,11 +62,7 @@ def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:
 
     parameters: list[Any] = [{"lifecycle.autostart": given("autostart") == "true"}]
     if name == "antenna_servo" and given("state_folder"):
-        # A latched fault and the turn of the cables must outlive a crash; two antennas keep two
-        # folders.
-        kept = Path(given("state_folder")) / given("namespace").strip("/")
-        files = {"state_file": str(kept / "antenna_servo.json"), "wrap_file": str(kept / "azimuth_turn.json")}
-        parameters.append(files)
+        parameters.append(state_files(Path(given("state_folder")), given("namespace")))
     if name == "simulation_clock":
         parameters.append({"start_s": float(given("start_s")), "speed": float(given("speed"))})
     else:

@@ -302,3 +302,45 @@ def test_a_slower_antenna_or_one_that_starts_elsewhere_begins_earlier(tmp_path: 
     station = changed(tmp_path, {f"mount.{axis}.command_rate_deg_s": 0.5 for axis in ("azimuth", "elevation")})
     options = track_options.arguments([*station, "--params-file", str(slow)])
     assert track_options.before_pass_s(options, track_options.choose_pass(options)) > 300.0
+
+
+# A drive that is not simulated
+
+REAL = {"drive.type": "hamlib", "wind.anemometer": False}
+
+
+def test_a_real_drive_runs_without_clock_and_receiver_and_remembers_its_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    given = parameters(tmp_path, *changed(tmp_path, REAL), "--start", "2006-06-27T04:00:00", "--namespace", "roof")
+    assert set(given) == set(NODES) - {"simulation_clock", "rf_receiver"}
+    assert given["antenna_servo"]["state_file"].startswith(str(tmp_path / "state" / "rf_pointing"))
+    assert given["antenna_servo"]["wrap_file"].endswith("/roof/azimuth_turn.json")
+    assert "antenna.seed" not in given["antenna_servo"]
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("--speed 2", "speed=2: drive.type=hamlib of .* moves a device, in real time; it is for a simulated drive"),
+        ("--seed 3", "seed=3: drive.type=hamlib"),
+        ("--ephemeris-error 1", "ephemeris-error=1.0: drive.type=hamlib"),
+        ("--start 2006-06-27T04:00:00", "start=2006-06-27T04:00:00 was [0-9]+ s ago: .* the present is the default"),
+    ],
+)
+def test_what_only_a_simulation_has_is_refused_for_a_real_drive(tmp_path: Path, line: str, words: str) -> None:
+    options = track_options.arguments([*changed(tmp_path, REAL), *line.split()])
+    with pytest.raises(ValueError, match=words):
+        track_options.check_time(options)
+
+
+def test_a_real_antenna_is_given_time_for_its_longest_slew(tmp_path: Path) -> None:
+    """It may stand anywhere: 446 deg of azimuth at 1.8 deg/s, and the time to settle."""
+    line = ["--start", "2006-06-27T04:00:00"]
+    options = track_options.arguments([*changed(tmp_path, REAL), *line])
+    window = track_options.choose_pass(options)
+    station = track_options.station_of(options)
+    low, high = station.content.mount.azimuth.travel_deg
+    rate = station.parameters("pointing_controller", "X")["machine.rate_limit_deg_s"][0]
+    assert track_options.before_pass_s(options, window) == math.ceil((high - low) / rate + 30.0)

@@ -36,6 +36,12 @@ class RealRotctld:
         self._process.kill()
         self._process.wait()
 
+    def go(self, azimuth_deg: float, elevation_deg: float) -> None:
+        """Let another client send it somewhere."""
+        with socket.create_connection(("127.0.0.1", self.port), 1.0) as client:
+            client.sendall(f"P {azimuth_deg:.2f} {elevation_deg:.2f}\n".encode())
+            assert client.recv(100).strip() == b"RPRT 0"
+
     def position(self) -> tuple[float, float]:
         """Return what another client reads, in degrees."""
         with socket.create_connection(("127.0.0.1", self.port), 1.0) as client:

@@ -10,6 +10,7 @@ from rf_pointing.calibration import CandidatePass, Observations, SectorRule
 from rf_pointing.commands import calibrate, track_options
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris import tle_lines
+from rf_pointing.station.description import read_station
 
 
 @pytest.fixture
@@ -141,3 +142,19 @@ def test_its_options_are_all_that_a_run_of_the_station_asks_for(tmp_path: Path) 
     assert track_options.parameter_files(given, values, tmp_path) == [tmp_path / "run.yaml"]
     assert track_options.notes(given)["band"] == "S"
     assert track_options.bag_folder(given, tmp_path) == tmp_path / "bag"
+
+
+def test_a_real_antenna_is_calibrated_on_real_satellites(tmp_path: Path) -> None:
+    station = tmp_path / "roof.yaml"
+    read_station("dss13").write(station, {"drive.type": "hamlib", "wind.anemometer": False})
+    line = ["--station", str(station), "--start", "2006-06-25T00:00:00", "--longest", "7200"]
+    with pytest.raises(ValueError, match="elements='' must name satellites: the beacons of a simulated sky"):
+        calibrate.plan(options(tmp_path, *line))
+    sky = tmp_path / "sky.tle"
+    sky.write_text(
+        "\n".join(line for one in calibrate.beacons(parse_utc("2006-06-25"))[::9] for line in tle_lines(one))
+    )
+    schedule = calibrate.plan(options(tmp_path, *line, "--elements", str(sky)))
+    assert schedule.windows
+    assert len(schedule.shadow) == 3
+    assert {one.catalogue_number for one in schedule.elements} == {90001 + 9 * each for each in range(50)}

@@ -32,6 +32,8 @@ MOVED_RAD = math.radians(10.0)
 """As for the wrap file: a device that was lost and reads so far away may have lost its turn."""
 SETTLED_STEPS = 1.1
 SAME_RAD = 1e-6
+EDGE_RAD = math.radians(0.1)
+"""By which the travel of the laws exceeds that of the mount: a device may end where it does."""
 
 
 class DriveHardware:
@@ -219,6 +221,11 @@ class DriveAntenna(ControlUnit):
 
     def _suited_loops(self, loops: LoopParams) -> LoopParams:
         """Return the laws for this drive: one that takes positions closes the loop itself."""
+        motion = loops.preprocessor
+        rows = zip(self._travel_rad(), motion.travel_min_rad, motion.travel_max_rad, strict=True)
+        (low_az, high_az), (low_el, high_el) = ((max(low, a), min(high, b)) for (low, high), a, b in rows)
+        motion = motion.replace(travel_min_rad=(low_az, low_el), travel_max_rad=(high_az, high_el))
+        loops = loops.replace(preprocessor=motion)
         if not self.hardware.takes_positions:
             return loops
         # Between two moves the error is a saw tooth: it swings with every set point.
@@ -233,20 +240,27 @@ class DriveAntenna(ControlUnit):
         )
         return loops.replace(law=BY_DRIVE, oscillation=suited)
 
-    def _require_able(self, loops: LoopParams) -> None:
-        can, rotator, limits = self.hardware.drive.capabilities, self.drive_params.rotator, loops.preprocessor
-        if loops.law == BY_DRIVE and not self.hardware.takes_positions:
-            raise ValueError(f"loops.law={BY_DRIVE} needs a drive that takes positions, this one takes rates")
-        for axis, name in enumerate(AXES):
-            if axis and not can.has_elevation:
-                continue
-            low, high = rotator.travel_min_rad[axis], rotator.travel_max_rad[axis]
+    def _travel_rad(self) -> list[Pair]:
+        """Return what the drive reaches of each axis, by its parameters and by the device."""
+        can, rotator = self.hardware.drive.capabilities, self.drive_params.rotator
+        found = list(zip(rotator.travel_min_rad, rotator.travel_max_rad, strict=True))
+        if not can.has_elevation:
+            found[1] = -math.inf, math.inf
+        for axis, (low, high) in enumerate(found):
             # What a device states of a folded azimuth is no travel.
             if can.travel_rad is not None and not (axis == 0 and (can.one_turn or rotator.takes_one_turn)):
                 zero = rotator.zero_rad[axis]
-                low, high = max(low, can.travel_rad[0][axis] + zero), min(high, can.travel_rad[1][axis] + zero)
+                found[axis] = max(low, can.travel_rad[0][axis] + zero), min(high, can.travel_rad[1][axis] + zero)
+        return found
+
+    def _require_able(self, loops: LoopParams) -> None:
+        can, limits = self.hardware.drive.capabilities, loops.preprocessor
+        if loops.law == BY_DRIVE and not self.hardware.takes_positions:
+            raise ValueError(f"loops.law={BY_DRIVE} needs a drive that takes positions, this one takes rates")
+        for axis, name in enumerate(AXES):
+            low, high = self._travel_rad()[axis]
             wanted = limits.travel_min_rad[axis], limits.travel_max_rad[axis]
-            if wanted[0] < low - SAME_RAD or wanted[1] > high + SAME_RAD:
+            if wanted[0] < low - EDGE_RAD - SAME_RAD or wanted[1] > high + EDGE_RAD + SAME_RAD:
                 raise ValueError(
                     f"{name} travel {_degrees(*wanted)} (loops.preprocessor) must be within that of the drive, "
                     f"{_degrees(low, high)} (drive.rotator.travel and what the device states)"

@@ -6,6 +6,8 @@ moves, and before a change of fault or rest is published.
 """
 
 import math
+import os
+from pathlib import Path
 
 from rf_pointing.core import AXES
 from rf_pointing.core.whole_file import KeptState
@@ -17,6 +19,20 @@ MOVED_RAD = math.radians(0.5)
 """Motion after which the file is written anew: seldom, and far less than a turn of cables."""
 AT_REST = (AntennaMode.PARKED, AntennaMode.STOWED, AntennaMode.DISABLED)
 SINCE = " (since before the restart)"
+
+
+def state_folder() -> Path:
+    """Return the folder of the user's state for the present ROS domain."""
+    base = os.environ.get("XDG_STATE_HOME") or "~/.local/state"
+    return Path(base).expanduser() / "rf_pointing" / f"domain{os.environ.get('ROS_DOMAIN_ID') or 0}"
+
+
+def state_files(folder: Path, namespace: str) -> dict[str, str]:
+    """Return the parameters of `antenna_servo` that name the files of an antenna in `folder`."""
+    # A latched fault and the turn of the cables must outlive a crash; two antennas keep two
+    # folders.
+    kept = folder / namespace.strip("/")
+    return {"state_file": str(kept / "antenna_servo.json"), "wrap_file": str(kept / "azimuth_turn.json")}
 
 
 class AntennaMemory:

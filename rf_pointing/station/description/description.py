@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 
 from rf_pointing.core import Sensor, leaves, with_leaves
+from rf_pointing.drives import SIMULATED
 from rf_pointing.ephemeris import Site
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.description.checks import check
@@ -72,6 +73,11 @@ class StationDescription:
     def drive(self) -> Mapping[str, Any]:
         """The drive section: its `type` and the keys of that type."""
         return {"type": "simulated"} | self.content.drive
+
+    @property
+    def simulated(self) -> bool:
+        """Whether its antenna is a simulated one; any other moves a device in real time."""
+        return self.drive["type"] in SIMULATED
 
     def sensors(self, band: str | None = None) -> tuple[str, ...]:
         """Return what a band can track with, empty for program track alone."""

@@ -364,6 +364,17 @@ def test_what_the_drive_cannot_do_is_refused_with_both_numbers() -> None:
         make_drive(DriveParams(type="gs233"))
 
 
+def test_a_travel_that_ends_where_the_device_does_is_cut_there(driven) -> None:
+    """A description lets the laws move 0.1 deg beyond the travel of the mount, which a device may not reach."""
+    edge = math.radians(0.1)
+    travel = {"travel_min_rad": (-math.pi, 0.0), "travel_max_rad": (math.radians(270.0), math.radians(90.0))}
+    wider = MOTION.replace(
+        travel_min_rad=(-math.pi - edge, -edge), travel_max_rad=(math.radians(270.0) + edge, math.radians(90.0) + edge)
+    )
+    antenna = driven("gs232", motion=wider, **travel).antenna
+    assert antenna.axes.travel_rad == ((-math.pi, math.radians(270.0)), (0.0, math.radians(90.0)))
+
+
 def test_a_device_that_is_not_there_is_named() -> None:
     drive = make_drive(DriveParams(type="gs232").replace(link=DriveParams().link.replace(device="/dev/nothing")))
     times = iter(np.arange(0.0, 1e6, 0.02))
