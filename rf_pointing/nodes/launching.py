@@ -3,10 +3,12 @@
 Imported by launch files only, so `launch` and `launch_ros` are needed nowhere else.
 """
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ament_index_python.packages import get_package_share_directory
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
@@ -15,6 +17,8 @@ from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.description import read_station
 
 RESPAWN_DELAY_S = 0.5
+# What decides who can reach the nodes; an integrator who sets one of them has decided.
+DISCOVERY = ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE")
 
 
 def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
@@ -34,8 +38,37 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
             default_value=str(state_folder()),
             description="folder of what the antenna remembers over a restart; empty: nothing",
         ),
+        network_argument(),
         DeclareLaunchArgument("respawn", default_value="true", description="start nodes again that have ended"),
     ]
+
+
+def network_argument() -> DeclareLaunchArgument:
+    """Return the argument that says which computers may reach the nodes."""
+    return DeclareLaunchArgument(
+        "network",
+        default_value="loopback",
+        description="loopback: this computer alone; environment: as the DDS settings of the environment say",
+    )
+
+
+def network_environment(network: str) -> dict[str, str]:
+    """Return the environment of the nodes: nothing leaves this computer unless the user has chosen.
+
+    Raises
+    ------
+    ValueError
+        When the argument is neither `loopback` nor `environment`.
+    """
+    if network not in ("loopback", "environment"):
+        raise ValueError(f"network:={network} must be loopback or environment")
+    if network == "environment" or any(os.environ.get(name) for name in DISCOVERY):
+        return {}
+    if os.environ.get("RMW_IMPLEMENTATION") not in (None, "", "rmw_fastrtps_cpp"):
+        # The profile is one of Fast DDS.
+        return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    profile = Path(get_package_share_directory("rf_pointing")) / "config" / "fastdds_loopback.xml"
+    return {"FASTRTPS_DEFAULT_PROFILES_FILE": str(profile), "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"}
 
 
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
@@ -81,6 +114,7 @@ def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:
         namespace=given("namespace"),
         parameters=parameters,
         remappings=clock,
+        additional_env=network_environment(given("network")),
         respawn=given("respawn") == "true",
         respawn_delay=RESPAWN_DELAY_S,
         output="screen",

@@ -123,6 +123,44 @@ def test_the_antenna_remembers_its_fault_and_its_turn_by_default(
     assert later[-1] == given["params_file"]
 
 
+@pytest.mark.parametrize(
+    ("network", "set_by_user", "own"),
+    [
+        ("loopback", {}, True),
+        ("environment", {}, False),
+        # Who has chosen a profile or a range is not overruled.
+        ("loopback", {"FASTRTPS_DEFAULT_PROFILES_FILE": "/etc/station.xml"}, False),
+        ("loopback", {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, False),
+        ("loopback", {"RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}, True),
+        ("loopback", {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, False),
+    ],
+)
+@pytest.mark.parametrize("name", ["simulated_station", "single_antenna", "doa"])
+def test_nodes_are_heard_on_this_computer_alone_unless_the_user_decides(
+    given: dict[str, str],
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    network: str,
+    set_by_user: dict[str, str],
+    own: bool,
+) -> None:
+    for variable in ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE", "RMW_IMPLEMENTATION"):
+        monkeypatch.delenv(variable, raising=False)
+    for variable, value in set_by_user.items():
+        monkeypatch.setenv(variable, value)
+    given |= {"network": network, "station": "dss13"}
+    for node in launched(name).values():
+        profile = node["additional_env"].get("FASTRTPS_DEFAULT_PROFILES_FILE")
+        assert (profile is not None) == own
+        assert profile is None or "127.0.0.1" in Path(profile).read_text()
+
+
+def test_a_network_that_is_none_is_refused(given: dict[str, str]) -> None:
+    given["network"] = "everyone"
+    with pytest.raises(ValueError, match="network:=everyone must be loopback or environment"):
+        launched("simulated_station")
+
+
 def test_a_launch_may_remember_nothing(given: dict[str, str]) -> None:
     given["state_folder"] = ""
     for node in launched("simulated_station").values():

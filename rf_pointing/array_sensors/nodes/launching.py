@@ -11,7 +11,7 @@ from launch_ros.actions import LifecycleNode
 
 from launch import LaunchDescription
 from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, CLOCK
-from rf_pointing.nodes.launching import RESPAWN_DELAY_S
+from rf_pointing.nodes.launching import RESPAWN_DELAY_S, network_argument, network_environment
 
 
 def array_description(name: str) -> LaunchDescription:
@@ -26,14 +26,16 @@ def array_description(name: str) -> LaunchDescription:
             DeclareLaunchArgument(
                 "autostart", default_value="true", description="nodes configure and activate themselves"
             ),
+            network_argument(),
             OpaqueFunction(function=_nodes, args=[(CLOCK, *ARRAY_SYSTEMS[name].nodes)]),
         ]
     )
 
 
 def _nodes(context: Any, names: Sequence[str]) -> list[Any]:
-    namespace, parameters, start = (
-        LaunchConfiguration(argument).perform(context) for argument in ("namespace", "params_file", "autostart")
+    namespace, parameters, start, network = (
+        LaunchConfiguration(argument).perform(context)
+        for argument in ("namespace", "params_file", "autostart", "network")
     )
     actions: list[Any] = []
     for name in names:
@@ -47,6 +49,7 @@ def _nodes(context: Any, names: Sequence[str]) -> list[Any]:
             # Every graph has a clock of its own, so two graphs may run at different times on one
             # machine.
             remappings=[("/clock", f"/{namespace.strip('/')}/clock")],
+            additional_env=network_environment(network),
             respawn=start == "true",
             respawn_delay=RESPAWN_DELAY_S,
             output="screen",
