@@ -2,7 +2,7 @@
 
 from rf_pointing.drives.drive import Capabilities, Drive, DriveReading
 from rf_pointing.drives.params import DriveParams, LinkParams, RotatorParams
-from rf_pointing.drives.registry import ENTRY_POINTS, SIMULATED, known_types, make_drive
+from rf_pointing.drives.registry import ENTRY_POINTS, SIMULATED, known_types, make_drive, simulated, takes_positions
 from rf_pointing.drives.rotator import MoveCounts, Rotator
 from rf_pointing.drives.simulated_rotator import RotatorModel, SimulatedRotator
 
@@ -21,4 +21,6 @@ __all__ = [
     "SimulatedRotator",
     "known_types",
     "make_drive",
+    "simulated",
+    "takes_positions",
 ]

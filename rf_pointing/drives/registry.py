@@ -7,6 +7,7 @@ A package of one's own registers a factory in its setup.cfg, which takes `DriveP
         my_dish = my_package.my_dish:make_drive
 """
 
+import math
 from importlib.metadata import entry_points
 
 from rf_pointing.drives.drive import Drive, Pair
@@ -24,6 +25,20 @@ SIMULATED = ("simulated", SIMULATED_ROTATOR)
 def known_types() -> list[str]:
     """Return the names of the drives that `make_drive` can make here."""
     return [SIMULATED_ROTATOR, *WORDS, *(point.name for point in entry_points(group=ENTRY_POINTS))]
+
+
+def takes_positions(kind: str) -> bool:
+    """Whether a drive of this package takes positions; one of an entry point says so itself."""
+    return kind == SIMULATED_ROTATOR or kind in WORDS
+
+
+def simulated(params: DriveParams) -> DriveParams:
+    """Return the drive of a simulation of the antenna: no simulation connects to a device."""
+    if params.type not in WORDS:
+        return params if params.type == SIMULATED_ROTATOR else params.replace(type="simulated")
+    protocol = tuple(math.radians(step) for step in WORDS[params.type](params.model).resolution_deg)
+    steps = tuple(own or theirs for own, theirs in zip(params.rotator.resolution_rad, protocol, strict=True))
+    return params.replace(type=SIMULATED_ROTATOR, rotator=params.rotator.replace(resolution_rad=steps))
 
 
 def make_drive(params: DriveParams, start_rad: Pair = (0.0, 0.0)) -> Drive:

@@ -12,6 +12,7 @@ from typing import Protocol, TypeVar
 
 from rf_pointing.core import Boresight, JointReading, JointTrajectory
 from rf_pointing.ephemeris import TopocentricTrack
+from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.status import TrackingStatus
@@ -63,7 +64,7 @@ class PointedAntenna:
 
     def __init__(
         self,
-        antenna: SimulatedAntenna,
+        antenna: SimulatedAntenna | DriveAntenna,
         controller: PointingController,
         track: TopocentricTrack,
         start_s: float,
@@ -81,6 +82,8 @@ class PointedAntenna:
         # the periods.
         t_s = round(self._start_s + k * self.antenna.params.tick_s, 6)
         reading, boresight = self.antenna.step(t_s)
+        if reading is None or boresight is None:
+            raise ValueError("a simulated antenna must read its axes, and say where its beam is")
         # The controller's period is a few ticks long, 5 at 10 and 50 Hz.
         if k % self._every:
             return PointedTick(t_s, reading, boresight, None, None)

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.core import Params
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
+from rf_pointing.drives import make_drive, simulated, takes_positions
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.planning import Certificate
 from rf_pointing.simulation.closed_loop import PointedAntenna, ticks
+from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.receiver import Reception, SignalParams, SimulatedReceiver
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, owner, read_station
@@ -124,9 +126,13 @@ class StationSetup:
     def _sets(self, node: str, defaults: Mapping[str, Params]) -> dict[str, Params]:
         return {name: self.node(node).group(name, values) for name, values in defaults.items()}
 
-    def antenna(self) -> SimulatedAntenna:
-        """Return the simulated antenna."""
-        return SimulatedAntenna(AntennaParams().replace(**self._sets("antenna_servo", AntennaParams().sets())))
+    def antenna(self) -> SimulatedAntenna | DriveAntenna:
+        """Return the simulated antenna; a drive that takes positions is simulated as a rotator."""
+        params = AntennaParams().replace(**self._sets("antenna_servo", AntennaParams().sets()))
+        drive = simulated(params.drive)
+        if not takes_positions(drive.type):
+            return SimulatedAntenna(params)
+        return DriveAntenna(params.replace(drive=drive), make_drive(drive, params.antenna.start_rad), 0.0)
 
     def receiver(self) -> SimulatedReceiver:
         """Return the simulated receiver, which receives the satellite where it really is."""

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import signal
 import time
 from collections import Counter
@@ -49,10 +50,10 @@ def summary_of(folder: Path, said: str) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def tracked(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
-    """One pass at full speed, as a user starts it."""
+    """One pass of the 34-m antenna at full speed, as a user starts it."""
     folder = tmp_path_factory.mktemp("pass")
     namespace, before = f"/full{os.getpid()}", left_segments()
-    run = start_track(*CBERS, "--output", str(folder), "--namespace", namespace)
+    run = start_track("--station", "dss13", "--speed", "max", *CBERS, "--output", str(folder), "--namespace", namespace)
     said = run.communicate(timeout=DEADLINE_S)[1]
     return SimpleNamespace(
         code=run.returncode,
@@ -250,3 +251,41 @@ def test_interrupt_before_the_graph_is_up_leaves_nothing_running(tmp_path: Path)
     assert "Traceback" not in said
     assert processes_of(namespace) == []
     assert left_segments() <= before
+
+
+def flown(folder: Path, *line: str) -> tuple[str, dict[str, Any]]:
+    """Return what `track` says of the top of a pass at full speed, and its table."""
+    run = start_track(*line, "--speed", "max", "--min-peak", "50", "--mask", "50", "--output", str(folder))
+    said = run.communicate(timeout=DEADLINE_S)[1]
+    assert run.returncode == 0, said
+    return said, summary_of(folder, said)
+
+
+@pytest.mark.parametrize(
+    ("station", "sensor", "loss_db"),
+    [("leo_3m7", "conscan", 0.2), ("rotator_2m", "steptrack", 0.2), ("vhf_uhf_yagi", "program_track", 0.3)],
+)
+def test_a_shipped_station_tracks_a_pass_with_its_default_sensor(
+    station: str, sensor: str, loss_db: float, tmp_path: Path
+) -> None:
+    """The 34-m antenna is `tracked`."""
+    said, summary = flown(tmp_path, "--station", station)
+    print(said.splitlines()[-1])
+    last = max(summary["modes"], key=lambda mode: mode["seconds"] if mode["mode"] != "slew" else 0.0)
+    assert (last["mode"], last["entered"]) == (sensor, 1)
+    assert summary["outcome"]["flown"]["mean_loss_db"] < loss_db
+    assert summary["headline"]["messages_lost"] == 0
+    assert summary["commands"]["rejected"] == 0
+
+
+def test_the_report_says_what_elements_half_a_second_wrong_cost_program_track(tmp_path: Path) -> None:
+    """Half a second is 0.1 to 0.25 deg on the sky, of a beam of 2.4 deg; the mount has errors of its own."""
+    said, summary = flown(
+        tmp_path, "--station", "leo_3m7", "--band", "S", "--sensor", "program", "--ephemeris-error", "0.5"
+    )
+    print(said.splitlines()[-1])
+    loss_db = summary["outcome"]["flown"]["mean_loss_db"]
+    assert 0.02 < loss_db < 0.3
+    assert re.search(r"mean pointing loss \d\.\d\d dB", said.splitlines()[-1])
+    page = (tmp_path / "report.html").read_text()
+    assert f"{loss_db:.2f} dB" in page or f"{loss_db:.3f} dB" in page

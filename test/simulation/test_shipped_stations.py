@@ -11,6 +11,7 @@ from rf_pointing.core import Mode, gaussian_gain
 from rf_pointing.ephemeris import first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
+from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.description import read_station, shipped_stations
@@ -24,7 +25,7 @@ class Flight(NamedTuple):
     """What a pass has left."""
 
     log: PassLog
-    antenna: SimulatedAntenna
+    antenna: SimulatedAntenna | DriveAntenna
     setup: StationSetup
     acquired: np.ndarray
 
@@ -63,6 +64,9 @@ def test_a_shipped_station_holds_a_pass_with_its_default_sensor(name: str) -> No
     flight = fly(name)
     assert flight.antenna.safety.latch.text == ""
     assert flight.antenna.mode == AntennaMode.TRACKING
+    # Rotators fly as rotators: constant speed, whole steps, dead band.
+    stepping = read_station(name).content.drive["type"] == "simulated_rotator"
+    assert isinstance(flight.antenna, DriveAntenna) == stepping == (name in ("rotator_2m", "vhf_uhf_yagi"))
     sensor = flight.setup.sensor
     wanted = Mode.PROGRAM_TRACK if sensor == "program" else Mode(sensor)
     assert set(np.array(flight.log.mode)[flight.acquired].tolist()) == {wanted}

@@ -20,6 +20,7 @@ from rf_pointing.station.antenna.axes import Following
 from rf_pointing.station.antenna.control_unit import ControlUnit
 from rf_pointing.station.antenna.loops import BY_DRIVE, LoopParams
 from rf_pointing.station.antenna.modes import AntennaMode
+from rf_pointing.station.antenna.mount import SimulatedBeam
 from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 
@@ -160,6 +161,8 @@ class DriveAntenna(ControlUnit):
 
     def __init__(self, params: AntennaParams, drive: Drive, t_s: float) -> None:
         self.params, self.drive_params = params.antenna, params.drive
+        self._beam = SimulatedBeam(params.mount, params.antenna.lag_averaging_s, params.antenna.tick_s)
+        self._truth_rad: Array | None = None
         self.hardware = DriveHardware(drive, params.drive)
         self.hardware.look(t_s)
         if self.hardware.rotator.reading is None:
@@ -188,8 +191,10 @@ class DriveAntenna(ControlUnit):
         truth = self.hardware.drive.truth_rad
         boresight = None
         if truth is not None:
-            azimuth, elevation = (a + zero for a, zero in zip(truth, self.drive_params.rotator.zero_rad, strict=True))
-            boresight = Boresight(t_s=t_s, azimuth_rad=azimuth, elevation_rad=elevation)
+            axes_rad = np.add(truth, self.drive_params.rotator.zero_rad)
+            before, self._truth_rad = self._truth_rad, axes_rad
+            rate_rad_s = np.zeros(2) if before is None else (axes_rad - before) / self.params.tick_s
+            boresight = self._beam.boresight(t_s, axes_rad, rate_rad_s)
         return (reading if self.hardware.current else None), boresight
 
     def place(self, azimuth_rad: float) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import TERMS, BiasModel
-from rf_pointing.core import Params, parameter
+from rf_pointing.core import Boresight, Params, parameter
 
 Array = NDArray[np.float64]
 RENEWAL_S = 0.5
@@ -131,3 +131,26 @@ class MountError:
         correction = sky - np.array([float(part) for part in observed])
         self.drift_rad_s = (correction - self._correction) / elapsed_s
         self._correction, self._renewed_s = correction, t_s
+
+
+class SimulatedBeam:
+    """Where the beam of axes with the mount's errors really points, tick by tick."""
+
+    def __init__(self, params: MountParams, lag_averaging_s: float, tick_s: float) -> None:
+        self._tick_s = tick_s
+        self._mean = RateAverage(lag_averaging_s)
+        self._mount_error = MountError(params.model())
+
+    def boresight(self, t_s: float, axes_rad: Array, rate_rad_s: Array) -> Boresight:
+        """Return the direction on the sky of axes (2,) that move at these rates (2,)."""
+        mean = self._mean
+        # The mount's lags act on averaged rates.
+        sky = self._mount_error.remove(t_s, axes_rad, mean.rate_rad_s, mean.acceleration_rad_s2)
+        # After the use: the lags act on the motion up to this tick.
+        mean.update(self._tick_s, rate_rad_s + self._mount_error.drift_rad_s)
+        azimuth, elevation = sky.tolist()
+        if elevation > 0.5 * math.pi:
+            # Over its back the dish points to the other side: a direction on the sky has no
+            # elevation above 90 deg.
+            azimuth, elevation = azimuth - math.pi, math.pi - elevation
+        return Boresight(t_s=t_s, azimuth_rad=azimuth, elevation_rad=elevation)

@@ -17,7 +17,7 @@ from rf_pointing.station.antenna.axes import Following
 from rf_pointing.station.antenna.control_unit import ControlUnit
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.modes import AntennaMode
-from rf_pointing.station.antenna.mount import MountError, MountParams, RateAverage
+from rf_pointing.station.antenna.mount import MountParams, SimulatedBeam
 from rf_pointing.station.antenna.safety import SafetyParams
 
 Array = NDArray[np.float64]
@@ -117,8 +117,7 @@ class SimulatedHardware(AntennaPlant):
         self.injected = InjectedFaults()
         self._wind = Wind(params.wind, random_stream(seed, "wind"))
         self._torque = np.zeros(2)
-        self._mean = RateAverage(params.antenna.lag_averaging_s)
-        self._mount_error = MountError(params.mount.model())
+        self._beam = SimulatedBeam(params.mount, params.antenna.lag_averaging_s, self._tick_s)
 
     @property
     def switch_rad(self) -> Array:
@@ -127,19 +126,10 @@ class SimulatedHardware(AntennaPlant):
 
     def look(self, t_s: float) -> Boresight:
         """Return the true direction of the beam, and let the wind blow on it for this tick."""
-        mean = self._mean
-        # The mount's lags act on averaged rates.
-        sky = self._mount_error.remove(t_s, self.beam_rad, mean.rate_rad_s, mean.acceleration_rad_s2)
-        # After the use: the lags act on the motion up to this tick.
-        mean.update(self._tick_s, self.velocity_rad_s + self._mount_error.drift_rad_s)
-        azimuth, elevation = sky.tolist()
-        if elevation > 0.5 * math.pi:
-            # Over its back the dish points to the other side: a direction on the sky has no
-            # elevation above 90 deg.
-            azimuth, elevation = azimuth - math.pi, math.pi - elevation
+        boresight = self._beam.boresight(t_s, self.beam_rad, self.velocity_rad_s)
         # At the true boresight: the wind does not know what the encoders show.
-        self._torque = self._wind.step(self._tick_s, azimuth, elevation)
-        return Boresight(t_s=t_s, azimuth_rad=azimuth, elevation_rad=elevation)
+        self._torque = self._wind.step(self._tick_s, boresight.azimuth_rad, boresight.elevation_rad)
+        return boresight
 
     def anemometer_m_s(self) -> float:
         """Return the speed of the wind as it is measured, NaN when it is not."""

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rf_pointing.core import Params, Sensor, leaves
-from rf_pointing.drives import DriveParams
+from rf_pointing.drives import DriveParams, takes_positions
 from rf_pointing.ephemeris import SITES, Site
 from rf_pointing.ephemeris.source import SourceParams
 from rf_pointing.planning import HorizonMask
@@ -153,7 +153,9 @@ class Band:
     @property
     def rates_deg_s(self) -> Pair:
         """Largest commanded rates."""
-        rates = [axis.command_rate_deg_s or rounded(0.9 * axis.rate_deg_s) for axis in self.axes]
+        # One that takes positions moves at its own rate: at a lower one it would stop and start.
+        share = 1.0 if takes_positions(str(self.content.drive.get("type"))) else 0.9
+        rates = [axis.command_rate_deg_s or rounded(share * axis.rate_deg_s) for axis in self.axes]
         return rates[0], rates[1]
 
     @property
@@ -252,7 +254,9 @@ def _axes(of: Band) -> dict[str, Value]:
             found[f"limits.{name}_{side}_deg"] = Value(angle, f"mount.{name}.travel_deg")
     rate, acceleration = "mount.*.command_rate_deg_s", "mount.*.command_acceleration_deg_s2"
     for prefix in ("machine", "loops.preprocessor"):
-        found[f"{prefix}.rate_limit_deg_s"] = Value(of.rates_deg_s, rate, "0.9 of the drive's rate, unless given")
+        found[f"{prefix}.rate_limit_deg_s"] = Value(
+            of.rates_deg_s, rate, "0.9 of the drive's rate, all of it for one that takes positions, unless given"
+        )
         found[f"{prefix}.acceleration_limit_deg_s2"] = Value(
             of.accelerations_deg_s2, acceleration, "0.4 of the drive's acceleration, unless given"
         )
