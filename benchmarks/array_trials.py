@@ -224,6 +224,8 @@ class TripulseCase:
     scheme: str = "two_tone"
     element_db_hz: float = 37.0
     rain_db: float = 0.0
+    quadrant_rad: float = np.radians(5.0)
+    failed: str = ""
     taper_edge: float = 1.0
 
 
@@ -239,6 +241,9 @@ TRIPULSE_CASES = {
     "within 0.5 deg, interleaved": TripulseCase(scheme="interleaved"),
     "within 0.5 deg, 6 dB of rain": TripulseCase(rain_db=6.0),
     "within 0.5 deg, 17 dB-Hz": TripulseCase(element_db_hz=17.0),
+    "quadrants off by 10 deg": TripulseCase(quadrant_rad=np.radians(10.0)),
+    "quadrants off by 10 deg, three stations": TripulseCase(quadrant_rad=np.radians(10.0), third_station=True),
+    "ten dead elements, reported": TripulseCase(failed=", ".join(f"{m}:1" for m in range(1, 11))),
 }
 
 
@@ -254,16 +259,18 @@ def tripulse_run(case: TripulseCase, seed: int) -> Epochs:
         stations.append(GroundStation(name="third", latitude_rad=0.6, longitude_rad=0.9))
     interleaved = case.scheme == "interleaved"
     signal = TripulseSignalParams(scheme=case.scheme, pattern="SxSy" if interleaved else "Sxy")
-    array = TripulseArrayParams(taper_edge=case.taper_edge)
+    array = TripulseArrayParams(taper_edge=case.taper_edge, failed=case.failed)
     link = TripulseSourceParams(
         element_carrier_to_noise_db_hz=case.element_db_hz - case.rain_db,
         reference_carrier_to_noise_db_hz=80.0 - case.rain_db,
+        quadrant_phase_rad=case.quadrant_rad,
     )
     orbit = GeostationaryParams()
     truth = SimulatedTripulse(array, signal, link, orbit, wobble, stations, seed)
     nominal = TripulseReceiverParams(element_carrier_to_noise_db_hz=case.element_db_hz)
     receiver = TripulseReceiver(array=array, signal=signal, params=nominal)
-    solver = TripulseAttitude(StationAttitudeParams(), EpochParams(), orbit, stations)
+    shared = 2.0 * case.quadrant_rad / float(array.kd[0] * array.n_x)
+    solver = TripulseAttitude(StationAttitudeParams(shared_sigma=shared), EpochParams(), orbit, stations)
     rows: list[Any] = []
     for k in range(10):
         sent = truth.step(START_S + k)
