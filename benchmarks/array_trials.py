@@ -1,18 +1,19 @@
 """Many runs of each array sensor: is an answer that counts as valid ever wrong?
 
-    scripts/run-python benchmarks/array_trials.py doa|tripulse [SCENARIO ...] [--runs N] [--first-seed N]
+    scripts/run-python benchmarks/array_trials.py doa|tripulse|interferometer [SCENARIO ...] [--runs N]
 
 Each run has its own seed, attitude and noise.  A line gives the runs that became valid, the time of
-the first valid epoch, the NEES of the attitude at the last valid epoch with the 95 % band of its
-mean and over all valid epochs (correlated, so without a band), the valid epochs beyond 5 sigma in
-any axis and the largest error of a valid epoch.  The exit status says whether no valid epoch was
-beyond 5 sigma.
+the first valid epoch, the NEES at the last valid epoch with the 95 % band of its mean and over all
+valid epochs (correlated, so without a band), the valid epochs beyond 5 sigma in any axis and the
+largest error of a valid epoch.  The NEES is that of the attitude (3), for the interferometer of
+position, velocity, attitude and rate (12).  The exit status says whether no valid epoch was beyond
+5 sigma.
 """
 
 import argparse
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -38,6 +39,19 @@ from rf_pointing.array_sensors.doa.estimator import DoaEstimatorParams
 from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 from rf_pointing.array_sensors.doa.simulated_doa import DoaScenarioParams, SimulatedDoa
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams
+from rf_pointing.array_sensors.interferometer.frames import (
+    attitude_from_euler,
+    direction_from_angles,
+    frame_rotation,
+    rotation_vector,
+)
+from rf_pointing.array_sensors.interferometer.motion import RelativeMotion, moved
+from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams, required_power_w
+from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams
+from rf_pointing.array_sensors.interferometer.reading import ErrorFloor
+from rf_pointing.array_sensors.interferometer.source import InterferometerSource
+from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
+from rf_pointing.array_sensors.interferometer.tracker import InterferometerTracker, TrackerState
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
 from rf_pointing.array_sensors.tripulse.geostationary_scene import GeostationaryParams, WobbleParams
 from rf_pointing.array_sensors.tripulse.receiver import TripulseReceiver, TripulseReceiverParams
@@ -55,25 +69,30 @@ FAR_SIGMAS = 5.0
 
 @dataclass(frozen=True)
 class Epochs:
-    """What one run reported: time from its start, validity, error (n, 3) and covariance (n, 3, 3)."""
+    """What one run reported: time from its start, validity, error (n, m) and covariance (n, m, m)."""
 
     t_s: Array
     valid: NDArray[np.bool_]
-    error_rad: Array
+    error: Array
     covariance: Array
+    unit: str = "deg"
+
+    @property
+    def size(self) -> Array:
+        """Length of the error of every epoch (n,): of the attitude in deg, or of the position in m."""
+        length = np.linalg.norm(self.error[:, :3], axis=-1)
+        return np.degrees(length) if self.unit == "deg" else length
 
     @property
     def nees(self) -> Array:
         """Normalised squared error of every epoch (n,)."""
-        return np.einsum(
-            "ni,ni->n", self.error_rad, np.linalg.solve(self.covariance, self.error_rad[..., None])[..., 0]
-        )
+        return np.einsum("ni,ni->n", self.error, np.linalg.solve(self.covariance, self.error[..., None])[..., 0])
 
     @property
     def far(self) -> int:
         """Valid epochs with an axis beyond 5 sigma."""
         sigma = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
-        return int(np.sum(self.valid & np.any(np.abs(self.error_rad) > FAR_SIGMAS * sigma, axis=-1)))
+        return int(np.sum(self.valid & np.any(np.abs(self.error) > FAR_SIGMAS * sigma, axis=-1)))
 
 
 def report(name: str, runs: list[Epochs]) -> int:
@@ -87,14 +106,14 @@ def report(name: str, runs: list[Epochs]) -> int:
     last = np.array([run.nees[np.flatnonzero(run.valid)[-1]] for run in good])
     epochs = sum(int(run.valid.sum()) for run in runs)
     mean = np.concatenate([run.nees[run.valid] for run in good]).mean()
-    band = chi2.ppf([0.025, 0.975], 3 * len(good)) / len(good)
-    worst = max(float(np.degrees(np.linalg.norm(run.error_rad, axis=-1)[run.valid].max())) for run in good)
+    band = chi2.ppf([0.025, 0.975], good[0].error.shape[1] * len(good)) / len(good)
+    worst = max(float(run.size[run.valid].max()) for run in good)
     print(
         f"{name}: {len(good)} of {len(runs)} runs valid, first at {first.min():.0f}, {np.median(first):.0f}, "
         f"{first.max():.0f} s (least, median, most), NEES {last.mean():.2f} in {band[0]:.2f}..{band[1]:.2f} "
         "at the last valid epoch, "
         f"{mean:.2f} over all, {sum(run.far > 0 for run in runs)} runs with {far} of {epochs} "
-        f"valid epochs beyond 5 sigma, largest error {worst:.3g} deg",
+        f"valid epochs beyond 5 sigma, largest error {worst:.3g} {good[0].unit}",
         flush=True,
     )
     return far
@@ -205,6 +224,8 @@ class TripulseCase:
     scheme: str = "two_tone"
     element_db_hz: float = 37.0
     rain_db: float = 0.0
+    quadrant_rad: float = np.radians(5.0)
+    failed: str = ""
     taper_edge: float = 1.0
 
 
@@ -220,6 +241,9 @@ TRIPULSE_CASES = {
     "within 0.5 deg, interleaved": TripulseCase(scheme="interleaved"),
     "within 0.5 deg, 6 dB of rain": TripulseCase(rain_db=6.0),
     "within 0.5 deg, 17 dB-Hz": TripulseCase(element_db_hz=17.0),
+    "quadrants off by 10 deg": TripulseCase(quadrant_rad=np.radians(10.0)),
+    "quadrants off by 10 deg, three stations": TripulseCase(quadrant_rad=np.radians(10.0), third_station=True),
+    "ten dead elements, reported": TripulseCase(failed=", ".join(f"{m}:1" for m in range(1, 11))),
 }
 
 
@@ -235,16 +259,18 @@ def tripulse_run(case: TripulseCase, seed: int) -> Epochs:
         stations.append(GroundStation(name="third", latitude_rad=0.6, longitude_rad=0.9))
     interleaved = case.scheme == "interleaved"
     signal = TripulseSignalParams(scheme=case.scheme, pattern="SxSy" if interleaved else "Sxy")
-    array = TripulseArrayParams(taper_edge=case.taper_edge)
+    array = TripulseArrayParams(taper_edge=case.taper_edge, failed=case.failed)
     link = TripulseSourceParams(
         element_carrier_to_noise_db_hz=case.element_db_hz - case.rain_db,
         reference_carrier_to_noise_db_hz=80.0 - case.rain_db,
+        quadrant_phase_rad=case.quadrant_rad,
     )
     orbit = GeostationaryParams()
     truth = SimulatedTripulse(array, signal, link, orbit, wobble, stations, seed)
     nominal = TripulseReceiverParams(element_carrier_to_noise_db_hz=case.element_db_hz)
     receiver = TripulseReceiver(array=array, signal=signal, params=nominal)
-    solver = TripulseAttitude(StationAttitudeParams(), EpochParams(), orbit, stations)
+    shared = 2.0 * case.quadrant_rad / float(array.kd[0] * array.n_x)
+    solver = TripulseAttitude(StationAttitudeParams(shared_sigma=shared), EpochParams(), orbit, stations)
     rows: list[Any] = []
     for k in range(10):
         sent = truth.step(START_S + k)
@@ -255,10 +281,114 @@ def tripulse_run(case: TripulseCase, seed: int) -> Epochs:
     return Epochs(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
+@dataclass(frozen=True)
+class DockingCase:
+    """A scene of the interferometer: where the other spacecraft is, how it moves, what the radio does."""
+
+    range_m: float
+    across_m_s: float = 0.1
+    rate_rad_s: float = 2e-3
+    seconds: int = 60
+    phase_rad: float = 0.002
+    known_phase_rad: float | None = None
+    shared_phase_rad: float = 0.0
+    snr_db: tuple[float, float] | None = None
+    silent_s: tuple[float, float] = (0.0, 0.0)
+    jolt_m_s: float = 0.0
+
+
+DOCKING_CASES = {
+    "200 m, 1.5 m/s across": DockingCase(200.0, 1.5),
+    "200 m, 4 m/s across": DockingCase(200.0, 4.0),
+    "2 km, 5 m/s across": DockingCase(2e3, 5.0),
+    "2 km": DockingCase(2e3),
+    "2 km, perfect hardware": DockingCase(2e3, phase_rad=0.0),
+    "10 to 20 dB, 2 to 60 km": DockingCase(0.0, snr_db=(10.0, 20.0)),
+    "20 to 30 dB, 2 to 60 km": DockingCase(0.0, snr_db=(20.0, 30.0)),
+    "80 km": DockingCase(8e4),
+    "30 m, turning at 2 deg/s": DockingCase(30.0, 0.2, np.radians(2.0)),
+    "10 m, phases of 20 mrad": DockingCase(10.0, 0.05, phase_rad=0.02),
+    "500 m, phases of 20 mrad": DockingCase(500.0, phase_rad=0.02),
+    "phases of 0.5 rad shared by all paths": DockingCase(2e3, shared_phase_rad=0.5, known_phase_rad=0.002),
+    "phases of 20 mrad, stated as 2 mrad": DockingCase(2e3, phase_rad=0.02, known_phase_rad=0.002),
+    "silent for 12 s at 1 km": DockingCase(1e3, 1.0, silent_s=(20.0, 32.0)),
+    "a jolt of 0.3 m/s at 1 km": DockingCase(1e3, 1.0, jolt_m_s=0.3),
+}
+PERIOD_S = 2.0
+
+
+def wandering(truth: RelativeMotion, model: FilterParams, stream: np.random.Generator) -> RelativeMotion:
+    """Return the motion a period later, with the white accelerations of the tracker's own model."""
+    root = np.linalg.cholesky([[PERIOD_S**3 / 3.0, PERIOD_S**2 / 2.0], [PERIOD_S**2 / 2.0, PERIOD_S]])
+    push = model.acceleration_density_m_s2 * root @ stream.standard_normal((2, 3))
+    turn = model.angular_acceleration_density_rad_s2 * root @ stream.standard_normal((2, 3))
+    later = moved(truth, PERIOD_S)
+    return RelativeMotion(
+        position_m=later.position_m + push[0],
+        velocity_m_s=later.velocity_m_s + push[1],
+        attitude=frame_rotation(turn[0]) @ later.attitude,
+        rate_rad_s=later.rate_rad_s + turn[1],
+    )
+
+
+def docking_run(case: DockingCase, seed: int) -> Epochs:
+    """Return one run of the interferometer at one reading in 2 s."""
+    stream = random_stream(seed, "array_trials")
+    system, model = InterferometerSystem(), FilterParams()
+    range_m = case.range_m or float(stream.uniform(2e3, 6e4))
+    forward = direction_from_angles(*stream.uniform(-0.3, 0.3, 2))
+    across = np.cross(forward, stream.standard_normal(3))
+    truth = RelativeMotion(
+        position_m=range_m * forward,
+        velocity_m_s=case.across_m_s * across / np.linalg.norm(across) - 0.02 * forward,
+        attitude=attitude_from_euler(*stream.uniform(-0.3, 0.3, 2), stream.uniform(-3.0, 3.0)),
+        rate_rad_s=case.rate_rad_s * stream.standard_normal(3) / np.sqrt(3.0),
+    )
+    phase = case.phase_rad if case.known_phase_rad is None else case.known_phase_rad
+    floor = ErrorFloor(phase_rad=phase)
+    radio = RadioParams(
+        hardware_phase_rad=case.phase_rad,
+        hardware_rate_rad_s=floor.phase_rate_rad_s,
+        hardware_coupling=floor.amplitude,
+    )
+    if case.snr_db is not None:
+        wanted = 10.0 ** (0.1 * stream.uniform(*case.snr_db))
+        powers = [float(required_power_w(wanted, range_m, link_hz, LinkParams())) for link_hz in (3.4e9, 2.4e9)]
+        radio = radio.replace(forward_power_w=powers[0], return_power_w=powers[1])
+    source = InterferometerSource(system, radio, LinkParams(), seed)
+    shared = stream.uniform(-1.0, 1.0, system.plan.count) * case.shared_phase_rad
+    tracker = InterferometerTracker(system=system, filter_params=model, floor=floor, radio=radio)
+    state = TrackerState()
+    rows: list[Any] = []
+    for k in range(int(case.seconds / PERIOD_S)):
+        t_s = PERIOD_S * k
+        if t_s == 40.0:
+            truth = replace(truth, velocity_m_s=truth.velocity_m_s + case.jolt_m_s * forward)
+        measured = source.measure(t_s, truth)
+        if not case.silent_s[0] < t_s <= case.silent_s[1]:
+            turned = measured.phase_rad + shared[system.schedule.carriers(system.plan), None, None]
+            state, output = tracker.step(state, replace(measured, phase_rad=np.mod(turned, 2.0 * np.pi)))
+            if output.estimate is not None:
+                found = output.estimate.motion
+                error = np.concatenate(
+                    [
+                        truth.position_m - found.position_m,
+                        truth.velocity_m_s - found.velocity_m_s,
+                        rotation_vector(truth.attitude @ found.attitude.T),
+                        truth.rate_rad_s - found.rate_rad_s,
+                    ]
+                )
+                rows.append((t_s, True, error, output.estimate.covariance))
+        truth = wandering(truth, model, stream)
+    if not rows:
+        rows = [(0.0, False, np.zeros(12), np.eye(12))]
+    return Epochs(*(np.array(column) for column in zip(*rows, strict=True)), unit="m")
+
+
 def main() -> int:
     """Print one line a scenario; return 1 if a valid epoch was beyond 5 sigma."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("sensor", choices=["doa", "tripulse"])
+    parser.add_argument("sensor", choices=["doa", "tripulse", "interferometer"])
     parser.add_argument("scenario", nargs="*")
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--first-seed", type=int, default=1)
@@ -267,6 +397,7 @@ def main() -> int:
     scenes: dict[str, dict[str, Callable[[int], Epochs]]] = {
         "doa": {name: partial(doa_run, case) for name, case in DOA_CASES.items()},
         "tripulse": {name: partial(tripulse_run, case) for name, case in TRIPULSE_CASES.items()},
+        "interferometer": {name: partial(docking_run, case) for name, case in DOCKING_CASES.items()},
     }
     far = 0
     for name, run in scenes[given.sensor].items():

@@ -16,9 +16,14 @@ from numpy.typing import NDArray
 from rf_pointing.array_sensors.attitude.rotations import cross_product, tangent_rows
 from rf_pointing.array_sensors.interferometer.coupling import coupling_amplitudes
 from rf_pointing.array_sensors.interferometer.frames import frame_rotation, rotation_vector
-from rf_pointing.array_sensors.interferometer.motion import RelativeMotion
+from rf_pointing.array_sensors.interferometer.motion import RelativeMotion, moved
 from rf_pointing.array_sensors.interferometer.reading import Reading, rate_weights
-from rf_pointing.array_sensors.interferometer.system import InterferometerSystem, path_rates_m_s, two_way_ranges
+from rf_pointing.array_sensors.interferometer.system import (
+    InterferometerSystem,
+    path_accelerations_m_s2,
+    path_rates_m_s,
+    two_way_ranges,
+)
 
 Array = NDArray[np.float64]
 SIZE = 14
@@ -99,6 +104,29 @@ def cartesian_jacobian(motion: RelativeMotion) -> Array:
     return jacobian
 
 
+def cartesian_covariance(motion: RelativeMotion, covariance: Array) -> Array:
+    """Return the covariance (12, 12) of position, velocity, rotation vector and rate about `motion`
+    from that of the local coordinates.
+
+    To first order, and along the sight to second: a cross-track error c shortens the way along it
+    by c^2/(2 rho), which far away exceeds the error of the range, and turns an error of the
+    velocity across into one along.
+    """
+    jacobian, distance = cartesian_jacobian(motion), np.linalg.norm(motion.position_m)
+    # z^T A z for both, z the cross-track position and velocity: <qp qv> = tr(A_p Z) tr(A_v Z) +
+    # 2 tr(A_p Z A_v Z) of a Gaussian z.
+    form = np.zeros((2, 4, 4))
+    form[0, :2, :2] = -0.5 / distance * np.eye(2)
+    form[1, :2, 2:] = form[1, 2:, :2] = -0.5 / distance * np.eye(2)
+    across = covariance[np.ix_([1, 2, 4, 5], [1, 2, 4, 5])]
+    products = form @ across
+    traces = np.einsum("kii->k", products)
+    along = np.zeros((12, 2))
+    along[POSITION, 0] = along[VELOCITY, 1] = motion.position_m / distance
+    bent = np.outer(traces, traces) + 2.0 * np.einsum("kij,lji->kl", products, products)
+    return np.asarray(jacobian @ covariance[:12, :12] @ jacobian.T + along @ bent @ along.T)
+
+
 def _apply(matrix: Array, vector: Array) -> Array:
     return np.asarray(np.einsum("...ij,...j->...i", matrix, vector))
 
@@ -109,12 +137,27 @@ def _vector_rotation(vector_rad: Array) -> Array:
 
 def expected_path_rates_m_s(tracked: TrackedMotion, system: InterferometerSystem) -> Array:
     """Return w (..., 3, 3) = g_F d rho_00/dt + g_R d rho_ij/dt, what the phase rates show of each
-    path.
+    path: the mean over the sequence at constant velocity and rate.
     """
-    motion = tracked.motion
-    rates = path_rates_m_s(motion.position_m, motion.velocity_m_s, motion.attitude, motion.rate_rad_s, system.arrays)
+    # At the rms of the slots' times from the epoch, before and after: the mean of all to the third
+    # power of time.
+    half_s = float(np.sqrt(np.mean(system.schedule.offsets_s(system.plan) ** 2)))
+    rates = [path_rates_m_s(*_of_motion(moved(tracked.motion, dt_s)), system.arrays) for dt_s in (-half_s, half_s)]
+    return _weighted(0.5 * (rates[0] + rates[1]), system)
+
+
+def expected_path_accelerations_m_s2(tracked: TrackedMotion, system: InterferometerSystem) -> Array:
+    """Return dw/dt (..., 3, 3) at constant velocity and rate."""
+    return _weighted(path_accelerations_m_s2(*_of_motion(tracked.motion), system.arrays), system)
+
+
+def _of_motion(motion: RelativeMotion) -> tuple[Array, Array, Array, Array]:
+    return motion.position_m, motion.velocity_m_s, motion.attitude, motion.rate_rad_s
+
+
+def _weighted(paths: Array, system: InterferometerSystem) -> Array:
     forward, back = rate_weights(system)
-    return forward * rates[..., :1, :1] + back * rates[..., 1:, 1:]
+    return forward * paths[..., :1, :1] + back * paths[..., 1:, 1:]
 
 
 def expected_reading(tracked: TrackedMotion, reading: Reading, system: InterferometerSystem) -> Array:

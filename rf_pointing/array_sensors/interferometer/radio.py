@@ -89,7 +89,13 @@ class RadioParams(Params):
 
     forward_power_w: float = parameter(2.2, "radiated by the active centre element", low=1e-9, high=1e6)
     return_power_w: float = parameter(1.1, "radiated by each passive element", low=1e-9, high=1e6)
+    # Below it more power does not help: 1e-4 rad is that of 80 dB.
+    phase_noise_rad: float = parameter(1e-4, "sigma of a loop's phase besides receiver noise", low=0.0, high=1.0)
     hardware_phase_rad: float = parameter(0.0, "sigma of a fixed, unknown phase of carrier and path", low=0.0, high=1.0)
+    hardware_rate_rad_s: float = parameter(
+        0.0, "sigma of a fixed, unknown error of a path's phase rate", low=0.0, high=100.0
+    )
+    hardware_coupling: float = parameter(0.0, "sigma of a fixed, unknown error of a coupling", low=0.0, high=1.0)
 
 
 def signal_to_noise_ratios(

@@ -2,8 +2,10 @@
 
 Constant velocity and constant attitude rate, driven by white accelerations.  The attitude is a
 matrix; only its small error, in local coordinates, is a vector.  Ranges, path rates (Doppler) and
-couplings are used together.  The filter gives the report's wish of section 4.2: smoothed velocity
-and attitude rate instead of differences.
+couplings are used together.  The fixed errors of the hardware, one for each of the 22 numbers, are
+states too: taken as white, they would average down to a covariance that is far too small.  The
+filter gives the report's wish of section 4.2: smoothed velocity and attitude rate instead of
+differences.
 """
 
 from dataclasses import dataclass
@@ -29,6 +31,7 @@ from rf_pointing.core import Params, parameter
 Array = NDArray[np.float64]
 # The same reading updates the filter right after: its start must not count the reading twice.
 _POSE_INFLATION = 100.0
+HARDWARE = slice(SIZE, SIZE + 22)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,10 +53,14 @@ class FilterParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilterState:
-    """Complete state: time, motion with excitation, covariance (14, 14) in local coordinates."""
+    """Complete state: time, motion with excitation, fixed errors of the reading (22,).
+
+    The covariance (36, 36) is that of the local coordinates (14) and of the fixed errors.
+    """
 
     t_s: float
     tracked: TrackedMotion
+    hardware: Array
     covariance: Array
 
 
@@ -66,22 +73,23 @@ class FilterUpdate:
     degrees_of_freedom: int
 
 
-def start(t_s: float, snapshot: Snapshot, params: FilterParams) -> FilterState:
+def start(t_s: float, snapshot: Snapshot, reading: Reading, params: FilterParams) -> FilterState:
     """Return a state around `snapshot` that knows almost nothing, ready for the update with its
-    reading.
+    `reading`.
 
     The pose is given a hundred times the snapshot's sigma, so that the same reading is not counted
     twice.
     """
-    covariance = np.zeros((SIZE, SIZE))
+    covariance = np.zeros((HARDWARE.stop, HARDWARE.stop))
     pose = np.ix_([0, 1, 2, 6, 7, 8], [0, 1, 2, 6, 7, 8])
     covariance[pose] = np.diag(np.diag(snapshot.covariance)[:6]) * _POSE_INFLATION**2
     covariance[3:6, 3:6] = np.eye(3) * params.first_velocity_m_s**2
     # One reading shows no angular rate at all, and of the velocity only the part along the sight.
     covariance[9:12, 9:12] = np.eye(3) * params.first_rate_rad_s**2
     if params.track_excitation:
-        covariance[12:, 12:] = np.eye(2) * params.first_excitation**2
-    return FilterState(t_s=t_s, tracked=snapshot.tracked, covariance=covariance)
+        covariance[12:SIZE, 12:SIZE] = np.eye(2) * params.first_excitation**2
+    covariance[HARDWARE, HARDWARE] = np.diag(reading.hardware)
+    return FilterState(t_s=t_s, tracked=snapshot.tracked, hardware=np.zeros(22), covariance=covariance)
 
 
 def predict(state: FilterState, t_s: float, params: FilterParams) -> FilterState:
@@ -95,8 +103,17 @@ def predict(state: FilterState, t_s: float, params: FilterParams) -> FilterState
         lambda change: local_difference(_later(displaced(state.tracked, change), dt_s), later),
         local_steps(state.tracked),
     )
-    covariance = transition @ state.covariance @ transition.T + _process_noise(dt_s, params)
-    return FilterState(t_s=t_s, tracked=later, covariance=0.5 * (covariance + covariance.T))
+    covariance = _transformed(transition, state.covariance)
+    covariance[:SIZE, :SIZE] += _process_noise(dt_s, params)
+    return FilterState(t_s=t_s, tracked=later, hardware=state.hardware, covariance=covariance)
+
+
+def _transformed(local: Array, covariance: Array) -> Array:
+    """Return the covariance after a linear change `local` (14, 14) of the local coordinates."""
+    whole = np.eye(HARDWARE.stop)
+    whole[:SIZE, :SIZE] = local
+    changed = whole @ covariance @ whole.T
+    return 0.5 * (changed + changed.T)
 
 
 def _later(tracked: TrackedMotion, dt_s: float) -> TrackedMotion:
@@ -128,14 +145,15 @@ def update(
     # apart.
     change = np.zeros(SIZE) if around is None else local_difference(around, state.tracked)
     expected, gradient = local_gradient(state.tracked, change, reading, system)
-    innovation = reading.vector - expected + gradient @ change
-    spread = gradient @ state.covariance @ gradient.T + reading.covariance
+    innovation = reading.vector - expected + gradient @ change - state.hardware
+    gradient = np.concatenate([gradient, np.eye(22)], axis=1)
+    spread = gradient @ state.covariance @ gradient.T + reading.noise
     gain = np.linalg.solve(spread, gradient @ state.covariance).T
     correction = gain @ innovation
-    keep = np.eye(SIZE) - gain @ gradient
+    keep = np.eye(HARDWARE.stop) - gain @ gradient
     # Joseph form: positive whatever rounding does to the gain, with ranges of 1e5 m and errors of
     # 1e-3 m.
-    covariance = keep @ state.covariance @ keep.T + gain @ reading.covariance @ gain.T
+    covariance = keep @ state.covariance @ keep.T + gain @ reading.noise @ gain.T
     return FilterUpdate(
         state=_recentred(state, correction, covariance),
         chi_square=float(innovation @ np.linalg.solve(spread, innovation)),
@@ -146,10 +164,11 @@ def update(
 def _recentred(state: FilterState, correction: Array, covariance: Array) -> FilterState:
     # The local axes move with the direction: express the covariance in those of the corrected
     # motion.
-    tracked = displaced(state.tracked, correction)
+    local = correction[:SIZE]
+    tracked = displaced(state.tracked, local)
     turning = numerical_jacobian(
-        lambda change: local_difference(displaced(state.tracked, correction + change), tracked),
+        lambda change: local_difference(displaced(state.tracked, local + change), tracked),
         local_steps(state.tracked),
     )
-    turned = turning @ covariance @ turning.T
-    return FilterState(t_s=state.t_s, tracked=tracked, covariance=0.5 * (turned + turned.T))
+    hardware = state.hardware + correction[HARDWARE]
+    return FilterState(t_s=state.t_s, tracked=tracked, hardware=hardware, covariance=_transformed(turning, covariance))

@@ -37,8 +37,8 @@ _LOST_RATE_RAD_S = 1e3
 class InterferometerSource:
     """Seeded source of measurements; `state` and `restore` make a stopped run continue identically.
 
-    `excitation`: amplitudes of the passive y and z dipoles, one as designed.  Fixed hardware phases
-    follow the seed.
+    `excitation`: amplitudes of the passive y and z dipoles, one as designed.  Fixed errors of
+    phases, rates and couplings follow the seed.
     """
 
     def __init__(
@@ -55,10 +55,12 @@ class InterferometerSource:
         self.excitation = np.array(excitation)
         self._carriers = system.schedule.carriers(system.plan)
         shape = (system.plan.count, 3, 3)
-        # A stream of its own: hardware phases do not change with the number of measurements drawn
+        # A stream of its own: hardware errors do not change with the number of measurements drawn
         # before.
-        fixed = random_stream(seed, "interferometer hardware").normal(size=shape) * radio.hardware_phase_rad
-        self._hardware_rad = fixed[self._carriers]
+        hardware = random_stream(seed, "interferometer hardware")
+        self._hardware_rad = (hardware.normal(size=shape) * radio.hardware_phase_rad)[self._carriers]
+        self._hardware_rate_rad_s = hardware.normal(size=(3, 3)) * radio.hardware_rate_rad_s
+        self._hardware_coupling = hardware.normal(size=(2, 2)) * radio.hardware_coupling
         self._rng = random_stream(seed, "interferometer")
 
     @property
@@ -105,11 +107,16 @@ class InterferometerSource:
     ) -> tuple[Array, Array]:
         arrays, dwell_s = self.system.arrays, self.system.schedule.dwell_s
         path_rates = path_rates_m_s(slots.position_m, slots.velocity_m_s, slots.attitude, slots.rate_rad_s, arrays)
-        forward, back = np.sqrt(phase_variance(snr_forward)), np.sqrt(phase_variance(snr_return))
+        forward = np.sqrt(phase_variance(snr_forward))
+        back = np.sqrt(phase_variance(snr_return) + self.radio.phase_noise_rad**2)
         phases = self._of_paths(lengths[:, 0, 0] + arrays.transponder_delay_m, lengths[:, 1:, 1:])
         rates = self._of_paths(path_rates[:, 0, 0], path_rates[:, 1:, 1:])
         phases = phases + self._hardware_rad + self._noise(forward, back)
-        rates = rates + self._noise(*(phase_rate_sigma_rad_s(sigma, dwell_s) for sigma in (forward, back)))
+        rates = (
+            rates
+            + self._hardware_rate_rad_s
+            + self._noise(*(phase_rate_sigma_rad_s(sigma, dwell_s) for sigma in (forward, back)))
+        )
         # Drawn always, whether a loop lost lock or not: later noise must not depend on it.
         lost_phases = self._rng.uniform(0.0, 2.0 * np.pi, phases.shape)
         lost_rates = self._rng.normal(0.0, _LOST_RATE_RAD_S, rates.shape)
@@ -128,8 +135,13 @@ class InterferometerSource:
 
     def _couplings(self, motion: RelativeMotion) -> tuple[Array, float]:
         distance = float(np.linalg.norm(motion.position_m))
-        sigma = float(amplitude_sigma(distance, self.radio, self.system.plan, self.link))
-        true = coupling_amplitudes(motion.position_m / distance, motion.attitude) * self.excitation
+        sigma = float(
+            np.hypot(amplitude_sigma(distance, self.radio, self.system.plan, self.link), self.radio.phase_noise_rad)
+        )
+        true = (
+            coupling_amplitudes(motion.position_m / distance, motion.attitude) * self.excitation
+            + self._hardware_coupling
+        )
         return true + self._rng.normal(size=(2, 2)) * sigma, sigma
 
 

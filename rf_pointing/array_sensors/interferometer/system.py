@@ -91,6 +91,26 @@ def path_rates_m_s(
     return np.asarray(np.einsum("...ijk,...jk->...ij", units, moving))
 
 
+def path_accelerations_m_s2(
+    position_m: ArrayLike, velocity_m_s: ArrayLike, attitude: ArrayLike, rate_rad_s: ArrayLike, arrays: ArrayParams
+) -> Array:
+    """Return d2 rho_ij/dt2 of all sixteen pairs, (..., 4, 4), at constant velocity and rate.
+
+    u_ij . A^T (omega x (omega x p_j)) + (|v_ij|^2 - (u_ij . v_ij)^2)/rho_ij: a path that is crossed
+    lengthens although nothing accelerates.
+    """
+    vectors = path_vectors(position_m, attitude, arrays)
+    lengths = np.linalg.norm(vectors, axis=-1)
+    turned, rate = np.asarray(attitude, dtype=np.float64), np.asarray(rate_rad_s, dtype=np.float64)[..., None, :]
+    swing = cross_product(rate, element_positions(arrays.radius_passive_m))
+    moving = np.asarray(velocity_m_s, dtype=np.float64)[..., None, :] + swing @ turned
+    towards_axis = cross_product(rate, swing) @ turned
+    across = (
+        np.sum(moving**2, axis=-1)[..., None, :] - (np.einsum("...ijk,...jk->...ij", vectors, moving) / lengths) ** 2
+    )
+    return np.asarray((np.einsum("...ijk,...jk->...ij", vectors, towards_axis) + across) / lengths)
+
+
 def two_way_gradients(position_m: ArrayLike, attitude: ArrayLike, arrays: ArrayParams) -> tuple[Array, Array]:
     """Return dR_ij/dr (..., 3, 3, 3) and dR_ij/dtheta (..., 3, 3, 3), last axis x, y, z.
 

@@ -3,16 +3,20 @@
 A reading is rejected, with its reason, when
 
 * loops lost lock or have less than 10 dB,
-* a lane decision was arbitrary,
+* a lane decision was arbitrary, or is further from a whole number than its sigma allows,
 * repeated phases disagree,
 * ranges and couplings contradict each other (wrong lane of a path),
-* they contradict the prediction (wrong lane of all paths).
+* without a prediction, the links are too weak for every lane, or their power is that of another
+  range (wrong lane of all paths),
+* they contradict the prediction (wrong lane of all paths, or a manoeuvre).
 
 A rejected reading changes nothing.  The pose coasts on its rates with growing covariance until the
-coasting limit; then the tracker drops it and acquires anew.
+coasting limit; then the tracker drops it and acquires anew.  After a reading that is sound in
+itself but contradicts the prediction one of the two is wrong: no pose is given until one is
+accepted.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +25,14 @@ from rf_pointing.array_sensors.interferometer.initializer import Geometry, geome
 from rf_pointing.array_sensors.interferometer.measurement import InterferometerMeasurement
 from rf_pointing.array_sensors.interferometer.measurement_model import (
     TrackedMotion,
-    cartesian_jacobian,
+    cartesian_covariance,
+    expected_path_accelerations_m_s2,
     expected_path_rates_m_s,
 )
 from rf_pointing.array_sensors.interferometer.motion import RelativeMotion
-from rf_pointing.array_sensors.interferometer.radio import LOWEST_SNR
+from rf_pointing.array_sensors.interferometer.radio import LOWEST_SNR, LinkParams, RadioParams, link_snr
 from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams, FilterState, predict, start, update
-from rf_pointing.array_sensors.interferometer.reading import ErrorFloor, Reading, read_ranges
+from rf_pointing.array_sensors.interferometer.reading import ErrorFloor, PathMotion, Reading, read_ranges
 from rf_pointing.array_sensors.interferometer.sequence import SequenceParams
 from rf_pointing.array_sensors.interferometer.snapshot import Snapshot, chi_square_limit, coarse_geometry, refine
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
@@ -44,6 +49,12 @@ class TrackerParams(Params):
     # Noise moves a lane by far less when the power is right; 0.5 would accept every decision.
     lane_guard: float = parameter(0.35, "largest distance of a lane from a whole number", low=0.05, high=0.5)
     visit_agreement: float = parameter(0.7, "smallest resultant of repeated phases", low=0.0, high=1.0)
+    # Five sigma of the decision below half a lane: a wrong one is as rare as that.
+    widest_lane_sigma: float = parameter(0.1, "largest sigma of a lane at acquisition", low=0.01, high=0.5)
+    # A lane error of the two coarsest steps at short range is 20 dB; antenna patterns are a few.
+    level_tolerance_db: float = parameter(
+        6.0, "largest difference of the power from that of the range at acquisition", low=0.5, high=60.0
+    )
     # A wrong lane is hundreds of sigma: the gate can be wide and never reject a sound reading.
     gate_sigma: float = parameter(5.0, "residual gates, in normal deviates", low=1.0, high=20.0)
     coast_limit_s: float = parameter(20.0, "longest time without an accepted reading", low=0.1, high=1e4)
@@ -84,12 +95,17 @@ class TrackerOutput:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackerState:
     """Complete state: the filter (None while acquiring), time of the last accepted reading,
-    rejections in a row.
+    rejections in a row, whether one of them contradicted the prediction.
     """
 
     filter: FilterState | None = None
     accepted_t_s: float = 0.0
     rejected: int = 0
+    doubted: bool = False
+
+
+class _ContradictionError(ValueError):
+    """A sound reading that the prediction excludes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +116,8 @@ class InterferometerTracker:
     params: TrackerParams = field(default_factory=TrackerParams)
     filter_params: FilterParams = field(default_factory=FilterParams)
     floor: ErrorFloor = field(default_factory=ErrorFloor)
+    radio: RadioParams = field(default_factory=RadioParams)
+    link: LinkParams = field(default_factory=LinkParams)
 
     def step(self, state: TrackerState, measurement: InterferometerMeasurement) -> tuple[TrackerState, TrackerOutput]:
         """Return the state after `measurement` and the output at its epoch."""
@@ -110,6 +128,8 @@ class InterferometerTracker:
         try:
             accepted = self._accepted(predicted, measurement)
         except ValueError as reason:
+            if isinstance(reason, _ContradictionError):
+                state = replace(state, doubted=True)
             return self._refused(state, predicted, measurement.t_s, str(reason))
         after = TrackerState(filter=accepted, accepted_t_s=measurement.t_s, rejected=0)
         return after, self._output(accepted, TRACKING, "")
@@ -128,9 +148,10 @@ class InterferometerTracker:
         reading = self._reading(predicted, measurement)
         snapshot = self._snapshot(reading, predicted)
         if predicted is None:
+            self._check_level(measurement, snapshot)
             # The first reading both starts and updates the filter: the inflated start leaves the
             # weight to the update.
-            prior = start(measurement.t_s, snapshot, self.filter_params)
+            prior = start(measurement.t_s, snapshot, reading, self.filter_params)
             return update(prior, reading, self.system).state
         return self._corrected(predicted, reading, snapshot)
 
@@ -138,14 +159,43 @@ class InterferometerTracker:
         # Predicted path rates resolve cycles at lower power; after a manoeuvre only the measured
         # ones are right.
         if predicted is not None:
-            aiding = expected_path_rates_m_s(predicted.tracked, self.system)
-            reading = read_ranges(measurement, self.system, self.floor, aiding)
+            expected = PathMotion(
+                rates_m_s=expected_path_rates_m_s(predicted.tracked, self.system),
+                accelerations_m_s2=expected_path_accelerations_m_s2(predicted.tracked, self.system),
+            )
+            reading = read_ranges(measurement, self.system, self.floor, expected)
             if not self._doubt(reading):
                 return reading
         reading = read_ranges(measurement, self.system, self.floor)
         if doubt := self._doubt(reading):
             raise ValueError(doubt)
+        if predicted is None and reading.lane_sigma > self.params.widest_lane_sigma:
+            raise ValueError(
+                f"links too weak: a lane has sigma {reading.lane_sigma:.3g}, must be <= "
+                f"{self.params.widest_lane_sigma} without a prediction"
+            )
+        if reading.lane_margin < self.params.gate_sigma:
+            raise ValueError(
+                f"links too weak: at another acceleration other lanes are only {reading.lane_margin:.3g} sigma "
+                f"worse, must be >= {self.params.gate_sigma}"
+            )
         return reading
+
+    def _check_level(self, measurement: InterferometerMeasurement, snapshot: Snapshot) -> None:
+        range_m = float(np.linalg.norm(snapshot.tracked.motion.position_m))
+        carriers = self.system.schedule.carriers(self.system.plan)
+        links = (
+            ("forward", self.radio.forward_power_w, self.system.plan.forward_carriers_hz, measurement.snr_forward),
+            ("return", self.radio.return_power_w, self.system.plan.return_carriers_hz, measurement.snr_return),
+        )
+        for name, power_w, carriers_hz, snr in links:
+            expected = np.mean(link_snr(power_w, range_m, carriers_hz[carriers], self.link))
+            over_db = 10.0 * float(np.log10(np.mean(snr) / expected))
+            if abs(over_db) > self.params.level_tolerance_db:
+                raise ValueError(
+                    f"power of the {name} link is {over_db:+.1f} dB from that at {range_m:.6g} m, must be within "
+                    f"{self.params.level_tolerance_db} dB (wrong lane of all paths?)"
+                )
 
     def _check_loops(self, measurement: InterferometerMeasurement) -> None:
         if not np.all(measurement.locked):
@@ -164,6 +214,11 @@ class InterferometerTracker:
             )
         if reading.worst_lane > self.params.lane_guard:
             return f"lane residual {reading.worst_lane:.3g} must be <= {self.params.lane_guard}: cycle not resolved"
+        if reading.lane_deviation > self.params.gate_sigma:
+            return (
+                f"a lane is {reading.lane_deviation:.3g} sigma from a whole number, must be <= "
+                f"{self.params.gate_sigma}: a phase is wrong, or all are (wrong lane?)"
+            )
         return ""
 
     def _snapshot(self, reading: Reading, predicted: FilterState | None) -> Snapshot:
@@ -202,7 +257,10 @@ class InterferometerTracker:
         )
         around = TrackedMotion(motion=motion, excitation=snapshot.tracked.excitation)
         result = update(predicted, reading, self.system, around)
-        self._gate("reading contradicts the prediction", result.chi_square, result.degrees_of_freedom)
+        try:
+            self._gate("reading contradicts the prediction", result.chi_square, result.degrees_of_freedom)
+        except ValueError as error:
+            raise _ContradictionError(str(error)) from error
         return result.state
 
     def _gate(self, what: str, chi_square: float, degrees_of_freedom: int) -> None:
@@ -221,15 +279,15 @@ class InterferometerTracker:
         if silent_s > self.params.coast_limit_s or rejected > self.params.most_rejected:
             reason = f"dropped after {silent_s:.4g} s and {rejected} refused readings, last: {reason}"
             return TrackerState(), TrackerOutput(t_s=t_s, status=ACQUIRING, reason=reason, estimate=None)
-        after = TrackerState(filter=predicted, accepted_t_s=state.accepted_t_s, rejected=rejected)
-        return after, self._output(predicted, COASTING, reason)
+        after = replace(state, filter=predicted, rejected=rejected)
+        output = self._output(predicted, COASTING, reason)
+        return after, replace(output, estimate=None) if state.doubted else output
 
     def _output(self, state: FilterState, status: str, reason: str) -> TrackerOutput:
-        jacobian = cartesian_jacobian(state.tracked.motion)
         estimate = PoseEstimate(
             t_s=state.t_s,
             motion=state.tracked.motion,
-            covariance=jacobian @ state.covariance[:12, :12] @ jacobian.T,
+            covariance=cartesian_covariance(state.tracked.motion, state.covariance),
             excitation=state.tracked.excitation,
         )
         return TrackerOutput(t_s=state.t_s, status=status, reason=reason, estimate=estimate)

@@ -4,7 +4,7 @@ Subscribes: interferometer_measurement.
 Publishes: relative_pose (geometry_msgs/PoseWithCovarianceStamped) and relative_twist
 (geometry_msgs/TwistWithCovarianceStamped) while there is a pose, relative_pose_status always.
 Parameters: tracking.silence_s, arrays.*, plan.*, schedule.* (as the source sends), tracker.*,
-filter.*, floor.*.
+filter.*, floor.*; radio.* and link.* (what the links are expected to give).
 """
 
 from dataclasses import dataclass
@@ -13,6 +13,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStam
 from rf_pointing_msgs.msg import InterferometerMeasurement, RelativePoseStatus
 
 from rf_pointing.array_sensors.interferometer.docking import RelativePoseTracker, rep103_pose
+from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
 from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams
 from rf_pointing.array_sensors.interferometer.reading import ErrorFloor
 from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan, InterferometerSystem, Schedule
@@ -39,6 +40,7 @@ class InterferometerTrackerNode(ManagedNode):
         super().__init__("interferometer_tracker")
         system = {"arrays": ArrayParams(), "plan": CarrierPlan(), "schedule": Schedule()}
         tuning = {"tracker": TrackerParams(), "filter": FilterParams(), "floor": ErrorFloor()}
+        tuning |= {"radio": RadioParams(), "link": LinkParams()}
         for prefix, defaults in {"tracking": TrackingParams(), **system, **tuning}.items():
             self.parameters.declare(prefix, defaults)
         self._tracker: RelativePoseTracker | None = None
@@ -51,6 +53,8 @@ class InterferometerTrackerNode(ManagedNode):
             params=value("tracker"),
             filter_params=value("filter"),
             floor=value("floor"),
+            radio=value("radio"),
+            link=value("link"),
         )
         self._tracker = RelativePoseTracker(tracker, value("tracking").silence_s)
         self._poses = self.publisher(PoseWithCovarianceStamped, "relative_pose", STREAM)

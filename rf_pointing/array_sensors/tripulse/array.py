@@ -31,6 +31,7 @@ class TripulseArrayParams(Params):
     spacing_y_wavelengths: float = parameter(3.0, "element spacing along y over the wavelength", low=0.1, high=100.0)
     taper_edge: float = parameter(1.0, "amplitude at the aperture's edge, 1 for a uniform aperture", low=0.0, high=1.0)
     phase_bits: int = parameter(0, "bits of the phase shifters, 0 for exact phases", low=0, high=16)
+    failed: str = parameter("", "dead elements as column:row from 1:1, separated by commas, such as 3:16, 4:16")
 
     def check_together(self) -> None:
         """Refuse odd element counts: the halves of a difference beam must be equal."""
@@ -40,6 +41,27 @@ class TripulseArrayParams(Params):
         for name in ("n_x", "n_y"):
             if getattr(self, name) % 2:
                 raise ValueError(f"{name}={getattr(self, name)} must be even")
+        dead = self.dead_elements()
+        # An array without any beam is no measurement of attitude; zero weights would divide by zero
+        # later.
+        if dead is not None and np.all(dead):
+            raise ValueError(f"failed marks all {self.n_total} elements: the array has no beam")
+
+    def dead_elements(self) -> NDArray[np.bool_] | None:
+        """Return True (N_x, N_y) where `failed` names an element, None where it names none."""
+        words = [word.strip() for word in self.failed.split(",") if word.strip()]
+        if not words:
+            return None
+        dead = np.zeros((self.n_x, self.n_y), dtype=bool)
+        for word in words:
+            numbers = word.split(":")
+            if len(numbers) != 2 or not all(number.strip().isdecimal() for number in numbers):
+                raise ValueError(f"failed={self.failed!r} must be pairs such as 3:16, separated by commas")
+            m, n = (int(number) for number in numbers)
+            if not (1 <= m <= self.n_x and 1 <= n <= self.n_y):
+                raise ValueError(f"failed element {word} must be from 1:1 to {self.n_x}:{self.n_y}")
+            dead[m - 1, n - 1] = True
+        return dead
 
     @property
     def n_total(self) -> int:
@@ -116,7 +138,7 @@ def element_weights(
     Parameters
     ----------
     steering : projections (..., 2) the beam is steered to
-    failed : True where an element is dead, shape (..., N_x, N_y)
+    failed : True where an element is dead besides those of `params`, shape (..., N_x, N_y)
     phase_errors_rad : added after the quantiser, shape (..., N_x, N_y)
     common_phase_rad : added to all phases before the quantiser.  Steering phases are odd in the
         element's position, so without it the rounding errors of mirrored elements are equal and
@@ -131,12 +153,12 @@ def element_weights(
         require_finite("phase_errors_rad", phase_errors_rad)
         phase = phase + np.asarray(phase_errors_rad, dtype=np.float64)
     weights = amplitude_taper(params) * np.exp(1j * phase)
+    known = params.dead_elements()
     if failed is None:
-        return np.asarray(weights)
+        return np.asarray(weights if known is None else np.where(known, 0.0, weights))
     if failed.shape[-2:] != (params.n_x, params.n_y):
         raise ValueError(f"failed has shape {failed.shape}, must be (..., {params.n_x}, {params.n_y})")
-    # An array without any beam is no measurement of attitude; zero weights would divide by zero
-    # later.
+    failed = failed if known is None else failed | known
     if np.any(np.all(failed, axis=(-2, -1))):
         raise ValueError(f"failed marks all {params.n_total} elements: the array has no beam")
     return np.where(failed, 0.0, weights)

@@ -113,8 +113,8 @@ class TripulseReceiver:
     """Stateless: every frame is acquired anew, so that a lost frame or a lost lock costs nothing
     later.
 
-    `failed` marks elements that the satellite reports as dead; their effect is then inverted
-    exactly.
+    `failed` marks elements that the satellite reports as dead, besides those of `array`; their
+    effect is then inverted exactly.
     """
 
     array: TripulseArrayParams
@@ -282,7 +282,8 @@ class TripulseReceiver:
 
     @property
     def _is_uniform(self) -> bool:
-        return self.failed is None and self.array.taper_edge == 1.0 and self.array.phase_bits == 0
+        dead = self.failed is not None or bool(self.array.failed.strip())
+        return not dead and self.array.taper_edge == 1.0 and self.array.phase_bits == 0
 
     def _invalid(self, frame: TripulseFrame, channels: Channels, snr: float, reason: str) -> TripulseMeasurement:
         return TripulseMeasurement(

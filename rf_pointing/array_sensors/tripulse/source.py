@@ -44,6 +44,9 @@ class TripulseSourceParams(Params):
     reference_carrier_to_noise_db_hz: float = parameter(80.0, "C/N0 of each reference tone", low=-20.0, high=160.0)
     satellite_linewidth_hz: float = parameter(10.0, "linewidth of the satellite's clock at f_t", low=0.0, high=1e6)
     station_linewidth_hz: float = parameter(10.0, "linewidth of the stations' clocks at f_t", low=0.0, high=1e6)
+    quadrant_phase_rad: float = parameter(
+        0.0, "sigma of a fixed, unknown phase of each quadrant's beamformer", low=0.0, high=math.pi
+    )
     elevation_min_rad: float = parameter(math.radians(5.0), "lowest elevation of the satellite", low=0.0, high=1.5)
 
 
@@ -99,6 +102,9 @@ class TripulseSource:
         # first frame.
         element_weights(array, [0.0, 0.0], failed=failed)
         self._stream = random_stream(seed, "tripulse_source")
+        # A stream of its own: the phases of the hardware do not change with the noise drawn before.
+        quadrants = random_stream(seed, "tripulse beamformer").standard_normal((2, 2)) * params.quadrant_phase_rad
+        self._phase_errors_rad = np.kron(quadrants, np.ones((array.n_x // 2, array.n_y // 2)))
         self._sequence = 0
         self._t_s: float | None = None
         self.steer(np.eye(3) if prior is None else prior)
@@ -151,7 +157,7 @@ class TripulseSource:
 
     def _frame(self, t_s: float, rotation: Array, line: StationLine) -> TripulseFrame:
         steering = (self._prior @ line.direction)[:2]
-        weights = element_weights(self.array, steering, failed=self.failed)
+        weights = element_weights(self.array, steering, failed=self.failed, phase_errors_rad=self._phase_errors_rad)
         beams = beam_signals(self.array, weights, (rotation @ line.direction)[:2]).conj()
         samples = self._received(beams, line.range_rate_m_s)
         return TripulseFrame(t_s=t_s, station=line.name, sequence=self._sequence, steering=steering, samples=samples)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_matrix
-from rf_pointing.array_sensors.attitude.rotations import cosine_slopes
+from rf_pointing.array_sensors.attitude.rotations import cosine_slopes, cross_matrix
 from rf_pointing.array_sensors.attitude.wahba import (
     SMALLEST_SEPARATION_RAD,
     attitude_covariance,
@@ -86,6 +86,16 @@ def direction_covariances(projections: ArrayLike, covariances: ArrayLike) -> Arr
     return np.asarray(slopes @ c @ np.swapaxes(slopes, -1, -2))
 
 
+def shared_covariance(directions: ArrayLike, sigma: float, weights: ArrayLike) -> Array:
+    """Return the covariance (3, 3) of the rotation error from one error of the projections, `sigma`
+    on each axis, that all measured `directions` (L, 3) have in common.
+    """
+    t, w = unit_directions("directions", directions), np.asarray(weights, dtype=np.float64)
+    normal = np.einsum("l,lij->ij", w, np.eye(3) - t[:, :, None] * t[:, None, :])
+    turned = np.linalg.solve(normal, np.einsum("l,lij,ljk->ik", w, cross_matrix(t), cosine_slopes(t)))
+    return np.asarray(sigma**2 * turned @ turned.T)
+
+
 def _bisector_frame(first: Array, second: Array) -> Array:
     bisector, normal = first + second, np.cross(first, second)
     a1 = bisector / np.linalg.norm(bisector, axis=-1, keepdims=True)
@@ -101,6 +111,11 @@ class StationAttitudeParams(Params):
     age_max_s: float = parameter(2.0, "oldest observation used", low=1e-3, high=1e4)
     separation_min_rad: float = parameter(
         math.radians(0.5), "smallest angle between stations as the satellite sees them", low=1e-6, high=1.5
+    )
+    # Phases of the quadrants off by p rms move a projection by 2 p/(N k d): 6e-4 is 5 deg of 16
+    # elements three wavelengths apart.  No residual shows it: it turns all lines of sight alike.
+    shared_sigma: float = parameter(
+        6e-4, "fixed error of each projection that all stations share (beamformer)", low=0.0, high=0.1
     )
     # At one epoch a second this rejects a sound attitude every twelve days.
     false_alarm: float = parameter(1e-6, "probability that a sound residual is refused", low=1e-12, high=0.1)
@@ -235,6 +250,7 @@ class StationAttitudeEstimator:
                 residual,
             )
         covariance = attitude_covariance(measured, spreads, weights)
+        covariance = covariance + shared_covariance(measured, self.params.shared_sigma, weights)
         return self._valid(used, fit.rotation, covariance, residual)
 
     def _valid(

@@ -14,7 +14,13 @@ from rf_pointing.array_sensors.interferometer.source import InterferometerSource
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem, Schedule
 from rf_pointing.core import random_stream
 
-NO_FLOOR = ErrorFloor(phase_rad=0.0, phase_rate_rad_s=0.0, amplitude=0.0, path_acceleration_m_s2=0.0)
+NO_FLOOR = ErrorFloor(
+    phase_rad=0.0,
+    phase_rate_rad_s=0.0,
+    amplitude=0.0,
+    path_acceleration_m_s2=0.0,
+    first_path_acceleration_m_s2=0.0,
+)
 STEADY = FilterParams(
     acceleration_density_m_s2=1e-9,
     angular_acceleration_density_rad_s2=1e-12,
@@ -43,7 +49,9 @@ def run(system: InterferometerSystem, seed: int, steps: int, params: FilterParam
         reading = read_ranges(source.measure(t_s, moved(truth, t_s)), system, NO_FLOOR)
         if state is None:
             geometry, factors = coarse_geometry(reading, None, system, SequenceParams(iterations=8))
-            state = update(start(t_s, refine(geometry, factors, reading, system, False), params), reading, system).state
+            state = update(
+                start(t_s, refine(geometry, factors, reading, system, False), reading, params), reading, system
+            ).state
             continue
         result = update(predict(state, t_s, params), reading, system)
         state = result.state
@@ -83,7 +91,7 @@ def test_first_update_gives_the_pose_of_the_snapshot_and_not_twice_its_informati
     )
     geometry, factors = coarse_geometry(reading, None, system, SequenceParams(iterations=8))
     snapshot = refine(geometry, factors, reading, system, False)
-    state = update(start(0.0, snapshot, STEADY), reading, system).state
+    state = update(start(0.0, snapshot, reading, STEADY), reading, system).state
     pose = [0, 1, 2, 6, 7, 8]
     np.testing.assert_allclose(
         np.sqrt(np.diag(state.covariance)[pose]), np.sqrt(np.diag(snapshot.covariance)), rtol=1e-3
@@ -114,8 +122,13 @@ def test_linearising_at_a_given_motion_corrects_a_prediction_that_is_degrees_off
         attitude=attitude_from_euler(0.08, -0.06, 0.1) @ truth.attitude,
         rate_rad_s=truth.rate_rad_s,
     )
-    covariance = np.diag(np.r_[[1.0, 500.0, 500.0], [0.5] * 3, [0.2] * 3, [2e-3] * 3, 0.0, 0.0] ** 2)
-    prior = FilterState(t_s=0.0, tracked=TrackedMotion(motion=turned, excitation=np.ones(2)), covariance=covariance)
+    covariance = np.diag(np.r_[[1.0, 500.0, 500.0], [0.5] * 3, [0.2] * 3, [2e-3] * 3, np.zeros(24)] ** 2)
+    prior = FilterState(
+        t_s=0.0,
+        tracked=TrackedMotion(motion=turned, excitation=np.ones(2)),
+        hardware=np.zeros(22),
+        covariance=covariance,
+    )
     around = TrackedMotion(
         motion=RelativeMotion(
             position_m=snapshot.tracked.motion.position_m,

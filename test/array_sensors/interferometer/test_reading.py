@@ -8,6 +8,7 @@ import pytest
 from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler
 from rf_pointing.array_sensors.interferometer.measurement_model import (
     TrackedMotion,
+    expected_path_accelerations_m_s2,
     expected_path_rates_m_s,
     expected_reading,
 )
@@ -17,6 +18,7 @@ from rf_pointing.array_sensors.interferometer.reading import (
     RANGES,
     RATES,
     ErrorFloor,
+    PathMotion,
     rate_weights,
     read_ranges,
     resolve_ranges,
@@ -35,7 +37,13 @@ from rf_pointing.papers.interferometer_simulation import carrier_phases, carrier
 
 PLAN = CarrierPlan(speed_of_light_m_s=3.0e8)
 ARRAYS = ArrayParams()
-NO_FLOOR = ErrorFloor(phase_rad=0.0, phase_rate_rad_s=0.0, amplitude=0.0, path_acceleration_m_s2=0.0)
+NO_FLOOR = ErrorFloor(
+    phase_rad=0.0,
+    phase_rate_rad_s=0.0,
+    amplitude=0.0,
+    path_acceleration_m_s2=0.0,
+    first_path_acceleration_m_s2=0.0,
+)
 TRIALS = 300
 
 
@@ -141,7 +149,10 @@ def far() -> TrackedMotion:
 def test_scatter_of_ranges_rates_and_couplings_is_the_stated_covariance(far, order: str) -> None:
     system = InterferometerSystem(schedule=Schedule(order=order))
     source = InterferometerSource(system, RadioParams(), LinkParams(), 5)
-    hint = expected_path_rates_m_s(far, system)
+    hint = PathMotion(
+        rates_m_s=expected_path_rates_m_s(far, system),
+        accelerations_m_s2=expected_path_accelerations_m_s2(far, system),
+    )
     readings = [read_ranges(source.measure(0.0, far.motion), system, NO_FLOOR, hint) for _ in range(TRIALS)]
     off = np.array([r.vector - expected_reading(far, r, system) for r in readings])
     whitened = np.linalg.solve(np.linalg.cholesky(readings[0].covariance), off.T)
@@ -165,14 +176,40 @@ def test_ascending_order_makes_standalone_ranges_an_order_of_magnitude_worse(far
 def test_floors_are_added_to_each_part(far) -> None:
     system = InterferometerSystem()
     measured = InterferometerSource(system, RadioParams(), LinkParams(), 5).measure(0.0, far.motion)
-    bare = read_ranges(measured, system, NO_FLOOR).covariance
-    floor = NO_FLOOR.replace(phase_rad=0.01, amplitude=0.03, path_acceleration_m_s2=0.1, phase_rate_rad_s=0.5)
-    added = read_ranges(measured, system, floor).covariance - bare
+    bare = read_ranges(measured, system, NO_FLOOR)
+    floor = NO_FLOOR.replace(phase_rad=0.01, amplitude=0.03, phase_rate_rad_s=0.5)
+    added = np.diag(read_ranges(measured, system, floor).covariance - bare.covariance)
     lane = system.plan.ambiguities_m[-1] / (2.0 * np.pi)
-    assert added[0, 0] - added[0, 1] == pytest.approx(2.0 * (0.01 * lane) ** 2)
-    assert np.sqrt(added[0, 1]) == pytest.approx(0.006, abs=1e-4)
-    assert added[20, 20] == pytest.approx(0.03**2)
-    assert np.sqrt(added[9, 9]) == pytest.approx(0.5 * 0.018, rel=0.05)
+    np.testing.assert_allclose(added[:9], 2.0 * (0.01 * lane) ** 2)
+    np.testing.assert_allclose(np.sqrt(added[9:18]), 0.5 * 0.018, rtol=0.05)
+    np.testing.assert_allclose(added[18:], 0.03**2)
+
+
+def test_an_acceleration_of_the_path_is_measured_and_only_what_is_left_is_in_the_covariance(far) -> None:
+    """5 m/s across at 2 km: 0.025 m/s^2 of two-way path, 8 mm of range that no rate removes."""
+    system = InterferometerSystem()
+    near = RelativeMotion(
+        position_m=far.motion.position_m / 30.0,
+        velocity_m_s=np.array([0.0, 5.0, 0.0]),
+        attitude=far.motion.attitude,
+        rate_rad_s=far.motion.rate_rad_s,
+    )
+    tracked = TrackedMotion(motion=near, excitation=np.ones(2))
+    measured = InterferometerSource(system, RadioParams(), LinkParams(), 5).measure(0.0, near)
+    sigmas = {}
+    for floor in (NO_FLOOR, NO_FLOOR.replace(path_acceleration_m_s2=0.005, first_path_acceleration_m_s2=0.3)):
+        reading = read_ranges(measured, system, floor)
+        off = reading.vector[:9] - expected_reading(tracked, reading, system)[:9]
+        spread = np.sqrt(np.diag(reading.covariance)[:9])
+        sigmas[floor.first_path_acceleration_m_s2] = spread[0]
+        bent = np.max(np.abs(off))
+        if floor is NO_FLOOR:
+            assert bent > 20.0 * spread[0]
+            assert reading.lane_deviation > 20.0
+        else:
+            assert bent < 4.0 * spread[0]
+            assert reading.lane_deviation < 4.0
+    assert sigmas[0.3] < 1.5 * sigmas[0.0]
 
 
 def test_repeated_phases_that_disagree_show_in_the_resultant(far) -> None:

@@ -10,7 +10,7 @@ from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 from rf_pointing.papers.interferometer_simulation import carrier_phases
 
 SYSTEM = InterferometerSystem(schedule=Schedule(order="ascending"))
-LOUD = RadioParams(forward_power_w=1e6, return_power_w=1e6)
+LOUD = RadioParams(forward_power_w=1e6, return_power_w=1e6, phase_noise_rad=0.0)
 
 
 def motion(position=(300.0, 20.0, -10.0), attitude=None) -> RelativeMotion:

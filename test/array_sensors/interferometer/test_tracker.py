@@ -3,10 +3,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler, rotation_vector
 from rf_pointing.array_sensors.interferometer.motion import DockingApproach, RelativeMotion, moved
-from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
+from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams, required_power_w
 from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams
 from rf_pointing.array_sensors.interferometer.source import InterferometerSource
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
@@ -15,6 +16,7 @@ from rf_pointing.array_sensors.interferometer.tracker import InterferometerTrack
 SYSTEM = InterferometerSystem()
 TRACKER = InterferometerTracker(system=SYSTEM)
 STEP_S = 2.0
+HARDWARE = RadioParams(hardware_phase_rad=0.002, hardware_rate_rad_s=0.02, hardware_coupling=0.002)
 
 
 def source(seed: int = 1, radio: RadioParams | None = None, **options) -> InterferometerSource:
@@ -242,3 +244,94 @@ def test_predicted_path_rates_hold_track_at_a_power_where_measured_ones_fail() -
         held += output.status == "tracking"
         cold += TRACKER.step(TrackerState(), measurement)[1].status == "tracking"
     assert held >= cold + 5
+
+
+@pytest.mark.parametrize(("range_m", "across_m_s"), [(200.0, 1.5), (200.0, 4.0), (2e3, 5.0), (30.0, 1.0)])
+def test_a_path_that_is_crossed_is_acquired_at_once_and_tracked(range_m: float, across_m_s: float) -> None:
+    truth = RelativeMotion(
+        position_m=range_m * np.array([0.96, 0.28, 0.0]),
+        velocity_m_s=across_m_s * np.array([-0.28, 0.96, 0.0]),
+        attitude=attitude_from_euler(0.1, -0.15, 0.3),
+        rate_rad_s=np.array([5e-3, 1e-3, -1e-3]),
+    )
+    _, outputs = run(source(radio=HARDWARE), truth, 6)
+    for step, output in enumerate(outputs):
+        assert output.status == "tracking", output.reason
+        assert np.max(np.abs(normalised_errors(output, moved(truth, STEP_S * step)))) < 5.0
+
+
+def test_fixed_errors_of_the_hardware_are_not_averaged_away() -> None:
+    """Mean square of the normalised errors (12) over 16 runs of 12 readings: 71 where they are taken as white."""
+    squares = []
+    for seed in range(16):
+        truth = drifting()
+        _, outputs = run(source(seed, HARDWARE), truth, 12)
+        there, found = moved(truth, STEP_S * 11), outputs[-1].estimate
+        off = normalised_errors(outputs[-1], there) * np.sqrt(np.diag(found.covariance))
+        squares.append(off @ np.linalg.solve(found.covariance, off))
+    # The motion is steadier than the model's, so a mean below 12 is right.
+    assert 6.0 < np.mean(squares) < chi2.ppf(0.999, 12 * len(squares)) / len(squares)
+
+
+def test_position_80_km_away_is_within_its_covariance_along_the_sight() -> None:
+    far = dataclasses.replace(drifting(), position_m=np.array([7.9e4, 9e3, -6e3]))
+    for seed in range(8):
+        _, outputs = run(source(seed), far, 3)
+        for step, output in enumerate(outputs):
+            assert np.max(np.abs(normalised_errors(output, moved(far, STEP_S * step)))) < 5.0
+            off = moved(far, STEP_S * step).position_m - output.estimate.motion.position_m
+            assert off @ np.linalg.solve(output.estimate.covariance[:3, :3], off) < 30.0
+
+
+@pytest.mark.parametrize("size_rad", [0.1, 0.5, 2.0])
+def test_carrier_phases_that_all_paths_share_are_refused(size_rad: float, rng) -> None:
+    """Half a radian on each carrier made a range of 2 km and 97 m in one run of eight."""
+    for seed in range(10):
+        shared = rng.uniform(-1.0, 1.0, SYSTEM.plan.count)[SYSTEM.schedule.carriers(SYSTEM.plan)] * size_rad
+        measured = source(seed).measure(0.0, drifting())
+        turned = dataclasses.replace(measured, phase_rad=measured.phase_rad + shared[:, None, None])
+        _, output = TRACKER.step(TrackerState(), turned)
+        assert output.status == "acquiring"
+        assert "sigma from a whole number" in output.reason or "lane residual" in output.reason
+
+
+def test_a_coarse_wrong_lane_of_all_paths_has_the_wrong_power() -> None:
+    plan, truth = SYSTEM.plan, drifting()
+    measured = source().measure(0.0, truth)
+    # As if the way were one lane of the second difference longer, on every carrier: 19.6 km.
+    shift = 2.0 * np.pi * plan.ambiguities_m[1] * plan.offsets_hz / plan.speed_of_light_m_s
+    turned = measured.phase_rad + shift[SYSTEM.schedule.carriers(plan)][:, None, None]
+    _, output = TRACKER.step(TrackerState(), dataclasses.replace(measured, phase_rad=turned))
+    assert output.status == "acquiring"
+    assert output.reason.startswith("power of the forward link is +13.8 dB from that at 24567.")
+
+
+def test_weak_links_are_acquired_on_the_right_lanes_or_not_at_all() -> None:
+    acquired = 0
+    for seed in range(40):
+        snr = 10.0 ** (0.1 * (12.0 + 0.45 * seed))
+        powers = [float(required_power_w(snr, 2e4, link_hz, LinkParams())) for link_hz in (3.4e9, 2.4e9)]
+        radio = RadioParams(forward_power_w=powers[0], return_power_w=powers[1])
+        truth = dataclasses.replace(drifting(), position_m=np.array([2e4, 300.0, -200.0]))
+        tracker = dataclasses.replace(TRACKER, radio=radio)
+        _, output = tracker.step(TrackerState(), source(seed, radio).measure(0.0, truth))
+        if output.estimate is not None:
+            acquired += 1
+            assert np.max(np.abs(normalised_errors(output, truth))) < 5.0
+    assert acquired >= 12
+
+
+def test_no_pose_is_given_while_sound_readings_contradict_the_prediction() -> None:
+    truth, maker = drifting(), source()
+    state, outputs = run(maker, truth, 4)
+    pushed = dataclasses.replace(moved(truth, 8.0), velocity_m_s=truth.velocity_m_s + np.array([0.3, 0.0, 0.0]))
+    for step in range(4, 20):
+        there = moved(pushed, STEP_S * (step - 4))
+        state, output = TRACKER.step(state, maker.measure(STEP_S * step, there))
+        if output.estimate is None:
+            assert "contradicts the prediction" in output.reason
+        else:
+            assert np.max(np.abs(normalised_errors(output, there))) < 5.0
+        outputs.append(output)
+    assert outputs[4].estimate is None
+    assert outputs[-1].status == "tracking"

@@ -84,6 +84,32 @@ def test_known_dead_elements_quantiser_and_taper_leave_no_bias() -> None:
     assert np.mean(scores(found, truth)) == pytest.approx(2.0, abs=0.6)
 
 
+def test_dead_elements_named_by_the_array_are_those_of_a_mask() -> None:
+    array = TripulseArrayParams(n_x=12, n_y=14, failed="1:1, 2:1,12:14")
+    mask = np.zeros((12, 14), dtype=bool)
+    mask[0, 0] = mask[1, 0] = mask[11, 13] = True
+    named, truth = run(SIGNALS["two_tone"], 20, array)
+    masked, _ = run(SIGNALS["two_tone"], 20, TripulseArrayParams(n_x=12, n_y=14), mask)
+    for one, two in zip(named, masked, strict=True):
+        assert one.valid
+        np.testing.assert_array_equal(one.projections, two.projections)
+    assert np.mean(scores(named, truth)) == pytest.approx(2.0, abs=1.2)
+
+
+@pytest.mark.parametrize(
+    ("failed", "words"),
+    [
+        ("3", "must be pairs such as 3:16"),
+        ("1:x", "must be pairs such as 3:16"),
+        ("0:1", "failed element 0:1 must be from 1:1 to 16:16"),
+        ("17:1", "must be from 1:1 to 16:16"),
+    ],
+)
+def test_dead_elements_that_do_not_exist_are_refused(failed: str, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        TripulseArrayParams(failed=failed)
+
+
 def test_no_signal_is_invalid_with_the_prior_and_its_reason() -> None:
     (measured,), _ = run(SIGNALS["two_tone"], 1, element_carrier_to_noise_db_hz=-20.0)
     assert not measured.valid

@@ -111,12 +111,17 @@ for _t in REFERENCES.values():
 
 
 def observations(
-    rotation: np.ndarray, t_s: float, rng: np.random.Generator, names: list[str], scale: float = 1.0
+    rotation: np.ndarray,
+    t_s: float,
+    rng: np.random.Generator,
+    names: list[str],
+    scale: float = 1.0,
+    shared: float = 0.0,
 ) -> list[StationObservation]:
-    found = []
+    found, bias = [], shared * rng.normal(size=2)
     for index, name in enumerate(names):
         sigma = SIGMA * scale * (1.0 + index)
-        projections = (rotation @ REFERENCES[name])[:2] + sigma * rng.normal(size=2)
+        projections = (rotation @ REFERENCES[name])[:2] + bias + sigma * rng.normal(size=2)
         found.append(
             StationObservation(
                 t_s=t_s,
@@ -136,14 +141,15 @@ def filled(seen: list[StationObservation], **changes: float) -> StationAttitudeE
     return estimator
 
 
+@pytest.mark.parametrize("shared", [0.0, 6e-4])
 @pytest.mark.parametrize("names", [["usingen", "hartebeesthoek"], ["usingen", "hartebeesthoek", "kourou"]])
-def test_attitude_is_recovered_with_honest_covariance_in_both_frames(names: list[str]) -> None:
+def test_attitude_is_recovered_with_honest_covariance_in_both_frames(names: list[str], shared: float) -> None:
     rng, trials = random_stream(1, "station attitude"), 400
     scores, array_scores, residuals = [], [], []
     for _ in range(trials):
         truth = quaternion_from_rotation_vector(0.05 * rng.normal(size=3))
         rotation = quaternion_to_matrix(truth).T
-        found = filled(observations(rotation, 1.0, rng, names)).estimate(1.0)
+        found = filled(observations(rotation, 1.0, rng, names, shared=shared), shared_sigma=shared).estimate(1.0)
         assert found.valid
         residuals.append(found.residual)
         # C_hat = (I + [e]) C about the reference axes, C_hat = C (I + [d]) about the array axes.
