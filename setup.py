@@ -15,6 +15,7 @@ EXECUTABLES = {
         "pointing_controller",
         "rf_receiver",
         "simulation_clock",
+        "station_executive",
     ],
     "commands": [
         "calibrate",
@@ -27,6 +28,7 @@ EXECUTABLES = {
         "plan_calibration",
         "plan_passes",
         "report",
+        "station",
         "track",
     ],
     "array_sensors.nodes": [
@@ -69,6 +71,7 @@ setup(
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={
         f"{PACKAGE}.controllers": ["*.json"],
+        f"{PACKAGE}.operations": ["tables/*"],
         f"{PACKAGE}.report": ["templates/*"],
         f"{PACKAGE}.station.description": ["stations/*"],
     },

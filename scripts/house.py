@@ -26,7 +26,7 @@ OTHER_ROOMS = ("array_sensors", "papers")
 SMALL_LINES = 60
 SMALL_ON_PURPOSE: dict[str, str] = {
     "rf_pointing/calibration/ionosphere.py": "one physical model with its source, no step of the pipeline",
-    "rf_pointing/commands/recorder.py": "examples record with it, too",
+    "rf_pointing/nodes/recorder.py": "examples record with it, too",
 }
 """Small modules with one importer that stay, each with the reason."""
 SENSORS = ("monopulse", "conscan", "steptrack")

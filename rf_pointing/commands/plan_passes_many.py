@@ -18,7 +18,6 @@ import math
 import re
 import time
 from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +28,7 @@ from rf_pointing.core.whole_file import write_whole
 from rf_pointing.ephemeris import Elements, find_elements
 from rf_pointing.ephemeris.source import load_catalogue
 from rf_pointing.ephemeris.uncertainty import error_text
+from rf_pointing.operations.pass_list import read_passes, to_calendar
 from rf_pointing.station.pointing.certificates import PlanningRules
 from rf_pointing.station.pointing.day_plan import DayPass, DayPlan, Fate, Wish, plan_day
 
@@ -145,7 +145,7 @@ def report(options: argparse.Namespace, plan: DayPlan, rules: PlanningRules) -> 
         write_whole(Path(options.csv), csv_text(rows))
         say("plan_passes", options.csv)
     if options.ics:
-        write_whole(Path(options.ics), calendar_text(plan, station_of(options).name, time.time()))
+        write_whole(Path(options.ics), calendar_text(plan, station_of(options).name, time.time(), beamwidth_rad))
         say("plan_passes", options.ics)
     if options.picture:
         from rf_pointing.report.day_picture import draw_day
@@ -163,6 +163,11 @@ def row_values(item: DayPass, beamwidth_rad: float) -> dict[str, Any]:
     values["duration_s"] = window.duration_s
     names = ("peak_elevation_rad", "aos_azimuth_rad", "tca_azimuth_rad", "los_azimuth_rad", "tca_azimuth_rate_rad_s")
     values |= dict(to_degrees(name, getattr(window, name)) for name in names)
+    # Continuous from the rise on: what a schedule needs to know of the turns between two passes.
+    low, high, end = window.azimuth_path_rad[1:]
+    names_of_path = {"azimuth_low_rad": low, "azimuth_high_rad": high, "azimuth_end_rad": end}
+    names_of_path |= {"aos_elevation_rad": window.aos_elevation_rad, "los_elevation_rad": window.los_elevation_rad}
+    values |= dict(to_degrees(name, value) for name, value in names_of_path.items())
     values |= {"tca_range_m": window.tca_range_m, "rises_before": window.rises_before, "sets_after": window.sets_after}
     values["element_age_h"] = item.age_s / 3600.0
     values |= {
@@ -200,31 +205,21 @@ def csv_text(rows: Sequence[dict[str, Any]]) -> str:
     return text.getvalue()
 
 
-def calendar_text(plan: DayPlan, station: str, now_s: float) -> str:
+def calendar_text(plan: DayPlan, station: str, now_s: float, beamwidth_rad: float) -> str:
     """Return the tracked passes as a calendar (RFC 5545)."""
-    from icalendar import Calendar, Event
+    tracked = [item for item in plan.passes if item.fate is Fate.TRACKED]
+    passes = read_passes(json.dumps([row_values(item, beamwidth_rad) for item in tracked]))
+    remarks = {one.id: _remark(item) for one, item in zip(passes, tracked, strict=True)}
+    return to_calendar(passes, station, now_s, remarks)
 
-    calendar = Calendar()
-    calendar.add("prodid", "-//rf_pointing//plan_passes//EN")
-    calendar.add("version", "2.0")
-    calendar.add("x-wr-calname", f"Passes over {station}")
-    for item in plan.passes:
-        if item.fate is not Fate.TRACKED:
-            continue
-        window, event = item.window, Event()
-        peak_deg, number = math.degrees(window.peak_elevation_rad), window.elements.catalogue_number
-        branch = item.certificate.chosen.label if item.certificate and item.certificate.chosen else ""
-        event.add("uid", f"{number}-{round(window.tca_t_s)}@rf_pointing")
-        event.add("dtstamp", datetime.fromtimestamp(int(now_s), UTC))
-        # Calendars have whole seconds; the event holds all of the pass.
-        event.add("dtstart", datetime.fromtimestamp(math.floor(window.aos_t_s), UTC))
-        event.add("dtend", datetime.fromtimestamp(math.floor(window.los_t_s), UTC) + timedelta(seconds=1))
-        event.add("summary", f"{window.name}, peak {peak_deg:.0f} deg")
-        event.add("location", station)
-        event.add("description", f"Catalogue number {number}, priority {item.priority}, branch {branch}\n"
-                  f"Closest approach {utc_text(window.tca_t_s)}, {peak_deg:.2f} deg")  # fmt: skip
-        calendar.add_component(event)
-    return str(calendar.to_ical().decode("utf-8"))
+
+def _remark(item: DayPass) -> str:
+    window, chosen = item.window, item.certificate.chosen if item.certificate else None
+    branch, peak_deg = chosen.label if chosen else "", math.degrees(window.peak_elevation_rad)
+    return (
+        f"Catalogue number {window.elements.catalogue_number}, priority {item.priority}, branch {branch}\n"
+        f"Closest approach {utc_text(window.tca_t_s)}, {peak_deg:.2f} deg"
+    )
 
 
 def stale_text(plan: DayPlan, stale_s: float, beamwidth_rad: float) -> str:

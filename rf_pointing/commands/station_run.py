@@ -17,7 +17,6 @@ from std_srvs.srv import Trigger
 
 from rf_pointing.commands.managed_graph import ManagedGraph, NotStartedError
 from rf_pointing.commands.options import say, station_of
-from rf_pointing.commands.recorder import Recorder
 from rf_pointing.commands.track_options import (
     bag_folder,
     in_real_time,
@@ -29,6 +28,7 @@ from rf_pointing.commands.track_options import (
 from rf_pointing.ephemeris import Pass
 from rf_pointing.nodes.graph import NODES, TOPICS, topics_of
 from rf_pointing.nodes.main_loop import make_executor, settle_garbage
+from rf_pointing.nodes.recorder import Recorder
 
 PATIENCE_S = 20.0
 SETTLE_S = 0.2

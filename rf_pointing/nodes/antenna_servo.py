@@ -4,6 +4,7 @@ Subscribes: joint_trajectory.  Publishes: joint_states (50 Hz), antenna_status (
 activation, and when a fault comes or goes), sim/boresight (50 Hz, truth); while identifying
 manual_rate (50 Hz).  Action: identify (rf_pointing_msgs/Identify).  Services (std_srvs/Trigger):
 ~/stop (latches a fault), ~/pause, ~/resume, ~/park, ~/stow, ~/disable, ~/reset_fault;
+~/go_to (rf_pointing_msgs/GoTo: to a position, and hold there),
 ~/inject_fault (rf_pointing_msgs/InjectFault, where fault injection is enabled).  Parameters:
 antenna.*, drive.* (which drive, and how it is reached), loops.* (retunable while running),
 safety.*, wrap_file (keeps the azimuth's turn over a restart; empty: not kept), state_file (keeps
@@ -26,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing_msgs.msg import AntennaStatus, Boresight
-from rf_pointing_msgs.srv import InjectFault
+from rf_pointing_msgs.srv import GoTo, InjectFault
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -39,7 +40,7 @@ from rf_pointing.nodes.identification_server import IdentificationServer
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
-from rf_pointing.nodes.station_node import StationNode
+from rf_pointing.nodes.station_node import ExecutiveWatch, StationNode
 from rf_pointing.nodes.topic_drive import TopicDrive
 from rf_pointing.planning import WrapCount
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna, wait_for_drive
@@ -110,6 +111,7 @@ class AntennaServo(StationNode):
                    "park": antenna.park, "stow": antenna.stow, "disable": antenna.disable}  # fmt: skip
         for name, action in actions.items():
             self.serve_action(Trigger, f"~/{name}", partial(self._act, name, action))
+        self.serve_action(GoTo, "~/go_to", self._go_to)
         if value("").enable_fault_injection and not real:
             self.serve_action(InjectFault, "~/inject_fault", self._inject)
         self.diagnostics.add("drive", self._health)
@@ -117,6 +119,7 @@ class AntennaServo(StationNode):
             self.diagnostics.add("device", self._device_health)
         self.diagnostics.add("oscillation", self._oscillation_health)
         self.diagnostics.add("memory", self._memory_health)
+        ExecutiveWatch(self)
 
     def _on_drive(self, params: AntennaParams) -> DriveAntenna:
         """Connect the drive of the parameters; it is looked at until cleanup."""
@@ -277,6 +280,9 @@ class AntennaServo(StationNode):
         if refused := action():
             raise ValueError(refused)
         return f"{name} accepted"
+
+    def _go_to(self, request: GoTo.Request) -> str:
+        return self._act("go_to", partial(self._antenna.go_to, (request.azimuth, request.elevation)), request)
 
     def _inject(self, request: InjectFault.Request) -> str:
         self._antenna.injected.inject(request.fault, request.value)

@@ -7,6 +7,7 @@ from rf_pointing.core import require_finite
 from rf_pointing.ephemeris import Pass
 from rf_pointing.nodes.convert import pair
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.operations.schedule import Entry
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
 
 _PROFILE = {"": "position_rad", "_rate": "velocity_rad_s", "_acceleration": "acceleration_rad_s2"}
@@ -18,6 +19,15 @@ _certificate_to_message, _certificate_from_message = pair(
 _branch_to_message, _branch_from_message = pair(
     Branch, ours.PassBranch, reasons="refusals", crossing=None, axes_rad=None
 )
+
+
+def entry_to_message(entry: Entry) -> ours.ScheduledPass:
+    item = entry.item
+    return ours.ScheduledPass(
+        id=item.id, target=item.name or item.target, priority=item.priority, aos=stamp_from_seconds(item.aos_t_s),
+        los=stamp_from_seconds(item.los_t_s), peak_elevation=item.peak_rad, state=str(entry.state), reason=entry.reason,
+        seconds_tracked=entry.tracked_s, seconds_lost=entry.lost_s, mean_loss=entry.loss_db,
+    )  # fmt: skip
 
 
 def pass_from_message(message: ours.Pass) -> Pass:

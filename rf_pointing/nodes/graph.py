@@ -60,7 +60,11 @@ _AHEAD_S = -1.0
 ESSENTIAL = "antenna_status"
 """While this topic is silent, time runs no faster than the wall clock."""
 
+EXECUTIVE = "station_executive"
+"""The node of a night without an operator; a station without it is whole."""
 STATION_IN_USE = "station_in_use"
+SCHEDULE = "schedule"
+EXECUTIVE_STATUS = "executive_status"
 _POINTING_ERROR = Topic(
     "pointing_error", ours.PointingError, STREAM, "10 Hz, conscan once a scan", allowed_lag_s=_ONE_CLUSTER_S
 )
@@ -123,8 +127,12 @@ def _topics() -> tuple[Topic, ...]:
             others = f"{found[topic.name].publisher}, " if topic.name in found else ""
             found[topic.name] = replace(topic, publisher=others + node.name)
     every = "every node"
+    executive = (
+        Topic(SCHEDULE, ours.Schedule, LATCHED, "latched", EXECUTIVE, "passes of the antenna and what becomes of them"),
+        Topic(EXECUTIVE_STATUS, ours.ExecutiveStatus, STATUS, "1 Hz", EXECUTIVE, "what it does, and the alarms"),
+    )
     in_use = Topic(STATION_IN_USE, ours.StationInUse, IN_USE, "latched", every, "station description and band")
-    return (*found.values(), in_use, Topic("/diagnostics", DiagnosticArray, STREAM, "1 Hz", every))
+    return (*found.values(), *executive, in_use, Topic("/diagnostics", DiagnosticArray, STREAM, "1 Hz", every))
 
 
 def topics_of(names: Collection[str]) -> tuple[Topic, ...]:

@@ -5,19 +5,23 @@ different limits or another horizon are how antennas get damaged, so the pointin
 a pass while a node of its namespace differs.
 """
 
+import time
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
-from rf_pointing_msgs.msg import StationInUse
+from rf_pointing_msgs.msg import ExecutiveStatus, StationInUse
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.nodes.graph import STATION_IN_USE
+from rf_pointing.nodes.diagnostics import ERROR, Health
+from rf_pointing.nodes.graph import EXECUTIVE_STATUS, STATION_IN_USE
 from rf_pointing.nodes.managed import ManagedNode
-from rf_pointing.nodes.qos import IN_USE
+from rf_pointing.nodes.qos import IN_USE, STATUS
 from rf_pointing.station.description import StationDescription, owner, read_station
 
+EXECUTIVE_SILENT_S = 5.0
+"""Wall time after which a silent executive is an error; it reports once a second."""
 SHOWN_DIGITS = 12
 """Digits of a digest in a message to the operator."""
 
@@ -60,6 +64,28 @@ class StationNode(ManagedNode):
             message.header.stamp = self.get_clock().now().to_msg()
             self.publisher(StationInUse, STATION_IN_USE, IN_USE).publish(message)
         return result
+
+
+class ExecutiveWatch:
+    """Notices an executive that has died in the middle of a night; its own alarms cannot say so."""
+
+    def __init__(self, node: StationNode) -> None:
+        self._seen_s: float | None = None
+        self._state = ""
+        node.listen(ExecutiveStatus, EXECUTIVE_STATUS, self._note, STATUS)
+        node.diagnostics.add("executive", self._health)
+
+    def _note(self, message: ExecutiveStatus) -> None:
+        self._seen_s, self._state = time.monotonic(), message.state
+
+    def _health(self) -> Health:
+        if self._seen_s is None:
+            return Health(message="none")
+        silent_s = time.monotonic() - self._seen_s
+        # One that is idle may end: nothing waits for it.
+        if silent_s > EXECUTIVE_SILENT_S and self._state != "idle":
+            return Health(ERROR, f"station_executive has been silent for {silent_s:.0f} s; it was {self._state}")
+        return Health(message=self._state)
 
 
 class StationCensus:

@@ -5,11 +5,15 @@ procedure is a network of blocks of directives; a directive counts as done when 
 the expected state, never when its response arrives.
 """
 
+from rf_pointing.operations.alarms import AlarmParams
 from rf_pointing.operations.executor import BlockState, Executor, JournalEntry
 from rf_pointing.operations.procedure import Block, Directive, Procedure, read_procedure
+from rf_pointing.operations.schedule import BetweenParams
 from rf_pointing.operations.situation import Condition, Situation
 
 __all__ = [
+    "AlarmParams",
+    "BetweenParams",
     "Block",
     "BlockState",
     "Condition",

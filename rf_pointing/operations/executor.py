@@ -77,13 +77,15 @@ class Executor:
     def __init__(
         self, procedure: Procedure, parameters: Mapping[str, Any], situation: Situation, send: Send, zero_s: float = 0.0
     ) -> None:
-        self.procedure, self.parameters = procedure, procedure.with_parameters(parameters)
+        self.parameters = procedure.with_parameters(parameters)
+        self.procedure = procedure.with_timeouts(self.parameters)
         self.situation, self.zero_s, self._send = situation, zero_s, send
         self.runs = {name: BlockRun() for name in procedure.blocks}
         self.journal: list[JournalEntry] = []
         self.paused = self.stopped = False
         self._order = tuple(TopologicalSorter({n: b.after for n, b in procedure.blocks.items()}).static_order())
         self._sent: dict[int, str] = {}
+        self._accepted: dict[int, str] = {}
         self._number = 0
 
     @property
@@ -127,10 +129,17 @@ class Executor:
         directive = self.procedure.blocks[name].directives[run.answered]
         self._note(now_s, name, directive.name, "accepted" if accepted else "rejected", text)
         if accepted:
+            self._accepted[number] = name
             run.answered += 1
             run.settled_s = now_s
         elif run.state not in DONE:
             self._fail(name, f"{directive.name} was rejected: {text}", now_s)
+
+    def fail(self, number: int, text: str, now_s: float) -> None:
+        """Take the report that an accepted directive has failed at its device."""
+        name = self._accepted.pop(number, "")
+        if name and self.runs[name].state == BlockState.EXECUTING:
+            self._fail(name, text, now_s)
 
     # Controls
 
@@ -249,11 +258,19 @@ class Executor:
             self._send_next(block, run, now_s)
         elif not (reasons := self._missing(block, run, now_s)):
             self._complete(block, run, now_s)
+        elif block.fails and not self._unmet(block.fails, now_s, max([run.settled_s, *run.sent_s])):
+            self._fail(block.name, " and ".join(map(self.situation.shown, block.fails)), now_s)
         elif now_s - run.settled_s > block.timeout_s:
             self._fail(block.name, f"not shown: {reasons}", now_s)
 
     def _send_next(self, block: Block, run: BlockRun, now_s: float) -> None:
         directive = block.directives[run.answered]
+        if self._unmet(directive.when, now_s):
+            self._note(now_s, block.name, directive.name, "left out")
+            run.sent_s.append(-math.inf)
+            run.answered += 1
+            run.settled_s = now_s
+            return
         try:
             arguments = directive.filled(self.parameters, self.situation)
         except ValueError as error:
@@ -296,8 +313,9 @@ class Executor:
         shown = [
             self._unmet(directive.expected, now_s, sent_s)
             for directive, sent_s in zip(block.directives, run.sent_s, strict=True)
+            if sent_s > -math.inf
         ]
-        last_s = run.sent_s[-1] if run.sent_s else -math.inf
+        last_s = max(run.sent_s, default=-math.inf)
         return "; ".join(filter(None, [*shown, self._unmet(block.then, now_s, last_s)]))
 
     def _unmet(self, conditions: tuple[Any, ...], now_s: float, since_s: float = -math.inf) -> str:

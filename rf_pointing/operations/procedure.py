@@ -11,15 +11,18 @@
           - send: antenna_servo/resume
             with: {speed: "${speed}"}      # a parameter, or the actual value of device.attribute
             expect: {antenna.mode: holding}
+            when: {antenna.mode: parked}   # left out where this does not hold
         then: {antenna.moving: false}      # postconditions
+        fails: {tracking.mode: idle}       # an anomaly at once, when all of these show
         window_s: [-300, 0]                # start within these times from the procedure's zero
-        timeout_s: 120                     # of each response, and of the conditions
+        timeout_s: 120                     # of each response and condition; or a ${parameter}
         optional: true                     # its failure does not hold the procedure up
         skippable: true                    # the operator may skip it
 
 The dictionary of directives says which names exist and which arguments each takes.
 """
 
+import dataclasses
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -27,14 +30,13 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
-import yaml
-
+from rf_pointing.core.whole_file import parse_yaml
 from rf_pointing.operations.situation import Condition, Situation, read_conditions
 
 _PLACE = re.compile(r"^\$\{([A-Za-z_][\w.]*)\}$")
 _PROCEDURE_KEYS = {"version", "name", "parameters", "blocks"}
-_BLOCK_KEYS = {"after", "before", "directives", "then", "window_s", "timeout_s", "optional", "skippable"}
-_DIRECTIVE_KEYS = {"send", "with", "expect"}
+_BLOCK_KEYS = {"after", "before", "directives", "then", "fails", "window_s", "timeout_s", "optional", "skippable"}
+_DIRECTIVE_KEYS = {"send", "with", "expect", "when"}
 TIMEOUT_S = 60.0
 LARGEST_FILE = 1_000_000
 """Characters of a procedure: more is no procedure."""
@@ -47,6 +49,7 @@ class Directive:
     name: str
     arguments: Mapping[str, Any]
     expected: tuple[Condition, ...]
+    when: tuple[Condition, ...] = ()
 
     def filled(self, parameters: Mapping[str, Any], situation: Situation) -> dict[str, Any]:
         """Return the arguments with every place-holder replaced; ValueError for an unknown one."""
@@ -64,10 +67,13 @@ class Block:
     before: tuple[Condition, ...]
     directives: tuple[Directive, ...]
     then: tuple[Condition, ...]
+    fails: tuple[Condition, ...]
     window_s: tuple[float, float]
     timeout_s: float
     optional: bool
     skippable: bool
+    timeout_from: str = ""
+    """Parameter that gives the timeout, in place of the number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +95,16 @@ class Procedure:
             raise ValueError(f"{self.name} needs {', '.join(missing)}")
         return values
 
+    def with_timeouts(self, parameters: Mapping[str, Any]) -> "Procedure":
+        """Return the procedure with numbers for the place-holders of its times."""
+        blocks = {}
+        for name, block in self.blocks.items():
+            timeout_s = parameters[block.timeout_from] if block.timeout_from else block.timeout_s
+            if not _is_number(timeout_s) or timeout_s <= 0.0:
+                raise ValueError(f"{name}.timeout_s={timeout_s!r} must be > 0 s")
+            blocks[name] = dataclasses.replace(block, timeout_s=float(timeout_s))
+        return dataclasses.replace(self, blocks=blocks)
+
 
 def read_procedure(text: str, dictionary: Mapping[str, Collection[str]]) -> Procedure:
     """Return the procedure of a YAML text.
@@ -98,13 +114,11 @@ def read_procedure(text: str, dictionary: Mapping[str, Collection[str]]) -> Proc
     """
     if len(text) > LARGEST_FILE:
         raise ValueError(f"a procedure of {len(text)} characters must have <= {LARGEST_FILE}")
-    if re.search(r"(^|[\s\[{,:-])[&*][A-Za-z0-9]", text):
-        # An alias of aliases of aliases fills the memory.
-        raise ValueError("a procedure must not use anchors and aliases of YAML")
-    try:
-        content = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError) as error:
-        raise ValueError(f"not YAML: {error}") from error
+    return procedure_from(parse_yaml(text), dictionary)
+
+
+def procedure_from(content: Any, dictionary: Mapping[str, Collection[str]]) -> Procedure:
+    """Return the procedure of the values of a YAML text, as `read_procedure`."""
     given = _mapping("the procedure", content, _PROCEDURE_KEYS)
     if given.get("version") != 1:
         raise ValueError(f"version={given.get('version')!r} must be 1")
@@ -128,8 +142,9 @@ def _block(name: str, given: Any, parameters: Mapping[str, Any], dictionary: Map
     if not isinstance(directives, Sequence) or isinstance(directives, str):
         raise ValueError(f"{name}.directives must be a list")
     timeout_s = values.get("timeout_s", TIMEOUT_S)
-    if not _is_number(timeout_s) or not 0.0 < timeout_s < math.inf:
-        raise ValueError(f"{name}.timeout_s={timeout_s!r} must be > 0 s")
+    place = _PLACE.match(timeout_s) if isinstance(timeout_s, str) else None
+    if not (place and place[1] in parameters) and not (_is_number(timeout_s) and timeout_s > 0.0):
+        raise ValueError(f"{name}.timeout_s={timeout_s!r} must be > 0 s, or a parameter")
     flags = {key: values.get(key, False) for key in ("optional", "skippable")}
     for key, flag in flags.items():
         if not isinstance(flag, bool):
@@ -142,8 +157,10 @@ def _block(name: str, given: Any, parameters: Mapping[str, Any], dictionary: Map
             _directive(f"{name}.directives[{k}]", each, parameters, dictionary) for k, each in enumerate(directives)
         ),
         then=read_conditions(f"{name}.then", values.get("then") or {}),
+        fails=read_conditions(f"{name}.fails", values.get("fails") or {}),
         window_s=_window(name, values.get("window_s")),
-        timeout_s=float(timeout_s),
+        timeout_s=TIMEOUT_S if place else float(timeout_s),
+        timeout_from=place[1] if place else "",
         **flags,
     )
 
@@ -163,7 +180,8 @@ def _directive(
                 f"{where}: {key}={value}: {place[1]} must be one of the parameters {', '.join(parameters)}"
             )
     expected = read_conditions(f"{where}.expect", values.get("expect") or {})
-    return Directive(name=name, arguments=arguments, expected=expected)
+    when = read_conditions(f"{where}.when", values.get("when") or {})
+    return Directive(name=name, arguments=arguments, expected=expected, when=when)
 
 
 def _require_network(blocks: Mapping[str, Block]) -> None:

@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-Value = str | float | int | bool
+Value = Any
+"""A number or a text; what is only handed on, as the window of a pass, may be any plain value."""
 _NUMBERS = ("above", "below")
 _TESTS = ("is", "is_not", "one_of", *_NUMBERS)
 OLDEST_S = 10.0
@@ -121,6 +122,19 @@ class Situation:
         if not condition.holds(seen.value):
             return f"{condition.attribute}={_shown(seen.value)}, must be: {condition}"
         return ""
+
+    def shown(self, condition: Condition) -> str:
+        """Return the present value of a condition's attribute in words."""
+        seen = self._actual.get(condition.attribute)
+        return f"{condition.attribute}={_shown(seen.value) if seen else 'unknown'}"
+
+    def attributes(self) -> dict[str, Observed]:
+        """Return every attribute with its newest value."""
+        return dict(self._actual)
+
+    def forget(self, attribute: str) -> None:
+        """Take an attribute out, as that of a device which is no longer there."""
+        self._actual.pop(attribute, None)
 
     def differences(self, now_s: float) -> dict[str, str]:
         """Return attribute and reason of every expectation that the actual state does not meet."""

@@ -28,7 +28,7 @@ BLOCK = "version: 1\nname: p\nparameters: {az: 10}\nblocks:\n  one: "
         (BLOCK + "{window_s: [5, 5]}", "the first must be < the last"),
         (BLOCK + "{timeout_s: 0}", "timeout_s=0 must be > 0 s"),
         (BLOCK + "{optional: perhaps}", "optional='perhaps' must be true or false"),
-        ("a: &x [1]\nb: *x", "must not use anchors"),
+        ("a: &x [1]\nb: *x", "must be written out"),
         ("x" * 1_000_001, "must have <= 1000000"),
     ],
 )  # fmt: skip

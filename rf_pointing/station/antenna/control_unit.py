@@ -27,6 +27,12 @@ from rf_pointing.station.pointing.status import AntennaStatus
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 SAME_S = 1e-9
+_ON_THE_WAY = {
+    Request.PARK: AntennaMode.PARKING,
+    Request.STOW: AntennaMode.STOWING,
+    Request.GO_TO: AntennaMode.HOLDING,
+}
+"""Mode of the antenna's own motions; one that holds at its end holds its goal from the start."""
 WIND_EVERY = 5
 """Ticks between two readings of the anemometer."""
 
@@ -197,6 +203,11 @@ class ControlUnit:
         """Go to the stow elevation at the present azimuth, also from park; set the brakes there."""
         return self._go(Request.STOW, (float(self.axes.encoder_rad[0]), self.safety.params.stow_elevation_rad))
 
+    def go_to(self, goal: Pair) -> str:
+        """Go to a position of the axes and hold there."""
+        reason = self.safety.gate.limits.reason(*goal)
+        return reason or self._go(Request.GO_TO, goal)
+
     def disable(self) -> str:
         """Stop under control and set the brakes where the axes then are."""
         reason = self.modes.reason_against(Request.DISABLE, self._motion())
@@ -244,7 +255,9 @@ class ControlUnit:
         reason = self.modes.reason_against(request, self._motion())
         if reason:
             return reason
-        decision = self.safety.check(str(request), self.t_s, pair(self.axes.encoder_rad), np.array([goal]))
+        # To hold anywhere is a preset: the gate knows no other motion that ends without brakes.
+        kind = "preset" if request == Request.GO_TO else str(request)
+        decision = self.safety.check(kind, self.t_s, pair(self.axes.encoder_rad), np.array([goal]))
         if not decision.allowed:
             return decision.reason
         if self.mode == AntennaMode.PARKED:
@@ -253,7 +266,7 @@ class ControlUnit:
                 return self.safety.latch.text
         self.safety.authority.release()
         self.axes.path.go(goal, decision.way)
-        self.modes.mode = AntennaMode.STOWING if request == Request.STOW else AntennaMode.PARKING
+        self.modes.mode = _ON_THE_WAY[request]
         return ""
 
     # One tick
@@ -298,6 +311,7 @@ class ControlUnit:
             warning=("" if axes.hardware.powered else axes.hardware.fault)
             or self._ran_dry
             or safety.warning(t_s, self.mode, pair(commanded)),
+            high_wind=safety.wind.reason,
             transmit_inhibit=silent or safety.gate.transmit_inhibit(float(axes.encoder_rad[1])),
             commander=safety.authority.holder,
         )

@@ -7,6 +7,7 @@
     a movable one --park, stow, disable--> parking, stowing, disabling --at rest-->
     parked, stowed, disabled --resume--> holding
     parked --stow--> stowing
+    a movable one --go_to--> holding, on its way to where it was sent
     fault --reset_fault--> holding
 
 A loop or a sensor that cannot be trusted leads to fault at once, with the brakes set.  Nothing here
@@ -45,6 +46,7 @@ class Request(StrEnum):
     RESUME = auto()
     PARK = auto()
     STOW = auto()
+    GO_TO = auto()
     DISABLE = auto()
     RESET_FAULT = auto()
 
@@ -132,9 +134,11 @@ class AntennaModes:
                 if self.mode == AntennaMode.PAUSED:
                     return ""
                 return now.high_wind if self.traits.at_rest else f"nothing to resume, the antenna is {self.mode}"
-            case Request.PARK | Request.STOW:
+            case Request.PARK | Request.STOW | Request.GO_TO:
                 if now.fault:
                     return f"fault latched ({now.fault}); reset it first"
+                if request == Request.GO_TO and now.high_wind:
+                    return now.high_wind
                 stows_parked = request == Request.STOW and self.mode == AntennaMode.PARKED
                 return "" if self.traits.movable or stows_parked else f"the antenna is {self.mode}"
             case Request.DISABLE:

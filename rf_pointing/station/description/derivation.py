@@ -20,6 +20,7 @@ from rf_pointing.core import Params, Sensor, leaves
 from rf_pointing.drives import DriveParams, takes_positions
 from rf_pointing.ephemeris import SITES, Site
 from rf_pointing.ephemeris.source import SourceParams
+from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.antenna.receiver import SignalParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
@@ -61,6 +62,7 @@ NODES: dict[str, dict[str, Params]] = {
     "rf_receiver": {"source": SourceParams(), "signal": SignalParams()},
     "monopulse_tracker": {Sensor.MONOPULSE: MonopulseParams(), "calibration": MonopulseScanParams()},
     power_tracker.NODE: PowerTrackerParams().sets(),
+    "station_executive": {"between": BetweenParams(), "alarms": AlarmParams()},
 }
 """Parameter sets of each node that a description covers, by their prefix."""
 # Their parameter sets are declared with the nodes.

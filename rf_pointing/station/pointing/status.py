@@ -76,5 +76,6 @@ class AntennaStatus:
     commands_rejected: int
     last_rejection: str
     warning: str = ""
+    high_wind: str = ""
     transmit_inhibit: str = ""
     commander: str = ""

@@ -11,9 +11,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rf_pointing_msgs.msg import PassList, Target
 from rosbags.rosbag2 import Reader
 
-from rf_pointing.commands.recorder import Recorder
 from rf_pointing.nodes.graph import TOPICS
 from rf_pointing.nodes.qos import LATCHED, STREAM
+from rf_pointing.nodes.recorder import Recorder
 
 DEADLINE_S = 20.0
 COUNT = 300

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from rf_pointing.nodes.graph import TOPICS, Topic
+from rf_pointing.nodes.graph import EXECUTIVE, TOPICS, Topic
 from rf_pointing.report.bag_writer import BagResult, BagWriter
 from rf_pointing.report.definitions import definitions, qos_from_profile
 
@@ -35,10 +35,17 @@ class Recorder:
         self._writer = BagWriter(path, definitions(Path(get_package_share_directory("rf_pointing_msgs"))), notes=notes)
         self._subscriptions = [self._subscribe(topic, namespace) for topic in topics]
 
+    @property
+    def problem(self) -> str:
+        """Why the recording has stopped, "" while it goes on."""
+        return self._writer.problem
+
     def unmatched(self) -> list[str]:
         """Return the topics, by full name, that no publisher of the run is connected to yet."""
-        waited = zip(self._topics, self._subscriptions, strict=True)
-        return [item.topic_name for topic, item in waited if topic.publisher and item.get_publisher_count() == 0]
+        rows = zip(self._topics, self._subscriptions, strict=True)
+        # A station without an executive is whole.
+        waited = [item for topic, item in rows if topic.publisher not in ("", EXECUTIVE)]
+        return [item.topic_name for item in waited if item.get_publisher_count() == 0]
 
     def close(self) -> BagResult:
         """End the recording; the result lists what is missing from the bag."""

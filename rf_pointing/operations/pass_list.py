@@ -1,0 +1,183 @@
+"""Lists of passes in and out: JSON, CSV and calendars (RFC 5545), as `plan_passes` writes them.
+
+A list of another program needs three columns: target (or catalogue_number, or name), aos_utc
+and los_utc.  A calendar needs events with a summary; what `plan_passes` adds as X-properties makes the
+way out and back exact.
+"""
+
+import csv
+import io
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from rf_pointing.core.dates import parse_utc, utc_text
+from rf_pointing.core.whole_file import parse_json
+from rf_pointing.operations.schedule import ScheduledPass
+
+MOST_PASSES = 20_000
+_PLANNED = ("", "tracked")
+"""Fates of rows of `plan_passes` that a schedule takes, unless all are asked for."""
+_PATH = ("aos_azimuth_deg", "azimuth_low_deg", "azimuth_high_deg", "azimuth_end_deg")
+_EXACT = "X-RF-POINTING-PASS"
+
+
+def read_passes(text: str, *, every: bool = True) -> list[ScheduledPass]:
+    """Return the passes of a text, whatever form it has; ValueError names the row.
+
+    Without `every` only those that `plan_passes` has planned are taken.
+    """
+    start = text.lstrip("\ufeff \r\n\t")
+    if start.startswith("BEGIN:VCALENDAR"):
+        rows = _calendar_rows(text)
+    elif start.startswith(("{", "[")):
+        content = parse_json(text)
+        rows = content.get("passes") if isinstance(content, Mapping) else content
+        if not isinstance(rows, list) or not all(isinstance(row, Mapping) for row in rows):
+            raise ValueError("a schedule in JSON must be a list of passes, or an object with passes")
+    else:
+        rows = list(csv.DictReader(io.StringIO(start)))
+    if len(rows) > MOST_PASSES:
+        raise ValueError(f"a schedule of {len(rows)} passes must have <= {MOST_PASSES}")
+    found = [
+        _pass_of(number, row) for number, row in enumerate(rows, start=1)
+        if every or row.get("fate", "") in (*_PLANNED, None)
+    ]  # fmt: skip
+    ids = [item.id for item in found]
+    if len(set(ids)) < len(ids):
+        twice = sorted({each for each in ids if ids.count(each) > 1})
+        raise ValueError(f"pass {', '.join(twice[:3])} is in the list twice")
+    return found
+
+
+def row_of(item: ScheduledPass) -> dict[str, Any]:
+    """Return one pass as names and plain values, with the names of `plan_passes`."""
+    path = (None,) * 4 if item.azimuth_path_rad is None else item.azimuth_path_rad
+    row = {
+        "id": item.id, "name": item.name, "target": item.target, "priority": item.priority,
+        "aos_utc": utc_text(item.aos_t_s), "los_utc": utc_text(item.los_t_s),
+        "peak_elevation_deg": math.degrees(item.peak_rad),
+        **{name: None if value is None else math.degrees(value) for name, value in zip(_PATH, path, strict=True)},
+        "aos_elevation_deg": math.degrees(item.elevation_rad[0]),
+        "los_elevation_deg": math.degrees(item.elevation_rad[1]),
+        "antenna": item.antenna, "sensor": item.sensor,
+        "element_age_h": None if math.isnan(item.element_age_s) else item.element_age_s / 3600.0,
+    }  # fmt: skip
+    return {name: round(value, 6) if isinstance(value, float) else value for name, value in row.items()}
+
+
+def to_json(passes: Iterable[ScheduledPass]) -> str:
+    """Return the passes as JSON, one a line."""
+    return '{"passes": [\n' + ",\n".join(json.dumps(row_of(item)) for item in passes) + "\n]}\n"
+
+
+def to_csv(passes: Sequence[ScheduledPass]) -> str:
+    """Return the passes as a table."""
+    text = io.StringIO()
+    rows = [row_of(item) for item in passes]
+    writer = csv.DictWriter(text, list(rows[0]) if rows else ["id"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def to_calendar(
+    passes: Iterable[ScheduledPass], station: str, now_s: float, remarks: Mapping[str, str] | None = None
+) -> str:
+    """Return the passes as a calendar; `remarks` are lines of the descriptions by id."""
+    from icalendar import Calendar, Event
+
+    calendar = Calendar()
+    calendar.add("prodid", "-//rf_pointing//plan_passes//EN")
+    calendar.add("version", "2.0")
+    calendar.add("x-wr-calname", f"Passes over {station}")
+    for item in passes:
+        event, name = Event(), item.name or item.target
+        event.add("uid", f"{item.id}@rf_pointing")
+        event.add("dtstamp", datetime.fromtimestamp(int(now_s), UTC))
+        # Calendars have whole seconds; the event holds all of the pass.
+        event.add("dtstart", datetime.fromtimestamp(math.floor(item.aos_t_s), UTC))
+        event.add("dtend", datetime.fromtimestamp(math.floor(item.los_t_s), UTC) + timedelta(seconds=1))
+        event.add("summary", f"{name}, peak {math.degrees(item.peak_rad):.0f} deg")
+        event.add("location", station)
+        event.add("description", (remarks or {}).get(item.id, f"{item.target}, priority {item.priority}"))
+        event.add(_EXACT, json.dumps(row_of(item)))
+        calendar.add_component(event)
+    return str(calendar.to_ical().decode("utf-8"))
+
+
+def _calendar_rows(text: str) -> list[dict[str, Any]]:
+    from icalendar import Calendar
+
+    try:
+        calendar = Calendar.from_ical(text)
+    except (ValueError, IndexError, KeyError) as error:
+        raise ValueError(f"not a calendar: {error}") from error
+    rows = []
+    for event in calendar.walk("VEVENT"):
+        exact = event.get(_EXACT)
+        if exact is not None:
+            row = parse_json(str(exact))
+            if not isinstance(row, dict):
+                raise ValueError(f"{_EXACT} of {event.get('summary')} must be an object")
+            rows.append(row)
+            continue
+        begin, end = (event.decoded(key, None) for key in ("dtstart", "dtend"))
+        if not isinstance(begin, datetime) or not isinstance(end, datetime):
+            raise ValueError(f"event {event.get('summary')} must have dtstart and dtend with a time of day")
+        times = {
+            key: utc_text((when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp())
+            for key, when in (("aos_utc", begin), ("los_utc", end))
+        }
+        rows.append({"target": re.split(r",\s*peak", str(event.get("summary") or ""))[0].strip(), **times})
+    return rows
+
+
+def _pass_of(number: int, row: Mapping[str, Any]) -> ScheduledPass:
+    try:
+        target = next((str(row[key]) for key in ("target", "catalogue_number", "name") if row.get(key)), "")
+        aos_t_s, los_t_s = parse_utc(str(row["aos_utc"])), parse_utc(str(row["los_utc"]))
+        path = tuple(_number(row, key) for key in _PATH)
+        known = all(math.isfinite(value) for value in path)
+        return ScheduledPass(
+            id=str(row.get("id") or f"{target.replace(' ', '_')}-{round(0.5 * (aos_t_s + los_t_s))}"),
+            target=target,
+            name=str(row.get("name") or target),
+            priority=int(row.get("priority") or 0),
+            aos_t_s=aos_t_s,
+            los_t_s=los_t_s,
+            peak_rad=math.radians(_number(row, "peak_elevation_deg", 0.0)),
+            azimuth_path_rad=_radians(path) if known else None,
+            elevation_rad=(
+                math.radians(_number(row, "aos_elevation_deg", 0.0)),
+                math.radians(_number(row, "los_elevation_deg", 0.0)),
+            ),
+            antenna=str(row.get("antenna") or ""),
+            sensor=str(row.get("sensor") or ""),
+            element_age_s=3600.0 * _number(row, "element_age_h"),
+        )
+    except KeyError as error:
+        raise ValueError(f"row {number}: {error.args[0]} is missing") from None
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"row {number}: {error}") from error
+
+
+def _radians(path: tuple[float, ...]) -> tuple[float, float, float, float]:
+    begin, low, high, end = map(math.radians, path)
+    return begin, low, high, end
+
+
+def _number(row: Mapping[str, Any], key: str, missing: float = math.nan) -> float:
+    value = row.get(key)
+    if value in (None, ""):
+        return missing
+    try:
+        found = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{key}={value!r} must be a number") from None
+    if not math.isfinite(found):
+        raise ValueError(f"{key}={value!r} must be finite")
+    return found

@@ -1,0 +1,259 @@
+"""The recovery table: for every cause what is done by itself, what is asked, how the night goes on.
+
+The table is a YAML file; `tables/recovery.yaml` is the shipped one, a station may change it.
+
+    actions:
+      reset_fault: {send: reset_antenna_fault, expect: {antenna.fault: ""}, timeout_s: 20}
+    causes:
+      latched_fault:
+        when: {antenna.fault: {is_not: ""}}     # all hold for `for_s`; ${names} are thresholds
+        for_s: ${fault_s}
+        level: error
+        text: "the antenna has a latched fault: {antenna.fault}"
+        do: [reset_fault]                        # by itself
+        not_by_itself: runaway|hard limit        # ... unless the text matches this expression
+        tries: 3
+        every_s: 30
+        ask: look at the antenna, then reset the fault
+        night: wait                              # continue, wait, weather, stop
+        last: stop                               # the same once the tries are used up
+
+`*.attribute` in `when` makes one cause of every device that has the attribute; `{device}` names it.
+"""
+
+import math
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from rf_pointing.core import leaves
+from rf_pointing.core.whole_file import parse_yaml
+from rf_pointing.operations.alarms import ERROR, WARNING, AlarmBook, AlarmParams
+from rf_pointing.operations.procedure import Procedure, procedure_from
+from rf_pointing.operations.situation import Condition, Situation, read_conditions
+
+EFFECTS = ("continue", "wait", "weather", "stop")
+"""How the night goes on: as before; no pass begins; no pass begins, for the weather; it ends."""
+_LEVELS = {"warning": WARNING, "error": ERROR}
+_CAUSE_KEYS = {"when", "for_s", "level", "text", "do", "not_by_itself", "tries", "every_s", "ask", "night", "last"}
+_PLACE = re.compile(r"^\$\{(\w+)\}$")
+_SHOWN = re.compile(r"\{([\w.*]+)\}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cause:
+    """One row of the table."""
+
+    name: str
+    when: tuple[Condition, ...]
+    for_s: float
+    level: int
+    text: str
+    do: tuple[str, ...]
+    not_by_itself: str
+    tries: int
+    every_s: float
+    ask: str
+    night: str
+    last: str
+
+
+@dataclass(frozen=True, slots=True)
+class RecoveryTable:
+    """The causes in order of the file, and the actions that they name."""
+
+    causes: tuple[Cause, ...]
+    actions: Mapping[str, Procedure]
+
+
+def read_table(text: str, dictionary: Mapping[str, Collection[str]], thresholds: AlarmParams) -> RecoveryTable:
+    """Return the table of a YAML text; ValueError with the place of the first mistake."""
+    content = parse_yaml(text)
+    if (
+        not isinstance(content, Mapping)
+        or content.get("version") != 1
+        or set(content) - {"version", "actions", "causes"}
+    ):
+        raise ValueError("a recovery table must have version: 1, actions and causes")
+    actions = {}
+    for name, given in _section("actions", content.get("actions")).items():
+        block = dict(given)
+        directive = {key: block.pop(key) for key in ("send", "with", "expect", "when") if key in block}
+        parameters = dict.fromkeys(("azimuth", "elevation"), 0.0)
+        actions[name] = procedure_from(
+            {
+                "version": 1,
+                "name": name,
+                "parameters": parameters,
+                "blocks": {name: block | {"directives": [directive]}},
+            },
+            dictionary,
+        )
+    known = {name: value for name, (_, value) in leaves(thresholds).items()}
+    causes = tuple(
+        _cause(name, given, actions, known) for name, given in _section("causes", content.get("causes")).items()
+    )
+    return RecoveryTable(causes, actions)
+
+
+def _section(name: str, given: Any) -> dict[str, dict[str, Any]]:
+    if not isinstance(given, Mapping) or not all(isinstance(value, Mapping) for value in given.values()):
+        raise ValueError(f"{name} must map names to their keys")
+    return {str(key): dict(value) for key, value in given.items()}
+
+
+def _cause(name: str, given: dict[str, Any], actions: Collection[str], known: Mapping[str, Any]) -> Cause:
+    unknown = sorted(set(given) - _CAUSE_KEYS)
+    if unknown:
+        raise ValueError(f"causes.{name}: unknown {', '.join(unknown)}; known are {', '.join(sorted(_CAUSE_KEYS))}")
+    values = _filled(f"causes.{name}", given, known)
+    do = tuple(values.get("do") or ())
+    if strange := sorted(set(do) - set(actions)):
+        raise ValueError(f"causes.{name}.do: {', '.join(strange)} must be one of {', '.join(sorted(actions))}")
+    night, level = values.get("night", "continue"), values.get("level", "error")
+    last = values.get("last", night)
+    for key, value, choices in (("night", night, EFFECTS), ("last", last, EFFECTS), ("level", level, _LEVELS)):
+        if value not in choices:
+            raise ValueError(f"causes.{name}.{key}={value!r} must be one of {', '.join(choices)}")
+    numbers = {key: values.get(key, default) for key, default in (("for_s", 0.0), ("tries", 0), ("every_s", 10.0))}
+    for key, value in numbers.items():
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value < math.inf:
+            raise ValueError(f"causes.{name}.{key}={value!r} must be a number >= 0")
+    try:
+        re.compile(pattern := str(values.get("not_by_itself", "")))
+    except re.error as error:
+        raise ValueError(f"causes.{name}.not_by_itself={pattern!r} is no regular expression: {error}") from error
+    when = read_conditions(f"causes.{name}.when", values.get("when"))
+    if not when:
+        raise ValueError(f"causes.{name}.when must have at least one condition")
+    return Cause(
+        name=name, when=when, for_s=float(numbers["for_s"]), level=_LEVELS[level],
+        text=str(values.get("text") or name.replace("_", " ")), do=do, not_by_itself=pattern,
+        tries=int(numbers["tries"]), every_s=float(numbers["every_s"]), ask=str(values.get("ask", "")),
+        night=str(night), last=str(last),
+    )  # fmt: skip
+
+
+def _filled(where: str, value: Any, known: Mapping[str, Any]) -> Any:
+    """Return a value of the table with the thresholds in the place of their names."""
+    if isinstance(value, Mapping):
+        return {key: _filled(f"{where}.{key}", each, known) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_filled(where, each, known) for each in value]
+    place = _PLACE.match(value) if isinstance(value, str) else None
+    if place is None:
+        return value
+    if place[1] not in known:
+        raise ValueError(f"{where}={value}: {place[1]} must be one of the thresholds {', '.join(known)}")
+    return known[place[1]]
+
+
+@dataclass(slots=True)
+class Ongoing:
+    """One cause that is there: since when, and what was tried."""
+
+    cause: Cause
+    device: str
+    since_s: float
+    raised: bool = False
+    tried: int = 0
+    tried_s: float = -math.inf
+    text: str = ""
+
+    @property
+    def name(self) -> str:
+        """Name of its alarm."""
+        return f"{self.cause.name} {self.device}".strip()
+
+    @property
+    def by_itself(self) -> bool:
+        """Whether anything is left to try without an operator."""
+        allowed = not (self.cause.not_by_itself and re.search(self.cause.not_by_itself, self.text))
+        return bool(self.cause.do) and allowed and self.tried < self.cause.tries
+
+    @property
+    def effect(self) -> str:
+        """How the night goes on while it lasts."""
+        return self.cause.night if self.by_itself or not self.cause.do else self.cause.last
+
+
+@dataclass(slots=True)
+class Recovery:
+    """Watches the situation by the table, keeps the alarms, and says which action is due."""
+
+    table: RecoveryTable
+    situation: Situation
+    book: AlarmBook
+    ongoing: dict[str, Ongoing] = field(default_factory=dict)
+
+    def step(self, now_s: float) -> None:
+        """Find what is there now, raise and clear the alarms."""
+        present: set[str] = set()
+        for cause in self.table.causes:
+            for device in self._devices(cause):
+                if not self._holds(cause, device, now_s):
+                    continue
+                name = f"{cause.name} {device}".strip()
+                present.add(name)
+                one = self.ongoing.setdefault(name, Ongoing(cause, device, now_s))
+                if now_s - one.since_s >= cause.for_s:
+                    one.raised, one.text = True, self._text(cause, device)
+                    ask = "" if one.by_itself else cause.ask
+                    self.book.raise_(name, cause.level, one.text, now_s, ask)
+        for name in [name for name in self.ongoing if name not in present]:
+            del self.ongoing[name]
+            self.book.clear(name, now_s)
+        # Those of before a restart whose causes have gone meanwhile.
+        for alarm in self.book.lasting:
+            if alarm.name not in self.ongoing and alarm.name.partition(" ")[0] in {c.name for c in self.table.causes}:
+                self.book.clear(alarm.name, now_s)
+
+    def due(self, now_s: float) -> tuple[str, str] | None:
+        """Return the name of the cause and the action to try now, None when there is none."""
+        for one in self.ongoing.values():
+            if one.raised and one.by_itself and now_s - one.tried_s >= one.cause.every_s:
+                return one.name, one.cause.do[one.tried % len(one.cause.do)]
+        return None
+
+    def note_try(self, name: str, now_s: float) -> None:
+        """Count that the action of a cause has been sent."""
+        if (one := self.ongoing.get(name)) is not None:
+            one.tried, one.tried_s = one.tried + 1, now_s
+
+    def effect(self) -> tuple[str, str]:
+        """Return how the night goes on, by the gravest cause, and that cause's text."""
+        raised = [one for one in self.ongoing.values() if one.raised]
+        worst = max(raised, key=lambda one: EFFECTS.index(one.effect), default=None)
+        return ("continue", "") if worst is None else (worst.effect, worst.text)
+
+    def _devices(self, cause: Cause) -> list[str]:
+        marked = [each.attribute.partition(".")[2] for each in cause.when if each.attribute.startswith("*.")]
+        if not marked:
+            return [""]
+        endings = tuple(f".{each}" for each in marked)
+        return sorted({name.partition(".")[0] for name in self.situation.attributes() if name.endswith(endings)})
+
+    def _holds(self, cause: Cause, device: str, now_s: float) -> bool:
+        return not any(self.situation.against(_of(each, device), now_s) for each in cause.when)
+
+    def _text(self, cause: Cause, device: str) -> str:
+        def shown(match: re.Match[str]) -> str:
+            name = match[1]
+            if name == "device":
+                return device
+            seen = self.situation.actual(name.replace("*", device, 1))
+            if seen is None:
+                return "unknown"
+            return f"{seen.value:.4g}" if isinstance(seen.value, float) else str(seen.value)
+
+        return _SHOWN.sub(shown, cause.text)
+
+
+def _of(condition: Condition, device: str) -> Condition:
+    if not condition.attribute.startswith("*."):
+        return condition
+    return Condition(
+        attribute=device + condition.attribute[1:], test=condition.test, wanted=condition.wanted,
+        max_age_s=condition.max_age_s,
+    )  # fmt: skip

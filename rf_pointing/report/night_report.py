@@ -1,0 +1,242 @@
+"""The morning report: one page of a night, `night.html`, and the same as `night.json`.
+
+What was planned, tracked and lost with the causes; alarms; ages of the elements; model, relays and
+disk; and first of all what there is to do today.
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rf_pointing.core.dates import utc_text
+from rf_pointing.core.whole_file import write_whole
+from rf_pointing.report.html import render
+
+STALE_H = 48.0
+WIDTH, LANE = 1080.0, 26.0
+TRACKED = "tracked"
+
+
+@dataclass(frozen=True, kw_only=True)
+class NightPass:
+    """One pass: what was planned, and what became of it; times in UTC s."""
+
+    id: str
+    name: str
+    aos_t_s: float
+    los_t_s: float
+    state: str
+    reason: str
+    tracked_s: float
+    lost_s: float
+    loss_db: float
+    attempts: int
+    causes: tuple[str, ...]
+    element_age_h: float | None
+    recorded: bool
+    priority: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class NightAlarm:
+    """One alarm from its raise to its end; `until_t_s` is None while it lasts."""
+
+    name: str
+    level: int
+    message: str
+    raised_t_s: float
+    until_t_s: float | None
+    acknowledged: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class NightReport:
+    """Everything on the page."""
+
+    station: str
+    begun_t_s: float
+    ended_t_s: float
+    passes: tuple[NightPass, ...]
+    alarms: tuple[NightAlarm, ...]
+    yielded: int
+    messages: int
+    to_do: tuple[str, ...]
+    health: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    @property
+    def tracked(self) -> int:
+        """Passes that count as tracked."""
+        return sum(each.state == TRACKED for each in self.passes)
+
+    @property
+    def held_share(self) -> float:
+        """Share of the time of all passes in which the target was held."""
+        planned_s = sum(each.los_t_s - each.aos_t_s for each in self.passes)
+        return sum(each.tracked_s for each in self.passes) / planned_s if planned_s else 0.0
+
+
+def night_of(
+    state: Mapping[str, Any],
+    station: str,
+    *,
+    messages: int = 0,
+    health: Mapping[str, Mapping[str, Any]] | None = None,
+    ended_t_s: float | None = None,
+) -> NightReport:
+    """Return the report of the kept state of a night."""
+    priorities = {row["pass"]["id"]: row["pass"]["priority"] for row in state["schedule"]}
+    rows = sorted(state["records"], key=lambda row: row["aos_t_s"])
+    passes = tuple(
+        NightPass(**{**row, "causes": tuple(row["causes"])}, priority=priorities.get(row["id"], 0)) for row in rows
+    )
+    history = [tuple(row) for row in state["alarms"]["history"]]
+    alarms = _alarms(history)
+    last_s = max([each.los_t_s for each in passes] + [row[0] for row in history], default=0.0)
+    begun_s = last_s if state["begun_s"] is None else state["begun_s"]
+    known = dict(health or {})
+    return NightReport(
+        station=station, begun_t_s=begun_s, ended_t_s=max(begun_s + 1.0, ended_t_s or last_s), passes=passes,
+        alarms=alarms, yielded=sum(row["state"] == "yields" for row in state["schedule"]), messages=messages,
+        to_do=_to_do(passes, alarms, state["alarms"]["alarms"], known), health=known,
+    )  # fmt: skip
+
+
+def _alarms(history: Sequence[tuple[Any, ...]]) -> tuple[NightAlarm, ...]:
+    """Return each alarm with its end, from what happened to all of them in order."""
+    found: list[NightAlarm] = []
+    open_: dict[str, int] = {}
+    for t_s, event, name, level, message in history:
+        if event == "raised":
+            open_[name] = len(found)
+            found.append(
+                NightAlarm(name=name, level=level, message=message, raised_t_s=t_s, until_t_s=None, acknowledged=False)
+            )
+        elif name in open_:
+            kept = asdict(found[open_[name]])
+            changes = {"cleared": {"until_t_s": t_s}, "acknowledged": {"acknowledged": True}, "worse": {"level": level}}
+            found[open_[name]] = NightAlarm(**(kept | changes[event]))
+    return tuple(found)
+
+
+def _to_do(
+    passes: Sequence[NightPass], alarms: Sequence[NightAlarm], kept: Sequence[Mapping[str, Any]],
+    health: Mapping[str, Mapping[str, Any]],
+) -> tuple[str, ...]:  # fmt: skip
+    """Return what an operator should do today, the most urgent first."""
+    asks = {each["name"]: each["ask"] for each in kept}
+    lasting = [each for each in alarms if each.until_t_s is None]
+    rows = [
+        f"{each.message}: {asks.get(each.name) or 'look into it'}" for each in sorted(lasting, key=lambda a: -a.level)
+    ]
+    old = sorted({each.name for each in passes if (each.element_age_h or 0.0) > STALE_H})
+    if old:
+        rows.append(f"fetch newer elements of {_listed(old)}: older than {STALE_H:.0f} h")
+    again = {name: sum(each.name == name for each in alarms) for name in {each.name for each in alarms}}
+    rows += [
+        f"{name} came {count} times in the night: find out why" for name, count in sorted(again.items()) if count >= 3
+    ]
+    lost = [each for each in passes if each.state not in (TRACKED, "skipped", "weather")]
+    if lost:
+        rows.append(
+            f"{len(lost)} passes were lost ({_listed([each.name for each in lost])}): plan them again if needed"
+        )
+    bare = [each for each in passes if each.state == TRACKED and not each.recorded]
+    if bare:
+        rows.append(f"{len(bare)} tracked passes were not recorded: free space on the disk")
+    model = health.get("model", {})
+    if model.get("level"):
+        rows.append(f"pointing model: {model.get('health')}")
+    if health.get("inputs", {}).get("lost"):
+        rows.append(f"{health['inputs']['lost']} messages were lost on the way to the executive: look at the network")
+    return tuple(rows)
+
+
+def _listed(names: Sequence[str], most: int = 5) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def write_night(report: NightReport, folder: Path) -> None:
+    """Write night.html and night.json into `folder`."""
+    values = asdict(report) | {"tracked": report.tracked, "held_share": report.held_share}
+    write_whole(folder / "night.json", json.dumps(values, indent=1) + "\n")
+    write_whole(folder / "night.html", page(report))
+
+
+def page(report: NightReport) -> str:
+    """Return the HTML text of a night."""
+    ages = [each.element_age_h for each in report.passes if each.element_age_h is not None]
+    return render(
+        "night.html",
+        title=f"Night of {report.station}",
+        night=report,
+        begun=_minute(report.begun_t_s),
+        ended=_minute(report.ended_t_s),
+        timeline=_timeline(report),
+        oldest_h=max(ages, default=None),
+        tables={
+            "passes": [
+                (_clock(each.aos_t_s), each.name, each.priority, round(each.los_t_s - each.aos_t_s), each.state,
+                 round(each.tracked_s), round(each.lost_s), each.loss_db, each.attempts, each.element_age_h,
+                 "yes" if each.recorded else "no", _why(each))
+                for each in report.passes
+            ],
+            "alarms": [
+                (_clock(each.raised_t_s), each.name, ("", "warning", "error")[each.level],
+                 "lasts" if each.until_t_s is None else _span(each.until_t_s - each.raised_t_s),
+                 "yes" if each.acknowledged else "no", each.message)
+                for each in report.alarms
+            ],
+            "health": [(device, name, str(value)) for device, values in sorted(report.health.items())
+                       for name, value in values.items()],
+        },
+    )  # fmt: skip
+
+
+def _why(one: NightPass) -> str:
+    reasons = [] if one.state == TRACKED else [one.reason]
+    return "; ".join([*reasons, *one.causes])
+
+
+def _timeline(report: NightReport) -> dict[str, Any]:
+    """Return the bars of the picture: lanes of passes and of alarms against time."""
+    span_s = report.ended_t_s - report.begun_t_s
+
+    def x(t_s: float) -> float:
+        return round(WIDTH * min(max((t_s - report.begun_t_s) / span_s, 0.0), 1.0), 1)
+
+    passes = [
+        {"x": x(each.aos_t_s), "width": max(2.0, x(each.los_t_s) - x(each.aos_t_s)), "state": each.state,
+         "lost": each.lost_s / max(1.0, each.los_t_s - each.aos_t_s),
+         "text": f"{each.name}, {_clock(each.aos_t_s)}: {each.state}, {each.lost_s:.0f} s lost"}
+        for each in report.passes
+    ]  # fmt: skip
+    names = list(dict.fromkeys(each.name for each in report.alarms))
+    alarms = [
+        {"x": x(each.raised_t_s), "lane": names.index(each.name), "level": each.level,
+         "width": max(3.0, x(each.until_t_s or report.ended_t_s) - x(each.raised_t_s)),
+         "text": f"{each.name}, {_clock(each.raised_t_s)}: {each.message}"}
+        for each in report.alarms
+    ]  # fmt: skip
+    step_s = next(step for step in (900.0, 1800.0, 3600.0, 7200.0, 14400.0, 86400.0, math.inf) if span_s / step <= 12.0)
+    first = math.ceil(report.begun_t_s / step_s)
+    hours = [] if math.isinf(step_s) else [
+        {"x": x(k * step_s), "text": _clock(k * step_s)[:5]} for k in range(first, int(report.ended_t_s / step_s) + 1)
+    ]  # fmt: skip
+    return {"passes": passes, "alarms": alarms, "names": names, "hours": hours, "width": WIDTH, "lane": LANE,
+            "height": 70.0 + LANE * len(names) + 24.0}  # fmt: skip
+
+
+def _clock(t_s: float) -> str:
+    return utc_text(t_s)[11:19]
+
+
+def _minute(t_s: float) -> str:
+    return utc_text(t_s)[:16].replace("T", " ")
+
+
+def _span(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"

@@ -1,0 +1,215 @@
+"""A small night on the live graph: two passes, an executive that is killed in the first one, the morning report."""
+
+import dataclasses
+import json
+import math
+import os
+import signal
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.action import ActionClient
+from rf_pointing_msgs.action import RunSchedule
+from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, Schedule, TrackingStatus
+from rosgraph_msgs.msg import Clock
+
+from rf_pointing.core.dates import DAY_S, to_utc_text
+from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes
+from rf_pointing.nodes.graph import NODES
+from rf_pointing.nodes.qos import LATCHED, STATUS, STREAM
+from rf_pointing.nodes.stamps import seconds_from_stamp
+from rf_pointing.operations.pass_list import to_json
+from rf_pointing.operations.schedule import ScheduledPass
+from rf_pointing.station.description import read_station
+from test.faults.test_restarts import Stopwatch
+
+from .conftest import live_graph
+
+pytestmark = pytest.mark.graph
+
+MASK_DEG = 62.0
+APART_S = 200.0
+EPOCH_S = 1_151_347_200.0
+SPEED = 8.0
+
+
+def orbits(count: int) -> list[Elements]:
+    """Satellites that follow each other over the station, APART_S from one to the next."""
+    first = Elements(
+        name="sat 1", catalogue_number=90001, epoch_t_s=EPOCH_S, inclination_rad=math.radians(98.0),
+        ascending_node_rad=0.3, eccentricity=0.001, argument_of_perigee_rad=0.0, mean_anomaly_rad=0.0,
+        mean_motion_rad_s=2.0 * math.pi / 5900.0, drag_per_earth_radius=0.0,
+    )  # fmt: skip
+    turn = 2.0 * math.pi * APART_S / 5900.0
+    return [
+        dataclasses.replace(
+            first, name=f"sat {k + 1}", catalogue_number=90001 + k, mean_anomaly_rad=(-k * turn) % (2.0 * math.pi)
+        )
+        for k in range(count)
+    ]
+
+
+def as_omm(one: Elements) -> dict[str, Any]:
+    angles = {"INCLINATION": one.inclination_rad, "RA_OF_ASC_NODE": one.ascending_node_rad,
+              "ARG_OF_PERICENTER": one.argument_of_perigee_rad, "MEAN_ANOMALY": one.mean_anomaly_rad}  # fmt: skip
+    return {
+        "OBJECT_NAME": one.name, "OBJECT_ID": "2000-001A", "EPOCH": to_utc_text(one.epoch_t_s),
+        "MEAN_MOTION": one.mean_motion_rad_s * DAY_S / (2.0 * math.pi), "ECCENTRICITY": one.eccentricity,
+        **{name: math.degrees(angle) for name, angle in angles.items()},
+        "EPHEMERIS_TYPE": 0, "CLASSIFICATION_TYPE": "U", "NORAD_CAT_ID": one.catalogue_number, "ELEMENT_SET_NO": 999,
+        "REV_AT_EPOCH": 1, "BSTAR": 0.0, "MEAN_MOTION_DOT": 0, "MEAN_MOTION_DDOT": 0,
+    }  # fmt: skip
+
+
+def plan(station: Any) -> tuple[list[Elements], list[ScheduledPass]]:
+    """Return the satellites and their passes through the top of the sky."""
+    satellites, found = orbits(2), []
+    above = math.radians(MASK_DEG)
+    for one in satellites:
+        track = TopocentricTrack(one, station.site)
+        begin_s = EPOCH_S if not found else found[0].aos_t_s - 60.0
+        window = next(
+            w for w in find_passes(track, begin_s, 3.0 * DAY_S, above) if w.peak_elevation_rad > math.radians(70.0)
+        )
+        found.append(ScheduledPass(
+            id=f"{one.catalogue_number}", target=str(one.catalogue_number), name=one.name, aos_t_s=window.aos_t_s,
+            los_t_s=window.los_t_s, peak_rad=window.peak_elevation_rad, elevation_rad=(above, above),
+            azimuth_path_rad=(window.aos_azimuth_rad, window.azimuth_min_rad, window.azimuth_max_rad, window.los_azimuth_rad),
+        ))  # fmt: skip
+    return satellites, found
+
+
+class LiveNight:
+    """A whole simulated station with its executive, and what it publishes."""
+
+    def __init__(self, live: SimpleNamespace, folder: Path) -> None:
+        self.live, self.folder, self.now_s = live, folder, 0.0
+        self.schedule, self.status, self.lost = Schedule(), ExecutiveStatus(), {}
+        self.tracking, self.antenna, self.statuses = TrackingStatus(), AntennaStatus(), 0
+        self.healths: dict[str, tuple[int, str]] = {}
+        station = read_station("leo_3m7")
+        station.write(
+            folder / "station.yaml", {"mount.pass_elevation_deg": MASK_DEG, "tuning.alarms.disk_free_gb": 0.001}
+        )
+        satellites, self.passes = plan(station)
+        elements = folder / "elements.json"
+        elements.write_text(json.dumps([as_omm(one) for one in satellites]))
+        source = f"{{source.elements: {elements}, source.satellite: '90001'}}"
+        start_s = math.floor(self.passes[0].aos_t_s) - 90.0
+        of_station = "".join(
+            f"/**/{name}:\n  ros__parameters:\n    station: {folder / 'station.yaml'}\n"
+            for name in (*NODES[1:], "station_executive")
+        )
+        self.yaml = of_station + (
+            f"/**/simulation_clock:\n  ros__parameters: {{start_s: {start_s}, speed: {SPEED}, tick_s: 0.1}}\n"
+            f"/**/ephemeris_publisher:\n  ros__parameters: {source}\n/**/rf_receiver:\n  ros__parameters: {source}\n"
+        )
+        own = folder / "executive.yaml"
+        own.write_text(
+            "/**/station_executive:\n  ros__parameters:\n"
+            f"    executive: {{folder: {folder / 'night'}, state_file: {folder / 'state.json'}}}\n"
+        )
+        node = live.node
+        node.create_subscription(Schedule, "schedule", lambda m: setattr(self, "schedule", m), LATCHED)
+        node.create_subscription(ExecutiveStatus, "executive_status", self._on_status, STATUS)
+        node.create_subscription(TrackingStatus, "tracking_status", lambda m: setattr(self, "tracking", m), STREAM)
+        node.create_subscription(AntennaStatus, "antenna_status", lambda m: setattr(self, "antenna", m), STREAM)
+        node.create_subscription(Clock, "clock", lambda m: setattr(self, "now_s", seconds_from_stamp(m.clock)), STREAM)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._on_health, STREAM)
+        self.processes = live.start(
+            [*NODES, "station_executive"], self.yaml + own.read_text(), autostart=True, simulated=True
+        )
+        self.client = ActionClient(node, RunSchedule, "run_schedule")
+
+    def _on_status(self, message: ExecutiveStatus) -> None:
+        self.status, self.statuses = message, self.statuses + 1
+
+    def _on_health(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self.healths[status.name.partition("/")[2]] = int.from_bytes(status.level, "little"), status.message
+            if status.name.endswith(": inputs"):
+                self.lost[status.name] = sum(int(pair.value) for pair in status.values if pair.key.startswith("lost "))
+
+    def start(self) -> Any:
+        self.live.spin_until(self.client.server_is_ready, "run_schedule")
+        self.live.spin_until(lambda: self.antenna.mode != "" and self.tracking.sequence > 0, "the station")
+        goal = self.client.send_goal_async(RunSchedule.Goal(schedule=to_json(self.passes)))
+        self.live.spin_until(goal.done, "the goal")
+        assert goal.result().accepted
+        return goal.result()
+
+    def states(self) -> dict[str, str]:
+        return {each.id: each.state for each in self.schedule.passes}
+
+
+@pytest.fixture(scope="module")
+def night(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Any:
+    """A night whose executive is killed in the first pass and started again."""
+    folder = tmp_path_factory.mktemp("night")
+    with live_graph(folder, ros_domain) as live:
+        one = LiveNight(live, folder)
+        began_s = time.monotonic()
+        one.start()
+        live.spin_until(lambda: one.tracking.held and one.tracking.seconds_tracked > 10.0, "a held target")
+        one.before = one.status
+        os.kill(one.processes.process_id("station_executive"), signal.SIGKILL)
+        live.spin_until(lambda: "station_executive" in one.processes.ended(), "its end")
+        one.kept = json.loads((folder / "state.json").read_text())
+        one.tracked_before_s = one.tracking.seconds_tracked
+        silent_s = time.monotonic() + 7.0
+        live.spin_until(lambda: one.healths.get("pointing_controller: executive", (0, ""))[0] == 2 or time.monotonic() > silent_s,
+                        "the alarm of the others")  # fmt: skip
+        one.noticed = one.healths.get("pointing_controller: executive", (0, ""))
+        one.statuses = 0
+        one.processes.start(["station_executive"], autostart=True)
+        watch = Stopwatch(one.processes.process_id("station_executive"))
+        live.spin_until(lambda: watch.look() >= 0.0 and one.statuses > 0, "the executive")
+        one.back_s, one.after = watch.net_s, one.status
+        one.commander_modes = one.tracking.mode
+        live.spin_until(lambda: one.states().get("90001") not in (None, "active"), "the end of the first pass")
+        live.spin_until(lambda: one.status.state == "idle", "the end of the night")
+        one.wall_s = time.monotonic() - began_s
+        yield one
+
+
+def test_both_passes_are_tracked_although_the_executive_was_killed(night: LiveNight) -> None:
+    assert night.states() == {"90001": "tracked", "90002": "tracked"}, [each.reason for each in night.schedule.passes]
+    assert night.wall_s < 90.0 or os.getloadavg()[0] > 3.0, f"{night.wall_s:.0f} s"
+
+
+def test_killed_executive_is_back_within_3_s_where_it_was(night: LiveNight) -> None:
+    assert night.before.pass_id == night.after.pass_id == "90001"
+    assert night.kept["attempt"]["id"] == "90001"
+    assert night.after.state == "running"
+    assert night.back_s < 3.0
+
+
+def test_a_dead_executive_is_noticed_by_the_controller(night: LiveNight) -> None:
+    level, words = night.noticed
+    assert level == 2
+    assert "station_executive has been silent" in words
+
+
+def test_no_message_was_lost_and_the_morning_report_is_there(night: LiveNight) -> None:
+    assert sum(night.lost.values()) == 0, night.lost
+    (page,) = night.folder.glob("night/report-*/night.json")
+    report = json.loads(page.read_text())
+    assert [(each["id"], each["state"], each["recorded"]) for each in report["passes"]] == [
+        ("90001", "tracked", True), ("90002", "tracked", True)
+    ]  # fmt: skip
+    assert report["held_share"] > 0.8
+    assert (page.with_name("night.html")).stat().st_size > 3000
+
+
+def test_the_journal_has_every_directive_and_each_pass_was_started_once(night: LiveNight) -> None:
+    rows = [json.loads(line) for line in (night.folder / "night" / "journal.jsonl").read_text().splitlines()]
+    sent = [row["directive"] for row in rows if row["event"] == "sent"]
+    assert sent.count("track") == 2
+    assert {"select_target", "record"} <= set(sent)
+    assert [row["event"] for row in rows].count("restored") >= 1
