@@ -68,6 +68,11 @@ class TrackingBranch:
             trajectory, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration
         )
 
+    def axes_rad(self, t_s: float, direct_rad: Array) -> Array:
+        """Return direct angles (2,) at `t_s` as the encoders show them."""
+        still = np.zeros(2)
+        return plunged(direct_rad, still, still)[0] if self.plunge_at(t_s) else direct_rad
+
     def from_axes(self, reading: JointReading) -> JointReading:
         """Return a reading of the axes in direct angles; undoes `to_axes`."""
         if not self.plunge_at(reading.t_s):

@@ -187,8 +187,12 @@ class CommandedMotion:
         return float(np.max(np.abs(apart))) < self.params.on_target_rad
 
     def centre_rad(self, t_s: float) -> Array:
-        """Return the commanded direct angles (2,) without the scan, zero if not known."""
-        return self._centre.get(time_key(t_s), np.zeros(2))
+        """Return the commanded axis angles (2,) without the scan, zero if not known."""
+        centre = self._centre.get(time_key(t_s))
+        if centre is None:
+            return np.zeros(2)
+        # What is scanned is read off the encoders, which over the top show other angles.
+        return self._plan.course.axes_rad(t_s, centre)
 
     def sky_rad(self, t_s: float, window: Pass | None, correction_rad: Array) -> Array:
         """Return the commanded apparent direction (2,); before the pass it is its start.
