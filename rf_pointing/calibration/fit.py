@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.fit_problem import FitProblem, Round
 from rf_pointing.calibration.fit_result import FitResult, Prior, Rejected
-from rf_pointing.calibration.noise import NoiseScale
+from rf_pointing.calibration.noise import NoiseScale, share_after_editing
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.terms import TERM_NAMES, terms_by_name
@@ -171,7 +171,7 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
     covariance = solution.covariance
     if options.covariance == "sandwich":
         covariance = sandwich_covariance(problem.names, covariance, problem.weighted_passes(last))
-    noise = problem.noise(last) if options.scale_covariance else None
+    noise = problem.noise(last, share_after_editing(options.edit_sigma)) if options.scale_covariance else None
     if noise is not None and options.covariance == "white":
         covariance = covariance * excess_of(noise)
     size = normalised_size(last.residuals, problem.sigmas, used)

@@ -184,10 +184,14 @@ class FitProblem:
             row[place], row[-1] = 1.0 / prior.sigma, (prior.value - fit.values[place]) / prior.sigma
         return np.asarray(np.linalg.qr(np.concatenate([rows, known]), mode="r"))
 
-    def noise(self, last: Round) -> tuple[NoiseScale, NoiseScale]:
-        """Return by what the noise of azimuth and elevation is larger than the stated sigma."""
+    def noise(self, last: Round, share: float) -> tuple[NoiseScale, NoiseScale]:
+        """Return by what the noise of azimuth and elevation is larger than the stated sigma.
+
+        `share` of its variance is left after the editing, and of the data that hold the fit.
+        """
         count, used = len(self.data), last.used
         rows = self._all_rows(last.residuals, last.weight)
+        rows[:, -1] /= share
         common = rows[:, :-1]
         influence = [common @ np.linalg.cholesky(last.solution.covariance)]
         if last.heads is not None:

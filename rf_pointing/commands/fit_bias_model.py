@@ -211,7 +211,7 @@ def fit_of_chosen(
     held = {name: value for name, value in _known(present).items() if name not in names}
     chosen = calibration.select_terms(points, names, held=held, pass_priors=orbit)
     result = fit_of(options, points, present, chosen.names, orbit)
-    return replace(result, covariance=result.covariance + chosen.added_covariance)
+    return replace(result, covariance=result.covariance * np.outer(chosen.widening, chosen.widening))
 
 
 def orbit_remarks(options: argparse.Namespace, result: FitResult) -> list[str]:

@@ -99,8 +99,9 @@ class AutotrackState:
     `peak_db_hz` is the largest C/N0 of the last search and `peak_s` its time: where the beam was
     then is where to go when the search ends in coasting.  `peak_excess_db` is that level against
     the link's, `learned_db` the same of the last search that was completed, at most 0: what the
-    link really gives.  `false_locks` counts those since the pass began or the feed was calibrated,
-    `sidelobe` remembers that one of them was a sidelobe.
+    link really gives.  `lock_db` is the highest level of the lock in force against the link's, if
+    that lock began in the main beam; infinite if not.  `false_locks` counts those since the pass
+    began or the feed was calibrated, `sidelobe` remembers that one of them was a sidelobe.
     """
 
     mode: str = Mode.IDLE
@@ -114,8 +115,18 @@ class AutotrackState:
     peak_s: float | None = None
     peak_excess_db: float = 0.0
     learned_db: float = 0.0
+    lock_db: float = math.inf
     false_locks: int = 0
     sidelobe: bool = False
+
+    @property
+    def expected_db(self) -> float:
+        """The level against the link's that the lock in force must keep, at most 0.
+
+        The level that proved a lock also judges it: against the link's, a lock taken over just
+        within `beam_drop_db` would be a sidelobe as soon as its level falls by a tenth of a dB.
+        """
+        return min(self.learned_db, self.lock_db)
 
     @property
     def integrating(self) -> bool:
@@ -153,6 +164,12 @@ def _in_main_beam(params: AutotrackParams, state: AutotrackState, inputs: Autotr
     The peak of a search that goes on is no proof: it may be that of a sidelobe.
     """
     return inputs.carrier_to_noise_db_hz >= inputs.axis_db_hz + state.learned_db - params.beam_drop_db
+
+
+def _excess_db(inputs: AutotrackInputs) -> float:
+    """Return the C/N0 against the link's, 0 where that is not known."""
+    known = math.isfinite(inputs.axis_db_hz)
+    return inputs.carrier_to_noise_db_hz - inputs.axis_db_hz if known else 0.0
 
 
 def _peaked(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
@@ -285,6 +302,7 @@ class Autotrack:
                     peak_db_hz=-math.inf if row.target == Mode.SEARCH else seen.peak_db_hz,
                     peak_s=None if row.target == Mode.SEARCH else seen.peak_s,
                     learned_db=min(0.0, seen.peak_excess_db) if completed else seen.learned_db,
+                    lock_db=_excess_db(inputs) if _in_main_beam(self.params, seen, inputs) else math.inf,
                     sidelobe=row.target != Mode.CALIBRATE and (seen.sidelobe or (held_off and inputs.sidelobe)),
                 )  # fmt: skip
         return seen
@@ -308,6 +326,5 @@ def _observe(params: AutotrackParams, state: AutotrackState, inputs: AutotrackIn
     seen = replace(state, carrier=carrier, strong=strong, carrier_since_s=since, invalid_since_s=invalid)
     # Kept after the search: it is the best proof of the level that the link really gives.
     if state.mode == Mode.SEARCH and level > state.peak_db_hz:
-        excess = level - inputs.axis_db_hz if math.isfinite(inputs.axis_db_hz) else 0.0
-        return replace(seen, peak_db_hz=level, peak_s=inputs.t_s, peak_excess_db=excess)
-    return seen
+        return replace(seen, peak_db_hz=level, peak_s=inputs.t_s, peak_excess_db=_excess_db(inputs))
+    return replace(seen, lock_db=max(seen.lock_db, _excess_db(inputs)))

@@ -15,6 +15,7 @@ from rf_pointing.calibration import (
     held_at_zero,
 )
 from rf_pointing.calibration.fit import huber_weights, normalised_size, sandwich_covariance, within_limit
+from rf_pointing.calibration.noise import share_after_editing
 
 TABLE_1_TERMS = tuple(n for n in TERM_NAMES if not n.endswith("acceleration_lag"))
 
@@ -266,3 +267,28 @@ def test_a_pass_that_alone_determines_a_term_is_named():
     matrix = np.concatenate([r for _, r, _ in rows])
     with pytest.raises(ValueError, match="pass 3 alone determines tilt"):
         sandwich_covariance(("offset", "tilt"), np.linalg.inv(matrix.T @ matrix), rows)
+
+
+def test_editing_does_not_make_the_noise_smaller(campaign, table_1):
+    """Without the tails beyond 3 sigma normal residuals have 97.3 % of their variance, and hold the fit so much less."""
+    data = campaign(table_1)
+    every, edited = (
+        fit_bias_model(data, options=FitOptions(edit_sigma=limit, scale_covariance=True)) for limit in (0.0, 3.0)
+    )
+    assert 0.001 < len(edited.rejected) / len(data) < 0.02
+    for whole, rest in zip(every.noise, edited.noise, strict=True):
+        # The tails of this sample are 1.7 % of its variance, give or take.
+        assert rest.factor == pytest.approx(whole.factor / share_after_editing(3.0), rel=0.025)
+
+
+@pytest.mark.parametrize("limit", [2.0, 2.5, 3.0])
+def test_a_mean_without_its_tails_scatters_as_its_share_says(limit, random):
+    """The limit follows the mean, as the editing of a fit does: the variance is that over P and over the share."""
+    values = random.standard_normal((4000, 200))
+    mean, kept = np.zeros(4000), np.ones_like(values, dtype=bool)
+    for _ in range(20):
+        kept = np.abs(values - mean[:, np.newaxis]) < limit
+        mean = np.sum(values * kept, axis=1) / np.sum(kept, axis=1)
+    inside, share = np.mean(kept), share_after_editing(limit)
+    assert np.var((values - mean[:, np.newaxis])[kept]) == pytest.approx(share, rel=0.01)
+    assert np.var(mean) * 200.0 == pytest.approx(1.0 / (inside * share), rel=0.08)

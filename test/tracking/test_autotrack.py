@@ -288,6 +288,21 @@ def test_after_a_sidelobe_monopulse_waits_for_a_search_that_learns_the_level() -
     assert state.learned_db == pytest.approx(-11.0)
 
 
+@pytest.mark.parametrize(("begun_db", "expected_db"), [(-9.9, -8.0), (-10.1, 0.0)])
+def test_a_lock_is_judged_by_the_level_that_proved_it(begun_db: float, expected_db: float) -> None:
+    """Taken over 9.9 dB below the link's, it rose to -8 dB; one that began lower is judged by the link."""
+    table = Autotrack(AutotrackParams(sensor="monopulse"))
+    state = AutotrackState(mode="search", carrier=True, strong=True)
+    for k, excess_db in enumerate((begun_db, begun_db, -8.0, -10.2)):
+        inputs = AutotrackInputs(
+            t_s=0.1 * k, request="track", target_available=True, on_target=True, carrier_to_noise_db_hz=85.0 + excess_db,
+            axis_db_hz=85.0, valid=frozenset({"monopulse"}),
+        )  # fmt: skip
+        state = table.step(state, inputs)
+    assert state.mode == "monopulse"
+    assert state.expected_db == pytest.approx(expected_db)
+
+
 def test_a_search_on_a_sidelobe_does_not_end_with_its_own_peak_as_the_level() -> None:
     """The strongest so far is 27 dB down and the error valid: after a sidelobe the search goes on."""
     table = Autotrack(AutotrackParams(sensor="monopulse"))

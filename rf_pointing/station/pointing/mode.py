@@ -132,20 +132,19 @@ class CarrierWatch:
             )
 
     def false_lock(
-        self, error: PointingError, beam_rad: Array, range_m: float, faint_db_hz: float, learned_db: float
+        self, error: PointingError, beam_rad: Array, range_m: float, faint_db_hz: float, expected_db: float
     ) -> str:
         """Return why an error must not be followed, empty while it may.
 
         `beam_rad` (2,) is how far the beam was from the prediction then; below `faint_db_hz`
-        nothing is judged.  `learned_db` is what a search found the link to give more than it
-        states, at most 0.
+        nothing is judged.  `expected_db` is the level of a right lock against the link's.
         """
         # In noise every response is as likely as any other.
         if error.carrier_to_noise_db_hz < faint_db_hz or error.t_s <= self._watched_s:
             return ""
         self._watched_s = error.t_s
         fault = self._watch.add(
-            error, float(beam_rad[0]), float(beam_rad[1]), self.link.level_db_hz(range_m) + learned_db
+            error, float(beam_rad[0]), float(beam_rad[1]), self.link.level_db_hz(range_m) + expected_db
         )
         if fault:
             self.faults, self.last_fault = self.faults + 1, fault
@@ -254,5 +253,5 @@ class TrackingMode:
             return ""
         faint_db_hz = self._table.params.carrier_off_db_hz
         return self._carrier.false_lock(
-            error, motion.beam_rad, motion.error_range_m, faint_db_hz, self.state.learned_db
+            error, motion.beam_rad, motion.error_range_m, faint_db_hz, self.state.expected_db
         )
