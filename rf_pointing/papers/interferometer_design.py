@@ -29,8 +29,8 @@ _LOWEST_HZ = 1500.0
 _HIGHEST_HZ = {"CFT": 2.5e9, "DFT": 100e6}
 # Below 10 dB per phase the Gaussian model of (7-3) does not hold; DFT differences two phases.
 _FLOOR_DB = {"CFT": 10.0, "DFT": 10.0 + 10.0 * math.log10(2.0)}
-# Where the author's iteration stopped: Table 8-1 prints it for two carriers.
-_SOLVER_LIMIT_DB = 110.0
+SOLVER_LIMIT_DB = 110.0
+"""Where the author's iteration stopped: Table 8-1 prints it for two carriers."""
 Array = NDArray[np.float64]
 
 
@@ -265,7 +265,7 @@ def carrier_count_row(
     doubling = 2.0 if system == "DFT" else 1.0
     snr_db = max(10.0 * math.log10(doubling * required_ratio(ratio, probability)), _FLOOR_DB[system])
     if published:
-        snr_db = min(snr_db, _SOLVER_LIMIT_DB)
+        snr_db = min(snr_db, SOLVER_LIMIT_DB)
     return CarrierCountRow(carriers=carriers, step_probability=probability, ratio=ratio, snr_db=snr_db)
 
 

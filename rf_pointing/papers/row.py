@@ -75,6 +75,15 @@ class Row:
         return self.holds or self.explained
 
 
+def as_due(ours: float, due: float, within: float) -> bool:
+    """Return whether `ours` is what the reason for a misprint makes of it, to the share `within`.
+
+    An explanation must fail where ours is something else: NaN, for a row that has none, is never
+    reached.
+    """
+    return abs(ours - due) <= within * abs(due)
+
+
 def as_table(rows: Sequence[Row]) -> str:
     """Return the table of `rows`; `holds` reads yes, no, or explained."""
     cells = [HEAD, *(_cells(row) for row in rows)]

@@ -96,7 +96,8 @@ def run_tripulse(
     orbit, stations = GeostationaryParams(), GroundNetworkParams().stations()
     sender = SimulatedTripulse(array, signal, source or TripulseSourceParams(), orbit, WobbleParams(), stations, seed)
     receiver = TripulseReceiver(array=array, signal=signal)
-    solver = TripulseAttitude(StationAttitudeParams(), EpochParams(), orbit, stations)
+    # The paper's beamformer is exact, and so is the simulated one.
+    solver = TripulseAttitude(StationAttitudeParams(shared_sigma=0.0), EpochParams(), orbit, stations)
     moments, measurements, attitudes = [], [], []
     for index in range(epochs):
         sent = sender.step(index * step_s)
