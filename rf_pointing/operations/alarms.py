@@ -1,7 +1,7 @@
 """Alarms: one for every cause, raised, acknowledged and cleared; messages without a storm.
 
 A cause that comes and goes is one alarm that counts.  A message goes out when an alarm is raised,
-when it gets worse, and when it is cleared; not again within `quiet_s` of the last one of its cause.
+when it gets worse or needs an operator, and when it is cleared; not again within `quiet_s` of the last one of its cause.
 """
 
 from collections.abc import Callable
@@ -49,7 +49,7 @@ class Alarm:
 
 
 Notify = Callable[[str, Alarm], None]
-"""Takes "raised", "worse" or "cleared" and the alarm."""
+"""Takes "raised", "worse", "asks" or "cleared" and the alarm."""
 
 
 @dataclass(slots=True)
@@ -81,8 +81,12 @@ class AlarmBook:
         elif level > alarm.level:
             alarm.level, alarm.message, alarm.ask, alarm.acknowledged = level, message, ask, False
             self._tell("worse", alarm, t_s, always=True)
+        elif ask and not alarm.ask:
+            # Whatever could be tried without an operator has been tried.
+            alarm.message, alarm.ask, alarm.acknowledged = message, ask, False
+            self._tell("asks", alarm, t_s, always=True)
         else:
-            alarm.message = message
+            alarm.message, alarm.ask = message, ask
 
     def clear(self, name: str, t_s: float) -> None:
         """Note that a cause has gone."""
