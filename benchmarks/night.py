@@ -115,7 +115,7 @@ def show(
     )
     print(f"  wall time {took_s[0] / 60.0:.1f} min (processor {took_s[1] / 60.0:.1f} min); operator actions 0")
     print(
-        f"  antenna in motion {moved_h:.2f} h, outside the gate {len(log.outside)}; messages to the operator {len(log.messages)}"
+        f"  antenna in motion {moved_h:.2f} h, outside the gate {len(log.outside)}; messages sent {len(log.messages)}"
     )
     print("  memory by the hour (MB): " + " ".join(f"{each:.0f}" for each in memory))
     for record in lost:
