@@ -21,12 +21,11 @@ def record(name: str, start_s: float, **changes: Any) -> dict[str, Any]:
     return values | changes
 
 
-def state(
-    records: list[dict[str, Any]], history: Sequence[Any] = (), alarms: Sequence[Any] = ()
-) -> dict[str, Any]:
+def state(records: list[dict[str, Any]], history: Sequence[Any] = (), alarms: Sequence[Any] = ()) -> dict[str, Any]:
     schedule = [{"pass": {"id": each["id"], "priority": 3}, "state": each["state"]} for each in records]
     schedule.append({"pass": {"id": "other", "priority": 0}, "state": "yields"})
-    return {"begun_s": T0, "schedule": schedule, "records": records, "alarms": {"history": list(history), "alarms": list(alarms)}}
+    kept = {"history": list(history), "alarms": list(alarms)}
+    return {"begun_s": T0, "schedule": schedule, "records": records, "alarms": kept}
 
 
 def test_a_good_night_says_that_there_is_nothing_to_do() -> None:
