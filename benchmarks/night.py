@@ -108,12 +108,15 @@ def show(
     lost = [record for record in records if record.state != PassState.TRACKED]
     planned_s = sum(record.los_t_s - record.aos_t_s for record in tracked)
     held = 100.0 * sum(record.tracked_s for record in tracked) / max(1.0, planned_s)
+    hours, moved_h = planned_s / 3600.0, log.moved_s / 3600.0
     print(f"\n{station}: {options.hours:g} h, {options.satellites} satellites, {len(log.faults)} faults")
     print(
-        f"  passes scheduled {scheduled}, tracked {len(tracked)}, not tracked {len(lost)}; {planned_s / 3600.0:.2f} h, {held:.2f} % held"
+        f"  passes scheduled {scheduled}, tracked {len(tracked)}, not tracked {len(lost)}; {hours:.2f} h, {held:.2f} % held"
     )
-    print(f"  wall time {took_s[0] / 60.0:.1f} min (processor {took_s[1] / 60.0:.1f} min); operator actions 0; antenna in motion "
-          f"{log.moved_s / 3600.0:.2f} h, outside the gate {len(log.outside)}; messages to the operator {len(log.messages)}")  # fmt: skip
+    print(f"  wall time {took_s[0] / 60.0:.1f} min (processor {took_s[1] / 60.0:.1f} min); operator actions 0")
+    print(
+        f"  antenna in motion {moved_h:.2f} h, outside the gate {len(log.outside)}; messages sent {len(log.messages)}"
+    )
     print("  memory by the hour (MB): " + " ".join(f"{each:.0f}" for each in memory))
     for record in lost:
         print(
@@ -137,7 +140,7 @@ def show(
         print(f"  {utc_text(fault.t_s)[11:19]} {fault.kind:<17} {fault.seconds:5.0f} s -> {shown}")
     good = scheduled == len(records) and not innocent and not unseen and not log.outside
     print(
-        f"  {'as asked' if good else 'NOT AS ASKED'}: {len(innocent)} passes lost without a fault, {unseen} faults without an alarm"
+        f"  {'as asked' if good else 'NOT AS ASKED'}: {len(innocent)} lost without a fault, {unseen} faults without an alarm"
     )
     return good
 

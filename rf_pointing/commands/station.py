@@ -97,7 +97,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     night = add("night", "request something of the executive")
     night.add_argument("request", choices=NIGHT)
     night.add_argument(
-        "name", nargs="?", default="", help="id of the pass, or name of the alarm (default: the present one, all)"
+        "name", nargs="?", default="", help="id of the pass, or the alarm (default: the present one, all)"
     )
     add("log", "show the journal of the executive").add_argument(
         "-n", type=int, default=30, help="last lines (default: 30)"
@@ -203,9 +203,9 @@ class StationClient(GraphRun):
             raise NotStartedError(f"output={folder} holds a bag already")
         recorder = None if options.no_record else Recorder(self.node, options.namespace, folder / "bag")
         live = LivePass(self)
-        self._until(live.ready, "track_pass")
+        self._until(live.client.server_is_ready, "track_pass")
         try:
-            result = live.track(TrackPass.Goal(target_pass=window, sensor=options.sensor))
+            result = live.result(live.begin(TrackPass.Goal(target_pass=window, sensor=options.sensor)))
         finally:
             closed = recorder.close() if recorder is not None else None
         if closed is not None:
@@ -226,9 +226,8 @@ class StationClient(GraphRun):
         passes = read_passes(text, every=False) if text else []
         if options.start:
             return self._run_schedule(text)
-        code = self._ask(
-            ChangeSchedule, f"{EXECUTIVE}/change_schedule", ChangeSchedule.Request(add=text, remove=options.remove)
-        )
+        request = ChangeSchedule.Request(add=text, remove=options.remove)
+        code = self._ask(ChangeSchedule, f"{EXECUTIVE}/change_schedule", request)
         if not code and passes:
             self.say(f"{len(passes)} passes from {utc_text(passes[0].aos_t_s)}")
         return code
@@ -236,13 +235,8 @@ class StationClient(GraphRun):
     def _run_schedule(self, text: str) -> int:
         client = ActionClient(self.node, RunSchedule, "run_schedule")
         self._until(client.server_is_ready, "run_schedule")
-        future = client.send_goal_async(
-            RunSchedule.Goal(schedule=text, resume=not text), feedback_callback=self._feedback
-        )
-        self._until(future.done, "an answer of run_schedule")
-        if not future.result().accepted:
-            raise NotStartedError("the executive refused: it runs a schedule already, or is not active")
-        result = self.result(future.result())
+        goal = RunSchedule.Goal(schedule=text, resume=not text)
+        result = self.result(self.send(client, goal, EXECUTIVE, self._feedback))
         self.say(result.message)
         if result.report:
             self.say(f"morning report {result.report}/night.html")

@@ -70,6 +70,22 @@ class GraphRun:
         """Handle one event, or wait for one."""
         self._executor.spin_once(timeout_sec=timeout_s)
 
+    def check(self) -> None:
+        """NotStartedError if a process that the run has started has ended."""
+        if self.graph is not None:
+            self.graph.check()
+
+    def send(self, client: ActionClient, goal: Any, owner: str, feedback: Callable[[Any], None] | None = None) -> Any:
+        """Send a goal and return its handle; NotStartedError if it is refused."""
+        future, deadline_s = client.send_goal_async(goal, feedback_callback=feedback), time.monotonic() + PATIENCE_S
+        while not future.done():
+            if time.monotonic() > deadline_s:
+                raise TimeoutError(f"an answer of {owner} not seen within {PATIENCE_S:.0f} s")
+            self.spin(0.02)
+        if not future.result().accepted:
+            raise NotStartedError(f"the goal was refused: {owner} is not active, or has another one")
+        return future.result()
+
     def result(self, handle: Any) -> Any:
         """Return the result of an accepted goal, which is cancelled when the user stops the run."""
         result, cancelled, look_s = handle.get_result_async(), False, 0.0

@@ -13,6 +13,7 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
 
+from rf_pointing.nodes.graph import EXECUTIVE
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.description import read_station
 
@@ -39,6 +40,7 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
             description="folder of what the antenna remembers over a restart; empty: nothing",
         ),
         network_argument(),
+        DeclareLaunchArgument("executive", default_value="false", description="whether station_executive is started"),
         DeclareLaunchArgument("respawn", default_value="true", description="start nodes again that have ended"),
     ]
 
@@ -73,7 +75,8 @@ def network_environment(network: str) -> dict[str, str]:
 
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
     """Return the actions that start `names`."""
-    return [_node(context, name, simulated="simulation_clock" in names) for name in names]
+    executive = (EXECUTIVE,) if LaunchConfiguration("executive").perform(context) == "true" else ()
+    return [_node(context, name, simulated="simulation_clock" in names) for name in (*names, *executive)]
 
 
 def station_nodes(context: Any, names: Sequence[str]) -> list[Any]:
@@ -96,6 +99,11 @@ def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:
     parameters: list[Any] = [{"lifecycle.autostart": given("autostart") == "true"}]
     if name == "antenna_servo" and given("state_folder"):
         parameters.append(state_files(Path(given("state_folder")), given("namespace")))
+    if name == EXECUTIVE and given("state_folder"):
+        kept = Path(given("state_folder")) / given("namespace").strip("/")
+        parameters.append(
+            {"executive.state_file": str(kept / "station_executive.json"), "executive.folder": str(kept / "nights")}
+        )
     if name == "simulation_clock":
         parameters.append({"start_s": float(given("start_s")), "speed": float(given("speed"))})
     else:

@@ -270,8 +270,6 @@ class StationExecutive(StationNode):
         self._share(t_s)
         before = self._night.state_name
         self._night.step(t_s)
-        if self._night.blocks() or self._night.state_name != before:
-            self._keep()
         self._write_journal()
         self._publish_if_new()
         if self._night.state_name == NightState.IDLE and before != NightState.IDLE:

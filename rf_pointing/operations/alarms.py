@@ -1,7 +1,8 @@
 """Alarms: one for every cause, raised, acknowledged and cleared; messages without a storm.
 
 A cause that comes and goes is one alarm that counts.  A message goes out when an alarm is raised,
-when it gets worse, and when it is cleared; not again within `quiet_s` of the last one of its cause.
+when it gets worse or needs an operator, and when it is cleared; otherwise not again within
+`quiet_s` of the last one of its cause.
 """
 
 from collections.abc import Callable
@@ -49,7 +50,7 @@ class Alarm:
 
 
 Notify = Callable[[str, Alarm], None]
-"""Takes "raised", "worse" or "cleared" and the alarm."""
+"""Takes "raised", "worse", "asks" or "cleared" and the alarm."""
 
 
 @dataclass(slots=True)
@@ -74,15 +75,20 @@ class AlarmBook:
             alarm = self.alarms[name] = Alarm(name, level, message, t_s, ask)
             self._tell("raised", alarm, t_s)
         elif not alarm.lasts:
+            needed = bool(ask) and not alarm.ask
             alarm.cleared_t_s, alarm.raised_t_s, alarm.level = None, t_s, level
             alarm.message, alarm.ask, alarm.acknowledged = message, ask, False
             alarm.count += 1
-            self._tell("raised", alarm, t_s)
+            self._tell("raised", alarm, t_s, always=needed)
         elif level > alarm.level:
             alarm.level, alarm.message, alarm.ask, alarm.acknowledged = level, message, ask, False
             self._tell("worse", alarm, t_s, always=True)
+        elif ask and not alarm.ask:
+            # Whatever could be tried without an operator has been tried.
+            alarm.message, alarm.ask, alarm.acknowledged = message, ask, False
+            self._tell("asks", alarm, t_s, always=True)
         else:
-            alarm.message = message
+            alarm.message, alarm.ask = message, ask
 
     def clear(self, name: str, t_s: float) -> None:
         """Note that a cause has gone."""

@@ -120,6 +120,7 @@ class Night:
         self._number = 0
         self._planned_s, self._place_planned = -math.inf, None
         self._rest, self._rest_s = "", -math.inf
+        self._saved: tuple[Any, ...] = ()
         self._unproved = False
         """Whether the station has not been seen since a restart."""
 
@@ -132,7 +133,7 @@ class Night:
 
     def take_passes(self, target: str, windows: Sequence[tuple[float, float, Any]], t_s: float) -> None:
         """Note the passes of the selected target: rise, set, and what stands for each of them."""
-        item = self._attempt and self.schedule.entries[self._attempt.id].item
+        item = None if self._attempt is None else self.schedule.entries[self._attempt.id].item
         best, most_s = None, 0.0
         for aos_s, los_s, window in windows:
             shared_s = 0.0 if item is None else min(los_s, item.los_t_s) - max(aos_s, item.aos_t_s)
@@ -255,6 +256,17 @@ class Night:
             self._step_pass(now_s, effect, cause)
         if self._attempt is None and self.state_name != NightState.IDLE:
             self._step_between(now_s, effect, cause)
+        progress = self._progress()
+        if progress != self._saved:
+            self._saved = progress
+            self._save()
+
+    def _progress(self) -> tuple[Any, ...]:
+        """Return what a restart must know of the present pass."""
+        if self._attempt is None:
+            return (self.state_name,)
+        rows = self._attempt.executor.runs.items()
+        return self.state_name, *((name, run.state, run.answered, len(run.sent_s)) for name, run in rows)
 
     def _derive(self, now_s: float) -> None:
         """Note what follows from what is known: how long the target was not held."""

@@ -1,8 +1,8 @@
 """Lists of passes in and out: JSON, CSV and calendars (RFC 5545), as `plan_passes` writes them.
 
 A list of another program needs three columns: target (or catalogue_number, or name), aos_utc
-and los_utc.  A calendar needs events with a summary; what `plan_passes` adds as X-properties makes the
-way out and back exact.
+and los_utc.  A calendar needs events with a summary; what `plan_passes` adds as X-properties makes
+the way out and back exact.
 """
 
 import csv
@@ -31,12 +31,14 @@ def read_passes(text: str, *, every: bool = True) -> list[ScheduledPass]:
     Without `every` only those that `plan_passes` has planned are taken.
     """
     start = text.lstrip("\ufeff \r\n\t")
+    rows: list[Any]
     if start.startswith("BEGIN:VCALENDAR"):
         rows = _calendar_rows(text)
     elif start.startswith(("{", "[")):
         content = parse_json(text)
-        rows = content.get("passes") if isinstance(content, Mapping) else content
-        if not isinstance(rows, list) or not all(isinstance(row, Mapping) for row in rows):
+        given = content.get("passes") if isinstance(content, Mapping) else content
+        rows = given if isinstance(given, list) else [None]
+        if not all(isinstance(row, Mapping) for row in rows):
             raise ValueError("a schedule in JSON must be a list of passes, or an object with passes")
     else:
         rows = list(csv.DictReader(io.StringIO(start)))

@@ -35,6 +35,8 @@ from rf_pointing.operations.situation import Condition, Situation, read_conditio
 
 EFFECTS = ("continue", "wait", "weather", "stop")
 """How the night goes on: as before; no pass begins; no pass begins, for the weather; it ends."""
+FORGET_S = 1800.0
+"""A cause that stays away for so long is a new one."""
 _LEVELS = {"warning": WARNING, "error": ERROR}
 _CAUSE_KEYS = {"when", "for_s", "level", "text", "do", "not_by_itself", "tries", "every_s", "ask", "night", "last"}
 _PLACE = re.compile(r"^\$\{(\w+)\}$")
@@ -186,6 +188,8 @@ class Recovery:
     situation: Situation
     book: AlarmBook
     ongoing: dict[str, Ongoing] = field(default_factory=dict)
+    _gone: dict[str, tuple[int, float, float]] = field(default_factory=dict)
+    """Of causes that have gone: how often and when something was tried, and when they went."""
 
     def step(self, now_s: float) -> None:
         """Find what is there now, raise and clear the alarms."""
@@ -196,18 +200,26 @@ class Recovery:
                     continue
                 name = f"{cause.name} {device}".strip()
                 present.add(name)
-                one = self.ongoing.setdefault(name, Ongoing(cause, device, now_s))
+                one = self.ongoing.setdefault(name, self._begun(name, cause, device, now_s))
                 if now_s - one.since_s >= cause.for_s:
                     one.raised, one.text = True, self._text(cause, device)
                     ask = "" if one.by_itself else cause.ask
                     self.book.raise_(name, cause.level, one.text, now_s, ask)
         for name in [name for name in self.ongoing if name not in present]:
-            del self.ongoing[name]
+            one = self.ongoing.pop(name)
+            self._gone[name] = one.tried, one.tried_s, now_s
             self.book.clear(name, now_s)
         # Those of before a restart whose causes have gone meanwhile.
         for alarm in self.book.lasting:
             if alarm.name not in self.ongoing and alarm.name.partition(" ")[0] in {c.name for c in self.table.causes}:
                 self.book.clear(alarm.name, now_s)
+
+    def _begun(self, name: str, cause: Cause, device: str, now_s: float) -> Ongoing:
+        """Return a cause that is there; one that comes back soon has the tries of before."""
+        tried, tried_s, gone_s = self._gone.get(name, (0, -math.inf, -math.inf))
+        if now_s - gone_s > FORGET_S:
+            tried, tried_s = 0, -math.inf
+        return Ongoing(cause, device, now_s, tried=tried, tried_s=tried_s)
 
     def due(self, now_s: float) -> tuple[str, str] | None:
         """Return the name of the cause and the action to try now, None when there is none."""

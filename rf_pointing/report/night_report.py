@@ -117,7 +117,7 @@ def _alarms(history: Sequence[tuple[Any, ...]]) -> tuple[NightAlarm, ...]:
         elif name in open_:
             kept = asdict(found[open_[name]])
             changes = {"cleared": {"until_t_s": t_s}, "acknowledged": {"acknowledged": True}, "worse": {"level": level}}
-            found[open_[name]] = NightAlarm(**(kept | changes[event]))
+            found[open_[name]] = NightAlarm(**(kept | changes.get(event, {})))
     return tuple(found)
 
 

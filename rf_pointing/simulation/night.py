@@ -21,6 +21,7 @@ from rf_pointing.operations.night import Night
 from rf_pointing.operations.schedule import BetweenParams, Schedule, ScheduledPass
 from rf_pointing.planning import MachineParams
 from rf_pointing.simulation.pass_simulation import StationSetup
+from rf_pointing.station.antenna.axes import pair
 from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
@@ -33,6 +34,8 @@ PERIOD_TICKS = 5
 EXECUTIVE_S = 0.5
 """Time between two steps of the executive."""
 IDLE_S = 1.0
+OUTSIDE_RAD = math.radians(0.5)
+"""True angles this far past the travel are a motion outside the gate."""
 ANSWER_S = 0.1
 AHEAD_S = 2.0
 EARLY_TARGET_S = 5.0
@@ -207,10 +210,9 @@ class NightSimulation:
         self.log.moved_s += TICK_S
         if self._ticks % PERIOD_TICKS:
             return
-        switch = tuple(map(float, axes.hardware.switch_rad))
-        rate = tuple(map(float, axes.hardware.velocity_rad_s))
+        switch, rate = pair(axes.hardware.switch_rad), pair(axes.hardware.velocity_rad_s)
         safety = self.antenna.safety
-        reason = safety.beyond(switch, rate) or safety.gate.limits.reason(*switch, tolerance_rad=math.radians(0.5))
+        reason = safety.beyond(switch, rate) or safety.gate.limits.reason(*switch, None, OUTSIDE_RAD)
         if reason and len(self.log.outside) < 100:
             self.log.outside.append(f"{t_s:.1f}: {reason}")
 

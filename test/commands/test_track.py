@@ -8,8 +8,8 @@ import pytest
 from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import TrackingStatus
 
-from rf_pointing.commands import track
-from rf_pointing.commands.track import ProgressLine, describe, outcome_line
+from rf_pointing.commands import live_pass
+from rf_pointing.commands.live_pass import ProgressLine, describe, outcome_line
 from rf_pointing.nodes.stamps import stamp_from_seconds
 
 
@@ -36,7 +36,7 @@ class Wall:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s = 100.0
-        monkeypatch.setattr(track.time, "monotonic", lambda: self.now_s)
+        monkeypatch.setattr(live_pass.time, "monotonic", lambda: self.now_s)
 
 
 def test_the_line_tells_what_the_operator_asks() -> None:

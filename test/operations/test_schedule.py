@@ -202,7 +202,7 @@ def test_a_foreign_calendar_gives_target_and_times() -> None:
         ('[{"target": "a", "aos_utc": "2026-01-01T00:00:00Z"}]', "row 1: los_utc is missing"),
         ('[{"aos_utc": "2026-01-01T00:00:00Z", "los_utc": "2026-01-01T00:10:00Z"}]', "row 1: target='' of pass"),
         ("target,aos_utc,los_utc\na,2026-01-01T00:10:00Z,2026-01-01T00:00:00Z\n", "row 1: aos=.* must be < los="),
-        ("target,aos_utc,los_utc,peak_elevation_deg\na,2026-01-01T00:00:00Z,2026-01-01T00:10:00Z,high\n", "'high' must be a number"),
+        ("target,aos_utc,los_utc,peak_elevation_deg\na,2026-01-01T00:00:00Z,2026-01-01T00:10:00Z,x\n", "'x' must be a number"),
         ("target,aos_utc,los_utc\na,soon,later\n", "row 1"),
         ("BEGIN:VCALENDAR\nBEGIN:VEVENT\n", "not a calendar|must have dtstart"),
         ("id,target,aos_utc,los_utc\n" + "x,a,2026-01-01T00:00:00Z,2026-01-01T00:10:00Z\n" * 2, "pass x is in the list twice"),

@@ -1,0 +1,94 @@
+"""The morning report: what is on the page, what is in the JSON, and what there is to do."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rf_pointing.report.night_report import night_of, page, write_night
+
+T0 = 1_151_347_200.0
+
+
+def record(name: str, start_s: float, **changes: Any) -> dict[str, Any]:
+    values = {
+        "id": name, "name": name, "aos_t_s": T0 + start_s, "los_t_s": T0 + start_s + 600.0, "state": "tracked",
+        "reason": "loss of signal", "tracked_s": 590.0, "lost_s": 10.0, "loss_db": 0.12, "attempts": 1, "causes": [],
+        "element_age_h": 12.0, "recorded": True,
+    }  # fmt: skip
+    return values | changes
+
+
+def state(records: list[dict[str, Any]], history: Sequence[Any] = (), alarms: Sequence[Any] = ()) -> dict[str, Any]:
+    schedule = [{"pass": {"id": each["id"], "priority": 3}, "state": each["state"]} for each in records]
+    schedule.append({"pass": {"id": "other", "priority": 0}, "state": "yields"})
+    kept = {"history": list(history), "alarms": list(alarms)}
+    return {"begun_s": T0, "schedule": schedule, "records": records, "alarms": kept}
+
+
+def test_a_good_night_says_that_there_is_nothing_to_do() -> None:
+    report = night_of(state([record("SAT 1", 600.0), record("SAT 2", 3600.0)]), "Dish")
+    assert (report.tracked, report.yielded, report.to_do) == (2, 1, ())
+    assert report.held_share == pytest.approx(590.0 / 600.0)
+    text = page(report)
+    assert "Nothing to do today" in text
+    assert "2 of 2" in text
+    assert text.count("<rect") == 4, "two passes, each with the share that was lost"
+
+
+HISTORY = [
+    [T0 + 4000.0, "raised", "latched_fault", 2, "the antenna has a latched fault: drives cut"],
+    [T0 + 4060.0, "cleared", "latched_fault", 2, "the antenna has a latched fault: drives cut"],
+    [T0 + 5000.0, "raised", "full_disk", 1, "0.1 GB are free"],
+    [T0 + 5100.0, "acknowledged", "full_disk", 1, "0.1 GB are free"],
+]
+FAULT = {"name": "latched_fault", "ask": ""}
+DISK = {"name": "full_disk", "ask": "free space"}
+
+
+def bad_night() -> Any:
+    records = [
+        record("SAT 1", 600.0),
+        record("<b>SAT 2", 3600.0, state="lost", reason="50 % of the pass was held", tracked_s=300.0, lost_s=300.0,
+               loss_db=3.0, attempts=2, causes=["latched_fault: drives cut"], element_age_h=90.0),
+        record("SAT 3", 6000.0, recorded=False),
+    ]  # fmt: skip
+    health = {"model": {"health": "4 days since the last observation", "level": 1}, "relays": {"starts": "412, 260"}}
+    return night_of(state(records, HISTORY, [FAULT, DISK]), "Dish", messages=3, health=health)
+
+
+def test_what_to_do_begins_with_what_lasts_and_names_every_cause() -> None:
+    to_do = bad_night().to_do
+    assert to_do[0] == "0.1 GB are free: free space"
+    words = " ".join(to_do)
+    for part in ("fetch newer elements of <b>SAT 2", "1 passes were lost", "1 tracked passes were not recorded",
+                 "pointing model: 4 days"):  # fmt: skip
+        assert part in words
+
+
+def test_alarms_have_their_time_and_whether_they_are_known() -> None:
+    first, second = bad_night().alarms
+    assert (first.until_t_s - first.raised_t_s, first.acknowledged) == (60.0, False)
+    assert (second.until_t_s, second.acknowledged) == (None, True)
+
+
+def test_the_page_has_the_lost_seconds_with_their_causes_and_escapes_names(tmp_path: Path) -> None:
+    report = bad_night()
+    write_night(report, tmp_path / "night")
+    text = (tmp_path / "night" / "night.html").read_text()
+    assert "latched_fault: drives cut" in text
+    assert "&lt;b&gt;SAT 2" in text
+    assert "<b>SAT 2" not in text
+    assert "412, 260" in text
+    values = json.loads((tmp_path / "night" / "night.json").read_text())
+    assert values["tracked"] == 2
+    assert values["passes"][1]["lost_s"] == 300.0
+    assert values["passes"][1]["causes"] == ["latched_fault: drives cut"]
+    assert values["to_do"] == list(report.to_do)
+
+
+def test_a_night_without_a_pass_is_a_page_too() -> None:
+    assert "Nothing to do" in page(night_of({"begun_s": None, "schedule": [], "records": [],
+                                             "alarms": {"history": [], "alarms": []}}, "Dish"))  # fmt: skip
