@@ -30,7 +30,9 @@ from rf_pointing.nodes.graph import NODES, TOPICS, topics_of
 from rf_pointing.nodes.main_loop import make_executor, settle_garbage
 from rf_pointing.nodes.recorder import Recorder
 
-PATIENCE_S = 20.0
+PATIENCE_S = 120.0
+"""Wall time that one step of the bring-up may take; a process that has ended is noticed at once."""
+# At a load of 20 on two cores, eight interpreters need half a minute to start.
 SETTLE_S = 0.2
 """Publishers and subscribers that the graph knows still need a moment to match each other."""
 SAY_EVERY_S = 60.0

@@ -26,7 +26,6 @@ from rf_pointing.commands.options import (
 )
 from rf_pointing.core import MDEG, leaves
 from rf_pointing.core.dates import DAY_S, parse_utc
-from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import ElementUncertainty, Pass, first_pass_above, stale_warning
 from rf_pointing.ephemeris.element_files import element_files, is_address
@@ -128,12 +127,7 @@ def choose_pass(options: argparse.Namespace) -> Pass:
 def sensor_of(options: argparse.Namespace) -> str:
     """Return the sensor of the pass; ValueError for one that the station's band does not have."""
     station, band = station_of(options), band_of(options)
-    sensor = options.sensor or station.sensor(band)
-    # Sensors of other packages are not the feed's: the station does not list them.
-    if sensor in set(Sensor) - {*station.sensors(band), Sensor.PROGRAM, Sensor.AUTO}:
-        known = ", ".join((*station.sensors(band), Sensor.AUTO, Sensor.PROGRAM))
-        raise ValueError(f"sensor={sensor}: {band} band of {station.name} has {known}")
-    return str(sensor)
+    return station.chosen_sensor(options.sensor or station.sensor(band), band)
 
 
 def chosen_scan(options: argparse.Namespace, window: Pass) -> ConscanParams | None:

@@ -246,9 +246,9 @@ class PointingControllerNode(StationNode):
             if difference := self._difference():
                 raise ValueError(difference)
             self._read_joints(now_s)
-            self._controller.start(
-                now_s, convert_planning.pass_from_message(goal.request.target_pass), goal.request.sensor
-            )
+            assert self.station is not None
+            sensor = self.station.chosen_sensor(goal.request.sensor, self.band)
+            self._controller.start(now_s, convert_planning.pass_from_message(goal.request.target_pass), sensor)
         except ValueError as error:
             self._refuse(str(error))
             goal.execute()

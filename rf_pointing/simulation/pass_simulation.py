@@ -166,7 +166,7 @@ def simulate_pass(
     Without a `sensor` the station's default one tracks.  `on_reception` is called with every
     reception.
     """
-    track, sensor = setup.track(), setup.sensor if sensor is None else sensor
+    track, sensor = setup.track(), setup.station.chosen_sensor(sensor or setup.sensor, setup.band)
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
     monopulse = MonopulseTracker(setup.node("monopulse_tracker").group("monopulse", MonopulseParams()))
     carrier = setup.power_tracker()

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import Mode, gaussian_gain
-from rf_pointing.ephemeris import first_pass_above
+from rf_pointing.ephemeris import find_passes, first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.description import read_station, shipped_stations
+from rf_pointing.station.pointing.certificates import pass_profile
+from rf_pointing.tracking.sensors import SENSOR_CHOICES
 
 ACQUIRED_S = 25.0
 # Mean loss that each station may have over the pass, dB: a scan costs 0.1.
@@ -105,7 +107,33 @@ def test_program_track_in_s_band_with_elements_half_a_second_wrong_loses_what_th
     assert 0.02 < flight.mean_loss_db() < 0.3
 
 
-def test_auto_never_uses_a_sensor_that_the_feed_does_not_have() -> None:
-    flight = fly("leo_3m7", "X", "auto", seconds=40.0)
-    assert Mode.MONOPULSE not in flight.log.mode
-    assert set(np.array(flight.log.mode)[flight.acquired].tolist()) == {Mode.CONSCAN}
+AUTO = {"dss13": "auto", "leo_3m7": "conscan", "rotator_2m": "steptrack", "vhf_uhf_yagi": ""}
+"""What `auto` means on each; "" where nothing can track."""
+
+
+@pytest.mark.parametrize(("name", "band"), [(name, band) for name in AUTO for band in read_station(name).bands])
+def test_every_sensor_of_every_band_has_a_certificate_and_every_other_is_refused(name: str, band: str) -> None:
+    station, setup = read_station(name), StationSetup(name, band)
+    track = setup.track()
+    (window, *_) = find_passes(track, load_elements(SourceParams()).epoch_t_s, 2.0 * 86400.0, math.radians(25.0))
+    for choice in SENSOR_CHOICES:
+        if choice not in (*station.sensors(band), "program", *(("auto",) if AUTO[name] else ())):
+            with pytest.raises(ValueError, match=f"sensor={choice}: {band} band of .* has .*program"):
+                station.chosen_sensor(choice, band)
+            continue
+        sensor = station.chosen_sensor(choice, band)
+        assert sensor == (AUTO[name] if choice == "auto" else choice)
+        controller, start_s = setup.controller(), window.aos_t_s - 300.0
+        controller.plan.take_profiles([pass_profile(track, window)])
+        controller.take_joints(setup.antenna().reading(start_s))
+        controller.start(start_s, window, sensor)
+        chosen = controller.plan.certificate.chosen if controller.plan.certificate else None
+        assert chosen is not None
+        # What a scan costs is in it.
+        assert chosen.mean_loss_db > (0.06 if sensor in ("conscan", "steptrack") else 0.0)
+
+
+@pytest.mark.parametrize(("name", "sensor"), [("leo_3m7", Mode.CONSCAN), ("rotator_2m", Mode.STEPTRACK)])
+def test_auto_tracks_with_what_the_feed_has(name: str, sensor: str) -> None:
+    flight = fly(name, sensor="auto", seconds=40.0)
+    assert set(np.array(flight.log.mode)[flight.acquired].tolist()) == {sensor}

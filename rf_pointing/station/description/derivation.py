@@ -417,11 +417,6 @@ def _loop(of: Band) -> dict[str, Value]:
         "integrator.acceleration_deg_s2": (0.25 * acceleration, "a quarter of the commanded acceleration"),
         "trim.bias_walk_deg": (0.02 * section.model_error_deg, "0.02 of model_error_deg in 1 s"),
     })  # fmt: skip
-    if Sensor.MONOPULSE not in section.sensors:
-        # The choice `auto` takes the strongest sensor that the carrier allows.
-        reason = "bands.*.sensors names no monopulse: no carrier is strong enough for it"
-        levels = {"on": NO_CARRIER_DB_HZ, "off": NO_CARRIER_DB_HZ - 1.0}
-        found |= _rows({f"autotrack.monopulse_{name}_db_hz": (level, reason) for name, level in levels.items()})
     found["integrator.sample_s"] = Value(of.content.receiver.power_period_s, "receiver.power_period_s")
     found["trim.bias_deg"] = Value(section.model_error_deg, "bands.*.model_error_deg")
     lags = of.content.simulation.lag_averaging_s
@@ -440,7 +435,6 @@ def _loop(of: Band) -> dict[str, Value]:
 _LOSS_MHZ, _LOSS_DB = (100.0, 2300.0, 8450.0, 32000.0, 50000.0), (0.03, 0.035, 0.04, 0.14, 0.6)
 COSMIC_K, AIR_K, GROUND_K = 2.725, 275.0, 8.0
 TICK_S = 0.02
-NO_CARRIER_DB_HZ = 120.0
 
 
 def _signal(of: Band) -> dict[str, Value]:

@@ -27,6 +27,7 @@ from rf_pointing.station.description.derivation import (
     site_of,
 )
 from rf_pointing.station.description.reading import Reader, StationError, flat, nearest
+from rf_pointing.tracking.sensors import SENSORS
 
 STATIONS = Path(__file__).parent / "stations"
 """Folder of the shipped descriptions; it is installed with the package."""
@@ -87,6 +88,32 @@ class StationDescription:
         """Return the default sensor of a band, as the operator names it."""
         sensors = self.sensors(band)
         return str(sensors[0] if sensors else Sensor.PROGRAM)
+
+    def chosen_sensor(self, sensor: str, band: str | None = None) -> str:
+        """Return the sensor that the operator's choice means in a band.
+
+        `auto` is monopulse or conscan, as the carrier allows, where the band has both; else the one
+        of them that it has; else its first sensor.
+
+        Raises
+        ------
+        ValueError
+            For a sensor that the band does not have, and for `auto` where it has none.
+        """
+        known, name = self.sensors(band), self._band(band)
+        if sensor != Sensor.AUTO:
+            # Sensors of other packages are not the feed's: the station does not list them.
+            if sensor in set(Sensor) - {*known, Sensor.PROGRAM}:
+                words = ", ".join((*known, *((Sensor.AUTO,) if known else ()), Sensor.PROGRAM))
+                raise ValueError(f"sensor={sensor}: {name} band of {self.name} has {words}")
+            return str(sensor)
+        if not known:
+            raise ValueError(f"sensor=auto: {name} band of {self.name} has no sensor, only program")
+        automatic = [name for name, traits in SENSORS.items() if traits.automatic and name in set(Sensor)]
+        usable = [each for each in automatic if each in known]
+        if usable == automatic:
+            return str(sensor)
+        return str(usable[0] if usable else known[0])
 
     def bias_model_file(self, band: str | None = None) -> Path | None:
         """Return the file of the bias model of a band, None for no correction."""
