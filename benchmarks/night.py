@@ -28,10 +28,10 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.operations.schedule import PassState
 from rf_pointing.simulation import StationSetup
-from rf_pointing.simulation.night import CAUSES, KINDS, RESTART_S, NightFault, NightSimulation
+from rf_pointing.simulation.night import CAUSES, RESTART_S, NightFault, NightSimulation, kinds_of
 
 STATIONS = ("leo_3m7", "rotator_2m")
-SECONDS = {"drive_lost": 20.0, "link_drop": 60.0, "runaway": 10.0, "encoder_frozen": 10.0, "gust": 120.0,
+SECONDS = {"drive_lost": 20.0, "link_drop": 60.0, "runaway": 10.0, "encoder_frozen": 10.0, "axes_stuck": 10.0, "gust": 120.0,
            "stale_elements": 900.0, "full_disk": 900.0}  # fmt: skip
 
 
@@ -54,10 +54,9 @@ def schedule_of(station: str, folder: Path, hours: float, satellites: int) -> tu
     ), elements
 
 
-def random_faults(count: int, seed: int, start_s: float, hours: float, anemometer: bool) -> list[NightFault]:
+def random_faults(count: int, seed: int, start_s: float, hours: float, kinds: tuple[str, ...]) -> list[NightFault]:
     """Return faults at random times, every kind at least once as far as they reach."""
     rng = np.random.default_rng(seed)
-    kinds = [kind for kind in KINDS if anemometer or kind != "gust"]
     chosen = (kinds * (count // len(kinds) + 1))[:count]
     # Apart from each other, so that each has an effect of its own.
     times = start_s + 3600.0 * hours * (np.arange(count) + rng.uniform(0.1, 0.7, count)) / count
@@ -78,9 +77,7 @@ def measure(options: argparse.Namespace, station: str) -> bool:
         text, elements = schedule_of(station, Path(folder), options.hours, options.satellites)
         setup = StationSetup(station)
         passes = read_passes(text, every=False)
-        faults = random_faults(
-            options.faults, options.seed, EPOCH_T_S, options.hours, setup.station.content.wind.anemometer
-        )
+        faults = random_faults(options.faults, options.seed, EPOCH_T_S, options.hours, kinds_of(setup))
         night = NightSimulation(setup, elements, passes, EPOCH_T_S, faults=faults)
         began_s, used_s = time.monotonic(), time.process_time()
         night.run(EPOCH_T_S + 3600.0 * options.hours + 3600.0, lambda _t_s: memory.append(memory_mb()))
@@ -89,7 +86,7 @@ def measure(options: argparse.Namespace, station: str) -> bool:
         from rf_pointing.report.night_report import night_of, write_night
 
         write_night(
-            night_of(night.night.state(), setup.station.name, messages=len(night.log.messages)),
+            night_of(night.night.state(), setup.station.name, messages=len(night.log.messages), health=night.health()),
             Path(options.report) / station,
         )
     return show(options, station, night, len(passes), memory, (wall_s, used_s))

@@ -29,6 +29,9 @@ RETRY_S = 5.0
 """Between two attempts at one pass."""
 PATIENCE_S = 60.0
 """After the set of a pass until its end must have shown."""
+OVERDUE_S = 10.0
+"""After the scheduled end of a pass until it is ended; the elements may have moved its set."""
+SCHEDULED_END = "the schedule ends it here"
 LATE_S = 5.0
 """How old a view of the station may be to begin something."""
 SEARCH_BACK_S = 60.0
@@ -309,6 +312,9 @@ class Night:
         if not attempt.ending:
             if now_s >= self.schedule.ends_s(entry, now_s) and now_s < entry.item.los_t_s:
                 self._end_early("it yields to a pass of a higher priority", now_s)
+            elif now_s > entry.item.los_t_s + OVERDUE_S and self._busy:
+                # The list may end a pass before its set.
+                self._end_early(SCHEDULED_END, now_s)
             elif self._planned_s < 0.0 or now_s - self._planned_s > REPLAN_S:
                 self._replan(now_s)
         if attempt.ending:
@@ -369,7 +375,7 @@ class Night:
     def _finish_early(self, attempt: Attempt, entry: Entry, now_s: float) -> None:
         if self._action is None and not self._busy:
             self._count(attempt)
-            self._close(attempt, entry, attempt.ending, now_s)
+            self._close(attempt, entry, "" if attempt.ending == SCHEDULED_END else attempt.ending, now_s)
 
     def _count(self, attempt: Attempt) -> None:
         """Add what the controller has counted in this attempt."""

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.core import JointReading
+from rf_pointing.drives.simulated_rotator import RotatorModel, SimulatedRotator
 from rf_pointing.ephemeris.passes import passes_with_present
 from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.operations.alarms import Alarm, AlarmParams
@@ -22,7 +23,9 @@ from rf_pointing.operations.schedule import BetweenParams, Schedule, ScheduledPa
 from rf_pointing.planning import MachineParams
 from rf_pointing.simulation.pass_simulation import StationSetup
 from rf_pointing.station.antenna.axes import pair
+from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.modes import AntennaMode
+from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.status import TrackingStatus
@@ -37,22 +40,40 @@ IDLE_S = 1.0
 OUTSIDE_RAD = math.radians(0.5)
 """True angles this far past the travel are a motion outside the gate."""
 ANSWER_S = 0.1
+NO_ANSWER = "the drive does not answer"
 AHEAD_S = 2.0
 EARLY_TARGET_S = 5.0
 RESTART_S = 3.0
 """How long a killed part is away."""
 SEARCH_S = 7200.0
-KINDS = ("controller_killed", "ephemeris_killed", "tracker_killed", "receiver_killed", "servo_killed", "drive_lost",
-         "link_drop", "runaway", "encoder_frozen", "gust", "stale_elements", "full_disk")  # fmt: skip
-"""What can go wrong."""
+COMMON = (
+    "controller_killed",
+    "ephemeris_killed",
+    "tracker_killed",
+    "receiver_killed",
+    "servo_killed",
+    "drive_lost",
+    "link_drop",
+    "stale_elements",
+    "full_disk",
+)
+"""What can go wrong with any station; a plant and a rotator have faults of their own."""
 _NODES = {"controller_killed": "pointing_controller", "ephemeris_killed": "ephemeris_publisher",
           "tracker_killed": "conscan_tracker", "receiver_killed": "rf_receiver", "servo_killed": "antenna_servo"}  # fmt: skip
 CAUSES = {
     **{kind: f"lost_node {node}" for kind, node in _NODES.items()},
-    "drive_lost": "lost_drive", "runaway": "latched_fault", "encoder_frozen": "latched_fault", "gust": "high_wind",
+    "drive_lost": "lost_drive",
+    "axes_stuck": "latched_fault", "runaway": "latched_fault", "encoder_frozen": "latched_fault", "gust": "high_wind",
     "link_drop": "lost_signal", "stale_elements": "stale_elements", "full_disk": "full_disk",
 }  # fmt: skip
 """The alarm by which each of them must be in the report."""
+
+
+def kinds_of(setup: StationSetup) -> tuple[str, ...]:
+    """Return what can go wrong with a station."""
+    own = ("axes_stuck",) if isinstance(setup.antenna(), DriveAntenna) else ("runaway", "encoder_frozen")
+    wind = ("gust",) if setup.station.content.wind.anemometer and "axes_stuck" not in own else ()
+    return (*COMMON, *own, *wind)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,18 +175,19 @@ class NightSimulation:
     @property
     def _idle(self) -> bool:
         """Whether nothing moves and nothing is waited for."""
+        antenna, night = self.antenna, self.night
+        resting = antenna.mode in (AntennaMode.HOLDING, AntennaMode.PARKED, AntennaMode.STOWED)
+        still = resting and not antenna.axes.moving and float(abs(antenna.axes.rate_command_rad_s).max()) < 1e-6
         busy = self.controller is not None and self.controller.busy
-        resting = self.antenna.mode in (AntennaMode.HOLDING, AntennaMode.PARKED, AntennaMode.STOWED)
-        still = (
-            resting and not self.antenna.axes.moving and float(abs(self.antenna.axes.rate_command_rad_s).max()) < 1e-6
-        )
-        return still and not busy and not self._answers and not self.night.active_id and not self._on
+        return still and not (busy or self._answers or night.active_id or night.blocks() or self._on)
 
     # The station
 
     def _tick(self) -> None:
         t_s, antenna = self.t_s, self.antenna
         reading, boresight = antenna.step(t_s)
+        if boresight is None:
+            raise ValueError("a simulated antenna must say where its beam is")
         self._guard(t_s)
         controller = self.controller
         if controller is not None and self._ticks % PERIOD_TICKS == 0:
@@ -183,10 +205,12 @@ class NightSimulation:
             if busy and not controller.busy:
                 self._end_of_goal(controller)
         if self._ticks % PERIOD_TICKS == 0:
+            # A lost drive reads nothing.
             self._known = reading
         if controller is None or not controller.busy:
             return
-        self._conscan.take_joints(reading)
+        if reading is not None:
+            self._conscan.take_joints(reading)
         hears = self._alive("receiver_killed") and self._alive("link_drop")
         reception = self.receiver.take(boresight) if self._alive("receiver_killed") else None
         if reception is None or not self._alive("tracker_killed"):
@@ -240,12 +264,14 @@ class NightSimulation:
             night.respond(number, accepted, text, t_s)
         if self._alive("servo_killed"):
             status, reading = self.antenna.status(t_s), self.antenna.reading(t_s)
+            known = not isinstance(self.antenna, DriveAntenna) or self.antenna.hardware.current
+            place = reading.position_rad.tolist()
             self._take("antenna", {
                 "mode": str(status.mode), "fault": status.fault, "warning": status.warning, "high_wind": status.high_wind,
                 "moving": bool(self.antenna.axes.moving or abs(status.rate_command_rad_s).max() > 1e-4),
-                "azimuth": float(reading.position_rad[0]), "elevation": float(reading.position_rad[1]),
+                **({"azimuth": place[0], "elevation": place[1]} if known else {}),
             })  # fmt: skip
-            self._take("drive", {"problem": self.antenna.hardware.fault})
+            self._take("drive", {"problem": _lost(self.antenna)})
         status_ = self._status
         if self.controller is not None and status_ is not None:
             self._take("tracking", {
@@ -361,12 +387,20 @@ class NightSimulation:
             if fault.kind == "link_drop" and not (self._status and self._status.held):
                 # Without a pass nobody could notice it.
                 break
-            if fault.kind == "encoder_frozen" and not self.antenna.axes.moving:
+            if fault.kind in ("encoder_frozen", "axes_stuck") and not self.antenna.axes.moving:
                 break
             self._faults.pop(0)
             self.log.faults.append(NightFault(self.t_s, fault.kind, fault.seconds))
             self._on.append((self.t_s + fault.seconds, fault))
             self._begin(fault)
+
+    def health(self) -> dict[str, dict[str, Any]]:
+        """Return what the morning report shows of the station."""
+        shown: dict[str, dict[str, Any]] = {"disk": {"free_gb": self._free_gb}}
+        if isinstance(self.antenna, DriveAntenna):
+            starts = _rotator(self.antenna).starts
+            shown["relays"] = {"starts of azimuth and elevation": f"{starts[0]}, {starts[1]}"}
+        return shown
 
     def _begin(self, fault: NightFault) -> None:
         antenna = self.antenna
@@ -375,15 +409,19 @@ class NightSimulation:
                 self.controller, self._goal = None, None
             case "servo_killed":
                 antenna.rest(AntennaMode.INACTIVE)
+            case "drive_lost" if isinstance(antenna, DriveAntenna):
+                antenna.hardware.drive.problem = NO_ANSWER
             case "drive_lost":
-                antenna.hardware.fault = "the drive does not answer"
-                antenna.trip("the drive does not answer")
+                _plant(antenna).hardware.fault = NO_ANSWER
+                antenna.trip(NO_ANSWER)
+            case "axes_stuck":
+                _rotator(antenna).powered = False
             case "runaway":
-                antenna.injected.inject("runaway", 0.5 * antenna.axes.limits.rate_limit_rad_s[0])
+                _plant(antenna).injected.inject("runaway", 0.5 * antenna.axes.limits.rate_limit_rad_s[0])
             case "encoder_frozen":
-                antenna.injected.inject("encoder_frozen", 0.0)
+                _plant(antenna).injected.inject("encoder_frozen", 0.0)
             case "gust":
-                antenna.injected.inject("gust", 30.0)
+                _plant(antenna).injected.inject("gust", 30.0)
             case "stale_elements":
                 self._aged_h = 200.0
             case "full_disk":
@@ -397,11 +435,33 @@ class NightSimulation:
                 self._profiles()
             case "servo_killed":
                 antenna.enable()
+            case "drive_lost" if isinstance(antenna, DriveAntenna):
+                antenna.hardware.drive.problem = ""
             case "drive_lost":
-                antenna.hardware.fault = ""
+                _plant(antenna).hardware.fault = ""
+            case "axes_stuck":
+                _rotator(antenna).powered = True
             case "runaway" | "encoder_frozen" | "gust":
-                antenna.injected.inject("none", 0.0)
+                _plant(antenna).injected.inject("none", 0.0)
             case "stale_elements":
                 self._aged_h = 0.0
             case "full_disk":
                 self._free_gb = 500.0
+
+
+def _lost(antenna: SimulatedAntenna | DriveAntenna) -> str:
+    """Return why the drive is lost, "" if it is not."""
+    return antenna.hardware.drive.problem if isinstance(antenna, DriveAntenna) else antenna.hardware.fault
+
+
+def _rotator(antenna: SimulatedAntenna | DriveAntenna) -> RotatorModel:
+    drive = antenna.hardware.drive if isinstance(antenna, DriveAntenna) else None
+    if not isinstance(drive, SimulatedRotator):
+        raise ValueError("axes_stuck is a fault of a simulated rotator")
+    return drive.model
+
+
+def _plant(antenna: SimulatedAntenna | DriveAntenna) -> SimulatedAntenna:
+    if isinstance(antenna, DriveAntenna):
+        raise ValueError("runaway, encoder_frozen and gust are faults of a simulated plant")
+    return antenna

@@ -356,3 +356,13 @@ def test_state_of_another_night_is_refused() -> None:
         night.restore({"version": 1}, 0.0)
     with pytest.raises(ValueError, match="version=7"):
         night.restore({"version": 7}, 0.0)
+
+
+def test_a_pass_that_the_list_cuts_off_is_ended_there_and_counts_as_tracked() -> None:
+    cut = a_pass("a", 1000.0, los_s=1300.0)
+    night, station = begin([cut])
+    station.passes["a"] = a_pass("a", 1000.0, los_s=1900.0)
+    assert run(night, station, 0.0, 4000.0) < 1400.0
+    (record,) = night.records
+    assert (record.state, record.attempts) == ("tracked", 1)
+    assert "stop_pass" in names(station)
