@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rf_pointing.core import Params, Sensor, leaves
+from rf_pointing.core import MDEG, Params, Sensor, leaves
 from rf_pointing.drives import DriveParams, takes_positions
 from rf_pointing.ephemeris import SITES, Site
 from rf_pointing.ephemeris.source import SourceParams
@@ -51,6 +51,11 @@ from rf_pointing.tracking.power_tracker import PowerTrackerParams
 SPEED_OF_LIGHT_M_S = 299_792_458.0
 BEAM_FACTOR_DEG = 66.0
 """h D / wavelength: 62 to 69 deg over the three bands of DSS-13, 58 deg for a uniform aperture."""
+GUST_POWER = 2.5
+"""Of the beam's motion that the encoders miss: 0.06 mdeg in 1 s at 34 m, 0.36 mdeg at 70 m."""
+# As the parameters of the watch hold them, to the last bit.
+GUSTS_DEG = tuple(math.degrees(each * MDEG) for each in (0.1, 0.2, 0.4, 0.8))
+VIBRATION_DEG = (0.0, math.degrees(0.2 * MDEG), 6e-4)
 AXES = ("azimuth", "elevation")
 OF_RECEIVER = "rf_receiver:"
 """Before a name that means something else in another node."""
@@ -416,6 +421,19 @@ def _loop(of: Band) -> dict[str, Value]:
         "integrator.offset_limit_deg": (min(max(0.6, 1.5 * of.beamwidth_deg), 20.0), "1.5 h, from 0.6 to 20 deg"),
         "integrator.acceleration_deg_s2": (0.25 * acceleration, "a quarter of the commanded acceleration"),
         "trim.bias_walk_deg": (0.02 * section.model_error_deg, "0.02 of model_error_deg in 1 s"),
+    })  # fmt: skip
+    # What the encoders do not see of the beam: gusts that bend a large dish, their own steps.
+    gusts = max(1.0, (wind_diameter_m(of.content) / REFERENCE_M) ** GUST_POWER)
+    vibration = max(gusts, of.step_deg / math.sqrt(12.0) / VIBRATION_DEG[1])
+    found |= _rows({
+        "watch.gust_deg": (
+            tuple(each * gusts for each in GUSTS_DEG),
+            "0.0001 to 0.0008 deg, above 34 m with the power 2.5 of the diameter",
+        ),
+        "watch.vibration_deg": (
+            tuple(each * vibration for each in VIBRATION_DEG),
+            "0 to 0.0006 deg, above 34 m as the gusts, at least the rms of an encoder step",
+        ),
     })  # fmt: skip
     found["integrator.sample_s"] = Value(of.content.receiver.power_period_s, "receiver.power_period_s")
     found["trim.bias_deg"] = Value(section.model_error_deg, "bands.*.model_error_deg")

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rf_pointing.core import Params
@@ -44,3 +45,18 @@ def _flat(params: Params, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield from _flat(value, f"{prefix}{item.name}.")
         else:
             yield prefix + item.name, value
+
+
+def test_what_the_lock_watch_expects_of_wind_grows_with_the_dish_and_with_the_encoder_step(tmp_path: Path) -> None:
+    """With the strengths of 34 m, a dish of 68.7 m had a false lock before its first second of monopulse was over."""
+    own, larger = read_station("dss13"), tmp_path / "larger.yaml"
+    own.write(larger, {"dish.diameter_m": 68.0, "bands.S.half_power_beamwidth_deg": 0.13,
+                       "bands.X.half_power_beamwidth_deg": 0.034, "bands.Ka.half_power_beamwidth_deg": 0.009})  # fmt: skip
+    names = ("watch.gust_deg", "watch.vibration_deg")
+    for name in names:
+        before, after = (
+            np.array(station.parameters("pointing_controller", "X")[name]) for station in (own, read_station(larger))
+        )
+        assert after == pytest.approx(2.0**2.5 * before)
+    steps_deg = read_station("rotator_2m").parameters("pointing_controller")[names[1]]
+    assert steps_deg[1] == pytest.approx(0.1 / math.sqrt(12.0))
