@@ -68,11 +68,9 @@ def _maker(blank: Any) -> Callable[[Any], Any]:
     if isinstance(blank, Time):
         return stamp_from_seconds
     # The wire has fixed arrays without shape: row-major.
-    return _flat if isinstance(blank, np.ndarray) else type(blank)
-
-
-def _flat(values: Any) -> NDArray[np.float64]:
-    return np.asarray(values, dtype=np.float64).ravel()
+    if isinstance(blank, np.ndarray):
+        return lambda values: np.asarray(values, dtype=blank.dtype).ravel()
+    return type(blank)
 
 
 def _read(value: Any, kind: Any) -> Any:

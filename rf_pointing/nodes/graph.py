@@ -61,6 +61,8 @@ ESSENTIAL = "antenna_status"
 """While this topic is silent, time runs no faster than the wall clock."""
 
 STATION_IN_USE = "station_in_use"
+WIND, TEMPERATURE, PRESSURE, HUMIDITY = (f"weather/{name}" for name in ("wind", "temperature", "pressure", "humidity"))
+"""What a station's own instruments publish."""
 _POINTING_ERROR = Topic(
     "pointing_error", ours.PointingError, STREAM, "10 Hz, conscan once a scan", allowed_lag_s=_ONE_CLUSTER_S
 )

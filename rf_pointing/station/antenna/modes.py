@@ -7,7 +7,7 @@
     a movable one --park, stow, disable--> parking, stowing, disabling --at rest-->
     parked, stowed, disabled --resume--> holding
     parked --stow--> stowing
-    fault --reset_fault--> holding
+    fault --reset_fault--> holding, --stow_in_fault--> stowing with the azimuth braked
 
 A loop or a sensor that cannot be trusted leads to fault at once, with the brakes set.  Nothing here
 moves anything: the control unit gives a snapshot of the motion, and carries out what the answer
@@ -45,6 +45,7 @@ class Request(StrEnum):
     RESUME = auto()
     PARK = auto()
     STOW = auto()
+    STOW_IN_FAULT = auto()
     DISABLE = auto()
     RESET_FAULT = auto()
 
@@ -137,6 +138,10 @@ class AntennaModes:
                     return f"fault latched ({now.fault}); reset it first"
                 stows_parked = request == Request.STOW and self.mode == AntennaMode.PARKED
                 return "" if self.traits.movable or stows_parked else f"the antenna is {self.mode}"
+            case Request.STOW_IN_FAULT:
+                if not now.fault:
+                    return "no fault is latched; request stow"
+                return "" if self.mode == AntennaMode.FAULT else f"the antenna is {self.mode}, must be in fault"
             case Request.DISABLE:
                 return "" if self.traits.movable else f"nothing to disable, the antenna is {self.mode}"
             case Request.RESET_FAULT:
