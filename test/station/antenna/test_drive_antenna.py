@@ -166,8 +166,10 @@ def test_five_seconds_of_silence_stop_the_device_when_it_answers_again(driven) -
     assert subject.mode == "fault"
 
 
-@pytest.mark.parametrize("name", SERIAL)
-def test_a_controller_that_restarts_in_the_middle_of_a_motion_is_found(driven, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "within_s"), [("hamlib", 1.0), ("easycomm 2", 1.0), ("spid rot2", 1.0), ("gs232", 1.2)]
+)
+def test_a_controller_that_restarts_in_the_middle_of_a_motion_is_found(driven, name: str, within_s: float) -> None:
     """It forgets its set point: the axes stand still; or it forgets where it is: a jump."""
     subject = driven(name)
     subject.move((3.0, 0.0))
@@ -176,7 +178,8 @@ def test_a_controller_that_restarts_in_the_middle_of_a_motion_is_found(driven, n
     subject.device.deaf = True
     took_s = subject.run(10.0, lambda: subject.mode == "fault")
     assert "stands still" in subject.fault
-    assert took_s < 4.0
+    print(f"{name}: a standstill is found after {took_s:.2f} s")
+    assert took_s <= within_s
     subject = driven(name)
     subject.move((3.0, 0.0))
     subject.run(3.0)
