@@ -27,7 +27,6 @@ from std_srvs.srv import Trigger
 from rf_pointing import __version__, calibration
 from rf_pointing.calibration import ModelVersion, ObservationJournal, PassPriors, SectorRule, ShadowRules
 from rf_pointing.core import MDEG, Params, parameter
-from rf_pointing.core.constants import ZERO_CELSIUS_K
 from rf_pointing.nodes import convert, convert_calibration
 from rf_pointing.nodes.campaign_runner import CampaignRunner
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
@@ -123,7 +122,7 @@ class BiasCalibrator(StationNode):
         self.diagnostics.add("model", self._health)
 
     def _on_temperature(self, message: Temperature) -> None:
-        self._keeper.temperature_k = message.temperature + ZERO_CELSIUS_K
+        self._keeper.temperature_k = convert.temperature_from_message(message)
 
     def activate(self) -> None:
         self._keeper.begin(self.now_s())

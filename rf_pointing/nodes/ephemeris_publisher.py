@@ -23,7 +23,6 @@ from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
 
 from rf_pointing import ephemeris
 from rf_pointing.core import Params, parameter
-from rf_pointing.core.constants import ZERO_CELSIUS_K
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.ephemeris import Pass, SkyUncertainty, TopocentricTrack, stale_warning
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at
@@ -95,7 +94,7 @@ class EphemerisPublisher(StationNode):
             self.listen(
                 Temperature,
                 TEMPERATURE,
-                lambda m: self._on_weather("temperature_k", m.temperature + ZERO_CELSIUS_K),
+                lambda m: self._on_weather("temperature_k", convert.temperature_from_message(m)),
                 STREAM,
             )
             self.listen(

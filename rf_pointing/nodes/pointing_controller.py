@@ -31,7 +31,6 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.core.constants import ZERO_CELSIUS_K
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.nodes import convert, convert_calibration, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, LEVELS, WARN, Health
@@ -176,7 +175,7 @@ class PointingControllerNode(StationNode):
 
     def _on_temperature(self, message: Temperature) -> None:
         """Take the temperature of the mount; the offsets follow it in steps."""
-        now_k = message.temperature + ZERO_CELSIUS_K
+        now_k = convert.temperature_from_message(message)
         if self._temperature_k is None or abs(now_k - self._temperature_k) > TEMPERATURE_STEP_K:
             self._temperature_k = now_k
             self._use_model()
