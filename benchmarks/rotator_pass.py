@@ -27,8 +27,10 @@ from rf_pointing.core import JointTrajectory
 from rf_pointing.drives import DriveParams, LinkParams, RotatorParams, make_drive
 from rf_pointing.ephemeris import first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
+from rf_pointing.planning import WindWatchParams
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna, wait_for_drive
 from rf_pointing.station.antenna.loops import LoopParams
+from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 
 TICK_S = 0.02
@@ -108,7 +110,9 @@ def fly(params: DriveParams, options: argparse.Namespace, client: SecondClient |
         rate_limit_rad_s=rotator.rate_rad_s, acceleration_limit_rad_s2=rotator.rate_rad_s,
         travel_min_rad=rotator.travel_min_rad, travel_max_rad=rotator.travel_max_rad,
     )  # fmt: skip
-    antenna = DriveAntenna(AntennaParams(drive=params, loops=LoopParams(preprocessor=motion)), drive, time.monotonic())
+    safety = SafetyParams(wind=WindWatchParams(watched=False))
+    given = AntennaParams(drive=params, loops=LoopParams(preprocessor=motion), safety=safety)
+    antenna = DriveAntenna(given, drive, time.monotonic())
     antenna.enable()
     hardware = antenna.hardware
     slew_s = 10.0 + float(np.max(np.abs(np.subtract(hardware.encoders(), path(first_s))) / rotator.rate_rad_s))

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.calibration import taylor
-from rf_pointing.calibration.angles import Angles, ArrayAngles, SeriesAngles
+from rf_pointing.calibration.angles import REFERENCE_TEMPERATURE_K, Angles, ArrayAngles, SeriesAngles
 from rf_pointing.calibration.mount import Skew, axes_from_sky, sky_from_axes
 from rf_pointing.calibration.terms import TERM_NAMES, Term, terms_by_name
 from rf_pointing.core import require_between
@@ -89,6 +89,23 @@ class BiasModel:
     def has_lags(self) -> bool:
         """Whether any rate or acceleration term is non-zero."""
         return any(term.kind == "lag" for term, _ in self._acting)
+
+    def at_temperature(self, temperature_k: float | None) -> Self:
+        """Return the model at one temperature, with its thermal terms made part of the offsets.
+
+        Raises ValueError for a model with thermal terms where the temperature is not known.
+        """
+        names = [term.name for term, _ in self._acting if term.unit == "rad/K"]
+        if not names:
+            return self
+        if temperature_k is None:
+            raise ValueError(f"the bias model has {', '.join(names)}, and no temperature has been received")
+        changes = dict.fromkeys(names, 0.0)
+        for name in names:
+            offset = name.replace("temperature", "offset")
+            warmer_k = temperature_k - REFERENCE_TEMPERATURE_K
+            changes[offset] = self.coefficients[offset] + self.coefficients[name] * warmer_k
+        return self.replace(**changes)
 
     def offset_rad(self, *motion: ArrayLike, temperature_k: ArrayLike | None = None) -> tuple[Array, Array]:
         """Return observed minus true azimuth and elevation (rad), SATCAL eqs. (1)-(2) as printed.

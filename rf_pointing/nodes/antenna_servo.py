@@ -1,12 +1,16 @@
 """Executable `antenna_servo`: an antenna's control unit and its drive, simulated or real.
 
-Subscribes: joint_trajectory.  Publishes: joint_states (50 Hz), antenna_status (10 Hz, on
-activation, and when a fault comes or goes), sim/boresight (50 Hz, truth); while identifying
-manual_rate (50 Hz).  Action: identify (rf_pointing_msgs/Identify).  Services (std_srvs/Trigger):
-~/stop (latches a fault), ~/pause, ~/resume, ~/park, ~/stow, ~/disable, ~/reset_fault;
-~/go_to (rf_pointing_msgs/GoTo: to a position, and hold there),
-~/inject_fault (rf_pointing_msgs/InjectFault, where fault injection is enabled).  Parameters:
-antenna.*, drive.* (which drive, and how it is reached), loops.* (retunable while running),
+Subscribes: joint_trajectory; on a real drive of a station with an anemometer weather/wind
+(geometry_msgs/Vector3Stamped: velocity of the air in m/s, east, north, up).
+Publishes: joint_states (50 Hz), antenna_status (10 Hz, on activation, and when a fault comes or
+goes), sim/boresight (50 Hz, truth); while identifying manual_rate (50 Hz).
+Action: identify (rf_pointing_msgs/Identify).
+Services (std_srvs/Trigger): ~/stop (latches a fault), ~/pause, ~/resume, ~/park, ~/stow, ~/disable,
+~/reset_fault; ~/go_to (rf_pointing_msgs/GoTo: to a position, and hold there); ~/stow_in_fault
+(rf_pointing_msgs/StowInFault: the elevation alone, by an operator who names the fault);
+~/inject_fault (rf_pointing_msgs/InjectFault, where fault injection is enabled).
+Parameters: antenna.*, drive.* (which drive, and how it is reached), loops.* (retunable while
+running),
 safety.*, wrap_file (keeps the azimuth's turn over a restart; empty: not kept), state_file (keeps
 position, fault and rest), enable_fault_injection, and as truth of the simulated drive plant.*
 (changeable too), wind.*, mount.*.  Activation releases the brakes and holds; deactivation sets
@@ -26,8 +30,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from geometry_msgs.msg import Vector3Stamped
 from rf_pointing_msgs.msg import AntennaStatus, Boresight
-from rf_pointing_msgs.srv import GoTo, InjectFault
+from rf_pointing_msgs.srv import GoTo, InjectFault, StowInFault
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -36,6 +41,7 @@ from rf_pointing.core import AXES, Params, parameter
 from rf_pointing.drives import make_drive
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
+from rf_pointing.nodes.graph import WIND
 from rf_pointing.nodes.identification_server import IdentificationServer
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
@@ -112,6 +118,9 @@ class AntennaServo(StationNode):
         for name, action in actions.items():
             self.serve_action(Trigger, f"~/{name}", partial(self._act, name, action))
         self.serve_action(GoTo, "~/go_to", self._go_to)
+        self.serve_action(StowInFault, "~/stow_in_fault", self._stow_in_fault)
+        if real and params.safety.wind.watched:
+            self.listen(Vector3Stamped, WIND, self._on_wind, STREAM)
         if value("").enable_fault_injection and not real:
             self.serve_action(InjectFault, "~/inject_fault", self._inject)
         self.diagnostics.add("drive", self._health)
@@ -283,6 +292,17 @@ class AntennaServo(StationNode):
 
     def _go_to(self, request: GoTo.Request) -> str:
         return self._act("go_to", partial(self._antenna.go_to, (request.azimuth, request.elevation)), request)
+
+    def _stow_in_fault(self, request: StowInFault.Request) -> str:
+        if refused := self._antenna.stow_in_fault(request.fault):
+            raise ValueError(refused)
+        return "stowing the elevation; the azimuth is braked, and the fault stays latched"
+
+    def _on_wind(self, message: Vector3Stamped) -> None:
+        """Take the speed of the wind, unless it is so old that it counts as silence."""
+        age_s = self.now_s() - seconds_from_stamp(message.header.stamp)
+        if age_s <= self._antenna.safety.wind.params.silence_s:
+            self._antenna.hardware.note_wind(math.hypot(message.vector.x, message.vector.y))
 
     def _inject(self, request: InjectFault.Request) -> str:
         self._antenna.injected.inject(request.fault, request.value)

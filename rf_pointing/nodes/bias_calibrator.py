@@ -1,6 +1,7 @@
 """Executable `bias_calibrator`: holds the pointing model, and fits a new one to tracked passes.
 
-Subscribes: target, joint_states, pointing_error, tracking_status.
+Subscribes: target, joint_states, pointing_error, tracking_status; weather/temperature
+(sensor_msgs/Temperature), without which a model with thermal terms is refused.
 Publishes: pointing_model (latched, with covariance).
 Actions: ~/run_campaign (RunCampaign) tracks passes and takes observations, ~/fit_model (FitModel)
 makes a candidate.
@@ -20,7 +21,7 @@ from typing import Any
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rf_pointing_msgs.action import FitModel, RunCampaign
 from rf_pointing_msgs.msg import PointingError, PointingModel, Target, TrackingStatus
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import Trigger
 
 from rf_pointing import __version__, calibration
@@ -29,6 +30,7 @@ from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.nodes import convert, convert_calibration
 from rf_pointing.nodes.campaign_runner import CampaignRunner
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
+from rf_pointing.nodes.graph import TEMPERATURE
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.qos import LATCHED, STREAM
@@ -116,7 +118,11 @@ class BiasCalibrator(StationNode):
         self.serve_action(Trigger, "~/accept", self._accept)
         self.serve_action(Trigger, "~/reject", lambda _: f"{self._keeper.reject()} is dropped")
         self.serve_action(Trigger, "~/rollback", self._roll_back)
+        self.listen(Temperature, TEMPERATURE, self._on_temperature, STREAM)
         self.diagnostics.add("model", self._health)
+
+    def _on_temperature(self, message: Temperature) -> None:
+        self._keeper.temperature_k = convert.temperature_from_message(message)
 
     def activate(self) -> None:
         self._keeper.begin(self.now_s())

@@ -12,11 +12,12 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rf_pointing_msgs import msg as ours
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, Temperature
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from rf_pointing import core
+from rf_pointing.core.constants import ZERO_CELSIUS_K
 from rf_pointing.ephemeris import SkyUncertainty
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
@@ -68,11 +69,9 @@ def _maker(blank: Any) -> Callable[[Any], Any]:
     if isinstance(blank, Time):
         return stamp_from_seconds
     # The wire has fixed arrays without shape: row-major.
-    return _flat if isinstance(blank, np.ndarray) else type(blank)
-
-
-def _flat(values: Any) -> NDArray[np.float64]:
-    return np.asarray(values, dtype=np.float64).ravel()
+    if isinstance(blank, np.ndarray):
+        return lambda values: np.asarray(values, dtype=blank.dtype).ravel()
+    return type(blank)
 
 
 def _read(value: Any, kind: Any) -> Any:
@@ -98,6 +97,13 @@ def target_to_message(target: core.Target, uncertainty: SkyUncertainty | None = 
         message.along_track_sigma = uncertainty.along_track_rad
         message.cross_track_sigma = uncertainty.cross_track_rad
     return message
+
+
+def temperature_from_message(message: Temperature) -> float:
+    """Return the temperature in K of the air or of the mount."""
+    temperature_k = message.temperature + ZERO_CELSIUS_K
+    core.require_between("temperature_k", temperature_k, 180.0, 330.0)
+    return float(temperature_k)
 
 
 def joints_to_message(reading: core.JointReading) -> JointState:

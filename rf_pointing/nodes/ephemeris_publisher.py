@@ -2,6 +2,9 @@
 
 Publishes: target (10 Hz, ahead of time while above the mask; direction, rates, range, Doppler,
 light time, refraction and covariance), passes, pass_profiles (latched).
+Subscribes, where source.refraction is measured: weather/temperature, weather/pressure and
+weather/humidity (sensor_msgs/Temperature, FluidPressure, RelativeHumidity) in place of
+source.weather.
 Service: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and get its passes.
 Parameters: source.* (elements or ephemeris, object, station; offsets, hold and weather, live, read
 back on /diagnostics with the age of the elements and what it means on the sky; newer elements of an
@@ -16,6 +19,7 @@ from dataclasses import dataclass
 
 from rf_pointing_msgs.msg import PassList, PassProfileList, Target
 from rf_pointing_msgs.srv import SelectTarget
+from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
 
 from rf_pointing import ephemeris
 from rf_pointing.core import Params, parameter
@@ -25,6 +29,7 @@ from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track,
 from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.element_updates import ElementUpdates
+from rf_pointing.nodes.graph import HUMIDITY, PRESSURE, TEMPERATURE
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
@@ -37,7 +42,10 @@ LIVE_SOURCE = ("along_track_offset_s", "cross_track_offset_deg", "hold", "refrac
 
 
 RENEWAL_S = 10.0
-"""How often the elements are looked at for newer ones."""
+"""How often the elements are looked at for newer ones, and the weather."""
+WEATHER_STEPS = {"temperature_k": 0.5, "pressure_hpa": 0.5, "relative_humidity": 0.02}
+"""Changes of the weather that matter: each is 0.2 % of the refraction or less."""
+WEATHER_AGE_S = 3600.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +89,20 @@ class EphemerisPublisher(StationNode):
         self._targets = self.stream(Target, "target", STREAM)
         self._pass_list = self.stream(PassList, "passes", LATCHED)
         self._profiles = self.stream(PassProfileList, "pass_profiles", LATCHED)
+        self._weather, self._weather_s, self._weather_problem = {}, math.inf, ""
+        if self._memory.source.refraction == "measured":
+            self.listen(
+                Temperature,
+                TEMPERATURE,
+                lambda m: self._on_weather("temperature_k", convert.temperature_from_message(m)),
+                STREAM,
+            )
+            self.listen(
+                FluidPressure, PRESSURE, lambda m: self._on_weather("pressure_hpa", 0.01 * m.fluid_pressure), STREAM
+            )
+            self.listen(
+                RelativeHumidity, HUMIDITY, lambda m: self._on_weather("relative_humidity", m.relative_humidity), STREAM
+            )
         self.serve(SelectTarget, "~/select_target", self._on_select)
         self.diagnostics.add("target", self._health)
 
@@ -114,8 +136,29 @@ class EphemerisPublisher(StationNode):
     def _near_a_pass(self, t_s: float, margin_s: float) -> bool:
         return any(window.aos_t_s - margin_s <= t_s <= window.los_t_s + margin_s for window in self._passes)
 
+    def _on_weather(self, name: str, value: float) -> None:
+        self._weather[name], self._weather_s = value, self.now_s()
+
+    def _use_weather(self) -> None:
+        """Bring the measured weather into force where it has changed by enough to bend a ray."""
+        source: SourceParams = self.parameters.value("source")
+        changed = any(
+            abs(value - getattr(source.weather, name)) > WEATHER_STEPS[name] for name, value in self._weather.items()
+        )
+        if not changed:
+            return
+        try:
+            weather = source.weather.replace(**self._weather)
+        except ValueError as error:
+            self._weather_problem = f"measured weather is not used: {error}"
+            return
+        self._weather_problem = ""
+        self.parameters.put("source", source.replace(weather=weather))
+        self._on_parameters()
+
     def _renew(self, now_s: float) -> None:
         """Bring newer elements into force, but neither in a pass nor just before one."""
+        self._use_weather()
         params, source = self.parameters.value("publisher"), self.parameters.value("source")
         if not self._updates.changed() or source.hold:
             return
@@ -189,7 +232,16 @@ class EphemerisPublisher(StationNode):
             self._memory.keep(source, self._peak_rad, self._track.hold_t_s)
 
     def _health(self) -> Health:
-        problems = self._memory.problem, self._updates.problem, self._not_renewed, self._stale()
+        age_s = self.now_s() - self._weather_s
+        old = f"the measured weather is {age_s / 3600.0:.1f} h old" if age_s > WEATHER_AGE_S else ""
+        problems = (
+            self._memory.problem,
+            self._updates.problem,
+            self._not_renewed,
+            self._stale(),
+            self._weather_problem,
+            old,
+        )
         warnings = "; ".join(filter(None, (*self._track.warnings(self.now_s()), *problems)))
         values = {
             "passes": len(self._passes),

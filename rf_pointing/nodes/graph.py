@@ -65,6 +65,8 @@ EXECUTIVE = "station_executive"
 STATION_IN_USE = "station_in_use"
 SCHEDULE = "schedule"
 EXECUTIVE_STATUS = "executive_status"
+WIND, TEMPERATURE, PRESSURE, HUMIDITY = (f"weather/{name}" for name in ("wind", "temperature", "pressure", "humidity"))
+"""What a station's own instruments publish."""
 _POINTING_ERROR = Topic(
     "pointing_error", ours.PointingError, STREAM, "10 Hz, conscan once a scan", allowed_lag_s=_ONE_CLUSTER_S
 )

@@ -1,6 +1,8 @@
 """Executable `pointing_controller`: the only author of motion.
 
-Subscribes: target, joint_states, antenna_status, pointing_error, pointing_model, pass_profiles.
+Subscribes: target, joint_states, antenna_status, pointing_error, pointing_model, pass_profiles;
+weather/temperature (sensor_msgs/Temperature) for the thermal terms of a model, without which a pass
+is refused.
 Publishes: joint_trajectory (10 Hz while a pass is tracked), tracking_status (10 Hz),
 pass_certificate (latched).
 Action: track_pass (rf_pointing_msgs/TrackPass).
@@ -25,14 +27,15 @@ from rf_pointing_msgs.msg import (
     Target,
     TrackingStatus,
 )
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from rf_pointing.calibration import BiasModel
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.nodes import convert, convert_calibration, convert_planning
-from rf_pointing.nodes.diagnostics import ERROR, LEVELS, Health
-from rf_pointing.nodes.graph import STATION_IN_USE
+from rf_pointing.nodes.diagnostics import ERROR, LEVELS, WARN, Health
+from rf_pointing.nodes.graph import STATION_IN_USE, TEMPERATURE
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.qos import COMMAND, IN_USE, LATCHED, STATUS, STREAM
@@ -52,6 +55,7 @@ LIVE = {
 }
 """What may change while the node is configured; the timing of the commands may not."""
 FEEDBACK_EVERY = 10
+TEMPERATURE_STEP_K = 0.1
 LONGEST_WAIT_S = 0.05
 """Wall time that a period waits for the error of the one before; commands start after 0.1 s."""
 PLAN_PATIENCE_WALL_S = 30.0
@@ -93,8 +97,11 @@ class PointingControllerNode(StationNode):
         self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         self.listen(AntennaStatus, "antenna_status", lambda m: core.take_antenna(m.mode, m.fault), STATUS)
         self.listen(PointingError, "pointing_error", lambda m: core.take_error(convert.error_from_message(m)), STREAM)
-        model_of = convert_calibration.model_from_message
-        self.listen(PointingModel, "pointing_model", lambda m: core.take_model(model_of(m)), LATCHED)
+        self._model: BiasModel | None = None
+        self._temperature_k: float | None = None
+        self._unfed = ""
+        self.listen(PointingModel, "pointing_model", self._on_model, LATCHED)
+        self.listen(Temperature, TEMPERATURE, self._on_temperature, STREAM)
         self.listen(PassProfileList, "pass_profiles", self._on_profiles, LATCHED)
         self._census = StationCensus()
         self.listen(StationInUse, STATION_IN_USE, self._census.note, IN_USE)
@@ -198,6 +205,26 @@ class PointingControllerNode(StationNode):
                 self.get_logger().warning(status.alarm)
         self._alarm = status.level, status.alarm
 
+    def _on_model(self, message: PointingModel) -> None:
+        self._model = convert_calibration.model_from_message(message)
+        self._use_model()
+
+    def _on_temperature(self, message: Temperature) -> None:
+        """Take the temperature of the mount; the offsets follow it in steps."""
+        now_k = convert.temperature_from_message(message)
+        if self._temperature_k is None or abs(now_k - self._temperature_k) > TEMPERATURE_STEP_K:
+            self._temperature_k = now_k
+            self._use_model()
+
+    def _use_model(self) -> None:
+        if self._model is None:
+            return
+        try:
+            self._controller.take_model(self._model.at_temperature(self._temperature_k))
+            self._unfed = ""
+        except ValueError as error:
+            self._unfed = f"{error} on {TEMPERATURE}"
+
     def _on_profiles(self, message: PassProfileList) -> None:
         profiles = [convert_planning.profile_from_message(profile) for profile in message.profiles]
         self._controller.plan.take_profiles(profiles)
@@ -245,6 +272,8 @@ class PointingControllerNode(StationNode):
             now_s = self.now_s()
             if difference := self._difference():
                 raise ValueError(difference)
+            if self._unfed:
+                raise ValueError(self._unfed)
             self._read_joints(now_s)
             assert self.station is not None
             sensor = self.station.chosen_sensor(goal.request.sensor, self.band)
@@ -314,6 +343,8 @@ class PointingControllerNode(StationNode):
             "trim_refused": learned.refused,
         }
         level, alarm = self._alarm
+        if self._unfed and not alarm:
+            return Health(WARN, self._unfed, values)
         if self._refusal and not alarm:
             return Health(ERROR, self._refusal, values)
         return Health(LEVELS[level], alarm or state.mode, values)

@@ -7,8 +7,9 @@ the time P between two readings:
   a row is a fault;
 * a motion that was not commanded: away from the range between where it was and its set point, by
   more than 2 q and what it moves in P and the latency;
-* a standstill: no step for `still_s` and twice P beyond the latency, while the set point is two
-  steps or the dead band away.
+* a standstill: no step while the set point is two steps or the dead band away, of a device at rest
+  for `still_s` and twice P beyond the latency.  One that has moved that way in the last second has
+  its motor running: it must show a step within the latency and twice P, or two steps of its speed.
 """
 
 import math
@@ -19,6 +20,8 @@ from rf_pointing.core import AXES
 Pair = tuple[float, float]
 JUMP = 1.5
 STEPS = 2.0
+RUNNING_S = 1.0
+"""Between two set points of a motion a device may stand so long."""
 FAR_STEPS = 2.1
 """A set point one step ahead and one step of read-back behind it are no standstill."""
 
@@ -44,6 +47,7 @@ class _Axis:
         self.set_point: float | None = None
         self.low = self.high = 0.0
         self.still_since_s = 0.0
+        self.moved_s, self.moved = -math.inf, 0.0
 
 
 class PositionWatch:
@@ -98,6 +102,8 @@ class PositionWatch:
         margin = STEPS * step + rate * (latency_s + limits.period_s)
         far = max(FAR_STEPS * step, limits.dead_band_rad[index] + step)
         arrived = axis.set_point is None or abs(axis.set_point - angle) <= far
+        if moved:
+            axis.moved_s, axis.moved = t_s, away
         # New set points come all the time: only one for a device that had arrived begins anew.
         if moved or arrived:
             axis.still_since_s = t_s
@@ -112,6 +118,9 @@ class PositionWatch:
         if set_point is not None:
             off = abs(set_point - angle)
             still_s = t_s - axis.still_since_s
-            if off > far and still_s > limits.still_s + 2.0 * limits.period_s + latency_s:
+            running = axis.still_since_s - axis.moved_s <= RUNNING_S and (set_point - angle) * axis.moved > 0.0
+            polls_s = 2.0 * limits.period_s
+            start_s = max(polls_s, 2.0 * step / rate) if running else limits.still_s + polls_s
+            if off > far and still_s > start_s + latency_s:
                 return angle, f"stands still for {still_s:.1f} s, {math.degrees(off):.2f} deg from its set point"
         return angle, ""

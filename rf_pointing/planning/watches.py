@@ -259,6 +259,7 @@ class WindWatchParams(Params):
     gust_limit_m_s: float = parameter(25.0, "3-s gust from which the antenna is stowed", low=1.0, high=100.0)
     mean_limit_m_s: float = parameter(18.0, "10-min mean from which the antenna is stowed", low=1.0, high=100.0)
     watched: bool = parameter(True, "whether there is an anemometer; without one the wind is not watched")
+    stows: bool = parameter(True, "whether high wind stows the antenna; false: it is only warned of")
     release_share: float = parameter(0.8, "share of both below which it may come out", low=0.1, high=1.0)
     release_s: float = parameter(60.0, "time for which both must stay below", low=0.0, high=7200.0)
     silence_s: float = parameter(5.0, "time without a reading that counts as high wind", low=0.1, high=600.0)
@@ -272,7 +273,7 @@ class WindWatch:
         self._second: deque[tuple[float, float]] = deque()
         self._minute: deque[tuple[float, float]] = deque()
         self._sums = [0.0, 0.0]
-        self._newest_s = -math.inf
+        self._newest_s, self._begun_s = -math.inf, math.inf
         self._low_since_s: float | None = None
         self.reason = ""
 
@@ -307,9 +308,12 @@ class WindWatch:
         params = self.params
         if not params.watched:
             return ""
-        silent_s = t_s - self._newest_s
+        self._begun_s = min(self._begun_s, t_s)
+        # An instrument behind a topic may need a moment before its first reading.
+        silent_s = t_s - max(self._newest_s, self._begun_s)
         if silent_s > params.silence_s:
-            known = "has not been received" if math.isinf(silent_s) else f"has been silent for {silent_s:.1f} s"
+            never = math.isinf(self._newest_s)
+            known = "has not been received" if never else f"has been silent for {silent_s:.1f} s"
             self.reason, self._low_since_s = f"anemometer {known}: taken for high wind", None
             return self.reason
         highs = ((self.gust_m_s, params.gust_limit_m_s, "gust"), (self.mean_m_s, params.mean_limit_m_s, "10-min mean"))

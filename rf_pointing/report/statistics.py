@@ -3,6 +3,8 @@
 `summarize` is the whole table; `link_series` and `axis_motion` are what its pictures show, too.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -243,7 +245,21 @@ def servo(recording: Recording) -> Servo:
         period_deviation_p99_ms=reduced(percentile_99, deviation),
         faults=list(faults),
         axes=[_axis(recording, index) for index in range(len(AXES))],
+        **_moves(antenna),
     )
+
+
+def _moves(antenna: TopicData | None) -> dict[str, Any]:
+    """Return the counts of a drive that takes positions, at the end of the longest tracking."""
+    if antenna is None:
+        return {}
+    # The counts begin anew with the next tracking: the last of them may be that of a park.
+    row = int(np.argmax(antenna["set_points"]))
+    return {
+        "set_points": int(antenna["set_points"][row]),
+        "starts": [int(each) for each in antenna["starts"][row]],
+        "reversals": [int(each) for each in antenna["reversals"][row]],
+    }
 
 
 def _axis(recording: Recording, index: int) -> AxisLimits:

@@ -7,7 +7,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -218,13 +218,20 @@ class AxisLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class Servo:
-    """Timing of the control ticks in wall time, faults and axes."""
+    """Timing of the control ticks in wall time, faults and axes.
+
+    Of a drive that takes positions: its set points, and by axis starts and changes of direction,
+    since tracking began; 0 of any other.
+    """
 
     tick_lateness_p99_ms: Number
     tick_lateness_max_ms: Number
     period_deviation_p99_ms: Number
     faults: list[str]
     axes: list[AxisLimits]
+    set_points: int = 0
+    starts: list[int] = field(default_factory=lambda: [0, 0])
+    reversals: list[int] = field(default_factory=lambda: [0, 0])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -176,6 +176,7 @@ TOPICS: dict[str, TopicLayout] = {
     "antenna_status": _own(
         "AntennaStatus", "mode", "fault", "rate_command", "rate_limit", "acceleration_limit", "at_limit",
         "command_lead", "tick_lateness", "commands_accepted", "commands_rejected", "last_rejection",
+        added={"set_points": 0, "starts": [0, 0], "reversals": [0, 0]},
     ),
     "sim/boresight": _own("Boresight", "azimuth", "elevation"),
     "sim/pointing_error": _ERROR,

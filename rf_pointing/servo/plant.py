@@ -32,8 +32,9 @@ class PlantState:
     """Everything that `AntennaPlant` remembers: copied back, the run goes on identically.
 
     `x` (n,) is the state of the linear model, `debt_s` the part of the elapsed time (below 0.1 ms)
-    that is not yet integrated; `commands` are (time, azimuth, elevation) rate commands still inside
-    the dead time; `encoder_rad` (2,) is the latest reading, `random` the state of the noise
+    that is not yet integrated; `held_axis` keeps its brake set (-1: none); `commands` are (time,
+    azimuth, elevation) rate commands still inside the dead time; `encoder_rad` (2,) is the latest
+    reading, `random` the state of the noise
     generator.
     """
 
@@ -42,6 +43,7 @@ class PlantState:
     debt_s: float
     powered: bool
     braked: bool
+    held_axis: int
     at_stop: tuple[bool, bool]
     encoder_rad: Array
     commands: tuple[tuple[float, float, float], ...]
@@ -113,9 +115,9 @@ class AntennaPlant:
         """Cut the drives and set the brakes."""
         self._state.braked, self._state.powered = True, False
 
-    def release_brake(self) -> None:
-        """Release the brakes and power the drives."""
-        self._state.braked, self._state.powered = False, True
+    def release_brake(self, held_axis: int = -1) -> None:
+        """Release the brakes and power the drives, but for those of `held_axis`."""
+        self._state.braked, self._state.powered, self._state.held_axis = False, True, held_axis
 
     def check(self, params: PlantParams) -> None:
         """Raise ValueError if `reconfigure` would refuse these: the number of modes must stay."""
@@ -166,9 +168,13 @@ class AntennaPlant:
             # The dead time is no whole number of ticks: the command in force may change within a
             # tick.
             command = self._delayed_commands()
-        powered, braked = state.powered, state.braked
-        u_az, friction_az, pushed_az = axis_inputs(x[2], command[0], wind[0], powered, braked, azimuth)
-        u_el, friction_el, pushed_el = axis_inputs(x[3], command[1], wind[1], powered, braked, elevation)
+        powered, braked, held = state.powered, state.braked, state.held_axis
+        u_az, friction_az, pushed_az = axis_inputs(
+            x[2], command[0], wind[0], powered and held != 0, braked or held == 0, azimuth
+        )
+        u_el, friction_el, pushed_el = axis_inputs(
+            x[3], command[1], wind[1], powered and held != 1, braked or held == 1, elevation
+        )
         play_az = gear_correction(x[gear_az], x[gear_az + self._modes], azimuth)
         play_el = gear_correction(x[gear_el], x[gear_el + self._modes], elevation)
         z = self._z
@@ -250,4 +256,4 @@ class AntennaPlant:
         x = np.zeros(self._size)
         x[:2] = position_rad
         encoder = np.round(position_rad / np.array(self._encoder_step)) * self._encoder_step
-        return PlantState(x, 0.0, 0.0, True, False, (False, False), encoder, (), self._random.bit_generator.state)
+        return PlantState(x, 0.0, 0.0, True, False, -1, (False, False), encoder, (), self._random.bit_generator.state)

@@ -177,3 +177,21 @@ def test_offset_is_the_partials_times_the_coefficients(partials, random):
 
 def test_a_model_survives_pickling(table_1):
     assert pickle.loads(pickle.dumps(table_1)) == table_1
+
+
+def test_a_thermal_model_at_one_temperature_is_the_model_without_its_thermal_terms(random: np.random.Generator) -> None:
+    model = BiasModel.zero().replace(
+        azimuth_offset=1e-4, elevation_offset=-2e-4, droop=3e-4, azimuth_temperature=1e-5, elevation_temperature=-2e-5
+    )
+    motion = (*random.uniform(0.1, 1.3, (2, 50)), *random.uniform(-0.01, 0.01, (4, 50)))
+    for temperature_k in (258.0, 288.15, 311.0):
+        folded = model.at_temperature(temperature_k)
+        np.testing.assert_allclose(
+            folded.apply(*motion), model.apply(*motion, temperature_k=temperature_k), rtol=0.0, atol=1e-12
+        )
+    with pytest.raises(
+        ValueError, match="azimuth_temperature, elevation_temperature, and no temperature has been received"
+    ):
+        model.at_temperature(None)
+    plain = BiasModel.zero().replace(droop=1e-4)
+    assert plain.at_temperature(None) is plain

@@ -22,6 +22,8 @@ class ManualClock:
     def __init__(self, live: SimpleNamespace, start_s: float, followed_s: Callable[[], float] | None = None) -> None:
         self.live, self.t_s, self._followed_s = live, start_s, followed_s
         self.publisher = live.node.create_publisher(Clock, "clock", STREAM)
+        self.ticked: Callable[[], None] = lambda: None
+        """Called after every tick."""
 
     def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
         """Let time go on; return whether `until` came true."""
@@ -37,5 +39,6 @@ class ManualClock:
         due_s = time.monotonic() + (PATIENCE_S if begun else TICK_S)
         self.t_s = round(self.t_s + TICK_S, 6)
         self.publisher.publish(Clock(clock=stamp_from_seconds(self.t_s)))
+        self.ticked()
         while time.monotonic() < due_s and not (begun and abs(self._followed_s() - self.t_s) < 1e-6):
             self.live.executor.spin_once(timeout_sec=0.005)

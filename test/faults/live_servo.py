@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Vector3Stamped
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParametersAtomically
 from rf_pointing_msgs.msg import AntennaStatus
@@ -30,21 +31,26 @@ PATIENCE_S = 120.0
 class Servo:
     """Sends a steady azimuth motion; `begun_s` and `base_rad` are when and where the motion of a test began."""
 
-    def __init__(self, live: SimpleNamespace, yaml: str) -> None:
+    def __init__(self, live: SimpleNamespace, yaml: str, station: dict[str, Any], *, simulated: bool = True) -> None:
         self.live, self.status, self.joints = live, AntennaStatus(), []
+        self.simulated, self.wind_m_s = simulated, 3.0
         self.said: dict[str, str] = {}
         self.seen: list[AntennaStatus] = []
         self.heard_s = 0.0
         self.begun_s: float | None = None
         self.base_rad = START_RAD[0]
         self._clients: dict[str, Any] = {}
-        self.clock = ManualClock(live, START_S, lambda: self.heard_s)
+        # A real device moves in real time, whatever the clock of the nodes does.
+        self.clock = ManualClock(live, START_S, (lambda: self.heard_s) if simulated else None)
+        self.wind = live.node.create_publisher(Vector3Stamped, "weather/wind", STREAM)
+        if not simulated:
+            self.clock.ticked = self._blow
         self.commands = live.node.create_publisher(JointTrajectory, "joint_trajectory", COMMAND)
         live.node.create_subscription(AntennaStatus, "antenna_status", self._on_status, STREAM)
         live.node.create_subscription(JointState, "joint_states", self._on_joints, STREAM)
         live.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         self.processes: NodeProcesses = live.start(
-            ["antenna_servo"], yaml, autostart=True, simulated=True, station=WITH_HILL
+            ["antenna_servo"], yaml, autostart=True, simulated=True, station=station
         )
         self.until(lambda: self.status.mode == "holding" and self.commands.get_subscription_count() == 1, "the antenna")
 
@@ -123,11 +129,20 @@ class Servo:
 
     def recover(self) -> None:
         """Mend, reset and stand again, for the next fault."""
-        self.inject("none")
+        if self.simulated:
+            self.inject("none")
+        self.wind_m_s = 3.0
         self.mode("fault", "holding")
         self.until(lambda: self._reset() in ("", "no fault is latched"), "the reset")
         self.until(lambda: self.status.mode == "holding" and not self.status.fault, "the reset")
         self.base_rad, self.begun_s = self.joints[-1], None
+
+    def _blow(self) -> None:
+        """Publish the reading of the station's anemometer five times a second; NaN: it is silent."""
+        if round(self.now_s / 0.02) % 10 == 0 and self.wind_m_s == self.wind_m_s:
+            message = Vector3Stamped()
+            message.header.stamp, message.vector.x = stamp_from_seconds(self.now_s), self.wind_m_s
+            self.wind.publish(message)
 
     def _reset(self) -> str:
         answer = self.ask("reset_fault")
@@ -154,7 +169,16 @@ def servo_yaml(wrap: Path) -> str:
 """
 
 
-WITH_HILL = {
+def on_rotctld(port: int) -> dict[str, Any]:
+    """Return the same station on the rotctld of a port, with its anemometer on weather/wind."""
+    return WITH_HILL | {
+        "drive.type": "hamlib",
+        "drive.link": {"host": "127.0.0.1", "port": port},
+        "tuning.safety.wind.silence_s": 2.0,
+    }
+
+
+WITH_HILL: dict[str, Any] = {
     "mount.horizon_deg": [
         [0.0, 0.0],
         [70.0, 0.0],

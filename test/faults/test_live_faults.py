@@ -1,6 +1,9 @@
 """Faults of commands, sensors, drive, wind, clock and process on one live antenna_servo; each test mends what it broke.
 
-Time follows the servo tick by tick, so what is measured is what its own control loop saw, on any machine.
+They run on the simulated drive, where time follows the servo tick by tick, so that what is measured is what its own
+control loop saw on any machine; and in real time on the real rotctld, but for these: faults that are injected into
+encoders, tachometers and drives, which a real device does not take (`test/station/antenna/test_drive_antenna.py` has
+them on devices that can be broken), and the file of parameters and the wrap file, which are read before any drive.
 """
 
 import json
@@ -8,6 +11,7 @@ import math
 import os
 import re
 import signal
+import time
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -21,7 +25,8 @@ from std_srvs.srv import Trigger
 
 from rf_pointing.nodes.qos import STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
-from test.faults.live_servo import RATE_RAD_S, START_RAD, WITH_HILL, Servo, servo_yaml
+from test.drives.rotctld import RealRotctld
+from test.faults.live_servo import RATE_RAD_S, START_RAD, WITH_HILL, Servo, on_rotctld, servo_yaml
 from test.graph.conftest import ask, live_graph
 
 pytestmark = pytest.mark.graph
@@ -31,17 +36,36 @@ ROUNDING_S = 1e-3
 
 
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iterator[Servo]:
+def on_simulated(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iterator[Servo]:
     folder = tmp_path_factory.mktemp("servo")
     with live_graph(folder, ros_domain) as live:
-        yield Servo(live, servo_yaml(folder / "wrap.json"))
+        yield Servo(live, servo_yaml(folder / "wrap.json"), WITH_HILL)
+
+
+@pytest.fixture(scope="module")
+def on_hamlib(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iterator[Servo]:
+    server = RealRotctld()
+    server.go(*(math.degrees(angle) for angle in START_RAD))
+    while server.position() != pytest.approx(tuple(math.degrees(angle) for angle in START_RAD), abs=0.02):
+        time.sleep(0.2)
+    with live_graph(tmp_path_factory.mktemp("rotctld"), ros_domain) as live:
+        yield Servo(live, "", on_rotctld(server.port), simulated=False)
+    server.kill()
+
+
+@pytest.fixture(params=["on_simulated", "on_hamlib"])
+def servo(request: pytest.FixtureRequest) -> Servo:
+    """The live antenna on each drive, standing and whole, whatever the test before has left."""
+    shared: Servo = request.getfixturevalue(request.param)
+    shared.recover()
+    return shared
 
 
 @pytest.fixture
-def servo(shared: Servo) -> Servo:
-    """The live antenna, standing and whole, whatever the test before has left."""
-    shared.recover()
-    return shared
+def simulated(on_simulated: Servo) -> Servo:
+    """The same on the drive into which faults can be injected."""
+    on_simulated.recover()
+    return on_simulated
 
 
 # Commands
@@ -137,9 +161,10 @@ def test_stop_pause_disable_park_and_stow_are_five_different_things(servo: Servo
     ],
 )
 def test_a_broken_sensor_or_drive_is_cut_off_in_time(
-    servo: Servo, fault: str, value_deg: float, words: str, within_s: float
+    simulated: Servo, fault: str, value_deg: float, words: str, within_s: float
 ) -> None:
     """From the beginning of the first tick that is wrong to the end of that in which the brakes were set."""
+    servo = simulated
     servo.move(0.8)
     assert servo.status.mode == "tracking", servo.status.fault
     injected_s = servo.inject(fault, math.radians(value_deg))
@@ -153,7 +178,8 @@ def test_a_broken_sensor_or_drive_is_cut_off_in_time(
         assert "the cause is still there" in servo.ask("reset_fault").message
 
 
-def test_two_wrong_samples_of_an_encoder_are_bridged(servo: Servo) -> None:
+def test_two_wrong_samples_of_an_encoder_are_bridged(simulated: Servo) -> None:
+    servo = simulated
     servo.move(0.8)
     servo.inject("encoder_spike", math.radians(20.0))
     servo.move(0.5)
@@ -191,22 +217,29 @@ def test_the_hard_limit_cuts_the_drives_and_the_way_back_in_stays_open(servo: Se
 
 def test_a_gust_and_a_silent_anemometer_make_it_stow(servo: Servo) -> None:
     servo.move(0.3)
-    servo.inject("gust", 120.0)
+    blow(servo, "gust", 120.0)
     while servo.status.mode == "tracking":
         servo.move(0.2)
     assert servo.status.mode == "stowing", servo.status.fault
     servo.rejected(servo.command(), "the antenna is stowing; resume it first")
     servo.ask("stop")
     servo.mode("fault")
-    servo.inject("none")
+    blow(servo, "none", 3.0)
     servo.clock.run(4.0)
     servo.recover()
-    servo.inject("anemometer_silent")
+    blow(servo, "anemometer_silent", math.nan)
     servo.mode("stowing")
     servo.ask("stop")
     servo.mode("fault")
-    servo.inject("none")
+    blow(servo, "none", 3.0)
     servo.clock.run(1.0)
+
+
+def blow(servo: Servo, fault: str, speed_m_s: float) -> None:
+    """Let the anemometer show it: by an injected fault, or by what it publishes."""
+    if servo.simulated:
+        servo.inject(fault, speed_m_s if fault == "gust" else 0.0)
+    servo.wind_m_s = speed_m_s
 
 
 # Clock and process

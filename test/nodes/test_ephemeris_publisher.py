@@ -1,6 +1,7 @@
 """The ephemeris publisher between its topics: what it cannot tell it says, and goes on."""
 
 import dataclasses
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
 from rf_pointing.core.dates import utc_text
+from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, site, verification_elements
 from rf_pointing.ephemeris.earth_orientation import orientation_table
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN
@@ -114,3 +116,41 @@ def test_beyond_the_table_of_the_earth_the_target_goes_on_and_diagnostics_states
     assert "beyond the table that ends on" in health.message
     # 0.1 s of the Earth's turn is 50 m, seen from 1000 to 3000 km.
     assert 2e-4 < health.values["earth_orientation_sigma_deg"] < 5e-3
+
+
+@pytest.fixture
+def weather(default_context: None, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Yield a publisher that takes the weather from the station's instruments."""
+    node = EphemerisPublisher()
+    node.set_parameters([Parameter("source.refraction", value="measured")])
+    monkeypatch.setattr(node, "now_s", lambda: 1_151_384_500.0)
+    assert node.on_configure(STATE) == TransitionCallbackReturn.SUCCESS
+    assert node.on_activate(STATE) == TransitionCallbackReturn.SUCCESS
+    yield node
+    node.end()
+    node.lock.release()
+    node.destroy_node()
+
+
+def test_the_measured_weather_bends_the_rays_and_its_age_is_reported(
+    weather: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    low = math.radians(5.0)
+    before = weather._track.refraction.apply(low)
+    weather._on_weather("pressure_hpa", 940.0)
+    weather._on_weather("temperature_k", 308.0)
+    weather._on_weather("relative_humidity", 0.2)
+    weather._renew(weather.now_s())
+    expected = RadioRefraction(pressure_hpa=940.0, temperature_k=308.0, relative_humidity=0.2).apply(low)
+    assert weather._track.refraction.apply(low) == pytest.approx(expected, abs=1e-12)
+    assert abs(before - expected) > math.radians(0.005)
+    kept = weather._track
+    weather._on_weather("pressure_hpa", 940.3)
+    weather._renew(weather.now_s())
+    assert weather._track is kept, "half a hectopascal bends nothing"
+    weather._on_weather("relative_humidity", 7.0)
+    weather._renew(weather.now_s())
+    assert "measured weather is not used: relative_humidity=7.0" in weather._health().message
+    late_s = weather.now_s() + 2.0 * 3600.0
+    monkeypatch.setattr(weather, "now_s", lambda: late_s)
+    assert "the measured weather is 2.0 h old" in weather._health().message

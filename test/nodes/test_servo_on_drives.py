@@ -31,6 +31,7 @@ MOTION = {
     "mount.elevation": {"travel_deg": [0.0, 90.0], **SPEED},
     "tuning.loops.preprocessor": {"travel_min_deg": [-180.0, 0.0], "travel_max_deg": [270.0, 90.0]},
     "drive.link.first_retry_s": 0.2,
+    "wind.anemometer": False,
 }
 """Keys of the description."""
 

@@ -147,14 +147,14 @@ def test_antenna_status() -> None:
         rate_command_rad_s=np.array([3.0, 4.0]), rate_limit_rad_s=np.array([5.0, 6.0]),
         acceleration_limit_rad_s2=np.array([7.0, 8.0]), at_limit=(False, True), command_lead_s=0.7,
         commands_accepted=11, commands_rejected=12, last_rejection="stale", warning="near", transmit_inhibit="slewing",
-        commander="pointing_controller",
+        commander="pointing_controller", set_points=9, starts=(7, 8), reversals=(1, 2),
     )  # fmt: skip
     says(
         convert.antenna_status_to_message(status),
         mode="fault", fault="ran dry", commanded=[1.0, 2.0], rate_command=[3.0, 4.0], rate_limit=[5.0, 6.0],
         acceleration_limit=[7.0, 8.0], at_limit=[False, True], command_lead=0.7, commands_accepted=11,
         commands_rejected=12, last_rejection="stale", warning="near", transmit_inhibit="slewing",
-        commander="pointing_controller",
+        commander="pointing_controller", set_points=9, starts=[7, 8], reversals=[1, 2],
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import JointTrajectory
 from rf_pointing.ephemeris import Pass, TopocentricTrack
+from rf_pointing.planning import WindWatchParams
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.safety import SafetyParams
@@ -24,6 +25,8 @@ MOTION = CommandPreprocessorParams(
     travel_min_rad=(math.radians(-180.0), 0.0),
     travel_max_rad=(math.radians(270.0), math.radians(180.0)),
 )
+UNWATCHED = SafetyParams(wind=WindWatchParams(watched=False))
+"""A station without an anemometer."""
 ZERO_RAD = (-math.pi, 0.0)
 """A controller of 0 to 450 deg whose stop is in the south: it reads 0 where the azimuth is -180 deg."""
 
@@ -37,7 +40,7 @@ class Driven:
         self.bench = Bench(name, device, **south | rotator)
         self.device = self.bench.device
         loops = LoopParams(preprocessor=motion)
-        params = AntennaParams(drive=self.bench.params, loops=loops, safety=safety or SafetyParams())
+        params = AntennaParams(drive=self.bench.params, loops=loops, safety=safety or UNWATCHED)
         self.antenna = DriveAntenna(params, self.bench.drive, self.bench.t_s)
         self.ticks = 0
         self.path: Callable[[float], tuple[np.ndarray, np.ndarray]] | None = None

@@ -39,8 +39,8 @@ class Hardware(Protocol):
     `encoders` and `anemometer_m_s` read a sensor, NaN from one that is silent; None is a station
     without an anemometer.  `move` gives the drives their rate commands (2,) for one tick, or, where
     the drive `takes_positions`, the motion to follow (None: there is none); `brake` cuts the drives
-    too.  `fault` is why the drives must be cut, "" if not, and `settled_rad` how near to its goal
-    an axis comes to rest.
+    too, and `release_brake` leaves that of one axis set (-1: none).  `fault` is why the drives must
+    be cut, "" if not, and `settled_rad` how near to its goal an axis comes to rest.
     """
 
     takes_positions: bool
@@ -61,7 +61,7 @@ class Hardware(Protocol):
     def anemometer_m_s(self) -> float | None: ...
     def move(self, rate_command_rad_s: Array, following: Following | None = None) -> None: ...
     def brake(self) -> None: ...
-    def release_brake(self) -> None: ...
+    def release_brake(self, held_axis: int = -1, /) -> None: ...
 
 
 class SlewPath:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrajectorySample
-from rf_pointing.core import JointReading, JointTrajectory
+from rf_pointing.core import AXES, JointReading, JointTrajectory
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.servo import PlantParams
 from rf_pointing.station.antenna.axes import NEW_PATH_RAD, AntennaAxes, Hardware, pair
@@ -33,6 +33,7 @@ _ON_THE_WAY = {
     Request.GO_TO: AntennaMode.HOLDING,
 }
 """Mode of the antenna's own motions; one that holds at its end holds its goal from the start."""
+SAME_RAD = 1e-3
 WIND_EVERY = 5
 """Ticks between two readings of the anemometer."""
 
@@ -61,6 +62,7 @@ class ControlUnit:
         self._ticks = 0
         self._experiment: IdentificationExperiment | None = None
         self._accepted = self._rejected = 0
+        self._held_axis = -1
         self._last_rejection = self._ran_dry = ""
 
     @property
@@ -125,6 +127,7 @@ class ControlUnit:
         After an oscillation they stay set.
         """
         axes = self.axes
+        self._held_axis = -1
         # Watches begin anew: what they saw under the brakes is no motion.
         self.safety.release(pair(axes.hardware.switch_rad))
         axes.rate_command_rad_s = np.zeros(2)
@@ -208,6 +211,47 @@ class ControlUnit:
         reason = self.safety.gate.limits.reason(*goal)
         return reason or self._go(Request.GO_TO, goal)
 
+    def stow_in_fault(self, fault: str) -> str:
+        """Stow the elevation in spite of the latched `fault`; the azimuth keeps its brake.
+
+        For a storm: an operator who names the fault has read it, and it must not be the
+        elevation's.
+        """
+        axes, safety = self.axes, self.safety
+        reason = self.modes.reason_against(Request.STOW_IN_FAULT, self._motion()) or self._unfit(fault)
+        if reason:
+            return reason
+        goal = (float(axes.encoder_rad[0]), safety.params.stow_elevation_rad)
+        decision = safety.check("stow", self.t_s, pair(axes.encoder_rad), np.array([goal]))
+        if not decision.allowed:
+            return decision.reason
+        if any(abs(azimuth - goal[0]) > SAME_RAD for azimuth, _ in decision.way):
+            return "the way to stow leads round what is forbidden and needs the azimuth, which is braked"
+        self._held_axis = 0
+        safety.release(pair(axes.hardware.switch_rad))
+        axes.hold()
+        axes.hardware.release_brake(self._held_axis)
+        axes.path.go(goal, decision.way)
+        self.modes.mode = AntennaMode.STOWING
+        return ""
+
+    def _unfit(self, fault: str) -> str:
+        """Return why the elevation cannot be stowed in the latched fault, "" if it can."""
+        latched = self.safety.latch.text
+        if fault != latched:
+            return f"the latched fault is {latched!r}, the request names {fault!r}"
+        causes = (latched, self.axes.hardware.fault, self.safety.watch.cause, self.safety.drive.reason)
+        found = next((cause for cause in causes if AXES[1] in cause), "") or self.axes.hardware.fault
+        return f"the elevation cannot be trusted: {found}" if found else ""
+
+    def _without_held(self, reason: str) -> str:
+        """Return a reason without what concerns the axis whose brake is set."""
+        if self._held_axis < 0:
+            return reason
+        # Every reason of a watch begins with its axis.
+        kept = [part for part in reason.split("; ") if not part.startswith(AXES[self._held_axis])]
+        return "; ".join(kept)
+
     def disable(self) -> str:
         """Stop under control and set the brakes where the axes then are."""
         reason = self.modes.reason_against(Request.DISABLE, self._motion())
@@ -285,6 +329,8 @@ class ControlUnit:
         axes.path.following = None
         # Unpowered axes get no rates: laws that run against the brakes would wind up.
         rates = self._rates(t_s, reading.position_rad) if axes.hardware.powered else np.zeros(2)
+        if self._held_axis >= 0:
+            rates[self._held_axis] = 0.0
         axes.rate_command_rad_s = rates
         axes.hardware.move(rates, axes.path.following)
         self._watch_sensors()
@@ -318,7 +364,10 @@ class ControlUnit:
 
     def _motion(self) -> MotionSnapshot:
         """Return what the mode machine may know of the motion now."""
-        away_rad = float(np.max(np.abs(self.axes.encoder_rad - self.axes.path.goal_rad)))
+        away = np.abs(self.axes.encoder_rad - self.axes.path.goal_rad)
+        if self._held_axis >= 0:
+            away[self._held_axis] = 0.0
+        away_rad = float(np.max(away))
         return MotionSnapshot(
             fault=self.safety.latch.text,
             high_wind=self.safety.wind.reason,
@@ -337,12 +386,12 @@ class ControlUnit:
         # An experiment moves at its own rates and cannot be sent to stow before it has stopped.
         if self.safety.wind.step(t_s) and self.mode == AntennaMode.MANUAL_RATE:
             self.stop()
-        if self.safety.wind.reason and self.modes.traits.leaves_wind:
+        if self.safety.wind.reason and self.safety.wind.params.stows and self.modes.traits.leaves_wind:
             self.stow()
 
     def _watch_sensors(self) -> None:
         """Check the sensors after a tick, and trip on what cannot be bridged."""
-        reason = self.axes.watch()
+        reason = self._without_held(self.axes.watch())
         if reason:
             self.trip(reason)
 
@@ -363,7 +412,7 @@ class ControlUnit:
         if standing and self.mode not in (AntennaMode.TRACKING, AntennaMode.HOLDING):
             self._settle(feasible.position)
         rates = axes.loops.rates(feasible, encoder_rad)
-        if not axes.loops.oscillation:
+        if not self._without_held(axes.loops.oscillation):
             return rates
         # The command follows the swinging axes, or the reset would start with a slew.
         axes.path.preprocessor.reset(encoder_rad)

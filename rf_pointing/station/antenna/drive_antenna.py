@@ -5,6 +5,7 @@ positions gets the feasible motion of the preprocessor as set points; its watch 
 of the control unit then follow from its resolution, its speed and the time between two readings.
 """
 
+import dataclasses
 import math
 import time
 from collections.abc import Callable
@@ -23,6 +24,7 @@ from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.mount import SimulatedBeam
 from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
+from rf_pointing.station.pointing.status import AntennaStatus
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -51,6 +53,7 @@ class DriveHardware:
         self._longest_s = max(params.link.lost_s, 2.0 * can.period_s)
         self._reason, self._lost, self._t_s = "", "", math.inf
         self._encoder_rad: Pair = (0.0, 0.0)
+        self._wind_m_s = math.nan
         smallest = max(self.rotator.smallest_rad) if self.takes_positions else max(can.resolution_rad)
         self.settled_rad = max(math.radians(0.02), SETTLED_STEPS * smallest)
 
@@ -120,9 +123,14 @@ class DriveHardware:
             return self._encoder_rad
         return self.rotator.estimate(self._t_s) if self.powered and not self._reason else self._encoder_rad
 
-    def anemometer_m_s(self) -> float | None:
-        """Return None: a drive has no anemometer."""
-        return None
+    def note_wind(self, speed_m_s: float) -> None:
+        """Take a reading of the station's anemometer, which is no part of the drive."""
+        self._wind_m_s = speed_m_s
+
+    def anemometer_m_s(self) -> float:
+        """Return the reading since the last call, NaN without one."""
+        speed, self._wind_m_s = self._wind_m_s, math.nan
+        return speed
 
     def move(self, rate_command_rad_s: Array, following: Following | None = None) -> None:
         """Give a powered drive its rates, or the set point that the motion needs now."""
@@ -139,8 +147,11 @@ class DriveHardware:
         self.powered = False
         self.rotator.stop()
 
-    def release_brake(self) -> None:
-        """Power the device; what was found before is forgotten."""
+    def release_brake(self, _held_axis: int = -1) -> None:
+        """Power the device; what was found before is forgotten.
+
+        A device has one stop for both axes: an axis to be held gets no other set point or rate.
+        """
         self.powered, self._reason = True, ""
         self._watch.reset()
         self.drive.enable()
@@ -175,6 +186,13 @@ class DriveAntenna(ControlUnit):
             suited_safety(params.safety, drive.capabilities, params.antenna.tick_s),
             params.antenna.tick_s,
             self.hardware.encoders(),
+        )
+
+    def status(self, t_s: float) -> AntennaStatus:
+        """Return the status at `t_s`, with what the device was sent."""
+        counts = self.hardware.rotator.counts()
+        return dataclasses.replace(
+            super().status(t_s), set_points=counts.commands, starts=counts.starts, reversals=counts.reversals
         )
 
     def accept(self, trajectory: JointTrajectory, now_s: float, commander: str = "") -> str:

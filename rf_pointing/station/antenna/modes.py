@@ -8,7 +8,7 @@
     parked, stowed, disabled --resume--> holding
     parked --stow--> stowing
     a movable one --go_to--> holding, on its way to where it was sent
-    fault --reset_fault--> holding
+    fault --reset_fault--> holding, --stow_in_fault--> stowing with the azimuth braked
 
 A loop or a sensor that cannot be trusted leads to fault at once, with the brakes set.  Nothing here
 moves anything: the control unit gives a snapshot of the motion, and carries out what the answer
@@ -47,6 +47,7 @@ class Request(StrEnum):
     PARK = auto()
     STOW = auto()
     GO_TO = auto()
+    STOW_IN_FAULT = auto()
     DISABLE = auto()
     RESET_FAULT = auto()
 
@@ -141,6 +142,10 @@ class AntennaModes:
                     return now.high_wind
                 stows_parked = request == Request.STOW and self.mode == AntennaMode.PARKED
                 return "" if self.traits.movable or stows_parked else f"the antenna is {self.mode}"
+            case Request.STOW_IN_FAULT:
+                if not now.fault:
+                    return "no fault is latched; request stow"
+                return "" if self.mode == AntennaMode.FAULT else f"the antenna is {self.mode}, must be in fault"
             case Request.DISABLE:
                 return "" if self.traits.movable else f"nothing to disable, the antenna is {self.mode}"
             case Request.RESET_FAULT:

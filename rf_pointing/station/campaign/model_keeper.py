@@ -28,7 +28,10 @@ def campaign_folder(folder: str | Path, station: str, band: str) -> Path:
 
 
 class ModelKeeper:
-    """`active` is in force (None: no correction), `candidate` waits for a decision."""
+    """`active` is in force (None: no correction), `candidate` waits for a decision.
+
+    `temperature_k` is that of the mount now, None while it is not known.
+    """
 
     def __init__(self, station: str, band: str, folder: str, start: ModelVersion | None, rules: ShadowRules) -> None:
         self._station, self._band, self.rules = station, band, rules
@@ -36,13 +39,17 @@ class ModelKeeper:
         self._start = start
         self._before: list[ModelVersion | None] = []
         self.active: ModelVersion | None = None
+        self.temperature_k: float | None = None
         self.candidate: ModelVersion | None = None
         self._shadow: ShadowScore | None = None
 
     @property
     def model(self) -> BiasModel:
-        """Return the model in force, that of a perfect antenna if there is none."""
-        return self.active.model if self.active else BiasModel.zero()
+        """Return the model in force at the present temperature, a perfect antenna's without one.
+
+        Raises ValueError when it has thermal terms and no temperature is known.
+        """
+        return self.active.model.at_temperature(self.temperature_k) if self.active else BiasModel.zero()
 
     def retune(self, rules: ShadowRules) -> None:
         """Judge by other rules from now on; what was observed in the shadow still counts."""
@@ -68,10 +75,11 @@ class ModelKeeper:
     def propose(self, version: ModelVersion) -> None:
         """Make `version` the candidate in place of an earlier one, and begin to score it."""
         version.check_for(self._station, self._band, version.valid_from_t_s)
+        # A model that nobody can apply would end every pass: it never becomes a candidate.
+        shadow = ShadowScore(self.model, version.model.at_temperature(self.temperature_k), self.rules)
         if self._store is not None:
             self._store.add(version)
-        self.candidate = version
-        self._shadow = ShadowScore(self.model, version.model, self.rules)
+        self.candidate, self._shadow = version, shadow
 
     def observe(self, row: Observations) -> None:
         """Score the candidate and the active model on a new observation."""
@@ -100,8 +108,8 @@ class ModelKeeper:
     def accept(self, t_s: float) -> ModelVersion:
         """Put the candidate in force and return it.
 
-        Raises ValueError without a candidate, when it is not valid at `t_s`, and when the shadow
-        does not support it.
+        Raises ValueError without a candidate, when it is not valid at `t_s`, has thermal terms
+        without a temperature, and when the shadow does not support it.
         """
         if self.candidate is None:
             raise ValueError("no model has been fitted")
@@ -115,6 +123,7 @@ class ModelKeeper:
                 f"fewest_passes={self.rules.fewest_passes}: track more passes with it in the shadow, or reject it"
             )
         self.candidate.check_for(self._station, self._band, t_s)
+        self.candidate.model.at_temperature(self.temperature_k)
         if self._store is not None:
             self._keep_way_back(self._store, t_s)
             self._store.accept(self.candidate.name, t_s)
@@ -139,7 +148,8 @@ class ModelKeeper:
             raise ValueError("no model has been accepted: there is nothing to roll back to")
         # The candidate competes with the model in force, and that is another one now.
         if self.candidate is not None:
-            self._shadow = ShadowScore(self.model, self.candidate.model, self.rules)
+            model = self.candidate.model.at_temperature(self.temperature_k)
+            self._shadow = ShadowScore(self.model, model, self.rules)
         return self.active
 
     def _keep_way_back(self, store: ModelStore, t_s: float) -> None:

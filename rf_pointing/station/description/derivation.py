@@ -330,6 +330,7 @@ def _zones(of: Band) -> dict[str, Value]:
             content.mount.transmit_elevation_deg, "mount.transmit_elevation_deg"
         )
     found["safety.wind.watched"] = Value(content.wind.anemometer, "wind.anemometer")
+    found["safety.wind.stows"] = Value(content.wind.stow, "wind.stow")
     found["safety.wind.gust_limit_m_s"] = Value(content.wind.gust_limit_m_s, "wind.gust_limit_m_s")
     found["safety.wind.mean_limit_m_s"] = Value(content.wind.mean_limit_m_s, "wind.mean_limit_m_s")
     return found

@@ -61,7 +61,11 @@ class TrackingStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AntennaStatus:
-    """State of the drive at `t_s`: mode, fault, what the loops follow, counts of commands."""
+    """State of the drive at `t_s`: mode, fault, what the loops follow, counts of commands.
+
+    `set_points`, `starts` and `reversals` of a drive that takes positions count since tracking
+    began.
+    """
 
     t_s: float
     mode: str
@@ -79,3 +83,6 @@ class AntennaStatus:
     high_wind: str = ""
     transmit_inhibit: str = ""
     commander: str = ""
+    set_points: int = 0
+    starts: tuple[int, int] = (0, 0)
+    reversals: tuple[int, int] = (0, 0)

@@ -13,7 +13,7 @@ from rf_pointing.core import JointTrajectory
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, make_drive
 from rf_pointing.ephemeris import Pass, TopocentricTrack, first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements
-from rf_pointing.planning import HorizonMask, WrapCount
+from rf_pointing.planning import HorizonMask, WindWatchParams, WrapCount
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna, wait_for_drive
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.memory import AntennaMemory
@@ -21,7 +21,7 @@ from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 from test.drives.benches import BOTH_AXES, TICK_S
 from test.drives.simulators import Easycomm, Gs232
-from test.station.driven_antenna import MOTION, Driven, pass_path
+from test.station.driven_antenna import MOTION, UNWATCHED, Driven, pass_path
 
 SERIAL = ["gs232", "easycomm 2", "spid rot2"]
 START_DEG = (-60.0, 45.0)
@@ -103,7 +103,7 @@ def test_a_pass_through_the_zenith_goes_over_the_top(driven, track, high_pass: P
 
 
 def test_a_slew_is_one_motion_and_parks_where_it_should(driven) -> None:
-    safety = SafetyParams(park_azimuth_rad=math.radians(100.0), park_elevation_rad=math.radians(80.0))
+    safety = UNWATCHED.replace(park_azimuth_rad=math.radians(100.0), park_elevation_rad=math.radians(80.0))
     subject = driven("gs232", safety=safety)
     assert subject.antenna.park() == ""
     assert subject.run(60.0, lambda: subject.mode == "parked") < 40.0
@@ -166,8 +166,10 @@ def test_five_seconds_of_silence_stop_the_device_when_it_answers_again(driven) -
     assert subject.mode == "fault"
 
 
-@pytest.mark.parametrize("name", SERIAL)
-def test_a_controller_that_restarts_in_the_middle_of_a_motion_is_found(driven, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "within_s"), [("hamlib", 1.0), ("easycomm 2", 1.0), ("spid rot2", 1.0), ("gs232", 1.2)]
+)
+def test_a_controller_that_restarts_in_the_middle_of_a_motion_is_found(driven, name: str, within_s: float) -> None:
     """It forgets its set point: the axes stand still; or it forgets where it is: a jump."""
     subject = driven(name)
     subject.move((3.0, 0.0))
@@ -176,7 +178,8 @@ def test_a_controller_that_restarts_in_the_middle_of_a_motion_is_found(driven, n
     subject.device.deaf = True
     took_s = subject.run(10.0, lambda: subject.mode == "fault")
     assert "stands still" in subject.fault
-    assert took_s < 4.0
+    print(f"{name}: a standstill is found after {took_s:.2f} s")
+    assert took_s <= within_s
     subject = driven(name)
     subject.move((3.0, 0.0))
     subject.run(3.0)
@@ -340,6 +343,44 @@ def test_the_hard_limit_stops_the_device(driven) -> None:
     assert not subject.device.model.moving
 
 
+def test_wind_of_a_topic_stows_and_its_silence_is_high_wind(driven) -> None:
+    windy = SafetyParams(wind=WindWatchParams(gust_limit_m_s=20.0, silence_s=2.0, release_s=0.5))
+    subject = driven("gs232", safety=windy)
+    subject.go(10.0, 45.0)
+    for _ in range(10):
+        subject.antenna.hardware.note_wind(5.0)
+        subject.run(1.0)
+    assert subject.mode in ("holding", "tracking")
+    for _ in range(5):
+        subject.antenna.hardware.note_wind(30.0)
+        subject.run(1.0)
+    assert subject.mode == "stowing"
+    assert "gust" in subject.antenna.safety.wind.reason
+
+    other = driven("gs232", safety=windy)
+    assert other.run(5.0, lambda: other.mode == "stowing") == pytest.approx(2.0 - 0.5, abs=0.3), "since the enabling"
+    assert other.antenna.safety.wind.reason == "anemometer has not been received: taken for high wind"
+
+
+def test_a_stow_that_is_switched_off_only_warns(driven) -> None:
+    subject = driven("gs232", safety=SafetyParams(wind=WindWatchParams(stows=False, silence_s=1.0)))
+    subject.run(5.0)
+    assert subject.mode == "holding"
+    assert "high wind: the antenna is not stowed" in subject.antenna.status(subject.t_s).warning
+
+
+def test_the_relays_of_a_pass_are_counted_in_the_status(driven) -> None:
+    subject = driven("gs232")
+    subject.go(30.0, 30.0)
+    subject.run(3.0)
+    status = subject.antenna.status(subject.t_s)
+    counts = subject.antenna.hardware.rotator.counts()
+    assert status.starts == counts.starts
+    assert min(status.starts) >= 1
+    assert status.reversals == (0, 0)
+    assert status.set_points == counts.commands >= 1
+
+
 def test_an_identification_needs_rates(driven) -> None:
     subject = driven("hamlib")
 
@@ -457,7 +498,7 @@ class RateDrive(Drive):
 
 def test_a_drive_that_takes_rates_runs_under_the_position_laws() -> None:
     travel = DriveParams().rotator.replace(travel_min_rad=(-4.0, 0.0), travel_max_rad=(4.0, 3.0))
-    params = AntennaParams(drive=DriveParams(type="own", rotator=travel))
+    params = AntennaParams(drive=DriveParams(type="own", rotator=travel), safety=UNWATCHED)
     antenna = DriveAntenna(params, RateDrive(), 0.0)
     antenna.enable()
     rate, start = math.radians(0.3), np.array([2.0, 1.0])

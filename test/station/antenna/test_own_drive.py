@@ -18,7 +18,7 @@ from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
-from test.station.driven_antenna import pass_path
+from test.station.driven_antenna import UNWATCHED, pass_path
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "own_drive.py"
 TICK_S = 0.02
@@ -64,7 +64,7 @@ def test_it_flies_a_pass_under_the_control_unit(track: TopocentricTrack, window:
         travel_min_rad=PARAMS.rotator.travel_min_rad,
         travel_max_rad=PARAMS.rotator.travel_max_rad,
     )
-    params = AntennaParams(drive=PARAMS, loops=LoopParams(preprocessor=motion))
+    params = AntennaParams(drive=PARAMS, loops=LoopParams(preprocessor=motion), safety=UNWATCHED)
     antenna = DriveAntenna(params, make_drive(PARAMS), 0.0)
     antenna.enable()
     before_s = window.tca_t_s - window.aos_t_s - 20.0

@@ -125,3 +125,18 @@ def test_a_start_model_of_another_station_and_an_expired_accepted_one_are_not_us
     later = ModelKeeper("gs1", "X", str(tmp_path), None, ShadowRules())
     later.begin(NOW_S + 20.0)
     assert later.active is None
+
+
+def test_a_model_with_thermal_terms_needs_a_temperature(tmp_path):
+    kept = keeper(str(tmp_path))
+    thermal = replace(model_file("thermal"), model=BiasModel.zero().replace(azimuth_temperature=1e-5))
+    with pytest.raises(ValueError, match="azimuth_temperature, and no temperature has been received"):
+        kept.propose(thermal)
+    assert kept.candidate is None
+    kept.temperature_k = 298.15
+    kept.propose(thermal)
+    assert kept.accept(NOW_S).name == "thermal"
+    assert kept.model.coefficients["azimuth_offset"] == pytest.approx(1e-4)
+    kept.temperature_k = None
+    with pytest.raises(ValueError, match="no temperature has been received"):
+        _ = kept.model
