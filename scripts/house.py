@@ -39,6 +39,7 @@ ROS_TOPICS = {"listen", "listen_latest", "publisher", "stream"}
 """Calls whose first argument is a message type and whose second names a topic."""
 AMBIGUOUS_MODES = {
     "calibrate": "also an executable, a service and a request",
+    "idle": "also a state of the executive and of a recorder",
     "slew": "also a motion of the safety gate, and a column of a certificate",
     "stow": "also a mode of the antenna and a service",
 }

@@ -120,15 +120,6 @@ class AutotrackState:
     sidelobe: bool = False
 
     @property
-    def expected_db(self) -> float:
-        """The level against the link's that the lock in force must keep, at most 0.
-
-        The level that proved a lock also judges it: against the link's, a lock taken over just
-        within `beam_drop_db` would be a sidelobe as soon as its level falls by a tenth of a dB.
-        """
-        return min(self.learned_db, self.lock_db)
-
-    @property
     def integrating(self) -> bool:
         """Whether a sensed error may be used: only while a sensor tracks a carrier."""
         return self.mode in SENSORS and self.carrier

@@ -252,6 +252,7 @@ class TrackingMode:
         if motion.beam_rad is None or motion.error_range_m is None:
             return ""
         faint_db_hz = self._table.params.carrier_off_db_hz
-        return self._carrier.false_lock(
-            error, motion.beam_rad, motion.error_range_m, faint_db_hz, self.state.expected_db
-        )
+        # The level that proved a lock also judges it: against the link's, a lock taken over just
+        # within `beam_drop_db` would be a sidelobe as soon as its level falls by a tenth of a dB.
+        expected_db = min(self.state.learned_db, self.state.lock_db)
+        return self._carrier.false_lock(error, motion.beam_rad, motion.error_range_m, faint_db_hz, expected_db)

@@ -192,7 +192,8 @@ class CommandedMotion:
         if centre is None:
             return np.zeros(2)
         # What is scanned is read off the encoders, which over the top show other angles.
-        return self._plan.course.axes_rad(t_s, centre)
+        course = self._plan.course
+        return centre if course.direct else course.axes_rad(t_s, centre)
 
     def sky_rad(self, t_s: float, window: Pass | None, correction_rad: Array) -> Array:
         """Return the commanded apparent direction (2,); before the pass it is its start.
