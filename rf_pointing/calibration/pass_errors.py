@@ -278,6 +278,9 @@ def displaced(track: ReferenceTrack, errors: PassErrors) -> ReferenceTrack:
         for share, axis in zip(shares.get(name, ()), sight.track_axes, strict=False):
             moved = moved + value * share[:, np.newaxis] * axis
     azimuth, elevation = azel_from_unit_vector(moved)
+    # Of a dish over the top the same direction is another pair of axis angles.
+    over = motion[1] > 0.5 * np.pi
+    azimuth, elevation = np.where(over, azimuth + np.pi, azimuth), np.where(over, np.pi - elevation, elevation)
     late_s = errors.values.get("clock_s", 0.0)
     shift = np.stack([wrap_rad(azimuth - motion[0]), elevation - motion[1]]) + late_s * np.stack(motion[2:4])
     farther = np.linalg.norm(moved, axis=1) - track.range_m

@@ -75,12 +75,17 @@ class TrackedPass:
     """Samples of one pass and its reference.
 
     `reference` is apparent: refraction and light time are in it, and only the `ionosphere` is left
-    to correct (None: not at all).
+    to correct (None: not at all).  For a dish over the top it becomes that of its axis angles,
+    where the terms of the mount apply.
     """
 
     raw: RawTracking
     reference: ReferenceTrack
     ionosphere: Ionosphere | None = None
+
+    def __post_init__(self) -> None:
+        if np.median(self.raw.over) > 0.5 and float(np.median(self.reference.elevation_rad)) <= 0.5 * np.pi:
+            object.__setattr__(self, "reference", self.reference.over_the_top())
 
     @cached_property
     def validation(self) -> tuple[NDArray[np.bool_], StageReport]:
@@ -99,9 +104,13 @@ class TrackedPass:
             name: value[self.validation[0]] - getattr(self.track, name) for name, value in self.raw.channels.items()
         }
         if self.ionosphere is not None:
-            found["elevation_rad"] -= self.ionosphere.bending(self.track.elevation_rad, self.track.range_m)
+            axis_rad = self.track.elevation_rad
+            height_rad = np.minimum(axis_rad, np.pi - axis_rad)
+            # Upward on the sky is downward on the axis of a dish over the top.
+            upward = np.where(axis_rad > 0.5 * np.pi, -1.0, 1.0)
+            found["elevation_rad"] -= upward * self.ionosphere.bending(height_rad, self.track.range_m)
             if "range_m" in found:
-                found["range_m"] -= self.ionosphere.delay_m(self.track.elevation_rad)
+                found["range_m"] -= self.ionosphere.delay_m(height_rad)
         return found
 
 

@@ -62,6 +62,11 @@ class RawTracking:
         """Return the measured channels that are present."""
         return {name: getattr(self, name) for name in CHANNELS if getattr(self, name) is not None}
 
+    @property
+    def over(self) -> NDArray[np.bool_]:
+        """Return where (n,) the dish is over the top: its axis is beyond 90 deg."""
+        return np.asarray(self.elevation_rad > 0.5 * np.pi)
+
 
 @dataclass(frozen=True, kw_only=True)
 class StageReport:
@@ -83,7 +88,8 @@ class StageReport:
 def split_passes(raw: RawTracking, gap_s: float) -> list[RawTracking]:
     """Return the samples between gaps longer than `gap_s`; one wrong time tag is no gap.
 
-    Orbit errors belong to one pass: a day of passes in one file must not share them.
+    Orbit errors belong to one pass: a day of passes in one file must not share them.  A pass is
+    also cut where the dish goes over the top: beyond 90 deg the angles are those of another side.
     """
     # The medians of the neighbours jump where a pass ends, and do not where one time tag is wrong.
     rows = np.flatnonzero(np.isfinite(raw.t_s))
@@ -91,7 +97,11 @@ def split_passes(raw: RawTracking, gap_s: float) -> list[RawTracking]:
         return [raw]
     padded = np.pad(raw.t_s[rows], _NEIGHBOURS, mode="edge")
     usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1), axis=1)
-    cuts = rows[np.flatnonzero(np.abs(np.diff(usual)) > gap_s) + 1]
+    over = raw.over[rows]
+    # One wrong angle is no other side.
+    padded_over = np.pad(over.astype(np.float64), _NEIGHBOURS, mode="edge")
+    side = np.median(np.lib.stride_tricks.sliding_window_view(padded_over, 2 * _NEIGHBOURS + 1), axis=1)
+    cuts = rows[np.flatnonzero((np.abs(np.diff(usual)) > gap_s) | (np.diff(side) != 0.0)) + 1]
     values = {"t_s": raw.t_s, "good": raw.good, **raw.channels}
     parts = {name: np.split(value, cuts) for name, value in values.items()}
     return [replace(raw, **{name: part[k] for name, part in parts.items()}) for k in range(len(cuts) + 1)]

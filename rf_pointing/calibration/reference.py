@@ -5,7 +5,7 @@ range the cubic through range and range rate.  All times are UTC seconds since 1
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,6 +64,16 @@ class ReferenceTrack:
         distance = _cubic(self.range_m, self.range_rate_m_s, left, step, elapsed)
         columns |= zip(("range_m", "range_rate_m_s"), distance, strict=True)
         return ReferenceTrack(**columns)
+
+    def over_the_top(self) -> "ReferenceTrack":
+        """Return the motion in axis angles of a dish over the top, (az + 180 deg, 180 deg - el)."""
+        return replace(
+            self,
+            azimuth_rad=self.azimuth_rad + np.pi,
+            elevation_rad=np.pi - self.elevation_rad,
+            elevation_rate_rad_s=-self.elevation_rate_rad_s,
+            elevation_acceleration_rad_s2=-self.elevation_acceleration_rad_s2,
+        )
 
     def motion(self) -> tuple[Array, ...]:
         """Return azimuth, elevation, rates and accelerations, as the bias model takes them."""

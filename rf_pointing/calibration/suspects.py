@@ -63,7 +63,10 @@ def refraction_and_site(fit: FitResult, points: Observations, refraction: RadioR
 
     `refraction` is that of the station's air; it has been added to the reference or not.
     """
-    bending = refraction.apply(points.true_elevation_rad) - points.true_elevation_rad
+    # Upward on the sky is downward on the axis of a dish over the top.
+    over = points.true_elevation_rad > 0.5 * np.pi
+    height = np.where(over, np.pi - points.true_elevation_rad, points.true_elevation_rad)
+    bending = np.where(over, -1.0, 1.0) * (refraction.apply(height) - height)
     columns = {"refraction": np.stack([0.0 * bending, bending])[..., np.newaxis]}
     if points.range_m is not None and points.range_rate_m_s is not None:
         columns["site"] = np.stack(site_partials(points))

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration import RawTracking, ReferenceTrack
+from rf_pointing.calibration import RawTracking, ReferenceTrack, split_passes
 from rf_pointing.report.recording import Recording, read_recording
 from rf_pointing.report.topics import TopicData
 from rf_pointing.tracking.sensors import SENSORS, load_trackers
@@ -74,8 +74,8 @@ def tracking_from_bag(
     passes = []
     for target, reference in _stretches(_needed(recording, "target")):
         raw = _recorded(sensed, reference, target, station, band, largest_error_rad)
-        if raw is not None:
-            passes.append((raw, reference))
+        parts = [] if raw is None else split_passes(raw, PASS_GAP_S)
+        passes += [(part, reference) for part in parts if int(np.sum(part.good)) >= FEWEST_SAMPLES]
     if not passes:
         raise ValueError(f"{path} holds no tracking by a sensor of {FEWEST_SAMPLES} samples or more")
     return passes
@@ -160,13 +160,15 @@ def _recorded(
     good = sensed.valid[rows] & (np.hypot(across, up) <= largest_error_rad)
     if int(np.sum(good)) < FEWEST_SAMPLES:
         return None
+    # Over the top upward on the sky is downward on the axis.
+    upward = np.where(elevation > 0.5 * np.pi, -up, up)
     return RawTracking(
         station=station,
         band=band,
         target=target,
         t_s=sensed.t_s[rows],
-        azimuth_rad=azimuth + across / np.cos(elevation),
-        elevation_rad=elevation + up,
+        azimuth_rad=azimuth + across / np.abs(np.cos(elevation)),
+        elevation_rad=elevation + upward,
         range_m=None,
         range_rate_m_s=None,
         good=good,

@@ -16,7 +16,9 @@ from rf_pointing.calibration import (
     fit_bias_model,
     held_at_zero,
     select_observations,
+    split_passes,
 )
+from rf_pointing.calibration.pass_errors import PassErrors, displaced
 from rf_pointing.core import MDEG
 
 IONOSPHERE = Ionosphere(electrons_per_m2=5e17, frequency_hz=2.25e9)
@@ -234,3 +236,41 @@ def test_sigma_covers_the_truth_at_one_sample_a_second(track, raw_pass, random, 
         pulls.append((fit.values - np.array([planted[name] for name in terms])) / fit.sigma)
     # Of 60 squares of a normal distribution; without the factor the correlated ones average 3.
     assert 0.5 < np.mean(np.square(pulls)) < 1.65
+
+
+def test_passes_over_the_top_give_points_beyond_90_deg_from_which_the_terms_are_fitted(track, raw_pass, table_1):
+    """Some are tracked direct, some over the top, and one goes over in its middle; the references know nothing of it."""
+    passes = []
+    for number, miss_m in enumerate((400e3, -700e3, 250e3, -900e3, 1500e3, -300e3)):
+        reference = track(5.0, miss_m=miss_m, heading_rad=1.0 * number, start_t_s=1e9 + 6000.0 * number)
+        raw, other = (raw_pass(one, table_1, None, NOISE_RAD) for one in (reference, reference.over_the_top()))
+        if number == 5:
+            late = raw.t_s > np.median(raw.t_s)
+            angles = {
+                name: np.where(late, other.channels[name], raw.channels[name])
+                for name in ("azimuth_rad", "elevation_rad")
+            }
+            raw = replace(raw, **angles)
+            # One wild angle is no other side.
+            raw.elevation_rad[100] = 2.0
+        parts = split_passes(other if number % 2 else raw, 1200.0) if number < 5 else split_passes(raw, 1200.0)
+        assert len(parts) == (2 if number == 5 else 1)
+        passes += [TrackedPass(part, reference) for part in parts]
+    points = RawPasses(passes, 0).process(Known(model=table_1, form="printed")).points
+    over = points.true_elevation_rad > 0.5 * np.pi
+    assert 0.3 < np.mean(over) < 0.6
+    assert set(points.pass_id[over].tolist()) == {1, 3, 6}
+    terms = tuple(name for name in table_1.coefficients if not name.endswith("acceleration_lag"))
+    for chosen in (np.ones(len(points), dtype=bool), over):
+        data = points.select(chosen)
+        fit = fit_bias_model(data, terms=terms, held=held_at_zero(terms))
+        pull = (fit.values - [table_1.coefficients[name] for name in terms]) / fit.sigma
+        assert np.max(np.abs(pull)) < 4.0
+
+
+def test_an_orbit_error_moves_the_axes_of_a_dish_over_the_top_to_the_same_direction(track):
+    reference = track(5.0)
+    errors = PassErrors(0, {"along_track_m": 800.0, "radial_m": -300.0}, {}, float(np.mean(reference.t_s)))
+    direct, over = displaced(reference, errors).over_the_top(), displaced(reference.over_the_top(), errors)
+    for one, other in zip(direct.motion(), over.motion(), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-9)

@@ -115,3 +115,35 @@ def test_a_link_stated_too_strong_or_a_stable_false_lock_costs_one_search(
     last = np.array(log.t_s) > log.t_s[-1] - 5.0
     assert set(np.array(log.mode)[last]) == {"monopulse"}
     assert np.max(np.abs(log.errors_rad()[last])) < 0.05 * BEAM_X_RAD
+
+
+@pytest.mark.parametrize(
+    ("sensor", "mode", "settled_s"),
+    [
+        ("monopulse", "monopulse", 20.0),
+        ("auto", "monopulse", 20.0),
+        ("conscan", "conscan", 35.0),
+        ("steptrack", "steptrack", 45.0),
+    ],
+)
+def test_no_error_grows_with_the_carrier_from_60_to_120_db_hz(sensor: str, mode: str, settled_s: float) -> None:
+    """At the top of a pass, in wind; whole passes fly in benchmarks/strong_carriers.py."""
+    rms_mdeg, stated_db_hz = [], []
+    for level in (60.0, 80.0, 100.0, 120.0):
+        link = {"link.zenith_carrier_to_noise_db_hz": level, "link.reference_range_m": 780e3}
+        changes: dict[str, dict[str, object]] = {
+            "rf_receiver": {f"signal.{name}": value for name, value in link.items()}, "pointing_controller": dict(link),
+        }  # fmt: skip
+        heard: list[float] = []
+        flown = fly(
+            Case("X", sensor, settled_s + 20.0, changes, 17), low_orbit_pass(),
+            lambda reception, heard=heard: heard.append(reception.cluster.carrier_to_noise_db_hz),
+        )  # fmt: skip
+        settled = np.array(flown.t_s) > flown.t_s[0] + settled_s
+        assert set(np.array(flown.mode)[settled]) == {mode}, f"at {level} dB-Hz"
+        rms_mdeg.append(float(np.sqrt(np.mean(np.sum(flown.errors_rad()[settled] ** 2, axis=1)))) / MDEG)
+        stated_db_hz.append(float(np.median(np.array(heard)[settled])))
+    print(sensor, rms_mdeg, stated_db_hz)
+    assert max(rms_mdeg) < 1.2 * rms_mdeg[0], rms_mdeg
+    # The receiver's own C/N0 rises with the carrier; at 90 dB-Hz vibration still costs it 3 dB.
+    np.testing.assert_allclose(np.diff(stated_db_hz), 20.0, atol=3.5)

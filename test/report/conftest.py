@@ -60,6 +60,8 @@ class SyntheticRun:
     sensed: Callable[[float], bool] = lambda _: True
     sensor: str = "monopulse"
     circle_mdeg: float = 0.0
+    over: bool = False
+    """Whether the dish is over the top: the axes are at (az + 180 deg, 180 deg - el)."""
     lateness_s: Callable[[float], float] = lambda _: 0.0005
     target: Callable[[float], str] = lambda _: "28057"
     """Target of the status; empty while nothing is tracked."""
@@ -176,7 +178,7 @@ class _Sheet(Maker):
     def fast(self, t: float) -> None:
         run, stamp = self.run, self.stamp(t)
         around = run.circle_mdeg * MDEG * np.array([math.cos(0.5 * math.pi * t), math.sin(0.5 * math.pi * t)])
-        position = np.radians(run.azel_deg(t)) + around
+        position = self.axes_rad(t) + around
         velocity = (np.radians(run.azel_deg(t + 0.01)) - np.radians(run.azel_deg(t - 0.01))) / 0.02
         axes = {"name": ["azimuth", "elevation"], "position": position, "velocity": velocity}
         self.add("clock", "rosgraph_msgs/msg/Clock", t, 0.0, clock=self.time(stamp))
@@ -184,6 +186,10 @@ class _Sheet(Maker):
         if run.truth:
             self.own("sim/boresight", "Boresight", t, 0.6, azimuth=position[0], elevation=position[1])
             self.own("sim/pointing_error", "PointingError", t, 0.9, sensor="truth", valid=True, **self.error(t))
+
+    def axes_rad(self, t: float) -> Any:
+        az, el = np.radians(self.run.azel_deg(t))
+        return np.array([az + math.pi, math.pi - el] if self.run.over else [az, el])
 
     def error(self, t: float) -> dict[str, float]:
         xel, el = self.run.error_mdeg(t)
@@ -206,7 +212,7 @@ class _Sheet(Maker):
         status |= {"seconds_tracked": tracked_s, "seconds_lost": lost_s, "mean_loss": loss_db, "level": level}
         status |= {"alarm": alarm}
         status |= {"cross_elevation_offset": offset[0], "elevation_offset": offset[1], "command_lead": 0.8}
-        status["scan_centre"] = np.array([az, el])
+        status["scan_centre"] = self.axes_rad(t)
         status |= {"beamwidth": run.beamwidth_mdeg * MDEG, "commands_sent": round(10 * t)}
         self.own("tracking_status", "TrackingStatus", t, 4.1, **status)
         if mode not in ("idle", "stopped"):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from rf_pointing.calibration import TrackedPass
 from rf_pointing.report.definitions import definitions
 from rf_pointing.report.tracking_from_bag import tracking_from_bag
 
@@ -36,6 +37,20 @@ def test_error_of_a_scan_belongs_to_its_centre_wherever_the_encoders_are(tmp_pat
     np.testing.assert_allclose(raw.elevation_rad, np.radians(30.0 + 0.1 * seconds) - 2.0 * MDEG, atol=5e-9)
     across = (raw.azimuth_rad - np.radians(100.0 + 0.5 * seconds)) * np.cos(np.radians(30.0 + 0.1 * seconds))
     np.testing.assert_allclose(across, 3.0 * MDEG, atol=5e-9)
+
+
+@pytest.mark.parametrize("sensor", ["monopulse", "conscan"])
+def test_over_the_top_the_sensed_error_counts_upward_on_the_sky_and_downward_on_the_axis(tmp_path, types, sensor):
+    path = bag(tmp_path, types, sensor=sensor, mode=lambda _: sensor, over=True)
+    ((raw, reference),) = tracking_from_bag(path, "gs1", "X")
+    assert np.all(raw.over)
+    seconds = raw.t_s - 1_700_000_000.0
+    np.testing.assert_allclose(raw.elevation_rad, np.radians(150.0 - 0.1 * seconds) + 2.0 * MDEG, atol=5e-9)
+    across = (raw.azimuth_rad - np.radians(280.0 + 0.5 * seconds)) * np.cos(np.radians(30.0 + 0.1 * seconds))
+    np.testing.assert_allclose(across, 3.0 * MDEG, atol=5e-9)
+    # The recorded targets are those of 2 s before.
+    seen = TrackedPass(raw, reference).track
+    assert np.max(np.abs(seen.elevation_rad - raw.elevation_rad)) < np.radians(0.3)
 
 
 @pytest.mark.parametrize(("sensor", "mode"), [("conscan", "monopulse"), ("monopulse", "conscan")])

@@ -9,6 +9,7 @@ import pytest
 from rf_pointing.calibration import BiasModel, ObservationJournal, Observations
 from rf_pointing.core import MDEG, JointReading, PointingError, Target
 from rf_pointing.ephemeris import Pass, TopocentricTrack, find_passes
+from rf_pointing.planning import plunged
 from rf_pointing.station.campaign.log import CalibrationLog
 
 NOISE_RAD = 1.0 * MDEG
@@ -93,11 +94,11 @@ def test_a_large_error_is_no_observation_and_the_lags_must_settle_again(track: T
 CIRCLE_RAD = 30.0 * MDEG
 
 
-@pytest.mark.parametrize("sensor", ["conscan", "steptrack"])
+@pytest.mark.parametrize(("sensor", "over"), [("conscan", False), ("steptrack", False), ("conscan", True)])
 def test_planted_offset_is_recovered_from_scans_whose_encoders_circle_and_whose_errors_come_late(
-    track: TopocentricTrack, window: Pass, random: np.random.Generator, sensor: str
+    track: TopocentricTrack, window: Pass, random: np.random.Generator, sensor: str, over: bool
 ) -> None:
-    """The other tracker's errors arrive between them, with other stamps."""
+    """The other tracker's errors arrive between them, with other stamps; once the dish is over the top."""
     planted = BiasModel.zero().replace(azimuth_offset=2.0e-3, elevation_offset=-1.5e-3)
     collected = CalibrationLog(
         "s", "X", 1.0, 1.0 * MDEG, scan_spacing_s=4.0, largest_error_rad=8.0 * MDEG, settle_s=5.0
@@ -105,12 +106,17 @@ def test_planted_offset_is_recovered_from_scans_whose_encoders_circle_and_whose_
     for t_s in np.arange(window.aos_t_s + 10.0, window.los_t_s - 10.0, 0.1).tolist():
         sky = track.target_at(t_s)
         collected.take_target(track.target_at(t_s + 1.0))
-        azimuth, elevation = planted.apply(
-            sky.azimuth_rad, sky.elevation_rad, sky.azimuth_rate_rad_s, sky.elevation_rate_rad_s,
-            sky.azimuth_acceleration_rad_s2, sky.elevation_acceleration_rad_s2,
-        )  # fmt: skip
+        motion = (
+            np.array([sky.azimuth_rad, sky.elevation_rad]),
+            np.array([sky.azimuth_rate_rad_s, sky.elevation_rate_rad_s]),
+            np.array([sky.azimuth_acceleration_rad_s2, sky.elevation_acceleration_rad_s2]),
+        )
+        azimuth, elevation = planted.apply(*np.concatenate(plunged(*motion) if over else motion).tolist())
         right, up = 5.0 * MDEG, -3.0 * MDEG
-        centre = np.array([float(azimuth) - right / math.cos(float(elevation)), float(elevation) - up])
+        # Over the top upward on the sky is downward on the axis.
+        upward = -up if over else up
+        turn = 2.0 * math.pi if over else 0.0
+        centre = np.array([float(azimuth) - turn - right / abs(math.cos(float(elevation))), float(elevation) - upward])
         collected.take_status(t_s, centre, np.zeros(2), sensor, sensor)
         around = CIRCLE_RAD * np.array([math.cos(1.6 * t_s), math.sin(1.6 * t_s)])
         collected.take_joints(JointReading(t_s=t_s, position_rad=centre + around, velocity_rad_s=[0.0, 0.0]))
@@ -130,6 +136,7 @@ def test_planted_offset_is_recovered_from_scans_whose_encoders_circle_and_whose_
     assert np.max(np.abs(np.mean([across, points.observed_elevation_rad - wanted_el], axis=1))) < 0.2 * MDEG
     assert np.max(np.abs([across, points.observed_elevation_rad - wanted_el])) < 2.0 * MDEG
     assert "errors: the beam scans" in collected.reasons()
+    assert bool(np.all(points.true_elevation_rad > 0.5 * math.pi)) is over
 
 
 def test_reasons_of_a_pass_without_observations_are_counted(track: TopocentricTrack, window: Pass) -> None:
