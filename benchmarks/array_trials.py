@@ -188,7 +188,7 @@ def doa_run(case: DoaCase, seed: int) -> Epochs:
         stations,
         satellite,
         NadirHoldParams(),
-        noise,
+        noise.replace(torque_n_m=0.0) if case.torque_n_m else noise,
         scenario,
         seed,
         response=ArrayResponse(

@@ -14,6 +14,10 @@ accept leading batch axes.
 Process noise: DOA adds Q = q E_6 every 250 ms to the rate (rad/s)^2 and to the vector part of the
 quaternion.  A rotation is twice the vector part, so per second that is 4 q / dt on the attitude and
 q / dt on the rate.
+
+A constant torque that the satellite does not know, and constant errors of the sensor, are no white
+noise: they are estimated along (`Biases`), because they bias the attitude by many claimed sigmas
+otherwise.
 """
 
 from dataclasses import dataclass, replace
@@ -50,23 +54,29 @@ PRINTED_Q = 1e-9
 TABLE_Q = 1e-12
 Array = NDArray[np.float64]
 
+# Of the sensor first, then those of the torque.
+_SENSOR, _BIASES = 2, 5
 SMALLEST_DETERMINANT = 1e-12
 """Of an innovation covariance scaled to a unit diagonal; rounding leaves 1e-16 of an exact zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProcessNoiseParams(Params):
-    """Random walk added per second to the attitude and to the rate, each axis."""
+    """Random walk added per second to the attitude and to the rate, each axis; unknown torque."""
 
     attitude_rad2_s: float = parameter(1.6e-11, "variance of the attitude per second, rad^2/s", low=0.0, high=1.0)
     rate_rad2_s3: float = parameter(4e-12, "variance of the rate per second, rad^2/s^3", low=0.0, high=1.0)
+    # Drag, sunlight and the residual dipole of a satellite of this size.
+    torque_n_m: float = parameter(
+        2e-5, "sigma of a constant torque on each axis that the satellite does not know", low=0.0, high=1.0
+    )
 
 
 def process_noise_from_q(q: float, dt_s: float = 0.25) -> ProcessNoiseParams:
     """Return the noise equal to DOA's Q = q E_6 added every `dt_s`."""
     require_between("q", q, 0.0, 1e-3)
     require_between("dt_s", dt_s, 1e-6, 10.0)
-    return ProcessNoiseParams(attitude_rad2_s=4.0 * q / dt_s, rate_rad2_s3=q / dt_s)
+    return ProcessNoiseParams(attitude_rad2_s=4.0 * q / dt_s, rate_rad2_s3=q / dt_s, torque_n_m=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,16 +111,22 @@ class AttitudeState:
 
 @dataclass(frozen=True, slots=True)
 class Biases:
-    """Two constant biases of the sensor, in units of their first sigma, estimated with the state.
+    """Constants in units of their first sigma, estimated with the state: two biases of the sensor,
+    then the unknown torque on the three axes of the body.
 
     Without them the innovations would not be white, and no hypothesis could be weighed by them.
-    estimate (..., 2), covariance (..., 2, 2), correlation (..., 6, 2): covariance of the errors of
+    estimate (..., 5), covariance (..., 5, 5), correlation (..., 6, 5): covariance of the errors of
     attitude and rate with theirs.
     """
 
     estimate: Array
     covariance: Array
     correlation: Array
+
+
+def _unknown_biases(lead: tuple[int, ...]) -> Biases:
+    unit = np.broadcast_to(np.eye(_BIASES), (*lead, _BIASES, _BIASES))
+    return Biases(np.zeros((*lead, _BIASES)), unit, np.zeros((*lead, 6, _BIASES)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +175,12 @@ def predict(
 
     `frame_rate` (..., 3) is the orbital frame's inertial rate in its own axes.
     """
-    rotation = matrix_from_quaternion(state.quaternion)
+    rotation, biases = matrix_from_quaternion(state.quaternion), state.biases
+    if biases is None and noise.torque_n_m > 0.0:
+        biases = _unknown_biases(state.quaternion.shape[:-1])
+    if biases is not None:
+        unknown = noise.torque_n_m * biases.estimate[..., _SENSOR:]
+        known = replace(known, control_n_m=known.control_n_m + unknown)
     quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, dt_s, rotation)
     by_rate = rate_jacobian(inertia, state.rate_rad_s, known.wheel_momentum_n_m_s)
     by_attitude = inertia.inverse @ gravity_jacobian(inertia, rotation, frame_rate)
@@ -177,13 +198,34 @@ def predict(
     # attitude uncorrelated.
     transition = np.eye(6) + step + 0.5 * step @ step
     covariance = transition @ state.covariance @ _transposed(transition)
+    if biases is not None:
+        covariance, biases = _carried(inertia, noise, biases, transition, covariance, slope, dt_s)
     # A writable view of the diagonal: the noise is added in place.
     variance = np.einsum("...ii->...i", covariance)
     variance += dt_s * np.repeat([noise.attitude_rad2_s, noise.rate_rad2_s3], 3)
-    biases = state.biases
-    if biases is not None:
-        biases = replace(biases, correlation=transition @ biases.correlation)
     return AttitudeState(quaternion, rate, covariance, state.refused, state.misfit, biases)
+
+
+def _carried(
+    inertia: RigidInertia,
+    noise: ProcessNoiseParams,
+    biases: Biases,
+    transition: Array,
+    covariance: Array,
+    slope: Array,
+    dt_s: float,
+) -> tuple[Array, Biases]:
+    """Return the covariance of attitude and rate with what the unknown torque adds in `dt_s`, and
+    the biases with their correlation.
+    """
+    by_torque = np.zeros((*slope.shape[:-2], 6, _BIASES))
+    by_torque[..., 3:, _SENSOR:] = noise.torque_n_m * dt_s * inertia.inverse
+    # Half a step of the rate on the attitude: the second order of the exponential.
+    by_torque += 0.5 * dt_s * slope @ by_torque
+    carried = transition @ biases.correlation
+    mixed = carried @ _transposed(by_torque)
+    added = mixed + _transposed(mixed) + by_torque @ biases.covariance @ _transposed(by_torque)
+    return covariance + added, replace(biases, correlation=carried + by_torque @ biases.covariance)
 
 
 def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple[Array, Array, Array]:
@@ -197,7 +239,7 @@ def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple
 def _innovation(
     state: AttitudeState, observation: DirectionObservation
 ) -> tuple[Array, Array, Array, Array, tuple[Biases, Array] | None]:
-    """Return z, its covariance, E, cov(x, z) (..., 6, 2), and the biases with cov(b, z) (..., 2,
+    """Return z, its covariance, E, cov(x, z) (..., 6, 2), and the biases with cov(b, z) (..., 5,
     2).
     """
     rotation = matrix_from_quaternion(state.quaternion)
@@ -211,14 +253,14 @@ def _innovation(
     noise = noise_map @ observation.covariance_rad2 @ _transposed(noise_map)
     spread = rows @ state.covariance[..., :3, :3] @ _transposed(rows) + noise
     z, crossed = np.einsum("...ij,...j->...i", rows, gap), state.covariance[..., :, :3] @ _transposed(rows)
-    if observation.bias_rad is None:
-        return z, spread, rows, crossed, None
     biases = state.biases
+    if biases is None and observation.bias_rad is None:
+        return z, spread, rows, crossed, None
     if biases is None:
-        lead = state.quaternion.shape[:-1]
-        unit = np.broadcast_to(np.eye(2), (*lead, 2, 2))
-        biases = Biases(np.zeros((*lead, 2)), unit, np.zeros((*lead, 6, 2)))
-    slope = -noise_map @ observation.bias_rad
+        biases = _unknown_biases(state.quaternion.shape[:-1])
+    slope = np.zeros((*z.shape, _BIASES))
+    if observation.bias_rad is not None:
+        slope[..., :_SENSOR] = -noise_map @ observation.bias_rad
     crossed = crossed + biases.correlation @ _transposed(slope)
     bias_crossed = _transposed(rows @ biases.correlation[..., :3, :]) + biases.covariance @ _transposed(slope)
     common = rows @ biases.correlation[..., :3, :] @ _transposed(slope)

@@ -20,7 +20,7 @@ from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayPara
 from rf_pointing.array_sensors.doa.array_source import ArraySource, ArraySourceParams
 from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock, HeldTorque
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SatelliteTruth, SimulatedSatellite
-from rf_pointing.core import Params, parameter
+from rf_pointing.core import Params, parameter, random_stream
 
 Array = NDArray[np.float64]
 # The step of DOA, so that truth and filter integrate alike however long the period of the blocks
@@ -43,7 +43,7 @@ class DoaScenarioParams(Params):
     yaw_rad: float = parameter(math.radians(40.0), "true yaw at the start", low=-math.pi, high=math.pi)
     rate_rad_s: float = parameter(math.radians(0.05), "true rate at the start, each axis", low=-0.1, high=0.1)
     unknown_torque_n_m: float = parameter(
-        0.0, "constant torque that the satellite does not know, each axis", low=-1.0, high=1.0
+        0.0, "constant torque besides that of disturbance.torque_n_m, each axis", low=-1.0, high=1.0
     )
 
 
@@ -78,6 +78,9 @@ class SimulatedDoa:
         self._orbit, self._stations, self._scenario = orbit, stations, scenario
         self._bodies = (satellite, hold, noise)
         self._seed = seed
+        # A stream of its own: the torque does not change with the noise drawn before.
+        drawn = noise.torque_n_m * random_stream(seed, "doa torque").standard_normal(3)
+        self._unknown_n_m = drawn + scenario.unknown_torque_n_m
         self._source = ArraySource(array, receiver, seed=seed, response=response)
         self._satellite: SimulatedSatellite | None = None
         self._torque: KnownTorque | None = None
@@ -101,7 +104,7 @@ class SimulatedDoa:
         if t_s <= before_s:
             raise ValueError(f"t_s={t_s} must be > the last step's {before_s}")
         count = math.ceil((t_s - before_s) / _STEP_S - 1e-9)
-        torque = replace(self._torque, control_n_m=self._torque.control_n_m + self._scenario.unknown_torque_n_m)
+        torque = replace(self._torque, control_n_m=self._torque.control_n_m + self._unknown_n_m)
         for index in range(count):
             # Frame rate at the middle of the step: at its start the truth would lag by half a step
             # every step.

@@ -193,7 +193,11 @@ def mean_nees(runs: int, seed: int, duration_s: float = 400.0) -> Array:
     The truth is driven by the filter's own process noise and starts inside the filter's covariance.
     """
     scene = nadir_scene(duration_s, start_s=400.0)
-    stream, sigma, noise = random_stream(seed, "doa_nees"), cosine_sigma_rad(ARRAY, 100, 1.0), ProcessNoiseParams()
+    stream, sigma, noise = (
+        random_stream(seed, "doa_nees"),
+        cosine_sigma_rad(ARRAY, 100, 1.0),
+        ProcessNoiseParams(torque_n_m=0.0),
+    )
     upright = np.tile([0.0, 0.0, 0.0, 1.0], (runs, 1))
     satellite = SimulatedSatellite(
         SatelliteParams(),
@@ -247,7 +251,9 @@ def any_start_error_deg(starts: int, seed: int, settle_s: float = 30.0) -> Array
                 wheel_momentum_n_m_s=known_none,
                 wheel_momentum_rate_n_m=known_none,
             )
-            bank = predict(scene.inertia, ProcessNoiseParams(), bank, known, scene.frame_rate[k - 1], STEP_S)
+            bank = predict(
+                scene.inertia, ProcessNoiseParams(torque_n_m=0.0), bank, known, scene.frame_rate[k - 1], STEP_S
+            )
             bank = update(bank, _observe(scene.reference[k][None], scene.reference[k], sigma, stream), GATE)
         best = best_of_bank(bank)
         error = attitude_error(best, np.array([[0.0, 0.0, 0.0, 1.0]]), scene.frame_rate[-1:])

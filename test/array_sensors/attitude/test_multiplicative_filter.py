@@ -41,12 +41,12 @@ KNOWN = KnownTorque(
     wheel_momentum_n_m_s=np.array([0.3, -0.2, 0.4]),
     wheel_momentum_rate_n_m=np.zeros(3),
 )
-SILENT = ProcessNoiseParams(attitude_rad2_s=0.0, rate_rad2_s3=0.0)
+SILENT = ProcessNoiseParams(attitude_rad2_s=0.0, rate_rad2_s3=0.0, torque_n_m=0.0)
 GATE = GateParams()
 
 
 def test_table_value_is_the_default() -> None:
-    assert process_noise_from_q(TABLE_Q) == ProcessNoiseParams()
+    assert process_noise_from_q(TABLE_Q) == ProcessNoiseParams(torque_n_m=0.0)
 
 
 def test_q_on_the_vector_part_is_four_q_on_the_rotation() -> None:
@@ -157,15 +157,17 @@ def test_filter_that_is_wrong_listens_after_enough_refusals() -> None:
     assert np.linalg.norm(quaternion_to_matrix(state.quaternion) @ measured - reference) < 0.03
 
 
-def test_mean_nees_of_100_runs_lies_in_its_95_percent_band() -> None:
-    """A pass and a hand-off, truth driven by the filter's process noise, start drawn from its covariance."""
+@pytest.mark.parametrize("torque_n_m", [0.0, 2e-5])
+def test_mean_nees_of_100_runs_lies_in_its_95_percent_band(torque_n_m: float) -> None:
+    """A pass and a hand-off, truth driven by the filter's process noise and a torque it does not know."""
     runs, steps, sigma, dt_s = 100, 800, 0.005, 0.5
     orbit, stream = SunSynchronousOrbitParams(), np.random.default_rng(3)
     t_s = 400.0 + dt_s * np.arange(steps)
     view = view_stations(orbit, stations_along_track(orbit, 0.0), t_s)
     reference = view.reference[np.arange(steps), np.argmax(view.elevation_rad, axis=1)]
     rate = orbit_point(orbit, t_s).frame_rate_rad_s
-    noise = ProcessNoiseParams()
+    noise = ProcessNoiseParams(torque_n_m=torque_n_m)
+    planted = torque_n_m * stream.standard_normal((runs, 3))
     satellite = SimulatedSatellite(
         SatelliteParams(),
         NadirHoldParams(),
@@ -182,7 +184,7 @@ def test_mean_nees_of_100_runs_lies_in_its_95_percent_band() -> None:
     for k in range(steps):
         if k:
             known = satellite.hold_torque(rate[k - 1])
-            satellite.step(dt_s, known, rate[k - 1])
+            satellite.step(dt_s, replace(known, control_n_m=known.control_n_m + planted), rate[k - 1])
             state = predict(INERTIA, noise, state, known, rate[k - 1], dt_s)
         truth = satellite.state
         expected = np.einsum("nji,j->ni", quaternion_to_matrix(truth.quaternion), reference[k])

@@ -90,9 +90,13 @@ def simulated(
 
 
 def chain(
-    stations: list[GroundStation] = STATIONS, estimator: DoaEstimatorParams | None = None, **params: Any
+    stations: list[GroundStation] = STATIONS,
+    estimator: DoaEstimatorParams | None = None,
+    noise: ProcessNoiseParams | None = None,
+    **params: Any,
 ) -> DoaAttitude:
-    filtering = (DoaAttitudeParams(), StartParams(settle_s=10.0), ProcessNoiseParams(), GateParams(), WatchParams())
+    noise = noise or ProcessNoiseParams()
+    filtering = (DoaAttitudeParams(), StartParams(settle_s=10.0), noise, GateParams(), WatchParams())
     return DoaAttitude(
         ARRAY,
         estimator or DoaEstimatorParams(),
@@ -178,7 +182,7 @@ def test_two_transmitters_on_one_site_count_as_one_station(apart_deg: float, cou
 
 def test_torque_that_the_filter_does_not_know_is_found_by_its_innovations() -> None:
     lived = moments(200, unknown_torque_n_m=2e-5)
-    found = run(chain(), lived)
+    found = run(chain(noise=ProcessNoiseParams(torque_n_m=0.0)), lived)
     last = found[-1].attitude
     assert not last.valid
     assert "a torque or a phase is not as known" in last.reason
@@ -187,6 +191,15 @@ def test_torque_that_the_filter_does_not_know_is_found_by_its_innovations() -> N
         if report.attitude.valid or report is found[-1]:
             sigma = np.sqrt(np.diag(report.attitude.covariance_rad2))
             assert np.all(np.abs(turn_between(moment, report)) < SIGMAS * sigma)
+
+
+def test_torque_within_its_stated_sigma_is_estimated_and_the_attitude_stays_valid() -> None:
+    lived = moments(200, unknown_torque_n_m=2e-5)
+    found = run(chain(), lived)
+    assert found[-1].attitude.valid
+    for moment, report in zip(lived[40:], found[40:], strict=True):
+        sigma = np.sqrt(np.diag(report.attitude.covariance_rad2))
+        assert np.all(np.abs(turn_between(moment, report)) < SIGMAS * sigma)
 
 
 def test_phases_known_to_ten_degrees_are_in_the_covariance() -> None:
