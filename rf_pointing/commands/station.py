@@ -48,6 +48,8 @@ from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
 PATIENCE_S = 10.0
 """Wall time to find the station, or to get an answer."""
+RESULT_S = 5.0
+"""After the end of a night until its result must have arrived."""
 LOOK_S = 1.5
 """Wall time in which a part that is there is seen."""
 ANTENNA = {"park": "park", "stow": "stow", "release": "resume", "reset": "reset_fault"}
@@ -236,11 +238,35 @@ class StationClient(GraphRun):
         client = ActionClient(self.node, RunSchedule, "run_schedule")
         self._until(client.server_is_ready, "run_schedule")
         goal = RunSchedule.Goal(schedule=text, resume=not text)
-        result = self.result(self.send(client, goal, EXECUTIVE, self._feedback))
+        handle = self.send(client, goal, EXECUTIVE, self._feedback)
+        result = self._end_of_night(handle)
+        if result is None:
+            states = [each.state for each in self.newest[SCHEDULE].passes]
+            lost = sum(state in ("lost", "missed", "weather") for state in states)
+            self.say(
+                f"the night has ended: {states.count('tracked')} tracked, {lost} not; the executive was started again in it"
+            )
+            return 1 if lost else 0
         self.say(result.message)
         if result.report:
             self.say(f"morning report {result.report}/night.html")
         return 0 if result.success else 1
+
+    def _end_of_night(self, handle: Any) -> RunSchedule.Result | None:
+        """Return the result; None if an executive that was started again has ended the night."""
+        ended, begun, idle_s = handle.get_result_async(), False, math.inf
+        while not ended.done():
+            self.spin(0.1)
+            if self.stopping:
+                # The night goes on without its client; `station night stop` ends it.
+                raise NotStartedError("no longer followed; the night goes on")
+            state = self.newest[EXECUTIVE_STATUS].state if EXECUTIVE_STATUS in self.newest else "idle"
+            begun = begun or state != "idle"
+            idle_s = min(idle_s, time.monotonic()) if begun and state == "idle" else math.inf
+            if time.monotonic() - idle_s > RESULT_S:
+                return None
+        found: RunSchedule.Result = ended.result().result
+        return found
 
     def _feedback(self, message: Any) -> None:
         feedback = message.feedback

@@ -14,8 +14,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from email.message import EmailMessage
 
-import requests
-
 from rf_pointing.core import Params, parameter
 
 TRIES = 3
@@ -84,7 +82,7 @@ class AlarmHooks:
         for number in range(1, TRIES + 1):
             try:
                 send(message)
-            except (OSError, subprocess.SubprocessError, smtplib.SMTPException, requests.RequestException) as error:
+            except (OSError, subprocess.SubprocessError, smtplib.SMTPException) as error:
                 self.problem = f"{name}: {error}"
                 if number < TRIES:
                     time.sleep(self._params.retry_s)
@@ -98,6 +96,9 @@ class AlarmHooks:
         subprocess.run([self._params.command], input=json.dumps(message), text=True, timeout=ANSWER_S, check=True)
 
     def _post(self, message: dict[str, object]) -> None:
+        # Imported when it is needed: an executive that was killed must be back soon.
+        import requests
+
         requests.post(self._params.webhook, json=message, timeout=ANSWER_S).raise_for_status()
 
     def _mail(self, message: dict[str, object]) -> None:

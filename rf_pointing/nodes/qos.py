@@ -16,7 +16,7 @@ def _reliable(depth: int, **policies: Any) -> QoSProfile:
 
 STREAM = _reliable(10)
 """Measurements and status: reliable, depth 10; losses show in the sequence numbers."""
-WATCHED = _reliable(200)
+WATCHED = _reliable(2000)
 """The same streams for a node that only watches: it may be busy for a while and loses none."""
 STATUS = _reliable(10, **_KEPT)
 """Status that others wait for: the first messages are kept for a late subscriber."""

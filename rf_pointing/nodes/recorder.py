@@ -31,7 +31,7 @@ class Recorder:
         topics: Sequence[Topic] = TOPICS,
         notes: Mapping[str, str] | None = None,
     ) -> None:
-        self._node, self._topics = node, topics
+        self._node, self._topics, self._closed = node, topics, False
         self._writer = BagWriter(path, definitions(Path(get_package_share_directory("rf_pointing_msgs"))), notes=notes)
         self._subscriptions = [self._subscribe(topic, namespace) for topic in topics]
 
@@ -49,6 +49,7 @@ class Recorder:
 
     def close(self) -> BagResult:
         """End the recording; the result lists what is missing from the bag."""
+        self._closed = True
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
         return self._writer.close()
@@ -62,6 +63,9 @@ class Recorder:
         deep = QoSProfile(depth=QUEUE, reliability=topic.qos.reliability, durability=topic.qos.durability)
 
         def take(data: bytes) -> None:
+            # A message can be on its way when its subscription is destroyed.
+            if self._closed:
+                return
             # The wall clock of arrival: latencies between topics are measured with it.
             self._writer.write(name, time.time_ns(), data)
 

@@ -45,7 +45,6 @@ from rf_pointing.nodes.graph import EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.qos import LATCHED, STATUS, WATCHED
-from rf_pointing.nodes.recorder import Recorder
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.operations.alarms import Alarm, AlarmParams
@@ -54,7 +53,6 @@ from rf_pointing.operations.night import Night, NightState
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.operations.schedule import BetweenParams, PassState, Schedule
 from rf_pointing.planning import AxisLimits, MachineParams
-from rf_pointing.report.night_report import night_of, write_night
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
 STEP_S = 0.2
@@ -90,7 +88,7 @@ class StationExecutive(StationNode):
         self.parameters.declare("hooks", HookParams())
         self._goal: Any = None
         self._refusal = ""
-        self._recorder: Recorder | None = None
+        self._recorder: Any = None
         self._reports: list[subprocess.Popen[bytes]] = []
         self._action = ActionServer(
             self, RunSchedule, "run_schedule", self._conclude, goal_callback=self._on_goal,
@@ -165,6 +163,7 @@ class StationExecutive(StationNode):
         if kept and self._night.finished:
             self._night.restore(kept, self.now_s())
             self.get_logger().info(f"the night goes on where it was: {self._night.state_name}")
+            self._record_again()
         # Only from here on: a state that was not taken over must not be replaced.
         self._ready_to_keep = True
         self.every(STEP_S, self._step)
@@ -316,6 +315,8 @@ class StationExecutive(StationNode):
 
     def _finish(self) -> None:
         """Write the morning report and conclude the goal."""
+        from rf_pointing.report.night_report import write_night
+
         self._end_record()
         folder = self._folder / f"report-{utc_text(self.now_s())[:16].replace(':', '')}"
         try:
@@ -329,6 +330,8 @@ class StationExecutive(StationNode):
             goal.execute()
 
     def _morning(self) -> Any:
+        from rf_pointing.report.night_report import night_of
+
         assert self.station is not None
         shown = {name: dict(values) for name, values in self._healths.items()}
         shown["disk"] = {"free_gb": shutil.disk_usage(self._folder).free / 1e9}
@@ -345,6 +348,9 @@ class StationExecutive(StationNode):
         free_gb = shutil.disk_usage(self._folder).free / 1e9
         if free_gb < needed:
             raise OSError(f"{free_gb:.3g} GB are free, must be >= {needed:g} GB")
+        # Imported when it is needed: an executive that was killed must be back soon.
+        from rf_pointing.nodes.recorder import Recorder
+
         stem, number = self._folder / "passes" / name, 1
         while (folder := stem.with_name(f"{stem.name}-{number:02d}")).exists():
             number += 1
@@ -352,6 +358,15 @@ class StationExecutive(StationNode):
         notes = {"station": self.station.name if self.station else "", "band": self.band, "pass": name}
         self._recorder = Recorder(self, self.get_namespace(), folder / "bag", notes=notes)
         return str(folder)
+
+    def _record_again(self) -> None:
+        """Go on recording the pass that was tracked when the executive was killed."""
+        if not self._night.active_id:
+            return
+        try:
+            self._record(self._night.active_id)
+        except (ValueError, OSError) as error:
+            self.get_logger().warning(f"the rest of the pass is not recorded: {error}")
 
     def _end_record(self) -> str:
         recorder, self._recorder = self._recorder, None

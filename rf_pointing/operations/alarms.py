@@ -50,7 +50,7 @@ class Alarm:
 
 
 Notify = Callable[[str, Alarm], None]
-"""Takes "raised", "worse", "asks" or "cleared" and the alarm."""
+"""Takes "raised", "worse", "urgent" or "cleared" and the alarm."""
 
 
 @dataclass(slots=True)
@@ -86,7 +86,7 @@ class AlarmBook:
         elif ask and not alarm.ask:
             # Whatever could be tried without an operator has been tried.
             alarm.message, alarm.ask, alarm.acknowledged = message, ask, False
-            self._tell("asks", alarm, t_s, always=True)
+            self._tell("urgent", alarm, t_s, always=True)
         else:
             alarm.message, alarm.ask = message, ask
 

@@ -557,7 +557,7 @@ class Night:
             self._numbers[self._number] = holder[0], own
             # The numbers of long ago are of no use: no response takes hours.
             self._numbers.pop(self._number - 1000, None)
-            # Written before it leaves: a restart must know of every motion that it has asked for.
+            # Written before it leaves: a restart must know of every motion that was requested.
             self._save()
             self._send(self._number, directive.name, arguments)
 

@@ -20,7 +20,7 @@ from rf_pointing.operations.schedule import ScheduledPass
 
 MOST_PASSES = 20_000
 _PLANNED = ("", "tracked")
-"""Fates of rows of `plan_passes` that a schedule takes, unless all are asked for."""
+"""Fates of rows of `plan_passes` that a schedule takes, unless all are wanted."""
 _PATH = ("aos_azimuth_deg", "azimuth_low_deg", "azimuth_high_deg", "azimuth_end_deg")
 _EXACT = "X-RF-POINTING-PASS"
 

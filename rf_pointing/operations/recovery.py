@@ -1,4 +1,4 @@
-"""The recovery table: for every cause what is done by itself, what is asked, how the night goes on.
+"""The recovery table: what is done by itself about each cause, and how the night goes on.
 
 The table is a YAML file; `tables/recovery.yaml` is the shipped one, a station may change it.
 

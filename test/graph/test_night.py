@@ -5,6 +5,7 @@ import json
 import math
 import os
 import signal
+import subprocess
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,6 +20,7 @@ from rf_pointing_msgs.action import RunSchedule
 from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, Schedule, TrackingStatus
 from rosgraph_msgs.msg import Clock
 
+from rf_pointing.commands import station
 from rf_pointing.core.dates import DAY_S, to_utc_text
 from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes
 from rf_pointing.nodes.graph import NODES
@@ -27,9 +29,9 @@ from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.operations.pass_list import to_json
 from rf_pointing.operations.schedule import ScheduledPass
 from rf_pointing.station.description import read_station
-from test.faults.test_restarts import Stopwatch
+from test.faults.test_restarts import PACING, Stopwatch
 
-from .conftest import live_graph
+from .conftest import executable, live_graph
 
 pytestmark = pytest.mark.graph
 
@@ -93,11 +95,9 @@ class LiveNight:
         self.schedule, self.status, self.lost = Schedule(), ExecutiveStatus(), {}
         self.tracking, self.antenna, self.statuses = TrackingStatus(), AntennaStatus(), 0
         self.healths: dict[str, tuple[int, str]] = {}
-        station = read_station("leo_3m7")
-        station.write(
-            folder / "station.yaml", {"mount.pass_elevation_deg": MASK_DEG, "tuning.alarms.disk_free_gb": 0.001}
-        )
-        satellites, self.passes = plan(station)
+        dish = read_station("leo_3m7")
+        dish.write(folder / "station.yaml", {"mount.pass_elevation_deg": MASK_DEG, "tuning.alarms.disk_free_gb": 0.001})
+        satellites, self.passes = plan(dish)
         elements = folder / "elements.json"
         elements.write_text(json.dumps([as_omm(one) for one in satellites]))
         source = f"{{source.elements: {elements}, source.satellite: '90001'}}"
@@ -136,13 +136,15 @@ class LiveNight:
             if status.name.endswith(": inputs"):
                 self.lost[status.name] = sum(int(pair.value) for pair in status.values if pair.key.startswith("lost "))
 
-    def start(self) -> Any:
+    def start(self) -> None:
         self.live.spin_until(self.client.server_is_ready, "run_schedule")
         self.live.spin_until(lambda: self.antenna.mode != "" and self.tracking.sequence > 0, "the station")
-        goal = self.client.send_goal_async(RunSchedule.Goal(schedule=to_json(self.passes)))
-        self.live.spin_until(goal.done, "the goal")
-        assert goal.result().accepted
-        return goal.result()
+        listed = self.folder / "passes.json"
+        listed.write_text(to_json(self.passes))
+        self.operator = subprocess.Popen(
+            [executable("station"), "--namespace", self.live.namespace, "queue", str(listed), "--start"],
+            stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
 
     def states(self) -> dict[str, str]:
         return {each.id: each.state for each in self.schedule.passes}
@@ -169,14 +171,43 @@ def night(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Any:
             one.noticed = one.healths.get("pointing_controller: executive", (0, ""))
         one.statuses = 0
         one.processes.start(["station_executive"], autostart=True)
-        watch = Stopwatch(one.processes.process_id("station_executive"))
+        watch = Stopwatch(*(one.processes.process_id(name) for name in {"station_executive", *PACING}))
         live.spin_until(lambda: watch.look() >= 0.0 and one.statuses > 0, "the executive")
         one.back_s, one.after = watch.net_s, one.status
         one.commander_modes = one.tracking.mode
-        live.spin_until(lambda: one.states().get("90001") not in (None, "active"), "the end of the first pass")
-        live.spin_until(lambda: one.status.state == "idle", "the end of the night")
+        # Minutes of simulated time, which goes on no faster than a busy machine lets it.
+        deadline_s = time.monotonic() + 240.0
+        while one.status.state != "idle" and time.monotonic() < deadline_s:
+            live.executor.spin_once(timeout_sec=0.1)
+        assert one.status.state == "idle", one.status.reason
         one.wall_s = time.monotonic() - began_s
+        try:
+            one.said = one.operator.communicate(timeout=60.0)[1]
+            one.codes = {words: station_exit([*("--namespace", live.namespace), *words.split()]) for words in COMMANDS}
+            live.spin_until(lambda: math.degrees(one.antenna.commanded[1]) < 61.0, "the antenna at 60 deg")
+        finally:
+            one.operator.kill()
         yield one
+
+
+COMMANDS = ("status", "passes --json", "log -n 5", "release", "go 20 60", "offset --along 0.2", "go 900 60", "night pause",
+            "night ack nothing", "--namespace /nobody status")  # fmt: skip
+
+
+def station_exit(words: list[str]) -> int:
+    with pytest.raises(SystemExit) as ended:
+        station.main(words)
+    return int(ended.value.code or 0)
+
+
+def test_the_operator_is_told_the_end_by_an_executive_that_was_started_again(night: LiveNight) -> None:
+    assert night.operator.returncode == 0, night.said
+    assert "2 tracked, 0 not" in night.said
+
+
+def test_commands_of_the_client_have_the_exit_codes_that_scripts_need(night: LiveNight) -> None:
+    refused = {"go 900 60": 1, "night pause": 1, "night ack nothing": 1, "--namespace /nobody status": 2}
+    assert night.codes == dict.fromkeys(COMMANDS, 0) | refused
 
 
 def test_both_passes_are_tracked_although_the_executive_was_killed(night: LiveNight) -> None:
