@@ -21,6 +21,7 @@ from rf_pointing.calibration.bias_model import BiasModel
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
+Averages = tuple[float, float, float, float]
 VELOCITY = ("azimuth_velocity_lag", "elevation_velocity_lag")
 ACCELERATION = ("azimuth_acceleration_lag", "elevation_acceleration_lag")
 
@@ -64,12 +65,25 @@ class LagHistory:
         -------
         position (rad), velocity and acceleration (n, 2), and n states to go on from.
         """
-        states = self._states(t_s, rate_rad_s, before)
-        mean, slope = np.array([s.mean for s in states]), np.array([s.slope for s in states])
+        rates = rate_rad_s.tolist()
+        found = self._averages(t_s.tolist(), rates, before)
+        rows = zip(t_s.tolist(), rates, found, strict=True)
+        states = [LagState(t, (rate[0], rate[1]), row[:2], row[2:]) for t, rate, row in rows]
+        return self._lead(rate_rad_s, acceleration_rad_s2, found), states
+
+    def lead(self, t_s: Array, rate_rad_s: Array, acceleration_rad_s2: Array) -> tuple[Array, Array, Array]:
+        """Return what `along` returns first, for a beam that was at rest before the first time."""
+        found = self._averages(t_s.tolist(), rate_rad_s.tolist(), None)
+        return self._lead(rate_rad_s, acceleration_rad_s2, found)
+
+    def _lead(
+        self, rate_rad_s: Array, acceleration_rad_s2: Array, averages: list[Averages]
+    ) -> tuple[Array, Array, Array]:
+        mean, slope = np.hsplit(np.array(averages), 2)
         bend = (rate_rad_s - mean) / self._time_s**2 - slope / self._time_s
         jerk = (acceleration_rad_s2 - slope) / self._time_s**2 - bend / self._time_s
         x, d = self._velocity_s, self._damping_s2
-        return (x * mean + d * slope, x * slope + d * bend, x * bend + d * jerk), states
+        return x * mean + d * slope, x * slope + d * bend, x * bend + d * jerk
 
     def dragged(self, t_s: float, axis_rate_rad_s: Array, before: LagState | None) -> LagState:
         """Return the state at `t_s` from the rate (2,) of the axes: the beam lags by x_v m'."""
@@ -78,18 +92,29 @@ class LagHistory:
         # Nothing is known of the time before: at rest is the usual state of an antenna.
         if before is None:
             return LagState(t_s, (east, up))
-        return self._advanced(before, (east, up), t_s, self._step(t_s - before.t_s))
+        (row,) = self._averages([t_s], [[east, up]], before)
+        return LagState(t_s, (east, up), row[:2], row[2:])
 
-    def _states(self, t_s: Array, rate_rad_s: Array, before: LagState | None) -> list[LagState]:
-        rows = list(zip(t_s.tolist(), rate_rad_s.tolist(), strict=True))
-        here = before or LagState(rows[0][0], (rows[0][1][0], rows[0][1][1]))
-        found, step = [], self._step(0.0)
-        for t, rate in rows:
-            # Plans are evenly spaced: the exponentials of one step serve all.
-            if abs(t - here.t_s - step[0]) > 1e-9:
-                step = self._step(t - here.t_s)
-            here = self._advanced(here, (rate[0], rate[1]), t, step)
-            found.append(here)
+    def _averages(self, times: list[float], rates: list[list[float]], before: LagState | None) -> list[Averages]:
+        """Return the averages of both rates and how fast they change, at each time."""
+        here = before or LagState(times[0], (rates[0][0], rates[0][1]))
+        time_s, (dt_s, mm, ms, sm, ss), last_s = self._time_s, self._step(0.0), here.t_s
+        steps: dict[float, tuple[float, float, float, float, float]] = {}
+        (x, y), (x_mean, y_mean), (x_slope, y_slope) = here.rate, here.mean, here.slope
+        found = []
+        # Numbers and no objects: plans of a day run through here some million times.
+        for t, (x_rate, y_rate) in zip(times, rates, strict=True):
+            since_s, last_s = t - last_s, t
+            # Plans are evenly spaced, but for the rounding of their times.
+            if abs(since_s - dt_s) > 1e-9:
+                if since_s not in steps:
+                    steps[since_s] = self._step(since_s)
+                dt_s, mm, ms, sm, ss = steps[since_s]
+            x_ramp, y_ramp = ((x_rate - x) / dt_s, (y_rate - y) / dt_s) if dt_s > 0.0 else (0.0, 0.0)
+            m, s, n, r = x_mean - x + time_s * x_ramp, x_slope - x_ramp, y_mean - y + time_s * y_ramp, y_slope - y_ramp
+            x, x_mean, x_slope = x_rate, x_rate - time_s * x_ramp + mm * m + ms * s, x_ramp + sm * m + ss * s
+            y, y_mean, y_slope = y_rate, y_rate - time_s * y_ramp + mm * n + ms * r, y_ramp + sm * n + ss * r
+            found.append((x_mean, y_mean, x_slope, y_slope))
         return found
 
     def _step(self, dt_s: float) -> tuple[float, float, float, float, float]:
@@ -99,18 +124,6 @@ class LagHistory:
         size = math.exp(-decay * dt_s)
         cosine, sine = size * math.cos(swing * dt_s), size * math.sin(swing * dt_s) / swing
         return dt_s, cosine + decay * sine, sine, -sine / self._time_s**2, cosine - decay * sine
-
-    def _advanced(
-        self, here: LagState, rate: Pair, t_s: float, step: tuple[float, float, float, float, float]
-    ) -> LagState:
-        dt_s, mm, ms, sm, ss = step
-        mean, slope = [], []
-        for axis in (0, 1):
-            ramp = (rate[axis] - here.rate[axis]) / dt_s if dt_s > 0.0 else 0.0
-            m, s = here.mean[axis] - here.rate[axis] + self._time_s * ramp, here.slope[axis] - ramp
-            mean.append(rate[axis] - self._time_s * ramp + mm * m + ms * s)
-            slope.append(ramp + sm * m + ss * s)
-        return LagState(t_s, rate, (mean[0], mean[1]), (slope[0], slope[1]))
 
 
 def without_lags(model: BiasModel) -> BiasModel:

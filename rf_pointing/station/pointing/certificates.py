@@ -176,7 +176,7 @@ def certificate_of(
     history = LagHistory(model, rules.lag_averaging_s) if rules.lag_averaging_s > 0.0 and model.has_lags else None
     held = without_lags(model) if history else model
     sides: dict[bool, tuple[Array, Array, Array]] = {over: axis_motion(sky, held, plunge=over) for over in plunges}
-    lag: Lag = (lambda t_s, rate, bend: history.along(t_s, rate, bend)[0]) if history else no_lag
+    lag: Lag = history.lead if history else no_lag
     return certify(fine, sides, issued_t_s, encoder_rad, machine, rules.limits, rules.mask, gain, lag, slew, cost)
 
 
