@@ -7,7 +7,7 @@ from typing import Any
 from rf_pointing.calibration import read_model
 from rf_pointing.core import Params, leaves
 from rf_pointing.core.parameters import from_edge
-from rf_pointing.drives import DriveParams
+from rf_pointing.drives import DriveParams, known_types
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.antenna.mount import MountParams
@@ -44,6 +44,9 @@ def check(content: Content, reader: Reader) -> HorizonMask:
     _check_tuning(content.tuning, "tuning", reader)
     rows = {f"drive.{name}": value for name, value in flat(content.drive or {}).items()}
     _check_names({"drive": DriveParams()}, rows, "drive", reader, strip="drive.")
+    kind, known = (content.drive or {}).get("type"), ("simulated", "topic", *known_types())
+    if kind is not None and kind not in known:
+        reader.note("drive.type", f"drive.type={kind!r} must be one of {', '.join(known)}")
     if content.simulation is not None:
         _check_errors(content.simulation.mount_errors, "simulation.mount_errors", reader)
     return mask

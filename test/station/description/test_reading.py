@@ -106,6 +106,7 @@ def test_one_key_reaches_every_node_that_needs_it() -> None:
             "band X, antenna_servo: loops.azimuth.proportional_gain=0.0 must be >"),
         (("bands:", "simulation: {mount_errors: {drop_deg: 1}}\nbands:"), 8, "did you mean droop_deg?"),
         (("name: My dish", "name: My dish\nname: Yours"), 3, "name is given twice"),
+        (("bands:", "drive: {type: gs-232}\nbands:"), 8, "drive.type='gs-232' must be one of simulated, topic, "),
         (("version: 1", "version: 2"), 1, "version=2 must be <= 1"),
     ],
 )  # fmt: skip
