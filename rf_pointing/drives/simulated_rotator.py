@@ -114,12 +114,16 @@ class SimulatedRotator(Drive):
         self.model.step(t_s)
         self._t_s = t_s
         newest = self._reading
-        if newest is None or not 0.0 <= newest.age_s(t_s) < self.capabilities.period_s - 1e-6:
+        # On a grid of time: when the drive was first looked at depends on how busy the machine is.
+        if newest is None or self._poll(newest.t_s) != self._poll(t_s):
             azimuth, elevation = self.model.encoders()
             if self.capabilities.one_turn:
                 azimuth %= 2.0 * math.pi
             self._reading = DriveReading(t_s=t_s, position_rad=(azimuth, elevation))
         return self._reading
+
+    def _poll(self, t_s: float) -> int:
+        return math.floor(t_s / self.capabilities.period_s + 1e-6)
 
     def go_to(self, position_rad: Pair) -> None:
         self.model.command(self._t_s, position_rad)
