@@ -200,7 +200,7 @@ def test_the_hard_limit_cuts_the_drives_and_the_way_back_in_stays_open(servo: Se
     """The limit is moved to where the axes already are and run outward, as by a switch that closes."""
     servo.move(1.5)
     here = math.degrees(servo.joints[-1])
-    servo.retune("travel_max_deg", [here - 0.4, 91.5])
+    servo.retune("travel_max_deg", [here - 0.4, servo.travel_max_deg[1]])
     servo.mode("fault")
     assert "past the hard limit" in servo.status.fault
     servo.clock.run(1.0)
@@ -211,7 +211,7 @@ def test_the_hard_limit_cuts_the_drives_and_the_way_back_in_stays_open(servo: Se
     servo.rejected(servo.command(positions=[outside + 0.05, START_RAD[1]]), "past the limit")
     servo.commands.publish(servo.command(positions=[math.radians(here - 0.6), START_RAD[1]]))
     servo.until(lambda: abs(servo.joints[-1] - math.radians(here - 0.6)) < math.radians(0.05), "the way back in")
-    servo.retune("travel_max_deg", [223.0, 91.5])
+    servo.retune("travel_max_deg", servo.travel_max_deg)
     servo.mode("holding")
 
 
