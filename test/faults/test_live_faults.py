@@ -254,8 +254,10 @@ def test_a_jump_of_the_clock_stops_the_antenna_and_never_makes_it_jump(servo: Se
     assert float(servo.status.fault.split()[-2]) == pytest.approx(jump_s, abs=0.1)
     servo.mode("fault")
     way = [servo.joints[before - 1], *servo.joints[before:]]
-    assert max(abs(b - a) for a, b in pairwise(way)) < 1.5 * RATE_RAD_S * TICK_S
-    assert abs(way[-1] - way[0]) < RATE_RAD_S * 0.5, "a controlled stop"
+    # A rotator moves at its own speed from set point to set point, which are half a second apart.
+    fastest, interval_s = (RATE_RAD_S, 0.0) if servo.simulated else (math.radians(6.0), 0.5)
+    assert max(abs(b - a) for a, b in pairwise(way)) < 1.5 * fastest * TICK_S
+    assert abs(way[-1] - way[0]) < RATE_RAD_S * (0.5 + interval_s), "a controlled stop"
 
 
 def test_a_servo_that_was_frozen_discards_the_commands_that_waited(servo: Servo) -> None:
