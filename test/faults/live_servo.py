@@ -34,6 +34,7 @@ class Servo:
     def __init__(self, live: SimpleNamespace, yaml: str, station: dict[str, Any], *, simulated: bool = True) -> None:
         self.live, self.status, self.joints = live, AntennaStatus(), []
         self.simulated, self.wind_m_s = simulated, 3.0
+        self.travel_max_deg = [223.0, 91.5 if simulated else 90.0]
         self.said: dict[str, str] = {}
         self.seen: list[AntennaStatus] = []
         self.heard_s = 0.0
@@ -171,7 +172,16 @@ def servo_yaml(wrap: Path) -> str:
 
 def on_rotctld(port: int) -> dict[str, Any]:
     """Return the same station on the rotctld of a port, with its anemometer on weather/wind."""
+    speed = {
+        "rate_deg_s": 6.0,
+        "acceleration_deg_s2": 6.0,
+        "command_rate_deg_s": 6.0,
+        "command_acceleration_deg_s2": 6.0,
+    }
     return WITH_HILL | {
+        "mount.azimuth": {"travel_deg": [-180.0, 223.0], **speed},
+        "mount.elevation": {"travel_deg": [0.0, 90.0], **speed},
+        "tuning.loops.preprocessor": {"travel_min_deg": [-180.0, 0.0], "travel_max_deg": [223.0, 90.0]},
         "drive.type": "hamlib",
         "drive.link": {"host": "127.0.0.1", "port": port},
         "tuning.safety.wind.silence_s": 2.0,

@@ -200,7 +200,7 @@ def test_the_hard_limit_cuts_the_drives_and_the_way_back_in_stays_open(servo: Se
     """The limit is moved to where the axes already are and run outward, as by a switch that closes."""
     servo.move(1.5)
     here = math.degrees(servo.joints[-1])
-    servo.retune("travel_max_deg", [here - 0.4, 91.5])
+    servo.retune("travel_max_deg", [here - 0.4, servo.travel_max_deg[1]])
     servo.mode("fault")
     assert "past the hard limit" in servo.status.fault
     servo.clock.run(1.0)
@@ -211,7 +211,7 @@ def test_the_hard_limit_cuts_the_drives_and_the_way_back_in_stays_open(servo: Se
     servo.rejected(servo.command(positions=[outside + 0.05, START_RAD[1]]), "past the limit")
     servo.commands.publish(servo.command(positions=[math.radians(here - 0.6), START_RAD[1]]))
     servo.until(lambda: abs(servo.joints[-1] - math.radians(here - 0.6)) < math.radians(0.05), "the way back in")
-    servo.retune("travel_max_deg", [223.0, 91.5])
+    servo.retune("travel_max_deg", servo.travel_max_deg)
     servo.mode("holding")
 
 
@@ -254,8 +254,10 @@ def test_a_jump_of_the_clock_stops_the_antenna_and_never_makes_it_jump(servo: Se
     assert float(servo.status.fault.split()[-2]) == pytest.approx(jump_s, abs=0.1)
     servo.mode("fault")
     way = [servo.joints[before - 1], *servo.joints[before:]]
-    assert max(abs(b - a) for a, b in pairwise(way)) < 1.5 * RATE_RAD_S * TICK_S
-    assert abs(way[-1] - way[0]) < RATE_RAD_S * 0.5, "a controlled stop"
+    # A rotator moves at its own speed from set point to set point, which are half a second apart.
+    fastest, interval_s = (RATE_RAD_S, 0.0) if servo.simulated else (math.radians(6.0), 0.5)
+    assert max(abs(b - a) for a, b in pairwise(way)) < 1.5 * fastest * TICK_S
+    assert abs(way[-1] - way[0]) < RATE_RAD_S * (0.5 + interval_s), "a controlled stop"
 
 
 def test_a_servo_that_was_frozen_discards_the_commands_that_waited(servo: Servo) -> None:

@@ -78,9 +78,10 @@ def test_a_pass_is_held_to_half_a_step_and_half_an_interval(driven, track, windo
     begin_s = subject.t_s + 40.0 - (window.tca_t_s - window.aos_t_s - 30.0)
     error, rate = fly(subject, pass_path(track, window, begin_s), begin_s, window.tca_t_s - window.aos_t_s - 30.0, 60.0)
     bound = 0.5 * subject.device.resolution_deg + np.abs(rate) * 0.25
-    # What is known of the latency.  With coarse steps a start and a way back must last for an interval, and may wait
-    # for the one of the other axis.
-    late_s = 0.1 + TICK_S + (0.75 if subject.device.resolution_deg >= 0.1 else 0.0)
+    # What is known of the latency.  With coarse steps a start and a way back must last for an interval; what then is
+    # not due in the first half of the interval of the other axis waits for the second.
+    interval_s = subject.antenna.hardware.rotator.params.minimum_interval_s
+    late_s = 0.1 + TICK_S + (1.5 * interval_s if subject.device.resolution_deg >= 0.1 else 0.0)
     beyond = np.abs(error) - (bound + np.abs(rate) * late_s + 1e-6)
     worst = np.argmax(beyond, axis=0)
     assert np.max(beyond) <= 0.0, (worst, beyond[worst], error[worst], rate[worst])
