@@ -117,10 +117,10 @@ def campaign(station: str, sensor: str, span_s: float, file: Path) -> tuple[str,
     )  # fmt: skip
     *passes, (elements, window) = planned(described.station.site, span_s)
     for number, (beacon, one) in enumerate(passes, start=1):
-        setup, before = setup_of(station, beacon, one, file, log=log), len(log)
+        setup, so_far = setup_of(station, beacon, one, file, log=log), len(log)
         log.begin_pass()
         simulate_pass(setup, one, one.aos_t_s - LEAD_S, sensor)
-        print(f"    pass {number}: {len(log) - before} observations; {log.reasons()}", file=sys.stderr, flush=True)
+        print(f"    pass {number}: {len(log) - so_far} observations; {log.reasons()}", file=sys.stderr, flush=True)
     fit = log.fit(described.model, pass_priors=PassPriors.of_orbit(ORBIT_M))
     before, after = (
         missed_beamwidths(setup_of(station, elements, window, file, model), window) for model in (None, fit.model)

@@ -41,11 +41,15 @@ class SectorRule(Params):
         return self.azimuth_sectors * (len(self.elevation_edges_rad) - 1)
 
     def sector_of(self, azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> NDArray[np.int64]:
-        """Return the sector (0 .. count - 1, band by band) of each direction, -1 outside."""
+        """Return the sector (0 .. count - 1, band by band) of each direction, -1 outside.
+
+        Axis angles beyond 90 deg count where they point on the sky.
+        """
         width = 2.0 * np.pi / self.azimuth_sectors
-        column = np.floor(np.mod(np.asarray(azimuth_rad, dtype=np.float64), 2.0 * np.pi) / width).astype(np.int64)
+        azimuth, elevation = on_the_sky(azimuth_rad, elevation_rad)
+        column = np.floor(np.mod(azimuth, 2.0 * np.pi) / width).astype(np.int64)
         edges = np.array(self.elevation_edges_rad)
-        band = np.searchsorted(edges, np.asarray(elevation_rad, dtype=np.float64), side="right") - 1
+        band = np.searchsorted(edges, elevation, side="right") - 1
         # An azimuth a rounding below 2 pi would be in the sector after the last one.
         inside = (band >= 0) & (band < len(edges) - 1)
         return np.where(inside, band * self.azimuth_sectors + np.minimum(column, self.azimuth_sectors - 1), -1)
@@ -61,6 +65,13 @@ class SectorRule(Params):
         """Return how many directions fall into each sector."""
         sectors = self.sector_of(azimuth_rad, elevation_rad)
         return Coverage(self, np.bincount(sectors[sectors >= 0], minlength=self.count))
+
+
+def on_the_sky(azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> tuple[Array, Array]:
+    """Return the direction (n,) of axis angles (n,): of a dish over the top on the other side."""
+    azimuth, elevation = np.asarray(azimuth_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64)
+    over = elevation > 0.5 * np.pi
+    return np.where(over, azimuth + np.pi, azimuth), np.where(over, np.pi - elevation, elevation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +107,7 @@ def select_by_sector(
     for sector in range(rule.count):
         rows = np.flatnonzero(sectors == sector)
         chosen[_shared_out(rows, pass_id[rows], rule.most)] = True
-    low = int(np.sum(elevation_rad < rule.elevation_edges_rad[0]))
+    low = int(np.sum(on_the_sky(azimuth_rad, elevation_rad)[1] < rule.elevation_edges_rad[0]))
     outside = int(np.sum(sectors < 0))
     dropped = {
         f"below {math.degrees(rule.elevation_edges_rad[0]):.0f} deg": low,

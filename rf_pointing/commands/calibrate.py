@@ -214,7 +214,7 @@ class Outcome:
 
     `fit` is made of the observations before the shadow added its own.  `settled` is True when the
     shadow decided, also against the new model: the better of the two is in force.  `fault` is what
-    stopped the campaign.
+    stopped the campaign.  `why` are the reasons of a campaign without a fit.
     """
 
     model: str = ""
@@ -222,6 +222,7 @@ class Outcome:
     settled: bool = False
     shadow: str = ""
     fault: str = ""
+    why: tuple[str, ...] = ()
 
 
 class CalibrationRun(StationRun):
@@ -236,7 +237,7 @@ class CalibrationRun(StationRun):
         super().__init__("calibrate", options, first, output)
         self._begin_s = first.aos_t_s - track_options.before_pass_s(options, first)
         self._options, self._schedule, self._output = options, schedule, output
-        self._shown, self._count = 0, 0
+        self._shown, self._count, self._told = 0, 0, list[str]()
         self._campaign = ActionClient(self.node, RunCampaign, "bias_calibrator/run_campaign")
         self._fit = ActionClient(self.node, FitModel, "bias_calibrator/fit_model")
 
@@ -249,13 +250,13 @@ class CalibrationRun(StationRun):
             campaign = self._observe(self._schedule.windows, resume=self._options.resume)
             if self.stopping:
                 self.say(f"interrupted with {campaign.observations} observations")
-                return Outcome()
+                return Outcome(why=("it was interrupted", *self._told))
             if campaign.fault:
-                return Outcome(fault=campaign.fault)
+                return Outcome(fault=campaign.fault, why=(campaign.message,))
         fit = self.result(self.send(self._fit, FitModel.Goal(), "bias_calibrator"))
         self.say(fit.message)
         if not fit.success:
-            return Outcome()
+            return Outcome(why=(fit.message, *self._told))
         # Before the shadow adds observations: the report is that of the fit.
         made = fit_of(self._options)
         shadow = self._observe(self._schedule.shadow, resume=True)
@@ -285,6 +286,7 @@ class CalibrationRun(StationRun):
         if sys.stderr.isatty():
             print(file=sys.stderr)
         self.say(result.message)
+        self._told.append(result.message)
         return result
 
     def _show(self, message: Any) -> None:
@@ -331,7 +333,7 @@ def plan_text(schedule: Schedule) -> str:
 
 def execute(options: argparse.Namespace, schedule: Schedule, output: Path) -> int:
     """Run the campaign and write the report; return the exit code."""
-    from rf_pointing.report.calibration_report import write_calibration_report
+    from rf_pointing.report.calibration_report import write_calibration_report, write_campaign_report
 
     outcome = Outcome()
 
@@ -347,7 +349,9 @@ def execute(options: argparse.Namespace, schedule: Schedule, output: Path) -> in
     if outcome.fit is not None:
         remarks = [f"In the shadow of the model in force: {outcome.shadow}"] if outcome.shadow else []
         page = write_calibration_report(output, *outcome.fit, name=outcome.model, remarks=remarks)
-        say("calibrate", f"report {page}")
+    else:
+        page = write_campaign_report(output, journal.points, outcome.why)
+    say("calibrate", f"report {page}")
     if outcome.fault:
         say("calibrate", f"NOT calibrated: {outcome.fault}")
     return code

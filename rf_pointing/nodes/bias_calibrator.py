@@ -207,7 +207,7 @@ class BiasCalibrator(StationNode):
             lines = [f"{runner.observed} of {wanted} passes observed, {result.observations} observations"]
             if verdict is not None:
                 lines.append(f"{self._keeper.candidate.name} is {self._keeper.verdict_text()}")
-            result.message = "; ".join([*stopped, *lines, *runner.failures[:3]])
+            result.message = "; ".join([*stopped, *lines, *runner.failures])
         return conclude(goal, result)
 
     def _progress(self) -> RunCampaign.Feedback:

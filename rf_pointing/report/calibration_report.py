@@ -16,6 +16,7 @@ from rf_pointing.calibration import (
     StageReport,
     doubts_of,
 )
+from rf_pointing.calibration.coverage import on_the_sky
 from rf_pointing.core import MDEG
 from rf_pointing.core.dates import to_utc_text
 from rf_pointing.core.whole_file import write_whole
@@ -85,6 +86,34 @@ def write_calibration_report(
     return place / "report.html"
 
 
+def write_campaign_report(folder: Path | str, points: Observations | None, why: Sequence[str]) -> Path:
+    """Write `report.html` of a campaign that has given no model, and return the file.
+
+    `why` are the reasons, one sentence each; `points` what was observed, None for nothing.
+    """
+    place, rule = Path(folder), SectorRule()
+    place.mkdir(parents=True, exist_ok=True)
+    filled, passes, times = 0, 0, (0.0, 0.0)
+    if points is not None:
+        filled = rule.count - len(rule.coverage(points.true_azimuth_rad, points.true_elevation_rad).thin)
+        passes, times = len(points.passes), (float(np.min(points.t_s)), float(np.max(points.t_s)))
+        draw_coverage(points, np.ones(len(points), dtype=bool), rule, place / "coverage.png")
+    page = render(
+        "campaign.html",
+        title="Campaign without a model",
+        folder=place,
+        points=points,
+        why=[*why] or ["it was broken off before its first pass had ended"],
+        first_utc=to_utc_text(times[0]),
+        last_utc=to_utc_text(times[1]),
+        passes=passes,
+        sectors=rule.count,
+        filled=filled,
+    )
+    write_whole(place / "report.html", page)
+    return place / "report.html"
+
+
 def _coefficients(fit: FitResult) -> list[Sequence[Cell]]:
     known = {term.name: term for term in (*TERMS, *EXTENSION_TERMS)}
     rows: list[Sequence[Cell]] = []
@@ -126,9 +155,10 @@ def draw_coverage(points: Observations, used: NDArray[np.bool_], rule: SectorRul
                       bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8})  # fmt: skip
         for rows, colour, label in ((used, AXIS_COLOURS[0], "used"), (~used, AXIS_COLOURS[1], "edited out")):
             if np.any(rows):
-                zenith = 90.0 - np.degrees(points.true_elevation_rad[rows])
+                azimuth, elevation = on_the_sky(points.true_azimuth_rad[rows], points.true_elevation_rad[rows])
+                zenith = 90.0 - np.degrees(elevation)
                 # Above the bars: points under them would look like missing data.
-                axes.plot(points.true_azimuth_rad[rows], zenith, ".", ms=2.0, color=colour, label=label, zorder=3.0)
+                axes.plot(azimuth, zenith, ".", ms=2.0, color=colour, label=label, zorder=3.0)
         axes.legend(loc="lower left", bbox_to_anchor=(-0.05, -0.05), markerscale=4.0)
 
 

@@ -23,6 +23,9 @@ def test_there_are_36_sectors_with_the_papers_bounds():
         (-1, 20, 11),
         (370, 45, 12),
         (-270, 79.9, 27),
+        # Over the top: az + 180 deg, 180 deg - el.
+        (180, 165, 0),
+        (270, 100.1, 27),
         (0, 9.9, -1),
         (0, 80, -1),
     ],
