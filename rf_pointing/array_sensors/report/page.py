@@ -98,8 +98,8 @@ def write_array_report(bag: Path | str, output_dir: Path | str) -> list[ArrayErr
         caption=_CAPTION,
     )
     (folder / "array_report.html").write_text(page, encoding="utf-8")
-    summary = {"schema": SCHEMA, "bag": str(path), "errors": [asdict(each) for each in errors]}
-    summary["reasons"] = reasons
+    lines = [asdict(each) for each in errors]
+    summary = {"schema": SCHEMA, "bag": str(path), "errors": lines, "reasons": reasons}
     (folder / "array_summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     return errors
 

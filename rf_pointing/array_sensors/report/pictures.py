@@ -46,11 +46,11 @@ def _columns(axes: Any, series: ArraySeries, first: int, what: str) -> None:
         left.set_ylabel(f"{names[row]}, {units[0]}")
         _draw_error(right, series, error[:, row], sigma[:, row], units[1])
         right.set_ylabel(f"error {errors[row]}, {units[1]}")
-    for time_s, names in series.hand_offs:
+    for time_s, station in series.hand_offs:
         for each in axes[:, first : first + 2].flat:
             each.axvline(time_s, color=HAND_OFF_COLOUR, lw=0.9, ls=":")
         axes[0, first].annotate(
-            names, (time_s, 0.0), xycoords=("data", "axes fraction"), xytext=(2, 3), textcoords="offset points",
+            station, (time_s, 0.0), xycoords=("data", "axes fraction"), xytext=(2, 3), textcoords="offset points",
             fontsize=8.0, color=HAND_OFF_COLOUR, rotation=90.0,
         )  # fmt: skip
     for place in (first, first + 1):
