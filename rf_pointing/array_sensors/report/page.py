@@ -1,6 +1,7 @@
 """Report of the array sensors in a bag: pictures, and true against claimed errors."""
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,8 +15,10 @@ from rf_pointing.report.html import Cell, render
 
 SCHEMA = "rf_pointing/array_summary/1"
 _CAPTION = (
-    "Estimates and truth of the same stamps on the left, errors in the band of three claimed deviations on the right."
+    "Estimates and truth of the same stamps on the left, errors in the band of three claimed deviations on the right. "
+    "A dotted line is a hand-off: from there on another station is received."
 )
+NUMBER = re.compile(r"\d[\d.e+-]*")
 _AXES = [f"{what} {axis}" for what in ("rms", "claimed") for axis in "xyz"]
 _READ = {"attitude": read_attitude_series, "relative_pose": read_pose_series}
 _DRAW = {"attitude": draw_attitude, "relative_pose": draw_pose}
@@ -26,7 +29,8 @@ class ArrayErrors:
     """Errors of one quantity of a sensor over its valid epochs.
 
     Rms and median claimed deviation (x, y, z) in `unit`.  `inside` is the share of all errors
-    within three claimed deviations; without a valid epoch the three are None.
+    within three claimed deviations, `nees` the mean normalised squared error, of which 3 is
+    expected; without a valid epoch the four are None.
     """
 
     sensor: str
@@ -37,6 +41,7 @@ class ArrayErrors:
     rms: tuple[float, ...] | None
     claimed: tuple[float, ...] | None
     inside: float | None
+    nees: float | None
 
 
 def report_array_sensors(bag: Path, folder: Path) -> Path | None:
@@ -69,6 +74,7 @@ def write_array_report(bag: Path | str, output_dir: Path | str) -> list[ArrayErr
     folder.mkdir(parents=True, exist_ok=True)
     errors: list[ArrayErrors] = []
     figures: dict[Path, str] = {}
+    reasons: dict[str, dict[str, int]] = {}
     for namespace, what in sensors.items():
         series = _READ[what](path, namespace)
         name, title = namespace.strip("/").replace("/", "_") or "root", f"{namespace}/{what}"
@@ -76,17 +82,24 @@ def write_array_report(bag: Path | str, output_dir: Path | str) -> list[ArrayErr
         _DRAW[what](series, picture, title)
         figures[picture] = title
         errors += _errors(title, series)
+        reasons[title] = _counted(series.reasons)
     page = render(
         "table.html",
         title=f"Array sensors of {path.name}",
-        head=("sensor", "quantity", "epochs", "valid", *_AXES, "inside 3σ, %"),
+        head=("sensor", "quantity", "epochs", "valid", *_AXES, "inside 3σ, %", "NEES of 3"),
         rows=_rows(errors),
         words=(0, 1),
+        notices={
+            f"{title}: epochs without a valid estimate": [f"{count}: {reason}" for reason, count in found.items()]
+            for title, found in reasons.items()
+            if found
+        },
         figures=figures,
         caption=_CAPTION,
     )
     (folder / "array_report.html").write_text(page, encoding="utf-8")
-    summary = {"schema": SCHEMA, "bag": str(path), "errors": [asdict(each) for each in errors]}
+    lines = [asdict(each) for each in errors]
+    summary = {"schema": SCHEMA, "bag": str(path), "errors": lines, "reasons": reasons}
     (folder / "array_summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     return errors
 
@@ -94,13 +107,32 @@ def write_array_report(bag: Path | str, output_dir: Path | str) -> list[ArrayErr
 def _errors(sensor: str, series: ArraySeries) -> list[ArrayErrors]:
     found = []
     if series.position_m is not None:
-        found.append(_line(sensor, "position", "m", series, series.position_error_m, series.position_sigma_m))
+        nees = series.nees(0, series.position_error_m)
+        found.append(_line(sensor, "position", "m", series, series.position_error_m, series.position_sigma_m, nees))
     degrees = (np.degrees(series.rotation_error_rad), np.degrees(series.rotation_sigma_rad))
-    return [*found, _line(sensor, "attitude", "deg", series, *degrees)]
+    nees = series.nees(series.covariance.shape[-1] - 3, series.rotation_error_rad)
+    return [*found, _line(sensor, "attitude", "deg", series, *degrees, nees)]
+
+
+def _counted(reasons: Sequence[str]) -> dict[str, int]:
+    """Return how often each reason was given, the most frequent first; reasons that differ in their
+    numbers only are one, with the numbers of the first.
+    """
+    alike: dict[str, list[str]] = {}
+    for reason in reasons:
+        alike.setdefault(NUMBER.sub("#", reason), []).append(reason)
+    ordered = sorted(alike.values(), key=len, reverse=True)
+    return {each[0]: len(each) for each in ordered}
 
 
 def _line(
-    sensor: str, quantity: str, unit: str, series: ArraySeries, error: NDArray[np.float64], sigma: NDArray[np.float64]
+    sensor: str,
+    quantity: str,
+    unit: str,
+    series: ArraySeries,
+    error: NDArray[np.float64],
+    sigma: NDArray[np.float64],
+    nees: NDArray[np.float64],
 ) -> ArrayErrors:
     valid = series.valid
     count = int(np.sum(valid))
@@ -115,6 +147,7 @@ def _line(
         # Median, not mean: the first epochs after a start claim degrees.
         claimed=tuple(np.median(sigma[valid], axis=0).tolist()) if some else None,
         inside=float(np.mean(np.abs(error[valid]) <= 3.0 * sigma[valid])) if some else None,
+        nees=float(np.mean(nees[valid])) if some else None,
     )
 
 
@@ -128,6 +161,7 @@ def _rows(errors: Sequence[ArrayErrors]) -> list[list[Cell]]:
             *(each.rms or [None] * 3),
             *(each.claimed or [None] * 3),
             None if each.inside is None else 100.0 * each.inside,
+            each.nees,
         ]
         for each in errors
     ]

@@ -12,6 +12,7 @@ from rf_pointing.report.picture_style import ALONE_COLOUR, AXIS_COLOURS, LIMIT_C
 
 Floats = NDArray[np.float64]
 _TRUE, _FOUND = LIMIT_COLOUR, AXIS_COLOURS[0]
+HAND_OFF_COLOUR = "#a6761d"
 _MDEG_BELOW_DEG = 0.03
 """Errors of a smaller standard deviation are drawn in thousandths of a degree."""
 
@@ -45,6 +46,13 @@ def _columns(axes: Any, series: ArraySeries, first: int, what: str) -> None:
         left.set_ylabel(f"{names[row]}, {units[0]}")
         _draw_error(right, series, error[:, row], sigma[:, row], units[1])
         right.set_ylabel(f"error {errors[row]}, {units[1]}")
+    for time_s, station in series.hand_offs:
+        for each in axes[:, first : first + 2].flat:
+            each.axvline(time_s, color=HAND_OFF_COLOUR, lw=0.9, ls=":")
+        axes[0, first].annotate(
+            station, (time_s, 0.0), xycoords=("data", "axes fraction"), xytext=(2, 3), textcoords="offset points",
+            fontsize=8.0, color=HAND_OFF_COLOUR, rotation=90.0,
+        )  # fmt: skip
     for place in (first, first + 1):
         axes[2, place].set_xlabel("simulation time from the first epoch, s")
         legend_above(axes[0, place])

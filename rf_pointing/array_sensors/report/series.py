@@ -5,6 +5,7 @@ An estimate and a truth of the same stamp belong together; a message without a p
 
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,9 @@ class ArraySeries:
     4), validity (n,).
 
     `covariance` (n, k, k) is that of the errors: rotation (k = 3), or position and rotation (k =
-    6), in the reference axes.
+    6), in the reference axes.  `reasons` are those of all epochs without a valid estimate, also
+    where nothing was published.  `hand_offs` are the times from which another station is received,
+    with its name.
     """
 
     t_s: Floats
@@ -36,6 +39,15 @@ class ArraySeries:
     quaternion: Floats
     covariance: Floats
     valid: NDArray[np.bool_]
+    reasons: tuple[str, ...] = ()
+    hand_offs: tuple[tuple[float, str], ...] = ()
+
+    def nees(self, first: int, errors: Floats) -> Floats:
+        """Normalised squared error (n,) of `errors` (n, 3), whose covariance begins at row `first`;
+        3 is expected.
+        """
+        block = self.covariance[:, first : first + 3, first : first + 3]
+        return np.asarray(np.einsum("ni,ni->n", errors, np.linalg.solve(block, errors[..., None])[..., 0]))
 
     @property
     def rotation_error_rad(self) -> Floats:
@@ -79,7 +91,9 @@ def read_attitude_series(bag: Path, namespace: str) -> ArraySeries:
 
     ValueError where a bag has no common stamp.
     """
-    estimates, truth = _read(bag, f"{namespace}/attitude", f"{namespace}/sim/attitude")
+    estimates, truth, received = _read(
+        bag, f"{namespace}/attitude", f"{namespace}/sim/attitude", f"{namespace}/array_snapshots"
+    )
     stamps = _common(estimates, truth, bag)
     return ArraySeries(
         t_s=_seconds(stamps),
@@ -89,6 +103,8 @@ def read_attitude_series(bag: Path, namespace: str) -> ArraySeries:
         quaternion=np.array([_components(estimates[stamp].orientation, "xyzw") for stamp in stamps]),
         covariance=np.array([estimates[stamp].covariance for stamp in stamps]).reshape(-1, 3, 3),
         valid=np.array([estimates[stamp].valid for stamp in stamps]),
+        reasons=tuple(message.reason for message in estimates.values() if not message.valid),
+        hand_offs=_hand_offs(received, stamps[0]),
     )
 
 
@@ -97,7 +113,9 @@ def read_pose_series(bag: Path, namespace: str) -> ArraySeries:
 
     A pose is published only while there is one, so all are valid.
     """
-    estimates, truth = _read(bag, f"{namespace}/relative_pose", f"{namespace}/sim/relative_pose")
+    estimates, truth, status = _read(
+        bag, f"{namespace}/relative_pose", f"{namespace}/sim/relative_pose", f"{namespace}/relative_pose_status"
+    )
     stamps = _common(estimates, truth, bag)
     found, true = ([messages[stamp].pose for stamp in stamps] for messages in (estimates, truth))
     return ArraySeries(
@@ -108,7 +126,22 @@ def read_pose_series(bag: Path, namespace: str) -> ArraySeries:
         quaternion=np.array([_components(each.pose.orientation, "xyzw") for each in found]),
         covariance=np.array([each.covariance for each in found]).reshape(-1, 6, 6),
         valid=np.ones(len(stamps), dtype=np.bool_),
+        reasons=tuple(message.reason for stamp, message in status.items() if stamp not in estimates),
     )
+
+
+def _hand_offs(received: Messages, first: int) -> tuple[tuple[float, str], ...]:
+    """Return when another station begins to be received, and its name."""
+    found: list[tuple[float, str]] = []
+    before: set[str] = set()
+    # Stations that take turns block by block are received together: two blocks make one view.
+    stamps = sorted(received)
+    for earlier, later in pairwise(stamps):
+        names = {*received[earlier].transmitters, *received[later].transmitters}
+        if before and names - before:
+            found.append(((later - first) / 1e9, ", ".join(sorted(names - before))))
+        before = names
+    return tuple(found)
 
 
 def _read(bag: Path, *topics: str) -> list[Messages]:

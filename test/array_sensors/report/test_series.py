@@ -66,15 +66,22 @@ def attitude_bag(maker: Any, bag_of: Any) -> Path:
             "rf_pointing_msgs/msg/Attitude",
             header=header,
             valid=epoch >= 10,
-            reason="",
+            reason="" if epoch >= 10 else f"sigma {0.1 / (1 + epoch):.3g} rad must be <= 0.035 rad",
             orientation=quaternion(found),
             covariance=(SIGMA_RAD**2 * np.eye(3)).ravel(),
         )
-        return {"/sat/sim/attitude": truth} | ({"/sat/attitude": estimate} if epoch else {})
+        block = maker.serialized(
+            "rf_pointing_msgs/msg/ArraySnapshots", header=header, sequence=epoch,
+            transmitters=["usingen" if epoch < 30 else "kourou"], elements=0, snapshots=0,
+            samples_i=np.zeros(0), samples_q=np.zeros(0),
+        )  # fmt: skip
+        heard = {"/sat/sim/attitude": truth, "/sat/array_snapshots": block}
+        return heard | ({"/sat/attitude": estimate} if epoch else {})
 
     topics = {
         "/sat/attitude": "rf_pointing_msgs/msg/Attitude",
         "/sat/sim/attitude": "geometry_msgs/msg/QuaternionStamped",
+        "/sat/array_snapshots": "rf_pointing_msgs/msg/ArraySnapshots",
     }
     return bag_of(topics, plan)
 
@@ -181,6 +188,20 @@ def test_report_of_an_attitude_counts_only_valid_epochs(attitude_bag: Path, tmp_
     np.testing.assert_allclose(found.rms, np.degrees(np.abs(ERROR_RAD)), rtol=1e-9)
     np.testing.assert_allclose(found.claimed, np.degrees(SIGMA_RAD))
     assert found.inside == 1.0
+    assert found.nees == pytest.approx(np.sum(ERROR_RAD**2) / SIGMA_RAD**2)
+
+
+def test_report_counts_reasons_and_marks_the_hand_off(attitude_bag: Path, tmp_path: Path) -> None:
+    series = read_attitude_series(attitude_bag, "/sat")
+    # Time counts from the first estimate, one second after the first truth.
+    assert series.hand_offs == ((29.0, "kourou"),)
+    write_array_report(attitude_bag, tmp_path / "report")
+    summary = json.loads((tmp_path / "report" / "array_summary.json").read_text())
+    assert summary["reasons"] == {"/sat/attitude": {"sigma 0.05 rad must be <= 0.035 rad": 9}}
+    page = (tmp_path / "report" / "array_report.html").read_text()
+    assert "9: sigma 0.05 rad must be &lt;= 0.035 rad" in page
+    assert "NEES of 3" in page
+    assert holds_colour(tmp_path / "report" / "sat_attitude.png", "a6761d")
 
 
 def test_report_of_a_pose_has_its_picture_numbers_and_page(pose_bag: Path, tmp_path: Path) -> None:
