@@ -1,0 +1,40 @@
+"""A night of the station in one process: what is tracked, what goes wrong, and what the report says of it."""
+
+from pathlib import Path
+
+import pytest
+
+from rf_pointing.report.night_report import night_of, page
+from rf_pointing.simulation import StationSetup
+from rf_pointing.simulation.night import CAUSES, NightFault, NightSimulation
+from test.simulation.night_plan import small_night
+
+
+def flown(folder: Path, *faults: NightFault) -> NightSimulation:
+    station, elements, passes = small_night(folder)
+    night = NightSimulation(StationSetup(station), elements, passes, passes[0].aos_t_s - 120.0, faults=faults)
+    night.run(passes[-1].los_t_s + 600.0)
+    return night
+
+
+def test_every_pass_is_tracked_without_an_operator_and_the_antenna_is_stowed(tmp_path: Path) -> None:
+    night = flown(tmp_path)
+    assert [record.state for record in night.night.records] == ["tracked", "tracked"]
+    assert all(record.tracked_s > 0.7 * (record.los_t_s - record.aos_t_s) for record in night.night.records)
+    assert night.antenna.mode == "stowed"
+    assert (night.log.messages, night.log.outside) == ([], [])
+    assert night.night.finished
+
+
+@pytest.mark.parametrize("kind", ["controller_killed", "servo_killed", "drive_lost", "runaway"])
+def test_fault_in_a_pass_is_an_alarm_and_a_cause_and_the_next_pass_is_tracked(tmp_path: Path, kind: str) -> None:
+    _, _, passes = small_night(tmp_path)
+    night = flown(tmp_path, NightFault(passes[0].aos_t_s + 30.0, kind, 8.0))
+    first, second = night.night.records
+    assert second.state == "tracked"
+    assert first.attempts >= 2
+    assert any(CAUSES[kind] in cause for cause in first.causes), first
+    assert not night.log.outside
+    assert not night.night.book.lasting
+    report = night_of(night.night.state(), "LEO 3.7 m", messages=len(night.log.messages))
+    assert CAUSES[kind] in page(report)
