@@ -42,7 +42,8 @@ mount:
   # stow_elevation_deg: 90.0
 
 sun: {radius_deg: 1.0}              # the beam stays this far from the Sun
-wind: {anemometer: true, gust_limit_m_s: 25.0, mean_limit_m_s: 18.0}
+# With an anemometer that publishes weather/wind: true.  Its silence counts as high wind.
+wind: {anemometer: false, gust_limit_m_s: 25.0, mean_limit_m_s: 18.0}
 
 drive: {type: simulated}            # your rotator or control unit: docs/own_antenna.md
 """

@@ -107,7 +107,9 @@ class SunSection:
 class WindSection:
     """Wind in which the antenna is stowed."""
 
-    anemometer: bool = parameter(True, "whether there is one; without it, wind never stows the antenna")
+    anemometer: bool = parameter(
+        False, "whether one publishes weather/wind (simulated: is simulated); without it, wind never stows the antenna"
+    )
     stow: bool = parameter(True, "whether high wind stows the antenna; false: it is only warned of")
     gust_limit_m_s: float = parameter(25.0, "3-s gust from which the antenna is stowed", low=1.0, high=100.0)
     mean_limit_m_s: float = parameter(18.0, "10-min mean from which the antenna is stowed", low=1.0, high=100.0)
