@@ -29,7 +29,7 @@ from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.status import TrackingStatus
-from rf_pointing.tracking import MonopulseParams, MonopulseTracker
+from rf_pointing.tracking import MonopulseParams, MonopulseTracker, power_tracker
 
 Pair = tuple[float, float]
 TICK_S = 0.02
@@ -59,7 +59,7 @@ COMMON = (
 )
 """What can go wrong with any station; a plant and a rotator have faults of their own."""
 _NODES = {"controller_killed": "pointing_controller", "ephemeris_killed": "ephemeris_publisher",
-          "tracker_killed": "conscan_tracker", "receiver_killed": "rf_receiver", "servo_killed": "antenna_servo"}  # fmt: skip
+          "tracker_killed": power_tracker.NODE, "receiver_killed": "rf_receiver", "servo_killed": "antenna_servo"}  # fmt: skip
 CAUSES = {
     **{kind: f"lost_node {node}" for kind, node in _NODES.items()},
     "drive_lost": "lost_drive",
@@ -125,7 +125,7 @@ class NightSimulation:
         self.antenna, self.receiver = setup.antenna(), setup.receiver()
         self.controller: PointingController | None = setup.controller()
         self._monopulse = MonopulseTracker(setup.node("monopulse_tracker").group("monopulse", MonopulseParams()))
-        self._conscan = setup.power_tracker()
+        self._carrier = setup.power_tracker()
         params = self.controller.params
         alarms = thresholds or AlarmParams()
         tables = read_tables(alarms)
@@ -201,7 +201,7 @@ class NightSimulation:
             if trajectory is not None:
                 antenna.accept(trajectory, t_s)
             seen = self._status
-            self._conscan.take_status(t_s, seen.scan_centre_rad, seen.offset_rad, seen.mode, seen.sensor)
+            self._carrier.take_status(t_s, seen.scan_centre_rad, seen.offset_rad, seen.mode, seen.sensor)
             if busy and not controller.busy:
                 self._end_of_goal(controller)
         if self._ticks % PERIOD_TICKS == 0:
@@ -210,7 +210,7 @@ class NightSimulation:
         if controller is None or not controller.busy:
             return
         if reading is not None:
-            self._conscan.take_joints(reading)
+            self._carrier.take_joints(reading)
         hears = self._alive("receiver_killed") and self._alive("link_drop")
         reception = self.receiver.take(boresight) if self._alive("receiver_killed") else None
         if reception is None or not self._alive("tracker_killed"):
@@ -220,7 +220,7 @@ class NightSimulation:
             # The carrier is gone: noise alone is received.
             return
         controller.take_error(self._monopulse.measure(reception.cluster))
-        for error in self._conscan.take_power(power):
+        for error in self._carrier.take_power(power):
             controller.take_error(error)
 
     def _near(self, t_s: float) -> bool:
