@@ -65,7 +65,8 @@ class RawTracking:
     @property
     def over(self) -> NDArray[np.bool_]:
         """Return where (n,) the dish is over the top: its axis is beyond 90 deg."""
-        return np.asarray(self.elevation_rad > 0.5 * np.pi)
+        # Angles beyond half a turn are none of an elevation axis, but those of another unit.
+        return np.asarray((self.elevation_rad > 0.5 * np.pi) & (self.elevation_rad <= np.pi))
 
 
 @dataclass(frozen=True, kw_only=True)

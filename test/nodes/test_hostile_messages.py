@@ -216,6 +216,9 @@ def spoil(message: Any, random: np.random.Generator) -> None:
         setattr(holder, field, (low, max(low, -1), 0, 1, high)[int(random.integers(5))])
     elif isinstance(value, float):
         setattr(holder, field, extreme)
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "iu":
+        bounds = np.iinfo(value.dtype)
+        value[int(random.integers(len(value)))] = (bounds.min, bounds.max)[int(random.integers(2))]
     elif len(value):
         value[int(random.integers(len(value)))] = extreme if abs(extreme) < 3e38 or np.isnan(extreme) else 1e30
 
