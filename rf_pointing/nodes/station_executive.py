@@ -292,8 +292,12 @@ class StationExecutive(StationNode):
     def _notify(self, event: str, alarm: Alarm) -> None:
         # Called while the night is stepped: what an operator receives never waits for a server.
         self._messages[alarm.name] += 1
-        log = self.get_logger()
-        (log.info if event == "cleared" else log.warning)(f"alarm {event}: {alarm.name}: {alarm.message}")
+        text = f"alarm {event}: {alarm.name}: {alarm.message}"
+        # Two lines: one line of code that logs at two levels raises.
+        if event == "cleared":
+            self.get_logger().info(text)
+        else:
+            self.get_logger().warning(text)
         self._hooks.put(event, alarm.name, alarm.level, alarm.message, alarm.ask, utc_text(self.now_s()))
         self.diagnostics.publish()
 
