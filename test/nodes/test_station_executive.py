@@ -51,7 +51,7 @@ def test_results_give_their_plain_fields() -> None:
 
 
 class Clients:
-    """A node whose services are ready or not, and answer when they are told to."""
+    """A node whose services are ready or not, and answer when they are set to."""
 
     def __init__(self, ready: bool) -> None:
         self.ready, self.futures = ready, []

@@ -19,7 +19,7 @@ STEP_S = 0.5
 
 
 class Station:
-    """An antenna and a controller that do what they are told within seconds, and publish it."""
+    """An antenna and a controller that do what is commanded within seconds, and publish it."""
 
     def __init__(self, passes: list[ScheduledPass], *, lost: float = 0.0, seed: int = 1) -> None:
         self.passes = {item.target: item for item in passes}
@@ -242,8 +242,8 @@ def test_a_fault_that_needs_an_operator_is_not_reset_and_the_night_waits() -> No
 
 
 def test_fault_that_comes_back_is_tried_as_often_as_the_table_says() -> None:
-    told: list[tuple[str, str]] = []
-    night, station = begin(two(), notify=lambda event, alarm: told.append((event, alarm.ask)))
+    notified: list[tuple[str, str]] = []
+    night, station = begin(two(), notify=lambda event, alarm: notified.append((event, alarm.ask)))
     run(night, station, 0.0, 1200.0)
     for k in range(300):
         if not station.fault:
@@ -253,7 +253,7 @@ def test_fault_that_comes_back_is_tried_as_often_as_the_table_says() -> None:
     assert names(station).count("reset_antenna_fault") == cause.tries
     assert night.recovery.effect()[0] == cause.last
     # The quiet time must not hide that an operator is needed now.
-    assert told[-1][1] == "look at the antenna, then reset the fault", told
+    assert notified[-1][1] == "look at the antenna, then reset the fault", notified
 
 
 def test_no_pass_begins_while_a_node_is_lost_and_it_goes_on_afterwards() -> None:

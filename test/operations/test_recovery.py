@@ -34,37 +34,37 @@ causes:
 
 
 def book() -> tuple[AlarmBook, list[tuple[str, str]]]:
-    told: list[tuple[str, str]] = []
-    return AlarmBook(lambda event, alarm: told.append((event, alarm.name)), 600.0), told
+    notified: list[tuple[str, str]] = []
+    return AlarmBook(lambda event, alarm: notified.append((event, alarm.name)), 600.0), notified
 
 
 def test_a_cause_that_lasts_is_one_message_however_often_it_is_seen() -> None:
-    alarms, told = book()
+    alarms, notified = book()
     for k in range(1000):
         alarms.raise_("x", WARNING, f"message {k}", float(k))
-    assert told == [("raised", "x")]
+    assert notified == [("raised", "x")]
     assert alarms.lasting[0].message == "message 999"
 
 
 def test_a_cause_that_comes_and_goes_is_no_storm_and_is_counted() -> None:
-    alarms, told = book()
+    alarms, notified = book()
     for k in range(200):
         alarms.raise_("x", WARNING, "on", 2.0 * k)
         alarms.clear("x", 2.0 * k + 1.0)
     # 400 s, within the quiet time: one message of its raise, and one of its first end.
-    assert told == [("raised", "x"), ("cleared", "x")]
+    assert notified == [("raised", "x"), ("cleared", "x")]
     assert alarms.alarms["x"].count == 200
     alarms.raise_("x", WARNING, "on", 2000.0)
-    assert told[-1] == ("raised", "x")
+    assert notified[-1] == ("raised", "x")
 
 
 def test_what_gets_worse_is_told_at_once_and_must_be_acknowledged_again() -> None:
-    alarms, told = book()
+    alarms, notified = book()
     alarms.raise_("x", WARNING, "near", 0.0)
     assert alarms.acknowledge("", 1.0) == ["x"]
     assert alarms.lasting[0].acknowledged
     alarms.raise_("x", ERROR, "over", 2.0)
-    assert told == [("raised", "x"), ("worse", "x")]
+    assert notified == [("raised", "x"), ("worse", "x")]
     assert not alarms.lasting[0].acknowledged
     with pytest.raises(ValueError, match="there is no alarm 'y'; there are: x"):
         alarms.acknowledge("y", 3.0)
