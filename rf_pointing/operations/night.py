@@ -87,6 +87,7 @@ class PassRecord:
     causes: tuple[str, ...]
     element_age_h: float | None
     recorded: bool
+    priority: int = 0
 
 
 class Night:

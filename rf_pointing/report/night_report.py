@@ -13,31 +13,12 @@ from typing import Any
 
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.whole_file import write_whole
+from rf_pointing.operations.night import PassRecord
 from rf_pointing.report.html import render
 
 STALE_H = 48.0
 WIDTH, LANE = 1080.0, 26.0
 TRACKED = "tracked"
-
-
-@dataclass(frozen=True, kw_only=True)
-class NightPass:
-    """One pass: what was planned, and what became of it; times in UTC s."""
-
-    id: str
-    name: str
-    aos_t_s: float
-    los_t_s: float
-    state: str
-    reason: str
-    tracked_s: float
-    lost_s: float
-    loss_db: float
-    attempts: int
-    causes: tuple[str, ...]
-    element_age_h: float | None
-    recorded: bool
-    priority: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +40,7 @@ class NightReport:
     station: str
     begun_t_s: float
     ended_t_s: float
-    passes: tuple[NightPass, ...]
+    passes: tuple[PassRecord, ...]
     alarms: tuple[NightAlarm, ...]
     yielded: int
     messages: int
@@ -90,7 +71,7 @@ def night_of(
     priorities = {row["pass"]["id"]: row["pass"]["priority"] for row in state["schedule"]}
     rows = sorted(state["records"], key=lambda row: row["aos_t_s"])
     passes = tuple(
-        NightPass(**{**row, "causes": tuple(row["causes"])}, priority=priorities.get(row["id"], 0)) for row in rows
+        PassRecord(**{**row, "causes": tuple(row["causes"]), "priority": priorities.get(row["id"], 0)}) for row in rows
     )
     history = [tuple(row) for row in state["alarms"]["history"]]
     alarms = _alarms(history)
@@ -122,7 +103,7 @@ def _alarms(history: Sequence[tuple[Any, ...]]) -> tuple[NightAlarm, ...]:
 
 
 def _to_do(
-    passes: Sequence[NightPass], alarms: Sequence[NightAlarm], kept: Sequence[Mapping[str, Any]],
+    passes: Sequence[PassRecord], alarms: Sequence[NightAlarm], kept: Sequence[Mapping[str, Any]],
     health: Mapping[str, Mapping[str, Any]],
 ) -> tuple[str, ...]:  # fmt: skip
     """Return what an operator should do today, the most urgent first."""
@@ -196,7 +177,7 @@ def page(report: NightReport) -> str:
     )  # fmt: skip
 
 
-def _why(one: NightPass) -> str:
+def _why(one: PassRecord) -> str:
     reasons = [] if one.state == TRACKED else [one.reason]
     return "; ".join([*reasons, *one.causes])
 
