@@ -44,13 +44,21 @@ class PassProfile:
 
     def resampled(self, step_s: float) -> "PassProfile":
         """Return the same pass at even steps of at most `step_s`, both ends included."""
-        times = np.linspace(self.t_s[0], self.t_s[-1], int(np.ceil(self.duration_s / step_s)) + 1)
+        return self._at(np.linspace(self.t_s[0], self.t_s[-1], int(np.ceil(self.duration_s / step_s)) + 1))
+
+    def between(self, start_s: float, end_s: float) -> "PassProfile":
+        """Return the piece of the pass from `start_s` to `end_s`, both within it."""
+        inner = self.t_s[(self.t_s > start_s) & (self.t_s < end_s)]
+        return self._at(np.concatenate([[start_s], inner, [end_s]]))
+
+    def _at(self, times: Array) -> "PassProfile":
         motion = _interpolated(times, self.t_s, self._vectors())
         position, velocity, acceleration = _angles(*motion)
         turn = 2.0 * np.pi
         # The refined azimuth starts on the turn of the table, wherever arctan2 puts it.
         azimuth = np.unwrap(position[:, 0])
-        position[:, 0] = azimuth + turn * np.round((self.position_rad[0, 0] - azimuth[0]) / turn)
+        near = float(np.interp(times[0], self.t_s, self.position_rad[:, 0]))
+        position[:, 0] = azimuth + turn * np.round((near - azimuth[0]) / turn)
         sun = unit_vector_from_azel(*self.sun_rad.T)
         # The Sun moves 0.25 deg in a minute: straight lines between its directions do.
         here = np.column_stack([np.interp(times, self.t_s, part) for part in sun.T])

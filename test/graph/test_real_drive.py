@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -103,4 +104,16 @@ def test_a_rotctld_that_dies_in_mid_pass_ends_it_within_seconds_and_its_fault_ou
     assert again.returncode == 1, said
     assert re.search(r"latched fault \(.*drive lost: .* \(since before the restart\)\); reset it first", said), said
     assert rotctld.position() == (0.0, 0.0)
-    assert math.hypot(*rotctld.position()) == 0.0
+
+    # Looked at and reset, what is left of the pass is tracked.
+    line[line.index("--mask") + 1] = "5"
+    reset = start_track(*line, "--reset-fault", "--output", str(tmp_path / "reset"))
+    assert reset.stderr is not None
+    lines = [""]
+    while "on source" not in lines[-1] and reset.poll() is None:
+        lines.append(reset.stderr.readline())
+    reset.send_signal(signal.SIGINT)
+    _, said = reset.communicate(timeout=60.0)
+    assert "on source" in lines[-1], "".join(lines) + said
+    assert any(each.startswith("track: reset of a latched fault: ") for each in lines), lines
+    assert math.hypot(*rotctld.position()) > 5.0

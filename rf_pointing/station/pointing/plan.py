@@ -165,9 +165,14 @@ class PassPlan:
             )
 
     def profile_of(self, window: Pass) -> PassProfile | None:
-        """Return the profile of a pass, None when it is not among the coming ones."""
+        """Return the profile of a pass or a piece of one, None when none that comes has it."""
         for profile in self._profiles:
-            begins = abs(float(profile.t_s[0]) - window.aos_t_s) <= SAME_PASS_S
-            if profile.name == window.name and begins and abs(float(profile.t_s[-1]) - window.los_t_s) <= SAME_PASS_S:
+            late_s, early_s = window.aos_t_s - float(profile.t_s[0]), float(profile.t_s[-1]) - window.los_t_s
+            if profile.name != window.name or min(late_s, early_s) < -SAME_PASS_S:
+                continue
+            if max(late_s, early_s) <= SAME_PASS_S:
                 return profile
+            return profile.between(
+                max(window.aos_t_s, float(profile.t_s[0])), min(window.los_t_s, float(profile.t_s[-1]))
+            )
         return None

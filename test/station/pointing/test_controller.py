@@ -82,6 +82,19 @@ def test_nothing_moves_until_axes_and_profile_are_known(make_controller: MakeCon
             assert status.mode == ("slew" if complete else "idle")
 
 
+def test_a_piece_of_a_pass_has_a_certificate_of_its_own(make_controller: MakeController, window: Pass) -> None:
+    """Campaigns track pieces of the passes that are predicted."""
+    controller, begin_s = make_controller(), window.aos_t_s + 200.0
+    piece = dataclasses.replace(window, aos_t_s=begin_s, los_t_s=begin_s + 105.0)
+    controller.take_joints(still(window.aos_azimuth_rad, 1.0))
+    controller.start(begin_s - 100.0, piece, "program")
+    certificate = controller.plan.certificate
+    assert certificate is not None
+    assert certificate.chosen is not None
+    assert controller.plan.profile is not None
+    assert (controller.plan.profile.t_s[0], controller.plan.profile.t_s[-1]) == (begin_s, begin_s + 105.0)
+
+
 @pytest.mark.parametrize("known", ["joint_states", "pass_profiles"])
 def test_a_pass_whose_certificate_cannot_be_made_is_refused_with_what_is_missing(
     make_controller: MakeController, window: Pass, known: str

@@ -1,0 +1,135 @@
+"""`calibrate` on a drive that is not simulated: Debian's rotctld, in real time, with a crooked dish on it.
+
+    scripts/run-python benchmarks/real_campaign.py                   about half an hour
+    scripts/run-python benchmarks/real_campaign.py --longest 900 --folder /var/tmp/campaign
+
+The dish of 2 m stands askew on the rotator by offsets that nobody has told the station.  A receiver of the station's
+own reads where the rotator is, as a second client, and publishes the carrier power of the satellite that is selected.
+The satellites are synthetic and new.  Printed: what `calibrate` said, and the fitted offsets beside the true ones.
+"""
+
+import argparse
+import math
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from ephemeris import EPOCH_T_S, synthetic_catalogue
+from rclpy.node import Node
+from rf_pointing_msgs.msg import CarrierPower, PassList
+from rotator_pass import SecondClient, start_rotctld
+
+from rf_pointing.calibration import read_model
+from rf_pointing.core import Boresight
+from rf_pointing.core.parameters import NodeParameters
+from rf_pointing.ephemeris import TopocentricTrack, tle_lines
+from rf_pointing.ephemeris.source import read_source
+from rf_pointing.nodes import convert
+from rf_pointing.nodes.qos import LATCHED, STREAM
+from rf_pointing.station.antenna.receiver import SignalParams, SimulatedReceiver
+from rf_pointing.station.description import read_station
+
+NAMESPACE = "/real_campaign"
+START = "from rf_pointing.commands.calibrate import main; main()"
+ASKEW_DEG = (0.35, -0.20)
+"""Azimuth and elevation of the beam minus those of the rotator."""
+STATION = """version: 1
+name: Crooked rotator
+site: {{latitude_deg: 52.239, longitude_deg: 6.857, height_m: 60.0}}
+dish: {{diameter_m: 2.0}}
+mount:
+  azimuth: {{travel_deg: [-180.0, 360.0], rate_deg_s: 6.0, acceleration_deg_s2: 6.0, command_rate_deg_s: 6.0,
+    command_acceleration_deg_s2: 6.0, resolution_deg: 0.01}}
+  elevation: {{travel_deg: [0.0, 90.0], rate_deg_s: 6.0, acceleration_deg_s2: 6.0, command_rate_deg_s: 6.0,
+    command_acceleration_deg_s2: 6.0, resolution_deg: 0.01}}
+wind: {{anemometer: false}}
+bands:
+  S: {{frequency_mhz: 2250.0, sensors: [steptrack]}}
+drive: {{type: hamlib, link: {{host: 127.0.0.1, port: {port}}}, rotator: {{latency_s: 0.0}}}}
+"""
+
+
+class OwnReceiver(Node):
+    """Publishes the carrier power that the crooked dish receives, until it is stopped."""
+
+    def __init__(self, station: Path, elements: Path, port: int) -> None:
+        super().__init__("own_receiver", namespace=NAMESPACE)
+        self._given, self._site = read_source(str(elements)).elements, read_station(station).site
+        self._receiver: SimulatedReceiver | None = None
+        values = read_station(station).parameters("rf_receiver", "S")
+        self._signal = NodeParameters("rf_receiver", values).group("signal", SignalParams())
+        self._power = self.create_publisher(CarrierPower, "carrier_power", STREAM)
+        self.create_subscription(PassList, "passes", self._on_passes, LATCHED)
+        self._client, self._sent, self.stopping = SecondClient(port), 0, False
+
+    def _on_passes(self, message: PassList) -> None:
+        if message.target and (self._receiver is None or self._receiver.target != message.target):
+            (one,) = (each for each in self._given if each.name == message.target)
+            self._receiver = SimulatedReceiver(self._signal, TopocentricTrack(one, self._site))
+
+    def work(self) -> None:
+        index = math.ceil(time.time() / self._signal.sample_s)
+        while not self.stopping:
+            index += 1
+            t_s = index * self._signal.sample_s
+            time.sleep(max(0.0, t_s - time.time()))
+            beam = self._client.read()[1] + np.radians(ASKEW_DEG)
+            rclpy.spin_once(self, timeout_sec=0.0)
+            reception = self._receiver.take(Boresight(t_s=t_s, azimuth_rad=beam[0], elevation_rad=beam[1])) \
+                if self._receiver else None  # fmt: skip
+            if reception is not None:
+                message = convert.power_to_message(reception.power)
+                message.sequence, self._sent = self._sent, self._sent + 1
+                self._power.publish(message)
+
+
+def satellites(path: Path, count: int, now_s: float) -> Path:
+    """Write `count` low satellites of the synthetic catalogue, made anew today, and return the file."""
+    low = [one for one in synthetic_catalogue(2 * count) if one.name.startswith("low")][:count]
+    fresh = [replace(one, epoch_t_s=one.epoch_t_s - EPOCH_T_S + now_s) for one in low]
+    path.write_text("".join("\n".join((one.name, *tle_lines(one))) + "\n" for one in fresh))
+    return path
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--longest", type=float, default=1200.0, help="length of the campaign in s (default: 1200)")
+    parser.add_argument("--fewest", type=int, default=5, help="observations in each sector (default: 5)")
+    parser.add_argument("--folder", type=Path, help="folder of models, bag and report")
+    options = parser.parse_args()
+    folder = options.folder or Path(tempfile.mkdtemp(prefix="campaign"))
+    folder.mkdir(parents=True, exist_ok=True)
+    server, port = start_rotctld()
+    station = folder / "crooked.yaml"
+    station.write_text(STATION.format(port=port))
+    elements = satellites(folder / "low.tle", 150, time.time())
+    rclpy.init()
+    receiver = OwnReceiver(station, elements, port)
+    thread = threading.Thread(target=receiver.work)
+    thread.start()
+    line = ["--station", str(station), "--elements", str(elements), "--sensor", "steptrack", "--namespace", NAMESPACE,
+            "--longest", str(options.longest), "--fewest", str(options.fewest), "--shadow", "2",
+            "--models", str(folder / "models"), "--output", str(folder / "run")]  # fmt: skip
+    try:
+        done = subprocess.run([sys.executable, "-c", START, *line], check=False)
+    finally:
+        receiver.stopping = True
+        thread.join()
+        server.kill()
+        server.wait()
+        rclpy.try_shutdown()
+    print(f"exit code {done.returncode}")
+    for path in sorted((folder / "models").rglob("*.yaml")):
+        model = read_model(path)
+        print(path.name, {name: round(math.degrees(value), 4) for name, value in model.coefficients.items()})
+    print(f"the beam is off the rotator by azimuth {ASKEW_DEG[0]:+.2f}, elevation {ASKEW_DEG[1]:+.2f} deg")
+
+
+if __name__ == "__main__":
+    main()
