@@ -117,7 +117,7 @@ def fly(params: DriveParams, options: argparse.Namespace, client: SecondClient |
     hardware = antenna.hardware
     slew_s = 10.0 + float(np.max(np.abs(np.subtract(hardware.encoders(), path(first_s))) / rotator.rate_rad_s))
     begin_s = time.monotonic() + slew_s
-    errors, rates, ticks, late = [], [], 0, []
+    errors, rates, times_s, ticks, late = [], [], [], 0, []
     due_s = time.monotonic()
     while due_s < begin_s + seconds:
         ticks += 1
@@ -140,17 +140,28 @@ def fly(params: DriveParams, options: argparse.Namespace, client: SecondClient |
             at_s, where = client.read() if client else (time.monotonic(), np.array(hardware.encoders()))
             errors.append(where - path(at_s - begin_s + first_s))
             rates.append(rate(at_s - begin_s + first_s))
+            times_s.append(now_s)
         if fault := antenna.safety.latch.text:
             sys.exit(f"fault: {fault}")
         due_s += TICK_S
         time.sleep(max(0.0, due_s - time.monotonic()))
-        late.append(max(0.0, time.monotonic() - due_s))
-    report(params, hardware, np.degrees(errors), np.abs(np.degrees(rates)), seconds)
-    print(f"ticks late: median {1e3 * np.median(late):.1f} ms, 99 % {1e3 * np.quantile(late, 0.99):.1f} ms")
+        late.append((due_s, max(0.0, time.monotonic() - due_s)))
+    late_s = np.array([each for _, each in late])
+    # Until the next set point a late one is missed.
+    held_up_s = np.array([due_s for due_s, each in late if each > TICK_S])
+    after_s = np.subtract.outer(np.array(times_s), held_up_s)
+    held_up = np.any((after_s > -TICK_S) & (after_s < 2.0 * rotator.minimum_interval_s), axis=1)
+    report(params, hardware, np.degrees(errors), np.abs(np.degrees(rates)), seconds, held_up)
+    print(
+        f"ticks late: median {1e3 * np.median(late_s):.1f} ms, 99 % {1e3 * np.quantile(late_s, 0.99):.1f} ms, "
+        f"largest {1e3 * late_s.max():.0f} ms, {len(held_up_s)} more than one tick"
+    )
     antenna.close()
 
 
-def report(params: DriveParams, hardware, error: np.ndarray, rate: np.ndarray, seconds: float) -> None:
+def report(
+    params: DriveParams, hardware, error: np.ndarray, rate: np.ndarray, seconds: float, held_up: np.ndarray
+) -> None:
     resolution = np.degrees(hardware.drive.capabilities.resolution_rad)
     bound = 0.5 * resolution + 0.5 * rate * params.rotator.minimum_interval_s
     counts = hardware.rotator.counts()
@@ -162,7 +173,8 @@ def report(params: DriveParams, hardware, error: np.ndarray, rate: np.ndarray, s
         own, limit = np.abs(error[:, axis]), bound[:, axis]
         print(f"{name:<9} commanded minus true: mean {np.mean(error[:, axis]):+.4f}, rms {np.sqrt(np.mean(own**2)):.4f}, "
               f"largest {own.max():.4f} deg (bound there {limit[own.argmax()]:.4f}); within the bound "
-              f"{100.0 * np.mean(own <= limit):.2f} %, largest share of it {np.max(own / limit):.3f}")  # fmt: skip
+              f"{100.0 * np.mean(own <= limit):.2f} %, largest share of it {np.max(own / limit):.3f}; where no tick came "
+              f"late {100.0 * np.mean((own <= limit)[~held_up]):.2f} %, {np.max((own / limit)[~held_up]):.3f}")  # fmt: skip
     print(
         f"set points: {counts.commands / seconds:.2f} a second; starts {counts.starts}, changes of direction {counts.reversals}"
     )

@@ -362,3 +362,21 @@ def test_fault_is_listed_once(tmp_path: Path, types: Definitions, synthetic_run:
     fault[5:10] = "commands ran dry"
     recording.topics["antenna_status"].columns["fault"] = fault
     assert servo(recording).faults == ["commands ran dry"]
+
+
+def test_the_counts_of_relays_are_those_of_the_pass_and_not_of_the_park_after_it(
+    tmp_path: Path, types: Definitions, synthetic_run: type[Any]
+) -> None:
+    synthetic_run(seconds=4.0).write(tmp_path / "bag", types)
+    recording = read_recording(tmp_path / "bag")
+    columns = recording.topics["antenna_status"].columns
+    count = len(columns["fault"])
+    assert count >= 6
+    sent = np.arange(count)
+    # The last two rows are those of a park, which counts anew.
+    sent[-2:] = [0, 1]
+    columns["set_points"] = sent * 10
+    columns["starts"] = np.column_stack([sent * 4, sent * 3])
+    columns["reversals"] = np.column_stack([sent * 0 + 1, sent * 0 + 2])
+    told, last = servo(recording), count - 3
+    assert (told.set_points, told.starts, told.reversals) == (10 * last, [4 * last, 3 * last], [1, 2])

@@ -44,6 +44,7 @@ from rf_pointing.station.description.plants import (
     position_loops,
 )
 from rf_pointing.station.description.reading import flat
+from rf_pointing.station.pointing.antenna_watch import AntennaWatchParams
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking import MonopulseParams, MonopulseScanParams, power_tracker
 from rf_pointing.tracking.power_tracker import PowerTrackerParams
@@ -560,6 +561,10 @@ def _watches(of: Band) -> dict[str, Value]:
     play = max(axis.backlash_deg or 0.0 for axis in of.axes) or (STIFF_BACKLASH_DEG if stiff else 0.003)
     bandwidth = STIFF_DRIVE_RAD_S if stiff else 20.0 * min(1.0, REFERENCE_M / wind_diameter_m(of.content))
     swing = max(0.02, 4.0 * step, 0.6 * 0.0912 * of.beamwidth_deg)
+    drive, reaction_s = _drive(of), AntennaWatchParams().reaction_s
+    if takes_positions(str(of.content.drive.get("type"))):
+        waits = ("rotator.minimum_interval_s", "rotator.latency_s", "link.poll_period_s", "link.poll_period_s")
+        reaction_s = rounded(sum(drive[f"drive.{name}"].value for name in waits))
     return _rows({
         "safety.drive.bandwidth_hz": (bandwidth / (2.0 * math.pi), "the rate loops'"),
         "safety.drive.acceleration_limit_deg_s2": (hardest, "the faster drive's"),
@@ -574,6 +579,7 @@ def _watches(of: Band) -> dict[str, Value]:
         "safety.gate.hard_deg": (min(max(0.25, 3.0 * step), 28.0), "0.25 deg, at least three encoder steps"),
         "gate.hard_deg": (min(max(0.25, 3.0 * step), 28.0), "0.25 deg, at least three encoder steps"),
         "axes.frozen_deg": (max(0.02, 4.0 * step), "0.02 deg, at least four encoder steps"),
+        "axes.reaction_s": (reaction_s, "0.3 s; a drive that takes positions: interval, latency and two polls"),
         "axes.runaway_deg": (
             min(max(0.5, 5.0 * step, 0.25 * of.beamwidth_deg), 50.0), "0.5 deg, at least five steps and 0.25 h"
         ),

@@ -7,8 +7,8 @@ The encoder angles of `joint_states` are compared with the command at their own 
 Axes that have once settled on the command must go on following it.  They are
 
     silent    no reading is younger than `silence_s`
-    frozen    for `window_s` an encoder has kept its angle while its command moved by `frozen_deg`,
-              and the axes are outside the tolerance
+    frozen    for `window_s` an encoder has kept its angle while its command moved by `frozen_deg`
+              longer than `reaction_s` ago, and the axes are outside the tolerance
     runaway   farther than `runaway_deg` from the command, and still leaving it
 
 A silent antenna may only have stalled: the pass waits `patience_s` for it.  A frozen or runaway
@@ -44,6 +44,7 @@ class AntennaWatchParams(Params):
     frozen_rad: float = parameter(
         math.radians(0.02), "commanded motion in which the encoders must move", low=1e-6, high=0.2
     )
+    reaction_s: float = parameter(0.3, "longest time from a command to the motion of the axes", low=0.0, high=60.0)
     runaway_rad: float = parameter(
         math.radians(0.5), "distance from the command from which leaving it is a runaway", low=1e-6, high=1.0
     )
@@ -94,7 +95,7 @@ class AntennaWatch:
         """Begin a pass, or a slew to it: the axes may be anywhere."""
         for buffer in (self._commands, self._distances):
             # Windows of a minute are allowed; the buffers follow them.
-            buffer.kept_s = 2.0 + self.params.window_s
+            buffer.kept_s = 2.0 + self.params.window_s + self.params.reaction_s
             buffer.clear()
         self._begun_s, self.state = t_s, AxisState()
         self.unsettle()
@@ -171,6 +172,9 @@ class AntennaWatch:
         asked = np.abs(command - wanted)
         # An encoder may stand as long as its command does.
         since_s[asked <= TOGGLE_SHARE * self.params.frozen_rad] = reading.t_s
+        # A step of the command (a scan) is followed later.
+        earlier = self._command_at(reading.t_s - self.params.reaction_s)
+        asked = np.minimum(asked, np.abs(earlier - wanted)) if earlier is not None else np.zeros(2)
         still = (reading.t_s - since_s >= self.params.window_s) & (asked >= self.params.frozen_rad)
         if distance <= self.tolerance_rad or not still.any():
             return ""

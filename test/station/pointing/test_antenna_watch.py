@@ -115,6 +115,29 @@ def test_one_frozen_encoder_is_found_while_the_other_axis_moves_and_named() -> N
     assert found_s(fly(half_frozen, (0.3, 0.4)), "the azimuth encoder is frozen") <= 2.0
 
 
+def test_a_step_of_the_command_is_followed_as_late_as_the_drive_may() -> None:
+    """A step scan on a rotator: it stands for most of a second, and starts half a second after each step."""
+    rotator = PARAMS.replace(reaction_s=0.8)
+
+    def command(t_s: float) -> np.ndarray:
+        return np.array([1.0, 0.7 + (0.4 * (int(t_s / 1.6) % 2) + 0.02 * t_s) * DEG])
+
+    def stepping(params: AntennaWatchParams) -> list[str]:
+        watch, faults = AntennaWatch(params, TOLERANCE_RAD), []
+        watch.restart(0.0)
+        for tick in range(1, 400):
+            t_s = tick * PERIOD_S
+            told_s = t_s - PERIOD_S
+            watch.take_command(t_s, command(t_s))
+            stands = command(1.6 * int(max(told_s - 0.6, 0.0) / 1.6) + 0.01)
+            state = watch.step(t_s, JointReading(t_s=told_s, position_rad=stands, velocity_rad_s=np.zeros(2)))
+            faults.append(state.fault)
+        return [fault for fault in faults if fault]
+
+    assert stepping(rotator) == []
+    assert "frozen" in stepping(PARAMS)[0], "a servo that reacts so late is told"
+
+
 @pytest.mark.parametrize("rate_deg_s", [0.6, 1.8, -6.0])
 def test_a_runaway_is_found_within_two_seconds(rate_deg_s: float) -> None:
     states = fly(lambda t_s, command: command + np.array([0.0, rate_deg_s * DEG * t_s]), (0.1, 0.02))
