@@ -10,6 +10,7 @@ The satellites are synthetic and new.  Printed: what `calibrate` said, and the f
 
 import argparse
 import math
+import os
 import subprocess
 import sys
 import tempfile
@@ -116,8 +117,10 @@ def main() -> None:
     line = ["--station", str(station), "--elements", str(elements), "--sensor", "steptrack", "--namespace", NAMESPACE,
             "--longest", str(options.longest), "--fewest", str(options.fewest), "--shadow", "2",
             "--models", str(folder / "models"), "--output", str(folder / "run")]  # fmt: skip
+    # A rotctld that begins at 0 is not where the last run has left it.
+    own = {**os.environ, "XDG_STATE_HOME": str(folder / "state")}
     try:
-        done = subprocess.run([sys.executable, "-c", START, *line], check=False)
+        done = subprocess.run([sys.executable, "-c", START, *line], env=own, check=False)
     finally:
         receiver.stopping = True
         thread.join()
