@@ -18,6 +18,7 @@ import argparse
 import json
 import math
 import os
+import shutil
 import sys
 import time
 from collections.abc import Callable
@@ -31,18 +32,18 @@ from rclpy.action import ActionClient
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rf_pointing_msgs.action import RunSchedule, TrackPass
 from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, PassList, Schedule, TrackingStatus
-from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Named, SelectTarget
+from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Named
 from std_srvs.srv import Trigger
 
 from rf_pointing.commands.live_pass import LivePass, outcome_line
 from rf_pointing.commands.managed_graph import NotStartedError
 from rf_pointing.commands.options import add_namespace_option, between, say
 from rf_pointing.commands.station_run import GraphRun, run_to_end
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.nodes.graph import EXECUTIVE, EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.nodes.qos import LATCHED, STATUS
 from rf_pointing.nodes.recorder import Recorder
-from rf_pointing.nodes.stamps import seconds_from_stamp
+from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
@@ -74,6 +75,9 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     track.add_argument("--sensor", choices=tuple(SENSOR_CHOICES), default="auto", help="(default: auto)")
     track.add_argument(
         "--min-peak", type=between(0.0, 90.0), default=0.0, help="least peak elevation in deg (default: 0)"
+    )
+    track.add_argument(
+        "--near", type=parse_utc, metavar="UTC", help="the pass at or nearest to this time (default: the next)"
     )
     track.add_argument("--output", metavar="DIR", help="folder of recording and report (default: runs/SATELLITE-TIME)")
     track.add_argument("--no-record", action="store_true", help="neither recording nor report")
@@ -190,26 +194,29 @@ class StationClient(GraphRun):
         self._look(EXECUTIVE_STATUS)
         if EXECUTIVE_STATUS in self.newest and self.newest[EXECUTIVE_STATUS].state == "running":
             raise NotStartedError("the executive runs a schedule: use queue, or night pause first")
-        answer = self._call(
-            SelectTarget, "ephemeris_publisher/select_target",
-            SelectTarget.Request(target=options.satellite, minimum_peak_elevation=math.radians(options.min_peak)),
-        )  # fmt: skip
-        if not answer.success:
-            raise NotStartedError(answer.message)
-        window = answer.passes[0]
-        self.say(f"{window.target}: AOS {_utc(window.aos)}, LOS {_utc(window.los)}, "
-                 f"peak {math.degrees(window.peak_elevation):.1f} deg")  # fmt: skip
-        stem = f"{options.satellite}-{datetime.fromtimestamp(seconds_from_stamp(window.aos), UTC):%Y%m%dT%H%M%S}"
+        stem = f"{options.satellite.replace('/', '_')}-{datetime.now(UTC):%Y%m%dT%H%M%S}"
         folder = Path(options.output or Path("runs") / stem)
         if (folder / "bag").exists():
             raise NotStartedError(f"output={folder} holds a bag already")
-        recorder = None if options.no_record else Recorder(self.node, options.namespace, folder / "bag")
         live = LivePass(self)
         self._until(live.client.server_is_ready, "track_pass")
+        recorder = None if options.no_record else Recorder(self.node, options.namespace, folder / "bag")
+        goal = TrackPass.Goal(
+            satellite=options.satellite, sensor=options.sensor, minimum_peak_elevation=math.radians(options.min_peak)
+        )
+        if options.near is not None:
+            goal.near = stamp_from_seconds(options.near)
         try:
-            result = live.result(live.begin(TrackPass.Goal(target_pass=window, sensor=options.sensor)))
+            result = live.result(live.begin(goal))
         finally:
             closed = recorder.close() if recorder is not None else None
+        window = result.target_pass
+        if not window.target:
+            # There was no pass to record.
+            shutil.rmtree(folder / "bag", ignore_errors=True)
+            raise NotStartedError(result.message)
+        self.say(f"{window.target}: AOS {_utc(window.aos)}, LOS {_utc(window.los)}, "
+                 f"peak {math.degrees(window.peak_elevation):.1f} deg")  # fmt: skip
         if closed is not None:
             if closed.problem:
                 self.say(f"recording stopped: {closed.problem}")

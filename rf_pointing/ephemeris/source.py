@@ -53,7 +53,8 @@ class SourceParams(Params):
         "empty: the verification set of the sgp4 package",
     )
     satellite: str = parameter(
-        "28057", "catalogue number or name of the satellite in the file, or Sun, Moon or a radio source"
+        "28057",
+        "catalogue number or name of the satellite in the file, or Sun, Moon or a radio source; empty: the first one",
     )
     site: Site = parameter(SITES["Goldstone DSS-13"], "where the antenna stands")
     along_track_offset_s: float = parameter(0.0, "target ahead of its elements by", low=-60.0, high=60.0)
@@ -147,7 +148,7 @@ class SourceContents:
 
     def find(self, params: SourceParams) -> Elements | OemTarget:
         """Return the wanted object: its elements, or else its ephemeris."""
-        wanted = params.satellite
+        wanted = params.satellite.strip() or self.first
         # An OEM names its object and its designator; either is accepted.
         key = wanted.strip().casefold()
         found = [segment for segment in self.segments if key in (segment.name.casefold(), segment.object_id.casefold())]
@@ -159,6 +160,11 @@ class SourceContents:
             return find_elements(self.elements, wanted)
         names = sorted({f"{segment.name} ({segment.object_id})" for segment in self.segments})
         raise ValueError(f"satellite={wanted!r} is not among the objects of the ephemeris: {', '.join(names)}")
+
+    @property
+    def first(self) -> str:
+        """Name of the first object."""
+        return str(self.elements[0].catalogue_number) if self.elements else self.segments[0].name
 
 
 def read_source(location: str) -> SourceContents:

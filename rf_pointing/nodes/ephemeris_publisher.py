@@ -71,14 +71,14 @@ class EphemerisPublisher(StationNode):
         self.parameters.declare("uncertainty", ephemeris.ElementUncertainty(), live=True)
         self.parameters.on_change(self._on_parameters)
         self._track: TopocentricTrack | None = None
-        self._unknown = ""
+        self._unknown, self._no_pass = "", ""
         self._passes: list[Pass] = []
         self._peak_rad = 0.0
         self._updates = ElementUpdates("")
         self._not_renewed = ""
 
     def configure(self) -> None:
-        self._track, self._passes = None, []
+        self._track, self._passes, self._no_pass = None, [], ""
         self._memory = TargetMemory(self.parameters.value("publisher").state_file, self.parameters.value("source"))
         self.parameters.put("source", self._memory.source)
         self._peak_rad = self._memory.peak_rad
@@ -107,7 +107,12 @@ class EphemerisPublisher(StationNode):
         self.diagnostics.add("target", self._health)
 
     def activate(self) -> None:
-        self._choose(self._track, self.now_s(), self._peak_rad)
+        try:
+            self._choose(self._track, self.now_s(), self._peak_rad)
+        except ValueError as error:
+            # Another target may pass: it can only be selected while the node is active.
+            self._no_pass = str(error)
+            self.get_logger().warning(self._no_pass)
         self.every(self.parameters.value("publisher").period_s, self._publish)
         self.every(RENEWAL_S, self._renew)
 
@@ -210,7 +215,7 @@ class EphemerisPublisher(StationNode):
             peak, span = f"{math.degrees(peak_rad):.1f} deg", f"{params.span_s / 3600.0:.1f} h"
             raise ValueError(f"{track.name} has no pass above {peak} in the {span} after {utc_text(start_s)}")
         # Only now: a target without a pass must not replace the present one.
-        self._track, self._passes, self._peak_rad = track, passes, peak_rad
+        self._track, self._passes, self._peak_rad, self._no_pass = track, passes, peak_rad, ""
         message = PassList(target=track.name, passes=[convert_planning.pass_to_message(window) for window in passes])
         message.header.stamp = stamp_from_seconds(self.now_s())
         self._pass_list.publish(message)
@@ -235,6 +240,7 @@ class EphemerisPublisher(StationNode):
         age_s = self.now_s() - self._weather_s
         old = f"the measured weather is {age_s / 3600.0:.1f} h old" if age_s > WEATHER_AGE_S else ""
         problems = (
+            self._no_pass,
             self._memory.problem,
             self._updates.problem,
             self._not_renewed,

@@ -18,6 +18,8 @@ from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.description import read_station
 
 RESPAWN_DELAY_S = 0.5
+# The publisher predicts the target, and the simulated receiver receives it.
+SEES_TARGET = ("ephemeris_publisher", "rf_receiver")
 # What decides who can reach the nodes; an integrator who sets one of them has decided.
 DISCOVERY = ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE")
 
@@ -31,6 +33,12 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
         DeclareLaunchArgument("namespace", default_value="gs1", description="namespace of the antenna"),
         DeclareLaunchArgument("station", description=station, **named),
         DeclareLaunchArgument("band", default_value="", description="band in use; empty: the station's default"),
+        DeclareLaunchArgument(
+            "elements", default_value="", description="TLE, OMM or OEM: a file, a folder of files, or an address"
+        ),
+        DeclareLaunchArgument(
+            "satellite", default_value="", description="first target, by name or number; empty: the first of elements"
+        ),
         DeclareLaunchArgument("params_file", default_value="", description="ROS parameters over all others"),
         DeclareLaunchArgument("use_sim_time", default_value=str(simulated).lower(), description="time from /clock"),
         DeclareLaunchArgument("autostart", default_value="true", description="nodes configure and activate themselves"),
@@ -110,6 +118,9 @@ def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:
         parameters.append({"use_sim_time": given("use_sim_time") == "true"})
         # Relative to where launch was started, which the node does not know.
         parameters.append({"station": _absolute(given("station")), "band": given("band")})
+    if name in SEES_TARGET and (given("elements") or given("satellite")):
+        source = {"source.elements": _absolute(given("elements")), "source.satellite": given("satellite")}
+        parameters.append(source)
     # Last: what a user writes is in force.
     if given("params_file"):
         parameters.append(given("params_file"))
@@ -129,5 +140,5 @@ def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:
     )
 
 
-def _absolute(station: str) -> str:
-    return str(Path(station).resolve()) if Path(station).is_file() else station
+def _absolute(path: str) -> str:
+    return str(Path(path).resolve()) if path and Path(path).exists() else path

@@ -5,7 +5,8 @@ weather/temperature (sensor_msgs/Temperature) for the thermal terms of a model, 
 is refused.
 Publishes: joint_trajectory (10 Hz while a pass is tracked), tracking_status (10 Hz),
 pass_certificate (latched).
-Action: track_pass (rf_pointing_msgs/TrackPass).
+Action: track_pass (rf_pointing_msgs/TrackPass); a pass by satellite and time is one that
+ephemeris_publisher/select_target finds.
 Services (std_srvs/Trigger): ~/stop ends the pass under control; ~/calibrate runs the circle on
 which the monopulse tracker calibrates its feed.
 Parameters: those of `ControllerParams`, and certificate_folder (where every certificate is stored
@@ -14,12 +15,14 @@ as a file; empty: nowhere).
 
 import math
 import time
+from collections.abc import Sequence
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import (
     AntennaStatus,
+    Pass,
     PassCertificate,
     PassProfileList,
     PointingError,
@@ -27,11 +30,14 @@ from rf_pointing_msgs.msg import (
     Target,
     TrackingStatus,
 )
+from rf_pointing_msgs.srv import SelectTarget
 from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.calibration import BiasModel
+from rf_pointing.core import Sensor
+from rf_pointing.core.dates import utc_text
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.nodes import convert, convert_calibration, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, LEVELS, WARN, Health
@@ -39,6 +45,7 @@ from rf_pointing.nodes.graph import STATION_IN_USE, TEMPERATURE
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.qos import COMMAND, IN_USE, LATCHED, STATUS, STREAM
+from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.nodes.station_node import ExecutiveWatch, StationCensus, StationInUse, StationNode
 from rf_pointing.station.pointing.certificates import StoreParams, store_certificate
 from rf_pointing.station.pointing.controller import PointingController
@@ -59,7 +66,9 @@ TEMPERATURE_STEP_K = 0.1
 LONGEST_WAIT_S = 0.05
 """Wall time that a period waits for the error of the one before; commands start after 0.1 s."""
 PLAN_PATIENCE_WALL_S = 30.0
-"""Wall time that a goal waits for its certificate, also while simulated time is held."""
+"""Wall time that a goal waits for its pass or certificate, also while simulated time is held."""
+NEAR_S = 3600.0
+"""How far from the requested time a pass may lie: less than an orbit."""
 
 
 class PointingControllerNode(StationNode):
@@ -75,6 +84,11 @@ class PointingControllerNode(StationNode):
         self.parameters.on_change(self._retune)
         self._controller: PointingController | None = None
         self._goal: Any = None
+        self._window = Pass()
+        """The pass of the goal, once it is known."""
+        self._selection: Any = None
+        """The answer of the ephemeris to a goal by name, while it is waited for."""
+        self._ephemeris = self.create_client(SelectTarget, "ephemeris_publisher/select_target")
         self._steps = 0
         self._period: tuple[float, float] | None = None
         self._refusal = ""
@@ -115,16 +129,16 @@ class PointingControllerNode(StationNode):
 
     def deactivate(self) -> None:
         self._finish_period()
-        self._controller.stop("the controller was deactivated")
+        self._stop("the controller was deactivated")
         self._step(self.now_s())
 
     def _due(self, t_s: float) -> None:
         """Begin the period at `t_s`; what is on its way may still arrive for it."""
         self._finish_period()
         self._certify()
-        if self._controller.missing:
+        if self._controller.missing or self._selection is not None:
             # Simulated time waits for the status of this period, so it does not run ahead of the
-            # certificate on a busy machine.
+            # pass of a goal, or of its certificate, on a busy machine.
             self._period = (t_s, math.inf)
         elif self._controller.awaits_error(t_s):
             self._period = (t_s, time.perf_counter() + LONGEST_WAIT_S)
@@ -133,12 +147,14 @@ class PointingControllerNode(StationNode):
 
     def turn(self) -> float:
         """Finish a period that has waited long enough."""
+        self._take_selection()
         self._certify()
         if self._period is None:
             return super().turn()
         t_s, deadline_s = self._period
         left_s = deadline_s - time.perf_counter()
-        if left_s > 0.0 and (self._controller.missing or self._controller.awaits_error(t_s)):
+        waiting = self._selection is not None or self._controller.missing
+        if left_s > 0.0 and (waiting or self._controller.awaits_error(t_s)):
             return min(left_s, super().turn())
         self._finish_period()
         return 0.0
@@ -186,15 +202,21 @@ class PointingControllerNode(StationNode):
             if self._steps % FEEDBACK_EVERY == 0:
                 self._feed_back(message, status)
             if busy and not self._controller.busy:
-                goal, self._goal = self._goal, None
                 certificate = self._controller.plan.certificate
                 if certificate is None or certificate.chosen is None:
                     self._refuse(self._controller.statistics.reason)
-                goal.execute()
+                else:
+                    self._end_goal()
 
     def _refuse(self, reason: str) -> None:
+        """End the goal with the reason for which its pass is not tracked."""
         self._refusal = reason
         self.get_logger().error(f"pass refused: {reason}")
+        self._end_goal()
+
+    def _end_goal(self) -> None:
+        goal, self._goal, self._selection = self._goal, None, None
+        goal.execute()
 
     def _warn(self, status: Status) -> None:
         """Publish the diagnostics at once when their level changes: an operator waits for that."""
@@ -251,9 +273,10 @@ class PointingControllerNode(StationNode):
             self._controller.take_joints(reading)
 
     def _feed_back(self, message: TrackingStatus, status: Status) -> None:
-        window = convert_planning.pass_from_message(self._goal.request.target_pass)
+        window = convert_planning.pass_from_message(self._window)
         share = (status.t_s - window.aos_t_s) / max(window.duration_s, 1.0)
-        self._goal.publish_feedback(TrackPass.Feedback(status=message, progress=min(max(share, 0.0), 1.0)))
+        feedback = TrackPass.Feedback(status=message, progress=min(max(share, 0.0), 1.0), target_pass=self._window)
+        self._goal.publish_feedback(feedback)
 
     def _on_goal(self, _request: TrackPass.Goal) -> GoalResponse:
         if self.active and self._goal is None:
@@ -262,29 +285,85 @@ class PointingControllerNode(StationNode):
         return GoalResponse.REJECT
 
     def _on_accepted(self, goal: Any) -> None:
-        """Start the pass.
+        """Start the pass, or look for it first.
 
         The goal is executed only when the pass is over: a callback that waited for the end would
         have to await a future, which this executor polls in a busy loop.
         """
-        self._refusal = ""
+        self._goal, self._accepted_wall_s = goal, time.perf_counter()
+        self._refusal, self._window = "", Pass()
         try:
-            now_s = self.now_s()
-            if difference := self._difference():
-                raise ValueError(difference)
-            if self._unfed:
-                raise ValueError(self._unfed)
-            self._read_joints(now_s)
-            assert self.station is not None
-            sensor = self.station.chosen_sensor(goal.request.sensor, self.band)
-            self._controller.start(now_s, convert_planning.pass_from_message(goal.request.target_pass), sensor)
+            if goal.request.satellite:
+                self._selection = self._ephemeris.call_async(self._selection_of(goal.request))
+            else:
+                self._start(goal.request.target_pass)
         except ValueError as error:
             self._refuse(str(error))
-            goal.execute()
+
+    def _selection_of(self, request: TrackPass.Goal) -> SelectTarget.Request:
+        """Return the request to the ephemeris for a goal by name."""
+        if request.target_pass.target:
+            raise ValueError(
+                f"satellite={request.satellite!r} and a target_pass of {request.target_pass.target!r}: give one of them"
+            )
+        # Known without the ephemeris, which would change its target for nothing.
+        self._require_fit()
+        if not self._ephemeris.service_is_ready():
+            raise ValueError(f"no pass of {request.satellite!r} is known: ephemeris_publisher is not active")
+        wanted = SelectTarget.Request(target=request.satellite, minimum_peak_elevation=request.minimum_peak_elevation)
+        if near_s := seconds_from_stamp(request.near):
+            now_s = self.now_s()
+            # Passes that are over are looked for only where the time is over, too: to say so.
+            wanted.start = stamp_from_seconds(near_s - NEAR_S if near_s <= now_s else max(near_s - NEAR_S, now_s))
+        return wanted
+
+    def _take_selection(self) -> None:
+        """Start the pass that the ephemeris has found, or refuse the goal after a while."""
+        if self._selection is None:
             return
+        if self._goal.is_cancel_requested:
+            self._refuse("the goal was cancelled")
+            return
+        if not self._selection.done():
+            waited_s = time.perf_counter() - self._accepted_wall_s
+            if waited_s > PLAN_PATIENCE_WALL_S:
+                self._refuse(f"ephemeris_publisher has not answered in {waited_s:.0f} s")
+            return
+        answer, self._selection = self._selection.result(), None
+        try:
+            if not answer.success:
+                raise ValueError(answer.message)
+            self._start(nearest_pass(answer.passes, seconds_from_stamp(self._goal.request.near)))
+        except ValueError as error:
+            self._refuse(str(error))
+
+    def _require_fit(self) -> None:
+        """ValueError where no pass can be tracked now."""
+        if difference := self._difference():
+            raise ValueError(difference)
+        if self._unfed:
+            raise ValueError(self._unfed)
+
+    def _start(self, window: Pass) -> None:
+        self._window, sensor, now_s = window, self._goal.request.sensor, self.now_s()
+        try:
+            self._require_fit()
+            self._read_joints(now_s)
+            assert self.station is not None
+            sensor = sensor or next(iter(self.station.sensors(self.band)), Sensor.PROGRAM)
+            sensor = self.station.chosen_sensor(sensor, self.band)
+            self._controller.start(now_s, convert_planning.pass_from_message(window), sensor)
         finally:
             self._show_certificate()
-        self._goal, self._accepted_wall_s = goal, time.perf_counter()
+
+    def _stop(self, reason: str) -> bool:
+        """End the pass under control, or the search for it; return whether there is one."""
+        if self._selection is not None:
+            self._refuse(reason)
+            return True
+        busy: bool = self._controller.busy
+        self._controller.stop(reason)
+        return busy
 
     def _difference(self) -> str:
         """Return "" or which nodes run on another station."""
@@ -292,12 +371,15 @@ class PointingControllerNode(StationNode):
         return f"the nodes run on different station descriptions: {difference}" if difference else ""
 
     def _on_cancel(self, _goal: Any) -> CancelResponse:
+        # A goal that waits for its pass is ended by `_take_selection`.
         self._controller.stop("the goal was cancelled")
         return CancelResponse.ACCEPT
 
     def _conclude(self, goal: Any) -> TrackPass.Result:
         core = self._controller
-        result = TrackPass.Result(message=self._refusal, predicted_loss=-1.0, fault=core.antenna.fault)
+        result = TrackPass.Result(
+            message=self._refusal, predicted_loss=-1.0, fault=core.antenna.fault, target_pass=self._window
+        )
         if not self._refusal:
             statistics, outcome = core.statistics, core.statistics.outcome
             result.seconds_tracked, result.seconds_lost = outcome.tracked_s, outcome.lost_s
@@ -311,9 +393,8 @@ class PointingControllerNode(StationNode):
         return conclude(goal, result)
 
     def _on_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._controller.busy
+        response.success = self._stop("stop was requested")
         response.message = "stopping" if response.success else "nothing is being tracked"
-        self._controller.stop("stop was requested")
         return response
 
     def _on_calibrate(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -348,6 +429,29 @@ class PointingControllerNode(StationNode):
         if self._refusal and not alarm:
             return Health(ERROR, self._refusal, values)
         return Health(LEVELS[level], alarm or state.mode, values)
+
+
+def nearest_pass(passes: Sequence[Pass], near_s: float) -> Pass:
+    """Return the pass at, or nearest to, `near_s` (UTC, s since 1970), the first where that is 0.
+
+    Raises
+    ------
+    ValueError
+        When none lies within `NEAR_S`.
+    """
+    if not near_s:
+        return passes[0]
+
+    def distance_s(window: Pass) -> float:
+        return max(seconds_from_stamp(window.aos) - near_s, near_s - seconds_from_stamp(window.los), 0.0)
+
+    found = min(passes, key=distance_s)
+    if distance_s(found) > NEAR_S:
+        raise ValueError(
+            f"{found.target} has no pass within {NEAR_S / 60.0:.0f} min of {utc_text(near_s)}; "
+            f"the next one begins at {utc_text(seconds_from_stamp(found.aos))}"
+        )
+    return found
 
 
 def main() -> None:
