@@ -24,6 +24,10 @@ Pair = tuple[float, float]
 Averages = tuple[float, float, float, float]
 VELOCITY = ("azimuth_velocity_lag", "elevation_velocity_lag")
 ACCELERATION = ("azimuth_acceleration_lag", "elevation_acceleration_lag")
+# Steps in which a motion that nobody saw is assumed.
+UNSEEN_STEP_S = 0.1
+# Times of the average after which a motion has left no trace.
+FORGOTTEN_TIMES = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +98,19 @@ class LagHistory:
             return LagState(t_s, (east, up))
         (row,) = self._averages([t_s], [[east, up]], before)
         return LagState(t_s, (east, up), row[:2], row[2:])
+
+    def stopped(self, t_s: float, axis_rate_rad_s: Array, moved_rad: Array, before: LagState) -> LagState:
+        """Return the state at `t_s` of axes that moved by `moved_rad` (2,) since, unseen.
+
+        They went on at the rate of `before` for as long as that takes, and stood from then on.
+        """
+        if t_s - before.t_s > FORGOTTEN_TIMES * self._time_s:
+            return LagState(t_s, before.rate)
+        since_s, rate, state = t_s - before.t_s, np.array(before.rate), before
+        moving_s = np.where(rate * moved_rad > 0.0, np.abs(moved_rad) / np.maximum(np.abs(rate), 1e-9), 0.0)
+        for after_s in np.linspace(0.0, since_s, math.ceil(since_s / UNSEEN_STEP_S) + 1)[1:-1]:
+            state = self.dragged(before.t_s + float(after_s), np.where(after_s <= moving_s, rate, 0.0), state)
+        return self.dragged(t_s, axis_rate_rad_s, state)
 
     def _averages(self, times: list[float], rates: list[list[float]], before: LagState | None) -> list[Averages]:
         """Return the averages of both rates and how fast they change, at each time."""

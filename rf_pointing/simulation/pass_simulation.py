@@ -21,7 +21,7 @@ from rf_pointing.planning import Certificate
 from rf_pointing.simulation.closed_loop import PointedAntenna, ticks
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.receiver import Reception, SignalParams, SimulatedReceiver
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulatedHardware
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, owner, read_station
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
@@ -126,12 +126,15 @@ class StationSetup:
     def _sets(self, node: str, defaults: Mapping[str, Params]) -> dict[str, Params]:
         return {name: self.node(node).group(name, values) for name, values in defaults.items()}
 
-    def antenna(self) -> SimulatedAntenna | DriveAntenna:
-        """Return the simulated antenna; a drive that takes positions is simulated as a rotator."""
+    def antenna(self, hardware: SimulatedHardware | None = None) -> SimulatedAntenna | DriveAntenna:
+        """Return the simulated antenna; a drive that takes positions is simulated as a rotator.
+
+        `hardware` is that of an antenna whose control unit starts again.
+        """
         params = AntennaParams().replace(**self._sets("antenna_servo", AntennaParams().sets()))
         drive = simulated(params.drive)
         if not takes_positions(drive.type):
-            return SimulatedAntenna(params)
+            return SimulatedAntenna(params, hardware)
         return DriveAntenna(params.replace(drive=drive), make_drive(drive, params.antenna.start_rad), 0.0)
 
     def receiver(self) -> SimulatedReceiver:

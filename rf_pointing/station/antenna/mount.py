@@ -19,6 +19,8 @@ STEEP_RAD = math.radians(5.0)
 """Within this of the zenith a step does not converge: errors grow as tan(elevation)."""
 LIMIT_RAD = math.radians(5.0)
 LIMIT_S = 10.0
+MEMORY_TIMES = 20.0
+"""Times of its averaging after which a mount at rest remembers no motion."""
 
 
 def _coefficient(description: str, limit: float = LIMIT_RAD) -> float:
@@ -63,13 +65,13 @@ class RateAverage:
     """
 
     def __init__(self, time_s: float) -> None:
-        self._time_s = time_s
+        self.time_s = time_s
         self.rate_rad_s = np.zeros(2)
         self.acceleration_rad_s2 = np.zeros(2)
 
     def update(self, dt_s: float, rate_rad_s: Array) -> None:
         """Go on by `dt_s` with the beam moving at `rate_rad_s` (2,)."""
-        time_s = self._time_s
+        time_s = self.time_s
         pull = (rate_rad_s - self.rate_rad_s) / time_s - self.acceleration_rad_s2
         self.acceleration_rad_s2 = self.acceleration_rad_s2 + dt_s / time_s * pull
         self.rate_rad_s = self.rate_rad_s + dt_s * self.acceleration_rad_s2
@@ -138,12 +140,15 @@ class SimulatedBeam:
 
     def __init__(self, params: MountParams, lag_averaging_s: float, tick_s: float) -> None:
         self._tick_s = tick_s
-        self._mean = RateAverage(lag_averaging_s)
+        self._mean, self._looked_s = RateAverage(lag_averaging_s), math.inf
         self._mount_error = MountError(params.model())
 
     def boresight(self, t_s: float, axes_rad: Array, rate_rad_s: Array) -> Boresight:
         """Return the direction on the sky of axes (2,) that move at these rates (2,)."""
-        mean = self._mean
+        mean, stood_s, self._looked_s = self._mean, t_s - self._looked_s - self._tick_s, t_s
+        # A simulation that stalls leaves the axes where they are: the mount comes to rest.
+        for _ in range(round(min(stood_s, MEMORY_TIMES * mean.time_s) / self._tick_s) if stood_s > 0.0 else 0):
+            mean.update(self._tick_s, np.zeros(2))
         # The mount's lags act on averaged rates.
         sky = self._mount_error.remove(t_s, axes_rad, mean.rate_rad_s, mean.acceleration_rad_s2)
         # After the use: the lags act on the motion up to this tick.

@@ -151,12 +151,15 @@ class SimulatedHardware(AntennaPlant):
 
 
 class SimulatedAntenna(ControlUnit):
-    """One antenna: `enable` it, `accept` trajectories, and `step` it once a tick."""
+    """One antenna: `enable` it, `accept` trajectories, and `step` it once a tick.
 
-    def __init__(self, params: AntennaParams | None = None) -> None:
+    `hardware` is that of an antenna whose control unit starts again; by default it is new.
+    """
+
+    def __init__(self, params: AntennaParams | None = None, hardware: SimulatedHardware | None = None) -> None:
         params = params or AntennaParams()
         self.params = params.antenna
-        self.hardware = SimulatedHardware(params)
+        self.hardware = hardware or SimulatedHardware(params)
         self.injected = self.hardware.injected
         super().__init__(
             self.hardware, params.loops, params.plant, params.safety, params.antenna.tick_s, params.antenna.start_rad

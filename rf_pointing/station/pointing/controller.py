@@ -166,6 +166,8 @@ class PointingController:
         self._sensor, self._started_s = sensor, t_s
         self._pass, self._stopping = window, ""
         self._motion.restart()
+        if self._turns_rad is not None:
+            self._motion.resume(t_s)
         self.corrections.restart(t_s)
         self._mode.restart(t_s, sensor)
         self._levels.clear()
@@ -179,6 +181,7 @@ class PointingController:
             return
         try:
             self._turns_rad = self._choose_turn(t_s, self._pass, axes, self._sensor)
+            self._motion.resume(t_s)
         except ValueError as refused:
             self._stopping = str(refused)
 
@@ -240,6 +243,7 @@ class PointingController:
         if self.state.mode == Mode.SLEW and t_s >= window.aos_t_s:
             # Axes that jump onto a moving target fall behind it first.
             self.antenna.unsettle()
+            self._motion.slew()
         elif self._returning:
             self._returning = False
             # The lags of the mount follow the slew back, not the prediction: the beam moves against

@@ -25,6 +25,8 @@ from rf_pointing.station.pointing.prediction import Prediction, TargetBuffer, ti
 Array = NDArray[np.float64]
 # Age of a reading from which the motion of the axes is not known.
 STALE_S = 1.0
+# Before this the motion of the axes has left no trace in the mount.
+REMEMBERED_S = 60.0
 
 
 class CorrectionLag:
@@ -127,6 +129,19 @@ class CommandedMotion:
         """Use `model` from the next trajectory on."""
         self.model = model
         self._path.clear()
+
+    def slew(self) -> None:
+        """Let the axes lead: they are on their way to the target, not on its path."""
+        self._path.slew()
+
+    def resume(self, t_s: float) -> None:
+        """Join a pass that goes on already, perhaps once more after a restart."""
+        profile = self._plan.profile
+        if profile is None or self.axes is None:
+            return
+        known = (profile.t_s >= t_s - REMEMBERED_S) & (profile.t_s <= t_s)
+        sky = Motion(profile.position_rad[known], profile.velocity_rad_s[known], profile.acceleration_rad_s2[known])
+        self._path.followed(profile.t_s[known], sky, self.axes, self.model)
 
     def take_joints(self, reading: JointReading) -> None:
         """Note where the axes are."""

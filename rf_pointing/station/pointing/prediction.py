@@ -31,6 +31,10 @@ RIM_RAD = math.radians(85.0)
 # Shorter than what a crossing holds on either side of the instant at which the dish goes over the
 # top.
 LONGEST_BLOCK_S = 2.0
+# Readings farther apart than this leave open how the axes have moved between them.
+UNSEEN_S = 0.5
+# Axes that are this near to the path of a pass have followed it; several times what is learned.
+ON_PATH_RAD = math.radians(1.0)
 
 
 class TargetBuffer:
@@ -170,7 +174,8 @@ class Prediction:
         self.lag_averaging_s = lag_averaging_s
         self._known: dict[int, Array] = {}
         self._lagging: dict[int, LagState] = {}
-        self._before: LagState | None = None
+        self._driven: LagState | None = None
+        self._driven_rad, self._seen_from_s = np.zeros(2), math.inf
         self._start: Motion | None = None
 
     def clear(self) -> None:
@@ -179,18 +184,46 @@ class Prediction:
         self._start = None
 
     def restart(self) -> None:
-        """Begin a pass: the axes will wait at rest."""
+        """Begin a pass: how the axes have moved until now is still known."""
+        self.slew()
+
+    def slew(self) -> None:
+        """Let the axes lead until the next call of `at`: they are not where the prediction is."""
         self.clear()
         self._lagging.clear()
-        self._before = None
 
     def take_axes(self, reading: JointReading, model: BiasModel) -> None:
-        """Note how the axes slew to the start: their lags go on into the pass."""
-        # Only until the first block: then the axes follow the prediction.
-        fresh = self._before is None or reading.t_s > self._before.t_s
-        if self.lag_averaging_s > 0.0 and model.has_lags and not self._lagging and fresh:
-            history = LagHistory(model, self.lag_averaging_s)
-            self._before = history.dragged(reading.t_s, reading.velocity_rad_s, self._before)
+        """Note how the axes move: the lags of a slew go on into the pass."""
+        before, here = self._driven, reading.position_rad
+        if not (self.lag_averaging_s > 0.0 and model.has_lags) or (before and reading.t_s <= before.t_s):
+            return
+        history = LagHistory(model, self.lag_averaging_s)
+        if before is not None and reading.t_s - before.t_s > UNSEEN_S:
+            self._driven = history.stopped(reading.t_s, reading.velocity_rad_s, here - self._driven_rad, before)
+        else:
+            self._driven = history.dragged(reading.t_s, reading.velocity_rad_s, before)
+        self._driven_rad, self._seen_from_s = here.copy(), min(self._seen_from_s, reading.t_s)
+
+    def followed(self, t_s: Array, sky: Motion, reading: JointReading, model: BiasModel) -> None:
+        """Take axes that stand on the path of the pass (n, 2) for such as followed it until there.
+
+        A controller that starts again in the middle of a pass knows no other reason for it.
+        """
+        course = self._plan.course
+        if not (self.lag_averaging_s > 0.0 and model.has_lags) or len(t_s) < 2 or self._seen_from_s <= t_s[0]:
+            return
+        path = course.detour(t_s, self._held(float(t_s[-1]), sky, model, float(reading.position_rad[0])))
+        off = np.abs(path.position - course.from_axes(reading).position_rad)
+        nearest = int(np.argmin(off[:, 0] * np.cos(path.position[:, 1]) + off[:, 1]))
+        if float(np.max(off[nearest])) > ON_PATH_RAD:
+            return
+        history, signs, until = LagHistory(model, self.lag_averaging_s), course.signs(t_s), slice(nearest + 1)
+        moving = course.detour(t_s, sky)
+        _, states = history.along(t_s[until], (signs * moving.velocity)[until], (signs * moving.acceleration)[until])
+        state, still = states[-1], np.zeros(2)
+        if reading.t_s > state.t_s:
+            state = history.stopped(reading.t_s, reading.velocity_rad_s, still, state)
+        self._driven, self._driven_rad = state, reading.position_rad.copy()
 
     def waiting(self, count: int, t_s: float, sky_rad: Array, model: BiasModel, near_azimuth_rad: float) -> Motion:
         """Return the motion of waiting for `count` instants where the target will rise (2,)."""
@@ -226,7 +259,7 @@ class Prediction:
         signs = self._plan.course.signs(block)
         # From the state at the block's start, or where the last block was left, or from the slew.
         earlier = [state for key, state in self._lagging.items() if key <= time_key(block[0])]
-        before = earlier[-1] if earlier else self._before if not self._lagging else None
+        before = earlier[-1] if earlier else self._driven if not self._lagging else None
         history = LagHistory(model, self.lag_averaging_s)
         lags, states = history.along(block, signs * moving.velocity, signs * moving.acceleration, before)
         self._lagging = {time_key(state.t_s): state for state in states}
