@@ -8,6 +8,7 @@ With `lifecycle.autostart` a node configures and activates itself as soon as it 
 """
 
 import math
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -41,8 +42,9 @@ class LifecycleParams(Params):
 class Schedule:
     """The times at which periodic work is due: the whole multiples of `period_s` after `start_s`.
 
-    The work is done once for every instant of the grid, in order.  A clock that jumps by more than
-    `longest_gap_s` starts a new grid.
+    The work is done once for every instant of the grid, in order.  A gap of more than
+    `longest_gap_s` starts a new grid.  It is a jump of the clock, unless a steady clock has gone on
+    as far: then the process itself has stood still.
     """
 
     # A timer may fire late, or twice at one time when the clock moves in steps.  Whole multiples
@@ -52,14 +54,21 @@ class Schedule:
         self._period_s = period_s
         self._longest_gap_s = max(longest_gap_s, 2.0 * period_s)
         self._origin_s, self._count = self._on_grid(start_s), 1
+        self._steady_s: float | None = None
         self.jumped_s = 0.0
 
-    def due(self, now_s: float) -> list[float]:
-        """Return the instants until `now_s` not returned yet; `jumped_s` is not 0 at a new grid."""
+    def due(self, now_s: float, steady_s: float | None = None) -> list[float]:
+        """Return the instants until `now_s` not returned yet; `jumped_s` is not 0 after a jump.
+
+        `steady_s` is the time of a clock that nobody sets, None where time is simulated.
+        """
         self.jumped_s = 0.0
         late_s = now_s - self._next_s
+        stood_s = 0.0 if steady_s is None or self._steady_s is None else steady_s - self._steady_s
+        self._steady_s = steady_s
         if abs(late_s) > self._longest_gap_s:
-            self.jumped_s = late_s
+            if abs(late_s - stood_s) > self._longest_gap_s:
+                self.jumped_s = late_s - stood_s
             self._origin_s, self._count = self._on_grid(now_s), 0
         times = []
         while self._next_s <= now_s + 1e-3 * self._period_s:
@@ -126,12 +135,12 @@ class ManagedNode(LifecycleNode):
 
     def every(self, period_s: float, callback: Callable[[float], None]) -> Schedule:
         """Call `callback(t_s)` at every instant of a grid of node time until deactivation."""
-        schedule = Schedule(self.now_s(), period_s)
+        schedule, simulated = Schedule(self.now_s(), period_s), self.get_parameter("use_sim_time").value
 
         def fire() -> None:
             try:
                 # More than one instant where timers fired late: each is done, none is skipped.
-                for t_s in schedule.due(self.now_s()):
+                for t_s in schedule.due(self.now_s(), None if simulated else time.monotonic()):
                     callback(t_s)
             except Exception as error:
                 # Work that moves an antenna cannot be left out: the main loop ends this node.

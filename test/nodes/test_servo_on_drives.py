@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
@@ -155,6 +156,20 @@ def test_a_jump_of_the_clock_stops_the_real_rotctld(made, rotctld: RealRotctld) 
     run.run(0.5)
     assert rotctld.position() == pytest.approx(here, abs=0.02)
     assert here[0] < 30.0
+
+
+def test_a_node_that_stood_still_goes_on_with_its_next_command(made, rotctld: RealRotctld) -> None:
+    run = made(drive__type="hamlib", drive__link__port=rotctld.port).up()
+    run.command(20.0, 30.0)
+    run.run(1.0)
+    time.sleep(1.3)
+    run.run(0.5)
+    assert run.fault == ""
+    for _ in range(16):
+        run.command(30.0, 30.0)
+        run.run(0.5, lambda: max(np.abs(np.subtract(rotctld.position(), 30.0))) < 0.1)
+    assert run.fault == ""
+    assert rotctld.position() == pytest.approx((30.0, 30.0), abs=0.1)
 
 
 def test_a_deactivated_node_leaves_the_device_at_rest(made, rotctld: RealRotctld) -> None:
