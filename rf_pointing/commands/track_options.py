@@ -229,11 +229,16 @@ def _own_parameters(options: argparse.Namespace, output: Path) -> dict[str, dict
     number = 1 if options.seed is None else options.seed
     # A real antenna remembers its fault and the turn of its cables from run to run.
     kept = state_files(state_folder(), options.namespace)
+    if station_of(options).simulated:
+        kept = {"antenna.seed": number, "command_key_file": str((output / "command.key").resolve())}
     return {
         "ephemeris_publisher": source,
         "rf_receiver": {**source, **real, "signal.seed": number},
-        "antenna_servo": {"antenna.seed": number} if station_of(options).simulated else kept,
-        "pointing_controller": {"certificate_folder": str(output.resolve())},
+        "antenna_servo": kept,
+        "pointing_controller": {
+            "certificate_folder": str(output.resolve()),
+            "command_key_file": kept["command_key_file"],
+        },
         "bias_calibrator": {
             "calibrator.folder": str(Path(options.models).resolve()) if options.models else "",
             "calibrator.keep_observations": options.keep_observations,

@@ -12,9 +12,10 @@ Services (std_srvs/Trigger): ~/stop (latches a fault), ~/pause, ~/resume, ~/park
 Parameters: antenna.*, drive.* (which drive, and how it is reached), loops.* (retunable while
 running),
 safety.*, wrap_file (keeps the azimuth's turn over a restart; empty: not kept), state_file (keeps
-position, fault and rest), enable_fault_injection, and as truth of the simulated drive plant.*
-(changeable too), wind.*, mount.*.  Activation releases the brakes and holds; deactivation sets
-them.
+position, fault and rest), command_key_file (only commands signed with it are taken),
+enable_fault_injection, and as truth of the simulated drive plant.* (changeable too), wind.*,
+mount.*.  The limits in loops.preprocessor change only while the drives are disabled.  Activation
+releases the brakes and holds; deactivation sets them.
 
 A drive other than the simulated one must answer within 5 s of the configuration.  One that is lost
 latches a fault, and joint_states are silent until it answers.  The topics of the drive `topic` are
@@ -40,6 +41,7 @@ from trajectory_msgs.msg import JointTrajectory
 from rf_pointing.core import AXES, Params, parameter
 from rf_pointing.drives import make_drive
 from rf_pointing.nodes import convert
+from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.graph import WIND
 from rf_pointing.nodes.identification_server import IdentificationServer
@@ -80,6 +82,7 @@ class AntennaServo(StationNode):
     def __init__(self) -> None:
         super().__init__("antenna_servo")
         self.parameters.declare("", ServoNodeParams())
+        self.parameters.declare("", CommandKeyParams(), group="key")
         for prefix, defaults in AntennaParams().sets().items():
             self.parameters.declare(prefix, defaults, live=prefix in LIVE)
         self.parameters.check_with(self._check)
@@ -106,6 +109,7 @@ class AntennaServo(StationNode):
         self._boresight = self.stream(Boresight, "sim/boresight", SAMPLES)
         self._status = self.stream(AntennaStatus, "antenna_status", STATUS)
         self._identification.configure(self._antenna)
+        self._key = CommandKey(self.parameters.value("key"), self.resolve_topic_name("joint_trajectory"))
         self.listen(
             JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT,
             most_bytes=self._longest_command, refused=self._antenna.reject,
@@ -124,6 +128,9 @@ class AntennaServo(StationNode):
         if value("").enable_fault_injection and not real:
             self.serve_action(InjectFault, "~/inject_fault", self._inject)
         self.diagnostics.add("drive", self._health)
+        self.diagnostics.add(
+            "commanders", lambda: self._key.health(self.get_publishers_info_by_topic("joint_trajectory"))
+        )
         if real:
             self.diagnostics.add("device", self._device_health)
         self.diagnostics.add("oscillation", self._oscillation_health)
@@ -272,8 +279,9 @@ class AntennaServo(StationNode):
 
     def _take(self, message: JointTrajectory) -> None:
         try:
+            commander = self._key.check(message)
             command = convert.trajectory_from_message(message)
-            refused = self._antenna.accept(command, self.now_s(), message.header.frame_id)
+            refused = self._antenna.accept(command, self.now_s(), commander)
         except ValueError as error:
             refused = self._antenna.reject(str(error))
         if refused:
@@ -309,8 +317,16 @@ class AntennaServo(StationNode):
         return f"{request.fault} injected at {self._antenna.t_s:.3f}"
 
     def _check(self, sets: Mapping[str, Any]) -> None:
-        if self._antenna is not None:
-            self._antenna.check(sets["plant"], sets["loops"])
+        if self._antenna is None:
+            return
+        present = self.parameters.value("loops").preprocessor
+        if sets["loops"].preprocessor != present and self.active and self._antenna.axes.hardware.powered:
+            # Whoever can reach the node could otherwise move the limits away from what they guard.
+            raise ValueError(
+                "loops.preprocessor guards the antenna: travel, rates and accelerations cannot change while the "
+                f"drives are enabled (the antenna is {self._antenna.mode}); disable it first"
+            )
+        self._antenna.check(sets["plant"], sets["loops"])
 
     def _retune(self) -> None:
         if self._antenna is not None:

@@ -107,6 +107,9 @@ def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:
     parameters: list[Any] = [{"lifecycle.autostart": given("autostart") == "true"}]
     if name == "antenna_servo" and given("state_folder"):
         parameters.append(state_files(Path(given("state_folder")), given("namespace")))
+    if name == "pointing_controller" and given("state_folder"):
+        files = state_files(Path(given("state_folder")), given("namespace"))
+        parameters.append({"command_key_file": files["command_key_file"]})
     if name == EXECUTIVE and given("state_folder"):
         kept = Path(given("state_folder")) / given("namespace").strip("/")
         parameters.append(

@@ -9,8 +9,8 @@ Action: track_pass (rf_pointing_msgs/TrackPass); a pass by satellite and time is
 ephemeris_publisher/select_target finds.
 Services (std_srvs/Trigger): ~/stop ends the pass under control; ~/calibrate runs the circle on
 which the monopulse tracker calibrates its feed.
-Parameters: those of `ControllerParams`, and certificate_folder (where every certificate is stored
-as a file; empty: nowhere).
+Parameters: those of `ControllerParams`, certificate_folder (where every certificate is stored
+as a file; empty: nowhere), and command_key_file (the key that signs joint_trajectory).
 """
 
 import math
@@ -40,6 +40,7 @@ from rf_pointing.core import Sensor
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.nodes import convert, convert_calibration, convert_planning
+from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
 from rf_pointing.nodes.diagnostics import ERROR, LEVELS, WARN, Health
 from rf_pointing.nodes.graph import STATION_IN_USE, TEMPERATURE
 from rf_pointing.nodes.main_loop import run
@@ -81,6 +82,7 @@ class PointingControllerNode(StationNode):
         for prefix, defaults in ControllerParams().sets().items():
             self.parameters.declare(prefix, defaults, live=LIVE.get(prefix, False))
         self.parameters.declare("", StoreParams(), live=True)
+        self.parameters.declare("", CommandKeyParams(), group="key")
         self.parameters.on_change(self._retune)
         self._controller: PointingController | None = None
         self._goal: Any = None
@@ -102,6 +104,7 @@ class PointingControllerNode(StationNode):
     def configure(self) -> None:
         self._controller = PointingController(self._params())
         self._commands = self.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+        self._key = CommandKey(self.parameters.value("key"), self.resolve_topic_name("joint_trajectory"))
         self._status = self.stream(TrackingStatus, "tracking_status", STREAM)
         self._certificates = self.stream(PassCertificate, "pass_certificate", LATCHED)
         self._issued: object = None
@@ -190,7 +193,7 @@ class PointingControllerNode(StationNode):
         self._show_certificate()
         if trajectory is not None:
             command = convert.trajectory_to_message(trajectory, t_s)
-            command.header.frame_id = self.get_fully_qualified_name()
+            self._key.sign(command, self.get_fully_qualified_name())
             self._commands.publish(command)
             self._sent += 1
         message = convert.tracking_status_to_message(status)

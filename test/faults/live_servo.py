@@ -6,7 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParametersAtomically
@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from rf_pointing.commands.managed_graph import NodeProcesses
+from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
 from rf_pointing.nodes.qos import COMMAND, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from test.faults.clocks import ManualClock
@@ -31,11 +32,15 @@ PATIENCE_S = 120.0
 class Servo:
     """Sends a steady azimuth motion; `begun_s` and `base_rad` are when and where the motion of a test began."""
 
-    def __init__(self, live: SimpleNamespace, yaml: str, station: dict[str, Any], *, simulated: bool = True) -> None:
+    def __init__(
+        self, live: SimpleNamespace, yaml: str, station: dict[str, Any], *, simulated: bool = True, key: str = ""
+    ) -> None:
+        self.key = CommandKey(CommandKeyParams(command_key_file=key), f"{live.namespace}/joint_trajectory")
         self.live, self.status, self.joints = live, AntennaStatus(), []
         self.simulated, self.wind_m_s = simulated, 3.0
         self.travel_max_deg = [223.0, 91.5 if simulated else 90.0]
         self.said: dict[str, str] = {}
+        self.commanders = DiagnosticStatus()
         self.seen: list[AntennaStatus] = []
         self.heard_s = 0.0
         self.begun_s: float | None = None
@@ -74,13 +79,14 @@ class Servo:
         if self.begun_s is None:
             self.begun_s = now_s
         message = JointTrajectory(joint_names=list(joints))
-        message.header.stamp, message.header.frame_id = stamp_from_seconds(now_s), who
+        message.header.stamp = stamp_from_seconds(now_s)
         for step in range(1, 9):
             line = [self.base_rad + RATE_RAD_S * (now_s - self.begun_s + 0.1 * step), START_RAD[1]]
             point = JointTrajectoryPoint(positions=positions or line, accelerations=[0.0, 0.0])
             point.velocities = [0.0 if positions else RATE_RAD_S, 0.0]
             point.time_from_start.nanosec = 100_000_000 * step
             message.points.append(point)
+        self.key.sign(message, who)
         return message
 
     def move(self, seconds: float) -> None:
@@ -114,13 +120,16 @@ class Servo:
         return float(answer.message.split()[-1])
 
     def retune(self, name: str, value: list[float]) -> None:
-        """Set limits of the commands while the antenna runs."""
+        """Set limits of the commands, which needs drives that are disabled, and enable them again."""
+        assert self.ask("disable").success
+        self.mode("disabled")
         content = ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=value)
         request = SetParametersAtomically.Request(
             parameters=[Parameter(name=f"loops.preprocessor.{name}", value=content)]
         )
         answer = self.ask("set_parameters_atomically", SetParametersAtomically, request).result
         assert answer.successful, answer.reason
+        assert self.ask("resume").success
 
     def fault_at(self) -> float:
         """Return when the latched fault was seen, by the servo's own ticks."""
@@ -159,6 +168,8 @@ class Servo:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
+            if status.name == f"{self.live.namespace[1:]}/antenna_servo: commanders":
+                self.commanders = status
             if status.name == f"{self.live.namespace[1:]}/antenna_servo: drive":
                 self.said = {"message": status.message} | {pair.key: pair.value for pair in status.values}
 
@@ -166,7 +177,8 @@ class Servo:
 def servo_yaml(wrap: Path) -> str:
     """Return the parameters of a servo in calm air that can be broken."""
     return f"""/**/antenna_servo:
-  ros__parameters: {{enable_fault_injection: true, wrap_file: {wrap}, wind: {{mean_speed_m_s: 0.0}}}}
+  ros__parameters: {{enable_fault_injection: true, wrap_file: {wrap}, command_key_file: {wrap.with_name("command.key")},
+    wind: {{mean_speed_m_s: 0.0}}}}
 """
 
 

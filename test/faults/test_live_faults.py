@@ -22,8 +22,12 @@ import pytest
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
 from rf_pointing_msgs.msg import AntennaStatus
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
+from rf_pointing.nodes.diagnostics import ERROR, WARN
+from rf_pointing.nodes.main_loop import make_executor
+from rf_pointing.nodes.qos import COMMAND, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from test.drives.rotctld import RealRotctld
 from test.faults.live_servo import RATE_RAD_S, START_RAD, WITH_HILL, Servo, on_rotctld, servo_yaml
@@ -39,7 +43,7 @@ ROUNDING_S = 1e-3
 def on_simulated(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iterator[Servo]:
     folder = tmp_path_factory.mktemp("servo")
     with live_graph(folder, ros_domain) as live:
-        yield Servo(live, servo_yaml(folder / "wrap.json"), WITH_HILL)
+        yield Servo(live, servo_yaml(folder / "wrap.json"), WITH_HILL, key=str(folder / "command.key"))
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +104,57 @@ def test_the_second_of_two_commanders_is_refused_and_both_are_named(servo: Servo
     servo.rejected(servo.command(who="panel"), "conflict: test commands, panel is refused")
     assert servo.status.commander == "test"
     servo.ask("stop")
+
+
+def test_a_second_participant_with_the_name_of_the_commander_moves_nothing(
+    simulated: Servo, ros_domain: int, tmp_path: Path
+) -> None:
+    """It can read every message of the domain, but not the key; sent again, a signed command is out of order."""
+    servo, heard = simulated, []
+    servo.move(0.5)
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=ros_domain)
+    foreign = rclpy.create_node("pointing_controller", namespace=f"{servo.live.namespace}/elsewhere", context=context)
+    executor = make_executor(context)
+    executor.add_node(foreign)
+    try:
+        sender = foreign.create_publisher(JointTrajectory, f"{servo.live.namespace}/joint_trajectory", COMMAND)
+        foreign.create_subscription(JointTrajectory, sender.topic_name, heard.append, STREAM)
+        servo.live.spin_until(lambda: sender.get_subscription_count() == 2, "both subscriptions")
+        servo.until(lambda: servo.commanders.level == WARN, "the second publisher on /diagnostics")
+        assert "2 publishers of" in servo.commanders.message
+        accepted_s = time.monotonic() + 20.0
+        while not heard and time.monotonic() < accepted_s:
+            servo.move(0.1)
+            executor.spin_once(timeout_sec=0.1)
+        guess = CommandKey(CommandKeyParams(command_key_file=str(tmp_path / "guessed")), sender.topic_name)
+        shifted = servo.command()
+        for point in shifted.points:
+            point.positions = [point.positions[0] + math.radians(10.2), point.positions[1]]
+        words = []
+        for name in (shifted.header.frame_id, "test", ""):
+            shifted.header.frame_id = name
+            words.append((shifted, "conflict: a command in the name of"))
+        guess.sign(guessed := servo.command(positions=[START_RAD[0] + 0.2, START_RAD[1]]), "test")
+        words += [(guessed, "conflict: a command in the name of test"), (heard[0], "o")]
+        for message, reason in words:
+            # What was sent before is in the counts now.
+            servo.clock.run(0.3)
+            before, taken, stood = servo.status.commands_rejected, servo.status.commands_accepted, servo.joints[-1]
+            sender.publish(message)
+            servo.until(lambda: servo.status.commands_rejected > before, "the refusal")  # noqa: B023
+            assert reason in servo.status.last_rejection
+            assert servo.status.commands_accepted == taken
+            assert abs(servo.joints[-1] - stood) < math.radians(1.0)
+        servo.until(lambda: servo.commanders.level == ERROR, "the conflict on /diagnostics")
+        assert servo.commanders.message.startswith("conflict: a command in the name of test is not signed")
+        servo.move(0.5)
+        assert servo.status.mode == "tracking", "the pass goes on"
+    finally:
+        executor.shutdown()
+        foreign.destroy_node()
+        rclpy.shutdown(context=context)
+        servo.ask("stop")
 
 
 def test_commands_that_stop_are_warned_of_carried_on_for_a_second_and_end_in_a_controlled_stop(servo: Servo) -> None:
@@ -197,9 +252,13 @@ def test_soft_limit_and_horizon_refuse_with_the_number(servo: Servo) -> None:
 
 
 def test_the_hard_limit_cuts_the_drives_and_the_way_back_in_stays_open(servo: Servo) -> None:
-    """The limit is moved to where the axes already are and run outward, as by a switch that closes."""
+    """The limit is moved to this side of where the axes stand, as by a switch that closes."""
     servo.move(1.5)
+    servo.ask("disable")
+    servo.mode("disabled")
     here = math.degrees(servo.joints[-1])
+    servo.ask("resume")
+    servo.mode("holding")
     servo.retune("travel_max_deg", [here - 0.4, servo.travel_max_deg[1]])
     servo.mode("fault")
     assert "past the hard limit" in servo.status.fault

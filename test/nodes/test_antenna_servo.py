@@ -116,3 +116,21 @@ def test_travel_that_the_gate_does_not_take_is_refused_as_a_parameter(servo: Ant
     (result,) = servo.set_parameters([Parameter("loops.law", value="lqg")])
     assert not result.successful
     assert "/nowhere.json" in result.reason
+
+
+def test_limits_that_guard_the_machine_change_only_while_the_drives_are_disabled(servo: AntennaServo) -> None:
+    assert configured(servo) == TransitionCallbackReturn.SUCCESS
+    assert servo.on_activate(ANY_STATE) == TransitionCallbackReturn.SUCCESS
+    wanted = {"travel_max_deg": [210.0, 90.0], "rate_limit_deg_s": [0.5, 0.5], "acceleration_limit_deg_s2": [0.1, 0.1]}
+    for name, value in wanted.items():
+        (result,) = servo.set_parameters([Parameter(f"loops.preprocessor.{name}", value=value)])
+        assert not result.successful
+        assert "cannot change while the drives are enabled (the antenna is holding); disable it first" in result.reason
+    assert servo._antenna.disable() == ""
+    start_s = servo.now_s()
+    for tick in range(50):
+        servo._tick(start_s + 0.02 * tick)
+    assert servo._antenna.mode == "disabled"
+    for name, value in wanted.items():
+        (result,) = servo.set_parameters([Parameter(f"loops.preprocessor.{name}", value=value)])
+        assert result.successful, result.reason

@@ -119,6 +119,7 @@ def test_the_antenna_remembers_its_fault_and_its_turn_by_default(
     assert first == {
         "state_file": str(folder / "antenna_servo.json"),
         "wrap_file": str(folder / "azimuth_turn.json"),
+        "command_key_file": str(folder / "command.key"),
     }
     assert later[-1] == given["params_file"]
 

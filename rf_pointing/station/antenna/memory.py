@@ -28,11 +28,15 @@ def state_folder() -> Path:
 
 
 def state_files(folder: Path, namespace: str) -> dict[str, str]:
-    """Return the parameters of `antenna_servo` that name the files of an antenna in `folder`."""
+    """Return the parameters of `antenna_servo` that name the files of an antenna in `folder`.
+
+    The controller of the antenna needs `command_key_file` too.
+    """
     # A latched fault and the turn of the cables must outlive a crash; two antennas keep two
     # folders.
     kept = folder / namespace.strip("/")
-    return {"state_file": str(kept / "antenna_servo.json"), "wrap_file": str(kept / "azimuth_turn.json")}
+    names = {"state_file": "antenna_servo.json", "wrap_file": "azimuth_turn.json", "command_key_file": "command.key"}
+    return {parameter: str(kept / name) for parameter, name in names.items()}
 
 
 class AntennaMemory:

@@ -1,0 +1,120 @@
+"""Who may move the antenna: commands are signed with a key that only its own user can read.
+
+    frame_id = NAME + " " + first 128 bits of HMAC-SHA256(key, topic, NAME, stamp, joints, points)
+
+ROS 2 tells a Python node nothing of the publisher of a message, and anybody can send any name.  The
+key is a file of controller and control unit, not a message: a peer of the domain cannot read it.
+A command that is sent again is refused by its stamps.  Without a file nothing is signed, and any
+commander with a name is taken.
+"""
+
+import fcntl
+import hmac
+import os
+import secrets
+import stat
+import struct
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from trajectory_msgs.msg import JointTrajectory
+
+from rf_pointing.core import Params, parameter
+from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
+from rf_pointing.nodes.main_loop import open_private
+
+KEY_BYTES, SHOWN_DIGITS = 32, 32
+# How long after a foreign command /diagnostics shows the conflict as an error.
+SHOWN_S = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandKeyParams(Params):
+    """Where the key of the commands is."""
+
+    command_key_file: str = parameter(
+        "", "file with the key that signs joint_trajectory; made if missing; empty: not signed"
+    )
+
+
+class CommandKey:
+    """Signs the commands of one topic, or checks them; ValueError for a file that others can read.
+
+    `foreign` counts the commands that were refused.
+    """
+
+    def __init__(self, params: CommandKeyParams, topic: str) -> None:
+        self.path, self._topic = params.command_key_file, topic
+        self._key = _key_of(Path(self.path)) if self.path else b""
+        self.foreign, self._last, self._last_s = 0, "", 0.0
+
+    def sign(self, message: JointTrajectory, name: str) -> None:
+        """Write the sender's name into a complete message, signed where there is a key."""
+        message.header.frame_id = f"{name} {self._signature(message, name)}" if self._key else name
+
+    def check(self, message: JointTrajectory) -> str:
+        """Return the name of the sender; ValueError for a command of anybody without the key."""
+        name, _, signature = message.header.frame_id.partition(" ")
+        if self._key and not hmac.compare_digest(signature.encode(), self._signature(message, name).encode()):
+            self.foreign, self._last_s = self.foreign + 1, time.monotonic()
+            self._last = (
+                f"conflict: a command in the name of {name or 'nobody'} is not signed with the key of this antenna "
+                f"({self.path})"
+            )
+            raise ValueError(self._last)
+        return name
+
+    def health(self, publishers: Iterable[Any]) -> Health:
+        """Return the foreign commands as an error, a second publisher of commands as a warning."""
+        names = sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in publishers)
+        values = {"publishers": ", ".join(names), "foreign_commands": self.foreign, "signed": bool(self._key)}
+        if self.foreign and time.monotonic() - self._last_s < SHOWN_S:
+            return Health(ERROR, self._last, values)
+        if len(names) > 1:
+            # A node that was killed stays in the graph for 20 s.
+            return Health(WARN, f"{len(names)} publishers of {self._topic}: {', '.join(names)}", values)
+        return Health(OK, "one commander" if names else "no commander", values)
+
+    def _signature(self, message: JointTrajectory, name: str) -> str:
+        stamp, points = message.header.stamp, message.points
+        # The lengths keep two fields from trading places.
+        words = [self._topic, name, *message.joint_names]
+        signed = [
+            struct.pack("<qII", stamp.sec, stamp.nanosec, len(points)),
+            *(f"{len(w)}:{w}".encode() for w in words),
+        ]
+        for point in points:
+            since = point.time_from_start
+            parts = (point.positions, point.velocities, point.accelerations, point.effort)
+            signed += [struct.pack(f"<qII{len(part)}d", since.sec, since.nanosec, len(part), *part) for part in parts]
+        return hmac.new(self._key, b"".join(signed), "sha256").hexdigest()[:SHOWN_DIGITS]
+
+
+def _key_of(path: Path) -> bytes:
+    """Return the key in a file, which is made with one if it is missing."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        opened = open_private(path, os.O_RDWR)
+    except (OSError, RuntimeError) as error:
+        raise ValueError(f"command_key_file={path} cannot be used: {error}") from error
+    with os.fdopen(opened, "r+b") as file:
+        if stat.S_IMODE(os.fstat(opened).st_mode) & 0o077:
+            raise ValueError(f"command_key_file={path} can be read by others; chmod 600 it and make a new key")
+        # Both nodes start at once: the first of them makes the key.
+        fcntl.flock(file, fcntl.LOCK_EX)
+        text = file.read(4 * KEY_BYTES).strip()
+        if not text:
+            text = secrets.token_hex(KEY_BYTES).encode()
+            file.write(text + b"\n")
+    try:
+        key = bytes.fromhex(text.decode())
+    except ValueError:
+        key = b""
+    if len(key) != KEY_BYTES:
+        raise ValueError(
+            f"command_key_file={path} must hold {2 * KEY_BYTES} hexadecimal digits; delete it for a new key"
+        )
+    return key
