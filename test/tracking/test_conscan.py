@@ -15,7 +15,7 @@ from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams,
 from rf_pointing.tracking.beam_fit import beam_design, fit_beam
 from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimator, DelayParams
 from rf_pointing.tracking.conscan_design import conscan_slope
-from rf_pointing.tracking.conscan_estimate import ConscanParams
+from rf_pointing.tracking.conscan_estimate import LEAST_POWER_SIGMAS, ConscanParams
 from rf_pointing.tracking.scan import ScanParams
 
 H, R = 17.0 * MDEG, 1.55 * MDEG
@@ -384,3 +384,69 @@ def test_errors_that_are_valid_are_not_too_small_at_a_faint_carrier(
     else:
         assert len(gains) > 100
         assert np.mean(gains) == pytest.approx(1.0, abs=0.05 + 3.0 * np.std(gains) / math.sqrt(len(gains)))
+
+
+@pytest.mark.parametrize("estimator", ["likelihood", "linear"])
+@pytest.mark.parametrize(("share", "valid"), [(0.99, False), (1.01, True)])
+def test_the_bound_lies_at_the_mean_power_of_a_sample(estimator: str, share: float, valid: bool) -> None:
+    """1 % of power on either side of 2.3 sigmas, with powers that follow the beam exactly."""
+    tracker = ConscanTracker(params(estimator=estimator, lock_db_hz=0.0))
+    angles = 2.0 * math.pi * np.arange(tracker.params.window_samples) / tracker.params.window_samples
+    beam = R * np.column_stack([np.cos(angles), np.sin(angles)])
+    received = np.array([linear_power(0.1 * R, 0.0, u, v) for u, v in beam])
+    sigma, errors = 1.0 / (LEAST_POWER_SIGMAS * share), []
+    for k, ((u, v), watts) in enumerate(zip(beam, received / received.mean(), strict=True)):
+        errors.append(tracker.add(power(k + 1.0, float(watts), sigma, 10.5), float(u), float(v)))
+    assert errors[-1] is not None
+    assert errors[-1].valid is valid, errors[-1].reason
+    assert valid or errors[-1].reason.startswith("C/N0 10.5 dB-Hz is too low for samples this short: power of 2.3")
+
+
+def gains_of(level_db: float, integration_s: float, random: np.random.Generator) -> tuple[np.ndarray, int]:
+    """Return the radial gains that are valid, and how many windows of 100 are refused.
+
+    `level_db` is the mean received C/N0 times the integration time, in dB; the target is 0.2 beamwidths off.
+    """
+    beam, radius, off = BeamParams(half_power_beamwidth_rad=H), 0.18 * H, 0.2 * H
+    receiver = Receiver(ReceiverParams(), Beam(beam), MonopulseFeed(MonopulseFeedParams(), beam), random)
+    tracker = ConscanTracker(
+        ConscanParams(half_power_beamwidth_rad=H, radius_rad=radius, window_samples=60, lock_db_hz=0.0)
+    )
+    angles = 0.1 * math.pi * np.arange(1, 61) / 3.0
+    lost = np.mean(np.exp(-MU * ((off - radius * np.cos(angles)) ** 2 + (radius * np.sin(angles)) ** 2) / H**2))
+    axis_db_hz = level_db - 10.0 * math.log10(integration_s * lost)
+    gains, refused, sample = [], 0, 0
+    while len(gains) + refused < 100:
+        sample += 1
+        angle = 0.1 * math.pi * sample / 3.0
+        u, v = radius * math.cos(angle), radius * math.sin(angle)
+        heard = receiver.carrier_power(integration_s * sample, integration_s, off - u, -v, axis_db_hz)
+        error = tracker.add(heard, u, v)
+        if error is not None and error.valid:
+            gains.append(error.cross_elevation_rad / off)
+        elif error is not None:
+            assert "is too low for samples this short" in error.reason
+            refused += 1
+    return np.array(gains), refused
+
+
+@pytest.mark.parametrize("integration_s", [0.05, 1.0])
+def test_errors_are_refused_just_below_the_bound_and_right_just_above(
+    integration_s: float, random: np.random.Generator
+) -> None:
+    """10.5 dB of C/N0 times integration time: 0.9 dB below 97 % are refused, 0.9 dB above 97 % are valid."""
+    _, refused = gains_of(9.6, integration_s, random)
+    assert refused >= 97
+    gains, refused = gains_of(11.4, integration_s, random)
+    assert refused <= 3
+    assert np.mean(gains) == pytest.approx(1.0, abs=0.05 + 3.0 * np.std(gains) / math.sqrt(len(gains)))
+
+
+def test_without_the_bound_errors_below_it_would_be_too_small(
+    random: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At 0 dB they give 0.3 to 0.5 of the error."""
+    monkeypatch.setattr("rf_pointing.tracking.conscan_estimate.LEAST_POWER_SIGMAS", 0.0)
+    gains, refused = gains_of(0.0, 0.1, random)
+    assert refused == 0
+    assert np.mean(gains) < 0.85 - 3.0 * np.std(gains) / math.sqrt(len(gains))
