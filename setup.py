@@ -15,6 +15,7 @@ EXECUTABLES = {
         "pointing_controller",
         "rf_receiver",
         "simulation_clock",
+        "station_description",
         "station_executive",
     ],
     "commands": [

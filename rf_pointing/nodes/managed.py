@@ -19,11 +19,20 @@ from rclpy.publisher import Publisher
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, Health
+from rf_pointing.nodes.graph import FRAMES
 from rf_pointing.nodes.main_loop import InstanceLock
 from rf_pointing.nodes.params import ParameterGroups
 from rf_pointing.nodes.qos import LATCHED
 from rf_pointing.nodes.stamps import seconds_from_stamp
-from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher, checked_message, require_length
+from rf_pointing.nodes.streams import (
+    FramedPublisher,
+    InputCounter,
+    Latest,
+    SequencedPublisher,
+    checked_message,
+    frame_in,
+    require_length,
+)
 
 # A message of this length takes 20 ms to decode; it is ten times that of any stream.
 STREAM_BYTES = 256 * 1024
@@ -269,11 +278,13 @@ class ManagedNode(LifecycleNode):
         """Create a publisher that numbers its messages."""
         return SequencedPublisher(self.publisher(message_type, topic, qos))
 
-    def publisher(self, message_type: Any, topic: str, qos: Any) -> Publisher:
-        """Create a publisher that lasts until cleanup."""
+    def publisher(self, message_type: Any, topic: str, qos: Any) -> Publisher | FramedPublisher:
+        """Create a publisher that lasts until cleanup; it sets the frame that `FRAMES` names."""
         publisher = self.create_publisher(message_type, topic, qos)
         self._at_cleanup.callback(self.destroy_publisher, publisher)
-        return publisher
+        if topic not in FRAMES:
+            return publisher
+        return FramedPublisher(publisher, frame_in(self.get_namespace(), FRAMES[topic]))
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         self.parameters.refuse_unknown()
