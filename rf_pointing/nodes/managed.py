@@ -8,6 +8,7 @@ With `lifecycle.autostart` a node configures and activates itself as soon as it 
 """
 
 import math
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.publisher import Publisher
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, Health
+from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, EventLog, Health
 from rf_pointing.nodes.graph import FRAMES
 from rf_pointing.nodes.main_loop import InstanceLock
 from rf_pointing.nodes.params import ParameterGroups
@@ -95,7 +96,7 @@ class ManagedNode(LifecycleNode):
         self.parameters.declare("lifecycle", LifecycleParams())
         self.brings_itself_up: bool = self.parameters.value("lifecycle").autostart
         self.diagnostics = Diagnostics(self)
-        self.inputs = InputCounter()
+        self.inputs, self._events = InputCounter(), EventLog()
         self.diagnostics.add("state", self._state_health)
         self.diagnostics.add("inputs", self.inputs.health)
         self._state_name = "unconfigured"
@@ -189,9 +190,16 @@ class ManagedNode(LifecycleNode):
     def survived(self, where: str, error: BaseException) -> None:
         """Count an error of a callback that was not foreseen, and go on."""
         self.inputs.note_error(where, error)
-        self.get_logger().error(
-            f"{where}: {type(error).__name__}: {error}; please report it", throttle_duration_sec=1.0
-        )
+        self.log_once(where, f"{type(error).__name__}: {error}; please report it", error=True)
+
+    def log_once(self, subject: str, words: str, *, error: bool = False) -> None:
+        """Log what may repeat with every message or period; its count is on /diagnostics."""
+        if self._events.is_news(subject, words, time.monotonic()):
+            # rclpy refuses another severity at the same place.
+            if error:
+                self.get_logger().error(f"{subject}: {words}")
+            else:
+                self.get_logger().warning(f"{subject}: {words}")
 
     def listen(
         self,
@@ -237,7 +245,7 @@ class ManagedNode(LifecycleNode):
             except ValueError as error:
                 self.inputs.note_refusal(topic, str(error))
                 refused(str(error))
-                self.get_logger().warning(f"{topic} ignored: {error}", throttle_duration_sec=1.0)
+                self.log_once(f"{topic} ignored", str(error))
             except Exception as error:
                 self.survived(topic, error)
 
