@@ -15,6 +15,7 @@ EXECUTABLES = {
         "pointing_controller",
         "rf_receiver",
         "simulation_clock",
+        "station_description",
         "station_executive",
     ],
     "commands": [
@@ -79,6 +80,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/config", sorted(glob("config/*.*"))),
+        (f"share/{PACKAGE}/config/viewers", sorted(glob("config/viewers/*"))),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.py"))),
     ],
     python_requires=">=3.11",

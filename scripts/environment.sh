@@ -69,10 +69,21 @@ add_python_libraries() {
     -r "$ROOT/requirements/beside-jazzy.txt"
 }
 
+# Whether ROS itself, as found so far, has a package; what was built here before does not count.
+distributed() {
+  local prefix
+  for prefix in ${AMENT_PREFIX_PATH//:/ }; do
+    [[ $prefix != "$STATE"/install* ]] && [ -d "$prefix/share/$1" ] && return
+  done
+  return 1
+}
+
 build_workspace() {
   # Links to files that are gone since the last build would fail it; the Python package is made anew in seconds.
   rm -rf "$STATE/build/rf_pointing" "$STATE/install/rf_pointing"
-  cd "$ROOT" && "$@" --log-base "$STATE/log" build --base-paths . msg_defs --symlink-install \
+  local packages=(. msg_defs)
+  distributed tf2_msgs || packages+=(extern/tf2_msgs)
+  cd "$ROOT" && "$@" --log-base "$STATE/log" build --base-paths "${packages[@]}" --symlink-install \
     --build-base "$STATE/build" --install-base "$STATE/install" \
     --cmake-args "-DPython3_EXECUTABLE=$(command -v python3)" -DBUILD_TESTING=OFF
 }
@@ -115,9 +126,9 @@ enter_environment() {
     enter_wheel_environment
   fi
   local sources
-  sources=$(find "$ROOT/msg_defs" "$ROOT/config" "$ROOT/launch" -type f | sort)
+  sources=$(find "$ROOT/msg_defs" "$ROOT/extern" "$ROOT/config" "$ROOT/launch" -type f | sort)
   once workspace "$how $(echo "$sources" | sha256sum | cut -c1-16) $(digest "$ROOT"/setup.* "$ROOT"/package.xml \
-    $(find "$ROOT/msg_defs" -type f | sort))" "building rf_pointing and its interfaces" build_workspace colcon
+    $(find "$ROOT/msg_defs" "$ROOT/extern" -type f | sort))" "building rf_pointing and its interfaces" build_workspace colcon
   set +u
   # shellcheck disable=SC1091
   . "$STATE/install/local_setup.bash"

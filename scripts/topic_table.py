@@ -3,7 +3,8 @@ page that has them.
 
     scripts/run-python scripts/topic_table.py
 
-The table is made from `TOPICS` of rf_pointing/nodes/graph.py; a test compares the page with it.
+The table is made from `TOPICS` and `VIEWS` of rf_pointing/nodes/graph.py; a test compares the page
+with it.
 """
 
 import re
@@ -12,7 +13,7 @@ from pathlib import Path
 
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from rf_pointing.nodes.graph import TOPICS, Topic
+from rf_pointing.nodes.graph import TOPICS, VIEWS, Topic
 
 ROOT = Path(__file__).parents[1]
 BETWEEN = re.compile(r"(?<=<!-- topics -->\n).*?(?=<!-- /topics -->)", re.DOTALL)
@@ -20,8 +21,8 @@ BETWEEN = re.compile(r"(?<=<!-- topics -->\n).*?(?=<!-- /topics -->)", re.DOTALL
 
 def topic_table() -> str:
     """Return the Markdown table "Topics of one antenna"."""
-    head = ("topic", "type", "rate", "QoS", "published by")
-    rows = [head, ("---",) * len(head), *map(_row, TOPICS)]
+    head = ("topic", "type", "rate", "QoS", "published by", "frame")
+    rows = [head, ("---",) * len(head), *map(_row, (*TOPICS, *VIEWS))]
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
@@ -32,7 +33,9 @@ def pages() -> list[Path]:
 
 def _row(topic: Topic) -> tuple[str, ...]:
     meaning = f" ({topic.meaning})" if topic.meaning else ""
-    return f"`{topic.name}`{meaning}", f"`{topic.type_name}`", topic.rate, ", ".join(_qos(topic.qos)), topic.publisher
+    frame = f"`{topic.frame}`" if topic.frame else ""
+    qos = ", ".join(_qos(topic.qos))
+    return f"`{topic.name}`{meaning}", f"`{topic.type_name}`", topic.rate, qos, topic.publisher, frame
 
 
 def _qos(profile: QoSProfile) -> Iterator[str]:

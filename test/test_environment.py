@@ -26,7 +26,7 @@ build_workspace() { mkdir -p "$STATE/install"; touch "$STATE/install/local_setup
 def root(tmp_path: Path) -> Path:
     (tmp_path / "scripts").mkdir()
     shutil.copy(ROOT / "scripts/environment.sh", tmp_path / "scripts")
-    for folder in ("requirements", "msg_defs", "config", "launch"):
+    for folder in ("requirements", "msg_defs", "extern", "config", "launch"):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "one.txt").write_text("numpy==1.0\n")
     for name in ("setup.py", "setup.cfg", "package.xml"):

@@ -5,6 +5,7 @@ import importlib.util
 import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -43,8 +44,8 @@ def test_launched_nodes_are_executables() -> None:
     source = (ROOT / "rf_pointing/nodes/graph.py").read_text()
     named = set(re.findall(r'GraphNode\(\s*"(\w+)"', source))
     assert named
-    # The executive is started where it is wanted, and is no part of a graph.
-    named |= set(re.findall(r'EXECUTIVE = "(\w+)"', source))
+    # These are started where they are wanted, and are no part of a graph.
+    named |= set(re.findall(r'(?:EXECUTIVE|DESCRIPTION) = "(\w+)"', source))
     assert named == {name for name, room in executables().items() if room == "nodes"}
 
 
@@ -53,3 +54,15 @@ def test_versions_agree() -> None:
         found = ElementTree.parse(ROOT / manifest).getroot().findtext("version")
         assert found == __version__, manifest
     assert f'version="{__version__}"' in (ROOT / "setup.py").read_text()
+
+
+def test_every_file_of_config_is_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    import setuptools
+
+    given: dict[str, Any] = {}
+    monkeypatch.setattr(setuptools, "setup", given.update)
+    monkeypatch.chdir(ROOT)
+    exec(compile((ROOT / "setup.py").read_text(), "setup.py", "exec"), {"__name__": "setup"})
+    installed = {name for _, names in given["data_files"] for name in names}
+    wanted = {str(path.relative_to(ROOT)) for path in (ROOT / "config").rglob("*") if path.is_file()}
+    assert wanted <= installed

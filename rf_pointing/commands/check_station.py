@@ -1,8 +1,8 @@
 """Executable `check_station`: what is wrong in a station description, or what follows from it.
 
 Prints every problem with file, line, name, value and bound; without any, what the description
-gives, what was derived from it with the formula, and what a user should know.  Exit code 0: it can
-be used; 2: it cannot.
+gives, what was derived from it with the formula, and what a user should know.  `--urdf` prints the
+antenna's URDF instead.  Exit code 0: it can be used; 2: it cannot.
 """
 
 import argparse
@@ -12,7 +12,7 @@ from collections.abc import Iterable
 
 from rf_pointing.commands.options import ending_with_reason
 from rf_pointing.core import parameter_unit
-from rf_pointing.station.description import StationDescription, read_station, shipped_stations
+from rf_pointing.station.description import StationDescription, read_station, shipped_stations, urdf
 from rf_pointing.station.description.derivation import Band, Value, described_parameters
 
 WIDE = 84
@@ -29,6 +29,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
         action="store_true",
         help="print the simulated plant and its loops as well, and the nodes of each value",
     )
+    add("--urdf", action="store_true", help="print the antenna as a URDF, for robot_state_publisher and viewers")
     return parser.parse_args(argv)
 
 
@@ -87,7 +88,7 @@ def main(argv: list[str] | None = None) -> None:
     with ending_with_reason("check_station"):
         station = read_station(options.station)
         band = station.default_band if options.band is None else options.band
-        print("\n".join(report(station, band, options.all)))
+        print(urdf(station) if options.urdf else "\n".join(report(station, band, options.all)))
     sys.exit(0)
 
 

@@ -285,7 +285,7 @@ class AntennaServo(StationNode):
         except ValueError as error:
             refused = self._antenna.reject(str(error))
         if refused:
-            self.get_logger().warning(f"command rejected: {refused}", throttle_duration_sec=1.0)
+            self.log_once("command rejected", refused)
 
     def _stop(self, _request: Trigger.Request) -> str:
         self._antenna.stop("stop was requested")
@@ -337,7 +337,7 @@ class AntennaServo(StationNode):
         level = ERROR if status.fault else WARN if any(status.at_limit) or status.warning else OK
         fault = self._antenna.safety.latch.fault
         rejected = {"commands_rejected": status.commands_rejected, "last_rejection": status.last_rejection}
-        before = {"fault_at": f"{fault.t_s:.3f}", "last_commands": " | ".join(fault.lines())} if fault else {}
+        before = {"fault_at_s": f"{fault.t_s:.3f}", "last_commands": " | ".join(fault.lines())} if fault else {}
         values = {"commands_accepted": status.commands_accepted, "commander": status.commander, **rejected, **before}
         return Health(level, status.fault or status.warning or status.mode, values)
 
@@ -345,10 +345,10 @@ class AntennaServo(StationNode):
         hardware = self._antenna.hardware
         rotator, reading = hardware.rotator, hardware.rotator.reading
         counts = rotator.counts()
-        values = {f"lost: {name}": count for name, count in hardware.drive.losses.items()} | {
-            "set points since tracking began": counts.commands,
-            "starts of azimuth and elevation": f"{counts.starts[0]}, {counts.starts[1]}",
-            "changes of direction": f"{counts.reversals[0]}, {counts.reversals[1]}",
+        values = {f"lost {name}": count for name, count in hardware.drive.losses.items()} | {
+            "set_points": counts.commands,
+            **{f"{axis}_starts": count for axis, count in zip(AXES, counts.starts, strict=True)},
+            **{f"{axis}_reversals": count for axis, count in zip(AXES, counts.reversals, strict=True)},
             "latency_s": f"{rotator.latency_s:.2f}",
             "age_s": f"{reading.age_s(self.now_s()):.2f}",
             "status": reading.status,
@@ -364,7 +364,7 @@ class AntennaServo(StationNode):
     def _oscillation_health(self) -> Health:
         watch = dict(zip(AXES, self._antenna.axes.loops.watch, strict=True))
         found = "; ".join(f"{axis}: {seen.reason}" for axis, seen in watch.items() if seen.oscillating)
-        swings = {f"{axis} swings in a row": len(seen.state.row) for axis, seen in watch.items()}
+        swings = {f"{axis}_swings_in_a_row": len(seen.state.row) for axis, seen in watch.items()}
         return Health(ERROR if found else OK, found or "none", swings)
 
 

@@ -1,5 +1,7 @@
 """Health of a node on /diagnostics once a second, in the form of REP-107."""
 
+import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -10,6 +12,8 @@ from rclpy.node import Node
 from rf_pointing.nodes.qos import STREAM
 
 OK, WARN, ERROR = LEVELS = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+QUIET_S, SHORTEST_S, MOST_EVENTS = 60.0, 1.0, 200
+_NUMBER = re.compile(r"\d+(\.\d+)?(e[+-]?\d+)?")
 
 
 @dataclass
@@ -19,6 +23,33 @@ class Health:
     level: bytes = OK
     message: str = "ok"
     values: dict[str, object] = field(default_factory=dict)
+
+
+class EventLog:
+    """Decides what is news: /rosout says an event once, however often it repeats.
+
+    Numbers in the words do not make another event.  One that has not come for `QUIET_S` is news
+    again, and each subject is news once in `SHORTEST_S` at most.
+    """
+
+    def __init__(self) -> None:
+        self._seen: dict[tuple[str, str], float] = {}
+        self._logged: dict[str, float] = {}
+
+    def is_news(self, subject: str, words: str, wall_s: float) -> bool:
+        """Return whether to log `words` about `subject`."""
+        event = subject, _NUMBER.sub("#", words)
+        repeated = wall_s - self._seen.pop(event, -math.inf) < QUIET_S
+        if not repeated and wall_s - self._logged.get(subject, -math.inf) < SHORTEST_S:
+            # Not noted, so that it is news when it lasts.
+            return False
+        # At the end: the first of the table is the one that has been silent the longest.
+        self._seen[event] = wall_s
+        if len(self._seen) > MOST_EVENTS:
+            del self._seen[next(iter(self._seen))]
+        if not repeated:
+            self._logged[subject] = wall_s
+        return not repeated
 
 
 class Diagnostics:

@@ -133,7 +133,7 @@ class EphemerisPublisher(StationNode):
         except ValueError as error:
             # What is set while the node runs may need more than elements or an ephemeris can give.
             self._unknown = str(error)
-            self.get_logger().warning(f"no target is published: {error}", throttle_duration_sec=10.0)
+            self.log_once("no target is published", str(error))
             return
         self._unknown = ""
         self._targets.publish(convert.target_to_message(target, self._uncertainty(t_s)))
@@ -277,7 +277,7 @@ class EphemerisPublisher(StationNode):
         try:
             return ephemeris.sky_uncertainty(self._track, t_s, self.parameters.value("uncertainty"))
         except ValueError as error:
-            self.get_logger().warning(f"uncertainty unknown: {error}", throttle_duration_sec=60.0)
+            self.log_once("uncertainty unknown", str(error))
             return None
 
     def _orientation_values(self) -> dict[str, float]:

@@ -13,9 +13,12 @@ from rclpy.qos import QoSProfile
 from rf_pointing_msgs import msg as ours
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
 
 from rf_pointing.nodes.qos import COMMAND, EXPERIMENT, IN_USE, LATCHED, SAMPLES, STATUS, STREAM
+from rf_pointing.station.description.urdf import BASE, BEAM
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,8 @@ class Topic:
     publisher: str = ""
     meaning: str = ""
     allowed_lag_s: float | None = None
+    frame: str = BASE
+    """Of the header, below the antenna's namespace; "" where the header names no frame of ours."""
 
     @property
     def type_name(self) -> str:
@@ -62,21 +67,24 @@ ESSENTIAL = "antenna_status"
 
 EXECUTIVE = "station_executive"
 """The node of a night without an operator; a station without it is whole."""
+DESCRIPTION = "station_description"
+"""The node that shows a station to viewers; a station without it is whole."""
 STATION_IN_USE = "station_in_use"
 SCHEDULE = "schedule"
 EXECUTIVE_STATUS = "executive_status"
 WIND, TEMPERATURE, PRESSURE, HUMIDITY = (f"weather/{name}" for name in ("wind", "temperature", "pressure", "humidity"))
 """What a station's own instruments publish."""
 _POINTING_ERROR = Topic(
-    "pointing_error", ours.PointingError, STREAM, "10 Hz, conscan once a scan", allowed_lag_s=_ONE_CLUSTER_S
-)
+    "pointing_error", ours.PointingError, STREAM, "10 Hz, conscan once a scan", allowed_lag_s=_ONE_CLUSTER_S,
+    frame=BEAM,
+)  # fmt: skip
 _TARGET_MEANING = "direction, rates, range, Doppler, light time, refraction, covariance"
 
 # Of each node the clock waits for the topic that the node publishes last in a period.  What the
 # node published before (the command, the samples) has then reached its receivers, and the tick
 # cannot overtake it: with a topic published earlier it did, once in some minutes on a busy machine.
 GRAPH = (
-    GraphNode("simulation_clock", (Topic("clock", Clock, STREAM, "50 Hz (10 Hz above 3×)"),), simulated=True),
+    GraphNode("simulation_clock", (Topic("clock", Clock, STREAM, "50 Hz (10 Hz above 3×)", frame=""),), simulated=True),
     GraphNode(
         "antenna_servo",
         (
@@ -90,10 +98,10 @@ GRAPH = (
     GraphNode(
         "rf_receiver",
         (
-            Topic("monopulse", ours.Monopulse, STREAM, "10 Hz, 5 samples each"),
-            Topic("carrier_power", ours.CarrierPower, STREAM, "10 Hz"),
+            Topic("monopulse", ours.Monopulse, STREAM, "10 Hz, 5 samples each", frame=BEAM),
+            Topic("carrier_power", ours.CarrierPower, STREAM, "10 Hz", frame=BEAM),
             Topic("sim/pointing_error", ours.PointingError, STREAM, "10 Hz", meaning="truth of the simulation",
-                  allowed_lag_s=_ONE_PERIOD_S),
+                  allowed_lag_s=_ONE_PERIOD_S, frame=BEAM),
         ),
         simulated=True,
     ),
@@ -112,7 +120,8 @@ GRAPH = (
         "pointing_controller",
         (
             Topic("pass_certificate", ours.PassCertificate, LATCHED, "latched"),
-            Topic("joint_trajectory", JointTrajectory, COMMAND, "10 Hz, 0.1 to 1 s ahead"),
+            # Its frame_id is the name of the node that commands.
+            Topic("joint_trajectory", JointTrajectory, COMMAND, "10 Hz, 0.1 to 1 s ahead", frame=""),
             Topic("tracking_status", ours.TrackingStatus, STREAM, "10 Hz", allowed_lag_s=_ONE_PERIOD_S),
         ),
     ),
@@ -134,7 +143,8 @@ def _topics() -> tuple[Topic, ...]:
         Topic(EXECUTIVE_STATUS, ours.ExecutiveStatus, STATUS, "1 Hz", EXECUTIVE, "what it does, and the alarms"),
     )
     in_use = Topic(STATION_IN_USE, ours.StationInUse, IN_USE, "latched", every, "station description and band")
-    return (*found.values(), *executive, in_use, Topic("/diagnostics", DiagnosticArray, STREAM, "1 Hz", every))
+    health = Topic("/diagnostics", DiagnosticArray, STREAM, "1 Hz", every, frame="")
+    return (*found.values(), *executive, in_use, health)
 
 
 def topics_of(names: Collection[str]) -> tuple[Topic, ...]:
@@ -150,6 +160,15 @@ def topics_of(names: Collection[str]) -> tuple[Topic, ...]:
 
 
 TOPICS = _topics()
+VIEWS = (
+    Topic("robot_description", String, LATCHED, "latched", DESCRIPTION, "the URDF", frame=""),
+    # Each marker has a frame of its own.
+    Topic("beam_markers", MarkerArray, STREAM, "5 Hz", DESCRIPTION, "beam, target and Sun", frame=""),
+    Topic("sky_markers", MarkerArray, LATCHED, "latched", DESCRIPTION, "horizon mask and pass", frame=""),
+)
+"""What viewers show; all of it follows from `TOPICS`, so it is not recorded."""
+FRAMES = {topic.name: topic.frame for topic in TOPICS if topic.frame}
+"""Frame in the header of each topic."""
 NODES = tuple(node.name for node in GRAPH)
 """Executables of a simulated antenna."""
 STATION_NODES = tuple(node.name for node in GRAPH if not node.simulated)

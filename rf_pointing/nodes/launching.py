@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ament_index_python.packages import get_package_share_directory
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import LifecycleNode
+from launch_ros.actions import LifecycleNode, Node
 
-from rf_pointing.nodes.graph import EXECUTIVE
+from rf_pointing.nodes.graph import DESCRIPTION, EXECUTIVE
 from rf_pointing.station.antenna.memory import state_files, state_folder
-from rf_pointing.station.description import read_station
+from rf_pointing.station.description import StationDescription, read_station, urdf
 
 RESPAWN_DELAY_S = 0.5
 # The publisher predicts the target, and the simulated receiver receives it.
@@ -49,6 +49,9 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
         ),
         network_argument(),
         DeclareLaunchArgument("executive", default_value="false", description="whether station_executive is started"),
+        DeclareLaunchArgument(
+            "description", default_value="true", description="whether viewers get URDF, tf and markers of the station"
+        ),
         DeclareLaunchArgument("respawn", default_value="true", description="start nodes again that have ended"),
     ]
 
@@ -83,8 +86,12 @@ def network_environment(network: str) -> dict[str, str]:
 
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
     """Return the actions that start `names`."""
+    simulated = "simulation_clock" in names
     executive = (EXECUTIVE,) if LaunchConfiguration("executive").perform(context) == "true" else ()
-    return [_node(context, name, simulated="simulation_clock" in names) for name in (*names, *executive)]
+    actions = [_node(context, name, simulated=simulated) for name in (*names, *executive)]
+    if LaunchConfiguration("description").perform(context) == "true":
+        actions += _description(context, simulated=simulated)
+    return actions
 
 
 def station_nodes(context: Any, names: Sequence[str]) -> list[Any]:
@@ -92,15 +99,48 @@ def station_nodes(context: Any, names: Sequence[str]) -> list[Any]:
 
     A station whose drive is simulated has a driver of its own on joint_trajectory.
     """
+    station = _station(context)
+    simulated = station is None or station.drive["type"] == "simulated"
+    return managed_nodes(context, names if simulated else ("antenna_servo", *names))
+
+
+def _station(context: Any) -> StationDescription | None:
+    """Return the station, None for one that every node refuses and says why."""
     try:
-        drive = read_station(str(LaunchConfiguration("station").perform(context))).drive["type"]
+        return read_station(str(LaunchConfiguration("station").perform(context)))
     except (ValueError, OSError):
-        # Every node refuses such a station and says why.
-        drive = "simulated"
-    return managed_nodes(context, names if drive == "simulated" else ("antenna_servo", *names))
+        return None
 
 
-def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:
+def _description(context: Any, *, simulated: bool) -> list[Any]:
+    """Return the node that draws the station, and where it is installed robot_state_publisher."""
+    station = _station(context)
+    try:
+        get_package_prefix("robot_state_publisher")
+    except PackageNotFoundError:
+        station = None
+    if station is None:
+        return [_node(context, DESCRIPTION, simulated=simulated)]
+    namespace = str(LaunchConfiguration("namespace").perform(context))
+    publisher = Node(
+        package="robot_state_publisher",
+        executable="robot_state_publisher",
+        name="robot_state_publisher",
+        namespace=namespace,
+        parameters=[
+            {"robot_description": urdf(station), "frame_prefix": f"{namespace.strip('/')}/"},
+            {"use_sim_time": LaunchConfiguration("use_sim_time").perform(context) == "true"},
+        ],
+        remappings=[("/clock", "clock")] if simulated else [],
+        additional_env=network_environment(LaunchConfiguration("network").perform(context)),
+        respawn=LaunchConfiguration("respawn").perform(context) == "true",
+        respawn_delay=RESPAWN_DELAY_S,
+        output="screen",
+    )
+    return [_node(context, DESCRIPTION, simulated=simulated, state_publisher=True), publisher]
+
+
+def _node(context: Any, name: str, *, simulated: bool, state_publisher: bool = False) -> LifecycleNode:
     def given(argument: str) -> str:
         return str(LaunchConfiguration(argument).perform(context))
 
@@ -115,6 +155,8 @@ def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:
         parameters.append(
             {"executive.state_file": str(kept / "station_executive.json"), "executive.folder": str(kept / "nights")}
         )
+    if state_publisher:
+        parameters.append({"view.publish_tf": False})
     if name == "simulation_clock":
         parameters.append({"start_s": float(given("start_s")), "speed": float(given("speed"))})
     else:

@@ -19,12 +19,21 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.publisher import Publisher
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, Health
+from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, EventLog, Health
+from rf_pointing.nodes.graph import FRAMES
 from rf_pointing.nodes.main_loop import InstanceLock
 from rf_pointing.nodes.params import ParameterGroups
 from rf_pointing.nodes.qos import LATCHED
 from rf_pointing.nodes.stamps import seconds_from_stamp
-from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher, checked_message, require_length
+from rf_pointing.nodes.streams import (
+    FramedPublisher,
+    InputCounter,
+    Latest,
+    SequencedPublisher,
+    checked_message,
+    frame_in,
+    require_length,
+)
 
 # A message of this length takes 20 ms to decode; it is ten times that of any stream.
 STREAM_BYTES = 256 * 1024
@@ -95,7 +104,7 @@ class ManagedNode(LifecycleNode):
         self.parameters.declare("lifecycle", LifecycleParams())
         self.brings_itself_up: bool = self.parameters.value("lifecycle").autostart
         self.diagnostics = Diagnostics(self)
-        self.inputs = InputCounter()
+        self.inputs, self._events = InputCounter(), EventLog()
         self.diagnostics.add("state", self._state_health)
         self.diagnostics.add("inputs", self.inputs.health)
         self._state_name = "unconfigured"
@@ -189,9 +198,16 @@ class ManagedNode(LifecycleNode):
     def survived(self, where: str, error: BaseException) -> None:
         """Count an error of a callback that was not foreseen, and go on."""
         self.inputs.note_error(where, error)
-        self.get_logger().error(
-            f"{where}: {type(error).__name__}: {error}; please report it", throttle_duration_sec=1.0
-        )
+        self.log_once(where, f"{type(error).__name__}: {error}; please report it", error=True)
+
+    def log_once(self, subject: str, words: str, *, error: bool = False) -> None:
+        """Log what may repeat with every message or period; its count is on /diagnostics."""
+        if self._events.is_news(subject, words, time.monotonic()):
+            # rclpy refuses another severity at the same place.
+            if error:
+                self.get_logger().error(f"{subject}: {words}")
+            else:
+                self.get_logger().warning(f"{subject}: {words}")
 
     def listen(
         self,
@@ -237,7 +253,7 @@ class ManagedNode(LifecycleNode):
             except ValueError as error:
                 self.inputs.note_refusal(topic, str(error))
                 refused(str(error))
-                self.get_logger().warning(f"{topic} ignored: {error}", throttle_duration_sec=1.0)
+                self.log_once(f"{topic} ignored", str(error))
             except Exception as error:
                 self.survived(topic, error)
 
@@ -278,11 +294,13 @@ class ManagedNode(LifecycleNode):
         """Create a publisher that numbers its messages."""
         return SequencedPublisher(self.publisher(message_type, topic, qos))
 
-    def publisher(self, message_type: Any, topic: str, qos: Any) -> Publisher:
-        """Create a publisher that lasts until cleanup."""
+    def publisher(self, message_type: Any, topic: str, qos: Any) -> Publisher | FramedPublisher:
+        """Create a publisher that lasts until cleanup; it sets the frame that `FRAMES` names."""
         publisher = self.create_publisher(message_type, topic, qos)
         self._at_cleanup.callback(self.destroy_publisher, publisher)
-        return publisher
+        if topic not in FRAMES:
+            return publisher
+        return FramedPublisher(publisher, frame_in(self.get_namespace(), FRAMES[topic]))
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         self.parameters.refuse_unknown()

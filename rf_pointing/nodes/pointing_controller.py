@@ -270,7 +270,7 @@ class PointingControllerNode(StationNode):
         try:
             reading = self._joints.take(until_s)
         except ValueError as error:
-            self.get_logger().warning(f"joint_states ignored: {error}", throttle_duration_sec=1.0)
+            self.log_once("joint_states ignored", str(error))
             return
         if reading is not None:
             self._controller.take_joints(reading)

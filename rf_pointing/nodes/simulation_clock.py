@@ -193,8 +193,8 @@ class SimulationClock(ManagedNode):
     def _health(self) -> Health:
         pacer = self._pacer
         values: dict[str, object] = {"time_s": pacer.now_s}
-        values |= {f"waits for {name}": stream.waits for name, stream in pacer.streams.items()}
-        values |= {f"abandoned waits for {name}": stream.abandoned for name, stream in pacer.streams.items()}
+        values |= {f"waited {name}": stream.waits for name, stream in pacer.streams.items()}
+        values |= {f"abandoned {name}": stream.abandoned for name, stream in pacer.streams.items()}
         return Health(message="running" if self.active else "held", values=values)
 
 

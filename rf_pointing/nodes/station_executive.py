@@ -33,7 +33,7 @@ from rf_pointing_msgs.srv import ChangeSchedule, Named
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from rf_pointing.core import Params, parameter
+from rf_pointing.core import AXES, Params, parameter
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.core.whole_file import KeptState, read_whole
@@ -224,8 +224,9 @@ class StationExecutive(StationNode):
             if name == "bias_calibrator" and check == "model":
                 self._healths["model"] = {"health": status.message, "level": LEVELS.index(status.level)}
             if check == "device":
-                starts = {pair.key: pair.value for pair in status.values if pair.key.startswith("starts")}
-                self._healths["relays"] = {"starts": next(iter(starts.values()), "")}
+                values = {pair.key: pair.value for pair in status.values}
+                starts = [values[key] for key in (f"{axis}_starts" for axis in AXES) if key in values]
+                self._healths["relays"] = {"starts": ", ".join(starts)}
 
     def _observe(self, now_s: float) -> None:
         """Note what no message carries: silence, disk, recorder."""

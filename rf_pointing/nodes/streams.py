@@ -34,10 +34,27 @@ def _source(message: Any) -> str:
     return str(getattr(message, "sensor", ""))
 
 
+def frame_in(namespace: str, frame: str) -> str:
+    """Return the name of an antenna's frame on /tf, which all antennas share."""
+    return f"{namespace}/{frame}".strip("/")
+
+
+class FramedPublisher:
+    """Publishes with the frame of its topic in the header."""
+
+    def __init__(self, publisher: Publisher, frame_id: str) -> None:
+        self._publisher, self._frame_id = publisher, frame_id
+
+    def publish(self, message: Any) -> None:
+        """Publish a message that has a header."""
+        message.header.frame_id = self._frame_id
+        self._publisher.publish(message)
+
+
 class SequencedPublisher:
     """Numbers every message of a stream, for each sensor separately: a recording shows losses."""
 
-    def __init__(self, publisher: Publisher) -> None:
+    def __init__(self, publisher: Publisher | FramedPublisher) -> None:
         self._publisher = publisher
         self._sequences: Counter[str] = Counter()
 

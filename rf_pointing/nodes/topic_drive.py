@@ -18,6 +18,8 @@ from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading
 from rf_pointing.drives.drive import POSITION, RATE
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.nodes.streams import frame_in
+from rf_pointing.station.description.urdf import BASE
 
 Pair = tuple[float, float]
 
@@ -83,6 +85,7 @@ class TopicDrive(Drive):
     def _publish(self, **values: list[float]) -> None:
         message = JointState(name=list(AXES), **values)
         message.header.stamp = stamp_from_seconds(self._t_s)
+        message.header.frame_id = frame_in(self._node.get_namespace(), BASE)
         self._set_points.publish(message)
 
     def _on_state(self, message: Any) -> None:

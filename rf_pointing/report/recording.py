@@ -164,6 +164,12 @@ class _Collector:
 
         return count
 
+    def _is_ours(self, name: str) -> bool:
+        """Return whether a status is of this antenna: its nodes put their namespace before it."""
+        node = name.lstrip("/").partition(":")[0]
+        # One without a namespace is of no antenna in particular, as a host or a driver.
+        return "/" not in node or node.startswith(f"{self._namespace.strip('/')}/")
+
     def _take_diagnostics(self, _log_time_ns: int, raw: bytes) -> None:
         self.others["/diagnostics"] += 1
         try:
@@ -171,7 +177,7 @@ class _Collector:
         except _DECODE_ERRORS:
             return
         for status in message.status:
-            if status.level:
+            if status.level and self._is_ours(status.name):
                 # A message with a count in it changes every second, but is one warning.
                 key = (status.name, _NUMBER.sub("#", status.message))
                 self.warnings[key] = (status.message, self.warnings.get(key, ("", 0))[1] + 1)

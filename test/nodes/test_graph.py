@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from rf_pointing.nodes.graph import ESSENTIAL, EXECUTIVE, GRAPH, NODES, STATION_NODES, TOPICS
+from rf_pointing.nodes.graph import ESSENTIAL, EXECUTIVE, GRAPH, NODES, STATION_NODES, TOPICS, VIEWS
 from rf_pointing.report.topics import TOPICS as REPORTED
 
 ROOT = Path(__file__).parents[2]
@@ -33,9 +33,10 @@ def test_the_documentation_has_the_table_once_and_as_the_generator_prints_it(scr
 def test_the_table_has_a_row_of_type_quality_of_service_and_publisher_for_every_topic(script: Any) -> None:
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in script.topic_table().splitlines()[2:]]
     cells = {re.findall(r"`([^`]+)`", row[0])[0]: row[1:] for row in rows}
-    assert list(cells) == [topic.name for topic in TOPICS]
+    assert list(cells) == [topic.name for topic in (*TOPICS, *VIEWS)]
     assert cells["pass_certificate"] == [
         "`rf_pointing_msgs/PassCertificate`", "latched", "reliable, transient local, 1", "pointing_controller",
+        "`base_link`",
     ]  # fmt: skip
     assert cells["joint_trajectory"][2] == "reliable, 1, deadline 0.5 s, lifespan 1 s"
     assert cells["pointing_error"][3] == "monopulse_tracker, conscan_tracker"

@@ -1,6 +1,7 @@
 """The launch files start the nodes of the graph with the parameters of their arguments (`launch` itself is a stub)."""
 
 import importlib.util
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -10,7 +11,8 @@ from typing import Any
 import pytest
 
 import rf_pointing
-from rf_pointing.nodes.graph import NODES, STATION_NODES
+from rf_pointing.nodes.graph import DESCRIPTION, NODES, STATION_NODES
+from rf_pointing.station.description import read_station, urdf
 
 FOLDER = Path(__file__).parents[2] / "launch"
 
@@ -43,7 +45,7 @@ def given(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
         "launch.actions": {"DeclareLaunchArgument": Argument, "OpaqueFunction": Action},
         "launch.substitutions": {"LaunchConfiguration": Configuration},
         "launch_ros": {},
-        "launch_ros.actions": {"LifecycleNode": Action},
+        "launch_ros.actions": {"LifecycleNode": Action, "Node": Action},
     }
     for name, members in contents.items():
         stub = ModuleType(name)
@@ -70,7 +72,7 @@ def launched(name: str) -> dict[str, dict[str, Any]]:
 def test_the_simulated_station_has_every_node_and_its_own_time(given: dict[str, str]) -> None:
     given["speed"] = "0"
     nodes = launched("simulated_station")
-    assert tuple(nodes) == NODES
+    assert tuple(nodes) == (*NODES, DESCRIPTION)
     assert all(node["remappings"] == [("/clock", "clock")] for node in nodes.values())
     assert {"start_s": 1151384173.0, "speed": 0.0} in nodes["simulation_clock"]["parameters"]
     assert {"use_sim_time": True} in nodes["antenna_servo"]["parameters"]
@@ -81,7 +83,7 @@ def test_the_simulated_station_has_every_node_and_its_own_time(given: dict[str, 
 def test_a_station_with_its_own_drivers_keeps_the_other_nodes_and_the_time_of_the_system(given: dict[str, str]) -> None:
     given |= {"namespace": "gs7", "params_file": "my.yaml", "autostart": "false", "station": "dish.yaml", "band": "S"}
     nodes = launched("single_antenna")
-    assert tuple(nodes) == STATION_NODES
+    assert tuple(nodes) == (*STATION_NODES, DESCRIPTION)
     for node in nodes.values():
         assert node["namespace"] == "gs7"
         assert not any("state_file" in each for each in node["parameters"] if isinstance(each, dict))
@@ -98,7 +100,30 @@ def test_a_station_with_a_drive_starts_the_control_unit_on_it(given: dict[str, s
     station = shutil.copytree(shipped, tmp_path / "stations") / "dss13.yaml"
     station.write_text(station.read_text() + "\ndrive: {type: hamlib}\n")
     given["station"] = str(station)
-    assert tuple(launched("single_antenna")) == ("antenna_servo", *STATION_NODES)
+    assert tuple(launched("single_antenna")) == ("antenna_servo", *STATION_NODES, DESCRIPTION)
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_robot_state_publisher_turns_the_joints_where_it_is_installed(
+    given: dict[str, str], installed: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    if installed:
+        index = tmp_path / "share/ament_index/resource_index/packages"
+        index.mkdir(parents=True)
+        (index / "robot_state_publisher").touch()
+        monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path}:{os.environ['AMENT_PREFIX_PATH']}")
+    given |= {"namespace": "/north/gs7", "station": "leo_3m7"}
+    nodes = launched("simulated_station")
+    assert ("robot_state_publisher" in nodes) == installed
+    assert ({"view.publish_tf": False} in nodes[DESCRIPTION]["parameters"]) == installed
+    if installed:
+        first, second = nodes["robot_state_publisher"]["parameters"]
+        assert first == {"robot_description": urdf(read_station("leo_3m7")), "frame_prefix": "north/gs7/"}
+        assert second == {"use_sim_time": True}
+        assert nodes["robot_state_publisher"]["remappings"] == [("/clock", "clock")]
+        assert nodes["robot_state_publisher"]["namespace"] == "/north/gs7"
+    given["description"] = "false"
+    assert tuple(launched("simulated_station")) == NODES
 
 
 def test_a_real_antenna_is_not_started_with_the_numbers_of_another(given: dict[str, str]) -> None:

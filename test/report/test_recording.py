@@ -222,6 +222,12 @@ def test_what_diagnostics_complained_about_is_counted(tmp_path: Path, types: Def
                 (1, "receiver", f"{count} samples, {0.5 * count} s late"),
             )
         ]
+        for name, text in (
+            ("gs10/antenna_servo: drive", "fault"),
+            ("/gs2/receiver", "late"),
+            ("cpu: temperature", "70 C"),
+        ):
+            status.append(maker.message("diagnostic_msgs/msg/DiagnosticStatus", level=2, name=name, message=text))
         return bytes(maker.serialized(kind, status=status))
 
     with BagWriter(tmp_path / "bag", types) as bag:
@@ -230,7 +236,9 @@ def test_what_diagnostics_complained_about_is_counted(tmp_path: Path, types: Def
         for log_time_ns in range(3):
             bag.write("/diagnostics", log_time_ns, said(log_time_ns))
     recording = read_recording(tmp_path / "bag")
-    assert recording.warnings == (Complaint(component="gs1/receiver", message="2 samples, 1.0 s late", count=3),)
+    # Another antenna shares the topic; a host belongs to both.
+    assert recording.warnings[0] == Complaint(component="cpu: temperature", message="70 C", count=3)
+    assert recording.warnings[1:] == (Complaint(component="gs1/receiver", message="2 samples, 1.0 s late", count=3),)
     assert recording.others == {"/diagnostics": 3}
 
 

@@ -43,7 +43,7 @@ _TORQUE_FIELDS = {
 
 def frame_to_message(frame: TripulseFrame, sample_rate_hz: float) -> ours.TripulseFrame:
     message = ours.TripulseFrame(station=frame.station, frame=frame.sequence, sample_rate=sample_rate_hz)
-    message.header.stamp = stamp_from_seconds(frame.t_s)
+    message.header.stamp, message.header.frame_id = stamp_from_seconds(frame.t_s), ARRAY_FRAME
     message.steering = frame.steering
     message.samples_i, message.samples_q = frame.samples.real.tolist(), frame.samples.imag.tolist()
     return message
@@ -74,7 +74,7 @@ def line_to_message(measured: TripulseMeasurement) -> ours.TripulseMeasurement:
         frequency_shift=float(measured.shift_hz),
         estimator=measured.estimator,
     )
-    message.header.stamp = stamp_from_seconds(measured.t_s)
+    message.header.stamp, message.header.frame_id = stamp_from_seconds(measured.t_s), ARRAY_FRAME
     message.projections, message.covariance = measured.projections, np.ravel(measured.covariance)
     return message
 

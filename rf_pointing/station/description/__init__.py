@@ -14,6 +14,7 @@ from rf_pointing.station.description.description import (
     station_from,
 )
 from rf_pointing.station.description.reading import StationError
+from rf_pointing.station.description.urdf import urdf
 
 __all__ = [
     "DEFAULT_STATION",
@@ -24,4 +25,5 @@ __all__ = [
     "read_station",
     "shipped_stations",
     "station_from",
+    "urdf",
 ]

@@ -1,0 +1,147 @@
+"""Executable `station_description`: the antenna as viewers show it.
+
+Subscribes: joint_states, target, pass_profiles.
+Publishes: beam_markers (5 Hz: beam, target, the zone around the Sun) and sky_markers (latched:
+horizon mask, the pass in progress or the next one) as visualization_msgs/MarkerArray; /tf_static
+(where the antenna stands on the Earth); and unless robot_state_publisher does it (view.publish_tf)
+robot_description (latched) and /tf.  Parameters: view.*.
+
+The tree is earth (REP-105) -> base_link (x east, y north, z up, at the intersection of the axes)
+-> azimuth_link -> elevation_link -> beam, all but earth below the antenna's namespace.  The beam is
+that of the joints: errors of the mount, some tenths of a degree at most, are not drawn.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.qos import QoSProfile
+from rf_pointing_msgs.msg import PassProfileList, Target
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
+
+try:
+    from tf2_msgs.msg import TFMessage
+except ImportError:
+    # ROS without tf2: nobody there can use a transform.
+    TFMessage = None
+
+from rf_pointing.core import Params, parameter
+from rf_pointing.ephemeris.solar import SolarDirection, SunParams
+from rf_pointing.nodes import convert, convert_planning
+from rf_pointing.nodes import convert_description as draw
+from rf_pointing.nodes.diagnostics import Health
+from rf_pointing.nodes.graph import DESCRIPTION
+from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.qos import LATCHED, STREAM
+from rf_pointing.nodes.station_node import StationNode
+from rf_pointing.nodes.streams import frame_in
+from rf_pointing.planning import PassProfile
+from rf_pointing.station.description import urdf
+from rf_pointing.station.description.derivation import Band
+from rf_pointing.station.description.urdf import BASE, BEAM, size_m
+
+TF_PERIOD_S = 0.05
+"""Of robot_state_publisher as well, by default."""
+TF = QoSProfile(depth=100)
+SIZES = 3.0
+"""Radius of the sphere of directions, in diameters of the antenna."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewParams(Params):
+    """What is drawn, and how often."""
+
+    publish_tf: bool = parameter(
+        True, "whether robot_description and the joints' transforms are published; false for robot_state_publisher"
+    )
+    radius_m: float = parameter(
+        0.0, "radius of the sphere on which directions are drawn; 0: three diameters of the antenna", low=0.0, high=1e5
+    )
+    period_s: float = parameter(0.2, "time between two drawings of beam, target and Sun", low=0.2, high=10.0)
+
+
+class StationDescriptionNode(StationNode):
+    """Draws what others publish; nothing depends on it."""
+
+    def __init__(self) -> None:
+        super().__init__(DESCRIPTION)
+        self.parameters.declare("view", ViewParams())
+        self._profiles: list[PassProfile] = []
+        self._drawn: PassProfile | None = None
+
+    def configure(self) -> None:
+        params: ViewParams = self.parameters.value("view")
+        numbers = Band(self.station.content, self.band)
+        self._radius_m = params.radius_m or SIZES * size_m(self.station)
+        self._beamwidth_rad = math.radians(numbers.beamwidth_deg)
+        self._zone_rad = math.radians(self.station.content.sun.radius_deg)
+        self._base, self._beam = (frame_in(self.get_namespace(), name) for name in (BASE, BEAM))
+        self._sun = SolarDirection(SunParams(watched=self._zone_rad > 0.0, site=self.station.site))
+        self._profiles, self._drawn = [], None
+        self._targets = self.listen_latest(Target, "target", convert.target_from_message, STREAM)
+        self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
+        self.listen(PassProfileList, "pass_profiles", self._on_profiles, LATCHED)
+        self._moving = self.publisher(MarkerArray, "beam_markers", STREAM)
+        self._latched = self.publisher(MarkerArray, "sky_markers", LATCHED)
+        self._tf = self._describe(params.publish_tf)
+        self._draw_sky()
+        self.diagnostics.add("view", self._health)
+
+    def _describe(self, joints: bool) -> Any:
+        """Publish URDF and what is fixed; return the publisher of the joints' transforms."""
+        if joints:
+            self.publisher(String, "robot_description", LATCHED).publish(String(data=urdf(self.station)))
+        if TFMessage is None:
+            return None
+        namespace = self.get_namespace()
+        fixed = [draw.site_transform(self.station.site, namespace), *([draw.beam_transform(namespace)] * joints)]
+        self.publisher(TFMessage, "/tf_static", LATCHED).publish(TFMessage(transforms=fixed))
+        return self.publisher(TFMessage, "/tf", TF) if joints else None
+
+    def activate(self) -> None:
+        if self._tf is not None:
+            self.every(TF_PERIOD_S, self._turn)
+        self.every(self.parameters.value("view").period_s, self._draw)
+
+    def _turn(self, _now_s: float) -> None:
+        reading = self._joints.take()
+        if reading is not None:
+            self._tf.publish(TFMessage(transforms=draw.joint_transforms(reading, self.get_namespace())))
+
+    def _draw(self, now_s: float) -> None:
+        markers = draw.beam_markers(self._beam, self._radius_m, self._beamwidth_rad)
+        # Targets are published ahead of their time.
+        if target := self._targets.take(now_s):
+            markers += draw.target_markers(target, self._base, self._radius_m)
+        if direction := self._sun.at(now_s):
+            markers.append(draw.sun_marker(direction, self._zone_rad, self._base, self._radius_m))
+        self._moving.publish(draw.marker_array(markers, now_s))
+        if self._pass_at(now_s) is not self._drawn:
+            self._draw_sky()
+
+    def _on_profiles(self, message: PassProfileList) -> None:
+        self._profiles = [convert_planning.profile_from_message(each) for each in message.profiles]
+        self._draw_sky()
+
+    def _draw_sky(self) -> None:
+        self._drawn = self._pass_at(self.now_s())
+        mask = draw.mask_marker(self.station.mask, self._base, self._radius_m)
+        profile = draw.pass_marker(self._drawn, self._base, self._radius_m)
+        self._latched.publish(draw.marker_array([mask, profile]))
+
+    def _pass_at(self, now_s: float) -> PassProfile | None:
+        """Return the pass in progress, or the next one."""
+        return next((each for each in self._profiles if each.t_s[-1] >= now_s), None)
+
+    def _health(self) -> Health:
+        params: ViewParams = self.parameters.value("view")
+        source = "this node" if self._tf is not None else "no node" if params.publish_tf else "robot_state_publisher"
+        words = "tf2_msgs is not installed: no tf is published" if source == "no node" else "drawn"
+        return Health(message=words, values={"radius_m": self._radius_m, "tf_published_by": source})
+
+
+def main() -> None:
+    """Entry point of `ros2 run rf_pointing station_description`."""
+    run(StationDescriptionNode)

@@ -1,0 +1,154 @@
+"""The antenna as a URDF: two revolute joints, named and signed as `joint_states`; simple shapes.
+
+    base_link (x east, y north, z up) -- azimuth --> azimuth_link -- elevation --> elevation_link
+    elevation_link -- fixed --> beam
+
+The origin of every link is the intersection of the axes.  The axes follow REP-103: joint positions
+are the astronomical azimuth and the elevation, and x of `beam` is
+
+    (cos el sin az, cos el cos az, sin el) in base_link, also for el > 90 deg.
+
+Limits are the mechanical stops, soft limits the travel that may be commanded.  Inertia is that of
+the simulated plant, motors included; shapes are for the eye.
+"""
+
+import math
+from collections.abc import Mapping
+from xml.etree import ElementTree
+
+from rf_pointing.core import AXES
+from rf_pointing.station.description.derivation import BEAM_FACTOR_DEG, Band
+from rf_pointing.station.description.description import StationDescription
+
+BASE, AZIMUTH, ELEVATION, BEAM = FRAMES = ("base_link", "azimuth_link", "elevation_link", "beam")
+"""Frames of an antenna, each the child of the one before; a namespace goes before them."""
+ORIGIN_RPY = {AXES[0]: (0.0, 0.0, math.pi / 2.0), AXES[1]: (0.0, 0.0, 0.0)}
+"""Rotation from parent to child at position 0: azimuth 0 looks north, along y."""
+AXIS = {AXES[0]: (0.0, 0.0, -1.0), AXES[1]: (0.0, -1.0, 0.0)}
+"""Axis of each joint: azimuth is clockwise from above, elevation goes up."""
+WHITE, GREY = "0.92 0.92 0.90 1", "0.45 0.47 0.50 1"
+
+
+def size_m(station: StationDescription) -> float:
+    """Return the diameter of the reflector, or of the one that has the beam of other antennas."""
+    if station.content.dish:
+        return station.content.dish.diameter_m
+    band = Band(station.content, station.default_band)
+    return BEAM_FACTOR_DEG * band.wavelength_m / band.beamwidth_deg
+
+
+def urdf(station: StationDescription) -> str:
+    """Return the URDF of a station's antenna, as XML text with one element a line."""
+    robot = ElementTree.Element("robot", name=station.name)
+    plant = station.parameters("antenna_servo")
+    inertia = {axis: float(plant[f"plant.{axis}.inertia_kg_m2"]) for axis in AXES}
+    size = size_m(station)
+    base = _link(robot, BASE)
+    _shape(base, "cylinder", {"radius": 0.07 * size, "length": 0.6 * size}, (0.0, 0.0, -0.36 * size), colour=GREY)
+    azimuth = _link(robot, AZIMUTH)
+    # What turns with the elevation turns with the azimuth as well: the plant counts it in both.
+    own = max(inertia[AXES[0]] - inertia[AXES[1]], 0.1 * inertia[AXES[0]])
+    _inertial(azimuth, own, size)
+    _shape(azimuth, "box", {"size": (0.12 * size, 0.24 * size, 0.12 * size)}, (0.0, 0.0, -0.02 * size), colour=GREY)
+    elevation = _link(robot, ELEVATION)
+    _inertial(elevation, inertia[AXES[1]], size)
+    _reflector(elevation, size) if station.content.dish else _boom(elevation, size)
+    _link(robot, BEAM)
+    for axis, parent, child in ((AXES[0], BASE, AZIMUTH), (AXES[1], AZIMUTH, ELEVATION)):
+        joint = _joint(robot, axis, "revolute", parent, child, ORIGIN_RPY[axis])
+        ElementTree.SubElement(joint, "axis", xyz=_words(AXIS[axis]))
+        _limits(joint, plant, station, axis, inertia[axis])
+    _joint(robot, BEAM, "fixed", ELEVATION, BEAM, (0.0, 0.0, 0.0))
+    ElementTree.indent(robot)
+    return f'<?xml version="1.0"?>\n{ElementTree.tostring(robot, encoding="unicode")}\n'
+
+
+def _link(robot: ElementTree.Element, name: str) -> ElementTree.Element:
+    return ElementTree.SubElement(robot, "link", name=name)
+
+
+def _joint(
+    robot: ElementTree.Element, name: str, kind: str, parent: str, child: str, rpy: tuple[float, ...]
+) -> ElementTree.Element:
+    joint = ElementTree.SubElement(robot, "joint", name=name, type=kind)
+    ElementTree.SubElement(joint, "parent", link=parent)
+    ElementTree.SubElement(joint, "child", link=child)
+    ElementTree.SubElement(joint, "origin", xyz="0 0 0", rpy=_words(rpy))
+    return joint
+
+
+def _limits(
+    joint: ElementTree.Element, plant: Mapping[str, float], station: StationDescription, axis: str, inertia: float
+) -> None:
+    of = {
+        name: math.radians(plant[f"plant.{axis}.{name}"])
+        for name in ("travel_min_deg", "travel_max_deg", "rate_limit_deg_s", "acceleration_limit_deg_s2")
+    }
+    low, high = map(math.radians, getattr(station.content.mount, axis).travel_deg)
+    ElementTree.SubElement(
+        joint,
+        "limit",
+        lower=_number(of["travel_min_deg"]),
+        upper=_number(of["travel_max_deg"]),
+        velocity=_number(of["rate_limit_deg_s"]),
+        effort=_number(inertia * of["acceleration_limit_deg_s2"]),
+    )
+    # The standard demands a gain of the controller that nobody applies here.
+    ElementTree.SubElement(
+        joint, "safety_controller", soft_lower_limit=_number(low), soft_upper_limit=_number(high), k_velocity="0"
+    )
+
+
+def _inertial(link: ElementTree.Element, inertia_kg_m2: float, size: float) -> None:
+    """A thin disc of this inertia about its diameter; a description gives no mass."""
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "origin", xyz="0 0 0", rpy="0 0 0")
+    ElementTree.SubElement(inertial, "mass", value=_number(16.0 * inertia_kg_m2 / size**2))
+    # In the order of the standard: xx, xy, xz, yy, yz, zz.
+    moments = (2.0 * inertia_kg_m2, 0.0, 0.0, inertia_kg_m2, 0.0, inertia_kg_m2)
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    ElementTree.SubElement(inertial, "inertia", dict(zip(names, map(_number, moments), strict=True)))
+
+
+def _reflector(link: ElementTree.Element, size: float) -> None:
+    """Rim, back structure and subreflector along x, where the beam leaves."""
+    along_x = (0.0, math.pi / 2.0, 0.0)
+    _shape(link, "cylinder", {"radius": 0.5 * size, "length": 0.04 * size}, (0.2 * size, 0.0, 0.0), along_x)
+    _shape(link, "cylinder", {"radius": 0.25 * size, "length": 0.12 * size}, (0.12 * size, 0.0, 0.0), along_x)
+    _shape(link, "cylinder", {"radius": 0.01 * size, "length": 0.35 * size}, (0.375 * size, 0.0, 0.0), along_x, GREY)
+    _shape(link, "sphere", {"radius": 0.05 * size}, (0.55 * size, 0.0, 0.0))
+
+
+def _boom(link: ElementTree.Element, size: float) -> None:
+    """A boom along x with crossed elements."""
+    _shape(link, "cylinder", {"radius": 0.015 * size, "length": size}, (0.4 * size, 0.0, 0.0), (0.0, math.pi / 2, 0.0))
+    for share in (0.0, 0.2, 0.4, 0.6, 0.8):
+        for box in ((0.01, 0.35, 0.01), (0.01, 0.01, 0.35)):
+            scaled = tuple(size * edge for edge in box)
+            _shape(link, "box", {"size": scaled}, (share * size, 0.0, 0.0), colour=GREY)
+
+
+def _shape(
+    link: ElementTree.Element,
+    kind: str,
+    measures: Mapping[str, float | tuple[float, ...]],
+    centre: tuple[float, float, float],
+    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    colour: str = WHITE,
+) -> None:
+    visual = ElementTree.SubElement(link, "visual")
+    ElementTree.SubElement(visual, "origin", xyz=_words(centre), rpy=_words(rpy))
+    geometry = ElementTree.SubElement(visual, "geometry")
+    values = {name: _words(each if isinstance(each, tuple) else (each,)) for name, each in measures.items()}
+    ElementTree.SubElement(geometry, kind, values)
+    material = ElementTree.SubElement(visual, "material", name="white" if colour == WHITE else "grey")
+    ElementTree.SubElement(material, "color", rgba=colour)
+
+
+def _words(numbers: tuple[float, ...]) -> str:
+    return " ".join(map(_number, numbers))
+
+
+def _number(value: float) -> str:
+    # Sixteen digits would only show the last bits of a conversion from degrees.
+    return f"{value + 0.0:.12g}"

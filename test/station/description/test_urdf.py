@@ -1,0 +1,120 @@
+"""The URDF of a station: forward kinematics by the URDF's own rules gives the beam of docs/conventions.md."""
+
+import math
+from itertools import pairwise
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from rf_pointing.commands import check_station
+from rf_pointing.core import AXES
+from rf_pointing.core.angles import unit_vector_from_azel
+from rf_pointing.station.description import read_station, shipped_stations, urdf
+from rf_pointing.station.description.urdf import FRAMES
+
+ROUNDED_RAD = 1e-11
+"""Of the numbers in the text."""
+
+
+def numbers(text: str | None) -> list[float]:
+    assert text is not None
+    return [float(word) for word in text.split()]
+
+
+def turned(axis: list[float], angle_rad: float) -> np.ndarray:
+    """Rodrigues' rotation about a unit vector."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle_rad) * cross + (1.0 - math.cos(angle_rad)) * cross @ cross
+
+
+def fixed_axes(rpy: list[float]) -> np.ndarray:
+    """Rz(yaw) Ry(pitch) Rx(roll), as the URDF standard defines rpy."""
+    roll, pitch, yaw = rpy
+    return turned([0, 0, 1], yaw) @ turned([0, 1, 0], pitch) @ turned([1, 0, 0], roll)
+
+
+def joints_of(text: str) -> list[ElementTree.Element]:
+    """Return the joints from the root to the beam."""
+    root = ElementTree.fromstring(text)
+    links = [link.get("name") for link in root.iter("link")]
+    joints = {joint.find("parent").get("link"): joint for joint in root.iter("joint")}  # type: ignore[union-attr]
+    assert len(joints) == len(links) - 1
+    assert tuple(links) == FRAMES
+    for parent, child in pairwise(FRAMES):
+        assert joints[parent].find("child").get("link") == child  # type: ignore[union-attr]
+    return [joints[parent] for parent in FRAMES[:-1]]
+
+
+def rotation(text: str, position: dict[str, float]) -> np.ndarray:
+    """Return what takes components in `beam` to `base_link`."""
+    total = np.eye(3)
+    for joint in joints_of(text):
+        origin = joint.find("origin")
+        assert origin is not None
+        assert numbers(origin.get("xyz")) == [0.0, 0.0, 0.0]
+        total = total @ fixed_axes(numbers(origin.get("rpy")))
+        if joint.get("type") != "fixed":
+            axis = joint.find("axis")
+            assert axis is not None
+            total = total @ turned(numbers(axis.get("xyz")), position[str(joint.get("name"))])
+    return total
+
+
+@pytest.mark.parametrize("name", shipped_stations())
+def test_the_beam_looks_where_the_joint_states_say_also_over_the_top(name: str, random: np.random.Generator) -> None:
+    text = urdf(read_station(name))
+    limits = {str(joint.get("name")): joint.find("limit") for joint in joints_of(text)}
+    travel = {axis: (float(limits[axis].get("lower")), float(limits[axis].get("upper"))) for axis in AXES}  # type: ignore
+    for share in random.uniform(size=(200, 2)):
+        angles = [low + each * (high - low) for each, (low, high) in zip(share, travel.values(), strict=True)]
+        turn = rotation(text, dict(zip(AXES, angles, strict=True)))
+        assert np.allclose(turn[:, 0], unit_vector_from_azel(*angles), atol=1e-10)
+        # y of the beam is level and to its left, so a beam over the top is upside down and not mirrored.
+        assert np.allclose(turn[:, 1], [-math.cos(angles[0]), math.sin(angles[0]), 0.0], atol=1e-10)
+    if name in ("leo_3m7", "vhf_uhf_yagi"):
+        assert travel["elevation"][1] > math.radians(180.0)
+
+
+@pytest.mark.parametrize("name", shipped_stations())
+def test_limits_are_those_of_the_description(name: str) -> None:
+    station = read_station(name)
+    plant = station.parameters("antenna_servo")
+    for joint in joints_of(urdf(station))[:2]:
+        axis = str(joint.get("name"))
+        limit, soft = joint.find("limit"), joint.find("safety_controller")
+        assert limit is not None
+        assert soft is not None
+        section = getattr(station.content.mount, axis)
+        wanted = {
+            "lower": plant[f"plant.{axis}.travel_min_deg"],
+            "upper": plant[f"plant.{axis}.travel_max_deg"],
+            "velocity": section.rate_deg_s,
+        }
+        for key, degrees in wanted.items():
+            assert float(str(limit.get(key))) == pytest.approx(math.radians(degrees), abs=ROUNDED_RAD)
+        soft_deg = [math.degrees(float(str(soft.get(f"soft_{end}_limit")))) for end in ("lower", "upper")]
+        assert soft_deg == pytest.approx(section.travel_deg, abs=1e-9)
+        assert float(str(limit.get("effort"))) > 0.0
+
+
+@pytest.mark.parametrize("name", shipped_stations())
+def test_every_body_can_be_one(name: str) -> None:
+    """Positive masses, and moments that a rigid body can have: none exceeds the sum of the others."""
+    root = ElementTree.fromstring(urdf(read_station(name)))
+    bodies = list(root.iter("inertial"))
+    assert len(bodies) == 2
+    for body in bodies:
+        assert float(str(body.find("mass").get("value"))) > 0.0  # type: ignore[union-attr]
+        moments = sorted(float(str(body.find("inertia").get(key))) for key in ("ixx", "iyy", "izz"))  # type: ignore
+        assert 0.0 < moments[2] <= moments[0] + moments[1]
+    assert len(list(root.iter("visual"))) >= 4
+
+
+def test_the_command_prints_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    with pytest.raises(SystemExit) as ended:
+        check_station.main(["leo_3m7", "--urdf"])
+    assert ended.value.code == 0
+    assert capsys.readouterr().out.strip() == urdf(read_station("leo_3m7")).strip()
