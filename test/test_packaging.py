@@ -43,8 +43,8 @@ def test_launched_nodes_are_executables() -> None:
     source = (ROOT / "rf_pointing/nodes/graph.py").read_text()
     named = set(re.findall(r'GraphNode\(\s*"(\w+)"', source))
     assert named
-    # The executive is started where it is wanted, and is no part of a graph.
-    named |= set(re.findall(r'EXECUTIVE = "(\w+)"', source))
+    # The executive and the page are started where they are wanted, and are no part of a graph.
+    named |= set(re.findall(r'^(?:EXECUTIVE|OPERATOR_PAGE) = "(\w+)"', source, re.MULTILINE))
     assert named == {name for name, room in executables().items() if room == "nodes"}
 
 

@@ -62,6 +62,8 @@ ESSENTIAL = "antenna_status"
 
 EXECUTIVE = "station_executive"
 """The node of a night without an operator; a station without it is whole."""
+OPERATOR_PAGE = "operator_page"
+"""The node of the page in a browser; it moves nothing by itself."""
 STATION_IN_USE = "station_in_use"
 SCHEDULE = "schedule"
 EXECUTIVE_STATUS = "executive_status"

@@ -13,7 +13,7 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
 
-from rf_pointing.nodes.graph import EXECUTIVE
+from rf_pointing.nodes.graph import EXECUTIVE, OPERATOR_PAGE
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.description import read_station
 
@@ -49,6 +49,7 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
         ),
         network_argument(),
         DeclareLaunchArgument("executive", default_value="false", description="whether station_executive is started"),
+        DeclareLaunchArgument("page", default_value="false", description="whether operator_page is started"),
         DeclareLaunchArgument("respawn", default_value="true", description="start nodes again that have ended"),
     ]
 
@@ -83,8 +84,9 @@ def network_environment(network: str) -> dict[str, str]:
 
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
     """Return the actions that start `names`."""
-    executive = (EXECUTIVE,) if LaunchConfiguration("executive").perform(context) == "true" else ()
-    return [_node(context, name, simulated="simulation_clock" in names) for name in (*names, *executive)]
+    wanted = {"executive": EXECUTIVE, "page": OPERATOR_PAGE}
+    more = [name for argument, name in wanted.items() if LaunchConfiguration(argument).perform(context) == "true"]
+    return [_node(context, name, simulated="simulation_clock" in names) for name in (*names, *more)]
 
 
 def station_nodes(context: Any, names: Sequence[str]) -> list[Any]:
@@ -107,12 +109,15 @@ def _node(context: Any, name: str, *, simulated: bool) -> LifecycleNode:
     parameters: list[Any] = [{"lifecycle.autostart": given("autostart") == "true"}]
     if name == "antenna_servo" and given("state_folder"):
         parameters.append(state_files(Path(given("state_folder")), given("namespace")))
-    if name == EXECUTIVE and given("state_folder"):
-        kept = Path(given("state_folder")) / given("namespace").strip("/")
+    kept = Path(given("state_folder")) / given("namespace").strip("/") if given("state_folder") else None
+    if name == EXECUTIVE and kept:
         parameters.append(
             {"executive.state_file": str(kept / "station_executive.json"), "executive.folder": str(kept / "nights")}
         )
-    if name == "simulation_clock":
+    if name == OPERATOR_PAGE:
+        # It shows the station's own time and limits, and needs neither clock nor description.
+        parameters += [{"page.reports": str(kept / "nights")}] * bool(kept)
+    elif name == "simulation_clock":
         parameters.append({"start_s": float(given("start_s")), "speed": float(given("speed"))})
     else:
         parameters.append({"use_sim_time": given("use_sim_time") == "true"})
