@@ -181,7 +181,7 @@ function buildSky() {
   const sky = byId("sky");
   sky.append(draw("path", {id: "sky-mask", class: "mask", "fill-rule": "evenodd"}));
   for (const r of [30, 60]) {
-    sky.append(draw("circle", {class: "ring", r}), draw("text", {x: 6, y: -r + 5}, `${90 - r}°`));
+    sky.append(draw("circle", {class: "ring", r}), draw("text", {x: r - 8, y: -5}, `${90 - r}°`));
   }
   sky.append(draw("path", {class: "ring", d: "M-90 0H90M0-90V90"}), draw("circle", {class: "sky-edge", r: 90}));
   for (const [text, a] of [["N", 0], ["30", 30], ["60", 60], ["E", 90], ["120", 120], ["150", 150], ["S", 180], ["210", 210],
@@ -219,13 +219,15 @@ function showBeam(live) {
   if (!known) {
     trail = [];
     write("error", "–");
+    write("error-angle", "");
     write("held", live.tracking === "idle" ? "No pass is tracked." : "");
   } else {
     const size = Math.hypot(...error), scale = 100 * Math.min(1, 1 / Math.max(size, 1e-9));
     const [x, y] = [error[0] * (size > 1 ? scale : 100), -error[1] * (size > 1 ? scale : 100)];
     trail = [...trail.slice(1 - TRAIL), [x, y]];
     dot.setAttribute("transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
-    write("error", size > 99 ? ">99" : fixed(size, 2));
+    write("error", size > 99 ? ">99" : fixed(size, size < 0.1 ? 3 : 2));
+    write("error-angle", `${fixed(size * live.beamwidth_deg * 1000, 1)} mdeg of ${fixed(live.beamwidth_deg, 3)}°`);
     write("held", `${live.held ? "● held" : "✖ not held"}: ${live.on_source ? "axes on source" : `axes ${fixed(live.axis_distance_deg, 3)}° off`}`);
     byId("held").className = `words ${live.held ? "good" : "bad"}`;
   }
@@ -354,14 +356,15 @@ const show = {
     const up = sun && sun[1] > -1, radius = (shown.station || {}).sun_radius_deg;
     put("sky-sun", up ? sun : null);
     byId("sky-zone").style.display = up && radius > 0 ? "" : "none";
-    if (up && radius > 0) byId("sky-zone").setAttribute("d", ringAbout(sun[0], sun[1], radius));
+    if (up && radius > 0) byId("sky-zone").setAttribute("d", ringAbout(sun[0], sun[1], Math.max(radius, 5)));
+    write("sun-zone", radius > 0 ? `Sun, zone ${radius}°` : "Sun");
   },
   path(path) {
     const points = path ? path.points_deg.map((each) => place(...each)) : [];
     byId("sky-track").setAttribute("d", line(points));
     for (const [id, text, at] of [["sky-aos", "AOS", points[0]], ["sky-los", "LOS", points[points.length - 1]]]) {
       write(id, at ? text : "");
-      if (at) for (const [name, value] of [["x", at[0] * 0.9], ["y", at[1] * 0.9 + 6]]) byId(id).setAttribute(name, value.toFixed(1));
+      if (at) for (const [name, value] of [["x", at[0] + (at[0] > 70 ? -15 : 15)], ["y", at[1]]]) byId(id).setAttribute(name, value.toFixed(1));
     }
   },
   certificate(given) {
@@ -407,8 +410,12 @@ const show = {
     if (!times.length) return svg.replaceChildren();
     const now = (shown.live || {}).t_s || times[0], begin = Math.min(...times, now) - 60, end = Math.max(...times, now) + 60;
     const at = (t) => 600 * (t - begin) / (end - begin);
+    // Passes that overlap have two lanes.
+    let lane = 0, busy = -Infinity;
     svg.replaceChildren(...rows.map((row) => {
-      const box = draw("rect", {class: `slot slot-${row.state in STATES ? row.state : "waiting"}`, x: at(seconds(row.aos_utc)), y: 8, height: 30, width: Math.max(3, at(seconds(row.los_utc)) - at(seconds(row.aos_utc)))});
+      lane = seconds(row.aos_utc) < busy ? 1 - lane : 0;
+      busy = Math.max(busy, seconds(row.los_utc));
+      const box = draw("rect", {class: `slot slot-${row.state in STATES ? row.state : "waiting"}`, x: at(seconds(row.aos_utc)), y: 5 + 19 * lane, height: 17, width: Math.max(3, at(seconds(row.los_utc)) - at(seconds(row.aos_utc)))});
       box.append(draw("title", {}, `${row.target} ${row.state}`));
       return box;
     }), draw("path", {class: "moment", d: `M${at(now)} 0V46`}));
