@@ -12,6 +12,7 @@ EXECUTABLES = {
         "conscan_tracker",
         "ephemeris_publisher",
         "monopulse_tracker",
+        "operator_page",
         "pointing_controller",
         "rf_receiver",
         "simulation_clock",
@@ -45,6 +46,7 @@ EXECUTABLES = {
 }
 """Module `main` of each executable, by the package it is in."""
 LIBRARIES = [
+    "aiohttp>=3.9",
     "astropy-iers-data",
     "control>=0.10",
     "icalendar>=6.0",
@@ -72,6 +74,7 @@ setup(
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={
         f"{PACKAGE}.controllers": ["*.json"],
+        f"{PACKAGE}.nodes": ["page/*"],
         f"{PACKAGE}.operations": ["tables/*"],
         f"{PACKAGE}.report": ["templates/*"],
         f"{PACKAGE}.station.description": ["stations/*"],

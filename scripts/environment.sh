@@ -104,8 +104,8 @@ enter_wheel_environment() {
 
 enter_jazzy_environment() {
   need "python3 -m pip --version" python3-pip
-  need "python3 -c 'import numpy, scipy, matplotlib, yaml, requests'" python3-numpy python3-scipy python3-matplotlib \
-    python3-yaml python3-requests
+  need "python3 -c 'import numpy, scipy, matplotlib, yaml, requests, aiohttp'" python3-numpy python3-scipy python3-matplotlib \
+    python3-yaml python3-requests python3-aiohttp
   once python-libraries "$(digest "$ROOT"/requirements/*.txt)" \
     "adding the Python libraries that have no Debian package" add_python_libraries
   export PYTHONPATH=$STATE/python${PYTHONPATH:+:$PYTHONPATH}

@@ -43,7 +43,8 @@ from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.nodes.graph import EXECUTIVE, EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.nodes.qos import LATCHED, STATUS
 from rf_pointing.nodes.recorder import Recorder
-from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.nodes.stamps import stamp_from_seconds
+from rf_pointing.nodes.station_view import entry_values, stamp_text, status_values, window_values
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
@@ -170,15 +171,11 @@ class StationClient(GraphRun):
 
     def _passes(self) -> int:
         self._look(SCHEDULE)
-        rows = [_entry_values(each) for each in self.newest[SCHEDULE].passes] if SCHEDULE in self.newest else []
+        rows = [entry_values(each) for each in self.newest[SCHEDULE].passes] if SCHEDULE in self.newest else []
         if not rows:
             self._until(lambda: "passes" in self.newest, "passes")
             found = self.newest["passes"]
-            rows = [
-                {"target": found.target, "aos_utc": _utc(each.aos), "los_utc": _utc(each.los),
-                 "peak_deg": round(math.degrees(each.peak_elevation), 2)}
-                for each in found.passes
-            ]  # fmt: skip
+            rows = [window_values(each) | {"target": found.target} for each in found.passes]
         if self.options.json:
             print(json.dumps(rows, indent=1))
             return 0
@@ -215,7 +212,7 @@ class StationClient(GraphRun):
             # There was no pass to record.
             shutil.rmtree(folder / "bag", ignore_errors=True)
             raise NotStartedError(result.message)
-        self.say(f"{window.target}: AOS {_utc(window.aos)}, LOS {_utc(window.los)}, "
+        self.say(f"{window.target}: AOS {stamp_text(window.aos)}, LOS {stamp_text(window.los)}, "
                  f"peak {math.degrees(window.peak_elevation):.1f} deg")  # fmt: skip
         if closed is not None:
             if closed.problem:
@@ -299,19 +296,7 @@ class StationClient(GraphRun):
 
     def _status_values(self) -> dict[str, Any]:
         antenna, tracking = self.newest["antenna_status"], self.newest.get("tracking_status", TrackingStatus())
-        executive = self.newest.get(EXECUTIVE_STATUS, ExecutiveStatus(state="none"))
-        azimuth, elevation = map(math.degrees, antenna.commanded)
-        return {
-            "utc": _utc(antenna.header.stamp), "antenna": antenna.mode, "fault": antenna.fault, "warning": antenna.warning,
-            "azimuth_deg": round(azimuth, 3), "elevation_deg": round(elevation, 3), "tracking": tracking.mode,
-            "target": tracking.target, "on_source": tracking.on_source, "carrier_to_noise_db_hz": tracking.carrier_to_noise,
-            "seconds_tracked": tracking.seconds_tracked, "executive": executive.state, "pass": executive.pass_id,
-            "next": executive.next_id, "doing": executive.reason, "blocks": list(executive.blocks),
-            "alarms": [
-                {"name": each.name, "level": each.level, "message": each.message, "acknowledged": each.acknowledged}
-                for each in executive.alarms
-            ],
-        }  # fmt: skip
+        return status_values(antenna, tracking, self.newest.get(EXECUTIVE_STATUS, ExecutiveStatus(state="none")))
 
     def _go(self) -> int:
         azimuth, elevation = math.radians(self.options.azimuth), math.radians(self.options.elevation)
@@ -358,14 +343,6 @@ class StationClient(GraphRun):
         return 0
 
 
-def _entry_values(entry: Any) -> dict[str, Any]:
-    return {
-        "id": entry.id, "target": entry.target, "priority": entry.priority, "aos_utc": _utc(entry.aos),
-        "los_utc": _utc(entry.los), "peak_deg": round(math.degrees(entry.peak_elevation), 2), "state": entry.state,
-        "reason": entry.reason, "seconds_tracked": entry.seconds_tracked, "seconds_lost": entry.seconds_lost,
-    }  # fmt: skip
-
-
 def _status_line(values: dict[str, Any]) -> str:
     doing = f"{values['pass']} {'; '.join(values['blocks'])}" if values["pass"] else values["doing"] or "nothing"
     lines = [
@@ -379,10 +356,6 @@ def _status_line(values: dict[str, Any]) -> str:
         for each in values["alarms"]
     ]
     return "\n".join(lines)
-
-
-def _utc(stamp: Any) -> str:
-    return utc_text(seconds_from_stamp(stamp))
 
 
 def main(argv: list[str] | None = None) -> None:

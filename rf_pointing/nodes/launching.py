@@ -13,7 +13,7 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode, Node
 
-from rf_pointing.nodes.graph import DESCRIPTION, EXECUTIVE
+from rf_pointing.nodes.graph import DESCRIPTION, EXECUTIVE, OPERATOR_PAGE
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.description import StationDescription, read_station, urdf
 
@@ -52,6 +52,7 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
         DeclareLaunchArgument(
             "description", default_value="true", description="whether viewers get URDF, tf and markers of the station"
         ),
+        DeclareLaunchArgument("page", default_value="false", description="whether operator_page is started"),
         DeclareLaunchArgument("respawn", default_value="true", description="start nodes again that have ended"),
     ]
 
@@ -87,8 +88,9 @@ def network_environment(network: str) -> dict[str, str]:
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
     """Return the actions that start `names`."""
     simulated = "simulation_clock" in names
-    executive = (EXECUTIVE,) if LaunchConfiguration("executive").perform(context) == "true" else ()
-    actions = [_node(context, name, simulated=simulated) for name in (*names, *executive)]
+    wanted = {"executive": EXECUTIVE, "page": OPERATOR_PAGE}
+    more = [name for argument, name in wanted.items() if LaunchConfiguration(argument).perform(context) == "true"]
+    actions = [_node(context, name, simulated=simulated) for name in (*names, *more)]
     if LaunchConfiguration("description").perform(context) == "true":
         actions += _description(context, simulated=simulated)
     return actions
@@ -150,14 +152,17 @@ def _node(context: Any, name: str, *, simulated: bool, state_publisher: bool = F
     if name == "pointing_controller" and given("state_folder"):
         files = state_files(Path(given("state_folder")), given("namespace"))
         parameters.append({"command_key_file": files["command_key_file"]})
-    if name == EXECUTIVE and given("state_folder"):
-        kept = Path(given("state_folder")) / given("namespace").strip("/")
+    kept = Path(given("state_folder")) / given("namespace").strip("/") if given("state_folder") else None
+    if name == EXECUTIVE and kept:
         parameters.append(
             {"executive.state_file": str(kept / "station_executive.json"), "executive.folder": str(kept / "nights")}
         )
     if state_publisher:
         parameters.append({"view.publish_tf": False})
-    if name == "simulation_clock":
+    if name == OPERATOR_PAGE:
+        # It shows the station's own time and limits, and needs neither clock nor description.
+        parameters += [{"page.reports": str(kept / "nights")}] * bool(kept)
+    elif name == "simulation_clock":
         parameters.append({"start_s": float(given("start_s")), "speed": float(given("speed"))})
     else:
         parameters.append({"use_sim_time": given("use_sim_time") == "true"})

@@ -97,11 +97,13 @@ class Schedule:
 class ManagedNode(LifecycleNode):
     """A lifecycle node with parameter sets, diagnostics, and timers that run while it is active."""
 
+    LIFECYCLE = LifecycleParams()
+
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self.lock = InstanceLock(self.get_fully_qualified_name())
         self.parameters = ParameterGroups(self)
-        self.parameters.declare("lifecycle", LifecycleParams())
+        self.parameters.declare("lifecycle", self.LIFECYCLE)
         self.brings_itself_up: bool = self.parameters.value("lifecycle").autostart
         self.diagnostics = Diagnostics(self)
         self.inputs, self._events = InputCounter(), EventLog()

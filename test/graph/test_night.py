@@ -32,25 +32,35 @@ from .conftest import executable, live_graph
 pytestmark = pytest.mark.graph
 
 SPEED = 8.0
+EVERY = (*NODES, "station_executive")
 
 
 class LiveNight:
     """A whole simulated station with its executive, and what it publishes."""
 
-    def __init__(self, live: SimpleNamespace, folder: Path) -> None:
+    def __init__(
+        self,
+        live: SimpleNamespace,
+        folder: Path,
+        nodes: tuple[str, ...] = EVERY,
+        speed: float = SPEED,
+        more: str = "",
+        lead_s: float = 90.0,
+    ) -> None:
         self.live, self.folder, self.now_s = live, folder, 0.0
         self.schedule, self.status, self.lost = Schedule(), ExecutiveStatus(), {}
         self.tracking, self.antenna, self.statuses = TrackingStatus(), AntennaStatus(), 0
         self.healths: dict[str, tuple[int, str]] = {}
         _, elements, self.passes = small_night(folder, **{"tuning.alarms.disk_free_gb": 0.001})
         source = f"{{source.elements: {elements}, source.satellite: '90001'}}"
-        start_s = math.floor(self.passes[0].aos_t_s) - 90.0
+        start_s = math.floor(self.passes[0].aos_t_s) - lead_s
         of_station = "".join(
             f"/**/{name}:\n  ros__parameters:\n    station: {folder / 'station.yaml'}\n"
-            for name in (*NODES[1:], "station_executive")
+            for name in EVERY
+            if name != "simulation_clock"
         )
         self.yaml = of_station + (
-            f"/**/simulation_clock:\n  ros__parameters: {{start_s: {start_s}, speed: {SPEED}, tick_s: 0.1}}\n"
+            f"/**/simulation_clock:\n  ros__parameters: {{start_s: {start_s}, speed: {speed}, tick_s: 0.1}}\n"
             f"/**/ephemeris_publisher:\n  ros__parameters: {source}\n/**/rf_receiver:\n  ros__parameters: {source}\n"
         )
         own = folder / "executive.yaml"
@@ -65,9 +75,7 @@ class LiveNight:
         node.create_subscription(AntennaStatus, "antenna_status", lambda m: setattr(self, "antenna", m), STREAM)
         node.create_subscription(Clock, "clock", lambda m: setattr(self, "now_s", seconds_from_stamp(m.clock)), STREAM)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._on_health, STREAM)
-        self.processes = live.start(
-            [*NODES, "station_executive"], self.yaml + own.read_text(), autostart=True, simulated=True
-        )
+        self.processes = live.start([*nodes], self.yaml + own.read_text() + more, autostart=True, simulated=True)
         self.client = ActionClient(node, RunSchedule, "run_schedule")
 
     def _on_status(self, message: ExecutiveStatus) -> None:
