@@ -88,6 +88,8 @@ class AntennaWatch:
     _distances: TimeBuffer = field(default_factory=TimeBuffer)
     _anchor: tuple[Array, Array, Array] | None = None
     """Of each axis (2,): since when its encoder keeps its angle, that angle, the command then."""
+    _read_s: float = -math.inf
+    """Time of the last reading that was judged."""
     _begun_s: float = 0.0
     _settled: bool = False
 
@@ -164,7 +166,9 @@ class AntennaWatch:
 
     def _frozen(self, reading: JointReading, command: Array, distance: float) -> str:
         """Return why an encoder counts as frozen, "" while both move or need not."""
-        if self._anchor is None:
+        # Axes that were not read may have stalled with their commands.
+        unread_s, self._read_s = reading.t_s - self._read_s, reading.t_s
+        if self._anchor is None or unread_s > self.params.reaction_s:
             self._anchor = np.full(2, reading.t_s), reading.position_rad.copy(), command.copy()
         since_s, kept, wanted = self._anchor
         turned = np.abs(reading.position_rad - kept) > TOGGLE_SHARE * self.params.frozen_rad

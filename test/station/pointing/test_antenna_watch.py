@@ -138,6 +138,18 @@ def test_a_step_of_the_command_is_followed_as_late_as_the_drive_may() -> None:
     assert "frozen" in stepping(PARAMS)[0], "a servo that reacts so late is told"
 
 
+def test_an_encoder_that_was_not_read_is_not_frozen() -> None:
+    """The machine stands still for 0.9 s, and with it the axes; afterwards they follow again."""
+
+    def stalled(t_s: float, command: np.ndarray) -> np.ndarray | None:
+        if t_s < 0.9:
+            return None
+        stood = STANDING + np.array([0.3, -0.1]) * DEG * 10.0
+        return stood if t_s < 1.5 else command
+
+    assert not any(state.fault for _, state in fly(stalled))
+
+
 @pytest.mark.parametrize("rate_deg_s", [0.6, 1.8, -6.0])
 def test_a_runaway_is_found_within_two_seconds(rate_deg_s: float) -> None:
     states = fly(lambda t_s, command: command + np.array([0.0, rate_deg_s * DEG * t_s]), (0.1, 0.02))
