@@ -142,7 +142,7 @@ def test_an_encoder_that_was_not_read_is_not_frozen() -> None:
     """The machine stands still for 0.9 s, and with it the axes; afterwards they follow again."""
 
     def stalled(t_s: float, command: np.ndarray) -> np.ndarray | None:
-        if t_s < 0.9:
+        if 0.3 < t_s < 0.9:
             return None
         stood = STANDING + np.array([0.3, -0.1]) * DEG * 10.0
         return stood if t_s < 1.5 else command
