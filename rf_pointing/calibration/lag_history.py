@@ -102,7 +102,7 @@ class LagHistory:
     def stopped(self, t_s: float, axis_rate_rad_s: Array, moved_rad: Array, before: LagState) -> LagState:
         """Return the state at `t_s` of axes that moved by `moved_rad` (2,) since, unseen.
 
-        They went on at the rate of `before` for as long as that takes, and stood from then on.
+        They went on at the rate of `before` for as long as that takes, and then stopped.
         """
         if t_s - before.t_s > FORGOTTEN_TIMES * self._time_s:
             return LagState(t_s, before.rate)

@@ -19,7 +19,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.node import Node
 
-from rf_pointing.nodes.main_loop import last_holder
+from rf_pointing.nodes.main_loop import DEAF, last_holder
 
 ACTIVATION_S = 5.0
 """How long a refused activation is repeated: the held time reaches one node after the other."""
@@ -41,6 +41,7 @@ class NodeProcesses:
         self.namespace, self._files, self._logs = namespace, list(parameter_files), log_folder
         self._on_time = on_time
         self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._simulated_time = True
 
     def start(self, names: Sequence[str], simulated_time: bool = True, *, autostart: bool = False) -> None:
         """Start every executable of `names`; `below/executable` starts it in a namespace below.
@@ -49,6 +50,7 @@ class NodeProcesses:
         """
         # The executables themselves, not `ros2 run`: its process would be the parent of ours.
         folder = Path(get_package_prefix("rf_pointing")) / "lib" / "rf_pointing"
+        self._simulated_time = simulated_time
         self._logs.mkdir(parents=True, exist_ok=True)
         for name in names:
             *below, executable = name.split("/")
@@ -219,7 +221,10 @@ class ManagedGraph(NodeProcesses):
             raise NotStartedError(f"could not {transition} {reasons}")
 
     def check(self) -> None:
-        """NotStartedError if a process has ended."""
+        """NotStartedError if a process has ended; one that no longer receives starts again."""
+        ended = self.ended()
+        for name in [name for name, code in ended.items() if code == DEAF]:
+            self.start([name], self._simulated_time, autostart=True)
         if ended := self.ended():
             # The log of the process has the reason; its exit code has not.
             raise NotStartedError("; ".join(f"{name} ended: {self.complaint(name)}" for name in ended))

@@ -22,6 +22,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+DEAF = 3
+"""Exit code of a node that no longer receives."""
 _USAGE = "usage: NAME --ros-args [-r __ns:=/gs1] [--params-file FILE] [-p NAME:=VALUE] ..."
 _IN_THE_SOURCE = re.compile(r"\s*, at \S+\.c(pp)?:\d+")
 """The place in rcl's own source that ends its messages: no help to a user."""
@@ -50,7 +52,8 @@ def settle_garbage() -> None:
 def run(node_type: Callable[[], Any]) -> None:
     """Run one node until SIGINT or SIGTERM; an active node is deactivated before it ends.
 
-    A start that fails prints one line and exits with 2; `--help` prints the module's docstring.
+    A start that fails prints one line and exits with 2, a node that receives nothing with `DEAF`;
+    `--help` prints the module's docstring.
     """
     signals: list[int] = []
     try:
@@ -69,12 +72,13 @@ def run(node_type: Callable[[], Any]) -> None:
     executor.add_node(node)
     settle_garbage()
     failure = _work(node, executor, signals)
+    deaf = node.hearing.deaf
     executor.shutdown()
     node.destroy_node()
     node.lock.release()
     rclpy.try_shutdown()
-    if failure:
-        sys.exit(1)
+    if failure or deaf:
+        sys.exit(1 if failure else DEAF)
 
 
 def _work(node: Any, executor: Any, signals: Sequence[int]) -> str:
@@ -82,6 +86,10 @@ def _work(node: Any, executor: Any, signals: Sequence[int]) -> str:
     failure = ""
     # Not `spin`: between two events the node does its own work and the signals are seen.
     while not signals and not failure:
+        if node.hearing.deaf:
+            # No fault: what moves is stopped, and goes on with the new process.
+            node.get_logger().fatal(f"the node ends, and must be started again: {node.hearing.deaf}")
+            break
         try:
             node.bring_up()
             wait_s = node.turn()

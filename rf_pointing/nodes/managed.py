@@ -21,6 +21,7 @@ from rclpy.publisher import Publisher
 from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, EventLog, Health
 from rf_pointing.nodes.graph import FRAMES
+from rf_pointing.nodes.hearing import Hearing
 from rf_pointing.nodes.main_loop import InstanceLock
 from rf_pointing.nodes.params import ParameterGroups
 from rf_pointing.nodes.qos import LATCHED
@@ -109,6 +110,7 @@ class ManagedNode(LifecycleNode):
         self.inputs, self._events = InputCounter(), EventLog()
         self.diagnostics.add("state", self._state_health)
         self.diagnostics.add("inputs", self.inputs.health)
+        self.hearing = Hearing(self)
         self._state_name = "unconfigured"
         self._reason = ""
         self.failure: Exception | None = None
@@ -161,10 +163,12 @@ class ManagedNode(LifecycleNode):
         self._at_deactivation.callback(self.destroy_timer, self.create_timer(period_s, fire))
         return schedule
 
-    def listen_latest(self, message_type: Any, topic: str, convert: Callable[[Any], Any], qos: Any) -> Latest:
+    def listen_latest(
+        self, message_type: Any, topic: str, convert: Callable[[Any], Any], qos: Any, *, steady: bool = False
+    ) -> Latest:
         """Subscribe until cleanup to a fast stream of which only the newest message counts."""
         latest = Latest(message_type, convert)
-        self.listen(message_type, topic, latest.note, qos, raw=True)
+        self.listen(message_type, topic, latest.note, qos, raw=True, steady=steady)
         return latest
 
     def turn(self) -> float:
@@ -219,6 +223,7 @@ class ManagedNode(LifecycleNode):
         qos: Any,
         *,
         raw: bool = False,
+        steady: bool = False,
         most_bytes: Callable[[], int] | None = None,
         refused: Callable[[str], object] = str,
     ) -> None:
@@ -227,10 +232,13 @@ class ManagedNode(LifecycleNode):
         What arrives passes one door: a message is refused when it is too long, before it is
         decoded, when it cannot be decoded, and when a stamp or a number in it can be none.  With
         `raw` the callback gets the bytes, of which only the length has been checked.  `refused`
-        takes each reason.
+        takes each reason.  A `steady` topic is sent all the time while its publisher is active:
+        this node is deaf if it is silent then.
         """
         most = most_bytes or (lambda: LATCHED_BYTES if qos is LATCHED else STREAM_BYTES)
         door = self._door(message_type, topic, callback, raw, most, refused)
+        if steady:
+            door = _both(self.hearing.watch(topic), door)
         subscription = self.create_subscription(message_type, topic, door, qos, raw=True)
         self._at_cleanup.callback(self.destroy_subscription, subscription)
 
@@ -364,6 +372,14 @@ class ManagedNode(LifecycleNode):
     def _state_health(self) -> Health:
         reasons = "; ".join(self.parameters.reasons) or self._reason
         return Health(ERROR if reasons else OK, reasons or self._state_name, {"state": self._state_name})
+
+
+def _both(count: Callable[[], None], door: Callable[[bytes], None]) -> Callable[[bytes], None]:
+    def counted(payload: bytes) -> None:
+        count()
+        door(payload)
+
+    return counted
 
 
 RESULT_TIMEOUT_S = 1e8

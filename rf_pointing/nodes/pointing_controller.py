@@ -111,8 +111,8 @@ class PointingControllerNode(StationNode):
         self._sent = 0
         core = self._controller
         self.listen(Target, "target", lambda m: core.take_target(convert.target_from_message(m)), STREAM)
-        self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
-        self.listen(AntennaStatus, "antenna_status", lambda m: core.take_antenna(m.mode, m.fault), STATUS)
+        self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM, steady=True)
+        self.listen(AntennaStatus, "antenna_status", lambda m: core.take_antenna(m.mode, m.fault), STATUS, steady=True)
         self.listen(PointingError, "pointing_error", lambda m: core.take_error(convert.error_from_message(m)), STREAM)
         self._model: BiasModel | None = None
         self._temperature_k: float | None = None

@@ -13,6 +13,28 @@ TICK_S = 0.02
 PATIENCE_S = 0.5
 
 
+class WallClock:
+    """The time of nodes that use no simulated time."""
+
+    ticked: Callable[[], None]
+
+    def __init__(self, live: SimpleNamespace) -> None:
+        self.live = live
+
+    @property
+    def t_s(self) -> float:
+        return time.time()
+
+    def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
+        """Let time go on; return whether `until` came true."""
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s:
+            self.live.executor.spin_once(timeout_sec=0.005)
+            if until():
+                return True
+        return False
+
+
 class ManualClock:
     """Publishes the time of the nodes of a live test: in real time, or as fast as a node follows.
 

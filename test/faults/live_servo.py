@@ -20,7 +20,7 @@ from rf_pointing.commands.managed_graph import NodeProcesses
 from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
 from rf_pointing.nodes.qos import COMMAND, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
-from test.faults.clocks import ManualClock
+from test.faults.clocks import ManualClock, WallClock
 
 START_S = 1_151_384_000.0
 START_RAD = (math.radians(120.0), math.radians(60.0))
@@ -33,7 +33,14 @@ class Servo:
     """Sends a steady azimuth motion; `begun_s` and `base_rad` are when and where the motion of a test began."""
 
     def __init__(
-        self, live: SimpleNamespace, yaml: str, station: dict[str, Any], *, simulated: bool = True, key: str = ""
+        self,
+        live: SimpleNamespace,
+        yaml: str,
+        station: dict[str, Any],
+        *,
+        simulated: bool = True,
+        key: str = "",
+        wall: bool = False,
     ) -> None:
         self.key = CommandKey(CommandKeyParams(command_key_file=key), f"{live.namespace}/joint_trajectory")
         self.live, self.status, self.joints = live, AntennaStatus(), []
@@ -47,7 +54,8 @@ class Servo:
         self.base_rad = START_RAD[0]
         self._clients: dict[str, Any] = {}
         # A real device moves in real time, whatever the clock of the nodes does.
-        self.clock = ManualClock(live, START_S, (lambda: self.heard_s) if simulated else None)
+        follows = (lambda: self.heard_s) if simulated else None
+        self.clock: Any = WallClock(live) if wall else ManualClock(live, START_S, follows)
         self.wind = live.node.create_publisher(Vector3Stamped, "weather/wind", STREAM)
         if not simulated:
             self.clock.ticked = self._blow
@@ -56,7 +64,7 @@ class Servo:
         live.node.create_subscription(JointState, "joint_states", self._on_joints, STREAM)
         live.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         self.processes: NodeProcesses = live.start(
-            ["antenna_servo"], yaml, autostart=True, simulated=True, station=station
+            ["antenna_servo"], yaml, autostart=True, simulated=not wall, station=station
         )
         self.until(lambda: self.status.mode == "holding" and self.commands.get_subscription_count() == 1, "the antenna")
 

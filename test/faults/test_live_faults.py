@@ -47,6 +47,15 @@ def on_simulated(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> I
 
 
 @pytest.fixture(scope="module")
+def on_wall_time(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iterator[Servo]:
+    """Simulated time waits for a node that stalls: only in wall time does a stall do anything."""
+    folder = tmp_path_factory.mktemp("wall")
+    with live_graph(folder, ros_domain) as live:
+        key = str(folder / "command.key")
+        yield Servo(live, servo_yaml(folder / "wrap.json"), WITH_HILL, key=key, wall=True)
+
+
+@pytest.fixture(scope="module")
 def on_hamlib(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iterator[Servo]:
     server = RealRotctld()
     server.go(*(math.degrees(angle) for angle in START_RAD))
@@ -65,6 +74,20 @@ def servo(request: pytest.FixtureRequest) -> Servo:
     return shared
 
 
+@pytest.fixture(params=["on_simulated", "on_hamlib", "on_wall_time"])
+def everywhere(request: pytest.FixtureRequest) -> Servo:
+    """Those and the simulated drive in wall time, for the essential cases."""
+    shared: Servo = request.getfixturevalue(request.param)
+    shared.recover()
+    return shared
+
+
+@pytest.fixture
+def in_wall_time(on_wall_time: Servo) -> Servo:
+    on_wall_time.recover()
+    return on_wall_time
+
+
 @pytest.fixture
 def simulated(on_simulated: Servo) -> Servo:
     """The same on the drive into which faults can be injected."""
@@ -75,8 +98,9 @@ def simulated(on_simulated: Servo) -> Servo:
 # Commands
 
 
-def test_commands_that_cannot_be_followed_move_nothing(servo: Servo) -> None:
+def test_commands_that_cannot_be_followed_move_nothing(everywhere: Servo) -> None:
     """NaN, unknown joint, stale and future stamps."""
+    servo = everywhere
     accepted, stood = servo.status.commands_accepted, servo.joints[-1]
     servo.rejected(servo.command(positions=[math.nan, 1.0]), "must be finite")
     servo.rejected(servo.command(joints=("azimuth", "polarisation")), "unknown joint polarisation")
@@ -99,7 +123,8 @@ def test_replayed_and_duplicate_commands_are_refused(servo: Servo) -> None:
     servo.ask("stop")
 
 
-def test_the_second_of_two_commanders_is_refused_and_both_are_named(servo: Servo) -> None:
+def test_the_second_of_two_commanders_is_refused_and_both_are_named(everywhere: Servo) -> None:
+    servo = everywhere
     servo.move(0.3)
     servo.rejected(servo.command(who="panel"), "conflict: test commands, panel is refused")
     assert servo.status.commander == "test"
@@ -246,7 +271,8 @@ def test_two_wrong_samples_of_an_encoder_are_bridged(simulated: Servo) -> None:
 # Limits and wind
 
 
-def test_soft_limit_and_horizon_refuse_with_the_number(servo: Servo) -> None:
+def test_soft_limit_and_horizon_refuse_with_the_number(everywhere: Servo) -> None:
+    servo = everywhere
     servo.rejected(servo.command(positions=[math.radians(230.0), 1.0]), "past the limit")
     servo.rejected(servo.command(positions=[math.radians(150.0), 0.5]), "below the horizon mask")
 
@@ -334,6 +360,36 @@ def test_a_servo_that_was_frozen_discards_the_commands_that_waited(servo: Servo)
     servo.until(lambda: "jumped by" in servo.status.fault, "the jump of its clock")
     servo.mode("fault")
     assert servo.joints[-1] - before < RATE_RAD_S * 1.0, "2 s of commands were waiting, none of them was followed"
+
+
+@pytest.mark.parametrize("stall_s", [1.1, 2.0, 5.0])
+def test_a_servo_that_stalls_in_wall_time_follows_again_without_a_fault(in_wall_time: Servo, stall_s: float) -> None:
+    """Nothing that waited is followed, and the axes do not jump; the next commands are."""
+    servo = in_wall_time
+    servo.move(1.0)
+    assert servo.status.mode == "tracking"
+    process = servo.processes.process_id("antenna_servo")
+    before = len(servo.joints)
+    os.kill(process, signal.SIGSTOP)
+    try:
+        servo.move(stall_s)
+    finally:
+        os.kill(process, signal.SIGCONT)
+    resumed_s = time.monotonic()
+
+    def follows() -> bool:
+        servo.commands.publish(servo.command())
+        on_line = servo.base_rad + RATE_RAD_S * (servo.now_s - (servo.begun_s or 0.0))
+        return servo.status.mode == "tracking" and abs(servo.joints[-1] - on_line) < math.radians(0.05)
+
+    while not follows():
+        assert time.monotonic() - resumed_s < 5.0, servo.status
+        assert servo.status.fault == ""
+        servo.clock.run(0.1)
+    print(f"stalled {stall_s} s, on the line again after {time.monotonic() - resumed_s:.1f} s")
+    way = servo.joints[before - 1 :]
+    assert max(abs(b - a) for a, b in pairwise(way)) < math.radians(2.0) * 3.0 * TICK_S, "no jump"
+    servo.ask("stop")
 
 
 # Start
