@@ -63,8 +63,6 @@ POINT_BYTES = 112
 """Of a point of a command: four sequences of two numbers with their lengths, and its time."""
 INACTIVE_PERIOD_S = 0.05
 """Time between two looks at a real drive while the node is not active."""
-STALL_TOLERANCE_S = 0.2
-"""By which the steady clock may show less of a stall than the node's."""
 WRAP_EVERY = 10
 """Statuses after which the azimuth's turn is written if it has changed."""
 
@@ -229,14 +227,14 @@ class AntennaServo(StationNode):
             self._wrap_problem = f"wrap_file={self.parameters.value('').wrap_file} cannot be written: {error.strerror}"
 
     def _tick(self, t_s: float) -> None:
-        if jumped_s := self._schedule.jumped_s:
-            # After a jump of the clock every time in the command table means another direction.  A
-            # process that only stalled goes on with the next command.
-            waited_s = time.perf_counter() - (self._tick_wall_s or math.inf)
-            stalled = 0.0 < jumped_s <= waited_s + STALL_TOLERANCE_S
-            self._antenna.stop("" if stalled else f"the clock jumped by {jumped_s:+.2f} s")
-            if stalled:
-                self.get_logger().error(f"this process stalled for {waited_s:.1f} s: stopped until the next command")
+        # After a jump of the clock every time in the command table means another direction.
+        if self._schedule.jumped_s:
+            self._antenna.stop(f"the clock jumped by {self._schedule.jumped_s:+.2f} s")
+        elif self._schedule.stalled_s:
+            self._antenna.stop("")
+            self.get_logger().error(
+                f"this process stalled for {self._schedule.stalled_s:.1f} s: stopped until the next command"
+            )
         self._measure_lateness(self._antenna.params.tick_s)
         self._ticked_s = t_s
         reading, boresight = self._antenna.step(t_s)

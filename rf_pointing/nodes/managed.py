@@ -65,20 +65,23 @@ class Schedule:
         self._longest_gap_s = max(longest_gap_s, 2.0 * period_s)
         self._origin_s, self._count = self._on_grid(start_s), 1
         self._steady_s: float | None = None
-        self.jumped_s = 0.0
+        self.jumped_s = self.stalled_s = 0.0
 
     def due(self, now_s: float, steady_s: float | None = None) -> list[float]:
-        """Return the instants until `now_s` not returned yet; `jumped_s` is not 0 after a jump.
+        """Return the instants until `now_s` not returned yet.
 
-        `steady_s` is the time of a clock that nobody sets, None where time is simulated.
+        `jumped_s` is not 0 after a jump, `stalled_s` after a stall.  `steady_s` is the time of a
+        clock that nobody sets, None where time is simulated.
         """
-        self.jumped_s = 0.0
+        self.jumped_s = self.stalled_s = 0.0
         late_s = now_s - self._next_s
         stood_s = 0.0 if steady_s is None or self._steady_s is None else steady_s - self._steady_s
         self._steady_s = steady_s
         if abs(late_s) > self._longest_gap_s:
             if abs(late_s - stood_s) > self._longest_gap_s:
                 self.jumped_s = late_s - stood_s
+            else:
+                self.stalled_s = stood_s
             self._origin_s, self._count = self._on_grid(now_s), 0
         times = []
         while self._next_s <= now_s + 1e-3 * self._period_s:

@@ -371,8 +371,9 @@ def test_a_process_that_stood_still_is_no_jump_of_the_clock() -> None:
     schedule = Schedule(START_S, 0.02)
     schedule.due(START_S + 0.02, 100.0)
     assert schedule.due(START_S + 1.33, 101.31) == [round(START_S + 1.32, 6)], "what is past is not made up for"
-    assert schedule.jumped_s == 0.0
+    assert (schedule.jumped_s, schedule.stalled_s) == (0.0, pytest.approx(1.31))
     assert schedule.due(START_S + 1.36, 101.33) != []
+    assert schedule.stalled_s == 0.0
     # A clock that is set while the process stands still has jumped by the rest.
     schedule.due(START_S + 9.36, 104.33)
     assert schedule.jumped_s == pytest.approx(5.0, abs=0.03)
