@@ -200,7 +200,8 @@ class PointingControllerNode(StationNode):
         message.commands_sent = self._sent
         self._status.publish(message)
         self._warn(status)
-        if self._goal is not None:
+        # A goal whose pass is still looked for has nothing to feed back.
+        if self._goal is not None and self._selection is None:
             self._steps += 1
             if self._steps % FEEDBACK_EVERY == 0:
                 self._feed_back(message, status)
