@@ -134,7 +134,7 @@ enter_environment() {
   . "$STATE/install/local_setup.bash"
   set -u
   exec 9>&-
-  if [ -z "${ROS_AUTOMATIC_DISCOVERY_RANGE:-}${FASTRTPS_DEFAULT_PROFILES_FILE:-}" ]; then
+  if [ -z "${ROS_AUTOMATIC_DISCOVERY_RANGE:-}${FASTRTPS_DEFAULT_PROFILES_FILE:-}${ROS_DISCOVERY_SERVER:-}" ]; then
     export ROS_AUTOMATIC_DISCOVERY_RANGE=SYSTEM_DEFAULT FASTRTPS_DEFAULT_PROFILES_FILE=$ROOT/config/fastdds_loopback.xml
   fi
 }

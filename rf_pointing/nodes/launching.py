@@ -21,7 +21,7 @@ RESPAWN_DELAY_S = 0.5
 # The publisher predicts the target, and the simulated receiver receives it.
 SEES_TARGET = ("ephemeris_publisher", "rf_receiver")
 # What decides who can reach the nodes; an integrator who sets one of them has decided.
-DISCOVERY = ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE")
+DISCOVERY = ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DISCOVERY_SERVER")
 
 
 def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:

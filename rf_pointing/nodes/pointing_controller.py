@@ -47,7 +47,7 @@ from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.qos import COMMAND, IN_USE, LATCHED, STATUS, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
-from rf_pointing.nodes.station_node import ExecutiveWatch, StationCensus, StationInUse, StationNode
+from rf_pointing.nodes.station_node import ClockWatch, ExecutiveWatch, StationCensus, StationInUse, StationNode
 from rf_pointing.station.pointing.certificates import StoreParams, store_certificate
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
@@ -126,6 +126,7 @@ class PointingControllerNode(StationNode):
         self.serve(Trigger, "~/calibrate", self._on_calibrate)
         self.diagnostics.add("tracking", self._health)
         ExecutiveWatch(self)
+        ClockWatch(self)
 
     def activate(self) -> None:
         self.every(self._controller.params.pointing.period_s, self._due)
@@ -200,7 +201,8 @@ class PointingControllerNode(StationNode):
         message.commands_sent = self._sent
         self._status.publish(message)
         self._warn(status)
-        if self._goal is not None:
+        # A goal whose pass is still looked for has nothing to feed back.
+        if self._goal is not None and self._selection is None:
             self._steps += 1
             if self._steps % FEEDBACK_EVERY == 0:
                 self._feed_back(message, status)

@@ -6,11 +6,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rf_pointing_msgs.msg import StationInUse
 
+from rf_pointing.nodes.diagnostics import ERROR, OK, WARN
 from rf_pointing.nodes.params import ParameterGroups
-from rf_pointing.nodes.station_node import StationCensus
+from rf_pointing.nodes.stamps import stamp_from_seconds
+from rf_pointing.nodes.station_node import ClockWatch, StationCensus, StationNode
 from rf_pointing.planning import AxisLimits
 from rf_pointing.station.description import owner, read_station, shipped_stations
 
@@ -99,3 +102,38 @@ def test_a_copy_with_changes_differs_in_them_alone(tmp_path: Path, name: str) ->
         before, after = station.parameters(node), changed.parameters(node)
         differing = {each for each in before if before[each] != after[each]}
         assert differing <= {"publisher.mask_deg", "spiral.rate_deg_s", "pointing.on_target_deg"}, node
+
+
+def sent(name: str, stamp_s: float) -> DiagnosticArray:
+    message = DiagnosticArray(status=[DiagnosticStatus(hardware_id=name)])
+    message.header.stamp = stamp_from_seconds(stamp_s)
+    return message
+
+
+def test_a_clock_that_differs_is_named_with_its_size_and_delays_are_none(
+    default_context: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = StationNode("pointing_controller")
+    try:
+        watch, now_s = ClockWatch(node), 1_795_000_000.0
+        monkeypatch.setattr(node, "now_s", lambda: now_s)
+        for delay_s in (0.001, 0.4, 0.002, 0.9, 0.003, 0.05):
+            watch._note(sent("/same_computer", now_s - delay_s))
+            watch._note(sent("/ahead", now_s + 0.05 - delay_s))
+            watch._note(sent("/behind", now_s - 0.2 - delay_s))
+        for _ in range(4):
+            watch._note(sent("/seldom", now_s + 1.0))
+        health = watch.health()
+        assert health.level == ERROR
+        assert health.message == (
+            "the clock of ahead is 49 ms ahead of this computer's; "
+            "the clock of behind is 201 ms behind this computer's, or its messages are late"
+        )
+        assert health.values == {"offset_ms ahead": 49.0, "offset_ms behind": -201.0, "offset_ms same_computer": -1.0}
+        del watch._ages_s["behind"]
+        assert watch.health().level == WARN
+        del watch._ages_s["ahead"]
+        assert (watch.health().level, watch.health().message) == (OK, "ok")
+    finally:
+        node.lock.release()
+        node.destroy_node()
