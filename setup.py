@@ -15,6 +15,7 @@ EXECUTABLES = {
         "operator_page",
         "pointing_controller",
         "rf_receiver",
+        "rotctld_server",
         "simulation_clock",
         "station_description",
         "station_executive",

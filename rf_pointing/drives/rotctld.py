@@ -150,7 +150,8 @@ def _order(line: bytes) -> Order | None:
     if count is None:
         reason = f"command {_shown(name)} is not known"
         return Order(name, text=written, separator=separator, code=NOT_IMPLEMENTED, reason=reason)
-    reason, values = "", ()
+    reason = ""
+    values: tuple[float, ...] = ()
     if len(arguments) != count:
         reason = f"{name} has {len(arguments)} arguments, must have {count}"
     elif name == "set_pos":
@@ -265,7 +266,8 @@ class ServerCounts:
     refused_clients: int = 0
     refused_lines: int = 0
     last_refusal: str = ""
-    connected: set[str] = field(default_factory=set)
+    connected: dict[str, float] = field(default_factory=dict)
+    """Clients by address and port, with the steady time at which each was heard last."""
 
 
 class RotctldServer:
@@ -305,6 +307,10 @@ class RotctldServer:
         self._thread = threading.Thread(target=self._run, name="rotctld", daemon=True)
         self._thread.start()
 
+    def heard_s(self, client: str) -> float:
+        """Return the steady time at which a client was heard last, minus infinity if it is gone."""
+        return self.counts.connected.get(client, -math.inf)
+
     def close(self) -> None:
         """Disconnect every client and free the port."""
         self._loop.call_soon_threadsafe(self._stop.set)
@@ -333,21 +339,21 @@ class RotctldServer:
                 self.counts.refused_clients += 1
                 writer.write(f"RPRT {REJECTED}\n".encode())
             else:
-                self.counts.connected.add(name)
+                self.counts.connected[name] = time.monotonic()
                 self.counts.clients += 1
                 await self._talk(reader, writer, name)
         except (TimeoutError, OSError, asyncio.CancelledError):
             # Gone, silent, or it reads no answers: its half line is forgotten.
             writer.transport.abort()
         finally:
-            self.counts.connected.discard(name)
+            self.counts.connected.pop(name, None)
             self._tasks.discard(task)
             writer.close()
 
     async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, name: str) -> None:
         session = Session(Habit(self._habit.negative, self._habit.over))
         while data := await asyncio.wait_for(reader.read(_READ_BYTES), self._params.idle_s):
-            at_s = time.monotonic()
+            at_s = self.counts.connected[name] = time.monotonic()
             for order in session.take(data):
                 if order.name == "quit" and not order.code:
                     return
