@@ -11,7 +11,8 @@ pointing_model.
 Publishes: joint_trajectory (10 Hz, while it follows points itself).
 Uses: antenna_servo/go_to, park, resume; pointing_controller/stop;
 ephemeris_publisher/select_target and its parameter source.elements; track_pass.
-Parameters: server.* (address, port, clients), follow.* and match.* (what points mean), sensor.
+Parameters: server.* (address, port, clients), follow.* and match.* (what points mean), sensor,
+identify, command_key_file (the key that signs joint_trajectory).
 
 One client steers at a time.  A client is refused while the executive runs a schedule, while
 somebody else's pass is tracked, and while a fault is latched.
@@ -52,6 +53,7 @@ from rf_pointing.drives.rotctld import (
 from rf_pointing.ephemeris import CatalogueSky
 from rf_pointing.ephemeris.source import load_catalogue
 from rf_pointing.nodes import convert, convert_calibration
+from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.graph import EXECUTIVE_STATUS
 from rf_pointing.nodes.main_loop import run
@@ -108,6 +110,7 @@ class RotctldServerNode(StationNode):
         super().__init__("rotctld_server")
         load_trackers()
         self.parameters.declare("", RotctldNodeParams())
+        self.parameters.declare("", CommandKeyParams(), group="key")
         self.parameters.declare("server", ServerParams())
         self.parameters.declare("follow", FollowParams())
         self.parameters.declare("match", MatchParams())
@@ -153,6 +156,7 @@ class RotctldServerNode(StationNode):
 
     def _connect(self) -> None:
         self._commands = self.publisher(TrajectoryMessage, "joint_trajectory", COMMAND)
+        self._key = CommandKey(self.parameters.value("key"), self.resolve_topic_name("joint_trajectory"))
         self._latest = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         self.listen(AntennaStatus, "antenna_status", self._on_antenna, STATUS)
         self.listen(TrackingStatus, "tracking_status", lambda m: setattr(self, "_tracking", m), STREAM)
@@ -452,7 +456,7 @@ class RotctldServerNode(StationNode):
             acceleration_rad_s2=motion.acceleration,
         )  # fmt: skip
         command = convert.trajectory_to_message(trajectory, t_s)
-        command.header.frame_id = self.get_fully_qualified_name()
+        self._key.sign(command, self.get_fully_qualified_name())
         self._commands.publish(command)
 
     def _chosen_azimuth(self, t_s: float) -> float:

@@ -302,9 +302,7 @@ def test_a_message_with_nan_is_refused(cbers: Elements) -> None:
 def test_a_written_message_is_read_back_as_the_orbit_that_it_was_written_from() -> None:
     track = load_track(SourceParams(satellite="28057"))
     start_s = load_elements(SourceParams(satellite="28057")).epoch_t_s
-    text = oem_text(
-        track.target, "2003-049A", start_s, start_s + 7200.0, originator="rf_pointing", created_t_s=start_s
-    )
+    text = oem_text(track.target, "2003-049A", start_s, start_s + 7200.0, originator="rf_pointing", created_t_s=start_s)
     (segment,) = read_oem(text)
     assert (segment.name, segment.object_id, segment.frame) == (track.name, "2003-049A", "ITRF-2020")
     back = TopocentricTrack(OemTarget([segment]), track.site)
