@@ -15,6 +15,7 @@ EXECUTABLES = {
         "operator_page",
         "pointing_controller",
         "rf_receiver",
+        "rotctld_server",
         "simulation_clock",
         "station_description",
         "station_executive",
@@ -88,7 +89,7 @@ setup(
     ],
     python_requires=">=3.11",
     install_requires=LIBRARIES,
-    extras_require={"sweep": ["dask", "distributed"]},
+    extras_require={"sweep": ["dask", "distributed"], "tables": ["pandas>=2.1", "pyarrow>=14"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [

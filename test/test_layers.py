@@ -36,7 +36,7 @@ ALLOWED_THIRD_PARTY = {
     **SIBLINGS,
     "station": COMPOSED,
     "simulation": COMPOSED,
-    "report": COMPOSED | {"matplotlib", "rosbags", "jinja2", "markupsafe"},
+    "report": COMPOSED | {"matplotlib", "rosbags", "jinja2", "markupsafe", "pandas", "pyarrow"},
     "nodes": None,
     "commands": None,
     **dict.fromkeys(CORE_OF_ARRAYS, SIBLING),

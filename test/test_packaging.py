@@ -45,7 +45,7 @@ def test_launched_nodes_are_executables() -> None:
     named = set(re.findall(r'GraphNode\(\s*"(\w+)"', source))
     assert named
     # These are started where they are wanted, and are no part of a graph.
-    named |= set(re.findall(r'^(?:EXECUTIVE|DESCRIPTION|OPERATOR_PAGE) = "(\w+)"', source, re.MULTILINE))
+    named |= set(re.findall(r'^(?:EXECUTIVE|DESCRIPTION|OPERATOR_PAGE|ROTCTLD) = "(\w+)"', source, re.MULTILINE))
     assert named == {name for name, room in executables().items() if room == "nodes"}
 
 

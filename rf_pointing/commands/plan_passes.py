@@ -11,10 +11,11 @@ import json
 import math
 import os
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
-from rf_pointing import planning
+from rf_pointing import __version__, planning
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.commands.options import (
     add_target_options,
@@ -32,8 +33,9 @@ from rf_pointing.commands.plan_passes_many import plan_many, report
 from rf_pointing.core import to_degrees
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.core.parameters import NodeParameters
-from rf_pointing.ephemeris import ElementUncertainty, stale_warning
-from rf_pointing.ephemeris.source import load_track
+from rf_pointing.core.whole_file import write_whole
+from rf_pointing.ephemeris import ElementUncertainty, oem_text, stale_warning
+from rf_pointing.ephemeris.source import load_target, load_track
 from rf_pointing.station.antenna.simulated_antenna import SimulationParams
 from rf_pointing.station.pointing.certificates import PlannedPass, PlanningRules, plan_passes
 from rf_pointing.station.pointing.params import PointingParams
@@ -53,6 +55,8 @@ def main(argv: list[str] | None = None) -> None:
 def _main(options: argparse.Namespace) -> None:
     rules, start_rad = antenna_of(options)
     if options.all or options.satellites:
+        if options.oem:
+            raise ValueError("--oem is of one satellite: give neither --satellites nor --all")
         report(options, plan_many(options, rules, start_rad), rules)
         return
     for name in ("csv", "ics"):
@@ -70,6 +74,15 @@ def _main(options: argparse.Namespace) -> None:
         beamwidth_rad, stale_s = rules.machine.half_power_beamwidth_rad, source_of(options).stale_days * DAY_S
         last_s = wanted[-1].window.tca_t_s
         say_if("plan_passes", stale_warning(track, last_s, stale_s, ElementUncertainty(), beamwidth_rad))
+    if options.oem:
+        source, start_s = source_of(options), start_of(options)
+        wanted_id = getattr(load_target(source), "international_designator", "") or source.satellite
+        text = oem_text(
+            track.target, wanted_id, start_s, start_s + options.hours * 3600.0,
+            originator=f"rf_pointing {__version__}", created_t_s=time.time(),
+        )  # fmt: skip
+        write_whole(Path(options.oem), text)
+        say("plan_passes", options.oem)
     if options.picture:
         from rf_pointing.report.plan_picture import draw_plan
 
@@ -95,6 +108,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     add("--json", action="store_true", help="print JSON")
     add("--csv", metavar="FILE", help="write all passes of many satellites as a table")
     add("--ics", metavar="FILE", help="write the tracked passes of many satellites as a calendar")
+    add("--oem", metavar="FILE", help="write the satellite's motion over these hours as a CCSDS OEM")
     add("--picture", metavar="FILE", help="draw the plan into this PNG")
     return parser.parse_args(argv)
 

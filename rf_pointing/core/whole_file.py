@@ -93,12 +93,12 @@ def _require_plain(value: Any) -> None:
     raise ValueError(f"nested more than {DEEPEST} deep")
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Replace the text of a file; its folders are made where they are missing."""
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Replace the content of a file; its folders are made where they are missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     new = path.with_name(f"{path.name}.new")
-    with new.open("w", encoding="utf-8") as file:
-        file.write(text)
+    with new.open("wb") as file:
+        file.write(content.encode() if isinstance(content, str) else content)
         file.flush()
         # Without it a crash can leave an empty file: the rename may reach the disk before the text.
         os.fsync(file.fileno())

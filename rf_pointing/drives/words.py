@@ -99,21 +99,26 @@ def _noise(text: bytes) -> Answer:
     return Answer(NOISE, repr(text)[2:-1])
 
 
+LIMIT_NAMES = ("Minimum Azimuth", "Maximum Azimuth", "Minimum Elevation", "Maximum Elevation")
+"""What rotctld calls the ends of the travel in its extended form."""
+RPRT_ERRORS = {
+    -1: "invalid parameter",
+    -2: "invalid configuration",
+    -4: "not implemented",
+    -5: "communication timed out",
+    -6: "input or output error",
+    -8: "protocol error",
+    -9: "rejected",
+    -11: "not available",
+}
+"""Codes of rotctld and what they mean, for its client here and for its server."""
+
+
 class HamlibWords(Words):
     """Hamlib's rotctld; every line of its extended protocol names what it is."""
 
     name = "rotctld"
     resolution_deg = (0.01, 0.01)
-    ERRORS: ClassVar = {
-        -1: "invalid parameter",
-        -2: "invalid configuration",
-        -4: "not implemented",
-        -5: "communication timed out",
-        -6: "input or output error",
-        -8: "protocol error",
-        -9: "rejected",
-        -11: "not available",
-    }
     _FIELD = re.compile(rb"(Azimuth|Elevation|Minimum Azimuth|Maximum Azimuth|Minimum Elevation|Maximum Elevation):"
                         rb" (-?[0-9]+(?:\.[0-9]+)?)")  # fmt: skip
     _BEGIN = re.compile(rb"(get_pos|set_pos|stop|dump_state):(.*)")
@@ -148,14 +153,14 @@ class HamlibWords(Words):
     def _end(self, code: int) -> Iterator[Answer]:
         block, fields, self._block, self._fields = self._block, self._fields, "", {}
         if code:
-            yield Answer(REFUSED, f"{block or 'request'}: RPRT {code} ({self.ERRORS.get(code, 'unknown error')})")
+            yield Answer(REFUSED, f"{block or 'request'}: RPRT {code} ({RPRT_ERRORS.get(code, 'unknown error')})")
         elif block == "get_pos":
             # A line that was lost leaves a position without one of its angles.
             whole = {"Azimuth", "Elevation"} <= set(fields)
             yield _position(fields["Azimuth"], fields["Elevation"]) if whole else Answer(NOISE, "get_pos in part")
         elif block == "dump_state":
-            names = ("Minimum Azimuth", "Maximum Azimuth", "Minimum Elevation", "Maximum Elevation")
-            yield Answer(LIMITS, angles_deg=tuple(fields[name] for name in names) if set(names) <= set(fields) else ())
+            whole = set(LIMIT_NAMES) <= set(fields)
+            yield Answer(LIMITS, angles_deg=tuple(fields[name] for name in LIMIT_NAMES) if whole else ())
         else:
             yield Answer(DONE, block)
 

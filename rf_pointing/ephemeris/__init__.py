@@ -1,11 +1,11 @@
 """Where the target is at a time: elements, time scales, look angles and passes."""
 
-from rf_pointing.ephemeris.catalogue import CataloguePass, CatalogueSearch, find_catalogue_passes
+from rf_pointing.ephemeris.catalogue import CataloguePass, CatalogueSearch, CatalogueSky, find_catalogue_passes
 from rf_pointing.ephemeris.celestial import RADIO_SOURCES, moon, radio_source, sun
 from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
 from rf_pointing.ephemeris.element_messages import read_elements
 from rf_pointing.ephemeris.elements import Elements, find_elements
-from rf_pointing.ephemeris.oem import OemTarget, read_oem
+from rf_pointing.ephemeris.oem import OemTarget, oem_text, read_oem
 from rf_pointing.ephemeris.passes import Pass, find_passes, first_pass_above, passes_with_present
 from rf_pointing.ephemeris.sites import SITES, Site, site
 from rf_pointing.ephemeris.tle import tle_lines, verification_elements
@@ -23,6 +23,7 @@ __all__ = [
     "SITES",
     "CataloguePass",
     "CatalogueSearch",
+    "CatalogueSky",
     "ElementUncertainty",
     "Elements",
     "IersEarthOrientation",
@@ -37,6 +38,7 @@ __all__ = [
     "find_passes",
     "first_pass_above",
     "moon",
+    "oem_text",
     "orientation_sigma_rad",
     "passes_with_present",
     "radio_source",

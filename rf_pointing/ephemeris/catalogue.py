@@ -32,6 +32,7 @@ from rf_pointing.ephemeris.state_vector import StateVector
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, leap_seconds
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 _CIRCULAR_STEP_RAD, _ECCENTRIC_STEP_RAD = 0.45, 0.25
 # Largest eccentricity of the long step: the series of an eccentric orbit around its perigee
 # converges slower.
@@ -129,6 +130,30 @@ def find_catalogue_passes(
     return CatalogueSearch(tuple(sorted(passes, key=lambda p: p.aos_t_s)), tuple(unsearched))
 
 
+class CatalogueSky:
+    """True directions of many objects at a few times: which of them is at a place of the sky.
+
+    Objects farther than `max_age_s` from their epoch at `t_s` are left out.
+    """
+
+    def __init__(self, elements: Sequence[Elements], site: Site, t_s: float, max_age_s: float = 14.0 * DAY_S) -> None:
+        self.elements, _ = _usable(elements, t_s, 0.0, max_age_s)
+        self._site, self._orientation = site, IersEarthOrientation()
+        self._records = [_record(one, t_s) for one in self.elements]
+
+    def directions(self, t_s: Array, rows: Sequence[int] | None = None) -> tuple[Array, Flags]:
+        """Return unit vectors (objects, times, 3) east, north, up, and which objects are known."""
+        records = self._records if rows is None else [self._records[row] for row in rows]
+        if not records:
+            return np.zeros((0, len(t_s), 3)), np.zeros(0, dtype=np.bool_)
+        orbit, codes = _orbits(records, t_s, self._orientation)
+        seen = _seen(orbit, self._site, SENSES["receive"]) @ np.array(self._site.axes).T
+        known = (codes == 0) & np.all(np.isfinite(seen), axis=(1, 2))
+        # Rows that cannot be propagated point down, where nothing is looked for.
+        seen[~known] = (0.0, 0.0, -1.0)
+        return seen / np.linalg.norm(seen, axis=-1, keepdims=True), known
+
+
 def _lowest_rad(horizon: Horizon) -> float:
     """Return the lowest elevation of a horizon, a little less so that every crossing is found."""
     return float(np.min(horizon(np.linspace(0.0, 2.0 * math.pi, 3601)))) - 1e-3
@@ -222,15 +247,22 @@ def _sampled(
 ) -> tuple[SampledSky, NDArray[np.uint8]]:
     """Return the grid of positions and the SGP4 error code of each object, 0 for none."""
     count = round(duration_s / step_s)
-    t_s = start_t_s + step_s * np.arange(-MARGIN, count + MARGIN + 1)
+    t_s: Array = start_t_s + step_s * np.arange(-MARGIN, count + MARGIN + 1)
+    orbit, codes = _orbits([_record(one, start_t_s) for one in elements], t_s, orientation)
+    return SampledSky(_seen(orbit, site, sense) @ np.array(site.axes).T, start_t_s, step_s), codes
+
+
+def _orbits(
+    records: list[Satrec], t_s: Array, orientation: EarthOrientationSource
+) -> tuple[StateVector, NDArray[np.uint8]]:
+    """Return Earth-fixed motions (objects, times) and the SGP4 error code of each object."""
     days = np.floor(t_s / DAY_S)
-    records = SatrecArray([_record(one, start_t_s) for one in elements])
-    codes, position_km, velocity_km_s = records.sgp4(POSIX_EPOCH_JD + days, (t_s - days * DAY_S) / DAY_S)
+    codes, position_km, velocity_km_s = SatrecArray(records).sgp4(POSIX_EPOCH_JD + days, (t_s - days * DAY_S) / DAY_S)
     (x, y, z), (vx, vy, vz) = np.moveaxis(position_km, -1, 0) * 1e3, np.moveaxis(velocity_km_s, -1, 0) * 1e3
-    # Only position and velocity are used here; the grid's interpolation has its own derivatives.
+    # Only position and velocity are used here; whoever interpolates has derivatives of its own.
     none = (0.0, 0.0, 0.0)
     orbit = earth_fixed_from_teme(StateVector((x, y, z), (vx, vy, vz), none, none), t_s, orientation)
-    return SampledSky(_seen(orbit, site, sense) @ np.array(site.axes).T, start_t_s, step_s), codes.max(axis=1)
+    return orbit, codes.max(axis=1)
 
 
 def _seen(orbit: StateVector, site: Site, sense: float) -> Array:

@@ -1,4 +1,4 @@
-"""Orbit ephemeris messages (CCSDS 502.0-B, KVN): read, and followed as a target.
+"""Orbit ephemeris messages (CCSDS 502.0-B, KVN): read, written, and followed as a target.
 
 Epochs are turned into TAI seconds, in which time runs evenly over a leap second.  A message must be
 complete and in km: one that ends before its STOP_TIME, or whose states no body near the Earth can
@@ -8,6 +8,7 @@ positions and velocities.  The polynomial of a window is solved for once, in a t
 [-1, 1], and differentiated for velocity, acceleration and jerk.
 """
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import require_choice
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
-from rf_pointing.core.dates import DAY_S, from_utc_text, utc_text
+from rf_pointing.core.dates import DAY_S, from_utc_text, to_utc_text, utc_text
 from rf_pointing.core.kvn import key_and_value
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs, tt_parts
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
@@ -34,6 +35,7 @@ from rf_pointing.ephemeris.time_scales import (
     tai_from_utc_calendar,
     utc_from_tai_s,
 )
+from rf_pointing.ephemeris.track import TargetSource
 
 Array = NDArray[np.float64]
 
@@ -103,6 +105,46 @@ def read_oem(text: str) -> list[OemSegment]:
         raise ValueError("OEM has no META_START")
     found.append(_segment(meta, states))
     return found
+
+
+WRITTEN_STEP_S = 60.0
+"""Between the states of a written message; Hermite of degree 7 follows low orbits to millimetres."""
+
+
+def oem_text(
+    target: TargetSource, object_id: str, start_t_s: float, end_t_s: float, *, originator: str, created_t_s: float
+) -> str:
+    """Return the message of a target's motion between two UTC times; `read_oem` is the inverse.
+
+    The states are of the Earth-fixed frame ITRF, a minute apart.
+
+    Raises
+    ------
+    ValueError
+        For a body of the sky, and for times that the target does not know.
+    """
+    if target.at_infinity or target.name.casefold() in ("sun", "moon"):
+        raise ValueError(f"{target.name} is no satellite: an OEM holds the states of an orbit")
+    count = max(math.ceil((end_t_s - start_t_s) / WRITTEN_STEP_S), 1) + 1
+    times = np.round(np.linspace(start_t_s, end_t_s, count), 6)
+    inertial = target.motion_at(times)
+    turning = seen_from_rotating_axes(inertial, target.rotation_rate_rad_s)
+    columns = np.array([*turning.position, *turning.velocity]).T / 1e3
+    epochs = [to_utc_text(float(t_s)) for t_s in times]
+    head = {
+        "CCSDS_OEM_VERS": "2.0", "CREATION_DATE": to_utc_text(created_t_s), "ORIGINATOR": originator,
+    }  # fmt: skip
+    meta = {
+        "OBJECT_NAME": target.name, "OBJECT_ID": object_id, "CENTER_NAME": "EARTH", "REF_FRAME": "ITRF-2020",
+        "TIME_SYSTEM": "UTC", "START_TIME": epochs[0], "STOP_TIME": epochs[-1], "INTERPOLATION": "HERMITE",
+        "INTERPOLATION_DEGREE": "7",
+    }  # fmt: skip
+    lines = [f"{key} = {value}" for key, value in head.items()]
+    lines += ["", "META_START", *(f"{key} = {value}" for key, value in meta.items()), "META_STOP", ""]
+    states = [
+        f"{epoch} " + " ".join(f"{value:.9f}" for value in row) for epoch, row in zip(epochs, columns, strict=True)
+    ]
+    return "\n".join([*lines, *states]) + "\n"
 
 
 class _State(NamedTuple):

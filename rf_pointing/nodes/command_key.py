@@ -24,6 +24,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
+from rf_pointing.nodes.graph import ROTCTLD
 from rf_pointing.nodes.main_loop import open_private
 
 KEY_BYTES, SHOWN_DIGITS = 32, 32
@@ -73,7 +74,8 @@ class CommandKey:
         values = {"publishers": ", ".join(names), "foreign_commands": self.foreign, "signed": bool(self._key)}
         if self.foreign and time.monotonic() - self._last_s < SHOWN_S:
             return Health(ERROR, self._last, values)
-        if len(names) > 1:
+        # The server of rotctld's clients commands in the place of the controller, one of them at once.
+        if len([name for name in names if not name.endswith(f"/{ROTCTLD}")]) > 1:
             # A node that was killed stays in the graph for 20 s.
             return Health(WARN, f"{len(names)} publishers of {self._topic}: {', '.join(names)}", values)
         return Health(OK, "one commander" if names else "no commander", values)

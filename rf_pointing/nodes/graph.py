@@ -67,6 +67,8 @@ ESSENTIAL = "antenna_status"
 
 EXECUTIVE = "station_executive"
 """The node of a night without an operator; a station without it is whole."""
+ROTCTLD = "rotctld_server"
+"""The node through which rotctld's clients steer; a station without it is whole, too."""
 DESCRIPTION = "station_description"
 """The node that shows a station to viewers; a station without it is whole."""
 OPERATOR_PAGE = "operator_page"

@@ -13,7 +13,7 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode, Node
 
-from rf_pointing.nodes.graph import DESCRIPTION, EXECUTIVE, OPERATOR_PAGE
+from rf_pointing.nodes.graph import DESCRIPTION, EXECUTIVE, OPERATOR_PAGE, ROTCTLD
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.description import StationDescription, read_station, urdf
 
@@ -52,6 +52,7 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
         DeclareLaunchArgument(
             "description", default_value="true", description="whether viewers get URDF, tf and markers of the station"
         ),
+        DeclareLaunchArgument("rotctld", default_value="false", description="whether rotctld_server is started"),
         DeclareLaunchArgument("page", default_value="false", description="whether operator_page is started"),
         DeclareLaunchArgument("respawn", default_value="true", description="start nodes again that have ended"),
     ]
@@ -88,7 +89,7 @@ def network_environment(network: str) -> dict[str, str]:
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
     """Return the actions that start `names`."""
     simulated = "simulation_clock" in names
-    wanted = {"executive": EXECUTIVE, "page": OPERATOR_PAGE}
+    wanted = {"executive": EXECUTIVE, "page": OPERATOR_PAGE, "rotctld": ROTCTLD}
     more = [name for argument, name in wanted.items() if LaunchConfiguration(argument).perform(context) == "true"]
     actions = [_node(context, name, simulated=simulated) for name in (*names, *more)]
     if LaunchConfiguration("description").perform(context) == "true":
@@ -149,7 +150,7 @@ def _node(context: Any, name: str, *, simulated: bool, state_publisher: bool = F
     parameters: list[Any] = [{"lifecycle.autostart": given("autostart") == "true"}]
     if name == "antenna_servo" and given("state_folder"):
         parameters.append(state_files(Path(given("state_folder")), given("namespace")))
-    if name == "pointing_controller" and given("state_folder"):
+    if name in ("pointing_controller", ROTCTLD) and given("state_folder"):
         files = state_files(Path(given("state_folder")), given("namespace"))
         parameters.append({"command_key_file": files["command_key_file"]})
     kept = Path(given("state_folder")) / given("namespace").strip("/") if given("state_folder") else None

@@ -20,8 +20,11 @@ from rf_pointing.ephemeris import (
     Site,
     TopocentricTrack,
     find_passes,
+    oem_text,
     read_oem,
+    sun,
 )
+from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from test.ephemeris.conftest import AssumedOrientation
 from test.ephemeris.oem_text import START_T_S, STEP_S, TIMES, teme_states, text_of
 
@@ -294,3 +297,24 @@ def test_a_message_with_nan_is_refused(cbers: Elements) -> None:
     states[3] = np.array([math.nan, *states[3][1:]])
     with pytest.raises(ValueError, match="must hold finite numbers"):
         read_oem(text_of(states))
+
+
+def test_a_written_message_is_read_back_as_the_orbit_that_it_was_written_from() -> None:
+    track = load_track(SourceParams(satellite="28057"))
+    start_s = load_elements(SourceParams(satellite="28057")).epoch_t_s
+    text = oem_text(track.target, "2003-049A", start_s, start_s + 7200.0, originator="rf_pointing", created_t_s=start_s)
+    (segment,) = read_oem(text)
+    assert (segment.name, segment.object_id, segment.frame) == (track.name, "2003-049A", "ITRF-2020")
+    back = TopocentricTrack(OemTarget([segment]), track.site)
+    # Between the states, where the interpolation errs most.
+    times = start_s + 1530.0 + 60.0 * np.arange(90)
+    there, here = back.sample(times), track.sample(times)
+    apart = angular_distance_rad(there.azimuth_rad, there.elevation_rad, here.azimuth_rad, here.elevation_rad)
+    print(f"{np.degrees(apart.max()) * 1e3:.2g} mdeg, {np.max(np.abs(there.range_m - here.range_m)):.2g} m")
+    assert np.degrees(apart.max()) < 1e-6
+    assert np.max(np.abs(there.range_m - here.range_m)) < 0.05
+
+
+def test_a_body_of_the_sky_has_no_ephemeris_message() -> None:
+    with pytest.raises(ValueError, match="Sun is no satellite: an OEM holds the states of an orbit"):
+        oem_text(sun(), "Sun", 0.0, 60.0, originator="x", created_t_s=0.0)

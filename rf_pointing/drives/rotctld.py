@@ -1,0 +1,404 @@
+"""The server side of rotctld's protocol: lines in, orders out, answers in the client's form.
+
+    P az el   set_pos      p  get_pos      S  stop      K  park      _  get_info
+    s  get_status          1  dump_caps    \\dump_state             q  quit
+
+A prefix `+` asks for the extended form, with the lines of an answer joined by newlines; `;`, `|`
+and `,` join them by themselves.  Answers are those of Hamlib 4.5.4, byte for byte.  Where Hamlib
+accepts NaN, waits for the rest of a short line in the next one, or answers an unknown command with
+silence, the line is refused with its code.
+
+`RotctldServer` serves the clients in a thread of its own.  What moves the antenna goes to the
+station, one order of each client at a time; memory for each client is bounded.
+"""
+
+import asyncio
+import math
+import re
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from rf_pointing.core import Params, parameter
+from rf_pointing.drives.words import LIMIT_NAMES, LONGEST_LINE, Pair
+
+INVALID, NOT_IMPLEMENTED, TIMED_OUT, IO_ERROR, REJECTED = -1, -4, -5, -6, -9
+"""Codes of `RPRT_ERRORS` that this side gives."""
+# The direction counts: the station chooses the turn and the side of the dish.
+AZIMUTH_DEG, ELEVATION_DEG = (-180.0, 450.0), (0.0, 180.0)
+MODEL = 2
+_COMMANDS = {
+    "P": ("set_pos", 2), "p": ("get_pos", 0), "S": ("stop", 0), "K": ("park", 0), "R": ("reset", 1), "M": ("move", 2),
+    "_": ("get_info", 0), "s": ("get_status", 0), "1": ("dump_caps", 0), "q": ("quit", 0), "Q": ("quit", 0),
+}  # fmt: skip
+_BY_NAME = {**dict(_COMMANDS.values()), "dump_state": 0}
+OF_STATION = ("set_pos", "stop", "park")
+"""Commands that the station carries out."""
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
+_READ_BYTES = 4096
+_ANSWER_S = 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServerParams(Params):
+    """Where clients connect, and how many."""
+
+    host: str = parameter("127.0.0.1", "address that is listened on; the protocol has no password")
+    port: int = parameter(4533, "TCP port; 0: any free one", low=0, high=65535)
+    most_clients: int = parameter(100, "clients at one time; further ones are refused", low=1, high=500)
+    idle_s: float = parameter(600.0, "a client that sends nothing for so long is disconnected", low=1.0, high=86400.0)
+    patience_s: float = parameter(5.0, "a client that reads no answer for so long is disconnected", low=0.1, high=60.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """One line of a client.
+
+    `text` are the arguments as they were written, `separator` joins the lines of an extended
+    answer ("" for the plain form).  A line that is refused has a `code` and the `reason`.
+    """
+
+    name: str
+    values_deg: tuple[float, ...] = ()
+    text: str = ""
+    separator: str = ""
+    code: int = 0
+    reason: str = ""
+
+
+@dataclass(slots=True)
+class Habit:
+    """In which range a client thinks, as its own commands show."""
+
+    negative: bool = False
+    over: bool = False
+
+    def take(self, azimuth_deg: float, elevation_deg: float) -> None:
+        """Note a command: negative azimuths stay a habit until one beyond 180 deg is sent."""
+        self.negative = azimuth_deg < 0.0 or (self.negative and azimuth_deg <= 180.0)
+        self.over = elevation_deg > 90.0
+
+    def shown_deg(self, azimuth_deg: float, elevation_deg: float) -> Pair:
+        """Return a direction (any turn, either side of the zenith) in the client's range."""
+        if (elevation_deg > 90.0) != self.over:
+            azimuth_deg, elevation_deg = azimuth_deg + 180.0, 180.0 - elevation_deg
+        # Rounded first: 359.996 is shown as 0.00 and not as 360.00.
+        azimuth_deg = round(azimuth_deg, 2) % 360.0
+        if self.negative and azimuth_deg > 180.0:
+            azimuth_deg -= 360.0
+        return azimuth_deg, elevation_deg
+
+
+class Session:
+    """The lines of one client; `habit` is that of its host until it commands by itself."""
+
+    def __init__(self, habit: Habit | None = None) -> None:
+        self.habit = habit or Habit()
+        self._buffer = bytearray()
+        self._discarding = False
+
+    def take(self, data: bytes) -> Iterator[Order]:
+        """Yield the orders of the lines that are complete; a half line waits for its end."""
+        *lines, rest = (bytes(self._buffer) + data).split(b"\n")
+        for line in lines:
+            # The end of a line that was too long: its beginning has been refused.
+            if self._discarding:
+                self._discarding = False
+            elif len(line) > LONGEST_LINE:
+                yield self._too_long()
+            elif (order := _order(line)) is not None:
+                yield order
+        if len(rest) > LONGEST_LINE and not self._discarding:
+            self._discarding = True
+            yield self._too_long()
+        self._buffer = bytearray(b"" if self._discarding else rest)
+
+    @staticmethod
+    def _too_long() -> Order:
+        return Order("", code=INVALID, reason=f"a line is longer than {LONGEST_LINE} bytes")
+
+    @staticmethod
+    def answer(order: Order, code: int = 0, fields: tuple[tuple[str, str], ...] = ()) -> bytes:
+        """Return the answer; `fields` are its lines in the extended and in the plain form."""
+        if order.separator:
+            head = f"{order.name}: {order.text}" if order.text else f"{order.name}:"
+            lines = [head, *(extended for extended, _ in fields), f"RPRT {code}"]
+            return (order.separator.join(lines) + "\n").encode()
+        plain = [text for _, text in fields] if fields and not code else [f"RPRT {code}"]
+        return ("\n".join(plain) + "\n").encode()
+
+
+def _order(line: bytes) -> Order | None:
+    """Return the order of a line without its end, None for an empty line or a comment."""
+    text = line.strip(b" \t\r").decode("ascii", errors="replace")
+    if not text or text.startswith("#"):
+        return None
+    if not text.isascii() or not text.isprintable():
+        return Order("", code=INVALID, reason="a line holds bytes that are no text")
+    separator = {"+": "\n", ";": ";", "|": "|", ",": ","}.get(text[0], "")
+    word, *arguments = text[1 if separator else 0 :].split() or [""]
+    if word.startswith("\\"):
+        name, count = word[1:], _BY_NAME.get(word[1:])
+    elif len(word) == 1:
+        name, count = _COMMANDS.get(word, (word, None))
+    else:
+        return Order("", separator=separator, code=INVALID, reason=f"{_shown(word)} is no command")
+    written = " ".join(arguments)
+    if count is None:
+        reason = f"command {_shown(name)} is not known"
+        return Order(name, text=written, separator=separator, code=NOT_IMPLEMENTED, reason=reason)
+    reason = ""
+    values: tuple[float, ...] = ()
+    if len(arguments) != count:
+        reason = f"{name} has {len(arguments)} arguments, must have {count}"
+    elif name == "set_pos":
+        reason, values = _angles(arguments)
+    code = INVALID if reason else 0
+    if not reason and name in ("move", "reset"):
+        code, reason = NOT_IMPLEMENTED, f"{name} is not offered"
+    return Order(name, values, written, separator, code, reason)
+
+
+def _angles(arguments: list[str]) -> tuple[str, tuple[float, ...]]:
+    """Return why the arguments are no direction ("" if they are one), and the angles in deg."""
+    values = []
+    bounds = (("azimuth", AZIMUTH_DEG), ("elevation", ELEVATION_DEG))
+    for text, (name, (low, high)) in zip(arguments, bounds, strict=True):
+        # float() reads "nan", "inf" and "1_0", too.
+        if not _NUMBER.fullmatch(text):
+            return f"{name} {_shown(text)} is no number", ()
+        value = float(text)
+        if not low <= value <= high:
+            return f"{name} {_shown(text)} must be {low:g} to {high:g} deg", ()
+        values.append(value)
+    return "", tuple(values)
+
+
+def _shown(text: str) -> str:
+    return repr(text[:24])
+
+
+@dataclass(slots=True)
+class StationView:
+    """What clients may read; the station replaces the values as it learns them.
+
+    `position_deg` is the direction of the beam on any turn and either side of the zenith, None
+    while it is not known.
+    """
+
+    name: str
+    position_deg: Pair | None = None
+    moving: tuple[int, int] = (0, 0)
+    """Sign of the motion of azimuth and elevation."""
+
+    def fields(self, name: str, habit: Habit) -> tuple[tuple[str, str], ...] | None:
+        """Return the lines of an answer, extended and plain; None where it is not known yet."""
+        match name:
+            case "get_pos":
+                if self.position_deg is None:
+                    return None
+                named = zip(("Azimuth", "Elevation"), habit.shown_deg(*self.position_deg), strict=True)
+                return tuple((f"{label}: {value:.2f}", f"{value:.2f}") for label, value in named)
+            case "get_info":
+                return ((f"Info: {self.name}", self.name),)
+            case "get_status":
+                flags = self._flags()
+                return ((f"Status flags: {flags}", flags),)
+            case "dump_caps":
+                return tuple((line, line) for line in self._caps())
+            case _:
+                return _state_fields()
+
+    def _flags(self) -> str:
+        azimuth, elevation = self.moving
+        words = ["MOVING"] * bool(azimuth or elevation)
+        words += [f"MOVING_AZ MOVING_{'RIGHT' if azimuth > 0 else 'LEFT'}"] * bool(azimuth)
+        words += [f"MOVING_EL MOVING_{'UP' if elevation > 0 else 'DOWN'}"] * bool(elevation)
+        return "".join(f"{word} " for word in words)
+
+    def _caps(self) -> tuple[str, ...]:
+        return (
+            f"Caps dump for model:\t{MODEL}", f"Model name:\t\t{self.name}", "Mfg name:\t\trf_pointing",
+            "Rot type:\t\tAz-El", f"Min Azimuth:\t\t{AZIMUTH_DEG[0]:.2f}", f"Max Azimuth:\t\t{AZIMUTH_DEG[1]:.2f}",
+            f"Min Elevation:\t\t{ELEVATION_DEG[0]:.2f}", f"Max Elevation:\t\t{ELEVATION_DEG[1]:.2f}",
+            "Can set Position:\tY", "Can get Position:\tY", "Can Stop:\t\tY", "Can Park:\t\tY", "Can Reset:\t\tN",
+            "Can Move:\t\tN", "Can get Info:\t\tY",
+        )  # fmt: skip
+
+
+def _state_fields() -> tuple[tuple[str, str], ...]:
+    limits = (*AZIMUTH_DEG, *ELEVATION_DEG)
+    short = ("min_az", "max_az", "min_el", "max_el")
+    return (
+        ("rotctld Protocol Ver: 1", "1"),
+        (f"Rotor Model: {MODEL}", f"{MODEL}"),
+        *(
+            (f"{name}: {value:.6f}", f"{key}={value:.6f}")
+            for name, key, value in zip(LIMIT_NAMES, short, limits, strict=True)
+        ),
+        ("South Zero: 0", "south_zero=0"),
+        ("rot_type=AzEl", "rot_type=AzEl"),
+        ("done", "done"),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Inquiry:
+    """An order of a client that the station carries out; `reply` takes its code, in any thread.
+
+    `at_s` is the steady time at which the line was read.
+    """
+
+    order: Order
+    client: str
+    at_s: float
+    reply: Callable[[int], None]
+
+
+@dataclass(slots=True)
+class ServerCounts:
+    """What has happened at the port since it was opened."""
+
+    clients: int = 0
+    refused_clients: int = 0
+    refused_lines: int = 0
+    last_refusal: str = ""
+    connected: dict[str, float] = field(default_factory=dict)
+    """Clients by address and port, with the steady time at which each was heard last."""
+
+
+class RotctldServer:
+    """Serves rotctld's protocol on a TCP port until `close`.
+
+    `inbox` is called in the thread of the server with what the station carries out, and
+    `refused` with each line that was refused, in words.
+
+    Raises
+    ------
+    ValueError
+        When the address cannot be listened on.
+    """
+
+    def __init__(
+        self,
+        params: ServerParams,
+        view: StationView,
+        inbox: Callable[[Inquiry], None],
+        refused: Callable[[str], object] = str,
+    ) -> None:
+        self._params, self.view, self._inbox, self._refused = params, view, inbox, refused
+        self.counts = ServerCounts()
+        self._habit = Habit()
+        self._socket = socket.socket(socket.AF_INET6 if ":" in params.host else socket.AF_INET)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            self._socket.bind((params.host, params.port))
+            self._socket.listen(128)
+        except OSError as error:
+            self._socket.close()
+            raise ValueError(f"server.host={params.host}, server.port={params.port}: {error.strerror}") from error
+        self.port: int = self._socket.getsockname()[1]
+        self._loop = asyncio.new_event_loop()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._stop = asyncio.Event()
+        self._thread = threading.Thread(target=self._run, name="rotctld", daemon=True)
+        self._thread.start()
+
+    def heard_s(self, client: str) -> float:
+        """Return the steady time at which a client was heard last, minus infinity if it is gone."""
+        return self.counts.connected.get(client, -math.inf)
+
+    def close(self) -> None:
+        """Disconnect every client and free the port."""
+        self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join(timeout=5.0)
+
+    def _run(self) -> None:
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(self._serve())
+
+    async def _serve(self) -> None:
+        server = await asyncio.start_server(self._client, sock=self._socket, limit=_READ_BYTES)
+        await self._stop.wait()
+        server.close()
+        for task in list(self._tasks):
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def _client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        assert task is not None
+        self._tasks.add(task)
+        host, port = (writer.get_extra_info("peername") or ("?", 0))[:2]
+        name = f"{host}:{port}"
+        try:
+            if len(self.counts.connected) >= self._params.most_clients:
+                self.counts.refused_clients += 1
+                writer.write(f"RPRT {REJECTED}\n".encode())
+            else:
+                self.counts.connected[name] = time.monotonic()
+                self.counts.clients += 1
+                await self._talk(reader, writer, name)
+        except (TimeoutError, OSError, asyncio.CancelledError):
+            # Gone, silent, or it reads no answers: its half line is forgotten.
+            writer.transport.abort()
+        finally:
+            self.counts.connected.pop(name, None)
+            self._tasks.discard(task)
+            writer.close()
+
+    async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, name: str) -> None:
+        session = Session(Habit(self._habit.negative, self._habit.over))
+        while data := await asyncio.wait_for(reader.read(_READ_BYTES), self._params.idle_s):
+            at_s = self.counts.connected[name] = time.monotonic()
+            for order in session.take(data):
+                if order.name == "quit" and not order.code:
+                    return
+                writer.write(await self._answer(session, order, name, at_s))
+            await asyncio.wait_for(writer.drain(), self._params.patience_s)
+
+    async def _answer(self, session: Session, order: Order, name: str, at_s: float) -> bytes:
+        code, fields = order.code, None
+        if code:
+            self.counts.refused_lines += 1
+            self.counts.last_refusal = f"{name}: {order.reason}"
+            self._refused(self.counts.last_refusal)
+        elif order.name in OF_STATION:
+            code = await self._carried_out(order, name, at_s)
+            if order.name == "set_pos" and not code:
+                session.habit.take(order.values_deg[0], order.values_deg[1])
+                # Clients that connect anew for every command have the habit of the one before.
+                self._habit = Habit(session.habit.negative, session.habit.over)
+        else:
+            fields = self.view.fields(order.name, session.habit)
+            code = IO_ERROR if fields is None else 0
+        return session.answer(order, code, fields or ())
+
+    async def _carried_out(self, order: Order, name: str, at_s: float) -> int:
+        """Hand an order to the station; return its code, or that of a station that is silent."""
+        answered: asyncio.Future[int] = self._loop.create_future()
+
+        def take(code: int) -> None:
+            if not answered.done():
+                answered.set_result(code)
+
+        def reply(code: int) -> None:
+            # The server may have been closed meanwhile.
+            with suppress(RuntimeError):
+                self._loop.call_soon_threadsafe(take, code)
+
+        self._inbox(Inquiry(order, name, at_s, reply))
+        try:
+            return await asyncio.wait_for(answered, _ANSWER_S)
+        except TimeoutError:
+            return TIMED_OUT
+
+
+def direction_rad(azimuth_deg: float, elevation_deg: float) -> Pair:
+    """Return azimuth and elevation (at most 90 deg) in rad of what a client wrote."""
+    if elevation_deg > 90.0:
+        azimuth_deg, elevation_deg = azimuth_deg + 180.0, 180.0 - elevation_deg
+    return math.radians(azimuth_deg % 360.0), math.radians(elevation_deg)

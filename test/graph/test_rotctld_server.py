@@ -1,0 +1,270 @@
+"""The rotctld server before a live station: Debian's rotctl, an unknown track through north, and a known satellite."""
+
+import dataclasses
+import math
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+from rf_pointing_msgs.msg import AntennaStatus, PassCertificate, TrackingStatus
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from rf_pointing.core import angular_distance_rad, azel_from_unit_vector
+from rf_pointing.ephemeris import TopocentricTrack, tle_lines
+from rf_pointing.nodes.qos import LATCHED, STATUS, STREAM
+from rf_pointing.nodes.stamps import seconds_from_stamp
+from rf_pointing.station.description import read_station
+from test.graph.real_station import satellite_over
+
+from .conftest import ask, live_graph
+
+pytestmark = pytest.mark.graph
+
+NODES = ["antenna_servo", "ephemeris_publisher", "pointing_controller", "rotctld_server"]
+CULMINATES_S = 110.0
+"""After the start of the nodes; the satellite is high enough from a minute before until a minute after."""
+SETTLED_S = 8.0
+"""After the first point of a motion."""
+SWING_RAD = math.radians(0.5)
+"""Of a dish that has stopped, 2 s later; it slews at 6 deg/s."""
+Direction = Callable[[float], tuple[float, float]]
+
+
+class Watched:
+    """A station on the system's time, what it publishes, and the port of its rotctld server."""
+
+    def __init__(self, live: SimpleNamespace, folder: Path) -> None:
+        self.live, self.joints = live, []
+        self.antenna, self.tracking, self.certificate = AntennaStatus(), TrackingStatus(), PassCertificate()
+        self.site, self.begun_s = read_station("leo_3m7").site, time.time()
+        self.overhead = satellite_over(self.site, self.begun_s + CULMINATES_S)
+        other = dataclasses.replace(
+            satellite_over(self.site, self.begun_s + 9000.0), name="OTHER", catalogue_number=91001
+        )
+        elements = folder / "two.tle"
+        elements.write_text("".join("\n".join((one.name, *tle_lines(one))) + "\n" for one in (other, self.overhead)))
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = probe.getsockname()[1]
+        live.node.create_subscription(JointState, "joint_states", self._on_joints, STREAM)
+        live.node.create_subscription(AntennaStatus, "antenna_status", lambda m: setattr(self, "antenna", m), STATUS)
+        live.node.create_subscription(TrackingStatus, "tracking_status", lambda m: setattr(self, "tracking", m), STREAM)
+        live.node.create_subscription(
+            PassCertificate, "pass_certificate", lambda m: setattr(self, "certificate", m), LATCHED
+        )
+        self.processes = live.start(
+            NODES,
+            "/**:\n  ros__parameters: {station: leo_3m7}\n"
+            f"/**/ephemeris_publisher:\n  ros__parameters: {{source.elements: {elements}, source.satellite: '91001'}}\n"
+            f"/**/rotctld_server:\n  ros__parameters: {{server.port: {self.port}, match.silence_s: 4.0}}\n",
+            autostart=True,
+        )
+        live.spin_until(lambda: self.antenna.mode == "holding" and self._listens(), "a station that listens")
+
+    def _listens(self) -> bool:
+        try:
+            with socket.create_connection(("127.0.0.1", self.port), 1.0) as client:
+                client.sendall(b"p\n")
+                return not _line(client).startswith("RPRT") and bool(self.joints)
+        except OSError:
+            return False
+
+    def _on_joints(self, message: JointState) -> None:
+        self.joints.append((seconds_from_stamp(message.header.stamp), *message.position))
+
+    def log(self) -> str:
+        return self.processes._log("rotctld_server").read_text()
+
+    def rotctl(self, *words: str) -> str:
+        done = subprocess.run(
+            ["rotctl", "-m", "2", "-r", f"127.0.0.1:{self.port}", *words], capture_output=True, text=True, timeout=20.0
+        )
+        return done.stdout + done.stderr
+
+    def spin(self, seconds: float) -> None:
+        until_s = time.monotonic() + seconds
+        while time.monotonic() < until_s:
+            self.live.executor.spin_once(timeout_sec=0.02)
+
+    def fly(self, client: socket.socket, direction: Direction, seconds: float) -> list[str]:
+        """Send a point and read the position once a second, as Gpredict does; return the answers to the points."""
+        answers, self.sent = [], []
+        begun_s = time.time()
+        while time.time() < begun_s + seconds:
+            azimuth, elevation = map(math.degrees, direction(time.time()))
+            self.sent.append((time.time(), round(azimuth % 360.0, 2), round(elevation, 2)))
+            client.sendall(f"P {self.sent[-1][1]:.2f} {self.sent[-1][2]:.2f}\n".encode())
+            answers.append(_line(client))
+            client.sendall(b"p\n")
+            read = float(_line(client)), float(_line(client))
+            assert 0.0 <= read[0] < 360.0
+            assert 0.0 <= read[1] <= 90.0
+            self.spin(1.0 - (time.time() - begun_s) % 1.0)
+        return answers
+
+    def errors_deg(self, direction: Direction, begin_s: float, end_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far the axes, and the latest of the client's points, are from the target."""
+        rows = np.array([row for row in self.joints if begin_s <= row[0] <= end_s])
+        truth = np.array([direction(t_s) for t_s in rows[:, 0]])
+        sent = np.array(self.sent)
+        steps = np.radians(sent[np.searchsorted(sent[:, 0], rows[:, 0]) - 1, 1:])
+        axes = angular_distance_rad(rows[:, 1], rows[:, 2], truth[:, 0], truth[:, 1])
+        stairs = angular_distance_rad(steps[:, 0], steps[:, 1], truth[:, 0], truth[:, 1])
+        return np.degrees(axes), np.degrees(stairs)
+
+
+def _line(client: socket.socket) -> str:
+    text = b""
+    while not text.endswith(b"\n"):
+        data = client.recv(1)
+        assert data, "the server has closed the connection"
+        text += data
+    return text.decode().strip()
+
+
+def rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+@pytest.fixture(scope="module")
+def station(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iterator[Watched]:
+    folder = tmp_path_factory.mktemp("rotctld")
+    with live_graph(folder, ros_domain) as live:
+        yield Watched(live, folder)
+
+
+def test_debians_rotctl_commands_reads_stops_and_parks_the_antenna(station: Watched) -> None:
+    assert station.rotctl("P", "350", "45") == ""
+    station.live.spin_until(lambda: abs(station.joints[-1][1] + math.radians(10.0)) < 1e-3, "azimuth -10 deg")
+    station.live.spin_until(lambda: abs(station.joints[-1][2] - math.radians(45.0)) < 1e-3, "elevation 45 deg")
+    station.spin(2.0)
+    azimuth, elevation = map(float, station.rotctl("p").split())
+    assert (azimuth, elevation) == pytest.approx((350.0, 45.0), abs=0.02)
+    assert "LEO 3.7 m" in station.rotctl("_")
+    assert "not implemented" in station.rotctl("M", "2", "20")
+    assert "not implemented" in station.rotctl("R", "1")
+    assert "nvalid parameter" in station.rotctl("P", "10", "200")
+
+    # A stop in the middle of a slew: the axes rest within a second, far from the goal.
+    assert station.rotctl("P", "120", "45") == ""
+    station.live.spin_until(lambda: station.joints[-1][1] > 0.0, "a slew")
+    before = station.joints[-1][1]
+    assert station.rotctl("S") == ""
+    station.spin(2.0)
+    rest = station.joints[-1][1]
+    station.spin(1.0)
+    assert station.joints[-1][1] == pytest.approx(rest, abs=SWING_RAD)
+    assert math.degrees(rest - before) < 20.0
+    assert station.antenna.fault == ""
+
+    assert station.rotctl("K") == ""
+    station.live.spin_until(lambda: station.antenna.mode == "parked", "the park position")
+    # What a client has parked, a client's next point releases.
+    assert station.rotctl("P", "340", "50") == ""
+    station.live.spin_until(lambda: abs(station.joints[-1][1] + math.radians(20.0)) < 1e-2, "azimuth -20 deg")
+
+
+def test_nothing_that_is_no_whole_line_with_two_numbers_moves_the_antenna(station: Watched) -> None:
+    station.spin(1.0)
+    where = station.joints[-1][1:]
+    for hostile in (b"P nan nan\n", b"P inf 3\n", b"P 10\n", b"P 90 50", b"P 90 " + b"5" * 1_000_000 + b"\n",
+                    bytes(range(256)).replace(b"K", b"").replace(b"S", b"") * 20):  # fmt: skip
+        with socket.create_connection(("127.0.0.1", station.port), 5.0) as client:
+            client.sendall(hostile)
+            client.shutdown(socket.SHUT_WR)
+            try:
+                while client.recv(65536):
+                    pass
+            except ConnectionResetError:
+                pass
+    station.spin(1.0)
+    assert station.joints[-1][1:] == pytest.approx(where, abs=SWING_RAD)
+    assert "azimuth 'nan' is no number" in station.log()
+
+
+def test_an_unknown_track_through_north_is_followed_between_its_points_without_unwinding(station: Watched) -> None:
+    middle_s = time.time() + 18.0
+
+    def direction(t_s: float) -> tuple[float, float]:
+        # A straight flight 500 km up at 7.5 km/s, 300 km north of the antenna.
+        azimuth, elevation = azel_from_unit_vector([7.5 * (t_s - middle_s), 300.0, 500.0])
+        return float(azimuth), float(elevation)
+
+    begun_s = time.time()
+    with socket.create_connection(("127.0.0.1", station.port), 5.0) as client:
+        assert set(station.fly(client, direction, 36.0)) == {"RPRT 0"}
+        ended_s = time.time()
+        assert station.antenna.commander.endswith("rotctld_server")
+        with socket.create_connection(("127.0.0.1", station.port), 5.0) as rival:
+            rival.sendall(b"P 200 50\np\n")
+            assert _line(rival) == "RPRT -9"
+    azimuths = np.degrees([row[1] for row in station.joints if row[0] > begun_s + SETTLED_S])
+    axes, stairs = station.errors_deg(direction, begun_s + SETTLED_S, ended_s - 1.0)
+    print(f"unknown track: axes {1e3 * rms(axes):.1f} mdeg rms, {1e3 * axes.max():.1f} largest; "
+          f"stairs {1e3 * rms(stairs):.0f} mdeg rms, {1e3 * stairs.max():.0f} largest")  # fmt: skip
+    assert azimuths[0] < -5.0
+    assert azimuths[-1] > 15.0
+    assert np.all(np.abs(azimuths) < 40.0), "no unwinding"
+    assert rms(axes) < 0.03
+    assert axes.max() < 0.1
+    assert rms(stairs) > 0.3
+
+    # A client that is gone: the motion goes on for 3 s, then the axes hold.
+    station.spin(5.0)
+    rest = station.joints[-1][1]
+    station.spin(1.0)
+    assert station.joints[-1][1] == pytest.approx(rest, abs=SWING_RAD)
+    assert "holding: no further point for 3." in station.log()
+
+
+def test_the_points_of_a_known_satellite_become_its_pass_and_end_with_their_client(station: Watched) -> None:
+    seen = TopocentricTrack(station.overhead, station.site)
+    sent = TopocentricTrack(station.overhead, station.site, refraction=None)
+
+    def of(track: TopocentricTrack) -> Direction:
+        def direction(t_s: float) -> tuple[float, float]:
+            look = track.target_at(t_s)
+            return look.azimuth_rad, look.elevation_rad
+
+        return direction
+
+    with socket.create_connection(("127.0.0.1", station.port), 5.0) as client:
+        begun_s = time.time()
+        answers = station.fly(client, of(sent), 8.0)
+        while not (station.tracking.target and station.tracking.on_source):
+            assert time.time() < begun_s + 45.0, station.log()
+            answers += station.fly(client, of(sent), 2.0)
+        matched_s = time.time()
+        assert station.tracking.target == "OVERHEAD"
+        print(f"on the target {matched_s - begun_s:.0f} s after the first point")
+        answers += station.fly(client, of(sent), 20.0)
+        ended_s = time.time()
+        assert set(answers) == {"RPRT 0"}
+        assert station.antenna.commander.endswith("pointing_controller")
+    axes, stairs = station.errors_deg(of(seen), max(matched_s, ended_s - 19.0), ended_s - 0.5)
+    print(f"known satellite: axes {1e3 * rms(axes):.1f} mdeg rms, {1e3 * axes.max():.1f} largest; "
+          f"stairs {1e3 * rms(stairs):.0f} mdeg rms, {1e3 * stairs.max():.0f} largest")  # fmt: skip
+    assert station.certificate.target == "OVERHEAD"
+    assert station.certificate.accepted
+    assert "the points are those of OVERHEAD (91000)" in station.log()
+    assert rms(axes) < 0.01
+    assert rms(stairs) > 0.1
+    station.live.spin_until(lambda: station.tracking.target == "", "the end of a pass whose client has gone")
+    assert "has been silent for" in station.log()
+
+
+def test_a_latched_fault_is_told_and_refuses_every_point(station: Watched) -> None:
+    ask(station.live, Trigger, "antenna_servo/stop", Trigger.Request())
+    station.live.spin_until(lambda: station.antenna.fault != "", "the fault")
+    station.spin(0.5)
+    assert "ejected" in station.rotctl("P", "10", "45")
+    assert station.rotctl("p").count("\n") == 2
+    assert "a fault is latched (stop was requested); reset it first" in station.log()

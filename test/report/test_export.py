@@ -1,0 +1,204 @@
+"""Exports are read back by the libraries that they are for, to the last bit, with units and meanings."""
+
+import builtins
+import csv
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rf_pointing.commands import report
+from rf_pointing.report.definitions import Definitions
+from rf_pointing.report.export import (
+    FORMATS,
+    MEANINGS,
+    data_dictionary,
+    export_recording,
+    exported_topics,
+    table,
+)
+from rf_pointing.report.recording import Recording, read_recording
+from rf_pointing.report.topics import TOPICS
+
+MSG_DEFS = Path(__file__).parents[2] / "msg_defs" / "msg"
+UNITS = {"rad", "rad/s", "rad/s^2", "m", "m/s", "s", "dB", "dB-Hz", "W"}
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory, synthetic_run: Any, types: Definitions) -> Path:
+    path = tmp_path_factory.mktemp("export") / "bag"
+    run = synthetic_run(
+        seconds=40.0, aos_los_s=(1.0, 35.0), reason=lambda t: 'a "reason", with a comma' if t > 20.0 else "",
+        error_mdeg=lambda t: (3.0 * math.sin(t), 2.0),
+    )  # fmt: skip
+    run.write(path, types, {"station": "DSS-13", "band": "X"})
+    return path
+
+
+@pytest.fixture(scope="module")
+def recording(bag: Path) -> Recording:
+    return read_recording(bag)
+
+
+def without(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
+    """Let these packages be missing."""
+    found = builtins.__import__
+
+    def importing(name: str, *arguments: Any, **options: Any) -> Any:
+        if name.partition(".")[0] in names:
+            raise ImportError(name)
+        return found(name, *arguments, **options)
+
+    monkeypatch.setattr(builtins, "__import__", importing)
+
+
+def test_every_column_that_a_report_reads_has_a_unit_and_a_meaning() -> None:
+    for topic, layout in TOPICS.items():
+        if topic != "passes" and layout.columns:
+            assert tuple(sorted(MEANINGS[topic])) == tuple(sorted(layout.columns)), topic
+
+
+def test_the_units_are_those_of_the_message_definitions() -> None:
+    compared = 0
+    for topic, columns in MEANINGS.items():
+        package, _, name = TOPICS[topic].type_name.partition("/msg/")
+        if package != "rf_pointing_msgs" or topic in ("passes", "pass_certificate"):
+            continue
+        text = (MSG_DEFS / f"{name}.msg").read_text()
+        for column, (unit, _) in columns.items():
+            found = re.search(rf"^\S+ {column}\s*(?:#\s*(.*))?$", text, re.MULTILINE)
+            assert found, f"{name}.msg has no {column}"
+            first = re.split(r"[,; ]", found[1] or "")[0]
+            if first in UNITS:
+                assert unit == first, f"{topic} {column}"
+                compared += 1
+    assert compared > 25
+
+
+def test_csv_is_read_back_to_the_last_bit_by_pandas(recording: Recording, tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    files = export_recording(recording, tmp_path, "csv")
+    assert {path.stem for path in files} == {
+        *(name.replace("/", "_") for name in exported_topics(recording)),
+        "dictionary",
+    }
+    back = pandas.read_csv(tmp_path / "sim_boresight.csv")
+    data = recording.topics["sim/boresight"]
+    assert list(back.columns) == ["stamp_ns", "log_time_ns", "t_s", "azimuth_rad", "elevation_rad"]
+    assert np.array_equal(back["azimuth_rad"], data["azimuth"])
+    assert np.array_equal(back["stamp_ns"], data.stamp_ns)
+    status = pandas.read_csv(tmp_path / "tracking_status.csv", keep_default_na=False)
+    assert list(status["reason"]) == list(recording.topics["tracking_status"]["reason"])
+    joints = pandas.read_csv(tmp_path / "joint_states.csv")
+    assert np.array_equal(
+        joints[["position_azimuth_rad", "position_elevation_rad"]], recording.topics["joint_states"]["position"]
+    )
+
+
+def test_parquet_carries_the_unit_and_meaning_of_each_column(recording: Recording, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    export_recording(recording, tmp_path, "parquet")
+    for topic in exported_topics(recording):
+        back = parquet.read_table(tmp_path / f"{topic.replace('/', '_')}.parquet")
+        for field in back.schema:
+            assert field.metadata[b"meaning"], f"{topic} {field.name}"
+    error = parquet.read_table(tmp_path / "pointing_error.parquet")
+    assert np.array_equal(
+        error["cross_elevation_rad"].to_numpy(), recording.topics["pointing_error"]["cross_elevation"]
+    )
+    assert error.schema.field("cross_elevation_rad").metadata == {
+        b"unit": b"rad", b"meaning": b"target minus beam on the sky, positive to the right",
+        b"source": b"/gs1/pointing_error: cross_elevation",
+    }  # fmt: skip
+
+
+def test_matlab_reads_a_structure_for_each_topic(recording: Recording, tmp_path: Path) -> None:
+    io = pytest.importorskip("scipy.io")
+    (path,) = export_recording(recording, tmp_path, "mat")
+    back = io.loadmat(path, simplify_cells=True)
+    status, data = back["tracking_status"], recording.topics["tracking_status"]
+    assert np.array_equal(status["cross_elevation_error_rad"], data["cross_elevation_error"])
+    assert [text if len(text) else "" for text in status["reason"]] == list(data["reason"])
+    assert np.array_equal(back["sim_boresight"]["stamp_ns"], recording.topics["sim/boresight"].stamp_ns)
+    rows = dict(zip(zip(back["dictionary"]["table"], back["dictionary"]["column"], strict=True),
+                    back["dictionary"]["unit"], strict=True))  # fmt: skip
+    assert rows["joint_states", "velocity_azimuth_rad_s"] == "rad/s"
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_the_dictionary_has_a_row_for_every_column_of_an_export(
+    recording: Recording, tmp_path: Path, kind: str
+) -> None:
+    if kind == "parquet":
+        pytest.importorskip("pyarrow")
+    export_recording(recording, tmp_path, kind)
+    rows = data_dictionary(recording)
+    assert all(row.meaning and row.source.startswith("/gs1/") and row.type_name for row in rows)
+    if kind == "csv":
+        for path in tmp_path.glob("*.csv"):
+            if path.stem != "dictionary":
+                with path.open() as file:
+                    assert next(csv.reader(file)) == [row.column for row in rows if row.table == path.stem]
+
+
+def test_a_notebook_gets_a_data_frame_or_the_same_columns_without_pandas(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = table(bag, "sim/boresight")
+    assert isinstance(frame, pandas.DataFrame)
+    assert str(frame.index.dtype) == "datetime64[ns, UTC]"
+    assert frame["t_s"].iloc[-1] == pytest.approx(39.98)
+    assert len(frame["azimuth_rad"].resample("10s").mean()) == 4
+    with monkeypatch.context() as missing:
+        without(missing, "pandas")
+        plain = table(bag, "sim/boresight")
+    assert isinstance(plain, dict)
+    assert list(plain) == list(frame.columns)
+    assert np.array_equal(plain["azimuth_rad"], frame["azimuth_rad"])
+
+
+def test_parquet_without_its_package_is_refused_by_its_name_and_writes_nothing(
+    recording: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    without(monkeypatch, "pyarrow")
+    with pytest.raises(ValueError, match="needs the package pyarrow, which is not installed: pip install pyarrow"):
+        export_recording(recording, tmp_path / "out", "parquet")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_topic_that_is_not_there_is_refused_with_those_that_are(bag: Path) -> None:
+    with pytest.raises(ValueError, match="topic='nothing' must be one of target, passes"):
+        table(bag, "nothing")
+    with pytest.raises(ValueError, match="has no message of pass_certificate; it has "):
+        table(bag, "pass_certificate")
+    with pytest.raises(ValueError, match="export='xls' must be one of csv, parquet, mat"):
+        export_recording(read_recording(bag), bag.parent, "xls")
+
+
+def test_the_command_exports_beside_the_bag(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    report.main([str(bag), "--export", "csv"])
+    assert str(bag.parent / "export" / "dictionary.csv") in capsys.readouterr().out
+    assert (bag.parent / "export" / "tracking_status.csv").is_file()
+
+
+def test_the_command_writes_the_tracked_angles_as_a_message_that_is_read_back(bag: Path, tmp_path: Path) -> None:
+    from rf_pointing.calibration import read_tdm
+
+    report.main([str(bag), "--export", "tdm", "--output", str(tmp_path)])
+    (track,) = read_tdm(tmp_path / "tracking.tdm")
+    assert (track.station, track.band, track.target) == ("DSS-13", "X", "28057")
+    assert len(track) > 30
+
+
+def test_tracked_angles_of_a_bag_without_a_station_are_refused(
+    tmp_path: Path, synthetic_run: Any, types: Definitions, capsys: pytest.CaptureFixture[str]
+) -> None:
+    synthetic_run(seconds=2.0).write(tmp_path / "bag", types, {})
+    with pytest.raises(SystemExit) as ended:
+        report.main([str(tmp_path / "bag"), "--export", "tdm"])
+    assert ended.value.code == 2
+    assert "name no station and no band" in capsys.readouterr().err
