@@ -100,7 +100,7 @@ _OWN = {
     "executive.recovery_file executive.sensor executive.record executive.partners hooks.command hooks.webhook "
     "hooks.mail_server hooks.mail_from hooks.mail_to hooks.retry_s",
 }
-"""Parameters of each node that no description gives: without ROS the nodes cannot be asked."""
+"""Parameters of each node that no description gives; without ROS no node can name its own."""
 OF_EVERY_NODE = ("lifecycle.autostart", "station", "band", "use_sim_time", "start_type_description_service")
 TRIAL = (
     "antenna.", "wind.mean_speed_m_s", "wind.from_azimuth_deg", "mount.", "pointing.period_s", "pointing.transport_s",
