@@ -35,7 +35,9 @@ other value stays as it was.
 *Takes effect* says when a change counts: **at once** while the node runs, or **configure**: only
 before the node is configured, so deactivate it and clean it up first. A key there is the place in
 the [station description](my_station.md) that gives the number, for all nodes at once; a parameter
-file cannot. The defaults are those of the station `dss13` at X band.
+file may repeat it and cannot change it, so the file that `ros2 param dump` writes starts the same
+node again with `--params-file`. An unknown name is refused with the nearest known one. The defaults
+are those of the station `dss13` at X band.
 
 This page is made by `scripts/run-python scripts/parameter_page.py > docs/parameters.md`; a test
 compares it with what the nodes declare.

@@ -20,6 +20,7 @@ from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.drives import DriveParams, make_drive
 from rf_pointing.drives.conformance import ConformanceCheck, Line
 from rf_pointing.station.description import read_station
+from rf_pointing.station.description.derivation import require_known
 
 PROGRAM = "check_drive"
 
@@ -60,7 +61,9 @@ def read_drive(files: list[Path], station: str = "") -> DriveParams:
     if station:
         described = read_station(station)
         given |= described.parameters("antenna_servo", described.default_band)
-    given |= read_parameter_files(files).get("antenna_servo", NodeParameters("antenna_servo", {})).values
+    written = read_parameter_files(files).get("antenna_servo", NodeParameters("antenna_servo", {})).values
+    require_known("antenna_servo", written)
+    given |= written
     return NodeParameters("antenna_servo", given).group("drive", DriveParams())
 
 

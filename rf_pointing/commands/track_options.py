@@ -36,7 +36,6 @@ from rf_pointing.planning import Gate, MachineParams, choose_turns
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.antenna.simulated_antenna import SimulationParams
-from rf_pointing.station.description import owner
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking.conscan_design import ScanDesignParams, scan_for_accuracy
 from rf_pointing.tracking.conscan_estimate import ConscanParams
@@ -284,9 +283,10 @@ def check_files(options: argparse.Namespace) -> None:
         given = {"station", "band", *own.get(node, {})} if node in OF_STATION else {"start_s", "speed", "tick_s"}
         if twice := sorted(said.values.keys() & given):
             raise ValueError(f"params-file: {node} {', '.join(twice)}: given by the command line, see --help")
-        for name in said.values:
-            if key := owner(node, name):
-                raise ValueError(f"params-file: {node} {name} is given by the station description: {key}")
+        try:
+            station_of(options).check_file(node, said.values, band_of(options))
+        except ValueError as error:
+            raise ValueError(f"params-file: {error}") from error
 
 
 def parameter_files(options: argparse.Namespace, given: Mapping[str, Mapping[str, Any]], output: Path) -> list[Path]:

@@ -14,6 +14,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
@@ -122,6 +123,14 @@ class ManagedNode(LifecycleNode):
         # rclpy has no public way to guard the transitions of its own service.
         self._change_state_of_rclpy = self._service_change_state.callback
         self._service_change_state.callback = self._change_state_if_possible
+
+    def set_parameters_atomically(self, parameter_list: Any) -> SetParametersResult:
+        """Set parameters, all or none; an unknown one is refused with the nearest name."""
+        # rclpy raises, and its service answers with a tuple of words.
+        for each in parameter_list:
+            if not self.has_parameter(each.name):
+                return SetParametersResult(successful=False, reason=self.parameters.unknown(each.name))
+        return super().set_parameters_atomically(parameter_list)
 
     def configure(self) -> None:
         """Build the core and the topics; ValueError refuses the configuration with its message."""

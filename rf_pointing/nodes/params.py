@@ -16,6 +16,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from rf_pointing.core import Params, leaves, parameter_unit, to_degrees, with_leaves
+from rf_pointing.station.description import same_value
+from rf_pointing.station.description.reading import nearest
 
 _LARGEST = 1.0e308
 _WHEN_CONFIGURED = "read when the node is configured"
@@ -124,22 +126,32 @@ class ParameterGroups:
         # rclpy has no public way to read the overrides; without this a misspelt key is ignored.
         given = getattr(self._node, "_parameter_overrides", {})
         for name in given:
-            reason = f"{name}: no such parameter of {self._node.get_name()}"
             known = self._node.has_parameter(name) or name.startswith(_STANDARD)
-            if not known and reason not in self.reasons:
+            if not known and (reason := self.unknown(name)) not in self.reasons:
                 self.reasons.append(reason)
+
+    def unknown(self, name: str) -> str:
+        """Return that there is no such parameter, with the name that is nearest to it."""
+        return f"{name}: no such parameter of {self._node.get_name()}{nearest(name, self._owner)}"
 
     def _declare_one(self, name: str, default: Any, descriptor: ParameterDescriptor) -> Parameter:
         key = self._station_key(name)
         if key:
             constraints = (descriptor.additional_constraints, f"given by the station description: {key}")
             descriptor.additional_constraints = "; ".join(filter(None, constraints))
-        refused = bool(key) and self._overridden(name)
+        overridden = self._overridden(name)
+        # An empty list of a parameter file has no type, so rclpy knows no value.
+        empty = overridden and self._node._parameter_overrides[name].value is None
+        override = () if empty else self._override(name)
+        # The same number, as in a dump of all parameters, contradicts nothing.
+        refused = bool(key) and overridden and not same_value(default, override)
         if refused:
             self.reasons.append(f"{name} is given by the station description: {key}")
+        elif empty and not isinstance(default, tuple):
+            self.reasons.append(f"{name}: no value is given")
         # An empty tuple has no element from which rclpy could derive the type.
-        declared = self._declare(name, (0.0,) if default == () else default, descriptor, refused)
-        if default == () and (refused or not self._overridden(name)):
+        declared = self._declare(name, (0.0,) if default == () else default, descriptor, refused or empty)
+        if isinstance(default, tuple) and not (default if refused or not overridden else override):
             # rclpy takes an empty list for one of bytes, which no list of doubles could replace.
             declared = Parameter(name, Parameter.Type.DOUBLE_ARRAY, [])
             self._node.set_parameters([declared])
@@ -152,6 +164,9 @@ class ParameterGroups:
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             self.reasons.append(f"{name}: {error}")
             return self._node.declare_parameter(name, default, descriptor, ignore_override=True)
+
+    def _override(self, name: str) -> Any:
+        return _plain(self._node._parameter_overrides[name].value) if self._overridden(name) else None
 
     def _overridden(self, name: str) -> bool:
         """Return whether a parameter file or an argument gives a parameter."""

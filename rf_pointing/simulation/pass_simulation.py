@@ -22,7 +22,7 @@ from rf_pointing.simulation.closed_loop import PointedAntenna, ticks
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.receiver import Reception, SignalParams, SimulatedReceiver
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulatedHardware
-from rf_pointing.station.description import DEFAULT_STATION, StationDescription, owner, read_station
+from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
@@ -97,9 +97,7 @@ class StationSetup:
         self._tracker = tracker
         self._nodes: dict[str, NodeParameters] = {}
         for node, given in read_parameter_files(files).items():
-            for name in given.values:
-                if key := owner(node, name):
-                    raise ValueError(f"{node}: {name} is given by the station description: {key}")
+            self.station.check_file(node, given.values, self.band)
             self.node(node).values.update(given.values)
         for node, values in (changes or {}).items():
             self.node(node).values.update(values)

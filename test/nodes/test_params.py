@@ -130,7 +130,7 @@ def test_a_refused_value_of_a_file_is_noted_with_key_and_bound(
 def test_unknown_keys_are_noted_and_standard_ones_are_not(make_node: MakeNode) -> None:
     made = groups(make_node(given={"axis.hihg_deg": 1.0, "use_sim_time": False}))
     made.refuse_unknown()
-    assert made.reasons == ["axis.hihg_deg: no such parameter of subject"]
+    assert made.reasons == ["axis.hihg_deg: no such parameter of subject; did you mean axis.high_deg?"]
 
 
 def test_asking_twice_notes_an_unknown_key_once(make_node: MakeNode) -> None:

@@ -10,6 +10,7 @@ from rf_pointing.station.description.description import (
     StationDescription,
     owner,
     read_station,
+    same_value,
     shipped_stations,
     station_from,
 )
@@ -23,6 +24,7 @@ __all__ = [
     "StationError",
     "owner",
     "read_station",
+    "same_value",
     "shipped_stations",
     "station_from",
     "urdf",

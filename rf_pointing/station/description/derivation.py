@@ -9,7 +9,7 @@ do not meet there) and scale with beam, encoder step, rates and mass.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -43,7 +43,7 @@ from rf_pointing.station.description.plants import (
     plant_of,
     position_loops,
 )
-from rf_pointing.station.description.reading import flat
+from rf_pointing.station.description.reading import flat, nearest
 from rf_pointing.station.pointing.antenna_watch import AntennaWatchParams
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking import MonopulseParams, MonopulseScanParams, power_tracker
@@ -81,6 +81,27 @@ _FURTHER = {
         "calibrator.largest_error_deg",
     ),
 }
+_OWN = {
+    "antenna_servo": "wrap_file state_file enable_fault_injection",
+    "bias_calibrator": "calibrator.folder calibrator.keep_observations calibrator.spacing_s calibrator.scan_spacing_s "
+    "calibrator.sigma_deg calibrator.settle_s shadow.fewest_passes shadow.t_limit shadow.accept orbit.along_track_m "
+    "orbit.cross_track_m orbit.radial_m orbit.along_track_drift_m_s orbit.cross_track_drift_m_s "
+    "orbit.radial_drift_m_s orbit.clock_s",
+    "conscan_tracker": "",
+    "ephemeris_publisher": "publisher.period_s publisher.lead_s publisher.margin_s publisher.span_s "
+    "publisher.state_file uncertainty.along_m uncertainty.along_growth_m_s uncertainty.along_drag_m_s2 "
+    "uncertainty.cross_m uncertainty.cross_growth_m_s uncertainty.radial_m uncertainty.radial_growth_m_s",
+    "monopulse_tracker": "calibration_file",
+    "pointing_controller": "certificate_folder",
+    "rf_receiver": "",
+    "simulation_clock": "start_s speed tick_s",
+    "station_description": "view.publish_tf view.radius_m view.period_s",
+    "station_executive": "executive.state_file executive.folder executive.directives_file executive.procedure_file "
+    "executive.recovery_file executive.sensor executive.record executive.partners hooks.command hooks.webhook "
+    "hooks.mail_server hooks.mail_from hooks.mail_to hooks.retry_s",
+}
+"""Parameters of each node that no description gives; without ROS no node can name its own."""
+OF_EVERY_NODE = ("lifecycle.autostart", "station", "band", "use_sim_time", "start_type_description_service")
 TRIAL = (
     "antenna.", "wind.mean_speed_m_s", "wind.from_azimuth_deg", "mount.", "pointing.period_s", "pointing.transport_s",
     "pointing.horizon_s", "pointing.error_age_s", "autotrack.sensor", "signal.dropouts", "signal.spin.",
@@ -90,11 +111,27 @@ TRIAL = (
 
 
 @cache
+def defaults_of(node: str) -> dict[str, Any]:
+    """Return the defaults of a node's sets by parameter name, where a description says nothing."""
+    sets = NODES.get(node, {})
+    return {f"{prefix}.{edge}": value for prefix, params in sets.items() for edge, (_, value) in leaves(params).items()}
+
+
+@cache
 def names_of(node: str) -> frozenset[str]:
     """Return the parameters of a node that a description covers."""
-    sets = NODES.get(node, {})
-    names = {f"{prefix}.{edge}" for prefix, params in sets.items() for edge in leaves(params)}
-    return frozenset({*names, *_FURTHER.get(node, ())})
+    return frozenset({*defaults_of(node), *_FURTHER.get(node, ())})
+
+
+def require_known(node: str, names: Iterable[str]) -> None:
+    """Raise ValueError for a node, or a parameter of it, that does not exist; "**" is any node."""
+    if node not in (*_OWN, "**"):
+        raise ValueError(f"{node} is no node of a station{nearest(node, _OWN)}")
+    known = {name for each in (_OWN if node == "**" else [node]) for name in (*names_of(each), *_OWN[each].split())}
+    known.update(OF_EVERY_NODE)
+    for name in names:
+        if name not in known and not name.startswith("qos_overrides."):
+            raise ValueError(f"{node}: no such parameter {name}{nearest(name, known)}")
 
 
 @cache

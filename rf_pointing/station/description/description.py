@@ -21,9 +21,11 @@ from rf_pointing.station.description.derivation import (
     NODES,
     Band,
     Value,
+    defaults_of,
     derive,
     names_of,
     owner_of_name,
+    require_known,
     site_of,
 )
 from rf_pointing.station.description.reading import Reader, StationError, flat, nearest
@@ -147,6 +149,17 @@ class StationDescription:
         rows = ((name.removeprefix(f"{node}:"), given.value) for name, given in self.values(band).items())
         return {name: value for name, value in rows if name in names_of(node)}
 
+    def check_file(self, node: str, values: Mapping[str, Any], band: str | None = None) -> None:
+        """Raise ValueError for what a parameter file may not say: unknown names, other numbers.
+
+        A number of the description may be repeated, as `ros2 param dump` does.
+        """
+        require_known(node, values)
+        given = defaults_of(node) | self.parameters(node, band)
+        for name, value in values.items():
+            if (key := owner(node, name)) and not same_value(given[name], value):
+                raise ValueError(f"{node}: {name} is given by the station description: {key}")
+
     def write(self, path: Path, changes: Mapping[str, Any]) -> None:
         """Write the description to `path`, with other values for the dotted keys of `changes`.
 
@@ -249,6 +262,13 @@ def owner(node: str, parameter: str) -> str:
     if (node, parameter) in _FORMER:
         return _FORMER[(node, parameter)]
     return owner_of_name(parameter) if parameter in names_of(node) else ""
+
+
+def same_value(given: Any, value: Any) -> bool:
+    """Return whether a value of a parameter file is that of the description."""
+    return bool(
+        (list(given) if isinstance(given, tuple) else given) == (list(value) if isinstance(value, tuple) else value)
+    )
 
 
 def _put(section: yaml.MappingNode, keys: Sequence[str], value: Any) -> None:
