@@ -9,7 +9,8 @@ Axes that have once settled on the command must go on following it.  They are
     silent    no reading is younger than `silence_s`
     frozen    for `window_s` an encoder has kept its angle while its command moved by `frozen_deg`
               longer than `reaction_s` ago, and the axes are outside the tolerance
-    runaway   farther than `runaway_deg` from the command, and still leaving it
+    runaway   farther than `runaway_deg` from wherever the command was in the last `window_s`, and
+              still leaving it: axes at the end of their rate or acceleration follow late
 
 A silent antenna may only have stalled: the pass waits `patience_s` for it.  A frozen or runaway
 one, or one that publishes a latched fault, ends the pass.
@@ -136,7 +137,7 @@ class AntennaWatch:
             self.unsettle()
             doubt = doubt or f"the antenna is {self.mode}"
         elif reading is not None and command is not None and self._settled:
-            fault = fault or self._frozen(reading, command, distance) or self._runaway(t_s, distance)
+            fault = fault or self._frozen(reading, command, distance) or self._runaway(t_s, reading, distance)
         self.state = AxisState(
             age_s=t_s - reading.t_s if reading else math.inf, error_rad=error, distance_rad=distance,
             settle_count=count, on_source=count >= self.params.settle_periods, fault=fault, doubt=doubt,
@@ -188,11 +189,22 @@ class AntennaWatch:
             f"{reading.t_s - since_s[axis]:.1f} s, in which the command moved by {math.degrees(asked[axis]):.3f} deg"
         )
 
-    def _runaway(self, t_s: float, distance: float) -> str:
+    def _behind_rad(self, reading: JointReading) -> float:
+        """Return how far the axes are from the nearest of the commands of the last window."""
+        passed = np.array([
+            command for t_s, command in zip(self._commands.times, self._commands.values, strict=True)
+            if reading.t_s - self.params.window_s <= t_s <= reading.t_s
+        ])  # fmt: skip
+        return float(angular_distance_rad(*reading.position_rad, *passed.T).min()) if len(passed) else math.inf
+
+    def _runaway(self, t_s: float, reading: JointReading, distance: float) -> str:
         """Return why the axes count as running away, "" while they do not."""
         self._distances.add(t_s, np.array([distance]))
         before = self._distances.at(t_s - LEAVING_SHARE * self.params.window_s)
         if before is None or distance <= self.params.runaway_rad or distance <= float(before[0]):
+            return ""
+        distance = min(distance, self._behind_rad(reading))
+        if distance <= self.params.runaway_rad:
             return ""
         return (
             f"the axes run away: {math.degrees(distance):.3f} deg from the command and leaving it, "

@@ -299,9 +299,11 @@ class PointingController:
         return self.plan.course.turns_rad
 
     def _advance_mode(self, t_s: float, window: Pass) -> None:
-        """Decide the mode and update the corrections; a crossing is blind."""
+        """Decide the mode and update the corrections; a crossing is blind, and without a scan."""
         course = self.plan.course
         if not course.direct and course.crossing(t_s) and not self._stopping:
+            if self._mode.cross(t_s):
+                self.corrections.cross(t_s + self.params.pointing.transport_s, self.state.mode)
             return
         before, arriving = self.state.mode, t_s < self.corrections.arrived_s
         errors = self._mode.usable_errors(t_s)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
 from rf_pointing.core import Mode, Motion, PointingError, Quintic
 from rf_pointing.core.signals import TimeBuffer
+from rf_pointing.planning import AxisRates
 from rf_pointing.station.pointing.scan_patterns import ScanPatterns, Scans
 from rf_pointing.tracking import AutotrackState, SkyMotion, TrimFilter, TrimParams, direction_rows
 from rf_pointing.tracking.sensors import SENSORS
@@ -116,6 +117,7 @@ class PointingCorrections:
         self.filter = TrimFilter(self._trim_params)
         self._scans = ScanPatterns(self._scan_params)
         self._transition = OffsetTransition()
+        self._share: tuple[Array, Array] = np.array([t_s]), np.ones(1)
         self.arrived_s = -math.inf
         """When the beam is where the last mode sent it; before, it may still be on its way."""
         self._past = TimeBuffer(kept_s=self._scan_params.memory_s)
@@ -161,9 +163,18 @@ class PointingCorrections:
         self._past.add(float(times[0]), np.concatenate([sky[0], offset[0]]))
         return added(target, offset, rate)
 
-    def add_scan(self, times: Array, sky: Motion) -> Motion:
-        """Return the motion (n, 2) with the running scan and what is left of the one before."""
+    def add_scan(self, times: Array, sky: Motion, limits: AxisRates) -> Motion:
+        """Return the motion (n, 2) with the running scan and what is left of the one before.
+
+        The scan is as large as the axes with these limits allow.
+        """
+        self._share = times, self._scans.share(sky, limits)
         return added(sky, *self._scan(times))
+
+    def cross(self, command_s: float, mode: str) -> None:
+        """Coast through a crossing of the zenith: what was learned stays as it is."""
+        self._change_mode(command_s, mode)
+        self._fade_s = None
 
     def turn_over(self, over: bool) -> None:
         """Note the side of the zenith; a change turns what was learned of the dish."""
@@ -195,7 +206,7 @@ class PointingCorrections:
         # which is to be corrected, and only the circle that tests the lock was meant.
         if past is not None and beam is not None and command_s < self.arrived_s:
             return np.asarray(beam - past[3:5])
-        return self._scans.at(np.array([t_s]), None)[0][0] if self._scans.running else np.zeros(2)
+        return self._scanned(np.array([t_s]), None)[0][0] if self._scans.running else np.zeros(2)
 
     def _correct(self, command_s: float, error: PointingError, beam: Array | None) -> None:
         """Use one valid error: in the loop at once, in the filter with its weight."""
@@ -305,8 +316,17 @@ class PointingCorrections:
         offset, rate = self._transition.at(times)
         if not self._scans.running:
             return offset, rate
-        rows = self._scans.at(times, self._sky_at(times))
+        rows = self._scanned(times, self._sky_at(times))
         return offset + rows[0], rate + rows[1]
+
+    def _scanned(self, times: Array, sky: SkyMotion | None) -> tuple[Array, Array]:
+        """Return the running scan (n, 2) as far as the axes can make it, and its rate."""
+        offset, rate = self._scans.at(times, sky)
+        share = np.interp(times, *self._share)
+        if np.all(share == 1.0):
+            return offset, rate
+        change = np.gradient(share, times) if len(times) > 1 else np.zeros(1)
+        return offset * share[:, None], rate * share[:, None] + offset * change[:, None]
 
     def _sky_at(self, times: Array) -> SkyMotion | None:
         if self._ahead is None:

@@ -27,6 +27,7 @@ KEPT_ERRORS = 20
 # Age from which an error is used: older than any of the period that ends, whether stamped at its
 # middle or its end.
 LEAST_AGE_PERIODS = 0.75
+CROSSING = "the zenith is being crossed: no scan"
 
 
 class SensedErrors:
@@ -191,6 +192,19 @@ class TrackingMode:
         if self.state.mode != Mode.IDLE:
             self.state = replace(self.state, mode=Mode.IDLE, entered_s=t_s, reason=reason, invalid_since_s=None)
             self._carrier.forget()
+
+    def cross(self, t_s: float) -> bool:
+        """Note that the antenna crosses the zenith; return whether that ends a scan.
+
+        The coast that follows begins with the crossing's end.
+        """
+        before, traits = self.state.mode, SENSORS.get(self.state.mode)
+        if traits is not None and traits.scans:
+            self.state = replace(self.state, mode=Mode.COAST, reason=CROSSING, invalid_since_s=None)
+            self._carrier.forget()
+        if self.state.mode == Mode.COAST:
+            self.state = replace(self.state, entered_s=t_s)
+        return self.state.mode != before
 
     def calibrate(self) -> str:
         """Request a calibration scan of the feed; return why not, "" when it will begin."""

@@ -245,7 +245,7 @@ class CommandedMotion:
         centre, added_rates = predicted, np.zeros_like(predicted.velocity)
         if t_s >= window.aos_t_s:
             centre, added_rates = self._corrected(times, predicted, self.targets.range_m(times))
-        scanned = self._corrections.add_scan(times, centre)
+        scanned = self._corrections.add_scan(times, centre, plan.machine.planned)
         lead = self._lag.lead(times, added_rates + scanned.velocity - centre.velocity, self.model)
         # The encoders are compared with what was commanded, lead included.
         kept = {key: at for key, at in self._centre.items() if key >= now}

@@ -10,9 +10,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import MU, Mode
+from rf_pointing.core import MU, Mode, Motion
 from rf_pointing.core.pass_outcome import received_power
-from rf_pointing.planning import SensorCost
+from rf_pointing.planning import AxisRates, SensorCost
 from rf_pointing.tracking import (
     AutotrackParams,
     SkyMotion,
@@ -52,6 +52,7 @@ class Scans:
 
     def __init__(self, spiral: SpiralParams, calibration: ScanParams, probe: ScanParams | None, sets: object) -> None:
         self.spiral = spiral
+        self._demands: dict[str, tuple[float, float]] = {}
         self.sensors: dict[str, Scan] = {
             traits.name: traits.scan or getattr(sets, traits.name) for traits in SENSORS.values() if traits.scans
         }
@@ -62,6 +63,16 @@ class Scans:
     def age_s(self, sensor: str) -> float:
         """Return how long before the stamp of an error its samples lie, on average."""
         return self.sensors[sensor].age_s if sensor in self.sensors else 0.0
+
+    def demand(self, mode: str) -> tuple[float, float]:
+        """Return the largest rate and acceleration across the line of sight of a mode's scan."""
+        if mode not in self._demands:
+            scan = self.sensors.get(mode) or self.circles[mode]
+            pattern, times = scan.pattern(), RAMPED_S + np.arange(0.0, SCAN_S, SAMPLE_S)
+            rates = np.array([pattern(float(t))[2] for t in times])
+            bends = np.diff(rates) / SAMPLE_S
+            self._demands[mode] = float(np.abs(rates).max()), float(np.abs(bends).max())
+        return self._demands[mode]
 
     @property
     def memory_s(self) -> float:
@@ -88,6 +99,22 @@ class ScanPatterns:
         else:
             self._pattern = None if scan is None else scan.pattern()
         self.running = mode if self._pattern is not None else ""
+
+    def share(self, target: Motion, limits: AxisRates) -> Array:
+        """Return the share (n,) of a scan that the azimuth axis can add to the target's motion.
+
+        Near the zenith a step across the line of sight is 1 / cos(elevation) of azimuth, and the
+        target needs the axis for itself.  A search is not a scan: its way must not change.
+        """
+        if self.running in ("", Mode.SEARCH):
+            return np.ones(len(target.position))
+        left = [
+            most - np.abs(part[:, 0])
+            for most, part in zip((limits.rate_rad_s[0], limits.acceleration_rad_s2[0]), target[1:], strict=True)
+        ]
+        needed = np.array(self._scans.demand(self.running))[:, None]
+        room = np.array(left) * np.abs(np.cos(target.position[:, 1])) / np.maximum(needed, 1e-12)
+        return np.asarray(np.clip(room.min(axis=0), 0.0, 1.0))
 
     def at(self, times: Array, sky: SkyMotion | None) -> tuple[Array, Array]:
         """Return offset and rate (n, 2) at `times` (n,), `sky` (n,) the target's motion there."""

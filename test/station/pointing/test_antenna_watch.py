@@ -156,6 +156,28 @@ def test_a_runaway_is_found_within_two_seconds(rate_deg_s: float) -> None:
     assert found_s(states, "the axes run away") <= 2.0
 
 
+@pytest.mark.parametrize("late_s", [0.2, 0.8])
+def test_axes_that_follow_a_fast_command_late_do_not_run_away(late_s: float) -> None:
+    """As at the end of a turn at 6 deg/s: up to 4.8 deg behind it and still falling back, but on its way."""
+
+    def lagging(t_s: float, command: np.ndarray) -> np.ndarray:
+        return command - np.array([0.0, 6.0 * DEG * min(late_s, 0.5 * t_s)])
+
+    states = fly(lagging, (0.0, 6.0), seconds=12.0, begin_s=5.0)
+    assert max(state.distance_rad for _, state in states) == pytest.approx(6.0 * late_s * DEG, rel=0.01)
+    assert not any(state.fault for _, state in states)
+
+
+def test_axes_that_run_ahead_of_a_fast_command_or_fall_back_for_good_run_away() -> None:
+    for ahead in (3.0, -3.0):
+        states = fly(
+            lambda t_s, command, by=ahead: command + np.array([0.0, by * DEG * t_s]), (0.0, 6.0), seconds=15.0,
+            begin_s=5.0,
+        )  # fmt: skip
+        # Behind its command an axis must first be later than the window.
+        assert found_s(states, "the axes run away", 5.0) <= (2.0 if ahead > 0.0 else 4.0)
+
+
 def test_axes_pushed_off_that_come_back_do_not_run_away() -> None:
     """A gust of 0.45 deg: on the sky beyond the tolerance, below what counts as a runaway."""
     states = fly(lambda t_s, command: command + np.array([0.0, 0.45 * DEG * math.sin(min(t_s, math.pi))]))

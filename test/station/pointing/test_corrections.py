@@ -11,6 +11,7 @@ import pytest
 
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.core import MDEG, Motion, PointingError, sky_offset_rad
+from rf_pointing.planning import AxisRates, MachineParams
 from rf_pointing.station.pointing.corrections import STEEPEST_RAD, OffsetTransition, PointingCorrections, added
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.scan_patterns import Scans
@@ -25,6 +26,7 @@ ROUNDING_RAD = 1e-9
 """A float resolves UTC seconds to 0.24 microseconds: an offset that moves is known to that share of it."""
 PROBE = CircleParams(radius_rad=0.2 * MDEG, period_s=1.0, ramp_s=1.0)
 MODES = ("monopulse", "conscan", "steptrack", "calibrate", "search", "coast", "hand_back", "program_track")
+AXES = MachineParams().planned
 CONSCAN = ConscanParams(period_s=4.0, ramp_s=2.0, updates="sample", sample_s=0.1, window_samples=40, fewest_samples=20)
 
 
@@ -56,7 +58,8 @@ class Loop:
         self.offsets.update(float(times[0]), self.mode, state, error, beam)
         self.mode = mode
         sky = climbing(times)
-        moved = self.offsets.add_scan(times, self.offsets.add_corrections(times, sky, np.full(10, RANGE_M)))
+        corrected = self.offsets.add_corrections(times, sky, np.full(10, RANGE_M))
+        moved = self.offsets.add_scan(times, corrected, AXES)
         cosine = np.cos(sky.position[:, 1])
         offset = (moved.position - sky.position) * np.column_stack([cosine, np.ones(10)])
         self.rows.append(offset[0])
@@ -135,6 +138,31 @@ def test_no_change_of_mode_makes_the_command_jump(before: str, mode: str) -> Non
     offsets = np.array(loop.rows)
     rates = np.diff(offsets, axis=0) / PERIOD_S
     assert float(np.max(np.abs(np.diff(rates, axis=0)))) / PERIOD_S < math.radians(0.5)
+
+
+@pytest.mark.parametrize("mode", ["conscan", "steptrack"])
+def test_near_the_zenith_a_scan_is_as_large_as_the_azimuth_axis_allows(mode: str) -> None:
+    """With 1.71 deg/s and 0.76 deg/s^2 a scan of 30 mdeg would need 8 deg/s^2 of azimuth at 89.5 deg."""
+    sets = ControllerParams(conscan=CONSCAN.replace(radius_rad=30.0 * MDEG))
+    offsets = PointingCorrections(
+        TrackerIntegratorParams(), Scans(sets.spiral, sets.calibration.scan, None, sets), TrimParams()
+    )
+    offsets.restart(T_S)
+    offsets.update(T_S, "coast", AutotrackState(mode=mode, carrier=True), None, None)
+    times = T_S + 20.0 + 0.02 * np.arange(400)
+    rows = {}
+    for elevation_deg in (30.0, 80.0, 89.5):
+        sky = Motion(*(np.tile([0.0, part], (len(times), 1)) for part in (math.radians(elevation_deg), 0.0, 0.0)))
+        rows[elevation_deg] = offsets.add_scan(times, sky, AXES)
+    rates = {key: np.abs(motion.velocity[:, 0]) for key, motion in rows.items()}
+    bends = {key: np.abs(np.gradient(motion.velocity[:, 0], 0.02)) for key, motion in rows.items()}
+    assert np.ptp(rows[30.0].position[:, 1]) > 1.0 * MDEG
+    for key in rows:
+        assert rates[key].max() <= 1.01 * AXES.rate_rad_s[0]
+        assert bends[key].max() <= 1.01 * AXES.acceleration_rad_s2[0], key
+    low = Motion(*(np.tile([0.0, part], (len(times), 1)) for part in (math.radians(30.0), 0.0, 0.0)))
+    unlimited = offsets.add_scan(times, low, AxisRates((9.0, 9.0), (99.0, 99.0)))
+    np.testing.assert_array_equal(rows[30.0].position, unlimited.position)
 
 
 def test_trajectories_agree_where_they_overlap() -> None:
