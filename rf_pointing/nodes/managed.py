@@ -25,7 +25,7 @@ from rf_pointing.nodes.graph import FRAMES
 from rf_pointing.nodes.hearing import Hearing
 from rf_pointing.nodes.main_loop import InstanceLock
 from rf_pointing.nodes.params import ParameterGroups
-from rf_pointing.nodes.qos import LATCHED
+from rf_pointing.nodes.qos import LATCHED, SERVICE
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.nodes.streams import (
     FramedPublisher,
@@ -294,7 +294,9 @@ class ManagedNode(LifecycleNode):
                     response.success, response.message = False, f"{type(error).__name__}: {error}"
                 return response
 
-        self._at_cleanup.callback(self.destroy_service, self.create_service(service_type, name, answer))
+        self._at_cleanup.callback(
+            self.destroy_service, self.create_service(service_type, name, answer, qos_profile=SERVICE)
+        )
 
     def serve_action(self, service_type: Any, name: str, act: Callable[[Any], str]) -> None:
         """Offer a service that answers with success and a message until cleanup.
