@@ -23,7 +23,7 @@ from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, EventLog, Health
 from rf_pointing.nodes.graph import FRAMES
 from rf_pointing.nodes.hearing import Hearing
-from rf_pointing.nodes.main_loop import InstanceLock
+from rf_pointing.nodes.main_loop import InstanceLock, take_priority
 from rf_pointing.nodes.params import ParameterGroups
 from rf_pointing.nodes.qos import LATCHED, SERVICE
 from rf_pointing.nodes.stamps import seconds_from_stamp
@@ -48,6 +48,7 @@ class LifecycleParams(Params):
     """Who brings a node up."""
 
     autostart: bool = parameter(False, "whether the node configures and activates itself, now and after a restart")
+    realtime_priority: int = parameter(0, "SCHED_FIFO priority of the process, 0: as it was started", low=0, high=98)
 
 
 class Schedule:
@@ -110,6 +111,8 @@ class ManagedNode(LifecycleNode):
         self.parameters = ParameterGroups(self)
         self.parameters.declare("lifecycle", self.LIFECYCLE)
         self.brings_itself_up: bool = self.parameters.value("lifecycle").autostart
+        if refused := take_priority(self.parameters.value("lifecycle").realtime_priority):
+            self.get_logger().warning(refused)
         self.diagnostics = Diagnostics(self)
         self.inputs, self._events = InputCounter(), EventLog()
         self.diagnostics.add("state", self._state_health)
