@@ -56,7 +56,7 @@ class Schedule:
 
     The work is done once for every instant of the grid, in order.  A gap of more than
     `longest_gap_s` starts a new grid.  It is a jump of the clock, unless a steady clock has gone on
-    as far: then the process itself has stood still.
+    as far: then the process itself has stalled.
     """
 
     # A timer may fire late, or twice at one time when the clock moves in steps.  Whole multiples
