@@ -14,6 +14,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode, Node
 
 from rf_pointing.nodes.graph import DESCRIPTION, EXECUTIVE, OPERATOR_PAGE, ROTCTLD
+from rf_pointing.nodes.main_loop import DRIVE_PRIORITY
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.description import StationDescription, read_station, urdf
 
@@ -148,6 +149,9 @@ def _node(context: Any, name: str, *, simulated: bool, state_publisher: bool = F
         return str(LaunchConfiguration(argument).perform(context))
 
     parameters: list[Any] = [{"lifecycle.autostart": given("autostart") == "true"}]
+    if name == "antenna_servo" and not simulated:
+        # A real drive loop comes before everything else on its computer.
+        parameters.append({"lifecycle.realtime_priority": DRIVE_PRIORITY})
     if name == "antenna_servo" and given("state_folder"):
         parameters.append(state_files(Path(given("state_folder")), given("namespace")))
     if name in ("pointing_controller", ROTCTLD) and given("state_folder"):

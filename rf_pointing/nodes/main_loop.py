@@ -22,6 +22,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+DRIVE_PRIORITY = 20
+"""Real-time priority of a real drive loop, below the kernel's own threads (50)."""
+NICER = -10
+"""Niceness where a real-time priority is not permitted."""
 DEAF = 3
 """Exit code of a node that no longer receives."""
 _USAGE = "usage: NAME --ros-args [-r __ns:=/gs1] [--params-file FILE] [-p NAME:=VALUE] ..."
@@ -79,6 +83,24 @@ def run(node_type: Callable[[], Any]) -> None:
     rclpy.try_shutdown()
     if failure or deaf:
         sys.exit(1 if failure else DEAF)
+
+
+def take_priority(realtime: int) -> str:
+    """Give this process a real-time priority, 0 for none; return "" or why it is not permitted."""
+    if not realtime:
+        return ""
+    try:
+        # Threads of DDS that run already keep theirs unless each is named.
+        for thread in os.listdir("/proc/self/task"):
+            os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(realtime))
+        return ""
+    except OSError as error:
+        words = f"lifecycle.realtime_priority={realtime} is not permitted ({error.strerror})"
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, NICER)
+        return f"{words}: nice {NICER} instead; rtprio in /etc/security/limits.conf allows it"
+    except OSError:
+        return f"{words}, nor is nice {NICER}; rtprio in /etc/security/limits.conf allows it"
 
 
 def _work(node: Any, executor: Any, signals: Sequence[int]) -> str:

@@ -23,9 +23,9 @@ from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.diagnostics import ERROR, OK, Diagnostics, EventLog, Health
 from rf_pointing.nodes.graph import FRAMES
 from rf_pointing.nodes.hearing import Hearing
-from rf_pointing.nodes.main_loop import InstanceLock
+from rf_pointing.nodes.main_loop import InstanceLock, take_priority
 from rf_pointing.nodes.params import ParameterGroups
-from rf_pointing.nodes.qos import LATCHED
+from rf_pointing.nodes.qos import LATCHED, SERVICE
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.nodes.streams import (
     FramedPublisher,
@@ -48,6 +48,7 @@ class LifecycleParams(Params):
     """Who brings a node up."""
 
     autostart: bool = parameter(False, "whether the node configures and activates itself, now and after a restart")
+    realtime_priority: int = parameter(0, "SCHED_FIFO priority of the process, 0: as it was started", low=0, high=98)
 
 
 class Schedule:
@@ -55,7 +56,7 @@ class Schedule:
 
     The work is done once for every instant of the grid, in order.  A gap of more than
     `longest_gap_s` starts a new grid.  It is a jump of the clock, unless a steady clock has gone on
-    as far: then the process itself has stood still.
+    as far: then the process itself has stalled.
     """
 
     # A timer may fire late, or twice at one time when the clock moves in steps.  Whole multiples
@@ -110,6 +111,8 @@ class ManagedNode(LifecycleNode):
         self.parameters = ParameterGroups(self)
         self.parameters.declare("lifecycle", self.LIFECYCLE)
         self.brings_itself_up: bool = self.parameters.value("lifecycle").autostart
+        if refused := take_priority(self.parameters.value("lifecycle").realtime_priority):
+            self.get_logger().warning(refused)
         self.diagnostics = Diagnostics(self)
         self.inputs, self._events = InputCounter(), EventLog()
         self.diagnostics.add("state", self._state_health)
@@ -294,7 +297,9 @@ class ManagedNode(LifecycleNode):
                     response.success, response.message = False, f"{type(error).__name__}: {error}"
                 return response
 
-        self._at_cleanup.callback(self.destroy_service, self.create_service(service_type, name, answer))
+        self._at_cleanup.callback(
+            self.destroy_service, self.create_service(service_type, name, answer, qos_profile=SERVICE)
+        )
 
     def serve_action(self, service_type: Any, name: str, act: Callable[[Any], str]) -> None:
         """Offer a service that answers with success and a message until cleanup.

@@ -30,6 +30,8 @@ COMMAND = _reliable(1, deadline=Duration(seconds=0.5), lifespan=Duration(seconds
 """What moves an antenna: only the newest counts, and an old one is worse than none."""
 COMMAND_INPUT = _reliable(10)
 """The same for our driver: commands carry their times, so one that waited is still useful."""
+SERVICE = _reliable(1000)
+"""Requests: of a hundred at once ten are kept by default, and the others never answered."""
 LATCHED = _reliable(1, **_KEPT)
 """Models, limits and pass lists: a late subscriber gets the last one."""
 IN_USE = _reliable(32, **_KEPT)

@@ -27,7 +27,7 @@ from trajectory_msgs.msg import JointTrajectory
 from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
 from rf_pointing.nodes.diagnostics import ERROR, WARN
 from rf_pointing.nodes.main_loop import make_executor
-from rf_pointing.nodes.qos import COMMAND, STREAM
+from rf_pointing.nodes.qos import COMMAND, SERVICE, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
 from test.drives.rotctld import RealRotctld
 from test.faults.live_servo import RATE_RAD_S, START_RAD, WITH_HILL, Servo, on_rotctld, servo_yaml
@@ -390,6 +390,31 @@ def test_a_servo_that_stalls_in_wall_time_follows_again_without_a_fault(in_wall_
     way = servo.joints[before - 1 :]
     assert max(abs(b - a) for a, b in pairwise(way)) < math.radians(2.0) * 3.0 * TICK_S, "no jump"
     servo.ask("stop")
+
+
+def test_all_of_a_hundred_calls_at_once_are_answered_and_stop_in_time(in_wall_time: Servo) -> None:
+    """While commands move it, from ten clients at once; stop comes last, from another."""
+    servo, node = in_wall_time, in_wall_time.live.node
+    space = f"{servo.live.namespace}/antenna_servo"
+    clients = [node.create_client(Trigger, f"{space}/resume", qos_profile=SERVICE) for _ in range(10)]
+    stop = node.create_client(Trigger, f"{space}/stop", qos_profile=SERVICE)
+    for client in (*clients, stop):
+        servo.live.spin_until(client.service_is_ready, client.srv_name)
+    servo.move(1.0)
+    begun_s = time.monotonic()
+    answers = [client.call_async(Trigger.Request()) for client in clients for _ in range(10)]
+    asked_s = time.monotonic()
+    stopped = stop.call_async(Trigger.Request())
+    while not stopped.done():
+        servo.live.executor.spin_once(timeout_sec=0.001)
+        assert time.monotonic() - asked_s < 5.0
+    stop_s = time.monotonic() - asked_s
+    servo.live.spin_until(lambda: all(answer.done() for answer in answers), "every answer")
+    print(f"stop answered after {1e3 * stop_s:.0f} ms, all 100 after {time.monotonic() - begun_s:.2f} s")
+    assert stop_s < 1.0, "0.2 s where this process has a processor of its own"
+    assert servo.status.mode in ("tracking", "stopping", "fault")
+    for client in (*clients, stop):
+        node.destroy_client(client)
 
 
 # Start

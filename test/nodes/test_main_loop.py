@@ -5,10 +5,11 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from rf_pointing.nodes.main_loop import InstanceLock, last_holder, open_private, private_folder
+from rf_pointing.nodes.main_loop import InstanceLock, last_holder, open_private, private_folder, take_priority
 
 
 @pytest.fixture(autouse=True)
@@ -122,3 +123,32 @@ def test_a_pipe_in_the_place_of_a_file_does_not_hold_a_node_up(tmp_path: Path) -
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(RuntimeError, match="must be a file of user"):
         open_private(tmp_path / "pipe", os.O_RDWR)
+
+
+def test_a_priority_that_is_not_permitted_is_told_and_nice_is_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[int, ...]] = []
+
+    def refuse(*given: Any) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    monkeypatch.setattr(os, "setpriority", lambda *given: asked.append(given))
+    assert take_priority(0) == ""
+    assert asked == []
+    words = take_priority(20)
+    assert words.startswith(
+        "lifecycle.realtime_priority=20 is not permitted (Operation not permitted): nice -10 instead"
+    )
+    assert asked == [(os.PRIO_PROCESS, 0, -10)]
+    monkeypatch.setattr(os, "setpriority", refuse)
+    assert ", nor is nice -10" in take_priority(20)
+
+
+def test_a_priority_that_is_permitted_is_that_of_every_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: dict[int, tuple[int, int]] = {}
+    monkeypatch.setattr(
+        os, "sched_setscheduler", lambda who, how, param: given.update({who: (how, param.sched_priority)})
+    )
+    assert take_priority(20) == ""
+    assert os.getpid() in given
+    assert set(given.values()) == {(os.SCHED_FIFO, 20)}
