@@ -1,6 +1,6 @@
 """Executable `rotctld_server`: the antenna as a rotator of Hamlib, for Gpredict, SatNOGS, SatDump.
 
-Listens on TCP port 4533 of this computer for rotctld's protocol (`drives/rotctld.py`).  A client
+Serves rotctld's protocol (`drives/rotctld.py`) on TCP port 4533 of this computer.  A client
 names a place, or sends the points of a moving target.  Where the points are those of a satellite of
 the ephemeris publisher's elements, that pass is tracked by `track_pass`, with its certificate:
 turn, plunge, mask, limits and rates.  Other points are followed with the motion that they mean
@@ -85,7 +85,7 @@ LEASE_S = 10.0
 """After its last command a client that is still connected keeps others from steering."""
 RELOAD_S = 600.0
 AGAIN_S = 120.0
-"""After a refusal the pass of a satellite is not tried again for so long."""
+"""A pass that was refused is not tried again for so long."""
 SAME_RAD = math.radians(0.005)
 MOVING_RAD_S = 1e-4
 STRAYS = 2
@@ -193,7 +193,7 @@ class RotctldServerNode(StationNode):
         self._server = None
 
     def turn(self) -> float:
-        """Carry out what clients have asked since the last turn."""
+        """Carry out what clients have requested since the last turn."""
         while not self._inbox.empty():
             self._carry_out(self._inbox.get())
         while self._words:
@@ -602,7 +602,7 @@ class RotctldServerNode(StationNode):
         tracked = f"tracks {self._match.name}" if self._match and self._certified else ""
         doing = tracked or ("follows points" if self._follows else "holds" if self._steering else "waits")
         values = {"port": self._server.port, "clients": len(counts.connected), "steering": self._steering,
-                  "refused lines": counts.refused_lines, "last refusal": counts.last_refusal,
+                  "refused lines": counts.refused_lines, "last refused": counts.last_refusal,
                   "refused clients": counts.refused_clients,
                   "satellites": len(self._sky.elements) if self._sky else 0}  # fmt: skip
         problem = self._problem or self._refusal
