@@ -3,7 +3,7 @@
     P az el   set_pos      p  get_pos      S  stop      K  park      _  get_info
     s  get_status          1  dump_caps    \\dump_state             q  quit
 
-A prefix `+` asks for the extended form, with the lines of an answer joined by newlines; `;`, `|`
+A prefix `+` requests the extended form, with the lines of an answer joined by newlines; `;`, `|`
 and `,` join them by themselves.  Answers are those of Hamlib 4.5.4, byte for byte.  Where Hamlib
 accepts NaN, waits for the rest of a short line in the next one, or answers an unknown command with
 silence, the line is refused with its code.
@@ -46,7 +46,7 @@ _ANSWER_S = 3.0
 class ServerParams(Params):
     """Where clients connect, and how many."""
 
-    host: str = parameter("127.0.0.1", "address that is listened on; the protocol has no password")
+    host: str = parameter("127.0.0.1", "address of the port; the protocol has no password")
     port: int = parameter(4533, "TCP port; 0: any free one", low=0, high=65535)
     most_clients: int = parameter(100, "clients at one time; further ones are refused", low=1, high=500)
     idle_s: float = parameter(600.0, "a client that sends nothing for so long is disconnected", low=1.0, high=86400.0)
@@ -267,7 +267,7 @@ class ServerCounts:
     refused_lines: int = 0
     last_refusal: str = ""
     connected: dict[str, float] = field(default_factory=dict)
-    """Clients by address and port, with the steady time at which each was heard last."""
+    """Clients by address and port, with the steady time of the last bytes of each."""
 
 
 class RotctldServer:
@@ -279,7 +279,7 @@ class RotctldServer:
     Raises
     ------
     ValueError
-        When the address cannot be listened on.
+        When the port cannot be opened.
     """
 
     def __init__(
@@ -308,7 +308,7 @@ class RotctldServer:
         self._thread.start()
 
     def heard_s(self, client: str) -> float:
-        """Return the steady time at which a client was heard last, minus infinity if it is gone."""
+        """Return the steady time of a client's last bytes, minus infinity if it is gone."""
         return self.counts.connected.get(client, -math.inf)
 
     def close(self) -> None:

@@ -247,7 +247,7 @@ def _sampled(
 ) -> tuple[SampledSky, NDArray[np.uint8]]:
     """Return the grid of positions and the SGP4 error code of each object, 0 for none."""
     count = round(duration_s / step_s)
-    t_s: Array = start_t_s + step_s * np.arange(-MARGIN, count + MARGIN + 1)
+    t_s = start_t_s + step_s * np.arange(-MARGIN, count + MARGIN + 1, dtype=np.float64)
     orbit, codes = _orbits([_record(one, start_t_s) for one in elements], t_s, orientation)
     return SampledSky(_seen(orbit, site, sense) @ np.array(site.axes).T, start_t_s, step_s), codes
 

@@ -108,7 +108,7 @@ def read_oem(text: str) -> list[OemSegment]:
 
 
 WRITTEN_STEP_S = 60.0
-"""Between the states of a written message; Hermite of degree 7 follows low orbits to millimetres."""
+"""Between the states of a written message; Hermite of degree 7 follows low orbits to mm."""
 
 
 def oem_text(

@@ -74,7 +74,7 @@ class CommandKey:
         values = {"publishers": ", ".join(names), "foreign_commands": self.foreign, "signed": bool(self._key)}
         if self.foreign and time.monotonic() - self._last_s < SHOWN_S:
             return Health(ERROR, self._last, values)
-        # The server of rotctld commands in place of the controller, one of them at a time.
+        # The server of rotctld's clients commands in place of the controller, never with it.
         if len([name for name in names if not name.endswith(f"/{ROTCTLD}")]) > 1:
             # A node that was killed stays in the graph for 20 s.
             return Health(WARN, f"{len(names)} publishers of {self._topic}: {', '.join(names)}", values)

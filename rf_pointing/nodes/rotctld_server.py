@@ -1,13 +1,12 @@
 """Executable `rotctld_server`: the antenna as a rotator of Hamlib, for Gpredict, SatNOGS, SatDump.
 
-Listens on TCP port 4533 of this computer for rotctld's protocol (`drives/rotctld.py`).  A client
+Serves rotctld's protocol (`drives/rotctld.py`) on TCP port 4533 of this computer.  A client
 names a place, or sends the points of a moving target.  Where the points are those of a satellite of
 the ephemeris publisher's elements, that pass is tracked by `track_pass`, with its certificate:
 turn, plunge, mask, limits and rates.  Other points are followed with the motion that they mean
 (`station/pointing/client_points.py`), through the safety gate of the antenna like any commander.
 
-Subscribes: joint_states, antenna_status, tracking_status, executive_status, pass_certificate,
-pointing_model.
+Subscribes: joint_states, antenna_status, tracking_status, executive_status, pointing_model.
 Publishes: joint_trajectory (10 Hz, while it follows points itself).
 Uses: antenna_servo/go_to, park, resume; pointing_controller/stop;
 ephemeris_publisher/select_target and its parameter source.elements; track_pass.
@@ -31,7 +30,7 @@ import numpy as np
 from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionClient
 from rf_pointing_msgs.action import TrackPass
-from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, PassCertificate, PointingModel, TrackingStatus
+from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, PointingModel, TrackingStatus
 from rf_pointing_msgs.srv import GoTo, SelectTarget
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -85,7 +84,7 @@ LEASE_S = 10.0
 """After its last command a client that is still connected keeps others from steering."""
 RELOAD_S = 600.0
 AGAIN_S = 120.0
-"""After a refusal the pass of a satellite is not tried again for so long."""
+"""A pass that was refused is not tried again for so long."""
 SAME_RAD = math.radians(0.005)
 MOVING_RAD_S = 1e-4
 STRAYS = 2
@@ -146,7 +145,7 @@ class RotctldServerNode(StationNode):
         self._refusal, self._rejected = "", 0
         self._match: Match | None = None
         self._goal: Any = None
-        self._asked_s = math.inf
+        self._sent_before = 0
         self._certified = False
         self._strays = 0
         self._refused: dict[int, float] = {}
@@ -159,9 +158,8 @@ class RotctldServerNode(StationNode):
         self._key = CommandKey(self.parameters.value("key"), self.resolve_topic_name("joint_trajectory"))
         self._latest = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         self.listen(AntennaStatus, "antenna_status", self._on_antenna, STATUS)
-        self.listen(TrackingStatus, "tracking_status", lambda m: setattr(self, "_tracking", m), STREAM)
+        self.listen(TrackingStatus, "tracking_status", self._on_tracking, STREAM)
         self.listen(ExecutiveStatus, EXECUTIVE_STATUS, lambda m: setattr(self, "_executive", m), STATUS)
-        self.listen(PassCertificate, "pass_certificate", self._on_certificate, LATCHED)
         self.listen(PointingModel, "pointing_model", self._on_model, LATCHED)
         triggers = ("antenna_servo/park", "antenna_servo/resume", "pointing_controller/stop")
         kinds = {"antenna_servo/go_to": GoTo, "ephemeris_publisher/select_target": SelectTarget,
@@ -193,7 +191,7 @@ class RotctldServerNode(StationNode):
         self._server = None
 
     def turn(self) -> float:
-        """Carry out what clients have asked since the last turn."""
+        """Carry out what clients have requested since the last turn."""
         while not self._inbox.empty():
             self._carry_out(self._inbox.get())
         while self._words:
@@ -225,10 +223,11 @@ class RotctldServerNode(StationNode):
     def _on_model(self, message: PointingModel) -> None:
         self._model = convert_calibration.model_from_message(message)
 
-    def _on_certificate(self, message: PassCertificate) -> None:
-        mine = self._match is not None and message.target == self._match.name
-        if mine and message.accepted and seconds_from_stamp(message.header.stamp) >= self._asked_s:
-            # From here on the controller commands.
+    def _on_tracking(self, message: TrackingStatus) -> None:
+        self._tracking = message
+        mine = self._goal is not None and self._match is not None and message.target == self._match.name
+        if mine and not self._certified and message.commands_sent > self._sent_before:
+            # The pass has its certificate, and from here on the controller commands.
             self._certified, self._azimuth_rad = True, None
 
     def _look(self) -> None:
@@ -532,7 +531,6 @@ class RotctldServerNode(StationNode):
         if not self._passes.server_is_ready():
             self._no_pass("track_pass is not offered")
             return
-        self._asked_s = now_s - PERIOD_S
         goal = TrackPass.Goal(target_pass=windows[0], sensor=self.parameters.value("").sensor)
         self._wait(self._passes.send_goal_async(goal), self._offered, lambda _code: self._no_pass("no answer"))
 
@@ -542,7 +540,7 @@ class RotctldServerNode(StationNode):
         elif self._match is None:
             handle.cancel_goal_async()
         else:
-            self._goal = handle
+            self._goal, self._sent_before = handle, self._tracking.commands_sent
             self._wait(handle.get_result_async(), self._over, wait_s=math.inf)
 
     def _over(self, answer: Any) -> None:
@@ -602,7 +600,7 @@ class RotctldServerNode(StationNode):
         tracked = f"tracks {self._match.name}" if self._match and self._certified else ""
         doing = tracked or ("follows points" if self._follows else "holds" if self._steering else "waits")
         values = {"port": self._server.port, "clients": len(counts.connected), "steering": self._steering,
-                  "refused lines": counts.refused_lines, "last refusal": counts.last_refusal,
+                  "refused lines": counts.refused_lines, "last refused": counts.last_refusal,
                   "refused clients": counts.refused_clients,
                   "satellites": len(self._sky.elements) if self._sky else 0}  # fmt: skip
         problem = self._problem or self._refusal

@@ -7,7 +7,7 @@ pairs of axes are two columns.  Every table begins with
     log_time_ns   when the recorder received them, by its own clock
     t_s           stamp in s after the first one of the recording
 
-`data_dictionary` says what each column means and where it comes from; it is written beside every
+`data_dictionary` says what each column means and where it comes from; it is written with every
 export.
 """
 
