@@ -186,7 +186,7 @@ def test_without_ros_an_unknown_name_is_refused_too(tmp_path: Path, capsys: pyte
     )
 
 
-def test_what_is_known_without_ros_is_what_the_nodes_declare() -> None:
+def test_what_is_known_without_ros_is_what_the_nodes_declare(ros_domain: int) -> None:
     for node, rows in parameter_page.declarations().items():
         declared = {row.name for row in rows}
         if node in {kind.__module__.rsplit(".", 1)[-1] for kind in OF_STATION}:

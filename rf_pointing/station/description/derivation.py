@@ -95,6 +95,10 @@ _OWN = {
     "operator_page": "page.address page.port page.hosts page.token_file page.reports page.rate_hz page.viewers",
     "pointing_controller": "certificate_folder command_key_file",
     "rf_receiver": "",
+    "rotctld_server": "identify sensor command_key_file server.host server.port server.most_clients server.idle_s "
+    "server.patience_s follow.window_s follow.interval_s follow.coast_s follow.jump_deg "
+    "follow.blend_s follow.clear_deg match.points match.tolerance_deg match.motion_deg "
+    "match.threshold_deg match.lead_s match.silence_s",
     "simulation_clock": "start_s speed tick_s",
     "station_description": "view.publish_tf view.radius_m view.period_s",
     "station_executive": "executive.state_file executive.folder executive.directives_file executive.procedure_file "
