@@ -89,7 +89,12 @@ setup(
     ],
     python_requires=">=3.11",
     install_requires=LIBRARIES,
-    extras_require={"sweep": ["dask", "distributed"], "tables": ["pandas>=2.1", "pyarrow>=14"]},
+    extras_require={
+        "sweep": ["dask", "distributed"],
+        "tables": ["pandas>=2.1", "pyarrow>=14"],
+        # `colcon test` runs pytest where this extra names it.
+        "test": ["pytest>=8", "pytest-timeout", "hypothesis"],
+    },
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -16,9 +16,10 @@ from rf_pointing.nodes.bias_calibrator import BiasCalibrator
 from rf_pointing.nodes.conscan_tracker import ConscanTrackerNode
 from rf_pointing.nodes.diagnostics import MOST_EVENTS, EventLog
 from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
-from rf_pointing.nodes.graph import DESCRIPTION, EXECUTIVE, NODES
+from rf_pointing.nodes.graph import DESCRIPTION, EXECUTIVE, NODES, OPERATOR_PAGE
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.monopulse_tracker import MonopulseTrackerNode
+from rf_pointing.nodes.operator_page import OperatorPage
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
 from rf_pointing.nodes.rf_receiver import RfReceiver
 from rf_pointing.nodes.simulation_clock import SimulationClock
@@ -28,11 +29,11 @@ from rf_pointing.nodes.station_executive import StationExecutive
 ROOT = Path(__file__).parents[2]
 ANTENNA = "gs1"
 KINDS: tuple[type[ManagedNode], ...] = (
-    AntennaServo, BiasCalibrator, ConscanTrackerNode, EphemerisPublisher, MonopulseTrackerNode, PointingControllerNode,
-    RfReceiver, SimulationClock, StationDescriptionNode, StationExecutive,
+    AntennaServo, BiasCalibrator, ConscanTrackerNode, EphemerisPublisher, MonopulseTrackerNode, OperatorPage,
+    PointingControllerNode, RfReceiver, SimulationClock, StationDescriptionNode, StationExecutive,
 )  # fmt: skip
-FOLDERS = {StationExecutive: "executive.folder", BiasCalibrator: "calibrator.folder"}
-"""Of the nodes that write files, whatever they do."""
+FOLDERS = {StationExecutive: "executive.folder", BiasCalibrator: "calibrator.folder", OperatorPage: "page.reports"}
+"""Of the nodes that use files, whatever they do."""
 KEY = re.compile(r"[a-z][a-z0-9_]*|(lost|refused|waited|abandoned) [a-z0-9_/ ]+")
 """A word of a script, or what became of the messages of a topic."""
 UNIT = re.compile(r"_(s|h|m|deg|deg_s|k|db|db_hz|hz|m_s)$")
@@ -47,6 +48,8 @@ def published(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> list
         own = ["--ros-args", "-r", f"__ns:=/{ANTENNA}"]
         if kind in FOLDERS:
             own += ["-p", f"{FOLDERS[kind]}:={folder}"]
+        if kind is OperatorPage:
+            own += ["-p", "page.port:=0"]
         rclpy.init(args=own, domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
         node = kind()
         try:
@@ -126,7 +129,7 @@ def test_names_and_hardware_ids_are_those_of_the_nodes(published: list[Diagnosti
         assert re.fullmatch(r"[a-z][a-z ]*", check), status.name
         assert status.hardware_id == f"/{node}"
         nodes.add(node.removeprefix(f"{ANTENNA}/"))
-    assert nodes == {*NODES, EXECUTIVE, DESCRIPTION}
+    assert nodes == {*NODES, EXECUTIVE, DESCRIPTION, OPERATOR_PAGE}
 
 
 def test_keys_are_words_and_numbers_with_a_fraction_have_a_unit(published: list[DiagnosticStatus]) -> None:

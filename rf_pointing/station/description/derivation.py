@@ -82,7 +82,7 @@ _FURTHER = {
     ),
 }
 _OWN = {
-    "antenna_servo": "wrap_file state_file enable_fault_injection",
+    "antenna_servo": "wrap_file state_file enable_fault_injection command_key_file",
     "bias_calibrator": "calibrator.folder calibrator.keep_observations calibrator.spacing_s calibrator.scan_spacing_s "
     "calibrator.sigma_deg calibrator.settle_s shadow.fewest_passes shadow.t_limit shadow.accept orbit.along_track_m "
     "orbit.cross_track_m orbit.radial_m orbit.along_track_drift_m_s orbit.cross_track_drift_m_s "
@@ -92,8 +92,13 @@ _OWN = {
     "publisher.state_file uncertainty.along_m uncertainty.along_growth_m_s uncertainty.along_drag_m_s2 "
     "uncertainty.cross_m uncertainty.cross_growth_m_s uncertainty.radial_m uncertainty.radial_growth_m_s",
     "monopulse_tracker": "calibration_file",
-    "pointing_controller": "certificate_folder",
+    "operator_page": "page.address page.port page.hosts page.token_file page.reports page.rate_hz page.viewers",
+    "pointing_controller": "certificate_folder command_key_file",
     "rf_receiver": "",
+    "rotctld_server": "identify sensor command_key_file server.host server.port server.most_clients server.idle_s "
+    "server.patience_s follow.window_s follow.interval_s follow.coast_s follow.jump_deg "
+    "follow.blend_s follow.clear_deg match.points match.tolerance_deg match.motion_deg "
+    "match.threshold_deg match.lead_s match.silence_s",
     "simulation_clock": "start_s speed tick_s",
     "station_description": "view.publish_tf view.radius_m view.period_s",
     "station_executive": "executive.state_file executive.folder executive.directives_file executive.procedure_file "
