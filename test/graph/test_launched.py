@@ -1,0 +1,198 @@
+"""Every launch file as it is started: its processes come up by themselves, and a user's own TLE is flown by name.
+
+Where `ros2 launch` is installed it starts them, and `ros2 action` and `ros2 bag` do the rest.  The wheels have
+none of the three: there each node is started with the command line that launch_ros makes of its action, the
+goal is sent by rclpy, and the package's own recorder records.
+"""
+
+import os
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import yaml
+
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import GetState
+from rcl_interfaces.srv import GetParameters
+from rclpy.action import ActionClient
+from rclpy.parameter import parameter_value_to_python
+from rf_pointing_msgs.action import TrackPass
+
+from rf_pointing.ephemeris import tle_lines
+from rf_pointing.nodes.graph import NODES, STATION_NODES
+from rf_pointing.nodes.recorder import Recorder
+from rf_pointing.report import write_report
+from test.nodes.test_launching import FOLDER, given, launched
+from test.simulation.night_plan import orbits, small_night
+
+from .conftest import ask, executable
+
+__all__ = ["given"]
+pytestmark = pytest.mark.graph
+ROS2 = shutil.which("ros2")
+SPEED = 8.0
+ARRAYS = {
+    "doa": ("doa_source", "doa_attitude"),
+    "interferometer": ("interferometer_source", "interferometer_tracker"),
+    "tripulse": ("tripulse_source", "tripulse_attitude"),
+}
+
+
+class Launched:
+    """The processes of one launch file; `started` are the names of its nodes."""
+
+    def __init__(self, live: SimpleNamespace, folder: Path, given: dict[str, str]) -> None:
+        self._live, self._folder, self._given = live, folder, given
+        self._running: list[subprocess.Popen[bytes]] = []
+
+    def start(self, name: str, **arguments: str) -> None:
+        arguments |= {"namespace": self._live.namespace.strip("/")}
+        if ROS2:
+            words = [f"{key}:={value}" for key, value in arguments.items()]
+            self._run([ROS2, "launch", str(FOLDER / f"{name}.launch.py"), *words], {})
+            return
+        self._given |= arguments
+        for node in launched(name).values():
+            self._run(self._command(node), node["additional_env"])
+
+    def _command(self, node: dict[str, Any]) -> list[str]:
+        """Return the command line of a node: what is no file of parameters becomes one, in its place."""
+        full = f"/{node['namespace'].strip('/')}/{node['name']}"
+        words = ["--ros-args", "-r", f"__node:={node['name']}", "-r", f"__ns:={full.rpartition('/')[0]}"]
+        for number, each in enumerate(node["parameters"]):
+            path = each
+            if isinstance(each, dict):
+                path = self._folder / f"{full.replace('/', '.')}-{number}.yaml"
+                path.write_text(yaml.safe_dump({full: {"ros__parameters": each}}))
+            words += ["--params-file", str(path)]
+        for source, target in node["remappings"]:
+            words += ["-r", f"{source}:={target}"]
+        return [executable(node["executable"]), *words]
+
+    def _run(self, command: list[str], environment: dict[str, str]) -> None:
+        with (self._folder / f"log-{len(self._running)}").open("wb") as log:
+            self._running.append(
+                subprocess.Popen(
+                    command, env=os.environ | environment, stdout=log, stderr=log, stdin=subprocess.DEVNULL
+                )
+            )
+
+    def wait_active(self, names: tuple[str, ...]) -> None:
+        def active(name: str) -> bool:
+            answer = ask(self._live, GetState, f"{name}/get_state", GetState.Request())
+            return bool(answer.current_state.id == State.PRIMARY_STATE_ACTIVE)
+
+        for name in names:
+            self._live.spin_until(lambda name=name: active(name), f"{name} active")
+
+    def stop(self) -> list[int]:
+        """End all processes as launch does; return their exit codes."""
+        for process in self._running:
+            process.send_signal(signal.SIGINT)
+        codes = []
+        for process in self._running:
+            with suppress(subprocess.TimeoutExpired):
+                codes.append(process.wait(15.0))
+            process.kill()
+        self._running.clear()
+        return codes
+
+
+@pytest.fixture
+def launch_file(live: SimpleNamespace, tmp_path: Path, given: dict[str, str]) -> Iterator[Launched]:
+    one = Launched(live, tmp_path, given)
+    yield one
+    one.stop()
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_the_launch_file_of_an_array_sensor_comes_up_and_ends(launch_file: Launched, name: str) -> None:
+    launch_file.start(name)
+    launch_file.wait_active(ARRAYS[name])
+    assert set(launch_file.stop()) == {0}
+
+
+def test_a_station_of_its_own_comes_up_with_what_the_user_has_written_last(
+    launch_file: Launched, live: SimpleNamespace, tmp_path: Path
+) -> None:
+    """Of the arguments and the user's file, the file is in force, whichever way it names the nodes."""
+    own = tmp_path / "own.yaml"
+    full = f"{live.namespace}/pointing_controller"
+    own.write_text(
+        yaml.safe_dump(
+            {
+                "/**": {"ros__parameters": {"band": "S"}},
+                "/**/ephemeris_publisher": {"ros__parameters": {"source.satellite": "Moon"}},
+                full: {"ros__parameters": {"certificate_folder": str(tmp_path / "certificates")}},
+            }
+        )
+    )
+    arguments = {"station": "leo_3m7", "band": "X", "satellite": "Sun", "params_file": str(own), "state_folder": ""}
+    launch_file.start("single_antenna", **arguments)
+    launch_file.wait_active(STATION_NODES)
+    wanted = {
+        "ephemeris_publisher": {"band": "S", "source.satellite": "Moon", "use_sim_time": False},
+        "pointing_controller": {"band": "S", "certificate_folder": str(tmp_path / "certificates")},
+    }
+    for name, values in wanted.items():
+        answer = ask(live, GetParameters, f"{name}/get_parameters", GetParameters.Request(names=list(values)))
+        assert [parameter_value_to_python(each) for each in answer.values] == list(values.values())
+    assert set(launch_file.stop()) == {0}
+
+
+def test_the_simulated_station_flies_a_users_tle_by_its_name(
+    launch_file: Launched, live: SimpleNamespace, tmp_path: Path
+) -> None:
+    """From the launch file to the report: nobody has copied a pass or written a parameter file."""
+    _, _, passes = small_night(tmp_path)
+    elements = tmp_path / "my.tle"
+    elements.write_text("".join(f"{one.name}\n" + "\n".join(tle_lines(one)) + "\n" for one in orbits(2)))
+    arguments = {"elements": str(elements), "station": str(tmp_path / "station.yaml"), "state_folder": ""}
+    # The nodes need some seconds of the simulated time to come up.
+    start_s = round(passes[1].aos_t_s) - 12.0 * SPEED
+    launch_file.start("simulated_station", start_s=str(start_s), speed=str(SPEED), **arguments)
+    launch_file.wait_active(NODES)
+    bag = record(live, tmp_path)
+    goal = {"satellite": "sat 2"}
+    if ROS2:
+        words = [ROS2, "action", "send_goal", f"{live.namespace}/track_pass", "rf_pointing_msgs/action/TrackPass"]
+        sent = subprocess.run([*words, yaml.safe_dump(goal)], capture_output=True, text=True, timeout=200, check=True)
+        assert "success: true" in sent.stdout
+    else:
+        client = ActionClient(live.node, TrackPass, "track_pass")
+        live.spin_until(client.server_is_ready, "track_pass")
+        future = client.send_goal_async(TrackPass.Goal(**goal))
+        live.spin_until(future.done, "an answer")
+        ended, deadline_s = future.result().get_result_async(), time.monotonic() + 240.0
+        while not ended.done() and time.monotonic() < deadline_s:
+            live.executor.spin_once(timeout_sec=0.1)
+        result = ended.result().result
+        assert result.success, result.message
+        assert result.target_pass.target == "sat 2"
+    bag.close()
+    assert set(launch_file.stop()) == {0}
+    summary = write_report(tmp_path / "bag", tmp_path / "report")
+    assert summary.outcome.tracked
+    assert (tmp_path / "report" / "report.html").is_file()
+
+
+def record(live: SimpleNamespace, folder: Path) -> Any:
+    """Begin to record: with `ros2 bag record -a` where it is installed."""
+    if not ROS2:
+        return Recorder(live.node, live.namespace, folder / "bag")
+    process = subprocess.Popen([ROS2, "bag", "record", "-a", "-s", "mcap", "-o", str(folder / "bag")])
+
+    def close() -> None:
+        process.send_signal(signal.SIGINT)
+        process.wait(30.0)
+
+    return SimpleNamespace(close=close)
