@@ -107,14 +107,19 @@ def missed_beamwidths(setup: StationSetup, window: Pass) -> float:
     return math.degrees(rms_rad) / float(beamwidth_deg)
 
 
-def campaign(station: str, sensor: str, span_s: float, file: Path) -> tuple[str, float]:
-    """Return the line of one case, and by what its model misses in beamwidths."""
-    described = StationSetup(station)
+def log_of(described: StationSetup) -> CalibrationLog:
+    """Return the log of a campaign, as the calibrator of the station has it."""
     largest_deg = described.node("bias_calibrator").values["calibrator.largest_error_deg"]
-    log = CalibrationLog(
+    return CalibrationLog(
         described.station.name, described.band, SPACING_S, SIGMA_RAD, scan_spacing_s=SCAN_SPACING_S,
         largest_error_rad=math.radians(largest_deg), settle_s=SETTLE_S,
     )  # fmt: skip
+
+
+def campaign(station: str, sensor: str, span_s: float, file: Path) -> tuple[str, float]:
+    """Return the line of one case, and by what its model misses in beamwidths."""
+    described = StationSetup(station)
+    log = log_of(described)
     *passes, (elements, window) = planned(described.station.site, span_s)
     for number, (beacon, one) in enumerate(passes, start=1):
         setup, so_far = setup_of(station, beacon, one, file, log=log), len(log)

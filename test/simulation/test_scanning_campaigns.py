@@ -1,0 +1,43 @@
+"""A dish without monopulse calibrates itself by its scan alone, to 5 % of a beamwidth.
+
+`benchmarks/scanning_campaigns.py` flies longer campaigns, on two antennas, with both scans.
+"""
+
+import importlib.util
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rf_pointing.calibration import BiasModel, PassPriors
+from rf_pointing.simulation import StationSetup, simulate_pass
+
+SCRIPT = Path(__file__).parents[2] / "benchmarks" / "scanning_campaigns.py"
+SPAN_S = 700.0
+
+
+@pytest.fixture(scope="module")
+def script() -> Any:
+    spec = importlib.util.spec_from_file_location("scanning_campaigns", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_two_passes_with_conscan_point_a_third_on_the_model_alone(script: Any, tmp_path: Path) -> None:
+    described, file = StationSetup("leo_3m7"), tmp_path / "beacon.tle"
+    *passes, (elements, window) = script.planned(described.station.site, SPAN_S)
+    log = script.log_of(described)
+    for beacon, one in passes:
+        log.begin_pass()
+        setup = script.setup_of("leo_3m7", beacon, one, file, log=log)
+        simulate_pass(setup, one, one.aos_t_s - script.LEAD_S, "conscan")
+        assert len(log) >= 15, log.reasons()
+    model: BiasModel = log.fit(described.model, pass_priors=PassPriors.of_orbit(script.ORBIT_M)).model
+    missed = script.missed_beamwidths(script.setup_of("leo_3m7", elements, window, file, model), window)
+    print(f"{len(log)} observations, missed by {100.0 * missed:.1f} % of a beamwidth")
+    assert math.isfinite(missed)
+    assert missed < script.ALLOWED_BEAMWIDTHS
