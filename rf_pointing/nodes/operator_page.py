@@ -179,7 +179,11 @@ class OperatorPage(ManagedNode):
         if now_s >= self._next_s:
             period_s = 1.0 / self.parameters.value("page").rate_hz if watched else SLOW_S
             self._next_s = max(self._next_s + period_s, now_s + 0.5 * period_s)
-            self._show(now_s)
+            try:
+                self._show(now_s)
+            except Exception as error:
+                # What cannot be shown must not take the commands with it.
+                self.survived("what is shown", error)
         return min(0.05, max(0.001, self._next_s - now_s))
 
     # What is known
