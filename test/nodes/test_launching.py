@@ -129,7 +129,7 @@ def test_robot_state_publisher_turns_the_joints_where_it_is_installed(
 def test_the_page_and_the_executive_share_the_folder_of_reports(given: dict[str, str]) -> None:
     given |= {"station": "leo_3m7", "page": "true", "executive": "true", "state_folder": "/var/lib/station"}
     nodes = launched("single_antenna")
-    assert tuple(nodes) == (*STATION_NODES, "station_executive", "operator_page")
+    assert {"station_executive", "operator_page"} <= set(nodes)
     assert {"page.reports": "/var/lib/station/gs1/nights"} in nodes["operator_page"]["parameters"]
     # It takes limits and horizon from the running nodes, so it needs no station.
     assert not [each for each in nodes["operator_page"]["parameters"] if "station" in each]
