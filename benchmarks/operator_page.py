@@ -2,37 +2,38 @@
 
     scripts/run-python benchmarks/operator_page.py [--seconds 20] [--viewers 0 3 20] [--stops 100]
 
-A pass of the 3.7-m dish is tracked in real time by the executable `track` in a ROS domain of its own, and the page runs in
-its namespace.  Processor time is that of the page's process by the accounting of the kernel.  Prints a Markdown table.
+The 3.7-m dish follows a pass in real time, in a ROS domain of its own.  Processor time is that of the page's process
+by the accounting of the kernel.  Prints a Markdown table.
 """
 
 import argparse
 import asyncio
 import json
 import os
-import signal
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import requests
+import yaml
 from aiohttp import ClientError, ClientSession
-from ament_index_python.packages import get_package_prefix
+
+from rf_pointing.commands.managed_graph import NodeProcesses
+from rf_pointing.nodes.graph import NODES
 
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 NAMESPACE = "/page_benchmark"
 TOKEN = "token-of-the-benchmark"
 PORT = 18765
 URL = f"http://127.0.0.1:{PORT}"
-START_S = 180.0
+START_S = 120.0
+STATION = "leo_3m7"
+PASS_S = 1151384173.0
+"""Where the shipped elements have a pass soon."""
 Row = tuple[str, str]
-
-
-def executable(name: str) -> str:
-    return str(Path(get_package_prefix("rf_pointing")) / "lib" / "rf_pointing" / name)
 
 
 def cpu_s(process: int) -> float:
@@ -66,15 +67,20 @@ async def view(process: int, viewers: int, duration_s: float) -> Row:
     return f"{viewers} viewers", f"{100.0 * share:.1f} % of one core{rate}"
 
 
+def post(name: str, **arguments: Any) -> dict[str, Any]:
+    """Send a command and return its answer."""
+    headers = {"Authorization": f"Bearer {TOKEN}"}
+    found = requests.post(f"{URL}/command", json={"name": name, "arguments": arguments}, headers=headers, timeout=10.0)
+    answer: dict[str, Any] = found.json()
+    return answer
+
+
 def stops(count: int) -> Row:
     """Return how soon a stop of the antenna is answered."""
     times_ms = []
-    session = requests.Session()
     for _ in range(count):
         began_s = time.monotonic()
-        answer = session.post(
-            f"{URL}/command", json={"name": "stop_antenna"}, headers={"Authorization": f"Bearer {TOKEN}"}, timeout=10.0
-        ).json()
+        answer = post("stop_antenna")
         times_ms.append(1e3 * (time.monotonic() - began_s))
         if not answer["accepted"]:
             sys.exit(f"the stop was refused: {answer['message']}")
@@ -84,20 +90,22 @@ def stops(count: int) -> Row:
     return f"{count} stops answered", found
 
 
-async def wait_for_station(page: "subprocess.Popen[bytes]", station: "subprocess.Popen[bytes]") -> None:
-    """Wait until the page shows an antenna that moves."""
+async def begin_pass() -> None:
+    """Wait for a coming pass, track it by the page, and wait until the antenna follows."""
+    shown: dict[str, Any] = {}
     deadline_s = time.monotonic() + START_S
     async with ClientSession() as session:
         while time.monotonic() < deadline_s:
-            if page.poll() is not None or station.poll() is not None:
-                sys.exit("a process has ended")
             try:
                 async with session.ws_connect(f"{URL}/live") as socket:
                     while time.monotonic() < deadline_s:
-                        live = json.loads(await socket.receive_str()).get("live", {})
-                        if live.get("antenna") == "tracking" and live["age_s"]["antenna"] < 1.0:
+                        shown |= json.loads(await asyncio.wait_for(socket.receive_str(), 5.0))
+                        if shown["live"].get("antenna") == "tracking":
                             return
-            except ClientError:
+                        if shown["live"].get("tracking") == "idle" and shown.get("passes"):
+                            post("track", aos_utc=shown["passes"]["rows"][0]["aos_utc"])
+                            await asyncio.sleep(1.0)
+            except (ClientError, TimeoutError):
                 await asyncio.sleep(0.2)
     sys.exit(f"no tracking antenna within {START_S:.0f} s")
 
@@ -114,26 +122,21 @@ def main() -> None:
         token = Path(folder) / "token"
         token.write_text(TOKEN)
         token.chmod(0o600)
-        quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        station = subprocess.Popen(
-            [executable("track"), "--models", "", "--station", "leo_3m7", "--speed", "1", "--namespace", NAMESPACE,
-             "--output", folder],
-            **quiet,
-        )  # fmt: skip
-        page = subprocess.Popen(
-            [executable("operator_page"), "--ros-args", "-r", f"__ns:={NAMESPACE}", "-p", f"page.port:={PORT}",
-             "-p", f"page.token_file:={token}"],
-            **quiet,
-        )  # fmt: skip
+        given = {f"/**/{name}": {"ros__parameters": {"station": STATION}} for name in NODES[1:]}
+        given["/**/simulation_clock"] = {"ros__parameters": {"start_s": PASS_S, "speed": 1.0}}
+        given["/**/operator_page"] = {"ros__parameters": {"page": {"port": PORT, "token_file": str(token)}}}
+        parameters = Path(folder) / "parameters.yaml"
+        parameters.write_text(yaml.safe_dump(given))
+        processes = NodeProcesses(NAMESPACE, [parameters], Path(folder))
         try:
-            asyncio.run(wait_for_station(page, station))
-            rows = [asyncio.run(view(page.pid, count, options.seconds)) for count in options.viewers]
+            processes.start(NODES, autostart=True)
+            processes.start(["operator_page"], simulated_time=False)
+            asyncio.run(begin_pass())
+            page = processes.process_id("operator_page")
+            rows = [asyncio.run(view(page, count, options.seconds)) for count in options.viewers]
             rows.append(stops(options.stops))
         finally:
-            for process in (page, station):
-                process.send_signal(signal.SIGINT)
-            for process in (page, station):
-                process.wait(60.0)
+            processes.stop()
     print("| quantity | measured |\n|---|---|")
     for name, value in rows:
         print(f"| {name} | {value} |")

@@ -82,6 +82,8 @@ def certificate_to_message(certificate: Certificate) -> ours.PassCertificate:
 
 def certificate_from_message(message: ours.PassCertificate) -> Certificate:
     """Return the certificate without its crossings, which do not travel."""
+    if not message.branches:
+        raise ValueError("a certificate has no branch, must have >= 1")
     return _certificate_from_message(
         message,
         issued_t_s=seconds_from_stamp(message.header.stamp),

@@ -122,7 +122,7 @@ class OperatorPage(ManagedNode):
         self._requests: queue.SimpleQueue[tuple[str, Mapping[str, Any], str, Future[Answer]]] = queue.SimpleQueue()
         self._answers: dict[int, tuple[str, Future[Answer]]] = {}
         self._number = 0
-        self._events: deque[dict[str, Any]] = deque(maxlen=EVENTS)
+        self._sent: deque[dict[str, Any]] = deque(maxlen=EVENTS)
         self._sender = DirectiveSender(self, self._rows, {}, self._responded, self._ended)
         self._at_cleanup.callback(self._sender.close)
         self._newest: dict[str, Any] = {}
@@ -179,7 +179,11 @@ class OperatorPage(ManagedNode):
         if now_s >= self._next_s:
             period_s = 1.0 / self.parameters.value("page").rate_hz if watched else SLOW_S
             self._next_s = max(self._next_s + period_s, now_s + 0.5 * period_s)
-            self._show(now_s)
+            try:
+                self._show(now_s)
+            except Exception as error:
+                # What cannot be shown must not take the commands with it.
+                self.survived("what is shown", error)
         return min(0.05, max(0.001, self._next_s - now_s))
 
     # What is known
@@ -325,7 +329,7 @@ class OperatorPage(ManagedNode):
         if now_s >= self._reports_s:
             self._reports_s = now_s + REPORTS_S
             self._server.find_reports()
-        found["events"] = list(self._events)
+        found["events"] = list(self._sent)
         return found
 
     def _path(self, t_s: float) -> dict[str, Any] | None:
@@ -397,7 +401,7 @@ class OperatorPage(ManagedNode):
         self._note(succeeded, f"{name} ended: {result.get('message') or 'no message'}")
 
     def _note(self, accepted: bool, text: str) -> None:
-        self._events.appendleft({"utc": utc_text(time.time())[:19], "accepted": accepted, "text": text})
+        self._sent.appendleft({"utc": utc_text(time.time())[:19], "accepted": accepted, "text": text})
         self._slow_s = 0.0
 
     def _health(self) -> Health:

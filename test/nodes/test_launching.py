@@ -126,6 +126,15 @@ def test_robot_state_publisher_turns_the_joints_where_it_is_installed(
     assert tuple(launched("simulated_station")) == NODES
 
 
+def test_the_page_and_the_executive_share_the_folder_of_reports(given: dict[str, str]) -> None:
+    given |= {"station": "leo_3m7", "page": "true", "executive": "true", "state_folder": "/var/lib/station"}
+    nodes = launched("single_antenna")
+    assert {"station_executive", "operator_page"} <= set(nodes)
+    assert {"page.reports": "/var/lib/station/gs1/nights"} in nodes["operator_page"]["parameters"]
+    # It takes limits and horizon from the running nodes, so it needs no station.
+    assert not [each for each in nodes["operator_page"]["parameters"] if "station" in each]
+
+
 def test_a_real_antenna_is_not_started_with_the_numbers_of_another(given: dict[str, str]) -> None:
     with pytest.raises(KeyError, match="station"):
         launched("single_antenna")

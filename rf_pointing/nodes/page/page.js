@@ -35,6 +35,17 @@ function draw(tag, attributes, text) {
   return node;
 }
 
+// Rows are made anew only when they change, and the keyboard stays where it was.
+function refill(parent, data, rows) {
+  const text = JSON.stringify(data);
+  if (refill.made.get(parent) === text) return;
+  refill.made.set(parent, text);
+  const key = parent.contains(document.activeElement) ? document.activeElement.dataset.key : undefined;
+  parent.replaceChildren(...rows());
+  if (key !== undefined) [...parent.querySelectorAll("[data-key]")].find((each) => each.dataset.key === key)?.focus();
+}
+refill.made = new WeakMap();
+
 const fixed = (value, digits) => Number.isFinite(value) ? value.toFixed(digits).replace("-", "−") : "–";
 const mark = (level) => make("span", {class: `mark ${LEVELS[level][0]}`}, LEVELS[level][1]);
 const clock = (utc) => (utc || "").slice(11, 19);
@@ -221,6 +232,7 @@ function showBeam(live) {
     write("error", "–");
     write("error-angle", "");
     write("held", live.tracking === "idle" ? "No pass is tracked." : "");
+    byId("held").className = "words";
   } else {
     const size = Math.hypot(...error), scale = 100 * Math.min(1, 1 / Math.max(size, 1e-9));
     const [x, y] = [error[0] * (size > 1 ? scale : 100), -error[1] * (size > 1 ? scale : 100)];
@@ -382,29 +394,27 @@ const show = {
       make("dl", {class: "facts"}, ...rows.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)])));
   },
   passes(passes) {
-    byId("passes").replaceChildren(...passes.rows.slice(0, 6).map((row) => {
-      const button = make("button", {type: "button", "data-confirm": ""}, "Track");
+    refill(byId("passes"), passes, () => !passes.rows.length ? [make("li", {}, `no coming pass of ${passes.target}`)] : passes.rows.slice(0, 6).map((row) => {
+      const button = make("button", {type: "button", "data-confirm": "", "data-key": row.aos_utc}, "Track");
       button.setAttribute("aria-label", `Track the pass of ${row.target} at ${clock(row.aos_utc)}`);
       button.addEventListener("click", () => press(button, "track", {aos_utc: row.aos_utc, sensor: byId("sensor").value || "auto"}));
       return make("li", {}, make("strong", {}, `${clock(row.aos_utc)}–${clock(row.los_utc)}`), make("span", {class: "grow"}, `${row.target}, ${fixed(row.peak_deg, 0)}° high`), button);
     }));
-    if (!passes.rows.length) byId("passes").append(make("li", {}, `no coming pass of ${passes.target}`));
   },
   executive(executive) {
     write("night-state", executive.state);
     write("night-doing", [executive.target && `${executive.target}:`, ...executive.blocks, executive.doing].filter(Boolean).join("  "));
     const open = executive.alarms.filter((each) => !each.acknowledged).length;
     write("alarm-count", executive.alarms.length ? `(${open} of ${executive.alarms.length} not acknowledged)` : "");
-    byId("alarms").replaceChildren(...executive.alarms.map((alarm) => {
-      const button = make("button", {type: "button"}, "Acknowledge");
+    refill(byId("alarms"), executive.alarms, () => !executive.alarms.length ? [make("li", {class: "good"}, "● no alarm")] : executive.alarms.map((alarm) => {
+      const button = make("button", {type: "button", "data-key": alarm.name}, "Acknowledge");
       button.addEventListener("click", () => command("night_acknowledge", {name: alarm.name}));
       return make("li", {}, mark(Math.min(alarm.level, 2)), make("span", {class: "grow"}, make("strong", {}, alarm.name), ` ${alarm.message} `, make("small", {}, `since ${clock(alarm.raised_utc)}${alarm.count > 1 ? `, ${alarm.count} times` : ""}`)),
         alarm.acknowledged ? make("span", {}, "✔ acknowledged") : button);
     }));
-    if (!executive.alarms.length) byId("alarms").append(make("li", {class: "good"}, "● no alarm"));
   },
   schedule(rows) {
-    byId("schedule").tBodies[0].replaceChildren(...rows.map((row) => make("tr", {}, make("td", {}, `${row.target} `, make("small", {}, row.id)), make("td", {}, `${clock(row.aos_utc)}–${clock(row.los_utc)}`),
+    refill(byId("schedule").tBodies[0], rows, () => rows.map((row) => make("tr", {}, make("td", {}, `${row.target} `, make("small", {}, row.id)), make("td", {}, `${clock(row.aos_utc)}–${clock(row.los_utc)}`),
       make("td", {}, `${fixed(row.peak_deg, 0)}°`), make("td", {}, STATES[row.state] || row.state), make("td", {}, row.reason))));
     const svg = byId("timeline"), times = rows.flatMap((row) => [seconds(row.aos_utc), seconds(row.los_utc)]).filter(Number.isFinite);
     if (!times.length) return svg.replaceChildren();
@@ -426,22 +436,21 @@ const show = {
   },
   nodes(nodes) {
     const open = new Set([...document.querySelectorAll("#nodes details[open]")].map((each) => each.dataset.node));
-    byId("nodes").replaceChildren(...nodes.map((node) => {
+    refill(byId("nodes"), nodes, () => nodes.map((node) => {
       const level = node.silent_s ? 2 : Math.max(0, ...node.checks.map((each) => Math.min(each[1], 2)));
       const worst = node.checks.filter((each) => each[1] > 0);
-      const details = make("details", {"data-node": node.name}, make("summary", {}, mark(level), ` ${node.name} `, make("small", {}, node.silent_s ? `silent for ${node.silent_s} s` : worst.map((each) => each[2]).join("; "))),
+      const details = make("details", {"data-node": node.name}, make("summary", {"data-key": node.name}, mark(level), ` ${node.name} `, make("small", {}, node.silent_s ? `silent for ${node.silent_s} s` : worst.map((each) => each[2]).join("; "))),
         make("dl", {class: "facts"}, ...node.checks.flatMap(([name, , text]) => [make("dt", {}, name), make("dd", {}, text)])));
       details.open = open.has(node.name);
       return make("li", {}, details);
     }));
     if (!shown.executive) {
       write("night-state", "no executive runs");
-      byId("alarms").replaceChildren(make("li", {}, "No executive runs, so nothing raises alarms. Errors are at the nodes."));
+      refill(byId("alarms"), null, () => [make("li", {}, "No executive runs, so nothing raises alarms. Errors are at the nodes.")]);
     }
   },
   reports(rows) {
-    if (!rows.length) return byId("reports").replaceChildren(make("li", {}, "none"));
-    byId("reports").replaceChildren(...rows.filter((row) => row.path.startsWith("/reports/")).map((row) => make("li", {}, make("a", {href: row.path, target: "_blank", rel: "noopener"}, row.title),
+    refill(byId("reports"), rows, () => !rows.length ? [make("li", {}, "none")] : rows.filter((row) => row.path.startsWith("/reports/")).map((row) => make("li", {}, make("a", {href: row.path, "data-key": row.path, target: "_blank", rel: "noopener"}, row.title),
       make("small", {}, `${row.kind}, ${new Date(row.utc_s * 1000).toISOString().slice(0, 16).replace("T", " ")} UTC`))));
   },
   events(rows) {
