@@ -32,6 +32,8 @@ EXECUTABLES = {
         "track",
     ],
     "array_sensors.nodes": [
+        "array_receiver",
+        "array_tracker",
         "doa_attitude",
         "doa_source",
         "interferometer_source",
