@@ -35,6 +35,8 @@ EXECUTABLES = {
         "track",
     ],
     "array_sensors.nodes": [
+        "array_receiver",
+        "array_tracker",
         "doa_attitude",
         "doa_source",
         "interferometer_source",

@@ -29,7 +29,7 @@ SMALL_ON_PURPOSE: dict[str, str] = {
     "rf_pointing/nodes/recorder.py": "examples record with it, too",
 }
 """Small modules with one importer that stay, each with the reason."""
-SENSORS = ("monopulse", "conscan", "steptrack")
+SENSORS = ("monopulse", "conscan", "steptrack", "array")
 WIRE = re.compile(r"/nodes/convert\w*\.py$")
 """Modules that turn messages into core types and back: the words are those of the wire."""
 ROS_NAMES = {"Topic", "declare", "group", "node", "value"}

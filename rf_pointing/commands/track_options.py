@@ -24,14 +24,14 @@ from rf_pointing.commands.options import (
     start_of,
     station_of,
 )
-from rf_pointing.core import MDEG, leaves
+from rf_pointing.core import MDEG, Sensor, leaves
 from rf_pointing.core.dates import DAY_S, parse_utc
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.ephemeris import ElementUncertainty, Pass, first_pass_above, stale_warning
 from rf_pointing.ephemeris.element_files import element_files, is_address
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.ephemeris.source import load_track
-from rf_pointing.nodes.graph import DRIVE_NODES, GRAPH, NODES
+from rf_pointing.nodes.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES
 from rf_pointing.planning import Gate, MachineParams, choose_turns
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.antenna.memory import state_files, state_folder
@@ -48,7 +48,7 @@ REAL_TIME_SPEED = 3.0
 LONGEST_TURN_S = 32.0
 """Longest period of a chosen scan: over two periods the error must stay the same."""
 SCAN_CHOICES = ("radius_deg", "period_s", "window_samples", "fewest_samples", "bandwidth_hz")
-OF_STATION = tuple(node.name for node in GRAPH if node.name != "simulation_clock")
+OF_STATION = tuple(node.name for node in (*GRAPH, *ARRAY_GRAPH) if node.name != "simulation_clock")
 """The nodes that take the station description."""
 SLEW_TIME_S = 150.0
 """Least simulated time before acquisition."""
@@ -106,7 +106,10 @@ def check_time(options: argparse.Namespace) -> None:
 
 def nodes_of(options: argparse.Namespace) -> tuple[str, ...]:
     """Return the executables of a run, in the order of their start."""
-    return NODES if station_of(options).simulated else DRIVE_NODES
+    station = station_of(options)
+    array = ARRAY_NODES if Sensor.ARRAY in station.sensors(band_of(options)) else ()
+    # A real array has receivers of its own.
+    return (*NODES, *array) if station.simulated else (*DRIVE_NODES, *array[1:])
 
 
 def choose_pass(options: argparse.Namespace) -> Pass:
@@ -233,6 +236,7 @@ def _own_parameters(options: argparse.Namespace, output: Path) -> dict[str, dict
     return {
         "ephemeris_publisher": source,
         "rf_receiver": {**source, **real, "signal.seed": number},
+        "array_receiver": {"receiver.seed": number},
         "antenna_servo": kept,
         "pointing_controller": {
             "certificate_folder": str(output.resolve()),

@@ -16,6 +16,7 @@ class Mode(StrEnum):
     STEPTRACK = "steptrack"
     CONSCAN = "conscan"
     MONOPULSE = "monopulse"
+    ARRAY = "array"
     CALIBRATE = "calibrate"
     COAST = "coast"
     # The value is on the wire and in recordings, so it keeps its first name.
@@ -30,3 +31,4 @@ class Sensor(StrEnum):
     MONOPULSE = "monopulse"
     CONSCAN = "conscan"
     STEPTRACK = "steptrack"
+    ARRAY = "array"

@@ -134,10 +134,18 @@ GRAPH = (
 # The clock first: its held time reaches each of the others while they start.
 
 
+ARRAY_GRAPH = (
+    GraphNode("array_receiver", (), simulated=True),
+    GraphNode("array_tracker", (_POINTING_ERROR,)),
+)
+"""Further nodes of a station with an array on its dish; `array_snapshots` connects them."""
+# Not recorded: 60 kB/s, and nothing of the report reads them.
+
+
 def _topics() -> tuple[Topic, ...]:
     """Return each topic of the graph once, with the names of all nodes that publish it."""
     found: dict[str, Topic] = {}
-    for node in GRAPH:
+    for node in (*GRAPH, *ARRAY_GRAPH):
         for topic in node.topics:
             others = f"{found[topic.name].publisher}, " if topic.name in found else ""
             found[topic.name] = replace(topic, publisher=others + node.name)
@@ -177,5 +185,6 @@ NODES = tuple(node.name for node in GRAPH)
 """Executables of a simulated antenna."""
 STATION_NODES = tuple(node.name for node in GRAPH if not node.simulated)
 """Executables that a station with an antenna and a receiver of its own keeps."""
+ARRAY_NODES = tuple(node.name for node in ARRAY_GRAPH)
 DRIVE_NODES = ("antenna_servo", *STATION_NODES)
 """Executables of a station whose drive is a device; its receiver is its own."""

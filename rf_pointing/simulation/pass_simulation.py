@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.core import Params
+from rf_pointing.core import Params, PointingError, Sensor
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.drives import make_drive, simulated, takes_positions
 from rf_pointing.ephemeris import Pass, TopocentricTrack
@@ -73,6 +73,8 @@ class StationSetup:
     tracker
         Measures the carrier power in place of the package's trackers: one of your own, which is
         registered (`tracking.sensors.register`).
+    array
+        Measures each reception with an array on the dish, the sensor `array`.
 
     Raises
     ------
@@ -90,11 +92,12 @@ class StationSetup:
         files: Sequence[Path] = (),
         model: BiasModel | Path | None = None,
         tracker: CarrierTracker | None = None,
+        array: Callable[[Reception], PointingError] | None = None,
     ) -> None:
         load_trackers()
         self.station = station if isinstance(station, StationDescription) else read_station(station)
         self.band = self.station.default_band if band is None else band
-        self._tracker = tracker
+        self._tracker, self.array = tracker, array
         self._nodes: dict[str, NodeParameters] = {}
         for node, given in read_parameter_files(files).items():
             self.station.check_file(node, given.values, self.band)
@@ -168,6 +171,8 @@ def simulate_pass(
     reception.
     """
     track, sensor = setup.track(), setup.station.chosen_sensor(sensor or setup.sensor, setup.band)
+    if sensor == Sensor.ARRAY and setup.array is None:
+        raise ValueError("sensor=array needs an array: what measures the receptions with it is not given")
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
     monopulse = MonopulseTracker(setup.node("monopulse_tracker").group("monopulse", MonopulseParams()))
     carrier = setup.power_tracker()
@@ -194,6 +199,8 @@ def simulate_pass(
         if reception is not None:
             # Before the next period, as on the graph: only errors stamped before it are used.
             controller.take_error(monopulse.measure(reception.cluster))
+            if setup.array is not None:
+                controller.take_error(setup.array(reception))
             for error in carrier.take_power(reception.power):
                 controller.take_error(error)
             log.t_s.append(reception.truth.t_s)

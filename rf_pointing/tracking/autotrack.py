@@ -32,6 +32,11 @@ class AutotrackParams(Params):
     carrier_off_db_hz: float = parameter(18.0, "C/N0 below which the carrier is lost", low=0.0, high=120.0)
     monopulse_on_db_hz: float = parameter(36.0, "C/N0 from which monopulse is chosen", low=0.0, high=120.0)
     monopulse_off_db_hz: float = parameter(32.0, "C/N0 below which monopulse is left", low=0.0, high=120.0)
+    array_on_db_hz: float = parameter(31.0, "C/N0 of the array from which it has a carrier", low=0.0, high=120.0)
+    array_off_db_hz: float = parameter(28.0, "C/N0 of the array below which its carrier is lost", low=0.0, high=120.0)
+    array_gain_db: float = parameter(
+        0.0, "C/N0 of the array, all elements together, less that of the dish", low=-100.0, high=40.0
+    )
     beam_drop_db: float = parameter(
         10.0, "C/N0 below that on the beam's axis at which the target is outside the beam", low=3.0, high=60.0
     )
@@ -49,10 +54,22 @@ class AutotrackParams(Params):
         2, "false locks of monopulse after which auto leaves it alone until a calibration", low=1, high=1000
     )
 
+    @property
+    def own_level(self) -> bool:
+        """Whether the sensor in use has a receiver of its own."""
+        return any(traits.own_level for traits in sensors_of(self.sensor))
+
+    @property
+    def carrier_db_hz(self) -> tuple[float, float]:
+        """C/N0 from which the receiver of the sensor in use has a carrier, and below which none."""
+        if self.own_level:
+            return self.array_on_db_hz, self.array_off_db_hz
+        return self.carrier_on_db_hz, self.carrier_off_db_hz
+
     def check_together(self) -> None:
         """Refuse a threshold without hysteresis."""
         # Without one, noise on the C/N0 would change the mode every period.
-        for stem in ("carrier", Sensor.MONOPULSE):
+        for stem in ("carrier", Sensor.MONOPULSE, Sensor.ARRAY):
             on, off = getattr(self, f"{stem}_on_db_hz"), getattr(self, f"{stem}_off_db_hz")
             if off >= on:
                 raise ValueError(f"{stem}_off_db_hz={off} must be < {stem}_on_db_hz={on}")
@@ -165,7 +182,7 @@ def _excess_db(inputs: AutotrackInputs) -> float:
 
 def _peaked(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
     """Whether the search passed the target: a carrier, and a turn without a stronger one."""
-    if state.peak_s is None or state.peak_db_hz < params.carrier_on_db_hz:
+    if state.peak_s is None or state.peak_db_hz < params.carrier_db_hz[0]:
         return False
     return inputs.t_s - state.peak_s > params.search_turn_s
 
@@ -304,10 +321,13 @@ def _observe(params: AutotrackParams, state: AutotrackState, inputs: AutotrackIn
     level = inputs.carrier_to_noise_db_hz
     # A carrier is gone with the first weak sample, else noise would be integrated meanwhile; to be
     # there it must last, for noise alone exceeds any threshold now and then.
-    present = level >= (params.carrier_off_db_hz if state.carrier else params.carrier_on_db_hz)
+    on, off = params.carrier_db_hz
+    present = level >= (off if state.carrier else on)
     since = (inputs.t_s if state.carrier_since_s is None else state.carrier_since_s) if present else None
     carrier = since is not None and (state.carrier or inputs.t_s - since >= params.confirm_s)
-    strong = carrier and level >= (params.monopulse_off_db_hz if state.strong else params.monopulse_on_db_hz)
+    # The level of an array says nothing about the feed of the dish.
+    enough = level >= (params.monopulse_off_db_hz if state.strong else params.monopulse_on_db_hz)
+    strong = carrier and enough and not params.own_level
     valid = True
     sensor = SENSORS.get(state.mode)
     if sensor is not None and not inputs.arriving:

@@ -37,6 +37,8 @@ class SensorTraits:
     every_period : whether it reports every period, so that a late report is worth waiting for.
     once_a_round : whether results come so seldom that an invalid one alone must not end the mode.
     watched : whether the watch on false locks judges its errors.
+    own_level : whether its C/N0 is that of a receiver of its own, judged by
+        `autotrack.array_on_db_hz` and not by the thresholds of the dish.
     level_from : other sensors whose reports carry the C/N0 while this one does not track.
     colour : of its mode in reports, as #rrggbb.
     """
@@ -50,6 +52,7 @@ class SensorTraits:
     every_period: bool = False
     once_a_round: bool = False
     watched: bool = False
+    own_level: bool = False
     level_from: tuple[str, ...] = ()
     colour: str = "#a6761d"
 
@@ -71,6 +74,7 @@ SENSORS: dict[str, SensorTraits] = {
             name=Sensor.STEPTRACK, scans=True, every_period=True, once_a_round=True, level_from=(Sensor.CONSCAN,),
             colour="#5f4b8b",
         ),
+        SensorTraits(name=Sensor.ARRAY, every_period=True, own_level=True, colour="#d55e00"),
     )
 }  # fmt: skip
 # Sensor of a pass as the operator names it, and as the state table does.

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rf_pointing.calibration import read_model
-from rf_pointing.core import Params, leaves
+from rf_pointing.core import Params, Sensor, leaves
 from rf_pointing.core.parameters import from_edge
 from rf_pointing.drives import DriveParams, known_types
 from rf_pointing.ephemeris import SITES
@@ -205,6 +205,8 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
                 f"{derived:.4g}, that of dish.diameter_m={diameter} at {frequency} MHz")  # fmt: skip
     if section.sensors is not None and len(set(section.sensors)) < len(section.sensors):
         reader.note(f"{key}.sensors", f"{key}.sensors={list(section.sensors)} names a sensor twice")
+    if section.sensors is not None and Sensor.ARRAY in section.sensors and content.array is None:
+        reader.note(f"{key}.sensors", f"{key}.sensors names array: the description has no section array")
     if section.bias_model:
         path = reader.path.parent / section.bias_model
         try:

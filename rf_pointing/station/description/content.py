@@ -95,6 +95,21 @@ class DishSection:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ArraySection:
+    """Patches on a circle that moves with the dish; the sensor `array` of a band."""
+
+    elements: int = parameter(12, "number of patches on the circle", low=5, high=64)
+    radius_m: float = parameter(0.12, "radius of the circle", low=0.001, high=10.0)
+    element_gain_dbi: float = parameter(6.0, "gain of one patch", low=-10.0, high=30.0)
+    roll_deg: float = parameter(
+        0.0, "angle from the axis of the first patch to cross-elevation", low=-180.0, high=180.0
+    )
+    axis_cross_elevation_deg: float = parameter(0.0, "array's axis right of the beam by", low=-45.0, high=45.0)
+    axis_elevation_deg: float = parameter(0.0, "array's axis above the beam by", low=-45.0, high=45.0)
+    phase_sigma_deg: float = parameter(1.0, "what the calibration leaves of the phases", low=0.0, high=28.0)
+
+
+@dataclass(frozen=True, kw_only=True)
 class SunSection:
     """The zone of the sky around the Sun."""
 
@@ -193,6 +208,7 @@ class Content:
     site: SiteSection | str = parameter(description="where it stands: coordinates, or the name of a built-in site")
     mount: MountSection = parameter(description="axes and where they may look")
     dish: DishSection | None = parameter(None, "the reflector; left out for an antenna that is none")
+    array: ArraySection | None = parameter(None, "array of patches on the dish; left out where there is none")
     sun: SunSection = field(default_factory=SunSection, metadata={"description": "the zone around the Sun"})
     wind: WindSection = field(default_factory=WindSection, metadata={"description": "wind that stows the antenna"})
     default_band: str = parameter("", "band that is used when none is named; empty: the first one")

@@ -22,10 +22,12 @@ from rf_pointing.ephemeris import SITES, Site
 from rf_pointing.ephemeris.source import SourceParams
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.planning import HorizonMask
+from rf_pointing.rf.dish_array import DishArrayParams
 from rf_pointing.station.antenna.receiver import SignalParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 from rf_pointing.station.description.content import (
     VERSION,
+    ArraySection,
     AxisSection,
     BandSection,
     Content,
@@ -68,6 +70,8 @@ NODES: dict[str, dict[str, Params]] = {
     "rf_receiver": {"source": SourceParams(), "signal": SignalParams()},
     "monopulse_tracker": {Sensor.MONOPULSE: MonopulseParams(), "calibration": MonopulseScanParams()},
     power_tracker.NODE: PowerTrackerParams().sets(),
+    "array_receiver": {"array": DishArrayParams()},
+    "array_tracker": {"array": DishArrayParams()},
     "station_executive": {"between": BetweenParams(), "alarms": AlarmParams()},
 }
 """Parameter sets of each node that a description covers, by their prefix."""
@@ -163,12 +167,14 @@ def owner_of_name(name: str) -> str:
 
 @cache
 def _reference() -> dict[str, "Value"]:
-    """Return the values of a minimal description: every one gives the same names."""
+    """Return the values of a small description with everything that one may have."""
     axis = AxisSection(travel_deg=(0.0, 90.0), rate_deg_s=1.0)
     bands = {"X": BandSection(frequency_mhz=8450.0)}
     mount = MountSection(azimuth=axis, elevation=axis)
     site = SiteSection(latitude_deg=0.0, longitude_deg=0.0)
-    content = Content(version=VERSION, name="", site=site, mount=mount, dish=DishSection(diameter_m=5.0), bands=bands)
+    content = Content(
+        version=VERSION, name="", site=site, mount=mount, dish=DishSection(diameter_m=5.0), array=ArraySection(), bands=bands
+    )  # fmt: skip
     return derive(content, "X", HorizonMask(), "")
 
 
@@ -268,7 +274,21 @@ def derive(content: Content, band: str, mask: HorizonMask, model_file: str) -> d
     """
     of = Band(content, band)
     found: dict[str, Value] = {}
-    for part in (_site, _axes, _zones, _beam, _scans, _search, _loop, _signal, _truth, _plant, _watches, _drive):
+    for part in (
+        _site,
+        _axes,
+        _zones,
+        _beam,
+        _scans,
+        _search,
+        _loop,
+        _signal,
+        _truth,
+        _plant,
+        _watches,
+        _drive,
+        _array,
+    ):
         found |= part(of)
     for prefix in ("mask", "safety.mask"):
         key = "mount.horizon_file" if content.mount.horizon_file else "mount.horizon_deg"
@@ -592,6 +612,27 @@ def _plant(of: Band) -> dict[str, Value]:
             found[name] = Value(value, key, f"PI loop of a {structure} structure with a gain margin of 2")
         rate = of.axes[AXES.index(axis)].rate_deg_s
         found[f"loops.lqg_{axis}.rate_limit_deg_s"] = Value(rate, f"mount.{axis}.rate_deg_s")
+    return found
+
+
+PATTERN_DB = 44.3
+"""Gain of a dish, G = 27000 deg^2 / h^2, in dBi at a beamwidth of 1 deg."""
+
+
+def _array(of: Band) -> dict[str, Value]:
+    """The array of patches on the dish."""
+    section = of.content.array
+    if section is None:
+        return {}
+    given = ("elements", "radius_m", "roll_deg", "axis_cross_elevation_deg", "axis_elevation_deg", "phase_sigma_deg")
+    found = {f"array.{name}": Value(getattr(section, name), f"array.{name}") for name in given}
+    found["array.wavelength_m"] = Value(rounded(of.wavelength_m), "bands.*.frequency_mhz", "that of the carrier")
+    loss_db = rounded(PATTERN_DB - 20.0 * math.log10(of.beamwidth_deg) - section.element_gain_dbi, 4)
+    found["array.element_loss_db"] = Value(loss_db, "array.element_gain_dbi", "27000 deg^2 / h^2 over a patch's gain")
+    found["autotrack.array_gain_db"] = Value(
+        rounded(10.0 * math.log10(section.elements) - loss_db, 4), "array.element_gain_dbi",
+        "all patches together over the dish",
+    )  # fmt: skip
     return found
 
 

@@ -123,9 +123,10 @@ class CarrierWatch:
         nearest_m = window.smallest_range_m
         if nearest_m <= 0.0 or sensor == Sensor.PROGRAM:
             return
+        chosen, level = thresholds.replace(sensor=SENSOR_CHOICES[sensor]), self.link.level_db_hz(nearest_m)
         strong = sensor in SENSORS and SENSORS[sensor].needs_strong_carrier
-        needed = thresholds.monopulse_on_db_hz if strong else thresholds.carrier_on_db_hz
-        level = self.link.level_db_hz(nearest_m)
+        needed = thresholds.monopulse_on_db_hz if strong else chosen.carrier_db_hz[0]
+        level += chosen.array_gain_db if chosen.own_level else 0.0
         if level < needed:
             raise ValueError(
                 f"sensor={sensor} needs a carrier of {needed:.1f} dB-Hz; the link gives at most {level:.1f} dB-Hz on this "
@@ -240,6 +241,8 @@ class TrackingMode:
         error, before, valid = newest(errors, self.state.mode), self.state, valid_sensors(errors)
         fault = self._false_lock(error, motion)
         self.axis_db_hz = self._carrier.link.level_db_hz(motion.range_m) if motion.range_m is not None else -math.inf
+        if self._table.params.own_level:
+            self.axis_db_hz += self.params.array_gain_db
         request = Request.CALIBRATE if self._calibrating else Request.TRACK
         inputs = AutotrackInputs(
             t_s=t_s,

@@ -1,0 +1,52 @@
+"""Executable `array_receiver`: simulated array of patches on the simulated dish.
+
+Subscribes: sim/pointing_error (truth: where the target is off the beam, and its level).
+Publishes: array_snapshots (10 Hz, complex samples of every patch).
+Parameters: array.* (from the station description), receiver.* (seed).
+"""
+
+from dataclasses import dataclass
+
+from rf_pointing_msgs.msg import ArraySnapshots, PointingError
+
+from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock
+from rf_pointing.array_sensors.doa.dish_array import SimulatedDishArray
+from rf_pointing.array_sensors.nodes import convert
+from rf_pointing.core import Params, parameter
+from rf_pointing.nodes.convert import error_from_message
+from rf_pointing.nodes.main_loop import run
+from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.station_node import StationNode
+from rf_pointing.rf.dish_array import DishArrayParams
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReceiverSeed(Params):
+    """What differs from run to run."""
+
+    seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
+
+
+class ArrayReceiver(StationNode):
+    """Turns the true direction of the target into samples of every patch."""
+
+    def __init__(self) -> None:
+        super().__init__("array_receiver")
+        self.parameters.declare("array", DishArrayParams())
+        self.parameters.declare("receiver", ReceiverSeed())
+        self._array: SimulatedDishArray | None = None
+
+    def configure(self) -> None:
+        self._array = SimulatedDishArray(self.parameters.value("array"), self.parameters.value("receiver").seed)
+        self._snapshots = self.stream(ArraySnapshots, "array_snapshots", STREAM)
+        self.listen(PointingError, "sim/pointing_error", self._on_truth, STREAM)
+
+    def _on_truth(self, message: PointingError) -> None:
+        if self.active:
+            block = self._array.receive(error_from_message(message))
+            self._snapshots.publish(convert.snapshots_to_message(ChannelBlock(transmitters=(), block=block)))
+
+
+def main() -> None:
+    """Entry point of `ros2 run rf_pointing array_receiver`."""
+    run(ArrayReceiver)

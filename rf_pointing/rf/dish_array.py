@@ -1,0 +1,75 @@
+"""Array of patches on a dish: its geometry, its level, and its frame against the beam.
+
+The beam's frame has its axes to the right (cross-elevation), up (elevation) and along the beam.  An
+offset (x, u) on the sky, as `sky_offset_rad` gives it, is the direction
+
+    d = (x sin(s)/s, u sin(s)/s, cos(s)),   s = hypot(x, u).
+
+The array's frame is turned against it: d_array = R d, R = Rz(roll) Rx(elevation) Ry(-cross).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing.core import Params, parameter
+
+Array = NDArray[np.float64]
+# Below this separation its sine is itself to the last digit.
+SMALL_RAD = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class DishArrayParams(Params):
+    """Patches evenly spaced on a circle, on or around a dish, that receive what the dish does."""
+
+    elements: int = parameter(12, "number of patches on the circle", low=5, high=64)
+    radius_m: float = parameter(0.12, "radius of the circle", low=1e-3, high=10.0)
+    wavelength_m: float = parameter(0.1332, "wavelength of the carrier", low=1e-3, high=30.0)
+    element_loss_db: float = parameter(25.0, "C/N0 of the dish less that of one patch", low=-20.0, high=120.0)
+    roll_rad: float = parameter(
+        0.0, "angle from the axis of the first patch to cross-elevation", low=-math.pi, high=math.pi
+    )
+    axis_cross_elevation_rad: float = parameter(0.0, "array's axis right of the beam by", low=-0.8, high=0.8)
+    axis_elevation_rad: float = parameter(0.0, "array's axis above the beam by", low=-0.8, high=0.8)
+    phase_sigma_rad: float = parameter(0.02, "what the calibration leaves of the phases", low=0.0, high=0.5)
+
+    @property
+    def rotation(self) -> Array:
+        """R (3, 3): takes components in the beam's frame to those in the array's."""
+        (c, s), (a, b), (e, f) = (
+            (math.cos(angle), math.sin(angle))
+            for angle in (self.roll_rad, self.axis_cross_elevation_rad, self.axis_elevation_rad)
+        )
+        across = np.array([[a, 0.0, -b], [0.0, 1.0, 0.0], [b, 0.0, a]])
+        above = np.array([[1.0, 0.0, 0.0], [0.0, e, -f], [0.0, f, e]])
+        roll = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return np.asarray(roll @ above @ across)
+
+
+def direction_from_offset(offset_rad: Array) -> Array:
+    """Return the unit vector (3,) in the beam's frame of an offset (2,) on the sky."""
+    angle = float(np.hypot(*offset_rad))
+    scale = math.sin(angle) / angle if angle > SMALL_RAD else 1.0
+    return np.array([scale * offset_rad[0], scale * offset_rad[1], math.cos(angle)])
+
+
+def offset_from_direction(direction: Array, covariance_rad2: Array) -> tuple[Array, Array]:
+    """Return the offset (2,) and its covariance (2, 2) of a unit vector (3,) in the beam's frame.
+
+    `covariance_rad2` (3, 3) is that of the direction, orthogonal to it.  Inverse of
+    `direction_from_offset`.
+    """
+    across = float(np.hypot(*direction[:2]))
+    angle = math.atan2(across, float(direction[2]))
+    if angle <= SMALL_RAD:
+        return direction[:2].copy(), covariance_rad2[:2, :2].copy()
+    right, up = direction[:2] / across
+    # Away from the beam an angle counts as it is; around it arcs grow by s / sin(s).
+    outward = np.array([right * direction[2], up * direction[2], -across])
+    around = (angle / across) * np.array([-up, right, 0.0])
+    turned = np.stack([outward, around])
+    axes = np.array([[right, -up], [up, right]])
+    return angle * np.array([right, up]), axes @ (turned @ covariance_rad2 @ turned.T) @ axes.T
