@@ -29,7 +29,8 @@ SMALL_ON_PURPOSE: dict[str, str] = {
     "rf_pointing/nodes/recorder.py": "examples record with it, too",
 }
 """Small modules with one importer that stay, each with the reason."""
-SENSORS = ("monopulse", "conscan", "steptrack", "array")
+# `array` is also a group of parameters and a type of JSON.
+SENSORS = ("monopulse", "conscan", "steptrack")
 WIRE = re.compile(r"/nodes/convert\w*\.py$")
 """Modules that turn messages into core types and back: the words are those of the wire."""
 ROS_NAMES = {"Topic", "declare", "group", "node", "value"}

@@ -97,9 +97,7 @@ class RotctldNodeParams(Params):
     """How a recognised pass is tracked."""
 
     identify: bool = parameter(True, "whether points of a known satellite become its pass")
-    sensor: str = parameter(
-        "program", "sensor of the passes; auto: the station's choice", choices=("program", "auto", *Sensor)
-    )
+    sensor: str = parameter(Sensor.PROGRAM.value, "sensor of the passes; auto: the station's choice")
 
 
 class RotctldServerNode(StationNode):

@@ -213,9 +213,8 @@ def test_an_unknown_track_through_north_is_followed_between_its_points_without_u
     assert azimuths[0] < -5.0
     assert azimuths[-1] > 15.0
     assert np.all(np.abs(azimuths) < 40.0), "no unwinding"
-    # A busy machine sends and takes single points late, which moves the mean and not the median.
-    assert np.median(axes) < 0.03
-    assert rms(axes) < 0.5 * rms(stairs)
+    assert rms(axes) < 0.03
+    assert np.max(axes) < 0.1
     assert rms(stairs) > 0.3
 
     # A client that is gone: the motion goes on for 3 s, then the axes hold.
