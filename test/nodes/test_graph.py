@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from rf_pointing.nodes.graph import ESSENTIAL, EXECUTIVE, GRAPH, NODES, STATION_NODES, TOPICS, VIEWS
+from rf_pointing.nodes.graph import ARRAY_GRAPH, ESSENTIAL, EXECUTIVE, GRAPH, NODES, STATION_NODES, TOPICS, VIEWS
 from rf_pointing.report.topics import TOPICS as REPORTED
 
 ROOT = Path(__file__).parents[2]
@@ -39,14 +39,14 @@ def test_the_table_has_a_row_of_type_quality_of_service_and_publisher_for_every_
         "`base_link`",
     ]  # fmt: skip
     assert cells["joint_trajectory"][2] == "reliable, 1, deadline 0.5 s, lifespan 1 s"
-    assert cells["pointing_error"][3] == "monopulse_tracker, conscan_tracker"
+    assert cells["pointing_error"][3] == "monopulse_tracker, conscan_tracker, array_tracker"
 
 
 def test_a_topic_is_the_same_whoever_publishes_it() -> None:
     for topic in TOPICS:
         if topic.publisher in ("every node", EXECUTIVE):
             continue
-        found = [(node.name, row) for node in GRAPH for row in node.topics if row.name == topic.name]
+        found = [(node.name, row) for node in (*GRAPH, *ARRAY_GRAPH) for row in node.topics if row.name == topic.name]
         assert all(row == found[0][1] for _, row in found)
         assert topic.publisher == ", ".join(name for name, _ in found)
 

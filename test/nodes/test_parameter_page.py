@@ -46,7 +46,9 @@ def test_a_row_states_the_edge_name_the_unit_in_degrees_and_the_bounds(declared:
 
 def test_a_live_parameter_takes_effect_at_once(declared: dict[str, list[Any]]) -> None:
     (row,) = (each for each in declared["pointing_controller"] if each.name == "autotrack.sensor")
-    assert row.row().startswith("| `autotrack.sensor` | | `auto` | `auto`, `monopulse`, `conscan`, `steptrack`, `none`")
+    assert row.row().startswith(
+        "| `autotrack.sensor` | | `auto` | `auto`, `monopulse`, `conscan`, `steptrack`, `array`, `none`"
+    )
     assert "| at once |" in row.row()
 
 

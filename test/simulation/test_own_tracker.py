@@ -52,19 +52,19 @@ def test_a_name_that_is_taken_and_a_scan_without_a_pattern_are_refused() -> None
 def test_an_entry_point_registers_a_tracker_for_parameters_and_the_state_table(
     example: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    array = sensors.SensorTraits(name="array")
-    point = SimpleNamespace(load=lambda: array)
+    radar = sensors.SensorTraits(name="radar")
+    point = SimpleNamespace(load=lambda: radar)
     monkeypatch.setattr(sensors, "entry_points", lambda group: [point] if group == "rf_pointing.trackers" else [])
-    with pytest.raises(ValueError, match="sensor='array' must be one of auto, monopulse"):
-        AutotrackParams(sensor="array")
+    with pytest.raises(ValueError, match="sensor='radar' must be one of auto, monopulse"):
+        AutotrackParams(sensor="radar")
     sensors.load_trackers.cache_clear()
     sensors.load_trackers()
-    table, state = Autotrack(AutotrackParams(sensor="array")), AutotrackState(mode="program_track")
+    table, state = Autotrack(AutotrackParams(sensor="radar")), AutotrackState(mode="program_track")
     for tick in range(10):
         inputs = AutotrackInputs(
             t_s=0.1 * tick, request="track", target_available=True, on_target=True, carrier_to_noise_db_hz=25.0,
-            valid=frozenset({"array"}),
+            valid=frozenset({"radar"}),
         )  # fmt: skip
         state = table.step(state, inputs)
-    assert state.mode == "array"
+    assert state.mode == "radar"
     assert state.integrating

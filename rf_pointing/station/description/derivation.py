@@ -86,6 +86,8 @@ _FURTHER = {
     ),
 }
 _OWN = {
+    "array_receiver": "receiver.seed",
+    "array_tracker": "",
     "antenna_servo": "wrap_file state_file enable_fault_injection command_key_file",
     "bias_calibrator": "calibrator.folder calibrator.keep_observations calibrator.spacing_s calibrator.scan_spacing_s "
     "calibrator.sigma_deg calibrator.settle_s shadow.fewest_passes shadow.t_limit shadow.accept orbit.along_track_m "
@@ -110,7 +112,10 @@ _OWN = {
     "hooks.mail_server hooks.mail_from hooks.mail_to hooks.retry_s",
 }
 """Parameters of each node that no description gives; without ROS no node can name its own."""
-OF_EVERY_NODE = ("lifecycle.autostart", "station", "band", "use_sim_time", "start_type_description_service")
+OF_EVERY_NODE = (
+    "lifecycle.autostart", "lifecycle.realtime_priority", "station", "band", "use_sim_time",
+    "start_type_description_service",
+)  # fmt: skip
 TRIAL = (
     "antenna.", "wind.mean_speed_m_s", "wind.from_azimuth_deg", "mount.", "pointing.period_s", "pointing.transport_s",
     "pointing.horizon_s", "pointing.error_age_s", "autotrack.sensor", "signal.dropouts", "signal.spin.",
