@@ -29,7 +29,6 @@ SMALL_ON_PURPOSE: dict[str, str] = {
     "rf_pointing/nodes/recorder.py": "examples record with it, too",
 }
 """Small modules with one importer that stay, each with the reason."""
-# `array` is also a group of parameters and a type of JSON.
 SENSORS = ("monopulse", "conscan", "steptrack")
 WIRE = re.compile(r"/nodes/convert\w*\.py$")
 """Modules that turn messages into core types and back: the words are those of the wire."""
@@ -39,6 +38,7 @@ ROS_NAMES = {"Topic", "declare", "group", "node", "value"}
 ROS_TOPICS = {"listen", "listen_latest", "publisher", "stream"}
 """Calls whose first argument is a message type and whose second names a topic."""
 AMBIGUOUS_MODES = {
+    "array": "also a group of parameters and a type of JSON",
     "calibrate": "also an executable, a service and a request",
     "idle": "also a state of the executive and of a recorder",
     "slew": "also a motion of the safety gate, and a column of a certificate",
