@@ -129,21 +129,27 @@ class Servo:
 
     def retune(self, name: str, value: list[float]) -> None:
         """Set limits of the commands, which needs drives that are disabled, and enable them again."""
-        assert self.ask("disable").success
-        self.mode("disabled")
+        if self.status.mode != "disabled":
+            assert self.ask("disable").success
+            self.mode("disabled")
+        reason = self.set_limits(name, value)
+        assert not reason, reason
+        assert self.ask("resume").success
+
+    def set_limits(self, name: str, value: list[float]) -> str:
+        """Set limits of the commands, and return "" or why they are refused."""
         content = ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=value)
         request = SetParametersAtomically.Request(
             parameters=[Parameter(name=f"loops.preprocessor.{name}", value=content)]
         )
         answer = self.ask("set_parameters_atomically", SetParametersAtomically, request).result
-        assert answer.successful, answer.reason
-        assert self.ask("resume").success
+        return "" if answer.successful else str(answer.reason)
 
     def fault_at(self) -> float:
         """Return when the latched fault was seen, by the servo's own ticks."""
         self.until(lambda: self.said.get("message") == self.status.fault, "the fault on /diagnostics")
         assert "s before, test: to" in self.said["last_commands"]
-        return float(self.said["fault_at"])
+        return float(self.said["fault_at_s"])
 
     def recover(self) -> None:
         """Mend, reset and stand again, for the next fault."""
