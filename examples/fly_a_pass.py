@@ -46,7 +46,8 @@ def fly(namespace: str, satellite: str) -> int:
 def show(message: TrackPass.Impl.FeedbackMessage) -> None:
     """Print one line a second."""
     status = message.feedback.status
-    print(f"{message.feedback.progress:4.0%} {status.mode:<13} {'held' if status.held else ''} {status.alarm}")
+    held = "held" if status.held else ""
+    print(f"{message.feedback.progress:4.0%} {status.mode:<13} {held} {status.alarm}", flush=True)
 
 
 if __name__ == "__main__":

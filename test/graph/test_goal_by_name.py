@@ -161,10 +161,13 @@ def test_the_python_example_reports_what_went_wrong_and_stops_on_ctrl_c(station:
     station.live.spin_until(lambda: wrong.poll() is not None, "the end of the example")
     assert (wrong.returncode, "nearest: MYSAT 1" in wrong.communicate()[0]) == (1, True)
     right, begun_s = fly("MYSAT 1"), time.time()
-    assert right.stdout is not None
-    assert "slew" in right.stdout.readline()
-    right.send_signal(signal.SIGINT)
-    station.live.spin_until(lambda: right.poll() is not None, "the end of the example")
+    try:
+        assert right.stdout is not None
+        assert "slew" in right.stdout.readline()
+        right.send_signal(signal.SIGINT)
+        station.live.spin_until(lambda: right.poll() is not None, "the end of the example")
+    finally:
+        right.kill()
     assert right.returncode == 1
     assert "MYSAT 1: the goal was cancelled; 0 s held" in right.communicate()[0]
     assert time.time() - begun_s < 30.0
