@@ -31,7 +31,13 @@ from rf_pointing.nodes.stamps import stamp_from_seconds
 from .conftest import live_graph
 from .test_night import LiveNight
 
-pytestmark = pytest.mark.graph
+pytestmark = [
+    pytest.mark.graph,
+    pytest.mark.skipif(
+        not (shutil.which("chromium") and shutil.which("chromedriver")),
+        reason="no browser: sudo apt-get install chromium chromium-driver",
+    ),
+]
 
 TOKEN = "the-token-of-this-test"
 SPEED = 4.0
