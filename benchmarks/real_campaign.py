@@ -129,8 +129,12 @@ def main() -> None:
         rclpy.try_shutdown()
     print(f"exit code {done.returncode}")
     for path in sorted((folder / "models").rglob("*.yaml")):
-        model = read_model(path)
-        print(path.name, {name: round(math.degrees(value), 4) for name, value in model.coefficients.items()})
+        azimuth, elevation = np.radians([float(each) for each in np.arange(0.0, 360.0, 30.0)]), math.radians(40.0)
+        still = [np.zeros(len(azimuth))] * 4
+        axes = read_model(path).model.apply(azimuth, np.full(len(azimuth), elevation), *still)
+        off = np.degrees([azimuth - axes[0], elevation - axes[1]])
+        print(f"{path.name}: beam minus rotator at 40 deg, around the compass: azimuth {off[0].mean():+.3f} +- "
+              f"{off[0].std():.3f}, elevation {off[1].mean():+.3f} +- {off[1].std():.3f} deg")  # fmt: skip
     print(f"the beam is off the rotator by azimuth {ASKEW_DEG[0]:+.2f}, elevation {ASKEW_DEG[1]:+.2f} deg")
 
 
