@@ -132,8 +132,13 @@ def show(
         found = next(
             (row for row in history if row[1:3] == ("raised", name) and fault.t_s - 1.0 <= row[0] <= last_s), None
         )
+        # The same cause within it is the same alarm: one message for each.
+        if found is None:
+            found = next((row for row in reversed(history) if row[2] == name and row[0] <= fault.t_s), None)
+            found = found if found and found[1] == "raised" else None
         unseen += found is None
-        shown = f"{name} after {found[0] - fault.t_s:.1f} s: {found[4]}" if found else "NOT IN THE REPORT"
+        when = f"after {found[0] - fault.t_s:.1f} s" if found and found[0] >= fault.t_s - 1.0 else "raised already"
+        shown = f"{name} {when}: {found[4]}" if found else "NOT IN THE REPORT"
         print(f"  {utc_text(fault.t_s)[11:19]} {fault.kind:<17} {fault.seconds:5.0f} s -> {shown}")
     good = scheduled == len(records) and not innocent and not unseen and not log.outside
     print(
