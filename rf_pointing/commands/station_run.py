@@ -155,7 +155,7 @@ class StationRun(GraphRun):
         self.say(f"{len(self._nodes)} nodes matched and active in {time.monotonic() - began_s:.1f} s")
         if self._reset:
             self.say(f"reset of a latched fault: {self.call('antenna_servo/reset_fault').message}")
-            # The controller refuses a pass until it has heard that the fault is gone.
+            # The controller refuses a pass until it has received that the fault is gone.
             self.graph.wait(SETTLE_S)
 
     def call(self, name: str) -> Trigger.Response:
