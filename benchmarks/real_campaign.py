@@ -3,9 +3,10 @@
     scripts/run-python benchmarks/real_campaign.py                   about half an hour
     scripts/run-python benchmarks/real_campaign.py --longest 900 --folder /var/tmp/campaign
 
-The dish of 2 m stands askew on the rotator by offsets that nobody has told the station.  A receiver of the station's
-own reads where the rotator is, as a second client, and publishes the carrier power of the satellite that is selected.
-The satellites are synthetic and new.  Printed: what `calibrate` said, and the fitted offsets beside the true ones.
+The beam of the 2-m dish is offset from the rotator, and the station description does not contain the offsets.  A receiver
+of the station's own reads the position of the rotator as a second client, and publishes the carrier power of the selected
+satellite.  The satellites are synthetic and new.  Printed: what `calibrate` printed, and the fitted offsets with the true
+ones.
 """
 
 import argparse
@@ -38,7 +39,7 @@ from rf_pointing.station.description import read_station
 
 NAMESPACE = "/real_campaign"
 START = "from rf_pointing.commands.calibrate import main; main()"
-ASKEW_DEG = (0.35, -0.20)
+OFFSET_DEG = (0.35, -0.20)
 """Azimuth and elevation of the beam minus those of the rotator."""
 STATION = """version: 1
 name: Crooked rotator
@@ -80,7 +81,7 @@ class OwnReceiver(Node):
             index += 1
             t_s = index * self._signal.sample_s
             time.sleep(max(0.0, t_s - time.time()))
-            beam = self._client.read()[1] + np.radians(ASKEW_DEG)
+            beam = self._client.read()[1] + np.radians(OFFSET_DEG)
             rclpy.spin_once(self, timeout_sec=0.0)
             reception = self._receiver.take(Boresight(t_s=t_s, azimuth_rad=beam[0], elevation_rad=beam[1])) \
                 if self._receiver else None  # fmt: skip
@@ -135,7 +136,7 @@ def main() -> None:
         off = np.degrees([azimuth - axes[0], elevation - axes[1]])
         print(f"{path.name}: beam minus rotator at 40 deg, around the compass: azimuth {off[0].mean():+.3f} +- "
               f"{off[0].std():.3f}, elevation {off[1].mean():+.3f} +- {off[1].std():.3f} deg")  # fmt: skip
-    print(f"the beam is off the rotator by azimuth {ASKEW_DEG[0]:+.2f}, elevation {ASKEW_DEG[1]:+.2f} deg")
+    print(f"the beam is off the rotator by azimuth {OFFSET_DEG[0]:+.2f}, elevation {OFFSET_DEG[1]:+.2f} deg")
 
 
 if __name__ == "__main__":

@@ -83,16 +83,22 @@ class Hearing:
         now_s, node_s = self._steady_s(), self._node.now_s()
         space = f"{self._node.get_namespace().rstrip('/')}/"
         present = {name for name in self._publishers(TOPIC) if name.startswith(space)} - {self._own}
+        passed_s, node_passed_s = (
+            (0.0, 0.0) if self._looked is None else (now_s - self._looked[0], node_s - self._looked[1])
+        )
+        self._looked = now_s, node_s
+        # While this node itself did not look, it proves nothing that nothing was taken.
+        unseen_s = max(0.0, passed_s - RECENT_S)
+        for one in self._neighbours.values():
+            one.heard_s = min(one.heard_s + unseen_s, now_s)
         # One that has just appeared gets its time.
         self._neighbours = {name: self._neighbours.get(name, _Neighbour(now_s)) for name in sorted(present)}
         silent = {name: now_s - one.heard_s for name, one in self._neighbours.items()}
         silent = {name: since_s for name, since_s in silent.items() if since_s > SILENCE_S}
         if len(silent) >= FEWEST and len(silent) == len(self._neighbours):
             self.deaf = f"nothing has been received from {', '.join(silent)} for {min(silent.values()):.0f} s"
-        before, self._looked = self._looked, (now_s, node_s)
-        if before is not None:
-            for topic, watched in self._inputs.items():
-                self._look_at(topic, watched, now_s - before[0], max(node_s - before[1], 0.0))
+        for topic, watched in self._inputs.items():
+            self._look_at(topic, watched, passed_s - unseen_s, max(node_passed_s, 0.0))
         if self.deaf:
             return Health(ERROR, f"{self.deaf}: the node starts again")
         words = "; ".join(f"{name} has been silent for {since_s:.0f} s" for name, since_s in silent.items())

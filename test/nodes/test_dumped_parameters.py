@@ -43,7 +43,7 @@ class Started:
                    signal_handler_options=SignalHandlerOptions.NO)  # fmt: skip
         try:
             self.node = kind()
-        except BaseException:
+        except Exception:
             rclpy.shutdown()
             raise
         self.client_node = Node("dump", use_global_arguments=False)

@@ -78,6 +78,18 @@ def test_a_node_that_hears_nobody_is_deaf_although_it_hears_itself_and_other_ant
     assert message.endswith("s: the node starts again")
 
 
+def test_a_machine_that_stalled_is_not_deaf() -> None:
+    """All processes stop for a minute; the node looks before the first message is taken."""
+    graph = Graph()
+    graph.run(30)
+    graph.t_s, graph.node_s = graph.t_s + 60.0, graph.node_s + 60.0
+    says, graph.says, graph.sends = graph.says, [], False
+    graph.run(1)
+    assert graph.hearing.deaf == ""
+    graph.says, graph.sends = says, True
+    assert graph.run(5) == (OK, "3 neighbours")
+
+
 def test_one_neighbour_that_is_busy_is_a_warning_only() -> None:
     graph = Graph()
     graph.run(5)

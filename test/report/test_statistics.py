@@ -378,5 +378,5 @@ def test_the_counts_of_relays_are_those_of_the_pass_and_not_of_the_park_after_it
     columns["set_points"] = sent * 10
     columns["starts"] = np.column_stack([sent * 4, sent * 3])
     columns["reversals"] = np.column_stack([sent * 0 + 1, sent * 0 + 2])
-    told, last = servo(recording), count - 3
-    assert (told.set_points, told.starts, told.reversals) == (10 * last, [4 * last, 3 * last], [1, 2])
+    counts, last = servo(recording), count - 3
+    assert (counts.set_points, counts.starts, counts.reversals) == (10 * last, [4 * last, 3 * last], [1, 2])

@@ -135,7 +135,7 @@ def test_a_step_of_the_command_is_followed_as_late_as_the_drive_may() -> None:
         return [fault for fault in faults if fault]
 
     assert stepping(rotator) == []
-    assert "frozen" in stepping(PARAMS)[0], "a servo that reacts so late is told"
+    assert "frozen" in stepping(PARAMS)[0], "a servo that reacts so late has a fault"
 
 
 def test_an_encoder_that_was_not_read_is_not_frozen() -> None:
