@@ -50,7 +50,8 @@ def received_power(error_rad: ArrayLike, beamwidth_rad: ArrayLike) -> NDArray[np
 
 def pointing_loss_db(power: ArrayLike) -> NDArray[np.float64]:
     """Return the loss (n,) of a power g, or of its mean, in dB: 0 to `SIDELOBE_DB`."""
-    return np.asarray(-10.0 * np.log10(np.clip(power, SIDELOBE_POWER, 1.0)))
+    # A difference: without a loss it is 0.0, and not printed as -0.00.
+    return np.asarray(0.0 - 10.0 * np.log10(np.clip(power, SIDELOBE_POWER, 1.0)))
 
 
 def error_of_power_rad(power: float, beamwidth_rad: float) -> float:
