@@ -68,3 +68,12 @@ def test_a_pass_that_is_over_is_refused_with_its_age(controller: Any) -> None:
     )
     controller.turn()
     assert controller.ended == ["the pass of MYSAT ended 300 s ago"]
+
+
+def test_a_goal_that_is_cancelled_while_it_waits_ends_and_the_controller_goes_on(controller: Any) -> None:
+    controller._goal.is_cancel_requested = True
+    controller.turn()
+    assert controller.ended == ["the goal was cancelled"]
+    controller._due(controller.now_s())
+    controller.turn()
+    assert controller.failure is None
