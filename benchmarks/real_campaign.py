@@ -41,20 +41,7 @@ NAMESPACE = "/real_campaign"
 START = "from rf_pointing.commands.calibrate import main; main()"
 OFFSET_DEG = (0.35, -0.20)
 """Azimuth and elevation of the beam minus those of the rotator."""
-STATION = """version: 1
-name: Crooked rotator
-site: {{latitude_deg: 52.239, longitude_deg: 6.857, height_m: 60.0}}
-dish: {{diameter_m: 2.0}}
-mount:
-  azimuth: {{travel_deg: [-180.0, 360.0], rate_deg_s: 6.0, acceleration_deg_s2: 6.0, command_rate_deg_s: 6.0,
-    command_acceleration_deg_s2: 6.0, resolution_deg: 0.01}}
-  elevation: {{travel_deg: [0.0, 90.0], rate_deg_s: 6.0, acceleration_deg_s2: 6.0, command_rate_deg_s: 6.0,
-    command_acceleration_deg_s2: 6.0, resolution_deg: 0.01}}
-wind: {{anemometer: false}}
-bands:
-  S: {{frequency_mhz: 2250.0, sensors: [steptrack]}}
-drive: {{type: hamlib, link: {{host: 127.0.0.1, port: {port}}}, rotator: {{latency_s: 0.0}}}}
-"""
+STATION = Path(__file__).parents[1] / "examples" / "hamlib_rotator.yaml"
 
 
 class OwnReceiver(Node):
@@ -109,7 +96,7 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     server, port = start_rotctld()
     station = folder / "crooked.yaml"
-    station.write_text(STATION.format(port=port))
+    station.write_text(STATION.read_text().replace("port: 4533", f"port: {port}"))
     elements = satellites(folder / "low.tle", 150, time.time())
     rclpy.init()
     receiver = OwnReceiver(station, elements, port)

@@ -44,26 +44,13 @@ def elements(epoch_t_s: float, node: float, anomaly: float, mean_motion: float) 
     )  # fmt: skip
 
 
-STATION = """version: 1
-name: Real rotator
-site: {{latitude_deg: 52.239, longitude_deg: 6.857, height_m: 60.0}}
-dish: {{diameter_m: 2.0}}
-mount:
-  azimuth: {{travel_deg: [-180.0, 360.0], rate_deg_s: 6.0, acceleration_deg_s2: 6.0, command_rate_deg_s: 6.0,
-    command_acceleration_deg_s2: 6.0, resolution_deg: 0.01}}
-  elevation: {{travel_deg: [0.0, 90.0], rate_deg_s: 6.0, acceleration_deg_s2: 6.0, command_rate_deg_s: 6.0,
-    command_acceleration_deg_s2: 6.0, resolution_deg: 0.01}}
-wind: {{anemometer: false}}
-bands:
-  S: {{frequency_mhz: 2250.0, sensors: [steptrack]}}
-drive: {{type: hamlib, link: {{host: 127.0.0.1, port: {port}}}, rotator: {{latency_s: 0.0}}}}
-"""
+STATION = Path(__file__).parents[2] / "examples" / "hamlib_rotator.yaml"
 
 
 def write_station(folder: Path, port: int) -> Path:
     """Write the description of a rotator behind the rotctld of a port, and return the file."""
     path = folder / "real.yaml"
-    path.write_text(STATION.format(port=port))
+    path.write_text(STATION.read_text().replace("port: 4533", f"port: {port}"))
     return path
 
 

@@ -67,7 +67,7 @@ def test_a_pass_on_the_real_rotctld_is_tracked_in_real_time(line: list[str], tmp
     assert outcome["tracked"] is True
     assert outcome["counted"]["tracked_s"] == pytest.approx(71.0, abs=2.0)
     assert outcome["counted"]["held_percent"] > 99.0
-    assert "Real rotator" in (tmp_path / "run" / "report.html").read_text()
+    assert "Hamlib rotator" in (tmp_path / "run" / "report.html").read_text()
     assert (tmp_path / "state" / "rf_pointing").is_dir()
 
 
