@@ -28,9 +28,7 @@ def script() -> Any:
     return module
 
 
-@pytest.mark.parametrize(
-    "name", ["X,monopulse,40", "S,conscan,40", "S,steptrack,40", "Ka,monopulse,40", "X,monopulse,88"]
-)
+@pytest.mark.parametrize("name", ["S,conscan,40", "S,steptrack,40", "Ka,monopulse,40", "X,monopulse,88"])
 def test_the_flown_loss_is_the_predicted_one(script: Any, name: str) -> None:
     setup, window, sensor, width_rad = script.case(name)
     log = simulate_pass(setup, window, math.floor(window.aos_t_s) - script.LEAD_S, sensor)
