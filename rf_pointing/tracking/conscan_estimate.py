@@ -42,6 +42,8 @@ WORST_SPIN_INFLATION = 10.0
 # Of the misfit without the one sample that is to blame for it; no single one is for a power that
 # fades.
 LEFT_OVER = 0.5
+# Of the mean power: what the linear model is taken to give where it gives less, or nothing.
+LEAST_LEVEL = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,20 +165,31 @@ def _faint_doubt(window: PowerWindow) -> str:
 
 
 def _linear(params: ConscanParams, window: PowerWindow) -> WindowEstimate:
-    """Return the weighted least-squares estimate of eqs. (13)-(18)."""
+    """Return the weighted least-squares estimate of eqs. (13)-(18).
+
+    A sample's noise is stated from its own power: taken as it is, it gives weight to those that are
+    low by chance.  So a first solution says what the power is.
+    """
     rows = linear_rows(window, params.half_power_beamwidth_rad, params.radius_rad)
-    weighted = rows / window.sigma_w**2
-    information = weighted @ rows.T
-    if is_singular(information):
-        raise np.linalg.LinAlgError("the samples do not determine the direction: one outweighs the others")
-    variance = np.linalg.inv(information)
-    mean, right, up = variance @ (weighted @ window.power_w)
+    level, _ = _weighted(rows, window.power_w, window.sigma_w**2)
+    expected_w = np.maximum(level @ rows, LEAST_LEVEL * np.mean(window.power_w))
+    (mean, right, up), variance = _weighted(rows, window.power_w, window.sigma_w**2 * expected_w / window.power_w)
     if mean <= 0.0:
         return _unknown(params, f"mean carrier power {mean:.3g} W must be > 0")
     scale = params.half_power_beamwidth_rad**2 / (2.0 * MU * params.radius_rad)
     jacobian = scale / mean * np.array([[-right / mean, 1.0, 0.0], [-up / mean, 0.0, 1.0]])
     error_rad = scale / mean * np.array([right, up])
     return WindowEstimate(error_rad, jacobian @ variance @ jacobian.T, _range_doubt(params, error_rad))
+
+
+def _weighted(rows: Array, power_w: Array, variance_w2: Array) -> tuple[Array, Array]:
+    """Return the weighted least-squares coefficients of `rows` and their covariance."""
+    weighted = rows / variance_w2
+    information = weighted @ rows.T
+    if is_singular(information):
+        raise np.linalg.LinAlgError("the samples do not determine the direction: one outweighs the others")
+    covariance = np.linalg.inv(information)
+    return covariance @ (weighted @ power_w), covariance
 
 
 def _likelihood(params: ConscanParams, window: PowerWindow, design: BeamDesign) -> WindowEstimate:
