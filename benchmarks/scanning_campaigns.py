@@ -90,12 +90,19 @@ def setup_of(
 
 
 def planned(site: Site, span_s: float) -> list[tuple[Elements, Pass]]:
-    """Return the beacons of a campaign and their passes."""
+    """Return the beacons of a campaign and their passes, last the one to be pointed at.
+
+    That is the one in the middle of their azimuth rates.  The lag terms stand for the rates that were seen, and
+    the axes of a large antenna lag behind a pass at 1.4 deg/s by what no term of the mount describes: on dss13
+    8 % of a beamwidth, where the same model misses by 1 % at up to 0.5 deg/s.
+    """
     sky = {one.name: one for one in beacons(START_S)}
     rules = ArcRules(arcs_s=(150.0,), every_s=60.0, spacing_s=1.0, lowest_rad=0.25, lead_s=ACQUISITION_S)
     candidates, _ = candidate_arcs(list(sky.values()), site, START_S + 180.0, span_s, rules)
     plan = plan_campaign(candidates, SectorRule(fewest=12), Slew(settle_s=ACQUISITION_S))
-    return [(sky[one.name], window_of(one, sky[one.name], site, ACQUISITION_S)) for one in plan.passes]
+    passes = [(sky[one.name], window_of(one, sky[one.name], site, ACQUISITION_S)) for one in plan.passes]
+    in_the_middle = sorted(passes, key=lambda one: one[1].peak_azimuth_rate_rad_s)[len(passes) // 2]
+    return [one for one in passes if one is not in_the_middle] + [in_the_middle]
 
 
 def missed_beamwidths(setup: StationSetup, window: Pass) -> float:
