@@ -4,7 +4,9 @@ ros2 launch rf_pointing simulated_station.launch.py        # or a station of you
 python3 examples/fly_a_pass.py /gs1 28057                  # Ctrl-C stops the antenna under control
 """
 
+import signal
 import sys
+import threading
 
 import rclpy
 from rclpy.action import ActionClient
@@ -13,7 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 from rf_pointing_msgs.action import TrackPass
 
 
-def fly(namespace: str, satellite: str) -> int:
+def fly(namespace: str, satellite: str, interrupted: threading.Event) -> int:
     """Fly the next pass of `satellite`; return 0 when it was tracked."""
     node = rclpy.create_node("fly_a_pass", namespace=namespace)
     executor = SingleThreadedExecutor()
@@ -28,13 +30,13 @@ def fly(namespace: str, satellite: str) -> int:
     if not handle.accepted:
         print("rejected: another pass is tracked, or the controller is not active", file=sys.stderr)
         return 2
-    ended = handle.get_result_async()
-    try:
-        executor.spin_until_future_complete(ended)
-    except KeyboardInterrupt:
-        handle.cancel_goal_async()
-        # The result arrives when the antenna has come to rest.
-        executor.spin_until_future_complete(ended)
+    ended, cancelled = handle.get_result_async(), False
+    # After a cancel the result arrives when the antenna has come to rest.
+    while not ended.done():
+        executor.spin_once(timeout_sec=0.1)
+        if interrupted.is_set() and not cancelled:
+            handle.cancel_goal_async()
+            cancelled = True
     result = ended.result().result
     # Whatever went wrong is a sentence; `fault` is what must be mended before the next pass.
     print(f"{result.target_pass.target or satellite}: {result.message}; {result.seconds_tracked:.0f} s held")
@@ -51,6 +53,8 @@ def show(message: TrackPass.Impl.FeedbackMessage) -> None:
 
 
 if __name__ == "__main__":
-    # Ctrl-C must cancel the goal, not end rclpy under it.
+    # Ctrl-C must cancel the goal: neither end rclpy under it nor leave its executor in the middle of a callback.
+    interrupted = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: interrupted.set())
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    sys.exit(fly(*(sys.argv[1:] if len(sys.argv) == 3 else ("/gs1", "28057"))))
+    sys.exit(fly(*(sys.argv[1:] if len(sys.argv) == 3 else ("/gs1", "28057")), interrupted))

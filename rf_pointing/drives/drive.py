@@ -37,7 +37,7 @@ class Capabilities:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveReading:
-    """What the device measured at `t_s`, in the clock of `Drive.step`.
+    """What the device measured within +-`within_s` of `t_s`, in the clock of `Drive.step`.
 
     `rate_rad_s` is None without tachometers, `temperature_k` without a thermometer; `alarm` is the
     device's own reason not to move, "" for none; `at_limit` the axes at a limit switch.
@@ -50,6 +50,7 @@ class DriveReading:
     status: str = ""
     alarm: str = ""
     temperature_k: float | None = None
+    within_s: float = 0.0
 
     def age_s(self, t_s: float) -> float:
         """Return how old the reading is at `t_s`."""

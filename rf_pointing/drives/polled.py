@@ -226,7 +226,11 @@ class PolledDrive(Drive):
         first, second = (math.radians(angle) for angle in answer.angles_deg)
         before, self._known_s, self._asked_s = self._reading, t_s, math.inf
         self._reading = DriveReading(
-            t_s=t_s - 0.5 * self._latency_s, position_rad=(first, second), alarm=self._alarm, status=self._refused
+            t_s=t_s - 0.5 * self._latency_s,
+            within_s=0.5 * self._latency_s,
+            position_rad=(first, second),
+            alarm=self._alarm,
+            status=self._refused,
         )
         self.problem, self._wait_s = "", self._timing.first_retry_s
         if self._words.resolution_deg != self._resolution_deg:

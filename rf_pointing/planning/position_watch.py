@@ -3,8 +3,8 @@
 Three things are no longer the device's own, with thresholds from its resolution q, its speed v and
 the time P between two readings:
 
-* a jump: a reading further than 1.5 v dt + 2 q from the one before.  One is bridged, the second in
-  a row is a fault;
+* a jump: a reading further than 1.5 v dt + 2 q from the one before, dt the longest time that may
+  lie between them.  One is bridged, the second in a row is a fault;
 * a motion that was not commanded: away from the range between where it was and its set point, by
   more than 2 q and what it moves in P and the latency;
 * a standstill: no step while the set point is two steps or the dead band away, of a device at rest
@@ -60,16 +60,25 @@ class PositionWatch:
     def reset(self) -> None:
         """Trust the next reading as it comes."""
         self._axes = (_Axis(), _Axis())
+        # Of the last reading, and of the last two together.
+        self._last_within_s = self._within_s = 0.0
         self.reason = ""
 
     def step(
-        self, t_s: float, position_rad: Pair, set_point_rad: tuple[float | None, float | None], latency_s: float
+        self,
+        t_s: float,
+        position_rad: Pair,
+        set_point_rad: tuple[float | None, float | None],
+        latency_s: float,
+        within_s: float = 0.0,
     ) -> tuple[Pair, str]:
         """Return the angles to use, bridged where one jumped, and "" or what is wrong.
 
-        `set_point_rad` are those in force, None for an axis that was stopped.
+        `set_point_rad` are those in force, None for an axis that was stopped.  The angles were
+        measured within +-`within_s` of `t_s`.
         """
         used, found = [], []
+        self._within_s, self._last_within_s = within_s + self._last_within_s, within_s
         for index, axis in enumerate(self._axes):
             angle, reason = self._check(index, axis, t_s, position_rad[index], set_point_rad[index], latency_s)
             used.append(angle)
@@ -89,7 +98,8 @@ class PositionWatch:
             return angle, ""
         away = angle - axis.trusted
         # Written so that NaN counts as a jump.
-        if not abs(away) <= JUMP * rate * max(t_s - axis.t_s, 0.0) + STEPS * step:
+        apart_s = max(t_s - axis.t_s, 0.0) + self._within_s
+        if not abs(away) <= JUMP * rate * apart_s + STEPS * step:
             if not axis.bad:
                 axis.bad = True
                 return axis.trusted, ""

@@ -74,7 +74,11 @@ class DriveHardware:
                 )
             elif self.takes_positions:
                 self._encoder_rad, self._reason = self._watch.step(
-                    rotator.reading.t_s, rotator.position_rad, rotator.set_point_rad, rotator.latency_s
+                    rotator.reading.t_s,
+                    rotator.position_rad,
+                    rotator.set_point_rad,
+                    rotator.latency_s,
+                    rotator.reading.within_s,
                 )
                 if self._encoder_rad != rotator.position_rad:
                     rotator.correct(self._encoder_rad)
