@@ -7,7 +7,6 @@ that the antenna's node uses.
 import math
 import os
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from rf_pointing.controllers import PositionLoop, PositionLoopParams
 from rf_pointing.core import as_finite_array, random_stream, require_between
 from rf_pointing.papers.bare_antenna import BareAntenna, LawsOnCommand
+from rf_pointing.papers.sweeps import processes
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
 from rf_pointing.simulation.closed_loop import ticks
 
@@ -77,7 +77,7 @@ def servo_monte_carlo(setup: ServoRunSetup, seeds: Sequence[int], *, workers: in
     cases = [replace(setup, seed=seed) for seed in seeds]
     if count == 1:
         return np.array([_statistics(case) for case in cases])
-    with ProcessPoolExecutor(count) as pool:
+    with processes(count) as pool:
         # One share a worker: the setup with its tables is sent with every run, which costs more
         # than the result.
         return np.array(list(pool.map(_statistics, cases, chunksize=math.ceil(len(cases) / count))))

@@ -11,13 +11,13 @@ import inspect
 import json
 import sys
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from dataclasses import asdict
 from typing import Any
 
 from rf_pointing.commands.options import seed
 from rf_pointing.papers import Row, as_table
+from rf_pointing.papers.sweeps import processes
 
 # A wrong address must end the command soon; the cluster itself may take hours afterwards.
 DASK_TIMEOUT_S = "10s"
@@ -66,7 +66,7 @@ def _rows(parser: argparse.ArgumentParser, options: argparse.Namespace) -> list[
     chosen = {name: value for name, value in wanted.items() if value is not None}
     with ExitStack() as stack:
         if options.workers is not None:
-            chosen["executor"] = stack.enter_context(ProcessPoolExecutor(options.workers))
+            chosen["executor"] = stack.enter_context(processes(options.workers))
         elif options.dask is not None:
             chosen["executor"] = stack.enter_context(_dask_client(parser, options.dask)).get_executor()
         return function(options.seed, **chosen)

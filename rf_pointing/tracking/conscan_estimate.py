@@ -188,7 +188,7 @@ def _weighted(rows: Array, power_w: Array, variance_w2: Array) -> tuple[Array, A
     information = weighted @ rows.T
     if is_singular(information):
         raise np.linalg.LinAlgError("the samples do not determine the direction: one outweighs the others")
-    covariance = np.linalg.inv(information)
+    covariance: Array = np.linalg.inv(information)
     return covariance @ (weighted @ power_w), covariance
 
 
