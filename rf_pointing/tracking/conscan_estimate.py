@@ -188,7 +188,7 @@ def _weighted(rows: Array, power_w: Array, variance_w2: Array) -> tuple[Array, A
     information = weighted @ rows.T
     if is_singular(information):
         raise np.linalg.LinAlgError("the samples do not determine the direction: one outweighs the others")
-    covariance: Array = np.linalg.inv(information)
+    covariance: Array = np.linalg.inv(information).astype(np.float64, copy=False)
     return covariance @ (weighted @ power_w), covariance
 
 
