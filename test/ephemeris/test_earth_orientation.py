@@ -49,6 +49,9 @@ def test_array_and_float_agree_across_the_change_of_files() -> None:
     np.testing.assert_allclose(array.pole_x_rad, [s.pole_x_rad for s in singles], rtol=0.0, atol=1e-18)
     np.testing.assert_allclose(array.pole_y_rad, [s.pole_y_rad for s in singles], rtol=0.0, atol=1e-18)
     assert np.abs(np.diff(array.ut1_minus_utc_s)).max() < 3e-3
+    # Half a day apart; the pole moves 4 mas a day at most.
+    assert np.abs(np.diff(array.pole_x_rad)).max() < 3e-3 * ARCSEC
+    assert np.abs(np.diff(array.pole_y_rad)).max() < 3e-3 * ARCSEC
 
 
 def test_the_length_of_day_jumps_by_a_leap_second_in_utc_only() -> None:
