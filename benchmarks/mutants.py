@@ -168,12 +168,12 @@ class Suite:
         try:
             results = []
             for tests in self.stages(mutant.path):
-                results.append((tests, self._run(tests)))
+                results.append((tests, self._run(tests, self.limit_s)))
                 if results[-1][1] == "killed":
                     return "killed"
         finally:
             rewrite(self.tree / mutant.path, before)
-        # Tests that take as long without the fault have not found it.
+        # Tests that take about as long without the fault have not found it.
         late = [tests for tests, result in results if result == "timed out"]
         return "timed out" if any(self._clean_in_time(tests) for tests in late) else "survived"
 
@@ -205,12 +205,12 @@ class Suite:
             if not {"graph", "faults"} & set(path.relative_to(self.tree).parts)
         )
 
-    def _run(self, tests: tuple[str, ...]) -> str:
+    def _run(self, tests: tuple[str, ...], limit_s: float) -> str:
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not graph", *tests]
         paths = f"{self.tree}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
         try:
             done = subprocess.run(
-                command, cwd=self.tree, env=os.environ | {"PYTHONPATH": paths}, timeout=self.limit_s, check=False,
+                command, cwd=self.tree, env=os.environ | {"PYTHONPATH": paths}, timeout=limit_s, check=False,
                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
@@ -220,7 +220,7 @@ class Suite:
 
     def _clean_in_time(self, tests: tuple[str, ...]) -> bool:
         if tests not in self._clean:
-            self._clean[tests] = self._run(tests) == "survived"
+            self._clean[tests] = self._run(tests, self.limit_s / 3.0) == "survived"
         return self._clean[tests]
 
 
