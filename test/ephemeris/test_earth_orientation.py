@@ -156,3 +156,9 @@ def test_long_predictions_are_announced_and_daily_values_are_not() -> None:
     assert SOURCE.warnings(from_utc_text("2006-06-26T00:00:00")) == ()
     assert SOURCE.warnings(orientation_table().last_measured_t_s + 30.0 * DAY_S) == ()
     assert any("days ahead, good to" in text for text in SOURCE.warnings(orientation_table().span_t_s[1] - 1.0))
+
+
+def test_the_measured_days_end_where_the_year_of_predictions_begins() -> None:
+    """Bulletin A predicts one year from its last measured day."""
+    table = orientation_table()
+    assert table.span_t_s[1] - table.last_measured_t_s == pytest.approx(365.0 * DAY_S, abs=15.0 * DAY_S)

@@ -21,6 +21,7 @@ from rf_pointing.ephemeris import (
     TopocentricTrack,
     find_passes,
     oem_text,
+    orientation_sigma_rad,
     read_oem,
     sun,
 )
@@ -353,3 +354,14 @@ def test_a_segment_inside_another_shortens_nothing(cbers: Elements) -> None:
     early = text_of(states[:6], times=TIMES[:6], **meta)
     ((first, last),) = OemTarget(read_oem(early + alone)).spans_t_s
     assert (first, last) == pytest.approx((TIMES[0] + 1.0, TIMES[5] - 1.0), abs=1e-6)
+
+
+def test_states_in_earth_fixed_axes_do_not_depend_on_the_turn_of_the_earth(cbers: Elements, goldstone: Site) -> None:
+    """An orientation that is uncertain by 10 ms moves inertial states on the sky, and these not at all."""
+    position, velocity = cubic(TIMES)
+    for frame, moves in (("ITRF-2020", False), ("GCRF", True)):
+        text = text_of(list(np.hstack([position, velocity])), REF_FRAME=frame)
+        track = TopocentricTrack(OemTarget(read_oem(text), AssumedOrientation(sigmas=(0.01, 0.0))), goldstone)
+        sigma_rad = orientation_sigma_rad(track, float(TIMES[4]))
+        assert (sigma_rad > 1e-9) == moves
+        assert moves or sigma_rad == 0.0
