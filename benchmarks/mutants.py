@@ -100,6 +100,9 @@ def _faults(node: ast.AST, in_function: bool) -> Iterator[tuple[ast.expr | ast.s
         return
     if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
         return
+    # `zip(..., strict=True)` asserts and does nothing else.
+    if isinstance(node, ast.keyword) and node.arg == "strict":
+        return
     inside = in_function or isinstance(node, ast.FunctionDef)
     if inside:
         yield from _faults_here(node)
