@@ -166,7 +166,7 @@ class Suite:
         self._clean: dict[tuple[str, ...], bool] = {}
 
     def verdict(self, mutant: Mutant) -> str:
-        """Return "killed", "timed out" or "survived"."""
+        """Return "killed", "timed out", "survived", or "undecided" where `limit_s` is too short."""
         before = mutant.apply(self.tree)
         try:
             results = []
@@ -178,7 +178,9 @@ class Suite:
             rewrite(self.tree / mutant.path, before)
         # Tests that take about as long without the fault have not found it.
         late = [tests for tests, result in results if result == "timed out"]
-        return "timed out" if any(self._clean_in_time(tests) for tests in late) else "survived"
+        if not late:
+            return "survived"
+        return "timed out" if any(self._clean_in_time(tests) for tests in late) else "undecided"
 
     def stages(self, module: Path) -> list[tuple[str, ...]]:
         """Return the test files of a module, nearest first."""
@@ -253,12 +255,12 @@ def main() -> int:
                 begun = time.monotonic()
                 verdicts.append(suite.verdict(fault))
                 print(f"{verdicts[-1]:9s} {time.monotonic() - begun:5.0f} s  {fault}", flush=True)
-            rows.append((folder, *(verdicts.count(word) for word in ("killed", "timed out", "survived"))))
-    print(f"\n{'folder':24s} killed  timed out  survived  found")
-    for folder, killed, late, survived in rows:
-        share = 100.0 * (killed + late) / (killed + late + survived)
-        print(f"{folder:24s} {killed:6d} {late:10d} {survived:9d} {share:5.0f} %")
-    return int(any(row[-1] for row in rows))
+            rows.append((folder, *(verdicts.count(word) for word in ("killed", "timed out", "survived", "undecided"))))
+    print(f"\n{'folder':24s} killed  timed out  survived  undecided  found")
+    for folder, killed, late, survived, undecided in rows:
+        share = 100.0 * (killed + late) / max(killed + late + survived, 1)
+        print(f"{folder:24s} {killed:6d} {late:10d} {survived:9d} {undecided:10d} {share:5.0f} %")
+    return int(any(row[3] for row in rows))
 
 
 if __name__ == "__main__":
