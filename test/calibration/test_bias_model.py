@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import TERM_NAMES, TERMS, BiasModel
+from rf_pointing.calibration.mount import Skew, axes_from_sky
 from rf_pointing.core import MDEG, angular_distance_rad
 
 CLOSURE_RAD = 1e-12
@@ -195,3 +196,9 @@ def test_a_thermal_model_at_one_temperature_is_the_model_without_its_thermal_ter
         model.at_temperature(None)
     plain = BiasModel.zero().replace(droop=1e-4)
     assert plain.at_temperature(None) is plain
+
+
+def test_an_axis_that_does_not_lean_is_the_limit_of_one_that_hardly_does():
+    skews = [Skew(2.0 * MDEG, -3.0 * MDEG, lean, 0.0) for lean in (0.0, 1e-14)]
+    upright, leaning = (axes_from_sky(np.array([[0.7]]), np.array([[0.9]]), skew) for skew in skews)
+    np.testing.assert_allclose(np.array(upright), np.array(leaning), rtol=0.0, atol=CLOSURE_RAD)

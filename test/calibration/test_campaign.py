@@ -58,6 +58,26 @@ def test_no_earlier_end_is_possible(candidates):
     assert filled(before, SMALL).thin != ()
 
 
+def test_of_overlapping_passes_no_two_fill_the_sky_earlier(track):
+    """Every pair is tried; exchanging passes in order of their end comes 20 min later."""
+    rng = np.random.default_rng(52)
+    offered = [
+        CandidatePass(
+            name=f"pass {number}",
+            track=track(10.0, rng.choice([-1, 1]) * rng.uniform(2e5, 2e6), rng.uniform(0, 6.3), 250.0 * number),
+            sigma_rad=1e-4,
+        )
+        for number in range(16)
+    ]
+    counts = [filled([one], SMALL).counts for one in offered]
+    ends = []
+    for one, other in itertools.combinations(range(16), 2):
+        full = np.all(counts[one] + counts[other] >= SMALL.fewest)
+        if full and SLEW.allows(offered[one], offered[other]):
+            ends.append(offered[other].end_t_s)
+    assert plan_campaign(offered, SMALL, SLEW).full_at_t_s == min(ends)
+
+
 def test_overlapping_passes_are_never_both_taken(track):
     both = [
         CandidatePass(name=name, track=track(10.0, miss, 0.3, start), sigma_rad=1e-4)

@@ -8,13 +8,15 @@ import pytest
 from rf_pointing.calibration import (
     FitOptions,
     PassPriors,
+    Prior,
     doubts_of,
     fit_bias_model,
     held_at_zero,
     measured_pass_priors,
 )
-from rf_pointing.calibration.doubts import pass_correlation
+from rf_pointing.calibration.doubts import _Equations, pass_correlation
 from rf_pointing.calibration.pass_errors import pass_partials
+from rf_pointing.core import MDEG
 
 TERMS = ("azimuth_offset", "azimuth_velocity_lag", "mislevel_east", "elevation_offset", "elevation_velocity_lag")
 NAMES = ("along_track_m", "cross_track_m", "radial_m")
@@ -100,3 +102,17 @@ def test_the_search_is_bounded(campaign, planted):
     start = PassPriors(along_track_m=500.0)
     assert 0.5 <= measured_pass_priors(counted, start).along_track_m <= 500.0
     assert len(rounds) <= 25
+
+
+def test_the_terms_that_go_with_the_sizes_of_the_fit_are_those_of_the_fit(campaign, planted):
+    """Also where priors that are not zero hold some of them."""
+    start = PassPriors(along_track_m=50.0)
+    priors = {"mislevel_east": Prior(40.0 * MDEG, 0.3 * MDEG), "elevation_offset": Prior(-30.0 * MDEG, 0.2 * MDEG)}
+    fit = fit_bias_model(
+        campaign(planted, passes=8), terms=TERMS, held=held_at_zero(TERMS), pass_priors=start, priors=priors
+    )
+    equations = _Equations.of(fit, start)
+    terms, covariance = equations.terms(np.ones(len(start.names)))
+    scale = equations.length[:-1]
+    assert np.max(np.abs(terms / scale - fit.values) / fit.sigma) < 1e-3
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)) / scale, fit.sigma, rtol=1e-3)

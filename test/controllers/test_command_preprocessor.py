@@ -116,6 +116,22 @@ def test_jerk_limit_is_kept_and_the_target_reached() -> None:
     assert max(row[0][0] for row in rows) < 0.4 + 0.3 * MDEG
 
 
+def test_a_target_on_its_way_is_caught_without_overshoot_within_a_jerk_limit_too() -> None:
+    """From rest 0.1 rad behind a target that runs away at half the rate of the axis, and one that comes nearer."""
+    for side in (1.0, -1.0):
+        shaper = preprocessor(jerk_limit_rad_s3=(0.02, 0.02))
+        shaper.reset((0.0, 0.5))
+        rate, ahead = 0.5 * side * RATE, []
+        for k in range(1, 1500):
+            target = 0.1 + rate * k * DT_S
+            out = shaper.step((target, 0.5), (rate, 0.0), (0.0, 0.0), DT_S)
+            ahead.append(float(out[0][0]) - target)
+        assert max(ahead) < 0.3 * MDEG
+        assert abs(ahead[-1]) < 1e-6
+        # At what its rate leaves over the axis closes 0.1 rad in 6.4 s; the rest is the soft end.
+        assert DT_S * int(np.argmax(np.abs(ahead) < 0.1 * MDEG)) < 25.0
+
+
 @settings(max_examples=40, deadline=None)
 @given(
     targets=st.lists(

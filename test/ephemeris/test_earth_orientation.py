@@ -49,6 +49,9 @@ def test_array_and_float_agree_across_the_change_of_files() -> None:
     np.testing.assert_allclose(array.pole_x_rad, [s.pole_x_rad for s in singles], rtol=0.0, atol=1e-18)
     np.testing.assert_allclose(array.pole_y_rad, [s.pole_y_rad for s in singles], rtol=0.0, atol=1e-18)
     assert np.abs(np.diff(array.ut1_minus_utc_s)).max() < 3e-3
+    # Half a day apart; the pole moves 4 mas a day at most.
+    assert np.abs(np.diff(array.pole_x_rad)).max() < 3e-3 * ARCSEC
+    assert np.abs(np.diff(array.pole_y_rad)).max() < 3e-3 * ARCSEC
 
 
 def test_the_length_of_day_jumps_by_a_leap_second_in_utc_only() -> None:
@@ -153,3 +156,9 @@ def test_long_predictions_are_announced_and_daily_values_are_not() -> None:
     assert SOURCE.warnings(from_utc_text("2006-06-26T00:00:00")) == ()
     assert SOURCE.warnings(orientation_table().last_measured_t_s + 30.0 * DAY_S) == ()
     assert any("days ahead, good to" in text for text in SOURCE.warnings(orientation_table().span_t_s[1] - 1.0))
+
+
+def test_the_measured_days_end_where_the_year_of_predictions_begins() -> None:
+    """Bulletin A predicts one year from its last measured day."""
+    table = orientation_table()
+    assert table.span_t_s[1] - table.last_measured_t_s == pytest.approx(365.0 * DAY_S, abs=15.0 * DAY_S)

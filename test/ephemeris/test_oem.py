@@ -21,6 +21,7 @@ from rf_pointing.ephemeris import (
     TopocentricTrack,
     find_passes,
     oem_text,
+    orientation_sigma_rad,
     read_oem,
     sun,
 )
@@ -318,3 +319,49 @@ def test_a_written_message_is_read_back_as_the_orbit_that_it_was_written_from() 
 def test_a_body_of_the_sky_has_no_ephemeris_message() -> None:
     with pytest.raises(ValueError, match="Sun is no satellite: an OEM holds the states of an orbit"):
         oem_text(sun(), "Sun", 0.0, 60.0, originator="x", created_t_s=0.0)
+
+
+@pytest.mark.parametrize(("method", "degree", "reach"), [
+    ("LINEAR", "1", (0, 1)), ("HERMITE", "3", (0, 1)), ("HERMITE", "7", (-1, 2)), ("LAGRANGE", "3", (-1, 2)),
+    ("LAGRANGE", "4", (-2, 2)), ("LAGRANGE", "8", (-4, 4)),
+])  # fmt: skip
+def test_a_position_depends_on_the_nearest_states_only(
+    method: str, degree: str, reach: tuple[int, int], cbers: Elements
+) -> None:
+    """States from `reach[0]` to `reach[1]` about the one before count; a kilometre in any other moves nothing."""
+    states, before = teme_states(cbers), 6
+    t_s = float(TIMES[before] + 0.3 * STEP_S)
+
+    def position(spoiled: int | None) -> np.ndarray:
+        changed = [state + (index == spoiled) * np.array([1.0, 0, 0, 0, 0, 0]) for index, state in enumerate(states)]
+        text = text_of(changed, REF_FRAME="ITRF", INTERPOLATION=method, INTERPOLATION_DEGREE=degree)
+        return np.array(OemTarget(read_oem(text)).motion_at(t_s).position)
+
+    plain = position(None)
+    moved = [index - before for index in range(len(states)) if np.abs(position(index) - plain).max() > 1e-3]
+    assert moved == list(range(reach[0], reach[1] + 1))
+
+
+def test_a_segment_inside_another_shortens_nothing(cbers: Elements) -> None:
+    """One of 1.5 s, less than the light time kept clear at both ends, makes no span of its own."""
+    states, meta = teme_states(cbers), {"INTERPOLATION": "LINEAR", "INTERPOLATION_DEGREE": "1"}
+    whole = text_of(states, **meta)
+    inner = "META_START" + text_of(states[4:8], times=TIMES[4:8], **meta).split("META_START", 1)[1]
+    ((first, last),) = OemTarget(read_oem(whole + inner)).spans_t_s
+    assert (first, last) == pytest.approx((TIMES[0] + 1.0, TIMES[-1] - 1.0), abs=1e-6)
+    short = {"USEABLE_START_TIME": utc_text(TIMES[-2]), "USEABLE_STOP_TIME": utc_text(TIMES[-2] + 1.5)}
+    alone = "META_START" + text_of(states[12:], times=TIMES[12:], **meta, **short).split("META_START", 1)[1]
+    early = text_of(states[:6], times=TIMES[:6], **meta)
+    ((first, last),) = OemTarget(read_oem(early + alone)).spans_t_s
+    assert (first, last) == pytest.approx((TIMES[0] + 1.0, TIMES[5] - 1.0), abs=1e-6)
+
+
+def test_states_in_earth_fixed_axes_do_not_depend_on_the_turn_of_the_earth(cbers: Elements, goldstone: Site) -> None:
+    """An orientation that is uncertain by 10 ms moves inertial states on the sky, and these not at all."""
+    position, velocity = cubic(TIMES)
+    for frame, moves in (("ITRF-2020", False), ("GCRF", True)):
+        text = text_of(list(np.hstack([position, velocity])), REF_FRAME=frame)
+        track = TopocentricTrack(OemTarget(read_oem(text), AssumedOrientation(sigmas=(0.01, 0.0))), goldstone)
+        sigma_rad = orientation_sigma_rad(track, float(TIMES[4]))
+        assert (sigma_rad > 1e-9) == moves
+        assert moves or sigma_rad == 0.0

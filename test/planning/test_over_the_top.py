@@ -66,3 +66,23 @@ def test_an_elevation_axis_that_is_too_slow_cannot_go_over() -> None:
     t, first, second = sides(0.4, 1.0)
     slow = AxisMotionLimits(LIMITS.rate_rad_s, (LIMITS.rate_rad_s[0], 1e-5 * DEG), LIMITS.elevation_max_rad)
     assert cross_over(t, first, second, slow, beam(0.264)) is None
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_axis_of_little_rate_crosses_within_it_or_not_at_all(axis: int) -> None:
+    """From far below to just above the rate that a fast antenna takes; accelerations are ample."""
+    t, first, second = sides(1.0, 1.0)
+    ample = AxisMotionLimits((2.0 * DEG, 2.0 * DEG), (5.0 * DEG, 5.0 * DEG), LIMITS.elevation_max_rad)
+    free = cross_over(t, first, second, ample, beam(0.264))
+    assert free is not None
+    taken = float(np.abs(np.diff(free.position_rad[:, axis])).max()) / STEP_S
+    outcomes = []
+    for share in (0.05, 0.7, 1.05):
+        rate = [2.0 * DEG, 2.0 * DEG]
+        rate[axis] = share * taken
+        slow = AxisMotionLimits((rate[0], rate[1]), ample.acceleration_rad_s2, ample.elevation_max_rad)
+        found = cross_over(t, first, second, slow, beam(0.264))
+        outcomes.append(found is not None)
+        if found is not None:
+            assert np.abs(np.diff(found.position_rad[:, axis])).max() / STEP_S <= 1.001 * rate[axis]
+    assert outcomes[-1]

@@ -89,6 +89,26 @@ def test_broken_clusters_among_good_ones_do_not_end_the_lock(
     assert status.cross_elevation_offset_rad == pytest.approx(aside_rad, rel=0.1)
 
 
+@pytest.mark.parametrize(("sign", "faults"), [(1.0, 0), (-1.0, 1)])
+def test_errors_of_the_wrong_sign_are_no_longer_followed(rig: MakeRig, window: Pass, sign: float, faults: int) -> None:
+    """With a sign flipped the loop drives the beam away from a target 3 mdeg aside, e-fold in 0.8 s."""
+    made, beside = acquired(rig, window), Offset(3 * MDEG, -2 * MDEG, "monopulse")
+
+    def sense(t_s: float, rig: Rig) -> list[PointingError]:
+        (seen,) = beside(t_s, rig)
+        return [error(t_s, sign * seen.cross_elevation_rad, sign * seen.elevation_rad,
+                      covariance_rad2=np.eye(2) * (0.1 * MDEG) ** 2)]  # fmt: skip
+
+    for _, _, status in made.run(window.aos_t_s + 4.0, 4.0, sense):
+        if status.mode != "monopulse":
+            break
+    assert made.controller.carrier.faults == faults
+    assert (status.mode == "monopulse") == (faults == 0)
+    if faults:
+        assert made.controller.carrier.last_fault.startswith(("sign flip", "phase"))
+        assert status.reason.startswith(("sign flip", "phase"))
+
+
 def test_stale_errors_are_not_used(rig: MakeRig, window: Pass) -> None:
     """They neither move the trim nor count as a carrier."""
     age_s = PointingParams().error_age_s + 0.05

@@ -315,3 +315,9 @@ def test_a_search_on_a_sidelobe_does_not_end_with_its_own_peak_as_the_level() ->
         state = table.step(state, inputs)
     assert state.mode == "search"
     assert table.step(state, dataclasses.replace(inputs, t_s=2.0, carrier_to_noise_db_hz=84.0)).mode == "monopulse"
+
+
+@pytest.mark.parametrize("t_s", [math.nan, math.inf])
+def test_a_time_that_is_no_number_is_refused(t_s: float) -> None:
+    with pytest.raises(ValueError, match="t_s"):
+        AutotrackInputs(t_s=t_s, request="track", target_available=True, on_target=True)

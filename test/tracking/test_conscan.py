@@ -301,6 +301,17 @@ def test_planted_delay_is_recovered_within_its_stated_uncertainty(delay_s: float
     assert found.gain == pytest.approx(1.0, abs=4.0 * found.sigma_s * 2.0 * math.pi / PERIOD_S)
 
 
+def test_the_uncertainty_of_a_delay_is_that_of_the_changes_over_the_shifts() -> None:
+    """Closed form: a phase of n changes of variance 2 s^2 an axis, d apart, is known to sqrt(2 / n) s / d."""
+    estimator, sigma, shift = DelayEstimator(DelayParams(period_s=4.0, memory=1.0, largest_sigma_s=600.0)), 1e-6, 2e-5
+    for k in range(9):
+        covariance = np.diag([1.5, 0.5]) * sigma**2
+        estimator.add(dataclasses.replace(error_at(-k * shift, 0.0), covariance_rad2=covariance), shift, 0.0)
+    found = estimator.estimate()
+    assert found is not None
+    assert found.sigma_s == pytest.approx(4.0 / (2.0 * math.pi) * math.sqrt(2.0 / 8.0) * sigma / shift, rel=1e-6)
+
+
 def error_at(x: float, y: float, valid: bool = True) -> PointingError:
     return PointingError(
         t_s=0.0, sensor="conscan", cross_elevation_rad=x, elevation_rad=y, covariance_rad2=np.eye(2) * 1e-12,

@@ -233,3 +233,13 @@ def test_step_track_carries_on_after_a_bad_power(name: str) -> None:
             assert reason in scan.rejections[1]
     assert found[0].valid, found[0].reason
     np.testing.assert_allclose([found[0].cross_elevation_rad, found[0].elevation_rad], PLANTED, atol=2e-5)
+
+
+def test_a_new_scan_compares_no_estimate_with_those_of_the_scan_before() -> None:
+    """Between two scans the target may have moved, which is no delay."""
+    scan = PowerTracker(PowerTrackerParams(conscan=SCAN))
+    circling(scan, lambda _, good: [good])
+    assert scan._delay.state.last is not None
+    for mode in ("coast", "conscan"):
+        scan.take_status(*status(20.0, mode))
+    assert scan._delay.state.last is None

@@ -162,3 +162,14 @@ def test_copied_state_continues_identically() -> None:
     mine, other = (run(t, 5.0 * MDEG, 0.0, 0.05, 12.0, 9.0)[0] for t in (tracker, twin))
     assert mine.cross_elevation_rad == other.cross_elevation_rad
     assert np.array_equal(mine.covariance_rad2, other.covariance_rad2)
+
+
+def test_an_error_is_about_the_middle_of_its_samples() -> None:
+    """Samples of 0.5 s, stamped at their ends."""
+    tracker, middles, found = StepTracker(StepTrackParams()), [], None
+    for k in range(8):
+        u, v = POINTS[k // 2]
+        middles.append(100.0 + k - 0.25)
+        found = tracker.add(meter(100.0 + k, 3e-17), 0.2 * H * u, 0.2 * H * v)
+    assert found is not None
+    assert found.t_s == pytest.approx(float(np.mean(middles)), abs=1e-9)

@@ -260,6 +260,13 @@ def test_a_refusal_names_axis_gains_frequency_and_bound(plant: PlantParams) -> N
         require_stable(plant, (gains(0.5), gains(40.0)), TICK_S)
 
 
+def test_each_axis_is_refused_by_its_own_name(plant: PlantParams) -> None:
+    """Both are closed alone before they are closed together; two that are unstable are named one by one."""
+    for laws, who in (((40.0, 0.5), "azimuth"), ((0.5, 40.0), "elevation"), ((40.0, 40.0), "azimuth")):
+        with pytest.raises(ValueError, match=rf"^{who}\.proportional_gain=40\.0.* loop of {who} is unstable"):
+            require_stable(plant, (gains(laws[0]), gains(laws[1])), TICK_S)
+
+
 def test_a_dead_time_counts(plant: PlantParams) -> None:
     late = plant.replace(azimuth=plant.azimuth.replace(drive_delay_s=0.3))
     laws = dss13_loops("tuned")
