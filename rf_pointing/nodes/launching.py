@@ -89,7 +89,7 @@ def network_environment(network: str) -> dict[str, str]:
 
 
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
-    """Return the actions that start `names`, and those of an array where the band names that sensor."""
+    """Return the actions that start `names`, and an array's where the band names that sensor."""
     simulated = "simulation_clock" in names
     names = (*names, *_array_nodes(context, simulated=simulated))
     wanted = {"executive": EXECUTIVE, "page": OPERATOR_PAGE, "rotctld": ROTCTLD}
