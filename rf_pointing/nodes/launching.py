@@ -13,7 +13,8 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode, Node
 
-from rf_pointing.nodes.graph import DESCRIPTION, EXECUTIVE, OPERATOR_PAGE, ROTCTLD
+from rf_pointing.core import Sensor
+from rf_pointing.nodes.graph import ARRAY_NODES, DESCRIPTION, EXECUTIVE, OPERATOR_PAGE, ROTCTLD
 from rf_pointing.nodes.main_loop import DRIVE_PRIORITY
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.description import StationDescription, read_station, urdf
@@ -88,8 +89,9 @@ def network_environment(network: str) -> dict[str, str]:
 
 
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
-    """Return the actions that start `names`."""
+    """Return the actions that start `names`, and an array's where the band names that sensor."""
     simulated = "simulation_clock" in names
+    names = (*names, *_array_nodes(context, simulated=simulated))
     wanted = {"executive": EXECUTIVE, "page": OPERATOR_PAGE, "rotctld": ROTCTLD}
     more = [name for argument, name in wanted.items() if LaunchConfiguration(argument).perform(context) == "true"]
     actions = [_node(context, name, simulated=simulated) for name in (*names, *more)]
@@ -106,6 +108,16 @@ def station_nodes(context: Any, names: Sequence[str]) -> list[Any]:
     station = _station(context)
     simulated = station is None or station.drive["type"] == "simulated"
     return managed_nodes(context, names if simulated else ("antenna_servo", *names))
+
+
+def _array_nodes(context: Any, *, simulated: bool) -> tuple[str, ...]:
+    """Return the nodes of the array on the dish; a real array has receivers of its own."""
+    station, band = _station(context), str(LaunchConfiguration("band").perform(context))
+    try:
+        has_array = station is not None and Sensor.ARRAY in station.sensors(band or None)
+    except ValueError:
+        return ()  # every node refuses the band and says why
+    return (ARRAY_NODES if simulated else ARRAY_NODES[1:]) if has_array else ()
 
 
 def _station(context: Any) -> StationDescription | None:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import rf_pointing
-from rf_pointing.nodes.graph import DESCRIPTION, NODES, STATION_NODES
+from rf_pointing.nodes.graph import ARRAY_NODES, DESCRIPTION, NODES, STATION_NODES
 from rf_pointing.station.description import read_station, urdf
 
 FOLDER = Path(__file__).parents[2] / "launch"
@@ -101,6 +101,16 @@ def test_a_station_with_a_drive_starts_the_control_unit_on_it(given: dict[str, s
     station.write_text(station.read_text() + "\ndrive: {type: hamlib}\n")
     given["station"] = str(station)
     assert tuple(launched("single_antenna")) == ("antenna_servo", *STATION_NODES, DESCRIPTION)
+
+
+def test_a_station_with_an_array_starts_its_nodes(given: dict[str, str]) -> None:
+    """A real array has receivers of its own; a band that is none is refused by every node."""
+    given["station"] = "rotator_2m"
+    assert tuple(launched("simulated_station")) == (*NODES, *ARRAY_NODES, DESCRIPTION)
+    given["band"] = "S"
+    assert {"array_tracker"} == set(launched("single_antenna")) & set(ARRAY_NODES)
+    given["band"] = "W"
+    assert not set(launched("single_antenna")) & set(ARRAY_NODES)
 
 
 @pytest.mark.parametrize("installed", [True, False])
