@@ -13,7 +13,7 @@ import stat
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ NICER = -10
 DEAF = 3
 """Exit code of a node that no longer receives."""
 _USAGE = "usage: NAME --ros-args [-r __ns:=/gs1] [--params-file FILE] [-p NAME:=VALUE] ..."
+_SECURITY_WORDS = {"ROS_SECURITY_ENABLE": ("true", "false"), "ROS_SECURITY_STRATEGY": ("Enforce", "Permissive")}
 _IN_THE_SOURCE = re.compile(r"\s*, at \S+\.c(pp)?:\d+")
 """The place in rcl's own source that ends its messages: no help to a user."""
 
@@ -62,6 +63,7 @@ def run(node_type: Callable[[], Any]) -> None:
     signals: list[int] = []
     try:
         _take_arguments(str(sys.modules[node_type.__module__].__doc__))
+        _check_security(os.environ)
         # The handlers of rclpy would shut the context down before the motion has ended.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         for sign in (signal.SIGINT, signal.SIGTERM):
@@ -132,6 +134,14 @@ def _work(node: Any, executor: Any, signals: Sequence[int]) -> str:
     except Exception as error:
         failure = _report(node, error)
     return failure
+
+
+def _check_security(environment: Mapping[str, str]) -> None:
+    """Raise ValueError for SROS2 variables that ROS would take for no security at all."""
+    # rcl compares with these words exactly: `True` or `enforce` would start an open node.
+    for name, words in _SECURITY_WORDS.items():
+        if (given := environment.get(name, "")) and given not in words:
+            raise ValueError(f"{name}={given} must be {' or '.join(words)}: ROS would run without security")
 
 
 def _report(node: Any, error: Exception) -> str:

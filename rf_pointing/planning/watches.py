@@ -18,6 +18,7 @@ high wind.
 """
 
 import math
+from array import array
 from collections import deque
 from dataclasses import dataclass
 
@@ -270,8 +271,8 @@ class WindWatch:
 
     def __init__(self, params: WindWatchParams) -> None:
         self.params = params
-        self._second: deque[tuple[float, float]] = deque()
-        self._minute: deque[tuple[float, float]] = deque()
+        # Time and speed in turns: a tuple of each reading would take 0.6 MB more in 10 min.
+        self._seconds, self._minutes = array("d"), array("d")
         self._sums = [0.0, 0.0]
         self._newest_s, self._begun_s = -math.inf, math.inf
         self._low_since_s: float | None = None
@@ -280,12 +281,12 @@ class WindWatch:
     @property
     def gust_m_s(self) -> float:
         """Mean of the last 3 s."""
-        return self._sums[0] / len(self._second) if self._second else 0.0
+        return self._sums[0] / (len(self._seconds) // 2) if self._seconds else 0.0
 
     @property
     def mean_m_s(self) -> float:
         """Mean of the last 10 min, or of what is known of them."""
-        return self._sums[1] / len(self._minute) if self._minute else 0.0
+        return self._sums[1] / (len(self._minutes) // 2) if self._minutes else 0.0
 
     def take(self, t_s: float, speed_m_s: float) -> None:
         """Note a reading; one that is no finite speed is no reading."""
@@ -293,15 +294,15 @@ class WindWatch:
             return
         # Time went back: a simulation began again, and its old readings mean nothing.
         if t_s <= self._newest_s:
-            self._second.clear()
-            self._minute.clear()
+            self._seconds, self._minutes = array("d"), array("d")
             self._sums = [0.0, 0.0]
         self._newest_s = t_s
-        for index, (kept, span_s) in enumerate(((self._second, GUST_S), (self._minute, MEAN_S))):
-            kept.append((t_s, speed_m_s))
+        for index, (kept, span_s) in enumerate(((self._seconds, GUST_S), (self._minutes, MEAN_S))):
+            kept.extend((t_s, speed_m_s))
             self._sums[index] += speed_m_s
-            while kept[0][0] < t_s - span_s:
-                self._sums[index] -= kept.popleft()[1]
+            while kept[0] < t_s - span_s:
+                self._sums[index] -= kept[1]
+                del kept[:2]
 
     def step(self, t_s: float) -> str:
         """Return why the antenna must be stowed at `t_s`, "" when it may be used."""

@@ -152,3 +152,28 @@ def test_a_priority_that_is_permitted_is_that_of_every_thread(monkeypatch: pytes
     assert take_priority(20) == ""
     assert os.getpid() in given
     assert set(given.values()) == {(os.SCHED_FIFO, 20)}
+
+
+@pytest.mark.parametrize(
+    ("variables", "words"),
+    [
+        ({"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}, "security"),
+        ({"ROS_SECURITY_ENABLE": "True"}, "ROS_SECURITY_ENABLE=True must be true or false"),
+        (
+            {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "enforce"},
+            "ROS_SECURITY_STRATEGY=enforce must be Enforce or Permissive",
+        ),
+    ],
+)
+def test_a_node_that_cannot_be_protected_as_requested_does_not_start(
+    tmp_path: Path, variables: dict[str, str], words: str
+) -> None:
+    """An empty enclave: Fast DDS without security refuses to be secured, with it the keys are missing."""
+    (tmp_path / "enclaves").mkdir()
+    code = "from rf_pointing.nodes.rf_receiver import main; main()"
+    environment = os.environ | {"ROS_SECURITY_KEYSTORE": str(tmp_path)} | variables
+    ended = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 2
+    assert "rf_pointing: not started: " in ended.stderr
+    assert words in ended.stderr
+    assert "Traceback" not in ended.stderr

@@ -40,6 +40,7 @@ LARGEST_JOINT_AGE_S = 0.1
 KEPT_RANGES = 64
 FEWEST = 30
 SHOWN_REASONS = 3
+MOST_REASONS = 100
 
 
 def scans(name: str) -> bool:
@@ -123,13 +124,13 @@ class CalibrationLog:
         """
         position, reason = self._position(error)
         if position is None or not self._settled(error):
-            self._reasons[reason or self._unsettled] += 1
+            self._note(reason or self._unsettled)
             return None
         spacing_s = self._scan_spacing_s if scans(error.sensor) else self._spacing_s
         if 0.0 <= error.t_s - self._last_s < spacing_s:
             return None
         if not self._target.covers(error.t_s, error.t_s):
-            self._reasons["no target is known at its time"] += 1
+            self._note("no target is known at its time")
             return None
         starts = self._new_pass or not 0.0 <= error.t_s - self._last_s <= PASS_GAP_S
         row = self._row(error, position, self._pass + starts)
@@ -137,7 +138,17 @@ class CalibrationLog:
         self.write_waiting()
         self._pass, self._new_pass, self._last_s = self._pass + starts, False, error.t_s
         self._parts.append(row)
+        # A row of its own takes 4 kB, joined to others 150 bytes.  Parts of like length are joined:
+        # all into one at every row would copy a campaign each time.
+        while len(self._parts) > 1 and len(self._parts[-2]) <= len(self._parts[-1]):
+            self._parts[-2:] = [Observations.concatenate(self._parts[-2:])]
         return row
+
+    def _note(self, reason: str) -> None:
+        self._reasons[reason] += 1
+        # Reasons hold numbers: each may come once, and nobody empties the table between campaigns.
+        if len(self._reasons) > MOST_REASONS:
+            self._reasons = Counter(dict(self._reasons.most_common(SHOWN_REASONS)))
 
     def begin_pass(self) -> None:
         """Count the reasons of `reasons` anew."""
@@ -205,7 +216,7 @@ class CalibrationLog:
 
     def observations(self) -> Observations:
         """Return all observations."""
-        # Joined once, not at every call: a campaign has thousands of single rows.
+        # Joined once, not at every call.
         self._parts = [Observations.concatenate(self._parts)]
         return self._parts[0]
 

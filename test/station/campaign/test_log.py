@@ -1,6 +1,9 @@
 """From a tracked pass to calibration data: planted mount errors come back out of the fit."""
 
+import dataclasses
+import gc
 import math
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +92,48 @@ def test_a_large_error_is_no_observation_and_the_lags_must_settle_again(track: T
         collected.take_error(PointingError(t_s=t_s, sensor="monopulse", cross_elevation_rad=away, elevation_rad=0.0))
     seconds = np.round(collected.observations().t_s - start_s).tolist()
     assert seconds == [*range(10, 30), *range(41, 60)]
+
+
+def test_an_observation_every_second_takes_less_than_a_megabyte_an_hour(track: TopocentricTrack, window: Pass) -> None:
+    collected = CalibrationLog("s", "X", 1.0, 2.0 * MDEG)
+    sky = track.target_at(window.tca_t_s)
+    position = [sky.azimuth_rad, sky.elevation_rad]
+
+    def observe(seconds: range) -> None:
+        for second in seconds:
+            t_s = float(second)
+            for ahead in (0.0, 1.0):
+                collected.take_target(dataclasses.replace(sky, t_s=t_s + ahead))
+            collected.take_joints(JointReading(t_s=t_s, position_rad=position, velocity_rad_s=[0.0, 0.0]))
+            collected.take_error(
+                PointingError(t_s=t_s, sensor="monopulse", cross_elevation_rad=0.0, elevation_rad=1e-9 * second)
+            )
+
+    tracemalloc.start()
+    # The buffers of targets are full after their time.
+    observe(range(100))
+    gc.collect()
+    before, _ = tracemalloc.get_traced_memory()
+    observe(range(100, 600))
+    # Free lists of the interpreter are emptied by a full collection.
+    gc.collect()
+    after, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(collected) == 600
+    assert np.array_equal(collected.observations().t_s, np.arange(600.0))
+    assert 3600 / 500 * (after - before) < 1e6
+
+
+def test_reasons_that_never_repeat_do_not_pile_up() -> None:
+    collected = log()
+    for number in range(3000):
+        report = PointingError(
+            t_s=float(number), sensor="monopulse", cross_elevation_rad=0.0, elevation_rad=0.0, valid=False,
+            reason="no carrier" if number % 3 else f"C/N0 {number} mdB-Hz",
+        )  # fmt: skip
+        collected.take_error(report)
+    assert collected.reasons().startswith("2000 errors: not valid (no carrier)")
+    assert len(collected._reasons) <= 100
 
 
 CIRCLE_RAD = 30.0 * MDEG
