@@ -8,12 +8,14 @@ term enters when it lowers the BIC, and leaves when the BIC falls without it.
 The data that fit the terms also chose them, and the covariance C of a fit of the chosen ones knows
 nothing of that.  A term x is spread as
 
-    sum_m w_m N(x_m, C_m),    w_m ~ exp(-BIC_m / 2)
+    sum_m w_m N(x_m, C_m),    -2 ln w_m = chi_m^2 / v + ln det(I + T A_m' A_m T / v)
 
-over the chosen subset and its neighbours m, those with one or two terms more or fewer (Bayesian
-model averaging, Hoeting et al. 1999).  Its sigma holds 68.3 % of that about the chosen x.  The root
-of the mean square would hold 82 % where one subset in a hundred, with two terms that are hardly
-separable, is spread ten times as wide.
+over the chosen subset and its neighbours m, those with up to four terms more or fewer (Bayesian
+model averaging, Hoeting et al. 1999), for equations A_m and terms of the usual sizes T; chi_m^2 is
+the least sum of squares with x / T among them.  The BIC is close to that for terms that are seen
+well, and takes one that the data show barely for unlikely.  The sigma of x holds 68.3 % of the sum
+about the chosen x.  The root of its mean square would hold 82 % where one subset in a hundred, with
+two terms that are hardly separable, is spread ten times as wide.
 """
 
 import math
@@ -41,8 +43,8 @@ _MOST_STEPS = 100
 _NOTHING = 1e-13
 # Criteria this close are equal: chi squared is a difference of sums whose rounding may reach 1e-6.
 _SAME_BIC = 1e-4
-# Subsets less likely than this share of the best one add nothing that shows.
-_UNLIKELY_BIC = 14.0
+# -2 ln of the share of the best subset's weight from which on one adds nothing that shows.
+_UNLIKELY = 14.0
 # Share of a normal distribution within one sigma.
 _ONE_SIGMA = math.erf(math.sqrt(0.5))
 # Of an interval: to a millionth of a sigma.
@@ -170,26 +172,34 @@ class _Search:
     def widening(self, names: tuple[str, ...]) -> Array:
         """Return by what the uncertainty of the choice widens the sigma of each chosen term."""
         every, chosen = self.triangle.names, frozenset(names)
-        changes = [frozenset(some) for count in (0, 1, 2) for some in combinations(every, count)]
-        found = [self._spread(chosen ^ change) for change in changes]
-        bic = np.array([one[0] for one in found])
-        likely = bic - np.min(bic) < _UNLIKELY_BIC
-        weights = np.where(likely, np.exp(-0.5 * (bic - np.min(bic))), 0.0)[likely]
+        changes = [frozenset(some) for count in range(5) for some in combinations(every, count)]
+        found = [self._posterior(chosen ^ change) for change in changes]
+        above = np.array([one[0] for one in found]) - min(one[0] for one in found)
+        likely = above < _UNLIKELY
+        weights = np.exp(-0.5 * above[likely])
         places = [every.index(name) for name in names]
-        values, sigma = (np.array([one[k] for one in found])[:, places] for k in (1, 2))
-        apart, wide = ((values - values[0]) / sigma[0])[likely], (sigma / sigma[0])[likely]
+        values, sigma = (np.array([one[k] for one in found])[likely][:, places] for k in (1, 2))
+        _, fitted, covariance = self.solve(chosen)
+        one_sigma = np.sqrt(np.diag(covariance) * self.scale)
+        apart, wide = (values - fitted) / one_sigma, sigma / one_sigma
         within = [
             _holding(math.erf(k / math.sqrt(2.0)), weights / np.sum(weights), apart, wide) / k for k in (1.0, 2.0)
         ]
         return np.asarray(np.maximum(np.mean(within, axis=0), 1.0))
 
-    def _spread(self, chosen: frozenset[str]) -> tuple[float, Array, Array]:
-        """Return the criterion of a subset, and values and sigma (k,), zero of what is not in."""
-        square, values, covariance = self.solve(chosen)
-        places = [k for k, name in enumerate(self.triangle.names) if name in chosen]
-        every, sigma = np.zeros(len(self.triangle.names)), np.zeros(len(self.triangle.names))
-        every[places], sigma[places] = values, np.sqrt(np.diag(covariance) * self.scale)
-        return square / self.scale + len(chosen) * float(np.log(self.triangle.rows)), every, sigma
+    def _posterior(self, chosen: Collection[str]) -> tuple[float, Array, Array]:
+        """Return -2 ln of a subset's weight, and values and sigma (k,), zero of what is not in."""
+        names = self.triangle.names
+        places = [place for place, name in enumerate(names) if name in chosen]
+        sizes = np.array([term.size for term in terms_by_name([names[place] for place in places])])
+        matrix, right = self.triangle.factor[:, places] * sizes, self.triangle.factor[:, -1]
+        system = np.eye(len(places)) + matrix.T @ matrix / self.scale
+        along = matrix.T @ right / self.scale
+        inverse = np.linalg.inv(system)
+        values, sigma = np.zeros(len(names)), np.zeros(len(names))
+        values[places], sigma[places] = sizes * (inverse @ along), sizes * np.sqrt(np.diag(inverse))
+        square = right @ right / self.scale - along @ inverse @ along
+        return float(square + np.linalg.slogdet(system)[1]), values, sigma
 
 
 def _holding(share: float, weights: Array, apart: Array, wide: Array) -> Array:

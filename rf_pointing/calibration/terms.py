@@ -22,6 +22,8 @@ from rf_pointing.calibration.angles import Angles
 Partial = Callable[[Angles], NDArray[np.float64]]
 # No mount is off by 6 deg and no drive lags by 10 s: what is larger was given in another unit.
 _LIMITS = {"rad": 0.1, "s": 10.0, "s^2": 100.0, "rad/K": 0.01}
+# One sigma over mounts: 0.1 deg, as the printed terms of 34-m antennas.
+_SIZES = {"rad": 1.7e-3, "s": 0.5, "s^2": 0.5, "rad/K": 2e-5}
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,11 @@ class Term:
     def limit(self) -> float:
         """Return the largest credible magnitude in the term's unit; a larger one is in degrees."""
         return _LIMITS[self.unit]
+
+    @property
+    def size(self) -> float:
+        """Return how large such a term usually is: one sigma about zero, in the term's unit."""
+        return _SIZES[self.unit]
 
 
 _ALL_AZIMUTHS = "passes on all sides of the sky"
