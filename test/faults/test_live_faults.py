@@ -188,8 +188,9 @@ def test_commands_that_stop_are_warned_of_carried_on_for_a_second_and_end_in_a_c
     servo.mode("holding")
     warned = next(status.warning for status in servo.seen if status.warning.startswith("no command for"))
     assert 0.2 <= float(warned.split()[3]) <= 0.32, "100 ms after the next one was due, seen at the next status"
-    stopping = next(status for status in servo.seen if status.mode == "stopping")
-    assert seconds_from_stamp(stopping.header.stamp) - quiet_s == pytest.approx(1.7, abs=0.2), "0.7 s and 1 s beyond"
+    # A rotator may be at rest before the next status.
+    ended = next(status for status in servo.seen if status.mode in ("stopping", "holding"))
+    assert seconds_from_stamp(ended.header.stamp) - quiet_s == pytest.approx(1.7, abs=0.2), "0.7 s and 1 s beyond"
     ran_dry = re.search(
         r"commands ran dry ([0-9.]+) s ago while moving: stopped until the next one", servo.status.warning
     )

@@ -37,7 +37,7 @@ from test.simulation.night_plan import orbits, small_night
 from .conftest import ask, executable
 
 __all__ = ["given"]
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.alone]
 ROS2 = shutil.which("ros2")
 SPEED = 8.0
 ARRAYS = {

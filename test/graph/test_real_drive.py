@@ -18,7 +18,7 @@ from test.drives.rotctld import RealRotctld
 from test.graph.conftest import start_track
 from test.graph.real_station import write_elements, write_station
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.alone]
 
 MASK_DEG = 55.0
 """Above it the satellite stays for 71 s."""
