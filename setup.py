@@ -86,6 +86,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/config", sorted(glob("config/*.*"))),
+        (f"share/{PACKAGE}/config/sros2", ["config/sros2/gs1.xml"]),
         (f"share/{PACKAGE}/config/viewers", sorted(glob("config/viewers/*"))),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.py"))),
     ],

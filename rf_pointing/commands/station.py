@@ -5,10 +5,13 @@
     station queue night.csv --start         hand a schedule over, and let the executive run it
     station status --watch                  what it does, and the alarms
     station go 120 45                       turn the axes to azimuth and elevation, deg
-    station park | stow | release | stop | reset
+    station park | stow | pause | release | disable | stop | reset
     station offset --along 0.3 --cross 0.01
     station night pause | resume | stop | abort | skip [ID] | ack [ALARM]
     station log -n 50                       the journal of the executive
+
+What moves or resets the antenna is signed with its key, if this user can read it: then it is served
+in somebody's pass too.
 
 Exit code 0: done, or all well; 1: the pass was not tracked, a request was refused, or an error
 lasts; 2: the station could not be reached, or the command line is wrong.
@@ -40,7 +43,9 @@ from rf_pointing.commands.managed_graph import NotStartedError
 from rf_pointing.commands.options import add_namespace_option, between, say
 from rf_pointing.commands.station_run import GraphRun, run_to_end
 from rf_pointing.core.dates import parse_utc, utc_text
+from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
 from rf_pointing.nodes.graph import EXECUTIVE, EXECUTIVE_STATUS, SCHEDULE
+from rf_pointing.nodes.leased_services import LEASED, OWNER, Caller
 from rf_pointing.nodes.qos import LATCHED, STATUS
 from rf_pointing.nodes.recorder import Recorder
 from rf_pointing.nodes.stamps import stamp_from_seconds
@@ -54,7 +59,8 @@ RESULT_S = 5.0
 """After the end of a night until its result must have arrived."""
 LOOK_S = 1.5
 """Wall time in which a part that is there is seen."""
-ANTENNA = {"park": "park", "stow": "stow", "release": "resume", "reset": "reset_fault"}
+ANTENNA = {"park": "park", "stow": "stow", "pause": "pause", "release": "resume", "disable": "disable",
+           "reset": "reset_fault"}  # fmt: skip
 NIGHT = ("pause", "resume", "stop", "abort", "skip", "ack")
 
 
@@ -63,6 +69,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     load_trackers()
     parser = argparse.ArgumentParser(prog="station", description="Operate a running station.")
     add_namespace_option(parser)
+    parser.add_argument("--key", metavar="FILE", help="key of the commands (default: that of antenna_servo)")
     every = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     def add(name: str, text: str) -> argparse.ArgumentParser:
@@ -93,7 +100,8 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     go.add_argument("azimuth", type=between(-1000.0, 1000.0), help="deg, the turn of the cables counts")
     go.add_argument("elevation", type=between(-20.0, 200.0), help="deg")
     for name, text in (("park", "go to the park position"), ("stow", "go to the stow position"),
-                       ("release", "leave park or stow, and hold"), ("reset", "clear a latched fault")):  # fmt: skip
+                       ("pause", "stop, and keep the commands that come"), ("disable", "stop, and set the brakes"),
+                       ("release", "leave a pause or a rest"), ("reset", "clear a latched fault")):  # fmt: skip
         add(name, text)
     add("stop", "end the pass under control").add_argument(
         "--antenna", action="store_true", help="stop the antenna itself: latches a fault"
@@ -150,11 +158,26 @@ class StationClient(GraphRun):
             self.spin(0.02)
 
     def _call(self, kind: Any, name: str, request: Any) -> Any:
-        client = self.node.create_client(kind, name)
+        caller = Caller(self.node, CommandKey(CommandKeyParams(command_key_file=self._key() if name in LEASED else "")))
+        client = caller.client(kind, name)
         self._until(client.service_is_ready, name)
-        future = client.call_async(request)
+        future = client.call_async(caller.request(name, request))
         self._until(future.done, f"an answer of {name}")
         return future.result()
+
+    def _key(self) -> str:
+        """Return the file of the antenna's key, "" where this user or computer has none."""
+        path = self.options.key
+        if path is None:
+            found = self._call(
+                GetParameters, f"{OWNER}/get_parameters", GetParameters.Request(names=["command_key_file"])
+            )
+            path = parameter_value_to_python(found.values[0]) if found.values else None
+            if not path or not Path(path).is_file() or Path(path).stat().st_uid != os.getuid():
+                path = ""
+        elif not Path(path).is_file():
+            raise ValueError(f"--key {path}: no such file")
+        return str(path)
 
     def _ask(self, kind: Any, name: str, request: Any) -> int:
         answer = self._call(kind, name, request)

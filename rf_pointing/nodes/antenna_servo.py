@@ -8,14 +8,16 @@ Action: identify (rf_pointing_msgs/Identify).
 Services (std_srvs/Trigger): ~/stop (latches a fault), ~/pause, ~/resume, ~/park, ~/stow, ~/disable,
 ~/reset_fault; ~/go_to (rf_pointing_msgs/GoTo: to a position, and hold there); ~/stow_in_fault
 (rf_pointing_msgs/StowInFault: the elevation alone, by an operator who names the fault);
-~/inject_fault (rf_pointing_msgs/InjectFault, where fault injection is enabled).
+~/inject_fault (rf_pointing_msgs/InjectFault, where fault injection is enabled).  While a signed
+commander has the antenna, all but stop and inject_fault are taken by ~/signed alone
+(rf_pointing_msgs/SignedCall, `leased_services.py`).
 Parameters: antenna.*, drive.* (which drive, and how it is reached), loops.* (retunable while
 running),
 safety.*, wrap_file (keeps the azimuth's turn over a restart; empty: not kept), state_file (keeps
 position, fault and rest), command_key_file (only commands signed with it are taken),
 enable_fault_injection, and as truth of the simulated drive plant.* (changeable too), wind.*,
-mount.*.  The limits in loops.preprocessor change only while the drives are disabled.  Activation
-releases the brakes and holds; deactivation sets them.
+mount.*.  What guards the antenna (`GUARDS`) changes only while the drives are disabled, the key
+only at the start.  Activation releases the brakes and holds; deactivation sets them.
 
 A drive other than the simulated one must answer within 5 s of the configuration.  One that is lost
 latches a fault, and joint_states are silent until it answers.  The topics of the drive `topic` are
@@ -28,6 +30,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +48,7 @@ from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.graph import WIND
 from rf_pointing.nodes.identification_server import IdentificationServer
+from rf_pointing.nodes.leased_services import LeasedServices
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
@@ -57,6 +61,13 @@ from rf_pointing.station.antenna.simulated_antenna import AntennaParams, Simulat
 
 LIVE = ("plant", "loops")
 """Parameter sets that may change while the antenna moves."""
+GUARDS = {
+    "preprocessor": "travel, rates and accelerations",
+    "table": "the trust in commands far ahead",
+    "oscillation": "what counts as an oscillation",
+    **{f"{axis}.rate_limit_rad_s": "the largest rates" for axis in (*AXES, *(f"lqg_{axis}" for axis in AXES))},
+}
+"""What of the loops guards the antenna, and what it bounds."""
 STATUS_PERIOD_S = 0.1
 HEAD_BYTES = 4096
 POINT_BYTES = 112
@@ -110,6 +121,7 @@ class AntennaServo(StationNode):
         self._status = self.stream(AntennaStatus, "antenna_status", STATUS)
         self._identification.configure(self._antenna)
         self._key = CommandKey(self.parameters.value("key"), self.resolve_topic_name("joint_trajectory"))
+        self._leased = LeasedServices(self, self._key)
         self.listen(
             JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT,
             most_bytes=self._longest_command, refused=self._antenna.reject,
@@ -120,17 +132,15 @@ class AntennaServo(StationNode):
         actions = {"reset_fault": antenna.reset_fault, "pause": antenna.pause, "resume": antenna.resume,
                    "park": antenna.park, "stow": antenna.stow, "disable": antenna.disable}  # fmt: skip
         for name, action in actions.items():
-            self.serve_action(Trigger, f"~/{name}", partial(self._act, name, action))
-        self.serve_action(GoTo, "~/go_to", self._go_to)
-        self.serve_action(StowInFault, "~/stow_in_fault", self._stow_in_fault)
+            self._leased.serve(Trigger, name, partial(self._act, name, action))
+        self._leased.serve(GoTo, "go_to", self._go_to)
+        self._leased.serve(StowInFault, "stow_in_fault", self._stow_in_fault)
         if real and params.safety.wind.watched:
             self.listen(Vector3Stamped, WIND, self._on_wind, STREAM)
         if value("").enable_fault_injection and not real:
             self.serve_action(InjectFault, "~/inject_fault", self._inject)
         self.diagnostics.add("drive", self._health)
-        self.diagnostics.add(
-            "commanders", lambda: self._key.health(self.get_publishers_info_by_topic("joint_trajectory"))
-        )
+        self.diagnostics.add("commanders", self._commander_health)
         if real:
             self.diagnostics.add("device", self._device_health)
         self.diagnostics.add("oscillation", self._oscillation_health)
@@ -285,6 +295,7 @@ class AntennaServo(StationNode):
     def _take(self, message: JointTrajectory) -> None:
         try:
             commander = self._key.check(message)
+            self._leased.note(commander, seconds_from_stamp(message.header.stamp))
             command = convert.trajectory_from_message(message)
             refused = self._antenna.accept(command, self.now_s(), commander)
         except ValueError as error:
@@ -322,15 +333,25 @@ class AntennaServo(StationNode):
         return f"{request.fault} injected at {self._antenna.t_s:.3f}"
 
     def _check(self, sets: Mapping[str, Any]) -> None:
+        key = self.parameters.value("key")
+        if key.command_key_file and sets["key"] != key:
+            # Whoever can reach the node could otherwise put a key of his own in its place.
+            raise ValueError("command_key_file is given when antenna_servo starts, and cannot change")
         if self._antenna is None:
             return
-        present = self.parameters.value("loops").preprocessor
-        if sets["loops"].preprocessor != present and self.active and self._antenna.axes.hardware.powered:
-            # Whoever can reach the node could otherwise move the limits away from what they guard.
-            raise ValueError(
-                "loops.preprocessor guards the antenna: travel, rates and accelerations cannot change while the "
-                f"drives are enabled (the antenna is {self._antenna.mode}); disable it first"
-            )
+        present = self.parameters.value("loops")
+        for name, words in GUARDS.items():
+            guard = attrgetter(name)
+            if guard(sets["loops"]) == guard(present):
+                continue
+            # Anybody may deactivate the node, which disables the drives.
+            if not self.active and (holder := self._leased.holder):
+                raise ValueError(f"loops.{name} guards the antenna: {words} cannot change while {holder} commands it")
+            if self.active and self._antenna.axes.hardware.powered:
+                raise ValueError(
+                    f"loops.{name} guards the antenna: {words} cannot change while the drives are enabled "
+                    f"(the antenna is {self._antenna.mode}); disable it first"
+                )
         self._antenna.check(sets["plant"], sets["loops"])
 
     def _retune(self) -> None:
@@ -345,6 +366,10 @@ class AntennaServo(StationNode):
         before = {"fault_at_s": f"{fault.t_s:.3f}", "last_commands": " | ".join(fault.lines())} if fault else {}
         values = {"commands_accepted": status.commands_accepted, "commander": status.commander, **rejected, **before}
         return Health(level, status.fault or status.warning or status.mode, values)
+
+    def _commander_health(self) -> Health:
+        found = self._key.health(self.get_publishers_info_by_topic("joint_trajectory"))
+        return Health(found.level, found.message, {**found.values, **self._leased.values()})
 
     def _device_health(self) -> Health:
         hardware = self._antenna.hardware

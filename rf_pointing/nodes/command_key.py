@@ -1,11 +1,12 @@
-"""Who may move the antenna: commands are signed with a key that only its own user can read.
+"""Who may move the antenna: commands and calls are signed with a key that only its user can read.
 
     frame_id = NAME + " " + first 128 bits of HMAC-SHA256(key, topic, NAME, stamp, joints, points)
+    signature of a call = first 128 bits of HMAC-SHA256(key, service, caller, stamp, request)
 
 ROS 2 tells a Python node nothing of the publisher of a message, and anybody can send any name.  The
 key is a file of controller and control unit, not a message: a peer of the domain cannot read it.
-A command that is sent again is refused by its stamps.  Without a file nothing is signed, and any
-commander with a name is taken.
+A command that is sent again is refused by its stamps, a call by its signature.  Without a file
+nothing is signed, and any commander with a name is taken.
 """
 
 import fcntl
@@ -20,16 +21,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rf_pointing_msgs.srv import SignedCall
 from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.graph import ROTCTLD
 from rf_pointing.nodes.main_loop import open_private
+from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 
 KEY_BYTES, SHOWN_DIGITS = 32, 32
 # How long after a foreign command /diagnostics shows the conflict as an error.
 SHOWN_S = 10.0
+# Age of a call by the clocks of both computers; a longer one lets clocks differ, and keeps more
+# signatures.
+CALL_S = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,20 +43,26 @@ class CommandKeyParams(Params):
     """Where the key of the commands is."""
 
     command_key_file: str = parameter(
-        "", "file with the key that signs joint_trajectory; made if missing; empty: not signed"
+        "", "file with the key that signs commands and calls; made if missing; empty: not signed"
     )
 
 
 class CommandKey:
-    """Signs the commands of one topic, or checks them; ValueError for a file that others can read.
+    """Signs the commands of one topic and calls, or checks them.
 
-    `foreign` counts the commands that were refused.
+    ValueError for a file that others can read.  `foreign` counts the commands that were refused.
     """
 
-    def __init__(self, params: CommandKeyParams, topic: str) -> None:
+    def __init__(self, params: CommandKeyParams, topic: str = "") -> None:
         self.path, self._topic = params.command_key_file, topic
         self._key = _key_of(Path(self.path)) if self.path else b""
         self.foreign, self._last, self._last_s = 0, "", 0.0
+        self._begun_s, self._taken = time.time(), dict[str, float]()
+
+    @property
+    def signed(self) -> bool:
+        """Whether there is a key."""
+        return bool(self._key)
 
     def sign(self, message: JointTrajectory, name: str) -> None:
         """Write the sender's name into a complete message, signed where there is a key."""
@@ -68,10 +80,36 @@ class CommandKey:
             raise ValueError(self._last)
         return name
 
+    def sign_call(self, call: SignedCall.Request) -> None:
+        """Write the time and the signature into a complete call; needs a key."""
+        call.stamp = stamp_from_seconds(time.time())
+        call.signature = self._call_signature(call)
+
+    def check_call(self, call: SignedCall.Request) -> None:
+        """Refuse a call of anybody without the key, and one that is old or sent again."""
+        if not self._key:
+            return
+        if not hmac.compare_digest(call.signature.encode(), self._call_signature(call).encode()):
+            raise ValueError(
+                f"a call in the name of {call.caller or 'nobody'} is not signed with the key of this antenna ({self.path})"
+            )
+        now_s, stamp_s = time.time(), seconds_from_stamp(call.stamp)
+        if abs(now_s - stamp_s) > CALL_S:
+            raise ValueError(
+                f"the call of {call.caller} is {now_s - stamp_s:.1f} s old by this computer's clock, must be within "
+                f"{CALL_S:.0f} s; set the clocks of both computers"
+            )
+        # What was taken before a restart is in no list.
+        if call.signature in self._taken or stamp_s < self._begun_s:
+            raise ValueError(f"the call of {call.caller} was sent before")
+        self._taken = {each: s for each, s in self._taken.items() if abs(now_s - s) <= CALL_S} | {
+            call.signature: stamp_s
+        }
+
     def health(self, publishers: Iterable[Any]) -> Health:
         """Return the foreign commands as an error, a second publisher of commands as a warning."""
         names = sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in publishers)
-        values = {"publishers": ", ".join(names), "foreign_commands": self.foreign, "signed": bool(self._key)}
+        values = {"publishers": ", ".join(names), "foreign_commands": self.foreign, "signed": self.signed}
         if self.foreign and time.monotonic() - self._last_s < SHOWN_S:
             return Health(ERROR, self._last, values)
         # The server of rotctld's clients commands in place of the controller, never with it.
@@ -84,15 +122,24 @@ class CommandKey:
         stamp, points = message.header.stamp, message.points
         # The lengths keep two fields from trading places.
         words = [self._topic, name, *message.joint_names]
-        signed = [
-            struct.pack("<qII", stamp.sec, stamp.nanosec, len(points)),
-            *(f"{len(w)}:{w}".encode() for w in words),
-        ]
+        signed = [struct.pack("<qII", stamp.sec, stamp.nanosec, len(points)), *map(_counted, words)]
         for point in points:
             since = point.time_from_start
             parts = (point.positions, point.velocities, point.accelerations, point.effort)
             signed += [struct.pack(f"<qII{len(part)}d", since.sec, since.nanosec, len(part), *part) for part in parts]
+        return self._digest(signed)
+
+    def _call_signature(self, call: SignedCall.Request) -> str:
+        # No command begins with this word: a signature of one is none of the other.
+        head = struct.pack("<4sqI", b"call", call.stamp.sec, call.stamp.nanosec)
+        return self._digest([head, _counted(call.service), _counted(call.caller), bytes(call.request)])
+
+    def _digest(self, signed: list[bytes]) -> str:
         return hmac.new(self._key, b"".join(signed), "sha256").hexdigest()[:SHOWN_DIGITS]
+
+
+def _counted(word: str) -> bytes:
+    return f"{len(word)}:{word}".encode()
 
 
 def _key_of(path: Path) -> bytes:

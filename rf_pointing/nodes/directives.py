@@ -15,6 +15,8 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
+from rf_pointing.nodes.leased_services import Caller
 from rf_pointing.nodes.stamps import stamp_from_seconds
 from rf_pointing.operations.dictionary import DirectiveRow
 
@@ -63,9 +65,10 @@ class DirectiveSender:
 
     def __init__(
         self, node: Node, rows: Mapping[str, DirectiveRow], own: Mapping[str, Callable[..., str]],
-        responded: Responded, ended: Ended,
+        responded: Responded, ended: Ended, key: CommandKeyParams,
     ) -> None:  # fmt: skip
         self._node, self._rows, self._own = node, rows, own
+        self._caller = Caller(node, CommandKey(key))
         self._responded, self._ended = responded, ended
         self._clients: dict[str, Any] = {}
         self._waiting: list[tuple[Any, Callable[[Any], None]]] = []
@@ -88,7 +91,7 @@ class DirectiveSender:
         unknown = [name for name in row.takes if not hasattr(blank, name)]
         if unknown:
             raise ValueError(f"directive {row.name}: {row.type_name} has no field {', '.join(unknown)}")
-        make = self._node.create_client if row.kind == "service" else lambda t, n: ActionClient(self._node, t, n)
+        make = self._caller.client if row.kind == "service" else lambda t, n: ActionClient(self._node, t, n)
         self._clients[row.name] = make(kind, row.address)
 
     def close(self) -> None:
@@ -130,7 +133,7 @@ class DirectiveSender:
 
     def _request(self, row: DirectiveRow, arguments: Mapping[str, Any]) -> Any:
         if row.kind == "service":
-            return filled(type_of(row.type_name).Request(), arguments)
+            return self._caller.request(row.address, filled(type_of(row.type_name).Request(), arguments))
         if "value" not in arguments:
             raise ValueError(f"directive {row.name} needs value")
         wanted = Parameter(row.address.rpartition("/")[2], value=arguments["value"])

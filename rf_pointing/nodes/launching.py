@@ -166,7 +166,7 @@ def _node(context: Any, name: str, *, simulated: bool, state_publisher: bool = F
         parameters.append({"lifecycle.realtime_priority": DRIVE_PRIORITY})
     if name == "antenna_servo" and given("state_folder"):
         parameters.append(state_files(Path(given("state_folder")), given("namespace")))
-    if name in ("pointing_controller", ROTCTLD) and given("state_folder"):
+    if name in ("pointing_controller", ROTCTLD, EXECUTIVE, OPERATOR_PAGE) and given("state_folder"):
         files = state_files(Path(given("state_folder")), given("namespace"))
         parameters.append({"command_key_file": files["command_key_file"]})
     kept = Path(given("state_folder")) / given("namespace").strip("/") if given("state_folder") else None
@@ -203,8 +203,15 @@ def _node(context: Any, name: str, *, simulated: bool, state_publisher: bool = F
         additional_env=network_environment(given("network")),
         respawn=given("respawn") == "true",
         respawn_delay=RESPAWN_DELAY_S,
+        ros_arguments=enclave(given("namespace"), name),
         output="screen",
     )
+
+
+def enclave(namespace: str, name: str) -> list[str]:
+    """Return the arguments of a node that runs under SROS2: its own enclave, as in the policy."""
+    secured = os.environ.get("ROS_SECURITY_ENABLE") == "true"
+    return ["--enclave", f"/{namespace.strip('/')}/{name}"] if secured else []
 
 
 def _absolute(path: str) -> str:

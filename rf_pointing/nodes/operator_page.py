@@ -6,7 +6,8 @@ Subscribes: antenna_status, tracking_status, joint_states, target, passes, pass_
 pass_certificate, schedule, executive_status, station_in_use, /diagnostics of its namespace.
 Requests: the services and actions of the other nodes, as every other client; limits, horizon and
 offsets by get_parameters of pointing_controller and ephemeris_publisher.
-Parameters: page.* (address, port, token, reports).
+Parameters: page.* (address, port, token, reports), command_key_file (signs the calls of
+antenna_servo).
 
 The page moves nothing by itself.  A pass that it has started goes on without it.
 """
@@ -30,6 +31,7 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.nodes import convert, convert_planning, station_view
+from rf_pointing.nodes.command_key import CommandKeyParams
 from rf_pointing.nodes.diagnostics import LEVELS, OK, WARN, Health
 from rf_pointing.nodes.directives import DirectiveSender
 from rf_pointing.nodes.graph import EXECUTIVE, EXECUTIVE_STATUS, OPERATOR_PAGE, SCHEDULE, STATION_IN_USE
@@ -111,6 +113,7 @@ class OperatorPage(ManagedNode):
         super().__init__(OPERATOR_PAGE)
         load_trackers()
         self.parameters.declare("page", PageParams())
+        self.parameters.declare("", CommandKeyParams(), group="key")
         self._server: PageServer | None = None
         # Nobody would look at /diagnostics for why there is no page.
         if self.parameters.reasons:
@@ -123,7 +126,8 @@ class OperatorPage(ManagedNode):
         self._answers: dict[int, tuple[str, Future[Answer]]] = {}
         self._number = 0
         self._sent: deque[dict[str, Any]] = deque(maxlen=EVENTS)
-        self._sender = DirectiveSender(self, self._rows, {}, self._responded, self._ended)
+        key = self.parameters.value("key")
+        self._sender = DirectiveSender(self, self._rows, {}, self._responded, self._ended, key)
         self._at_cleanup.callback(self._sender.close)
         self._newest: dict[str, Any] = {}
         self._seen_s: dict[str, float] = {}

@@ -11,7 +11,7 @@ Publishes: joint_trajectory (10 Hz, while it follows points itself).
 Uses: antenna_servo/go_to, park, resume; pointing_controller/stop;
 ephemeris_publisher/select_target and its parameter source.elements; track_pass.
 Parameters: server.* (address, port, clients), follow.* and match.* (what points mean), sensor,
-identify, command_key_file (the key that signs joint_trajectory).
+identify, command_key_file (the key that signs joint_trajectory and calls).
 
 One client steers at a time.  A client is refused while the executive runs a schedule, while
 somebody else's pass is tracked, and while a fault is latched.
@@ -55,6 +55,7 @@ from rf_pointing.nodes import convert, convert_calibration
 from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
 from rf_pointing.nodes.diagnostics import OK, WARN, Health
 from rf_pointing.nodes.graph import EXECUTIVE_STATUS
+from rf_pointing.nodes.leased_services import Caller
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.qos import COMMAND, LATCHED, STATUS, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp
@@ -162,7 +163,8 @@ class RotctldServerNode(StationNode):
         triggers = ("antenna_servo/park", "antenna_servo/resume", "pointing_controller/stop")
         kinds = {"antenna_servo/go_to": GoTo, "ephemeris_publisher/select_target": SelectTarget,
                  "ephemeris_publisher/get_parameters": GetParameters, **dict.fromkeys(triggers, Trigger)}  # fmt: skip
-        self._called = {name: self.create_client(kind, name) for name, kind in kinds.items()}
+        self._caller = Caller(self, self._key)
+        self._called = {name: self._caller.client(kind, name) for name, kind in kinds.items()}
         for client in self._called.values():
             self._at_cleanup.callback(self.destroy_client, client)
         self._passes = ActionClient(self, TrackPass, "track_pass")
@@ -568,7 +570,7 @@ class RotctldServerNode(StationNode):
             self.get_logger().warning(f"{name} is not offered", throttle_duration_sec=1.0)
             failed(IO_ERROR)
             return
-        self._wait(client.call_async(request), then, failed)
+        self._wait(client.call_async(self._caller.request(name, request)), then, failed)
 
     def _wait(
         self, future: Any, then: Callable[[Any], None], failed: Reply = lambda _code: None, wait_s: float = SERVICE_S

@@ -8,7 +8,8 @@ Services: ~/pause, ~/resume, ~/stop (after the present pass), ~/abort (now), std
 ~/skip and ~/acknowledge (rf_pointing_msgs/Named); ~/change_schedule
 (rf_pointing_msgs/ChangeSchedule).
 Parameters: executive.* (files, folder, partners), between.* (what the antenna does between two
-passes), alarms.* (thresholds; the station description may set them), hooks.* (where alarms go).
+passes), alarms.* (thresholds; the station description may set them), hooks.* (where alarms go),
+command_key_file (signs the calls of antenna_servo).
 
 Whatever the night is, it is in `executive.state_file` before a directive leaves.  A killed
 executive comes back with it, looks at the station, and goes on.
@@ -39,6 +40,7 @@ from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.core.whole_file import KeptState, read_whole
 from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.alarm_hooks import AlarmHooks, HookParams
+from rf_pointing.nodes.command_key import CommandKeyParams
 from rf_pointing.nodes.diagnostics import ERROR, LEVELS, OK, WARN, Health
 from rf_pointing.nodes.directives import DirectiveSender
 from rf_pointing.nodes.graph import EXECUTIVE_STATUS, SCHEDULE
@@ -86,6 +88,7 @@ class StationExecutive(StationNode):
         self.parameters.declare("between", BetweenParams())
         self.parameters.declare("alarms", AlarmParams())
         self.parameters.declare("hooks", HookParams())
+        self.parameters.declare("", CommandKeyParams(), group="key")
         self._goal: Any = None
         self._refusal = ""
         self._recorder: Any = None
@@ -110,7 +113,7 @@ class StationExecutive(StationNode):
         self._at_cleanup.callback(self._hooks.close)
         self._sender = DirectiveSender(
             self, tables.directives, {"record": self._record, "end_record": self._end_record, "report": self._report},
-            self._responded, self._ended,
+            self._responded, self._ended, value("key"),
         )  # fmt: skip
         self._at_cleanup.callback(self._sender.close)
         self._night = Night(

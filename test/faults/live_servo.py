@@ -18,6 +18,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from rf_pointing.commands.managed_graph import NodeProcesses
 from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
+from rf_pointing.nodes.leased_services import Caller
 from rf_pointing.nodes.qos import COMMAND, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from test.faults.clocks import ManualClock, WallClock
@@ -43,6 +44,7 @@ class Servo:
         wall: bool = False,
     ) -> None:
         self.key = CommandKey(CommandKeyParams(command_key_file=key), f"{live.namespace}/joint_trajectory")
+        self.caller = Caller(live.node, self.key)
         self.live, self.status, self.joints = live, AntennaStatus(), []
         self.simulated, self.wind_m_s = simulated, 3.0
         self.travel_max_deg = [223.0, 91.5 if simulated else 90.0]
@@ -111,13 +113,12 @@ class Servo:
         assert words in self.status.last_rejection, self.status.last_rejection
 
     def ask(self, name: str, kind: Any = Trigger, request: Any = None) -> Any:
-        """Call a service of the node; time stands meanwhile."""
+        """Call a service of the node, signed where it has a lease; time stands meanwhile."""
         client = self._clients.get(name)
         if client is None:
-            path = f"{self.live.namespace}/antenna_servo/{name}"
-            client = self._clients[name] = self.live.node.create_client(kind, path)
+            client = self._clients[name] = self.caller.client(kind, f"antenna_servo/{name}")
             self.live.spin_until(client.service_is_ready, name)
-        future = client.call_async(request or kind.Request())
+        future = client.call_async(self.caller.request(f"antenna_servo/{name}", request or kind.Request()))
         self.live.spin_until(future.done, f"the answer of {name}")
         return future.result()
 

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -134,7 +135,10 @@ def test_the_second_of_two_commanders_is_refused_and_both_are_named(everywhere: 
 def test_a_second_participant_with_the_name_of_the_commander_moves_nothing(
     simulated: Servo, ros_domain: int, tmp_path: Path
 ) -> None:
-    """It can read every message of the domain, but not the key; sent again, a signed command is out of order."""
+    """It can read every message of the domain, but not the key; sent again, a signed command is out of order.
+
+    Its calls are refused while the signed commander has the antenna, but for stop.
+    """
     servo, heard = simulated, []
     servo.move(0.5)
     context = rclpy.Context()
@@ -175,6 +179,27 @@ def test_a_second_participant_with_the_name_of_the_commander_moves_nothing(
         assert servo.commanders.message.startswith("conflict: a command in the name of test is not signed")
         servo.move(0.5)
         assert servo.status.mode == "tracking", "the pass goes on"
+
+        def called(name: str) -> Any:
+            client = foreign.create_client(Trigger, f"{servo.live.namespace}/antenna_servo/{name}")
+            until_s, future = time.monotonic() + 20.0, None
+            while future is None or not future.done():
+                assert time.monotonic() < until_s, name
+                if future is None and client.service_is_ready():
+                    future = client.call_async(Trigger.Request())
+                servo.move(0.1)
+                executor.spin_once(timeout_sec=0.05)
+            return future.result()
+
+        for name in ("park", "disable", "reset_fault"):
+            refused = called(name)
+            assert not refused.success
+            assert f"antenna_servo/{name} is refused: test commands the antenna" in refused.message
+        assert servo.status.mode == "tracking", "the pass goes on"
+        assert servo.ask("pause").success, "who has the key is served"
+        assert servo.ask("resume").success
+        assert called("stop").success, "stop is for everybody"
+        servo.mode("stopping", "fault")
     finally:
         executor.shutdown()
         foreign.destroy_node()

@@ -63,8 +63,13 @@ class Watched:
         self.processes = live.start(
             NODES,
             "/**:\n  ros__parameters: {station: leo_3m7}\n"
-            f"/**/ephemeris_publisher:\n  ros__parameters: {{source.elements: {elements}, source.satellite: '91001'}}\n"
-            f"/**/rotctld_server:\n  ros__parameters: {{server.port: {self.port}, match.silence_s: 4.0}}\n",
+            + "".join(
+                f"/**/{name}:\n  ros__parameters: {{command_key_file: {folder / 'command.key'}}}\n"
+                for name in ("antenna_servo", "pointing_controller")
+            )
+            + f"/**/ephemeris_publisher:\n  ros__parameters: {{source.elements: {elements}, source.satellite: '91001'}}\n"
+            f"/**/rotctld_server:\n  ros__parameters: {{server.port: {self.port}, match.silence_s: 4.0, "
+            f"command_key_file: {folder / 'command.key'}}}\n",
             autostart=True,
         )
         live.spin_until(lambda: self.antenna.mode == "holding" and self._listens(), "a station that listens")

@@ -168,6 +168,16 @@ def test_the_antenna_remembers_its_fault_and_its_turn_by_default(
     assert later[-1] == given["params_file"]
 
 
+def test_a_node_has_an_enclave_of_its_own_where_security_is_on(
+    given: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("ROS_SECURITY_ENABLE", raising=False)
+    assert launched("simulated_station")["antenna_servo"]["ros_arguments"] == []
+    monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
+    given["namespace"] = "/gs7"
+    assert launched("simulated_station")["antenna_servo"]["ros_arguments"] == ["--enclave", "/gs7/antenna_servo"]
+
+
 @pytest.mark.parametrize(
     ("network", "set_by_user", "own"),
     [

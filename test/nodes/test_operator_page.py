@@ -128,5 +128,6 @@ def whole(profile: PassProfile, random: np.random.Generator) -> None:
         count = int(random.integers(2, 400))
         profile.time = np.arange(float(count)).tolist()
         for name in ("azimuth", "elevation", "azimuth_rate", "elevation_rate", "azimuth_acceleration",
-                     "elevation_acceleration", "sun_azimuth", "sun_elevation"):  # fmt: skip
+                     "elevation_acceleration", "sun_azimuth", "sun_elevation", "satellite_gain"):  # fmt: skip
             setattr(profile, name, random.normal(0.0, 1.0, count).tolist())
+        profile.range = random.uniform(3e5, 3e6, count).tolist()

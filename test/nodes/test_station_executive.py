@@ -1,15 +1,18 @@
 """What the executive sends, by name and type; two executives that share a list; a dead one is noticed."""
 
 import time
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rclpy.serialization import deserialize_message
 from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import ExecutiveStatus, Pass, Schedule, ScheduledPass
 from rf_pointing_msgs.srv import GoTo, SelectTarget
 
 from rf_pointing.nodes import station_node
+from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
 from rf_pointing.nodes.diagnostics import ERROR, OK
 from rf_pointing.nodes.directives import DirectiveSender, filled, plain_fields, type_of
 from rf_pointing.nodes.station_executive import StationExecutive
@@ -56,7 +59,8 @@ class Clients:
     def __init__(self, ready: bool) -> None:
         self.ready, self.futures = ready, []
 
-    def create_client(self, *_: Any) -> Any:
+    def create_client(self, kind: Any, name: str) -> Any:
+        self.made = kind, name
         return SimpleNamespace(service_is_ready=lambda: self.ready, call_async=self._call)
 
     def _call(self, request: Any) -> Any:
@@ -75,11 +79,11 @@ directives:
 """
 
 
-def sender(clients: Clients, own: Any = None) -> tuple[DirectiveSender, list[Any]]:
+def sender(clients: Clients, own: Any = None, key: str = "") -> tuple[DirectiveSender, list[Any]]:
     answers: list[Any] = []
     made = DirectiveSender(
         clients, read_directives(ROWS), {"record": own or (lambda name: f"recording {name}")},
-        lambda *answer: answers.append(answer), lambda *_: None,
+        lambda *answer: answers.append(answer), lambda *_: None, CommandKeyParams(command_key_file=key),
     )  # fmt: skip
     return made, answers
 
@@ -100,6 +104,20 @@ def test_a_response_comes_back_with_its_number_when_it_is_polled() -> None:
     made.poll()
     made.poll()
     assert answers == [(7, False, "the antenna is parked")]
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_what_has_a_lease_is_called_signed_with_the_key_of_the_antenna(tmp_path: Path) -> None:
+    path = tmp_path / "command.key"
+    servo, clients = CommandKey(CommandKeyParams(command_key_file=str(path))), Clients(ready=True)
+    clients.resolve_service_name = lambda name: f"/gs1/{name}"
+    clients.get_fully_qualified_name = lambda: "/gs1/station_executive"
+    made, _ = sender(clients, key=str(path))
+    made.send(7, "go", {"azimuth": 0.1, "elevation": 0.2})
+    call = clients.futures[0].request
+    assert (call.service, call.caller) == ("/gs1/antenna_servo/go_to", "/gs1/station_executive")
+    servo.check_call(call)
+    assert deserialize_message(bytes(call.request), GoTo.Request).azimuth == 0.1
 
 
 def test_a_parameter_is_set_by_node_and_name_and_its_refusal_is_the_response() -> None:
