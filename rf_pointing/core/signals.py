@@ -27,7 +27,10 @@ KEPT_S = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """Where the target is at `t_s`; azimuth continuous along a pass, elevation with refraction."""
+    """Where the target is at `t_s`; azimuth continuous along a pass, elevation with refraction.
+
+    `satellite_gain_db` is that of its antenna towards the station, against the antenna's axis.
+    """
 
     t_s: float
     name: str
@@ -40,6 +43,7 @@ class Target:
     range_m: float
     range_rate_m_s: float
     refraction_rad: float
+    satellite_gain_db: float = 0.0
 
     @property
     def light_time_s(self) -> float:

@@ -7,6 +7,7 @@ from rf_pointing.ephemeris.element_messages import read_elements
 from rf_pointing.ephemeris.elements import Elements, find_elements
 from rf_pointing.ephemeris.oem import OemTarget, oem_text, read_oem
 from rf_pointing.ephemeris.passes import Pass, find_passes, first_pass_above, passes_with_present
+from rf_pointing.ephemeris.satellite_antenna import SatelliteAntennaParams, orbital_axes, orbital_rate_rad_s
 from rf_pointing.ephemeris.sites import SITES, Site, site
 from rf_pointing.ephemeris.tle import tle_lines, verification_elements
 from rf_pointing.ephemeris.track import TargetSource, TopocentricTrack
@@ -29,6 +30,7 @@ __all__ = [
     "IersEarthOrientation",
     "OemTarget",
     "Pass",
+    "SatelliteAntennaParams",
     "Site",
     "SkyUncertainty",
     "TargetSource",
@@ -39,6 +41,8 @@ __all__ = [
     "first_pass_above",
     "moon",
     "oem_text",
+    "orbital_axes",
+    "orbital_rate_rad_s",
     "orientation_sigma_rad",
     "passes_with_present",
     "radio_source",

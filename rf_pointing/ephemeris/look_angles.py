@@ -115,6 +115,7 @@ class LookAngles:
     """Where a target is on the sky at `t_s`, all (n,); azimuth is continuous along the array.
 
     Elevation is apparent (refraction included), `true_elevation_rad` is without refraction.
+    `satellite_gain_db` is that of the target's antenna towards the site, against its axis.
     """
 
     t_s: Array
@@ -127,6 +128,7 @@ class LookAngles:
     range_m: Array
     range_rate_m_s: Array
     true_elevation_rad: Array
+    satellite_gain_db: Array
 
 
 def angles_and_rates(enu: StateVector) -> tuple[Any, Any, Any, Any, Any, Any]:

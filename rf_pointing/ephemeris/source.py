@@ -34,6 +34,7 @@ from rf_pointing.ephemeris import (
 )
 from rf_pointing.ephemeris.element_files import element_files
 from rf_pointing.ephemeris.oem import METHODS, OemSegment
+from rf_pointing.ephemeris.satellite_antenna import SatelliteAntennaParams
 
 # Bodies of the sky by their names, case ignored.
 BODIES: dict[str, Callable[[], TargetSource]] = {
@@ -73,6 +74,7 @@ class SourceParams(Params):
         choices=("standard", "measured", "none"),
     )  # fmt: skip
     weather: RadioRefraction = parameter(RadioRefraction(), "weather measured at the antenna")
+    antenna: SatelliteAntennaParams = parameter(SatelliteAntennaParams(), "the satellite's antenna and attitude")
 
 
 def load_target(params: SourceParams) -> Elements | TargetSource:
@@ -119,6 +121,7 @@ def load_track(params: SourceParams, hold_t_s: float | None = None) -> Topocentr
         hold_t_s=hold_t_s,
         refraction=refraction_at(params, params.site),
         max_age_s=params.max_age_days * DAY_S,
+        antenna=params.antenna,
     )
 
 
@@ -204,7 +207,7 @@ class TargetMemory:
         """The source as it was last, or as configured."""
         kept = dict(self._kept.get("source", {}))
         # JSON kept these as tables; the parameter sets are made anew from them.
-        for name in ("weather", "site"):
+        for name in ("weather", "site", "antenna"):
             if name in kept:
                 kept[name] = getattr(self._configured, name).replace(**kept[name])
         return self._configured.replace(**kept)

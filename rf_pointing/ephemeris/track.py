@@ -17,6 +17,7 @@ from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.look_angles import SENSES, LookAngles, angles_and_rates, delayed, moved_across
+from rf_pointing.ephemeris.satellite_antenna import SatelliteAntennaParams
 from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.state_vector import StateVector, combined, norm, rotated, seen_from_rotating_axes
@@ -58,6 +59,7 @@ class TopocentricTrack:
     refraction : "standard" for the mean weather at the site's altitude, None for a vacuum.
     max_age_s : largest distance from the epoch of elements; times beyond it are refused.
     light_time : "receive" for signals arriving at `t_s`, "transmit" for signals leaving, "none".
+    antenna : antenna and attitude of the satellite; None sends alike in all directions.
     """
 
     def __init__(
@@ -72,6 +74,7 @@ class TopocentricTrack:
         hold_t_s: float | None = None,
         light_time: str = "receive",
         orientation: EarthOrientationSource | None = None,
+        antenna: SatelliteAntennaParams | None = None,
     ) -> None:
         require_between("along_track_offset_s", along_track_offset_s, -600.0, 600.0)
         require_between("cross_track_offset_rad", cross_track_offset_rad, -0.2, 0.2)
@@ -88,6 +91,7 @@ class TopocentricTrack:
         self.refraction = RadioRefraction.standard(site.altitude_m) if refraction == "standard" else refraction
         self.hold_t_s = hold_t_s
         self.light_time = light_time
+        self.antenna = antenna or SatelliteAntennaParams()
         self._antenna = _inertial_motion_of(site, target.rotation_rate_rad_s)
 
     def with_offsets(
@@ -97,8 +101,9 @@ class TopocentricTrack:
         cross_track_offset_rad: float,
         hold_t_s: float | None = None,
         refraction: RadioRefraction | Literal["same"] | None = "same",
+        antenna: SatelliteAntennaParams | None = None,
     ) -> "TopocentricTrack":
-        """Return the same track with other offsets, refraction or hold; this one stays as it is."""
+        """Return the same track with other offsets, refraction, hold or antenna; this one stays."""
         return TopocentricTrack(
             self.target,
             self.site,
@@ -107,6 +112,7 @@ class TopocentricTrack:
             hold_t_s=hold_t_s,
             refraction=self.refraction if refraction == "same" else refraction,
             light_time=self.light_time,
+            antenna=antenna or self.antenna,
         )
 
     def target_at(self, t_s: float, *, near_azimuth_rad: float = math.pi) -> Target:
@@ -184,7 +190,8 @@ class TopocentricTrack:
         """Return the fields of `LookAngles` at `t_s`, floats or arrays like it."""
         # Of the shape of the times, float or array.
         still = 0.0 * t_s
-        enu, range_m, range_rate_m_s = self.relative_motion_at(t_s if self.hold_t_s is None else still + self.hold_t_s)
+        at_s = t_s if self.hold_t_s is None else still + self.hold_t_s
+        enu, range_m, range_rate_m_s = self.relative_motion_at(at_s)
         azimuth, true, azimuth_rate, rate, azimuth_acceleration, acceleration = angles_and_rates(enu)
         elevation = true
         if self.refraction is not None:
@@ -199,7 +206,14 @@ class TopocentricTrack:
         if self.hold_t_s is not None:
             rates = dict.fromkeys(rates, still)
         place = {"azimuth_rad": azimuth, "elevation_rad": elevation, "range_m": range_m, "true_elevation_rad": true}
-        return place | rates
+        return place | rates | {"satellite_gain_db": still + self._satellite_gain_db(at_s)}
+
+    def _satellite_gain_db(self, t_s: Any) -> Any:
+        """Return the gain of the satellite's antenna towards the site, in dB against its axis."""
+        if self.antenna.half_power_beamwidth_rad == 0.0 or self.target.at_infinity:
+            return 0.0
+        motion = self.target.motion_at(t_s, self.along_track_offset_s)
+        return self.antenna.gain_db(motion, self.site.position_m)
 
 
 def _inertial_motion_of(site: Site, rate_rad_s: float) -> StateVector:

@@ -4,7 +4,9 @@ Wire data is not trusted: a number that is not finite, an array of the wrong len
 joint raises the ValueError of the signal.
 """
 
+import math
 import re
+from array import array
 from collections.abc import Callable
 from typing import Any, TypeVar, get_origin, get_type_hints
 
@@ -24,6 +26,7 @@ from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
 
 Signal = TypeVar("Signal")
 Message = TypeVar("Message")
+ORBIT_FRAME = "orbit"
 # Samples over a longer time are no measurement of a moving antenna.
 LONGEST_CLUSTER_S = 100.0
 # The leftmost match counts: `aos_t_s` loses `_t_s`, not only `_s`.
@@ -71,7 +74,8 @@ def _maker(blank: Any) -> Callable[[Any], Any]:
     # The wire has fixed arrays without shape: row-major.
     if isinstance(blank, np.ndarray):
         return lambda values: np.asarray(values, dtype=blank.dtype).ravel()
-    return type(blank)
+    # Of any length: its own type is that of the wire.
+    return list if isinstance(blank, array) else type(blank)
 
 
 def _read(value: Any, kind: Any) -> Any:
@@ -97,6 +101,17 @@ def target_to_message(target: core.Target, uncertainty: SkyUncertainty | None = 
         message.along_track_sigma = uncertainty.along_track_rad
         message.cross_track_sigma = uncertainty.cross_track_rad
     return message
+
+
+def satellite_quaternion_from_message(message: ours.Attitude) -> tuple[float, float, float, float]:
+    """Return the quaternion (x, y, z, w) from the body's axes to the orbital frame."""
+    if message.header.frame_id.rpartition("/")[2] != ORBIT_FRAME:
+        raise ValueError(f"frame_id={message.header.frame_id!r} of an attitude must be {ORBIT_FRAME!r}")
+    turn = message.orientation
+    parts, size = (turn.x, turn.y, turn.z, turn.w), math.hypot(turn.x, turn.y, turn.z, turn.w)
+    core.require_between("length of the quaternion", size, 0.99, 1.01)
+    x, y, z, w = (part / size for part in parts)
+    return x, y, z, w
 
 
 def temperature_from_message(message: Temperature) -> float:

@@ -49,15 +49,16 @@ def profile_to_message(profile: PassProfile) -> ours.PassProfile:
         setattr(message, f"azimuth{ending}", values[:, 0].tolist())
         setattr(message, f"elevation{ending}", values[:, 1].tolist())
     message.sun_azimuth, message.sun_elevation = (part.tolist() for part in profile.sun_rad.T)
+    message.range, message.satellite_gain = profile.range_m.tolist(), profile.satellite_gain_db.tolist()
     return message
 
 
 def profile_from_message(message: ours.PassProfile) -> PassProfile:
     count = len(message.time)
-    for axis in ("azimuth", "elevation"):
-        for name in (axis, f"{axis}_rate", f"{axis}_acceleration", f"sun_{axis}"):
-            if len(getattr(message, name)) != count:
-                raise ValueError(f"{name} has {len(getattr(message, name))} values, must have {count}")
+    of_axes = [f"{axis}{ending}" for axis in ("azimuth", "elevation") for ending in _PROFILE]
+    for name in (*of_axes, "sun_azimuth", "sun_elevation", "range", "satellite_gain"):
+        if len(getattr(message, name)) != count:
+            raise ValueError(f"{name} has {len(getattr(message, name))} values, must have {count}")
     pairs = {
         name: np.column_stack([getattr(message, f"azimuth{ending}"), getattr(message, f"elevation{ending}")])
         for ending, name in _PROFILE.items()
@@ -66,6 +67,8 @@ def profile_from_message(message: ours.PassProfile) -> PassProfile:
         name=message.target,
         t_s=seconds_from_stamp(message.aos) + np.array(message.time),
         sun_rad=np.column_stack([message.sun_azimuth, message.sun_elevation]),
+        range_m=np.array(message.range),
+        satellite_gain_db=np.array(message.satellite_gain),
         **pairs,
     )
 

@@ -4,32 +4,33 @@ Publishes: target (10 Hz, ahead of time while above the mask; direction, rates, 
 light time, refraction and covariance), passes, pass_profiles (latched).
 Subscribes, where source.refraction is measured: weather/temperature, weather/pressure and
 weather/humidity (sensor_msgs/Temperature, FluidPressure, RelativeHumidity) in place of
-source.weather.
+source.weather.  Where source.antenna has a width: satellite_attitude in place of its roll, pitch
+and yaw.
 Service: ~/select_target (rf_pointing_msgs/SelectTarget): choose the satellite and get its passes.
-Parameters: source.* (elements or ephemeris, object, station; offsets, hold and weather, live, read
-back on /diagnostics with the age of the elements and what it means on the sky; newer elements of an
-address, or of files that were replaced, come into force between two passes), publisher.* (lead,
-rate, mask, how far to look, state_file: what was selected and set outlives the node), mask.* (the
-horizon by azimuth, as pointing_controller's: a pass begins and ends above both), uncertainty.*
-(position errors of elements against their age).
+Parameters: source.* (elements or ephemeris, object, station; offsets, hold, weather and antenna,
+live, read back on /diagnostics with the age of the elements and what it means on the sky; newer
+elements of an address, or of files that were replaced, come into force between two passes),
+publisher.* (lead, rate, mask, how far to look, state_file: what was selected and set outlives the
+node), mask.* (the horizon by azimuth, as pointing_controller's: a pass begins and ends above both),
+uncertainty.* (position errors of elements against their age).
 """
 
 import math
 from dataclasses import dataclass
 
-from rf_pointing_msgs.msg import PassList, PassProfileList, Target
+from rf_pointing_msgs.msg import Attitude, PassList, PassProfileList, Target
 from rf_pointing_msgs.srv import SelectTarget
 from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
 
 from rf_pointing import ephemeris
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.dates import DAY_S, utc_text
-from rf_pointing.ephemeris import Pass, SkyUncertainty, TopocentricTrack, stale_warning
+from rf_pointing.ephemeris import Pass, SatelliteAntennaParams, SkyUncertainty, TopocentricTrack, stale_warning
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at
 from rf_pointing.nodes import convert, convert_planning
 from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.nodes.element_updates import ElementUpdates
-from rf_pointing.nodes.graph import HUMIDITY, PRESSURE, TEMPERATURE
+from rf_pointing.nodes.graph import HUMIDITY, PRESSURE, SATELLITE_ATTITUDE, TEMPERATURE
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.qos import LATCHED, STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
@@ -38,7 +39,7 @@ from rf_pointing.planning import HorizonMask
 from rf_pointing.station.pointing.certificates import pass_profile
 
 # What may change while the node is configured; ~/select_target takes another satellite.
-LIVE_SOURCE = ("along_track_offset_s", "cross_track_offset_deg", "hold", "refraction", "weather")
+LIVE_SOURCE = ("along_track_offset_s", "cross_track_offset_deg", "hold", "refraction", "weather", "antenna")
 
 
 RENEWAL_S = 10.0
@@ -46,6 +47,8 @@ RENEWAL_S = 10.0
 WEATHER_STEPS = {"temperature_k": 0.5, "pressure_hpa": 0.5, "relative_humidity": 0.02}
 """Changes of the weather that matter: each is 0.2 % of the refraction or less."""
 WEATHER_AGE_S = 3600.0
+ATTITUDE_SHARE = 0.02
+"""Of the width of the satellite's beam: how far its axis moves before it matters, 0.005 dB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,6 +106,9 @@ class EphemerisPublisher(StationNode):
             self.listen(
                 RelativeHumidity, HUMIDITY, lambda m: self._on_weather("relative_humidity", m.relative_humidity), STREAM
             )
+        self._attitude: SatelliteAntennaParams | None = None
+        if self._memory.source.antenna.half_power_beamwidth_rad > 0.0:
+            self.listen(Attitude, SATELLITE_ATTITUDE, self._on_attitude, STREAM)
         self.serve(SelectTarget, "~/select_target", self._on_select)
         self.diagnostics.add("target", self._health)
 
@@ -161,9 +167,26 @@ class EphemerisPublisher(StationNode):
         self.parameters.put("source", source.replace(weather=weather))
         self._on_parameters()
 
+    def _on_attitude(self, message: Attitude) -> None:
+        if message.valid:
+            antenna: SatelliteAntennaParams = self.parameters.value("source").antenna
+            self._attitude = antenna.turned(convert.satellite_quaternion_from_message(message))
+
+    def _use_attitude(self) -> None:
+        """Bring the measured attitude into force where the satellite's beam has moved enough."""
+        source: SourceParams = self.parameters.value("source")
+        if self._attitude is None or self._track is None:
+            return
+        moved_rad = math.dist(self._attitude.axis, source.antenna.axis)
+        if moved_rad > ATTITUDE_SHARE * source.antenna.half_power_beamwidth_rad:
+            self.parameters.put("source", source.replace(antenna=self._attitude))
+            self._on_parameters()
+            self._publish_profiles()
+
     def _renew(self, now_s: float) -> None:
         """Bring newer elements into force, but neither in a pass nor just before one."""
         self._use_weather()
+        self._use_attitude()
         params, source = self.parameters.value("publisher"), self.parameters.value("source")
         if not self._updates.changed() or source.hold:
             return
@@ -206,10 +229,7 @@ class EphemerisPublisher(StationNode):
         """Make `track` the target, if it passes, and publish its passes."""
         params: PublisherParams = self.parameters.value("publisher")
         horizon = self.parameters.value("mask").above(params.mask_rad)
-        # Passes are those of the moving target: one that is held passes never, or always.
-        along_s, cross_rad = track.along_track_offset_s, track.cross_track_offset_rad
-        moving = track.with_offsets(along_track_offset_s=along_s, cross_track_offset_rad=cross_rad)
-        found = ephemeris.passes_with_present(moving, start_s, params.span_s, horizon)
+        found = ephemeris.passes_with_present(_moving(track), start_s, params.span_s, horizon)
         passes = [window for window in found if window.peak_elevation_rad >= peak_rad]
         if not passes:
             peak, span = f"{math.degrees(peak_rad):.1f} deg", f"{params.span_s / 3600.0:.1f} h"
@@ -219,9 +239,15 @@ class EphemerisPublisher(StationNode):
         message = PassList(target=track.name, passes=[convert_planning.pass_to_message(window) for window in passes])
         message.header.stamp = stamp_from_seconds(self.now_s())
         self._pass_list.publish(message)
-        profiles = [convert_planning.profile_to_message(pass_profile(moving, window)) for window in passes]
-        self._profiles.publish(PassProfileList(header=message.header, profiles=profiles))
+        self._publish_profiles()
         return passes
+
+    def _publish_profiles(self) -> None:
+        moving = _moving(self._track)
+        profiles = [convert_planning.profile_to_message(pass_profile(moving, window)) for window in self._passes]
+        message = PassProfileList(profiles=profiles)
+        message.header.stamp = stamp_from_seconds(self.now_s())
+        self._profiles.publish(message)
 
     def _on_parameters(self) -> None:
         if self._track is not None:
@@ -233,6 +259,7 @@ class EphemerisPublisher(StationNode):
                 cross_track_offset_rad=source.cross_track_offset_rad,
                 hold_t_s=held_s if source.hold else None,
                 refraction=refraction_at(source, self._track.site),
+                antenna=source.antenna,
             )
             self._memory.keep(source, self._peak_rad, self._track.hold_t_s)
 
@@ -299,6 +326,13 @@ class EphemerisPublisher(StationNode):
             "along_track_sigma_deg": round(math.degrees(sky.along_track_rad), 5),
             "cross_track_sigma_deg": round(math.degrees(sky.cross_track_rad), 5),
         }
+
+
+def _moving(track: TopocentricTrack) -> TopocentricTrack:
+    """Return the track without its hold: a target that is held passes never, or always."""
+    return track.with_offsets(
+        along_track_offset_s=track.along_track_offset_s, cross_track_offset_rad=track.cross_track_offset_rad
+    )
 
 
 def main() -> None:

@@ -76,6 +76,7 @@ OPERATOR_PAGE = "operator_page"
 STATION_IN_USE = "station_in_use"
 SCHEDULE = "schedule"
 EXECUTIVE_STATUS = "executive_status"
+SATELLITE_ATTITUDE = "satellite_attitude"
 WIND, TEMPERATURE, PRESSURE, HUMIDITY = (f"weather/{name}" for name in ("wind", "temperature", "pressure", "humidity"))
 """What a station's own instruments publish."""
 _POINTING_ERROR = Topic(

@@ -42,7 +42,11 @@ def certificate_lines(certificate: Certificate) -> list[str]:
         verdict += f"; arrives {chosen.late_s:.0f} s after acquisition"
     if chosen.acquisition_s > 0.0:
         verdict += f"; {chosen.acquisition_s:.0f} s expected until a sensor holds the target"
-    return [*lines, f"{verdict}; expected pointing loss {chosen.mean_loss_db:.2f} dB"]
+    verdict += f"; expected pointing loss {chosen.mean_loss_db:.2f} dB"
+    if certificate.carrier_to_noise_db_hz:
+        least, most = certificate.carrier_to_noise_db_hz
+        verdict += f", C/N0 {least:.1f} to {most:.1f} dB-Hz"
+    return [*lines, verdict]
 
 
 def certificate_values(certificate: Certificate) -> dict[str, Any]:

@@ -14,13 +14,17 @@ from rf_pointing.core import angular_distance_rad, as_finite_array, unit_vector_
 from rf_pointing.core.hermite import quintic_coefficients
 
 Array = NDArray[np.float64]
+STEP_S = 0.1
+# A pass of 83 min.  Longer ones are of high orbits, the Moon and the Sun.
+MOST_STEPS = 50_000
 
 
 @dataclass(frozen=True, kw_only=True)
 class PassProfile:
     """Apparent direction (n, 2) of a target at `t_s` (n,), azimuth continuous, and of the Sun.
 
-    Columns are azimuth, elevation; units rad, rad/s, rad/s^2.
+    Columns are azimuth, elevation; units rad, rad/s, rad/s^2.  `range_m` (n,) is its distance,
+    `satellite_gain_db` (n,) that of its antenna towards the station, against the antenna's axis.
     """
 
     name: str
@@ -29,11 +33,17 @@ class PassProfile:
     velocity_rad_s: Array
     acceleration_rad_s2: Array
     sun_rad: Array
+    range_m: Array
+    satellite_gain_db: Array
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t_s", as_finite_array("t_s", self.t_s, (None,)))
         for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "sun_rad"):
             object.__setattr__(self, name, as_finite_array(name, getattr(self, name), (len(self.t_s), 2)))
+        for name in ("range_m", "satellite_gain_db"):
+            object.__setattr__(self, name, as_finite_array(name, getattr(self, name), (len(self.t_s),)))
+        if np.any(self.range_m <= 0.0):
+            raise ValueError(f"range_m={float(self.range_m.min())} must be > 0")
         if len(self.t_s) < 2 or np.any(np.diff(self.t_s) <= 0.0):
             raise ValueError(f"t_s must have at least 2 increasing times, has {len(self.t_s)}")
 
@@ -42,9 +52,13 @@ class PassProfile:
         """Time from the first row to the last."""
         return float(self.t_s[-1] - self.t_s[0])
 
-    def resampled(self, step_s: float) -> "PassProfile":
-        """Return the same pass at even steps of at most `step_s`, both ends included."""
-        return self._at(np.linspace(self.t_s[0], self.t_s[-1], int(np.ceil(self.duration_s / step_s)) + 1))
+    def resampled(self) -> "PassProfile":
+        """Return the same pass at even steps of at most `STEP_S`, both ends included.
+
+        A pass of many hours, which is slow, has longer steps: `MOST_STEPS` of them.
+        """
+        steps = min(int(np.ceil(self.duration_s / STEP_S)), MOST_STEPS)
+        return self._at(np.linspace(self.t_s[0], self.t_s[-1], steps + 1))
 
     def between(self, start_s: float, end_s: float) -> "PassProfile":
         """Return the piece of the pass from `start_s` to `end_s`, both within it."""
@@ -69,6 +83,8 @@ class PassProfile:
             velocity_rad_s=velocity,
             acceleration_rad_s2=acceleration,
             sun_rad=np.column_stack([np.arctan2(here[:, 0], here[:, 1]), np.arcsin(np.clip(here[:, 2], -1.0, 1.0))]),
+            range_m=np.interp(times, self.t_s, self.range_m),
+            satellite_gain_db=np.interp(times, self.t_s, self.satellite_gain_db),
         )
 
     def sun_angle_rad(self) -> Array:

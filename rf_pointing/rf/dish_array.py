@@ -17,6 +17,20 @@ from numpy.typing import NDArray
 from rf_pointing.core import Params, parameter
 
 Array = NDArray[np.float64]
+PERIOD_S = 0.1
+"""Time between two directions of an array, and length of the block that each is made of."""
+SNAPSHOTS = 32
+"""Of a block; they fill its time, so each holds the noise of 320 Hz."""
+SEPARATION = 36.0
+"""Least kappa (1 - rho) of a valid direction, against the direction that is most like it."""
+MAIN_LOBE = 3.0
+"""Within so much of phase at the rim a direction is the same lobe: sidelobes begin at 3.83."""
+LATTICE = 0.25
+"""Spacing of the directions that are compared, in phase at the rim."""
+BETWEEN = 0.01
+"""By how much a lobe may be higher than at the lattice: (LATTICE / sqrt 2)^2 / 4 = 0.008."""
+LEAST_EFFECTIVE_SNR = 60.0
+"""Of a valid direction, kappa = L S^2 / (1 + S), S the SNR of all patches of a block of L."""
 # Below this separation its sine is itself to the last digit.
 SMALL_RAD = 1e-9
 
@@ -47,6 +61,41 @@ class DishArrayParams(Params):
         above = np.array([[1.0, 0.0, 0.0], [0.0, e, -f], [0.0, f, e]])
         roll = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         return np.asarray(roll @ above @ across)
+
+
+def direction_sigmas_rad(array: DishArrayParams, level_db_hz: float) -> tuple[float, float]:
+    """Return how far off each axis of a direction is, rms: from block to block, and all the time.
+
+    `level_db_hz` is the C/N0 of the dish on the axis of its beam.  The first is the Cramer-Rao
+    bound of one Gaussian source on M patches, S = M SNR: (1 + 1/S) / (L S (k r)^2) rad^2.  The
+    second is what the unknown phases leave: sigma sqrt(2 / M) / (k r).
+    """
+    rim = 2.0 * math.pi * array.radius_m / array.wavelength_m
+    level = 10.0 ** (0.1 * (level_db_hz - array.element_loss_db))
+    total = array.elements * level * PERIOD_S / SNAPSHOTS
+    noise = math.sqrt((1.0 + 1.0 / total) / (SNAPSHOTS * total)) / rim
+    return noise, array.phase_sigma_rad * math.sqrt(2.0 / array.elements) / rim
+
+
+def least_level_db_hz(array: DishArrayParams) -> float:
+    """Return the C/N0 of all patches at which half of the directions near the axis are valid.
+
+    Infinite where no level is enough: a grating lobe, or phases that are too little known.
+    """
+    rim = 2.0 * math.pi * array.radius_m / array.wavelength_m
+    steps = np.arange(-rim, rim + LATTICE, LATTICE)
+    right, up = (part.ravel() for part in np.meshgrid(steps, steps))
+    size = np.hypot(right, up)
+    outside = (size >= MAIN_LOBE) & (size <= rim)
+    angles = 2.0 * math.pi * np.arange(array.elements) / array.elements
+    phases = np.outer(right[outside], np.cos(angles)) + np.outer(up[outside], np.sin(angles))
+    likeness = np.abs(np.exp(1j * phases).mean(axis=1)).max(initial=0.0) + BETWEEN
+    spare = (1.0 - likeness) / SEPARATION - 2.0 * array.phase_sigma_rad**2 / array.elements
+    if spare <= 0.0:
+        return math.inf
+    kappa = max(1.0 / spare, LEAST_EFFECTIVE_SNR)
+    total = (kappa + math.sqrt(kappa**2 + 4.0 * SNAPSHOTS * kappa)) / (2.0 * SNAPSHOTS)
+    return 10.0 * math.log10(total * SNAPSHOTS / PERIOD_S)
 
 
 def direction_from_offset(offset_rad: Array) -> Array:

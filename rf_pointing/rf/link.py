@@ -2,8 +2,8 @@
 
 C/N0 = C/N0 at the zenith at the reference range - 20 log(range/reference) - extra atmosphere -
 extra system noise. The zenith figure comes from a test, or from a link budget: EIRP + G - L_fs -
-L_atm - L_pol - 10 log(k T_sys). The loss of the beam pattern is not in here: the receiver applies
-it from where the beam really points.
+L_atm - L_pol - 10 log(k T_sys), for a satellite whose antenna looks at the station. The loss of the
+beam pattern is not in here: the receiver applies it from where the beam really points.
 """
 
 import math
@@ -26,9 +26,13 @@ class LinkParams(Params):
     zenith_carrier_to_noise_db_hz: float = parameter(60.0, "C/N0 at the zenith", low=0.0, high=140.0)
     reference_range_m: float = parameter(500e3, "range at which that C/N0 is received", low=1.0, high=1e16)
 
-    def level_db_hz(self, range_m: float) -> float:
-        """Return the C/N0 of a beam on the target: that of the zenith over this distance."""
-        return self.zenith_carrier_to_noise_db_hz - 20.0 * math.log10(range_m / self.reference_range_m)
+    def level_db_hz(self, range_m: float, satellite_gain_db: float = 0.0) -> float:
+        """Return the C/N0 of a beam on the target: that of the zenith over this distance.
+
+        `satellite_gain_db` is that of its antenna towards the station, against the axis.
+        """
+        spreading_db = 20.0 * math.log10(range_m / self.reference_range_m)
+        return self.zenith_carrier_to_noise_db_hz - spreading_db + satellite_gain_db
 
 
 class Link:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
+from rf_pointing_msgs.msg import Attitude
 
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.refraction import RadioRefraction
@@ -154,3 +155,46 @@ def test_the_measured_weather_bends_the_rays_and_its_age_is_reported(
     late_s = weather.now_s() + 2.0 * 3600.0
     monkeypatch.setattr(weather, "now_s", lambda: late_s)
     assert "the measured weather is 2.0 h old" in weather._health().message
+
+
+@pytest.fixture
+def turning(default_context: None, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Yield a publisher of a satellite with a narrow beam, whose attitude is measured."""
+    node = EphemerisPublisher()
+    node.set_parameters([Parameter("source.antenna.half_power_beamwidth_deg", value=40.0)])
+    monkeypatch.setattr(node, "now_s", lambda: 1_151_384_500.0)
+    assert node.on_configure(STATE) == TransitionCallbackReturn.SUCCESS
+    assert node.on_activate(STATE) == TransitionCallbackReturn.SUCCESS
+    yield node
+    node.end()
+    node.lock.release()
+    node.destroy_node()
+
+
+def attitude(roll_rad: float, frame: str = "sat/orbit", valid: bool = True) -> Attitude:
+    message = Attitude(valid=valid)
+    message.header.frame_id = frame
+    message.orientation.x, message.orientation.w = math.sin(0.5 * roll_rad), math.cos(0.5 * roll_rad)
+    return message
+
+
+def test_a_measured_attitude_moves_the_satellite_s_beam(turning: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    profiles: list[Any] = []
+    monkeypatch.setattr(turning._profiles, "publish", profiles.append)
+    before = turning._track.target_at(turning._passes[0].tca_t_s)
+    turning._on_attitude(attitude(0.5))
+    turning._renew(turning.now_s())
+    after = turning._track.target_at(turning._passes[0].tca_t_s)
+    assert turning._track.antenna.roll_rad == pytest.approx(0.5)
+    assert after.satellite_gain_db != pytest.approx(before.satellite_gain_db, abs=1.0)
+    assert after.azimuth_rad == before.azimuth_rad
+    row = len(profiles[0].profiles[0].time) // 2
+    fresh = turning._track.target_at(turning._passes[0].aos_t_s + profiles[0].profiles[0].time[row])
+    assert profiles[0].profiles[0].satellite_gain[row] == pytest.approx(fresh.satellite_gain_db, abs=1e-9)
+    # A hundredth of the beam, or an attitude that is not valid, changes nothing.
+    for message in (attitude(0.5 + math.radians(0.4)), attitude(-0.5, valid=False)):
+        turning._on_attitude(message)
+        turning._renew(turning.now_s())
+    assert (turning._track.antenna.roll_rad, len(profiles)) == (pytest.approx(0.5), 1)
+    with pytest.raises(ValueError, match="frame_id='earth' of an attitude must be 'orbit'"):
+        turning._on_attitude(attitude(0.5, frame="earth"))

@@ -7,14 +7,16 @@ reference would point the other way.
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.array_sensors.attitude.orbits import OrbitPoint, SunSynchronousOrbitParams, orbit_point
+from rf_pointing.array_sensors.attitude.orbits import Orbit, SunSynchronousOrbitParams, orbit_point
 from rf_pointing.core import Params, parameter, require_between
 from rf_pointing.core.constants import EARTH_RADIUS_M
+from rf_pointing.ephemeris import Site
 
 Array = NDArray[np.float64]
 # A name becomes a ROS namespace, whose grammar allows no more.
@@ -45,6 +47,32 @@ class GroundStation:
             ]
         )
 
+    @property
+    def zenith(self) -> Array:
+        """Unit vector (3,) up from it: on a sphere, the place itself."""
+        return self.position_m / EARTH_RADIUS_M
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurveyedStation:
+    """A transmitter on the WGS 84 ellipsoid."""
+
+    name: str
+    site: Site
+
+    @property
+    def position_m(self) -> Array:
+        """Earth-fixed position (3,)."""
+        return np.array(self.site.position_m)
+
+    @property
+    def zenith(self) -> Array:
+        """Unit vector (3,) up from it."""
+        return np.array(self.site.axes[2])
+
+
+GroundPlace = GroundStation | SurveyedStation
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StationView:
@@ -61,21 +89,16 @@ class StationView:
         return self.elevation_rad >= elevation_min_rad
 
 
-def view_stations(orbit: SunSynchronousOrbitParams, stations: list[GroundStation], t_s: ArrayLike) -> StationView:
+def view_stations(orbit: Orbit, stations: Sequence[GroundPlace], t_s: ArrayLike) -> StationView:
     """Return how the satellite sees `stations` at UTC times `t_s` (...)."""
-    return view_from(orbit_point(orbit, t_s), stations)
-
-
-def view_from(point: OrbitPoint, stations: list[GroundStation]) -> StationView:
-    """Return how a satellite at `point` sees `stations`."""
+    point = orbit.point(t_s)
     if not stations:
         raise ValueError("stations is empty, must have at least 1")
     places = np.stack([station.position_m for station in stations])
     away = places - point.position_m[..., None, :]
     distance = np.linalg.norm(away, axis=-1)
-    # The line of sight seen from the station is -away; the spherical Earth makes its zenith the
-    # place itself.
-    sine = -np.sum(away * places, axis=-1) / (distance * EARTH_RADIUS_M)
+    # The line of sight seen from the station is -away.
+    sine = -np.sum(away * np.stack([station.zenith for station in stations]), axis=-1) / distance
     reference = np.einsum("...ij,...nj->...ni", point.frame, away) / distance[..., None]
     # Straight overhead rounding gives a sine of 1 + 1e-16, and arcsin would return NaN.
     return StationView(reference=reference, elevation_rad=np.arcsin(np.clip(sine, -1.0, 1.0)), range_m=distance)
@@ -117,6 +140,15 @@ def stations_along_track(
     return stations
 
 
+def require_names(what: str, names: tuple[str, ...]) -> None:
+    """Refuse names of stations that are no namespaces, or not different."""
+    for name in names:
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
+            raise ValueError(f"{what} has {name!r}, must be lower-case letters, digits and underscores")
+    if len(set(names)) != len(names) or not names:
+        raise ValueError(f"{what}={names} must be different, and at least one")
+
+
 @dataclass(frozen=True, kw_only=True)
 class GroundNetworkParams(Params):
     """Stations on the spherical Earth.
@@ -134,11 +166,7 @@ class GroundNetworkParams(Params):
 
     def check_together(self) -> None:
         """Refuse names that are no namespaces, double names, and places without a name."""
-        for name in self.names:
-            if not isinstance(name, str) or not _NAME.fullmatch(name):
-                raise ValueError(f"names has {name!r}, must be lower-case letters, digits and underscores")
-        if len(set(self.names)) != len(self.names) or not self.names:
-            raise ValueError(f"names={self.names} must be different, and at least one")
+        require_names("names", self.names)
         for field in ("latitude_rad", "longitude_rad"):
             if len(getattr(self, field)) != len(self.names):
                 raise ValueError(

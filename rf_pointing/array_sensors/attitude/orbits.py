@@ -12,6 +12,7 @@ fraction).  The inclination is the one whose J2 precession does this:
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,6 +36,13 @@ class OrbitPoint:
     position_m: Array
     frame: Array
     frame_rate_rad_s: Array
+
+
+class Orbit(Protocol):
+    """The orbit of a satellite: where it is, and how its orbital frame stands and turns."""
+
+    def point(self, t_s: ArrayLike) -> OrbitPoint:
+        """Return place, frame and frame rate at UTC times `t_s` (...)."""
 
 
 def circular_frame(along_rad: ArrayLike, node_rad: ArrayLike, inclination_rad: float) -> Array:
@@ -67,6 +75,10 @@ class SunSynchronousOrbitParams(Params):
     altitude_m: float = parameter(800e3, "height above the spherical Earth", low=200e3, high=5000e3)
     descending_node_local_time_h: float = parameter(8.0, "local mean solar time, hours", low=0.0, high=24.0)
     ascending_node_time_s: float = parameter(0.0, "UTC seconds since 1970 of one ascending node", low=-1e11, high=1e11)
+
+    def point(self, t_s: ArrayLike) -> OrbitPoint:
+        """Return place, frame and frame rate at UTC times `t_s` (...)."""
+        return orbit_point(self, t_s)
 
 
 def mean_motion_rad_s(orbit: SunSynchronousOrbitParams) -> float:

@@ -7,15 +7,16 @@ filter on.
 """
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.attitude_report import AttitudeReport, RateReport, require_arrived
-from rf_pointing.array_sensors.attitude.ground_stations import GroundStation, view_stations
+from rf_pointing.array_sensors.attitude.ground_stations import GroundPlace, view_stations
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
-from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
+from rf_pointing.array_sensors.attitude.orbits import Orbit
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
 from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
@@ -108,8 +109,8 @@ class DoaAttitude:
         self,
         array: CircularArrayParams,
         estimator: DoaEstimatorParams,
-        orbit: SunSynchronousOrbitParams,
-        stations: list[GroundStation],
+        orbit: Orbit,
+        stations: Sequence[GroundPlace],
         satellite: SatelliteParams,
         filtering: tuple[DoaAttitudeParams, StartParams, ProcessNoiseParams, GateParams, WatchParams],
         params: DoaChainParams,
@@ -241,7 +242,7 @@ class DoaAttitude:
             self._filter = self._started(t_s)
             return self._filter
         for until_s, known in self._pieces(self._filter.state.t_s, t_s):
-            self._filter.predict_to(until_s, known, orbit_point(self._orbit, until_s).frame_rate_rad_s)
+            self._filter.predict_to(until_s, known, self._orbit.point(until_s).frame_rate_rad_s)
         return self._filter
 
     def _started(self, t_s: float) -> DoaAttitudeFilter:
@@ -255,7 +256,7 @@ class DoaAttitude:
             watch,
             t_s=t_s,
             quaternion=np.array([0.0, 0.0, 0.0, 1.0]),
-            rate_rad_s=orbit_point(self._orbit, t_s).frame_rate_rad_s,
+            rate_rad_s=self._orbit.point(t_s).frame_rate_rad_s,
         )
 
     def _pieces(self, from_s: float, to_s: float) -> list[tuple[float, KnownTorque]]:

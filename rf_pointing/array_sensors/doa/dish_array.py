@@ -23,20 +23,20 @@ from rf_pointing.array_sensors.doa.covariance import sample_covariance
 from rf_pointing.array_sensors.doa.estimator import DirectionEstimate, DoaEstimator, DoaEstimatorParams
 from rf_pointing.array_sensors.doa.music import lattice, principal_eigenvectors
 from rf_pointing.core import PointingError, Sensor, random_stream
-from rf_pointing.rf.dish_array import DishArrayParams, direction_from_offset, offset_from_direction
+from rf_pointing.rf.dish_array import (
+    BETWEEN,
+    LATTICE,
+    LEAST_EFFECTIVE_SNR,
+    MAIN_LOBE,
+    PERIOD_S,
+    SEPARATION,
+    SNAPSHOTS,
+    DishArrayParams,
+    direction_from_offset,
+    offset_from_direction,
+)
 
 Array = NDArray[np.float64]
-PERIOD_S = 0.1
-SNAPSHOTS = 32
-"""Of a block; they fill its time, so each holds the noise of 320 Hz."""
-SEPARATION = 36.0
-"""Least kappa (1 - rho): at the sidelobe of a full circle, rho = 0.4, that of kappa = 60."""
-MAIN_LOBE = 3.0
-"""Within so much of phase at the rim a direction is the same lobe: sidelobes begin at 3.83."""
-LATTICE = 0.25
-"""Spacing of the directions that are compared, in phase at the rim."""
-BETWEEN = 0.01
-"""By how much a lobe may be higher than at the lattice: (LATTICE / sqrt 2)^2 / 4 = 0.008."""
 FIT_SIGMAS = 8.0
 """Of the misfit, about chi squared of the patches; a lobe that is separate exceeds it."""
 
@@ -80,7 +80,10 @@ class DishArrayTracker:
     def __init__(self, array: DishArrayParams) -> None:
         self.array, self.counts, self.last_reason = array, {"valid": 0, "invalid": 0}, ""
         self._circle, self._rotation = circle_of(array), array.rotation
-        self._estimator = DoaEstimator(self._circle, DoaEstimatorParams(phase_sigma_rad=array.phase_sigma_rad))
+        self._estimator = DoaEstimator(
+            self._circle,
+            DoaEstimatorParams(phase_sigma_rad=array.phase_sigma_rad, effective_snr_min=LEAST_EFFECTIVE_SNR),
+        )
 
     def measure(self, block: SnapshotBlock) -> PointingError:
         """Return the pointing error in the middle of a block; an invalid one has its reason.

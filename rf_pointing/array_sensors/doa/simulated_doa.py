@@ -6,14 +6,15 @@ channel.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.array_sensors.attitude.ground_stations import GroundStation, view_stations
+from rf_pointing.array_sensors.attitude.ground_stations import GroundPlace, view_stations
 from rf_pointing.array_sensors.attitude.multiplicative_filter import ProcessNoiseParams
-from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
+from rf_pointing.array_sensors.attitude.orbits import Orbit
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_roll_pitch_yaw, quaternion_to_matrix
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
@@ -65,8 +66,8 @@ class SimulatedDoa:
         self,
         array: CircularArrayParams,
         receiver: ArraySourceParams,
-        orbit: SunSynchronousOrbitParams,
-        stations: list[GroundStation],
+        orbit: Orbit,
+        stations: Sequence[GroundPlace],
         satellite: SatelliteParams,
         hold: NadirHoldParams,
         noise: ProcessNoiseParams,
@@ -89,7 +90,7 @@ class SimulatedDoa:
     def step(self, t_s: float) -> DoaMoment:
         """Advance to `t_s` under the torque held so far; ValueError if time does not advance."""
         satellite = self._advanced(t_s)
-        rate = orbit_point(self._orbit, t_s).frame_rate_rad_s
+        rate = self._orbit.point(t_s).frame_rate_rad_s
         self._torque = satellite.hold_torque(rate)
         truth = satellite.state
         return DoaMoment(
@@ -109,14 +110,14 @@ class SimulatedDoa:
             # Frame rate at the middle of the step: at its start the truth would lag by half a step
             # every step.
             middle_s = before_s + (index + 0.5) * (t_s - before_s) / count
-            rate = orbit_point(self._orbit, middle_s).frame_rate_rad_s
+            rate = self._orbit.point(middle_s).frame_rate_rad_s
             self._satellite.step((t_s - before_s) / count, torque, rate)
         return self._satellite
 
     def _started(self, t_s: float) -> SimulatedSatellite:
         scenario, (satellite, hold, noise) = self._scenario, self._bodies
         turn = quaternion_from_roll_pitch_yaw([scenario.roll_rad, scenario.pitch_rad, scenario.yaw_rad])
-        rate = quaternion_to_matrix(turn).T @ orbit_point(self._orbit, t_s).frame_rate_rad_s + scenario.rate_rad_s
+        rate = quaternion_to_matrix(turn).T @ self._orbit.point(t_s).frame_rate_rad_s + scenario.rate_rad_s
         return SimulatedSatellite(satellite, hold, noise, t_s=t_s, quaternion=turn, rate_rad_s=rate, seed=self._seed)
 
     def _hear(self, t_s: float, quaternion: Array) -> ChannelBlock | None:
@@ -132,4 +133,4 @@ class SimulatedDoa:
             heard = heard[[self._turn % len(heard)]]
             self._turn += 1
         block = self._source.step(t_s, directions[heard], np.full(len(heard), self._scenario.snr_db))
-        return ChannelBlock(transmitters=tuple(self._stations[index].name for index in heard), block=block)
+        return ChannelBlock(transmitters=tuple(self._stations[index].name for index in heard.tolist()), block=block)

@@ -3,8 +3,8 @@
 Subscribes: array_snapshots, known_torque.
 Publishes: attitude (one for every block; invalid ones carry their reason), attitude_rate
 (geometry_msgs/TwistWithCovarianceStamped, with every valid attitude).
-Parameters: array.*, response.* (as calibrated), estimator.*, orbit.*, stations.*, satellite.*,
-filter.*, start.*, noise.*, gate.*, watch.*, chain.*.
+Parameters: array.*, response.* (as calibrated), estimator.*, orbit.*, stations.*, scene.*,
+satellite.*, filter.*, start.*, noise.*, gate.*, watch.*, chain.*.
 """
 
 from geometry_msgs.msg import TwistWithCovarianceStamped
@@ -13,6 +13,7 @@ from rf_pointing_msgs.msg import ArraySnapshots, Attitude, KnownTorque
 from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
+from rf_pointing.array_sensors.attitude.pass_scene import PassSceneParams, pass_scene
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, ResponseParams
 from rf_pointing.array_sensors.doa.attitude_chain import DoaAttitude, DoaAttitudeReport, DoaChainParams
@@ -40,6 +41,7 @@ class DoaAttitudeNode(ManagedNode):
         scene = {
             "orbit": SunSynchronousOrbitParams(),
             "stations": GroundNetworkParams(),
+            "scene": PassSceneParams(),
             "satellite": SatelliteParams(),
         }
         tuning = {"filter": DoaAttitudeParams(), "start": StartParams(), "noise": ProcessNoiseParams()}
@@ -54,8 +56,7 @@ class DoaAttitudeNode(ManagedNode):
         self._chain = DoaAttitude(
             value("array"),
             value("estimator"),
-            value("orbit"),
-            value("stations").stations(),
+            *pass_scene(value("scene"), value("orbit"), value("stations")),
             value("satellite"),
             (value("filter"), value("start"), value("noise"), value("gate"), value("watch")),
             value("chain"),

@@ -3,9 +3,9 @@
 Publishes: array_snapshots (one block each period while a station is received), known_torque (each
 period), sim/attitude (geometry_msgs/QuaternionStamped, truth), sim/attitude_rate
 (geometry_msgs/Vector3Stamped, truth).
-Parameters: source.* (period, seed), array.*, receiver.*, orbit.*, stations.*, satellite.*, and the
-truth that the filter does not know: response.* (of the array), scenario.* (link, access, true
-start), hold.* (attitude control), disturbance.*.
+Parameters: source.* (period, seed), array.*, receiver.*, orbit.*, stations.*, scene.*,
+satellite.*, and the truth that the filter does not know: response.* (of the array), scenario.*
+(link, access, true start), hold.* (attitude control), disturbance.*.
 """
 
 from dataclasses import dataclass
@@ -16,6 +16,7 @@ from rf_pointing_msgs.msg import ArraySnapshots, KnownTorque
 from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
 from rf_pointing.array_sensors.attitude.multiplicative_filter import ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
+from rf_pointing.array_sensors.attitude.pass_scene import PassSceneParams, pass_scene
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, ResponseParams
 from rf_pointing.array_sensors.doa.array_source import ArraySourceParams
@@ -46,6 +47,7 @@ class DoaSource(ManagedNode):
         scene = {
             "orbit": SunSynchronousOrbitParams(),
             "stations": GroundNetworkParams(),
+            "scene": PassSceneParams(),
             "satellite": SatelliteParams(),
         }
         truth = {"scenario": DoaScenarioParams(), "hold": NadirHoldParams(), "disturbance": ProcessNoiseParams()}
@@ -59,8 +61,7 @@ class DoaSource(ManagedNode):
         self._simulated = SimulatedDoa(
             value("array"),
             value("receiver"),
-            value("orbit"),
-            value("stations").stations(),
+            *pass_scene(value("scene"), value("orbit"), value("stations")),
             value("satellite"),
             value("hold"),
             value("disturbance"),

@@ -2,12 +2,13 @@
 
 Subscribes: <station>/tripulse_measurement.
 Publishes: attitude (one for every epoch; invalid ones carry their reason).
-Parameters: attitude.*, epochs.*, orbit.*, stations.*.
+Parameters: attitude.*, epochs.*, orbit.*, stations.*, scene.*.
 """
 
 from rf_pointing_msgs.msg import Attitude, TripulseMeasurement
 
 from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
+from rf_pointing.array_sensors.attitude.pass_scene import PassSceneParams, pass_scene
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.array_sensors.tripulse.geostationary_scene import GeostationaryParams
@@ -23,7 +24,7 @@ class TripulseAttitudeNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("tripulse_attitude")
-        scene = {"orbit": GeostationaryParams(), "stations": GroundNetworkParams()}
+        scene = {"orbit": GeostationaryParams(), "stations": GroundNetworkParams(), "scene": PassSceneParams()}
         for prefix, defaults in {"attitude": StationAttitudeParams(), "epochs": EpochParams(), **scene}.items():
             self.parameters.declare(prefix, defaults)
         self._solver: TripulseAttitude | None = None
@@ -31,8 +32,8 @@ class TripulseAttitudeNode(ManagedNode):
 
     def configure(self) -> None:
         value = self.parameters.value
-        stations = value("stations").stations()
-        self._solver = TripulseAttitude(value("attitude"), value("epochs"), value("orbit"), stations)
+        orbit, stations = pass_scene(value("scene"), value("orbit"), value("stations"))
+        self._solver = TripulseAttitude(value("attitude"), value("epochs"), orbit, stations)
         self._attitudes = self.stream(Attitude, "attitude", STREAM)
         for station in stations:
             self.listen(

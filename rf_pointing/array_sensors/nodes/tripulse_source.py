@@ -2,8 +2,8 @@
 
 Publishes: <station>/tripulse_frame (one each period), sim/attitude
 (geometry_msgs/QuaternionStamped, truth).
-Parameters: source.* (period, seed), array.*, signal.*, link.*, orbit.*, stations.*, wobble.* (the
-true attitude errors).
+Parameters: source.* (period, seed), array.*, signal.*, link.*, orbit.*, stations.*, scene.*,
+wobble.* (the true attitude errors).
 """
 
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ from geometry_msgs.msg import QuaternionStamped
 from rf_pointing_msgs.msg import TripulseFrame
 
 from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
+from rf_pointing.array_sensors.attitude.pass_scene import PassSceneParams, pass_scene
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
@@ -42,20 +43,20 @@ class TripulseSourceNode(ManagedNode):
     def __init__(self) -> None:
         super().__init__("tripulse_source")
         groups = {"array": TripulseArrayParams(), "signal": TripulseSignalParams(), "link": TripulseSourceParams()}
-        scene = {"orbit": GeostationaryParams(), "stations": GroundNetworkParams(), "wobble": WobbleParams()}
-        for prefix, defaults in {"source": SendingParams(), **groups, **scene}.items():
+        scene = {"orbit": GeostationaryParams(), "stations": GroundNetworkParams(), "scene": PassSceneParams()}
+        for prefix, defaults in {"source": SendingParams(), **groups, **scene, "wobble": WobbleParams()}.items():
             self.parameters.declare(prefix, defaults)
         self._simulated: SimulatedTripulse | None = None
         self._sending = InputOutcomes()
 
     def configure(self) -> None:
         value = self.parameters.value
-        stations = value("stations").stations()
+        orbit, stations = pass_scene(value("scene"), value("orbit"), value("stations"))
         self._simulated = SimulatedTripulse(
             value("array"),
             value("signal"),
             value("link"),
-            value("orbit"),
+            orbit,
             value("wobble"),
             stations,
             value("source").seed,

@@ -6,13 +6,14 @@ centre) but for slow attitude errors.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.array_sensors.attitude.ground_stations import GroundStation, StationView, view_from
-from rf_pointing.array_sensors.attitude.orbits import OrbitPoint, circular_frame
+from rf_pointing.array_sensors.attitude.ground_stations import GroundPlace, StationView, view_stations
+from rf_pointing.array_sensors.attitude.orbits import Orbit, OrbitPoint, circular_frame
 from rf_pointing.array_sensors.attitude.quaternion import (
     conjugate,
     quaternion_from_roll_pitch_yaw,
@@ -35,6 +36,10 @@ class GeostationaryParams(Params):
     longitude_rad: float = parameter(math.radians(19.2), "mean longitude, east", low=-math.pi, high=math.pi)
     inclination_rad: float = parameter(math.radians(2.0), "inclination of the orbit", low=0.0, high=0.3)
     ascending_node_time_s: float = parameter(0.0, "UTC seconds since 1970 of one ascending node", low=-1e11, high=1e11)
+
+    def point(self, t_s: ArrayLike) -> OrbitPoint:
+        """Return place, frame and frame rate at UTC times `t_s` (...)."""
+        return geostationary_point(self, t_s)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,18 +73,19 @@ class SceneMoment:
         return quaternion_to_matrix(conjugate(self.quaternion))
 
 
-def geostationary_point(orbit: GeostationaryParams, t_s: float) -> OrbitPoint:
-    """Return the satellite's Earth-fixed position (3,), orbital frame (3, 3, rows) and frame rate
-    (3,) at `t_s`.
+def geostationary_point(orbit: GeostationaryParams, t_s: ArrayLike) -> OrbitPoint:
+    """Return the satellite's Earth-fixed position (..., 3), orbital frame (..., 3, 3, rows) and
+    frame rate (3,) at UTC times `t_s` (...).
     """
-    require_finite("t_s", t_s)
-    along = EARTH_RATE_RAD_S * (t_s - orbit.ascending_node_time_s)
+    times = np.asarray(t_s, dtype=np.float64)
+    require_finite("t_s", times)
+    along = EARTH_RATE_RAD_S * (times - orbit.ascending_node_time_s)
     # Earth-fixed axes turn with the Earth: seen from them the node runs back as fast as the
     # satellite runs on.
     node = orbit.longitude_rad - along
     frame = circular_frame(along, node, orbit.inclination_rad)
     rate = np.array([0.0, -EARTH_RATE_RAD_S, 0.0])
-    return OrbitPoint(position_m=-ORBIT_RADIUS_M * frame[2], frame=frame, frame_rate_rad_s=rate)
+    return OrbitPoint(position_m=-ORBIT_RADIUS_M * frame[..., 2, :], frame=frame, frame_rate_rad_s=rate)
 
 
 def wobble_quaternion(wobble: WobbleParams, t_s: float) -> Array:
@@ -90,26 +96,16 @@ def wobble_quaternion(wobble: WobbleParams, t_s: float) -> Array:
     return quaternion_from_roll_pitch_yaw(constant + wobble.amplitude_rad * np.sin(phases))
 
 
-def scene_moment(
-    orbit: GeostationaryParams, wobble: WobbleParams, stations: list[GroundStation], t_s: float
-) -> SceneMoment:
+def scene_moment(orbit: Orbit, wobble: WobbleParams, stations: Sequence[GroundPlace], t_s: float) -> SceneMoment:
     """Return the truth at `t_s`.
 
     Attitude, directions to the stations in the orbital frame, elevations, range rates.
     """
-    view = station_view(orbit, stations, t_s)
-    before, after = (station_view(orbit, stations, t_s + step_s).range_m for step_s in (-RATE_STEP_S, RATE_STEP_S))
+    view = view_stations(orbit, stations, t_s)
+    before, after = (view_stations(orbit, stations, t_s + step_s).range_m for step_s in (-RATE_STEP_S, RATE_STEP_S))
     return SceneMoment(
         t_s=t_s,
         quaternion=wobble_quaternion(wobble, t_s),
         view=view,
         range_rate_m_s=(after - before) / (2.0 * RATE_STEP_S),
     )
-
-
-def station_view(orbit: GeostationaryParams, stations: list[GroundStation], t_s: float) -> StationView:
-    """Return how the satellite sees `stations` at `t_s`.
-
-    Directions in the orbital frame, elevations, ranges.
-    """
-    return view_from(geostationary_point(orbit, t_s), stations)

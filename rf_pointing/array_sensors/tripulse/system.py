@@ -1,18 +1,14 @@
 """Tripulse from satellite to attitude: simulated transmission, and epochs of the stations."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rf_pointing.array_sensors.attitude.attitude_report import AttitudeReport, require_arrived
-from rf_pointing.array_sensors.attitude.ground_stations import GroundStation
+from rf_pointing.array_sensors.attitude.ground_stations import GroundPlace, view_stations
+from rf_pointing.array_sensors.attitude.orbits import Orbit
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
-from rf_pointing.array_sensors.tripulse.geostationary_scene import (
-    GeostationaryParams,
-    SceneMoment,
-    WobbleParams,
-    scene_moment,
-    station_view,
-)
+from rf_pointing.array_sensors.tripulse.geostationary_scene import SceneMoment, WobbleParams, scene_moment
 from rf_pointing.array_sensors.tripulse.receiver import TripulseMeasurement
 from rf_pointing.array_sensors.tripulse.signal import TripulseFrame, TripulseSignalParams
 from rf_pointing.array_sensors.tripulse.source import StationLine, TripulseSource, TripulseSourceParams
@@ -48,9 +44,9 @@ class SimulatedTripulse:
         array: TripulseArrayParams,
         signal: TripulseSignalParams,
         link: TripulseSourceParams,
-        orbit: GeostationaryParams,
+        orbit: Orbit,
         wobble: WobbleParams,
-        stations: list[GroundStation],
+        stations: Sequence[GroundPlace],
         seed: int,
     ) -> None:
         self._orbit, self._wobble, self._stations = orbit, wobble, stations
@@ -96,8 +92,8 @@ class TripulseAttitude:
         self,
         params: StationAttitudeParams,
         epochs: EpochParams,
-        orbit: GeostationaryParams,
-        stations: list[GroundStation],
+        orbit: Orbit,
+        stations: Sequence[GroundPlace],
     ) -> None:
         self.estimator = StationAttitudeEstimator(params)
         self._epochs, self._orbit = epochs, orbit
@@ -152,7 +148,7 @@ class TripulseAttitude:
             station=measured.station,
             projections=measured.projections,
             covariance=measured.covariance,
-            reference=station_view(self._orbit, [station], measured.t_s).reference[0],
+            reference=view_stations(self._orbit, [station], measured.t_s).reference[0],
             valid=measured.valid,
             reason=measured.reason,
         )

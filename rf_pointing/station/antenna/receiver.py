@@ -87,10 +87,10 @@ class _Ahead:
     def __init__(self, track: TopocentricTrack) -> None:
         self.track = track
         self._times: Array = np.zeros(0)
-        self._rows: Array = np.zeros((0, 3))
+        self._rows: Array = np.zeros((0, 4))
 
     def at(self, t_s: Array) -> Array:
-        """Return azimuth, elevation and range (n, 3) at evenly spaced times (n,)."""
+        """Return azimuth, elevation, range and satellite's gain (n, 4) at even times (n,)."""
         first = int(np.searchsorted(self._times, t_s[0] - TIME_TOLERANCE_S))
         # Compared with a tolerance: times are sums of ticks.
         found = self._times[first : first + len(t_s)]
@@ -98,7 +98,7 @@ class _Ahead:
             step_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
             self._times = t_s[0] + step_s * np.arange(max(BLOCK, len(t_s)))
             look = self.track.sample(self._times)
-            self._rows = np.column_stack([look.azimuth_rad, look.elevation_rad, look.range_m])
+            self._rows = np.column_stack([look.azimuth_rad, look.elevation_rad, look.range_m, look.satellite_gain_db])
             first = 0
         rows: Array = self._rows[first : first + len(t_s)]
         return rows
@@ -154,7 +154,7 @@ class SimulatedReceiver:
 
     def _receive(self, cluster: list[Boresight]) -> Reception:
         t_s = np.array([sample.t_s for sample in cluster])
-        azimuth, elevation, range_m = self._ahead.at(t_s).T
+        azimuth, elevation, range_m, gain_db = self._ahead.at(t_s).T
         right, up = sky_offset_rad(
             azimuth,
             elevation,
@@ -162,7 +162,8 @@ class SimulatedReceiver:
             [sample.elevation_rad for sample in cluster],
         )
         # Below the horizon there is no signal, whatever the geometry of the beam.
-        level = np.where(elevation > 0.0, self._link.carrier_to_noise_db_hz(range_m, np.abs(elevation)), -np.inf)
+        level = self._link.carrier_to_noise_db_hz(range_m, np.abs(elevation)) + gain_db
+        level = np.where(elevation > 0.0, level, -np.inf)
         level = self._disturbed(t_s, level)
         sample_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
         truth = PointingError(

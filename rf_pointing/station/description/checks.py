@@ -11,11 +11,12 @@ from rf_pointing.drives import DriveParams, known_types
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.antenna.mount import MountParams
-from rf_pointing.station.description.content import AxisSection, BandSection, Content, MountSection
+from rf_pointing.station.description.content import ArraySection, AxisSection, BandSection, Content, MountSection
 from rf_pointing.station.description.derivation import (
     BEAM_FACTOR_DEG,
     NODES,
     SPEED_OF_LIGHT_M_S,
+    array_level_db_hz,
     described_parameters,
     owner_of_name,
     pass_elevation_deg,
@@ -207,6 +208,8 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
         reader.note(f"{key}.sensors", f"{key}.sensors={list(section.sensors)} names a sensor twice")
     if section.sensors is not None and Sensor.ARRAY in section.sensors and content.array is None:
         reader.note(f"{key}.sensors", f"{key}.sensors names array: the description has no section array")
+    elif Sensor.ARRAY in (section.sensors or ()) and content.array and frequency is not None:
+        _check_array(content.array, frequency, reader)
     if section.bias_model:
         path = reader.path.parent / section.bias_model
         try:
@@ -220,6 +223,12 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
                         f"of {wanted!r}")  # fmt: skip
     _check_tuning(section.tuning, f"{key}.tuning", reader)
     _check_errors(section.mount_errors, f"{key}.mount_errors", reader)
+
+
+def _check_array(section: ArraySection, frequency_mhz: float, reader: Reader) -> None:
+    if math.isinf(array_level_db_hz(section, SPEED_OF_LIGHT_M_S / (1e6 * frequency_mhz))):
+        reader.note("array", f"array: {section.elements} patches on a circle of {section.radius_m} m, phases known to "
+            f"{section.phase_sigma_deg} deg: at {frequency_mhz} MHz every direction is like another one")  # fmt: skip
 
 
 def _check_tuning(values: Mapping[str, Any] | None, key: str, reader: Reader) -> None:

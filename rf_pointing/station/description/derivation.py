@@ -22,7 +22,7 @@ from rf_pointing.ephemeris import SITES, Site
 from rf_pointing.ephemeris.source import SourceParams
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.planning import HorizonMask
-from rf_pointing.rf.dish_array import DishArrayParams
+from rf_pointing.rf.dish_array import DishArrayParams, least_level_db_hz
 from rf_pointing.station.antenna.receiver import SignalParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 from rf_pointing.station.description.content import (
@@ -98,7 +98,8 @@ _OWN = {
     "publisher.state_file uncertainty.along_m uncertainty.along_growth_m_s uncertainty.along_drag_m_s2 "
     "uncertainty.cross_m uncertainty.cross_growth_m_s uncertainty.radial_m uncertainty.radial_growth_m_s",
     "monopulse_tracker": "calibration_file",
-    "operator_page": "page.address page.port page.hosts page.token_file page.reports page.rate_hz page.viewers",
+    "operator_page": "page.address page.port page.hosts page.token_file page.reports page.rate_hz page.viewers "
+    "command_key_file",
     "pointing_controller": "certificate_folder command_key_file",
     "rf_receiver": "",
     "rotctld_server": "identify sensor command_key_file server.host server.port server.most_clients server.idle_s "
@@ -109,7 +110,7 @@ _OWN = {
     "station_description": "view.publish_tf view.radius_m view.period_s",
     "station_executive": "executive.state_file executive.folder executive.directives_file executive.procedure_file "
     "executive.recovery_file executive.sensor executive.record executive.partners hooks.command hooks.webhook "
-    "hooks.mail_server hooks.mail_from hooks.mail_to hooks.retry_s",
+    "hooks.mail_server hooks.mail_from hooks.mail_to hooks.retry_s command_key_file",
 }
 """Parameters of each node that no description gives; without ROS no node can name its own."""
 OF_EVERY_NODE = (
@@ -622,6 +623,8 @@ def _plant(of: Band) -> dict[str, Value]:
 
 PATTERN_DB = 44.3
 """Gain of a dish, G = 27000 deg^2 / h^2, in dBi at a beamwidth of 1 deg."""
+ARRAY_ABOVE_DB = 2.0
+"""From half of the directions valid to all but 1 %, with 8 to 16 patches."""
 
 
 def _array(of: Band) -> dict[str, Value]:
@@ -638,7 +641,26 @@ def _array(of: Band) -> dict[str, Value]:
         rounded(10.0 * math.log10(section.elements) - loss_db, 4), "array.element_gain_dbi",
         "all patches together over the dish",
     )  # fmt: skip
+    level_db_hz = array_level_db_hz(section, of.wavelength_m)
+    if math.isfinite(level_db_hz):
+        found["autotrack.array_off_db_hz"] = Value(
+            rounded(level_db_hz, 3), "tuning.autotrack.array_off_db_hz", "half of the directions are valid"
+        )
+        found["autotrack.array_on_db_hz"] = Value(
+            rounded(level_db_hz + ARRAY_ABOVE_DB, 3), "tuning.autotrack.array_on_db_hz",
+            "2 dB above, where all directions are valid",
+        )  # fmt: skip
     return found
+
+
+def array_level_db_hz(section: ArraySection, wavelength_m: float) -> float:
+    """Return the C/N0 of all patches at which half of the directions are valid, or infinity."""
+    return least_level_db_hz(
+        DishArrayParams(
+            elements=section.elements, radius_m=section.radius_m, wavelength_m=wavelength_m,
+            phase_sigma_rad=math.radians(section.phase_sigma_deg),
+        )
+    )  # fmt: skip
 
 
 def _watches(of: Band) -> dict[str, Value]:

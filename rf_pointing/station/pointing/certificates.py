@@ -31,7 +31,7 @@ from rf_pointing.planning import (
     certify,
 )
 from rf_pointing.planning.branch_motion import Lag, no_lag
-from rf_pointing.planning.certificate import STEP_S, Slew
+from rf_pointing.planning.certificate import Slew
 from rf_pointing.station.pointing.prediction import axis_motion
 
 Array = NDArray[np.float64]
@@ -118,7 +118,7 @@ def planned_certificate(
     # With a table one of many passes is planned: a plunge that no axis reaches is not tabulated.
     plunge_allowed = sun_table is None or rules.limits.elevation_max_rad > 0.5 * np.pi
     certificate = certificate_of(profile, rules, free_t_s, encoder_rad, plunge_allowed=plunge_allowed, slew=slew)
-    return certificate, profile.resampled(STEP_S)
+    return certificate, profile.resampled()
 
 
 def pass_profile(
@@ -136,6 +136,8 @@ def pass_profile(
         velocity_rad_s=np.column_stack([looks.azimuth_rate_rad_s, looks.elevation_rate_rad_s]),
         acceleration_rad_s2=np.column_stack([looks.azimuth_acceleration_rad_s2, looks.elevation_acceleration_rad_s2]),
         sun_rad=table.at(times),
+        range_m=looks.range_m,
+        satellite_gain_db=looks.satellite_gain_db,
     )
 
 
@@ -169,7 +171,7 @@ def certificate_of(
     Lags that build up over `rules.lag_averaging_s` are those of the motion that the beam makes,
     crossing included; with 0 they are those of the target's own.
     """
-    fine, model, machine = profile.resampled(STEP_S), rules.model, rules.machine
+    fine, model, machine = profile.resampled(), rules.model, rules.machine
     gain = partial(gaussian_gain, beamwidth_rad=machine.half_power_beamwidth_rad)
     plunges = (False, True) if plunge_allowed else (False,)
     sky = Motion(fine.position_rad, fine.velocity_rad_s, fine.acceleration_rad_s2)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import Mode, PointingError, Sensor, require_choice
 from rf_pointing.ephemeris import Pass
+from rf_pointing.planning import PassProfile
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.pointing.motion import MotionSnapshot
 from rf_pointing.station.pointing.params import PointingParams
@@ -115,15 +116,20 @@ class CarrierWatch:
         """Begin with a new mode."""
         self._watch.reset()
 
-    def require_level(self, window: Pass, sensor: str, thresholds: AutotrackParams) -> None:
+    def require_level(
+        self, window: Pass, sensor: str, thresholds: AutotrackParams, profile: PassProfile | None = None
+    ) -> None:
         """Refuse a sensor whose C/N0 threshold a pass never reaches, even on the beam's axis.
 
-        A pass that does not say how near it comes is not refused.
+        Without its profile the satellite's antenna is taken to look at the station.  A pass that
+        does not say how near it comes is not refused.
         """
         nearest_m = window.smallest_range_m
         if nearest_m <= 0.0 or sensor == Sensor.PROGRAM:
             return
         chosen, level = thresholds.replace(sensor=SENSOR_CHOICES[sensor]), self.link.level_db_hz(nearest_m)
+        if profile is not None and np.any(profile.satellite_gain_db):
+            level, nearest_m = max(zip(self.levels_db_hz(profile), profile.range_m.tolist(), strict=True))
         strong = sensor in SENSORS and SENSORS[sensor].needs_strong_carrier
         needed = thresholds.monopulse_on_db_hz if strong else chosen.carrier_db_hz[0]
         level += chosen.array_gain_db if chosen.own_level else 0.0
@@ -133,12 +139,18 @@ class CarrierWatch:
                 f"pass, {nearest_m / 1e3:.0f} km away"
             )
 
+    def levels_db_hz(self, profile: PassProfile) -> list[float]:
+        """Return the C/N0 to expect in every row of a pass, the beam on the target."""
+        paths = zip(profile.range_m.tolist(), profile.satellite_gain_db.tolist(), strict=True)
+        return [self.link.level_db_hz(*path) for path in paths]
+
     def false_lock(
-        self, error: PointingError, beam_rad: Array, range_m: float, faint_db_hz: float, expected_db: float
+        self, error: PointingError, beam_rad: Array, path: tuple[float, float], faint_db_hz: float, expected_db: float
     ) -> str:
         """Return why an error must not be followed, empty while it may.
 
-        `beam_rad` (2,) is how far the beam was from the prediction then; below `faint_db_hz`
+        `beam_rad` (2,) is how far the beam was from the prediction then, `path` the distance of the
+        target and the gain of its antenna; below `faint_db_hz`
         nothing is judged.  `expected_db` is the level of a right lock against the link's.
         """
         # In noise every response is as likely as any other.
@@ -146,7 +158,7 @@ class CarrierWatch:
             return ""
         self._watched_s = error.t_s
         fault = self._watch.add(
-            error, float(beam_rad[0]), float(beam_rad[1]), self.link.level_db_hz(range_m) + expected_db
+            error, float(beam_rad[0]), float(beam_rad[1]), self.link.level_db_hz(*path) + expected_db
         )
         if fault:
             self.faults, self.last_fault = self.faults + 1, fault
@@ -240,7 +252,7 @@ class TrackingMode:
         """
         error, before, valid = newest(errors, self.state.mode), self.state, valid_sensors(errors)
         fault = self._false_lock(error, motion)
-        self.axis_db_hz = self._carrier.link.level_db_hz(motion.range_m) if motion.range_m is not None else -math.inf
+        self.axis_db_hz = self._carrier.link.level_db_hz(*motion.path) if motion.path is not None else -math.inf
         if self._table.params.own_level:
             self.axis_db_hz += self.params.array_gain_db
         request = Request.CALIBRATE if self._calibrating else Request.TRACK
@@ -253,6 +265,7 @@ class TrackingMode:
             axis_db_hz=self.axis_db_hz,
             valid=valid,
             arriving=arriving,
+            heard=bool(errors),
             fault=fault,
             sidelobe=fault.startswith(SIDELOBE),
         )
@@ -266,10 +279,10 @@ class TrackingMode:
         sensor = SENSORS.get(self.state.mode)
         if sensor is None or not sensor.watched or error is None or error.sensor != sensor.name:
             return ""
-        if motion.beam_rad is None or motion.error_range_m is None:
+        if motion.beam_rad is None or motion.error_path is None:
             return ""
         faint_db_hz = self._table.params.carrier_off_db_hz
         # The level that proved a lock also judges it: against the link's, a lock taken over just
         # within `beam_drop_db` would be a sidelobe as soon as its level falls by a tenth of a dB.
         expected_db = min(self.state.learned_db, self.state.lock_db)
-        return self._carrier.false_lock(error, motion.beam_rad, motion.error_range_m, faint_db_hz, expected_db)
+        return self._carrier.false_lock(error, motion.beam_rad, motion.error_path, faint_db_hz, expected_db)

@@ -10,9 +10,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import MU, Mode, Motion
+from rf_pointing.controllers import TrackerIntegratorParams
+from rf_pointing.core import MU, Mode, Motion, random_stream
 from rf_pointing.core.pass_outcome import received_power
 from rf_pointing.planning import AxisRates, SensorCost
+from rf_pointing.rf.dish_array import DishArrayParams, direction_sigmas_rad
 from rf_pointing.tracking import (
     AutotrackParams,
     SkyMotion,
@@ -35,12 +37,17 @@ LEAST_SIGMA_BEAMWIDTHS = 0.25
 SLOWEST_RAD_S = 1e-5
 # Transport, servo and messages, on top of the age of the oldest samples.
 SPARE_S = 2.0
+# Time from a command's to the errors that the beam then has: transport, servo, cluster and the
+# period of the controller.
+UNDERWAY_S = 0.5
 # Directions of the target that stand for all: quantiles of the distance times even angles.
 RINGS, SPOKES = 10, 12
 # Steps in which a search and a scan are sampled.
 SAMPLE_S = 0.05
 # A scan of this length, after its ramp, has the mean power of any.
 SCAN_S, RAMPED_S = 60.0, 10.0
+# Quantiles of the C/N0 of a pass, and loops that are flown at each.
+PARTS, COPIES = 6, 8
 
 
 class Scans:
@@ -179,8 +186,7 @@ def sensor_cost(
     beamwidth, prior = scans.spiral.half_power_beamwidth_rad, TrimFilter(trim)
     covariance = prior.trim(0.0, SkyMotion(*_first(sky))).covariance_rad2
     if sensor is None:
-        spread = np.eye(2) + 2.0 * MU * covariance / beamwidth**2
-        return SensorCost(power=1.0 / math.sqrt(float(np.linalg.det(spread))))
+        return SensorCost(power=_mean_power(covariance, beamwidth))
     search, scan = ScanPatterns(scans), ScanPatterns(scans)
     search.begin(Mode.SEARCH, 0.0, prior, sky)
     scan.begin(sensor.name, 0.0, prior, sky)
@@ -207,3 +213,61 @@ def sensor_cost(
         # Only one turn later is it known that the carrier was strongest there.
         taken.append(table.settle_s + found_s + (table.search_turn_s if sensor.scans else 0.0))
     return SensorCost(acquisition_s=float(np.mean(taken)), power=power, memory_s=table.coast_s)
+
+
+def array_cost(
+    array: DishArrayParams, loop: TrackerIntegratorParams, table: AutotrackParams, levels_db_hz: list[float],
+    beamwidth_rad: float, program: SensorCost,
+) -> SensorCost:  # fmt: skip
+    """Return what an array on the dish costs on a pass whose link gives these C/N0, even in time.
+
+    The loop is flown against the noise of the array at the quantiles of the C/N0: noise beyond
+    `acceleration_rad_s2` makes the loop slower than its bandwidth, and less damped.  Where the
+    array has no carrier the pass costs what `program` track does.  An array needs no search: it
+    sees most of the sky.
+    """
+    shares = (np.arange(PARTS) + 0.5) / PARTS
+    parts = np.quantile(levels_db_hz, shares)
+    heard = parts + table.array_gain_db >= table.array_off_db_hz
+    powers = np.full(PARTS, program.power)
+    if heard.any():
+        noise, bias = np.array([direction_sigmas_rad(array, level) for level in parts[heard].tolist()]).T
+        drawn = random_stream(1, "array_cost").standard_normal((round(SCAN_S / loop.sample_s), 2 * COPIES, len(noise)))
+        variance = np.mean(
+            np.square(loop_offsets_rad(loop, noise * drawn)[round(RAMPED_S / loop.sample_s) :]), axis=(0, 1)
+        )
+        powers[heard] = [_mean_power(each * np.eye(2), beamwidth_rad) for each in (variance + bias**2).tolist()]
+    return SensorCost(power=float(np.mean(powers)))
+
+
+def loop_offsets_rad(params: TrackerIntegratorParams, noise_rad: Array) -> Array:
+    """Return the offsets of many loops with these errors, both (n, 2 k, m) with n the samples.
+
+    Each is what `TrackerIntegrator` makes of a target at rest, one error every `sample_s`: a row of
+    the first half of the second axis is the cross-elevation of one antenna, its elevation is in the
+    other half.
+    """
+    underway = max(round(UNDERWAY_S / params.sample_s), 1)
+    offsets, errors, largest = (
+        np.zeros_like(noise_rad),
+        np.zeros_like(noise_rad),
+        params.acceleration_rad_s2 * params.sample_s,
+    )
+    rate = np.zeros_like(noise_rad[0])
+    for k in range(len(noise_rad)):
+        if k:
+            offsets[k] = np.clip(
+                offsets[k - 1] + params.sample_s * rate, -params.offset_limit_rad, params.offset_limit_rad
+            )
+        errors[k] = noise_rad[k] - (offsets[k - underway] if k >= underway else 0.0)
+        mean = errors[max(k + 1 - params.mean_of, 0) : k + 1].mean(axis=0)
+        size = np.hypot(*np.split(mean, 2))
+        acting = np.where(np.concatenate([size, size]) <= params.mean_within_rad, mean, errors[k])
+        rate += np.clip(2.0 * math.pi * params.bandwidth_hz * acting - rate, -largest, largest)
+    return offsets
+
+
+def _mean_power(covariance_rad2: Array, beamwidth_rad: float) -> float:
+    """Return E[g] of an error that is normally distributed with this covariance (2, 2)."""
+    spread = np.eye(2) + 2.0 * MU * covariance_rad2 / beamwidth_rad**2
+    return 1.0 / math.sqrt(float(np.linalg.det(spread)))

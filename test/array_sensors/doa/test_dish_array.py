@@ -9,17 +9,21 @@ import pytest
 
 from rf_pointing.array_sensors.doa.cramer_rao import cosine_sigma_rad
 from rf_pointing.array_sensors.doa.dish_array import (
-    PERIOD_S,
-    SNAPSHOTS,
     DishArrayTracker,
     SimulatedDishArray,
     circle_of,
     rival,
 )
-from rf_pointing.core import Mode, PointingError, Sensor, random_stream, sky_offset_rad, unit_vector_from_azel
+from rf_pointing.core import Mode, PointingError, Sensor, random_stream, sky_offset_rad
 from rf_pointing.ephemeris import first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements
-from rf_pointing.rf.dish_array import DishArrayParams, direction_from_offset, offset_from_direction
+from rf_pointing.rf.dish_array import (
+    PERIOD_S,
+    SNAPSHOTS,
+    DishArrayParams,
+    direction_sigmas_rad,
+    least_level_db_hz,
+)
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 from rf_pointing.station.antenna.receiver import Reception
 
@@ -46,32 +50,6 @@ def measured(array: DishArrayParams, offsets_rad: np.ndarray, level_db_hz: float
     ]
 
 
-def test_an_offset_is_that_of_the_sky() -> None:
-    azimuth, elevation, beam = 1.3, 0.9, (1.1, 0.8)
-    offset = np.array([float(part) for part in sky_offset_rad(azimuth, elevation, *beam)])
-    forward, up = unit_vector_from_azel(*beam), unit_vector_from_azel(beam[0], beam[1] + math.pi / 2.0)
-    right = np.array([math.cos(beam[0]), -math.sin(beam[0]), 0.0])
-    sky = unit_vector_from_azel(azimuth, elevation)
-    np.testing.assert_allclose(direction_from_offset(offset), [sky @ right, sky @ up, sky @ forward], atol=1e-12)
-    np.testing.assert_allclose(
-        offset_from_direction(direction_from_offset(offset), np.zeros((3, 3)))[0], offset, atol=1e-12
-    )
-
-
-def test_the_covariance_is_carried_along_as_differences_are() -> None:
-    offset = np.array([0.4, -0.7])
-    slopes = np.stack(
-        [
-            (direction_from_offset(offset + step) - direction_from_offset(offset - step)) / 2e-6
-            for step in 1e-6 * np.eye(2)
-        ],
-        axis=1,
-    )
-    wanted = np.array([[4.0, 1.0], [1.0, 2.0]])
-    found = offset_from_direction(direction_from_offset(offset), slopes @ wanted @ slopes.T)[1]
-    np.testing.assert_allclose(found, wanted, rtol=1e-8)
-
-
 @pytest.mark.parametrize("array", [DishArrayParams(phase_sigma_rad=0.0), TURNED])
 def test_errors_are_as_large_as_their_covariance_and_the_bound(array: DishArrayParams) -> None:
     offsets = random_stream(5, "offsets").uniform(-0.1, 0.1, (150, 2))
@@ -87,16 +65,20 @@ def test_errors_are_as_large_as_their_covariance_and_the_bound(array: DishArrayP
     snr = 10.0 ** (0.1 * (STRONG_DB_HZ - array.element_loss_db)) * PERIOD_S / SNAPSHOTS
     bound = cosine_sigma_rad(circle_of(array), SNAPSHOTS, snr)
     assert 0.9 < np.sqrt(np.mean((offsets - found) ** 2)) / bound < 1.15
+    assert direction_sigmas_rad(array, STRONG_DB_HZ) == pytest.approx((bound, 0.0))
     level = STRONG_DB_HZ - array.element_loss_db + 10.0 * math.log10(array.elements)
     assert np.median([error.carrier_to_noise_db_hz for error in errors]) == pytest.approx(level, abs=0.5)
 
 
 def test_phases_that_are_not_known_are_in_the_covariance() -> None:
-    array, nees = DishArrayParams(phase_sigma_rad=0.2), []
+    array, nees, misses = DishArrayParams(phase_sigma_rad=0.2), [], []
     for seed in range(1, 101):
         (error,) = measured(array, np.array([[0.05, -0.03]]), 75.0, seed)
         miss = np.array([0.05 - error.cross_elevation_rad, -0.03 - error.elevation_rad])
         nees.append(float(miss @ np.linalg.solve(error.covariance_rad2, miss)))
+        misses.append(miss)
+    # At 75 dB-Hz the noise is a tenth of it.
+    assert np.sqrt(np.mean(np.square(misses))) == pytest.approx(direction_sigmas_rad(array, 75.0)[1], rel=0.15)
     # chi squared of 200 degrees of freedom, 99.9 %
     assert 1.39 < np.mean(nees) < 2.72
 
@@ -119,6 +101,27 @@ def test_a_grating_lobe_is_never_valid() -> None:
     # Without the criterion each of these would be believed.
     assert refused >= 5
     assert valid >= 40
+
+
+@pytest.mark.parametrize(
+    "array", [DishArrayParams(), DishArrayParams(elements=8), DishArrayParams(elements=16, radius_m=0.2)]
+)
+def test_half_of_the_directions_are_valid_at_the_least_level_and_nearly_all_2_db_above(array: DishArrayParams) -> None:
+    offsets, shares = random_stream(5, "offsets").uniform(-0.03, 0.03, (100, 2)), []
+    for above_db in (-2.0, 0.0, 2.0):
+        level = least_level_db_hz(array) + above_db + array.element_loss_db - 10.0 * math.log10(array.elements)
+        shares.append(np.mean([error.valid for error in measured(array, offsets, level)]))
+    print(
+        f"{array.elements} patches, {least_level_db_hz(array):.1f} dB-Hz: {shares} valid 2 dB below, at it, 2 dB above"
+    )
+    assert shares[0] < 0.1
+    assert 0.3 < shares[1] < 0.7
+    assert shares[2] > 0.96
+
+
+@pytest.mark.parametrize("changes", [{"elements": 6, "radius_m": 0.3}, {"phase_sigma_rad": 0.4}])
+def test_an_array_that_is_ambiguous_has_no_least_level(changes: dict[str, float]) -> None:
+    assert math.isinf(least_level_db_hz(DishArrayParams(**changes)))
 
 
 def test_the_rival_of_a_small_hexagon_is_its_grating_lobe() -> None:
