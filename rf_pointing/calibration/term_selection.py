@@ -13,9 +13,13 @@ nothing of that.  A term x is spread as
 over the chosen subset and its neighbours m, those with up to four terms more or fewer (Bayesian
 model averaging, Hoeting et al. 1999), for equations A_m and terms of the usual sizes T; chi_m^2 is
 the least sum of squares with x / T among them.  The BIC is close to that for terms that are seen
-well, and takes one that the data show barely for unlikely.  The sigma of x holds 68.3 % of the sum
-about the chosen x.  The root of its mean square would hold 82 % where one subset in a hundred, with
-two terms that are hardly separable, is spread ten times as wide.
+well, and takes one that the data show barely for unlikely.  The sigma of x is the mean of what
+holds 68.3 % of the sum about the chosen x, and half of what holds 95.4 %.
+
+Where the two are far apart no sigma holds both: a lag taken for zero makes that of the other axis
+15 times as certain where orbit errors look as equal lags do, and wrong where the first is real and
+only too small to be seen.  The absent term with which the outer 5 % go is then fitted (`kept`), and
+the sum is over the subsets with it.
 """
 
 import math
@@ -29,6 +33,7 @@ from scipy.special import ndtr
 
 from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_problem import FitProblem
+from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.terms import terms_by_name
@@ -45,8 +50,10 @@ _NOTHING = 1e-13
 _SAME_BIC = 1e-4
 # -2 ln of the share of the best subset's weight from which on one adds nothing that shows.
 _UNLIKELY = 14.0
-# Share of a normal distribution within one sigma.
-_ONE_SIGMA = math.erf(math.sqrt(0.5))
+# Terms by which a subset differs from the chosen one: more have no weight.
+_MOST_CHANGED = 4
+# 95 % of a mixture over 68 % of it, in sigma: beyond it no one sigma holds both.
+_MOST_UNEVEN = 2.0
 # Of an interval: to a millionth of a sigma.
 _HALVINGS = 30
 
@@ -64,11 +71,13 @@ class HeldOut:
 class Selection:
     """The chosen terms, in the order of the candidates.
 
-    `widening` (k,) is the factor by which the uncertainty of the choice widens their sigma.
+    `widening` (k,) is the factor by which the uncertainty of the choice widens their sigma.  The
+    data do not show those `kept`, which are fitted because others depend on them.
     """
 
     names: tuple[str, ...]
     widening: Array
+    kept: tuple[str, ...] = ()
 
 
 def select_terms(
@@ -77,21 +86,23 @@ def select_terms(
     *,
     held: Mapping[str, float] | None = None,
     pass_priors: PassPriors | None = None,
+    about: FitResult | None = None,
 ) -> Selection:
     """Return the `candidates` that the data support; the others count as zero.
 
-    Terms that are no candidates have the values in `held`, zero without it.  Raises ValueError for
+    Terms that are no candidates have the values in `held`, zero without it.  The equations are
+    those of the printed form, or linear `about` a fit of all candidates.  Raises ValueError for
     unknown names and a search that has not settled.
     """
     terms_by_name(candidates)
-    search = _Search.of(observations, tuple(candidates), held or {}, pass_priors)
+    search = _Search.of(observations, tuple(candidates), held or {}, pass_priors, about)
     chosen: frozenset[str] = frozenset()
     bic = search.bic(chosen)
     for _ in range(_MOST_STEPS):
         move = search.best_move(chosen, bic)
         if move is None:
             names = tuple(name for name in candidates if name in chosen)
-            return Selection(names, search.widening(names))
+            return search.selection(names)
         name, bic = move
         chosen ^= {name}
     raise ValueError(f"term selection has not settled after {_MOST_STEPS} steps")
@@ -127,11 +138,19 @@ class _Search:
 
     @classmethod
     def of(
-        cls, data: Observations, names: tuple[str, ...], held: Mapping[str, float], pass_priors: PassPriors | None
+        cls,
+        data: Observations,
+        names: tuple[str, ...],
+        held: Mapping[str, float],
+        pass_priors: PassPriors | None,
+        about: FitResult | None,
     ) -> "_Search":
-        problem = FitProblem(data, names, {**held_at_zero(names), **held}, {}, pass_priors, "printed")
+        # Products of terms are no terms: a lag of 0.5 s alone looks as 0.12 s^2 more otherwise.
+        form = "printed" if about is None else about.form
+        problem = FitProblem(data, names, {**held_at_zero(names), **held}, {}, pass_priors, form)
         everything, one = np.ones(len(data), dtype=bool), np.ones(len(data))
-        triangle, _ = problem.triangle(np.zeros(len(names)), everything, one)
+        values = np.array([0.0 if about is None else about.coefficients[name] for name in names])
+        triangle, _ = problem.triangle(values, everything, one)
         full = cls(triangle, 1.0)
         # Where sigma is stated too small, any term would lower chi-square by enough.
         freedom = max(triangle.rows - len(names), 1)
@@ -169,52 +188,89 @@ class _Search:
             return _least(additions)
         return None
 
-    def widening(self, names: tuple[str, ...]) -> Array:
-        """Return by what the uncertainty of the choice widens the sigma of each chosen term."""
-        every, chosen = self.triangle.names, frozenset(names)
-        changes = [frozenset(some) for count in range(5) for some in combinations(every, count)]
-        found = [self._posterior(chosen ^ change) for change in changes]
-        above = np.array([one[0] for one in found]) - min(one[0] for one in found)
+    def selection(self, names: tuple[str, ...]) -> Selection:
+        """Return the chosen terms, those that they depend on, and what widens their sigma."""
+        every, kept = self.triangle.names, frozenset[str]()
+        while True:
+            mixture = self._mixture(names, kept)
+            narrow, wide = (mixture.holding(math.erf(k / math.sqrt(2.0))) / k for k in (1.0, 2.0))
+            absent = [name for name in every if name not in names]
+            if not absent or not names or np.max(wide / narrow) <= _MOST_UNEVEN:
+                return Selection(names, np.maximum(0.5 * (narrow + wide), 1.0), tuple(n for n in every if n in kept))
+            worst = int(np.argmax(wide / narrow))
+            outside = mixture.weights * mixture.outside(worst, 2.0 * float(wide[worst]))
+            missing = max(absent, key=lambda name: float(outside @ mixture.member[:, every.index(name)]))
+            kept |= {missing}
+            names = tuple(name for name in every if name in names or name == missing)
+
+    def _mixture(self, names: tuple[str, ...], kept: frozenset[str]) -> "_Mixture":
+        """Return how the terms `names` spread over the subsets near theirs that have the `kept`."""
+        every = self.triangle.names
+        free = [place for place, name in enumerate(every) if name not in kept]
+        changes = [some for count in range(_MOST_CHANGED + 1) for some in combinations(free, count)]
+        member = np.tile([name in names for name in every], (len(changes), 1))
+        for row, change in zip(member, changes, strict=True):
+            row[list(change)] ^= True
+        above, values, sigma = self._posteriors(member)
+        above -= np.min(above)
         likely = above < _UNLIKELY
         weights = np.exp(-0.5 * above[likely])
         places = [every.index(name) for name in names]
-        values, sigma = (np.array([one[k] for one in found])[likely][:, places] for k in (1, 2))
-        _, fitted, covariance = self.solve(chosen)
+        _, fitted, covariance = self.solve(names)
         one_sigma = np.sqrt(np.diag(covariance) * self.scale)
-        apart, wide = (values - fitted) / one_sigma, sigma / one_sigma
-        within = [
-            _holding(math.erf(k / math.sqrt(2.0)), weights / np.sum(weights), apart, wide) / k for k in (1.0, 2.0)
-        ]
-        return np.asarray(np.maximum(np.mean(within, axis=0), 1.0))
-
-    def _posterior(self, chosen: Collection[str]) -> tuple[float, Array, Array]:
-        """Return -2 ln of a subset's weight, and values and sigma (k,), zero of what is not in."""
-        names = self.triangle.names
-        places = [place for place, name in enumerate(names) if name in chosen]
-        sizes = np.array([term.size for term in terms_by_name([names[place] for place in places])])
-        matrix, right = self.triangle.factor[:, places] * sizes, self.triangle.factor[:, -1]
-        system = np.eye(len(places)) + matrix.T @ matrix / self.scale
-        along = matrix.T @ right / self.scale
-        inverse = np.linalg.inv(system)
-        values, sigma = np.zeros(len(names)), np.zeros(len(names))
-        values[places], sigma[places] = sizes * (inverse @ along), sizes * np.sqrt(np.diag(inverse))
-        square = right @ right / self.scale - along @ inverse @ along
-        return float(square + np.linalg.slogdet(system)[1]), values, sigma
-
-
-def _holding(share: float, weights: Array, apart: Array, wide: Array) -> Array:
-    """Return the half width (k,) about zero that holds `share` of each mixture of normals.
-
-    `weights` (m,) sum to one; `apart` and `wide` (m, k) are means and sigmas, in units of one.
-    """
-    low, high = np.zeros(apart.shape[1]), np.max(np.abs(apart) + 6.0 * wide, axis=0)
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
+        apart, wide = (values[likely][:, places] - fitted) / one_sigma, sigma[likely][:, places] / one_sigma
         # A subset without the term has it at zero, exactly.
-        width = np.maximum(wide, _NOTHING)
-        inside = weights @ (ndtr((middle - apart) / width) - ndtr((-middle - apart) / width))
-        low, high = np.where(inside < share, middle, low), np.where(inside < share, high, middle)
-    return np.asarray(0.5 * (low + high))
+        return _Mixture(member[likely], weights / np.sum(weights), apart, np.maximum(wide, _NOTHING))
+
+    def _posteriors(self, member: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """Return -2 ln of the weight (m,) of subsets (m, k), and values and sigma (m, k).
+
+        They are zero of terms that are not in a subset.
+        """
+        sizes = np.array([term.size for term in terms_by_name(self.triangle.names)])
+        matrix, right = self.triangle.factor[:, :-1] * sizes, self.triangle.factor[:, -1]
+        system, along = np.eye(len(sizes)) + matrix.T @ matrix / self.scale, matrix.T @ right / self.scale
+        above = np.full(len(member), right @ right / self.scale)
+        values, sigma = np.zeros(member.shape), np.zeros(member.shape)
+        counts = np.sum(member, axis=1)
+        # Subsets of one size are solved together: each by itself takes ten times as long.
+        for count in np.unique(counts):
+            rows = np.flatnonzero(counts == count)[:, np.newaxis]
+            places = np.nonzero(member[rows[:, 0]])[1].reshape(len(rows), count)
+            part = system[places[:, :, np.newaxis], places[:, np.newaxis, :]]
+            inverse = np.linalg.inv(part)
+            found = (inverse @ along[places][..., np.newaxis])[..., 0]
+            values[rows, places] = sizes[places] * found
+            sigma[rows, places] = sizes[places] * np.sqrt(np.einsum("mii->mi", inverse))
+            above[rows[:, 0]] += np.linalg.slogdet(part)[1] - np.sum(along[places] * found, axis=1)
+        return above, values, sigma
+
+
+@dataclass(frozen=True, eq=False)
+class _Mixture:
+    """Normals of `weights` (m,) that sum to one, each of a subset with the terms `member` (m, n).
+
+    `apart` and `wide` (m, k) are means and sigmas about the fitted terms, in units of their sigma.
+    """
+
+    member: NDArray[np.bool_]
+    weights: Array
+    apart: Array
+    wide: Array
+
+    def holding(self, share: float) -> Array:
+        """Return the half width (k,) about zero that holds `share` of the mixture."""
+        low, high = np.zeros(self.apart.shape[1]), np.max(np.abs(self.apart) + 6.0 * self.wide, axis=0)
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            inside = 1.0 - self.weights @ self.outside(slice(None), middle)
+            low, high = np.where(inside < share, middle, low), np.where(inside < share, high, middle)
+        return np.asarray(0.5 * (low + high))
+
+    def outside(self, terms: int | slice, half: float | Array) -> Array:
+        """Return the share of each normal of `terms` that is farther than `half` from zero."""
+        apart, wide = self.apart[:, terms], self.wide[:, terms]
+        return np.asarray(1.0 - (ndtr((half - apart) / wide) - ndtr((-half - apart) / wide)))
 
 
 def _least(moves: list[tuple[float, str]]) -> tuple[str, float]:

@@ -203,15 +203,18 @@ def fit_of_all(
 
 
 def fit_of_chosen(
-    options: argparse.Namespace, points: Observations, present: ModelVersion | None, orbit: PassPriors | None
-) -> FitResult:
-    """Return the fit of the terms that the data support."""
-    # Selection looks at the printed form, which is linear: all subsets come from one triangle.
+    options: argparse.Namespace,
+    points: Observations,
+    present: ModelVersion | None,
+    orbit: PassPriors | None,
+    full: FitResult | None,
+) -> tuple[FitResult, tuple[str, ...]]:
+    """Return the fit of the terms that the data support, and which of them others need."""
     names = tuple(options.terms)
     held = {name: value for name, value in _known(present).items() if name not in names}
-    chosen = calibration.select_terms(points, names, held=held, pass_priors=orbit)
+    chosen = calibration.select_terms(points, names, held=held, pass_priors=orbit, about=full)
     result = fit_of(options, points, present, chosen.names, orbit)
-    return replace(result, covariance=result.covariance * np.outer(chosen.widening, chosen.widening))
+    return replace(result, covariance=result.covariance * np.outer(chosen.widening, chosen.widening)), chosen.kept
 
 
 def orbit_remarks(options: argparse.Namespace, result: FitResult) -> list[str]:
@@ -228,12 +231,14 @@ def orbit_remarks(options: argparse.Namespace, result: FitResult) -> list[str]:
     return []
 
 
-def choice_remarks(options: argparse.Namespace, result: FitResult) -> list[str]:
+def choice_remarks(options: argparse.Namespace, done: "Fitted") -> list[str]:
     """Return which of the offered terms the data support, and which not."""
     if not options.select:
         return []
-    rest = [name for name in options.terms if name not in result.names]
-    return [f"chosen by BIC: {', '.join(result.names)}; not supported by the data, zero: {', '.join(rest) or 'none'}"]
+    seen = [name for name in done.result.names if name not in done.kept]
+    rest = [name for name in options.terms if name not in done.result.names]
+    needed = f"; not seen, but fitted since others depend on them: {', '.join(done.kept)}" if done.kept else ""
+    return [f"chosen by BIC: {', '.join(seen)}{needed}; not supported by the data, zero: {', '.join(rest) or 'none'}"]
 
 
 def prediction_remarks(options: argparse.Namespace, points: Observations, result: FitResult) -> list[str]:
@@ -290,7 +295,8 @@ def _known(present: ModelVersion | None) -> dict[str, float]:
 class Fitted:
     """A fit, its points, the reports of the pipeline, what was left out, and what is doubtful.
 
-    `full` is the fit of all terms offered, None where only the chosen ones were fitted.
+    `full` is the fit of all terms offered, None where only the chosen ones were fitted.  The data
+    do not show the terms `kept`, which the chosen ones depend on.
     """
 
     result: FitResult
@@ -299,6 +305,7 @@ class Fitted:
     stages: list[StageReport]
     notes: list[str]
     doubts: list[str]
+    kept: tuple[str, ...] = ()
 
 
 def fitted_files(
@@ -320,7 +327,8 @@ def fitted_files(
     # Points alone are fitted once, and with --select the terms need not be separable together.
     if raw is None and options.select and not measures_orbit(options, every):
         orbit = PassPriors.of_orbit(options.orbit_prior or 0.0)
-        return Fitted(fit_of_chosen(options, every, present, orbit), None, every, stages, notes, [])
+        result, kept = fit_of_chosen(options, every, present, orbit, None)
+        return Fitted(result, None, every, stages, notes, [], kept)
     result = fit_of_all(options, every, present, None)
     judged = False
     for _ in range(MOST_ROUNDS):
@@ -338,10 +346,10 @@ def fitted_files(
         if judged and np.all(np.abs(result.values - before.values) < SETTLED * result.sigma):
             break
     doubts = [*doubtful(options, result, every, passes, present), *orbit_doubts(options, result, passes)]
-    full = result
+    full, kept = result, tuple[str, ...]()
     if options.select:
-        result = fit_of_chosen(options, every, present, full.pass_priors)
-    return Fitted(result, full, every, stages, [*notes, *(one.text for one in late.values())], doubts)
+        result, kept = fit_of_chosen(options, every, present, full.pass_priors, full)
+    return Fitted(result, full, every, stages, [*notes, *(one.text for one in late.values())], doubts, kept)
 
 
 def clocks(options: argparse.Namespace, points: Observations, present: ModelVersion | None) -> FitResult:
@@ -443,7 +451,7 @@ def run(options: argparse.Namespace) -> list[str]:
     done = fitted_files(options, files, present)
     points, stages, notes, result = done.points, done.stages, done.notes, done.result
     remarks = [
-        *choice_remarks(options, result),
+        *choice_remarks(options, done),
         *orbit_remarks(options, result),
         *prediction_remarks(options, points, result),
     ]

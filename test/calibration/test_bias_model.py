@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import TERM_NAMES, TERMS, BiasModel
-from rf_pointing.calibration.mount import Skew, axes_from_sky
+from rf_pointing.calibration.mount import Skew, axes_from_sky, sky_from_axes
 from rf_pointing.core import MDEG, angular_distance_rad
 
 CLOSURE_RAD = 1e-12
@@ -202,3 +202,11 @@ def test_an_axis_that_does_not_lean_is_the_limit_of_one_that_hardly_does():
     skews = [Skew(2.0 * MDEG, -3.0 * MDEG, lean, 0.0) for lean in (0.0, 1e-14)]
     upright, leaning = (axes_from_sky(np.array([[0.7]]), np.array([[0.9]]), skew) for skew in skews)
     np.testing.assert_allclose(np.array(upright), np.array(leaning), rtol=0.0, atol=CLOSURE_RAD)
+
+
+@pytest.mark.parametrize("elevation_rad", [0.4, 1.3, 2.2])
+def test_the_axes_of_a_moving_beam_give_its_motion_back_rates_included(elevation_rad):
+    skew = Skew(collimation=0.01, non_orthogonality=-0.02, mislevel_east=0.003, mislevel_north=-0.004)
+    azimuth, elevation = np.array([[0.7], [0.02], [1e-3]]), np.array([[elevation_rad], [-0.01], [2e-3]])
+    back = sky_from_axes(*axes_from_sky(azimuth, elevation, skew), skew)
+    np.testing.assert_allclose(back, (azimuth, elevation), atol=1e-12)

@@ -59,10 +59,12 @@ def test_sizes_are_measured_and_sigma_holds_where_a_white_one_is_far_too_small(c
     assert np.max(np.abs(white.values - truth) / white.sigma) > 6.0
 
 
-def test_a_perfect_orbit_costs_next_to_nothing(campaign, planted):
-    data = campaign(planted, passes=PASSES)
+@pytest.mark.parametrize(("noise_rad", "largest_m"), [(1e-4, 40.0), (4e-6, 2.0)])
+def test_a_perfect_orbit_costs_next_to_nothing(campaign, planted, noise_rad, largest_m):
+    """Also where a metre shows."""
+    data = campaign(planted, passes=PASSES, sigma_rad=noise_rad)
     sizes = measured_pass_priors(lambda priors: fit_with(data, priors))
-    assert max(sizes.sigma) < 40.0
+    assert max(sizes.sigma) < largest_m
     assert fit_with(data, sizes).sigma == pytest.approx(fit_with(data, None).sigma, rel=0.5)
 
 

@@ -15,7 +15,8 @@ from rf_pointing.calibration import (
     held_at_zero,
 )
 from rf_pointing.calibration.fit import huber_weights, normalised_size, sandwich_covariance, within_limit
-from rf_pointing.calibration.noise import noise_scale, share_after_editing
+from rf_pointing.calibration.noise import _excess, noise_scale, share_after_editing
+from rf_pointing.calibration.thinning import Table
 
 TABLE_1_TERMS = tuple(n for n in TERM_NAMES if not n.endswith("acceleration_lag"))
 
@@ -312,3 +313,23 @@ def test_without_degrees_of_freedom_the_noise_is_not_known(random):
     columns, _ = np.linalg.qr(random.standard_normal((6, 6)))
     scale = noise_scale(np.zeros(6), np.sqrt(1.0 + 1e-9) * columns, np.zeros(6, dtype=np.int64))
     assert (scale.factor, scale.uncertainty) == (1.0, np.inf)
+
+
+def test_the_noise_of_hardly_any_degrees_of_freedom_is_bounded_by_a_tenth_of_the_data(random):
+    columns, _ = np.linalg.qr(random.standard_normal((20, 19)))
+    residuals = random.standard_normal(20)
+    scale = noise_scale(residuals, columns, np.arange(20))
+    assert scale.factor == pytest.approx(float(residuals @ residuals) / 2.0)
+    # With no correlation found, F^2 is known to sqrt(2 / n) of itself.
+    assert scale.uncertainty == pytest.approx(scale.factor * np.sqrt(0.1))
+
+
+def test_the_excess_of_a_variance_is_in_sigma_of_the_scatter_of_its_pass(random):
+    """A pass as its degrees of freedom say, and one of correlated noise that scatters ten times as much."""
+    freedom = np.full(4000, 450.0)
+    chi_square = random.chisquare(freedom[:2000]) / freedom[:2000]
+    ratio = np.concatenate([chi_square, (1.0 + 0.22 * random.standard_normal(2000)) ** 3])
+    excess = _excess(ratio, freedom, Table.of(np.array([0, 2000]), 4000))
+    for own in (excess[:2000], excess[2000:]):
+        assert np.mean(own) == pytest.approx(0.0, abs=0.1)
+        assert np.std(own) == pytest.approx(1.0, abs=0.1)

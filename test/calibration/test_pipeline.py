@@ -170,6 +170,7 @@ def test_noise_on_the_sky_gives_high_points_their_larger_azimuth_sigma_and_drops
     assert np.sum(high) >= 4
     across = points.sigma_azimuth_rad * np.cos(points.true_elevation_rad)
     assert np.median(across[high]) == pytest.approx(np.median(across[~high]), rel=0.25)
+    assert np.median(points.sigma_elevation_rad[high]) == pytest.approx(np.median(across[high]), rel=0.25)
     azimuth, elevation = pulls(processed, table_1)
     assert 0.75 < np.std(azimuth) < 1.25
     assert 0.75 < np.std(elevation) < 1.25
@@ -274,3 +275,23 @@ def test_an_orbit_error_moves_the_axes_of_a_dish_over_the_top_to_the_same_direct
     direct, over = displaced(reference, errors).over_the_top(), displaced(reference.over_the_top(), errors)
     for one, other in zip(direct.motion(), over.motion(), strict=True):
         np.testing.assert_allclose(one, other, atol=1e-9)
+
+
+def test_known_errors_of_a_pass_move_the_true_motion_and_not_the_whole_error_that_is_left_to_find(
+    track, raw_pass, table_1
+):
+    """Observed minus true of each point is the same to second order: 800 m at 1000 km are 45 mdeg."""
+    reference = track(5.0, miss_m=500e3)
+    errors = PassErrors(0, {"along_track_m": 800.0, "radial_m": -300.0}, {}, float(np.mean(reference.t_s)))
+    raw = raw_pass(displaced(reference, errors), table_1, None, 1.0 * MDEG)
+    left = {}
+    for name, known in (("blind", {}), ("known", {0: errors})):
+        told = Known(model=table_1, errors=known, sigma_scale=(2.0, 3.0) if known else (1.0, 1.0))
+        left[name] = RawPasses([TrackedPass(raw, reference, None)], 0).process(told).points
+    shared = np.intersect1d(left["blind"].t_s, left["known"].t_s)
+    assert len(shared) > 20
+    blind, known = (left[name].select(np.isin(left[name].t_s, shared)) for name in ("blind", "known"))
+    np.testing.assert_allclose(known.sigma_azimuth_rad, 2.0 * blind.sigma_azimuth_rad, rtol=0.05)
+    np.testing.assert_allclose(known.sigma_elevation_rad, 3.0 * blind.sigma_elevation_rad, rtol=0.05)
+    apart = known.residual_elevation_rad - blind.residual_elevation_rad
+    assert np.max(np.abs(apart)) < 1.0 * MDEG

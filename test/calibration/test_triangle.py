@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from rf_pointing.calibration.triangle import Triangle, triangle_of
+from rf_pointing.calibration.triangle import Triangle, pass_triangles, triangle_of
 from rf_pointing.calibration.triangle import _null_space_message as null_space_message
 
 NAMES = ("azimuth_offset", "collimation", "droop")
@@ -75,3 +75,13 @@ def test_an_unknown_that_no_equation_touches_is_named(random):
     triangle.add_blocks([(rows_of(random.normal(size=(30, 2)), random.normal(size=30)), np.array([0, 2]))])
     with pytest.raises(ValueError, match="30 equations do not determine collimation"):
         triangle.solve()
+
+
+def test_each_pass_has_the_inner_products_of_its_own_rows_be_it_shorter_than_they_are_wide(random):
+    passes = random.permutation(np.repeat([9, 4, 7, 2], [1, 3, 6, 40]))
+    rows = random.normal(size=(len(passes), 5))
+    numbers, triangles = pass_triangles(rows, passes)
+    assert numbers.tolist() == [2, 4, 7, 9]
+    for number, triangle in zip(numbers, triangles, strict=True):
+        own = rows[passes == number]
+        np.testing.assert_allclose(triangle.T @ triangle, own.T @ own, atol=1e-12)
