@@ -34,7 +34,8 @@ Pair = tuple[float, float]
 # Time of a slew between two positions of the axes by the way that is free, and why there is none.
 Slew = Callable[[Pair, Pair], tuple[float, str]]
 TURN = 2.0 * math.pi
-STEP_S = 0.1
+# A pass keeps so much more than the Sun's zone, for the loop's corrections and the mount's lags.
+SUN_CLEARANCE_RAD = math.radians(0.05)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,12 +44,14 @@ class SensorCost:
 
     `acquisition_s` is the expected time until it holds the target, `power` the mean power over that
     on the axis while it does.  A crossing that takes longer than `memory_s` costs it the target:
-    the mount's errors are others on the other side of the sky.
+    the mount's errors are others on the other side of the sky.  `carrier_to_noise_db_hz` is the
+    least and the most that the link gives on the pass, () if it is not known.
     """
 
     acquisition_s: float = 0.0
     power: float = 1.0
     memory_s: float = math.inf
+    carrier_to_noise_db_hz: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,6 +113,8 @@ class Certificate:
     sky_peak_rad: float
     branches: tuple[Branch, ...]
     machine: MachineParams
+    carrier_to_noise_db_hz: tuple[float, ...] = ()
+    """Least and most that is expected with the beam on the target, () if it is not known."""
 
     @property
     def chosen(self) -> Branch | None:
@@ -142,7 +147,7 @@ def certify(
 
     Parameters
     ----------
-    profile : the pass on the sky, at even steps of `STEP_S` or less.
+    profile : the pass on the sky, resampled.
     axes : position, velocity, acceleration (n, 2) of the axes that hold the beam on the target,
         azimuth continuous, by whether they are plunged; a side that is missing is not considered.
     issued_t_s, encoder_rad : now, and where the axes are.
@@ -174,6 +179,7 @@ def certify(
         sky_peak_rad=float(profile.position_rad[:, 1].max()),
         branches=tuple(sorted(branches, key=_cost)),
         machine=machine,
+        carrier_to_noise_db_hz=cost.carrier_to_noise_db_hz if cost else (),
     )
 
 
@@ -298,11 +304,10 @@ def _reasons_against(closest: str, margin: float, above: float, sun: float, mach
         found.append(f"{-math.degrees(margin):.3f} deg past the limit {closest}")
     if above < 0.0:
         found.append(f"{-math.degrees(above):.3f} deg below the horizon mask")
-    if sun < 0.0:
-        found.append(
-            f"{math.degrees(sun + machine.sun_radius_rad):.3f} deg from the Sun, "
-            f"must be >= {math.degrees(machine.sun_radius_rad):.3f} deg"
-        )
+    least = machine.sun_radius_rad + SUN_CLEARANCE_RAD
+    if machine.sun_radius_rad > 0.0 and sun < SUN_CLEARANCE_RAD:
+        near = math.degrees(sun + machine.sun_radius_rad)
+        found.append(f"{near:.3f} deg from the Sun, must be >= {math.degrees(least):.3f} deg")
     return tuple(found)
 
 

@@ -129,6 +129,10 @@ class Gate:
         legs = zip([encoder_rad, *corners[:-1]], corners, strict=True)
         return sum(self.axes.slew_s(a, b) for a, b in legs), found if isinstance(found, str) else ""
 
+    def chase(self, positions: Array, rates: Array, target: Array, sun_rad: Pair | None = None) -> str:
+        """Return "" or what axes at these positions and rates (n, 2) run into after a target."""
+        return self._paths.barred(positions, rates, target, sun_rad)
+
     def position(
         self,
         azimuth_rad: float,

@@ -49,6 +49,11 @@ class _Axis:
         self.still_since_s = 0.0
         self.moved_s, self.moved = -math.inf, 0.0
 
+    def lead_to(self, set_point: float | None, angle: float) -> None:
+        """Allow what lies from `angle` to a new set point; None: it was stopped."""
+        goal = angle if set_point is None else set_point
+        self.low, self.high, self.set_point = min(angle, goal), max(angle, goal), set_point
+
 
 class PositionWatch:
     """Both axes; `step` at every new reading."""
@@ -93,8 +98,8 @@ class PositionWatch:
         limits = self.limits
         step, rate = limits.resolution_rad[index], limits.rate_rad_s[index]
         if axis.trusted is None:
-            axis.t_s, axis.trusted, axis.low, axis.high, axis.still_since_s = t_s, angle, angle, angle, t_s
-            axis.set_point = set_point
+            axis.t_s, axis.trusted, axis.still_since_s = t_s, angle, t_s
+            axis.lead_to(set_point, angle)
             return angle, ""
         away = angle - axis.trusted
         # Written so that NaN counts as a jump.
@@ -118,9 +123,8 @@ class PositionWatch:
         if moved or arrived:
             axis.still_since_s = t_s
         if set_point != axis.set_point:
-            # From here to there; the margin covers what is left of the motion before.
-            goal = angle if set_point is None else set_point
-            axis.low, axis.high, axis.set_point = min(angle, goal), max(angle, goal), set_point
+            # The margin covers what is left of the motion before.
+            axis.lead_to(set_point, angle)
         axis.t_s, axis.trusted = t_s, angle
         if not axis.low - margin <= angle <= axis.high + margin:
             past = max(axis.low - angle, angle - axis.high)

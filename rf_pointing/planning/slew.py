@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from rf_pointing.planning.forbidden_sky import EARTH_RATE_RAD_S, ForbiddenSky
+from rf_pointing.planning.forbidden_sky import EARTH_RATE_RAD_S, ForbiddenSky, angle_between
 from rf_pointing.planning.limits import AxisRates
 
 Array = NDArray[np.float64]
@@ -34,6 +34,10 @@ BRAKING_SHARES = (1.0, 0.8)
 CHORD_RAD = math.radians(0.01)
 # Above hills and around the Sun: more than a corner cuts off.
 CLEARANCE_RAD = math.radians(0.5)
+# From the Sun's zone for axes that run after a target: another drive takes another way.
+CHASE_RAD = math.radians(0.1)
+# But not more than the target itself keeps, less this.
+TARGET_RAD = math.radians(0.02)
 # How near to a corner the next leg begins.
 CORNER_RAD = math.radians(0.3)
 # Elevations to try in addition to the obvious ones.
@@ -181,6 +185,18 @@ class PathFinder:
                 break
             duration_s = columns.duration_s
         return f"{straight} on the way, and no detour is free"
+
+    def barred(self, positions: Array, rates: Array, target: Array, sun: Pair | None) -> str:
+        """Return "" or why axes moving so after a target, (n, 2) each, cannot stop everywhere.
+
+        From the Sun they keep more than its zone, but not more than the target does.
+        """
+        margin = CHASE_RAD
+        if sun is not None:
+            nearest = float(np.min(angle_between(target, np.array(sun))))
+            margin = min(margin, max(nearest - TARGET_RAD - self._sky.sun_radius_rad, 0.0))
+        stops = halting_points(positions, rates, self._axes.acceleration_rad_s2)
+        return self._sky.reason_of_path(np.concatenate([positions[None], stops]), sun, margin)
 
     def _over_heights(self, start: Pair, end: Pair, sun: Pair | None) -> Iterator[tuple[float, list[Pair]]]:
         """Return times and corners of paths that turn over hills, above or below the Sun."""

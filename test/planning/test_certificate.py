@@ -21,6 +21,7 @@ from rf_pointing.planning import (
     plunged,
     unplunged,
 )
+from rf_pointing.planning.certificate import _turns
 
 DEG = math.pi / 180.0
 MACHINE = MachineParams()
@@ -41,7 +42,7 @@ def arc(low_deg: float, high_deg: float, peak_deg: float = 50.0, seconds: float 
     position, velocity, acceleration = (np.column_stack(pair) * DEG for pair in columns)
     return PassProfile(
         name="bird", t_s=1000.0 + t, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration,
-        sun_rad=np.tile([0.0, -90.0 * DEG], (len(t), 1)),
+        sun_rad=np.tile([0.0, -90.0 * DEG], (len(t), 1)), range_m=np.full(len(t), 1e6), satellite_gain_db=np.zeros(len(t)),
     )  # fmt: skip
 
 
@@ -118,7 +119,7 @@ def test_a_pass_through_the_sun_is_refused_with_the_angle() -> None:
     profile = arc(60.0, 180.0)
     middle = profile.position_rad[len(profile.t_s) // 2] + np.array([0.0, 0.4 * DEG])
     sunny = dataclasses.replace(profile, sun_rad=np.tile(middle, (len(profile.t_s), 1)))
-    assert "0.400 deg from the Sun, must be >= 1.000 deg" in certificate(sunny).reason
+    assert "0.400 deg from the Sun, must be >= 1.050 deg" in certificate(sunny).reason
     assert certificate(sunny, machine=MACHINE.replace(sun_radius_rad=0.0)).chosen is not None
 
 
@@ -215,3 +216,12 @@ def test_the_values_are_plain_json_in_degrees() -> None:
     assert taken["start_deg"] == pytest.approx([100.0, 5.0])
     assert taken["refusals"] == []
     assert values["machine"]["reserve"] == 0.05
+
+
+@pytest.mark.parametrize("span_deg", [10.0, 200.0, 530.0])
+def test_the_turns_are_all_those_with_some_of_the_pass_within_the_travel(span_deg: float) -> None:
+    limits = AxisLimits(azimuth_min_rad=-130.0 * DEG, azimuth_max_rad=350.0 * DEG)
+    for low_deg in np.arange(-1000.0, 1000.0, 33.0):
+        azimuth = np.array([low_deg, low_deg + span_deg]) * DEG
+        turns = [k for k in range(-5, 6) if low_deg + 360.0 * k <= 350.0 and low_deg + span_deg + 360.0 * k >= -130.0]
+        assert _turns(azimuth, limits) == turns

@@ -131,8 +131,8 @@ def test_every_sensor_of_every_band_has_a_certificate_and_every_other_is_refused
         assert chosen is not None
         # What a scan costs is in it.
         if sensor == "array":
-            # It sees the target wherever it is in the prior, and holds it on the axis.
-            assert f"{chosen.mean_loss_db:.2f}" == "0.00"
+            # It sees the target wherever it is in the prior, and holds it but for its noise.
+            assert 0.0 < chosen.mean_loss_db < 0.06
         else:
             assert chosen.mean_loss_db > (0.06 if sensor in ("conscan", "steptrack") else 0.0)
 

@@ -13,6 +13,7 @@ readings of the axes, the controller slews back to the target.  A fault ends the
 """
 
 import math
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -30,7 +31,7 @@ from rf_pointing.station.pointing.motion import CommandedMotion
 from rf_pointing.station.pointing.outcome import BeamEvidence, CarrierLevels, PassStatistics
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.plan import PassPlan
-from rf_pointing.station.pointing.scan_patterns import Scans, sensor_cost
+from rf_pointing.station.pointing.scan_patterns import Scans, array_cost, sensor_cost
 from rf_pointing.station.pointing.status import Level, TrackingStatus
 from rf_pointing.tracking import AutotrackState, SkyMotion
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, SensorTraits, sensors_of
@@ -159,7 +160,7 @@ class PointingController:
             raise ValueError(f"the pass of {window.name} ended {t_s - window.los_t_s:.0f} s ago")
         if self.antenna.fault:
             raise ValueError(f"the antenna has a latched fault ({self.antenna.fault}); reset it first")
-        self.carrier.require_level(window, sensor, self._mode.params)
+        self.carrier.require_level(window, sensor, self._mode.params, self.plan.profile_of(window))
         self.plan.forget()
         axes, known = self._motion.axes, self.plan.profile_of(window) is not None
         self._turns_rad = self._choose_turn(t_s, window, axes, sensor) if axes is not None and known else None
@@ -180,6 +181,8 @@ class PointingController:
         if self._pass is None or axes is None or self._turns_rad is not None or self._stopping or self.missing:
             return
         try:
+            profile = self.plan.profile_of(self._pass)
+            self.carrier.require_level(self._pass, self._sensor, self._mode.params, profile)
             self._turns_rad = self._choose_turn(t_s, self._pass, axes, self._sensor)
             self._motion.resume(t_s)
         except ValueError as refused:
@@ -240,7 +243,8 @@ class PointingController:
             self.antenna.unsettle()
             # The axes wait at rest for the target to come back.
             return self._motion.halt(t_s) if before != Mode.IDLE else None
-        if self.state.mode == Mode.SLEW and t_s >= window.aos_t_s:
+        joining = self.state.mode == Mode.SLEW and t_s >= window.aos_t_s
+        if joining:
             # Axes that jump onto a moving target fall behind it first.
             self.antenna.unsettle()
             self._motion.slew()
@@ -250,7 +254,7 @@ class PointingController:
             # the encoders as in a sidelobe.
             self.carrier.trust_until(t_s + LAG_TIMES * self.params.pointing.lag_averaging_s)
         trajectory, self._stopping = self._motion.follow(
-            t_s, window, self._turns_rad or 0.0, _motion_of(self.state.mode)
+            t_s, window, self._turns_rad or 0.0, _motion_of(self.state.mode), joining=joining
         )
         if trajectory is not None:
             self.antenna.take_command(float(trajectory.t_s[0]), trajectory.position_rad[0])
@@ -287,8 +291,13 @@ class PointingController:
         for traits in sensors_of(SENSOR_CHOICES[sensor]):
             if level >= table.monopulse_on_db_hz or not traits.needs_strong_carrier:
                 break
-        motion = SkyMotion(float(sky[0]), float(sky[1]), range_m)
-        return sensor_cost(traits, self._scans, self.params.trim, table, motion)
+        motion, levels = SkyMotion(float(sky[0]), float(sky[1]), range_m), self.carrier.levels_db_hz(profile)
+        own = traits is not None and traits.own_level
+        cost = sensor_cost(None if own else traits, self._scans, self.params.trim, table, motion)
+        if own:
+            beamwidth_rad = self.corrections.half_power_beamwidth_rad
+            cost = array_cost(self.params.array, self.params.integrator, table, levels, beamwidth_rad, cost)
+        return replace(cost, carrier_to_noise_db_hz=(min(levels), max(levels)))
 
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
         """Issue the certificate, and return the turns (rad) to track on."""

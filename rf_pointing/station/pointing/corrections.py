@@ -21,7 +21,7 @@ from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
 from rf_pointing.core import Mode, Motion, PointingError, Quintic
 from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.planning import AxisRates
-from rf_pointing.station.pointing.scan_patterns import ScanPatterns, Scans
+from rf_pointing.station.pointing.scan_patterns import UNDERWAY_S, ScanPatterns, Scans
 from rf_pointing.tracking import AutotrackState, SkyMotion, TrimFilter, TrimParams, direction_rows
 from rf_pointing.tracking.sensors import SENSORS
 
@@ -36,9 +36,6 @@ OVER = np.array([1.0, -1.0])
 FADE_S = 3.0
 # How well the strongest carrier of a search says where the target is.
 FOUND_SIGMA_BEAMWIDTHS = 0.25
-# Time from a command's to the errors that the beam then has: transport, servo, cluster and the
-# period of the controller.
-UNDERWAY_S = 0.5
 # Elevation above which cross-elevation is no longer turned into ever larger azimuth.
 STEEPEST_RAD = math.radians(88.0)
 

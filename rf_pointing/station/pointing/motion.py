@@ -78,17 +78,18 @@ class MotionSnapshot:
     ----------
     target_available, on_target : whether there is motion to command, and whether the slew to it is
         over.
-    range_m : distance of the target now in m, None while its motion is not known.
+    path : distance of the target now in m and gain of its antenna towards the station in dB, None
+        while its motion is not known.
     beam_rad : where the beam was from the prediction when the newest error was measured (2,), None
         where not known.
-    error_range_m : distance of the target at that time, m.
+    error_path : distance and gain at that time.
     """
 
     target_available: bool
     on_target: bool
-    range_m: float | None = None
+    path: tuple[float, float] | None = None
     beam_rad: Array | None = None
-    error_range_m: float | None = None
+    error_path: tuple[float, float] | None = None
 
 
 class CommandedMotion:
@@ -157,19 +158,23 @@ class CommandedMotion:
         # The shortest trajectory has three points.
         ahead = self.targets.covers(t_s, t_s + self.params.transport_s + 2.0 * self.params.period_s)
         known = ahead or self.targets.covers(t_s, t_s)
-        ranges = (None, None)
+        path: tuple[float, float] | None = None
+        error_path: tuple[float, float] | None = None
         # Before the first sample of the target no distance is known, and nothing to compare the
         # beam with.
         if math.isfinite(self.targets.known_until_s):
-            ranges = self.targets.range_m([t_s, t_s if error_t_s is None else error_t_s]).tolist()
+            path, error_path = (self._path_to(at_s) for at_s in (t_s, t_s if error_t_s is None else error_t_s))
         return MotionSnapshot(
             # Before the pass the axes wait where it begins, which is always known.
             target_available=ahead or t_s < window.aos_t_s,
             on_target=on_target,
-            range_m=ranges[0] if known else None,
+            path=path if known else None,
             beam_rad=beam,
-            error_range_m=ranges[1],
+            error_path=error_path,
         )
+
+    def _path_to(self, t_s: float) -> tuple[float, float]:
+        return float(self.targets.range_m(t_s)), self.targets.satellite_gain_db(t_s)
 
     def _fill_targets(self, t_s: float, window: Pass) -> None:
         """Go on with the profile of the pass where the prediction has not arrived."""
@@ -221,8 +226,13 @@ class CommandedMotion:
             self._last_sky = added(self.targets.at([t_s]), correction_rad[None, :], np.zeros((1, 2))).position[0]
         return self._last_sky
 
-    def follow(self, t_s: float, window: Pass, turns_rad: float, kind: str) -> tuple[JointTrajectory | None, str]:
-        """Return the trajectory issued at `t_s`, or None and why the safety gate refuses it."""
+    def follow(
+        self, t_s: float, window: Pass, turns_rad: float, kind: str, *, joining: bool = False
+    ) -> tuple[JointTrajectory | None, str]:
+        """Return the trajectory issued at `t_s`, or None and why the safety gate refuses it.
+
+        `joining`: the axes are still on their way to a pass that goes on.
+        """
         params, plan = self.params, self._plan
         horizon_s = params.horizon_s
         if t_s >= window.aos_t_s:
@@ -261,6 +271,12 @@ class CommandedMotion:
         )
         if not plan.course.direct:
             trajectory = plan.course.to_axes(trajectory)
+        meeting = None if self.axes is None else plan.meeting_rad(t_s, self.axes, joining=joining)
+        if meeting is not None:
+            still = np.zeros_like(trajectory.velocity_rad_s)
+            trajectory = JointTrajectory(
+                t_s=times, position_rad=still + meeting, velocity_rad_s=still, acceleration_rad_s2=still
+            )
         encoder_rad = trajectory.position_rad[0] if self.axes is None else self.axes.position_rad
         here = (float(encoder_rad[0]), float(encoder_rad[1]))
         self._issued = trajectory

@@ -12,6 +12,7 @@ from rf_pointing.core import Params, parameter
 from rf_pointing.ephemeris.solar import SunParams
 from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
 from rf_pointing.rf import LinkParams
+from rf_pointing.rf.dish_array import DishArrayParams
 from rf_pointing.station.pointing.antenna_watch import AntennaWatchParams
 from rf_pointing.tracking import (
     AutotrackParams,
@@ -88,5 +89,6 @@ class ControllerParams(Params):
     trim: TrimParams = parameter(TrimParams(), "filter of the ephemeris error")
     watch: LockWatchParams = parameter(LockWatchParams(), "watch on the monopulse lock")
     link: LinkParams = parameter(LinkParams(), "carrier to expect")
+    array: DishArrayParams = parameter(DishArrayParams(), "array on the dish, for the certificate")
     gate: GateParams = parameter(GateParams(), "safety gate")
     sun: SunParams = parameter(SunParams(), "site from which the Sun is computed")

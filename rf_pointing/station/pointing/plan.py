@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel
+from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams
 from rf_pointing.core import JointReading, Motion
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.solar import SolarDirection
@@ -25,13 +27,13 @@ from rf_pointing.planning import (
     plunged,
     unplunged,
 )
-from rf_pointing.planning.certificate import STEP_S
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.certificates import PlanningRules, certificate_of
 from rf_pointing.station.pointing.prediction import axis_motion
 
 Array = NDArray[np.float64]
+Pair = tuple[float, float]
 # Times of a pass and of its profile differ by less: they may have been computed from other
 # elements.
 SAME_PASS_S = 30.0
@@ -39,6 +41,49 @@ SAME_PASS_S = 30.0
 SAME_SUN_RAD = math.radians(0.5)
 # How far another bias model must move the start of a pass before the slew to it is planned again.
 NEW_GOAL_RAD = math.radians(0.1)
+# Axes that cannot run straight after their target are there so much before it, and how many places
+# ahead of it are looked at.
+MEETING_S = 2.0
+MEETINGS = 12
+# Axes whose rate is gone in this time stand.
+STOPPED_S = 0.2
+NO_MEETING: tuple[Array | None, float] = (None, -math.inf)
+# Steps in which a chase is computed, and the longest one.
+CHASE_STEP_S = 0.1
+CHASE_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Chased:
+    """A target by the positions (n, 2) of axes that hold it at times (n,)."""
+
+    t_s: Array
+    position_rad: Array
+
+    def at(self, times: Array | float) -> Array:
+        """Return the positions (..., 2) at times (...), that of the nearer end outside."""
+        return np.stack([np.interp(np.asarray(times), self.t_s, part) for part in self.position_rad.T], axis=-1)
+
+    def free(self, t_s: float, axes: JointReading, gate: Gate, sun_rad: Pair | None) -> bool:
+        """Return whether axes that run after it until they have it pass no hill and no Sun."""
+        rate, acceleration = gate.axes
+        runner = CommandPreprocessor(
+            CommandPreprocessorParams(
+                rate_limit_rad_s=rate, acceleration_limit_rad_s2=acceleration,
+                travel_min_rad=(-50.0, -50.0), travel_max_rad=(50.0, 50.0),
+            )
+        )  # fmt: skip
+        runner.reset(axes.position_rad, axes.velocity_rad_s)
+        times = t_s + CHASE_STEP_S * np.arange(round(CHASE_S / CHASE_STEP_S), dtype=np.float64)
+        target = self.at(times)
+        rates = np.gradient(target, CHASE_STEP_S, axis=0)
+        run = [(axes.position_rad, axes.velocity_rad_s)]
+        for position, velocity in zip(target[1:], rates[1:], strict=True):
+            run.append(runner.step(position, velocity, np.zeros(2), CHASE_STEP_S)[:2])
+            if all(runner.state.transparent):
+                break
+        positions, speeds = (np.array(part) for part in zip(*run, strict=True))
+        return not gate.chase(positions, speeds, target[: len(run)], sun_rad)
 
 
 class PassPlan:
@@ -71,6 +116,7 @@ class PassPlan:
         self.course = TrackingBranch()
         self.profile: PassProfile | None = None
         self._slew, self._goal = CornerPath(), np.full(2, math.inf)
+        self._meeting = NO_MEETING
 
     def choose(
         self,
@@ -93,7 +139,7 @@ class PassPlan:
         if profile is None:
             raise ValueError(f"this pass of {window.name} has no profile")
         self._check_sun(profile)
-        self.profile = profile.resampled(STEP_S)
+        self.profile = profile.resampled()
         azimuth, elevation = joints.position_rad.tolist()
         rules = PlanningRules(
             model=model, machine=self.machine, limits=self._limits, mask=self.mask, gate=self._gate_params,
@@ -145,6 +191,56 @@ class PassPlan:
         if corner is None:
             return start_rad
         return unplunged(corner, still, still)[0] if plunge else corner
+
+    def meeting_rad(self, t_s: float, axes: JointReading, *, joining: bool) -> Array | None:
+        """Return where (2,) axes that join go, encoder angles; None: straight after the target.
+
+        Axes that run after a target cut the corner of its path, towards a hill or the Sun that the
+        path itself keeps away from.  Then they go by a free way to where the target will be, and
+        wait for it; without one they stay where they are, and look again.
+        """
+        goal, until_s = self._meeting
+        if joining and t_s >= until_s:
+            goal, until_s = self._meet(t_s, axes)
+        self._meeting = (goal, until_s) if joining else NO_MEETING
+        if not joining or goal is None:
+            return None
+        try:
+            corner = self.approach(t_s, axes, goal)
+        except ValueError:
+            # The axes have come to where no way leads there: they stop, and look for another.
+            self._meeting = NO_MEETING
+            return self._rest_rad(axes)
+        return goal if corner is None else corner
+
+    def _rest_rad(self, axes: JointReading) -> Array:
+        """Return where (2,) the axes come to rest if they brake now."""
+        rate, acceleration = axes.velocity_rad_s, np.array(self.machine.axes.acceleration_rad_s2)
+        return np.asarray(axes.position_rad + 0.5 * rate * np.abs(rate) / acceleration, dtype=np.float64)
+
+    def _meet(self, t_s: float, axes: JointReading) -> tuple[Array | None, float]:
+        """Return where (2,) to wait and until when, None to run straight on."""
+        branch = self.certificate.chosen if self.certificate else None
+        if self.profile is None or branch is None or branch.axes_rad is None:
+            return NO_MEETING
+        path, sun = Chased(self.profile.t_s, branch.axes_rad), self.sun.at(t_s)
+        if path.free(t_s, axes, self.gate, sun):
+            return NO_MEETING
+        rest_rad = self._rest_rad(axes)
+        stop_s = float(np.max(np.abs(axes.velocity_rad_s) / np.array(self.machine.axes.acceleration_rad_s2)))
+        if stop_s > STOPPED_S:
+            # Axes that turn round while they move run through what a stop keeps out of.
+            return rest_rad, t_s + stop_s + STOPPED_S
+        here, arrival_s = (float(rest_rad[0]), float(rest_rad[1])), MEETING_S
+        for _ in range(MEETINGS):
+            goal = path.at(t_s + arrival_s)
+            needed_s, barred = self.gate.slew(here, (float(goal[0]), float(goal[1])), sun)
+            if not barred and needed_s + MEETING_S <= arrival_s:
+                waiting = JointReading(t_s=t_s + arrival_s, position_rad=goal, velocity_rad_s=np.zeros(2))
+                if path.free(t_s + arrival_s, waiting, self.gate, sun):
+                    return goal, t_s + arrival_s
+            arrival_s = max(needed_s, arrival_s) + MEETING_S
+        return rest_rad, t_s + MEETING_S
 
     def model_motion(self, t_s: float, sky: Motion, model: BiasModel) -> Motion:
         """Return the direct angles that hold the beam on `sky` (n, 2) at `t_s`."""

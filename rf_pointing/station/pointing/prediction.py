@@ -47,6 +47,7 @@ class TargetBuffer:
         self._times: list[float] = []
         self._motions: list[Motion] = []
         self._ranges: list[float] = []
+        self._gains: list[float] = []
         self.received_until_s = -math.inf
 
     def clear(self) -> None:
@@ -54,6 +55,7 @@ class TargetBuffer:
         self._times.clear()
         self._motions.clear()
         self._ranges.clear()
+        self._gains.clear()
         self.received_until_s = -math.inf
 
     def add(self, target: Target) -> None:
@@ -68,7 +70,7 @@ class TargetBuffer:
             np.array([target.azimuth_acceleration_rad_s2, target.elevation_acceleration_rad_s2]),
         )
         self.received_until_s = max(self.received_until_s, target.t_s)
-        self._insert(target.t_s, motion, target.range_m)
+        self._insert(target.t_s, motion, target.range_m, target.satellite_gain_db)
 
     def fill(self, profile: PassProfile, start_s: float, end_s: float, range_m: float) -> None:
         """Take the profile of the pass where nothing is known between two times.
@@ -92,19 +94,21 @@ class TargetBuffer:
             motion = Motion(
                 profile.position_rad[row] + shift, profile.velocity_rad_s[row], profile.acceleration_rad_s2[row]
             )
-            self._insert(t_s, motion, max(from_m + rate * (t_s - from_s), 1.0))
+            gain_db = float(profile.satellite_gain_db[row])
+            self._insert(t_s, motion, max(from_m + rate * (t_s - from_s), 1.0), gain_db)
 
-    def _insert(self, t_s: float, motion: Motion, range_m: float) -> None:
+    def _insert(self, t_s: float, motion: Motion, range_m: float, gain_db: float) -> None:
         # Messages may overtake each other.
         place = bisect.bisect_left(self._times, t_s - 1e-6)
         if place < len(self._times) and abs(self._times[place] - t_s) <= 1e-6:
-            self._motions[place], self._ranges[place] = motion, range_m
+            self._motions[place], self._ranges[place], self._gains[place] = motion, range_m, gain_db
         else:
             self._times.insert(place, t_s)
             self._motions.insert(place, motion)
             self._ranges.insert(place, range_m)
+            self._gains.insert(place, gain_db)
         while self._times[-1] - self._times[0] > KEPT_S and len(self._times) > 2:
-            del self._times[0], self._motions[0], self._ranges[0]
+            del self._times[0], self._motions[0], self._ranges[0], self._gains[0]
 
     @property
     def known_until_s(self) -> float:
@@ -128,6 +132,10 @@ class TargetBuffer:
     def range_m(self, t_s: ArrayLike) -> Array:
         """Return the distances (n,), linear between samples, the nearest one outside."""
         return np.asarray(np.interp(np.asarray(t_s, dtype=np.float64), self._times, self._ranges))
+
+    def satellite_gain_db(self, t_s: float) -> float:
+        """Return the gain of the target's antenna towards the station, like `range_m`."""
+        return float(np.interp(t_s, self._times, self._gains))
 
     def _one(self, t_s: float) -> Motion:
         if not self.covers(t_s, t_s):

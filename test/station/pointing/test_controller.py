@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import JointReading, PointingError
-from rf_pointing.ephemeris import Pass
+from rf_pointing.ephemeris import Pass, SatelliteAntennaParams, TopocentricTrack
 from rf_pointing.planning import AxisLimits
+from rf_pointing.planning.certificate_text import certificate_lines
 from rf_pointing.rf import LinkParams
+from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PLAN_PATIENCE_S, PointingController
 
 Rig = Any
@@ -219,6 +221,39 @@ def test_a_sensor_whose_gate_the_link_never_opens_is_refused_in_words(
     make_controller(link=silent).start(window.aos_t_s - 10.0, window, "program")
     unknown = dataclasses.replace(window, smallest_range_m=0.0)
     make_controller(link=silent).start(window.aos_t_s - 10.0, unknown, "monopulse")
+
+
+def test_the_satellite_s_antenna_is_in_the_certificate_the_refusal_and_the_expected_level(
+    make_controller: MakeController, rig: MakeRig, track: TopocentricTrack, window: Pass
+) -> None:
+    """Its beam of 60 deg looks to the nadir, 40 deg and more off the station."""
+    antenna = SatelliteAntennaParams(half_power_beamwidth_rad=math.radians(60.0))
+    turned = track.with_offsets(along_track_offset_s=0.0, cross_track_offset_rad=0.0, antenna=antenna)
+    profile, link = pass_profile(turned, window), LinkParams(zenith_carrier_to_noise_db_hz=50.0)
+    levels = 50.0 - 20.0 * np.log10(profile.range_m / link.reference_range_m) + profile.satellite_gain_db
+    controller = make_controller(link=link)
+    controller.plan.take_profiles([profile])
+    controller.take_joints(still(window.aos_azimuth_rad, window.aos_elevation_rad, window.aos_t_s - 10.0))
+    controller.start(window.aos_t_s - 10.0, window, "conscan")
+    certificate = controller.plan.certificate
+    assert certificate is not None
+    assert certificate.carrier_to_noise_db_hz == pytest.approx((levels.min(), levels.max()))
+    assert f"C/N0 {levels.min():.1f} to {levels.max():.1f} dB-Hz" in certificate_lines(certificate)[-1]
+    # The same link that is enough on the axis of the antenna is refused where the station is off it.
+    faint = link.replace(zenith_carrier_to_noise_db_hz=50.0 + 21.9 - levels.max())
+    made = make_controller(link=faint)
+    made.start(window.aos_t_s - 10.0, window, "conscan")
+    made = make_controller(link=faint)
+    made.plan.take_profiles([profile])
+    with pytest.raises(ValueError, match=r"conscan needs a carrier of 22.0 dB-Hz; the link gives at most 21.9"):
+        made.start(window.aos_t_s - 10.0, window, "conscan")
+    # What the state table compares the carrier with moves with the attitude that is published.
+    flown = rig("conscan", link=link)
+    flown.track = turned
+    list(flown.run(window.aos_t_s, 3.0))
+    now = turned.target_at(window.aos_t_s + 3.0)
+    expected = link.level_db_hz(now.range_m, now.satellite_gain_db)
+    assert flown.controller._mode.axis_db_hz == pytest.approx(expected, abs=0.01)
 
 
 def test_errors_of_an_unregistered_sensor_are_refused_with_its_name_and_keep_the_lock(
