@@ -14,6 +14,8 @@ from enum import StrEnum
 from rf_pointing.core import Mode, Params, Sensor, parameter, require_choice, require_finite
 from rf_pointing.tracking.sensors import NO_SENSOR, SENSORS, TABLE_WORDS, SensorTraits, sensors_of
 
+HALF_POWER_DB = 3.0
+
 
 class Request(StrEnum):
     """What the pass wants of the table."""
@@ -87,8 +89,9 @@ class AutotrackInputs:
     none or a stale one. `axis_db_hz` is the C/N0 that the link would give on the beam's axis, -inf
     where it is not known. `valid` names the sensors whose newest estimate may be used; a sensor
     that scans is in it until its first estimate. `arriving`: the beam is still on its way to where
-    it was sent, so that invalid errors mean nothing yet. `fault` is why the sensor in use must not
-    be trusted (sidelobe, sign flip), empty if it may be; `sidelobe`: it seems to follow one.
+    it was sent, so that invalid errors mean nothing yet. `heard`: a sensor has reported lately, a
+    carrier or none, so that a search would see the target. `fault` is why the sensor in use must
+    not be trusted (sidelobe, sign flip), empty if it may be; `sidelobe`: it seems to follow one.
     """
 
     t_s: float
@@ -101,6 +104,7 @@ class AutotrackInputs:
         default_factory=lambda: frozenset(name for name, traits in SENSORS.items() if traits.scans)
     )
     arriving: bool = False
+    heard: bool = True
     fault: str = ""
     sidelobe: bool = False
 
@@ -172,6 +176,22 @@ def _in_main_beam(params: AutotrackParams, state: AutotrackState, inputs: Autotr
     The peak of a search that goes on is no proof: it may be that of a sidelobe.
     """
     return inputs.carrier_to_noise_db_hz >= inputs.axis_db_hz + state.learned_db - params.beam_drop_db
+
+
+def _search_helps(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
+    """Whether a search could find more.
+
+    Not where no sensor reports, and not for an array, which sees most of the sky: a search would
+    move the beam without showing it any more.  Nor where a carrier is too weak for monopulse
+    although it has the level of a target within the half-power beam: that is the link's.  One that
+    has just come back is first given its time to count.
+    """
+    returning = state.carrier_since_s is not None and not state.carrier
+    if params.own_level or returning or not inputs.heard:
+        return False
+    level_db = inputs.axis_db_hz + state.learned_db - HALF_POWER_DB
+    faint = state.carrier and not state.strong and math.isfinite(level_db)
+    return not (faint and inputs.carrier_to_noise_db_hz >= level_db)
 
 
 def _excess_db(inputs: AutotrackInputs) -> float:
@@ -268,11 +288,12 @@ def transitions(sensors: Sequence[SensorTraits]) -> tuple[Transition, ...]:
             (Mode.SEARCH,), Mode.COAST, "the search has passed a carrier: back to where it was strongest", _peaked,
         ),
         Transition(
-            (Mode.COAST,), Mode.SEARCH, "the coasting time is over", lambda p, s, i: _elapsed(s, i) > p.coast_s,
+            (Mode.COAST,), Mode.SEARCH, "the coasting time is over, and a search would help",
+            lambda p, s, i: _search_helps(p, s, i) and _elapsed(s, i) > p.coast_s,
         ),
         Transition(
-            (Mode.PROGRAM_TRACK,), Mode.SEARCH, "no sensor has taken over in the settling time",
-            lambda p, s, i: p.sensor != NO_SENSOR and _elapsed(s, i) > p.settle_s,
+            (Mode.PROGRAM_TRACK,), Mode.SEARCH, "no sensor has taken over in the settling time, and a search would help",
+            lambda p, s, i: p.sensor != NO_SENSOR and _search_helps(p, s, i) and _elapsed(s, i) > p.settle_s,
         ),
         Transition(
             (Mode.SEARCH,), Mode.PROGRAM_TRACK, "the search found nothing", lambda p, s, i: _elapsed(s, i) > p.search_s,
@@ -336,6 +357,9 @@ def _observe(params: AutotrackParams, state: AutotrackState, inputs: AutotrackIn
     invalid = (inputs.t_s if state.invalid_since_s is None else state.invalid_since_s) if not valid else None
     seen = replace(state, carrier=carrier, strong=strong, carrier_since_s=since, invalid_since_s=invalid)
     # Kept after the search: it is the best proof of the level that the link really gives.
-    if state.mode == Mode.SEARCH and level > state.peak_db_hz:
+    # Against the link's: that of a satellite that comes nearer rises without an end.
+    known = state.peak_s is not None and math.isfinite(inputs.axis_db_hz)
+    higher = _excess_db(inputs) > state.peak_excess_db if known else level > state.peak_db_hz
+    if state.mode == Mode.SEARCH and higher:
         return replace(seen, peak_db_hz=level, peak_s=inputs.t_s, peak_excess_db=_excess_db(inputs))
     return replace(seen, lock_db=max(seen.lock_db, _excess_db(inputs)))
