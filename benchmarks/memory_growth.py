@@ -1,6 +1,6 @@
 """How fast the memory of each node grows during a pass of the live graph.
 
-    scripts/run-python benchmarks/memory_growth.py [--settle S] [--seconds S] [--station NAME] [--speed X]
+    scripts/run-python benchmarks/memory_growth.py [--settle S] [--seconds S] [--station NAME] [--satellite N] [--speed X]
 
 Runs the executable `track` as a user would and reads the anonymous resident memory of its nodes
 from the kernel.  After `--settle` seconds a straight line is fitted to means over 20 s.  Prints its
@@ -60,6 +60,7 @@ def main() -> None:
     parser.add_argument("--settle", type=float, default=180.0, help="seconds from the start left out")
     parser.add_argument("--seconds", type=float, default=600.0, help="seconds that are measured after that")
     parser.add_argument("--station", default="dss13", help="station of `track`")
+    parser.add_argument("--satellite", default="8195", help="satellite of `track`; the default is up for hours")
     parser.add_argument("--speed", default="1", help="speed of the clock: 1 or faster")
     options = parser.parse_args()
     executable = Path(get_package_prefix("rf_pointing")) / "lib" / "rf_pointing" / "track"
@@ -67,7 +68,7 @@ def main() -> None:
         process = subprocess.Popen(
             [
                 str(executable), "--models", "", "--output", f"{folder}/run",
-                "--station", options.station, "--speed", options.speed,
+                "--station", options.station, "--satellite", options.satellite, "--speed", options.speed,
             ],
             stdin=subprocess.DEVNULL,
         )  # fmt: skip

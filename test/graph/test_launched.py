@@ -26,6 +26,8 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionClient
 from rclpy.parameter import parameter_value_to_python
 from rf_pointing_msgs.action import TrackPass
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 
 from rf_pointing.ephemeris import tle_lines
 from rf_pointing.nodes.graph import NODES, STATION_NODES
@@ -38,7 +40,7 @@ from .conftest import ask, executable
 
 __all__ = ["given"]
 pytestmark = [pytest.mark.graph, pytest.mark.alone]
-ROS2 = shutil.which("ros2")
+ROS2, LAUNCH_TEST = shutil.which("ros2"), shutil.which("launch_test")
 SPEED = 8.0
 ARRAYS = {
     "doa": ("doa_source", "doa_attitude"),
@@ -180,9 +182,19 @@ def test_the_simulated_station_flies_a_users_tle_by_its_name(
         assert result.target_pass.target == "sat 2"
     bag.close()
     assert set(launch_file.stop()) == {0}
+    if ROS2:
+        play(live, tmp_path / "bag")
     summary = write_report(tmp_path / "bag", tmp_path / "report")
     assert summary.outcome.tracked
     assert (tmp_path / "report" / "report.html").is_file()
+
+
+@pytest.mark.skipif(not LAUNCH_TEST, reason="the wheels have no launch_testing")
+def test_the_simulated_station_under_launch_testing() -> None:
+    """Of a ROS 2 install: `launch_test` starts the file, asks its nodes, ends it and looks at the exit codes."""
+    tested = Path(__file__).with_name("launch_testing_station.py")
+    done = subprocess.run([str(LAUNCH_TEST), str(tested)], capture_output=True, text=True, timeout=200)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def record(live: SimpleNamespace, folder: Path) -> Any:
@@ -196,3 +208,22 @@ def record(live: SimpleNamespace, folder: Path) -> Any:
         process.wait(30.0)
 
     return SimpleNamespace(close=close)
+
+
+def play(live: SimpleNamespace, bag: Path) -> None:
+    """Play a recording back with its own clock, which the recorded one must not meet: time and states arrive."""
+    heard: dict[str, list[Any]] = {"/clock": [], "joint_states": []}
+    topics = {"/clock": Clock, f"{live.namespace}/joint_states": JointState}
+    subscriptions = [
+        live.node.create_subscription(kind, name, heard[name.removeprefix(f"{live.namespace}/")].append, 10)
+        for name, kind in topics.items()
+    ]
+    recorded = [f"{live.namespace}/joint_states", f"{live.namespace}/tracking_status"]
+    process = subprocess.Popen([str(ROS2), "bag", "play", str(bag), "--clock", "100", "--topics", *recorded])
+    try:
+        live.spin_until(lambda: all(len(messages) > 10 for messages in heard.values()), "a clock and joint states")
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(15.0)
+        for subscription in subscriptions:
+            live.node.destroy_subscription(subscription)

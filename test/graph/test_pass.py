@@ -283,6 +283,37 @@ def test_a_shipped_station_tracks_a_pass_with_its_default_sensor(
     assert summary["commands"]["rejected"] == 0
 
 
+def test_a_small_dish_tracks_by_its_array_of_patches_alone(tmp_path: Path) -> None:
+    """Elements 5 s wrong are 2.4 deg, the beam 2.2 deg to half power; the satellite has a beam of its own."""
+    antenna = "{ros__parameters: {source.antenna.half_power_beamwidth_deg: 30.0}}"
+    given = tmp_path / "satellite.yaml"
+    given.write_text(f"/**/ephemeris_publisher: {antenna}\n/**/rf_receiver: {antenna}\n")
+    run = start_track(
+        "--station", "rotator_2m", "--sensor", "array", "--speed", "max", "--min-peak", "72", "--mask", "68",
+        "--ephemeris-error", "5", "--params-file", str(given), "--output", str(tmp_path / "run"),
+    )  # fmt: skip
+    said = run.communicate(timeout=DEADLINE_S)[1]
+    assert run.returncode == 0, said
+    summary = summary_of(tmp_path / "run", said)
+    print(said.splitlines()[-1])
+    assert "array" in {mode["mode"] for mode in summary["modes"]}
+    assert not {"search", "steptrack"} & {mode["mode"] for mode in summary["modes"]}
+    flown, predicted = (summary["outcome"][name] for name in ("flown", "predicted"))
+    assert flown["lost_s"] < 5.0
+    assert flown["mean_loss_db"] - predicted["mean_loss_db"] < 0.3
+    # The certificate's C/N0 is what the beam on the target received, but for the air; 60 dB-Hz on the satellite's axis.
+    (stored,) = (tmp_path / "run").glob("CBERS_2-*.json")
+    certificate = json.loads(stored.read_text())
+    truth = read_recording(tmp_path / "run" / "bag").get("sim/pointing_error")
+    assert truth is not None
+    inside = (truth.stamp_ns > 1e9 * certificate["aos_t_s"]) & (truth.stamp_ns < 1e9 * certificate["los_t_s"])
+    level = truth.columns["carrier_to_noise"][inside]
+    # The least is that of an end of the pass, where 5 s are 1 dB.
+    assert certificate["carrier_to_noise_db_hz"] == pytest.approx([level.min(), level.max()], abs=1.5)
+    assert certificate["carrier_to_noise_db_hz"][1] == pytest.approx(level.max(), abs=0.3)
+    assert level.max() < 57.0
+
+
 def test_the_report_says_what_elements_half_a_second_wrong_cost_program_track(tmp_path: Path) -> None:
     """Half a second is 0.1 to 0.25 deg on the sky, of a beam of 2.4 deg; the mount has errors of its own."""
     said, summary = flown(
