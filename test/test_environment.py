@@ -1,6 +1,7 @@
 """The environment of the scripts: made once, kept under running processes; and what `pip install .` brings."""
 
 import ast
+import platform
 import re
 import shutil
 import subprocess
@@ -14,12 +15,12 @@ has_jazzy() { false; }
 need() { :; }
 make_wheel_environment() {
   mkdir -p "$STATE/env/bin"
-  printf '#!/bin/sh\\necho Python 3.11.7\\n' > "$STATE/env/bin/python"
+  printf '#!/bin/sh\\necho Python VERSION\\n' > "$STATE/env/bin/python"
   chmod +x "$STATE/env/bin/python"
   echo made >> "$STATE/made"
 }
 build_workspace() { mkdir -p "$STATE/install"; touch "$STATE/install/local_setup.bash"; }
-"""
+""".replace("VERSION", platform.python_version())
 
 
 @pytest.fixture

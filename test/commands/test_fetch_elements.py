@@ -286,6 +286,14 @@ def test_what_cannot_be_fetched_is_refused_by_name(
     assert complaint in capsys.readouterr().err
 
 
+def test_a_kept_file_has_the_name_that_older_versions_gave_it() -> None:
+    """The digest is that of `printf %s ADDRESS | sha256sum`: an update of the package fetches nothing anew."""
+    address = "https://celestrak.org/NORAD/elements/gp.php?GROUP=stations&FORMAT=json"
+    assert kept_file(address, Path("cache")) == Path(
+        "cache/celestrak.org_NORAD_elements_gp.php_GROUP=stations_FORMAT=json-d5eba0f8.elements"
+    )
+
+
 def test_the_kept_files_are_a_folder_of_elements(source: Source, ask: Callable[..., Outcome], tmp_path: Path) -> None:
     kept = ask()
     assert element_files(str(tmp_path)) == [kept.file]

@@ -116,6 +116,24 @@ def test_jerk_limit_is_kept_and_the_target_reached() -> None:
     assert max(row[0][0] for row in rows) < 0.4 + 0.3 * MDEG
 
 
+def test_a_soft_slew_brakes_evenly_and_fades_at_a_quarter_of_its_jerk_limit() -> None:
+    """0.48 of the acceleration limit is planned with: 0.8 for the target's own, 0.6 of it for the jerk."""
+    jerk, braking = 0.1, 0.48 * ACCELERATION
+    shaper = preprocessor(jerk_limit_rad_s3=(jerk, jerk))
+    shaper.reset((0.0, 0.5))
+    rows = [shaper.step((0.5, 0.5), (0.0, 0.0), (0.0, 0.0), DT_S) for _ in range(1200)]
+    position, rate, acceleration = np.array(rows)[:, :, 0].T
+    # Along v = k d the deceleration k v changes by k^2 v: a quarter of the limit where v = braking / k.
+    k = 0.25 * jerk / braking
+    left, stopping = 0.5 - position, np.arange(len(rows)) > int(np.argmax(rate))
+    even = stopping & (rate > 1.2 * braking / k) & (rate < 0.7 * RATE)
+    fading = stopping & (rate < 0.8 * braking / k) & (left > 1e-5)
+    assert np.count_nonzero(even) > 50
+    assert np.count_nonzero(fading) > 40
+    np.testing.assert_allclose(-acceleration[even], braking, rtol=1e-3)
+    np.testing.assert_allclose(rate[fading], k * left[fading], rtol=0.02)
+
+
 def test_a_target_on_its_way_is_caught_without_overshoot_within_a_jerk_limit_too() -> None:
     """From rest 0.1 rad behind a target that runs away at half the rate of the axis, and one that comes nearer."""
     for side in (1.0, -1.0):

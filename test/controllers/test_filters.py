@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from rf_pointing.controllers.filters import Section, SectionParams, notch_section
+from rf_pointing.controllers.filters import RateFeedforward, Section, SectionParams, before_sections, notch_section
 
 PARAMS = SectionParams(zero_hz=2.04, zero_damping=0.03, pole_hz=4.0, pole_damping=0.6)
 
 
-def respond(section: Section, values: np.ndarray, dt_s: float) -> np.ndarray:
+def respond(section: Section | RateFeedforward, values: np.ndarray, dt_s: float) -> np.ndarray:
     out = []
     for value in values:
         out.append(section.output(float(value)))
@@ -116,3 +116,23 @@ def test_copied_state_continues_identically() -> None:
     second = Section(PUBLISHED)
     second.state = replace(first.state)
     np.testing.assert_array_equal(respond(first, values[30:], 0.02), respond(second, values[30:], 0.02))
+
+
+def test_the_rate_feedforward_is_a_bilinear_low_pass_at_50_hz_unless_told_otherwise() -> None:
+    b, a = scipy.signal.bilinear([1.0], [1.0 / (2.0 * math.pi * 3.0), 1.0], fs=50.0)
+    feedforward, impulse = RateFeedforward(3.0), np.eye(1, 40)[0]
+    np.testing.assert_allclose(respond(feedforward, impulse, 0.02), scipy.signal.lfilter(b, a, impulse), atol=1e-12)
+
+
+def test_sections_behind_a_law_filter_its_output_where_they_act() -> None:
+    """A law of one state, y = 0.9 y + u, before a section that acts and one that is switched off."""
+    law = tuple(np.array([[value]]) for value in (0.9, 1.0, 0.9, 1.0))
+    off = PARAMS.replace(enabled=False)
+    a, b, c, d = before_sections(law, [off, PARAMS], 0.02)
+    impulse, state, out = np.eye(1, 60)[0], np.zeros(3), []
+    for value in impulse:
+        out.append((c @ state + d @ [value]).item())
+        state = a @ state + b @ [value]
+    alone = respond(Section(PARAMS, 0.02), scipy.signal.lfilter([1.0], [1.0, -0.9], impulse), 0.02)
+    np.testing.assert_allclose(out, alone, atol=1e-12)
+    assert all(np.array_equal(*pair) for pair in zip(before_sections(law, [off], 0.02), law, strict=True))

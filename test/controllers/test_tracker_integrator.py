@@ -138,3 +138,11 @@ def test_the_rate_changes_no_faster_than_the_acceleration_allows() -> None:
     assert np.max(np.abs(steps)) == pytest.approx(limit * period_s, rel=1e-9)
     # In the end it is the rate that the error asks for, on both axes.
     np.testing.assert_allclose(rates[-1], -2.0 * math.pi * 0.2 * math.radians(0.3) * np.array([1.0, 0.1]), rtol=1e-12)
+
+
+def test_a_reset_without_an_offset_starts_at_none() -> None:
+    tracker = TrackerIntegrator(PARAMS)
+    tracker.update(0.0, (1e-4, -1e-4))
+    tracker.reset(5.0)
+    for part in tracker.at(5.0):
+        np.testing.assert_array_equal(part, (0.0, 0.0))

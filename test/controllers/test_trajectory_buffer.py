@@ -87,6 +87,13 @@ def test_a_dry_table_extrapolates_for_its_limit_and_then_says_so() -> None:
     assert sample.source == "extrapolated"
     assert sample.source == "extrapolated"
     np.testing.assert_allclose(sample.position_rad, motion(1.5)[0][0], atol=0.05 * MDEG)
+    np.testing.assert_allclose(sample.velocity_rad_s, motion(1.5)[1][0], atol=2e-6)
+    earlier = table.at(1.499)
+    np.testing.assert_allclose(
+        (sample.position_rad - earlier.position_rad) / 1e-3,
+        0.5 * (sample.velocity_rad_s + earlier.velocity_rad_s),
+        atol=1e-9,
+    )
     dry = table.at(2.01)
     assert dry.source == "dry"
     np.testing.assert_array_equal(dry.velocity_rad_s, np.zeros(2))

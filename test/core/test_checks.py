@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.core import as_finite_array, require_between, require_choice, require_finite
+from rf_pointing.core import as_finite_array, as_finite_pair, require_between, require_choice, require_finite
 
 NOT_FINITE = [math.nan, math.inf, -math.inf]
 
@@ -74,3 +74,13 @@ def test_an_open_dimension_is_named_n() -> None:
 def test_an_array_with_a_bad_element_is_refused() -> None:
     with pytest.raises(ValueError, match=r"^position_rad=.* must be finite$"):
         as_finite_array("position_rad", [1.0, math.nan], (2,))
+
+
+@pytest.mark.parametrize("bad", NOT_FINITE)
+@pytest.mark.parametrize("place", [0, 1])
+def test_either_number_of_a_pair_can_refuse_it(bad: float, place: int) -> None:
+    pair = [0.5, 0.5]
+    pair[place] = bad
+    for value in (pair, tuple(pair), np.array(pair)):
+        with pytest.raises(ValueError, match=r"^goal=.* must be finite$"):
+            as_finite_pair("goal", value)

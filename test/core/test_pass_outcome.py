@@ -76,3 +76,8 @@ def test_a_pass_is_tracked_to_its_end_without_a_fault_and_for_long_enough(
 ) -> None:
     outcome = PassOutcome(tracked_s, 100.0 - tracked_s, tracked_s)
     assert outcome.why_not_tracked(reason, fault, 0.8) == why
+
+
+def test_no_power_is_a_gain_and_none_costs_more_than_the_sidelobes() -> None:
+    """A power that noise lifts above the axis's own costs nothing; it does not earn decibels."""
+    assert pointing_loss_db([1.2, 1.0, 0.1, 0.0]).tolist() == [0.0, 0.0, 10.0, SIDELOBE_DB]

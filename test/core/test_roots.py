@@ -63,3 +63,17 @@ def test_no_interval_gives_no_root() -> None:
 def test_an_interval_without_change_of_sign_is_refused() -> None:
     with pytest.raises(ValueError, match=r"no change of sign in the interval that starts at 2\.0"):
         roots_between(lambda x: x, np.array([-1.0, 2.0]), np.array([1.0, 3.0]), 1e-6)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_root_near_a_flat_end_does_not_creep(sign: float) -> None:
+    """Plain regula falsi moves one end alone: it takes over 200 calls for either of these."""
+    for function, low, high in ((lambda x: x**9 - 1e-3, 0.0, 1.0), (lambda x: 1e-3 - (1.0 - x) ** 9, 0.0, 1.0)):
+        calls = []
+
+        def counted(x: float, function=function, calls=calls) -> float:  # type: ignore[no-untyped-def]
+            calls.append(x)
+            return sign * function(x)
+
+        bracketed_root(counted, low, high)
+        assert len(calls) <= 40

@@ -205,3 +205,31 @@ def test_a_clock_that_goes_back_loses_nothing(bench) -> None:
     subject.run(1.0)
     assert not subject.drive.problem
     assert len(subject.readings) >= 4
+
+
+def test_a_set_point_and_a_stop_leave_at_once_and_the_last_stop_before_the_link_closes(bench) -> None:
+    """None waits for the next tick of the node, whose period another task may stretch."""
+    subject = bench("easycomm 2")
+    subject.run(1.0, lambda: subject.drive._pending is None)
+    for command, words in ((lambda: subject.drive.go_to(GOAL_RAD), b"AZ150.0"), (subject.drive.stop, b"SA SE")):
+        before = len(subject.device.received)
+        subject.drive._pending = None
+        command()
+        subject.device.step(subject.t_s)
+        # The words of that command alone: a set point is not a stop and a way on.
+        (line,) = subject.device.received[before:]
+        assert line.startswith(words)
+    # A stop that the reading asks for and that no tick has sent yet.
+    subject.drive._stop_due = True
+    before = len(subject.device.received)
+    subject.drive.close()
+    subject.device.step(subject.t_s)
+    assert b"SA SE" in subject.device.received[before:]
+
+
+def test_before_its_first_tick_a_drive_has_nobody_to_send_to() -> None:
+    drive = make_drive(DriveParams(type="hamlib", link=LinkParams(host="127.0.0.1", port=9)))
+    drive.go_to(GOAL_RAD)
+    drive.stop()
+    drive.close()
+    assert drive.problem.endswith("is closed")

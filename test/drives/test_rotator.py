@@ -7,6 +7,7 @@ import pytest
 
 from rf_pointing.core import Motion
 from rf_pointing.drives import DriveParams, DriveReading, LinkParams, Rotator, RotatorParams, SimulatedRotator
+from rf_pointing.drives.rotator import MoveCounts
 
 TICK_S = 0.02
 TRAVEL = {"travel_min_rad": (-math.pi, 0.0), "travel_max_rad": (1.5 * math.pi, math.pi)}
@@ -95,6 +96,23 @@ def test_a_relay_rotator_turns_back_once_and_starts_once_a_step(dead_band_deg: f
     step_deg = max(1.0, dead_band_deg)
     assert counts.starts[0] <= math.degrees(1.2) / step_deg + 2
     assert counts.starts[1] <= 2.0 * math.degrees(0.5) / step_deg + 2
+    # Another pass counts from here.
+    track.rotator.count_anew()
+    assert track.rotator.counts() == MoveCounts()
+
+
+def test_a_moving_target_gets_a_set_point_an_interval_whatever_the_ticks_round_to() -> None:
+    """Ticks of 0.02 s add up to an interval of 0.5 s only to rounding; none may cost another tick."""
+    track = Track(0.1, interval_s=0.5)
+    track.follow(steady(1.7), 5.0)
+    track.rotator.count_anew()
+    track.follow(steady(1.7), 40.0)
+    assert track.rotator.counts().commands == pytest.approx(80, abs=1)
+
+
+def test_a_simulated_rotator_without_a_stated_resolution_has_steps_of_a_degree() -> None:
+    drive = SimulatedRotator(DriveParams(type="simulated_rotator"), (0.5, 0.5))
+    assert drive.capabilities.resolution_rad == pytest.approx((DEG, DEG))
 
 
 def test_noise_of_a_tracking_loop_starts_no_relay(random: np.random.Generator) -> None:

@@ -94,3 +94,8 @@ def test_reasons_are_given_in_words() -> None:
 def test_an_unknown_dialect_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ValueError, match=r"drive.model='4' of easycomm must be one of 2, 3"):
         made("easycomm", "4")
+
+
+def test_noise_is_shown_as_it_came() -> None:
+    (answer,) = made("gs232").take(bytearray(b"AZ=999  EL=045\r\n"))
+    assert (answer.kind, answer.text) == ("noise", "AZ=999  EL=045")

@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.core import random_stream
+from rf_pointing.core import random_stream, unit_vector_from_azel
 from rf_pointing.core.constants import EARTH_MU_M3_S2
 from rf_pointing.core.dates import from_utc_text
 from rf_pointing.ephemeris import (
+    CatalogueSky,
     Elements,
     Site,
     TopocentricTrack,
@@ -104,6 +105,30 @@ def test_objects_that_cannot_be_searched_are_listed_with_the_reason(goldstone: S
     searched = {p.elements.catalogue_number for p in found.passes}
     assert 28057 in searched
     assert not searched & set(reasons)
+
+
+def test_the_sky_is_that_of_the_single_search_and_what_it_cannot_know_points_down(goldstone: Site) -> None:
+    """Where nothing is looked for; object 28350 cannot be propagated to that day."""
+    sky = CatalogueSky(verification_elements(), goldstone, START_T_S)
+    directions, known = sky.directions(START_T_S + np.array([0.0, 30.0]))
+    lost = [row for row, one in enumerate(sky.elements) if one.catalogue_number == 28350]
+    assert len(lost) == 1
+    assert not known[lost[0]]
+    for row, one in enumerate(sky.elements):
+        if not known[row]:
+            np.testing.assert_array_equal(directions[row], [[0.0, 0.0, -1.0]] * 2)
+            continue
+        track = TopocentricTrack(one, goldstone, refraction=None)
+        sample = track.sample(np.array([START_T_S + 30.0]))
+        wanted = unit_vector_from_azel(float(sample.azimuth_rad[0]), float(sample.elevation_rad[0]))
+        np.testing.assert_allclose(directions[row, 1], wanted, atol=1e-6)
+    assert np.count_nonzero(known) > 3
+
+
+@pytest.mark.parametrize("elevation_rad", [-0.011, 1.6])
+def test_an_elevation_that_no_pass_is_sought_above_is_refused(elevation_rad: float, goldstone: Site) -> None:
+    with pytest.raises(ValueError, match="min_elevation_rad="):
+        find_catalogue_passes([], goldstone, START_T_S, DAY_S, elevation_rad)
 
 
 def test_a_pass_under_way_is_cut_off_at_the_start_and_the_end(cbers: Elements, goldstone: Site) -> None:

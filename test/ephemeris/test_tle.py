@@ -52,6 +52,13 @@ def test_fields_that_sgp4_ignores_are_kept_too() -> None:
         assert elements.revolution_number == theirs.revnum
 
 
+def test_a_classification_is_read_and_without_one_an_object_is_unclassified() -> None:
+    """C is classified and S secret, by Space-Track; none of them counts in the checksum."""
+    for column, wanted in (("C", "C"), ("S", "S"), (" ", "U")):
+        (found,) = read_elements(f"{LINE1[:7]}{column}{LINE1[8:]}\n{LINE2}")
+        assert found.classification == wanted
+
+
 def test_names_come_from_the_line_above() -> None:
     assert read_elements(f"CBERS 2\n{LINE1}\n{LINE2}\n")[0].name == "CBERS 2"
     assert read_elements(f"0 CBERS 2\r\n{LINE1}\r\n{LINE2}")[0].name == "CBERS 2"

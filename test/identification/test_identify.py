@@ -96,3 +96,25 @@ def test_a_model_larger_than_its_realization_is_refused() -> None:
         IdentificationParams(order=20)
     with pytest.raises(ValueError, match="realization_order=14 must be < 10"):
         IdentificationParams(markov_count=20)
+
+
+@pytest.mark.parametrize(("inputs", "outputs"), [(2, 1), (1, 2), (2, 2)])
+def test_poles_and_residues_are_those_of_one_input_and_one_output(inputs: int, outputs: int) -> None:
+    model = StateSpace(
+        np.diag([0.5, 0.8]), np.ones((2, inputs)), np.ones((outputs, 2)), np.zeros((outputs, inputs)), 0.02
+    )
+    with pytest.raises(ValueError, match=f"model has {inputs} inputs and {outputs} outputs, must have 1 and 1"):
+        PoleResidue.from_state_space(model)
+
+
+def test_a_pole_is_an_integrator_below_its_frequency_and_none_above() -> None:
+    """A pole of f Hz is 2 pi f T from z = 1; `below_hz` goes to half the sampling rate and no further."""
+    at_hz = 0.05
+    poles = np.array([1.0 - 2.0 * np.pi * at_hz * 0.02, 0.3], dtype=np.complex128)
+    model = PoleResidue(poles, np.array([2.0, 1.0], dtype=np.complex128), 0.0, 0.02)
+    assert 1.0 in restore_integrator(model, 1.02 * at_hz).poles
+    with pytest.raises(ValueError, match=r"no pole that slow, the slowest is 0\.050 Hz"):
+        restore_integrator(model, 0.98 * at_hz)
+    assert 1.0 in restore_integrator(model, 25.0).poles
+    with pytest.raises(ValueError, match=r"below_hz=25\.1 must be <= 25\.0"):
+        restore_integrator(model, 25.1)

@@ -144,3 +144,31 @@ def test_an_unstable_pole_is_refused(stable: StateSpace) -> None:
     unstable = StateSpace(1.2 * stable.a / 0.93, stable.b, stable.c, stable.d, 0.02)
     with pytest.raises(ValueError, match=r"largest pole magnitude 1\.2 must be <= 1"):
         balanced_reduction(unstable, 3)
+
+
+def test_data_of_rms_one_are_like_any_other(planted: StateSpace) -> None:
+    """A random binary input is +1 as often as -1: its rms is 1 exactly."""
+    signs = np.where(np.random.default_rng(4).permutation(1200) % 2 == 0, 1.0, -1.0)
+    assert np.std(signs) == 1.0
+    response = planted.simulate(signs)[:, 0]
+    wanted = planted_markov(planted, 100)
+    np.testing.assert_allclose(system_markov(observer_markov(signs, response, 5), 100), wanted, atol=1e-8)
+    # Outputs of rms 1: the response scales with them.
+    scale = float(np.std(response))
+    assert np.std(response / scale) == pytest.approx(1.0, abs=1e-15)
+    found = system_markov(observer_markov(signs, response / scale, 5), 100)
+    np.testing.assert_allclose(found * scale, wanted, atol=1e-8)
+
+
+def test_a_constant_input_is_refused() -> None:
+    wave = np.sin(np.arange(400.0))
+    for inputs, outputs in ((np.full(400, 2.0), wave), (wave, np.zeros(400))):
+        with pytest.raises(ValueError, match=r"both must be > 0"):
+            observer_markov(inputs, outputs, 5)
+
+
+def test_a_model_without_stable_part_has_no_singular_values() -> None:
+    """An integrator alone: its split leaves a rest of no state."""
+    integrator = StateSpace(np.eye(1), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), SAMPLE_S)
+    left, right, singular = _balancing(_split(integrator)[1])
+    assert (left.shape, right.shape, singular.shape) == ((0, 0), (0, 0), (0,))

@@ -76,6 +76,8 @@ def profile_of(window: Pass, sun_rad: tuple[float, float]) -> PassProfile:
         velocity_rad_s=np.column_stack([sweep / window.duration_s * one, lift * rate * np.cos(angle)]),
         acceleration_rad_s2=np.column_stack([0.0 * one, -lift * rate**2 * np.sin(angle)]),
         sun_rad=np.tile(sun_rad, (len(share), 1)),
+        range_m=window.smallest_range_m * (1.0 + (2.0 * share - 1.0) ** 2),
+        satellite_gain_db=0.0 * share,
     )
 
 

@@ -218,10 +218,11 @@ def test_a_viewer_sees_beam_target_mask_pass_and_sun(view: Callable[..., Viewer]
 def profile(aos_s: float, duration_s: float) -> PassProfile:
     """A pass that has begun, or is to come, and looks somewhere."""
     columns = ("azimuth_rate", "elevation_rate", "azimuth_acceleration", "elevation_acceleration", "sun_azimuth",
-               "sun_elevation")  # fmt: skip
+               "sun_elevation", "satellite_gain")  # fmt: skip
     return PassProfile(
         target="BIRD", aos=stamp_from_seconds(aos_s), time=[0.0, 0.5 * duration_s, duration_s],
-        azimuth=[1.0, 1.5, 2.0], elevation=[0.1, 0.9, 0.1], **{name: [0.0, 0.0, 0.0] for name in columns},
+        azimuth=[1.0, 1.5, 2.0], elevation=[0.1, 0.9, 0.1], range=[2e6, 1e6, 2e6],
+        **{name: [0.0, 0.0, 0.0] for name in columns},
     )  # fmt: skip
 
 

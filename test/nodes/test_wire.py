@@ -60,12 +60,12 @@ def test_target() -> None:
     target = Target(
         t_s=T_S, name="bird", azimuth_rad=1.0, elevation_rad=0.5, azimuth_rate_rad_s=0.01, elevation_rate_rad_s=0.002,
         azimuth_acceleration_rad_s2=3e-4, elevation_acceleration_rad_s2=4e-5, range_m=1e6, range_rate_m_s=-7e3,
-        refraction_rad=1e-3,
+        refraction_rad=1e-3, satellite_gain_db=-4.0,
     )  # fmt: skip
     says(
         convert.target_to_message(target),
         target="bird", azimuth=1.0, elevation=0.5, azimuth_rate=0.01, elevation_rate=0.002, azimuth_acceleration=3e-4,
-        elevation_acceleration=4e-5, range=1e6, range_rate=-7e3, refraction=1e-3, covariance=[],
+        elevation_acceleration=4e-5, range=1e6, range_rate=-7e3, refraction=1e-3, satellite_gain=-4.0, covariance=[],
     )  # fmt: skip
 
 
@@ -239,11 +239,13 @@ def test_pass_certificate_and_profile(branch: Branch) -> None:
     certificate = Certificate(
         name="bird", issued_t_s=T_S, aos_t_s=T_S + 60.0, los_t_s=T_S + 660.0, sky_peak_rad=1.5, branches=(branch,),
         machine=MachineParams(rate_limit_rad_s=(0.03, 0.02), acceleration_limit_rad_s2=(0.014, 0.013)),
+        carrier_to_noise_db_hz=(41.0, 52.0),
     )  # fmt: skip
     message = convert_planning.certificate_to_message(certificate)
     says(
         message, target="bird", aos={"sec": SEC + 60, "nanosec": NANOSEC}, los={"sec": SEC + 660, "nanosec": NANOSEC},
         accepted=True, refusal="", sky_peak=1.5, rate_limit=[0.03, 0.02], acceleration_limit=[0.014, 0.013],
+        carrier_to_noise=[41.0, 52.0],
     )  # fmt: skip
     units = ("_rad_s2", "_rad_s", "_rad", "_s", "_db")
     for item in dataclasses.fields(Branch):
@@ -257,13 +259,14 @@ def test_pass_certificate_and_profile(branch: Branch) -> None:
     profile = PassProfile(
         name="bird", t_s=T_S + np.array([0.0, 5.0]), position_rad=np.array([[1.0, 2.0], [3.0, 4.0]]),
         velocity_rad_s=np.array([[5.0, 6.0], [7.0, 8.0]]), acceleration_rad_s2=np.array([[9.0, 10.0], [11.0, 12.0]]),
-        sun_rad=np.array([[0.1, 0.2], [0.3, 0.4]]),
+        sun_rad=np.array([[0.1, 0.2], [0.3, 0.4]]), range_m=np.array([2e6, 1e6]), satellite_gain_db=np.array([-3.0, -1.0]),
     )  # fmt: skip
     says(
         convert_planning.profile_to_message(profile),
         target="bird", aos={"sec": SEC, "nanosec": NANOSEC}, time=[0.0, 5.0], azimuth=[1.0, 3.0], elevation=[2.0, 4.0],
         azimuth_rate=[5.0, 7.0], elevation_rate=[6.0, 8.0], azimuth_acceleration=[9.0, 11.0],
         elevation_acceleration=[10.0, 12.0], sun_azimuth=[0.1, 0.3], sun_elevation=[0.2, 0.4],
+        range=[2e6, 1e6], satellite_gain=[-3.0, -1.0],
     )  # fmt: skip
 
 

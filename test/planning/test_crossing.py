@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, CrossingLoss, cross
+from rf_pointing.planning.crossing import (
+    MARGIN_S,
+    ON_TARGET_RAD,
+    AxisMotionLimits,
+    Crossing,
+    CrossingLoss,
+    cross,
+)
 
 Array = np.ndarray
 DEG = math.pi / 180.0
@@ -65,6 +72,13 @@ def test_the_crossing_keeps_the_limits_and_joins_the_path(miss_deg: float, side:
     assert np.max(np.abs(bends)) <= 1.0 * DEG * 1.05
     assert np.max(found.position_rad[:, 1]) <= LIMITS.elevation_max_rad + 1e-9
     first = int(np.searchsorted(t, found.t_s[0]))
+    assert found.duration_s == pytest.approx(STEP_S * (len(found.t_s) - 1))
+    # It is on the target for the margin at both ends, and off it from there on.
+    away = np.max(np.abs(found.position_rad - path[0][first : first + len(found.t_s)]), axis=1) > ON_TARGET_RAD
+    assert np.flatnonzero(away)[[0, -1]].tolist() == [
+        round(MARGIN_S / STEP_S),
+        len(away) - 1 - round(MARGIN_S / STEP_S),
+    ]
     np.testing.assert_allclose(found.position_rad[0], path[0][first], atol=5e-4 * DEG)
     np.testing.assert_allclose(found.position_rad[-1], path[0][first + len(found.t_s) - 1], atol=5e-4 * DEG)
 

@@ -105,3 +105,14 @@ def test_half_a_turn_either_way_is_not_decided_by_the_last_bits(random: np.rando
         present = middle + math.pi * (1.0 + 1e-15 * random.standard_normal())
         wide = LIMITS.replace(azimuth_min_rad=-12.0, azimuth_max_rad=12.0)
         assert choose_turns(wide, middle - 0.1, middle + 0.1, present) == 0
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_tolerance_lies_outside_both_ends(axis: int) -> None:
+    tolerance_rad, centre = math.radians(0.1), [0.0, 1.0]
+    for end, outward in ((LIMITS.lowest_rad[axis], -1.0), (LIMITS.highest_rad[axis], 1.0)):
+        for share, inside in ((0.9, True), (1.1, False)):
+            wanted = [*centre]
+            wanted[axis] = end + outward * share * tolerance_rad
+            assert (LIMITS.reason(*wanted, tolerance_rad=tolerance_rad) == "") == inside
+            assert LIMITS.reason(*wanted) != ""

@@ -86,3 +86,13 @@ def test_an_axis_of_little_rate_crosses_within_it_or_not_at_all(axis: int) -> No
         if found is not None:
             assert np.abs(np.diff(found.position_rad[:, axis])).max() / STEP_S <= 1.001 * rate[axis]
     assert outcomes[-1]
+
+
+def test_an_azimuth_error_of_the_mount_is_blended_in_within_the_limits() -> None:
+    """Half a degree on the far side costs the beam nothing: it is the axis that it moves."""
+    t, first, second = sides(0.4, 1.0)
+    found = cross_over(t, first, (second[0] + np.array([0.5 * DEG, 0.0]), *second[1:]), LIMITS, beam(0.264))
+    assert found is not None
+    rates = np.diff(found.position_rad, axis=0) / STEP_S
+    assert np.all(np.abs(rates).max(axis=0) <= np.array(LIMITS.rate_rad_s) * 1.001)
+    assert found.error_rad.max() == pytest.approx(0.4 * DEG, rel=0.01)

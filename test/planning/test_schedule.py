@@ -129,3 +129,14 @@ def test_nothing_to_track_is_an_empty_plan() -> None:
     lost = Candidate(name="A", aos_t_s=5.0, los_t_s=9.0, peak_rad=0.5, priority=0, turns=())
     assert schedule([lost], AXES, START) == []
     assert reasons_against([lost], [], AXES, START) == {}
+
+
+def test_the_first_pass_of_a_plan_is_named_by_one_that_overlaps_it() -> None:
+    turns = turns_within(LIMITS, (1.0, 1.0, 2.0, 2.0), (0.1, 0.1))
+    made = [
+        Candidate(name=name, aos_t_s=aos, los_t_s=aos + 600.0, peak_rad=peak, priority=0, turns=turns)
+        for name, aos, peak in (("A", 1000.0, 1.2), ("B", 1200.0, 0.3), ("C", 5000.0, 1.2))
+    ]
+    plan = schedule(made, AXES, START, GAP_S)
+    assert {k for k, _ in plan} == {0, 2}
+    assert reasons_against(made, plan, AXES, START, GAP_S)[1].startswith("overlaps A for ")

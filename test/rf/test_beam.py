@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+from scipy.special import j0
 
 from rf_pointing.core import MDEG, MU
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, Beam, BeamParams
@@ -59,6 +61,29 @@ def test_taper_of_zero_db_is_the_uniform_aperture() -> None:
     assert tapered.voltage(angle, 0.0) == pytest.approx(
         Beam(BeamParams(pattern="uniform")).voltage(angle, 0.0), abs=1e-12
     )
+
+
+def test_a_tapered_beam_is_the_transform_of_its_illumination() -> None:
+    """Illumination p + (1 - p)(1 - rho^2)^n: its Hankel transform by quadrature, over the half-power width."""
+    beam = Beam(BeamParams(half_power_beamwidth_rad=1e-3, pattern="tapered", edge_taper_db=11.0, taper_exponent=2))
+    rho, weight = np.polynomial.legendre.leggauss(60)
+    rho, weight = 0.5 * (rho + 1.0), 0.5 * weight
+    edge = 10.0 ** (-11.0 / 20.0)
+    illumination = weight * rho * (edge + (1.0 - edge) * (1.0 - rho**2) ** 2)
+
+    def voltage(u: float) -> float:
+        return float(illumination @ j0(u * rho) / illumination.sum())
+
+    half = brentq(lambda u: voltage(u) ** 2 - 0.5, 1.0, 4.0)
+    for share in (1e-5, 2.5e-5, 0.3, 1.7, 2.9, 5.3):
+        assert beam.voltage(share * 0.5e-3, 0.0) == pytest.approx(voltage(share * half), abs=1e-10)
+
+
+def test_near_the_axis_the_uniform_beam_is_a_parabola() -> None:
+    """1 - u^2/8, and 1.6163399 at half power: 1.2e-9 below the peak at u = 1e-4."""
+    beam = Beam(BeamParams(half_power_beamwidth_rad=0.2 * 1.6163399, pattern="uniform"))
+    u = np.array([0.3e-4, 0.9e-4, 1.1e-4])
+    assert 1.0 - beam.voltage(0.1 * u, 0.0) == pytest.approx(u**2 / 8.0, abs=1e-13)
 
 
 @pytest.mark.parametrize(("change", "message"), [

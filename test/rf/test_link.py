@@ -62,3 +62,13 @@ def test_low_pass_loses_spreading_air_and_noise() -> None:
 def test_range_of_zero_is_refused() -> None:
     with pytest.raises(ValueError, match=r"range_m=0.0 must be > 0"):
         ka_link().carrier_to_noise_db_hz(0.0, 1.0)
+
+
+def test_without_air_the_level_of_a_range_is_that_of_the_link() -> None:
+    """Four times as far is 12.04 dB less; the satellite's antenna adds its own gain."""
+    params = LinkParams(zenith_carrier_to_noise_db_hz=57.3)
+    assert params.level_db_hz(2000e3) == pytest.approx(57.3 - 12.0412, abs=1e-4)
+    assert params.level_db_hz(2000e3) == pytest.approx(
+        float(ka_link(zenith_carrier_to_noise_db_hz=57.3).carrier_to_noise_db_hz(2000e3, ZENITH))
+    )
+    assert params.level_db_hz(500e3, satellite_gain_db=-3.0) == pytest.approx(54.3)

@@ -9,7 +9,7 @@ import pytest
 from rf_pointing.core import MDEG, MonopulseCluster, random_stream
 from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver, ReceiverParams
 from rf_pointing.rf.noise import BOLTZMANN_J_K
-from rf_pointing.rf.receiver import ReceiverState
+from rf_pointing.rf.receiver import ReceiverState, noise_variance
 
 SAMPLE_S = 0.02
 BEAM = BeamParams.for_band("Ka")
@@ -119,6 +119,36 @@ def test_carrier_power_of_no_carrier_is_small_and_never_negative() -> None:
     assert min(p.power_w for p in got) >= 0.0
     assert max(p.carrier_to_noise_db_hz for p in got) < 10.0
     assert min(p.sigma_w for p in got) > 0.0
+
+
+def test_noise_alone_reads_zero_as_often_as_a_normal_number_is_within_its_sigma() -> None:
+    """P(|z| < 1) = 0.6827; there the sigma is that of a product of two independent numbers (Goodman 1960)."""
+    integration_s, bandwidth_hz = 0.05, 100.0
+    receiver = make_receiver("noise alone", noise_bandwidth_hz=bandwidth_hz)
+    got = [receiver.carrier_power(k + 1.0, integration_s, 0.0, 0.0, -math.inf) for k in range(8000)]
+    zero = np.array([p.power_w == 0.0 for p in got])
+    assert np.mean(zero) == pytest.approx(0.6827, abs=0.02)
+    noise_w_hz = BOLTZMANN_J_K * ReceiverParams().system_noise_k
+    variance = np.mean(np.square([p.sigma_w for p in got])[zero]) / noise_w_hz**2
+    # The measured noise density has the relative variance 1 / (B T), once in itself and once beside the mean.
+    wanted = 0.5 / integration_s**2 * (1.0 + 2.0 / (bandwidth_hz * integration_s))
+    assert variance == pytest.approx(wanted, rel=0.03)
+
+
+def test_the_noise_of_channels_without_a_carrier_is_counted_whole() -> None:
+    """Complex noise of variance 3 in clusters of 5: two values of order 1 are fitted, and three are left."""
+    parts = random_stream(3, "channels").standard_normal((2, 4000, 3, 5))
+    channels = math.sqrt(1.5) * (parts[0] + 1j * parts[1])
+    assert np.mean([noise_variance(each, 1) for each in channels]) == pytest.approx(3.0, rel=0.03)
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, math.nan])
+def test_an_integration_that_takes_no_time_is_refused(seconds: float) -> None:
+    times = np.array([100.0, 100.1, 100.2])
+    with pytest.raises(ValueError, match="sample_s="):
+        make_receiver().cluster(times, np.zeros(3), np.zeros(3), 45.0, seconds)
+    with pytest.raises(ValueError, match="integration_s="):
+        make_receiver().carrier_power(100.0, seconds, 0.0, 0.0, 45.0)
 
 
 def test_copied_state_and_generator_continue_identically() -> None:

@@ -54,3 +54,44 @@ def test_the_azimuth_gear_is_fifteen_percent_softer_for_its_inertia() -> None:
 def test_cross_residues_must_match_the_modes() -> None:
     with pytest.raises(ValueError, match="elevation_modes_in_azimuth has 1 values, elevation has 3 modes"):
         dss13_plant().replace(elevation_modes_in_azimuth=(0.01,))
+
+
+@pytest.mark.parametrize(("bending", "bending_hz"), [("bwg", 2.12), ("identified", 2.01)])
+def test_modes_travel_and_encoders_are_the_published_ones(bending: str, bending_hz: float) -> None:
+    """DSS13-ID Table 1 and Sec. IV, BWG Sec. IV-B."""
+    plant = dss13_plant(bending=bending)
+    assert plant.azimuth.mode_frequency_hz == (1.65, 3.24, 4.24)
+    assert plant.elevation.mode_frequency_hz == (bending_hz, 3.15, 5.22)
+    assert plant.cross_mode_frequency_hz == 5.76
+    assert math.degrees(plant.azimuth.travel_max_rad - plant.azimuth.travel_min_rad) == pytest.approx(450.0)
+    assert plant.azimuth.travel_max_rad == -plant.azimuth.travel_min_rad
+    assert (plant.azimuth.encoder_bits, plant.elevation.encoder_bits) == (24, 24)
+
+
+def test_tracking_does_not_cross_the_play_and_a_slew_does() -> None:
+    """The countertorque lies above the friction at any rate and below the torque of the largest acceleration."""
+    for axis in (dss13_plant().azimuth, dss13_plant().elevation):
+        friction = axis.static_friction_ratio * axis.coulomb_friction_n_m
+        assert 10.0 * friction < axis.countertorque_n_m
+        assert axis.countertorque_n_m < 0.5 * axis.inertia_kg_m2 * axis.acceleration_limit_rad_s2
+
+
+def test_the_small_residues_are_those_of_the_table() -> None:
+    """ "Other residues 0.02 to 0.10, other damping 0.01 to 0.02": small beside the bending mode's 0.316 and 0.5."""
+    plant = dss13_plant()
+    bending, *rest = zip(
+        plant.elevation.mode_damping,
+        plant.elevation.mode_encoder_residue,
+        plant.elevation.mode_beam_residue,
+        strict=True,
+    )
+    assert bending == (0.0082, 0.316, 0.5)
+    assert rest[0] == (0.01, 0.02, 0.249)
+    others = rest[1:] + list(
+        zip(
+            plant.azimuth.mode_damping, plant.azimuth.mode_encoder_residue, plant.azimuth.mode_beam_residue, strict=True
+        )
+    )
+    for damping, encoder, beam in others:
+        assert 0.01 <= damping <= 0.02
+        assert 0.02 <= encoder <= beam <= 0.10

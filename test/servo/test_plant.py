@@ -196,3 +196,33 @@ def test_non_finite_commands_are_refused_and_change_nothing(command: tuple[float
 def test_start_outside_the_travel_is_refused() -> None:
     with pytest.raises(ValueError, match=r"position_rad \(elevation\)=-0.1 must be >= 0.03"):
         plant(position_rad=(0.0, -0.1))
+
+
+def test_equal_axes_without_coupling_move_alike() -> None:
+    """Through friction, play and a stop: whatever one axis does, the other does with the same command and wind."""
+    shipped = dss13_plant()
+    axis = shipped.elevation.replace(travel_min_rad=-0.02, travel_max_rad=0.02, encoder_noise_rad=0.0)
+    params = shipped.replace(
+        azimuth=axis, elevation=axis, azimuth_to_bending=0.0, pinion_floor=1.0, cross_mode_residue=0.0,
+        azimuth_modes_in_elevation=(0.0, 0.0, 0.0), elevation_modes_in_azimuth=(0.0, 0.0, 0.0),
+    )  # fmt: skip
+    antenna = plant(params, position_rad=(0.0, 0.0))
+    struck = 0
+    for k in range(400):
+        rate = 6e-3 * math.sin(0.05 * k) + 0.01 * (k % 100 > 50)
+        antenna.step((rate, rate), (3e4, 3e4), 0.02)
+        for angles in (antenna.true_joint_rad, antenna.beam_rad, antenna.encoder_rad):
+            assert angles[0] == pytest.approx(angles[1], abs=1e-12)
+        struck += all(antenna.state.at_stop)
+    assert struck > 0
+
+
+def test_between_two_ticks_of_the_grid_the_outputs_move_on() -> None:
+    """At a steady rate every step of 20.03 ms shows 20.03 ms of motion, not now 20.0 and now 20.1."""
+    antenna, rate, shown = plant(), 2e-3, []
+    for _ in range(1500):
+        antenna.step((rate, 0.0), CALM, 0.02003)
+        shown.append(antenna.true_joint_rad[0])
+    steps = np.diff(shown[-300:]) / 0.02003
+    # The modes that still swing leave 3e-4; a step of the grid would be 5e-3.
+    np.testing.assert_allclose(steps, rate, rtol=1e-3)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -45,8 +46,11 @@ def controller_motions(rig: Callable[..., Any], window: Pass) -> None:
         return [PointingError(t_s=t_s - 0.06, sensor="monopulse", cross_elevation_rad=0.0, elevation_rad=0.0,
                               carrier_to_noise_db_hz=60.0)]  # fmt: skip
 
+    def without_carrier(t_s: float, _: Any) -> list[PointingError]:
+        return [replace(strong(t_s, _)[0], carrier_to_noise_db_hz=0.0)]
+
     made = rig("monopulse")
-    list(made.run(window.aos_t_s, 8.0))
+    list(made.run(window.aos_t_s, 8.0, without_carrier))
     list(made.run(window.aos_t_s + 8.0, 6.0, strong))
     assert made.controller.calibrate() == ""
     list(made.run(window.aos_t_s + 14.0, 1.0, strong))

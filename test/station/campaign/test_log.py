@@ -271,3 +271,21 @@ def test_a_new_campaign_does_not_begin_over_observations_that_are_in_memory_only
     with pytest.raises(ValueError, match=f"{count} observations are in memory only"):
         kept.begin_anew("old")
     assert len(kept) == count > 0
+
+
+def test_a_new_campaign_keeps_the_old_ones_file_under_its_name(
+    track: TopocentricTrack, window: Pass, random: np.random.Generator, tmp_path: Path
+) -> None:
+    journal = ObservationJournal(tmp_path / "observations.csv", "Goldstone DSS-13", "X")
+    kept = CalibrationLog("Goldstone DSS-13", "X", 60.0, 2.0 * MDEG, journal=journal)
+    tracked(kept, track, window, BiasModel.zero(), random)
+    rows = (tmp_path / "observations.csv").read_text()
+    kept.begin_anew("spring")
+    assert len(kept) == 0
+    (old,) = tmp_path.glob("*spring*")
+    assert old.read_text() == rows
+    assert not (tmp_path / "observations.csv").exists()
+    # Without a journal there is nothing to rename.
+    plain = log()
+    plain.begin_anew("spring")
+    assert len(plain) == 0

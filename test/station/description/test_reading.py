@@ -207,3 +207,13 @@ def test_the_schema_refuses_what_the_reader_refuses() -> None:
 
 def _plain(path: Path) -> Any:
     return yaml.safe_load(path.read_text())
+
+
+def test_the_rate_loops_of_a_larger_dish_are_slower_in_proportion(tmp_path: Path) -> None:
+    """20 rad/s up to 34 m, as the 34-m antenna's; a structure twice as large resonates at half."""
+    found = []
+    for diameter_m in (20.0, 34.0, 68.0):
+        text = GOOD.replace("diameter_m: 3.7", f"diameter_m: {diameter_m}").replace("rate_deg_s: 6", "rate_deg_s: 0.8")
+        station = station_from(tmp_path / "s.yaml", text)
+        found.append(station.parameters("antenna_servo")["safety.drive.bandwidth_hz"])
+    assert found == pytest.approx([20.0 / 6.2832, 20.0 / 6.2832, 10.0 / 6.2832], rel=0.01)

@@ -13,6 +13,7 @@ import pytest
 from rf_pointing.calibration import BiasModel, without_lags
 from rf_pointing.core import Motion, Target, nearest_turn_rad
 from rf_pointing.ephemeris import Pass, TopocentricTrack
+from rf_pointing.planning.profile import PassProfile
 from rf_pointing.station.antenna.mount import MountParams, RateAverage
 from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.prediction import KEPT_S, LARGEST_GAP_S, Prediction, TargetBuffer, axis_motion
@@ -122,6 +123,45 @@ def test_the_range_stays_in_step_with_the_samples_and_is_the_nearest_outside(
     assert first_s > times[0] + 2.0
     for outside_s, nearest_s in ((times[0], first_s), (times[-1] + 60.0, times[-1])):
         assert buffer.range_m([outside_s])[0] == pytest.approx(track.target_at(float(nearest_s)).range_m, abs=1e-6)
+
+
+def test_a_filled_gap_goes_on_from_the_last_sample(track: TopocentricTrack, window: Pass) -> None:
+    """At the last offset from the profile, and at the last change of the distance; or as if nothing was known."""
+    start_s = round(window.aos_t_s) + 20.0
+    times = start_s + np.arange(-5.0, 30.0)
+    targets = [track.target_at(float(t_s)) for t_s in times]
+    profile = PassProfile(
+        name="coming",
+        t_s=times,
+        position_rad=np.array([[target.azimuth_rad, target.elevation_rad] for target in targets]),
+        velocity_rad_s=np.array([[target.azimuth_rate_rad_s, target.elevation_rate_rad_s] for target in targets]),
+        acceleration_rad_s2=np.zeros((len(times), 2)),
+        sun_rad=np.full((len(times), 2), 0.1),
+        range_m=np.full(len(times), 1e6),
+        satellite_gain_db=np.linspace(-3.0, 0.0, len(times)),
+    )
+    offset = np.array([2e-3, -1e-3])
+    buffer = TargetBuffer()
+    for k, t_s in enumerate(start_s + np.array([0.0, 0.25, 0.5])):
+        target = track.target_at(float(t_s))
+        buffer.add(
+            dataclasses.replace(
+                target,
+                azimuth_rad=target.azimuth_rad + offset[0],
+                elevation_rad=target.elevation_rad + offset[1],
+                range_m=2e6 - 1500.0 * k,
+            )
+        )
+    buffer.fill(profile, start_s + 0.5, start_s + 4.0, 7e6)
+    assert buffer.covers(start_s, start_s + 4.0)
+    wanted = np.array([np.interp(start_s + 3.0, times, column) for column in profile.position_rad.T])
+    np.testing.assert_allclose(buffer.at(np.array([start_s + 3.0])).position[0], wanted + offset, atol=1e-5)
+    # 1500 m in 0.25 s: 6 km/s, on from 0.5 s to 3 s.
+    assert buffer.range_m([start_s + 3.0])[0] == pytest.approx(2e6 - 3000.0 - 6000.0 * 2.5, abs=1e-3)
+    empty = TargetBuffer()
+    empty.fill(profile, start_s, start_s + 4.0, 7e6)
+    assert empty.range_m([start_s + 3.0])[0] == 7e6
+    np.testing.assert_array_equal(empty.at(np.array([start_s + 3.0])).position[0], wanted)
 
 
 PERIOD_S = 0.1
