@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core.checks import as_finite_array, require_finite
+from rf_pointing.core.checks import as_finite_array, require_between, require_finite
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 
 Array = NDArray[np.float64]
@@ -23,6 +23,8 @@ ComplexArray = NDArray[np.complex128]
 AXES = ("azimuth", "elevation")
 # Of a `TimeBuffer`.
 KEPT_S = 2.0
+# No mount turns so far from its encoders' zero: such a reading is no angle.
+FARTHEST_RAD = 10.0 * 2.0 * math.pi
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +65,7 @@ class Target:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointReading:
-    """Encoder angles and rates of both axes at `t_s`, shape (2,)."""
+    """Encoder angles and rates of both axes at `t_s`, shape (2,); angles within `FARTHEST_RAD`."""
 
     t_s: float
     position_rad: Array
@@ -73,6 +75,8 @@ class JointReading:
         require_finite("t_s", self.t_s)
         object.__setattr__(self, "position_rad", as_finite_array("position_rad", self.position_rad, (2,)))
         object.__setattr__(self, "velocity_rad_s", as_finite_array("velocity_rad_s", self.velocity_rad_s, (2,)))
+        for axis, angle_rad in zip(AXES, self.position_rad.tolist(), strict=True):
+            require_between(f"position_rad of {axis}", angle_rad, -FARTHEST_RAD, FARTHEST_RAD)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

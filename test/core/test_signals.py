@@ -105,3 +105,10 @@ def test_signals_cannot_be_changed_and_share_no_default() -> None:
         error.t_s = 2.0  # type: ignore[misc]
     other = PointingError(t_s=1.0, sensor="monopulse", cross_elevation_rad=0.0, elevation_rad=0.0)
     assert error.covariance_rad2 is not other.covariance_rad2
+
+
+def test_an_angle_of_many_turns_is_no_reading() -> None:
+    turned = 9.9 * 2.0 * math.pi
+    assert JointReading(t_s=0.0, position_rad=[turned, -turned], velocity_rad_s=[0.0, 0.0]).position_rad[0] == turned
+    with pytest.raises(ValueError, match="position_rad of elevation=3.6e"):
+        JointReading(t_s=0.0, position_rad=[turned, 3.6e25], velocity_rad_s=[0.0, 0.0])

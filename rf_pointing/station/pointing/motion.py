@@ -8,7 +8,7 @@ The prediction goes through the bias model (`prediction.py`).  What is added to 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ from rf_pointing.station.pointing.prediction import Prediction, TargetBuffer, ti
 Array = NDArray[np.float64]
 # Age of a reading from which the motion of the axes is not known.
 STALE_S = 1.0
+# Of the fastest that the mount is said to be: loops overshoot, and gusts push.
+BELIEVED_RATE = 2.0
 # Before this the motion of the axes has left no trace in the mount.
 REMEMBERED_S = 60.0
 
@@ -145,7 +147,13 @@ class CommandedMotion:
         self._path.followed(profile.t_s[known], sky, self.axes, self.model)
 
     def take_joints(self, reading: JointReading) -> None:
-        """Note where the axes are."""
+        """Note where the axes are.
+
+        Rates far beyond those of the mount are noise of its encoders: nothing is stopped or met by
+        them.
+        """
+        fastest = BELIEVED_RATE * np.array(self._plan.machine.axes.rate_rad_s)
+        reading = replace(reading, velocity_rad_s=np.clip(reading.velocity_rad_s, -fastest, fastest))
         self.axes, self._direct = reading, self._plan.course.from_axes(reading)
         self.beam.take_joints(self._direct)
         self._path.take_axes(reading, self.model)
