@@ -202,6 +202,20 @@ def test_a_pass_that_is_going_on_is_joined_on_its_profile(rig: MakeRig, window: 
     assert rows[-1][2].mode == "program_track"
 
 
+@pytest.mark.parametrize("rate_rad_s", [5.0, 1e13, -1e150])
+def test_a_rate_that_no_mount_has_does_not_end_the_joining_of_a_pass(
+    rig: MakeRig, window: Pass, rate_rad_s: float
+) -> None:
+    begin_s = window.tca_t_s
+    made = rig(start_s=begin_s, azimuth_rad=0.5 * (window.azimuth_min_rad + window.azimuth_max_rad))
+    mad = JointReading(t_s=begin_s, position_rad=made.position_rad, velocity_rad_s=[rate_rad_s, rate_rad_s])
+    made.controller.take_joints(mad)
+    trajectory, status = made.controller.step(begin_s + 0.1)
+    assert status.mode == "slew"
+    assert float(np.max(np.abs(trajectory.position_rad - made.position_rad))) < math.pi
+    assert list(made.run(begin_s + 0.1, 8.0))[-1][2].mode == "program_track"
+
+
 # What the link cannot give
 
 
