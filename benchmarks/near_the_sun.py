@@ -164,16 +164,17 @@ def main() -> None:
                         try:
                             joined, free = (join(station, meeting, behind_s, guarded=each) for each in (True, False))
                         except ValueError as error:
+                            # The certificate refuses the pass, wherever the axes are.
                             refused += 1
-                            print(f"    {station} pass {rank} {apart_deg} deg {behind_s:+.0f} s: {error}", flush=True)
-                            continue
+                            print(f"    {station} pass {rank} {apart_deg} deg: {error}", flush=True)
+                            break
                         flown += 1
                         if joined.fault:
                             faults.append((rank, apart_deg, behind_s, joined.fault))
                         nearest = min(nearest, float(joined.sun_rad.min()))
                         waits.append(joined.settled_s(within_rad) - free.settled_s(within_rad))
         print(
-            f"{station}: {len(faults)} faults in {flown} joined passes ({refused} refused), "
+            f"{station}: {len(faults)} faults in {flown} joined passes (and {refused} passes refused), "
             f"{math.degrees(nearest):.3f} deg from the Sun at the nearest, "
             f"on the target later by {np.median(waits):.1f} s (median), {np.max(waits):.1f} s (most)",
             flush=True,
