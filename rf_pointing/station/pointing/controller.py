@@ -8,8 +8,9 @@ A pass has a certificate before anything moves.  While its profile or the positi
 not arrived, the axes stay where they are; after `PLAN_PATIENCE_S` the pass is refused.
 
 What stalls does not end the pass.  Without targets the profile of the pass is followed; beyond its
-end the axes wait at rest.  After a gap in its own periods or in the
-readings of the axes, the controller slews back to the target.  A fault ends the pass.
+end, and while the safety gate refuses the way, the axes wait at rest.  After a gap in its own
+periods or in the readings of the axes, the controller slews back to the target.  A fault ends the
+pass.
 """
 
 import math
@@ -253,11 +254,14 @@ class PointingController:
             # The lags of the mount follow the slew back, not the prediction: the beam moves against
             # the encoders as in a sidelobe.
             self.carrier.trust_until(t_s + LAG_TIMES * self.params.pointing.lag_averaging_s)
-        trajectory, self._stopping = self._motion.follow(
+        trajectory, refused = self._motion.follow(
             t_s, window, self._turns_rad or 0.0, _motion_of(self.state.mode), joining=joining
         )
-        if trajectory is not None:
-            self.antenna.take_command(float(trajectory.t_s[0]), trajectory.position_rad[0])
+        if trajectory is None:
+            # A pass is worth what is left of it: the axes wait at rest until the way is free.
+            self._slew_again(t_s, refused)
+            return self._motion.halt(t_s)
+        self.antenna.take_command(float(trajectory.t_s[0]), trajectory.position_rad[0])
         return trajectory
 
     def _count(self, t_s: float, error: PointingError | None) -> None:

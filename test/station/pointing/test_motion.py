@@ -95,26 +95,26 @@ def test_predictions_of_another_satellite_are_ignored(rig: MakeRig, window: Pass
     assert np.all(trajectory.position_rad[:, 1] < 0.2)
 
 
-def test_a_limit_reached_in_the_middle_of_the_pass_ends_it_with_a_controlled_stop(rig: MakeRig, window: Pass) -> None:
+def test_a_limit_reached_in_the_middle_of_the_pass_is_waited_at_until_it_is_gone(rig: MakeRig, window: Pass) -> None:
     made, limit_rad = rig(), math.radians(6.0)
-    stopped, last = None, None
-    for t_s, trajectory, status in made.run(window.aos_t_s, 60.0):
-        if t_s < window.aos_t_s + 5.0:
-            continue
-        if made.controller.busy:
-            made.controller.retune(made.controller.params.replace(limits=AxisLimits(elevation_max_rad=limit_rad)))
-            assert np.all(trajectory.position_rad[:, 1] <= limit_rad)
-            continue
-        stopped, last = trajectory, status
-        break
-    assert stopped is not None
-    assert last is not None
-    assert "past the limit 6.000 deg" in last.reason
-    assert last.mode == "idle"
-    assert made.controller.statistics.reason == last.reason
-    assert stopped.position_rad.shape == (1, 2)
-    assert not np.any(stopped.velocity_rad_s)
-    assert stopped.position_rad[0, 1] < limit_rad
+    wide = made.controller.params.limits
+    list(made.run(window.aos_t_s, 5.0))
+    made.controller.retune(made.controller.params.replace(limits=AxisLimits(elevation_max_rad=limit_rad)))
+    waited = None
+    for t_s, trajectory, status in made.run(window.aos_t_s + 5.0, 60.0):
+        assert np.all(trajectory.position_rad[:, 1] <= limit_rad)
+        if status.mode == "idle":
+            assert "past the limit 6.000 deg" in status.reason
+            assert trajectory.position_rad.shape == (1, 2)
+            assert not np.any(trajectory.velocity_rad_s)
+            waited = waited or t_s
+    assert waited is not None
+    assert status.mode == "idle"
+    assert "past the limit 6.000 deg" in status.alarm
+    made.controller.retune(made.controller.params.replace(limits=wide))
+    *_, (_, _, status) = made.run(t_s, 20.0)
+    assert (status.mode, status.held) == ("program_track", True)
+    assert made.controller.statistics.outcome.lost_s < t_s - waited + 15.0
 
 
 def test_an_antenna_just_outside_its_limit_is_not_deadlocked(rig: MakeRig, window: Pass) -> None:
