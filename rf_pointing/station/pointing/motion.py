@@ -25,7 +25,7 @@ from rf_pointing.station.pointing.prediction import Prediction, TargetBuffer, ti
 Array = NDArray[np.float64]
 # Age of a reading from which the motion of the axes is not known.
 STALE_S = 1.0
-# Of the fastest that the mount is said to be: loops overshoot, and gusts push.
+# Of the fastest that is stated of the mount: loops overshoot, and gusts push.
 BELIEVED_RATE = 2.0
 # Before this the motion of the axes has left no trace in the mount.
 REMEMBERED_S = 60.0
