@@ -4,8 +4,9 @@ scripts/run-python benchmarks/near_the_sun.py [--station leo_3m7 ...] [--passes 
 
 The antenna stands on the path of a pass, ahead of the target or behind it, and joins it 4 s before the target
 comes nearest to the Sun, at each of these distances (deg).  Printed a station: how many joined passes ended in a
-latched fault of the guard, the nearest that the axes came to the Sun, and how long they took to the target, which
-is compared with the same pass without a Sun.  A pass that the certificate refuses is left out.
+latched fault of the guard, the nearest that axes and beam came to the Sun, and how long they took to the target,
+which is compared with the same pass without a Sun.  The zone is one of the axes' angles: the beam of a mount with
+lags, or with errors that are not known, may be nearer.  A pass that the certificate refuses is left out.
 """
 
 import argparse
@@ -18,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import Boresight
+from rf_pointing.core import Boresight, JointReading
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, find_passes, sun, tle_lines, verification_elements
 from rf_pointing.planning.forbidden_sky import angle_between
 from rf_pointing.simulation import StationSetup, simulate_pass
@@ -46,11 +47,13 @@ class Meeting(NamedTuple):
 class Joined(NamedTuple):
     """What became of a joined pass: the latched fault or "".
 
-    `sun_rad` is the beam's distance from the Sun in every tick, `error_rad` (n,) that from the target at `t_s` (n,).
+    `axes_sun_rad` and `beam_sun_rad` are the distances from the Sun in every tick, `error_rad` (n,) that of the beam
+    from the target at `t_s` (n,).
     """
 
     fault: str
-    sun_rad: Array
+    axes_sun_rad: Array
+    beam_sun_rad: Array
     error_rad: Array
     t_s: Array
 
@@ -125,14 +128,21 @@ def join(station: str, meeting: Meeting, behind_s: float, *, guarded: bool = Tru
         each for each in find_passes(setup.track(), meeting.nearest_t_s - 1500.0, 3000.0, math.radians(5.0))
         if each.aos_t_s < meeting.nearest_t_s < each.los_t_s
     )  # fmt: skip
-    antenna, receiver, looks = setup.antenna(), setup.receiver(), []
-    take = receiver.take
+    antenna, receiver = setup.antenna(), setup.receiver()
+    readings: list[tuple[float, ...]] = []
+    looks: list[tuple[float, ...]] = []
+    read, take = antenna.reading, receiver.take
 
-    def noted(boresight: Boresight) -> Reception | None:
+    def noted(t_s: float) -> JointReading:
+        reading = read(t_s)
+        readings.append((t_s, *reading.position_rad.tolist()))
+        return reading
+
+    def seen(boresight: Boresight) -> Reception | None:
         looks.append((boresight.t_s, boresight.azimuth_rad, boresight.elevation_rad))
         return take(boresight)
 
-    receiver.take = noted  # type: ignore[method-assign]
+    antenna.reading, receiver.take = noted, seen  # type: ignore[method-assign]
     setup.antenna, setup.receiver = lambda: antenna, lambda: receiver  # type: ignore[method-assign]
     log = simulate_pass(
         setup,
@@ -140,9 +150,11 @@ def join(station: str, meeting: Meeting, behind_s: float, *, guarded: bool = Tru
         begin_s,
         "program",
     )
-    seen = np.array(looks)
-    near = angle_between(seen[:, 1:], _look(TopocentricTrack(sun(), setup.station.site), seen[:, 0]))
-    return Joined(antenna.safety.latch.text, near, np.hypot(*log.errors_rad().T), np.array(log.t_s))
+    track = TopocentricTrack(sun(), setup.station.site)
+    axes, beam = (
+        angle_between(rows[:, 1:], _look(track, rows[:, 0])) for rows in (np.array(readings), np.array(looks))
+    )
+    return Joined(antenna.safety.latch.text, axes, beam, np.hypot(*log.errors_rad().T), np.array(log.t_s))
 
 
 def main() -> None:
@@ -153,7 +165,7 @@ def main() -> None:
     parser.add_argument("--apart", type=float, nargs="+", default=[1.2, 1.35, 1.5, 2.0, 3.0], metavar="DEG")
     options = parser.parse_args()
     for station in options.station:
-        flown, refused, faults, nearest, waits = 0, 0, [], math.inf, []
+        flown, refused, faults, nearest, waits = 0, 0, [], [], []
         # A rotator holds the target within its dead band.
         within_rad = math.radians(1.0 if station == "rotator_2m" else 0.3)
         for rank in range(options.passes):
@@ -171,12 +183,16 @@ def main() -> None:
                         flown += 1
                         if joined.fault:
                             faults.append((rank, apart_deg, behind_s, joined.fault))
-                        nearest = min(nearest, float(joined.sun_rad.min()))
-                        waits.append(joined.settled_s(within_rad) - free.settled_s(within_rad))
+                        nearest.append((joined.axes_sun_rad.min(), joined.beam_sun_rad.min()))
+                        later_s = joined.settled_s(within_rad) - free.settled_s(within_rad)
+                        waits.append(0.0 if math.isnan(later_s) else later_s)
+        axes_deg, beam_deg = np.degrees(np.min(nearest, axis=0))
+        never = sum(map(math.isinf, waits))
+        waits = [each for each in waits if math.isfinite(each)]
         print(
             f"{station}: {len(faults)} faults in {flown} joined passes (and {refused} passes refused), "
-            f"{math.degrees(nearest):.3f} deg from the Sun at the nearest, "
-            f"on the target later by {np.median(waits):.1f} s (median), {np.max(waits):.1f} s (most)",
+            f"axes {axes_deg:.3f} deg and beam {beam_deg:.3f} deg from the Sun at the nearest, on the target later by "
+            f"{np.median(waits):.1f} s (median), {np.max(waits):.1f} s (most), not in {AFTER_S:.0f} s in {never}",
             flush=True,
         )
         for fault in faults:

@@ -17,7 +17,7 @@ def test_an_antenna_joins_a_pass_by_the_sun_without_a_fault(
 ) -> None:
     joined = join(name, meeting_of(name, rank, math.radians(1.35), tmp_path), behind_s)
     assert joined.fault == ""
-    # The zone is one of the encoders: the rotator's mount errors (0.5 deg) are not known, its dead band is 0.1 deg.
-    assert float(joined.sun_rad.min()) > math.radians(0.4 if name == "rotator_2m" else 0.95)
+    # The zone is one of the axes' angles; a rotator has a dead band of 0.1 deg.
+    assert float(joined.axes_sun_rad.min()) > math.radians(0.9 if name == "rotator_2m" else 1.0)
     # It has the target in the end, a rotator within its dead band.
     assert float(joined.error_rad[-20:].max()) < math.radians(1.0 if name == "rotator_2m" else 0.3)
