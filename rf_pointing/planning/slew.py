@@ -389,7 +389,10 @@ class _FreeColumns:
                     if low <= high and cost < least.get((other, beyond), math.inf):
                         came[other, beyond], least[other, beyond] = (node, level), cost
                         heapq.heappush(queue, (cost, (other, beyond)))
-        self.duration_s = max(self.duration_s, 1.2 * least[goal] + CORNERS_S)
+        # The search ends at the height of its last step, the path further on.
+        spent_s = least[goal] + abs(end[2][1] - came[goal][1]) / rate_el
+        near_s = self._paths._axes.slew_s(self._start, begin[2]) + self._paths._axes.slew_s(end[2], self._end)
+        self.duration_s = max(self.duration_s, 1.2 * spent_s + near_s + CORNERS_S)
         nodes = [goal]
         while nodes[-1] != start:
             nodes.append(came[nodes[-1]][0])

@@ -1,5 +1,6 @@
 """Paths of slews: what the antenna really runs through stays out of hills and Sun, and a free path is found."""
 
+import itertools
 import math
 import sys
 from pathlib import Path
@@ -9,7 +10,16 @@ import pytest
 
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams
 from rf_pointing.planning import AxisLimits, AxisRates, CornerPath, Gate, GateParams, HorizonMask
-from rf_pointing.planning.slew import CORNER_RAD, AxisSlew, Moving, _near_corner, slew_path
+from rf_pointing.planning.forbidden_sky import ForbiddenSky
+from rf_pointing.planning.slew import (
+    CORNER_RAD,
+    AxisSlew,
+    Moving,
+    PathFinder,
+    _FreeColumns,
+    _near_corner,
+    slew_path,
+)
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import slew_paths as trial
@@ -107,6 +117,22 @@ def test_a_way_past_hill_and_sun_is_found_through_the_only_gap() -> None:
     assert decision.allowed
     scene = trial.Scene(low, limits, AXES, (48.0 * DEG, 64.0 * DEG), 2.0 * DEG)
     assert worst_excess(start, list(decision.way), scene) < 0.01 * DEG
+
+
+def test_the_path_by_columns_takes_no_longer_than_it_is_said_to() -> None:
+    """Over a narrow ridge nearly all of it is elevation: how far the Sun moves on depends on that time."""
+    ridge = HorizonMask(
+        azimuth_rad=tuple(a * DEG for a in (0.0, 44.0, 45.0, 51.0, 52.0)),
+        elevation_rad=tuple(e * DEG for e in (0.0, 0.0, 75.0, 75.0, 0.0)),
+    )
+    slow = AxisRates((1.8 * DEG, 0.6 * DEG), (0.8 * DEG, 0.8 * DEG))
+    paths = PathFinder(ForbiddenSky(ridge, 0.0), slow, ((-0.1, 0.0), (2.0, 90.0 * DEG)))
+    start, goal = (40.0 * DEG, 5.0 * DEG), (56.0 * DEG, 5.0 * DEG)
+    columns = _FreeColumns(paths, start, goal, None, 10.0)
+    corners = [start, *columns.corners()]
+    assert len(corners) > 2
+    needed_s = sum(slow.slew_s(a, b) for a, b in itertools.pairwise(corners))
+    assert needed_s <= columns.duration_s < 1.5 * needed_s
 
 
 @pytest.mark.parametrize("rate_deg_s", [-1.5, -0.3, 0.0, 0.4, 1.2, 1.8])
