@@ -117,6 +117,18 @@ def test_time_tags_late_in_all_passes_are_equal_lags_or_late_ranges(campaign_wit
     assert suspects.common_clock(fit, known) is None
 
 
+@pytest.mark.parametrize(("apart_s", "equal"), [(0.033, True), (0.041, False)])
+def test_lags_are_a_clock_only_when_they_are_equal_within_the_sigma_of_their_difference(campaign_with, apart_s, equal):
+    """They are known to 20 and 30 ms, their difference to 10.6 ms: 3 sigma and 1 % of the clock are 36 ms."""
+    fit, _ = fitted(campaign_with())
+    places = [fit.names.index(name) for name in ("azimuth_velocity_lag", "elevation_velocity_lag")]
+    values, covariance = fit.values.copy(), fit.covariance.copy()
+    values[places] = -0.5 + 0.5 * apart_s * np.array([1.0, -1.0])
+    covariance[np.ix_(places, places)] = 1e-6 * np.array([[400.0, 594.0], [594.0, 900.0]])
+    found = suspects.common_clock(replace(fit, values=values, covariance=covariance), dict.fromkeys(TERMS, 0.0))
+    assert (found is not None) is equal
+
+
 def test_another_north_is_told_by_its_turn(campaign_with):
     def turned(number, raw, reference):
         return replace(raw, azimuth_rad=raw.azimuth_rad - np.radians(4.2)), reference

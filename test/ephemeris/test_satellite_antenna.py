@@ -69,6 +69,13 @@ def test_a_measured_attitude_takes_the_place_of_the_stated_one() -> None:
     assert found.half_power_beamwidth_rad == WIDTH_RAD
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_an_attitude_straight_up_is_taken_with_the_rounding_of_its_file(side: float) -> None:
+    """Eight digits make this quaternion 1.3e-8 too long: the sine of its pitch exceeds 1."""
+    found = SatelliteAntennaParams(half_power_beamwidth_rad=WIDTH_RAD).turned((0.0, side * 0.70710679, 0.0, 0.70710679))
+    assert found.pitch_rad == pytest.approx(side * 0.5 * math.pi)
+
+
 def test_without_a_width_the_satellite_sends_alike_in_all_directions() -> None:
     plain = TopocentricTrack(find_elements(verification_elements(), "28057"), SITE)
     t_s = find_elements(verification_elements(), "28057").epoch_t_s + np.arange(0.0, 6000.0, 60.0)

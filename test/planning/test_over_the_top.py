@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.planning import plunged
+from rf_pointing.planning import AxisLimits, MachineParams, plunged
+from rf_pointing.planning.branch_motion import branch_motions, no_lag
 from rf_pointing.planning.crossing import AxisMotionLimits, cross
 from rf_pointing.planning.forbidden_sky import angle_between
 from rf_pointing.planning.over_the_top import cross_over
@@ -96,3 +97,25 @@ def test_an_azimuth_error_of_the_mount_is_blended_in_within_the_limits() -> None
     rates = np.diff(found.position_rad, axis=0) / STEP_S
     assert np.all(np.abs(rates).max(axis=0) <= np.array(LIMITS.rate_rad_s) * 1.001)
     assert found.error_rad.max() == pytest.approx(0.4 * DEG, rel=0.01)
+
+
+def test_a_crossing_does_not_depend_on_the_zero_of_time() -> None:
+    """The mount's errors change along the pass, so the lines that blend them in have slopes."""
+    t, first, second = sides(0.4, 1.0)
+    slope = np.column_stack([1e-5 * t, -4e-6 * t])
+    mount = (second[0] + slope, second[1] + np.array([1e-5, -4e-6]), second[2])
+    here, late = (cross_over(times, first, mount, LIMITS, beam(0.264)) for times in (t, t + 5e4))
+    assert here is not None
+    assert late is not None
+    np.testing.assert_allclose(late.position_rad, here.position_rad, atol=1e-6)
+    np.testing.assert_allclose(late.error_rad, here.error_rad, atol=1e-6)
+    assert late.over_t_s - here.over_t_s == pytest.approx(5e4)
+
+
+def test_only_an_elevation_axis_that_passes_the_zenith_goes_over_it() -> None:
+    t, first, second = sides(0.4, 1.0)
+    machine = MachineParams(rate_limit_rad_s=LIMITS.rate_rad_s, acceleration_limit_rad_s2=LIMITS.acceleration_rad_s2)
+    for most_deg, over in ((89.0, False), (95.0, True)):
+        travel = AxisLimits(elevation_max_rad=most_deg * DEG)
+        found = branch_motions(t, {False: first, True: second}, machine, travel, beam(0.264), no_lag)
+        assert any(one.crossing is not None and one.crossing.over_t_s is not None for one in found) is over
