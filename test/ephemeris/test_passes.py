@@ -182,6 +182,19 @@ def test_every_stay_above_a_horizon_is_a_pass(track: TopocentricTrack, cbers: El
     assert found[0].tca_t_s == found[0].los_t_s
 
 
+def test_a_horizon_far_below_the_level_is_refused(track: TopocentricTrack, cbers: Elements) -> None:
+    """No hill of the ground is seen 12 deg below the level: such a mask has wrong signs or units."""
+
+    def dipping(azimuth_rad: np.ndarray) -> np.ndarray:
+        return np.where(azimuth_rad < 1.0, -lowest_rad, 0.1)
+
+    lowest_rad = 0.18
+    assert find_passes(track, cbers.epoch_t_s, 6.0 * 3600.0, dipping)
+    lowest_rad = 0.22
+    with pytest.raises(ValueError, match="min_elevation_rad"):
+        find_passes(track, cbers.epoch_t_s, 6.0 * 3600.0, dipping)
+
+
 def test_a_level_horizon_is_a_mask(track: TopocentricTrack, cbers: Elements) -> None:
     flat = find_passes(track, cbers.epoch_t_s, DAY_S, MASK_RAD)
     same = find_passes(track, cbers.epoch_t_s, DAY_S, lambda azimuth_rad: np.full_like(azimuth_rad, MASK_RAD))

@@ -43,6 +43,7 @@ def test_outside_a_scan_powers_only_carry_their_level() -> None:
     assert {(error.valid, error.reason, error.carrier_to_noise_db_hz) for error in errors} == {
         (False, "nothing is scanned", 55.0)
     }
+    assert {(error.cross_elevation_rad, error.elevation_rad) for error in errors} == {(0.0, 0.0)}
 
 
 def test_a_power_waits_until_the_beam_is_known_at_the_middle_of_its_integration() -> None:

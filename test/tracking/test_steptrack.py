@@ -93,6 +93,13 @@ def test_offset_rests_on_four_points_and_its_rates_are_its_derivative() -> None:
         assert np.array(now[2:]) == pytest.approx(numeric, abs=1e-3 * MDEG)
 
 
+def test_the_beam_never_jumps_not_even_as_the_second_leg_begins() -> None:
+    tracker, tick_s = StepTracker(StepTrackParams()), 0.01
+    places = np.array([tracker.offset(tick_s * k) for k in range(2000)])
+    fastest = np.abs(places[:, 2:]).max(axis=0)
+    assert np.all(np.abs(np.diff(places[:, :2], axis=0)) <= 1.01 * tick_s * fastest)
+
+
 def test_samples_taken_between_two_points_do_not_count() -> None:
     tracker = StepTracker(StepTrackParams())
     assert tracker.add(meter(1.0, 1.0), 0.1 * H, 0.1 * H) is None

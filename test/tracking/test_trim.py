@@ -98,6 +98,12 @@ def test_target_at_rest_still_learns_the_bias() -> None:
     assert trim.trim(60.0, still).offset_rad == pytest.approx(np.array([3.0, -2.0]) * MDEG, abs=0.05 * MDEG)
 
 
+def test_a_target_nearer_than_a_metre_is_refused() -> None:
+    assert np.all(np.isfinite(direction_rows(SkyMotion(1e-3, 1e-3, 1.0))))
+    with pytest.raises(ValueError, match=r"range_m=0.99 must be >= 1.0"):
+        direction_rows(SkyMotion(1e-3, 1e-3, np.array([5.0, 0.99])))
+
+
 def test_time_that_runs_back_is_refused() -> None:
     trim = TrimFilter(PARAMS)
     fly(trim, -10.0, 0.0, 0.1 * MDEG)
