@@ -44,6 +44,20 @@ def test_a_feasible_smooth_pass_passes_through_within_a_hundredth_of_a_millidegr
     assert worst < 0.01 * MDEG
 
 
+def test_a_pass_within_the_jerk_limit_passes_through_too() -> None:
+    shaper, jerk = preprocessor(jerk_limit_rad_s3=(0.02, 0.02)), 0.02
+    shaper.reset(*pass_at(100.0)[:2])
+    for k in range(1, 2000):
+        command = pass_at(100.0 + k * DT_S)
+        out = shaper.step(*command, DT_S)
+        assert shaper.state.transparent == (True, True)
+        np.testing.assert_array_equal(out[0], command[0])
+    # An acceleration that jumps by ten times what a tick allows is smoothed instead.
+    bent = shaper.step(command[0] + DT_S * command[1], command[1], command[2] + 10.0 * jerk * DT_S, DT_S)
+    assert shaper.state.transparent == (False, False)
+    assert np.all(np.abs(bent[2] - command[2]) <= 1.01 * jerk * DT_S)
+
+
 def test_a_step_becomes_a_bang_coast_bang_slew_without_overshoot() -> None:
     shaper = preprocessor()
     shaper.reset((0.0, 0.5))
@@ -209,6 +223,17 @@ def test_outside_its_travel_an_axis_stands_still_or_comes_in_and_goes_no_further
     for _ in range(400):
         position, *_ = shaper.step((0.5, 0.8), (0.0, 0.0), (0.0, 0.0), 0.02)
     assert position[0] == pytest.approx(0.5, abs=1e-6)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_outside_its_travel_an_axis_that_is_sent_further_out_does_not_start_by_itself(side: float) -> None:
+    shaper = preprocessor(travel_min_rad=(-1.0, -1.0), travel_max_rad=(1.0, 1.0))
+    place = np.array([1.1, 1.2]) * side
+    shaper.reset(place)
+    for _ in range(100):
+        position, velocity, _ = shaper.step(1.5 * place, (0.0, 0.0), (0.0, 0.0), DT_S)
+    np.testing.assert_array_equal(position, place)
+    np.testing.assert_array_equal(velocity, np.zeros(2))
 
 
 def test_an_empty_travel_is_refused() -> None:

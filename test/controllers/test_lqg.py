@@ -89,6 +89,18 @@ def test_running_law_is_the_designed_system(design: LqgDesign) -> None:
     np.testing.assert_allclose(ours, expected, atol=1e-12)
 
 
+def test_the_matrices_of_the_law_are_those_of_the_running_one(design: LqgDesign) -> None:
+    errors = 1e-4 * np.random.default_rng(4).standard_normal(200)
+    expected = control.forced_response(control.ss(*design.matrices(SAMPLE_S), SAMPLE_S), inputs=errors).outputs
+    loop, ours = LqgLoop(design, LqgLoopParams(rate_limit_rad_s=10.0)), []
+    for error in errors:
+        ours.append(loop.output(error, 0.0, 0.0))
+        loop.update(SAMPLE_S, ours[-1])
+    np.testing.assert_allclose(ours, expected, atol=1e-12)
+    with pytest.raises(ValueError, match=r"sample_s=0.03 must be 0.02, the sampling time of the LQG design"):
+        design.matrices(0.03)
+
+
 def test_constant_disturbance_leaves_no_error(design: LqgDesign) -> None:
     system = antenna()
     loop = LqgLoop(design, LqgLoopParams())

@@ -59,6 +59,22 @@ def test_irregular_gusts_are_not_an_oscillation() -> None:
     assert not watch(0.5 * LIMIT * gusts).oscillating
 
 
+@pytest.mark.parametrize(
+    ("lengths_s", "last_peak", "found"),
+    [((0.4, 0.4), 1.5, True), ((0.3, 0.6), 1.5, False), ((0.4, 0.4), 1.05, False)],
+    ids=["alike", "of two lengths", "dying away"],
+)
+def test_swings_are_an_oscillation_when_they_are_alike_and_do_not_die_away(
+    lengths_s: tuple[float, float], last_peak: float, found: bool
+) -> None:
+    """Eight swings from 2.4 times the threshold, below the gross one; 0.5 of the first peak is asked of the last."""
+    errors: list[float] = []
+    for number, share in enumerate(np.geomspace(2.4, last_peak, 8)):
+        steps = round(lengths_s[number % 2] / DT_S)
+        errors += (share * LIMIT * (-1) ** number * np.sin(math.pi * np.arange(steps) / steps)).tolist()
+    assert watch(np.array(errors), half_cycles=7).oscillating is found
+
+
 def test_the_verdict_latches_until_reset() -> None:
     time = DT_S * np.arange(500)
     detector = watch(2.0 * LIMIT * np.sin(2.0 * math.pi * 2.0 * time))
@@ -113,6 +129,20 @@ def test_large_swings_count_however_their_periods_change() -> None:
 def test_thresholds_of_the_wrong_order_are_refused(changes: dict, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         OscillationDetectorParams(**changes)
+
+
+def test_the_frequency_of_large_swings_is_that_of_those_that_decided() -> None:
+    """One small swing of 0.2 s, then large ones of 0.3, 0.46 and 0.6 s: 1.10 Hz."""
+    detector, sign = OscillationDetector(OscillationDetectorParams()), 1.0
+    for length, peak_deg in [(0.2, 0.03), (0.3, 0.2), (0.46, 0.2), (0.6, 0.2), (0.6, 0.2)]:
+        steps = round(length / DT_S)
+        for step in range(steps):
+            detector.update(sign * math.radians(peak_deg) * math.sin(math.pi * step / steps), DT_S)
+            if detector.oscillating:
+                assert float(re.search(r"at (\d\.\d\d) Hz", detector.reason)[1]) == pytest.approx(1.1, rel=0.1)
+                return
+        sign = -sign
+    raise AssertionError("four large swings are no oscillation")
 
 
 @pytest.mark.parametrize("speed_deg_s", [0.2, 1.0, -3.0])

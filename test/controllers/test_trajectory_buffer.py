@@ -42,6 +42,16 @@ def test_interpolation_of_a_two_second_table_is_exact_to_a_nanoradian() -> None:
         np.testing.assert_allclose(sample.acceleration_rad_s2, acceleration[0], atol=2.0 * NANORADIAN)
 
 
+def test_places_larger_than_the_times_are_interpolated_alike() -> None:
+    """Azimuths of several radians in the first second: a time is not taken for an angle."""
+    table = buffer()
+    table.accept(message(0.0, 1.0, shift_rad=6.0), 0.0)
+    table.accept(message(0.5, 2.0, shift_rad=6.001), 0.0)
+    for t_s in [*np.arange(0.0, 0.4, 0.03), *np.arange(0.5, 2.0, 0.03)]:
+        shift_rad = 6.0 if t_s < 0.45 else 6.001
+        np.testing.assert_allclose(table.at(t_s).position_rad, motion(t_s)[0][0] + shift_rad, atol=NANORADIAN)
+
+
 def test_a_newer_message_replaces_the_overlapping_future_only() -> None:
     table = buffer()
     table.accept(message(0.0, 1.0), 0.0)

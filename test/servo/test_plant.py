@@ -67,6 +67,15 @@ def test_encoder_reads_in_steps_of_a_twentyfour_bit_turn_with_the_stated_noise()
     assert np.std(counts, axis=0) == pytest.approx([expected, expected], rel=0.06)
 
 
+def test_the_encoders_read_where_the_joints_are() -> None:
+    antenna = plant(dss13_plant())
+    for _ in range(100):
+        antenna.step((3e-3, -2e-3), CALM, 0.02)
+    away = antenna.encoder_rad - antenna.true_joint_rad
+    assert np.all(np.abs(away) < 5.0 * 2.0 * math.pi / 2**24)
+    assert np.all(np.abs(antenna.true_joint_rad) > 1e-3)
+
+
 def test_copied_state_continues_identically() -> None:
     params = dss13_plant()
     params = params.replace(azimuth=params.azimuth.replace(drive_delay_s=0.03))
