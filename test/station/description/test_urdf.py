@@ -12,7 +12,7 @@ from rf_pointing.commands import check_station
 from rf_pointing.core import AXES
 from rf_pointing.core.angles import unit_vector_from_azel
 from rf_pointing.station.description import read_station, shipped_stations, urdf
-from rf_pointing.station.description.urdf import FRAMES
+from rf_pointing.station.description.urdf import FRAMES, size_m
 
 ROUNDED_RAD = 1e-11
 """Of the numbers in the text."""
@@ -111,6 +111,58 @@ def test_every_body_can_be_one(name: str) -> None:
         moments = sorted(float(str(body.find("inertia").get(key))) for key in ("ixx", "iyy", "izz"))  # type: ignore
         assert 0.0 < moments[2] <= moments[0] + moments[1]
     assert len(list(root.iter("visual"))) >= 4
+
+
+def shapes(name: str) -> dict[str, list[tuple[str, list[float]]]]:
+    """Return kind and measures, centre and angles, of every shape of each link, in sizes of the antenna."""
+    station = read_station(name)
+    size, found = size_m(station), {}
+    for link in ElementTree.fromstring(urdf(station)).iter("link"):
+        rows = []
+        for visual in link.iter("visual"):
+            origin, body = visual.find("origin"), visual.find("geometry")[0]  # type: ignore[index]
+            measures = [each for text in body.attrib.values() for each in numbers(text)]
+            lengths = np.array([*measures, *numbers(origin.get("xyz"))]) / size  # type: ignore[union-attr]
+            rows.append((body.tag, [*lengths.tolist(), *numbers(origin.get("rpy"))]))  # type: ignore[union-attr]
+        found[str(link.get("name"))] = rows
+    return found
+
+
+def test_the_picture_of_a_dish_is_the_same_at_any_size() -> None:
+    large, small = shapes("dss13"), shapes("leo_3m7")
+    for link, rows in large.items():
+        assert [kind for kind, _ in rows] == [kind for kind, _ in small[link]]
+        for (_, one), (_, other) in zip(rows, small[link], strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", shipped_stations())
+def test_shapes_lie_on_the_axis_that_turns_them_and_touch_each_other(name: str) -> None:
+    """The pedestal is upright below the axes; dish or boom lie along x of the elevation link, the beam."""
+    found = shapes(name)
+    (kind, (_, length, *centre, roll, pitch, yaw)) = found["base_link"][0]
+    assert (kind, centre[:2], roll, pitch, yaw) == ("cylinder", [0.0, 0.0], 0.0, 0.0, 0.0)
+    top = centre[2] + 0.5 * length
+    assert -0.1 < top < 0.0, "it ends below the axes, in the box that turns with the azimuth"
+    (_, (_, _, height, *middle, _, _, _)) = found["azimuth_link"][0]
+    assert middle[2] - 0.5 * height < top + 1e-9
+    assert middle[2] + 0.5 * height >= 0.0
+    spans = []
+    for kind, row in found["elevation_link"]:
+        *measures, x, y, z, roll, pitch, yaw = row
+        assert (y, z, roll, yaw) == (0.0, 0.0, 0.0, 0.0)
+        assert pitch == pytest.approx(0.5 * math.pi if kind == "cylinder" else 0.0)
+        half = {"cylinder": 0.5 * measures[-1], "sphere": measures[0], "box": 0.5 * measures[0]}[kind]
+        spans.append((x - half, x + half))
+    spans.sort()
+    assert spans[0][0] < 0.1
+    assert spans[-1][1] < 1.0
+    end = spans[0][1]
+    for begin, far in spans[1:]:
+        assert begin <= end + 1e-9
+        end = max(end, far)
+    if read_station(name).content.dish:
+        assert max(row[0] for kind, row in found["elevation_link"] if kind == "cylinder") == pytest.approx(0.5)
 
 
 def test_the_command_prints_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -74,3 +74,11 @@ def test_lags_of_the_mount_are_part_of_the_axes_path(track: TopocentricTrack, wi
     steady = slice(600, -1)
     np.testing.assert_allclose(moved[steady], (rates * [-1.0, -2.0])[steady], atol=0.06 * DEG)
     assert np.max(np.abs(moved)) > 0.3 * DEG
+
+
+def test_a_pass_is_tabulated_in_even_steps_no_longer_than_asked_for(track: TopocentricTrack, window: Pass) -> None:
+    for step_s in (0.7, 10.0):
+        times = pass_profile(track, window, step_s).t_s
+        assert (times[0], times[-1]) == (window.aos_t_s, window.los_t_s)
+        assert np.diff(times) == pytest.approx(window.duration_s / (len(times) - 1))
+        assert window.duration_s / (len(times) - 1) <= step_s < window.duration_s / (len(times) - 2)

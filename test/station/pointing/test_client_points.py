@@ -138,6 +138,15 @@ def test_points_that_stand_still_are_a_place_and_a_jump_begins_anew() -> None:
     assert len(points.history[0]) == 1
 
 
+@pytest.mark.parametrize(("moved_deg", "moving"), [(0.02, False), (0.06, True)])
+def test_the_newest_point_alone_may_show_that_a_place_is_left(moved_deg: float, moving: bool) -> None:
+    """Less than 0.03 deg is the rounding of a client."""
+    points = ClientPoints(FollowParams())
+    for t_s, step_deg in enumerate((0.0, 0.0, moved_deg)):
+        points.add(T_S + t_s, 1.0, 0.5 + math.radians(step_deg))
+    assert points.moving is moving
+
+
 def test_the_rest_of_a_motion_decides_the_turn() -> None:
     limits = AxisLimits(azimuth_min_rad=math.radians(-270.0), azimuth_max_rad=math.radians(270.0))
     points = ClientPoints(FollowParams())
