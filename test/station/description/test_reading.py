@@ -51,6 +51,13 @@ def test_a_small_description_is_enough() -> None:
     )
 
 
+def test_what_may_be_commanded_ends_half_way_to_a_stop_that_is_near() -> None:
+    near = GOOD.replace("[0, 90], rate", "[5, 90], hard_stop_deg: [4.94, 90.1], rate")
+    found = station_from(Path("s.yaml"), near).parameters("antenna_servo")
+    ends = [found[f"loops.preprocessor.travel_{end}_deg"] for end in ("min", "max")]
+    assert [end[1] for end in ends] == pytest.approx([4.97, 90.05])
+
+
 def test_one_key_reaches_every_node_that_needs_it() -> None:
     station = station_from(
         Path("s.yaml"), GOOD.replace("bands:", "  horizon_deg: [[0, 3], [90, 5], [180, 12], [270, 4]]\nbands:")

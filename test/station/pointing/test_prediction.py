@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import BiasModel, without_lags
-from rf_pointing.core import Motion, Target, nearest_turn_rad
+from rf_pointing.core import JointReading, Motion, Target, nearest_turn_rad
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.planning.profile import PassProfile
 from rf_pointing.station.antenna.mount import MountParams, RateAverage
@@ -284,3 +284,23 @@ def test_a_new_model_in_the_middle_of_a_pass_does_not_start_the_lags_again(
     resting = held(buffer.at(late[-1:]), without_lags(model), near_rad).position[0]
     np.testing.assert_allclose(path.at(late[-1:], buffer, model, near_rad).position[0], resting, atol=1e-12)
     assert np.max(np.abs(before - resting)) > math.radians(0.2)
+
+
+def test_axes_found_on_the_path_of_a_pass_have_the_lags_of_axes_that_followed_it(
+    track: TopocentricTrack, window: Pass, model: BiasModel
+) -> None:
+    """A controller that starts again in the middle of a pass; axes elsewhere have followed nothing."""
+    start_s, near_rad, averaging_s = round(window.tca_t_s, 1), math.pi, 0.3
+    times = np.round(start_s + PERIOD_S * np.arange(1, 31), 6)
+    buffer = targets_at(track, start_s, 4.0)
+    whole = Prediction(PERIOD_S, StandingPlan(), averaging_s).at(times, buffer, model, near_rad)
+    known, sky = times[:26], buffer.at(times[:26])
+    resting = held(buffer.at(times[25:]), without_lags(model), near_rad).position[0]
+    for off_deg, followed in ((0.1, True), (3.0, False)):
+        place = whole.position[25] + np.array([0.0, math.radians(off_deg)])
+        reading = JointReading(t_s=float(times[25]), position_rad=place, velocity_rad_s=np.zeros(2))
+        again = Prediction(PERIOD_S, StandingPlan(), averaging_s)
+        again.followed(known, sky, reading, model)
+        found = again.at(times[25:], buffer, model, near_rad).position[0]
+        np.testing.assert_allclose(found, whole.position[25] if followed else resting, atol=math.radians(5e-3))
+    assert np.max(np.abs(whole.position[25] - resting)) > math.radians(0.2)
