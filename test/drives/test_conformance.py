@@ -105,6 +105,13 @@ def test_a_device_that_is_not_there_is_one_line(capsys: pytest.CaptureFixture[st
     assert "/dev/nothing" in line.text
 
 
+def test_before_the_first_check_no_time_passes() -> None:
+    waited: list[float] = []
+    drive = SimulatedRotator(DriveParams(type="simulated_rotator", rotator=RotatorParams()), (1.0, 0.5))
+    ConformanceCheck(drive, DriveParams(), lambda longest_s: float(waited.append(longest_s) or 0.0))
+    assert waited == [0.0]
+
+
 def test_a_simulated_rotator_passes() -> None:
     params = DriveParams(type="simulated_rotator", rotator=RotatorParams())
     drive = SimulatedRotator(params, (1.0, 0.5))
@@ -122,6 +129,7 @@ def test_a_sound_drive_near_an_end_of_its_travel_is_moved_towards_the_middle(sta
 class RateDrive(Drive):
     """A drive that takes rates: it stops by itself when none came for half a second.
 
+    `latches`: after a stop it takes rates only when it has been enabled again.
     The faults: `gain` of each axis, `forgets` whether it stops by itself, `crossed` the axes, `stops` whether a stop does
     anything, `late_s` how old its readings are, `every` how many readings it leaves out.
     """
@@ -132,6 +140,7 @@ class RateDrive(Drive):
         )
         self.gain, self.forgets, self.crossed, self.stops = [1.0, 1.0], True, False, True
         self.late_s, self.every, self.drift = 0.0, 1, 0.0
+        self.latches, self.held = False, False
         self.position, self.rate = [math.radians(angle) for angle in start_deg], [0.0, 0.0]
         self.least = list(self.position)
         self.most = list(self.position)
@@ -150,14 +159,19 @@ class RateDrive(Drive):
             self.reading = DriveReading(t_s=t_s - self.late_s, position_rad=(self.position[0], self.position[1]))
         return self.reading
 
+    def enable(self) -> None:
+        self.held = False
+
     def turn(self, rate_rad_s: Pair) -> None:
+        if self.held:
+            return
         self.taken_s = self.t_s
         rate = rate_rad_s[::-1] if self.crossed else rate_rad_s
         self.rate = [gain * each for gain, each in zip(self.gain, rate, strict=True)]
 
     def stop(self) -> None:
         if self.stops:
-            self.rate = [0.0, 0.0]
+            self.rate, self.held = [0.0, 0.0], self.latches
 
 
 def failed_rates(drive: RateDrive) -> set[str]:
@@ -206,3 +220,18 @@ def test_each_fault_of_a_drive_of_rates_fails_the_line_of_its_name(changes: dict
         setattr(drive, name, value)
     found = failed_rates(drive)
     assert lines <= found if lines else found == set()
+
+
+@pytest.mark.parametrize("latches", [False, True])
+def test_only_the_stale_command_fails_where_a_drive_goes_on_for_ever(latches: bool) -> None:
+    """It is enabled after each stop, or its rate would not be taken, and stopped at last: it rests then."""
+    drive = RateDrive()
+    drive.forgets, drive.latches = False, latches
+    assert failed_rates(drive) == {"stale command"}
+    assert drive.rate == [0.0, 0.0]
+
+
+def test_a_drive_that_must_be_enabled_after_a_stop_passes() -> None:
+    drive = RateDrive()
+    drive.latches = True
+    assert failed_rates(drive) == set()

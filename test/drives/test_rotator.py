@@ -7,6 +7,7 @@ import pytest
 
 from rf_pointing.core import Motion
 from rf_pointing.drives import DriveParams, DriveReading, LinkParams, Rotator, RotatorParams, SimulatedRotator
+from rf_pointing.drives.drive import POSITION, Capabilities, Drive
 from rf_pointing.drives.rotator import MoveCounts
 
 TICK_S = 0.02
@@ -196,3 +197,43 @@ def test_without_a_reading_nothing_is_commanded() -> None:
 
 def test_a_reading_knows_its_age() -> None:
     assert DriveReading(t_s=1.0, position_rad=(0.0, 0.0)).age_s(1.5) == 0.5
+
+
+class Readings(Drive):
+    """A device that shows given angles at given times."""
+
+    def __init__(self, *rows: tuple[float, float, float], has_elevation: bool = True) -> None:
+        self.capabilities = Capabilities(
+            set_points=POSITION, resolution_rad=(1e-3, 1e-3), rate_rad_s=(0.1, 0.1), period_s=0.2,
+            has_elevation=has_elevation,
+        )  # fmt: skip
+        self.rows = iter(rows)
+
+    def step(self, _t_s: float) -> DriveReading | None:
+        row = next(self.rows, None)
+        return None if row is None else DriveReading(t_s=row[0], position_rad=row[1:])
+
+
+def test_the_rate_is_the_way_over_the_time_from_the_first_readings_on() -> None:
+    rotator = Rotator(Readings((5.0, 0.50, 0.60), (5.2, 0.51, 0.58), (5.4, 0.53, 0.54)), RotatorParams(**TRAVEL))
+    assert rotator.position_rad == (0.0, 0.0)
+    rotator.step(5.0)
+    assert rotator.rate_rad_s == (0.0, 0.0)
+    rotator.step(5.2)
+    assert rotator.rate_rad_s == pytest.approx((0.05, -0.1))
+    rotator.step(5.4)
+    assert rotator.rate_rad_s == pytest.approx((0.075, -0.15))
+
+
+def test_two_readings_of_one_time_are_no_motion() -> None:
+    rotator = Rotator(Readings((5.0, 0.5, 0.6), (5.0, 0.7, 0.9)), RotatorParams(**TRAVEL))
+    for _ in range(2):
+        rotator.step(5.0)
+    assert rotator.position_rad == (0.7, 0.9)
+    assert rotator.rate_rad_s == (0.0, 0.0)
+
+
+def test_an_elevation_that_the_device_does_not_have_is_level_until_it_is_set() -> None:
+    rotator = Rotator(Readings((5.0, 0.5, 0.6), has_elevation=False), RotatorParams(**TRAVEL))
+    rotator.step(5.0)
+    assert rotator.position_rad == (0.5, 0.0)

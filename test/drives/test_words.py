@@ -82,6 +82,16 @@ def test_positions_that_no_controller_could_mean_are_noise() -> None:
     assert positions(made("easycomm"), b"AZ123.4 EL456.0\n") == []
 
 
+@pytest.mark.parametrize("place", [5, 10], ids=["azimuth", "elevation"])
+@pytest.mark.parametrize("pulses", [0, 3])
+def test_a_packet_with_pulses_that_no_controller_has_is_noise(place: int, pulses: int) -> None:
+    packet = bytearray.fromhex("57 03 07 02 05 02 03 09 04 00 02 20")
+    packet[place] = pulses
+    words = made("spid", "rot2")
+    assert {answer.kind for answer in words.take(packet)} == {"noise"}
+    assert words.resolution_deg == made("spid", "rot2").resolution_deg
+
+
 def test_reasons_are_given_in_words() -> None:
     (answer,) = made("hamlib").take(bytearray(b"set_pos: 500 20\nRPRT -1\n"))
     assert (answer.kind, answer.text) == ("refused", "set_pos: RPRT -1 (invalid parameter)")
