@@ -35,6 +35,23 @@ def test_receiver_measures_its_own_carrier_to_noise(level_db_hz: float) -> None:
     assert np.mean(measured[100:]) == pytest.approx(level_db_hz, abs=0.3)
 
 
+class Louder:
+    """Noise of ten times the power that the receiver takes it for."""
+
+    def __init__(self) -> None:
+        self.random = random_stream(7, "louder")
+
+    def standard_normal(self, size: object = None) -> object:
+        return math.sqrt(10.0) * np.asarray(self.random.standard_normal(size))
+
+
+def test_ten_times_the_noise_lowers_the_measured_carrier_to_noise_by_10_db() -> None:
+    receiver = make_receiver(phase_noise_rad=0.0)
+    receiver.rng = Louder()  # type: ignore[assignment]
+    measured = [take(receiver, k, 55.0).carrier_to_noise_db_hz for k in range(300)]
+    assert np.mean(measured[100:]) == pytest.approx(45.0, abs=0.3)
+
+
 def test_pattern_loss_lowers_the_measured_carrier_to_noise_by_3_db_at_half_the_beamwidth() -> None:
     receiver = make_receiver()
     measured = [take(receiver, k, 55.0, 8.5 * MDEG).carrier_to_noise_db_hz for k in range(300)]
