@@ -57,6 +57,30 @@ def test_realization_agrees_with_python_controls_era(planted: StateSpace) -> Non
     np.testing.assert_allclose(ours.model.response(frequency)[:, 0, 0], per_sample, rtol=1e-6)
 
 
+def test_the_fewest_parameters_that_can_tell_a_model_are_enough() -> None:
+    """Two poles and their residues: four numbers after the direct term, and no fewer."""
+    poles, residues = np.array([0.9, -0.5]), np.array([0.3, 0.7])
+    markov = np.concatenate([[0.1], (residues * poles ** np.arange(5)[:, None]).sum(axis=1)])
+    model = realize(markov[:5], 2, SAMPLE_S).model
+    np.testing.assert_allclose(np.sort(np.linalg.eigvals(model.a)), np.sort(poles), atol=1e-12)
+    impulse = np.eye(1, 20)[0]
+    expected = np.concatenate([[0.1], (residues * poles ** np.arange(19)[:, None]).sum(axis=1)])
+    np.testing.assert_allclose(model.simulate(impulse)[:, 0], expected, atol=1e-12)
+    with pytest.raises(ValueError, match="order=2"):
+        realize(markov[:4], 2, SAMPLE_S)
+
+
+def test_the_condition_is_that_of_the_regression() -> None:
+    """Inputs and outputs that are white and independent: their shifted copies are nearly orthogonal; a slow input's not."""
+    random = np.random.default_rng(8)
+    white, output = random.standard_normal((2, 4000))
+    assert 1.0 < observer_markov(white, output, 2).condition < 1.15
+    # Neighbours of an average over two samples correlate to 0.5: eigenvalues 1 + sqrt(0.5) and 1 - sqrt(0.5) for three.
+    slow = np.convolve(white, [1.0, 1.0], mode="same")
+    wanted = np.sqrt((1.0 + np.sqrt(0.5)) / (1.0 - np.sqrt(0.5)))
+    assert observer_markov(slow, output, 2).condition == pytest.approx(wanted, rel=0.05)
+
+
 def test_hankel_singular_values_show_the_order(planted: StateSpace) -> None:
     hankel = realize(planted_markov(planted, 301), 5, SAMPLE_S).hankel
     assert np.count_nonzero(hankel > 1e-6 * hankel[1]) == 5
