@@ -54,6 +54,18 @@ def clipped(t: Array, position: Array) -> Array:
     return azimuth
 
 
+@pytest.mark.parametrize("miss_deg", [0.05, 0.4])
+def test_an_end_of_travel_below_the_zenith_takes_the_axes_off_the_target_no_longer(miss_deg: float) -> None:
+    """The azimuth decides how long it takes; the elevation waits at its end."""
+    found = {}
+    for top_deg in (88.0, 90.0):
+        limits = AxisMotionLimits(LIMITS.rate_rad_s, LIMITS.acceleration_rad_s2, top_deg * DEG)
+        found[top_deg] = cross(*overhead(miss_deg), limits, beam(0.264))
+        assert found[top_deg].position_rad[:, 1].max() <= top_deg * DEG + 1e-9
+    assert found[88.0].position_rad[:, 1].max() == pytest.approx(88.0 * DEG)
+    assert found[88.0].duration_s <= found[90.0].duration_s + 1.0
+
+
 def test_a_path_within_the_limits_needs_no_crossing() -> None:
     assert cross(*overhead(20.0), LIMITS, beam(0.264)) is None
 

@@ -76,6 +76,12 @@ def test_a_lying_encoder_is_seen_within_200_ms(lie_deg_s: float) -> None:
     assert any("more than the drive" in words for words in said)
 
 
+def test_an_encoder_that_gives_no_number_from_the_start_is_taken_for_zero_with_the_reason() -> None:
+    watch = AxisWatch(AXIS_PARAMS, TICK_S)
+    assert watch.step((math.nan, 0.5), (0.0, 0.0)) == ((0.0, 0.5), "azimuth encoder gives no number")
+    assert watch.step((1.2, 0.5), (0.0, 0.0)) == ((1.2, 0.5), "")
+
+
 def test_encoder_noise_is_no_fault(random: np.random.Generator) -> None:
     watch = AxisWatch(AXIS_PARAMS, TICK_S)
     angle = 0.0
