@@ -2,7 +2,9 @@
 
 A pass has one noise: in elevation the same everywhere, in azimuth v(E) = a + b / cos^2 E, since
 noise on the sky is 1 / cos E larger there.  A noise measured for each point by itself (10 samples:
-35 % off) would give the quietest point the largest weight, and the fit too small a sigma.
+35 % off) would give the quietest point the largest weight, and the fit too small a sigma.  So would
+an a that chance has made positive: it is taken from b, which is all the noise of the few high
+points (above 80 deg 0.81 of the variance).  So b is alone unless a lowers chi^2 by more than 4.
 
 Noise that is correlated over seconds scatters less within a point than between points.  So the
 residuals z of a fit, divided by sigma, give the factor of sigma^2,
@@ -34,6 +36,8 @@ Chosen = NDArray[np.bool_]
 _MEDIAN_TO_SIGMA = 1.4826
 # A step or a gust within 10 s; noise alone reaches it once in 30 000 points.
 _BENT_SIGMA = 4.0
+# Chi-square by which noise that is even in azimuth must lower it: 2 sigma.
+_EVEN_SHOWS = 4.0
 _ROUNDS = 8
 # Correlations below are noise of the estimate; the sum stops at the first of them.
 _SIGNIFICANT = 2.0
@@ -117,21 +121,27 @@ def _sums(place: NDArray[np.int64], values: Array) -> Array:
 
 
 def _split(place: NDArray[np.int64], variance: Array, freedom: Array, secant2: Array) -> Array:
-    """Return a + b / cos^2 E with the a, b >= 0 of each pass that fit its variances best."""
+    """Return a + b / cos^2 E with the a, b >= 0 of each pass that fit its variances best.
+
+    Where a does not show, it is zero.
+    """
     fitted = (_sums(place, freedom * variance) / _sums(place, freedom))[place]
     for _ in range(_ROUNDS):
         # A measured variance scatters in proportion to the true one.
         weight = freedom / np.maximum(fitted, 1e-300) ** 2
-        weight = weight / np.max(weight)
+        largest = np.max(weight)
+        weight = weight / largest
         one, cross, two = (_sums(place, weight * secant2**power) for power in (0, 1, 2))
         flat, steep = _sums(place, weight * variance), _sums(place, weight * secant2 * variance)
         determinant = one * two - cross**2
         apart = determinant > 1e-6 * one * two
         safe = np.where(apart, determinant, 1.0)
         a, b = (two * flat - cross * steep) / safe, (one * steep - cross * flat) / safe
+        # A variance scatters by 2 v^2 / freedom, so chi-square falls by half of what is explained.
+        shows = 2.0 * _EVEN_SHOWS / largest
+        both = apart & (a >= 0.0) & (b >= 0.0) & (a * flat + b * steep > steep**2 / two + shows)
         # Outside the quadrant the better of its two edges is the least.
-        edge = steep**2 / two > flat**2 / one
-        both = apart & (a >= 0.0) & (b >= 0.0)
+        edge = steep**2 / two + shows > flat**2 / one
         a, b = np.where(both, a, np.where(edge, 0.0, flat / one)), np.where(both, b, np.where(edge, steep / two, 0.0))
         fitted = a[place] + b[place] * secant2
     return fitted

@@ -15,7 +15,7 @@ from rf_pointing.calibration import (
     held_at_zero,
 )
 from rf_pointing.calibration.fit import huber_weights, normalised_size, sandwich_covariance, within_limit
-from rf_pointing.calibration.noise import _excess, noise_scale, share_after_editing
+from rf_pointing.calibration.noise import _excess, _split, noise_scale, share_after_editing
 from rf_pointing.calibration.thinning import Table
 
 TABLE_1_TERMS = tuple(n for n in TERM_NAMES if not n.endswith("acceleration_lag"))
@@ -333,3 +333,23 @@ def test_the_excess_of_a_variance_is_in_sigma_of_the_scatter_of_its_pass(random)
     for own in (excess[:2000], excess[2000:]):
         assert np.mean(own) == pytest.approx(0.0, abs=0.1)
         assert np.std(own) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("even", "off"), [(0.0, 0.015), (1.0, 0.04)])
+def test_noise_of_high_points_is_not_taken_for_noise_that_is_even_in_azimuth(even, off, random):
+    """Of 400 passes up to 85 deg: an even noise that chance has made takes 4 % of the variance of the highest points."""
+    height = np.radians(np.concatenate([np.linspace(10.0, 85.0, 25), np.linspace(84.0, 10.0, 25)]))
+    secant2, place, freedom = np.tile(np.cos(height) ** -2.0, 400), np.repeat(np.arange(400), 50), np.full(20_000, 8.0)
+    actual = even + secant2
+    found = _split(place, actual * random.chisquare(8.0, 20_000) / 8.0, freedom, secant2) / actual
+    for rows in (secant2 > np.cos(np.radians(75.0)) ** -2.0, secant2 < np.cos(np.radians(20.0)) ** -2.0):
+        assert np.mean(found[rows]) == pytest.approx(1.0, abs=off)
+
+
+def test_noise_that_is_even_in_azimuth_is_found(random):
+    """A noise across that is the same at any height is no noise on the sky."""
+    height = np.radians(np.concatenate([np.linspace(10.0, 85.0, 25), np.linspace(84.0, 10.0, 25)]))
+    found = _split(
+        np.zeros(50, dtype=np.int64), random.chisquare(8.0, 50) / 8.0, np.full(50, 8.0), np.cos(height) ** -2.0
+    )
+    assert found == pytest.approx(np.ones(50), rel=0.4)
