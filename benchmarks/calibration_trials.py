@@ -48,15 +48,22 @@ SHARES = (1.0, 0.3, 0.2)
 # One sigma of the planted terms; half of the terms are zero with --select.
 PLANTED = {"rad": 60.0 * MDEG, "s": 0.5, "s^2": 0.3}
 NOISE_RAD, CORRELATION_S = 4.0 * MDEG, 4.0
+# At 88.8 deg the azimuth turns by a radian in 2 s: differences of samples a second apart were 3 mdeg off.
+STENCIL_S = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """One pass: its reference, and at the samples its motion and how a metre of each error moves the target (n, 3)."""
+    """One pass: its reference and its motion at the samples.
+
+    `angles_rad` (2, 3, n) are azimuth and elevation STENCIL_S before, at and after them, `position_m`
+    (3, n, 3) where the target is then, and `fields` (3, n, 3) how a metre of each error moves it.
+    """
 
     reference: ReferenceTrack
     target: str
     at: ReferenceTrack
+    angles_rad: Array
     position_m: Array
     fields: tuple[Array, ...]
 
@@ -143,16 +150,22 @@ def seen_of(elements: Elements, track: TopocentricTrack, first_s: float, last_s:
     times = np.arange(np.ceil(first_s), last_s, 1.0 / rate_hz)
     look = track.sample(times)
     at = ReferenceTrack(**{name: getattr(look, name) for name in ReferenceTrack.__dataclass_fields__})
-    apparent = at.range_m[:, np.newaxis] * unit_vector_from_azel(at.azimuth_rad, at.elevation_rad)
-    base = np.array(track.relative_motion_at(times)[0].position).T
+    around = (times + STENCIL_S * np.array([[-1.0], [0.0], [1.0]])).ravel()
+    near = track.sample(around)
+    angles = np.stack([near.azimuth_rad, near.elevation_rad]).reshape(2, 3, -1)
+    apparent = near.range_m[:, np.newaxis] * unit_vector_from_azel(near.azimuth_rad, near.elevation_rad)
+    base = np.array(track.relative_motion_at(around)[0].position).T
     fields = [
-        (np.array(TopocentricTrack(one, track.site).relative_motion_at(times)[0].position).T - base) / 100.0
+        ((np.array(TopocentricTrack(one, track.site).relative_motion_at(around)[0].position).T - base) / 100.0)
         for one in changes(elements)
     ]
     grid = np.arange(times[0] - 60.0, times[-1] + 60.0, recorded_input.REFERENCE_STEP_S)
     sampled = track.sample(grid)
     reference = ReferenceTrack(**{name: getattr(sampled, name) for name in ReferenceTrack.__dataclass_fields__})
-    return Seen(reference, elements.name, at, apparent, tuple(fields))
+    shape = (3, len(times), 3)
+    return Seen(
+        reference, elements.name, at, angles, apparent.reshape(shape), tuple(one.reshape(shape) for one in fields)
+    )
 
 
 def planted(random: np.random.Generator) -> BiasModel:
@@ -165,11 +178,11 @@ def measured(seen: Seen, mount: BiasModel, case: Case, random: np.random.Generat
     """Return what the station records of a pass."""
     size = case.orbit_m * np.array([SHARES[0], SHARES[1], SHARES[1], SHARES[2], SHARES[2]])
     moved = seen.position_m + sum(m * one for m, one in zip(random.normal(size=5) * size, seen.fields, strict=True))
-    azimuth, elevation = azel_from_unit_vector(moved)
     at = seen.at
-    shift = np.stack([wrap_rad(azimuth - at.azimuth_rad), elevation - at.elevation_rad])
-    rate = np.gradient(shift, at.t_s - at.t_s[0], axis=1)
-    bend = np.gradient(rate, at.t_s - at.t_s[0], axis=1)
+    azimuth, elevation = azel_from_unit_vector(moved)
+    around = np.stack([wrap_rad(azimuth - seen.angles_rad[0]), elevation - seen.angles_rad[1]])
+    shift, rate = around[:, 1], (around[:, 2] - around[:, 0]) / (2.0 * STENCIL_S)
+    bend = (around[:, 2] - 2.0 * shift + around[:, 0]) / STENCIL_S**2
     motion = at.motion()
     true = [motion[0] + shift[0], motion[1] + shift[1], motion[2] + rate[0], motion[3] + rate[1]]
     true += [motion[4] + bend[0], motion[5] + bend[1]]
