@@ -11,15 +11,17 @@ nothing of that.  A term x is spread as
     sum_m w_m N(x_m, C_m),    -2 ln w_m = chi_m^2 / v + ln det(I + T A_m' A_m T / v)
 
 over the chosen subset and its neighbours m, those with up to four terms more or fewer (Bayesian
-model averaging, Hoeting et al. 1999), for equations A_m and terms of the usual sizes T; chi_m^2 is
-the least sum of squares with x / T among them.  The BIC is close to that for terms that are seen
-well, and takes one that the data show barely for unlikely.  The sigma of x is the mean of what
-holds 68.3 % of the sum about the chosen x, and half of what holds 95.4 %.
+model averaging, Hoeting et al. 1999), for equations A_m and terms of the sizes T; chi_m^2 is the
+least sum of squares with x / T among them.  The BIC is close to that for terms that are seen well,
+and takes one that the data show barely for unlikely.  Mounts differ: T is 0.3, 0.6 and 1.2 times
+the usual sizes with equal right.  The sigma of x is the mean of what holds 68.3 % of the sum about
+the chosen x, and half of what holds 95.4 %.
 
-Where the two are far apart no sigma holds both: a lag taken for zero makes that of the other axis
-15 times as certain where orbit errors look as equal lags do, and wrong where the first is real and
-only too small to be seen.  The absent term with which the outer 5 % go is then fitted (`kept`), and
-the sum is over the subsets with it.
+No sigma holds both of a narrow sum with a wide tail: a lag taken for zero makes that of the other
+axis 15 times as certain where orbit errors look as equal lags do, and wrong where the first is real
+and only too small to be seen.  A term without which another one's sigma is less than an eighth is
+therefore fitted too (`kept`), and the sum is over the subsets with it.  That follows from the
+geometry: decided by the data it would keep the terms that noise makes look real.
 """
 
 import math
@@ -52,8 +54,10 @@ _SAME_BIC = 1e-4
 _UNLIKELY = 14.0
 # Terms by which a subset differs from the chosen one: more have no weight.
 _MOST_CHANGED = 4
-# 95 % of a mixture over 68 % of it, in sigma: beyond it no one sigma holds both.
-_MOST_UNEVEN = 2.0
+# Of the usual sizes of terms.
+_SIZES = (0.3, 0.6, 1.2)
+# A sigma over what it is without another term: beyond it that one is no matter of choice.
+_MOST_NARROWED = 8.0
 # Of an interval: to a millionth of a sigma.
 _HALVINGS = 30
 
@@ -190,18 +194,33 @@ class _Search:
 
     def selection(self, names: tuple[str, ...]) -> Selection:
         """Return the chosen terms, those that they depend on, and what widens their sigma."""
+        kept = self._needed(names)
+        names = tuple(name for name in self.triangle.names if name in names or name in kept)
+        mixture = self._mixture(names, kept)
+        narrow, wide = (mixture.holding(math.erf(k / math.sqrt(2.0))) / k for k in (1.0, 2.0))
+        return Selection(names, np.maximum(0.5 * (narrow + wide), 1.0), tuple(n for n in names if n in kept))
+
+    def _needed(self, names: tuple[str, ...]) -> frozenset[str]:
+        """Return the absent terms without which the sigma of a fitted one is far too small."""
         every, kept = self.triangle.names, frozenset[str]()
         while True:
-            mixture = self._mixture(names, kept)
-            narrow, wide = (mixture.holding(math.erf(k / math.sqrt(2.0))) / k for k in (1.0, 2.0))
-            absent = [name for name in every if name not in names]
-            if not absent or not names or np.max(wide / narrow) <= _MOST_UNEVEN:
-                return Selection(names, np.maximum(0.5 * (narrow + wide), 1.0), tuple(n for n in every if n in kept))
-            worst = int(np.argmax(wide / narrow))
-            outside = mixture.weights * mixture.outside(worst, 2.0 * float(wide[worst]))
-            missing = max(absent, key=lambda name: float(outside @ mixture.member[:, every.index(name)]))
-            kept |= {missing}
-            names = tuple(name for name in every if name in names or name == missing)
+            fitted = [name for name in every if name in names or name in kept]
+            sigma, found = self._sigma(fitted), []
+            for absent in (name for name in every if name not in fitted):
+                among = [name for name in every if name in fitted or name == absent]
+                own = np.array([name != absent for name in among])
+                with_it, usual = self._sigma(among), np.array([term.size for term in terms_by_name(among)])
+                # A fit that leaves a term to a guess is none: there the choice is what tells it.
+                if fitted and np.all(with_it < usual):
+                    found.append((float(np.max(with_it[own] / sigma)), absent))
+            ratio, name = max(found, default=(0.0, ""))
+            if ratio <= _MOST_NARROWED:
+                return kept
+            kept |= {name}
+
+    def _sigma(self, chosen: Collection[str]) -> Array:
+        """Return the standard deviations of these terms, fitted together."""
+        return np.sqrt(np.diag(self.solve(chosen)[2]) * self.scale)
 
     def _mixture(self, names: tuple[str, ...], kept: frozenset[str]) -> "_Mixture":
         """Return how the terms `names` spread over the subsets near theirs that have the `kept`."""
@@ -211,7 +230,10 @@ class _Search:
         member = np.tile([name in names for name in every], (len(changes), 1))
         for row, change in zip(member, changes, strict=True):
             row[list(change)] ^= True
-        above, values, sigma = self._posteriors(member)
+        # The same subsets once for each size of terms.
+        parts = [self._posteriors(member, share) for share in _SIZES]
+        above, values, sigma = (np.concatenate(column) for column in zip(*parts, strict=True))
+        member = np.tile(member, (len(_SIZES), 1))
         above -= np.min(above)
         likely = above < _UNLIKELY
         weights = np.exp(-0.5 * above[likely])
@@ -222,12 +244,12 @@ class _Search:
         # A subset without the term has it at zero, exactly.
         return _Mixture(member[likely], weights / np.sum(weights), apart, np.maximum(wide, _NOTHING))
 
-    def _posteriors(self, member: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+    def _posteriors(self, member: NDArray[np.bool_], share: float) -> tuple[Array, Array, Array]:
         """Return -2 ln of the weight (m,) of subsets (m, k), and values and sigma (m, k).
 
-        They are zero of terms that are not in a subset.
+        They are zero of terms that are not in a subset.  Terms are of a `share` of the usual sizes.
         """
-        sizes = np.array([term.size for term in terms_by_name(self.triangle.names)])
+        sizes = share * np.array([term.size for term in terms_by_name(self.triangle.names)])
         matrix, right = self.triangle.factor[:, :-1] * sizes, self.triangle.factor[:, -1]
         system, along = np.eye(len(sizes)) + matrix.T @ matrix / self.scale, matrix.T @ right / self.scale
         above = np.full(len(member), right @ right / self.scale)
