@@ -160,7 +160,9 @@ class RawPasses:
         # Encoders count turns: only the azimuth difference folded into half a turn is a residual.
         residuals["azimuth_rad"] = wrap_rad(residuals["azimuth_rad"] - shift[0])
         residuals["elevation_rad"] = residuals["elevation_rad"] - shift[1]
-        keep, dropped = find_outliers(t_s, self._passes, residuals)
+        # On the sky: in azimuth the noise of a high pass grows so fast that a piece loses its top.
+        on_sky = residuals | {"azimuth_rad": residuals["azimuth_rad"] * np.cos(self._tracks["elevation_rad"])}
+        keep, dropped = find_outliers(t_s, self._passes, on_sky)
         outliers = StageReport(stage="outliers", before=len(t_s), after=int(np.sum(keep)), dropped=dropped)
         # Where range or range rate are wrong, so is the time or the target of the angles.
         stacked = np.stack([value[keep] for value in residuals.values()], axis=1)

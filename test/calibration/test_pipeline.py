@@ -176,6 +176,14 @@ def test_noise_on_the_sky_gives_high_points_their_larger_azimuth_sigma_and_drops
     assert 0.75 < np.std(elevation) < 1.25
 
 
+def test_noise_on_the_sky_costs_high_passes_no_more_azimuths_than_elevations(track, raw_pass, table_1, random):
+    tracks = [track(5.0, miss, 0.7, 1e9 + 6000.0 * k) for k, miss in enumerate([40e3, 50e3, 60e3, 70e3])]
+    raw = [on_the_sky(raw_pass(one, table_1, None, 1e-9), random) for one in tracks]
+    passes = RawPasses([TrackedPass(one, place) for one, place in zip(raw, tracks, strict=True)], 0)
+    dropped = passes.process(Known(model=table_1, form="printed")).reports[1].dropped
+    assert dropped["azimuth_rad beyond 3 sigma"] < 1.5 * dropped["elevation_rad beyond 3 sigma"]
+
+
 def test_noise_that_hangs_together_is_measured_between_points_and_costs_none(track, raw_pass, table_1, random):
     terms, points = ("azimuth_offset", "elevation_offset"), {}
     held = {name: value for name, value in table_1.coefficients.items() if name not in terms}
