@@ -79,9 +79,10 @@ def write_array_report(bag: Path | str, output_dir: Path | str) -> list[ArrayErr
         series = _READ[what](path, namespace)
         name, title = namespace.strip("/").replace("/", "_") or "root", f"{namespace}/{what}"
         picture = folder / f"{name}_{what}.png"
-        _DRAW[what](series, picture, title)
+        measured = _errors(title, series)
+        _DRAW[what](series, picture, _heading(title, measured))
         figures[picture] = title
-        errors += _errors(title, series)
+        errors += measured
         reasons[title] = _counted(series.reasons)
     page = render(
         "table.html",
@@ -102,6 +103,13 @@ def write_array_report(bag: Path | str, output_dir: Path | str) -> list[ArrayErr
     summary = {"schema": SCHEMA, "bag": str(path), "errors": lines, "reasons": reasons}
     (folder / "array_summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     return errors
+
+
+def _heading(title: str, errors: Sequence[ArrayErrors]) -> str:
+    """Return the title of a picture: how many epochs are valid, and the NEES of each quantity."""
+    found = [f"{title}: {errors[0].valid} of {errors[0].epochs} epochs valid"]
+    found += [f"NEES of the {each.quantity} {each.nees:.2f}" for each in errors if each.nees is not None]
+    return ", ".join(found) + (" (3 is expected)" if len(found) > 1 else "")
 
 
 def _errors(sensor: str, series: ArraySeries) -> list[ArrayErrors]:

@@ -5,7 +5,6 @@ An estimate and a truth of the same stamp belong together; a message without a p
 
 from contextlib import ExitStack
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -132,16 +131,18 @@ def read_pose_series(bag: Path, namespace: str) -> ArraySeries:
 
 def _hand_offs(received: Messages, first: int) -> tuple[tuple[float, str], ...]:
     """Return when another station begins to be received, and its name."""
-    found: list[tuple[float, str]] = []
-    before: set[str] = set()
-    # Stations that take turns block by block are received together: two blocks make one view.
     stamps = sorted(received)
-    for earlier, later in pairwise(stamps):
-        names = {*received[earlier].transmitters, *received[later].transmitters}
-        if before and names - before:
-            found.append(((later - first) / 1e9, ", ".join(sorted(names - before))))
-        before = names
-    return tuple(found)
+    # Stations take turns block by block: one is new when two whole turns have passed without it.
+    # One is too few: where another station sets or rises, the order changes.
+    turns = 2 * len({name for message in received.values() for name in message.transmitters})
+    last: dict[str, int] = {}
+    found: dict[int, list[str]] = {}
+    for index, stamp in enumerate(stamps):
+        for name in received[stamp].transmitters:
+            if index >= turns and index - last.get(name, -turns - 1) > turns:
+                found.setdefault(stamp, []).append(name)
+            last[name] = index
+    return tuple(((stamp - first) / 1e9, ", ".join(sorted(names))) for stamp, names in found.items())
 
 
 def _read(bag: Path, *topics: str) -> list[Messages]:

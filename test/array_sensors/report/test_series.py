@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,13 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 )
 from rf_pointing.array_sensors.report.page import write_array_report
 from rf_pointing.array_sensors.report.pictures import draw_attitude, draw_pose
-from rf_pointing.array_sensors.report.series import ArraySeries, array_sensors, read_attitude_series, read_pose_series
+from rf_pointing.array_sensors.report.series import (
+    ArraySeries,
+    _hand_offs,
+    array_sensors,
+    read_attitude_series,
+    read_pose_series,
+)
 from rf_pointing.commands.report import main as report_main
 from rf_pointing.report.bag_writer import BagWriter
 from rf_pointing.report.definitions import Definitions
@@ -202,6 +209,24 @@ def test_report_counts_reasons_and_marks_the_hand_off(attitude_bag: Path, tmp_pa
     assert "9: sigma 0.05 rad must be &lt;= 0.035 rad" in page
     assert "NEES of 3" in page
     assert holds_colour(tmp_path / "report" / "sat_attitude.png", "a6761d")
+
+
+@pytest.mark.parametrize("first", [0, 1, 2])
+def test_stations_that_take_turns_are_handed_over_once_each(first: int) -> None:
+    views = {0: ["south", "middle"], 40: ["south", "middle", "north"], 80: ["middle", "north"], 120: ["north", "pole"]}
+    in_view = [next(names for start, names in sorted(views.items(), reverse=True) if k >= start) for k in range(160)]
+    in_turn = [[names[(k + first) % len(names)]] for k, names in enumerate(in_view)]
+    for heard in (in_turn, in_view):
+        received = {k * 10**9: SimpleNamespace(transmitters=names) for k, names in enumerate(heard)}
+        found = _hand_offs(received, 0)
+        assert [name for _, name in found] == ["north", "pole"]
+        assert np.all(np.abs(np.array([time_s for time_s, _ in found]) - [41.0, 121.0]) <= 1.0)
+
+
+def test_station_that_returns_is_handed_over_again() -> None:
+    names = ["south"] * 10 + ["north"] * 10 + ["south"] * 10
+    received = {index * 10**9: SimpleNamespace(transmitters=[name]) for index, name in enumerate(names)}
+    assert _hand_offs(received, 0) == ((10.0, "north"), (20.0, "south"))
 
 
 def test_report_of_a_pose_has_its_picture_numbers_and_page(pose_bag: Path, tmp_path: Path) -> None:
