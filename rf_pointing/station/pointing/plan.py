@@ -64,8 +64,8 @@ class Chased:
         """Return the positions (..., 2) at times (...), that of the nearer end outside."""
         return np.stack([np.interp(np.asarray(times), self.t_s, part) for part in self.position_rad.T], axis=-1)
 
-    def free(self, t_s: float, axes: JointReading, gate: Gate, sun_rad: Pair | None) -> bool:
-        """Return whether axes that run after it until they have it pass no hill and no Sun."""
+    def chase_s(self, t_s: float, axes: JointReading, gate: Gate, sun_rad: Pair | None) -> float | None:
+        """Return how long axes run after it until they have it, None if past a hill or the Sun."""
         rate, acceleration = gate.axes
         runner = CommandPreprocessor(
             CommandPreprocessorParams(
@@ -83,7 +83,8 @@ class Chased:
             if all(runner.state.transparent):
                 break
         positions, speeds = (np.array(part) for part in zip(*run, strict=True))
-        return not gate.chase(positions, speeds, target[: len(run)], sun_rad)
+        barred = gate.chase(positions, speeds, target[: len(run)], sun_rad)
+        return None if barred else CHASE_STEP_S * len(run)
 
 
 class PassPlan:
@@ -224,8 +225,11 @@ class PassPlan:
         if self.profile is None or branch is None or branch.axes_rad is None:
             return NO_MEETING
         path, sun = Chased(self.profile.t_s, branch.axes_rad), self.sun.at(t_s)
-        if path.free(t_s, axes, self.gate, sun):
-            return NO_MEETING
+        chase_s = path.chase_s(t_s, axes, self.gate, sun)
+        if chase_s is not None:
+            # Once begun it is not judged again: a rotator that is stopped in the middle of it,
+            # because it runs otherwise than computed, stops late, and nearer to what it avoids.
+            return None, t_s + chase_s
         rest_rad = self._rest_rad(axes)
         stop_s = float(np.max(np.abs(axes.velocity_rad_s) / np.array(self.machine.axes.acceleration_rad_s2)))
         if stop_s > STOPPED_S:
@@ -237,7 +241,7 @@ class PassPlan:
             needed_s, barred = self.gate.slew(here, (float(goal[0]), float(goal[1])), sun)
             if not barred and needed_s + MEETING_S <= arrival_s:
                 waiting = JointReading(t_s=t_s + arrival_s, position_rad=goal, velocity_rad_s=np.zeros(2))
-                if path.free(t_s + arrival_s, waiting, self.gate, sun):
+                if path.chase_s(t_s + arrival_s, waiting, self.gate, sun) is not None:
                     return goal, t_s + arrival_s
             arrival_s = max(needed_s, arrival_s) + MEETING_S
         return rest_rad, t_s + MEETING_S
