@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import MDEG, MU, CarrierPower, PointingError, random_stream
-from rf_pointing.tracking.beam_fit import beam_design, fit_beam
+from rf_pointing.tracking.beam_fit import beam_design, fit_beam, rank_reason
 from rf_pointing.tracking.conscan import ConscanTracker
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 
@@ -190,6 +190,18 @@ def test_fit_that_runs_out_of_steps_says_so(monkeypatch: pytest.MonkeyPatch) -> 
         error = tracker.add(sample, X[k], Y[k])
     assert error is not None
     assert error.reason == "the likelihood did not converge"
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "blind"),
+    [(0.0, "elevation"), (10.0, "elevation"), (180.0, "elevation"), (90.0, "cross-elevation"), (100.0, "cross-elevation"),
+     (45.0, "one diagonal"), (-45.0, "one diagonal"), (60.0, "one diagonal")],
+)  # fmt: skip
+def test_positions_on_a_line_name_the_axis_across_it(angle_deg: float, blind: str) -> None:
+    along = np.array([math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))])
+    positions = np.linspace(-1.0, 2.0, 12)[:, None] * R * along
+    assert rank_reason(positions, 1e-3 * R) == f"{blind} is not determined: the beam positions lie on a line"
+    assert rank_reason(positions[:2], 1e-3 * R) == "2 distinct beam positions, must be at least 3"
 
 
 def test_flat_positions_are_a_singular_fit() -> None:

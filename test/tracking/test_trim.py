@@ -104,6 +104,16 @@ def test_a_target_nearer_than_a_metre_is_refused() -> None:
         direction_rows(SkyMotion(1e-3, 1e-3, np.array([5.0, 0.99])))
 
 
+def test_a_metre_across_the_track_is_square_to_the_motion_and_seen_from_its_range() -> None:
+    rows = direction_rows(SkyMotion(np.array([3e-3, 1e-3]), np.array([4e-3, -2e-3]), np.array([1e6, 2e6])))
+    along, across = rows[..., 0], rows[..., 1]
+    np.testing.assert_allclose(np.sum(along * across, axis=-1), 0.0, atol=1e-15)
+    np.testing.assert_allclose(np.linalg.norm(across, axis=-1), [1e-6, 0.5e-6])
+    # To the left of the motion: it goes to the right and up.
+    np.testing.assert_allclose(across[0], [-0.8e-6, 0.6e-6])
+    np.testing.assert_array_equal(rows[..., 2:], np.broadcast_to(np.eye(2), (2, 2, 2)))
+
+
 def test_time_that_runs_back_is_refused() -> None:
     trim = TrimFilter(PARAMS)
     fly(trim, -10.0, 0.0, 0.1 * MDEG)
