@@ -72,6 +72,26 @@ def test_a_step_becomes_a_bang_coast_bang_slew_without_overshoot() -> None:
     assert arrival_s < 1.15 * optimal_s
 
 
+def test_a_slew_brakes_with_eight_tenths_of_the_limit_until_it_is_there() -> None:
+    """Steady to rounding: only the first tick of braking is a part of one."""
+    shaper = preprocessor()
+    shaper.reset((0.0, 0.5))
+    acceleration = np.array([shaper.step((0.5, 0.5), (0.0, 0.0), (0.0, 0.0), DT_S)[2][0] for _ in range(2500)])
+    braking = acceleration[acceleration < -1e-9] / ACCELERATION
+    assert len(braking) > 100
+    np.testing.assert_allclose(braking[1:], -0.8, atol=1e-6)
+    assert braking[0] + 1e-6 >= -0.8
+
+
+def test_a_goal_beyond_the_travel_is_approached_as_its_end() -> None:
+    motions = []
+    for goal in (0.6, 2.0):
+        shaper = preprocessor(travel_max_rad=(0.6, 1.6))
+        shaper.reset((0.0, 0.5))
+        motions.append([shaper.step((goal, 0.5), (0.0, 0.0), (0.0, 0.0), DT_S)[0][0] for _ in range(2500)])
+    np.testing.assert_allclose(motions[1], motions[0], atol=1e-9)
+
+
 def test_a_moving_target_is_caught_and_then_passed_through() -> None:
     shaper = preprocessor()
     shaper.reset((0.3, 0.9))

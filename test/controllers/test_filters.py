@@ -36,6 +36,13 @@ def test_impulse_response_is_the_bilinear_transform_prewarped_at_the_zeros(dt_s:
     )
 
 
+def test_a_section_follows_a_change_of_the_sampling_time() -> None:
+    changed, made = Section(PARAMS, 0.02), Section(PARAMS, 0.005)
+    changed.update(0.005)
+    impulse = np.eye(1, 40)[0]
+    np.testing.assert_allclose(respond(changed, impulse, 0.005), respond(made, impulse, 0.005), atol=1e-14)
+
+
 def test_retuning_in_steady_state_makes_no_jump() -> None:
     section = Section(PARAMS)
     section.reset(0.3)
