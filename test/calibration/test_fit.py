@@ -14,8 +14,8 @@ from rf_pointing.calibration import (
     fit_bias_model,
     held_at_zero,
 )
-from rf_pointing.calibration.fit import huber_weights, normalised_size, sandwich_covariance, within_limit
-from rf_pointing.calibration.noise import _excess, _split, noise_scale, share_after_editing
+from rf_pointing.calibration.fit import excess_of, huber_weights, normalised_size, sandwich_covariance, within_limit
+from rf_pointing.calibration.noise import NoiseScale, _excess, _split, noise_scale, share_after_editing
 from rf_pointing.calibration.thinning import Table
 
 TABLE_1_TERMS = tuple(n for n in TERM_NAMES if not n.endswith("acceleration_lag"))
@@ -28,6 +28,18 @@ def values(model, names):
 def test_noiseless_printed_data_give_the_planted_terms_back_exactly(campaign, table_1):
     result = fit_bias_model(campaign(table_1, sigma_rad=0.0), options=FitOptions(edit_sigma=0.0))
     assert np.max(np.abs(result.values - values(table_1, result.names))) < 1e-12
+
+
+@pytest.mark.parametrize(("factor", "uncertainty", "applied"), [(1.5, 0.1, 1.5), (1.15, 0.1, 1.0), (0.4, 0.01, 1.0)])
+def test_a_covariance_grows_only_by_an_excess_of_two_sigma_and_never_shrinks(factor, uncertainty, applied):
+    """Of the mean of both axes, whose uncertainty this is."""
+    scale = NoiseScale(factor, uncertainty * np.sqrt(2.0))
+    assert excess_of((scale, scale)) == applied
+
+
+def test_a_term_that_is_named_twice_is_named_in_the_refusal(campaign, table_1):
+    with pytest.raises(ValueError, match="term azimuth_offset is given more than once"):
+        fit_bias_model(campaign(table_1), terms=("azimuth_offset", "droop", "azimuth_offset"))
 
 
 def test_noiseless_exact_data_need_the_rotation_form(campaign, table_1):

@@ -133,3 +133,16 @@ def test_empty_pass_priors_are_refused():
 def test_sandwich_on_top_of_pass_errors_is_refused(campaign, table_1):
     with pytest.raises(ValueError, match="twice"):
         fit_bias_model(campaign(table_1), pass_priors=ORBIT, options=FitOptions(covariance="sandwich", edit_sigma=0.0))
+
+
+def test_a_second_round_without_an_outlier_is_the_fit_of_the_others_in_the_printed_form(campaign, table_1):
+    """The form is linear: the lags of the first round make no partials of the second."""
+    data = campaign(table_1, passes=6, sigma_rad=1e-5)
+    observed = data.observed_elevation_rad.copy()
+    observed[40] += 0.02
+    priors = PassPriors.of_orbit(100.0)
+    spoiled = replace(data, observed_elevation_rad=observed)
+    edited = fit_bias_model(spoiled, pass_priors=priors, options=FitOptions(edit_sigma=8.0))
+    assert not edited.used[40]
+    others = fit_bias_model(spoiled.select(edited.used), pass_priors=priors, options=FitOptions(edit_sigma=0.0))
+    np.testing.assert_allclose(edited.values, others.values, rtol=1e-9, atol=1e-12)
