@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import TERM_NAMES, FitOptions, PassPriors, fit_bias_model, held_at_zero
-from rf_pointing.calibration.pass_errors import pass_partials, track_axes
+from rf_pointing.calibration.pass_errors import _displacements, pass_partials, track_axes
 from rf_pointing.core import azel_from_unit_vector, unit_vector_from_azel
 
 TABLE_1_TERMS = tuple(name for name in TERM_NAMES if not name.endswith("acceleration_lag"))
@@ -63,6 +63,27 @@ def test_partials_are_the_shift_of_a_displaced_satellite(campaign, table_1):
         shift = displaced(data, neighbouring(data, names[k], 10.0))
         assert 10.0 * azimuth[:, k] == pytest.approx(shift[0], abs=1e-9)
         assert 10.0 * elevation[:, k] == pytest.approx(shift[1], abs=1e-9)
+
+
+def test_errors_across_and_up_move_as_a_neighbouring_orbit_does():
+    """Clohessy and Wiltshire: s'' + 2 n r' = 0, r'' - 3 n^2 r - 2 n s' = 0, c'' + n^2 c = 0 for along, up and across."""
+    rate, step_s = 1.1e-3, 1.0
+    t_s = np.arange(-400.0, 400.0, step_s)
+    moved = _displacements(t_s, np.full(len(t_s), rate))
+    for name in ("radial_m", "radial_drift_m_s", "cross_track_m", "cross_track_drift_m_s"):
+        along, across, up = moved[name]
+        first = [np.gradient(part, step_s) for part in (along, up)]
+        second = [np.gradient(np.gradient(part, step_s), step_s)[2:-2] for part in (along, across, up)]
+        size = rate**2 * max(np.max(np.abs(part)) for part in moved[name])
+        np.testing.assert_allclose(second[0] + 2.0 * rate * first[1][2:-2], 0.0, atol=1e-5 * size)
+        np.testing.assert_allclose(second[1] + rate**2 * across[2:-2], 0.0, atol=1e-5 * size)
+        np.testing.assert_allclose(
+            second[2] - 3.0 * rate**2 * up[2:-2] - 2.0 * rate * first[0][2:-2], 0.0, atol=1e-5 * size
+        )
+        # A metre in the middle of the pass, or a metre a second there.
+        state = (up, across)["cross" in name]
+        middle = np.gradient(state, step_s) if "drift" in name else state
+        assert middle[400] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_clock_partials_are_the_rates(campaign, table_1):
