@@ -74,6 +74,28 @@ def test_every_pass_is_that_of_the_single_search(options: dict) -> None:
             assert (mine.rises_before, mine.sets_after) == (single.rises_before, single.sets_after)
 
 
+def test_above_a_horizon_by_azimuth_every_stay_is_that_of_the_single_search() -> None:
+    """Hills of up to 20 deg cut passes, part some, and hide others."""
+
+    def hills(azimuth_rad: np.ndarray) -> np.ndarray:
+        return 0.17 + 0.17 * np.sin(5.0 * azimuth_rad)
+
+    orbits, place = random_orbits(8), site("Canberra DSS-43")
+    found = find_catalogue_passes(orbits, place, START_T_S, DAY_S, hills)
+    flat = find_catalogue_passes(orbits, place, START_T_S, DAY_S, 0.0)
+    for orbit in orbits:
+        ours = [p for p in found.passes if p.elements is orbit]
+        wanted = find_passes(TopocentricTrack(orbit, place), START_T_S, DAY_S, hills)
+        assert len(ours) == len(wanted), orbit.name
+        for mine, single in zip(ours, wanted, strict=True):
+            assert mine.aos_t_s == pytest.approx(single.aos_t_s, abs=EVENT_S)
+            assert mine.los_t_s == pytest.approx(single.los_t_s, abs=EVENT_S)
+            assert mine.peak_elevation_rad == pytest.approx(single.peak_elevation_rad, abs=PEAK_RAD)
+            assert (mine.rises_before, mine.sets_after) == (single.rises_before, single.sets_after)
+    shorter = [p.los_t_s - p.aos_t_s for p in found.passes]
+    assert sum(shorter) < 0.8 * sum(p.los_t_s - p.aos_t_s for p in flat.passes)
+
+
 def test_a_dip_below_the_mask_shorter_than_the_step_separates_two_passes() -> None:
     """A mask put just above the lowest point that an eccentric orbit reaches between two maxima."""
     place = site("Madrid DSS-63")

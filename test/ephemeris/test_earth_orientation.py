@@ -18,6 +18,7 @@ from rf_pointing.ephemeris import (
 from rf_pointing.ephemeris.earth_orientation import (
     PREDICTED_DAYS,
     IersEarthOrientation,
+    _season_s,
     orientation_table,
     predicted,
     predicted_sigmas,
@@ -162,3 +163,17 @@ def test_the_measured_days_end_where_the_year_of_predictions_begins() -> None:
     """Bulletin A predicts one year from its last measured day."""
     table = orientation_table()
     assert table.span_t_s[1] - table.last_measured_t_s == pytest.approx(365.0 * DAY_S, abs=15.0 * DAY_S)
+
+
+def test_a_steady_rotation_with_its_seasons_is_foretold_exactly() -> None:
+    """UT2, which has no seasons, is a straight line here; the pole rests."""
+    t_s = 1.6e9 + DAY_S * np.arange(7.0 * 366.0)
+    ahead_days = np.array([1.0, 40.0, 365.0])
+
+    def rotation(times: np.ndarray) -> np.ndarray:
+        return -0.1 + 7e-4 * (times - t_s[0]) / DAY_S - _season_s(times)
+
+    ut1, x, y = predicted(t_s, (rotation(t_s), np.full(len(t_s), 3e-7), np.full(len(t_s), 1e-6)), ahead_days)
+    np.testing.assert_allclose(ut1, rotation(t_s[-1] + DAY_S * ahead_days), atol=1e-9)
+    np.testing.assert_allclose([x, y], [[3e-7] * 3, [1e-6] * 3], rtol=1e-6)
+    assert np.ptp(_season_s(t_s)) > 0.02
