@@ -122,6 +122,23 @@ def test_an_axis_driven_into_its_stop_stays_there_and_says_so() -> None:
     assert antenna.velocity_rad_s[1] < 0.0
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("end", [0, 1])
+def test_either_stop_of_either_axis_holds_it_where_it_is(axis: int, end: int) -> None:
+    params = dss13_plant(ideal=True)
+    section = (params.azimuth, params.elevation)[axis]
+    stop, side = (section.travel_min_rad, section.travel_max_rad)[end], (-1.0, 1.0)[end]
+    place, command = [0.0, 1.0], [0.0, 0.0]
+    place[axis], command[axis] = stop - side * math.radians(0.05), side * 0.02
+    antenna = plant(params, position_rad=(place[0], place[1]))
+    for _ in range(200):
+        antenna.step(command, CALM, 0.02)
+        assert side * (antenna.state.x[axis] - stop) <= 0.0
+    assert antenna.state.x[axis] == pytest.approx(stop)
+    assert antenna.at_stop[axis]
+    assert not antenna.at_stop[1 - axis]
+
+
 def test_hitting_a_stop_shakes_the_beam() -> None:
     antenna = plant(position_rad=(0.0, math.radians(91.9)))
     while antenna.at_stop == (False, False):
