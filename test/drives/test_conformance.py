@@ -129,6 +129,7 @@ def test_a_sound_drive_near_an_end_of_its_travel_is_moved_towards_the_middle(sta
 class RateDrive(Drive):
     """A drive that takes rates: it stops by itself when none came for half a second.
 
+    `creep`: the share of the last rate that is left when it is stale.
     `latches`: after a stop it takes rates only when it has been enabled again.
     The faults: `gain` of each axis, `forgets` whether it stops by itself, `crossed` the axes, `stops` whether a stop does
     anything, `late_s` how old its readings are, `every` how many readings it leaves out.
@@ -141,6 +142,7 @@ class RateDrive(Drive):
         self.gain, self.forgets, self.crossed, self.stops = [1.0, 1.0], True, False, True
         self.late_s, self.every, self.drift = 0.0, 1, 0.0
         self.latches, self.held = False, False
+        self.asked, self.creep = [0.0, 0.0], 0.0
         self.position, self.rate = [math.radians(angle) for angle in start_deg], [0.0, 0.0]
         self.least = list(self.position)
         self.most = list(self.position)
@@ -149,7 +151,7 @@ class RateDrive(Drive):
 
     def step(self, t_s: float) -> DriveReading | None:
         if self.forgets and t_s - self.taken_s > 0.5:
-            self.rate = [0.0, 0.0]
+            self.rate = [self.creep * each for each in self.asked]
         for axis in (0, 1):
             self.position[axis] += (self.rate[axis] + self.drift) * (t_s - self.t_s)
             self.least[axis] = min(self.least[axis], self.position[axis])
@@ -167,11 +169,12 @@ class RateDrive(Drive):
             return
         self.taken_s = self.t_s
         rate = rate_rad_s[::-1] if self.crossed else rate_rad_s
-        self.rate = [gain * each for gain, each in zip(self.gain, rate, strict=True)]
+        self.rate = self.asked = [gain * each for gain, each in zip(self.gain, rate, strict=True)]
 
     def stop(self) -> None:
         if self.stops:
             self.rate, self.held = [0.0, 0.0], self.latches
+            self.asked = [0.0, 0.0]
 
 
 def failed_rates(drive: RateDrive) -> set[str]:
@@ -235,3 +238,10 @@ def test_a_drive_that_must_be_enabled_after_a_stop_passes() -> None:
     drive = RateDrive()
     drive.latches = True
     assert failed_rates(drive) == set()
+
+
+@pytest.mark.parametrize(("creep", "fails"), [(0.08, set()), (0.12, {"stale command"})])
+def test_a_drive_that_creeps_on_at_a_tenth_of_its_last_rate_fails(creep: float, fails: set[str]) -> None:
+    drive = RateDrive()
+    drive.creep = creep
+    assert failed_rates(drive) == fails

@@ -207,6 +207,19 @@ def test_a_clock_that_goes_back_loses_nothing(bench) -> None:
     assert len(subject.readings) >= 4
 
 
+def test_an_answer_that_is_missing_is_counted_also_after_the_clock_went_back(bench) -> None:
+    subject = bench("gs232")
+    subject.run(1.0)
+    subject.device.silent = True
+    subject.run(1.0, lambda: subject.drive._pending is not None)
+    before = sum(count for name, count in subject.drive.losses.items() if name.startswith("answer"))
+    subject.t_s -= 30.0
+    waited_s = subject.run(
+        0.9, lambda: sum(c for n, c in subject.drive.losses.items() if n.startswith("answer")) > before
+    )
+    assert waited_s == pytest.approx(subject.params.link.answer_s, abs=0.1)
+
+
 def test_a_set_point_and_a_stop_leave_at_once_and_the_last_stop_before_the_link_closes(bench) -> None:
     """None waits for the next tick of the node, whose period another task may stretch."""
     subject = bench("easycomm 2")

@@ -237,3 +237,20 @@ def test_an_elevation_that_the_device_does_not_have_is_level_until_it_is_set() -
     rotator = Rotator(Readings((5.0, 0.5, 0.6), has_elevation=False), RotatorParams(**TRAVEL))
     rotator.step(5.0)
     assert rotator.position_rad == (0.5, 0.0)
+
+
+def test_a_simulated_set_point_acts_after_its_latency_within_a_long_step_too_and_a_stop_at_once() -> None:
+    params = RotatorParams(rate_rad_s=(0.1, 0.05), latency_s=0.2, resolution_rad=(1e-3, 1e-3), **TRAVEL)
+    drive = SimulatedRotator(DriveParams(type="simulated_rotator", rotator=params), (0.5, 0.5))
+    drive.step(0.0)
+    drive.go_to((1.5, 1.5))
+    drive.step(1.0)
+    # 0.8 s of the second: the rest is latency.
+    assert drive.truth_rad == pytest.approx((0.58, 0.54))
+    drive.go_to((0.0, 0.0))
+    drive.step(2.0)
+    # On for 0.2 s, then back for 0.8 s.
+    assert drive.truth_rad == pytest.approx((0.52, 0.51))
+    drive.stop()
+    drive.step(3.0)
+    assert drive.truth_rad == pytest.approx((0.52, 0.51))
