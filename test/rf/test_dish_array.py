@@ -101,6 +101,14 @@ def test_the_least_level_sets_the_beam_apart_from_its_first_sidelobe(phase_sigma
     assert SNAPSHOTS * total**2 / (1.0 + total) == pytest.approx(1.0 / apart, rel=0.015)
 
 
+@pytest.mark.parametrize(("rim", "valid"), [(6.0, True), (6.9, True), (7.6, False)])
+def test_no_level_is_enough_once_a_hexagon_has_its_grating_lobe(rim: float, valid: bool) -> None:
+    """Six patches see two directions alike from 4 pi / sqrt(3) = 7.26 of phase at the rim on."""
+    radius_m = rim * SHIPPED.wavelength_m / (2.0 * math.pi)
+    level_db_hz = least_level_db_hz(SHIPPED.replace(elements=6, radius_m=radius_m, phase_sigma_rad=0.0))
+    assert math.isfinite(level_db_hz) is valid
+
+
 def test_with_few_sidelobes_the_samples_alone_set_the_least_level() -> None:
     """A small circle sees no sidelobe: what is left is the SNR that a valid direction needs."""
     total = 10.0 ** (0.1 * least_level_db_hz(SHIPPED.replace(radius_m=0.05, phase_sigma_rad=0.0))) * PERIOD_S
