@@ -158,6 +158,20 @@ def test_a_lost_sample_costs_its_sequence_and_no_other() -> None:
     np.testing.assert_allclose(recording.input_rad_s, [[0.0, 0.1, 0.2, 0.3], [0.8, 0.9, 1.0, 1.1]])
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("roll", 3, 4, 0.02), "axis='roll' must be one of"),
+        (("azimuth", 0, 4, 0.02), "sequences=0 must be >= 1"),
+        (("azimuth", 1001, 4, 0.02), "sequences=1001 must be <= 1000"),
+        (("azimuth", 3, 0, 0.02), "samples=0 must be >= 1"),
+    ],
+)
+def test_a_collector_of_no_experiment_is_refused(arguments: tuple, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        SampleCollector(*arguments)
+
+
 def test_without_a_complete_sequence_there_is_no_recording() -> None:
     with pytest.raises(ValueError, match="no sequence is complete: 9 of 12 samples taken"):
         filled(skip=(0, 4, 8)).recording()

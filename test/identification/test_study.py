@@ -40,6 +40,19 @@ def test_cross_check_finds_the_bias_at_the_other_input(planted: StateSpace) -> N
     assert result.error < 1e-9
 
 
+def test_the_error_of_a_cross_response_is_relative_to_how_far_the_encoder_went_from_its_start(
+    planted: StateSpace,
+) -> None:
+    """Nothing is commanded: all that the encoder shows beyond a bias is error, and its first sample is the start."""
+    cross = StateSpace(planted.a[1:, 1:], planted.b[1:], planted.c[:, 1:], planted.d, planted.sample_s)
+    shown = np.random.default_rng(5).standard_normal(200)
+    shown[0] = 4.0
+    drift = planted.simulate(np.ones(200))[:, 0]
+    basis = np.linalg.qr(np.column_stack([drift, np.ones(200)]))[0]
+    wanted = np.linalg.norm(shown - basis @ (basis.T @ shown)) / np.linalg.norm(shown - 4.0)
+    assert check_cross(cross, planted, np.zeros(200), shown).error == pytest.approx(wanted, rel=1e-9)
+
+
 STRAIGHT = IdentificationParams(order=5, realization_order=7, observer_order=40, markov_count=200)
 
 
