@@ -44,6 +44,8 @@ def test_unsound_attitude_is_refused(changes: dict[str, Any], words: str) -> Non
 def test_unsound_rate_is_refused() -> None:
     with pytest.raises(ValueError, match="rate_rad_s"):
         RateReport(t_s=0.0, rate_rad_s=np.array([0.0, np.nan, 0.0]), covariance_rad2_s2=np.eye(3))
+    with pytest.raises(ValueError, match="t_s=nan must be finite"):
+        RateReport(t_s=float("nan"), rate_rad_s=np.zeros(3), covariance_rad2_s2=np.eye(3))
     with pytest.raises(ValueError, match="eigenvalue"):
         RateReport(t_s=0.0, rate_rad_s=np.zeros(3), covariance_rad2_s2=-np.eye(3))
 

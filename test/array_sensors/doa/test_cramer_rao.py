@@ -80,6 +80,14 @@ def test_two_sources_in_one_direction_are_refused() -> None:
         direction_bound_rad2(ARRAY, same, np.diag([1.0 + 0j, 1.0]), 100)
 
 
+def test_sources_that_say_nothing_of_their_directions_are_refused() -> None:
+    """One without power, and three that send the same: five elements see one sum of them."""
+    three = np.stack([direction_from_polar(0.3 + 0.2 * k, 1.3 * k) for k in range(3)])
+    for source in (np.diag([1.0 + 0j, 0.0, 1.0]), np.ones((3, 3), dtype=complex)):
+        with pytest.raises(ValueError, match="the information matrix is singular"):
+            direction_bound_rad2(CircularArrayParams(elements=5), three, source, 50)
+
+
 @pytest.mark.parametrize(("snapshots", "snr"), [(0, 1.0), (10, 0.0), (10, np.nan)])
 def test_bound_without_snapshots_or_signal_is_refused(snapshots: int, snr: float) -> None:
     with pytest.raises(ValueError, match=r"snapshots=|snr="):
