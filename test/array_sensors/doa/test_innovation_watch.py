@@ -57,3 +57,11 @@ def test_one_direction_seen_again_and_again_leaves_the_turn_about_it_out() -> No
     added = watch.bias_covariance()
     assert np.sqrt(np.trace(added)) == pytest.approx(0.01, rel=0.2)
     assert added[2] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_weights_are_those_of_a_memory_that_fades() -> None:
+    """Of n directions the k-th last counts keep^k: their sum, and that of the squares, in closed form."""
+    count, keep = 40, 1.0 - 1.0 / np.array(PARAMS.directions)
+    watch = watched(1, count, np.zeros(3))[-1]
+    np.testing.assert_allclose(watch.weight, (1.0 - keep**count) / (1.0 - keep))
+    np.testing.assert_allclose(watch.weight2, (1.0 - keep ** (2 * count)) / (1.0 - keep**2))

@@ -91,8 +91,13 @@ def test_first_update_gives_the_pose_of_the_snapshot_and_not_twice_its_informati
     )
     geometry, factors = coarse_geometry(reading, None, system, SequenceParams(iterations=8))
     snapshot = refine(geometry, factors, reading, system, False)
-    state = update(start(0.0, snapshot, reading, STEADY), reading, system).state
+    first = start(0.0, snapshot, reading, STEADY)
+    state = update(first, reading, system).state
     pose = [0, 1, 2, 6, 7, 8]
+    sigma = np.sqrt(np.diag(first.covariance))
+    np.testing.assert_allclose(sigma[pose], 100.0 * np.sqrt(np.diag(snapshot.covariance)[:6]))
+    np.testing.assert_allclose(sigma[3:6], STEADY.first_velocity_m_s)
+    np.testing.assert_allclose(sigma[9:12], STEADY.first_rate_rad_s)
     np.testing.assert_allclose(
         np.sqrt(np.diag(state.covariance)[pose]), np.sqrt(np.diag(snapshot.covariance)), rtol=1e-3
     )
