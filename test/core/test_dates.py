@@ -22,3 +22,10 @@ def test_other_texts_are_refused(text):
 def test_times_for_people_are_rounded_to_the_millisecond() -> None:
     assert utc_text(1_700_000_000.1234) == "2023-11-14T22:13:20.123Z"
     assert utc_text(1_700_000_000.9996) == "2023-11-14T22:13:21.000Z"
+
+
+@pytest.mark.parametrize("second", ["60", "60.5", "61"])
+def test_a_leap_second_has_no_posix_time(second: str) -> None:
+    with pytest.raises(ValueError, match="must be < 60"):
+        from_utc_text(f"2016-12-31T23:59:{second}Z")
+    assert from_utc_text("2016-12-31T23:59:59.75Z") == 1483228799.75
