@@ -28,11 +28,17 @@ from rf_pointing.array_sensors.attitude.ground_stations import (
 )
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
-from rf_pointing.array_sensors.attitude.quaternion import conjugate, multiply, quaternion_to_rotation_vector
+from rf_pointing.array_sensors.attitude.quaternion import (
+    conjugate,
+    multiply,
+    quaternion_from_rotation_vector,
+    quaternion_to_roll_pitch_yaw,
+    quaternion_to_rotation_vector,
+)
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
 from rf_pointing.array_sensors.doa.array_source import ArraySourceParams
-from rf_pointing.array_sensors.doa.attitude_chain import DoaAttitude, DoaChainParams
+from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock, DoaAttitude, DoaChainParams
 from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeParams
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
 from rf_pointing.array_sensors.doa.estimator import DoaEstimatorParams
@@ -142,6 +148,18 @@ class DoaCase:
     start_rad: float = np.radians(60.0)
     torque_n_m: float = 0.0
     phase_rad: float = 0.0
+    # What the estimator is not told, unless it is named below.
+    off_deg: tuple[float, float] | None = None
+    rate_rad_s: float = np.radians(0.05)
+    gain_db: float = 0.0
+    coupling_db: float | None = None
+    dead: tuple[int, ...] = ()
+    site_error_m: float = 0.0
+    clock_error_s: float = 0.0
+    # What it is told.
+    response_known: bool = False
+    place_sigma_m: float = 0.0
+    excluded: str = ""
 
 
 def pair(aside_rad: float, spacing_s: float) -> Callable[[], list[GroundStation]]:
@@ -164,23 +182,79 @@ DOA_CASES = {
     "13 km apart": DoaCase(lambda: beside(13e3)),
     "52 km apart": DoaCase(lambda: beside(52e3)),
     "295 km apart": DoaCase(lambda: beside(295e3)),
+    "one channel, start 45 to 60 deg off": DoaCase(pair(0.06, 300.0), "together", off_deg=(45.0, 60.0)),
+    "-6 dB, any attitude": DoaCase(pair(0.06, 300.0), snr_db=-6.0, start_rad=np.pi),
+    "turning at 2 deg/s": DoaCase(pair(0.06, 300.0), rate_rad_s=np.radians(2.0) / np.sqrt(3.0)),
+    "a single station": DoaCase(lambda: beside(0.0)[:1], seconds=500),
+    "two elements dead": DoaCase(pair(0.06, 300.0), dead=(3, 7)),
+    "two elements dead, one channel": DoaCase(pair(0.06, 300.0), "together", dead=(3, 7)),
+    "two elements dead, excluded, one channel": DoaCase(pair(0.06, 300.0), "together", dead=(3, 7), excluded="3, 7"),
+    "gains off by 1 dB": DoaCase(pair(0.06, 300.0), gain_db=1.0),
+    "gains off by 1 dB, one channel": DoaCase(pair(0.06, 300.0), "together", gain_db=1.0),
+    "coupled by -15 dB": DoaCase(pair(0.06, 300.0), coupling_db=-15.0),
+    "coupled by -15 dB, one channel": DoaCase(pair(0.06, 300.0), "together", coupling_db=-15.0),
+    "coupled by -15 dB, calibrated, one channel": DoaCase(
+        pair(0.06, 300.0), "together", coupling_db=-15.0, response_known=True
+    ),
+    "a station 20 km off": DoaCase(pair(0.06, 300.0), site_error_m=20e3),
+    "a station 20 km off, places to 10 km": DoaCase(pair(0.06, 300.0), site_error_m=20e3, place_sigma_m=10e3),
+    "clock 0.5 s ahead": DoaCase(pair(0.06, 300.0), clock_error_s=0.5),
 }
+
+
+def array_response(case: DoaCase, elements: int, stream: np.random.Generator) -> ArrayResponse:
+    """Return phases, gains and coupling of the array of one run."""
+    phases = case.phase_rad * stream.standard_normal(elements)
+    level = 10.0 ** (case.gain_db * stream.standard_normal(elements) / 20.0) if case.gain_db else np.ones(elements)
+    coupling = np.zeros(elements // 2, dtype=np.complex128)
+    if case.coupling_db is not None:
+        # Half as strong in amplitude to the second neighbour; any phase.
+        coupling[:2] = 10.0 ** (case.coupling_db / 20.0) * np.exp(2j * np.pi * stream.random(2)) * [1.0, 0.5]
+    return ArrayResponse(gain=level * np.exp(1j * phases), coupling=coupling)
+
+
+def moved_station(station: GroundStation, by_m: float, stream: np.random.Generator) -> GroundStation:
+    """Return the station `by_m` away, in any direction."""
+    north, east = by_m / EARTH_RADIUS_M * direction_on_plane(stream)
+    return GroundStation(
+        name=station.name,
+        latitude_rad=station.latitude_rad + north,
+        longitude_rad=station.longitude_rad + east / np.cos(station.latitude_rad),
+    )
+
+
+def direction_on_plane(stream: np.random.Generator) -> Array:
+    """Return a unit vector (2,)."""
+    angle = 2.0 * np.pi * stream.random()
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def doa_start(case: DoaCase, stream: np.random.Generator) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw at the start."""
+    roll, pitch, yaw = case.start_rad * stream.uniform(-1.0, 1.0, 3) * [0.5, 0.5, 1.0]
+    if case.off_deg is not None:
+        axis = stream.standard_normal(3)
+        turn = np.radians(stream.uniform(*case.off_deg)) * axis / np.linalg.norm(axis)
+        roll, pitch, yaw = quaternion_to_roll_pitch_yaw(quaternion_from_rotation_vector(turn))
+    return roll, min(max(pitch, -1.0), 1.0), yaw
 
 
 def doa_run(case: DoaCase, seed: int) -> Epochs:
     """Return one run of the DOA chain at one block a second."""
     stream = random_stream(seed, "array_trials")
     array, satellite, noise = CircularArrayParams(), SatelliteParams(), ProcessNoiseParams()
-    roll, pitch, yaw = case.start_rad * stream.uniform(-1.0, 1.0, 3) * [0.5, 0.5, 1.0]
+    roll, pitch, yaw = doa_start(case, stream)
     scenario = DoaScenarioParams(
         snr_db=case.snr_db,
         access=case.access,
         unknown_torque_n_m=case.torque_n_m,
         roll_rad=roll,
-        pitch_rad=min(max(pitch, -1.0), 1.0),
+        pitch_rad=pitch,
         yaw_rad=yaw,
+        rate_rad_s=case.rate_rad_s,
     )
     stations = case.stations()
+    response = array_response(case, array.elements, stream)
     truth = SimulatedDoa(
         array,
         ArraySourceParams(),
@@ -191,28 +265,42 @@ def doa_run(case: DoaCase, seed: int) -> Epochs:
         noise.replace(torque_n_m=0.0) if case.torque_n_m else noise,
         scenario,
         seed,
-        response=ArrayResponse(
-            gain=np.exp(1j * case.phase_rad * stream.standard_normal(array.elements)),
-            coupling=np.zeros(array.elements // 2, dtype=np.complex128),
-        ),
+        response=response,
     )
     filtering = (DoaAttitudeParams(), StartParams(), noise, GateParams(), WatchParams())
-    estimator = DoaEstimatorParams(phase_sigma_rad=case.phase_rad)
-    chain = DoaAttitude(array, estimator, ORBIT, stations, satellite, filtering, DoaChainParams())
+    estimator = DoaEstimatorParams(phase_sigma_rad=case.phase_rad, excluded=case.excluded)
+    if case.site_error_m:
+        # The third is the first that is received.
+        stations = [*stations[:2], moved_station(stations[2], case.site_error_m, stream), *stations[3:]]
+    known = response if case.response_known else None
+    chaining = DoaChainParams(place_sigma_m=case.place_sigma_m)
+    chain = DoaAttitude(array, estimator, ORBIT, stations, satellite, filtering, chaining, response=known)
     rows: list[Any] = []
     for k in range(case.seconds):
         moment = truth.step(START_S + k)
-        chain.take_torque(moment.torque, moment.truth.t_s)
+        stamp_s = moment.truth.t_s + case.clock_error_s
+        chain.take_torque(replace(moment.torque, t_s=stamp_s), stamp_s)
         try:
-            found = None if moment.heard is None else chain.take_block(moment.heard, moment.truth.t_s).attitude
+            found = None if moment.heard is None else chain.take_block(received(moment.heard, case, stream), stamp_s)
         except ValueError as error:
             if "resolved" not in str(error):
                 raise
             found = None
         if found is not None:
-            turn = quaternion_to_rotation_vector(multiply(moment.truth.quaternion, conjugate(found.quaternion)))
-            rows.append((float(k), found.valid, turn, found.covariance_rad2))
+            turn = multiply(moment.truth.quaternion, conjugate(found.attitude.quaternion))
+            error = quaternion_to_rotation_vector(turn)
+            rows.append((float(k), found.attitude.valid, error, found.attitude.covariance_rad2))
     return Epochs(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def received(heard: ChannelBlock, case: DoaCase, stream: np.random.Generator) -> ChannelBlock:
+    """Return the block with the noise of the receiver only where an element is dead."""
+    snapshots = heard.block.snapshots.copy()
+    for index in case.dead:
+        real, imaginary = stream.standard_normal((2, snapshots.shape[-1]))
+        snapshots[index] = (real + 1j * imaginary) / np.sqrt(2.0)
+    block = replace(heard.block, t_s=heard.block.t_s + case.clock_error_s, snapshots=snapshots)
+    return replace(heard, block=block)
 
 
 @dataclass(frozen=True)

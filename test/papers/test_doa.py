@@ -1,6 +1,7 @@
 """`reproduce doa`: the printed tables, which entries are contradicted, and rows built from short runs."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -92,6 +93,27 @@ def test_attitude_beyond_a_factor_needs_a_measured_reason() -> None:
     assert all(row.accepted for row in excused if row.quantity.startswith("RMSE of yaw"))
     boasting = attitude_rows(tables(0.5, 1.0, outliers=0.1, claimed_deg=0.1))
     assert not any(row.accepted for row in boasting if row.quantity.startswith("RMSE of yaw, L=100, 0 dB"))
+
+
+def test_trials_that_lock_wrongly_are_explained_by_outliers_at_the_start_only() -> None:
+    case = next(c for c in table_cases() if c.level == (100, -14.0) and not c.refined)
+
+    def accepted(lost: int, outliers: float, kept_deg: float) -> list[bool]:
+        made = tables(0.5, 25.0, outliers, claimed_deg=0.35)
+        history = np.full((100, 200), kept_deg, dtype=np.float32)
+        history[:, :lost] = 113.0
+        made[case] = replace(made[case], history_deg=history)
+        rows = attitude_rows(made)
+        return [row.accepted for row in rows if "L=100, -14 dB, 1-deg grid" in row.quantity and "RMSE" in row.quantity]
+
+    assert accepted(13, 0.17, 1.02) == [True] * 3
+    # More than begin with an outlier; the others worse or better than they claim; none is lost.
+    assert accepted(60, 0.17, 1.02) == [False] * 3
+    assert accepted(13, 0.01, 1.02) == [False] * 3
+    assert accepted(13, 0.17, 3.0) == [False] * 3
+    assert accepted(13, 0.17, 0.1) == [False] * 3
+    assert accepted(0, 0.17, 1.02) == [False] * 3
+    assert accepted(200, 0.17, 1.02) == [False] * 3
 
 
 def test_scene_rows_hold_or_explain() -> None:

@@ -104,6 +104,24 @@ def view_stations(orbit: Orbit, stations: Sequence[GroundPlace], t_s: ArrayLike)
     return StationView(reference=reference, elevation_rad=np.arcsin(np.clip(sine, -1.0, 1.0)), range_m=distance)
 
 
+def place_slopes(orbit: Orbit, stations: Sequence[GroundPlace], t_s: float) -> Array:
+    """Return by how much a metre north, and one east, turn the direction to each of `stations` in
+    F_o, (N, 3, 2).
+    """
+    point = orbit.point(t_s)
+    slopes = []
+    for station in stations:
+        up = station.zenith
+        # Where the axis of the Earth is up, any direction serves.
+        level = math.hypot(up[0], up[1])
+        east = np.array([-up[1], up[0], 0.0]) / level if level > 0.0 else np.array([0.0, 1.0, 0.0])
+        away = station.position_m - point.position_m
+        distance = float(np.linalg.norm(away))
+        across = np.eye(3) - np.outer(away, away) / distance**2
+        slopes.append(point.frame @ across @ np.stack([np.cross(up, east), east], axis=-1) / distance)
+    return np.array(slopes)
+
+
 def largest_nadir_angle_rad(orbit: SunSynchronousOrbitParams, elevation_min_rad: float) -> float:
     """Return the nadir angle of a station at `elevation_min_rad`.
 

@@ -54,8 +54,9 @@ PRINTED_Q = 1e-9
 TABLE_Q = 1e-12
 Array = NDArray[np.float64]
 
-# Of the sensor first, then those of the torque.
-_SENSOR, _BIASES = 2, 5
+# Of the sensor first, then those of the torque, then those of the references.
+_SENSOR, _TORQUE = slice(0, 2), slice(2, 5)
+_BEFORE_REFERENCES = 5
 SMALLEST_DETERMINANT = 1e-12
 """Of an innovation covariance scaled to a unit diagonal; rounding leaves 1e-16 of an exact zero."""
 
@@ -112,11 +113,11 @@ class AttitudeState:
 @dataclass(frozen=True, slots=True)
 class Biases:
     """Constants in units of their first sigma, estimated with the state: two biases of the sensor,
-    then the unknown torque on the three axes of the body.
+    the unknown torque on the three axes of the body, then k of the references (clock, places).
 
     Without them the innovations would not be white, and no hypothesis could be weighed by them.
-    estimate (..., 5), covariance (..., 5, 5), correlation (..., 6, 5): covariance of the errors of
-    attitude and rate with theirs.
+    With n = 5 + k: estimate (..., n), covariance (..., n, n), correlation (..., 6, n): covariance
+    of the errors of attitude and rate with theirs.
     """
 
     estimate: Array
@@ -124,9 +125,24 @@ class Biases:
     correlation: Array
 
 
-def _unknown_biases(lead: tuple[int, ...]) -> Biases:
-    unit = np.broadcast_to(np.eye(_BIASES), (*lead, _BIASES, _BIASES))
-    return Biases(np.zeros((*lead, _BIASES)), unit, np.zeros((*lead, 6, _BIASES)))
+def _unknown_biases(lead: tuple[int, ...], count: int = _BEFORE_REFERENCES) -> Biases:
+    unit = np.broadcast_to(np.eye(count), (*lead, count, count))
+    return Biases(np.zeros((*lead, count)), unit, np.zeros((*lead, 6, count)))
+
+
+def _at_least(biases: Biases | None, lead: tuple[int, ...], count: int) -> Biases:
+    """Return `biases` with `count` of them; those of references not met before are unknown."""
+    known = 0 if biases is None else biases.estimate.shape[-1]
+    if biases is not None and known >= count:
+        return biases
+    found = _unknown_biases(lead, count)
+    if biases is None:
+        return found
+    covariance = found.covariance.copy()
+    found.estimate[..., :known] = biases.estimate
+    covariance[..., :known, :known] = biases.covariance
+    found.correlation[..., :known] = biases.correlation
+    return replace(found, covariance=covariance)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,12 +151,15 @@ class DirectionObservation:
     reference in the orbital frame.
 
     `bias_rad` (..., 3, 2): error of the direction for one sigma of each of two constant biases.
+    `reference_bias_rad` (..., 3, k): what one sigma of each constant of orbit and stations adds to
+    the reference.
     """
 
     measured: Array
     covariance_rad2: Array
     reference: Array
     bias_rad: Array | None = None
+    reference_bias_rad: Array | None = None
 
 
 def start_state(
@@ -179,7 +198,7 @@ def predict(
     if biases is None and noise.torque_n_m > 0.0:
         biases = _unknown_biases(state.quaternion.shape[:-1])
     if biases is not None:
-        unknown = noise.torque_n_m * biases.estimate[..., _SENSOR:]
+        unknown = noise.torque_n_m * biases.estimate[..., _TORQUE]
         known = replace(known, control_n_m=known.control_n_m + unknown)
     quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, dt_s, rotation)
     by_rate = rate_jacobian(inertia, state.rate_rad_s, known.wheel_momentum_n_m_s)
@@ -218,8 +237,8 @@ def _carried(
     """Return the covariance of attitude and rate with what the unknown torque adds in `dt_s`, and
     the biases with their correlation.
     """
-    by_torque = np.zeros((*slope.shape[:-2], 6, _BIASES))
-    by_torque[..., 3:, _SENSOR:] = noise.torque_n_m * dt_s * inertia.inverse
+    by_torque = np.zeros((*slope.shape[:-2], 6, biases.estimate.shape[-1]))
+    by_torque[..., 3:, _TORQUE] = noise.torque_n_m * dt_s * inertia.inverse
     # Half a step of the rate on the attitude: the second order of the exponential.
     by_torque += 0.5 * dt_s * slope @ by_torque
     carried = transition @ biases.correlation
@@ -239,7 +258,7 @@ def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple
 def _innovation(
     state: AttitudeState, observation: DirectionObservation
 ) -> tuple[Array, Array, Array, Array, tuple[Biases, Array] | None]:
-    """Return z, its covariance, E, cov(x, z) (..., 6, 2), and the biases with cov(b, z) (..., 5,
+    """Return z, its covariance, E, cov(x, z) (..., 6, 2), and the biases with cov(b, z) (..., n,
     2).
     """
     rotation = matrix_from_quaternion(state.quaternion)
@@ -253,14 +272,17 @@ def _innovation(
     noise = noise_map @ observation.covariance_rad2 @ _transposed(noise_map)
     spread = rows @ state.covariance[..., :3, :3] @ _transposed(rows) + noise
     z, crossed = np.einsum("...ij,...j->...i", rows, gap), state.covariance[..., :, :3] @ _transposed(rows)
-    biases = state.biases
-    if biases is None and observation.bias_rad is None:
+    of_reference = observation.reference_bias_rad
+    if state.biases is None and observation.bias_rad is None and of_reference is None:
         return z, spread, rows, crossed, None
-    if biases is None:
-        biases = _unknown_biases(state.quaternion.shape[:-1])
-    slope = np.zeros((*z.shape, _BIASES))
+    count = _BEFORE_REFERENCES + (0 if of_reference is None else of_reference.shape[-1])
+    biases = _at_least(state.biases, state.quaternion.shape[:-1], count)
+    slope = np.zeros((*z.shape, biases.estimate.shape[-1]))
     if observation.bias_rad is not None:
-        slope[..., :_SENSOR] = -noise_map @ observation.bias_rad
+        slope[..., _SENSOR] = -noise_map @ observation.bias_rad
+    if of_reference is not None:
+        # The direction is that of the true reference; z turns it onto the one that is known.
+        slope[..., _BEFORE_REFERENCES:count] = -rows @ cross_matrix(observation.reference) @ of_reference
     crossed = crossed + biases.correlation @ _transposed(slope)
     bias_crossed = _transposed(rows @ biases.correlation[..., :3, :]) + biases.covariance @ _transposed(slope)
     common = rows @ biases.correlation[..., :3, :] @ _transposed(slope)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.attitude_report import AttitudeReport, RateReport, require_arrived
-from rf_pointing.array_sensors.attitude.ground_stations import GroundPlace, view_stations
+from rf_pointing.array_sensors.attitude.ground_stations import GroundPlace, place_slopes, view_stations
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import Orbit
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
@@ -29,6 +29,7 @@ from rf_pointing.array_sensors.doa.attitude_filter import (
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
 from rf_pointing.array_sensors.doa.estimator import DirectionEstimate, DoaEstimator, DoaEstimatorParams
 from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
+from rf_pointing.array_sensors.doa.response_watch import ResponseWatch
 from rf_pointing.core import Params, as_finite_array, parameter, require_between
 
 Array = NDArray[np.float64]
@@ -88,6 +89,13 @@ class DoaChainParams(Params):
     distinct_sigmas: float = parameter(
         5.0, "angle between two stations that count as two, in sigmas of a direction", low=1.0, high=100.0
     )
+    # Elements of some days are off by kilometres along the track; a satellite makes 7.5 km/s.
+    time_sigma_s: float = parameter(
+        0.3, "sigma of a constant error of the clock, or of the orbit along its track", low=0.0, high=60.0
+    )
+    place_sigma_m: float = parameter(
+        0.0, "sigma of a constant error of each station's place, north and east", low=0.0, high=1e6
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +133,10 @@ class DoaAttitude:
         DoaEstimator(array, estimator, response=response)
         self._torques: deque[HeldTorque] = deque()
         self._filter: DoaAttitudeFilter | None = None
+        # In the order in which they are received: the filter's constants grow with them.
+        self._placed: list[str] = []
+        # The array stays the same when the filter starts anew.
+        self._response_watch, self._doubt = ResponseWatch(), ""
 
     def take_torque(self, torque: HeldTorque, now_s: float) -> None:
         """Note what the satellite knows of its torques.
@@ -150,6 +162,7 @@ class DoaAttitude:
         require_arrived(t_s, now_s)
         self._require_known(heard.transmitters)
         found = self._directions(heard)
+        self._watch_response(found)
         # After the directions, so that a block of unusable snapshots leaves the filter's time
         # alone.
         running = self._carried_on(t_s)
@@ -159,7 +172,7 @@ class DoaAttitude:
             inside = self._observe(running, usable, heard.transmitters, t_s)
             missing = [name for name in heard.transmitters if name not in inside]
             refused += [f"{name}: no direction inside the gate" for name in missing]
-        return _report(running, tuple(refused))
+        return _report(running, self._doubt, tuple(refused))
 
     def coast(self, t_s: float) -> DoaAttitudeReport | None:
         """Return attitude and rate carried on to `t_s` without a block, None before the first
@@ -167,7 +180,7 @@ class DoaAttitude:
         """
         if self._filter is None or t_s <= self._filter.state.t_s:
             return None
-        return _report(self._carried_on(t_s))
+        return _report(self._carried_on(t_s), self._doubt)
 
     @property
     def time_s(self) -> float | None:
@@ -184,11 +197,20 @@ class DoaAttitude:
         params = self._estimator.replace(sources=len(heard.transmitters))
         return DoaEstimator(self._array, params, response=self._response).estimate(heard.block)
 
+    def _watch_response(self, found: list[DirectionEstimate]) -> None:
+        """Take the misfits of the directions that are strong enough to be directions."""
+        watch, least = self._filtering[-1], self._estimator.effective_snr_min
+        for each in found:
+            if each.effective_snr >= least:
+                self._response_watch = self._response_watch.with_direction(watch, each.misfit)
+                self._doubt = self._response_watch.doubt(watch, self._estimator.phase_sigma_rad, each.misfit.freedom)
+
     def _observe(
         self, running: DoaAttitudeFilter, found: list[DirectionEstimate], names: tuple[str, ...], t_s: float
     ) -> tuple[str, ...]:
         """Give the filter the directions found; return the stations of those that it accepted."""
         reference = view_stations(self._orbit, [self._stations[name] for name in names], t_s).reference
+        of_references = self._reference_biases(names, t_s)
         sites = self._sites(running.state.stations, found, names, t_s)
         # No pairing for a sole station: it must also work while the attitude is still wrong.
         if len(names) == 1:
@@ -199,6 +221,7 @@ class DoaAttitude:
                 covariance_rad2=only.covariance_rad2,
                 reference=reference[0],
                 bias_rad=only.bias_rad,
+                reference_bias_rad=None if of_references is None else of_references[0],
             )
             return names if running.observe(direction) else ()
         biases = [each.bias_rad for each in found if each.bias_rad is not None]
@@ -208,8 +231,29 @@ class DoaAttitude:
             stations=sites,
             reference=reference,
             bias_rad=np.array(biases) if biases else None,
+            reference_bias_rad=of_references,
         )
         return tuple(names[index] for index in running.observe_shared(shared))
+
+    def _reference_biases(self, names: tuple[str, ...], t_s: float) -> Array | None:
+        """Return what one sigma of the clock and of every place adds to the references (n, 3, k).
+
+        None where clock and places are exact.
+        """
+        params = self._params
+        places = [self._stations[name] for name in names]
+        columns = []
+        if params.time_sigma_s > 0.0:
+            before, after = (view_stations(self._orbit, places, t_s + shift).reference for shift in (-0.5, 0.5))
+            columns.append((params.time_sigma_s * (after - before))[..., None])
+        if params.place_sigma_m > 0.0:
+            self._placed += [name for name in names if name not in self._placed]
+            moved = np.zeros((len(names), 3, 2 * len(self._placed)))
+            for row, (name, by_metre) in enumerate(zip(names, place_slopes(self._orbit, places, t_s), strict=True)):
+                first = 2 * self._placed.index(name)
+                moved[row, :, first : first + 2] = params.place_sigma_m * by_metre
+            columns.append(moved)
+        return np.concatenate(columns, axis=-1) if columns else None
 
     def _sites(
         self, received: tuple[str, ...], found: list[DirectionEstimate], names: tuple[str, ...], t_s: float
@@ -246,6 +290,7 @@ class DoaAttitude:
         return self._filter
 
     def _started(self, t_s: float) -> DoaAttitudeFilter:
+        self._placed = []
         params, start, noise, gate, watch = self._filtering
         return DoaAttitudeFilter(
             self._satellite,
@@ -279,16 +324,18 @@ class DoaAttitude:
         return [(end_s, torque.known) for torque, end_s in zip(held, ends, strict=True) if end_s > from_s]
 
 
-def _report(running: DoaAttitudeFilter, refused: tuple[str, ...] = ()) -> DoaAttitudeReport:
+def _report(running: DoaAttitudeFilter, doubt: str, refused: tuple[str, ...] = ()) -> DoaAttitudeReport:
+    """Return attitude and rate; `doubt` says why the array itself is not as known, or nothing."""
     found = running.output()
+    reason = "; ".join(each for each in (found.reason, doubt) if each)
     # The report is checked for symmetry on the wire; propagation leaves rounding in it.
     covariance = 0.5 * (found.covariance + found.covariance.T)
     attitude = AttitudeReport(
         t_s=found.t_s,
         quaternion=found.quaternion,
         covariance_rad2=covariance[:3, :3],
-        valid=found.valid,
-        reason=found.reason,
+        valid=not reason,
+        reason=reason,
     )
     rate = RateReport(t_s=found.t_s, rate_rad_s=found.rate_rad_s, covariance_rad2_s2=covariance[3:, 3:])
     return DoaAttitudeReport(attitude=attitude, rate=rate, refused=refused)

@@ -29,6 +29,8 @@ from rf_pointing.array_sensors.doa.innovation_watch import InnovationWatch, Watc
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
 
 Array = NDArray[np.float64]
+EVERY_STATION = ""
+"""Key of the watch over the directions of all stations."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +52,7 @@ class StationDirection:
     expected in the orbital frame.
 
     `bias_rad` (3, 2): its error for one sigma of each constant bias of the sensor, if it has any.
+    `reference_bias_rad` (3, k): the same for the constants of orbit and stations.
     """
 
     station: str
@@ -57,6 +60,7 @@ class StationDirection:
     covariance_rad2: Array
     reference: Array
     bias_rad: Array | None = None
+    reference_bias_rad: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,8 +68,8 @@ class SharedDirections:
     """Directions of one channel in which several stations send: which is whose is not known.
 
     `measured` (n, 3) in the body with covariances (n, 3, 3) and biases (n, 3, 2) as those of a
-    `StationDirection`; `stations` (k,), k >= n, and their expected directions `reference` (k, 3) in
-    the orbital frame.
+    `StationDirection`; `stations` (m,), m >= n, and their expected directions `reference` (m, 3) in
+    the orbital frame with `reference_bias_rad` (m, 3, k).
     """
 
     measured: Array
@@ -73,6 +77,7 @@ class SharedDirections:
     stations: tuple[str, ...]
     reference: Array
     bias_rad: Array | None = None
+    reference_bias_rad: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +102,8 @@ class DoaAttitudeState:
     """Everything the next output depends on.
 
     `bank` holds one filter or the hypotheses of the start; before the first direction it is the
-    guess (1,). `choose_s` is the time from which hypotheses are ruled out.
+    guess (1,). `choose_s` is the time from which hypotheses are ruled out.  `watches` are the tests
+    of the innovations of each station, and of all of them under `EVERY_STATION`.
     """
 
     t_s: float
@@ -105,7 +111,7 @@ class DoaAttitudeState:
     heard_s: float | None = None
     choose_s: float | None = None
     stations: tuple[str, ...] = ()
-    watch: InnovationWatch = field(default_factory=InnovationWatch)
+    watches: dict[str, InnovationWatch] = field(default_factory=lambda: {EVERY_STATION: InnovationWatch()})
 
 
 class DoaAttitudeFilter:
@@ -191,10 +197,10 @@ class DoaAttitudeFilter:
         seen = _checked(direction)
         state = self._state
         bank = state.bank if state.heard_s is not None else self._bank(seen)
-        watch = self._watched(state.watch, bank, seen)
+        watches = self._watched(state.watches, bank, seen, direction.station)
         bank = update(bank, seen, self._gate)
         inside = bool(best_of_bank(bank).refused[0] == 0)
-        self._accept(self._heard(bank, watch, (direction.station,) if inside or not state.stations else (), inside))
+        self._accept(self._heard(bank, watches, (direction.station,) if inside or not state.stations else (), inside))
         return inside
 
     def observe_shared(self, directions: SharedDirections) -> tuple[int, ...]:
@@ -210,20 +216,9 @@ class DoaAttitudeFilter:
         ValueError
             As `observe`; nothing is changed then.
         """
+        stations = range(len(directions.stations))
         seen = [
-            [
-                _checked(
-                    StationDirection(
-                        station=name,
-                        measured=measured,
-                        covariance_rad2=directions.covariance_rad2[k],
-                        reference=reference,
-                        bias_rad=None if directions.bias_rad is None else directions.bias_rad[k],
-                    )
-                )
-                for name, reference in zip(directions.stations, directions.reference, strict=True)
-            ]
-            for k, measured in enumerate(directions.measured)
+            [_checked(_paired(directions, k, station)) for station in stations] for k in range(len(directions.measured))
         ]
         if not seen:
             return ()
@@ -233,15 +228,16 @@ class DoaAttitudeFilter:
         # Capped like the misfit: far outside the gate the size of a miss says nothing.
         paired = _pairings(np.minimum(np.moveaxis(squared, -1, 0), self._gate.largest))
         best = int(np.argmin(bank.misfit))
-        inside, watch = [], state.watch
+        inside, watches = [], state.watches
         for index, row in enumerate(seen):
-            reference = np.stack([each.reference for each in row])[paired[:, index]]
-            watch = self._watched(watch, bank, row[paired[best, index]])
+            chosen = _of_each(row, paired[:, index])
+            station = int(paired[best, index])
+            watches = self._watched(watches, bank, row[station], directions.stations[station])
             # Never in doubt: who accepts every direction accepts the wrong station's.
-            bank = update(bank, replace(row[0], reference=reference), self._gate, in_doubt=False)
+            bank = update(bank, chosen, self._gate, in_doubt=False)
             if bank.refused[best] == 0:
-                inside.append(int(paired[best, index]))
-        self._accept(self._heard(bank, watch, tuple(directions.stations[each] for each in inside), bool(inside)))
+                inside.append(station)
+        self._accept(self._heard(bank, watches, tuple(directions.stations[each] for each in inside), bool(inside)))
         return tuple(inside)
 
     def start_from_directions(self, directions: list[StationDirection], rate_rad_s: Array) -> None:
@@ -276,7 +272,7 @@ class DoaAttitudeFilter:
         covariance = best.covariance[0].copy()
         # The rate's error goes with the attitude's as the filter's own covariance has it.
         along = np.linalg.solve(covariance[:3, :3], covariance[:3]).T
-        covariance += along @ self._state.watch.bias_covariance() @ along.T
+        covariance += along @ self._state.watches[EVERY_STATION].bias_covariance() @ along.T
         return AttitudeEstimate(
             t_s=self._state.t_s,
             quaternion=canonical(best.quaternion[0]),
@@ -290,15 +286,24 @@ class DoaAttitudeFilter:
         guess = self._state.bank
         return start_bank(self._start, self._gate, guess.quaternion[0], guess.rate_rad_s[0], first)
 
-    def _watched(self, watch: InnovationWatch, bank: AttitudeState, seen: DirectionObservation) -> InnovationWatch:
-        """Return the watch with one direction; hypotheses of a start are wrong on purpose."""
+    def _watched(
+        self, watches: dict[str, InnovationWatch], bank: AttitudeState, seen: DirectionObservation, station: str
+    ) -> dict[str, InnovationWatch]:
+        """Return the watches with one direction; hypotheses of a start are wrong on purpose."""
         if len(bank.misfit) > 1:
-            return watch
+            return watches
         z, spread, rows = innovation(bank, seen)
-        return watch.with_direction(self._watch, z[0], spread[0], rows, self._gate.largest)
+        # The errors of two stations may cancel in the mean of all: one of them is not where it
+        # should be.
+        return watches | {
+            name: watches.get(name, InnovationWatch()).with_direction(
+                self._watch, z[0], spread[0], rows, self._gate.largest
+            )
+            for name in (EVERY_STATION, station)
+        }
 
     def _heard(
-        self, bank: AttitudeState, watch: InnovationWatch, stations: tuple[str, ...], inside: bool
+        self, bank: AttitudeState, watches: dict[str, InnovationWatch], stations: tuple[str, ...], inside: bool
     ) -> DoaAttitudeState:
         """Return the state with `bank` and new stations; rule hypotheses out when that is due."""
         state = self._state
@@ -314,7 +319,7 @@ class DoaAttitudeFilter:
         if choose_s is not None and state.t_s >= choose_s:
             bank = remaining(self._start, bank)
             choose_s = None if len(bank.misfit) == 1 else choose_s
-        return replace(state, bank=bank, watch=watch, heard_s=heard_s, stations=received, choose_s=choose_s)
+        return replace(state, bank=bank, watches=watches, heard_s=heard_s, stations=received, choose_s=choose_s)
 
     def _doubts(self, best: AttitudeState) -> list[str]:
         state, params = self._state, self._params
@@ -325,7 +330,11 @@ class DoaAttitudeFilter:
             doubts.append(f"no direction for {state.t_s - state.heard_s:.0f} s, must be <= {params.silence_s:.0f} s")
         if best.refused[0] >= self._gate.doubt_after:
             doubts.append(f"{int(best.refused[0])} directions in a row outside the gate: attitude in doubt")
-        doubts += state.watch.doubts(self._watch)
+        doubts += [
+            f"{name}: {doubt}" if name else doubt
+            for name, watch in state.watches.items()
+            for doubt in watch.doubts(self._watch)
+        ]
         if len(state.stations) < params.stations:
             doubts.append(f"{len(state.stations)} of {params.stations} stations received")
         if len(state.bank.misfit) > 1:
@@ -349,6 +358,29 @@ def _pairings(cost: Array) -> NDArray[np.int64]:
     return np.array([linear_sum_assignment(each)[1] for each in cost])
 
 
+def _paired(directions: SharedDirections, measured: int, station: int) -> StationDirection:
+    """Return one of the directions as that of one of the stations."""
+    biases, of_references = directions.bias_rad, directions.reference_bias_rad
+    return StationDirection(
+        station=directions.stations[station],
+        measured=directions.measured[measured],
+        covariance_rad2=directions.covariance_rad2[measured],
+        reference=directions.reference[station],
+        bias_rad=None if biases is None else biases[measured],
+        reference_bias_rad=None if of_references is None else of_references[station],
+    )
+
+
+def _of_each(row: list[DirectionObservation], station: NDArray[np.int64]) -> DirectionObservation:
+    """Return a direction with the reference of the `station` (members,) that each member chose."""
+    biases = [each.reference_bias_rad for each in row if each.reference_bias_rad is not None]
+    return replace(
+        row[0],
+        reference=np.stack([each.reference for each in row])[station],
+        reference_bias_rad=np.stack(biases)[station] if biases else None,
+    )
+
+
 def _checked(direction: StationDirection) -> DirectionObservation:
     measured = unit_directions("measured", as_finite_array("measured", direction.measured, (3,)))
     reference = unit_directions("reference", as_finite_array("reference", direction.reference, (3,)))
@@ -359,4 +391,7 @@ def _checked(direction: StationDirection) -> DirectionObservation:
     if across[0] < -1e-9 * across[2] or across[1] <= 1e-9 * across[2]:
         raise ValueError(f"covariance_rad2 has eigenvalues {across}, two of them must be > 0 and none negative")
     bias = None if direction.bias_rad is None else as_finite_array("bias_rad", direction.bias_rad, (3, 2))
-    return DirectionObservation(measured, covariance, reference, bias)
+    of_reference = direction.reference_bias_rad
+    if of_reference is not None:
+        of_reference = as_finite_array("reference_bias_rad", of_reference, (3, None))
+    return DirectionObservation(measured, covariance, reference, bias, of_reference)

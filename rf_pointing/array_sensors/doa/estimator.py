@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from rf_pointing.array_sensors.attitude.rotations import cosine_slopes
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams, phase_radius_rad, steering
 from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
-from rf_pointing.array_sensors.doa.covariance import count_sources, eigen, sample_covariance
+from rf_pointing.array_sensors.doa.covariance import Eigen, count_sources, eigen, sample_covariance
 from rf_pointing.array_sensors.doa.cramer_rao import direction_bound_rad2
 from rf_pointing.array_sensors.doa.music import estimate_directions
+from rf_pointing.array_sensors.doa.response_watch import ResponseMisfit, response_misfit
 from rf_pointing.array_sensors.doa.several_sources import estimate_several
 from rf_pointing.core import Params, parameter
 
@@ -77,7 +78,8 @@ class DirectionEstimate:
     `direction` (3,) unit vector; `covariance_rad2` (3, 3) of its noise, rank two, orthogonal to it;
     `bias_rad` (3, 2) its error for one sigma of each of the two constant biases of the direction
     cosines that uncertain phases of the elements make, None where they are known; `snr_db` per
-    element; `effective_snr` kappa as a ratio.  An invalid estimate carries its reason and must not
+    element; `effective_snr` kappa as a ratio; `misfit` how far the elements are from their known
+    response.  An invalid estimate carries its reason and must not
     move a filter.
     """
 
@@ -88,6 +90,7 @@ class DirectionEstimate:
     effective_snr: float
     valid: bool
     reason: str
+    misfit: ResponseMisfit
     bias_rad: Array | None = None
 
 
@@ -144,8 +147,16 @@ class DoaEstimator:
         if not len(directions):
             return []
         flaw = "; ".join(reason for reason in (flaw, self._crowded(covariance, count), self._mixed()) if reason)
-        noise, powers = self._powers(covariance, directions, count)
-        return self._judge(block.t_s, directions, powers / noise, count, flaw)
+        found = eigen(covariance, len(self._used), sources)
+        manifold = self._response(directions)
+        noise, powers = self._powers(covariance, found, manifold, count)
+        misfits = [response_misfit(found, sources, steered, noise, count) for steered in manifold.T]
+        return self._judge(block.t_s, directions, powers / noise, count, flaw, misfits)
+
+    def _response(self, directions: Array) -> ComplexArray:
+        """Return what the elements in use receive from each of `directions` (k, 3), (n, k)."""
+        ideal = steering(self.array, directions).T
+        return ideal if self._matrix is None else np.asarray(self._matrix @ ideal, dtype=np.complex128)
 
     def _mixed(self) -> str:
         """Return why uncertain phases spoil several sources, or "".
@@ -174,10 +185,11 @@ class DoaEstimator:
             else ""
         )
 
-    def _powers(self, covariance: ComplexArray, directions: Array, count: int) -> tuple[float, ComplexArray]:
+    def _powers(
+        self, covariance: ComplexArray, found: Eigen, manifold: ComplexArray, count: int
+    ) -> tuple[float, ComplexArray]:
         """Return the noise power and the source covariance (k, k): least squares on R - noise I."""
-        sources = self.params.sources
-        values = eigen(covariance, len(self._used), sources).values
+        sources, values = self.params.sources, found.values
         rest = float(np.sum(values[sources:]))
         # The principal eigenvectors take a share of the noise with them; count / (count - sources)
         # restores it.
@@ -187,21 +199,31 @@ class DoaEstimator:
             raise ValueError(
                 f"noise power {noise} must be > 0: the covariance has rank {sources}, no noise to judge by"
             )
-        manifold = steering(self.array, directions).T
-        inverse = np.linalg.pinv(manifold if self._matrix is None else self._matrix @ manifold)
+        inverse = np.linalg.pinv(manifold)
         return noise, inverse @ (covariance - noise * np.eye(len(self._used))) @ inverse.conj().T
 
     def _judge(
-        self, t_s: float, directions: Array, snr: ComplexArray, count: int, flaw: str
+        self,
+        t_s: float,
+        directions: Array,
+        snr: ComplexArray,
+        count: int,
+        flaw: str,
+        misfits: list[ResponseMisfit],
     ) -> list[DirectionEstimate]:
         # Least squares may make a weak source's power negative; the bound needs a positive one and
         # rejects it as weak.
         powers = np.maximum(np.diag(snr).real, 1e-6)
         bound = direction_bound_rad2(self.array, directions, np.diag(powers).astype(complex), count, self._matrix)
         found = len(directions)
-        return [self._one(t_s, directions[k], bound[k::found, k::found], float(powers[k]), flaw) for k in range(found)]
+        return [
+            self._one(t_s, directions[k], bound[k::found, k::found], float(powers[k]), flaw, misfits[k])
+            for k in range(found)
+        ]
 
-    def _one(self, t_s: float, direction: Array, cosines: Array, snr: float, flaw: str) -> DirectionEstimate:
+    def _one(
+        self, t_s: float, direction: Array, cosines: Array, snr: float, flaw: str, misfit: ResponseMisfit
+    ) -> DirectionEstimate:
         effective = 2.0 / (phase_radius_rad(self.array) ** 2 * float(np.trace(cosines)))
         # z is floored so that a direction in the array plane still has a covariance to be rejected
         # with.
@@ -219,5 +241,6 @@ class DoaEstimator:
             effective_snr=effective,
             valid=not reasons,
             reason="; ".join(reasons),
+            misfit=misfit,
             bias_rad=self._bias_sigma * slopes if self._bias_sigma else None,
         )

@@ -89,18 +89,18 @@ class InnovationWatch:
         found = []
         freedom = 2.0 * self.weight**2 / self.weight2
         mean_square = self.squared / self.weight
-        limit = 2.0 * _chi_square_limit(freedom, params.false_alarm) / freedom
+        limit = 2.0 * chi_square_limit(freedom, params.false_alarm) / freedom
         worst = int(np.argmax(mean_square / limit))
         if mean_square[worst] > limit[worst]:
             found.append(
                 f"mean squared innovation {mean_square[worst]:.3g} must be <= {limit[worst]:.3g}, 2 is expected"
             )
         bias = float(np.max(self._mean_squares()))
-        largest = float(_chi_square_limit(np.array(3.0), params.false_alarm))
+        largest = float(chi_square_limit(np.array(3.0), params.false_alarm))
         if bias > largest:
             found.append(
-                f"innovations have a common mean: chi-square {bias:.3g} must be <= {largest:.3g}; a torque or a "
-                "phase is not as known"
+                f"innovations have a common mean: chi-square {bias:.3g} must be <= {largest:.3g}; a torque, a "
+                "phase or a place is not as known"
             )
         return found
 
@@ -110,7 +110,7 @@ class InnovationWatch:
         """
         squares = self._mean_squares()
         best = int(np.argmax(squares))
-        limit = float(_chi_square_limit(np.array(3.0), NOTICED))
+        limit = float(chi_square_limit(np.array(3.0), NOTICED))
         if self.weight[0] < FEWEST or squares[best] <= limit:
             return np.zeros((3, 3))
         bias = np.linalg.pinv(self.information[best], rcond=OBSERVED, hermitian=True) @ self.mean[best]
@@ -124,7 +124,8 @@ class InnovationWatch:
         return np.asarray(np.sum(np.where(seen, along**2 / np.where(seen, values, 1.0), 0.0), axis=-1))
 
 
-def _chi_square_limit(freedom: Array, probability: float) -> Array:
+def chi_square_limit(freedom: Array, probability: float) -> Array:
+    """Return what chi-square of `freedom` degrees exceeds with `probability`."""
     from scipy.special import chdtri
 
     return np.asarray(chdtri(freedom, probability))

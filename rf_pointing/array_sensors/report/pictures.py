@@ -52,10 +52,10 @@ def _columns(axes: Any, series: ArraySeries, first: int, what: str) -> None:
         # At the end of the line that is farther from the curve.
         low, high = axes[0, first].get_ylim()
         curve = np.interp(time_s, series.t_s, values[0][:, 0])
-        end, shift, place = (1.0, -3, "top") if curve < 0.5 * (low + high) else (0.0, 3, "bottom")
+        end, shift, align = (1.0, -3, "top") if curve < 0.5 * (low + high) else (0.0, 3, "bottom")
         axes[0, first].annotate(
             station, (time_s, end), xycoords=("data", "axes fraction"), xytext=(2, shift), textcoords="offset points",
-            fontsize=8.0, color=HAND_OFF_COLOUR, rotation=90.0, va=place,
+            fontsize=8.0, color=HAND_OFF_COLOUR, rotation=90.0, va=align,
         )  # fmt: skip
     for place in (first, first + 1):
         axes[2, place].set_xlabel("simulation time from the first epoch, s")

@@ -6,6 +6,7 @@ import pytest
 from rf_pointing.array_sensors.attitude.ground_stations import (
     GroundStation,
     largest_nadir_angle_rad,
+    place_slopes,
     stations_along_track,
     view_stations,
 )
@@ -51,6 +52,28 @@ def test_one_of_the_eight_stations_is_in_view_for_5000_seconds() -> None:
 def test_pass_of_one_station_lasts_about_ten_minutes() -> None:
     view = view_stations(ORBIT, stations_along_track(ORBIT, 0.0), np.arange(-400.0, 5400.0))
     assert view.visible(LOWEST_RAD).sum(axis=0) == pytest.approx(np.full(8, 635.0), abs=15.0)
+
+
+@pytest.mark.parametrize("latitude_rad", [-0.9, 0.0, 1.2, np.pi / 2])
+def test_place_slopes_are_the_change_of_the_direction_by_a_metre(latitude_rad: float) -> None:
+    site = GroundStation(name="site", latitude_rad=latitude_rad, longitude_rad=-1.1)
+    (slopes,) = place_slopes(ORBIT, [site], 500.0)
+    up, step_m = site.zenith, 100.0
+    north = np.array([-np.sin(latitude_rad) * np.cos(-1.1), -np.sin(latitude_rad) * np.sin(-1.1), np.cos(latitude_rad)])
+    east = np.cross(north, up)
+    point = orbit_point(ORBIT, 500.0)
+
+    def seen(place: np.ndarray) -> np.ndarray:
+        away = point.frame @ (place - point.position_m)
+        return away / np.linalg.norm(away)
+
+    found = [
+        (seen(site.position_m + step_m * e) - seen(site.position_m - step_m * e)) / 2 / step_m for e in (north, east)
+    ]
+    # At a pole north and east are any two level directions.
+    assert slopes @ slopes.T == pytest.approx(np.transpose(found) @ found, rel=1e-4, abs=1e-18)
+    if abs(latitude_rad) < 1.5:
+        np.testing.assert_allclose(slopes.T, found, rtol=1e-4, atol=1e-12)
 
 
 def test_no_stations_are_refused() -> None:

@@ -157,15 +157,40 @@ def test_filter_that_is_wrong_listens_after_enough_refusals() -> None:
     assert np.linalg.norm(quaternion_to_matrix(state.quaternion) @ measured - reference) < 0.03
 
 
-@pytest.mark.parametrize("torque_n_m", [0.0, 2e-5])
-def test_mean_nees_of_100_runs_lies_in_its_95_percent_band(torque_n_m: float) -> None:
-    """A pass and a hand-off, truth driven by the filter's process noise and a torque it does not know."""
+def test_errors_of_the_references_are_estimated_and_those_of_later_ones_join(stream: np.random.Generator) -> None:
+    truth, sure = unit(stream, 4), 1e-7
+    state = start_state(truth, np.zeros(3), sure, sure, GATE)
+    planted = np.array([0.7, -1.2, 0.4])
+    for count in (1, 1, 3, 3):
+        reference = unit(stream, 3)
+        by_bias = (np.eye(3) - np.outer(reference, reference)) @ (0.01 * stream.standard_normal((3, count)))
+        shifted = reference + by_bias @ planted[:count]
+        measured = quaternion_to_matrix(truth).T @ shifted / np.linalg.norm(shifted)
+        seen = DirectionObservation(measured, across(measured, 1e-5), reference, reference_bias_rad=by_bias)
+        state = update(state, seen, GATE)
+    assert state.biases is not None
+    assert state.biases.estimate[5:] == pytest.approx(planted, abs=0.05)
+    assert np.sqrt(np.diag(state.biases.covariance))[5:].max() < 0.05
+    # Nothing was seen of the sensor's own biases and of the torque.
+    assert state.biases.estimate[:5] == pytest.approx(np.zeros(5), abs=1e-6)
+
+
+@pytest.mark.parametrize(("torque_n_m", "clock_s"), [(0.0, 0.0), (2e-5, 0.0), (2e-5, 0.5)])
+def test_mean_nees_of_100_runs_lies_in_its_95_percent_band(torque_n_m: float, clock_s: float) -> None:
+    """A pass and a hand-off, truth driven by the filter's process noise, a torque it does not know and an error of the
+    clock.
+    """
     runs, steps, sigma, dt_s = 100, 800, 0.005, 0.5
     orbit, stream = SunSynchronousOrbitParams(), np.random.default_rng(3)
     t_s = 400.0 + dt_s * np.arange(steps)
     view = view_stations(orbit, stations_along_track(orbit, 0.0), t_s)
     reference = view.reference[np.arange(steps), np.argmax(view.elevation_rad, axis=1)]
     rate = orbit_point(orbit, t_s).frame_rate_rad_s
+    by_clock = clock_s * np.gradient(reference, dt_s, axis=0)
+    # The difference over the hand-off is no motion.
+    by_clock[1:][np.linalg.norm(np.diff(reference, axis=0), axis=1) > 0.1] = 0.0
+    by_clock[:-1][np.linalg.norm(np.diff(reference, axis=0), axis=1) > 0.1] = 0.0
+    late = stream.standard_normal((runs, 1)) if clock_s else np.zeros((runs, 1))
     noise = ProcessNoiseParams(torque_n_m=torque_n_m)
     planted = torque_n_m * stream.standard_normal((runs, 3))
     satellite = SimulatedSatellite(
@@ -187,11 +212,18 @@ def test_mean_nees_of_100_runs_lies_in_its_95_percent_band(torque_n_m: float) ->
             satellite.step(dt_s, replace(known, control_n_m=known.control_n_m + planted), rate[k - 1])
             state = predict(INERTIA, noise, state, known, rate[k - 1], dt_s)
         truth = satellite.state
-        expected = np.einsum("nji,j->ni", quaternion_to_matrix(truth.quaternion), reference[k])
+        true_reference = reference[k] + late * by_clock[k]
+        true_reference /= np.linalg.norm(true_reference, axis=1, keepdims=True)
+        expected = np.einsum("nji,nj->ni", quaternion_to_matrix(truth.quaternion), true_reference)
         error = sigma * stream.standard_normal((runs, 3))
         measured = expected + error - np.sum(error * expected, axis=1, keepdims=True) * expected
         measured /= np.linalg.norm(measured, axis=1, keepdims=True)
-        seen = DirectionObservation(measured, across(measured, sigma), np.broadcast_to(reference[k], (runs, 3)))
+        seen = DirectionObservation(
+            measured,
+            across(measured, sigma),
+            np.broadcast_to(reference[k], (runs, 3)),
+            reference_bias_rad=by_clock[k][:, None] if clock_s else None,
+        )
         state = update(state, seen, GATE)
         if k % 40 == 39:
             scores.append(np.mean(nees(attitude_error(state, truth.quaternion, truth.rate_rad_s), state.covariance)))

@@ -93,6 +93,7 @@ def chain(
     stations: list[GroundStation] = STATIONS,
     estimator: DoaEstimatorParams | None = None,
     noise: ProcessNoiseParams | None = None,
+    response: ArrayResponse | None = None,
     **params: Any,
 ) -> DoaAttitude:
     noise = noise or ProcessNoiseParams()
@@ -105,6 +106,7 @@ def chain(
         SatelliteParams(),
         filtering,
         DoaChainParams(**params),
+        response=response,
     )
 
 
@@ -185,7 +187,7 @@ def test_torque_that_the_filter_does_not_know_is_found_by_its_innovations() -> N
     found = run(chain(noise=ProcessNoiseParams(torque_n_m=0.0)), lived)
     last = found[-1].attitude
     assert not last.valid
-    assert "a torque or a phase is not as known" in last.reason
+    assert "a torque, a phase or a place is not as known" in last.reason
     # Without the watch it claims 0.1 deg of 0.7 deg at the end, and is valid.
     for moment, report in zip(lived, found, strict=True):
         if report.attitude.valid or report is found[-1]:
@@ -215,6 +217,49 @@ def test_phases_known_to_ten_degrees_are_in_the_covariance() -> None:
             scores.append(turn @ np.linalg.solve(report.attitude.covariance_rad2, turn))
     # Four arrays of three components; without the phases in the filter it is 165.
     assert np.mean(scores) < 9.0
+
+
+def farthest_sigmas(found: list[DoaAttitudeReport], lived: list[DoaMoment]) -> float:
+    """Return the largest error of any axis of the valid attitudes, in claimed sigmas."""
+    valid = [(m, r) for m, r in zip(lived, found, strict=True) if r.attitude.valid]
+    assert valid
+    ratios = [turn_between(m, r) / np.sqrt(np.diag(r.attitude.covariance_rad2)) for m, r in valid]
+    return float(np.max(np.abs(ratios)))
+
+
+def test_clock_within_its_stated_sigma_is_in_the_covariance(lived: list[DoaMoment]) -> None:
+    ahead_s, sizes = 4.0, []
+    for sigma_s in (0.0, ahead_s):
+        running, found = chain(time_sigma_s=sigma_s), []
+        for moment in lived:
+            stamp_s = moment.truth.t_s + ahead_s
+            assert moment.heard is not None
+            running.take_torque(replace(moment.torque, t_s=stamp_s), stamp_s)
+            block = replace(moment.heard.block, t_s=stamp_s)
+            found.append(running.take_block(replace(moment.heard, block=block), stamp_s))
+        sizes.append(farthest_sigmas(found, lived))
+    assert sizes[0] > 1.5 * SIGMAS
+    assert sizes[1] < SIGMAS
+
+
+def test_place_of_a_station_within_its_stated_sigma_is_in_the_covariance(lived: list[DoaMoment]) -> None:
+    by_m, moved = 40e3, list(STATIONS)
+    moved[2] = replace(moved[2], longitude_rad=moved[2].longitude_rad + by_m / 6371e3 / np.cos(moved[2].latitude_rad))
+    sizes = [farthest_sigmas(run(chain(moved, place_sigma_m=sigma_m), lived), lived) for sigma_m in (0.0, by_m)]
+    assert sizes[0] > 2.0 * SIGMAS
+    assert sizes[1] < SIGMAS
+
+
+@pytest.mark.parametrize("access", ["in_turn", "together"])
+def test_unknown_coupling_of_the_elements_is_found_and_a_calibrated_one_is_not(access: str) -> None:
+    coupling = np.array([0.18j, 0.09, 0.0, 0.0, 0.0, 0.0])
+    response = ArrayResponse(gain=np.ones(12, complex), coupling=coupling)
+    satellite = simulated(response=response, access=access)
+    seen = [satellite.step(START_S + k) for k in range(20)]
+    found = run(chain(), seen)
+    assert "off their known response" in found[-1].attitude.reason
+    known = run(chain(response=response), seen)
+    assert not any("known response" in report.attitude.reason for report in known)
 
 
 def test_coasting_carries_the_attitude_on_by_the_known_torques(lived: list[DoaMoment]) -> None:

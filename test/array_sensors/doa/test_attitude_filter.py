@@ -105,6 +105,25 @@ def test_directions_that_keep_missing_put_the_attitude_in_doubt() -> None:
     assert "outside the gate" in running.output().reason
 
 
+def test_station_that_is_elsewhere_is_named_although_another_cancels_it() -> None:
+    running, stream = doa_filter(), np.random.default_rng(8)
+    rate = quaternion_to_matrix(TRUTH).T @ ORBIT_RATE
+    running.start_from_directions([AHEAD, ASIDE], rate)
+    normal = np.cross(AHEAD.reference, ASIDE.reference)
+    turns = {"ahead": 0.6 * SIGMA * normal / np.linalg.norm(normal), "aside": np.zeros(3)}
+    turns["aside"] = -turns["ahead"]
+    for _ in range(150):
+        for seen in (AHEAD, ASIDE):
+            # Each is off in the plane of both, towards the other: no attitude explains that.
+            axis = turns[seen.station] + SIGMA * stream.standard_normal(3)
+            turned = quaternion_to_matrix(quaternion_from_rotation_vector(axis)) @ seen.reference
+            running.observe(replace(seen, measured=quaternion_to_matrix(TRUTH).T @ turned))
+    reason = running.output().reason
+    assert "ahead: innovations have a common mean" in reason
+    assert "aside: innovations have a common mean" in reason
+    assert not reason.startswith("innovations have")
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
