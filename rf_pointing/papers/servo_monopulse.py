@@ -113,7 +113,7 @@ def _mistuning() -> list[Row]:
             ours=low,
             tolerance=0.0,
             remark=conflict,
-            explained=True,
+            explained=low < 0.4 <= high and bounded < 1.0,
             **common,  # type: ignore[arg-type]
         ),
     ]

@@ -1,10 +1,12 @@
 """`reproduce`: its options reach the papers that have use for them, and are refused by the others."""
 
+import ast
 import importlib
 import json
 import sys
 from concurrent.futures import Executor
 from contextlib import nullcontext
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +15,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="nodes need ROS 2", exc_type=ImportError)
 
+from rf_pointing import papers
 from rf_pointing.papers.reproduce import PAPERS, main
 from rf_pointing.papers.row import Row
 
@@ -117,6 +120,18 @@ def test_factor_bounds_ours_on_both_sides(ours: float, holds: bool) -> None:
 def test_factor_without_meaning_is_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="factor="):
         Row(**{"quantity": "one", "source": "here", "paper": 1.0, "ours": 1.0, "unit": "1", "tolerance": 0.0} | changes)
+
+
+def test_no_row_is_explained_without_a_criterion() -> None:
+    folder = Path(papers.__file__).parent
+    found = [
+        f"{path.name}:{node.value.lineno}"
+        for path in folder.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.keyword) and node.arg == "explained"
+        if isinstance(node.value, ast.Constant) and node.value.value
+    ]
+    assert not found
 
 
 @pytest.mark.parametrize("paper", PAPERS)
