@@ -88,6 +88,8 @@ class PointingControllerNode(StationNode):
         self._goal: Any = None
         self._window = Pass()
         """The pass of the goal, once it is known."""
+        # The pass that is looked for, and the ephemeris' answer once it could be asked.
+        self._wanted: SelectTarget.Request | None = None
         self._selection: Any = None
         """The answer of the ephemeris to a goal by name, while it is waited for."""
         self._ephemeris = self.create_client(SelectTarget, "ephemeris_publisher/select_target")
@@ -140,7 +142,7 @@ class PointingControllerNode(StationNode):
         """Begin the period at `t_s`; what is on its way may still arrive for it."""
         self._finish_period()
         self._certify()
-        if self._controller.missing or self._selection is not None:
+        if self._controller.missing or self._wanted is not None:
             # Simulated time waits for the status of this period, so it does not run ahead of the
             # pass of a goal, or of its certificate, on a busy machine.
             self._period = (t_s, math.inf)
@@ -157,7 +159,7 @@ class PointingControllerNode(StationNode):
             return super().turn()
         t_s, deadline_s = self._period
         left_s = deadline_s - time.perf_counter()
-        waiting = self._selection is not None or self._controller.missing
+        waiting = self._wanted is not None or self._controller.missing
         if left_s > 0.0 and (waiting or self._controller.awaits_error(t_s)):
             return min(left_s, super().turn())
         self._finish_period()
@@ -202,7 +204,7 @@ class PointingControllerNode(StationNode):
         self._status.publish(message)
         self._warn(status)
         # A goal whose pass is still looked for has nothing to feed back.
-        if self._goal is not None and self._selection is None:
+        if self._goal is not None and self._wanted is None:
             self._steps += 1
             if self._steps % FEEDBACK_EVERY == 0:
                 self._feed_back(message, status)
@@ -220,7 +222,7 @@ class PointingControllerNode(StationNode):
         self._end_goal()
 
     def _end_goal(self) -> None:
-        goal, self._goal, self._selection = self._goal, None, None
+        goal, self._goal, self._wanted, self._selection = self._goal, None, None, None
         goal.execute()
 
     def _warn(self, status: Status) -> None:
@@ -299,7 +301,8 @@ class PointingControllerNode(StationNode):
         self._refusal, self._window = "", Pass()
         try:
             if goal.request.satellite:
-                self._selection = self._ephemeris.call_async(self._selection_of(goal.request))
+                self._wanted = self._selection_of(goal.request)
+                self._take_selection()
             else:
                 self._start(goal.request.target_pass)
         except ValueError as error:
@@ -313,8 +316,6 @@ class PointingControllerNode(StationNode):
             )
         # Known without the ephemeris, which would change its target for nothing.
         self._require_fit()
-        if not self._ephemeris.service_is_ready():
-            raise ValueError(f"no pass of {request.satellite!r} is known: ephemeris_publisher is not active")
         wanted = SelectTarget.Request(target=request.satellite, minimum_peak_elevation=request.minimum_peak_elevation)
         if near_s := seconds_from_stamp(request.near):
             now_s = self.now_s()
@@ -324,17 +325,22 @@ class PointingControllerNode(StationNode):
 
     def _take_selection(self) -> None:
         """Start the pass that the ephemeris has found, or refuse the goal after a while."""
-        if self._selection is None:
+        if self._wanted is None:
             return
         if self._goal.is_cancel_requested:
             self._refuse("the goal was cancelled")
             return
-        if not self._selection.done():
+        # A node that is started with this one, or again, may be there a moment later.
+        if self._selection is None and self._ephemeris.service_is_ready():
+            self._selection = self._ephemeris.call_async(self._wanted)
+        if self._selection is None or not self._selection.done():
             waited_s = time.perf_counter() - self._accepted_wall_s
             if waited_s > PLAN_PATIENCE_WALL_S:
-                self._refuse(f"ephemeris_publisher has not answered in {waited_s:.0f} s")
+                why = "is not active" if self._selection is None else "does not answer"
+                name = self._goal.request.satellite
+                self._refuse(f"no pass of {name!r} is known: ephemeris_publisher {why}, waited {waited_s:.0f} s")
             return
-        answer, self._selection = self._selection.result(), None
+        answer, self._wanted, self._selection = self._selection.result(), None, None
         try:
             if not answer.success:
                 raise ValueError(answer.message)
@@ -363,7 +369,7 @@ class PointingControllerNode(StationNode):
 
     def _stop(self, reason: str) -> bool:
         """End the pass under control, or the search for it; return whether there is one."""
-        if self._selection is not None:
+        if self._wanted is not None:
             self._refuse(reason)
             return True
         busy: bool = self._controller.busy

@@ -41,9 +41,9 @@ ROOT = Path(__file__).parents[2]
 
 
 class Station:
-    """Three live nodes in real time, and elements of which the first object never rises."""
+    """Live nodes in real time, and elements of which the first object never rises."""
 
-    def __init__(self, live: SimpleNamespace, folder: Path) -> None:
+    def __init__(self, live: SimpleNamespace, folder: Path, nodes: list[str]) -> None:
         self.live, self.passes, self.feedback = live, PassList(), list[Any]()
         polar = find_elements(verification_elements(), "28057")
         now_s = time.time()
@@ -53,7 +53,8 @@ class Station:
         self.file.write_text("".join(f"{one.name}\n" + "\n".join(tle_lines(one)) + "\n" for one in (equator, mine)))
         live.node.create_subscription(PassList, "passes", lambda m: setattr(self, "passes", m), LATCHED)
         source = {"source.elements": str(self.file), "source.satellite": ""}
-        live.start(NODES, yaml.safe_dump({"/**/ephemeris_publisher": {"ros__parameters": source}}))
+        self.parameters = yaml.safe_dump({"/**/ephemeris_publisher": {"ros__parameters": source}})
+        live.start(nodes, self.parameters)
         self.client = ActionClient(live.node, TrackPass, "track_pass")
         live.spin_until(self.client.server_is_ready, "track_pass")
 
@@ -90,7 +91,7 @@ def station(tmp_path_factory: pytest.TempPathFactory, ros_domain: int) -> Iterat
     """A publisher whose first object has no pass is active all the same: another one can be selected."""
     folder = tmp_path_factory.mktemp("by_name")
     with live_graph(folder, ros_domain) as live:
-        yield Station(live, folder)
+        yield Station(live, folder, NODES)
 
 
 def test_the_next_pass_of_a_satellite_is_tracked_and_cancelled_by_name(station: Station) -> None:
@@ -106,6 +107,17 @@ def test_the_next_pass_of_a_satellite_is_tracked_and_cancelled_by_name(station: 
     answer = station.result(handle)
     assert (answer.status, answer.result.message) == (CANCELED, "the goal was cancelled")
     assert answer.result.target_pass == window
+
+
+def test_a_goal_waits_for_an_ephemeris_that_is_started_after_it(tmp_path: Path, ros_domain: int) -> None:
+    with live_graph(tmp_path, ros_domain) as live:
+        station = Station(live, tmp_path, ["antenna_servo", "pointing_controller"])
+        handle = station.send(satellite="MYSAT 1", sensor="program")
+        live.start(["ephemeris_publisher"], station.parameters)
+        live.spin_until(lambda: bool(station.feedback), "feedback")
+        assert station.feedback[0].feedback.target_pass.target == "MYSAT 1"
+        handle.cancel_goal_async()
+        assert station.result(handle).result.message == "the goal was cancelled"
 
 
 def test_the_pass_nearest_to_a_time_is_taken_whatever_the_sensor_of_the_band(station: Station) -> None:
