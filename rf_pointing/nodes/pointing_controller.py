@@ -88,7 +88,7 @@ class PointingControllerNode(StationNode):
         self._goal: Any = None
         self._window = Pass()
         """The pass of the goal, once it is known."""
-        # The pass that is looked for, and the ephemeris' answer once it could be asked.
+        # The pass that is looked for, and what the ephemeris answers once it could be called.
         self._wanted: SelectTarget.Request | None = None
         self._selection: Any = None
         """The answer of the ephemeris to a goal by name, while it is waited for."""
