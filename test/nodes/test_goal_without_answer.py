@@ -49,7 +49,26 @@ def test_periods_go_on_while_the_answer_is_waited_for(controller: Any, monkeypat
     assert controller.ended == []
     monkeypatch.setattr(pointing_controller, "PLAN_PATIENCE_WALL_S", 0.0)
     controller.turn()
-    assert controller.ended == ["ephemeris_publisher has not answered in 0 s"]
+    assert controller.ended == ["no pass of 'MYSAT' is known: ephemeris_publisher does not answer, waited 0 s"]
+
+
+def test_a_publisher_that_is_not_there_is_called_when_it_comes(
+    controller: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[Any] = []
+    ephemeris = SimpleNamespace(ready=False, call_async=lambda request: calls.append(request) or controller.answer)
+    ephemeris.service_is_ready = lambda: ephemeris.ready
+    controller._selection, controller._ephemeris = None, ephemeris
+    controller.turn()
+    assert (calls, controller.ended) == ([], [])
+    ephemeris.ready = True
+    controller.turn()
+    controller.turn()
+    assert [request.target for request in calls] == ["MYSAT"]
+    controller._selection, ephemeris.ready = None, False
+    monkeypatch.setattr(pointing_controller, "PLAN_PATIENCE_WALL_S", 0.0)
+    controller.turn()
+    assert controller.ended == ["no pass of 'MYSAT' is known: ephemeris_publisher is not active, waited 0 s"]
 
 
 def test_the_answer_of_a_publisher_that_finds_none_ends_the_goal(controller: Any) -> None:
