@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -119,11 +120,8 @@ def test_beyond_the_table_of_the_earth_the_target_goes_on_and_diagnostics_states
     assert 2e-4 < health.values["earth_orientation_sigma_deg"] < 5e-3
 
 
-@pytest.fixture
-def weather(default_context: None, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Yield a publisher that takes the weather from the station's instruments."""
-    node = EphemerisPublisher()
-    node.set_parameters([Parameter("source.refraction", value="measured")])
+def activated(node: EphemerisPublisher, monkeypatch: pytest.MonkeyPatch) -> Iterator[EphemerisPublisher]:
+    """Yield the node active in June 2006, and end it."""
     monkeypatch.setattr(node, "now_s", lambda: 1_151_384_500.0)
     assert node.on_configure(STATE) == TransitionCallbackReturn.SUCCESS
     assert node.on_activate(STATE) == TransitionCallbackReturn.SUCCESS
@@ -131,6 +129,14 @@ def weather(default_context: None, monkeypatch: pytest.MonkeyPatch) -> Any:
     node.end()
     node.lock.release()
     node.destroy_node()
+
+
+@pytest.fixture
+def weather(default_context: None, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Yield a publisher that takes the weather from the station's instruments."""
+    node = EphemerisPublisher()
+    node.set_parameters([Parameter("source.refraction", value="measured")])
+    yield from activated(node, monkeypatch)
 
 
 def test_the_measured_weather_bends_the_rays_and_its_age_is_reported(
@@ -162,13 +168,7 @@ def turning(default_context: None, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Yield a publisher of a satellite with a narrow beam, whose attitude is measured."""
     node = EphemerisPublisher()
     node.set_parameters([Parameter("source.antenna.half_power_beamwidth_deg", value=40.0)])
-    monkeypatch.setattr(node, "now_s", lambda: 1_151_384_500.0)
-    assert node.on_configure(STATE) == TransitionCallbackReturn.SUCCESS
-    assert node.on_activate(STATE) == TransitionCallbackReturn.SUCCESS
-    yield node
-    node.end()
-    node.lock.release()
-    node.destroy_node()
+    yield from activated(node, monkeypatch)
 
 
 def attitude(roll_rad: float, frame: str = "sat/orbit", valid: bool = True) -> Attitude:
