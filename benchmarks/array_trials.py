@@ -148,7 +148,7 @@ class DoaCase:
     start_rad: float = np.radians(60.0)
     torque_n_m: float = 0.0
     phase_rad: float = 0.0
-    # What the estimator is not told, unless it is named below.
+    # What the estimator does not know, unless it is named below.
     off_deg: tuple[float, float] | None = None
     rate_rad_s: float = np.radians(0.05)
     gain_db: float = 0.0
@@ -156,7 +156,7 @@ class DoaCase:
     dead: tuple[int, ...] = ()
     site_error_m: float = 0.0
     clock_error_s: float = 0.0
-    # What it is told.
+    # What it knows.
     response_known: bool = False
     place_sigma_m: float = 0.0
     excluded: str = ""

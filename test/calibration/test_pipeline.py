@@ -294,8 +294,8 @@ def test_known_errors_of_a_pass_move_the_true_motion_and_not_the_whole_error_tha
     raw = raw_pass(displaced(reference, errors), table_1, None, 1.0 * MDEG)
     left = {}
     for name, known in (("blind", {}), ("known", {0: errors})):
-        told = Known(model=table_1, errors=known, sigma_scale=(2.0, 3.0) if known else (1.0, 1.0))
-        left[name] = RawPasses([TrackedPass(raw, reference, None)], 0).process(told).points
+        given = Known(model=table_1, errors=known, sigma_scale=(2.0, 3.0) if known else (1.0, 1.0))
+        left[name] = RawPasses([TrackedPass(raw, reference, None)], 0).process(given).points
     shared = np.intersect1d(left["blind"].t_s, left["known"].t_s)
     assert len(shared) > 20
     blind, known = (left[name].select(np.isin(left[name].t_s, shared)) for name in ("blind", "known"))

@@ -226,6 +226,7 @@ class PointingController:
         """Let the axes find the target again: they may have stopped meanwhile."""
         self._mode.interrupt(t_s, reason)
         self.antenna.unsettle()
+        self.plan.rejoin()
         self._returning = True
 
     def _command(self, t_s: float, window: Pass) -> JointTrajectory | None:

@@ -214,6 +214,10 @@ class PassPlan:
             return self._rest_rad(axes)
         return goal if corner is None else corner
 
+    def rejoin(self) -> None:
+        """Judge the way to the target anew: the axes are no longer on the one that was found."""
+        self._meeting = NO_MEETING
+
     def _rest_rad(self, axes: JointReading) -> Array:
         """Return where (2,) the axes come to rest if they brake now."""
         rate, acceleration = axes.velocity_rad_s, np.array(self.machine.axes.acceleration_rad_s2)

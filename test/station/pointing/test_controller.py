@@ -216,6 +216,25 @@ def test_a_rate_that_no_mount_has_does_not_end_the_joining_of_a_pass(
     assert list(made.run(begin_s + 0.1, 8.0))[-1][2].mode == "program_track"
 
 
+def test_the_way_to_the_target_is_judged_once_and_again_after_a_stall(
+    rig: MakeRig, window: Pass, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin_s, judged = window.tca_t_s, []
+    away_rad = 0.5 * (window.azimuth_min_rad + window.azimuth_max_rad) + 1.0
+    made = rig(start_s=begin_s, azimuth_rad=away_rad)
+    plan = made.controller.plan
+    chase = plan.gate.chase
+    monkeypatch.setattr(plan.gate, "chase", lambda *given: judged.append(given) or chase(*given))
+    for step in range(1, 6):
+        made.controller.take_joints(still(away_rad, window.aos_elevation_rad, begin_s + 0.1 * step))
+        _, status = made.controller.step(begin_s + 0.1 * step)
+    assert (status.mode, len(judged)) == ("slew", 1)
+    for late_s in (4.0, 4.1):
+        made.controller.take_joints(still(away_rad, window.aos_elevation_rad, begin_s + late_s))
+        _, status = made.controller.step(begin_s + late_s)
+    assert (status.mode, len(judged)) == ("slew", 2)
+
+
 # What the link cannot give
 
 
