@@ -9,9 +9,11 @@ the nodes.
 """
 
 import argparse
+import gc
 import importlib.util
 import sys
 import tempfile
+import time
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -41,6 +43,8 @@ STATIONS: tuple[tuple[str, dict[str, Any]], ...] = (("dss13", {}), ("dss13", ON_
 DRIVE_TOPICS = (("publish", "drive/set_point"), ("publish", "drive/enable"), ("subscribe", "drive/state"))
 """Of a drive of the type `topic`, which waits for its driver's first message."""
 OPERATOR = "operator"
+GRAPH_WITHIN_S = 30.0
+"""What is made and what is freed reaches the graph through discovery, a moment later."""
 RULES = {"topic": ("publish", "subscribe"), "service": ("reply", "request"), "action": ("execute", "call")}
 """Who offers is named first."""
 
@@ -58,8 +62,35 @@ class Access:
         self.names[rule] |= {name for name in names if "/_action/" not in name}
 
 
+def made(node: Any) -> dict[str, set[str]]:
+    """Return the names of what the node made through rclpy; the actions and what ROS itself adds are not listed."""
+    return {
+        "publish": {each.topic_name for each in node.publishers},
+        "subscribe": {each.topic_name for each in node.subscriptions},
+        "reply": {each.service_name for each in node.services},
+        "request": {each.service_name for each in node.clients},
+    }
+
+
 def accesses(node: Any) -> Access:
-    """Return what a configured node has in the graph."""
+    """Return what a configured node has in the graph; ValueError if that lacks a name after `GRAPH_WITHIN_S`.
+
+    An earlier node of the same name stays in the graph until the collector has freed it, and hides this one.
+    """
+    gc.collect()
+    until = time.monotonic() + GRAPH_WITHIN_S
+    while True:
+        found = in_graph(node)
+        missing = {name for rule, names in made(node).items() for name in names - found.names[rule]}
+        if not missing:
+            return found
+        if time.monotonic() > until:
+            raise ValueError(f"{node.get_name()}: {min(missing)} is not in the graph after {GRAPH_WITHIN_S:g} s")
+        time.sleep(0.01)
+
+
+def in_graph(node: Any) -> Access:
+    """Return what the graph has of a node at this moment."""
     found = Access()
     looks = {
         "publish": node.get_publisher_names_and_types_by_node,
