@@ -63,7 +63,7 @@ class Access:
 
 
 def made(node: Any) -> dict[str, set[str]]:
-    """Return the names of what the node made through rclpy; the actions and what ROS itself adds are not listed."""
+    """Return the names of what the node made through rclpy, without actions and what ROS adds."""
     return {
         "publish": {each.topic_name for each in node.publishers},
         "subscribe": {each.topic_name for each in node.subscriptions},
@@ -73,9 +73,10 @@ def made(node: Any) -> dict[str, set[str]]:
 
 
 def accesses(node: Any) -> Access:
-    """Return what a configured node has in the graph; ValueError if that lacks a name after `GRAPH_WITHIN_S`.
+    """Return what a configured node has in the graph.
 
-    An earlier node of the same name stays in the graph until the collector has freed it, and hides this one.
+    An earlier node of its name stays there until the collector has freed it, and hides this one.
+    Raises ValueError where a name is missing after `GRAPH_WITHIN_S`.
     """
     gc.collect()
     until = time.monotonic() + GRAPH_WITHIN_S

@@ -15,11 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from ament_index_python.packages import get_package_prefix
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
 
 from rf_pointing.nodes.main_loop import DEAF, last_holder
+from rf_pointing.nodes.repeated_call import AGAIN_S, RepeatedCall
 
 ACTIVATION_S = 5.0
 """How long a refused activation is repeated: the held time reaches one node after the other."""
@@ -127,10 +128,11 @@ def _bind_in_the_background() -> None:
 
 
 TRANSITIONS = {
-    "configure": Transition.TRANSITION_CONFIGURE,
-    "activate": Transition.TRANSITION_ACTIVATE,
-    "deactivate": Transition.TRANSITION_DEACTIVATE,
+    "configure": (Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE),
+    "activate": (Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE),
+    "deactivate": (Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE),
 }
+"""The transition that is called, and the state in which a node is after it."""
 
 
 class LifecycleClient:
@@ -142,12 +144,13 @@ class LifecycleClient:
     def __init__(self, node: Node, namespace: str, spin: Callable[[float], None], alive: Callable[[], None]) -> None:
         self._node, self._namespace, self._spin, self._alive = node, namespace, spin, alive
         self._clients: dict[str, Any] = {}
+        self._looks: dict[str, Any] = {}
 
     def wait_for(self, names: Sequence[str], timeout_s: float) -> None:
         """Wait until every node offers its lifecycle service."""
-        self._clients |= {
-            name: self._node.create_client(ChangeState, f"{self._namespace}/{name}/change_state") for name in names
-        }
+        for name in names:
+            self._clients[name] = self._node.create_client(ChangeState, f"{self._namespace}/{name}/change_state")
+            self._looks[name] = self._node.create_client(GetState, f"{self._namespace}/{name}/get_state")
         self._until_none(
             lambda: [name for name in names if not self._clients[name].service_is_ready()], "appear", timeout_s
         )
@@ -155,10 +158,23 @@ class LifecycleClient:
     def change(self, names: Sequence[str], transition: str, timeout_s: float) -> list[str]:
         """Take all nodes through `transition` at once; return those that refused."""
         # All at once: each transition takes a node tens of milliseconds, and discovery more.
-        request = ChangeState.Request(transition=Transition(id=TRANSITIONS[transition]))
+        wanted, reached = TRANSITIONS[transition]
+        request = ChangeState.Request(transition=Transition(id=wanted))
         waiting = {name: self._clients[name].call_async(request) for name in names}
-        self._until_none(lambda: [name for name in names if not waiting[name].done()], transition, timeout_s)
-        return [name for name in names if not waiting[name].result().success]
+        # Answers come in order: where that to the change is lost, the state shows the outcome.
+        states = {name: RepeatedCall(self._looks[name], GetState.Request(), after_s=AGAIN_S) for name in names}
+        self._until_none(
+            lambda: [name for name in names if not waiting[name].done() and not states[name].done()],
+            transition,
+            timeout_s,
+        )
+
+        def succeeded(name: str) -> bool:
+            if waiting[name].done():
+                return bool(waiting[name].result().success)
+            return bool(states[name].result().current_state.id == reached)
+
+        return [name for name in names if not succeeded(name)]
 
     def _until_none(self, late: Callable[[], list[str]], what: str, timeout_s: float) -> None:
         deadline_s = time.monotonic() + timeout_s

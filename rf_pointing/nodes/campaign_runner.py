@@ -16,6 +16,7 @@ from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import Pass
 from rf_pointing_msgs.srv import SelectTarget
 
+from rf_pointing.nodes.repeated_call import RepeatedCall
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.campaign.log import CalibrationLog
 
@@ -101,7 +102,7 @@ class CampaignRunner:
         self._log.begin_pass()
         rises_s = seconds_from_stamp(wanted.aos)
         request = SelectTarget.Request(target=wanted.target, start=stamp_from_seconds(rises_s - LOOK_BACK_S))
-        self._wait_for(self._select.call_async(request), self._selected)
+        self._wait_for(RepeatedCall(self._select, request), self._selected)
 
     def _wait_for(self, future: Any, then: Callable[[Any], None], longest_s: float = ANSWER_S) -> None:
         self._future, self._then, self._until_s = future, then, time.monotonic() + longest_s

@@ -46,6 +46,7 @@ from rf_pointing.nodes.graph import STATION_IN_USE, TEMPERATURE
 from rf_pointing.nodes.main_loop import run
 from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, conclude
 from rf_pointing.nodes.qos import COMMAND, IN_USE, LATCHED, STATUS, STREAM
+from rf_pointing.nodes.repeated_call import RepeatedCall
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.nodes.station_node import ClockWatch, ExecutiveWatch, StationCensus, StationInUse, StationNode
 from rf_pointing.station.pointing.certificates import StoreParams, store_certificate
@@ -90,7 +91,7 @@ class PointingControllerNode(StationNode):
         """The pass of the goal, once it is known."""
         # The pass that is looked for, and what the ephemeris answers once it could be called.
         self._wanted: SelectTarget.Request | None = None
-        self._selection: Any = None
+        self._selection: RepeatedCall | None = None
         """The answer of the ephemeris to a goal by name, while it is waited for."""
         self._ephemeris = self.create_client(SelectTarget, "ephemeris_publisher/select_target")
         self._steps = 0
@@ -330,13 +331,13 @@ class PointingControllerNode(StationNode):
         if self._goal.is_cancel_requested:
             self._refuse("the goal was cancelled")
             return
+        if self._selection is None:
+            self._selection = RepeatedCall(self._ephemeris, self._wanted)
         # A node that is started with this one, or again, may be there a moment later.
-        if self._selection is None and self._ephemeris.service_is_ready():
-            self._selection = self._ephemeris.call_async(self._wanted)
-        if self._selection is None or not self._selection.done():
+        if not self._selection.done():
             waited_s = time.perf_counter() - self._accepted_wall_s
             if waited_s > PLAN_PATIENCE_WALL_S:
-                why = "is not active" if self._selection is None else "does not answer"
+                why = "does not answer" if self._selection.made else "is not active"
                 name = self._goal.request.satellite
                 self._refuse(f"no pass of {name!r} is known: ephemeris_publisher {why}, waited {waited_s:.0f} s")
             return

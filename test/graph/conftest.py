@@ -1,6 +1,5 @@
 """A private ROS domain and real processes for the graph tests."""
 
-import math
 import os
 import subprocess
 import time
@@ -18,6 +17,7 @@ from ament_index_python.packages import get_package_prefix
 
 from rf_pointing.commands.managed_graph import LifecycleClient, NodeProcesses
 from rf_pointing.nodes.main_loop import make_executor
+from rf_pointing.nodes.repeated_call import RepeatedCall
 from rf_pointing.station.description import read_station
 
 DEADLINE_S = 60.0
@@ -68,24 +68,18 @@ def left_segments() -> set[str]:
     return {path.name for path in Path("/dev/shm").glob("*fast*") if str(path) not in used}
 
 
-def ask(live: SimpleNamespace, service_type: Any, name: str, request: Any, again_s: float = math.inf) -> Any:
+def ask(live: SimpleNamespace, service_type: Any, name: str, request: Any, *, again: bool = False) -> Any:
     """Call a service, by a name relative to the test's namespace or an absolute one, and return its answer.
 
-    A server that has just been started may lose its first answer: a question that changes nothing is
-    asked again every `again_s`.
+    A server that has just been started may lose its first answer: a question that changes nothing can be put again.
     """
     client = live.node.create_client(service_type, name if name.startswith("/") else f"{live.namespace}/{name}")
     live.spin_until(client.service_is_ready, name)
-    futures, asked_s = [client.call_async(request)], time.monotonic()
-
-    def answered() -> bool:
-        if time.monotonic() - asked_s > again_s * len(futures):
-            futures.append(client.call_async(request))
-        return any(each.done() for each in futures)
-
-    live.spin_until(answered, f"the answer of {name}")
+    call = RepeatedCall(client, request) if again else client.call_async(request)
+    live.spin_until(call.done, f"the answer of {name}")
+    answer = call.result()
     live.node.destroy_client(client)
-    return next(each.result() for each in futures if each.done())
+    return answer
 
 
 @contextmanager

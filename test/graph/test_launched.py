@@ -90,7 +90,7 @@ class Launched:
 
     def wait_active(self, names: tuple[str, ...]) -> None:
         def active(name: str) -> bool:
-            answer = ask(self._live, GetState, f"{name}/get_state", GetState.Request(), again_s=5.0)
+            answer = ask(self._live, GetState, f"{name}/get_state", GetState.Request(), again=True)
             return bool(answer.current_state.id == State.PRIMARY_STATE_ACTIVE)
 
         for name in names:
