@@ -27,7 +27,7 @@ class RepeatedCall:
         return bool(self._futures)
 
     def done(self) -> bool:
-        """Return whether an answer is there; if not, call where it is time and a service is there."""
+        """Return whether an answer is there; call again where it is time and the service ready."""
         if not self._answered() and time.monotonic() >= self._next_s and self._client.service_is_ready():
             self._futures.append(self._client.call_async(self._request))
             self._next_s = time.monotonic() + AGAIN_S
