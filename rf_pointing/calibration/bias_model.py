@@ -21,7 +21,7 @@ from rf_pointing.calibration import taylor
 from rf_pointing.calibration.angles import REFERENCE_TEMPERATURE_K, Angles, ArrayAngles, SeriesAngles
 from rf_pointing.calibration.mount import Skew, axes_from_sky, sky_from_axes
 from rf_pointing.calibration.terms import TERM_NAMES, Term, terms_by_name
-from rf_pointing.core import require_between
+from rf_pointing.core import angular_distance_rad, require_between
 
 Array = NDArray[np.float64]
 
@@ -30,6 +30,8 @@ _DEGREE = math.radians(1.0)
 INVERSE_TOLERANCE_RAD = 1e-12
 # `remove` raises if it has not converged after this many iterations.
 INVERSE_ITERATIONS = 60
+# Where `departure` looks: the terms bend over tens of degrees.
+_AZIMUTHS, _ELEVATIONS = np.meshgrid(np.radians(np.arange(0.0, 360.0, 15.0)), np.radians(np.arange(5.0, 81.0, 5.0)))
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,19 @@ class BiasModel:
         angles = ArrayAngles.of(motion, temperature_k)
         azimuth, elevation = self._sum(angles, (2, *angles.one.shape), ("rotation", "additive", "lag"))
         return azimuth, elevation
+
+    def departure(self) -> tuple[float, float, float]:
+        """Return how far a beam at rest is off the axes, at most, and where (all rad).
+
+        The angle is one on the sky, the azimuth and elevation are those of the beam, which is
+        looked at from 5 to 80 deg of elevation.  A thermal term must have its temperature
+        (`at_temperature`).
+        """
+        still = np.zeros_like(_AZIMUTHS)
+        axes = self.apply(_AZIMUTHS, _ELEVATIONS, still, still, still, still)
+        apart = angular_distance_rad(*axes, _AZIMUTHS, _ELEVATIONS)
+        worst = np.unravel_index(int(np.argmax(apart)), apart.shape)
+        return float(apart[worst]), float(_AZIMUTHS[worst]), float(_ELEVATIONS[worst])
 
     def apply(self, *motion: ArrayLike, temperature_k: ArrayLike | None = None) -> tuple[Array, Array]:
         """Return observed azimuth and elevation (rad) of a true `motion`, as in `offset_rad`.

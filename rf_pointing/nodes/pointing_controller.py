@@ -440,6 +440,8 @@ class PointingControllerNode(StationNode):
             return Health(WARN, self._unfed, values)
         if self._refusal and not alarm:
             return Health(ERROR, self._refusal, values)
+        if core.model_doubt and not alarm:
+            return Health(WARN, core.model_doubt, values)
         return Health(LEVELS[level], alarm or state.mode, values)
 
 

@@ -210,3 +210,14 @@ def test_the_axes_of_a_moving_beam_give_its_motion_back_rates_included(elevation
     azimuth, elevation = np.array([[0.7], [0.02], [1e-3]]), np.array([[elevation_rad], [-0.01], [2e-3]])
     back = sky_from_axes(*axes_from_sky(azimuth, elevation, skew), skew)
     np.testing.assert_allclose(back, (azimuth, elevation), atol=1e-12)
+
+
+def test_the_departure_is_the_greatest_angle_between_beam_and_axes():
+    turned = BiasModel.zero().replace(azimuth_offset=0.02)
+    # An angle of azimuth is smaller on the sky by the cosine of the elevation.
+    apart, _, elevation = turned.departure()
+    assert np.degrees(elevation) == pytest.approx(5.0)
+    assert apart == pytest.approx(0.02 * np.cos(np.radians(5.0)), rel=1e-4)
+    tilted = BiasModel.zero().replace(azimuth_offset=0.0, elevation_offset=-0.003)
+    assert tilted.departure()[0] == pytest.approx(0.003, rel=1e-9)
+    assert BiasModel.zero().departure()[0] < 1e-12

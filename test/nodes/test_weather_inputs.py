@@ -94,6 +94,9 @@ def test_a_model_with_thermal_terms_is_refused_until_a_temperature_has_come(defa
         node._on_temperature(Temperature(temperature=25.05))
         assert node._controller._motion.model.coefficients["elevation_offset"] == pytest.approx(2e-5 * 10.0)
         node._refusal = ""
+        object.__setattr__(version, "model", BiasModel.zero().replace(elevation_offset=0.1))
+        node._on_model(convert_calibration.model_to_message(version))
+        assert (node._health().level, "5.73 deg off the axes" in node._health().message) == (WARN, True)
         node._model, node._temperature_k = thermal, None
         node._use_model()
         assert node._health().level == WARN

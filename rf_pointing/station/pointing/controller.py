@@ -48,6 +48,9 @@ LAG_TIMES = 2.0
 STALLED_S = 1.0
 # Range of a pass that does not say how near it comes, for what its ephemeris error is on the sky.
 USUAL_RANGE_M = 1e6
+# Horizon and Sun are judged by the angles of the axes.  What the beam is off them is covered by the
+# clearance over the horizon, and by this share of the Sun's zone.
+SUN_SHARE = 0.5
 
 
 class PointingController:
@@ -68,6 +71,7 @@ class PointingController:
         self._stopping, self._sensor = "", Sensor.PROGRAM.value
         self._started_s, self._stepped_s, self._returning = -math.inf, -math.inf, False
         self._alarm: tuple[Level, str] = Level.OK, ""
+        self.model_doubt = ""
         self.statistics = PassStatistics()
 
     @property
@@ -108,8 +112,21 @@ class PointingController:
         self.antenna.retune(params.axes, params.pointing.on_target_rad)
 
     def take_model(self, model: BiasModel) -> None:
-        """Use `model` from the next trajectory on."""
+        """Use `model` from the next trajectory on; `model_doubt` states what is wrong with it."""
         self._motion.take_model(model)
+        self.model_doubt = self._doubt_of(model)
+
+    def _doubt_of(self, model: BiasModel) -> str:
+        sun_rad = SUN_SHARE * self.params.machine.sun_radius_rad
+        margin_rad = min(sun_rad or math.inf, self.params.mask.clearance_rad)
+        apart_rad, azimuth_rad, elevation_rad = model.departure()
+        if apart_rad <= margin_rad:
+            return ""
+        return (
+            f"the bias model holds the beam {math.degrees(apart_rad):.2f} deg off the axes at azimuth "
+            f"{math.degrees(azimuth_rad):.0f} deg, elevation {math.degrees(elevation_rad):.0f} deg, must be <= "
+            f"{math.degrees(margin_rad):.2f} deg: horizon and Sun are judged by the axes; set the zero of the drive"
+        )
 
     def take_joints(self, reading: JointReading) -> None:
         """Note where the axes are."""

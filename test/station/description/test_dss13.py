@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rf_pointing.calibration.model_file import read_model
 from rf_pointing.core import Params
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
@@ -60,3 +61,14 @@ def test_what_the_lock_watch_expects_of_wind_grows_with_the_dish_and_with_the_en
         assert after == pytest.approx(2.0**2.5 * before)
     steps_deg = read_station("rotator_2m").parameters("pointing_controller")[names[1]]
     assert steps_deg[1] == pytest.approx(0.1 / math.sqrt(12.0))
+
+
+@pytest.mark.parametrize("band", ["S", "X", "Ka"])
+def test_its_bias_models_stay_within_what_the_guards_of_sun_and_horizon_allow(band: str) -> None:
+    station = read_station("dss13")
+    file = station.bias_model_file(band)
+    assert file is not None
+    given = station.parameters("pointing_controller", band)
+    apart_rad = read_model(file).model.departure()[0]
+    assert math.radians(0.1) < apart_rad < math.radians(0.5 * given["machine.sun_radius_deg"])
+    assert apart_rad < math.radians(given["mask.clearance_deg"])

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, PointingError
 from rf_pointing.ephemeris import Pass, SatelliteAntennaParams, TopocentricTrack
 from rf_pointing.planning import AxisLimits
@@ -32,6 +33,25 @@ def test_nothing_is_commanded_without_a_pass(make_controller: MakeController) ->
     assert trajectory is None
     assert status.mode == "idle"
     assert not controller.busy
+
+
+def test_a_model_that_turns_the_beam_out_of_what_the_axes_guard_is_doubted(make_controller: MakeController) -> None:
+    controller = make_controller()
+    clearance_rad = controller.params.mask.clearance_rad
+    sun_rad = controller.params.machine.sun_radius_rad
+    assert 0.5 * sun_rad < clearance_rad
+    controller.take_model(BiasModel.zero().replace(elevation_offset=0.49 * sun_rad))
+    assert controller.model_doubt == ""
+    controller.take_model(BiasModel.zero().replace(elevation_offset=-0.51 * sun_rad))
+    assert controller.model_doubt.startswith("the bias model holds the beam 0.51 deg off the axes at azimuth ")
+    assert controller.model_doubt.endswith(
+        "must be <= 0.50 deg: horizon and Sun are judged by the axes; set the zero of the drive"
+    )
+    low = dataclasses.replace(controller.params.mask, clearance_rad=0.2 * sun_rad)
+    controller.retune(dataclasses.replace(controller.params, mask=low))
+    controller.take_model(BiasModel.zero().replace(elevation_offset=0.3 * sun_rad))
+    assert "0.30 deg off the axes" in controller.model_doubt
+    assert "<= 0.20 deg" in controller.model_doubt
 
 
 # Which turn
