@@ -156,6 +156,8 @@ class DoaCase:
     dead: tuple[int, ...] = ()
     site_error_m: float = 0.0
     clock_error_s: float = 0.0
+    # Of a clock whose error is drawn as the chain states it.
+    clock_sigma_s: float = 0.0
     # What it knows.
     response_known: bool = False
     place_sigma_m: float = 0.0
@@ -176,12 +178,12 @@ DOA_CASES = {
     "in turn": DoaCase(pair(0.06, 300.0)),
     "unknown torque of 2e-5 N m": DoaCase(pair(0.06, 300.0), torque_n_m=2e-5),
     "unknown torque of 5e-6 N m": DoaCase(pair(0.06, 300.0), torque_n_m=5e-6),
-    "phases known to 10 deg": DoaCase(pair(0.06, 300.0), phase_rad=np.radians(10.0)),
+    "phases known to 10 deg": DoaCase(pair(0.06, 300.0), phase_rad=np.radians(10.0), clock_sigma_s=0.3),
     "phases known to 10 deg, one channel": DoaCase(pair(0.06, 300.0), "together", phase_rad=np.radians(10.0)),
     "1.5 km apart": DoaCase(lambda: beside(1.5e3)),
     "13 km apart": DoaCase(lambda: beside(13e3)),
-    "52 km apart": DoaCase(lambda: beside(52e3)),
-    "295 km apart": DoaCase(lambda: beside(295e3)),
+    "52 km apart": DoaCase(lambda: beside(52e3), clock_sigma_s=0.3),
+    "295 km apart": DoaCase(lambda: beside(295e3), clock_sigma_s=0.3),
     "one channel, start 45 to 60 deg off": DoaCase(pair(0.06, 300.0), "together", off_deg=(45.0, 60.0)),
     "-6 dB, any attitude": DoaCase(pair(0.06, 300.0), snr_db=-6.0, start_rad=np.pi),
     "turning at 2 deg/s": DoaCase(pair(0.06, 300.0), rate_rad_s=np.radians(2.0) / np.sqrt(3.0)),
@@ -272,16 +274,23 @@ def doa_run(case: DoaCase, seed: int) -> Epochs:
     if case.site_error_m:
         # The third is the first that is received.
         stations = [*stations[:2], moved_station(stations[2], case.site_error_m, stream), *stations[3:]]
+    clock_error_s = case.clock_error_s
+    if case.clock_sigma_s:
+        clock_error_s += case.clock_sigma_s * stream.standard_normal()
     known = response if case.response_known else None
     chaining = DoaChainParams(place_sigma_m=case.place_sigma_m)
     chain = DoaAttitude(array, estimator, ORBIT, stations, satellite, filtering, chaining, response=known)
     rows: list[Any] = []
     for k in range(case.seconds):
         moment = truth.step(START_S + k)
-        stamp_s = moment.truth.t_s + case.clock_error_s
+        stamp_s = moment.truth.t_s + clock_error_s
         chain.take_torque(replace(moment.torque, t_s=stamp_s), stamp_s)
         try:
-            found = None if moment.heard is None else chain.take_block(received(moment.heard, case, stream), stamp_s)
+            found = (
+                None
+                if moment.heard is None
+                else chain.take_block(received(moment.heard, case, stream, clock_error_s), stamp_s)
+            )
         except ValueError as error:
             if "resolved" not in str(error):
                 raise
@@ -293,13 +302,13 @@ def doa_run(case: DoaCase, seed: int) -> Epochs:
     return Epochs(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def received(heard: ChannelBlock, case: DoaCase, stream: np.random.Generator) -> ChannelBlock:
+def received(heard: ChannelBlock, case: DoaCase, stream: np.random.Generator, clock_error_s: float) -> ChannelBlock:
     """Return the block with the noise of the receiver only where an element is dead."""
     snapshots = heard.block.snapshots.copy()
     for index in case.dead:
         real, imaginary = stream.standard_normal((2, snapshots.shape[-1]))
         snapshots[index] = (real + 1j * imaginary) / np.sqrt(2.0)
-    block = replace(heard.block, t_s=heard.block.t_s + case.clock_error_s, snapshots=snapshots)
+    block = replace(heard.block, t_s=heard.block.t_s + clock_error_s, snapshots=snapshots)
     return replace(heard, block=block)
 
 

@@ -39,6 +39,7 @@ from rf_pointing.array_sensors.attitude.rigid_body import (
     rate_jacobian,
 )
 from rf_pointing.array_sensors.attitude.rotations import (
+    cosine_slopes,
     cross_matrix,
     cross_product,
     matrix_from_quaternion,
@@ -57,6 +58,8 @@ Array = NDArray[np.float64]
 # Of the sensor first, then those of the torque, then those of the references.
 _SENSOR, _TORQUE = slice(0, 2), slice(2, 5)
 _BEFORE_REFERENCES = 5
+LARGEST_SQUARE = 1.0 - 1e-6
+"""Of the two cosines of a direction above the plane of the array."""
 SMALLEST_DETERMINANT = 1e-12
 """Of an innovation covariance scaled to a unit diagonal; rounding leaves 1e-16 of an exact zero."""
 
@@ -197,9 +200,7 @@ def predict(
     rotation, biases = matrix_from_quaternion(state.quaternion), state.biases
     if biases is None and noise.torque_n_m > 0.0:
         biases = _unknown_biases(state.quaternion.shape[:-1])
-    if biases is not None:
-        unknown = noise.torque_n_m * biases.estimate[..., _TORQUE]
-        known = replace(known, control_n_m=known.control_n_m + unknown)
+    known = _with_unknown(noise, biases, known)
     quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, dt_s, rotation)
     by_rate = rate_jacobian(inertia, state.rate_rad_s, known.wheel_momentum_n_m_s)
     by_attitude = inertia.inverse @ gravity_jacobian(inertia, rotation, frame_rate)
@@ -223,6 +224,28 @@ def predict(
     variance = np.einsum("...ii->...i", covariance)
     variance += dt_s * np.repeat([noise.attitude_rad2_s, noise.rate_rad2_s3], 3)
     return AttitudeState(quaternion, rate, covariance, state.refused, state.misfit, biases)
+
+
+def carried_back(
+    inertia: RigidInertia,
+    noise: ProcessNoiseParams,
+    state: AttitudeState,
+    known: KnownTorque,
+    frame_rate: Array,
+    dt_s: float,
+) -> AttitudeState:
+    """Return `state` with the attitude and the rate of `dt_s` before; the rest stays as it is."""
+    known = _with_unknown(noise, state.biases, known)
+    rotation = matrix_from_quaternion(state.quaternion)
+    quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, -dt_s, rotation)
+    return replace(state, quaternion=quaternion, rate_rad_s=rate)
+
+
+def _with_unknown(noise: ProcessNoiseParams, biases: Biases | None, known: KnownTorque) -> KnownTorque:
+    """Return the torque with what is estimated of the unknown one."""
+    if biases is None:
+        return known
+    return replace(known, control_n_m=known.control_n_m + noise.torque_n_m * biases.estimate[..., _TORQUE])
 
 
 def _carried(
@@ -262,6 +285,8 @@ def _innovation(
     2).
     """
     rotation = matrix_from_quaternion(state.quaternion)
+    if state.biases is not None and observation.bias_rad is not None:
+        observation = _unbiased(observation, state.biases.estimate[..., _SENSOR])
     turned = np.einsum("...ij,...j->...i", rotation, observation.measured)
     gap = rotation_between(turned, observation.reference)
     rows = tangent_rows(observation.reference)
@@ -287,8 +312,30 @@ def _innovation(
     bias_crossed = _transposed(rows @ biases.correlation[..., :3, :]) + biases.covariance @ _transposed(slope)
     common = rows @ biases.correlation[..., :3, :] @ _transposed(slope)
     spread = spread + common + _transposed(common) + slope @ biases.covariance @ _transposed(slope)
-    z = z - np.einsum("...ij,...j->...i", slope, biases.estimate)
+    # The sensor's are taken off already.
+    others = slice(_SENSOR.stop, None)
+    z = z - np.einsum("...ij,...j->...i", slope[..., others], biases.estimate[..., others])
     return z, spread, rows, crossed, (biases, bias_crossed)
+
+
+def _unbiased(observation: DirectionObservation, sensor: Array) -> DirectionObservation:
+    """Return the direction less the biases `sensor` (..., 2) of its cosines.
+
+    Near the plane of the array a bias of the cosines turns by far more than its slope there says.
+    """
+    assert observation.bias_rad is not None
+    by_bias, noise = observation.bias_rad[..., :2, :], observation.covariance_rad2[..., :2, :2]
+    cosines = observation.measured[..., :2] - np.einsum("...ij,...j->...i", by_bias, sensor)
+    size = np.sum(cosines**2, axis=-1, keepdims=True)
+    cosines = cosines * np.sqrt(np.minimum(1.0, LARGEST_SQUARE / np.maximum(size, LARGEST_SQUARE)))
+    height = np.sqrt(1.0 - np.sum(cosines**2, axis=-1, keepdims=True))
+    slopes = cosine_slopes(np.concatenate([cosines, height], axis=-1))
+    return replace(
+        observation,
+        measured=np.concatenate([cosines, height], axis=-1),
+        covariance_rad2=slopes @ noise @ _transposed(slopes),
+        bias_rad=slopes @ by_bias,
+    )
 
 
 def squared_innovation(state: AttitudeState, observation: DirectionObservation) -> Array:

@@ -8,7 +8,7 @@ filter on.
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ from rf_pointing.array_sensors.doa.response_watch import ResponseWatch
 from rf_pointing.core import Params, as_finite_array, parameter, require_between
 
 Array = NDArray[np.float64]
+MERGED = "one of the maxima is none of a signal: two of the channel's stations have one between them"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,6 +164,8 @@ class DoaAttitude:
         self._require_known(heard.transmitters)
         found = self._directions(heard)
         self._watch_response(found)
+        if self._merged(found):
+            found = [replace(each, valid=False, reason=MERGED) for each in found]
         # After the directions, so that a block of unusable snapshots leaves the filter's time
         # alone.
         running = self._carried_on(t_s)
@@ -197,13 +200,30 @@ class DoaAttitude:
         params = self._estimator.replace(sources=len(heard.transmitters))
         return DoaEstimator(self._array, params, response=self._response).estimate(heard.block)
 
+    def _merged(self, found: list[DirectionEstimate]) -> bool:
+        """Return whether one of several directions is none of a signal.
+
+        Two stations that are too near each other have one maximum between them; noise makes
+        another one elsewhere, whose response lies outside the signals.
+        """
+        return len(found) > 1 and any(each.misfit.squared > self._by_chance(each) for each in found)
+
+    def _by_chance(self, found: DirectionEstimate) -> float:
+        """Return the largest misfit that noise and unknown phases make."""
+        return found.misfit.by_chance(self._estimator.phase_sigma_rad, self._filtering[-1].false_alarm)
+
     def _watch_response(self, found: list[DirectionEstimate]) -> None:
         """Take the misfits of the directions that are strong enough to be directions."""
         watch, least = self._filtering[-1], self._estimator.effective_snr_min
         for each in found:
-            if each.effective_snr >= least:
-                self._response_watch = self._response_watch.with_direction(watch, each.misfit)
-                self._doubt = self._response_watch.doubt(watch, self._estimator.phase_sigma_rad, each.misfit.freedom)
+            if each.effective_snr < least:
+                continue
+            # A false maximum now and then is none of the elements' doing; elements make one every
+            # time.
+            largest = self._by_chance(each) if len(found) > 1 else np.inf
+            misfit = replace(each.misfit, squared=min(each.misfit.squared, largest))
+            self._response_watch = self._response_watch.with_direction(watch, misfit)
+            self._doubt = self._response_watch.doubt(watch, self._estimator.phase_sigma_rad, misfit.freedom)
 
     def _observe(
         self, running: DoaAttitudeFilter, found: list[DirectionEstimate], names: tuple[str, ...], t_s: float

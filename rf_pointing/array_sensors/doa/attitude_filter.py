@@ -15,6 +15,7 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import (
     DirectionObservation,
     GateParams,
     ProcessNoiseParams,
+    carried_back,
     innovation,
     predict,
     squared_innovation,
@@ -29,6 +30,8 @@ from rf_pointing.array_sensors.doa.innovation_watch import InnovationWatch, Watc
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
 
 Array = NDArray[np.float64]
+LONGEST_START = 2000
+"""Directions and passages of a start that is gone through again: 17 min of a direction a second."""
 EVERY_STATION = ""
 """Key of the watch over the directions of all stations."""
 
@@ -81,6 +84,15 @@ class SharedDirections:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Passage:
+    """Time without a direction: known torques and inertial rate of the orbital frame (3,)."""
+
+    seconds: float
+    known: KnownTorque
+    frame_rate: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AttitudeEstimate:
     """Orientation of the body in the orbital frame (x, y, z, w), inertial body rate and covariance
     at `t_s`.
@@ -103,7 +115,8 @@ class DoaAttitudeState:
 
     `bank` holds one filter or the hypotheses of the start; before the first direction it is the
     guess (1,). `choose_s` is the time from which hypotheses are ruled out.  `watches` are the tests
-    of the innovations of each station, and of all of them under `EVERY_STATION`.
+    of the innovations of each station, and of all of them under `EVERY_STATION`.  `start` is what
+    came since the first direction, as long as hypotheses are open.
     """
 
     t_s: float
@@ -112,6 +125,7 @@ class DoaAttitudeState:
     choose_s: float | None = None
     stations: tuple[str, ...] = ()
     watches: dict[str, InnovationWatch] = field(default_factory=lambda: {EVERY_STATION: InnovationWatch()})
+    start: tuple[Passage | StationDirection | SharedDirections, ...] = ()
 
 
 class DoaAttitudeFilter:
@@ -177,13 +191,9 @@ class DoaAttitudeFilter:
         if self._state.heard_s is None:
             self._accept(replace(self._state, t_s=t_s))
             return
-        # Equal steps; the small subtraction keeps a step of exactly step_s from becoming two by
-        # rounding.
-        count = int(np.ceil(elapsed / self._params.step_s - 1e-9))
-        bank = self._state.bank
-        for _ in range(count):
-            bank = predict(self._inertia, self._noise, bank, known, rate, elapsed / count)
-        self._accept(replace(self._state, t_s=t_s, bank=bank))
+        passage = Passage(seconds=elapsed, known=known, frame_rate=rate)
+        bank = self._passed(self._state.bank, passage)
+        self._accept(replace(self._state, t_s=t_s, bank=bank, start=self._noted(passage)))
 
     def observe(self, direction: StationDirection) -> bool:
         """Take one direction at the filter's time; return whether it lay inside the gate.
@@ -200,7 +210,9 @@ class DoaAttitudeFilter:
         watches = self._watched(state.watches, bank, seen, direction.station)
         bank = update(bank, seen, self._gate)
         inside = bool(best_of_bank(bank).refused[0] == 0)
-        self._accept(self._heard(bank, watches, (direction.station,) if inside or not state.stations else (), inside))
+        self._accept(
+            self._heard(direction, bank, watches, (direction.station,) if inside or not state.stations else (), inside)
+        )
         return inside
 
     def observe_shared(self, directions: SharedDirections) -> tuple[int, ...]:
@@ -237,7 +249,9 @@ class DoaAttitudeFilter:
             bank = update(bank, chosen, self._gate, in_doubt=False)
             if bank.refused[best] == 0:
                 inside.append(station)
-        self._accept(self._heard(bank, watches, tuple(directions.stations[each] for each in inside), bool(inside)))
+        self._accept(
+            self._heard(directions, bank, watches, tuple(directions.stations[each] for each in inside), bool(inside))
+        )
         return tuple(inside)
 
     def start_from_directions(self, directions: list[StationDirection], rate_rad_s: Array) -> None:
@@ -302,8 +316,25 @@ class DoaAttitudeFilter:
             for name in (EVERY_STATION, station)
         }
 
+    def _passed(self, bank: AttitudeState, passage: Passage) -> AttitudeState:
+        count, step_s = self._steps(passage)
+        for _ in range(count):
+            bank = predict(self._inertia, self._noise, bank, passage.known, passage.frame_rate, step_s)
+        return bank
+
+    def _steps(self, passage: Passage) -> tuple[int, float]:
+        """Return number and length of equal steps."""
+        # The small subtraction keeps a step of exactly step_s from becoming two by rounding.
+        count = int(np.ceil(passage.seconds / self._params.step_s - 1e-9))
+        return count, passage.seconds / max(count, 1)
+
     def _heard(
-        self, bank: AttitudeState, watches: dict[str, InnovationWatch], stations: tuple[str, ...], inside: bool
+        self,
+        heard: StationDirection | SharedDirections,
+        bank: AttitudeState,
+        watches: dict[str, InnovationWatch],
+        stations: tuple[str, ...],
+        inside: bool,
     ) -> DoaAttitudeState:
         """Return the state with `bank` and new stations; rule hypotheses out when that is due."""
         state = self._state
@@ -319,7 +350,48 @@ class DoaAttitudeFilter:
         if choose_s is not None and state.t_s >= choose_s:
             bank = remaining(self._start, bank)
             choose_s = None if len(bank.misfit) == 1 else choose_s
-        return replace(state, bank=bank, watches=watches, heard_s=heard_s, stations=received, choose_s=choose_s)
+        start = (*state.start, heard) if state.heard_s is None else self._noted(heard)
+        found = replace(
+            state, bank=bank, watches=watches, heard_s=heard_s, stations=received, choose_s=choose_s, start=start
+        )
+        return found if len(bank.misfit) > 1 or not start else self._started_again(found)
+
+    def _noted(
+        self, came: Passage | StationDirection | SharedDirections
+    ) -> tuple[Passage | StationDirection | SharedDirections, ...]:
+        """Return the start with what came, nothing where none is open or it lasts too long."""
+        state = self._state
+        return (*state.start, came) if 0 < len(state.start) < LONGEST_START else ()
+
+    def _started_again(self, chosen: DoaAttitudeState) -> DoaAttitudeState:
+        """Return the state that the start leads to from the attitude it ended with.
+
+        A hypothesis begins up to 15 deg and one in one channel 60 deg off; what is linear there,
+        above all the correlation with the biases, is wrong by as much and stays in the filter.
+        """
+        bank, seconds = chosen.bank, 0.0
+        for came in reversed(chosen.start):
+            if isinstance(came, Passage):
+                count, step_s = self._steps(came)
+                seconds += came.seconds
+                for _ in range(count):
+                    bank = carried_back(self._inertia, self._noise, bank, came.known, came.frame_rate, step_s)
+        begun_s = chosen.t_s - seconds
+        first = start_state(
+            bank.quaternion, bank.rate_rad_s, self._start.attitude_rad, self._start.rate_rad_s, self._gate
+        )
+        self._state = DoaAttitudeState(t_s=begun_s, bank=first, heard_s=begun_s)
+        for came in chosen.start:
+            if isinstance(came, Passage):
+                self.predict_to(self._state.t_s + came.seconds, came.known, came.frame_rate)
+            elif isinstance(came, StationDirection):
+                self.observe(came)
+            else:
+                self.observe_shared(came)
+        again, self._state = self._state, chosen
+        if again.bank.misfit[0] > chosen.bank.misfit[0]:
+            again = chosen
+        return replace(again, t_s=chosen.t_s, choose_s=None, start=())
 
     def _doubts(self, best: AttitudeState) -> list[str]:
         state, params = self._state, self._params

@@ -38,6 +38,11 @@ class ResponseMisfit:
     noise_rad2: float
     freedom: int
 
+    def by_chance(self, phase_sigma_rad: float, false_alarm: float) -> float:
+        """Return what noise and unknown phases exceed in `false_alarm` of the blocks."""
+        dimensions = float(chi_square_limit(np.array(float(self.freedom)), false_alarm))
+        return dimensions * ((1.0 + MODEL_SHARE) * self.noise_rad2 + phase_sigma_rad**2)
+
 
 def response_misfit(found: Eigen, sources: int, steered: ComplexArray, noise: float, snapshots: int) -> ResponseMisfit:
     """Return the misfit of `steered` (M,), the response to one of the `sources` directions, to the
@@ -94,6 +99,6 @@ class ResponseWatch:
             return ""
         excess = math.sqrt((self.squared[worst] - self.noise[worst]) / self.freedom[worst])
         return (
-            f"the elements are {math.degrees(excess):.2g} deg off their known response, phase_sigma_rad="
+            f"the elements are at least {math.degrees(excess):.2g} deg off their known response, phase_sigma_rad="
             f"{phase_sigma_rad:.3g}: calibrate response.*, or leave an element out with excluded"
         )

@@ -4,13 +4,17 @@ import numpy as np
 import pytest
 
 from rf_pointing.array_sensors.attitude.ground_stations import (
+    GroundNetworkParams,
     GroundStation,
+    SurveyedStation,
     largest_nadir_angle_rad,
     place_slopes,
     stations_along_track,
     view_stations,
 )
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
+from rf_pointing.core.constants import EARTH_RADIUS_M
+from rf_pointing.ephemeris import Site
 
 ORBIT = SunSynchronousOrbitParams()
 LOWEST_RAD = np.radians(10.0)
@@ -85,3 +89,67 @@ def test_no_stations_are_refused() -> None:
 def test_station_off_the_earth_is_refused(latitude: float, longitude: float) -> None:
     with pytest.raises(ValueError, match="itude_rad="):
         GroundStation(name="x", latitude_rad=latitude, longitude_rad=longitude)
+
+
+@pytest.mark.parametrize("number", [1, 5])
+def test_stations_are_passed_one_after_the_other_by_turns_right_and_left(number: int) -> None:
+    """At the middle of its time each is abeam: 0.05 rad of the Earth's surface to the right (y) or left."""
+    found = stations_along_track(ORBIT, 200.0, count=number, spacing_s=400.0, aside_rad=0.05)
+    assert [each.name for each in found] == [f"station_{k + 1}" for k in range(number)]
+    for k, each in enumerate(found):
+        point = orbit_point(ORBIT, 200.0 + 400.0 * (k + 0.5))
+        x, y, z = point.frame @ each.position_m / EARTH_RADIUS_M
+        assert (x, y) == pytest.approx((0.0, (-1.0) ** k * np.sin(0.05)), abs=1e-12)
+        assert z == pytest.approx(-np.cos(0.05))
+    assert len(stations_along_track(ORBIT, 0.0)) == 8
+    late = stations_along_track(ORBIT, 0.0)[3]
+    abeam = orbit_point(ORBIT, 3.5 * 625.0).frame @ late.position_m / EARTH_RADIUS_M
+    assert tuple(abeam[:2]) == pytest.approx((0.0, -np.sin(0.02)), abs=1e-12)
+
+
+def test_stations_are_seen_from_the_given_elevation_on() -> None:
+    view = view_stations(ORBIT, stations_along_track(ORBIT, 0.0), 900.0)
+    for elevation in view.elevation_rad:
+        assert np.sum(view.visible(float(elevation))) == np.sum(view.elevation_rad >= elevation)
+        assert np.sum(view.visible(float(elevation) + 1e-9)) == np.sum(view.elevation_rad > elevation)
+    for index, station in enumerate(stations_along_track(ORBIT, 0.0)):
+        point = orbit_point(ORBIT, 900.0)
+        away = station.position_m - point.position_m
+        assert view.range_m[index] == pytest.approx(np.linalg.norm(away))
+        assert view.elevation_rad[index] == pytest.approx(
+            np.arccos(station.zenith @ away / np.linalg.norm(away)) - np.pi / 2.0
+        )
+        np.testing.assert_allclose(view.reference[index], point.frame @ away / np.linalg.norm(away), atol=1e-12)
+
+
+def test_a_surveyed_station_stands_on_the_ellipsoid_with_its_own_vertical() -> None:
+    site = Site(latitude_rad=np.radians(47.0), longitude_rad=np.radians(8.0), altitude_m=500.0)
+    station = SurveyedStation(name="site", site=site)
+    x, y, z = station.position_m
+    # WGS 84: the prime vertical's radius from the semi-axis and the flattening.
+    e2 = (2.0 - 1.0 / 298.257223563) / 298.257223563
+    prime = 6378137.0 / np.sqrt(1.0 - e2 * np.sin(np.radians(47.0)) ** 2)
+    assert np.hypot(x, y) == pytest.approx((prime + 500.0) * np.cos(np.radians(47.0)), abs=1e-3)
+    assert z == pytest.approx((prime * (1.0 - e2) + 500.0) * np.sin(np.radians(47.0)), abs=1e-3)
+    latitude, longitude = np.radians([47.0, 8.0])
+    expected = [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
+    np.testing.assert_allclose(station.zenith, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"names": ("Usingen", "b")}, "names has 'Usingen', must be lower-case letters, digits and underscores"),
+        ({"names": ("a", "1b")}, "names has '1b'"),
+        ({"names": ("a", "a")}, r"names=\('a', 'a'\) must be different, and at least one"),
+        ({"names": ()}, r"names=\(\) must be different, and at least one"),
+        ({"latitude_rad": (0.1,)}, "latitude_rad has 1 values, must be one for each of 2 names"),
+        ({"longitude_rad": (0.1, 0.2, 0.3)}, "longitude_rad has 3 values, must be one for each of 2 names"),
+    ],
+)
+def test_a_network_of_stations_without_places_or_names_is_refused(changes: dict[str, tuple], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        GroundNetworkParams(**changes)
+    first, second = GroundNetworkParams().stations()
+    assert (first.name, second.name) == ("usingen", "hartebeesthoek")
+    assert (second.latitude_rad, first.longitude_rad) == pytest.approx((np.radians(-25.89), np.radians(8.48)))

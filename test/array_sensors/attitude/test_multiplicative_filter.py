@@ -12,25 +12,36 @@ from rf_pointing.array_sensors.attitude.ground_stations import stations_along_tr
 from rf_pointing.array_sensors.attitude.multiplicative_filter import (
     TABLE_Q,
     AttitudeState,
+    Biases,
     DirectionObservation,
     GateParams,
     ProcessNoiseParams,
     attitude_error,
+    carried_back,
     innovation,
     predict,
     process_noise_from_q,
+    rotation_between,
     start_state,
     update,
 )
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
 from rf_pointing.array_sensors.attitude.quaternion import (
+    conjugate,
     multiply,
     quaternion_from_rotation_vector,
     quaternion_to_matrix,
     rotation_angle_between_rad,
 )
-from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, propagate, rigid_inertia
-from rf_pointing.array_sensors.attitude.rotations import cross_matrix
+from rf_pointing.array_sensors.attitude.rigid_body import (
+    KnownTorque,
+    SatelliteParams,
+    gravity_gradient_n_m,
+    propagate,
+    rate_slope_rad_s2,
+    rigid_inertia,
+)
+from rf_pointing.array_sensors.attitude.rotations import cosine_slopes, cross_matrix, tangent_rows
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SimulatedSatellite
 from rf_pointing.papers.doa_study.beyond import nees, nees_band
 
@@ -175,6 +186,67 @@ def test_errors_of_the_references_are_estimated_and_those_of_later_ones_join(str
     assert state.biases.estimate[:5] == pytest.approx(np.zeros(5), abs=1e-6)
 
 
+def test_bias_of_the_cosines_is_taken_off_on_the_sphere(stream: np.random.Generator) -> None:
+    """Three sigmas of 0.0113 at a cosine of 0.4 leave 0.35 deg along the slope, and nothing here."""
+    bias, sigma = np.array([0.031, 0.022]), 0.0113
+    attitude = unit(stream, 4)
+    state = start_state(attitude, np.zeros(3), 0.01, 1e-4, GATE)
+    for true in ([0.766, 0.503], [-0.35, -0.42], [0.8, -0.25]):
+        expected, measured = raised(np.array(true)), raised(np.array(true) + bias)
+        # A second seen without the bias: the same spread belongs to it.
+        seen, exact = (
+            DirectionObservation(
+                each,
+                1e-6 * cosine_slopes(each) @ cosine_slopes(each).T,
+                quaternion_to_matrix(attitude) @ expected,
+                bias_rad=sigma * cosine_slopes(each),
+            )
+            for each in (measured, expected)
+        )
+        biases = update(state, seen, GATE).biases
+        assert biases is not None
+        estimate = np.concatenate([bias / sigma, np.zeros(3)])
+        z, spread, _ = innovation(replace(state, biases=replace(biases, estimate=estimate)), seen)
+        assert np.linalg.norm(z) < 1e-12
+        _, right, _ = innovation(replace(state, biases=replace(biases, estimate=np.zeros(5))), exact)
+        np.testing.assert_allclose(spread, right, rtol=1e-9)
+
+
+def raised(cosines: np.ndarray) -> np.ndarray:
+    """Return the direction above the array of two cosines."""
+    return np.append(cosines, np.sqrt(1.0 - np.sum(cosines**2)))
+
+
+def test_bias_larger_than_a_direction_allows_leaves_it_above_the_array() -> None:
+    measured = raised(np.array([0.6, 0.7]))
+    seen = DirectionObservation(measured, across(measured, 1e-3), measured, bias_rad=0.1 * cosine_slopes(measured))
+    state = update(start_state(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), 0.1, 1e-4, GATE), seen, GATE)
+    assert state.biases is not None
+    far = replace(state, biases=replace(state.biases, estimate=np.array([-3.0, -3.0, 0.0, 0.0, 0.0])))
+    # The direction is that of (0.9, 1.0) in the plane of the array.
+    z, spread, _ = innovation(far, seen)
+    assert np.linalg.norm(z) == pytest.approx(np.arccos(measured @ [0.669, 0.743, 0.0]), abs=2e-3)
+    assert np.all(np.linalg.eigvalsh(spread) > 0.0)
+
+
+def test_carrying_back_undoes_the_motion(stream: np.random.Generator) -> None:
+    noise = ProcessNoiseParams(torque_n_m=2e-4)
+    first = start_state(unit(stream, 4), 0.01 * stream.standard_normal(3), 0.01, 1e-4, GATE)
+    state = predict(INERTIA, noise, first, KNOWN, ORBIT_RATE, 0.25)
+    assert state.biases is not None
+    # An unknown torque that is estimated by now acted all the time.
+    torque = np.array([0.0, 0.0, 1.5, -0.7, 0.4])
+    begun = state = replace(state, biases=replace(state.biases, estimate=torque))
+    for _ in range(40):
+        state = predict(INERTIA, noise, state, KNOWN, ORBIT_RATE, 0.25)
+    moved = float(rotation_angle_between_rad(state.quaternion, begun.quaternion))
+    for _ in range(40):
+        state = carried_back(INERTIA, noise, state, KNOWN, ORBIT_RATE, 0.25)
+    assert moved > 0.03
+    assert float(rotation_angle_between_rad(state.quaternion, begun.quaternion)) < 1e-4 * moved
+    np.testing.assert_allclose(state.rate_rad_s, begun.rate_rad_s, atol=1e-7)
+
+
 @pytest.mark.parametrize(("torque_n_m", "clock_s"), [(0.0, 0.0), (2e-5, 0.0), (2e-5, 0.5)])
 def test_mean_nees_of_100_runs_lies_in_its_95_percent_band(torque_n_m: float, clock_s: float) -> None:
     """A pass and a hand-off, truth driven by the filter's process noise, a torque it does not know and an error of the
@@ -255,3 +327,120 @@ def test_certainty_on_both_sides_is_refused_and_not_divided_by() -> None:
     seen = DirectionObservation(np.array([0.0, 0.0, 1.0]), np.zeros((3, 3)), np.array([0.0, 0.0, 1.0]))
     with pytest.raises(ValueError, match="innovation covariance has determinant 0.0, must be > 0: singular"):
         update(sure, seen, GATE)
+
+
+def correlated(stream: np.random.Generator, count: int, attitude_rad: float = 0.02) -> tuple[AttitudeState, np.ndarray]:
+    """Return a state with `count` constants, everything correlated, and the covariance of all of it."""
+    root = (
+        stream.standard_normal((6 + count, 6 + count)) * np.r_[[attitude_rad] * 3, [1e-4] * 3, np.ones(count)][:, None]
+    )
+    joint = root @ root.T / (6 + count)
+    biases = Biases(0.3 * stream.standard_normal(count), joint[6:, 6:], joint[:6, 6:])
+    state = AttitudeState(
+        unit(stream, 4), 2e-2 * stream.standard_normal(3), joint[:6, :6], np.array(3), np.array(1.5), biases
+    )
+    return state, joint
+
+
+def joined(state: AttitudeState) -> np.ndarray:
+    assert state.biases is not None
+    return np.block(
+        [[state.covariance, state.biases.correlation], [state.biases.correlation.T, state.biases.covariance]]
+    )
+
+
+def test_a_prediction_is_that_of_attitude_rate_and_constants_as_one_linear_system(stream: np.random.Generator) -> None:
+    """x' = A x with the torque's three constants as inputs of the rate: I + A t + (A t)^2 / 2 on all of it."""
+    state, joint = correlated(stream, 7)
+    noise, dt_s = ProcessNoiseParams(attitude_rad2_s=1e-7, rate_rad2_s3=3e-9, torque_n_m=5e-3), 0.5
+    moved = predict(INERTIA, noise, state, KNOWN, ORBIT_RATE, dt_s)
+    torque = 5e-3 * state.biases.estimate[2:5]
+    pushed = replace(KNOWN, control_n_m=KNOWN.control_n_m + torque)
+    q, w = propagate(INERTIA, state.quaternion, state.rate_rad_s, pushed, ORBIT_RATE, dt_s)
+    assert (moved.quaternion, moved.rate_rad_s) == (pytest.approx(q), pytest.approx(w))
+    rotation = quaternion_to_matrix(state.quaternion)
+    system = np.zeros((13, 13))
+    system[:3, :3] = -cross_matrix(ORBIT_RATE)
+    system[:3, 3:6] = 0.5 * (rotation + quaternion_to_matrix(q))
+    step = 1e-6
+    for axis in range(3):
+        # A turn of the orbital axes is one of the body's, and both change the gravity's torque.
+        turn = quaternion_from_rotation_vector(step * np.eye(3)[axis])
+        ends = [
+            gravity_gradient_n_m(INERTIA, quaternion_to_matrix(multiply(each, state.quaternion)), ORBIT_RATE)
+            for each in (turn, conjugate(turn))
+        ]
+        system[3:6, axis] = INERTIA.inverse @ (ends[0] - ends[1]) / (2.0 * step)
+        rates = [
+            rate_slope_rad_s2(
+                INERTIA, state.rate_rad_s + sign * step * np.eye(3)[axis], np.zeros(3), KNOWN.wheel_momentum_n_m_s
+            )
+            for sign in (1.0, -1.0)
+        ]
+        system[3:6, 3 + axis] = (rates[0] - rates[1]) / (2.0 * step)
+    system[3:6, 8:11] = 5e-3 * INERTIA.inverse
+    walked = system * dt_s
+    transition = np.eye(13) + walked + walked @ walked / 2.0
+    expected = transition @ joint @ transition.T
+    expected[:6, :6] += dt_s * np.diag([1e-7] * 3 + [3e-9] * 3)
+    scale = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(joined(moved) / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-9)
+    assert moved.biases.estimate == pytest.approx(state.biases.estimate)
+    assert (int(moved.refused), float(moved.misfit)) == (3, 1.5)
+
+
+@pytest.mark.parametrize("in_doubt", [False, True])
+def test_an_update_is_that_of_attitude_rate_and_constants_as_one_linear_system(
+    stream: np.random.Generator, in_doubt: bool
+) -> None:
+    """What the direction misses by, as a function of all of it, by differences; then the plain Kalman update."""
+    state, joint = correlated(stream, 7, 1e-4)
+    measured, step = raised(np.array([0.3, -0.5])), 1e-5
+    turn = quaternion_to_matrix(quaternion_from_rotation_vector(1e-3 * stream.standard_normal(3)))
+    reference = turn @ quaternion_to_matrix(state.quaternion) @ measured
+    by_sensor = cosine_slopes(measured) @ (1e-4 * stream.standard_normal((2, 2)))
+    by_place = 2e-4 * stream.standard_normal((3, 2))
+    by_place -= np.outer(reference, reference @ by_place)
+    spread = np.array([[3.0, 0.5], [0.5, 1.0]]) * 5e-9
+    rows = tangent_rows(measured)
+    seen = DirectionObservation(measured, rows.T @ spread @ rows, reference, by_sensor, by_place)
+    z, claimed, across_reference = innovation(state, seen)
+
+    def missed(change: np.ndarray) -> np.ndarray:
+        """Return what is left of z when attitude and constants are off by `change` (6 + 7)."""
+        rotation = quaternion_to_matrix(multiply(quaternion_from_rotation_vector(change[:3]), state.quaternion))
+        constants = state.biases.estimate + change[6:]
+        direction = measured - by_sensor @ constants[:2]
+        known = reference + by_place @ constants[5:]
+        gap = rotation_between(rotation @ direction / np.linalg.norm(direction), known / np.linalg.norm(known))
+        return across_reference @ gap
+
+    slope = np.array([(missed(-step * e) - missed(step * e)) / (2.0 * step) for e in np.eye(13)]).T
+    assert z == pytest.approx(missed(np.zeros(13)), abs=3e-6)
+    # The miss is 1e-3 rad: its square is what a linear slope leaves out.
+    expected = slope @ joint @ slope.T
+    noise = claimed - expected
+    assert np.linalg.eigvalsh(noise) == pytest.approx(np.linalg.eigvalsh(spread), rel=0.03)
+    crossed = joint @ slope.T
+    squared = z @ np.linalg.solve(claimed, z)
+    gate = GateParams(largest=max(4.0, 2.0 * squared))
+    after = update(state, seen, gate, in_doubt=in_doubt)
+    gain = crossed @ np.linalg.inv(claimed)
+    scale = np.sqrt(np.diag(joint))
+    np.testing.assert_allclose(
+        joined(after) / np.outer(scale, scale), (joint - gain @ crossed.T) / np.outer(scale, scale), atol=1e-3
+    )
+    change = attitude_error(state, after.quaternion, after.rate_rad_s)
+    assert np.r_[change, after.biases.estimate - state.biases.estimate] / scale == pytest.approx(
+        gain @ z / scale, abs=0.05
+    )
+    assert float(after.misfit) == pytest.approx(1.5 + squared)
+    assert int(after.refused) == 0
+    # Outside a narrower gate it is left out, but for its count and the gate's worth of misfit.
+    assert squared > 4.0
+    kept = update(state, seen, GateParams(largest=4.0), in_doubt=in_doubt)
+    np.testing.assert_allclose(joined(kept), joint, rtol=1e-12, atol=1e-18)
+    assert (int(kept.refused), float(kept.misfit)) == (4, pytest.approx(5.5))
+    doubting = update(replace(state, refused=np.array(8)), seen, GateParams(largest=4.0), in_doubt=in_doubt)
+    assert (float(doubting.covariance[0, 0]) != float(joint[0, 0])) is in_doubt
+    assert int(doubting.refused) == 9

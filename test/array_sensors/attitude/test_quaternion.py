@@ -143,3 +143,11 @@ def test_what_is_no_rotation_is_named_with_its_defect(matrix: object, complaint:
 def test_rotations_pass_unchanged() -> None:
     turns = np.array([np.eye(3), np.diag([1.0, -1.0, -1.0])])
     assert np.array_equal(require_rotation("attitude", turns), turns)
+
+
+def test_the_angle_between_two_orientations_is_that_of_scipy(quaternions: np.ndarray) -> None:
+    a, b = quaternions[:100], quaternions[100:]
+    expected = (Rotation(a).inv() * Rotation(b)).magnitude()
+    np.testing.assert_allclose(rotation_angle_between_rad(a, b), expected, atol=1e-12)
+    np.testing.assert_allclose(rotation_angle_between_rad(a, -b), expected, atol=1e-12)
+    assert np.max(expected) > 2.5

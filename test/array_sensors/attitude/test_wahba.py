@@ -123,3 +123,11 @@ def test_directions_that_do_not_fix_the_attitude_are_refused(
 ) -> None:
     with pytest.raises(ValueError, match=message):
         fit_rotation(np.array(reference), np.array(measured), weights)
+
+
+def test_the_covariance_of_directions_that_are_one_is_refused() -> None:
+    one = np.array([0.0, 0.6, 0.8])
+    with pytest.raises(ValueError, match="directions"):
+        attitude_covariance(np.array([one, one]), 1e-10 * np.tile(np.eye(3), (2, 1, 1)))
+    with pytest.raises(ValueError, match=r"direction_covariances has shape \(3, 3\), must be \(\.\.\., 2, 3, 3\)"):
+        attitude_covariance(np.array([one, [1.0, 0.0, 0.0]]), np.eye(3))

@@ -18,14 +18,15 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_to_rotation_vector,
     rotation_angle_between_rad,
 )
-from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
+from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
-from rf_pointing.array_sensors.doa.array_source import ArraySourceParams, SnapshotBlock
+from rf_pointing.array_sensors.doa.array_source import ArraySource, ArraySourceParams, SnapshotBlock
 from rf_pointing.array_sensors.doa.attitude_chain import (
     ChannelBlock,
     DoaAttitude,
     DoaAttitudeReport,
     DoaChainParams,
+    HeldTorque,
     match_directions,
 )
 from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeParams
@@ -38,6 +39,7 @@ from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams
 START_S = 1_767_225_600.0
 ARRAY, ORBIT = CircularArrayParams(), SunSynchronousOrbitParams()
 STATIONS = stations_along_track(ORBIT, START_S - 600.0, spacing_s=300.0, aside_rad=0.06)
+NO_TORQUE = KnownTorque(control_n_m=np.zeros(3), wheel_momentum_n_m_s=np.zeros(3), wheel_momentum_rate_n_m=np.zeros(3))
 SIGMAS = 4.5
 
 
@@ -262,6 +264,19 @@ def test_unknown_coupling_of_the_elements_is_found_and_a_calibrated_one_is_not(a
     assert not any("known response" in report.attitude.reason for report in known)
 
 
+def test_stations_that_have_one_maximum_between_them_move_nothing() -> None:
+    running, names = chain(), (STATIONS[0].name, STATIONS[1].name)
+    source = ArraySource(ARRAY, ArraySourceParams(), seed=3)
+    for k, apart in enumerate((0.13, 0.13, 0.3)):
+        towards = np.array([[x, 0.2, np.sqrt(0.96 - x**2)] for x in (0.3, 0.3 + apart)])
+        block = source.step(START_S + k, towards, np.zeros(2))
+        running.take_torque(HeldTorque(t_s=START_S + k, known=NO_TORQUE), START_S + k)
+        found = running.take_block(ChannelBlock(transmitters=names, block=block), START_S + k)
+        merged = any("have one between them" in each for each in found.refused)
+        assert merged == (apart < 0.2)
+        assert ("no direction accepted yet" in found.attitude.reason) == (apart < 0.2)
+
+
 def test_coasting_carries_the_attitude_on_by_the_known_torques(lived: list[DoaMoment]) -> None:
     running = chain()
     assert running.coast(START_S) is None
@@ -371,3 +386,67 @@ def test_simulation_refuses_time_that_does_not_advance() -> None:
     satellite.step(START_S)
     with pytest.raises(ValueError, match="must be > the last step's"):
         satellite.step(START_S)
+
+
+def test_angles_are_those_between_the_vectors_up_to_the_reach() -> None:
+    def at(angle: float) -> list[float]:
+        return [np.cos(angle), np.sin(angle), 0.0]
+
+    for apart in (1e-9, 0.3, 3.0):
+        near, far = np.array([at(0.0)]), np.array([at(apart)])
+        assert match_directions(near, far, 1.001 * apart) == [(0, 0)]
+        assert match_directions(near, far, 0.999 * apart) == []
+    for reach, words in ((-0.1, "largest_rad=-0.1 must be >= 0"), (3.2, "largest_rad=3.2 must be <= 3.14")):
+        with pytest.raises(ValueError, match=words):
+            match_directions(near, far, reach)
+    with pytest.raises(ValueError, match="expected has shape"):
+        match_directions(near, far[0], 0.1)
+
+
+@pytest.mark.parametrize(("late_s", "goes_on"), [(5.0, True), (5.01, False)])
+def test_a_torque_carries_the_filter_on_for_its_largest_age(
+    lived: list[DoaMoment], late_s: float, goes_on: bool
+) -> None:
+    running = chain()
+    running.take_torque(lived[0].torque, START_S)
+    running.take_block(lived[0].heard, START_S)
+    if goes_on:
+        report = running.coast(START_S + late_s)
+        assert report is not None
+        assert report.attitude.t_s == running.time_s == START_S + late_s
+        assert running.coast(START_S + late_s) is None
+    else:
+        with pytest.raises(ValueError, match=r"is 5\.01 s old, must be <= 5\.0 s"):
+            running.coast(START_S + late_s)
+
+
+@pytest.mark.parametrize(("gap_s", "anew"), [(7.0, False), (8.0, True)])
+def test_a_gap_of_the_largest_length_is_bridged_and_a_longer_one_starts_anew(
+    lived: list[DoaMoment], gap_s: float, anew: bool
+) -> None:
+    running = chain(gap_max_s=7.0)
+    run(running, lived[:25])
+    last = 24 + int(gap_s)
+    for moment in lived[25 : last + 1]:
+        running.take_torque(moment.torque, moment.truth.t_s)
+    report = running.take_block(lived[last].heard, START_S + last)
+    assert ("hypotheses" in report.attitude.reason) is anew
+
+
+def test_between_two_torques_each_holds_from_its_own_time_on(lived: list[DoaMoment]) -> None:
+    """Carried on over five torques at once, and in five steps: the same attitude."""
+    at_once, stepped = chain(), chain()
+    for running in (at_once, stepped):
+        run(running, lived[:25])
+    for moment in lived[25:30]:
+        at_once.take_torque(moment.torque, START_S + 30.0)
+        stepped.take_torque(moment.torque, START_S + 30.0)
+        # The torque of this moment holds from it on: before it, that of the moment before.
+        stepped.coast(moment.truth.t_s)
+    for running in (at_once, stepped):
+        running.coast(START_S + 29.5)
+    first, second = (running.coast(START_S + 29.75) for running in (at_once, stepped))
+    assert first is not None
+    assert second is not None
+    np.testing.assert_allclose(first.attitude.quaternion, second.attitude.quaternion, atol=1e-9)
+    np.testing.assert_allclose(first.rate.rate_rad_s, second.rate.rate_rad_s, atol=1e-9)

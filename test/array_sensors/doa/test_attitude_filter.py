@@ -12,7 +12,13 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     rotation_angle_between_rad,
 )
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
-from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeFilter, DoaAttitudeParams, StationDirection
+from rf_pointing.array_sensors.doa import attitude_filter
+from rf_pointing.array_sensors.doa.attitude_filter import (
+    DoaAttitudeFilter,
+    DoaAttitudeParams,
+    SharedDirections,
+    StationDirection,
+)
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
 from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 
@@ -92,6 +98,34 @@ def test_one_hypothesis_is_kept_once_a_second_station_has_settled() -> None:
     assert len(running.state.bank.misfit) == 1
     assert found.valid
     assert float(rotation_angle_between_rad(found.quaternion, TRUTH)) < 0.02
+
+
+@pytest.mark.parametrize(("longest", "again"), [(attitude_filter.LONGEST_START, True), (50, False)])
+def test_decided_start_is_gone_through_again_and_its_innovations_are_tested(
+    monkeypatch: pytest.MonkeyPatch, longest: int, again: bool
+) -> None:
+    monkeypatch.setattr(attitude_filter, "LONGEST_START", longest)
+    running, decided_s = doa_filter(), None
+    for k in range(45):
+        running.predict_to(1.0 * k, NONE, ORBIT_RATE)
+        for seen in (AHEAD, ASIDE):
+            open_before = len(running.state.bank.misfit) != 1 or running.state.heard_s is None
+            running.observe(seen)
+            if open_before and len(running.state.bank.misfit) == 1:
+                decided_s = k
+        # A direction of each station and a step each second; nothing is kept after the decision.
+        noted = 3 * k + 2 if decided_s is None else 0
+        assert len(running.state.start) == (noted if noted <= longest else 0)
+    assert decided_s == StartParams().settle_s
+    # The longest memory of the watch, 500 directions: those of the start or those since.
+    directions = 2 * 45 if again else 2 * (45 - decided_s) - 1
+    fading = 1.0 - 1.0 / max(WatchParams().directions)
+    assert running.state.watches[attitude_filter.EVERY_STATION].weight[-1] == pytest.approx(
+        (1.0 - fading**directions) / (1.0 - fading), rel=0.02
+    )
+    assert running.state.t_s == 44.0
+    assert running.state.stations == ("ahead", "aside")
+    assert float(rotation_angle_between_rad(running.output().quaternion, TRUTH)) < 0.02
 
 
 def test_directions_that_keep_missing_put_the_attitude_in_doubt() -> None:
@@ -207,3 +241,106 @@ def test_one_long_prediction_is_made_of_short_steps() -> None:
         often.predict_to(0.25 * k, NONE, ORBIT_RATE)
     assert once.output().quaternion == pytest.approx(often.output().quaternion, abs=1e-12)
     assert once.output().covariance == pytest.approx(often.output().covariance, rel=1e-9)
+
+
+def together(*directions: StationDirection, order: tuple[int, ...]) -> SharedDirections:
+    """Return what one channel shows of the stations: their directions in another order."""
+    return SharedDirections(
+        measured=np.array([directions[k].measured for k in order]),
+        covariance_rad2=np.array([directions[k].covariance_rad2 for k in order]),
+        stations=tuple(each.station for each in directions),
+        reference=np.array([each.reference for each in directions]),
+    )
+
+
+ABOVE = direction("above", [0.1, -0.7, 0.9])
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (1, 2), (2,)])
+def test_directions_of_one_channel_are_given_to_the_stations_they_come_from(order: tuple[int, ...]) -> None:
+    shared, alone = doa_filter(), doa_filter()
+    for running in (shared, alone):
+        running.start_from_directions([AHEAD, ASIDE], np.zeros(3))
+    stations = (AHEAD, ASIDE, ABOVE)
+    assert shared.observe_shared(together(*stations, order=order)) == order
+    assert [alone.observe(stations[k]) for k in order] == [True] * len(order)
+    np.testing.assert_allclose(shared.output().quaternion, alone.output().quaternion, atol=1e-12)
+    np.testing.assert_allclose(shared.output().covariance, alone.output().covariance, rtol=1e-9, atol=1e-20)
+    names = ("ahead", "aside", "above")
+    assert shared.state.stations == ("ahead", "aside", *(("above",) if 2 in order else ()))
+    assert set(shared.state.watches) == {"", *(names[k] for k in order)}
+
+
+def test_a_start_from_one_channel_of_three_stations_tries_each_as_the_origin_of_the_first_direction() -> None:
+    running = doa_filter()
+    heard = together(AHEAD, ASIDE, ABOVE, order=(1, 2, 0))
+    running.observe_shared(heard)
+    assert len(running.state.bank.misfit) == 3 * StartParams().hypotheses
+    for k in range(1, 50):
+        running.predict_to(1.0 * k, NONE, ORBIT_RATE)
+        running.observe_shared(heard)
+    assert running.observe_shared(heard) == (1, 2, 0)
+    assert len(running.state.bank.misfit) == 1
+    assert float(rotation_angle_between_rad(running.output().quaternion, TRUTH)) < 0.02
+    assert running.refused == 0
+
+
+def test_a_direction_of_no_station_of_the_channel_is_left_out_and_never_believed() -> None:
+    """However often it comes: a filter in doubt would take the wrong station's."""
+    running = doa_filter()
+    running.start_from_directions([AHEAD, ASIDE], np.zeros(3))
+    before = running.output()
+    turned = replace(AHEAD, measured=ABOVE.measured, covariance_rad2=ABOVE.covariance_rad2)
+    for _ in range(12):
+        assert running.observe_shared(together(turned, order=(0,))) == ()
+    assert running.refused == 12
+    np.testing.assert_allclose(running.output().quaternion, before.quaternion, atol=1e-12)
+    assert running.observe_shared(together(AHEAD, order=())) == ()
+    assert running.state.heard_s == 0.0
+
+
+def test_doubts_begin_at_their_bounds() -> None:
+    running = doa_filter(silence_s=10.0, stations=2)
+    running.start_from_directions([AHEAD, ASIDE], quaternion_to_matrix(TRUTH).T @ ORBIT_RATE)
+    running.predict_to(10.0, NONE, ORBIT_RATE)
+    assert "no direction" not in running.output().reason
+    running.predict_to(10.1, NONE, ORBIT_RATE)
+    assert "no direction for 10 s, must be <= 10 s" in running.output().reason
+    for stations, valid in ((2, True), (3, False)):
+        other = doa_filter(stations=stations)
+        other.start_from_directions([AHEAD, ASIDE], np.zeros(3))
+        assert other.output().valid is valid
+    sigma = float(np.sqrt(np.linalg.eigvalsh(other.output().covariance[:3, :3])[-1]))
+    for share, valid in ((1.01, True), (0.99, False)):
+        narrow = doa_filter(sigma_rad=share * sigma)
+        narrow.start_from_directions([AHEAD, ASIDE], np.zeros(3))
+        assert narrow.output().valid is valid
+    assert "attitude sigma" in narrow.output().reason
+
+
+@pytest.mark.parametrize("elapsed_s", [0.25, 0.26, 0.5, 0.6])
+def test_steps_are_equal_and_none_is_longer_than_stated(elapsed_s: float) -> None:
+    count = int(np.ceil(elapsed_s / 0.25))
+    once, often = doa_filter(), doa_filter()
+    for each in (once, often):
+        each.start_from_directions([AHEAD, ASIDE], np.array([0.05, -0.04, 0.08]))
+    once.predict_to(elapsed_s, NONE, ORBIT_RATE)
+    for k in range(1, count + 1):
+        often.predict_to(elapsed_s * k / count, NONE, ORBIT_RATE)
+    np.testing.assert_allclose(once.output().covariance, often.output().covariance, rtol=1e-9, atol=1e-18)
+    longer = doa_filter(step_s=1.0)
+    longer.start_from_directions([AHEAD, ASIDE], np.array([0.05, -0.04, 0.08]))
+    longer.predict_to(elapsed_s, NONE, ORBIT_RATE)
+    same = np.allclose(longer.output().covariance, once.output().covariance, rtol=1e-6, atol=0.0)
+    assert same is (count == 1)
+
+
+def test_one_direction_of_a_channel_of_three_stations_starts_a_bank_for_each() -> None:
+    running = doa_filter()
+    running.observe_shared(together(AHEAD, ASIDE, ABOVE, order=(1,)))
+    bank = running.state.bank
+    assert len(bank.misfit) == 36
+    # A third of them has the direction at each of the stations.
+    turned = np.einsum("nij,j->ni", quaternion_to_matrix(bank.quaternion), ASIDE.measured)
+    for station in (AHEAD, ASIDE, ABOVE):
+        assert np.sum(np.linalg.norm(turned - station.reference, axis=1) < 1e-6) == 12

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.doa.covariance import eigen, sample_covariance
+from rf_pointing.array_sensors.doa.covariance import count_sources, eigen, sample_covariance
 from rf_pointing.array_sensors.doa.snapshots import complex_normal
 
 
@@ -55,3 +55,47 @@ def test_two_sources_need_a_covariance_of_rank_two(snapshots: np.ndarray) -> Non
     one = np.outer(snapshots[:, 0], snapshots[:, 0].conj())
     with pytest.raises(ValueError, match="rank below sources=2"):
         eigen(one, 6, sources=2)
+
+
+@pytest.mark.parametrize("count", [6, 12, 60])
+def test_number_of_sources_is_the_shortest_description(count: int) -> None:
+    """Sources near the noise: the count is decided by the last part of the penalty.  Written out with loops."""
+    stream, found = np.random.default_rng(count), []
+    for _ in range(150):
+        steering = complex_normal(stream, (6, 2)) * np.sqrt(stream.uniform(0.0, 1.5, 2))
+        received = steering @ complex_normal(stream, (2, count)) + complex_normal(stream, (6, count))
+        covariance = sample_covariance(received)
+        values = np.sort(np.linalg.eigvalsh(covariance))[::-1]
+        lengths = []
+        for sources in range(6):
+            rest = values[sources:]
+            arithmetic, geometric = sum(rest) / len(rest), np.prod(rest) ** (1.0 / len(rest))
+            fit = count * (6 - sources) * np.log(arithmetic / geometric)
+            lengths.append(fit + 0.5 * sources * (12 - sources) * np.log(count))
+        found.append(int(count_sources(covariance[None], count)[0]))
+        assert found[-1] == int(np.argmin(lengths))
+    assert len(set(found)) >= 3
+
+
+def test_fewer_snapshots_than_elements_do_not_count_sources(snapshots: np.ndarray) -> None:
+    covariance = sample_covariance(snapshots)[None]
+    with pytest.raises(ValueError, match="snapshots=5 must be >= elements=6 to count sources"):
+        count_sources(covariance, 5)
+    # Without noise: what is left is rounding, and no source.
+    one = np.outer(snapshots[:, 0], snapshots[:, 0].conj())[None]
+    assert count_sources(one, 6).tolist() == [1]
+
+
+@pytest.mark.parametrize("sources", [0, 6])
+def test_a_subspace_of_no_signal_or_of_no_noise_is_refused(snapshots: np.ndarray, sources: int) -> None:
+    with pytest.raises(ValueError, match=f"sources={sources} must be >= 1 and < elements=6"):
+        eigen(sample_covariance(snapshots), 6, sources=sources)
+
+
+def test_one_sample_and_a_vector_of_samples_are_told_apart(snapshots: np.ndarray) -> None:
+    single = snapshots[:, :1]
+    np.testing.assert_allclose(sample_covariance(single), single @ single.conj().T)
+    with pytest.raises(ValueError, match=r"snapshots has shape \(6,\), must be \(\.\.\., elements, snapshots\)"):
+        sample_covariance(snapshots[:, 0])
+    with pytest.raises(ValueError, match="snapshots=0 must be >= sources=0"):
+        sample_covariance(snapshots[:, :0], sources=0)

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
+from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams, steering
 from rf_pointing.array_sensors.doa.array_source import ArraySource, ArraySourceParams, SnapshotBlock
+from rf_pointing.array_sensors.doa.cramer_rao import direction_bound_rad2
 from rf_pointing.array_sensors.doa.estimator import DoaEstimator, DoaEstimatorParams
 from rf_pointing.papers.doa_study.directions import direction_from_polar, polar_basis
 
@@ -148,3 +149,60 @@ def test_uncertain_phases_and_several_sources_do_not_go_together() -> None:
     assert not any(each.valid for each in found)
     assert "phase_sigma_rad=0.17 must be <= 0.01 with 2 stations in one channel" in found[0].reason
     assert all(each.valid for each in DoaEstimator(ARRAY, DoaEstimatorParams(sources=2)).estimate(block))
+
+
+@pytest.mark.parametrize("sources", [1, 2])
+@pytest.mark.parametrize("excluded", ["", "2,7"])
+def test_power_noise_covariance_and_bias_of_an_estimate_are_those_written_out(sources: int, excluded: str) -> None:
+    """Noise from the eigenvalues that are left, powers by least squares, the bound at them, carried to the sphere."""
+    response = ArrayResponse(
+        gain=np.exp(0.4j * np.arange(12)) * np.linspace(0.8, 1.2, 12),
+        coupling=np.array([0.1j, 0.05, 0.0, 0.0, 0.0, 0.0]),
+    )
+    sigma = 0.01
+    estimator = DoaEstimator(
+        ARRAY, DoaEstimatorParams(sources=sources, excluded=excluded, phase_sigma_rad=sigma), response=response
+    )
+    (block,) = blocks([3.0, 6.0][:sources], [0.4, 0.9][:sources], [0.5, 3.0][:sources], 1, response=response)
+    found = estimator.estimate(block)
+    assert len(found) == sources
+    used = [k for k in range(12) if str(k) not in excluded.split(",")]
+    heard = block.snapshots[used]
+    covariance = heard @ heard.conj().T / 100
+    values = np.linalg.eigvalsh(covariance)[::-1]
+    noise = np.mean(values[sources:]) * 100 / (100 - sources)
+    matrix = response.matrix[used]
+    directions = np.array([each.direction for each in found])
+    inverse = np.linalg.pinv(matrix @ steering(ARRAY, directions).T)
+    powers = np.diag(inverse @ (covariance - noise * np.eye(len(used))) @ inverse.conj().T).real / noise
+    bound = direction_bound_rad2(ARRAY, directions, np.diag(powers).astype(complex), 100, matrix)
+    for k, each in enumerate(found):
+        assert each.snr_db == pytest.approx(10.0 * np.log10(powers[k]))
+        cosines = bound[np.ix_([k, k + sources], [k, k + sources])]
+        assert each.effective_snr == pytest.approx(2.0 / (2.0 * np.pi) ** 2 / np.trace(cosines))
+        x, y, z = each.direction
+        slopes = np.array([[1.0, 0.0], [0.0, 1.0], [-x / z, -y / z]])
+        np.testing.assert_allclose(each.covariance_rad2, slopes @ cosines @ slopes.T, rtol=1e-9)
+        np.testing.assert_allclose(each.bias_rad, sigma * np.sqrt(2.0 / len(used)) / (2.0 * np.pi) * slopes, rtol=1e-9)
+        assert each.valid, each.reason
+        assert each.t_s == block.t_s
+
+
+def test_bounds_of_the_verdict_are_where_they_are_stated() -> None:
+    (block,) = blocks([0.0], [0.7], [1.0], 1)
+    (found,) = DoaEstimator(ARRAY, DoaEstimatorParams()).estimate(block)
+    for share in (0.999, 1.001):
+        least = DoaEstimatorParams(effective_snr_min=share * found.effective_snr)
+        assert DoaEstimator(ARRAY, least).estimate(block)[0].valid is (share < 1.0)
+        level = DoaEstimatorParams(boresight_cosine_min=share * float(found.direction[2]))
+        assert DoaEstimator(ARRAY, level).estimate(block)[0].valid is (share < 1.0)
+    # With fewer snapshots than elements signals cannot be counted, and the direction stands.
+    few = SnapshotBlock(t_s=0.0, snapshots=blocks([10.0, 10.0], [0.4, 0.9], [0.5, 3.0], 1)[0].snapshots[:, :11])
+    assert "signals in the channel" not in DoaEstimator(ARRAY, DoaEstimatorParams()).estimate(few)[0].reason
+    with pytest.raises(ValueError, match="sources=11 must be < elements=11"):
+        DoaEstimator(ARRAY, DoaEstimatorParams(sources=11, excluded="0"))
+    ten = ArrayResponse(gain=np.ones(10, complex), coupling=np.zeros(5, complex))
+    with pytest.raises(ValueError, match="response has 10 gains, must be elements=12"):
+        DoaEstimator(ARRAY, DoaEstimatorParams(), response=ten)
+    with pytest.raises(ValueError, match="snapshots of 11 elements, must be 12"):
+        DoaEstimator(ARRAY, DoaEstimatorParams()).estimate(SnapshotBlock(t_s=0.0, snapshots=block.snapshots[1:]))

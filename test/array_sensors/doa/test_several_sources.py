@@ -6,7 +6,8 @@ import pytest
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
 from rf_pointing.array_sensors.doa.covariance import count_sources, sample_covariance
 from rf_pointing.array_sensors.doa.cramer_rao import direction_bound_rad2
-from rf_pointing.array_sensors.doa.several_sources import estimate_several
+from rf_pointing.array_sensors.doa.music import steered_lattice
+from rf_pointing.array_sensors.doa.several_sources import _lattice_maxima, estimate_several
 from rf_pointing.array_sensors.doa.snapshots import draw_snapshots
 from rf_pointing.papers.doa_study.directions import direction_from_polar
 
@@ -77,3 +78,15 @@ def test_without_noise_the_count_is_not_made_from_rounding(sources: int, stream:
     a = steering(ARRAY, TWO[:sources]).T
     waves = stream.normal(size=(20, sources, 100)) + 1j * stream.normal(size=(20, sources, 100))
     assert np.all(count_sources(sample_covariance(a @ waves), 100) == sources)
+
+
+def test_starts_are_the_points_that_none_of_their_eight_neighbours_exceeds(stream: np.random.Generator) -> None:
+    signal, _ = np.linalg.qr(stream.normal(size=(12, 3)) + 1j * stream.normal(size=(12, 3)))
+    spacing = 0.15
+    points, received = steered_lattice(ARRAY, spacing)
+    share = np.linalg.norm(received @ signal.conj(), axis=1) ** 2 / np.linalg.norm(received, axis=1) ** 2
+    apart = np.max(np.abs(points[:, None, :2] - points[None, :, :2]), axis=-1)
+    highest = [bool(np.all(share[k] >= share[apart[k] < 1.5 * spacing])) for k in range(len(points))]
+    found = _lattice_maxima(ARRAY, signal, spacing, None)
+    np.testing.assert_allclose(found, points[highest], atol=1e-12)
+    assert 3 < len(found) < len(points) / 4

@@ -6,7 +6,12 @@ import pytest
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
 from rf_pointing.array_sensors.doa.covariance import sample_covariance
 from rf_pointing.array_sensors.doa.music import estimate_directions
-from rf_pointing.array_sensors.doa.snapshots import complex_normal, draw_covariances, draw_snapshots
+from rf_pointing.array_sensors.doa.snapshots import (
+    _wishart_root,
+    complex_normal,
+    draw_covariances,
+    draw_snapshots,
+)
 from rf_pointing.papers.doa_study.directions import direction_from_polar
 
 ARRAY = CircularArrayParams()
@@ -83,3 +88,42 @@ def test_correlated_constant_modulus_sources_are_refused(stream: np.random.Gener
 def test_no_snapshots_are_refused(stream: np.random.Generator) -> None:
     with pytest.raises(ValueError, match="snapshots=0 must be >= 1"):
         draw_covariances(ARRAY, SOURCE[None], 1.0, 0, stream)
+
+
+@pytest.mark.parametrize("degrees", [0, 3, 11, 12, 13, 40])
+def test_noise_drawn_by_its_triangle_has_the_law_of_its_snapshots(degrees: int, stream: np.random.Generator) -> None:
+    """Of a complex Wishart matrix of n degrees the trace has the law Gamma(M n), and each corner's minor its own mean."""
+    root = _wishart_root(4000, 12, degrees, stream)
+    drawn = root @ root.conj().swapaxes(1, 2)
+    trace = np.einsum("nii->n", drawn).real
+    # Four standard errors of mean and variance.
+    assert np.mean(trace) == pytest.approx(12.0 * degrees, abs=4.0 * np.sqrt(12.0 * degrees / 4000) + 1e-9)
+    if degrees:
+        assert np.var(trace) == pytest.approx(12.0 * degrees, rel=4.0 * np.sqrt(2.0 / 4000) + 0.01)
+        corner = np.mean(drawn[:, :2, :2], axis=0)
+        np.testing.assert_allclose(corner, degrees * np.eye(2), atol=5.0 * np.sqrt(degrees / 4000))
+        # The minor of two rows: n (n - 1).
+        minor = np.linalg.det(drawn[:, 10:, 10:]).real
+        spread = 6.0 * np.std(minor) / np.sqrt(4000) + 1e-9
+        assert np.mean(minor) == pytest.approx(degrees * (degrees - 1.0), abs=spread)
+
+
+def test_sources_of_no_power_and_negative_parts_of_rounding_are_taken_as_zero(stream: np.random.Generator) -> None:
+    two = np.stack([SOURCE, direction_from_polar(0.3, 4.0)])
+    alone = draw_snapshots(ARRAY, two, np.diag([0.0 + 0j, 0.0]), 4000, stream)
+    assert np.abs(sample_covariance(alone) - np.eye(12)).max() < 0.1
+    same = np.array([[1.0, 1.0], [1.0, 1.0]], dtype=complex)
+    x = draw_snapshots(ARRAY, two, same, 100_000, stream)
+    a = steering(ARRAY, two).T
+    assert np.abs(sample_covariance(x) - a @ same @ a.conj().T - np.eye(12)).max() < 0.06
+    for snr, words in ((-0.1, "snr=-0.1 must be >= 0.0"),):
+        with pytest.raises(ValueError, match=words):
+            draw_covariances(ARRAY, SOURCE[None], snr, 5, stream)
+    for draw in (
+        lambda kind: draw_covariances(ARRAY, SOURCE[None], 1.0, 5, stream, waveform=kind),
+        lambda kind: draw_snapshots(ARRAY, two, np.eye(2, dtype=complex), 5, stream, waveform=kind),
+    ):
+        with pytest.raises(ValueError, match="waveform='square' must be one of gaussian, constant_modulus"):
+            draw("square")
+    with pytest.raises(ValueError, match="snapshots=0 must be >= 1"):
+        draw_snapshots(ARRAY, two, np.eye(2, dtype=complex), 0, stream)

@@ -115,3 +115,15 @@ def test_rep103_pose_points_the_same_way_in_flipped_axes(worked_example) -> None
     np.testing.assert_allclose(orientation @ [0, 1, 0], (attitude.T @ [0, -1, 0]) * [1, -1, -1], atol=ROUNDING)
     for back, sent in zip(spacecraft_from_rep103(position, orientation), (100.0 * xi, attitude), strict=True):
         np.testing.assert_allclose(back, sent, atol=ROUNDING)
+
+
+def test_axes_of_a_stack_of_attitudes_are_those_of_each(rng) -> None:
+    attitudes = attitude_from_euler(*rng.uniform(-1.0, 1.0, (3, 4)))
+    np.testing.assert_array_equal(target_axes(attitudes), [each.T for each in attitudes])
+    np.testing.assert_array_equal(target_axes(attitudes, "published"), attitudes)
+    positions = rng.normal(size=(4, 3))
+    places, turns = rep103_from_spacecraft(positions, attitudes)
+    for index in range(4):
+        place, turn = rep103_from_spacecraft(positions[index], attitudes[index])
+        np.testing.assert_array_equal(places[index], place)
+        np.testing.assert_array_equal(turns[index], turn)

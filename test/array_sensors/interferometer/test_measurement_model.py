@@ -167,3 +167,79 @@ def test_numerical_jacobian_of_a_matrix_is_the_matrix(rng) -> None:
     matrix = rng.normal(size=(4, 3))
     found = numerical_jacobian(lambda stack: stack @ matrix.T, np.array([0.1, 1.0, 10.0]))
     np.testing.assert_allclose(found, matrix, atol=1e-12)
+
+
+def test_what_bends_along_the_sight_has_the_moments_of_gaussian_products() -> None:
+    """q = -(y^2 + z^2) / 2 rho along the way and -(y vy + z vz) / rho along the velocity: E[q q] by Isserlis' sums."""
+    motion = RelativeMotion(
+        position_m=np.array([300.0, -120.0, 80.0]),
+        velocity_m_s=np.array([-1.0, 0.4, 0.7]),
+        attitude=attitude_from_euler(0.3, -0.5, 2.9),
+        rate_rad_s=np.zeros(3),
+    )
+    rng = np.random.default_rng(4)
+    root = rng.normal(size=(SIZE, SIZE)) * np.r_[1e-3, 8.0, 5.0, 1e-3, 0.3, 0.2, np.full(8, 1e-3)][:, None]
+    covariance = root @ root.T
+    rho = float(np.linalg.norm(motion.position_m))
+    # Factors of each product: of the position (1, 2), of the velocity (4, 5) among the local coordinates.
+    terms = {
+        0: [(1, 1, -0.5 / rho), (2, 2, -0.5 / rho)],
+        1: [(1, 4, -1.0 / rho), (2, 5, -1.0 / rho)],
+    }
+    bent = np.zeros((2, 2))
+    for k in (0, 1):
+        for m in (0, 1):
+            for a, b, left in terms[k]:
+                for c, d, right in terms[m]:
+                    pairs = (
+                        covariance[a, b] * covariance[c, d]
+                        + covariance[a, c] * covariance[b, d]
+                        + covariance[a, d] * covariance[b, c]
+                    )
+                    bent[k, m] += left * right * pairs
+    jacobian = cartesian_jacobian(motion)
+    unit = motion.position_m / rho
+    extra = np.zeros((12, 12))
+    for k, rows in enumerate((slice(0, 3), slice(3, 6))):
+        for m, columns in enumerate((slice(0, 3), slice(3, 6))):
+            extra[rows, columns] = bent[k, m] * np.outer(unit, unit)
+    expected = jacobian @ covariance[:12, :12] @ jacobian.T + extra
+    np.testing.assert_allclose(cartesian_covariance(motion, covariance), expected, rtol=1e-9, atol=1e-12)
+    assert np.trace(extra) > 1e-3
+
+
+@pytest.mark.parametrize("order", ["simultaneous", "nested"])
+def test_expected_rates_are_the_means_of_the_weighed_links_over_the_slots(slow_motion, order: str) -> None:
+    """f_F / f_T of the way out and f_R / f_T of the way back, f_T the mean of both: averaged slot by slot."""
+    system = InterferometerSystem(schedule=Schedule(order=order))
+    plan, times = system.plan, system.schedule.offsets_s(system.plan)
+    carriers = system.schedule.carriers(plan)
+    out_hz, back_hz = plan.forward_carriers_hz[carriers], plan.return_carriers_hz[carriers]
+    out_share, back_share = (np.mean(2.0 * each / (out_hz + back_hz)) for each in (out_hz, back_hz))
+
+    def weighed(t_s: float) -> np.ndarray:
+        there = moved(slow_motion.motion, t_s)
+        lengths = path_lengths(there.position_m, there.attitude, system.arrays)
+        return out_share * lengths[0, 0] + back_share * lengths[1:, 1:]
+
+    shown = np.mean([(weighed(t_s + 1e-3) - weighed(t_s - 1e-3)) / 2e-3 for t_s in times], axis=0)
+    np.testing.assert_allclose(expected_path_rates_m_s(slow_motion, system), shown, atol=1e-9)
+    bent = (weighed(0.01) - 2.0 * weighed(0.0) + weighed(-0.01)) / 0.01**2
+    np.testing.assert_allclose(expected_path_accelerations_m_s2(slow_motion, system), bent, atol=1e-6)
+
+
+def test_the_reading_expected_is_ranges_with_the_lever_rates_and_couplings_times_excitation(slow_motion) -> None:
+    system = InterferometerSystem(schedule=Schedule(order="ascending"))
+    source = InterferometerSource(system, LOUD, LinkParams(), 1, excitation=(0.9, 1.1))
+    rates = expected_path_rates_m_s(slow_motion, system)
+    bent = expected_path_accelerations_m_s2(slow_motion, system)
+    aiding = PathMotion(rates_m_s=rates - 0.01 * np.arange(9.0).reshape(3, 3), accelerations_m_s2=bent)
+    reading = read_ranges(source.measure(0.0, slow_motion.motion), system, ErrorFloor(), aiding)
+    motion = slow_motion.motion
+    lengths = path_lengths(motion.position_m, motion.attitude, system.arrays)
+    ranges = lengths[1:, 1:] + lengths[0, 0] + reading.lever_s * 0.01 * np.arange(9.0).reshape(3, 3)
+    direction = motion.position_m / np.linalg.norm(motion.position_m)
+    couplings = ((np.eye(3) - np.outer(direction, direction)) @ motion.attitude.T)[1:, 1:] * [0.9, 1.1]
+    expected = np.concatenate([ranges.ravel(), rates.ravel(), couplings.ravel()])
+    np.testing.assert_allclose(expected_reading(slow_motion, reading, system), expected, rtol=1e-12)
+    assert abs(reading.lever_s) > 1.0

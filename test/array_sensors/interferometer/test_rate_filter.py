@@ -3,7 +3,12 @@ import pytest
 from scipy.stats import chi2
 
 from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler
-from rf_pointing.array_sensors.interferometer.measurement_model import TrackedMotion, local_difference
+from rf_pointing.array_sensors.interferometer.measurement_model import (
+    TrackedMotion,
+    displaced,
+    local_difference,
+    local_gradient,
+)
 from rf_pointing.array_sensors.interferometer.motion import RelativeMotion, moved
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
 from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams, FilterState, predict, start, update
@@ -155,3 +160,79 @@ def test_prediction_back_in_time_is_refused() -> None:
     _, state, _ = run(InterferometerSystem(), 2, 1)
     with pytest.raises(ValueError, match=r"t_s=-1.0 must be >= the state's t_s=0.0"):
         predict(state, -1.0, STEADY)
+
+
+def test_process_noise_is_white_acceleration_integrated_once_and_twice() -> None:
+    """From certainty: density^2 (t^3/3, t^2/2, t) on each axis, and a random walk of the excitation factors if tracked."""
+    _, state, _ = run(InterferometerSystem(), 2, 1)
+    sure = FilterState(
+        t_s=0.0, tracked=state.tracked, hardware=state.hardware, covariance=np.zeros_like(state.covariance)
+    )
+    params = STEADY.replace(
+        acceleration_density_m_s2=0.3, angular_acceleration_density_rad_s2=2e-3, excitation_drift=0.04
+    )
+    for tracked, dt_s in ((False, 3.0), (True, 3.0), (True, 0.25)):
+        added = predict(sure, dt_s, params.replace(track_excitation=tracked)).covariance
+        expected = np.zeros((36, 36))
+        for first, density in ((0, 0.3), (6, 2e-3)):
+            for axis in range(first, first + 3):
+                expected[axis, axis] = density**2 * dt_s**3 / 3.0
+                expected[axis, axis + 3] = expected[axis + 3, axis] = density**2 * dt_s**2 / 2.0
+                expected[axis + 3, axis + 3] = density**2 * dt_s
+        if tracked:
+            expected[12, 12] = expected[13, 13] = 0.04**2 * dt_s
+        np.testing.assert_allclose(added, expected, rtol=1e-12, atol=1e-15)
+
+
+def test_excitation_factors_start_unknown_only_where_they_are_tracked() -> None:
+    system = InterferometerSystem()
+    truth = drawn_truth(random_stream(3, "truth"))
+    reading = read_ranges(
+        InterferometerSource(system, RadioParams(), LinkParams(), 3).measure(0.0, truth), system, ErrorFloor()
+    )
+    geometry, factors = coarse_geometry(reading, None, system, SequenceParams(iterations=8))
+    for tracked in (False, True):
+        snapshot = refine(geometry, factors, reading, system, tracked)
+        params = STEADY.replace(first_excitation=0.7, track_excitation=tracked)
+        first = start(1.5, snapshot, reading, params)
+        pose = np.diag(first.covariance)
+        np.testing.assert_allclose(pose[12:14], 0.49 if tracked else 0.0)
+        np.testing.assert_allclose(pose[14:], reading.hardware)
+        np.testing.assert_array_equal(first.covariance, np.diag(pose))
+        assert first.t_s == 1.5
+        assert not np.any(first.hardware)
+
+
+def test_an_update_is_that_of_the_joint_linear_problem_of_motion_and_hardware() -> None:
+    """Prior and reading as one weighted least-squares problem of 36 unknowns, solved by its normal equations."""
+    system = InterferometerSystem()
+    _, state, _ = run(system, 5, 2)
+    source = InterferometerSource(system, RadioParams(hardware_phase_rad=0.002), LinkParams(), 5)
+    later = predict(state, state.t_s + 2.0, STEADY)
+    spread = np.diag(np.r_[np.full(14, 1e-12), np.full(22, 1e-8)])
+    prior = FilterState(
+        t_s=later.t_s,
+        tracked=later.tracked,
+        hardware=1e-4 * np.arange(22.0),
+        covariance=later.covariance + spread,
+    )
+    reading = read_ranges(
+        source.measure(later.t_s, moved(drawn_truth(random_stream(5, "truth")), 4.0)), system, NO_FLOOR
+    )
+    around = displaced(later.tracked, 1e-3 * np.ones(14))
+    change = local_difference(around, later.tracked)
+    found = update(prior, reading, system, around)
+    expected, gradient = local_gradient(later.tracked, change, reading, system)
+    whole = np.hstack([gradient, np.eye(22)])
+    gap = reading.vector - expected + gradient @ change - prior.hardware
+    information = np.linalg.inv(prior.covariance) + whole.T @ np.linalg.solve(reading.noise, whole)
+    step = np.linalg.solve(information, whole.T @ np.linalg.solve(reading.noise, gap))
+    sigma = np.sqrt(np.diag(np.linalg.inv(information)))
+    moved_by = local_difference(found.state.tracked, prior.tracked)
+    assert np.max(np.abs((moved_by - step[:14]) / sigma[:14])) < 1e-3
+    assert np.max(np.abs((found.state.hardware - prior.hardware - step[14:]) / sigma[14:])) < 1e-3
+    np.testing.assert_allclose(np.sqrt(np.diag(found.state.covariance)), sigma, rtol=1e-3)
+    spread_of_gap = whole @ prior.covariance @ whole.T + reading.noise
+    assert found.chi_square == pytest.approx(gap @ np.linalg.inv(spread_of_gap) @ gap, rel=1e-5)
+    assert found.degrees_of_freedom == 22
+    assert found.state.t_s == later.t_s

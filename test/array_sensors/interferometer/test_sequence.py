@@ -244,3 +244,89 @@ def test_stopped_and_resumed_sequence_gives_the_identical_result(worked_example)
 def test_measurements_of_no_distance_are_refused() -> None:
     with pytest.raises(ValueError, match=r"after the range step must be > 0"):
         track_once(off_by(0.0), -1e5 * np.ones((3, 3)), np.eye(2), ARRAYS, SequenceParams())
+
+
+def weighted_step(gradient: np.ndarray, innovation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return step and covariance of plain least squares."""
+    return np.linalg.lstsq(gradient, innovation)[0], np.linalg.inv(gradient.T @ gradient)
+
+
+def test_range_step_is_least_squares_of_nine_ranges(worked_example) -> None:
+    xi, attitude = worked_example
+    ranges = two_way_ranges(50.0 * xi, attitude, UNEQUAL_ARRAYS) + 0.01 * np.arange(9.0).reshape(3, 3)
+    step = 1e-4
+    ends = [two_way_ranges((53.0 + sign * step) * xi, attitude, UNEQUAL_ARRAYS).ravel() for sign in (1.0, -1.0)]
+    gradient = ((ends[0] - ends[1]) / (2.0 * step))[:, None]
+    innovation = (ranges - two_way_ranges(53.0 * xi, attitude, UNEQUAL_ARRAYS)).ravel()
+    increment, covariance = weighted_step(gradient, innovation)
+    found, variance = range_step(ranges, 53.0, xi, attitude, UNEQUAL_ARRAYS)
+    assert found == pytest.approx(53.0 + increment[0], abs=1e-6)
+    assert variance == pytest.approx(covariance[0, 0], rel=1e-6)
+    published, of_sum = range_step(ranges, 53.0, xi, attitude, UNEQUAL_ARRAYS, "published")
+    assert published == pytest.approx(np.sum(ranges - 2.0) / 18.0)
+    assert of_sum == pytest.approx(1.0 / 36.0)
+
+
+@pytest.mark.parametrize("dither", [None, 0.03])
+def test_direction_step_is_least_squares_of_three_sums_by_a_dither_of_10_mrad(worked_example, dither) -> None:
+    xi, attitude = worked_example
+    ranges = two_way_ranges(8.0 * xi, attitude, UNEQUAL_ARRAYS) + 0.01 * np.arange(9.0).reshape(3, 3)
+    start = direction_from_angles(0.5, 0.3)
+    options = {} if dither is None else {"dither_rad": dither}
+    found, covariance = direction_step(ranges, 8.0, start, attitude, UNEQUAL_ARRAYS, **options)
+    size = dither or 0.01
+
+    def sums(azimuth: float, elevation: float) -> np.ndarray:
+        pointing = turned_direction(start, azimuth, elevation)
+        return two_way_ranges(8.0 * pointing, attitude, UNEQUAL_ARRAYS).sum(axis=1)
+
+    gradient = np.stack([sums(size, 0.0) - sums(0.0, 0.0), sums(0.0, size) - sums(0.0, 0.0)], axis=1) / size
+    increment, expected = weighted_step(gradient, ranges.sum(axis=1) - sums(0.0, 0.0))
+    np.testing.assert_allclose(found, turned_direction(start, *increment), atol=1e-12)
+    np.testing.assert_allclose(covariance, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("dither", [None, 0.03])
+def test_roll_step_is_least_squares_of_four_couplings_by_a_dither_of_10_mrad(dither) -> None:
+    forward, reverse, gains = direction_from_angles(0.2, 0.1), direction_from_angles(3.0, -0.2), np.array([0.8, 1.3])
+    amplitudes = coupling_from_two_way(forward, reverse, 0.9) * gains + 0.01
+    options = {} if dither is None else {"dither_rad": dither}
+    found, variance = roll_step(amplitudes, forward, reverse, 0.7, gains, **options)
+    size = dither or 0.01
+    before, after = ((coupling_from_two_way(forward, reverse, roll) * gains).ravel() for roll in (0.7, 0.7 + size))
+    increment, expected = weighted_step(((after - before) / size)[:, None], amplitudes.ravel() - before)
+    assert found == pytest.approx(0.7 + increment[0], abs=1e-12)
+    assert variance == pytest.approx(expected[0, 0], rel=1e-9)
+
+
+def test_one_pass_is_its_four_steps_each_with_what_the_one_before_improved(worked_example) -> None:
+    xi, attitude = worked_example
+    ranges = two_way_ranges(20.0 * xi, attitude, UNEQUAL_ARRAYS)
+    amplitudes = coupling_amplitudes(xi, attitude) * [0.9, 1.2]
+    start = geometry_from_pose(21.0 * direction_from_angles(0.45, 0.4), attitude_from_euler(0.2, -0.2, 0.35))
+    params = SequenceParams(dither_rad=0.02, estimate_excitation=True)
+    found = track_once(start, ranges, amplitudes, UNEQUAL_ARRAYS, params, np.array([0.8, 1.1]))
+    seen = start.attitude
+    distance, range_variance = range_step(ranges, start.range_m, start.forward, seen, UNEQUAL_ARRAYS)
+    forward, forward_covariance = direction_step(ranges, distance, start.forward, seen, UNEQUAL_ARRAYS, 0.02)
+    swapped = ArrayParams(radius_active_m=1.1, radius_passive_m=0.9, transponder_delay_m=2.0)
+    reverse, reverse_covariance = direction_step(ranges.T, distance, start.reverse, seen.T, swapped, 0.02)
+    roll, roll_variance = roll_step(amplitudes, forward, reverse, start.roll_rad, [0.8, 1.1], 0.02)
+    excitation, _ = excitation_step(amplitudes, forward, reverse, roll)
+    for ours, expected in (
+        (found.geometry.range_m, distance), (found.geometry.forward, forward), (found.geometry.reverse, reverse),
+        (found.geometry.roll_rad, roll), (found.excitation, excitation), (found.range_variance, range_variance),
+        (found.forward_covariance, forward_covariance), (found.reverse_covariance, reverse_covariance),
+        (found.roll_variance, roll_variance),
+    ):  # fmt: skip
+        np.testing.assert_allclose(ours, expected, rtol=1e-12)
+    fixed = track_once(start, ranges, amplitudes, UNEQUAL_ARRAYS, SequenceParams(), np.array([0.8, 1.1]))
+    np.testing.assert_array_equal(fixed.excitation, [0.8, 1.1])
+    slip = track_once(start, ranges, amplitudes, UNEQUAL_ARRAYS, params.replace(reverse_attitude="published"))
+    taken, _ = direction_step(ranges.T, distance, start.reverse, seen, swapped, 0.02)
+    np.testing.assert_allclose(slip.geometry.reverse, taken, rtol=1e-12)
+    assert np.linalg.norm(taken - reverse) > 1e-4
+    twice = track(start, ranges, amplitudes, UNEQUAL_ARRAYS, params.replace(iterations=2), np.array([0.8, 1.1]))
+    again = track_once(found.geometry, ranges, amplitudes, UNEQUAL_ARRAYS, params, found.excitation)
+    np.testing.assert_array_equal(twice.geometry.forward, again.geometry.forward)
+    np.testing.assert_array_equal(twice.excitation, again.excitation)

@@ -2,12 +2,16 @@
 
 import ast
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 pytest.importorskip("rclpy", reason="topics need ROS 2", exc_type=ImportError)
-from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, CLOCK
+from rf_pointing.array_sensors.nodes import array_graph
+from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, CLOCK, ArrayGraph
 from rf_pointing.core.parameters import read_parameter_files
+from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 
 ROOT = Path(__file__).parents[3]
 
@@ -44,3 +48,132 @@ def test_stations_of_the_tripulse_graph_are_those_of_its_parameter_file() -> Non
     stations = [receiver.split("/")[0] for receiver in receivers]
     for node in ("tripulse_source", "tripulse_attitude"):
         assert sections[node].values["stations.names"] == stations
+
+
+class Bench:
+    """The nodes and the wall clock of a graph, without processes: what it asked for, and what it published."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.calls: list[tuple[Any, ...]] = []
+        self.clock: list[float] = []
+        self.waits: list[float] = []
+        self.publishers: dict[str, int] = {}
+        self.heard: dict[str, Any] = {}
+        self.wall_s = 100.0
+        monkeypatch.setattr(array_graph, "get_package_share_directory", lambda _: str(ROOT))
+        monkeypatch.setattr(array_graph, "ManagedGraph", self.managed)
+        monkeypatch.setattr(array_graph.time, "perf_counter", lambda: self.wall_s)
+
+    def managed(
+        self, _node: Any, namespace: str, files: list[Path], _logs: Path, _spin: Any, *, patience_s: float
+    ) -> Any:
+        self.calls.append(("made", namespace, files, patience_s))
+
+        def called(name: str) -> Any:
+            return lambda *arguments: self.calls.append((name, *arguments))
+
+        def until(condition: Any, what: str) -> None:
+            self.calls.append(("wait", what, condition()))
+
+        return SimpleNamespace(
+            **{name: called(name) for name in ("start", "configure", "activate", "stop", "check")}, wait_until=until
+        )
+
+    def graph(self, name: str, speed: float) -> ArrayGraph:
+        clock = SimpleNamespace(publish=lambda message: self.clock.append(seconds_from_stamp(message.clock)))
+        node = SimpleNamespace(
+            create_publisher=lambda _type, topic, _qos: self.calls.append(("publisher", topic)) or clock,
+            create_subscription=lambda _type, topic, callback, _qos: self.heard.setdefault(topic, callback),
+            count_publishers=lambda topic: self.publishers.get(topic, 0),
+        )
+        return ArrayGraph(
+            ARRAY_SYSTEMS[name], node, self.waits.append, Path("logs"), speed=speed, parameter_files=[Path("own.yaml")]
+        )
+
+    def estimate(self, topic: str, t_s: float) -> None:
+        self.heard[topic](SimpleNamespace(header=SimpleNamespace(stamp=stamp_from_seconds(t_s))))
+
+
+START_S = 1_767_225_600.0
+
+
+@pytest.mark.parametrize("name", ARRAY_SYSTEMS)
+def test_a_graph_is_started_configured_and_activated_and_waits_for_every_topic(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = Bench(monkeypatch)
+    with bench.graph(name, 1.0) as graph:
+        nodes = ARRAY_SYSTEMS[name].nodes
+        files = [ROOT / "config" / f"{name}.yaml", Path("own.yaml")]
+        assert bench.calls == [("made", f"/{name}", files, 60.0), ("publisher", f"/{name}/clock")]
+        bench.calls.clear()
+        graph.bring_up()
+        assert bench.calls[:3] == [("start", nodes), ("configure", nodes), ("activate", nodes)]
+        assert bench.calls[3] == ("wait", f"/{name}: every topic", False)
+        topics = [topic.name for topic in ARRAY_SYSTEMS[name].topics]
+        bench.publishers = {topic if topic.startswith("/") else f"/{name}/{topic}": 1 for topic in topics}
+        graph.bring_up()
+        assert bench.calls[-1][-1] is True
+        bench.publishers.popitem()
+        graph.bring_up()
+        assert bench.calls[-1][-1] is False
+        graph.check()
+        assert bench.calls[-1] == ("check",)
+    assert bench.calls[-1] == ("stop",)
+
+
+def test_time_stands_still_at_the_start_and_is_said_ten_times_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(monkeypatch)
+    graph = bench.graph("doa", 1.0)
+    for _ in range(21):
+        graph.spin(0.03)
+        bench.wall_s += 0.0501
+    assert graph.now_s == START_S
+    assert bench.clock == [START_S] * 11
+    assert bench.waits == [0.03] * 21
+
+
+@pytest.mark.parametrize(("speed", "wall_s"), [(1.0, 0.25), (5.0, 0.05)])
+def test_time_goes_on_in_ticks_of_a_quarter_of_a_second_at_the_speed_asked_for(
+    speed: float, wall_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = Bench(monkeypatch)
+    graph = bench.graph("doa", speed)
+    graph.run_time()
+    for tick in range(1, 5):
+        bench.wall_s += 0.9 * wall_s
+        graph.spin(10.0)
+        assert len(bench.clock) == tick - 1
+        assert bench.waits[-1] == pytest.approx(0.1 * wall_s)
+        bench.wall_s += 0.1001 * wall_s
+        graph.spin(0.01)
+        assert bench.clock[-1] == graph.now_s == START_S + 0.25 * tick
+        bench.wall_s -= 0.0001 * wall_s
+        assert bench.waits[-1] <= 0.01
+
+
+@pytest.mark.parametrize("name", ARRAY_SYSTEMS)
+def test_time_waits_for_the_estimates_that_lag_by_more_than_theirs_may(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As fast as the graph: ticks go on to the lag beyond the newest estimate, and after five seconds without it."""
+    bench, system = Bench(monkeypatch), ARRAY_SYSTEMS[name]
+    graph, topic = bench.graph(name, 0.0), f"/{name}/{system.paced}"
+    graph.run_time()
+
+    def runs_to() -> float:
+        for _ in range(60):
+            graph.spin(0.01)
+        return graph.now_s - START_S
+
+    assert runs_to() == pytest.approx(system.lag_s)
+    bench.wall_s += 1.0
+    bench.estimate(topic, START_S + 2.0)
+    assert runs_to() == pytest.approx(2.0 + system.lag_s)
+    bench.wall_s += 4.9
+    assert runs_to() == pytest.approx(2.0 + system.lag_s)
+    # A stream whose messages come within two lags is waited for again.
+    bench.estimate(topic, START_S + 2.0 + 2.0 * system.lag_s)
+    assert runs_to() == pytest.approx(2.0 + 3.0 * system.lag_s)
+    bench.wall_s += 5.1
+    assert runs_to() > 2.0 + 3.0 * system.lag_s + 5.0

@@ -15,7 +15,15 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_from_roll_pitch_yaw,
     quaternion_from_rotation_vector,
 )
-from rf_pointing.array_sensors.report.page import write_array_report
+from rf_pointing.array_sensors.report.page import (
+    ArrayErrors,
+    _counted,
+    _errors,
+    _heading,
+    _rows,
+    report_array_sensors,
+    write_array_report,
+)
 from rf_pointing.array_sensors.report.pictures import draw_attitude, draw_pose
 from rf_pointing.array_sensors.report.series import (
     ArraySeries,
@@ -253,3 +261,76 @@ def test_bag_without_sensors_is_refused(tmp_path: Path, types: Definitions, bag_
     path = bag_of({"/sat/attitude": "rf_pointing_msgs/msg/Attitude"}, lambda _: {}, 1)
     with pytest.raises(ValueError, match="holds no attitude or relative_pose with its truth"):
         write_array_report(path, tmp_path / "report")
+
+
+def drawn_series(valid: np.ndarray, positions: bool = True) -> tuple[ArraySeries, np.ndarray]:
+    """Return a series with correlated covariances, and its errors (position, rotation) by epoch."""
+    random, count = np.random.default_rng(3), len(valid)
+    size = 6 if positions else 3
+    roots = random.standard_normal((count, size, size)) * np.r_[[0.3] * 3, [2e-3] * 3][-size:, None]
+    errors = np.einsum("nij,nj->ni", roots, random.standard_normal((count, size)))
+    true = np.array([truth_at(epoch) for epoch in range(count)])
+    found = [multiply(quaternion_from_rotation_vector(turn), q) for turn, q in zip(errors[:, -3:], true, strict=True)]
+    place = random.standard_normal((count, 3)) if positions else None
+    series = ArraySeries(
+        t_s=np.arange(float(count)), true_position_m=place, position_m=None if place is None else place + errors[:, :3],
+        true_quaternion=true, quaternion=np.array(found), covariance=roots @ roots.swapaxes(1, 2), valid=valid,
+    )  # fmt: skip
+    return series, errors
+
+
+@pytest.mark.parametrize("positions", [True, False])
+def test_errors_of_a_report_are_those_of_the_valid_epochs_in_its_units(positions: bool) -> None:
+    valid = np.arange(30) % 4 != 0
+    series, drawn = drawn_series(valid, positions)
+    lines = _errors("/sat/pose", series)
+    assert [(each.quantity, each.unit) for each in lines] == ([("position", "m")] if positions else []) + [
+        ("attitude", "deg")
+    ]
+    for line, first, unit in zip(
+        lines, (0, 3) if positions else (0,), (1.0, np.degrees(1.0))[-len(lines) :], strict=True
+    ):
+        errors, covariance = (
+            drawn[valid, first : first + 3],
+            series.covariance[valid, first : first + 3, first : first + 3],
+        )
+        sigma = np.sqrt(np.einsum("nii->ni", covariance))
+        assert (line.epochs, line.valid) == (30, 22)
+        np.testing.assert_allclose(line.rms, unit * np.sqrt(np.mean(errors**2, axis=0)), rtol=1e-6)
+        np.testing.assert_allclose(line.claimed, unit * np.median(sigma, axis=0), rtol=1e-9)
+        assert line.inside == pytest.approx(np.mean(np.abs(errors) <= 3.0 * sigma))
+        nees = [e @ np.linalg.solve(c, e) for e, c in zip(errors, covariance, strict=True)]
+        assert line.nees == pytest.approx(np.mean(nees), rel=1e-6)
+    (row,) = _rows(lines[-1:])
+    assert row == ["/sat/pose", "attitude, deg", 30, 22, *line.rms, *line.claimed, 100.0 * line.inside, line.nees]
+
+
+def test_a_sensor_that_was_never_valid_has_no_errors_and_says_so() -> None:
+    series, _ = drawn_series(np.zeros(5, dtype=bool), positions=False)
+    (line,) = _errors("/sat/attitude", series)
+    assert (line.epochs, line.valid, line.rms, line.claimed, line.inside, line.nees) == (5, 0, None, None, None, None)
+    assert _rows([line]) == [["/sat/attitude", "attitude, deg", 5, 0, *[None] * 8]]
+    assert _heading("/sat/attitude", [line]) == "/sat/attitude: 0 of 5 epochs valid"
+
+
+def test_the_heading_names_valid_epochs_and_the_nees_of_every_quantity() -> None:
+    lines = [
+        ArrayErrors(
+            sensor="a", quantity=quantity, unit="m", epochs=9, valid=8, rms=None, claimed=None, inside=None, nees=nees
+        )
+        for quantity, nees in (("position", 2.5), ("attitude", 3.25))
+    ]
+    assert _heading("a", lines) == (
+        "a: 8 of 9 epochs valid, NEES of the position 2.50, NEES of the attitude 3.25 (3 is expected)"
+    )
+
+
+def test_reasons_that_differ_in_numbers_only_are_counted_together_the_most_frequent_first() -> None:
+    reasons = ["no lock", "sigma 0.1 rad", "sigma 2e-3 rad", "late by 3 s", "sigma 7 rad", "late by 4.5 s"]
+    assert list(_counted(reasons).items()) == [("sigma 0.1 rad", 3), ("late by 3 s", 2), ("no lock", 1)]
+
+
+def test_a_bag_without_array_sensors_gets_no_page_of_them(tmp_path: Path, attitude_bag: Path, bag_of: Any) -> None:
+    folder = tmp_path / "deep" / "report"
+    assert report_array_sensors(attitude_bag, folder) == folder / "array_report.html"
+    assert (folder / "array_report.html").is_file()

@@ -71,3 +71,65 @@ def test_failed_elements_have_no_weight_and_an_array_without_any_is_refused() ->
 def test_steering_that_is_not_finite_is_refused() -> None:
     with pytest.raises(ValueError, match="steering"):
         element_weights(TripulseArrayParams(), [np.nan, 0.0])
+
+
+def test_phase_errors_are_added_to_the_quantised_phases_and_must_be_finite() -> None:
+    params = TripulseArrayParams(n_x=4, n_y=4)
+    errors = random_stream(3, "phase errors").normal(size=(4, 4))
+    plain, turned = (element_weights(params, [0.1, -0.2], phase_errors_rad=each) for each in (None, errors))
+    np.testing.assert_allclose(turned, plain * np.exp(1j * errors), rtol=1e-12)
+    errors[1, 2] = np.nan
+    with pytest.raises(ValueError, match="phase_errors_rad"):
+        element_weights(params, [0.1, -0.2], phase_errors_rad=errors)
+
+
+@pytest.mark.parametrize("bits", [0, 2, 3])
+def test_weights_are_those_of_each_element_by_itself(bits: int) -> None:
+    """Taper, steering, common phase, quantiser, errors and dead elements, written out for each element."""
+    array = TripulseArrayParams(
+        n_x=4,
+        n_y=6,
+        spacing_x_wavelengths=0.7,
+        spacing_y_wavelengths=1.3,
+        taper_edge=0.25,
+        phase_bits=bits,
+        failed="2:3",
+    )
+    rng = np.random.default_rng(8)
+    errors, dead = 0.1 * rng.standard_normal((4, 6)), rng.uniform(size=(4, 6)) < 0.2
+    found = element_weights(array, [0.21, -0.13], failed=dead, phase_errors_rad=errors, common_phase_rad=0.4)
+    for m in range(4):
+        for n in range(6):
+            x, y = m - 1.5, n - 2.5
+            phase = 2.0 * np.pi * (0.7 * x * 0.21 - 1.3 * y * 0.13) + 0.4
+            if bits:
+                state = 2.0 * np.pi / 2**bits
+                phase = state * round(phase / state)
+            amplitude = np.prod([0.25 + 0.75 * np.cos(np.pi * c / count) ** 2 for c, count in ((x, 4), (y, 6))])
+            expected = 0.0 if dead[m, n] or (m, n) == (1, 2) else amplitude * np.exp(1j * (phase + errors[m, n]))
+            assert found[m, n] == pytest.approx(expected, abs=1e-12)
+    assert np.any(dead)
+    only_named = element_weights(array, [0.21, -0.13])
+    assert only_named[1, 2] == 0.0
+    assert np.count_nonzero(only_named) == 23
+
+
+def test_phase_errors_that_are_no_numbers_and_masks_of_another_array_are_refused() -> None:
+    array = TripulseArrayParams(n_x=4, n_y=6)
+    spoiled = np.zeros((4, 6))
+    spoiled[1, 1] = np.nan
+    with pytest.raises(ValueError, match="phase_errors_rad"):
+        element_weights(array, [0.0, 0.0], phase_errors_rad=spoiled)
+    with pytest.raises(ValueError, match=r"failed has shape \(6, 4\), must be \(\.\.\., 4, 6\)"):
+        element_weights(array, [0.0, 0.0], failed=np.zeros((6, 4), dtype=bool))
+    with pytest.raises(ValueError, match="steering"):
+        element_weights(array, [0.0, np.inf])
+    one_dead_array = np.zeros((2, 4, 6), dtype=bool)
+    one_dead_array[1] = True
+    with pytest.raises(ValueError, match="failed marks all 24 elements"):
+        element_weights(array, [0.0, 0.0], failed=one_dead_array)
+    with pytest.raises(ValueError, match="failed marks all 4 elements"):
+        TripulseArrayParams(n_x=2, n_y=2, failed="1:1,1:2,2:1,2:2")
+    for name in ("n_x", "n_y"):
+        with pytest.raises(ValueError, match=f"{name}=7 must be even"):
+            TripulseArrayParams(**{name: 7})

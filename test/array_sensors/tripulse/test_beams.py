@@ -13,6 +13,7 @@ from rf_pointing.array_sensors.tripulse.beams import (
     invert_with_weights,
     monopulse_ratios,
     polar_angles_rad,
+    ratio_and_slope,
 )
 from rf_pointing.core import random_stream
 
@@ -132,3 +133,28 @@ def test_polar_angles_keep_their_quadrant(theta_deg: float, phi_deg: float) -> N
 def test_projections_longer_than_one_are_no_direction() -> None:
     with pytest.raises(ValueError, match="not a direction"):
         direction_projections([0.9, 0.4], [0.0, 0.1])
+
+
+def test_the_slope_of_the_ratios_is_their_derivative_by_the_direction() -> None:
+    params = TripulseArrayParams(n_x=8, n_y=6, spacing_x_wavelengths=3.0, spacing_y_wavelengths=2.0)
+    rng = random_stream(4, "slope")
+    weights = element_weights(params, [0.0, 0.0]) * (
+        1.0 + 0.1 * rng.normal(size=(8, 6)) + 0.1j * rng.normal(size=(8, 6))
+    )
+    direction, step = np.array([2e-3, -3e-3]), 1e-6
+    ratio, slope = ratio_and_slope(params, weights, direction)
+    signals = beam_signals(params, weights, direction)
+    np.testing.assert_allclose(ratio, (signals[1:] / signals[0]).imag, rtol=1e-12)
+    for axis in (0, 1):
+        moved = step * np.eye(2)[axis]
+        after, before = (ratio_and_slope(params, weights, direction + sign * moved)[0] for sign in (1.0, -1.0))
+        np.testing.assert_allclose(slope[:, axis], (after - before) / (2.0 * step), rtol=1e-5, atol=1e-6)
+
+
+def test_an_aperture_whose_sum_has_its_null_in_the_direction_sought_is_refused() -> None:
+    params = TripulseArrayParams(n_x=4, n_y=4)
+    # On the axis the differences are zero, which is no reason to refuse.
+    ratio_and_slope(params, np.ones((4, 4)), [0.0, 0.0])
+    halves = np.repeat([[1.0], [1.0], [-1.0], [-1.0]], 4, axis=1)
+    with pytest.raises(ValueError, match="the sum beam of this aperture has a null"):
+        ratio_and_slope(params, halves, [0.0, 0.0])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.array_sensors.tripulse.channels import (
+    channel_values,
     channelise,
     detect_with_references,
     find_shift_hz,
@@ -137,3 +138,48 @@ def test_ratio_keeps_its_sign_whatever_branch_the_half_phase_starts_on() -> None
         lower = np.exp(1j * start) * np.ones(3)
         values, _ = detect_with_references(np.array([3.0, 0.3j, 0.2j]), lower, np.ones(3, dtype=complex), 1e-3)
         assert values[1] / values[0] == pytest.approx(0.1j)
+
+
+@pytest.mark.parametrize(("amplitude", "lost"), [(0.301, False), (0.299, True)])
+def test_a_reference_has_faded_below_three_tenths_of_its_median(amplitude: float, lost: bool) -> None:
+    lower, upper = np.full(21, 2.0 + 0j), np.full(21, 3.0 + 0j)
+    lower[5] *= amplitude
+    words = reference_phase(lower, upper, 1e-6).lost
+    assert words == (
+        f"lost lock in segment 5: lower reference faded to {np.abs(lower[5]) / 2.0} of its median" if lost else ""
+    )
+
+
+@pytest.mark.parametrize(("snr", "lost"), [(10.01, False), (9.99, True)])
+def test_a_reference_needs_ten_times_the_noise(snr: float, lost: bool) -> None:
+    lower, upper = np.full(21, 3.0 + 0j), np.full(21, np.sqrt(snr * 0.04) + 0j)
+    words = reference_phase(lower, upper, 0.04).lost
+    assert words.startswith("upper reference has SNR 9.99") if lost else words == ""
+
+
+@pytest.mark.parametrize(("step_rad", "lost"), [(1.99, False), (2.01, True), (-2.01, True)])
+def test_a_jump_of_both_references_by_more_than_two_radians_is_a_lost_lock(step_rad: float, lost: bool) -> None:
+    turned = np.where(np.arange(21) < 9, 1.0, np.exp(0.5j * step_rad))
+    found = reference_phase(turned, turned, 1e-6)
+    assert found.lost.startswith("lost lock between segments 8 and 9: references jumped") is lost
+    np.testing.assert_allclose(found.phase_rad[[0, 8, 9, 20]], [0.0, 0.0, 0.5 * step_rad, 0.5 * step_rad], atol=1e-12)
+
+
+def test_averages_of_a_segment_are_those_of_the_samples_turned_back_by_shift_and_channel() -> None:
+    signal = TripulseSignalParams()
+    rng = random_stream(6, "averages")
+    samples = rng.normal(size=(signal.samples, 2)) @ np.array([1.0, 1j])
+    found = channel_values(signal, samples, 1234.5, (-2, 0, 1))
+    time_s = np.arange(signal.samples) / signal.sample_rate_hz
+    for column, channel in enumerate((-2, 0, 1)):
+        # The bank of tones begins anew in each segment, which a whole number of turns allows.
+        turned = samples * np.exp(-2j * np.pi * (1234.5 + channel * signal.tone_separation_hz) * time_s)
+        np.testing.assert_allclose(found[:, column], turned.reshape(signal.segments, -1).mean(axis=1), atol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.6])
+def test_a_search_reaches_less_than_half_of_the_tone_spacing(share: float) -> None:
+    signal = TripulseSignalParams()
+    with pytest.raises(ValueError, match="must be > 0 and < "):
+        find_shift_hz(signal, np.ones(signal.samples, dtype=complex), share * signal.tone_separation_hz)
+    find_shift_hz(signal, np.ones(signal.samples, dtype=complex), 0.499 * signal.tone_separation_hz)

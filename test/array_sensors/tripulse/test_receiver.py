@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
+from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, element_weights
+from rf_pointing.array_sensors.tripulse.beams import beam_signals, invert_with_weights
+from rf_pointing.array_sensors.tripulse.channels import channelise
 from rf_pointing.array_sensors.tripulse.receiver import TripulseMeasurement, TripulseReceiver, TripulseReceiverParams
 from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
 from rf_pointing.array_sensors.tripulse.source import StationLine, TripulseSource, TripulseSourceParams
@@ -193,3 +195,74 @@ def test_frames_of_another_length_or_with_nan_are_refused() -> None:
     samples[5] = np.nan
     with pytest.raises(ValueError, match="finite"):
         receiver.measure(dataclasses.replace(frame, samples=samples))
+
+
+def test_the_level_is_that_at_the_error_and_not_at_its_mirror_image() -> None:
+    """Coarse phase shifters make the beam lopsided; at the narrowest tolerance the two sides differ."""
+    array = TripulseArrayParams(phase_bits=1)
+    receiver = TripulseReceiver(
+        array=array, signal=SIGNALS["two_tone"], params=TripulseReceiverParams(level_tolerance_db=0.1)
+    )
+    steering, error = np.array([0.081, -0.086]), np.array([0.6, 0.5]) * array.unambiguous_projection
+    weights = element_weights(array, steering)
+    here, mirrored = (abs(beam_signals(array, weights, steering + sign * error)[0]) for sign in (1.0, -1.0))
+    assert abs(20.0 * math.log10(here / mirrored)) > 3.0
+    receiver._require_level(steering, error, here, 80.0)
+    receiver._require_level(steering, error, here * 10.0 ** (0.099 / 20.0), 80.0)
+    for level, words in ((mirrored, "ambiguous"), (here * 10.0 ** (0.103 / 20.0), "nominal level is wrong")):
+        with pytest.raises(ValueError, match=words):
+            receiver._require_level(steering, error, level, 80.0)
+    # At 20 dB a sigma of the amplitude is 1 / sqrt(2 * 100) of it, 0.614 dB.
+    receiver._require_level(steering, error, here * 10.0 ** (-1.9 / 20.0), 20.0)
+    with pytest.raises(ValueError, match=r"must be within 1\.94 dB: the station may be in another lobe"):
+        receiver._require_level(steering, error, here * 10.0 ** (-2.0 / 20.0), 20.0)
+
+
+@pytest.mark.parametrize("lopsided", [False, True])
+def test_direction_and_covariance_of_ratios_are_those_of_their_inversion(lopsided: bool) -> None:
+    """(17) with the noise of each beam, carried to the direction by the change of the inversion with its ratios."""
+    array = TripulseArrayParams(n_x=8, n_y=12, phase_bits=2, taper_edge=0.5) if lopsided else TripulseArrayParams()
+    receiver = TripulseReceiver(array=array, signal=SIGNALS["two_tone"])
+    steering, error = np.array([0.081, -0.046]), np.array([0.4, -0.55]) * array.unambiguous_projection
+    weights = element_weights(array, steering)
+    beams = 3.0 * np.exp(0.7j) * beam_signals(array, weights, steering + error).conj()
+    noises = np.abs(beams[0]) ** 2 * np.array([0.02, 0.03, 0.05])
+    found, covariance = receiver._from_ratio(steering, beams, noises)
+    np.testing.assert_allclose(found, error, atol=1e-9)
+    ratios = -(beams[1:] / beams[0]).imag
+    step = 1e-6
+    change = np.array(
+        [
+            invert_with_weights(array, weights, steering, ratios + step * e)
+            - invert_with_weights(array, weights, steering, ratios - step * e)
+            for e in np.eye(2)
+        ]
+    ).T / (2.0 * step)
+    spread = np.array(
+        [
+            [(0.02 + 2 * 0.02**2) * ratios[0] ** 2 + 1.02 * 0.03, (0.02 + 2 * 0.02**2) * ratios[0] * ratios[1]],
+            [(0.02 + 2 * 0.02**2) * ratios[0] * ratios[1], (0.02 + 2 * 0.02**2) * ratios[1] ** 2 + 1.02 * 0.05],
+        ]
+    )
+    np.testing.assert_allclose(covariance, change @ (0.5 * spread) @ change.T, rtol=1e-6)
+
+
+def test_amplitude_of_the_sum_beam_in_elements_is_taken_against_the_link_or_the_references() -> None:
+    for scheme, signal in SIGNALS.items():
+        still = TripulseSource(
+            ARRAY, signal,
+            TripulseSourceParams(element_carrier_to_noise_db_hz=45.0, reference_carrier_to_noise_db_hz=85.0,
+                                 satellite_linewidth_hz=0.0, station_linewidth_hz=0.0),
+            seed=3,
+        )  # fmt: skip
+        straight = StationLine(name="a", direction=DIRECTION, range_rate_m_s=0.0, elevation_rad=0.7)
+        (frame,) = still.step(0.0, np.eye(3), [straight])
+        # All 256 elements in phase, 8 dB above the link that the receiver knows where only that one counts.
+        receiver = TripulseReceiver(array=ARRAY, signal=signal)
+        channels = channelise(signal, frame.samples, receiver.params.largest_shift_hz)
+        beams, noises = receiver._beam_means(receiver._detect(channels))
+        snr_db = 10.0 * math.log10(abs(beams[0]) ** 2 / noises[0])
+        over_db = 8.0 if scheme == "interleaved" else 8.0 - 5.0
+        found_db = 20.0 * math.log10(receiver._level(channels, complex(beams[0]), snr_db) / 256.0)
+        # The noise of a frame is known from few segments, to some tenths of a decibel.
+        assert found_db == pytest.approx(over_db, abs=0.6)

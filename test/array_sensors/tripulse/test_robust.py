@@ -115,3 +115,53 @@ def test_signals_that_are_not_finite_or_empty_are_refused() -> None:
         signal_matrix([[1.0, np.nan, 0.0]], EQUAL)
     with pytest.raises(ValueError, match="at least 1 cycle"):
         signal_matrix(np.empty((0, 3)), EQUAL)
+
+
+@pytest.mark.parametrize(("cycles", "snr_db"), [(1, 3.0), (2, 0.0), (6, 0.0)])
+def test_posterior_is_that_of_a_fine_grid_for_an_array_and_noises_that_differ_by_axis(
+    cycles: int, snr_db: float
+) -> None:
+    """p ~ exp(kappa v'Mv / v'v) times the prior, v = (1, tan(N_x k d_x T_x / 4), tan(...)) over the noises' roots."""
+    params = TripulseArrayParams(n_x=12, n_y=8, spacing_x_wavelengths=3.0, spacing_y_wavelengths=2.0)
+    prior, rng = np.array([1.5e-3, 3e-3]), random_stream(2, f"grid {cycles}")
+    noises = params.n_total**2 / 10.0 ** (snr_db / 10.0) * np.array([1.0, 0.4, 2.0])
+    turns = np.exp(2j * np.pi * rng.uniform(size=(cycles, 1)))
+    scatter = rng.normal(size=(cycles, 3)) + 1j * rng.normal(size=(cycles, 3))
+    signals = closed_form_signals(params, 0.6 * prior) * turns + np.sqrt(noises / 2.0) * scatter
+    matrix = signal_matrix(signals, noises)
+    found = posterior_projection_error(params, matrix, cycles, noises, prior)
+    limit = params.unambiguous_projection
+    axes = [np.linspace(-1.0, 1.0, 601) * min(5.0 * prior[k], 0.999999 * limit[k]) for k in (0, 1)]
+    x, y = np.meshgrid(*axes, indexing="ij")
+    v = np.stack([np.ones_like(x), np.tan(12 * params.kd[0] * x / 4.0), np.tan(8 * params.kd[1] * y / 4.0)], axis=-1)
+    v = v / np.sqrt(noises)
+    kappa = 1.0 - min(1.0, max(cycles - 2, 0) / np.linalg.eigvalsh(matrix)[-1])
+    log_mass = kappa * np.einsum("ija,ab,ijb->ij", v, matrix, v) / np.sum(v**2, axis=-1)
+    log_mass -= 0.5 * ((x / prior[0]) ** 2 + (y / prior[1]) ** 2)
+    mass = np.exp(log_mass - np.max(log_mass))
+    mass /= np.sum(mass)
+    mean = np.array([np.sum(mass * x), np.sum(mass * y)])
+    apart = [x - mean[0], y - mean[1]]
+    covariance = np.array([[np.sum(mass * a * b) for b in apart] for a in apart])
+    sigma = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(found.projection_error / sigma, mean / sigma, atol=0.02)
+    np.testing.assert_allclose(
+        found.covariance / np.outer(sigma, sigma), covariance / np.outer(sigma, sigma), atol=0.03
+    )
+
+
+def test_many_matrices_are_the_same_as_each_by_itself() -> None:
+    rng = random_stream(4, "many")
+    signals, noises = noisy(rng, PRIOR * rng.normal(size=(2003, 2)), 5.0, 1)
+    matrices = signal_matrix(signals, noises)
+    found = posterior_projection_error(PARAMS, matrices, 1, noises, PRIOR)
+    for k in (0, 1999, 2000, 2002):
+        one = posterior_projection_error(PARAMS, matrices[k], 1, noises, PRIOR)
+        np.testing.assert_allclose(found.projection_error[k], one.projection_error, rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(found.covariance[k], one.covariance, rtol=1e-9, atol=1e-20)
+
+
+def test_signals_without_a_sum_have_no_ratios() -> None:
+    with pytest.raises(ValueError, match="no part in the sum beam"):
+        total_least_squares_ratios(np.diag([0.0, 2.0, 1.0]), EQUAL)
+    np.testing.assert_allclose(total_least_squares_ratios(np.diag([3.0, 2.0, 1.0]), EQUAL), [0.0, 0.0])

@@ -4,7 +4,8 @@ from scipy.spatial.transform import Rotation
 
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, element_weights
 from rf_pointing.array_sensors.tripulse.beams import beam_signals
-from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams, segment_beams
+from rf_pointing.array_sensors.tripulse.channels import channel_values
+from rf_pointing.array_sensors.tripulse.signal import TripulseFrame, TripulseSignalParams, segment_beams
 from rf_pointing.array_sensors.tripulse.source import StationLine, TripulseSource, TripulseSourceParams
 
 ARRAY, SIGNAL = TripulseArrayParams(), TripulseSignalParams()
@@ -102,3 +103,63 @@ def test_array_without_elements_is_refused_at_the_start() -> None:
 def test_direction_that_is_not_unit_is_refused() -> None:
     with pytest.raises(ValueError, match="length of direction"):
         StationLine(name="a", direction=np.array([0.0, 0.0, 1.1]), range_rate_m_s=0.0, elevation_rad=0.5)
+
+
+def segment_tones(frame: TripulseFrame, shift_hz: float) -> np.ndarray:
+    return channel_values(SIGNAL, frame.samples, shift_hz, (-1, 0, 1))
+
+
+def test_tones_have_the_levels_of_the_link_and_the_doppler_of_the_range_rate() -> None:
+    """A^2 is C/N0 in hertz; f rho' / c at 12 GHz and 12 m/s are 480 Hz, toward lower frequencies."""
+    still = source(
+        element_carrier_to_noise_db_hz=100.0, reference_carrier_to_noise_db_hz=120.0, satellite_linewidth_hz=0.0,
+        station_linewidth_hz=0.0,
+    )  # fmt: skip
+    (frame,) = still.step(0.0, TRUE, [line()])
+    carrier_hz = SIGNAL.carrier_hz
+    shift_hz = -carrier_hz * 12.0 / 299792458.0
+    tones = segment_tones(frame, shift_hz)
+    weights = element_weights(ARRAY, frame.steering)
+    beams = beam_signals(ARRAY, weights, (TRUE @ line().direction)[:2])
+    np.testing.assert_allclose(np.abs(tones[:, 0]), 1e6, rtol=2e-3)
+    np.testing.assert_allclose(np.abs(tones[:, 2]), 1e6, rtol=2e-3)
+    np.testing.assert_allclose(np.abs(tones[:, 1]), 1e5 * np.abs(beams)[segment_beams(SIGNAL)], rtol=5e-3, atol=1e4)
+    # Nothing of the phase is left that turns with time.
+    turned = np.unwrap(np.angle(tones[:, 0] * tones[:, 2]))
+    assert np.ptp(turned) < 0.05
+
+
+@pytest.mark.parametrize(("satellite_hz", "station_hz"), [(10.0, 0.0), (0.0, 40.0), (15.0, 25.0)])
+def test_phases_wander_as_the_linewidths_of_both_clocks_say(satellite_hz: float, station_hz: float) -> None:
+    """2 pi times the linewidth a second; means over neighbouring segments differ by two thirds of a segment's."""
+    running = source(
+        element_carrier_to_noise_db_hz=60.0, reference_carrier_to_noise_db_hz=150.0, satellite_linewidth_hz=satellite_hz,
+        station_linewidth_hz=station_hz,
+    )  # fmt: skip
+    station = StationLine(name="a", direction=line().direction, range_rate_m_s=0.0, elevation_rad=0.7)
+    squares = []
+    for k in range(60):
+        tones = segment_tones(running.step(float(k), TRUE, [station])[0], 0.0)
+        steps = 0.5 * np.diff(np.unwrap(np.angle(tones[:, 0] * tones[:, 2])))
+        squares.append(np.mean(steps**2))
+    expected = 2.0 * np.pi * (satellite_hz + station_hz) * SIGNAL.segment_s * 2.0 / 3.0
+    assert np.mean(squares) == pytest.approx(expected, rel=0.12)
+
+
+def test_phases_of_the_quadrants_are_fixed_and_as_large_as_stated() -> None:
+    """One phase for each quarter of the elements, the same in every frame; another seed has others."""
+    drawn = []
+    for seed in range(40):
+        found = TripulseSource(ARRAY, SIGNAL, TripulseSourceParams(quadrant_phase_rad=0.1), seed=seed)._phase_errors_rad
+        quarters = found.reshape(2, 8, 2, 8)
+        assert np.ptp(quarters, axis=(1, 3)).max() == 0.0
+        drawn += quarters[:, 0, :, 0].ravel().tolist()
+    assert len(set(drawn)) == 160
+    assert np.std(drawn) == pytest.approx(0.1, rel=0.2)
+
+
+def test_a_station_is_served_from_the_lowest_elevation_on() -> None:
+    lowest = TripulseSourceParams().elevation_min_rad
+    source().step(0.0, TRUE, [line(elevation_rad=lowest + 1e-9)])
+    with pytest.raises(ValueError, match="sees the satellite at elevation_rad"):
+        source().step(0.0, TRUE, [line(elevation_rad=lowest - 1e-9)])

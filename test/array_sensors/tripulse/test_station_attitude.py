@@ -12,7 +12,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_to_matrix,
     quaternion_to_rotation_vector,
 )
-from rf_pointing.array_sensors.attitude.wahba import fit_rotation
+from rf_pointing.array_sensors.attitude.wahba import attitude_covariance, fit_rotation
 from rf_pointing.array_sensors.tripulse.station_attitude import (
     StationAttitudeEstimator,
     StationAttitudeParams,
@@ -20,6 +20,7 @@ from rf_pointing.array_sensors.tripulse.station_attitude import (
     bisector_rotation,
     direction_covariances,
     directions_from_projections,
+    shared_covariance,
 )
 from rf_pointing.core import random_stream
 
@@ -266,3 +267,145 @@ def test_observations_that_would_poison_the_fit_are_refused(changes: dict[str, o
     good = observations(np.eye(3), 1.0, random_stream(1, "bad"), ["usingen"])[0]
     with pytest.raises(ValueError, match=message):
         dataclasses.replace(good, **changes)
+
+
+def test_an_attitude_that_is_refused_says_how_many_observations_were_left_over() -> None:
+    rng = random_stream(3, "refused")
+    seen = observations(np.eye(3), 10.0, rng, list(REFERENCES))
+    wrong = dataclasses.replace(seen[0], projections=seen[0].projections + 0.05)
+    for used, freedom in (([wrong, *seen[1:]], 3), ([wrong, seen[1]], 1), (seen[:1], 0)):
+        found = filled(used).estimate(10.0)
+        assert not found.valid
+        assert found.degrees_of_freedom == freedom
+        assert found.t_s == 10.0
+        np.testing.assert_array_equal(found.covariance_rad2, np.pi**2 * np.eye(3))
+        np.testing.assert_array_equal(found.covariance_array_rad2, np.pi**2 * np.eye(3))
+    assert filled(seen).estimate(10.0).degrees_of_freedom == 3
+
+
+def test_an_observation_is_made_of_arrays_and_of_a_direction_whatever_it_is_given() -> None:
+    given = {
+        "t_s": 1.0,
+        "station": "usingen",
+        "projections": [0.1, 0.2],
+        "covariance": [[2e-9, 0], [0, 1e-9]],
+        "reference": [0, 0.6, 0.8],
+    }
+    seen = StationObservation(**given)
+    for name in ("projections", "covariance", "reference"):
+        assert isinstance(getattr(seen, name), np.ndarray)
+        np.testing.assert_array_equal(getattr(seen, name), given[name])
+    for change, words in (
+        ({"t_s": np.nan}, "t_s"),
+        ({"projections": [0.1, 0.2, 0.3]}, "projections has shape"),
+        ({"covariance": [1e-9, 1e-9]}, "covariance has shape"),
+        ({"covariance": np.zeros((2, 2))}, "singular covariance"),
+        ({"reference": [0.0, 0.6, 0.9]}, "reference"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            StationObservation(**{**given, **change})
+
+
+@pytest.mark.parametrize(("age_s", "used"), [(0.0, True), (2.0, True), (2.001, False), (-0.001, False)])
+def test_an_observation_is_used_from_its_time_until_it_is_two_seconds_old(age_s: float, used: bool) -> None:
+    found = filled(observations(np.eye(3), 10.0, random_stream(3, "age"), ["usingen", "hartebeesthoek"])).estimate(
+        10.0 + age_s
+    )
+    assert found.valid is used
+    assert found.t_s == (10.0 if used else 10.0 + age_s)
+
+
+def test_the_residual_is_the_normalised_miss_of_the_projections() -> None:
+    seen = observations(np.eye(3), 10.0, random_stream(5, "residual"), list(REFERENCES))
+    found = filled(seen).estimate(10.0)
+    rotation = quaternion_to_matrix(found.quaternion).T
+    misses = [each.projections - (rotation @ each.reference)[:2] for each in seen]
+    expected = sum(miss @ np.linalg.inv(each.covariance) @ miss for miss, each in zip(misses, seen, strict=True))
+    assert found.residual == pytest.approx(expected, rel=1e-6)
+    np.testing.assert_allclose(
+        found.covariance_rad2, rotation.T @ found.covariance_array_rad2 @ rotation, rtol=1e-9, atol=1e-20
+    )
+
+
+def test_covariances_of_directions_are_carried_by_their_slopes_and_refused_if_no_numbers() -> None:
+    projections = np.array([[0.3, -0.4], [-0.1, 0.2]])
+    spread = 1e-8 * np.array([[[2.0, 0.5], [0.5, 1.0]], [[1.0, -0.3], [-0.3, 3.0]]])
+    step, expected = 1e-6, []
+    for place, each in zip(projections, spread, strict=True):
+        slope = np.stack(
+            [
+                (directions_from_projections(place + step * e) - directions_from_projections(place - step * e))
+                / 2
+                / step
+                for e in np.eye(2)
+            ],
+            axis=1,
+        )
+        expected.append(slope @ each @ slope.T)
+    np.testing.assert_allclose(direction_covariances(projections, spread), expected, rtol=1e-6, atol=1e-16)
+    spoiled = spread.copy()
+    spoiled[1, 0, 0] = np.nan
+    with pytest.raises(ValueError, match=r"covariances=[^z]* must be finite"):
+        direction_covariances(projections, spoiled)
+    with pytest.raises(ValueError, match=r"covariances has shape \(2, 3, 3\), must be \(\.\.\., 2, 2\)"):
+        direction_covariances(projections, np.zeros((2, 3, 3)))
+    with pytest.raises(ValueError, match=r"projections has shape \(3,\), must be \(\.\.\., 2\)"):
+        directions_from_projections([0.1, 0.2, 0.3])
+
+
+def test_an_error_that_all_stations_share_turns_the_attitude_by_its_own_slope() -> None:
+    """Every projection is moved alike along x, then along y; the fit turns, and the turns are the covariance."""
+    projections = np.array([[0.05, -0.12], [-0.2, 0.07], [0.11, 0.3]])
+    measured, weights = directions_from_projections(projections), np.array([1.0, 3.0, 0.5])
+    reference = Rotation.from_rotvec([0.3, -0.2, 0.9]).apply(measured)
+    sigma, step, turns = 6e-4, 1e-6, []
+    for e in np.eye(2):
+        ends = [
+            fit_rotation(reference, directions_from_projections(projections + sign * step * e), weights).rotation
+            for sign in (1.0, -1.0)
+        ]
+        turns.append(Rotation.from_matrix(ends[0] @ ends[1].T).as_rotvec() / (2.0 * step))
+    expected = sigma**2 * sum(np.outer(turn, turn) for turn in turns)
+    np.testing.assert_allclose(shared_covariance(measured, sigma, weights), expected, rtol=1e-4, atol=1e-12)
+
+
+def test_an_estimate_is_the_weighted_fit_with_its_residual_covariance_and_mean_time() -> None:
+    """Written out from the functions of the fit: weights of half the trace, chi-square of the projections, both errors."""
+    rng, params = random_stream(5, "written out"), StationAttitudeParams(shared_sigma=2e-4)
+    rotation = Rotation.from_rotvec([0.01, -0.02, 0.4]).as_matrix()
+    estimator, seen = StationAttitudeEstimator(params), []
+    for number, (name, reference) in enumerate(REFERENCES.items()):
+        root = SIGMA * rng.normal(size=(2, 2))
+        covariance = root @ root.T + 0.1 * SIGMA**2 * np.eye(2)
+        place = (rotation @ reference)[:2] + rng.multivariate_normal(np.zeros(2), covariance)
+        seen.append(
+            StationObservation(
+                t_s=10.0 + 0.1 * number, station=name, projections=place, covariance=covariance, reference=reference
+            )
+        )
+        estimator.observe(seen[-1])
+    found = estimator.estimate(11.0)
+    assert found.valid, found.reason
+    places = np.array([each.projections for each in seen])
+    spreads = direction_covariances(places, np.array([each.covariance for each in seen]))
+    weights = np.array([2.0 / np.trace(each) for each in spreads])
+    measured = directions_from_projections(places)
+    fit = fit_rotation(np.array([each.reference for each in seen]), measured, weights).rotation
+    np.testing.assert_allclose(quaternion_to_matrix(found.quaternion), fit.T, atol=1e-12)
+    gaps = places - (np.array([each.reference for each in seen]) @ fit.T)[:, :2]
+    residual = sum(gap @ np.linalg.solve(each.covariance, gap) for gap, each in zip(gaps, seen, strict=True))
+    assert found.residual == pytest.approx(residual)
+    assert found.degrees_of_freedom == 3
+    covariance = attitude_covariance(measured, spreads, weights) + shared_covariance(measured, 2e-4, weights)
+    np.testing.assert_allclose(found.covariance_array_rad2, covariance, rtol=1e-9)
+    np.testing.assert_allclose(found.covariance_rad2, fit.T @ covariance @ fit, rtol=1e-9, atol=1e-20)
+    assert found.t_s == pytest.approx(10.1)
+    assert found.stations == tuple(REFERENCES)
+    # An observation as old as allowed counts, an older one and one of the future do not.
+    assert len(estimator.estimate(12.0).stations) == 3
+    assert estimator.estimate(12.05).stations == ("hartebeesthoek", "kourou")
+    late = estimator.estimate(12.15)
+    assert not late.valid
+    assert late.degrees_of_freedom == 0
+    np.testing.assert_allclose(late.covariance_rad2, np.pi**2 * np.eye(3))
+    assert not estimator.estimate(10.05).valid
