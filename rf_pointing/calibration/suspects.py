@@ -63,19 +63,15 @@ def refraction_and_site(fit: FitResult, points: Observations, refraction: RadioR
 
     `refraction` is that of the station's air; it has been added to the reference or not.
     """
-    # Upward on the sky is downward on the axis of a dish over the top.
-    over = points.true_elevation_rad > 0.5 * np.pi
-    height = np.where(over, np.pi - points.true_elevation_rad, points.true_elevation_rad)
-    bending = np.where(over, -1.0, 1.0) * (refraction.apply(height) - height)
+    bending = refraction.apply(points.true_elevation_rad) - points.true_elevation_rad
     columns = {"refraction": np.stack([0.0 * bending, bending])[..., np.newaxis]}
     if points.range_m is not None and points.range_rate_m_s is not None:
         columns["site"] = np.stack(site_partials(points))
     estimates = _estimates(fit, points, columns)
-    found = [(estimate.gain, kind) for kind, estimate in estimates.items() if estimate.gain > _SURE_SIGMA**2]
-    for _, kind in sorted(found, reverse=True)[:1]:
-        estimate = estimates[kind]
-        return _refraction(estimate) if kind == "refraction" else _site(estimate)
-    return None
+    kind, estimate = max(estimates.items(), key=lambda item: item[1].gain)
+    if estimate.gain <= _SURE_SIGMA**2:
+        return None
+    return _refraction(estimate) if kind == "refraction" else _site(estimate)
 
 
 def common_clock(fit: FitResult, known: Mapping[str, float]) -> Suspect | None:
@@ -199,10 +195,11 @@ def _estimates(fit: FitResult, points: Observations, columns: Mapping[str, Array
     for (kind, _), width in zip(columns.items(), widths, strict=True):
         own = factor[:, start : start + width]
         start += width
-        own, left = own - basis @ (basis.T @ own), right - basis @ (basis.T @ right)
-        inverse = np.linalg.inv(own.T @ own)
-        values = inverse @ (own.T @ left)
-        gain = float(values @ (own.T @ left)) / scale
+        # What is left of them once the terms are in; the right side needs no such step.
+        own = own - basis @ (basis.T @ own)
+        inverse, explained = np.linalg.inv(own.T @ own), own.T @ right
+        values = inverse @ explained
+        gain = float(values @ explained) / scale
         found[kind] = _Estimate(values, np.sqrt(scale * np.diag(inverse)), gain)
     return found
 

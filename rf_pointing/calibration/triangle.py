@@ -118,10 +118,10 @@ class Triangle:
         inverse = _inverse_of(scaled)
         # The Frobenius norms bound the condition number from above: only a suspect matrix pays for
         # its SVD.  "not <=" and not ">": the bound of an inverse that overflowed is not a number.
-        if inverse is None or not np.vdot(inverse, inverse) * len(scaled) <= RANK_TOLERANCE**-2:
+        if not np.vdot(inverse, inverse) * len(scaled) <= RANK_TOLERANCE**-2:
             _, singular, rotation = np.linalg.svd(scaled)
             lost = singular < RANK_TOLERANCE * singular[0]
-            if inverse is None or np.any(lost):
+            if np.any(lost):
                 raise ValueError(_null_space_message(self.names, rotation[lost] / scale, scale))
         return inverse
 
@@ -227,10 +227,10 @@ def _upper(height: int, width: int) -> Array:
     return np.asfortranarray(np.triu(np.ones((height, width))))
 
 
-def _inverse_of(triangle: Array) -> Array | None:
-    """Return the inverse, None where a diagonal element is exactly zero."""
+def _inverse_of(triangle: Array) -> Array:
+    """Return the inverse, infinite where a diagonal element is exactly zero."""
     inverse, info = _lapack().dtrtri(triangle)
-    return cast(Array, inverse) if info == 0 else None
+    return cast(Array, inverse) if info == 0 else np.full_like(triangle, np.inf)
 
 
 def _null_space_message(names: Sequence[str], directions: Array, scale: Array) -> str:

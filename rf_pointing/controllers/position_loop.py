@@ -109,8 +109,6 @@ class PositionLoop(PositionLaw[PositionLoopParams, PositionLoopState]):
             taken = (old.feedforward_gain - params.feedforward_gain) * self._feedforward.state.memory[0]
             state.integral_rad_s = (old.integral_gain * state.integral_rad_s + held + taken) / params.integral_gain
             self._shaping.shift(taken)
-        else:
-            state.integral_rad_s = 0.0
         self.params = params
 
     def _settled(self, error_rad: float, command_rad_s: float, fed_rad_s: float) -> PositionLoopState:

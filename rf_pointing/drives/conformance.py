@@ -183,7 +183,6 @@ class ConformanceCheck:
     def _stop(self, axis: int, name: str) -> Line:
         self._rotator.stop()
         began_s, where = self._t_s, self._rotator.position_rad[axis]
-        self._readings.clear()
         self._pass(STOP_S + self._rotator.latency_s)
         at = self._rotator.position_rad[axis]
         self._pass(1.0)
@@ -194,7 +193,6 @@ class ConformanceCheck:
 
     def _stale(self) -> Line:
         """Check that a rate that is not repeated does not go on for ever."""
-        self._drive.enable()
         rate = 0.1 * self._drive.capabilities.rate_rad_s[0]
         self._pass(1.0, turning=(rate, 0.0))
         self._pass(WATCH_S)
@@ -217,7 +215,6 @@ class ConformanceCheck:
             self._follow(motion)
         finally:
             self._drive.go_to = keep  # type: ignore[method-assign]
-        self._rotator.stop()
         most = max((each[1] + self._params.rotator.zero_rad[1] for each in sent), default=math.nan)
         # NaN, nothing sent, is no pass.
         good = start[1] < most <= high[1] + SAME_RAD

@@ -63,7 +63,7 @@ class SerialLink:
     """A serial port of 8 bits without parity and handshake, this program's alone."""
 
     def __init__(self, device: str, baud: int) -> None:
-        self._port = serial.Serial(device, baud, timeout=0.0, write_timeout=0.0, exclusive=True)
+        self._port = serial.Serial(device, baud, timeout=0.0, exclusive=True)
 
     def read(self) -> bytes:
         return bytes(self._port.read(CHUNK))

@@ -63,7 +63,7 @@ class RotatorModel:
             max(round(goal / step) * step, params.travel_min_rad[axis] - zero), params.travel_max_rad[axis] - zero
         )
         away = goal - self.position_rad[axis]
-        if abs(away) <= self.params.dead_band_rad[axis] or away == 0.0:
+        if abs(away) <= self.params.dead_band_rad[axis]:
             self._goal[axis] = None
             return
         direction = math.copysign(1.0, away)

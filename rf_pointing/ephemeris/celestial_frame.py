@@ -53,8 +53,8 @@ def _intermediate_axes(t_s: Any) -> tuple[Vector, Vector, Vector]:
         q = ((1.0 - part) * a + part * b).tolist()
         return tuple(q[0]), tuple(q[1]), tuple(q[2])
     steps = t_s // _GRID_S
-    first, last = (int(steps.min()), int(steps.max())) if steps.size else (0, 0)
-    grid = np.array([_matrix(step) for step in range(first, last + 2)])
+    first, last = (int(steps.min()), int(steps.max())) if steps.size else (0, -2)
+    grid = np.array([_matrix(step) for step in range(first, last + 2)]).reshape(-1, 3, 3)
     index = steps.astype(int) - first
     part = (t_s / _GRID_S - steps)[:, None, None]
     rows = np.moveaxis((1.0 - part) * grid[index] + part * grid[index + 1], 0, -1)

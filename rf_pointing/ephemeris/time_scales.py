@@ -37,7 +37,7 @@ class LeapSeconds:
 
     def tai_minus_utc_s(self, t_s: Any) -> Any:
         """Return TAI - UTC in seconds at UTC times (float or array); ValueError before 1972."""
-        if (t_s if isinstance(t_s, float) else np.min(t_s)) < self.start_t_s[0]:
+        if (t_s if isinstance(t_s, float) else np.min(t_s, initial=np.inf)) < self.start_t_s[0]:
             raise ValueError(f"t_s={np.min(t_s)} must be >= {self.start_t_s[0]} (1972-01-01, the first leap second)")
         if isinstance(t_s, float):
             # Plain floats: it is called several times a control period.

@@ -66,9 +66,8 @@ def normalised_voltage(params: BeamParams, angle_beamwidths: NDArray[np.float64]
 
 
 def _illumination(params: BeamParams) -> tuple[float, int]:
-    if params.pattern == "uniform":
-        return 1.0, 1
-    return 10.0 ** (-params.edge_taper_db / 20.0), params.taper_exponent
+    pedestal = 1.0 if params.pattern == "uniform" else 10.0 ** (-params.edge_taper_db / 20.0)
+    return pedestal, params.taper_exponent
 
 
 def _aperture_voltage(u: NDArray[np.float64], pedestal: float, exponent: int) -> NDArray[np.float64]:

@@ -83,7 +83,8 @@ def least_level_db_hz(array: DishArrayParams) -> float:
     Infinite where no level is enough: a grating lobe, or phases that are too little known.
     """
     rim = 2.0 * math.pi * array.radius_m / array.wavelength_m
-    steps = np.arange(-rim, rim + LATTICE, LATTICE)
+    # Opposite directions are alike: the last step may be missing.
+    steps = np.arange(-rim, rim, LATTICE)
     right, up = (part.ravel() for part in np.meshgrid(steps, steps))
     size = np.hypot(right, up)
     outside = (size >= MAIN_LOBE) & (size <= rim)

@@ -37,7 +37,7 @@ class Dropouts:
             raise ValueError(f"count={params.count} dropouts need {-free:.1f} s more than stop_s - start_s")
         # Sorted random cuts of the free time are the gaps: every arrangement is equally likely.
         cuts = np.sort(rng.uniform(0.0, free, params.count))
-        before = np.concatenate([[0.0], np.cumsum(lengths)[:-1]]) if params.count else np.empty(0)
+        before = np.concatenate([[0.0], np.cumsum(lengths)])[:-1]
         self.start_s: Array = start_s + cuts + before + params.gap_s * np.arange(1, params.count + 1)
         self.stop_s: Array = self.start_s + lengths
 

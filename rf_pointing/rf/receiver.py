@@ -210,7 +210,7 @@ def noise_variance(channels: ComplexArray, order: int) -> float:
     adjoint = basis.conj().T
     fit = np.linalg.solve(adjoint @ basis, adjoint @ differences)
     residual = np.sum(np.abs(differences - basis @ fit) ** 2, axis=0) / (count - order - 1)
-    signal_share = np.clip(1.0 - np.mean(residual) / np.mean(np.abs(total) ** 2), 0.0, 1.0)
+    signal_share = max(1.0 - np.mean(residual) / np.mean(np.abs(total) ** 2), 0.0)
     return float(np.mean(residual / (1.0 + signal_share * np.abs(fit[0]) ** 2)))
 
 

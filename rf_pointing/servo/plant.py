@@ -200,16 +200,17 @@ class AntennaPlant:
 
     def _delayed_commands(self) -> Pair:
         """Return, per axis, the newest command older than the dead time (zero before the first)."""
-        state, commands = self._state, [0.0, 0.0]
+        state = self._state
         # Older commands are dropped, all but the newest of them: it is still in force on the slower
         # axis.
         oldest = state.time_s - max(self._delay) - 1e-9
+        found = []
         for axis in (0, 1):
             due = [entry for entry in state.commands if entry[0] <= state.time_s - self._delay[axis] + 1e-9]
-            commands[axis] = due[-1][1 + axis] if due else 0.0
+            found.append(due[-1][1 + axis] if due else 0.0)
         past = [entry for entry in state.commands if entry[0] <= oldest]
         state.commands = state.commands[max(0, len(past) - 1) :]
-        return commands[0], commands[1]
+        return found[0], found[1]
 
     def _read_encoders(self) -> None:
         angles = self._output(self._model.encoder).tolist()

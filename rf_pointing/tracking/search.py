@@ -140,7 +140,7 @@ class StripSearch:
     def offset(self, t_since_start_s: float) -> tuple[float, float, float, float]:
         """Return the offset along and left of the track, with rates; at rest before the start."""
         within_s = max(t_since_start_s, 0.0) % self.duration_s
-        leg = min(bisect_right(self._starts, within_s) - 1, len(self._legs) - 1)
+        leg = bisect_right(self._starts, within_s) - 1
         (x0, y0), (x1, y1) = self._legs[leg]
         length = math.hypot(x1 - x0, y1 - y0)
         way, speed = self._way(within_s - self._starts[leg], length)

@@ -89,9 +89,9 @@ class StepTracker:
         self, power: CarrierPower, beam_offset_cross_elevation_rad: float, beam_offset_elevation_rad: float
     ) -> PointingError | None:
         """Add one power; return the error of the centre when a round is complete."""
-        fault, point = self._place(power, beam_offset_cross_elevation_rad, beam_offset_elevation_rad)
-        if fault:
-            self.state = replace(self.state, rejected=self.state.rejected + 1, last_rejection=fault)
+        point = self._place(power, beam_offset_cross_elevation_rad, beam_offset_elevation_rad)
+        if isinstance(point, str):
+            self.state = replace(self.state, rejected=self.state.rejected + 1, last_rejection=point)
             return None
         sample = (_middle_s(power), power.power_w, power.sigma_w, beam_offset_cross_elevation_rad,
                   beam_offset_elevation_rad, power.carrier_to_noise_db_hz)  # fmt: skip
@@ -107,24 +107,25 @@ class StepTracker:
         """Begin a new round, as after a correction."""
         self.state = replace(self.state, window=PowerWindow.empty(), counts=(0, 0, 0, 0))
 
-    def _place(self, power: CarrierPower, x_rad: float, y_rad: float) -> tuple[str, int]:
+    def _place(self, power: CarrierPower, x_rad: float, y_rad: float) -> int | str:
+        """Return the point on which the beam rests, or why the sample does not count."""
         if not all(map(math.isfinite, (power.t_s, power.power_w, power.carrier_to_noise_db_hz, x_rad, y_rad))):
-            return "power, time and beam offset must be finite", -1
+            return "power, time and beam offset must be finite"
         if power.power_w <= 0.0:
-            return f"power_w={power.power_w} must be > 0", -1
+            return f"power_w={power.power_w} must be > 0"
         if power.sigma_w < 0.0:
-            return f"sigma_w={power.sigma_w} must be >= 0", -1
+            return f"sigma_w={power.sigma_w} must be >= 0"
         if len(self.state.window) and _middle_s(power) <= self.state.window.rows[-1, 0]:
-            return f"t_s={power.t_s} must be later than that of the sample before", -1
+            return f"t_s={power.t_s} must be later than that of the sample before"
         if power.carrier_to_noise_db_hz < self.params.lock_db_hz:
             level = power.carrier_to_noise_db_hz
-            return f"no lock: C/N0 {level:.1f} dB-Hz is below {self.params.lock_db_hz:.1f} dB-Hz", -1
+            return f"no lock: C/N0 {level:.1f} dB-Hz is below {self.params.lock_db_hz:.1f} dB-Hz"
         step = self.params.step_rad
         distances = [math.hypot(x_rad / step - point[0], y_rad / step - point[1]) for point in POINTS]
         nearest = min(range(4), key=distances.__getitem__)
         if distances[nearest] > self.params.tolerance:
-            return "the beam moves between two points", -1
-        return "", nearest
+            return "the beam moves between two points"
+        return nearest
 
     def _measure(self, window: PowerWindow) -> PointingError:
         h = self.params.half_power_beamwidth_rad

@@ -221,3 +221,23 @@ def test_the_departure_is_the_greatest_angle_between_beam_and_axes():
     tilted = BiasModel.zero().replace(azimuth_offset=0.0, elevation_offset=-0.003)
     assert tilted.departure()[0] == pytest.approx(0.003, rel=1e-9)
     assert BiasModel.zero().departure()[0] < 1e-12
+
+
+def test_a_model_keeps_its_coefficients_whatever_becomes_of_those_it_was_given(table_1):
+    given = dict(table_1.coefficients)
+    model = BiasModel(given)
+    given["droop"] = 0.05
+    assert model == table_1
+    with pytest.raises(TypeError):
+        model.coefficients["droop"] = 0.05
+
+
+@pytest.mark.parametrize("turns", [-4, -2, 3, 5])
+def test_axes_stay_on_the_turn_of_the_direction(random, turns):
+    azimuth, elevation = grid()
+    model, shift = random_model(random), 2.0 * np.pi * turns
+    plain, turned = model.apply(azimuth, elevation, *STILL), model.apply(azimuth + shift, elevation, *STILL)
+    np.testing.assert_allclose(turned[0] - shift, plain[0], atol=1e-9)
+    np.testing.assert_allclose(turned[1], plain[1], atol=1e-9)
+    back = model.remove(*turned, *STILL)
+    np.testing.assert_allclose(back[0], azimuth + shift, atol=1e-8)

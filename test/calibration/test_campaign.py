@@ -204,3 +204,19 @@ def test_planned_passes_say_nothing_about_thermal_terms(on_offer):
 def test_terms_that_are_not_fitted_cannot_be_chosen(on_offer):
     with pytest.raises(ValueError, match="chosen=squint must name terms"):
         next_best_passes(TERM_NAMES, np.eye(14), on_offer, chosen=("squint",), count=1)
+
+
+def test_the_turn_of_a_pass_is_the_one_least_outside_the_travel_and_of_those_the_nearest_to_the_middle(random):
+    """Against every turn from -6 to 6 tried by itself."""
+    turn = 2.0 * np.pi
+    for _ in range(300):
+        low = random.uniform(-7.0, -2.0)
+        high = low + turn + random.uniform(0.0, 5.0)
+        path = random.uniform(-1.0, 7.0) + np.linspace(0.0, random.uniform(-5.0, 5.0), 30)
+        tried = []
+        for k in range(-6, 7):
+            moved = path + k * turn
+            outside = max(low - moved.min(), 0.0) + max(moved.max() - high, 0.0)
+            tried.append((round(outside, 9), abs(moved[0]), moved[0], moved[-1]))
+        ends = Slew(travel_rad=(low, high)).ends_rad(np.mod(path, turn))
+        assert ends == pytest.approx(min(tried)[2:], abs=1e-9)

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.calibration.coverage import SectorRule, select_by_sector
+from rf_pointing.calibration.coverage import Coverage, SectorRule, select_by_sector
 
 RULE = SectorRule()
 
@@ -67,3 +67,14 @@ def test_contradictory_rules_are_refused():
         SectorRule(fewest=31)
     with pytest.raises(ValueError, match="must increase"):
         SectorRule(elevation_edges_rad=(0.5, 0.2))
+
+
+@pytest.mark.parametrize(("thin", "more"), [(4, ""), (5, " and 1 more"), (7, " and 3 more")])
+def test_four_of_the_sectors_that_are_not_filled_are_named_and_the_others_counted(thin, more):
+    counts = np.full(36, 25)
+    counts[:thin] = np.arange(thin)
+    coverage = Coverage(RULE, counts)
+    with pytest.raises(ValueError, match=f"{thin} of 36 sectors have < 25: ") as refused:
+        coverage.require_full()
+    named = "; ".join(f"{RULE.name(sector)} has {sector}" for sector in range(4))
+    assert str(refused.value).endswith(f"< 25: {named}{more}")

@@ -1,6 +1,7 @@
 """The size of the orbit's errors is found from the passes themselves, and a sigma that ignores them is doubted."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from rf_pointing.calibration import (
     held_at_zero,
     measured_pass_priors,
 )
-from rf_pointing.calibration.doubts import _Equations, pass_correlation
+from rf_pointing.calibration.doubts import _Equations, pass_correlation, size_ratios, without_pass
 from rf_pointing.calibration.pass_errors import pass_partials
 from rf_pointing.core import MDEG
 
@@ -118,3 +119,65 @@ def test_the_terms_that_go_with_the_sizes_of_the_fit_are_those_of_the_fit(campai
     scale = equations.length[:-1]
     assert np.max(np.abs(terms / scale - fit.values) / fit.sigma) < 1e-3
     np.testing.assert_allclose(np.sqrt(np.diag(covariance)) / scale, fit.sigma, rtol=1e-3)
+
+
+def told(values, sigma, names):
+    """Return what a fit says of its passes' errors."""
+    errors = [
+        SimpleNamespace(values=dict(zip(names, value, strict=True)), sigma=dict(zip(names, spread, strict=True)))
+        for value, spread in zip(values, sigma, strict=True)
+    ]
+    return SimpleNamespace(pass_errors=errors)
+
+
+def test_the_measured_size_of_errors_is_over_as_many_passes_as_show_them(random):
+    priors = PassPriors(along_track_m=100.0, radial_m=50.0, clock_s=0.1)
+    values = random.normal(size=(6, 3)) * [250.0, 60.0, 0.1]
+    sigma = np.array([[20.0, 40.0, 0.0999]] * 6)
+    found = size_ratios(told(values, sigma, priors.names), priors)
+    for k in (0, 1):
+        shown = 6.0 * (1.0 - (sigma[0, k] / priors.sigma[k]) ** 2)
+        assert found[k] == pytest.approx(np.sqrt(np.sum((values[:, k] / priors.sigma[k]) ** 2) / shown))
+    # Six passes together do not show the clock of one.
+    assert found[2] == 1.0
+
+
+def test_the_correlation_of_residuals_is_the_size_of_their_sums_over_that_of_independent_ones(random):
+    pass_id = np.repeat([3, 7, 8], [5, 20, 40])
+    used = random.random(65) < 0.8
+    azimuth, elevation = random.normal(size=(2, 65)) + np.where(pass_id == 7, 1.5, 0.0)
+    sigma = random.uniform(0.5, 2.0, (2, 65))
+    fit = SimpleNamespace(residual_azimuth_rad=azimuth, residual_elevation_rad=elevation, used=used)
+    points = SimpleNamespace(sigma_azimuth_rad=sigma[0], sigma_elevation_rad=sigma[1], pass_id=pass_id)
+    squares = []
+    for residual, spread in ((azimuth, sigma[0]), (elevation, sigma[1])):
+        scale = np.sqrt(np.mean((residual / spread)[used] ** 2))
+        for number in (3, 7, 8):
+            own = (residual / spread / scale)[used & (pass_id == number)]
+            squares.append(np.sum(own) ** 2 / len(own))
+    assert pass_correlation(fit, points) == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-12)
+
+
+def test_the_errors_of_a_pass_from_the_others_are_those_of_a_fit_without_it_and_with_it_free(campaign, planted, random):
+    """All but one pass give the terms; the rows of that one then give its error, hardly held by any prior."""
+    metres = random.normal(size=(8, 3)) * [150.0, 0.0, 0.0]
+    data = shifted(campaign(planted, passes=8), metres)
+    start = PassPriors(along_track_m=200.0)
+    options = FitOptions(edit_sigma=0.0)
+
+    def fit(points, priors):
+        return fit_bias_model(points, terms=TERMS, held=held_at_zero(TERMS), pass_priors=priors, options=options)
+
+    along, sigma, size = without_pass(fit(data, start), start, 2, "along_track_m")
+    others = fit(data.select(data.pass_id != 2), PassPriors(along_track_m=size))
+    one = data.select(data.pass_id == 2)
+    partials = np.concatenate(pass_partials(one, ("along_track_m",)))[:, 0] / 1e-4
+    unit = 2.0**-8
+    columns = [planted.zero().replace(**{name: unit}).offset_rad(*one.motion()) for name in TERMS]
+    matrix = np.stack([np.concatenate(column) / unit for column in columns], axis=1) / 1e-4
+    left = np.concatenate([one.residual_azimuth_rad, one.residual_elevation_rad]) / 1e-4 - matrix @ others.values
+    weight = partials @ partials
+    assert along == pytest.approx(partials @ left / weight, abs=0.02 * sigma + 0.5)
+    gain = partials @ matrix / weight
+    assert sigma == pytest.approx(np.sqrt(1.0 / weight + gain @ others.covariance @ gain), rel=0.05)
+    assert size == pytest.approx(np.sqrt(np.mean(np.delete(metres[:, 0], 2) ** 2)), rel=0.3)

@@ -94,6 +94,12 @@ def test_held_terms_are_subtracted_and_kept(campaign, table_1):
     assert result.model == table_1.replace(droop=result.coefficients["droop"])
 
 
+def test_a_held_term_that_is_misspelt_is_refused_by_that_name(campaign, table_1):
+    held = {("drop" if name == "droop" else name): 0.0 for name in TERM_NAMES if name != "collimation"}
+    with pytest.raises(ValueError, match="the bias model has no term drop;"):
+        fit_bias_model(campaign(table_1, passes=3), terms=("collimation",), held=held)
+
+
 def test_a_term_neither_fitted_nor_held_is_refused(campaign, table_1):
     with pytest.raises(ValueError, match="droop is neither fitted nor held"):
         fit_bias_model(campaign(table_1), terms=tuple(n for n in TERM_NAMES if n != "droop"))
@@ -365,3 +371,78 @@ def test_noise_that_is_even_in_azimuth_is_found(random):
         np.zeros(50, dtype=np.int64), random.chisquare(8.0, 50) / 8.0, np.full(50, 8.0), np.cos(height) ** -2.0
     )
     assert found == pytest.approx(np.ones(50), rel=0.4)
+
+
+def test_the_sandwich_is_the_scatter_of_the_fits_that_leave_one_pass_out(random):
+    """Bell and McCaffrey's third correction is the delete-one-pass jackknife, exactly."""
+    passes = [(number, random.normal(size=(8, 3)), random.normal(size=8)) for number in range(7)]
+    matrix, right = (np.concatenate([one[place] for one in passes]) for place in (1, 2))
+    fitted = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    expected = np.zeros((3, 3))
+    for left_out in range(7):
+        rows = np.concatenate([one[1] for one in passes if one[0] != left_out])
+        values = np.linalg.lstsq(rows, np.concatenate([one[2] for one in passes if one[0] != left_out]), rcond=None)[0]
+        expected += np.outer(values - fitted, values - fitted)
+    residuals = [(number, rows, own - rows @ fitted) for number, rows, own in passes]
+    found = sandwich_covariance(("a", "b", "c"), np.linalg.inv(matrix.T @ matrix), residuals)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    with pytest.raises(ValueError, match="passes=4 must be >= 5 for a sandwich covariance"):
+        sandwich_covariance(("a", "b", "c"), np.linalg.inv(matrix.T @ matrix), residuals[:4])
+    assert np.all(np.isfinite(sandwich_covariance(("a", "b", "c"), np.linalg.inv(matrix.T @ matrix), residuals[:5])))
+
+
+def test_the_size_of_a_residual_is_over_the_spread_of_those_that_count_where_that_is_larger_than_sigma(random):
+    residuals, sigmas = random.normal(size=(2, 400)) * [[3.0], [0.2]], np.full((2, 400), 0.5)
+    used = random.random(400) < 0.7
+    spread = 1.4826 * np.median(np.abs(residuals[0, used]) / 0.5)
+    assert spread > 3.0
+    expected = np.maximum(np.abs(residuals[0]) / 0.5 / spread, np.abs(residuals[1]) / 0.5)
+    np.testing.assert_allclose(normalised_size(residuals, sigmas, used), expected, rtol=1e-12)
+
+
+def test_rejected_rows_return_only_where_they_may_and_no_limit_changes_nothing():
+    size, used = np.array([0.5, 3.0, 3.001, 9.0]), np.array([False, True, True, False])
+    assert within_limit(size, 3.0, used, may_return=True).tolist() == [True, True, False, False]
+    assert within_limit(size, 3.0, used, may_return=False).tolist() == [False, True, False, False]
+    assert within_limit(size, 0.0, used, may_return=True) is used
+    np.testing.assert_allclose(huber_weights(size, 1.5), [1.0, 0.5, 1.5 / 3.001, 1.5 / 9.0])
+    np.testing.assert_array_equal(huber_weights(size, 0.0), np.ones(4))
+
+
+def test_pairs_that_are_hard_to_separate_come_with_the_worst_first(campaign, table_1):
+    """Whatever the sign of their correlation."""
+    fit = fit_bias_model(campaign(table_1), terms=("azimuth_offset", "collimation", "droop"), held=held_at_zero(
+        ("azimuth_offset", "collimation", "droop")
+    ))  # fmt: skip
+    one = np.array([[1.0, 0.5, -0.97], [0.5, 1.0, 0.96], [-0.97, 0.96, 1.0]])
+    found = replace(fit, covariance=np.outer(fit.sigma, fit.sigma) * one).inseparable()
+    assert [pair[:2] for pair in found] == [("azimuth_offset", "droop"), ("collimation", "droop")]
+    assert [pair[2] for pair in found] == pytest.approx([-0.97, 0.96])
+
+
+def test_what_a_result_states_is_what_its_rows_make_of_it(campaign, table_1):
+    """Times, passes, variances over sigma, sizes on the sky and correlations; two rows of interleaved passes are out."""
+    data = campaign(table_1, passes=12)
+    data = data.select(np.argsort(data.t_s - 6000.0 * data.pass_id, kind="stable"))
+    spoilt = data.observed_elevation_rad.copy()
+    spoilt[[5, 90]] += 0.02
+    data = replace(data, observed_elevation_rad=spoilt, sigma_azimuth_rad=2.0 * data.sigma_azimuth_rad)
+    fit = fit_bias_model(data)
+    assert {5, 90} <= {one.row for one in fit.rejected} == set(np.flatnonzero(~fit.used).tolist())
+    for one in fit.rejected:
+        assert one.pass_id == data.pass_id[one.row]
+        assert one.reason.startswith("residual of ")
+    assert (fit.first_t_s, fit.last_t_s, fit.passes) == (np.min(data.t_s), np.max(data.t_s), 12)
+    offset = np.stack(fit.model.offset_rad(*data.motion()))
+    left = np.stack([data.residual_azimuth_rad, data.residual_elevation_rad]) - offset
+    np.testing.assert_allclose([fit.residual_azimuth_rad, fit.residual_elevation_rad], left, atol=1e-12)
+    ratio = (left / np.stack([data.sigma_azimuth_rad, data.sigma_elevation_rad]))[:, fit.used]
+    assert (fit.variance_azimuth, fit.variance_elevation) == pytest.approx(np.mean(ratio**2, axis=1))
+    assert fit.variance_azimuth == pytest.approx(0.25, rel=0.2)
+    across = (left[0] * np.cos(data.true_elevation_rad))[fit.used]
+    assert fit.rms_rad() == pytest.approx((np.sqrt(np.mean(across**2)), np.sqrt(np.mean(left[1][fit.used] ** 2))))
+    np.testing.assert_allclose(np.diag(fit.correlation), 1.0)
+    np.testing.assert_allclose(fit.correlation * np.outer(fit.sigma, fit.sigma), fit.covariance)
+    assert fit.sigma_of("droop") == np.sqrt(fit.covariance[fit.names.index("droop"), fit.names.index("droop")])
+    assert not np.any(fit.pass_azimuth_rad)
+    assert fit.pass_errors == ()

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lsim
 
 from rf_pointing.calibration import BiasModel, LagHistory, without_lags
+from rf_pointing.calibration.lag_history import LagState
 
 AVERAGING_S = 5.0
 VELOCITY_S = np.array([-1.0, -1.9])
@@ -88,3 +89,37 @@ def test_an_average_over_no_time_is_refused() -> None:
     with pytest.raises(ValueError, match=r"averaging_s=0\.0 must be > 0"):
         LagHistory(model(), 0.0)
     assert math.isfinite(float(LagHistory(model(), 0.1).along(TIMES[:2], *(np.zeros((2, 2)),) * 2)[0][0].max()))
+
+
+def swung(rates: list[np.ndarray], step_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the average of the beam and its slope after these axis rates, in steps of 5 ms from rest."""
+    mean, slope = np.zeros(2), np.zeros(2)
+    for rate in rates:
+        for _ in range(round(step_s / 0.005)):
+            pull = (rate - VELOCITY_S * slope - mean) / AVERAGING_S**2 - slope / AVERAGING_S
+            slope = slope + 0.005 * pull
+            mean = mean + 0.005 * slope
+    return mean, slope
+
+
+@pytest.mark.parametrize("away_s", [0.3, 1.7, 40.0])
+def test_axes_that_stopped_unseen_went_on_as_far_as_they_moved(away_s: float) -> None:
+    """One axis went on for 1.2 s (or all of the time), the other one has moved back, so it had stopped at once."""
+    history, rate = LagHistory(model(), AVERAGING_S), np.array([0.02, -0.01])
+    before = history.dragged(0.0, rate, None)
+    for t_s in np.arange(0.1, 4.05, 0.1):
+        before = history.dragged(float(t_s), rate, before)
+    found = history.stopped(before.t_s + away_s, np.zeros(2), np.array([0.024, 0.003]), before)
+    steps = [rate] * 40 + [np.array([0.02 if (k + 0.5) * 0.1 < 1.2 else 0.0, 0.0]) for k in range(round(away_s / 0.1))]
+    mean, slope = swung(steps, 0.1)
+    size = np.max(np.abs(swung(steps[:40], 0.1)[0]))
+    np.testing.assert_allclose(found.mean, mean, atol=0.08 * size)
+    np.testing.assert_allclose(found.slope, slope, atol=0.08 * size)
+    assert found.t_s == before.t_s + away_s
+
+
+@pytest.mark.parametrize(("away_s", "forgotten"), [(99.0, False), (101.0, True)])
+def test_after_twenty_times_of_the_average_a_motion_is_forgotten(away_s: float, forgotten: bool) -> None:
+    before = LagState(7.0, (0.02, -0.01), (0.03, 0.04), (0.5, 0.6))
+    found = LagHistory(model(), AVERAGING_S).stopped(7.0 + away_s, np.zeros(2), np.zeros(2), before)
+    assert (found == LagState(7.0 + away_s, before.rate)) is forgotten

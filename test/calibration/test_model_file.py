@@ -91,3 +91,71 @@ def test_a_model_of_another_station_band_or_time_is_refused(file):
         file.check_for("gs1", "X", 1.75e9)
     with pytest.raises(ValueError, match="is valid from"):
         file.check_for("gs1", "S", 1.9e9)
+
+
+def test_a_fit_that_rejected_nothing_reads_back(file, tmp_path):
+    write_model(tmp_path / "m.yaml", replace(file, rejected=0))
+    assert read_model(tmp_path / "m.yaml").rejected == 0
+
+
+@pytest.mark.parametrize("suffix", [".yaml", ".json"])
+def test_every_field_reads_back(file, tmp_path, suffix):
+    given = replace(file, valid_until_t_s=None, mean_azimuth_rad=1.3e-4, mean_elevation_rad=-2.1e-4, observations=17)
+    write_model(tmp_path / f"m{suffix}", given)
+    back = read_model(tmp_path / f"m{suffix}")
+    for name, value in vars(given).items():
+        if isinstance(value, float):
+            # Times are written to the microsecond.
+            assert getattr(back, name) == pytest.approx(
+                value, rel=1e-13 if value < 1e6 else 0.0, abs=1e-6 * (value > 1e6)
+            )
+        elif name not in ("model", "covariance"):
+            assert getattr(back, name) == value
+
+
+def test_a_version_tells_of_its_fit(campaign, table_1):
+    data = campaign(table_1)
+    observed = data.observed_elevation_rad.copy()
+    observed[[3, 9]] += 0.01
+    fit = fit_bias_model(replace(data, observed_elevation_rad=observed))
+    version = ModelVersion.from_fit(fit, name="a", software="test", created_t_s=1.7e9)
+    assert (version.valid_from_t_s, version.valid_until_t_s) == (1.7e9, None)
+    assert version.rejected == len(fit.rejected) >= 2
+    assert version.observations == len(data) - version.rejected
+    across = fit.residual_azimuth_rad[fit.used] * np.cos(data.true_elevation_rad[fit.used])
+    assert version.rms_cross_elevation_rad == pytest.approx(np.sqrt(np.mean(across**2)))
+    assert version.rms_elevation_rad == pytest.approx(np.sqrt(np.mean(fit.residual_elevation_rad[fit.used] ** 2)))
+    assert version.mean_azimuth_rad == pytest.approx(np.mean(fit.residual_azimuth_rad[fit.used]))
+    assert version.mean_elevation_rad == pytest.approx(np.mean(fit.residual_elevation_rad[fit.used]))
+    assert (version.first_t_s, version.last_t_s) == (np.min(data.t_s), np.max(data.t_s))
+
+
+@pytest.mark.parametrize(("t_s", "valid"), [(1.7e9 - 1.0, False), (1.7e9, True), (1.8e9, True), (1.8e9 + 1.0, False)])
+def test_a_model_is_valid_from_its_first_to_its_last_instant(file, t_s, valid):
+    assert file.is_valid_at(t_s) is valid
+    assert replace(file, valid_until_t_s=None).is_valid_at(t_s) is (t_s >= 1.7e9)
+
+
+@pytest.mark.parametrize(("correlation", "refused"), [(1.0, False), (-1.0, False), (1.0 + 1e-7, True)])
+def test_terms_that_the_data_do_not_separate_are_a_covariance_and_more_than_that_is_none(
+    file, tmp_path, correlation, refused
+):
+    path = tmp_path / "model.json"
+    write_model(path, file)
+    content = json.loads(path.read_text())
+    matrix = np.diag(np.diag(content["covariance"]["matrix"]))
+    matrix[0, 1] = matrix[1, 0] = correlation * np.sqrt(matrix[0, 0] * matrix[1, 1])
+    content["covariance"]["matrix"] = matrix.tolist()
+    path.write_text(json.dumps(content))
+    if refused:
+        with pytest.raises(ValueError, match="positive semidefinite"):
+            read_model(path)
+    else:
+        assert read_model(path).fitted == file.fitted
+
+
+def test_a_model_in_json_is_written_for_people_too(file, tmp_path):
+    write_model(tmp_path / "model.json", file)
+    text = (tmp_path / "model.json").read_text()
+    assert text == json.dumps(json.loads(text), indent=2) + "\n"
+    assert text.splitlines()[1].startswith('  "')

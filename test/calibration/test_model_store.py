@@ -55,3 +55,19 @@ def test_a_damaged_history_is_refused(store):
     (store.folder / "history.json").write_text('{"a": 1}')
     with pytest.raises(ValueError, match="must hold a list of names"):
         store.active()
+
+
+def test_a_folder_is_made_with_those_above_it_and_taken_if_it_is_there(tmp_path, file):
+    folder = tmp_path / "stations" / "gs1" / "models"
+    ModelStore(folder, "gs1", "S").add(file)
+    assert ModelStore(str(folder), "gs1", "S").names() == ("a",)
+    assert ModelStore(folder, "gs1", "S").read("a").name == "a"
+
+
+def test_of_two_accepted_models_the_first_comes_back(store):
+    store.accept("a", 1.8e9)
+    with pytest.raises(ValueError, match="accepted models=1 must be >= 2 to roll back"):
+        store.roll_back()
+    store.accept("b", 1.8e9)
+    assert store.roll_back().name == "a"
+    assert store.active().name == "a"

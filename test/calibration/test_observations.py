@@ -118,3 +118,106 @@ def test_azimuths_that_cross_north_are_no_jump(campaign, table_1):
     folded = np.mod(data.true_azimuth_rad, 2.0 * np.pi)
     moved = folded - data.true_azimuth_rad
     require_derivatives(replace(data, true_azimuth_rad=folded, observed_azimuth_rad=data.observed_azimuth_rad + moved))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("true_azimuth_rad", 3.0 * np.pi + 1e-6, "true_azimuth_rad.* must be within 3 pi"),
+        ("observed_azimuth_rad", -3.0 * np.pi - 1e-6, "observed_azimuth_rad.* must be within 3 pi"),
+        ("true_elevation_rad", -0.5 * np.pi - 1e-6, "true_elevation_rad.* must be within -pi/2"),
+        ("observed_elevation_rad", np.pi + 1e-6, "observed_elevation_rad.* must be within -pi/2"),
+        ("sigma_azimuth_rad", 0.0, "sigma_azimuth_rad.*must be > 0"),
+        ("sigma_elevation_rad", -1e-4, "sigma_elevation_rad.*must be > 0"),
+        ("range_m", np.inf, r"range_m\[4\]=inf must be finite"),
+    ],
+)
+def test_each_row_has_its_bounds(campaign, table_1, name, value, words):
+    data = campaign(table_1, passes=1)
+    column = getattr(data, name).copy()
+    column[4] = value
+    with pytest.raises(ValueError, match=words):
+        replace(data, **{name: column})
+
+
+@pytest.mark.parametrize(("miss_rad", "taken"), [(0.199, True), (0.201, False)])
+@pytest.mark.parametrize("across", [True, False])
+def test_observed_and_true_directions_are_at_most_a_fifth_of_a_radian_apart_on_the_sky(
+    campaign, table_1, miss_rad, taken, across
+):
+    data = campaign(table_1, passes=2)
+    azimuth, elevation = data.true_azimuth_rad.copy(), data.true_elevation_rad.copy()
+    if across:
+        azimuth[7] += miss_rad / np.cos(elevation[7])
+    else:
+        elevation[7] += miss_rad
+    if taken:
+        replace(data, observed_azimuth_rad=azimuth, observed_elevation_rad=elevation)
+    else:
+        with pytest.raises(
+            ValueError, match=r"direction\[7\]=0\.201 rad must be <= 0\.2; swapped columns.*\(1 of \d+ rows\)"
+        ):
+            replace(data, observed_azimuth_rad=azimuth, observed_elevation_rad=elevation)
+
+
+def test_pass_numbers_are_whole_numbers_one_for_each_row(campaign, table_1):
+    data = campaign(table_1, passes=2)
+    for wrong in (data.pass_id + 0.5, data.pass_id[:-1]):
+        with pytest.raises(ValueError, match="pass_id has shape .* must be .* integers"):
+            replace(data, pass_id=wrong)
+    with pytest.raises(ValueError, match="station='' must name the station"):
+        replace(data, station="")
+
+
+def test_passes_may_be_interleaved(campaign, table_1):
+    data = campaign(table_1, passes=2)
+    counts = np.bincount(data.pass_id)
+    order = np.argsort(np.concatenate([np.arange(count) for count in counts]), kind="stable")
+    mixed = data.select(order)
+    assert mixed.pass_id[:4].tolist() == [0, 1, 0, 1]
+    assert mixed.passes.tolist() == [0, 1]
+    with pytest.raises(ValueError, match="is earlier than"):
+        data.select(order[::-1])
+
+
+def test_parts_without_a_column_do_not_join_those_with_it(campaign, table_1):
+    first, second = (campaign(table_1, passes=1) for _ in range(2))
+    second = replace(second, pass_id=second.pass_id + 1)
+    bare = [replace(one, range_m=None) for one in (first, second)]
+    assert Observations.concatenate(bare).range_m is None
+    both = Observations.concatenate([first, second])
+    assert np.array_equal(both.range_m, np.concatenate([first.range_m, second.range_m]))
+    with pytest.raises(ValueError, match="range_m is given for some parts only"):
+        Observations.concatenate([first, bare[1]])
+    with pytest.raises(ValueError, match="0 parts"):
+        Observations.concatenate([])
+
+
+@pytest.mark.parametrize(
+    ("rows", "gap_s", "share", "refused"),
+    [
+        (11, 10.0, 1.0, True),
+        (10, 10.0, 1.0, False),
+        (11, 21.0, 1.0, False),
+        (11, 20.0, 1.0, True),
+        (21, 10.0, 0.45, False),
+        (21, 10.0, 0.55, True),
+    ],
+)
+def test_a_rate_is_judged_by_ten_neighbours_of_which_most_must_be_wrong(rows, gap_s, share, refused):
+    """Ten changes of eleven rows, at most 20 s apart."""
+    t_s = 1e9 + gap_s * np.arange(rows)
+    angle = 0.3 + 2e-3 * gap_s * np.arange(rows)
+    wrong = np.arange(rows) >= round((1.0 - share) * (rows - 1))
+    none, one = np.zeros(rows), np.full(rows, 1e-4)
+    data = Observations(
+        station="gs1", band="S", t_s=t_s, pass_id=np.zeros(rows, dtype=int), observed_azimuth_rad=none,
+        observed_elevation_rad=angle, true_azimuth_rad=none, true_elevation_rad=angle, azimuth_rate_rad_s=none,
+        elevation_rate_rad_s=np.where(wrong, -2e-3, 2e-3), azimuth_acceleration_rad_s2=none,
+        elevation_acceleration_rad_s2=none, sigma_azimuth_rad=one, sigma_elevation_rad=one,
+    )  # fmt: skip
+    if refused:
+        with pytest.raises(ValueError, match="elevation_rate_deg_s is not the change of true_elevation_deg"):
+            require_derivatives(data)
+    else:
+        require_derivatives(data)

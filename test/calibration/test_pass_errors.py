@@ -3,9 +3,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import TERM_NAMES, FitOptions, PassPriors, fit_bias_model, held_at_zero
-from rf_pointing.calibration.pass_errors import _displacements, pass_partials, track_axes
-from rf_pointing.core import azel_from_unit_vector, unit_vector_from_azel
+from rf_pointing.calibration import TERM_NAMES, FitOptions, Observations, PassPriors, fit_bias_model, held_at_zero
+from rf_pointing.calibration.pass_errors import (
+    PassErrors,
+    _ahead,
+    _displacements,
+    motion_partials,
+    pass_partials,
+    shift_by,
+    site_partials,
+    track_axes,
+)
+from rf_pointing.calibration.pass_errors import displaced as move
+from rf_pointing.core import azel_from_unit_vector, unit_vector_from_azel, wrap_rad
+from test.calibration.conftest import fly_by
 
 TABLE_1_TERMS = tuple(name for name in TERM_NAMES if not name.endswith("acceleration_lag"))
 ORBIT = PassPriors(along_track_m=180.0, cross_track_m=70.0, radial_m=50.0)
@@ -167,3 +178,136 @@ def test_a_second_round_without_an_outlier_is_the_fit_of_the_others_in_the_print
     assert not edited.used[40]
     others = fit_bias_model(spoiled.select(edited.used), pass_priors=priors, options=FitOptions(edit_sigma=0.0))
     np.testing.assert_allclose(edited.values, others.values, rtol=1e-9, atol=1e-12)
+
+
+def seen(fly, t_s):
+    """Return observations without a bias of a fly-by `fly` (names and arrays) at `t_s`."""
+    none = np.full(len(t_s), 1e-4)
+    return Observations(
+        station="gs1", band="S", t_s=1e9 + t_s, pass_id=np.zeros(len(t_s), dtype=int), sigma_azimuth_rad=none,
+        sigma_elevation_rad=none, observed_azimuth_rad=fly["true_azimuth_rad"],
+        observed_elevation_rad=fly["true_elevation_rad"], **fly,
+    )  # fmt: skip
+
+
+def test_a_motion_of_constant_acceleration_is_ahead_exactly():
+    t_s = np.linspace(-50.0, 50.0, 11)
+    start, rate, bend = (0.7, 0.5), (3e-3, -2e-3), (4e-5, 6e-5)
+
+    def at(t):
+        angles = [start[k] + rate[k] * t + 0.5 * bend[k] * t**2 for k in (0, 1)]
+        return [*angles, *(rate[k] + bend[k] * t for k in (0, 1)), *(np.full(len(t), bend[k]) for k in (0, 1))]
+
+    for lag_s in (-2.0, 3.0):
+        for found, wanted in zip(_ahead(at(t_s), lag_s), at(t_s + lag_s)[:4], strict=True):
+            np.testing.assert_allclose(found, wanted, rtol=1e-12)
+
+
+@pytest.mark.parametrize("lags_s", [(0.5, -0.8), (-1.5, -1.5)])
+def test_lags_show_the_errors_of_a_pass_that_much_ahead(lags_s):
+    """Against the closed form of the fly-by at the later times.
+
+    What is left is the jerk of the angles and, for what points along the track, that the range rate is taken as constant.
+    """
+    t_s = np.arange(-300.0, 301.0, 10.0)
+    names = PassPriors(
+        along_track_m=1.0, cross_track_m=1.0, radial_m=1.0, along_track_drift_m_s=1.0, cross_track_drift_m_s=1.0,
+        radial_drift_m_s=1.0, clock_s=1.0,
+    ).names  # fmt: skip
+    found = pass_partials(seen(fly_by(500e3, 0.7, t_s), t_s), names, lags_s)
+    for axis, lag_s in enumerate(lags_s):
+        later = seen(fly_by(500e3, 0.7, t_s + lag_s), t_s + lag_s)
+        # Drifts count from the middle of the pass, which a lag does not move.
+        later = motion_partials(t_s + lag_s, later.motion(), later.range_m, later.range_rate_m_s, names, (0.0, 0.0))
+        now = pass_partials(seen(fly_by(500e3, 0.7, t_s), t_s), names)
+        for k in range(len(names)):
+            missed, moved = (np.max(np.abs(one[axis][:, k] - later[axis][:, k])) for one in (found, now))
+            assert missed < (0.04 if names[k] == "clock_s" else 0.28) * moved
+            assert moved > 1e-4 * np.max(np.abs(later[axis][:, k]))
+
+
+def test_a_site_that_is_off_by_metres_sees_every_target_displaced_by_their_opposite(campaign, table_1):
+    data = campaign(table_1, passes=2)
+    position = data.range_m[:, np.newaxis] * unit_vector_from_azel(data.true_azimuth_rad, data.true_elevation_rad)
+    partials = site_partials(data)
+    for k, axis in enumerate(10.0 * np.eye(3)):
+        azimuth, elevation = azel_from_unit_vector(position - axis)
+        assert 10.0 * partials[0][:, k] == pytest.approx(wrap_rad(azimuth - data.true_azimuth_rad), abs=1e-9)
+        assert 10.0 * partials[1][:, k] == pytest.approx(elevation - data.true_elevation_rad, abs=1e-9)
+
+
+def test_metres_along_across_and_up_shift_a_target_as_vectors_do(campaign, table_1, random):
+    data = campaign(table_1, passes=2)
+    metres = 20.0 * random.normal(size=(len(data), 3))
+    azimuth, elevation = displaced(data, [m[:, np.newaxis] for m in metres.T])
+    found = shift_by(data, metres)
+    assert found[0] == pytest.approx(azimuth, abs=1e-8)
+    assert found[1] == pytest.approx(elevation, abs=1e-8)
+    with pytest.raises(ValueError, match="range_rate_m_s=None"):
+        shift_by(replace(data, range_rate_m_s=None), metres)
+
+
+@pytest.mark.parametrize(("miss_m", "finer"), [(900e3, False), (150e3, True)])
+def test_a_track_with_errors_of_its_pass_is_that_of_the_moved_target(track, miss_m, finer):
+    """Low passes keep their samples, high ones get so many that differences of them are derivatives."""
+    reference = track(5.0, miss_m=miss_m)
+    middle_t_s = reference.t_s[0] + 350.0
+    metres = {"along_track_m": 900.0, "cross_track_m": -400.0, "radial_drift_m_s": 0.5, "clock_s": 0.2}
+    found = move(reference, PassErrors(0, metres, {}, middle_t_s))
+    assert (len(found.t_s) > len(reference.t_s)) if finer else np.array_equal(found.t_s, reference.t_s)
+    assert (found.t_s[0], found.t_s[-1]) == (reference.t_s[0], reference.t_s[-1])
+    step_s = np.max(np.diff(found.t_s))
+    assert step_s * np.max(np.abs(reference.azimuth_rate_rad_s)) < (0.05 if finer else 0.1)
+    at = track(0.1, miss_m=miss_m).at(found.t_s)
+    data = Observations(
+        station="gs1", band="S", t_s=at.t_s, pass_id=np.zeros(len(at.t_s), dtype=int),
+        observed_azimuth_rad=at.azimuth_rad, observed_elevation_rad=at.elevation_rad,
+        sigma_azimuth_rad=np.ones(len(at.t_s)), sigma_elevation_rad=np.ones(len(at.t_s)), **at.truth(),
+    )  # fmt: skip
+    shares = _displacements(at.t_s - middle_t_s, np.sqrt(3.986004418e14 / radius_m(at) ** 3))
+    moved = at.range_m[:, np.newaxis] * unit_vector_from_azel(at.azimuth_rad, at.elevation_rad)
+    for name, value in metres.items():
+        for share, axis in zip(shares.get(name, ()), track_axes(data), strict=False):
+            moved = moved + value * share[:, np.newaxis] * axis
+    azimuth, elevation = azel_from_unit_vector(moved)
+    azimuth = at.azimuth_rad + wrap_rad(azimuth - at.azimuth_rad) + 0.2 * at.azimuth_rate_rad_s
+    elevation = elevation + 0.2 * at.elevation_rate_rad_s
+    np.testing.assert_allclose(found.azimuth_rad, azimuth, atol=3e-6)
+    np.testing.assert_allclose(found.elevation_rad, elevation, atol=3e-6)
+    np.testing.assert_allclose(found.range_m, np.linalg.norm(moved, axis=1), atol=0.5)
+    inner = slice(2, -2)
+    for name, value in (("azimuth", azimuth), ("elevation", elevation)):
+        own, before = getattr(found, f"{name}_rate_rad_s"), getattr(at, f"{name}_rate_rad_s")
+        change = np.gradient(value - getattr(at, f"{name}_rad"), found.t_s - found.t_s[0])
+        np.testing.assert_allclose((own - before)[inner], change[inner], atol=0.03 * np.max(np.abs(change)))
+        own, before = (getattr(one, f"{name}_acceleration_rad_s2") for one in (found, at))
+        bend = np.gradient(change, found.t_s - found.t_s[0])
+        np.testing.assert_allclose((own - before)[inner], bend[inner], atol=0.05 * np.max(np.abs(bend)))
+    farther = np.gradient(np.linalg.norm(moved, axis=1) - at.range_m, found.t_s - found.t_s[0])
+    np.testing.assert_allclose((found.range_rate_m_s - at.range_rate_m_s)[inner], farther[inner], atol=0.05)
+
+
+def radius_m(at):
+    """Return the distance of the target of a track from the centre of a spherical Earth."""
+    return np.hypot(6.371e6 + at.range_m * np.sin(at.elevation_rad), at.range_m * np.cos(at.elevation_rad))
+
+
+def test_an_error_and_its_drift_share_one_size_and_those_along_the_track_do_not():
+    every = PassPriors(
+        along_track_m=1.0, cross_track_m=2.0, radial_m=3.0, along_track_drift_m_s=4.0, cross_track_drift_m_s=5.0,
+        radial_drift_m_s=6.0, clock_s=7.0,
+    )  # fmt: skip
+    assert every.sigma.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
+    assert every.groups == (0, 1, 2, 3, 1, 2, 6)
+    assert every.replace(cross_track_m=0.0, along_track_m=0.0).groups == (0, 1, 2, 0, 4)
+    orbit = PassPriors.of_orbit(300.0)
+    assert dict(zip(orbit.names, orbit.sigma.tolist(), strict=True)) == pytest.approx(
+        {
+            "along_track_m": 300.0,
+            "cross_track_m": 300.0,
+            "radial_m": 300.0,
+            "cross_track_drift_m_s": 0.3,
+            "radial_drift_m_s": 0.3,
+        }
+    )
+    assert PassPriors.of_orbit(0.0) is None

@@ -303,3 +303,44 @@ def test_known_errors_of_a_pass_move_the_true_motion_and_not_the_whole_error_tha
     np.testing.assert_allclose(known.sigma_elevation_rad, 3.0 * blind.sigma_elevation_rad, rtol=0.05)
     apart = known.residual_elevation_rad - blind.residual_elevation_rad
     assert np.max(np.abs(apart)) < 1.0 * MDEG
+
+
+def test_errors_of_the_passes_are_seen_with_the_lags_of_the_exact_form_only(table_1):
+    model = table_1.replace(azimuth_velocity_lag=0.3, elevation_velocity_lag=-0.2)
+    assert Known(model=model).lags_s == (0.3, -0.2)
+    assert Known(model=model, form="printed").lags_s == (0.0, 0.0)
+
+
+def test_a_pass_of_a_single_point_is_refused(track, raw_pass, table_1):
+    reference = track(5.0)
+    raw = raw_pass(reference, table_1, None, NOISE_RAD)
+    start = int(np.argmin(np.abs(raw.t_s - 30.0 * np.ceil(np.median(raw.t_s) / 30.0))))
+    short = {name: getattr(raw, name)[start : start + 80] for name in ("t_s", "good", *raw.channels)}
+    with pytest.raises(ValueError, match="no pass gives two calibration points"):
+        process_pass(replace(raw, **short), reference, 0, None, table_1)
+
+
+@pytest.mark.parametrize(("passes", "note"), [(1, ""), (2, "; 2 passes")])
+def test_what_the_passes_lost_together_is_reported_with_their_number(track, raw_pass, table_1, passes, note):
+    tracked = []
+    for number in range(passes):
+        reference = track(5.0, start_t_s=1e9 + 6000.0 * number)
+        raw = raw_pass(reference, table_1, None, NOISE_RAD)
+        raw.good[:10] = False
+        tracked.append(TrackedPass(raw, reference))
+    report = RawPasses(tracked, 0).process(Known(model=table_1, form="printed")).reports[0]
+    assert (
+        report.text()
+        == f"validation: {6384 * passes} -> {6374 * passes} (dropped {10 * passes} flagged by the station){note}"
+    )
+
+
+def test_what_is_known_is_in_the_form_of_the_fit(table_1, track):
+    """The two forms differ by the squares of the terms, some mdeg at 60 deg of elevation."""
+    columns = track(20.0, miss_m=300e3).truth()
+    columns = {name.removeprefix("true_"): value for name, value in columns.items()}
+    motion = tuple(columns.values())[:6]
+    printed, exact = (Known(model=table_1, form=form).bias_rad(columns) for form in ("printed", "rotation"))
+    np.testing.assert_allclose(printed, np.stack(table_1.offset_rad(*motion)), rtol=1e-12)
+    np.testing.assert_allclose(exact, np.stack(table_1.apply(*motion)) - np.stack(motion[:2]), rtol=1e-12)
+    assert np.max(np.abs(printed - exact)) > 1.0 * MDEG

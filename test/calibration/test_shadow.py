@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import ttest_rel
 
 from rf_pointing.calibration import BiasModel, ShadowRules, ShadowScore
 
@@ -63,3 +64,28 @@ def test_a_pass_in_pieces_scores_as_the_pass_at_once_and_a_copy_continues_identi
 def test_nothing_to_judge_is_an_error(table_1):
     with pytest.raises(ValueError, match="observations=0"):
         ShadowScore(table_1, table_1, RULES).verdict()
+
+
+@pytest.mark.parametrize("passes", [2, 3, 7])
+def test_the_t_value_is_that_of_paired_samples_over_passes(campaign, table_1, passes):
+    data = campaign(table_1, passes=passes, sigma_rad=3e-4, form="rotation")
+    near = table_1.replace(elevation_offset=table_1.coefficients["elevation_offset"] + 2e-4)
+    score = ShadowScore(near, table_1, ShadowRules(fewest_passes=2))
+    score.add(data)
+    rms, squares = {}, {}
+    for name, model in (("active", near), ("candidate", table_1)):
+        azimuth, elevation = model.apply(*data.motion())
+        across = (data.observed_azimuth_rad - azimuth) * np.cos(data.true_elevation_rad)
+        squares[name] = across**2 + (data.observed_elevation_rad - elevation) ** 2
+        rms[name] = [np.sqrt(np.mean(squares[name][data.pass_id == number])) for number in range(passes)]
+    expected = ttest_rel(rms["active"], rms["candidate"]).statistic
+    verdict = score.verdict()
+    assert verdict.t_value == pytest.approx(expected, rel=1e-9)
+    assert verdict.word == ("better" if expected >= 2.0 else "undecided")
+    assert verdict.active_rms_rad == pytest.approx(np.sqrt(np.mean(squares["active"])), rel=1e-9)
+    assert verdict.candidate_rms_rad == pytest.approx(np.sqrt(np.mean(squares["candidate"])), rel=1e-9)
+
+
+def test_a_single_pass_decides_nothing(campaign, table_1):
+    verdict = score_of(campaign(table_1, passes=1, form="rotation"), BiasModel.zero(), table_1).verdict()
+    assert (verdict.t_value, verdict.word, verdict.passes) == (0.0, "undecided", 1)

@@ -11,12 +11,15 @@ from rf_pointing.calibration import (
     FitOptions,
     Known,
     PassPriors,
+    Prior,
     RawPasses,
     TrackedPass,
     fit_bias_model,
     held_at_zero,
     suspects,
 )
+from rf_pointing.calibration.noise import NoiseScale
+from rf_pointing.calibration.pass_errors import pass_partials
 from rf_pointing.core import MDEG, azel_from_unit_vector, unit_vector_from_azel, wrap_rad
 from rf_pointing.core.refraction import RadioRefraction
 
@@ -155,3 +158,146 @@ def test_another_unit_is_told_by_its_factor(campaign_with, factor, words):
 
     with pytest.raises(ValueError, match=rf"57\.3 times too {words}"):
         RawPasses(campaign_with(scaled), 0)
+
+
+def test_one_late_clock_is_named_too(campaign_with):
+    passes = campaign_with(lambda k, raw, reference: (replace(raw, t_s=raw.t_s + 0.3 * (k == 2)), reference))
+    fit, points = fitted(passes, PassPriors(clock_s=1.0))
+    found = suspects.late_passes(fit, points)
+    assert list(found) == [2]
+    assert found[2].size == pytest.approx(0.3, rel=0.1)
+    assert re.match(r"pass 2 is 0\.[23]\d\d s late where the others are within 0\.\d+ s$", found[2].text)
+
+
+@pytest.mark.parametrize("orbit", [None, PassPriors(along_track_m=300.0, clock_s=0.05)], ids=["none", "own"])
+def test_a_suspect_is_estimated_next_to_terms_priors_and_the_errors_of_the_passes(campaign_with, orbit, random):
+    """Against one least squares of all columns about the fit, with the priors among its rows."""
+    points = RawPasses(campaign_with(), 0).process(Known(model=MOUNT)).points
+    terms = ("azimuth_offset", "mislevel_east", "elevation_offset", "droop")
+    priors = {"droop": Prior(0.4e-3, 2e-4), "azimuth_offset": Prior(1.5e-3, 3e-4)}
+    options = FitOptions(edit_sigma=2.5)
+    fit = fit_bias_model(
+        points, terms=terms, held=held_at_zero(terms), pass_priors=orbit, priors=priors, options=options
+    )
+    assert not np.all(fit.used)
+    more = random.normal(size=(2, len(points), 2))
+    noise = (NoiseScale(4.0, 0.1), NoiseScale(6.0, 0.1))
+    columns = {"first": more[..., :1], "second": more[..., 1:], "both": more}
+    plain = suspects._estimates(fit, points, columns)
+    wider = suspects._estimates(replace(fit, noise=noise), points, columns)
+    # Noise that is less than stated makes nothing more certain.
+    less = suspects._estimates(replace(fit, noise=(NoiseScale(0.3, 0.1), NoiseScale(0.8, 0.1))), points, columns)
+    for name in columns:
+        np.testing.assert_allclose(less[name].sigma, plain[name].sigma, rtol=1e-12)
+        assert less[name].gain == plain[name].gain
+    unit = 2.0**-8
+    one = [BiasModel.zero().replace(**{name: unit}).offset_rad(*points.motion()) for name in terms]
+    common = np.stack([np.concatenate(part) / unit for part in one], axis=1)
+    own = [] if orbit is None else [np.concatenate(pass_partials(points, orbit.names))]
+    of_pass = np.tile(points.pass_id, 2)[:, np.newaxis]
+    wide = [np.where(of_pass == number, part, 0.0) for part in own for number in points.passes]
+    modelled = fit.model.offset_rad(*points.motion())
+    left = np.concatenate([points.residual_azimuth_rad - modelled[0], points.residual_elevation_rad - modelled[1]])
+    sigma = np.concatenate([points.sigma_azimuth_rad, points.sigma_elevation_rad])
+    used = np.tile(fit.used, 2)
+    for name, given in columns.items():
+        matrix = np.concatenate([np.concatenate(given), common, *wide], axis=1) / sigma[:, np.newaxis]
+        rows, right = [matrix[used]], [(left / sigma)[used]]
+        for term, prior in priors.items():
+            row = np.zeros((1, matrix.shape[1]))
+            row[0, given.shape[-1] + terms.index(term)] = 1.0 / prior.sigma
+            rows.append(row)
+            right.append(np.array([(prior.value - fit.coefficients[term]) / prior.sigma]))
+        if orbit is not None:
+            count = len(orbit.names) * len(points.passes)
+            rows.append(np.eye(matrix.shape[1])[-count:] / np.tile(orbit.sigma, len(points.passes))[:, np.newaxis])
+            right.append(np.zeros(count))
+        whole, target = np.concatenate(rows), np.concatenate(right)
+        scale = np.linalg.norm(whole, axis=0)
+        expected, square, *_ = np.linalg.lstsq(whole / scale, target, rcond=None)
+        without = np.linalg.lstsq((whole / scale)[:, given.shape[-1] :], target, rcond=None)[1]
+        spread = np.sqrt(np.diag(np.linalg.inv((whole / scale).T @ (whole / scale)))) / scale
+        count = given.shape[-1]
+        np.testing.assert_allclose(plain[name].values, (expected / scale)[:count], rtol=1e-5, atol=1e-5 * spread[0])
+        np.testing.assert_allclose(plain[name].sigma, spread[:count], rtol=1e-6)
+        assert plain[name].gain == pytest.approx(float(without[0] - square[0]), rel=1e-3, abs=1e-6)
+        np.testing.assert_allclose(wider[name].sigma, np.sqrt(5.0) * plain[name].sigma, rtol=1e-9)
+        assert wider[name].gain == pytest.approx(plain[name].gain / 5.0, rel=1e-9)
+
+
+def test_an_azimuth_offset_is_doubted_that_is_large_or_the_convergence_of_the_grid(campaign_with):
+    fit, _ = fitted(campaign_with())
+    place = fit.names.index("azimuth_offset")
+    for offset_deg, convergence_deg, sigma_deg, doubted in (
+        (1.01, 0.0, 0.01, True),
+        (-1.01, 0.0, 0.01, True),
+        (0.99, 0.0, 0.01, False),
+        (-0.5, 0.5, 0.01, True),
+        (-0.5, 0.529, 0.01, True),
+        (-0.5, 0.531, 0.01, False),
+        (0.5, 0.5, 0.01, False),
+        # A convergence that the sigma does not tell from zero explains nothing.
+        (-0.2, 0.2, 0.0099, True),
+        (-0.2, 0.2, 0.0101, False),
+    ):
+        values, covariance = fit.values.copy(), fit.covariance.copy()
+        values[place], covariance[place, place] = np.radians(offset_deg), np.radians(sigma_deg) ** 2
+        found = suspects.north_doubt(replace(fit, values=values, covariance=covariance), np.radians(convergence_deg))
+        assert (found is not None) is doubted
+        if found:
+            assert (found.size, found.sigma, found.refuse) == pytest.approx((offset_deg, sigma_deg, False))
+            assert f"The convergence of the UTM grid here is {convergence_deg:+.2f} deg" in found.text
+
+
+@pytest.mark.parametrize(("turn_deg", "spread_deg", "wrong"), [(2.2, 0.1, True), (1.8, 0.1, False), (-5.0, 3.0, False)])
+def test_a_north_is_wrong_where_all_passes_are_turned_alike_by_more_than_two_degrees(
+    campaign_with, turn_deg, spread_deg, wrong
+):
+    def turned(number, raw, reference):
+        return replace(
+            raw, azimuth_rad=raw.azimuth_rad + np.radians(turn_deg + spread_deg * (number - 4.5) / 5.0)
+        ), reference
+
+    points = RawPasses(campaign_with(turned), 0).process(Known(model=MOUNT)).points
+    found = suspects.wrong_north(points, 0.0)
+    assert (found is not None) is wrong
+    if found:
+        assert found.sigma == pytest.approx(1.4826 * 0.5 * spread_deg, rel=0.1)
+
+
+def test_late_ranges_need_five_hundredths_of_a_second_and_five_sigma_in_four_passes(campaign_with):
+    def late(seconds):
+        return campaign_with(lambda _, raw, reference: (replace(raw, t_s=raw.t_s + seconds), reference))
+
+    found = suspects.clock_by_ranges(late(-0.06))
+    assert found.size == pytest.approx(-0.06, abs=0.003)
+    assert "0.06" in found.text
+    assert "early" in found.text
+    passes = late(0.3)
+    assert suspects.clock_by_ranges(late(0.04)) is None
+    assert suspects.clock_by_ranges(passes[:3]) is None
+    assert suspects.clock_by_ranges(passes[:4]).size == pytest.approx(0.3, abs=0.01)
+    slopes = []
+    for one in passes:
+        rate = one.track.range_rate_m_s
+        slopes.append(
+            -np.linalg.lstsq(np.column_stack([rate, np.ones(len(rate))]), one.residuals["range_m"], rcond=None)[0][0]
+        )
+    found = suspects.clock_by_ranges(passes)
+    assert found.size == pytest.approx(np.mean(slopes), rel=1e-9)
+    assert found.sigma == pytest.approx(np.std(slopes, ddof=1) / np.sqrt(10.0), rel=1e-6)
+
+
+def test_the_speed_of_a_target_over_the_ground_is_that_of_the_fly_by(campaign_with):
+    points = RawPasses(campaign_with(), 0).process(Known(model=MOUNT)).points
+    assert suspects._ground_speed(points, 3) == pytest.approx(7000.0, rel=1e-3)
+
+
+def test_a_range_that_is_far_off_among_biased_ones_makes_no_clock(campaign_with):
+    """Every station has a bias of its ranges; here of 30 km, and one range of a hundred is 100 km off."""
+
+    def spoilt(_, raw, reference):
+        far = np.where(np.arange(len(raw)) % 100 == 50, 1e5 * np.sign(raw.range_rate_m_s), 0.0)
+        return replace(raw, range_m=raw.range_m + 30e3 + far), reference
+
+    assert suspects.clock_by_ranges(campaign_with(spoilt)) is None

@@ -6,6 +6,7 @@ import pytest
 
 from rf_pointing.calibration import read_tdm
 from rf_pointing.calibration.tdm import write_tdm
+from rf_pointing.core.dates import from_utc_text
 
 ROUNDING_RAD = 1e-11
 
@@ -171,3 +172,42 @@ def test_random_damage_gives_data_or_a_clear_error_and_nothing_else(lines, tmp_p
             assert all(np.all(np.isfinite(track.azimuth_rad)) for track in tracks)
     assert [m for m in messages if "line" not in m and "CCSDS_TDM_VERS" not in m] == []
     assert len(messages) > 50
+
+
+@pytest.mark.parametrize(("applied", "share"), [("NO", 1.0), ("YES", 0.0)])
+def test_each_correction_is_added_in_its_unit_unless_it_was_already(raw, lines, tmp_path, applied, share):
+    given = "CORRECTION_ANGLE_1 = -0.25\nCORRECTION_ANGLE_2 = 0.5\nCORRECTION_RANGE = 1.5\nCORRECTION_DOPPLER = -0.002"
+    text = "\n".join(lines).replace("META_STOP", f"{given}\nCORRECTIONS_APPLIED = {applied}\nMETA_STOP", 1)
+    found, plain = read_changed(tmp_path, text.splitlines())
+    assert found.azimuth_rad - plain.azimuth_rad == pytest.approx(np.full(20, share * np.radians(-0.25)), abs=1e-10)
+    assert found.elevation_rad - plain.elevation_rad == pytest.approx(np.full(20, share * np.radians(0.5)), abs=1e-10)
+    assert found.range_m - plain.range_m == pytest.approx(np.full(20, share * 1500.0), abs=1e-5)
+    assert found.range_rate_m_s - plain.range_rate_m_s == pytest.approx(np.full(20, share * -2.0), abs=1e-9)
+    with pytest.raises(ValueError, match="CORRECTION_RANGE=far must be a number"):
+        read_changed(tmp_path, text.replace("CORRECTION_RANGE = 1.5", "CORRECTION_RANGE = far").splitlines())
+
+
+@pytest.mark.parametrize(
+    ("path", "station", "target"), [("2,1", "gs1", "bird"), ("1,2", "bird", "gs1"), ("2, 1", "gs1", "bird")]
+)
+def test_the_last_participant_of_a_path_is_the_station(lines, tmp_path, path, station, target):
+    first = read_changed(tmp_path, "\n".join(lines).replace("PATH = 2,1", f"PATH = {path}", 1).splitlines())[0]
+    assert (first.station, first.target) == (station, target)
+    assert first.range_m is not None
+
+
+def test_a_message_says_when_it_was_made_and_what_time_each_segment_spans(raw, lines):
+    head = dict(line.split(" = ") for line in lines[:3])
+    assert head == {"CCSDS_TDM_VERS": "2.0", "CREATION_DATE": "2023-11-14T22:13:20.000000", "ORIGINATOR": "test"}
+    spans = [line.split(" = ")[1] for line in lines if line.startswith(("START_TIME", "STOP_TIME"))]
+    assert [from_utc_text(text) for text in spans] == pytest.approx([raw.t_s[0], raw.t_s[-1]] * 2, abs=1e-6)
+
+
+@pytest.mark.parametrize(("lost", "other"), [("ANGLE_1", "ANGLE_2"), ("ANGLE_2", "ANGLE_1")])
+def test_an_angle_without_the_other_at_its_time_is_refused_with_its_line(lines, tmp_path, lost, other):
+    rows = [number for number, line in enumerate(lines) if line.startswith(lost)]
+    kept = [line for number, line in enumerate(lines) if number != rows[4]]
+    partner = lines[rows[4]].replace(lost, other).rsplit(" ", 1)[0]
+    where = next(number for number, line in enumerate(kept, start=1) if line.startswith(partner))
+    with pytest.raises(ValueError, match=rf"line {where}: {other} at .* has no {lost} at that time"):
+        read_changed(tmp_path, kept)

@@ -1,8 +1,18 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import EXTENSION_TERMS, TERM_NAMES, PassPriors, held_out_passes, select_terms
-from rf_pointing.calibration.term_selection import _Search
+from rf_pointing.calibration import (
+    EXTENSION_TERMS,
+    TERM_NAMES,
+    PassPriors,
+    fit_bias_model,
+    held_at_zero,
+    held_out_passes,
+    select_terms,
+)
+from rf_pointing.calibration.term_selection import _Mixture, _Search
 from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.calibration.triangle import Triangle
 from rf_pointing.core import MDEG
@@ -98,3 +108,117 @@ def test_held_out_passes_are_predicted_to_the_noise_by_the_right_terms_only(camp
     assert wrong.total_rms_rad > 50.0 * MDEG
     assert right.rms_rad.shape == (12,)
     assert np.all(np.isfinite(right.rms_rad))
+
+
+NAMES = ("azimuth_offset", "mislevel_east", "elevation_offset", "elevation_velocity_lag")
+SIZES = np.array([term.size for term in terms_by_name(NAMES)])
+
+
+def search_with(random, scale=1.0, rows=40):
+    """Return a search of random equations of four terms that are each seen to a share of their sizes."""
+    matrix = random.normal(size=(rows, 4)) / SIZES * [3.0, 0.4, 1.0, 2.0]
+    right = matrix @ (SIZES * [1.0, 0.2, -0.7, 0.0]) + random.normal(size=rows)
+    triangle = Triangle(NAMES)
+    triangle.add_triangle(np.asfortranarray(np.column_stack([matrix, right])), rows)
+    return _Search(triangle, scale), matrix, right
+
+
+def test_a_subset_is_solved_as_least_squares_of_its_columns(random):
+    search, matrix, right = search_with(random)
+    for chosen in ((), NAMES[:1], (NAMES[1], NAMES[3]), NAMES):
+        columns = matrix[:, [NAMES.index(name) for name in chosen]]
+        square, values, covariance = search.solve(chosen)
+        expected = np.linalg.lstsq(columns / 1.0, right, rcond=None)[0]
+        assert square == pytest.approx(float(np.sum((right - columns @ expected) ** 2)), rel=1e-9)
+        np.testing.assert_allclose(values, expected, rtol=1e-9)
+        np.testing.assert_allclose(covariance, np.linalg.inv(columns.T @ columns), rtol=1e-9)
+        assert search.bic(chosen) == pytest.approx(square + len(chosen) * np.log(40.0))
+    scaled, *_ = search_with(random, scale=3.0)
+    assert scaled.bic(NAMES[:2]) == pytest.approx(scaled.solve(NAMES[:2])[0] / 3.0 + 2.0 * np.log(40.0))
+
+
+def test_terms_that_are_the_same_share_what_they_explain(random):
+    column = random.normal(size=30)
+    triangle = Triangle(NAMES[:2])
+    triangle.add_triangle(np.asfortranarray(np.column_stack([column, column, 4.0 * column])), 30)
+    square, values, _ = _Search(triangle, 1.0).solve(NAMES[:2])
+    np.testing.assert_allclose(values, [2.0, 2.0], rtol=1e-9)
+    assert square == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.5])
+def test_the_weight_of_a_subset_is_the_likelihood_of_data_whose_terms_are_as_large_as_usual(scale, random):
+    """b ~ N(0, v + A T T A'), written out in the space of the data; values and sigma are those of the posterior."""
+    search, matrix, right = search_with(random, scale)
+    member = np.array([[k >> bit & 1 for bit in range(4)] for k in range(16)], dtype=bool)
+    for share in (0.3, 1.2):
+        above, values, sigma = search._posteriors(member, share)
+        for row, chosen in enumerate(member):
+            columns, size = matrix[:, chosen], share * SIZES[chosen]
+            spread = scale * np.eye(40) + columns @ np.diag(size**2) @ columns.T
+            expected = right @ np.linalg.solve(spread, right) + np.linalg.slogdet(spread / scale)[1]
+            assert above[row] == pytest.approx(expected, rel=1e-9)
+            covariance = np.linalg.inv(columns.T @ columns / scale + np.diag(size**-2.0))
+            np.testing.assert_allclose(values[row, chosen], covariance @ columns.T @ right / scale, rtol=1e-8)
+            np.testing.assert_allclose(sigma[row, chosen], np.sqrt(np.diag(covariance)), rtol=1e-8)
+            assert not np.any(values[row, ~chosen])
+            assert not np.any(sigma[row, ~chosen])
+
+
+def test_the_widths_of_a_mixture_hold_their_share_of_it(random):
+    """By drawing from it: of a million 68.3 % are known to 0.05 %."""
+    weights = np.array([0.5, 0.3, 0.2])
+    apart, wide = np.array([[0.0, 1.0], [2.0, -1.0], [-0.5, 4.0]]), np.array([[1.0, 0.5], [0.3, 1.0], [2.0, 1e-13]])
+    mixture = _Mixture(np.ones((3, 2), dtype=bool), weights, apart, wide)
+    which = random.choice(3, size=1_000_000, p=weights)
+    for share in (0.3, 0.6827, 0.9545):
+        found = mixture.holding(share)
+        for term in (0, 1):
+            drawn = apart[which, term] + wide[which, term] * random.standard_normal(len(which))
+            assert np.mean(np.abs(drawn) < found[term] * (1.0 + 1e-9)) == pytest.approx(share, abs=0.003) or (
+                # All of a narrow part is on one side of the width.
+                np.mean(np.abs(drawn) < found[term] * 0.999) < share < np.mean(np.abs(drawn) < found[term] * 1.001)
+            )
+
+
+def test_a_term_that_is_needless_leaves_before_another_one_enters(random):
+    search, _matrix, _right = search_with(random)
+    subsets = {name: search.bic({name}) for name in NAMES}
+    best = min(subsets, key=subsets.get)
+    assert search.best_move(frozenset(), search.bic(())) == (best, pytest.approx(subsets[best]))
+    everything = frozenset(NAMES)
+    without = {name: search.bic(everything - {name}) for name in NAMES}
+    worst = min(without, key=without.get)
+    assert without[worst] < search.bic(everything)
+    assert search.best_move(everything, search.bic(everything)) == (worst, pytest.approx(without[worst]))
+    chosen = frozenset(select for select in NAMES if select != worst)
+    assert search.best_move(chosen, -1e9) is None
+
+
+def test_what_a_pass_left_out_is_predicted_to_is_the_miss_of_the_fit_of_the_others(campaign, table_1):
+    data, terms = campaign(table_1, passes=6), ("azimuth_offset", "elevation_offset", "elevation_velocity_lag")
+    found = held_out_passes(data, terms)
+    squares = []
+    for number in range(6):
+        out = data.pass_id == number
+        model = fit_bias_model(data.select(~out), terms=terms, held=held_at_zero(terms)).model
+        rows = data.select(out)
+        azimuth, elevation = model.offset_rad(*rows.motion())
+        across = (rows.residual_azimuth_rad - azimuth) * np.cos(rows.true_elevation_rad)
+        squares.append(across**2 + (rows.residual_elevation_rad - elevation) ** 2)
+    np.testing.assert_allclose(found.rms_rad, [np.sqrt(np.mean(square)) for square in squares], rtol=1e-9)
+    assert found.total_rms_rad == pytest.approx(np.sqrt(np.mean(np.concatenate(squares))), rel=1e-9)
+    assert found.pass_ids.tolist() == list(range(6))
+
+
+@pytest.mark.parametrize(("stated", "scale"), [(1.0, 1.0), (3.0, 1.0), (0.5, 4.0)])
+def test_the_data_of_a_selection_are_at_best_as_good_as_stated(campaign, table_1, stated, scale):
+    """Chi-square of the fit of all candidates over its degrees of freedom, or 1."""
+    data = campaign(table_1, passes=20)
+    data = replace(
+        data, sigma_azimuth_rad=stated * data.sigma_azimuth_rad, sigma_elevation_rad=stated * data.sigma_elevation_rad
+    )
+    search = _Search.of(data, TERM_NAMES, {}, None, None)
+    freedom = 2 * len(data) - len(TERM_NAMES)
+    assert search.scale == pytest.approx(scale, rel=4.0 * np.sqrt(2.0 / freedom))
+    assert search.scale == max(1.0, search.solve(TERM_NAMES)[0] / freedom)

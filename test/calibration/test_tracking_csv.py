@@ -22,7 +22,18 @@ def test_tracking_reads_back_equal(raw, tmp_path):
     back = read_tracking(tmp_path / "a.csv")
     assert np.array_equal(back.t_s, raw.t_s)
     assert back.elevation_rad == pytest.approx(raw.elevation_rad, rel=1e-15)
-    assert (back.range_rate_m_s, back.station, bool(back.good[7])) == (None, "gs1", False)
+    assert (back.range_rate_m_s, back.station) == (None, "gs1")
+    assert np.array_equal(back.good, good)
+    assert back.azimuth_rad == pytest.approx(raw.azimuth_rad, rel=1e-15)
+    assert np.array_equal(back.range_m, raw.range_m)
+
+
+def test_without_a_column_good_all_samples_are(raw, tmp_path):
+    write_tracking(tmp_path / "a.csv", raw)
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    bare = [line if line.startswith("#") else line.rsplit(",", 1)[0] for line in lines]
+    (tmp_path / "a.csv").write_text("\n".join(bare) + "\n")
+    assert np.all(read_tracking(tmp_path / "a.csv").good)
 
 
 def test_observations_read_back_equal(campaign, table_1, tmp_path):
@@ -147,3 +158,53 @@ def test_a_disk_that_is_full_leaves_the_file_as_it_was(data, tmp_path, monkeypat
     assert first.path.read_bytes() == before
     first.append(data.select([3, 4]))
     assert journal(tmp_path).points.t_s == pytest.approx(data.t_s[:5])
+
+
+@pytest.mark.parametrize("kind", ["observed", "true"])
+def test_points_in_radians_are_refused_by_the_column_that_shows_it(data, tmp_path, kind):
+    path = tmp_path / "o.csv"
+    other = {f"{kind}_{axis}_rad": np.radians(getattr(data, f"{kind}_{axis}_rad")) for axis in ("azimuth", "elevation")}
+    text = {"head": [], "rows": []}
+    write_observations(path, data)
+    for line in path.read_text().splitlines():
+        text["head" if line.startswith(("#", "t_s")) else "rows"].append(line)
+    names = text["head"][-1].split(",")
+    table = np.array([[float(cell) for cell in row.split(",")] for row in text["rows"]])
+    for name, values in other.items():
+        table[:, names.index(name.replace("_rad", "_deg"))] = np.degrees(values)
+    rows = [",".join(map(repr, row)) for row in table.tolist()]
+    path.write_text("\n".join([*text["head"], *rows]) + "\n")
+    with pytest.raises(ValueError, match=rf"{kind}_elevation_deg is at most .* radians given where degrees"):
+        read_observations(path)
+
+
+def test_points_and_the_end_of_a_torn_file_are_on_the_disk_before_anything_follows(data, tmp_path, monkeypatch):
+    synced = []
+    monkeypatch.setattr("rf_pointing.calibration.tracking_csv.os.fsync", synced.append)
+    first = journal(tmp_path)
+    for row in (0, 1):
+        first.append(data.select([row]))
+        assert len(synced) == row + 1
+    journal(tmp_path)
+    assert len(synced) == 2
+    with first.path.open("rb+") as stream:
+        stream.truncate(first.path.stat().st_size - 9)
+    assert len(journal(tmp_path).points) == 1
+    assert len(synced) == 3
+
+
+@pytest.mark.parametrize(
+    ("elevation_deg", "azimuth_deg", "refused"),
+    [(1.57, 9.42, True), (-1.57, -9.42, True), (1.58, 9.42, False), (1.57, 9.43, False), (-1.58, 1.0, False)],
+)
+def test_angles_that_all_are_such_of_radians_are_refused(tmp_path, elevation_deg, azimuth_deg, refused):
+    path = tmp_path / "a.csv"
+    rows = [f"{k},{azimuth_deg if k == 3 else 1.0},{elevation_deg if k == 5 else 1.0}" for k in range(8)]
+    path.write_text(
+        "\n".join(["# station: gs1", "# band: S", "# target: bird", "t_s,azimuth_deg,elevation_deg", *rows]) + "\n"
+    )
+    if refused:
+        with pytest.raises(ValueError, match="in all 8 rows; radians given"):
+            read_tracking(path)
+    else:
+        assert len(read_tracking(path)) == 8

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from rf_pointing.calibration.triangle import Triangle, pass_triangles, triangle_of
+from rf_pointing.calibration.triangle import Triangle, eliminate, pass_triangles, triangle_of
 from rf_pointing.calibration.triangle import _null_space_message as null_space_message
 
 NAMES = ("azimuth_offset", "collimation", "droop")
@@ -85,3 +85,52 @@ def test_each_pass_has_the_inner_products_of_its_own_rows_be_it_shorter_than_the
     for number, triangle in zip(numbers, triangles, strict=True):
         own = rows[passes == number]
         np.testing.assert_allclose(triangle.T @ triangle, own.T @ own, atol=1e-12)
+
+
+def test_columns_that_are_almost_but_not_quite_inseparable_are_solved(random):
+    """A condition number of 0.7e9, whose cheap bound by the norms is beyond the 1e9 that is refused."""
+    names = tuple(f"term {k}" for k in range(8))
+    matrix, _ = np.linalg.qr(random.normal(size=(40, 8)))
+    matrix[:, 7] = matrix[:, 0] + 2.8e-9 * matrix[:, 7]
+    truth = np.arange(1.0, 9.0)
+    triangle = Triangle(names)
+    triangle.add_blocks([(rows_of(matrix, matrix @ truth), np.arange(8))])
+    found = triangle.solve()
+    assert 6e8 < found.condition < 8e8
+    assert found.values[1:7] == pytest.approx(truth[1:7], rel=1e-6)
+    assert found.values[0] + found.values[7] == pytest.approx(9.0, rel=1e-6)
+
+
+def test_equations_are_counted_with_the_priors(random):
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(random.normal(size=(20, 3)), random.normal(size=20)), ALL)] * 2)
+    triangle.add_prior("droop", 0.5, 0.1)
+    triangle.add_triangle(random.normal(size=(2, 4)), 30)
+    assert triangle.rows == 71
+
+
+@pytest.mark.parametrize("own", [1, 3])
+def test_parameters_of_the_passes_are_those_of_all_columns_at_once(random, own):
+    """Against one least squares of all columns, the prior of the passes' parameters among its rows."""
+    passes = np.repeat([2, 5, 9], [6, 30, 14])
+    matrix, right = random.normal(size=(50, own + 3)), random.normal(size=50)
+    sigma = np.array([0.5, 2.0, 0.1])[:own]
+    numbers, triangles = pass_triangles(np.column_stack([matrix, right]), passes)
+    heads, rest = eliminate(numbers, triangles, sigma)
+    triangle = Triangle(NAMES)
+    triangle.add_triangle(rest, 50)
+    solution = triangle.solve()
+    wide = np.zeros((50 + 3 * own, 3 * own + 3))
+    wide[:50, 3 * own :] = matrix[:, own:]
+    for k, number in enumerate((2, 5, 9)):
+        rows = np.flatnonzero(passes == number)
+        wide[rows, k * own : (k + 1) * own] = matrix[rows, :own]
+    wide[50:, : 3 * own] = np.diag(np.tile(1.0 / sigma, 3))
+    expected, square, *_ = np.linalg.lstsq(wide, np.append(right, np.zeros(3 * own)), rcond=None)
+    covariance = np.linalg.inv(wide.T @ wide)
+    np.testing.assert_allclose(solution.values, expected[3 * own :], rtol=1e-9)
+    np.testing.assert_allclose(solution.covariance, covariance[3 * own :, 3 * own :], rtol=1e-9)
+    assert solution.residual_square == pytest.approx(float(square[0]), rel=1e-9)
+    assert heads.passes.tolist() == [2, 5, 9]
+    np.testing.assert_allclose(heads.values(solution).ravel(), expected[: 3 * own], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(heads.sigma(solution).ravel() ** 2, np.diag(covariance)[: 3 * own], rtol=1e-9)

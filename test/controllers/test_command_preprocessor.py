@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams
+from rf_pointing.controllers.command_preprocessor import _stoppable_rate
 from rf_pointing.core import MDEG
 
 DT_S = 0.02
@@ -259,3 +260,194 @@ def test_outside_its_travel_an_axis_that_is_sent_further_out_does_not_start_by_i
 def test_an_empty_travel_is_refused() -> None:
     with pytest.raises(ValueError, match=r"travel_min_rad=1.0 must be < travel_max_rad=0.5"):
         CommandPreprocessorParams(travel_min_rad=(1.0, 0.0), travel_max_rad=(0.5, 1.0))
+
+
+def stop_way(speed: float, braking: float, dt_s: float) -> float:
+    """The way to rest step by step: each takes the mean of its two rates."""
+    way = 0.0
+    while speed > 0.0:
+        slower = max(speed - braking * dt_s, 0.0)
+        way, speed = way + 0.5 * (speed + slower) * dt_s, slower
+    return way
+
+
+def passes(target: tuple[float, float, float], rate: float = 0.0, dt_s: float = DT_S, place: float = 0.3) -> bool:
+    """Whether a target, relative to `place` and as seen from there, passes through on the azimuth."""
+    shaper = preprocessor(travel_max_rad=(0.6, 1.6))
+    shaper.reset((place, 0.5), (rate, 0.0))
+    shaper.step((place + target[0] + rate * dt_s, 0.5), (target[1] + rate, 0.0), (target[2], 0.0), dt_s)
+    assert shaper.state.transparent[1]
+    return shaper.state.transparent[0]
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.011, -0.02])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_target_passes_through_while_the_cubic_to_it_keeps_the_acceleration(rate: float, side: float) -> None:
+    """Cubics whose acceleration falls from the limit to zero, rises from zero to it, or is that of the target."""
+    rise = side * ACCELERATION * DT_S
+    for share, passed in ((0.999, True), (1.001, False)):
+        assert passes((share * rise * DT_S / 3.0, share * rise / 2.0, 0.0), rate) is passed
+        assert passes((share * rise * DT_S / 6.0, share * rise / 2.0, 0.0), rate) is passed
+        assert passes((0.0, 0.0, share * side * ACCELERATION), rate) is passed
+    assert passes((0.0, 0.0, side * ACCELERATION), rate), "exactly at the limit"
+
+
+def test_a_target_faster_than_the_rate_limit_does_not_pass_through() -> None:
+    assert passes((0.0, 0.0, 0.0), 0.999 * RATE, place=0.0)
+    assert not passes((0.0, 0.0, 0.0), 1.001 * RATE, place=0.0)
+
+
+def test_one_axis_passes_through_while_the_other_slews() -> None:
+    shaper = preprocessor()
+    shaper.reset((0.0, 0.5))
+    for azimuth, elevation, passed in ((1.0, 0.5, (False, True)), (0.0, 1.5, (False, False))):
+        shaper.step((azimuth, elevation), (0.0, 0.0), (0.0, 0.0), DT_S)
+        assert shaper.state.transparent == passed
+    shaper.reset((0.0, 0.5))
+    shaper.step((0.0, 1.5), (0.0, 0.0), (0.0, 0.0), DT_S)
+    assert shaper.state.transparent == (True, False)
+    shaper.stop()
+    shaper.step((0.0, 0.5), (0.0, 0.0), (0.0, 0.0), DT_S)
+    assert shaper.state.transparent == (False, False), "a stop follows nothing"
+
+
+@pytest.mark.parametrize("speed", [0.03, 0.0201, 0.003])
+@pytest.mark.parametrize("dt_s", [0.02, 0.5])
+def test_a_target_passes_through_until_the_room_to_the_end_is_the_way_to_rest(speed: float, dt_s: float) -> None:
+    way = stop_way(speed, ACCELERATION, dt_s)
+    for room, passed in ((1.0001 * way, True), (0.9999 * way, False)):
+        assert passes((0.0, 0.0, 0.0), speed, dt_s, 0.6 - room - speed * dt_s) is passed
+    # At the lower end, and away from an end there is no need of room.
+    shaper = preprocessor(travel_min_rad=(-0.6, 0.0))
+    for room, passed in ((1.0001 * way, True), (0.9999 * way, False)):
+        shaper.reset((-0.6 + room + speed * dt_s, 0.5), (-speed, 0.0))
+        shaper.step((-0.6 + room, 0.5), (-speed, 0.0), (0.0, 0.0), dt_s)
+        assert shaper.state.transparent[0] is passed
+    assert passes((0.0, 0.0, 0.0), -speed, dt_s, 0.6)
+
+
+@pytest.mark.parametrize("dt_s", [0.02, 0.3])
+def test_from_the_stoppable_rate_an_axis_comes_to_rest_just_there(random: np.random.Generator, dt_s: float) -> None:
+    for distance, rate in random.uniform((1e-4, -0.03), (0.2, 0.03), (200, 2)):
+        speed = _stoppable_rate(distance, rate, ACCELERATION, dt_s)
+        if speed > 0.0:
+            way = 0.5 * (rate + speed) * dt_s + stop_way(speed, ACCELERATION, dt_s)
+            assert way == pytest.approx(distance, rel=1e-9)
+        else:
+            assert 0.5 * rate * dt_s >= distance
+    assert _stoppable_rate(0.01, 0.03, ACCELERATION, 0.8) == 0.0
+
+
+def test_the_lower_end_of_the_travel_is_kept_as_the_upper_one() -> None:
+    motions = []
+    for side in (1.0, -1.0):
+        shaper = preprocessor(travel_min_rad=(-0.6, -0.6), travel_max_rad=(0.6, 0.6))
+        shaper.reset((0.0, 0.0))
+        goals = [(2.0 * side, 0.59 * side)] * 1500 + [(0.3 * side, -2.0 * side)] * 2500
+        motions.append(np.array([shaper.step(goal, (0.0, 0.0), (0.0, 0.0), DT_S) for goal in goals]))
+    np.testing.assert_allclose(motions[0], -motions[1], atol=1e-12)
+    assert np.max(np.abs(motions[0][:, 0])) <= 0.6 + ROUNDING
+    np.testing.assert_allclose(motions[0][-1, 0], (0.3, -0.6), atol=1e-6)
+
+
+@pytest.mark.parametrize("share", [1.0001, 1.1, 1.24])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_an_axis_with_just_the_room_to_stop_stops_at_the_end_of_its_travel(share: float, side: float) -> None:
+    """Eight tenths of the limit would not do."""
+    shaper = preprocessor(travel_min_rad=(-0.6, -0.6), travel_max_rad=(0.6, 0.6))
+    room = share * stop_way(0.03, ACCELERATION, DT_S)
+    shaper.reset((side * (0.6 - room), 0.0), (side * 0.03, 0.0))
+    for _ in range(400):
+        position, velocity, _ = shaper.step((side * 2.0, 0.0), (0.0, 0.0), (0.0, 0.0), DT_S)
+        assert side * position[0] <= 0.6 + ROUNDING
+        assert side * velocity[0] > -ROUNDING
+    assert side * position[0] == pytest.approx(0.6, abs=1e-6)
+
+
+def test_an_axis_too_fast_for_the_room_that_is_left_brakes_with_no_more_than_its_limit() -> None:
+    shaper = preprocessor(travel_max_rad=(0.6, 1.6))
+    shaper.reset((0.599, 0.5), (0.03, 0.0))
+    for _ in range(50):
+        _, _, acceleration = shaper.step((0.7, 0.5), (0.0, 0.0), (0.0, 0.0), DT_S)
+        assert acceleration[0] == pytest.approx(-ACCELERATION, rel=1e-9)
+
+
+@pytest.mark.parametrize(("share", "left"), [(0.5, 0.5), (0.9, 0.2), (-0.5, 0.5)])
+def test_a_target_that_accelerates_is_met_with_what_it_leaves_of_the_limit(share: float, left: float) -> None:
+    """Eight tenths of the rest, at least of a fifth of the limit: closing slows down by that much."""
+    shaper = preprocessor(rate_limit_rad_s=(1.0, 1.0), travel_max_rad=(50.0, 1.6))
+    shaper.reset((0.0, 0.5))
+    target_acceleration, start_rate, rows = share * ACCELERATION, 0.01, []
+    for k in range(1, 3000):
+        t_s = k * DT_S
+        target = 0.02 + start_rate * t_s + 0.5 * target_acceleration * t_s * t_s
+        rate = start_rate + target_acceleration * t_s
+        place, speed, acceleration = shaper.step((target, 0.5), (rate, 0.0), (target_acceleration, 0.0), DT_S)
+        rows.append((target - place[0], speed[0] - rate, acceleration[0] - target_acceleration))
+        if shaper.state.transparent[0]:
+            break
+    gap, closing, slowing = np.array(rows[:-1]).T
+    braking = (closing > 0.001) & (slowing < 0.0) & (gap > 0.0)
+    assert np.count_nonzero(braking) > 20
+    assert abs(rows[-1][0]) < 2e-6
+    assert np.median(slowing[braking]) == pytest.approx(-0.8 * left * ACCELERATION, rel=0.03)
+
+
+def test_a_motion_whose_acceleration_grows_within_the_jerk_limit_passes_through() -> None:
+    """j t^3 / 6: after a second its acceleration is far more than a tick of the limit changes."""
+    jerk = 0.01
+    shaper = preprocessor(jerk_limit_rad_s3=(jerk, jerk))
+    shaper.reset((0.0, 0.5))
+    for k in range(1, 60):
+        t_s = k * DT_S
+        shaper.step((jerk * t_s**3 / 6.0, 0.5), (0.5 * jerk * t_s**2, 0.0), (jerk * t_s, 0.0), DT_S)
+        assert shaper.state.transparent == (True, True), k
+
+
+def test_a_stop_within_a_jerk_limit_fades_at_six_tenths_of_it_and_ends_at_rest() -> None:
+    jerk = 0.02
+    shaper = preprocessor(jerk_limit_rad_s3=(jerk, jerk))
+    shaper.reset((0.0, 0.8), (0.03, -0.02))
+    shaper.stop()
+    rows = np.array([shaper.step((9.0, 1.5), (0.0, 0.0), (0.0, 0.0), DT_S)[1:] for _ in range(600)])
+    rate, acceleration = rows[:, 0], rows[:, 1]
+    assert np.max(np.abs(acceleration)) <= ACCELERATION * (1.0 + 1e-9)
+    for axis, side in ((0, 1.0), (1, -1.0)):
+        speed, braking = side * rate[:, axis], -side * acceleration[:, axis]
+        ramp = np.argmax(np.abs(np.diff(braking) - jerk * DT_S) > 1e-9)
+        fading = np.arange(1, 600)[(speed[1:] > 2e-4) & (braking[1:] < 0.99 * braking.max())]
+        fading = fading[fading > ramp + 1]
+        assert len(fading) > 20
+        np.testing.assert_allclose(braking[fading] ** 2, 1.2 * jerk * speed[fading - 1], rtol=1e-6)
+        assert np.all(speed >= -1e-4)
+        assert abs(speed[-1]) < 1e-12
+    # At the limit for 1.2 s at most and the two ramps, of which the second is the slower.
+    assert DT_S * np.count_nonzero(rate[:, 0] > 1e-6) < 0.03 / ACCELERATION + 2.0 * ACCELERATION / (0.6 * jerk)
+
+
+@pytest.mark.parametrize("dt_s", [0.02, 0.05])
+def test_a_soft_start_nears_the_rate_limit_along_its_curve(dt_s: float) -> None:
+    """Far from its goal: a^2 = 1.2 j (left - turn / 2), and below `turn` a = pull left, with pull = 3 k or 0.45 / dt."""
+    jerk = 0.1
+    shaper = preprocessor(jerk_limit_rad_s3=(jerk, jerk))
+    shaper.reset((0.0, 0.5))
+    rows = np.array([shaper.step((3.0, 0.5), (0.0, 0.0), (0.0, 0.0), dt_s) for _ in range(round(5.0 / dt_s))])
+    left, acceleration = RATE - rows[:-1, 1, 0], rows[1:, 2, 0]
+    pull = min(3.0 * 0.25 * jerk / (0.48 * ACCELERATION), 0.45 / dt_s)
+    turn = 0.6 * jerk / pull**2
+    root = (left > 1.05 * turn) & (acceleration < 0.99 * ACCELERATION) & (np.arange(len(left)) * dt_s > 0.5)
+    line = (left < turn) & (left > 1e-9)
+    assert np.count_nonzero(root) >= 2
+    assert np.count_nonzero(line) >= 5
+    np.testing.assert_allclose(acceleration[root] ** 2, 1.2 * jerk * (left[root] - 0.5 * turn), rtol=1e-6)
+    np.testing.assert_allclose(acceleration[line], pull * left[line], rtol=1e-6)
+
+
+@pytest.mark.parametrize("dt_s", [0.99e-4, 1.01, math.nan])
+def test_steps_that_no_tick_has_are_refused(dt_s: float) -> None:
+    shaper = preprocessor()
+    shaper.reset((0.0, 0.5))
+    for usual_s in (1e-4, 1.0):
+        shaper.step((0.0, 0.5), (0.0, 0.0), (0.0, 0.0), usual_s)
+    with pytest.raises(ValueError, match="dt_s"):
+        shaper.step((0.0, 0.5), (0.0, 0.0), (0.0, 0.0), dt_s)

@@ -161,3 +161,55 @@ def test_a_swing_beyond_the_largest_is_not_waited_out(speed_deg_s: float) -> Non
 def test_error_that_grows_more_slowly_than_the_band_is_not_cut() -> None:
     """At 0.1 deg/s the high-passed ramp ends at 0.32 deg, however far off the axis comes."""
     assert not watch(np.radians(0.1 * DT_S * np.arange(3000))).oscillating
+
+
+@pytest.mark.parametrize("dt_s", [0.99e-5, 1.01, math.nan])
+def test_steps_that_no_loop_has_are_refused(dt_s: float) -> None:
+    detector = OscillationDetector(OscillationDetectorParams())
+    for usual_s in (1e-5, 1.0):
+        detector.update(0.0, usual_s)
+    with pytest.raises(ValueError, match="dt_s"):
+        detector.update(0.0, dt_s)
+
+
+def test_a_slow_oscillation_is_found_in_samples_of_a_second_too() -> None:
+    detector = OscillationDetector(OscillationDetectorParams())
+    for t_s in range(120):
+        detector.update(2.0 * LIMIT * math.sin(2.0 * math.pi * 0.08 * t_s), 1.0)
+    assert detector.reason.endswith("at 0.08 Hz")
+
+
+@pytest.mark.parametrize("dt_s", [DT_S, 1.0])
+def test_a_retuned_detector_goes_on_as_one_made_so(dt_s: float) -> None:
+    changed = OscillationDetector(OscillationDetectorParams())
+    made = OscillationDetector(OscillationDetectorParams(high_pass_hz=0.2))
+    for k in range(5):
+        changed.update(1e-5 * k, dt_s)
+    made.state = changed.state
+    changed.retune(made.params)
+    for k in range(20):
+        for detector in (changed, made):
+            detector.update(1e-5 * (k % 7), dt_s)
+        assert changed.state == made.state
+
+
+@pytest.mark.parametrize(("frequency_hz", "found"), [(0.48, False), (0.53, True), (1.9, True), (2.1, False)])
+def test_swings_count_from_the_high_pass_to_the_highest_frequency(frequency_hz: float, found: bool) -> None:
+    time = 0.005 * np.arange(round(8.0 / frequency_hz / 0.005))
+    detector = OscillationDetector(OscillationDetectorParams(high_pass_hz=0.5, highest_hz=2.0))
+    for error in 2.4 * LIMIT * np.sin(2.0 * math.pi * frequency_hz * time):
+        detector.update(float(error), 0.005)
+    assert detector.oscillating is found
+
+
+@pytest.mark.parametrize(
+    ("peaks_deg", "found"),
+    [((0.3, 0.2, 0.08), False), ((0.3, 0.12, 0.09), False), ((0.3, 0.08, 0.2), True), ((0.12, 0.4, 0.2), True)],
+)
+def test_large_swings_are_an_oscillation_when_the_last_is_half_the_first(
+    peaks_deg: tuple[float, ...], found: bool
+) -> None:
+    errors: list[float] = []
+    for number, peak_deg in enumerate((*peaks_deg, 0.005)):
+        errors += (math.radians(peak_deg) * (-1) ** number * np.sin(math.pi * np.arange(20) / 20.0)).tolist()
+    assert watch(np.array(errors)).oscillating is found

@@ -1,12 +1,14 @@
 """The conformance report: sound drives pass every line, and each fault fails the line of its name."""
 
 import math
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from rf_pointing.commands import check_drive
-from rf_pointing.drives import DriveParams, RotatorParams, SimulatedRotator
+from rf_pointing.drives import DriveParams, LinkParams, RotatorParams, SimulatedRotator
 from rf_pointing.drives.conformance import ConformanceCheck, Line
 from rf_pointing.drives.drive import RATE, Capabilities, Drive, DriveReading, Pair
 from test.drives.benches import BOTH_AXES, TICK_S, Bench
@@ -130,6 +132,8 @@ class RateDrive(Drive):
     """A drive that takes rates: it stops by itself when none came for half a second.
 
     `creep`: the share of the last rate that is left when it is stale.
+    `runs_on_s`: how long it goes on after a stop; `leak`: the rate of the azimuth from then on until it is enabled.
+    `drifts_s`: until when it drifts.  `turns`: the rates that it was given.
     `latches`: after a stop it takes rates only when it has been enabled again.
     The faults: `gain` of each axis, `forgets` whether it stops by itself, `crossed` the axes, `stops` whether a stop does
     anything, `late_s` how old its readings are, `every` how many readings it leaves out.
@@ -148,12 +152,17 @@ class RateDrive(Drive):
         self.most = list(self.position)
         self.t_s = self.taken_s = 0.0
         self.count, self.reading = 0, None
+        self.drifts_s, self.runs_on_s, self.leak = math.inf, 0.0, 0.0
+        self.stopped_s, self.turns = math.inf, []
 
     def step(self, t_s: float) -> DriveReading | None:
         if self.forgets and t_s - self.taken_s > 0.5:
             self.rate = [self.creep * each for each in self.asked]
+        if t_s - self.stopped_s > self.runs_on_s:
+            self.rate, self.asked = [self.leak, 0.0], [0.0, 0.0]
+        drift = self.drift if t_s < self.drifts_s else 0.0
         for axis in (0, 1):
-            self.position[axis] += (self.rate[axis] + self.drift) * (t_s - self.t_s)
+            self.position[axis] += (self.rate[axis] + drift) * (t_s - self.t_s)
             self.least[axis] = min(self.least[axis], self.position[axis])
             self.most[axis] = max(self.most[axis], self.position[axis])
         self.t_s, self.count = t_s, self.count + 1
@@ -162,19 +171,21 @@ class RateDrive(Drive):
         return self.reading
 
     def enable(self) -> None:
-        self.held = False
+        self.held, self.stopped_s = False, math.inf
 
     def turn(self, rate_rad_s: Pair) -> None:
         if self.held:
             return
         self.taken_s = self.t_s
+        self.turns.append(rate_rad_s)
         rate = rate_rad_s[::-1] if self.crossed else rate_rad_s
         self.rate = self.asked = [gain * each for gain, each in zip(self.gain, rate, strict=True)]
 
     def stop(self) -> None:
         if self.stops:
-            self.rate, self.held = [0.0, 0.0], self.latches
-            self.asked = [0.0, 0.0]
+            self.stopped_s, self.held = self.t_s, self.latches
+            if not self.runs_on_s:
+                self.rate, self.asked = [0.0, 0.0], [0.0, 0.0]
 
 
 def failed_rates(drive: RateDrive) -> set[str]:
@@ -197,7 +208,188 @@ def test_a_sound_drive_of_rates_passes_moves_10_deg_inward_and_comes_back(start_
         way_deg = min(10.0, 20.0 * rate_deg_s) + 2.0 * rate_deg_s
         assert max(each * inward for each in moved) == pytest.approx(way_deg, abs=1.0)
         assert min(each * inward for each in moved) > -1.0
-        assert math.degrees(drive.position[axis]) == pytest.approx(start, abs=1.0)
+        # Back, and on for the second of the stale command and the half one until it is forgotten.
+        stale_deg = 1.5 * 0.1 * math.degrees(drive.capabilities.rate_rad_s[0]) if axis == 0 else 0.0
+        assert math.degrees(drive.position[axis]) == pytest.approx(start + stale_deg, abs=0.1)
+        # At three tenths of the largest rate, and the stale command at a tenth of that of the azimuth for a second.
+        assert max(abs(turn[axis]) for turn in drive.turns) == pytest.approx(0.3 * drive.capabilities.rate_rad_s[axis])
+    assert drive.turns[-1] == pytest.approx((0.1 * drive.capabilities.rate_rad_s[0], 0.0))
+    assert drive.turns.count(drive.turns[-1]) == pytest.approx(51, abs=2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "fails"),
+    [
+        ({"runs_on_s": 1.6, "forgets": False}, False),
+        ({"runs_on_s": 1.9, "forgets": False}, True),
+        ({"leak": 1.3e-4}, False),
+        ({"leak": 1.7e-4}, True),
+    ],
+)
+def test_after_a_stop_a_drive_rests_in_time_and_to_one_and_a_half_steps(
+    changes: dict[str, object], fails: bool
+) -> None:
+    """It may run on for 1.5 s and the latency of 0.2 s; then it is watched for a second."""
+    drive = RateDrive()
+    for name, value in changes.items():
+        setattr(drive, name, value)
+    assert ("azimuth stop" in failed_rates(drive)) is fails
+
+
+def test_a_slow_drive_of_rates_is_moved_for_twenty_seconds_towards_the_middle() -> None:
+    drive = RateDrive((110.0, 50.0))
+    drive.capabilities = replace(drive.capabilities, rate_rad_s=(0.05, 0.02))
+    assert failed_rates(drive) == set()
+    assert math.degrees(drive.least[1]) == pytest.approx(50.0 - 22.0 * math.degrees(0.3 * 0.02), abs=0.3)
+    assert math.degrees(drive.least[0]) < 100.0
+
+
+@pytest.mark.parametrize(("share", "fails"), [(0.8, set()), (0.6, {"period of readings"})])
+def test_seven_tenths_of_the_stated_readings_must_come(share: float, fails: set[str]) -> None:
+    drive = RateDrive()
+    drive.capabilities = replace(drive.capabilities, period_s=share * TICK_S)
+    assert failed_rates(drive) == fails
+
+
+@pytest.mark.parametrize(("creep", "fails"), [(0.27, set()), (0.33, {"stale command"})])
+def test_one_and_a_half_steps_of_the_azimuth_are_no_motion_of_a_stale_command(creep: float, fails: set[str]) -> None:
+    drive = RateDrive()
+    drive.capabilities = replace(drive.capabilities, resolution_rad=(1e-3, 1e-4))
+    drive.creep = creep
+    assert failed_rates(drive) == fails
+
+
+def test_a_drive_without_elevation_moves_its_azimuth_alone() -> None:
+    drive = RateDrive()
+    drive.capabilities = replace(drive.capabilities, has_elevation=False)
+    params = DriveParams(rotator=RotatorParams(travel_max_rad=(math.radians(200.0), math.radians(90.0))))
+    ticks = iter(range(1_000_000))
+    names = {line.name for line in ConformanceCheck(drive, params, lambda _: TICK_S * next(ticks)).moving()}
+    assert {"azimuth sign", "azimuth rate", "azimuth stop"} <= names
+    assert not {name for name in names if "elevation" in name}
+    assert all(turn[1] == 0.0 for turn in drive.turns)
+
+
+class Logged(SimulatedRotator):
+    """A simulated rotator that notes where its model is when it is stopped."""
+
+    def __init__(self, params: DriveParams, position_rad: Pair) -> None:
+        super().__init__(params, position_rad)
+        self.stops: list[list[float]] = []
+
+    def stop(self) -> None:
+        self.stops.append([math.degrees(each) for each in self.model.position_rad])
+        super().stop()
+
+
+DEG = math.pi / 180.0
+SLOW = RotatorParams(
+    rate_rad_s=(1.5 * DEG, 1.0 * DEG), resolution_rad=(0.1 * DEG, 0.2 * DEG), latency_s=0.3, minimum_interval_s=0.4,
+    zero_rad=(-100.0 * DEG, 5.0 * DEG), travel_min_rad=(-180.0 * DEG, 5.0 * DEG), travel_max_rad=(260.0 * DEG, 95.0 * DEG),
+)  # fmt: skip
+
+
+def slow_report(start_deg: Pair, **changes: object) -> tuple[dict[str, Line], Logged, list[float]]:
+    params = DriveParams(type="simulated_rotator", rotator=SLOW, link=LinkParams(poll_period_s=0.25))
+    drive, ticks, waited = Logged(params, (start_deg[0] * DEG, start_deg[1] * DEG)), iter(range(100_000)), []
+    drive.capabilities = replace(drive.capabilities, **changes)
+    check = ConformanceCheck(drive, params, lambda longest_s: waited.append(longest_s) or TICK_S * next(ticks))
+    lines = check.still()
+    if all(line.passed for line in lines):
+        lines += check.moving()[:-1]
+    return {line.name: line for line in lines}, drive, waited
+
+
+def numbers(line: Line) -> list[float]:
+    return [float(each) for each in re.findall(r"[-+]?\d+\.?\d*", line.text)]
+
+
+def test_the_report_has_the_figures_of_the_drive() -> None:
+    lines, drive, waited = slow_report((-50.0, 20.0))
+    assert [name for name, line in lines.items() if not line.passed] == []
+    expected = {
+        "connection": [0.02],
+        "period of readings": [12, 3, 12],
+        "age of readings": [0.0, 0.0, 0.0, 1.0],
+        "rest": [0.0, 0.0, 0.15, 0.3],
+        "travel": [-50.0, 20.0, -180.0, 5.0, 260.0, 95.0],
+        "azimuth sign": [10.0, 10.0, 0.0],
+        "azimuth arrival": [0.0, 0.2],
+        "azimuth rate": [1.5, 1.5],
+        "azimuth latency": [0.3, 0.3],
+        "elevation sign": [10.0, 10.0, 0.0],
+        "elevation arrival": [0.0, 0.4],
+        "elevation rate": [1.0, 1.0],
+        "elevation latency": [0.3, 0.3],
+        "limits": [95.0, 95.0],
+        "rest after a stop": [0.0, 0.0, 0.15, 0.3],
+    }
+    for name, values in expected.items():
+        assert numbers(lines[name]) == pytest.approx(values, abs=0.06), name
+    assert lines["losses"].text == "nothing was lost"
+    assert set(waited) == {0.0, 0.02}
+    # On the way back a command takes 0.9 s, of which a motion must last 0.4 s to be one; then it is half the way.
+    for axis, (out_deg, rate) in enumerate(((-50.0 + 100.0 + 10.0, 1.5), (20.0 - 5.0 + 10.0, 1.0))):
+        assert drive.stops[axis][axis] == pytest.approx(out_deg - 0.5 * rate - 5.0, abs=0.1)
+    # Until the next reading, at most 0.25 s and a step, the report sees the axis where it was.
+    assert 0.0 <= numbers(lines["azimuth stop"])[0] <= 0.25 * 1.5 + 0.2
+    assert [math.degrees(each) for each in drive.model.position_rad] == pytest.approx([50.0, 15.0], abs=0.2)
+
+
+@pytest.mark.parametrize(("start_deg", "way"), [((46.0, 56.0), -10.0), ((30.0, 40.0), 10.0), ((20.0, 48.0), 10.0)])
+def test_each_axis_is_moved_towards_the_middle_of_its_travel(start_deg: Pair, way: float) -> None:
+    """The middle is at 40 deg and at 50 deg."""
+    lines, *_ = slow_report(start_deg)
+    assert [numbers(lines[f"{name} sign"])[0] for name in ("azimuth", "elevation")] == [way, way]
+
+
+@pytest.mark.parametrize(
+    ("ends_deg", "one_turn", "passed"),
+    [
+        (((-80.0, 0.0), (360.0, 90.0)), False, True),
+        (((-79.0, 0.0), (360.0, 90.0)), False, False),
+        (((-80.0, 1.0), (360.0, 90.0)), False, False),
+        (((-80.0, 0.0), (359.0, 90.0)), False, False),
+        (((-80.0, 0.0), (360.0, 89.0)), False, False),
+        (((-79.0, 0.0), (360.0, 89.0)), True, True),
+    ],
+)
+def test_the_travel_is_within_what_the_device_states(ends_deg: tuple[Pair, Pair], one_turn: bool, passed: bool) -> None:
+    """The device reads 0 at -100 and 5 deg; of an azimuth within one turn it states nothing."""
+    travel = tuple((low * DEG, high * DEG) for low, high in ends_deg)
+    lines, drive, _ = slow_report((-50.0, 20.0), travel_rad=travel, one_turn=one_turn)
+    assert lines["travel"].passed is passed
+    assert bool(drive.stops) is passed
+    if not one_turn:
+        assert numbers(lines["travel"])[6:8] == pytest.approx([ends_deg[0][0] - 100.0, ends_deg[0][1] + 5.0], abs=0.01)
+
+
+def test_losses_are_named_with_their_counts() -> None:
+    drive = SimulatedRotator(DriveParams(type="simulated_rotator"), (1.0, 0.5))
+    drive.losses.update({"noise": 3, "late answer": 9, "connection": 0})
+    ticks = iter(range(10_000))
+    line = ConformanceCheck(drive, DriveParams(), lambda _: TICK_S * next(ticks)).still()[-1]
+    assert (line.name, line.passed, line.text) == ("losses", False, "noise: 3")
+
+
+def test_a_silent_device_is_waited_for_for_five_seconds() -> None:
+    drive = RateDrive()
+    drive.every = 10**9
+    ticks = iter(range(10_000))
+    (line,) = ConformanceCheck(drive, DriveParams(), lambda _: TICK_S * next(ticks)).still()
+    assert (line.passed, line.text) == (False, "no position within 5 s")
+    assert drive.t_s == pytest.approx(5.0, abs=0.05)
+
+
+def test_a_rate_is_not_judged_from_a_single_reading_on_the_way() -> None:
+    """6 deg/s, read every 1.5 s: between 15 and 85 % of 10 deg there is one reading at most."""
+    params = DriveParams(type="simulated_rotator", link=LinkParams(poll_period_s=1.5))
+    drive, ticks = SimulatedRotator(params, (1.0, 0.5)), iter(range(100_000))
+    check = ConformanceCheck(drive, params, lambda _: TICK_S * next(ticks))
+    assert check.still()[0].passed
+    lines = {line.name: line for line in check.moving()}
+    for name in ("azimuth rate", "elevation rate"):
+        assert (lines[name].passed, lines[name].text) == (True, "the way is too short to measure it")
 
 
 @pytest.mark.parametrize(
@@ -215,6 +407,13 @@ def test_a_sound_drive_of_rates_passes_moves_10_deg_inward_and_comes_back(start_
         ({"late_s": -0.5}, {"age of readings"}),
         ({"every": 2}, {"period of readings"}),
         ({"drift": 1e-3}, {"rest"}),
+        # In 1.5 s by 1.7 and by 1.3 steps of its encoders; until shortly before the middle of the 3 s.
+        ({"drift": 1.15e-4}, {"rest"}),
+        ({"drift": 0.85e-4}, set()),
+        ({"drift": 1e-3, "drifts_s": 1.3}, set()),
+        ({"late_s": -1.2e-3}, {"age of readings"}),
+        ({"late_s": -0.9e-3}, set()),
+        ({"held": True}, set()),
     ],
 )
 def test_each_fault_of_a_drive_of_rates_fails_the_line_of_its_name(changes: dict[str, object], lines: set[str]) -> None:

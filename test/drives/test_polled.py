@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from rf_pointing.drives import DriveParams, LinkParams, make_drive
+from rf_pointing.drives import DriveParams, LinkParams, make_drive, simulated, takes_positions
 from test.drives.benches import BOTH_AXES, TICK_S, Bench
 from test.drives.simulators import Easycomm, Rotctld, Spid
 
@@ -246,3 +246,183 @@ def test_before_its_first_tick_a_drive_has_nobody_to_send_to() -> None:
     drive.stop()
     drive.close()
     assert drive.problem.endswith("is closed")
+
+
+def test_what_is_commanded_while_the_link_opens_is_not_sent_and_closing_gives_the_link_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    abandoned: list[object] = []
+
+    class Waiting:
+        def __init__(self, *_: object) -> None: ...
+
+        def result(self) -> None: ...
+
+        def abandon(self) -> None:
+            abandoned.append(self)
+
+    monkeypatch.setattr("rf_pointing.drives.polled.Opening", Waiting)
+    drive = make_drive(DriveParams(type="hamlib"))
+    for t_s in (1.0, 2.0):
+        assert drive.step(t_s) is None
+    drive.go_to(GOAL_RAD)
+    drive.stop()
+    assert not abandoned
+    drive.close()
+    assert len(abandoned) == 1
+
+
+def test_a_link_that_is_gone_is_noticed_by_the_command_itself(bench) -> None:
+    subject = bench("easycomm 2")
+    subject.run(1.0)
+    subject.device.unplug()
+    subject.drive._pending = None
+    subject.drive.go_to(GOAL_RAD)
+    assert "the link is lost" in subject.drive.problem
+    assert subject.drive.losses["connection"] == 1
+
+
+def test_a_device_that_misses_the_first_stop_of_a_connection_is_stopped_again(bench) -> None:
+    device = Easycomm()
+    device.model.command(100.0, (math.radians(400.0), math.radians(45.0)))
+    device.deaf = True
+    subject = bench("easycomm 2", device)
+    subject.run(0.5)
+    device.deaf = False
+    assert device.model.moving
+    assert subject.run(5.0, lambda: not device.model.moving) < 1.5
+
+
+def test_a_piece_of_an_answer_is_forgotten_with_its_connection(bench) -> None:
+    """The end of an azimuth of before and the first answer of after make no azimuth."""
+    subject = bench("easycomm 2")
+    subject.run(1.0)
+    subject.drive._buffer += b"AZ35"
+    subject.device.silent = True
+    subject.run(5.0, lambda: bool(subject.drive.problem))
+    subject.device.silent = False
+    for _ in range(200):
+        subject.tick(0.05)
+        time.sleep(0.002)
+        if not subject.drive.problem:
+            break
+    assert not subject.drive.problem
+    assert subject.drive.losses["noise"] == 0
+
+
+class Script:
+    """An open link: what a test lets arrive, and what was written when."""
+
+    def __init__(self, *_: object) -> None:
+        self.arriving, self.written = b"", []
+
+    def result(self) -> "Script":
+        return self
+
+    def read(self) -> bytes:
+        data, self.arriving = self.arriving, b""
+        return data
+
+    def write(self, data: bytes) -> None:
+        self.written.append(data)
+
+    def close(self) -> None: ...
+
+
+class Scripted:
+    """A drive on such a link: `at` steps it at a time with what has arrived and returns what it wrote."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, type_: str) -> None:
+        self.link = Script()
+        monkeypatch.setattr("rf_pointing.drives.polled.Opening", lambda *_: self.link)
+        self.drive = make_drive(DriveParams(type=type_))
+
+    def at(self, t_s: float, arriving: bytes = b"") -> list[bytes]:
+        self.link.arriving = arriving
+        self.link.written.clear()
+        self.reading = self.drive.step(t_s)
+        return list(self.link.written)
+
+
+def test_a_reading_is_of_the_middle_between_request_and_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    subject = Scripted(monkeypatch, "easycomm")
+    subject.at(9.98)
+    assert subject.at(10.0) == [b"SA SE\n", b"AZ EL\n"]
+    assert subject.at(10.08, b"AZ10.0 EL20.0\n") == []
+    assert (subject.reading.t_s, subject.reading.within_s) == pytest.approx((10.04, 0.04))
+    assert subject.reading.position_rad == pytest.approx((math.radians(10.0), math.radians(20.0)))
+    assert subject.drive.losses == {}
+    # One that nobody requested is as old as the answer before was.
+    subject.at(10.1, b"AZ11.0 EL20.0\n")
+    assert (subject.reading.t_s, subject.reading.within_s) == pytest.approx((10.06, 0.04))
+    assert subject.drive.losses == {"late answer": 1}
+    assert subject.at(10.19) == []
+    assert subject.at(10.2) == [b"AZ EL\n"]
+
+
+def test_noise_is_no_answer_and_one_that_is_missing_is_counted_after_half_a_second(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    subject = Scripted(monkeypatch, "easycomm")
+    subject.at(9.98)
+    subject.at(10.0)
+    assert subject.at(10.1, b"???\n") == []
+    assert subject.at(10.3) == []
+    assert subject.at(10.49) == []
+    assert subject.at(10.52) == [b"AZ EL\n"]
+    assert subject.drive.losses == {"noise": 1, "answer to AZ EL": 1}
+
+
+def test_after_a_refusal_the_next_request_goes_out_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    subject = Scripted(monkeypatch, "hamlib")
+    subject.at(9.98)
+    assert subject.at(10.0) == [b"+S\n"]
+    assert subject.at(10.02, b"stop:\nRPRT 0\n") == [b"+\\dump_state\n"]
+    assert subject.at(10.04, b"dump_state:\nRPRT 0\n") == [b"+p\n"]
+    assert subject.at(10.06, b"get_pos:\nAzimuth: 1.00\nElevation: 2.00\nRPRT 0\n") == []
+    subject.drive.go_to(GOAL_RAD)
+    set_point = b"+P 150.000000 60.000000\n"
+    assert subject.link.written == [set_point]
+    assert subject.at(10.08) == []
+    assert subject.at(10.1, b"set_pos: 1 2\nRPRT -1\n") == []
+    assert subject.drive.losses == {"refused (set_pos: RPRT -1 (invalid parameter))": 1}
+    subject.drive.go_to(GOAL_RAD)
+    assert subject.link.written == [set_point]
+    # Until it is answered nothing more is sent, but for a stop.
+    subject.drive.go_to(GOAL_RAD)
+    assert subject.at(10.3) == []
+    subject.drive.stop()
+    assert subject.link.written == [b"+S\n"]
+
+
+@pytest.mark.parametrize(("step_deg", "again"), [(0.1, False), (0.2, True)])
+def test_a_stop_is_sent_again_after_a_second_to_a_device_that_moves_by_more_than_a_step(
+    monkeypatch: pytest.MonkeyPatch, step_deg: float, again: bool
+) -> None:
+    subject = Scripted(monkeypatch, "easycomm")
+    subject.at(9.98)
+    stops = []
+    for index in range(13):
+        t_s = 10.0 + 0.1 * index
+        answer = f"AZ{120.0 + step_deg * (index // 2):.1f} EL45.0\n".encode()
+        if b"SA SE\n" in subject.at(t_s, answer if index % 2 else b""):
+            stops.append(t_s)
+    assert stops == pytest.approx([10.0, 11.1] if again else [10.0])
+
+
+def test_a_simulated_drive_has_the_steps_of_the_protocol_that_it_stands_for() -> None:
+    spid = simulated(DriveParams(type="spid"))
+    assert spid.type == "simulated_rotator"
+    assert spid.rotator.resolution_rad == pytest.approx((math.radians(0.5),) * 2)
+    own = DriveParams(type="spid").rotator.replace(resolution_rad=(0.01, 0.0))
+    assert simulated(DriveParams(type="spid", rotator=own)).rotator.resolution_rad == pytest.approx(
+        (0.01, math.radians(0.5))
+    )
+    for type_, kept in (("simulated_rotator", "simulated_rotator"), ("simulated", "simulated"), ("mine", "simulated")):
+        assert simulated(DriveParams(type=type_)).type == kept
+    assert [takes_positions(each) for each in ("simulated_rotator", "hamlib", "simulated", "mine")] == [
+        True, True, False, False,
+    ]  # fmt: skip
+    assert make_drive(DriveParams(type="simulated_rotator")).truth_rad == (0.0, 0.0)
+    with pytest.raises(ValueError, match=r"drive.type='mine' must be one of simulated, topic, simulated_rotator"):
+        make_drive(DriveParams(type="mine"))

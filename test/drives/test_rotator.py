@@ -202,12 +202,14 @@ def test_a_reading_knows_its_age() -> None:
 class Readings(Drive):
     """A device that shows given angles at given times."""
 
-    def __init__(self, *rows: tuple[float, float, float], has_elevation: bool = True) -> None:
-        self.capabilities = Capabilities(
-            set_points=POSITION, resolution_rad=(1e-3, 1e-3), rate_rad_s=(0.1, 0.1), period_s=0.2,
-            has_elevation=has_elevation,
-        )  # fmt: skip
+    def __init__(self, *rows: tuple[float, float, float], **capabilities: object) -> None:
+        usual = {"resolution_rad": (1e-3, 1e-3), "rate_rad_s": (0.1, 0.1), "period_s": 0.2}
+        self.capabilities = Capabilities(set_points=POSITION, **{**usual, **capabilities})
         self.rows = iter(rows)
+        self.sent: list[tuple[float, float]] = []
+
+    def go_to(self, position_rad: tuple[float, float]) -> None:
+        self.sent.append(position_rad)
 
     def step(self, _t_s: float) -> DriveReading | None:
         row = next(self.rows, None)
@@ -254,3 +256,168 @@ def test_a_simulated_set_point_acts_after_its_latency_within_a_long_step_too_and
     drive.stop()
     drive.step(3.0)
     assert drive.truth_rad == pytest.approx((0.52, 0.51))
+
+
+def read(params: RotatorParams, *rows: tuple[float, float, float], **capabilities: object) -> Rotator:
+    """A rotator after it has read these rows."""
+    rotator = Rotator(Readings(*rows, **capabilities), params)
+    for row in rows:
+        rotator.step(row[0])
+    return rotator
+
+
+def test_joint_angles_are_the_readings_and_the_zeros() -> None:
+    params = RotatorParams(zero_rad=(0.3, -0.2), **TRAVEL)
+    assert read(params, (5.0, 0.5, 0.6)).position_rad == pytest.approx((0.8, 0.4))
+
+
+def test_a_change_of_one_step_is_no_motion() -> None:
+    params = RotatorParams(**TRAVEL)
+    assert read(params, (5.0, 0.5, 0.6), (5.2, 0.501, 0.599)).rate_rad_s == (0.0, 0.0)
+    assert read(params, (5.0, 0.5, 0.6), (5.2, 0.502, 0.6)).rate_rad_s == pytest.approx((0.01, 0.0))
+
+
+def test_the_rate_is_that_of_the_last_second_or_of_two_readings() -> None:
+    params, rows = RotatorParams(**TRAVEL), [(5.0 + 0.3 * k, 0.01 * k * k, 0.0) for k in range(8)]
+    # The oldest reading is the last one that is a second old: 1.2 s, from 0.09 to 0.49.
+    assert read(params, *rows).rate_rad_s[0] == pytest.approx(0.4 / 1.2)
+    slow = [(5.0 + 3.0 * k, 0.01 * k * k, 0.0) for k in range(5)]
+    assert read(params, *slow, period_s=3.0).rate_rad_s[0] == pytest.approx((0.16 - 0.04) / 6.0)
+    # A gap longer than that: the motion before it says nothing.
+    assert read(params, *rows, (8.2, 3.0, 0.0)).rate_rad_s[0] == 0.0
+    assert read(params, *rows, (7.0, 3.0, 0.0)).rate_rad_s[0] == 0.0
+
+
+def test_an_azimuth_of_one_turn_goes_on_over_its_seam_and_the_elevation_does_not_turn() -> None:
+    params = RotatorParams(**TRAVEL)
+    rows = ((5.0, 6.2, 0.5), (5.2, 0.05, 0.5), (5.4, 0.2, 6.5))
+    rotator = read(params, *rows, one_turn=True)
+    assert rotator.position_rad == pytest.approx((0.2 + 2.0 * math.pi, 6.5))
+    assert read(params, *rows).position_rad == pytest.approx((0.2, 6.5))
+    # A turn taken from outside is no motion.
+    rotator.place(0.0)
+    assert rotator.position_rad == pytest.approx((0.2, 6.5))
+    assert rotator.rate_rad_s == (0.0, 0.0)
+    # One that shows every turn keeps its own.
+    whole = read(params, *rows)
+    whole.place(5.0)
+    assert whole.position_rad == pytest.approx((0.2, 6.5))
+
+
+def at_rest(azimuth: float, elevation: float) -> Motion:
+    return Motion(np.array([azimuth, elevation]), np.zeros(2), np.zeros(2))
+
+
+@pytest.mark.parametrize(
+    ("stated_s", "row", "latency_s"),
+    [
+        # 0.03 rad on its way at 0.1 rad/s at 10.9: it began at 10.6, half a step earlier or later.
+        (0.2, (10.9, 0.53, 0.6), 0.595),
+        (0.597, (10.9, 0.53, 0.6), 0.597),
+        (1.5, (10.9, 0.53, 0.6), 0.605),
+        # Arrived by 10.9 after 0.4 s on its way, still at rest at 10.5.
+        (0.1, (10.9, 0.54, 0.6), 0.495),
+        (0.5, (10.9, 0.54, 0.6), 0.5),
+        (2.0, (10.9, 0.54, 0.6), 0.505),
+        # A whole step from its goal it has not arrived: it began at 10.51.
+        (0.1, (10.9, 0.539, 0.6), 0.505),
+    ],
+)
+def test_the_latency_is_moved_into_what_the_first_reading_of_a_motion_leaves_open(
+    stated_s: float, row: tuple[float, float, float], latency_s: float
+) -> None:
+    params = RotatorParams(latency_s=stated_s, rate_rad_s=(0.1, 0.1), minimum_interval_s=0.0, **TRAVEL)
+    drive = Readings((9.7, 0.5, 0.6), (9.9, 0.5, 0.6), (10.1, 0.5, 0.6), (10.3, 0.5, 0.6), (10.5, 0.5, 0.6), row)
+    rotator = Rotator(drive, params)
+    for t_s in (9.7, 9.9):
+        rotator.step(t_s)
+    rotator.follow(10.0, at_rest(0.54, 0.6), at_rest(0.54, 0.6))
+    assert drive.sent == [pytest.approx((0.54, 0.6))]
+    for t_s in (10.1, 10.3, 10.5, row[0]):
+        rotator.step(t_s)
+    assert rotator.latency_s == pytest.approx(latency_s, abs=1e-9)
+
+
+@pytest.mark.parametrize("rate", [0.004, -0.004, 0.03, -0.03])
+def test_a_set_point_is_left_half_a_step_past_it_and_the_next_is_half_a_step_ahead(rate: float) -> None:
+    """h = max(smallest, rate interval) / 2 and p = target(t + latency + h / speed), with steps of a microradian."""
+    params = RotatorParams(
+        rate_rad_s=(0.1, 0.2), latency_s=0.3, minimum_interval_s=0.5, minimum_move_rad=(0.01, 0.01), **TRAVEL
+    )
+    times = [10.0 + TICK_S * k for k in range(600)]
+    drive = Readings(*((t_s, 1.5, 1.5) for t_s in times), resolution_rad=(1e-6, 1e-6))
+    rotator, moves = Rotator(drive, params), []
+    half = 0.5 * max(0.01, abs(rate) * 0.5)
+    sign = math.copysign(1.0, rate)
+    for t_s in times:
+        rotator.step(t_s)
+        place = 1.5 + rate * (t_s - 10.0)
+        motion = Motion(np.array([place, place]), np.array([rate, rate]), np.zeros(2))
+        before = rotator.set_point_rad
+        rotator.follow(t_s, motion, Motion(*motion))
+        rotator.latency_s = 0.3
+        for axis, speed in ((0, 0.1), (1, 0.2)):
+            after = rotator.set_point_rad[axis]
+            if before[axis] is not None and after != before[axis]:
+                ahead = place + rate * (0.3 + half / speed)
+                moves.append((sign * (ahead - before[axis]), sign * (after - ahead)))
+    # The first one waits until the motion has lasted.
+    left, next_ = np.array(moves[2:]).T
+    assert len(left) >= 6
+    np.testing.assert_allclose(next_, half, atol=2e-6)
+    # Given up within a tick of its time, or with the other axis in the first half of an interval.
+    assert np.min(left) > half - abs(rate) * (0.25 + 0.01) - 2e-6
+    assert np.max(left) < half + abs(rate) * (TICK_S + 0.001) + 2e-6
+
+
+def test_a_simulated_rotator_does_not_start_within_its_dead_band_and_counts_starts_and_turns() -> None:
+    params = RotatorParams(
+        rate_rad_s=(0.1, 0.1), latency_s=0.0, resolution_rad=(1e-3, 1e-3), dead_band_rad=(0.02, 0.0), **TRAVEL
+    )
+    drive = SimulatedRotator(DriveParams(type="simulated_rotator", rotator=params), (0.5, 0.5))
+    model, t_s = drive.model, 0.0
+
+    def go(*goal: float, seconds: float = 10.0) -> None:
+        nonlocal t_s
+        drive.step(t_s)
+        drive.go_to((goal[0], goal[1]))
+        t_s += seconds
+        drive.step(t_s)
+
+    go(0.519, 0.499)
+    assert drive.truth_rad == pytest.approx((0.5, 0.499))
+    assert (model.starts, model.reversals) == ([0, 1], [0, 0])
+    # The first motion of an axis is no change of direction, whichever way it goes.
+    go(0.4, 0.499)
+    assert drive.truth_rad == pytest.approx((0.4, 0.499))
+    assert (model.starts, model.reversals) == ([1, 1], [0, 0])
+    # On in the same direction while it moves is no start; back is both.
+    go(0.2, 0.499, seconds=1.0)
+    go(0.1, 0.499, seconds=1.0)
+    assert (model.starts, model.reversals, model.moving) == ([2, 1], [0, 0], True)
+    go(0.3, 0.6)
+    assert (model.starts, model.reversals, model.moving) == ([3, 2], [1, 1], False)
+    assert drive.truth_rad == pytest.approx((0.3, 0.6))
+    # Beyond its travel it goes to the end.
+    go(-9.0, 9.0, seconds=100.0)
+    assert drive.truth_rad == pytest.approx((TRAVEL["travel_min_rad"][0], TRAVEL["travel_max_rad"][1]))
+
+
+def test_a_simulated_rotator_is_read_in_whole_steps_within_a_turn_once_a_poll() -> None:
+    params = RotatorParams(resolution_rad=(0.1, 0.2), zero_rad=(0.5, 0.0), reads_one_turn=True, latency_s=0.3, **TRAVEL)
+    drive = SimulatedRotator(
+        DriveParams(type="simulated_rotator", rotator=params, link=LinkParams(poll_period_s=0.5)), (0.34, 0.53)
+    )
+    readings = [drive.step(0.02 * k) for k in range(101)]
+    times = sorted({reading.t_s for reading in readings})
+    assert times == pytest.approx([0.0, 0.5, 1.0, 1.5, 2.0])
+    # -0.16 of the device is -0.2 in its steps, and that is a turn less 0.2.
+    assert readings[-1].position_rad == pytest.approx((2.0 * math.pi - 0.2, 0.6))
+    assert drive.truth_rad == pytest.approx((-0.16, 0.53))
+    assert (drive.capabilities.period_s, drive.capabilities.latency_s) == (0.5, 0.3)
+    # A clock that goes back moves nothing.
+    drive.go_to((1.0, 0.53))
+    drive.step(3.0)
+    before = drive.truth_rad
+    drive.step(2.0)
+    assert drive.truth_rad == before

@@ -109,3 +109,32 @@ def test_an_unknown_dialect_is_refused_with_the_known_ones() -> None:
 def test_noise_is_shown_as_it_came() -> None:
     (answer,) = made("gs232").take(bytearray(b"AZ=999  EL=045\r\n"))
     assert (answer.kind, answer.text) == ("noise", "AZ=999  EL=045")
+
+
+@pytest.mark.parametrize(
+    ("type_", "model", "baud", "resolution_deg", "has_elevation"),
+    [
+        ("hamlib", "", 9600, 0.01, True),
+        ("gs232", "", 9600, 1.0, True),
+        ("easycomm", "", 9600, 0.1, True),
+        ("spid", "rot1", 1200, 1.0, False),
+        ("spid", "rot2", 600, 0.5, True),
+        ("spid", "md01", 600, 0.5, True),
+    ],
+)
+def test_speeds_steps_and_axes_are_those_of_the_manuals(
+    type_: str, model: str, baud: int, resolution_deg: float, has_elevation: bool
+) -> None:
+    words = made(type_, model)
+    assert (words.baud, words.resolution_deg) == (baud, (resolution_deg, resolution_deg))
+    assert words.has_elevation is has_elevation
+
+
+@pytest.mark.parametrize("place", [0, 11])
+def test_a_packet_without_its_first_or_its_last_byte_is_noise_byte_by_byte(place: int) -> None:
+    packet = bytearray.fromhex("57 03 07 02 05 02 03 09 04 00 02 20")
+    packet[place] = 0x41
+    buffer = bytearray(packet)
+    answers = made("spid", "rot2").take(buffer)
+    assert [(answer.kind, answer.text) for answer in answers] == [("noise", "A" if place == 0 else "W")]
+    assert buffer == packet[1:]

@@ -20,6 +20,7 @@ from rf_pointing.ephemeris import (
     site,
     verification_elements,
 )
+from rf_pointing.ephemeris.catalogue import _LADDER_S, _chunks
 
 START_T_S = 1151347200.0
 DAY_S = 86400.0
@@ -174,3 +175,131 @@ def test_elements_from_before_a_leap_second_are_moved_by_it(cbers: Elements, gol
     np.testing.assert_allclose([p.aos_t_s for p in ours], [p.aos_t_s for p in wanted], rtol=0.0, atol=EVENT_S)
     with pytest.raises(ValueError, match=r"a leap second lies within 2 days .* use find_passes"):
         find_catalogue_passes([before], goldstone, start - 3.0 * DAY_S, DAY_S, MASK_RAD)
+
+
+def test_what_a_pass_of_the_catalogue_states_is_what_the_track_of_its_object_does() -> None:
+    orbits, place = random_orbits(6), site("Canberra DSS-43")
+    checked = 0
+    for one in find_catalogue_passes(orbits, place, START_T_S, DAY_S, MASK_RAD).passes:
+        track = TopocentricTrack(one.elements, place)
+        peak = track.target_at(one.tca_t_s)
+        assert one.name == one.elements.name
+        assert one.duration_s == one.los_t_s - one.aos_t_s
+        assert math.cos(one.tca_azimuth_rad - peak.azimuth_rad) > 1.0 - 1e-7
+        assert one.tca_range_m == pytest.approx(peak.range_m, rel=1e-5)
+        assert one.tca_azimuth_rate_rad_s == pytest.approx(abs(peak.azimuth_rate_rad_s), rel=1e-3)
+        for t_s, elevation_rad in ((one.aos_t_s, one.aos_elevation_rad), (one.los_t_s, one.los_elevation_rad)):
+            assert elevation_rad == pytest.approx(track.target_at(t_s).elevation_rad, abs=PEAK_RAD)
+        azimuth = track.sample(np.linspace(one.aos_t_s, one.los_t_s, 400)).azimuth_rad
+        first, smallest, largest, last = one.azimuth_path_rad
+        turn = first - azimuth[0]
+        assert math.cos(turn) > 1.0 - 1e-7
+        assert last - first == pytest.approx(azimuth[-1] - azimuth[0], abs=1e-4)
+        # Thirteen places along the pass miss little of how far it goes.
+        assert smallest - turn == pytest.approx(float(np.min(azimuth)), abs=0.05)
+        assert largest - turn == pytest.approx(float(np.max(azimuth)), abs=0.05)
+        checked += 1
+    assert checked > 15
+
+
+@pytest.mark.parametrize(("days", "known"), [(13.99999, 1), (14.00001, 0)])
+def test_directions_are_of_objects_within_their_age(days: float, known: int) -> None:
+    (orbit,), place = random_orbits(1), site("Madrid DSS-63")
+    t_s = orbit.epoch_t_s + days * DAY_S
+    sky = CatalogueSky([orbit], place, t_s)
+    assert len(sky.elements) == known
+    found, usable = sky.directions(np.array([t_s, t_s + 3.0]))
+    assert found.shape == (known, 2, 3)
+    assert usable.tolist() == [True] * known
+
+
+def test_a_horizon_of_one_height_is_the_mask_of_that_height() -> None:
+    """Every stay is cut within its first and its last step of 2 s."""
+    orbits, place = random_orbits(6), site("Canberra DSS-43")
+    flat = find_catalogue_passes(orbits, place, START_T_S, DAY_S, MASK_RAD).passes
+    around = find_catalogue_passes(orbits, place, START_T_S, DAY_S, lambda azimuth: 0.0 * azimuth + MASK_RAD).passes
+    assert [one.name for one in around] == [one.name for one in flat]
+    for one, other in zip(around, flat, strict=True):
+        for name in ("aos_t_s", "tca_t_s", "los_t_s"):
+            assert getattr(one, name) == pytest.approx(getattr(other, name), abs=EVENT_S)
+        assert one.peak_elevation_rad == pytest.approx(other.peak_elevation_rad, abs=1e-9)
+        assert (one.rises_before, one.sets_after) == (other.rises_before, other.sets_after)
+
+
+def test_above_a_horizon_a_pass_under_way_is_cut_off_and_says_so(cbers: Elements, goldstone: Site) -> None:
+    """A hill between says the same of neither of the parts that it makes, but of the outer ends."""
+    start_s, length_s = 1151384500.0, 300.0
+    track = TopocentricTrack(cbers, goldstone)
+    middle = float(track.sample([start_s + 150.0]).azimuth_rad[0])
+
+    def hill(azimuth_rad: np.ndarray) -> np.ndarray:
+        off = np.abs(np.mod(azimuth_rad - middle + np.pi, 2.0 * np.pi) - np.pi)
+        return np.where(off < 0.05, 1.4, MASK_RAD)
+
+    (whole,) = find_catalogue_passes([cbers], goldstone, start_s, length_s, lambda a: 0.0 * a + MASK_RAD).passes
+    assert (whole.aos_t_s, whole.los_t_s) == (start_s, start_s + length_s)
+    assert (whole.rises_before, whole.sets_after) == (True, True)
+    parts = find_catalogue_passes([cbers], goldstone, start_s, length_s, hill).passes
+    assert [(part.rises_before, part.sets_after) for part in parts] == [(True, False), (False, True)]
+    assert (parts[0].aos_t_s, parts[1].los_t_s) == (start_s, start_s + length_s)
+
+
+def test_behind_a_horizon_higher_than_every_pass_there_is_none(cbers: Elements, goldstone: Site) -> None:
+    """But for a slit beside the pass: the search above the lowest point of the horizon sees all of it."""
+    start_s, length_s = 1151384200.0, 1000.0
+    (whole,) = find_catalogue_passes([cbers], goldstone, start_s, length_s, MASK_RAD).passes
+    beside_rad = whole.azimuth_path_rad[1] - 0.5
+
+    def slit(azimuth_rad: np.ndarray) -> np.ndarray:
+        off = np.abs(np.mod(azimuth_rad - beside_rad + np.pi, 2.0 * np.pi) - np.pi)
+        return np.where(off < 2e-3, MASK_RAD, 1.57)
+
+    assert find_catalogue_passes([cbers], goldstone, start_s, length_s, slit).passes == ()
+
+
+@pytest.mark.parametrize(("days", "searched"), [(13.9, True), (14.1, False)])
+def test_elements_are_searched_with_until_both_ends_are_within_fourteen_days(days: float, searched: bool) -> None:
+    (orbit,), place = random_orbits(1), site("Madrid DSS-63")
+    for sense in (1.0, -1.0):
+        # The end that is farther from the epoch counts.
+        start_s = orbit.epoch_t_s + (days - 0.5) * DAY_S if sense > 0.0 else orbit.epoch_t_s - days * DAY_S
+        found = find_catalogue_passes([orbit], place, start_s, 0.5 * DAY_S, MASK_RAD)
+        assert (found.unsearched == ()) == searched
+
+
+def test_objects_share_the_longest_grid_that_follows_them_at_their_perigee() -> None:
+    """Angular rate at perigee h / r^2 of a Kepler orbit; 0.45 rad a step, 0.25 if eccentric; chunks of 256."""
+    orbits = [*random_orbits(40), dataclasses.replace(random_orbits(1)[0], eccentricity=0.97, catalogue_number=99)]
+    place = [dataclasses.replace(orbits[1], catalogue_number=1000 + k) for k in range(600)]
+    chunks = list(_chunks([*orbits, *place], DAY_S))
+    sizes = [len(chunk) for chunk, _ in chunks]
+    assert max(sizes) == 256
+    assert sum(sizes) == 641
+    steps = {one.catalogue_number: step_s for chunk, step_s in chunks for one in chunk}
+    for one in [*orbits[:-1], place[-1]]:
+        axis_m = (EARTH_MU_M3_S2 / one.mean_motion_rad_s**2) ** (1.0 / 3.0)
+        perigee_m = axis_m * (1.0 - one.eccentricity)
+        rate = math.sqrt(EARTH_MU_M3_S2 * axis_m * (1.0 - one.eccentricity**2)) / perigee_m**2
+        longest_s = (0.45 if one.eccentricity < 0.05 else 0.25) / rate
+        wanted_s = max(step for step in _LADDER_S if step <= longest_s)
+        # A whole number of steps over the search.
+        assert steps[one.catalogue_number] == pytest.approx(DAY_S / math.ceil(DAY_S / wanted_s))
+    # One that is faster than any step of the ladder has the shortest.
+    assert [step_s for chunk, step_s in _chunks([orbits[-1]], DAY_S)] == [60.0]
+    assert len(set(steps.values())) > 3
+
+
+def test_angles_of_a_pass_of_the_catalogue_are_apparent_with_refraction_and_true_without(
+    cbers: Elements, goldstone: Site
+) -> None:
+    lifted, plain = (
+        find_catalogue_passes([cbers], goldstone, START_T_S, DAY_S, MASK_RAD, refraction=air).passes
+        for air in ("standard", None)
+    )
+    air = TopocentricTrack(cbers, goldstone).refraction
+    for one, other in zip(lifted, plain, strict=True):
+        assert one.aos_elevation_rad == pytest.approx(MASK_RAD, abs=1e-5)
+        assert other.aos_elevation_rad == pytest.approx(MASK_RAD, abs=1e-5)
+        # Seen earlier by the time in which it climbs by the refraction, about 0.16 deg here.
+        assert 0.5 < other.aos_t_s - one.aos_t_s < 30.0
+        assert one.peak_elevation_rad == pytest.approx(float(air.apply(other.peak_elevation_rad)), abs=1e-6)

@@ -20,7 +20,7 @@ from rf_pointing.ephemeris import (
     site,
     sun,
 )
-from rf_pointing.ephemeris.celestial import CelestialTarget, RadioSource
+from rf_pointing.ephemeris.celestial import CelestialTarget, RadioSource, _source
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, TT_MINUS_TAI_S, utc_from_tai_s
 
 ASTROPY = json.loads((Path(__file__).parent / "data" / "astropy.json").read_text())
@@ -128,3 +128,29 @@ def test_unknown_sources_and_impossible_places_are_refused() -> None:
         radio_source("Sagittarius Z")
     with pytest.raises(ValueError, match=r"declination_rad=2\.0 must be <="):
         RadioSource("nowhere", 1.0, 2.0)
+
+
+def test_a_place_of_the_sky_is_read_in_hours_and_in_degrees_with_one_sign_for_all_parts() -> None:
+    """Orion A, 5h 35m 17.3s and -5 deg 23' 28"."""
+    orion = _source("Orion A", (5, 35, 17.3), (-5, 23, 28.0))
+    assert math.degrees(orion.right_ascension_rad) == pytest.approx(83.822083333)
+    assert math.degrees(orion.declination_rad) == pytest.approx(-5.391111111)
+    assert orion == RADIO_SOURCES["Orion A"]
+    north = _source("north", (23, 59, 59.0), (58, 48, 54.0))
+    assert math.degrees(north.right_ascension_rad) == pytest.approx(360.0 - 15.0 / 3600.0)
+    assert math.degrees(north.declination_rad) == pytest.approx(58.815)
+
+
+@pytest.mark.parametrize("declination_rad", [-0.5 * math.pi, -1.2, 1.2, 0.5 * math.pi])
+def test_places_up_to_both_poles_are_taken(declination_rad: float) -> None:
+    assert RadioSource("there", 2.0 * math.pi, declination_rad).declination_rad == declination_rad
+    with pytest.raises(ValueError, match="declination_rad="):
+        RadioSource("beyond", 1.0, declination_rad + math.copysign(2.0, declination_rad))
+    with pytest.raises(ValueError, match="right_ascension_rad="):
+        RadioSource("a turn on", 6.3, declination_rad)
+
+
+@pytest.mark.parametrize("name", ["Cygnus A", "Moon"])
+def test_no_times_give_no_directions(name: str) -> None:
+    looks = TopocentricTrack(target_of(name), site("Madrid DSS-63")).sample(np.zeros(0))
+    assert looks.azimuth_rad.shape == looks.elevation_rate_rad_s.shape == looks.range_m.shape == (0,)

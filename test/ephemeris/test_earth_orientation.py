@@ -177,3 +177,48 @@ def test_a_steady_rotation_with_its_seasons_is_foretold_exactly() -> None:
     np.testing.assert_allclose(ut1, rotation(t_s[-1] + DAY_S * ahead_days), atol=1e-9)
     np.testing.assert_allclose([x, y], [[3e-7] * 3, [1e-6] * 3], rtol=1e-6)
     assert np.ptp(_season_s(t_s)) > 0.02
+
+
+def test_the_table_has_a_node_for_each_day_up_to_the_last_one_that_is_predicted() -> None:
+    table = orientation_table()
+    np.testing.assert_array_equal(np.diff(table.t_s), DAY_S)
+    assert table.t_s[-1] == table.last_measured_t_s + PREDICTED_DAYS * DAY_S
+    assert table.span_t_s[0] == table.t_s[0]
+    assert all(len(values) == len(table.t_s) for values in table.values)
+    assert [values.tolist() for values in table.values] == list(table.columns)
+
+
+def test_a_prediction_begins_where_the_measurements_end_and_forgets_it_in_two_months() -> None:
+    """The pole of two periods with a last value that is off them: nothing of it is left after years."""
+    days = np.arange(7.0 * 366.0)
+    t_s = 1.6e9 + DAY_S * days
+    wave = 1e-6 * (0.3 + np.cos(2.0 * np.pi * days / 433.0) + 0.5 * np.sin(2.0 * np.pi * days / 365.2422))
+    ut1 = 7e-4 * days - _season_s(t_s)
+    off = wave.copy()
+    off[-1] += 1e-8
+    soon, later = np.array([1e-6]), np.array([60.0, 900.0])
+    found = predicted(t_s, (ut1, off, wave), soon)
+    np.testing.assert_allclose([one[0] for one in found], [ut1[-1], off[-1], wave[-1]], rtol=1e-6)
+    _, moved, right = predicted(t_s, (ut1, off, wave), later)
+    np.testing.assert_allclose(
+        right,
+        1e-6
+        * (
+            0.3
+            + np.cos(2.0 * np.pi * (days[-1] + later) / 433.0)
+            + 0.5 * np.sin(2.0 * np.pi * (days[-1] + later) / 365.2422)
+        ),
+        rtol=1e-6,
+    )
+    np.testing.assert_allclose((moved - right) / 1e-8, np.exp(-later / 60.0), atol=0.02)
+
+
+def test_the_uncertainty_of_a_prediction_begins_at_zero_and_grows_until_it_is_that_of_a_held_value() -> None:
+    assert predicted_sigmas(-3.0) == predicted_sigmas(0.0) == (0.0, 0.0)
+    days = np.array([0.0, 1.0, 5.0, 40.0, 300.0, float(PREDICTED_DAYS)])
+    found = np.array([predicted_sigmas(one) for one in days])
+    # Tides of weeks, 0.15 ms a day, and 0.0095 ms day^-1.5, in squares; the pole within months to 40 mas.
+    ut1_s = 1e-3 * np.sqrt((1.5 - 1.5 * np.exp(-days / 5.0)) ** 2 + (0.15 * days) ** 2 + 0.0095**2 * days**3)
+    np.testing.assert_allclose(found[:, 0], ut1_s, rtol=1e-12)
+    np.testing.assert_allclose(found[:, 1] / ARCSEC, 0.04 - 0.04 * np.exp(-days / 40.0) + 1.5e-5 * days, rtol=1e-12)
+    assert predicted_sigmas(PREDICTED_DAYS + 1e-3) == (0.5, 0.18 * ARCSEC)

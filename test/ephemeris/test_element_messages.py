@@ -253,3 +253,10 @@ def test_celestraks_xml_is_that_of_the_sgp4_reader() -> None:
     omm.initialize(wanted, fields)
     (found,) = read_elements(celestrak_xml(ISS))
     assert found.satrec().sgp4_tsince(720.0)[1] == pytest.approx(wanted.sgp4_tsince(720.0)[1], abs=1e-6)
+
+
+def test_numbers_of_set_and_revolution_may_be_missing() -> None:
+    without = {key: value for key, value in FIELDS.items() if key not in ("ELEMENT_SET_NO", "REV_AT_EPOCH")}
+    for text in (json.dumps(without), as_csv({**without, "ELEMENT_SET_NO": "", "REV_AT_EPOCH": ""}), as_kvn(without)):
+        (found,) = read_elements(text)
+        assert (found.element_set_number, found.revolution_number) == (0, 0)

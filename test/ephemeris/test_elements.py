@@ -1,6 +1,7 @@
 """Finding elements by number or name, and refusals in the operator's words."""
 
 import dataclasses
+import math
 
 import pytest
 
@@ -48,3 +49,20 @@ def test_numbers_above_alpha5_keep_their_value_and_still_propagate(cbers: Elemen
 def test_impossible_elements_are_refused(cbers: Elements, change: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         dataclasses.replace(cbers, **change)
+
+
+@pytest.mark.parametrize("inclination_rad", [-0.01, 3.15])
+def test_an_inclination_is_between_none_and_half_a_turn(cbers: Elements, inclination_rad: float) -> None:
+    for taken in (0.0, math.pi):
+        assert dataclasses.replace(cbers, inclination_rad=taken).inclination_rad == taken
+    with pytest.raises(ValueError, match="inclination_rad="):
+        dataclasses.replace(cbers, inclination_rad=inclination_rad)
+
+
+def test_an_unknown_satellite_among_very_many_is_refused_with_names_from_all_of_them(cbers: Elements) -> None:
+    """Every second or third of thousands is compared: enough for the name of a family."""
+    many = [dataclasses.replace(cbers, name=f"SAT {number}", catalogue_number=number) for number in range(12000)]
+    with pytest.raises(ValueError, match=r"satellite='SAT 11999X' is not among 12000 elements; nearest: SAT 119\d\d"):
+        find_elements(many, "SAT 11999X")
+    with pytest.raises(ValueError, match="nearest: SAT 0, 0, SAT 2, 2, SAT 4$"):
+        find_elements(many, "?")

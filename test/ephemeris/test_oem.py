@@ -13,7 +13,7 @@ from skyfield.api import EarthSatellite, load
 from skyfield.framelib import itrs
 
 from rf_pointing.core import MDEG, angular_distance_rad
-from rf_pointing.core.dates import utc_text
+from rf_pointing.core.dates import from_utc_text, utc_text
 from rf_pointing.ephemeris import (
     Elements,
     OemTarget,
@@ -365,3 +365,98 @@ def test_states_in_earth_fixed_axes_do_not_depend_on_the_turn_of_the_earth(cbers
         sigma_rad = orientation_sigma_rad(track, float(TIMES[4]))
         assert (sigma_rad > 1e-9) == moves
         assert moves or sigma_rad == 0.0
+
+
+def test_a_written_message_has_a_state_at_both_ends_and_no_minute_without_one(cbers: Elements, goldstone: Site) -> None:
+    orbit = TopocentricTrack(cbers, goldstone).target
+    for length_s, count in ((600.0, 11), (601.0, 12), (30.0, 2)):
+        text = oem_text(orbit, "2003-049A", START_T_S, START_T_S + length_s, originator="TEST", created_t_s=START_T_S)
+        states = [line for line in text.splitlines() if line[:4] == "2006" and len(line.split()) == 7]
+        assert len(states) == count
+        assert from_utc_text(states[0].split()[0]) == START_T_S
+        assert from_utc_text(states[-1].split()[0]) == START_T_S + length_s
+        meta = dict(line.split(" = ") for line in text.splitlines() if " = " in line)
+        assert (meta["START_TIME"], meta["STOP_TIME"]) == (states[0].split()[0], states[-1].split()[0])
+        assert from_utc_text(meta["CREATION_DATE"]) == START_T_S
+
+
+def test_of_segments_that_overlap_the_later_one_counts_and_each_has_its_own_span() -> None:
+    """Three segments of resting points: 0 to 14 min, 10 to 24 min and 24 to 38 min."""
+    texts = []
+    for first, kilometres in ((0, 7000.0), (10, 7100.0), (24, 7200.0)):
+        times = START_T_S + STEP_S * (first + np.arange(15))
+        states = [np.array([kilometres, 0.0, 0.0, 0.0, 0.0, 0.0])] * 15
+        whole = text_of(states, times=times, REF_FRAME="ITRF-2020", INTERPOLATION="HERMITE", INTERPOLATION_DEGREE="3")
+        texts.append(whole if not texts else whole[whole.index("META_START") :])
+    target = OemTarget(read_oem("".join(texts)))
+    for minute, kilometres in (
+        (0.0, 7000),
+        (9.9, 7000),
+        (10.1, 7100),
+        (13.0, 7100),
+        (23.9, 7100),
+        (24.1, 7200),
+        (38.0, 7200),
+    ):
+        assert target.motion_at(START_T_S + 60.0 * minute).position[0] == pytest.approx(1e3 * kilometres)
+    with pytest.raises(ValueError, match="is outside the usable span"):
+        target.motion_at(START_T_S + 60.0 * 38.1)
+
+
+@pytest.mark.parametrize(("method", "degree"), [("LAGRANGE", "14"), ("HERMITE", "15")])
+def test_a_segment_of_as_many_states_as_its_polynomial_takes_is_enough(
+    method: str, degree: str, cbers: Elements
+) -> None:
+    count = 15 if method == "LAGRANGE" else 8
+    meta = {"REF_FRAME": "ITRF-2020", "INTERPOLATION": method, "INTERPOLATION_DEGREE": degree}
+    position, velocity = cubic(TIMES)
+    states = list(np.hstack([position, velocity]))
+    target = OemTarget(read_oem(text_of(states[:count], times=TIMES[:count], **meta)))
+    wanted = 1e3 * cubic(TIMES[:1] + 77.0)[0][0]
+    np.testing.assert_allclose(target.motion_at(float(TIMES[0] + 77.0)).position, wanted, rtol=0.0, atol=1e-2)
+    with pytest.raises(ValueError, match=f"has {count - 1} states, must have {count} for {method}"):
+        OemTarget(read_oem(text_of(states[: count - 1], times=TIMES[: count - 1], **meta)))
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_distance_and_speed_of_a_state_are_those_of_all_three_components(axis: int) -> None:
+    """A state on one axis, with a speed along another: three times that of escape there, and a little more."""
+    for factor, message in ((2.99, ""), (3.06, "line 15: speed")):
+        state = np.zeros(6)
+        state[axis] = 8000.0
+        state[3 + (axis + 1) % 3] = factor * math.sqrt(2.0 * 398600.4418 / 8000.0)
+        text = text_of([state] * 15, REF_FRAME="GCRF", INTERPOLATION="LINEAR", INTERPOLATION_DEGREE="1")
+        if message:
+            with pytest.raises(ValueError, match=message):
+                read_oem(text)
+        else:
+            assert len(read_oem(text)) == 1
+
+
+def test_far_states_that_rest_among_the_stars_may_run_backwards_in_axes_that_turn() -> None:
+    """At the Moon's distance 28 km/s, twenty times the speed of escape there."""
+    state = np.array([384400.0, 0.0, 0.0, 0.0, -7.292115e-5 * 384400.0, 0.0])
+    text = text_of([state] * 15, REF_FRAME="ITRF-2020", INTERPOLATION="LINEAR", INTERPOLATION_DEGREE="1")
+    (segment,) = read_oem(text)
+    assert np.linalg.norm(segment.velocity_m_s[0]) == pytest.approx(28031.0, rel=1e-3)
+
+
+def test_a_target_at_rest_on_the_sky_has_no_across_but_is_usable_without_an_offset(goldstone: Site) -> None:
+    state = np.concatenate([np.array(goldstone.position_m) * 7e-3 + np.array([0.0, 0.0, 50.0]), np.zeros(3)])
+    text = text_of([state] * 15, REF_FRAME="ITRF-2020", INTERPOLATION="LINEAR", INTERPOLATION_DEGREE="1")
+    target = OemTarget(read_oem(text))
+    t_s = float(TIMES[5])
+    still = TopocentricTrack(target, goldstone, light_time="none", refraction=None)
+    assert still.target_at(t_s).elevation_rad > 1.5
+    assert still.target_at(t_s).azimuth_rate_rad_s == pytest.approx(0.0, abs=1e-9)
+
+
+def test_segments_are_of_one_object_and_at_least_one(cbers: Elements) -> None:
+    states = teme_states(cbers)
+    one = read_oem(text_of(states))
+    with pytest.raises(ValueError, match="segments must be one or more of one object"):
+        OemTarget([])
+    with pytest.raises(ValueError, match="segments must be one or more of one object"):
+        OemTarget([*one, *read_oem(text_of(states, OBJECT_ID="2003-049B"))])
+    with pytest.raises(ValueError, match="in all segments"):
+        OemTarget([*one, *read_oem(text_of(states, REF_FRAME="GCRF"))])

@@ -246,3 +246,15 @@ def test_a_search_through_the_decay_of_an_object_finds_the_passes_before_it(rand
 def test_an_object_that_stays_up_has_no_end(track: TopocentricTrack, cbers: Elements) -> None:
     assert track.spans_t_s == ((-math.inf, math.inf),)
     assert not any("decays" in reason for reason in track.warnings(cbers.epoch_t_s))
+
+
+@pytest.mark.parametrize(
+    ("low_deg", "high_deg", "crosses"),
+    [(10.0, 350.0, False), (-20.0, -5.0, False), (365.0, 700.0, False), (-5.0, 5.0, True), (350.0, 361.0, True)],
+)
+def test_a_pass_crosses_north_where_its_azimuths_are_of_two_turns(
+    low_deg: float, high_deg: float, crosses: bool, track: TopocentricTrack, cbers: Elements
+) -> None:
+    found = find_passes(track, cbers.epoch_t_s, 6.0 * 3600.0, MASK_RAD)[0]
+    found = dataclasses.replace(found, azimuth_min_rad=math.radians(low_deg), azimuth_max_rad=math.radians(high_deg))
+    assert found.crosses_north == crosses

@@ -23,13 +23,16 @@ from rf_pointing.ephemeris import (
     tle_lines,
     verification_elements,
 )
+from rf_pointing.ephemeris.satellite_antenna import SatelliteAntennaParams
 from rf_pointing.ephemeris.source import (
     SourceParams,
+    TargetMemory,
     first_time_s,
     load_catalogue,
     load_elements,
     load_target,
     load_track,
+    read_source,
 )
 
 PASS_T_S = 1151384323.8
@@ -230,3 +233,49 @@ def test_stale_elements_are_told_with_age_and_error_and_fresh_ones_are_not() -> 
         f"{sigma_mdeg / 10.0:.2g} beamwidths"
     )
     assert stale_warning(load_track(SourceParams(satellite="sun")), t_s, 0.0, model) == ""
+
+
+def test_a_source_is_named_after_its_only_file_or_after_its_folder(cbers_2: Path, tmp_path: Path) -> None:
+    assert read_source(str(cbers_2)).name == "cbers.tle"
+    folder = tmp_path / "sets"
+    folder.mkdir()
+    (folder / "one.tle").write_text(cbers_2.read_text())
+    assert read_source(str(folder)).name == "one.tle"
+    (folder / "two.tle").write_text(cbers_2.read_text())
+    assert read_source(str(folder)).name == "sets"
+    assert len(read_source(str(folder)).elements) == 2
+
+
+def test_without_a_name_the_first_object_is_meant(cbers_2: Path, oem: SourceParams) -> None:
+    assert load_elements(SourceParams(elements=str(cbers_2), satellite="")).catalogue_number == 28057
+    assert load_track(oem.replace(satellite=" ")).name == "CBERS 2"
+    assert read_source(str(cbers_2)).first == "28057"
+    assert read_source(oem.elements).first == "CBERS 2"
+
+
+def test_what_was_chosen_comes_back_with_its_sets_of_parameters_unless_configured_otherwise(tmp_path: Path) -> None:
+    name, configured = str(tmp_path / "target.json"), SourceParams()
+    chosen = configured.replace(
+        satellite="6251", site=site("Madrid DSS-63"), weather=RadioRefraction(relative_humidity=0.8), hold=True,
+        antenna=SatelliteAntennaParams(half_power_beamwidth_rad=0.5, roll_rad=0.1),
+    )  # fmt: skip
+    fresh = TargetMemory(name, configured)
+    assert (fresh.source, fresh.peak_rad, fresh.hold_t_s, fresh.problem) == (configured, 0.0, None, "")
+    fresh.keep(chosen, 0.3, None)
+    assert (fresh.source, fresh.peak_rad, fresh.hold_t_s) == (chosen, 0.3, None)
+    fresh.keep(chosen, 0.4, PASS_T_S)
+    again = TargetMemory(name, configured)
+    assert (again.source, again.peak_rad, again.hold_t_s) == (chosen, 0.4, PASS_T_S)
+    other = TargetMemory(name, configured.replace(along_track_offset_s=1.0))
+    assert (other.source.satellite, other.peak_rad, other.hold_t_s) == ("28057", 0.0, None)
+
+
+@pytest.mark.parametrize(
+    "spoilt", ['"peak_rad": "high"', '"hold_t_s": []', '"source": {"site": 5}', '"source": {"satellites": "x"}']
+)
+def test_a_memory_of_a_target_that_cannot_be_used_is_refused_by_its_file(spoilt: str, tmp_path: Path) -> None:
+    path, configured = tmp_path / "target.json", SourceParams()
+    TargetMemory(str(path), configured).keep(configured, 0.0, None)
+    path.write_text(path.read_text()[:-1] + f", {spoilt}}}")
+    with pytest.raises(ValueError, match=r"target\.json cannot be|target\.json .*cannot be read"):
+        TargetMemory(str(path), configured)

@@ -1,12 +1,26 @@
 """Derivatives of a motion against complex arithmetic, polynomials and finite differences."""
 
 import math
+from typing import Any
 
 import numpy as np
+import pytest
 
 from rf_pointing.core import random_stream
 from rf_pointing.ephemeris.look_angles import moved_across
-from rf_pointing.ephemeris.state_vector import StateVector, Vector, seen_from_rotating_axes
+from rf_pointing.ephemeris.state_vector import (
+    OFFSETS,
+    StateVector,
+    Vector,
+    combined,
+    cross,
+    dot,
+    motion_from_positions,
+    norm,
+    rotated,
+    seen_from_rotating_axes,
+    turned_about_z,
+)
 
 
 def test_derivatives_in_rotating_axes_are_those_of_a_complex_number() -> None:
@@ -46,3 +60,52 @@ def test_a_target_moved_across_moves_as_its_positions_do() -> None:
     acceleration = (-at[0] + 16.0 * at[1] - 30.0 * at[2] + 16.0 * at[3] - at[4]) / (12.0 * step**2)
     np.testing.assert_allclose(moved.velocity, velocity, atol=1e-6)
     np.testing.assert_allclose(moved.acceleration, acceleration, atol=1e-6)
+
+
+def drawn_motion(name: str) -> tuple[np.ndarray, StateVector]:
+    parts = random_stream(13, name).standard_normal((4, 3))
+    return parts, StateVector(*(tuple(part) for part in parts.tolist()))
+
+
+def test_vectors_are_those_of_numpy_for_numbers_and_for_arrays() -> None:
+    a, b = random_stream(13, "vectors").standard_normal((2, 3, 5))
+    for first, second in ((a, b), (a[:, 0], b[:, 0])):
+        np.testing.assert_allclose(dot(tuple(first), tuple(second)), np.sum(first * second, axis=0), rtol=1e-14)
+        np.testing.assert_allclose(cross(tuple(first), tuple(second)), np.cross(first, second, axis=0), rtol=1e-13)
+        np.testing.assert_allclose(norm(tuple(first)), np.linalg.norm(first, axis=0), rtol=1e-14)
+        sum_ = combined((2.0, tuple(first)), (-0.5, tuple(second)), (3.0, tuple(first)))
+        np.testing.assert_allclose(sum_, 5.0 * first - 0.5 * second, rtol=1e-12)
+    assert isinstance(norm((3.0, 4.0, 12.0)), float)
+    assert norm((3.0, 4.0, 12.0)) == 13.0
+
+
+@pytest.mark.parametrize("angle", [0.7, np.array(0.7)])
+def test_the_earths_angle_turns_and_its_pole_tilts_all_derivatives_alike(angle: Any) -> None:
+    """R3(angle), then R1(-y) R2(-x) to first order in the pole, as matrices."""
+    parts, motion = drawn_motion("turned")
+    turn = np.array([[math.cos(0.7), math.sin(0.7), 0.0], [-math.sin(0.7), math.cos(0.7), 0.0], [0.0, 0.0, 1.0]])
+    x, y = 2e-6, -3e-6
+    tilt = np.array([[1.0, 0.0, x], [0.0, 1.0, -y], [-x, y, 1.0]])
+    found = turned_about_z(motion, angle, x, y)
+    for part, value in zip(parts, found.derivatives(), strict=True):
+        np.testing.assert_allclose(np.array(value, dtype=float), tilt @ turn @ part, rtol=1e-12)
+
+
+def test_components_along_three_axes_are_a_matrix_product() -> None:
+    parts, motion = drawn_motion("rotated")
+    axes = np.linalg.qr(random_stream(13, "axes").standard_normal((3, 3)))[0]
+    found = rotated(motion, tuple(tuple(axis) for axis in axes.tolist()))
+    for part, value in zip(parts, found.derivatives(), strict=True):
+        np.testing.assert_allclose(value, axes @ part, rtol=1e-13)
+
+
+def test_five_positions_give_a_quartic_exactly_and_its_jerk_too() -> None:
+    """Also the jerk: its error is of the fifth derivative, which a quartic does not have."""
+    powers = random_stream(13, "quartic").standard_normal((5, 3))
+    curve = [np.polynomial.Polynomial(column) for column in powers.T]
+    step_s, now = 0.3, 0.2
+    positions = [tuple(float(one(now + k * step_s)) for one in curve) for k in OFFSETS]
+    found = motion_from_positions(positions, step_s, 1e3)
+    for order, value in enumerate(found.derivatives()):
+        wanted = [1e3 * one.deriv(order)(now) if order else 1e3 * one(now) for one in curve]
+        np.testing.assert_allclose(value, wanted, rtol=1e-9)

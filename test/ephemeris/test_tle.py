@@ -16,7 +16,7 @@ from sgp4.api import Satrec
 
 from rf_pointing.core.dates import from_utc_text
 from rf_pointing.ephemeris import Elements, read_elements, tle_lines, verification_elements
-from rf_pointing.ephemeris.tle import alpha5_from_number, number_from_alpha5, read_tle
+from rf_pointing.ephemeris.tle import alpha5_from_number, checksum, number_from_alpha5, read_tle
 
 LINE1 = "1 28057U 03049A   06177.78615833  .00000060  00000-0  35940-4 0  1836"
 LINE2 = "2 28057  98.4283 247.6961 0000884  88.1964 271.9322 14.35478080140550"
@@ -204,3 +204,31 @@ def test_an_epoch_that_rounds_beyond_2056_is_refused(cbers: Elements) -> None:
 def test_what_does_not_fit_is_refused(cbers: Elements, change: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         tle_lines(dataclasses.replace(cbers, **change))
+
+
+def test_a_text_that_ends_too_early_is_refused_with_the_line_of_what_is_alone() -> None:
+    with pytest.raises(ValueError, match="line 4: the text ends before line 2 of 'CBERS 2'"):
+        read_tle("# one\n\n\nCBERS 2")
+    with pytest.raises(ValueError, match="line 3: the text ends before line 2 of 'CBERS 2'"):
+        read_tle(f"# one\nCBERS 2\n{LINE1}\n\n\n")
+
+
+def test_drag_below_the_smallest_exponent_of_a_tle_is_written_as_none(cbers: Elements) -> None:
+    for drag, columns in ((5.4e-10, " 54000-9"), (1.0e-10, " 10000-9"), (9.9e-11, " 00000-0"), (-3e-14, " 00000-0"),
+                          (-0.25, "-25000-0"), (4.0, " 40000+1")):  # fmt: skip
+        first, _ = tle_lines(dataclasses.replace(cbers, drag_per_earth_radius=drag))
+        assert first[53:61] == columns
+        (back,) = read_elements("\n".join(tle_lines(dataclasses.replace(cbers, drag_per_earth_radius=drag))))
+        assert back.drag_per_earth_radius == pytest.approx(drag, abs=1e-10)
+
+
+def test_a_designator_that_is_not_a_year_and_a_piece_stands_as_it_is(cbers: Elements) -> None:
+    for stated, columns in (("1998-067A", "98067A  "), ("98-067A", "98-067A "), ("TBAX", "TBAX    "), ("", "        ")):
+        first, _ = tle_lines(dataclasses.replace(cbers, international_designator=stated))
+        assert first[9:17] == columns
+
+
+def test_numbers_of_set_and_revolution_may_be_blank() -> None:
+    bare = LINE1[:64] + "    ", LINE2[:63] + "     "
+    (found,) = read_elements("\n".join(line + str(checksum(line)) for line in bare))
+    assert (found.element_set_number, found.revolution_number) == (0, 0)

@@ -19,7 +19,9 @@ from rf_pointing.core.dates import from_utc_text
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements, site, verification_elements
 from rf_pointing.ephemeris.look_angles import LookAngles
+from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit
 from rf_pointing.ephemeris.state_vector import OFFSETS, motion_from_positions
+from rf_pointing.ephemeris.track import _inertial_motion_of
 from test.ephemeris.conftest import AssumedOrientation
 
 SKYFIELD_MDEG = 0.005
@@ -334,3 +336,55 @@ def test_the_velocity_of_sgp4_is_not_the_derivative_of_its_positions(
     derivative = np.array(motion_from_positions(positions, 2.0, 1e3).velocity)
     of_sgp4 = 1e3 * np.array([record.sgp4_tsince(t)[2] for t in minutes]).T
     assert least_m_s < np.max(np.linalg.norm(derivative - of_sgp4, axis=0)) < most_m_s
+
+
+def test_offsets_beyond_ten_minutes_or_a_fifth_of_a_radian_are_refused(cbers: Elements, goldstone: Site) -> None:
+    for size in (0.2, -0.2):
+        TopocentricTrack(cbers, goldstone, cross_track_offset_rad=size, along_track_offset_s=3000.0 * size)
+        with pytest.raises(ValueError, match="cross_track_offset_rad"):
+            TopocentricTrack(cbers, goldstone, cross_track_offset_rad=1.01 * size)
+        with pytest.raises(ValueError, match="along_track_offset_s"):
+            TopocentricTrack(cbers, goldstone, along_track_offset_s=3000.0 * 1.01 * size)
+
+
+@pytest.mark.parametrize("sooner_s", [0.0, 50.0, 130.0])
+def test_a_fall_in_the_last_minutes_of_the_age_that_is_allowed_is_known(sooner_s: float) -> None:
+    falling = find_elements(verification_elements(), "28872")
+    orientation = AssumedOrientation()
+    last_s = Sgp4Orbit(falling, orientation, max_age_s=14.0 * 86400.0).spans_t_s[0][1]
+    assert math.isfinite(last_s)
+    fall_s = last_s - falling.epoch_t_s
+    close = Sgp4Orbit(falling, orientation, max_age_s=fall_s + 135.0 - sooner_s)
+    assert close.spans_t_s[0][1] == pytest.approx(last_s, abs=0.2)
+    assert "MINOTAUR R/B decays" in " ".join(close.warnings(falling.epoch_t_s))
+
+
+def test_an_antenna_moves_on_the_circle_of_its_latitude() -> None:
+    """Derivatives of R exp(i w t), to the jerk."""
+    place, rate = site("Canberra DSS-43"), 7.2921158553e-5
+    x, y, z = place.position_m
+    for order, found in enumerate(_inertial_motion_of(place, rate).derivatives()):
+        wanted = (1j * rate) ** order * complex(x, y)
+        assert complex(found[0], found[1]) == pytest.approx(wanted, rel=1e-12)
+        assert found[2] == (z if order == 0 else 0.0)
+
+
+def test_an_orbit_ends_on_both_sides_three_steps_of_its_differences_before_it_is_none() -> None:
+    """By SGP4's own positions second by second; below 20 km of height nothing orbits."""
+    falling = find_elements(verification_elements(), "28872")
+    record, ends = falling.satrec(), []
+    for sense in (-1.0, 1.0):
+        elapsed_s, up = 0.0, True
+        while up:
+            elapsed_s += 1.0
+            code, position, _ = record.sgp4_tsince(sense * elapsed_s / 60.0)
+            up = code == 0 and math.hypot(*position) > 6378.135 + 20.0
+        ends.append(falling.epoch_t_s + sense * max(elapsed_s - 6.0, 0.0))
+    ((first_s, last_s),) = Sgp4Orbit(falling, AssumedOrientation(), max_age_s=86400.0).spans_t_s
+    assert (first_s, last_s) == pytest.approx(ends, abs=1.11)
+    assert ends[1] - falling.epoch_t_s != pytest.approx(falling.epoch_t_s - ends[0], abs=60.0)
+
+
+def test_a_satellite_has_no_directions_at_no_times(track: TopocentricTrack) -> None:
+    looks = track.sample(np.zeros(0))
+    assert looks.azimuth_rad.shape == looks.elevation_acceleration_rad_s2.shape == looks.range_rate_m_s.shape == (0,)

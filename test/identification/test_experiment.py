@@ -42,6 +42,38 @@ def test_predicted_travel_is_the_integral_of_the_rate() -> None:
     assert predicted_travel_rad(rate, 0.5) == (-1.0, 1.0)
 
 
+def test_white_noise_is_what_the_generator_gives_shifted_and_scaled() -> None:
+    params = ExcitationParams(samples=64, peak_rad_s=math.radians(0.09))
+    drawn = random_stream(4, "excitation").uniform(-1.0, 1.0, 64)
+    wanted = params.mean_rad_s + params.rms_rad_s * (drawn - np.mean(drawn)) / np.std(drawn)
+    found = excitation_rad_s(params, random_stream(4, "excitation"))
+    assert np.max(wanted) > params.peak_rad_s
+    np.testing.assert_allclose(found, np.minimum(wanted, params.peak_rad_s), rtol=1e-12)
+
+
+def test_multisine_has_equal_amplitudes_and_the_phases_that_were_drawn() -> None:
+    """Lines from 1 to 8 Hz of 128 samples of 20 ms: one at every 1 / 2.56 s, both ends within the band."""
+    params = ExcitationParams(kind="multisine", samples=128, low_hz=3 / 2.56, high_hz=20 / 2.56, mean_rad_s=1e-4)
+    turns = random_stream(4, "excitation").random(18)
+    times = np.arange(128) * 0.02
+    wanted = sum(
+        np.cos(2.0 * np.pi * (line / 2.56 * times + turn)) for line, turn in zip(range(3, 21), turns, strict=True)
+    )
+    wanted *= params.rms_rad_s / np.std(wanted)
+    found = excitation_rad_s(params, random_stream(4, "excitation"))
+    np.testing.assert_allclose(found, 1e-4 + wanted, atol=1e-9 * params.rms_rad_s)
+
+
+@pytest.mark.parametrize(("rates", "travel"), [((0.2, 0.3), (0.0, 0.25)), ((-0.2, -0.3), (-0.25, 0.0))])
+def test_travel_to_one_side_leaves_the_start_out_to_the_other(rates: tuple, travel: tuple[float, float]) -> None:
+    assert predicted_travel_rad(np.array(rates), 0.5) == pytest.approx(travel)
+
+
+def test_time_between_samples_must_be_some() -> None:
+    with pytest.raises(ValueError, match=r"sample_s=0\.0 must be >= 1e-06"):
+        predicted_travel_rad(np.ones(3), 0.0)
+
+
 def test_rms_beyond_the_peak_is_refused() -> None:
     with pytest.raises(ValueError, match=r"together must be <= 0\.001"):
         ExcitationParams(mean_rad_s=math.radians(0.05), rms_rad_s=math.radians(0.03), peak_rad_s=0.001)
@@ -97,6 +129,49 @@ def test_sequences_alternate_sides_so_the_axis_comes_back() -> None:
 def test_an_experiment_that_would_leave_the_travel_is_refused_with_the_numbers() -> None:
     with pytest.raises(ValueError, match=r"elevation would run from 1\.4870 to 1\.49\d\d rad, must stay within 0\.11"):
         experiment(start_rad=1.487)
+
+
+def test_an_experiment_that_would_leave_the_travel_below_is_refused_too() -> None:
+    down = PARAMS.replace(mean_rad_s=-PARAMS.mean_rad_s)
+    with pytest.raises(
+        ValueError, match=r"elevation would run from 0\.10\d\d to 0\.11\d\d rad, must stay within 0\.11"
+    ):
+        experiment(params=down, start_rad=0.112)
+    # The way from there is free to the other side.
+    assert not experiment(start_rad=0.112).finished
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"sequences": 0}, "sequences=0 must be >= 1"),
+        ({"sequences": 1001}, "sequences=1001 must be <= 1000"),
+        ({"margin_rad": -0.01}, r"margin_rad=-0\.01 must be >= 0\.0"),
+        ({"start_rad": 0.105}, r"start_rad=0\.105 must be >= 0\.11"),
+        ({"start_rad": 1.495}, r"start_rad=1\.495 must be <= 1\.49"),
+    ],
+)
+def test_an_experiment_without_sequences_or_room_is_refused(changes: dict[str, float], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        experiment(**changes)
+
+
+def test_the_newest_sample_is_the_last_command_and_the_angles_it_was_given_at() -> None:
+    run = experiment()
+    with pytest.raises(ValueError, match="no sample has been taken"):
+        _ = run.newest
+    for count in (1, 2, 256, 257):
+        rates = follow(run, count - run.samples_taken)
+        rate, encoder = run.newest
+        np.testing.assert_array_equal(rate, rates[-1])
+        assert rate[1] != 0.0
+        # The walk of `follow` begins anew at each call.
+        begun = np.array([0.3, 0.8])
+        np.testing.assert_allclose(encoder, begun + np.sum(rates[:-1], axis=0) * PARAMS.sample_s, atol=1e-12)
+        encoder[:] = 7.0
+        assert run.newest[1][0] != 7.0
+    assert run.peak_rad_s >= np.max(np.abs(rates))
+    assert run.sample_s == PARAMS.sample_s
 
 
 def test_an_axis_that_leaves_the_travel_ends_it() -> None:

@@ -10,6 +10,7 @@ from rf_pointing.identification import StateSpace, modes_of
 from rf_pointing.identification.identify import (
     IdentificationParams,
     PoleResidue,
+    high_pass,
     identify,
     refit_residues,
     restore_integrator,
@@ -118,3 +119,44 @@ def test_a_pole_is_an_integrator_below_its_frequency_and_none_above() -> None:
     assert 1.0 in restore_integrator(model, 25.0).poles
     with pytest.raises(ValueError, match=r"below_hz=25\.1 must be <= 25\.0"):
         restore_integrator(model, 25.1)
+
+
+def test_refit_projects_out_the_start_of_real_poles_as_well() -> None:
+    """Poles that decay over the sequences, in motion before them: residues and direct term come out exactly."""
+    poles = np.array([0.995, 0.9, -0.4], dtype=np.complex128)
+    truth = PoleResidue(poles, np.array([0.2, -0.5, 1.5], dtype=np.complex128), 0.25, 0.02)
+    driven = np.random.default_rng(6).uniform(-1.0, 1.0, (2, 500))
+    outputs = np.array([truth.to_state_space().simulate(u)[300:, 0] for u in driven]) + 3.0
+    spoiled = PoleResidue(poles, np.ones(3, dtype=np.complex128), 0.0, 0.02)
+    found = refit_residues(spoiled, driven[:, 300:], outputs)
+    np.testing.assert_allclose(found.residues, truth.residues, atol=1e-9)
+    assert found.direct == pytest.approx(0.25, abs=1e-9)
+    np.testing.assert_array_equal(found.poles, poles)
+
+
+@pytest.mark.parametrize(("frequency_hz", "gain"), [(0.5, 0.5**0.5), (0.05, 0.01), (5.0, 1.0)])
+def test_the_high_pass_is_a_butterworth_of_second_order(frequency_hz: float, gain: float) -> None:
+    """|H|^2 = 1 / (1 + (corner / f)^4): half the power at the corner, a hundredth of the amplitude a decade below."""
+    times = np.arange(6000) * SAMPLE_S
+    wave = np.stack([np.sin(2.0 * np.pi * frequency_hz * times), np.cos(2.0 * np.pi * frequency_hz * times)]) + 5.0
+    passed = high_pass(wave, SAMPLE_S, 0.5, 20.0)
+    assert passed.shape == (2, 5000)
+    assert np.hypot(*passed) == pytest.approx(np.full(5000, gain), rel=0.01)
+
+
+def test_the_high_pass_counts_from_the_first_sample_of_each_sequence() -> None:
+    np.testing.assert_array_equal(high_pass([[5.0] * 200, [-3.0] * 200], SAMPLE_S, 0.1, 0.0), 0.0)
+
+
+def test_a_realization_needs_more_than_twice_its_order_of_markov_parameters() -> None:
+    assert IdentificationParams(markov_count=29).realization_order == 14
+    with pytest.raises(ValueError, match="realization_order=14 must be < 14"):
+        IdentificationParams(markov_count=28)
+    assert IdentificationParams(order=14).order == 14
+
+
+def test_an_exact_integrator_is_one_at_the_lowest_bound_and_no_bound_is_lower() -> None:
+    model = PoleResidue(np.array([1.0 + 0j, 0.3 + 0j]), np.array([2.0 + 0j, 1.0 + 0j]), 0.0, 0.02)
+    assert restore_integrator(model, 1e-6).poles.tolist() == [1.0, 0.3]
+    with pytest.raises(ValueError, match="below_hz=9e-07 must be >= 1e-06"):
+        restore_integrator(model, 9e-7)

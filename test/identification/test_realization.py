@@ -196,3 +196,57 @@ def test_a_model_without_stable_part_has_no_singular_values() -> None:
     integrator = StateSpace(np.eye(1), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), SAMPLE_S)
     left, right, singular = _balancing(_split(integrator)[1])
     assert (left.shape, right.shape, singular.shape) == ((0, 0), (0, 0), (0,))
+
+
+def test_a_model_in_any_coordinates_is_split_and_joined_again(planted: StateSpace) -> None:
+    """Turned axes couple the integrator with the modes: at full order nothing of the response may change."""
+    turn = np.random.default_rng(9).standard_normal((5, 5))
+    back = np.linalg.inv(turn)
+    mixed = StateSpace(back @ planted.a @ turn, back @ planted.b, planted.c @ turn, 0.3 * np.ones((1, 1)), SAMPLE_S)
+    edge, rest = _split(mixed)
+    assert (edge.order, rest.order) == (1, 4)
+    truth = planted.response(FREQUENCY_HZ) + 0.3
+    np.testing.assert_allclose(edge.response(FREQUENCY_HZ) + rest.response(FREQUENCY_HZ), truth, rtol=1e-6)
+    np.testing.assert_allclose(balanced_reduction(mixed, 5).response(FREQUENCY_HZ), truth, rtol=1e-6)
+
+
+def test_the_size_of_a_response_does_not_decide_its_order(planted: StateSpace) -> None:
+    faint = StateSpace(planted.a, planted.b, 1e-9 * planted.c, planted.d, SAMPLE_S)
+    same = balanced_reduction(faint, 5)
+    np.testing.assert_allclose(same.response(FREQUENCY_HZ), 1e-9 * planted.response(FREQUENCY_HZ), rtol=1e-6)
+
+
+def test_an_integrator_with_one_more_pole_is_reduced_to_either_order() -> None:
+    a, b, c = np.diag([1.0, 0.6]), np.array([[0.02], [0.5]]), np.array([[1.0, 0.3]])
+    model = StateSpace(a, b, c, np.zeros((1, 1)), SAMPLE_S)
+    np.testing.assert_allclose(balanced_reduction(model, 2).response([1.0]), model.response([1.0]), rtol=1e-9)
+    alone = balanced_reduction(model, 1)
+    np.testing.assert_allclose((alone.a, alone.c @ alone.b), ([[1.0]], [[0.02]]), atol=1e-12)
+    with pytest.raises(ValueError, match="order=0 must be >= 1"):
+        balanced_reduction(model, 0)
+    with pytest.raises(ValueError, match="order=3 must be <= 2"):
+        balanced_reduction(model, 3)
+
+
+def test_few_markov_parameters_are_the_first_of_many(sequences: tuple[np.ndarray, np.ndarray]) -> None:
+    observer = observer_markov(*sequences, 5)
+    many = system_markov(observer, 40)
+    for count in (1, 2, 5, 6, 7):
+        np.testing.assert_array_equal(system_markov(observer, count), many[:count])
+
+
+def test_orders_from_one_to_a_quarter_of_the_samples_are_tried_and_no_others(
+    sequences: tuple[np.ndarray, np.ndarray],
+) -> None:
+    u, y = (data[:, :48] for data in sequences)
+    assert len(observer_markov(u, y, 1).inputs) == 1
+    noisy = y + np.random.default_rng(3).standard_normal(y.shape)
+    assert len(observer_markov(u, noisy, 12).inputs) == 12
+    for order, words in ((0, "order=0 must be >= 1"), (13, "order=13 must be <= 12")):
+        with pytest.raises(ValueError, match=words):
+            observer_markov(u, noisy, order)
+    for order, words in ((0, "order=0 must be >= 1"), (25, "order=25 must be <= 24")):
+        with pytest.raises(ValueError, match=words):
+            realize(np.random.default_rng(3).standard_normal(49), order, SAMPLE_S)
+    with pytest.raises(ValueError, match=r"inputs has shape \(4, 48\), outputs has \(3, 48\): must be equal"):
+        observer_markov(u, y[:3], 2)

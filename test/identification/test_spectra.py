@@ -5,7 +5,7 @@ import pytest
 import scipy.signal
 
 from rf_pointing.identification import StateSpace
-from rf_pointing.identification.spectra import frequency_response
+from rf_pointing.identification.spectra import FrequencyResponse, frequency_response
 
 SAMPLE_S = 0.02
 
@@ -58,3 +58,35 @@ def test_without_coherence_there_is_no_valid_band() -> None:
 def test_unequal_shapes_are_refused() -> None:
     with pytest.raises(ValueError, match="must be equal"):
         frequency_response(np.zeros((2, 64)), np.zeros((3, 64)), SAMPLE_S)
+
+
+@pytest.mark.parametrize("least", [-0.1, 1.1])
+def test_a_coherence_that_none_can_have_is_no_bound(least: float) -> None:
+    response = frequency_response(
+        np.random.default_rng(1).standard_normal((2, 64)), np.ones((2, 64)).cumsum(1), SAMPLE_S
+    )
+    with pytest.raises(ValueError, match=f"least_coherence={least} must be"):
+        response.valid(least)
+
+
+@pytest.mark.parametrize("bound", [0.0, 1.0])
+def test_either_end_of_the_coherence_is_a_bound(bound: float) -> None:
+    response = FrequencyResponse(np.arange(3.0), np.ones(3, dtype=np.complex128), np.array([0.0, 0.5, 1.0]))
+    assert response.valid(bound).tolist() == [bound == 0.0, bound == 0.0, True]
+
+
+def test_the_longest_stretch_counts_in_decades_and_leaves_zero_frequency_out() -> None:
+    """From 2 to 4 is an octave, from 10 to 15 less, although it holds more lines; 0 would be infinitely many."""
+    frequency = np.arange(16.0)
+    coherence = np.where(np.isin(frequency, [0, 2, 3, 4, 10, 11, 12, 13, 14, 15]), 0.9, 0.1)
+    response = FrequencyResponse(frequency, np.ones(16, dtype=np.complex128), coherence)
+    assert response.valid_band_hz(0.8) == (2.0, 4.0)
+    assert response.valid_band_hz(0.9) == (2.0, 4.0)
+
+
+def test_one_line_without_coherence_ends_a_stretch() -> None:
+    coherence = np.full(20, 0.9)
+    coherence[[1, 3, 9, 18]] = 0.1
+    response = FrequencyResponse(np.arange(20.0), np.ones(20, dtype=np.complex128), coherence)
+    # From 10 to 17 is less than from 4 to 8 on a logarithmic scale.
+    assert response.valid_band_hz(0.8) == (4.0, 8.0)

@@ -37,6 +37,13 @@ def test_noise_of_an_opaque_atmosphere_is_its_own_temperature() -> None:
     assert system_noise_k(noise, opaque, math.radians(10.0)) == pytest.approx(280.0, abs=1e-6)
 
 
+def test_air_that_halves_the_power_gives_half_of_each_sky() -> None:
+    """3.0103 dB at the zenith: half of 4 K from behind and half of 280 K of the air, then the receiver."""
+    half = AtmosphereParams(zenith_loss_db=10.0 * math.log10(2.0), physical_temperature_k=280.0)
+    noise = NoiseParams(lna_k=20.0, dichroic_k=3.0, ground_k=7.0, cosmic_k=4.0)
+    assert system_noise_k(noise, half, ZENITH) == pytest.approx(2.0 + 140.0 + 30.0, rel=1e-12)
+
+
 def test_noise_without_atmosphere_is_the_sum_of_the_parts() -> None:
     clear = AtmosphereParams(zenith_loss_db=0.0)
     noise = NoiseParams(lna_k=45.0, dichroic_k=11.0, ground_k=8.0, cosmic_k=2.725)
@@ -57,6 +64,10 @@ def test_low_pass_loses_spreading_air_and_noise() -> None:
     assert link.carrier_to_noise_db_hz(2000e3, elevation) == pytest.approx(expected, abs=1e-12)
     assert air > 0.5
     assert noise > 1.0
+
+
+def test_a_range_below_a_metre_is_a_range() -> None:
+    assert ka_link(reference_range_m=1.0).carrier_to_noise_db_hz(0.1, ZENITH) == pytest.approx(80.0)
 
 
 def test_range_of_zero_is_refused() -> None:

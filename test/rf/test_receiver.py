@@ -99,6 +99,94 @@ def test_agc_keeps_the_sum_near_one_over_a_40_db_fade_within_its_time_constant()
     assert np.sqrt(np.mean(np.abs(later[-1].sum) ** 2)) == pytest.approx(1.0, abs=0.3)
 
 
+def test_the_gain_moves_by_the_time_constant_from_the_first_cluster_on() -> None:
+    """From 120 to 100 dB-Hz, clusters of 0.1 s, a gain of 0.5 s: 20 dB too little fade by exp(-0.2) a cluster."""
+    receiver = make_receiver(frequency_offset_hz=0.0, phase_noise_rad=0.0)
+    # The carrier begins at phase zero: the sum is real.
+    before = [float(np.mean(take(receiver, k, 120.0).sum.real)) for k in range(3)]
+    assert before == pytest.approx([1.0] * 3, abs=1e-4)
+    after = [float(np.mean(take(receiver, 3 + k, 100.0).sum.real)) for k in range(8)]
+    expected = [-20.0 * math.exp(-0.2 * k) for k in range(8)]
+    assert 20.0 * np.log10(after) == pytest.approx(expected, abs=0.01)
+
+
+def test_the_carriers_phase_goes_on_from_cluster_to_cluster_over_many_turns() -> None:
+    """3 Hz, clusters 0.1 s apart and a gap of 0.55 s: the phase is that of the time since the first sample."""
+    receiver = make_receiver(frequency_offset_hz=3.0, phase_noise_rad=0.0)
+    for index in (0, 1, 2, 8, 9, 30):
+        cluster = take(receiver, index, 100.0)
+        expected = np.exp(6j * math.pi * (cluster.t_s - 100.0))
+        np.testing.assert_allclose(cluster.sum / np.abs(cluster.sum), expected, atol=1e-3)
+
+
+def test_the_phase_walks_by_its_sigma_in_a_second_and_by_the_root_of_the_time() -> None:
+    receiver = make_receiver(frequency_offset_hz=0.0, phase_noise_rad=0.2)
+    phase = np.unwrap(np.angle([np.mean(take(receiver, 5 * k, 110.0, count=3).sum) for k in range(1500)]))
+    # Clusters of three samples, 0.3 s from each to the next: less 4/9 of a sample by their mean.
+    steps = np.diff(phase) / math.sqrt(0.3 - SAMPLE_S * 4.0 / 9.0)
+    assert np.std(steps) == pytest.approx(0.2, rel=0.08)
+    # Normal: none of 1500 is beyond 5 sigma.
+    assert np.max(np.abs(steps)) < 1.0
+
+
+def test_noisier_differences_are_noisier_and_do_not_count_for_the_sum() -> None:
+    receiver = make_receiver(difference_noise_db=6.0, phase_noise_rad=0.0, frequency_offset_hz=0.0)
+    samples = take(receiver, 0, 40.0, count=10_000)
+    size = np.abs(np.mean(samples.sum))
+    for channel in (samples.difference_cross_elevation, samples.difference_elevation):
+        assert np.mean(np.abs(channel / size) ** 2) * 1e4 * SAMPLE_S == pytest.approx(10.0**0.6, rel=0.05)
+    assert samples.carrier_to_noise_db_hz == pytest.approx(40.0, abs=0.3)
+
+
+def test_the_first_clusters_count_alike_in_the_noise() -> None:
+    """Noise of 10, 1 and 1 times what it was: 10, 5.5 and 4 on average, in clusters long enough to tell it to 2 %."""
+    receiver, seen = make_receiver(noise_time_constant_s=1000.0), []
+    for index, louder in enumerate((True, False, False)):
+        receiver.rng = Louder() if louder else random_stream(8, "quiet")  # type: ignore[assignment]
+        seen.append(take(receiver, index, 60.0, count=2000).carrier_to_noise_db_hz)
+    assert seen == pytest.approx([50.0, 60.0 - 10.0 * math.log10(5.5), 60.0 - 10.0 * math.log10(4.0)], abs=0.25)
+
+
+def test_the_noise_follows_within_its_time_constant() -> None:
+    """Once the noise is ten times as large: 1 + 9 (1 - exp(-t / 10 s)), clusters of 4 s."""
+    receiver = make_receiver()
+    for index in range(10):
+        take(receiver, index, 60.0, count=200)
+    receiver.rng = Louder()  # type: ignore[assignment]
+    seen = np.array([take(receiver, index, 60.0, count=200).carrier_to_noise_db_hz for index in range(10, 15)])
+    average = 1.0 + 9.0 * (1.0 - np.exp(-0.4 * np.arange(1, 6)))
+    np.testing.assert_allclose(seen, 60.0 - 10.0 * np.log10(average), atol=0.4)
+
+
+class Swinging:
+    """A feed whose ratio of difference to sum is a cubic of time within a cluster."""
+
+    def voltages(self, x: np.ndarray, _y: np.ndarray) -> tuple[np.ndarray, ...]:
+        part = np.linspace(-1.0, 1.0, len(x))
+        ratio = 0.01 * (part**3 - 0.3 * part**2 + 0.2)
+        return np.ones(len(x), dtype=complex), ratio.astype(complex), (-0.5j * ratio)
+
+
+@pytest.mark.parametrize(("count", "clusters"), [(5, 1500), (6, 1000), (9, 300)])
+def test_a_beam_that_swings_as_a_cubic_in_every_cluster_is_no_noise_at_all(count: int, clusters: int) -> None:
+    """The straight line leaves a hundred thousand times the noise: what counts is the quartile of the cubic's rest."""
+    receiver = make_receiver(phase_noise_rad=0.0)
+    receiver.feed = Swinging()  # type: ignore[assignment]
+    measured = [take(receiver, k, 100.0, count=count).carrier_to_noise_db_hz for k in range(clusters)]
+    assert np.mean(measured[20:]) == pytest.approx(100.0, abs=0.3)
+    # Before the twentieth cluster there is only the average, which takes the swing for noise.
+    assert max(measured[:19]) < 80.0
+    assert measured[19] > 95.0
+
+
+def test_the_noise_of_the_sum_counts_as_much_as_it_is_in_a_difference() -> None:
+    """Ratios of 0.7 - 0.4j and -1.1j under a strong carrier: noise of both channels is left, and it is counted once."""
+    parts = random_stream(5, "ratio").standard_normal((2, 3, 4000))
+    noise = math.sqrt(1.5) * (parts[0] + 1j * parts[1])
+    channels = 300.0 * np.array([1.0, 0.7 - 0.4j, -1.1j])[:, None] + noise
+    assert noise_variance(channels, 1) == pytest.approx(3.0, rel=0.04)
+
+
 def test_carrier_phase_rotates_all_channels_together() -> None:
     receiver = make_receiver(frequency_offset_hz=0.5, phase_noise_rad=0.0)
     first, later = take(receiver, 0, 90.0, 4.0 * MDEG), take(receiver, 5, 90.0, 4.0 * MDEG)
@@ -124,8 +212,11 @@ def test_carrier_power_has_the_block_v_mean_and_variance() -> None:
 
 def test_carrier_power_variance_falls_with_integration_time() -> None:
     receiver = make_receiver(noise_bandwidth_hz=1e9)
-    power = [receiver.carrier_power(4.0 * (k + 1), 4.0, 0.0, 0.0, 30.0).power_w for k in range(5000)]
+    got = [receiver.carrier_power(4.0 * (k + 1), 4.0, 0.0, 0.0, 30.0) for k in range(5000)]
+    power = [each.power_w for each in got]
     assert np.var(power) / np.mean(power) ** 2 == pytest.approx(2.0 / (1000.0 * 4.0), rel=0.08)
+    sigma_w = np.mean([each.sigma_w for each in got])
+    assert sigma_w / np.mean(power) == pytest.approx(math.sqrt(2.0 / (1000.0 * 4.0)), rel=0.02)
 
 
 def test_noise_power_uncertainty_adds_as_in_b_2() -> None:
@@ -166,6 +257,14 @@ def test_the_noise_of_channels_without_a_carrier_is_counted_whole() -> None:
     assert np.mean([noise_variance(each, 1) for each in channels]) == pytest.approx(3.0, rel=0.03)
 
 
+@pytest.mark.parametrize("count", [3, 4])
+def test_few_samples_leave_one_for_the_noise_whatever_the_order(count: int) -> None:
+    parts = random_stream(4, "few").standard_normal((2, 4000, 3, count))
+    channels = math.sqrt(1.5) * (parts[0] + 1j * parts[1])
+    channels[:, 0] += 1000.0
+    assert np.mean([noise_variance(each, 3) for each in channels]) == pytest.approx(3.0, rel=0.06)
+
+
 @pytest.mark.parametrize("seconds", [0.0, -1.0, math.nan])
 def test_an_integration_that_takes_no_time_is_refused(seconds: float) -> None:
     times = np.array([100.0, 100.1, 100.2])
@@ -195,6 +294,18 @@ def test_time_that_does_not_advance_is_refused() -> None:
         take(receiver, 0, 45.0)
 
 
+@pytest.mark.parametrize("times", [(100.0, 100.0, 100.1), (100.0, 100.1, 100.1)])
+def test_two_samples_of_one_time_are_refused(times: tuple[float, ...]) -> None:
+    with pytest.raises(ValueError, match="t_s must increase"):
+        make_receiver().cluster(times, np.zeros(3), np.zeros(3), 45.0, SAMPLE_S)
+
+
+def test_a_microsecond_is_time_enough_to_integrate() -> None:
+    receiver = make_receiver()
+    assert receiver.cluster((1.0, 1.1, 1.2), np.zeros(3), np.zeros(3), 150.0, 1e-6).carrier_to_noise_db_hz > 100.0
+    assert receiver.carrier_power(1.2, 1e-6, 0.0, 0.0, 150.0).carrier_to_noise_db_hz == pytest.approx(150.0, abs=0.1)
+
+
 def test_two_samples_are_refused() -> None:
     with pytest.raises(ValueError, match="t_s has 2 samples, must have at least 3"):
         take(make_receiver(), 0, 45.0, count=2)
@@ -203,6 +314,15 @@ def test_two_samples_are_refused() -> None:
 def test_carrier_level_that_is_no_number_is_refused() -> None:
     with pytest.raises(ValueError, match="carrier_to_noise_db_hz=nan must be"):
         take(make_receiver(), 0, math.nan)
+    with pytest.raises(ValueError, match=r"carrier_to_noise_db_hz=201\.0 must be <= 200"):
+        take(make_receiver(), 0, 201.0)
+
+
+def test_a_level_below_0_db_hz_is_reported_where_the_floor_is_lower() -> None:
+    """Half a hertz over 1000 s: known to 6 %."""
+    seen = make_receiver(floor_db_hz=-20.0).carrier_power(2000.0, 1000.0, 0.0, 0.0, -3.0103).carrier_to_noise_db_hz
+    assert seen == pytest.approx(-3.0, abs=1.0)
+    assert make_receiver().carrier_power(2000.0, 1000.0, 0.0, 0.0, -3.0103).carrier_to_noise_db_hz == 0.0
 
 
 @pytest.mark.parametrize("level_db_hz", [60.0, 75.0, 90.0, 105.0, 120.0])

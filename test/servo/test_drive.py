@@ -110,3 +110,11 @@ def test_the_load_crosses_the_play_freely() -> None:
     spring = elevation.gear_frequency_rad_s**2 * (4e-5 + 0.5 * 0.005 * 3e-3)
     damper = 2.0 * elevation.gear_damping * elevation.gear_frequency_rad_s * 3e-3
     assert gear_correction(4e-5, 3e-3, constants) == pytest.approx(spring + damper, rel=1e-12)
+
+
+def test_any_countertorque_winds_the_gears_and_none_leaves_them_in_mid_play() -> None:
+    for torque_n_m in (0.5, 2e5):
+        elevation = axis(countertorque_n_m=torque_n_m)
+        wound = torque_n_m / elevation.gear_stiffness_n_m
+        assert drive_constants(elevation, 0.005).gear_preload == pytest.approx(wound)
+    assert drive_constants(axis(countertorque_n_m=0.0, backlash_rad=3e-4), 0.005).gear_preload == -3e-4

@@ -1,10 +1,15 @@
 """Impossible antennas are refused by name, value and bound."""
 
 import math
+import re
+from pathlib import Path
 
 import pytest
 
 from rf_pointing.servo import dss13_plant
+
+TABLE = Path(__file__).parents[2] / "docs" / "math" / "plant.md"
+IN_SI = {"deg": math.radians(1.0), "mdeg": math.radians(1e-3)}
 
 
 def test_mode_lists_of_unequal_length_are_refused() -> None:
@@ -95,3 +100,47 @@ def test_the_small_residues_are_those_of_the_table() -> None:
     for damping, encoder, beam in others:
         assert 0.01 <= damping <= 0.02
         assert 0.02 <= encoder <= beam <= 0.10
+
+
+def test_every_number_of_an_axis_is_that_of_the_table() -> None:
+    plant, rows = dss13_plant(), re.findall(r"^\| `(\w+)` \| (.*) \| (.*) \| (.*) \|$", TABLE.read_text(), re.MULTILINE)
+    # The bandwidth stands for its value per gain.
+    assert {name for name, *_ in rows} == set(type(plant.azimuth).__dataclass_fields__) - {
+        "drive_bandwidth_per_gain_hz"
+    } | {"drive_bandwidth_rad_s"}
+    for name, *columns, unit in rows:
+        factor = IN_SI.get(unit.split("/")[0], 1.0)
+        for axis, text in zip((plant.azimuth, plant.elevation), columns, strict=True):
+            value = getattr(axis, name)
+            found = value if isinstance(value, tuple) else (value,)
+            assert found == pytest.approx([factor * float(each) for each in text.split(", ")], rel=3e-6), name
+
+
+def test_what_couples_the_axes_is_that_of_the_table() -> None:
+    plant, level = dss13_plant(), dss13_plant(elevation_deg=90, pinion_angle_rad=0.3)
+    assert plant.azimuth_modes_in_elevation == pytest.approx((0.005, 0.002, 0.002))
+    assert level.azimuth_modes_in_elevation == pytest.approx((0.0015, 0.0006, 0.0006))
+    assert (plant.azimuth_to_bending, level.azimuth_to_bending) == (0.10, 0.03)
+    for each in (plant, level):
+        assert each.elevation_modes_in_azimuth == (0.0032, 0.001, 0.001)
+        assert (each.cross_mode_frequency_hz, each.cross_mode_damping, each.cross_mode_residue) == (5.76, 0.02, 0.003)
+        assert (each.pinion_floor, each.substep_s) == (0.28, 0.005)
+    assert (plant.pinion_angle_rad, level.pinion_angle_rad) == (0.0, 0.3)
+    assert (level.azimuth, level.elevation) == (plant.azimuth, plant.elevation)
+
+
+def test_the_ideal_antenna_differs_by_friction_play_and_encoders_only() -> None:
+    plant, ideal = dss13_plant(), dss13_plant(ideal=True)
+    linear = {"coulomb_friction_n_m": 0.0, "backlash_rad": 0.0, "encoder_bits": 40, "encoder_noise_rad": 0.0}
+    assert ideal == plant.replace(azimuth=plant.azimuth.replace(**linear), elevation=plant.elevation.replace(**linear))
+
+
+def test_an_axis_without_modes_or_of_no_travel_is_refused() -> None:
+    none = dict.fromkeys(("mode_frequency_hz", "mode_damping", "mode_encoder_residue", "mode_beam_residue"), ())
+    with pytest.raises(ValueError, match="mode_frequency_hz has 0 values, must have at least 1"):
+        dss13_plant().elevation.replace(**none)
+    for name in ("mode_encoder_residue", "mode_beam_residue"):
+        with pytest.raises(ValueError, match=f"{name} has 4 values, mode_frequency_hz has 3"):
+            dss13_plant().azimuth.replace(**{name: (0.1, 0.1, 0.1, 0.1)})
+    with pytest.raises(ValueError, match="travel_min_rad=1.0 must be < travel_max_rad=1.0"):
+        dss13_plant().elevation.replace(travel_min_rad=1.0, travel_max_rad=1.0)

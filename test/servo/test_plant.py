@@ -252,3 +252,90 @@ def test_between_two_ticks_of_the_grid_the_outputs_move_on() -> None:
     steps = np.diff(shown[-300:]) / 0.02003
     # The modes that still swing leave 3e-4; a step of the grid would be 5e-3.
     np.testing.assert_allclose(steps, rate, rtol=1e-3)
+
+
+def test_an_antenna_starts_at_rest_where_it_is_put_and_its_encoders_show_that() -> None:
+    antenna, step = plant(dss13_plant(), position_rad=(-1.234567, 0.7654321)), 2.0 * math.pi / 2**24
+    np.testing.assert_allclose(antenna.encoder_rad, (-1.234567, 0.7654321), atol=0.5 * step)
+    np.testing.assert_allclose(antenna.encoder_rad / step, np.round(antenna.encoder_rad / step), atol=1e-6)
+    np.testing.assert_allclose(antenna.beam_rad, (-1.234567, 0.7654321), atol=1e-15)
+    assert not np.any(antenna.velocity_rad_s)
+    assert antenna.powered
+    assert antenna.at_stop == (False, False)
+    state = antenna.state
+    assert (state.time_s, state.debt_s, state.braked, state.held_axis, state.commands) == (0.0, 0.0, False, -1, ())
+    antenna.step(CALM, CALM, 0.02003)
+    assert (antenna.state.time_s, antenna.state.debt_s) == pytest.approx((0.02, 3e-5))
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_axis_held_by_its_brake_stays_while_the_other_follows(axis: int) -> None:
+    antenna = plant()
+    antenna.brake()
+    assert not antenna.powered
+    antenna.release_brake(axis)
+    assert antenna.powered
+    before = antenna.state.x[:2].copy()
+    for _ in range(50):
+        antenna.step((5e-3, 5e-3), (1e5, 1e5), 0.02)
+    moved = antenna.state.x[:2] - before
+    assert moved[axis] == pytest.approx(0.0, abs=1e-12)
+    assert moved[1 - axis] > 3e-3
+    antenna.release_brake()
+    antenna.step((5e-3, 5e-3), CALM, 0.5)
+    assert antenna.velocity_rad_s[axis] > 3e-3
+
+
+def test_dead_times_of_both_axes_count_each_for_itself_and_old_commands_are_forgotten() -> None:
+    shipped = dss13_plant(ideal=True)
+    delays = (0.05, 0.02)
+    params = shipped.replace(
+        azimuth=shipped.azimuth.replace(drive_delay_s=delays[0]),
+        elevation=shipped.elevation.replace(drive_delay_s=delays[1]),
+    )
+    late, longest = plant(params), 0
+    commands = [1e-3 * math.sin(0.7 * k) for k in range(60)]
+    rates = []
+    for command in commands:
+        late.step((command, 2.0 * command), CALM, 0.01)
+        rates.append(late.velocity_rad_s)
+        longest = max(longest, len(late.state.commands))
+    for axis, delay in enumerate(delays):
+        prompt, shift = plant(shipped), round(delay / 0.01)
+        expected = [np.zeros(2)] * shift
+        for command in commands[: 60 - shift]:
+            prompt.step((command, 2.0 * command), CALM, 0.01)
+            expected.append(prompt.velocity_rad_s)
+        # The drives do not feel each other, nor the modes.
+        np.testing.assert_allclose(np.array(rates)[:, axis], np.array(expected)[:, axis], atol=1e-15)
+    assert longest <= 7
+
+
+@pytest.mark.parametrize("dt_s", [0.0, 1.1])
+def test_a_step_of_no_time_or_of_more_than_a_second_is_refused(dt_s: float) -> None:
+    with pytest.raises(ValueError, match=f"dt_s={dt_s} must be"):
+        plant().step(CALM, CALM, dt_s)
+    plant().step(CALM, CALM, 1.0)
+
+
+def test_noise_of_one_encoder_does_not_depend_on_that_of_the_other() -> None:
+    shipped = dss13_plant()
+    quiet = shipped.replace(azimuth=shipped.azimuth.replace(encoder_noise_rad=0.0))
+    both, one = plant(shipped), plant(quiet)
+    for _ in range(20):
+        both.step((1e-3, 1e-3), CALM, 0.02)
+        one.step((1e-3, 1e-3), CALM, 0.02)
+        assert both.encoder_rad[1] == one.encoder_rad[1]
+        assert abs(one.encoder_rad[0] - one.true_joint_rad[0]) <= 0.51 * 2.0 * math.pi / 2**24
+
+
+def test_a_substep_below_the_grid_is_one_step_of_the_grid() -> None:
+    shipped = dss13_plant()
+    fine = plant(shipped.replace(substep_s=2e-5))
+    single = plant(shipped)
+    for k in range(20):
+        command = (2e-5 * (-1.0) ** k, 3e-5)
+        fine.step(command, (4e3, -4e3), 1e-3)
+        for _ in range(10):
+            single.step(command, (4e3, -4e3), 1e-4)
+    np.testing.assert_allclose(fine.state.x, single.state.x, rtol=1e-9, atol=1e-18)

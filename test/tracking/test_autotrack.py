@@ -358,3 +358,101 @@ def test_a_search_on_a_sidelobe_does_not_end_with_its_own_peak_as_the_level() ->
 def test_a_time_that_is_no_number_is_refused(t_s: float) -> None:
     with pytest.raises(ValueError, match="t_s"):
         AutotrackInputs(t_s=t_s, request="track", target_available=True, on_target=True)
+
+
+def test_a_calibration_scan_takes_its_time_and_forgives_the_false_locks() -> None:
+    driver = Driver(calibrate_s=25.0, most_false_locks=5).on_monopulse()
+    driver.run(0.1, 50.0, monopulse_valid=True, fault="sign flip")
+    assert driver.state.false_locks == 1
+    driver.run(8.0, 50.0, monopulse_valid=True)
+    assert driver.run(0.1, 50.0, monopulse_valid=True, request="calibrate") == "calibrate"
+    assert driver.state.false_locks == 0
+    assert driver.run(24.5, 50.0, monopulse_valid=True) == "calibrate"
+    assert driver.run(1.0, 50.0, monopulse_valid=True) != "calibrate"
+    assert driver.modes[-2:] == ["coast", "monopulse"]
+
+
+@pytest.mark.parametrize(("below_db", "mode"), [(13.9, "conscan"), (14.1, "coast")])
+def test_a_scan_begins_within_the_beam_as_a_completed_search_has_measured_its_axis(below_db: float, mode: str) -> None:
+    """The link really gives 4 dB less than computed; the beam is left 10 dB below that."""
+    table = Autotrack(AutotrackParams(sensor="conscan"))
+    state = AutotrackState(mode="coast", carrier=True, carrier_since_s=0.0, learned_db=-4.0)
+    inputs = AutotrackInputs(
+        t_s=1.0, request="track", target_available=True, on_target=True, carrier_to_noise_db_hz=60.0 - below_db,
+        axis_db_hz=60.0,
+    )  # fmt: skip
+    assert table.step(state, inputs).mode == mode
+
+
+def test_an_array_follows_its_own_levels_and_is_never_searched_for() -> None:
+    """It sees most of the sky: a search would move the beam without showing it any more."""
+    driver, seen = Driver(sensor="array"), {"valid": frozenset({"array"})}
+    assert driver.table.params.own_level
+    assert driver.run(10.0, 30.9, **seen) == "program_track"
+    assert driver.run(0.2, 31.1, **seen) == "program_track"
+    assert driver.run(0.3, 31.1, **seen) == "array"
+    assert driver.state.integrating
+    # However strong it is, that says nothing about the feed of the dish.
+    assert driver.run(5.0, 60.0, **seen) == "array"
+    assert not driver.state.strong
+    assert driver.run(5.0, 28.1, **seen) == "array"
+    assert driver.run(TICK_S, 27.9, **seen) == "coast"
+    assert driver.run(60.0, 30.9, **seen) == "coast"
+    assert driver.run(0.6, 31.1, **seen) == "array"
+    assert driver.run(0.9, 40.0, valid=frozenset()) == "array"
+    assert driver.run(0.4, 40.0, valid=frozenset()) == "coast"
+    assert set(driver.modes) == {"idle", "slew", "program_track", "array", "coast"}
+
+
+@pytest.mark.parametrize(("share", "mode"), [(0.97, "before"), (1.03, "after")])
+@pytest.mark.parametrize(
+    ("start", "name", "target"),
+    [
+        ("program_track", "settle_s", "search"), ("coast", "coast_s", "search"), ("search", "search_s", "program_track"),
+        ("hand_back", "hold_s", "program_track"), ("calibrate", "calibrate_s", "coast"),
+    ],
+)  # fmt: skip
+def test_each_mode_that_waits_does_so_for_its_own_time(
+    start: str, name: str, target: str, share: float, mode: str
+) -> None:
+    times = {"settle_s": 7.0, "coast_s": 11.0, "search_s": 13.0, "hold_s": 17.0, "calibrate_s": 19.0}
+    table = Autotrack(AutotrackParams(**times))
+    begun_s = 1.7e9
+    calibrating = start == "calibrate"
+    state = AutotrackState(
+        mode=start, entered_s=begun_s, carrier=calibrating, carrier_since_s=begun_s if calibrating else None
+    )
+    inputs = AutotrackInputs(
+        t_s=begun_s + share * times[name], request="calibrate" if calibrating else "track", target_available=True,
+        on_target=True, carrier_to_noise_db_hz=30.0 if calibrating else -math.inf, valid=frozenset(),
+    )  # fmt: skip
+    found = table.step(state, inputs)
+    assert found.mode == (start if mode == "before" else target)
+    assert found.entered_s == (begun_s if mode == "before" else inputs.t_s)
+
+
+@pytest.mark.parametrize("sidelobe", [True, False])
+def test_only_a_hold_off_from_a_sidelobe_is_remembered_as_one(sidelobe: bool) -> None:
+    driver = Driver(sensor="monopulse").on_monopulse()
+    # What looks like one without a fault is none.
+    driver.run(TICK_S, 5.0, sidelobe=True)
+    assert (driver.state.mode, driver.state.sidelobe) == ("coast", False)
+    driver.run(2.0, 50.0, monopulse_valid=True)
+    driver.run(TICK_S, 50.0, monopulse_valid=True, fault="sign flip", sidelobe=sidelobe)
+    assert (driver.state.mode, driver.state.sidelobe) == ("hand_back", sidelobe)
+    driver.run(8.0, 50.0, monopulse_valid=True)
+    assert driver.state.sidelobe == sidelobe
+
+
+@pytest.mark.parametrize(("below_db", "mode"), [(6.9, "coast"), (7.1, "search")])
+def test_a_faint_carrier_is_the_links_within_3_db_of_what_a_completed_search_has_measured(
+    below_db: float, mode: str
+) -> None:
+    """The link really gives 4 dB less than computed."""
+    table = Autotrack(AutotrackParams(sensor="monopulse"))
+    state = AutotrackState(mode="coast", carrier=True, carrier_since_s=0.0, learned_db=-4.0)
+    inputs = AutotrackInputs(
+        t_s=100.0, request="track", target_available=True, on_target=True, carrier_to_noise_db_hz=34.0 - below_db,
+        axis_db_hz=34.0, valid=frozenset(),
+    )  # fmt: skip
+    assert table.step(state, inputs).mode == mode

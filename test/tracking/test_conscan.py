@@ -15,7 +15,7 @@ from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams,
 from rf_pointing.tracking.beam_fit import PowerWindow, beam_design, fit_beam
 from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimator, DelayParams
 from rf_pointing.tracking.conscan_design import conscan_slope
-from rf_pointing.tracking.conscan_estimate import LEAST_POWER_SIGMAS, ConscanParams, _flutter
+from rf_pointing.tracking.conscan_estimate import LEAST_POWER_SIGMAS, ConscanParams, _flutter, estimate_window
 from rf_pointing.tracking.scan import ScanParams
 
 H, R = 17.0 * MDEG, 1.55 * MDEG
@@ -480,3 +480,205 @@ def test_without_the_bound_errors_below_it_would_be_too_small(
     gains, refused = gains_of(0.0, 0.1, random)
     assert refused == 0
     assert np.mean(gains) < 0.85 - 3.0 * np.std(gains) / math.sqrt(len(gains))
+
+
+def test_the_pairs_and_their_scatter_fade_with_the_memory() -> None:
+    estimator = DelayEstimator(DelayParams(memory=0.5))
+    rng, pairs, scatter, before = random_stream(2, "pairs"), 0.0, 0.0, None
+    for k in range(5):
+        now, sigma = complex(*rng.standard_normal(2)), (1.0 + k) * 0.1
+        error = PointingError(
+            t_s=float(k), sensor="conscan", cross_elevation_rad=now.real, elevation_rad=now.imag,
+            covariance_rad2=np.eye(2) * sigma**2, carrier_to_noise_db_hz=40.0,
+        )  # fmt: skip
+        estimator.add(error, 0.3, -0.2)
+        if before is not None:
+            pairs = 0.5 * pairs + 1.0
+            scatter = 0.5 * scatter + abs(now - before[0]) ** 2 / (sigma**2 + before[1] ** 2)
+        before = now, sigma
+    assert estimator.state.pairs == pytest.approx(pairs)
+    assert estimator.state.scatter == pytest.approx(scatter)
+
+
+def test_motion_that_nobody_sees_widens_the_covariance_of_an_estimate_and_moves_it_little() -> None:
+    """Its power is the slope of the beam times the motion: for a target off the circle's centre the slopes differ."""
+    found = []
+    for unseen_rad in (0.0, 0.1 * MDEG):
+        tracker = ConscanTracker(params(estimator="likelihood", unmodelled_rad=unseen_rad))
+        angles = 2.0 * np.pi * np.arange(tracker.params.window_samples) / tracker.params.window_samples
+        for k, angle in enumerate(angles):
+            u, v = R * math.cos(angle), R * math.sin(angle)
+            miss2 = (0.4 * MDEG - u) ** 2 + (-0.3 * MDEG - v) ** 2
+            error = tracker.add(power(k + 1.0, math.exp(-MU * miss2 / H**2)), u, v)
+        assert error.valid, error.reason
+        found.append(error)
+    for error in found:
+        assert [error.cross_elevation_rad, error.elevation_rad] == pytest.approx(
+            [0.4 * MDEG, -0.3 * MDEG], abs=1e-3 * MDEG
+        )
+    added = found[1].covariance_rad2 - found[0].covariance_rad2
+    count = len(angles)
+    # Each sample sees the motion along its radius: its share of the mean of two axes is 2 / n.
+    assert np.diag(added) == pytest.approx([2.0 * (0.1 * MDEG) ** 2 / count] * 2, rel=0.15)
+
+
+def test_other_parameters_keep_the_window_and_another_delay_does_not() -> None:
+    tracker = ConscanTracker(params())
+    for k in range(5):
+        tracker.add(power(k + 1.0, 1.0), R * math.cos(k), R * math.sin(k))
+    tracker.retune(tracker.params.replace(lock_db_hz=12.0))
+    assert len(tracker.state.window) == 5
+    assert tracker.params.lock_db_hz == 12.0
+    tracker.retune(tracker.params.replace(delay_s=0.25))
+    assert len(tracker.state.window) == 0
+    assert tracker.beam_time_s(power(7.0, 1.0)) == 7.0 - 0.5 - 0.25
+
+
+@pytest.mark.parametrize(("delay_s", "kept"), [(0.5, 5), (0.4, 0)])
+def test_a_window_outlives_new_parameters_unless_they_move_its_beam(delay_s: float, kept: int) -> None:
+    tracker = ConscanTracker(params(delay_s=0.5))
+    for k in range(5):
+        tracker.add(power(k + 1.0, 1.0), R * math.cos(k), R * math.sin(k))
+    tracker.retune(params(delay_s=delay_s, valid_range_beamwidths=0.3))
+    assert len(tracker.state.window) == kept
+    assert tracker.params == params(delay_s=delay_s, valid_range_beamwidths=0.3)
+
+
+@pytest.mark.parametrize("factor", [0.95e4, 1.05e4, 1.0 / 0.95e4, 1.0 / 1.05e4])
+def test_noise_ten_thousand_times_that_of_the_samples_before_is_another_receivers(factor: float) -> None:
+    """Noise is sigma^2 / power, here of samples of 0.2 to 0.6 W."""
+    tracker, noise_w = ConscanTracker(params(estimator="likelihood")), 3e-6
+    for k, watts in enumerate((0.5, 0.3, 0.6, 0.2, 0.4, 0.5)):
+        sigma = math.sqrt((factor if k == 5 else 1.0) * noise_w * watts)
+        tracker.add(power(k + 1.0, watts, sigma), R * math.cos(k), R * math.sin(k))
+    refused = not 1e-4 < factor < 1e4
+    assert tracker.state.rejected == refused
+    assert len(tracker.state.window) == 6 - refused
+
+
+@pytest.mark.parametrize(
+    ("before", "changes_at", "after", "newest", "refused"),
+    [
+        (1.0, 4, 1e3, 5e6, 0), (1.0, 4, 1e-3, 2e-7, 0), (1.0, 9, 1e3, 5e4, 1), (1.0, 9, 1e-3, 5e-5, 1),
+        (1.0, 6, 1e3, 5e4, 1), (1.0, 6, 1e-3, 5e-5, 1),
+    ],
+)  # fmt: skip
+def test_what_noise_is_usual_the_first_the_middle_and_the_last_sample_say_by_majority(
+    before: float, changes_at: int, after: float, newest: float, refused: int
+) -> None:
+    """It changes a thousandfold after so many of ten samples; the newest may differ from it by ten thousand times."""
+    tracker = ConscanTracker(params(estimator="likelihood"))
+    for k in range(11):
+        noise = before if k < changes_at else after if k < 10 else newest
+        tracker.add(power(k + 1.0, 1.0, 1e-5 * math.sqrt(noise)), R * math.cos(k), R * math.sin(k))
+    assert tracker.state.rejected == refused
+    assert len(tracker.state.window) == 11 - refused
+
+
+@pytest.mark.parametrize("estimator", ["likelihood", "linear"])
+@pytest.mark.parametrize("unit", [1e-15, 1e6])
+def test_the_unit_of_the_power_changes_nothing(estimator: str, unit: float) -> None:
+    """With one sample that does not follow the beam, which the likelihood leaves out."""
+    found = []
+    for scale in (1.0, unit):
+        tracker, rng, error = ConscanTracker(params(estimator=estimator)), random_stream(5, "unit"), None
+        for k in range(32):
+            u, v = R * math.cos(0.2 * k), R * math.sin(0.2 * k)
+            watts = linear_power(2.5 * MDEG, -1.5 * MDEG, u, v) * (1.0 + 1e-3 * rng.standard_normal())
+            watts *= 1.05 if k == 7 else 1.0
+            error = tracker.add(power(k + 1.0, scale * watts, 1e-3 * scale * math.sqrt(watts)), u, v)
+        assert error is not None
+        assert error.valid, error.reason
+        assert tracker.state.rejected == (estimator == "likelihood")
+        found.append(error)
+    one, other = found
+    assert other.cross_elevation_rad == pytest.approx(one.cross_elevation_rad, rel=1e-9)
+    assert other.elevation_rad == pytest.approx(one.elevation_rad, rel=1e-9)
+    np.testing.assert_allclose(other.covariance_rad2, one.covariance_rad2, rtol=1e-8, atol=1e-20)
+
+
+def test_the_linear_covariance_is_that_of_the_ratio_of_its_coefficients() -> None:
+    """By a thousand windows of noise in watts of a real receiver, at an error that is not small."""
+    rng, errors, stated = random_stream(5, "ratio"), [], []
+    angles = 2.0 * np.pi * np.arange(1, 33) / 32
+    for _ in range(1000):
+        tracker, error = ConscanTracker(params()), None
+        for k, angle in enumerate(angles):
+            u, v = R * math.cos(angle), R * math.sin(angle)
+            watts = 3e-15 * linear_power(4.0 * MDEG, -3.0 * MDEG, u, v)
+            sigma = 0.02 * math.sqrt(3e-15 * watts)
+            error = tracker.add(power(k + 1.0, watts + sigma * rng.standard_normal(), sigma), u, v)
+        assert error is not None
+        errors.append((error.cross_elevation_rad, error.elevation_rad))
+        stated.append(error.covariance_rad2)
+    # A thousand windows know a variance to 4.5 %.
+    sample = np.cov(np.array(errors).T)
+    np.testing.assert_allclose(sample, np.mean(stated, axis=0), atol=0.15 * float(np.max(sample)))
+
+
+def test_an_estimate_that_is_none_points_nowhere_and_knows_nothing() -> None:
+    window = PowerWindow(np.column_stack([np.arange(4.0), np.ones(4), np.full(4, 1e-3), np.zeros((4, 2)), np.ones(4)]))
+    found = estimate_window(params(), window)
+    assert found.error_rad.tolist() == [0.0, 0.0]
+    np.testing.assert_allclose(found.covariance_rad2, H**2 * np.eye(2))
+    assert found.reason
+    assert found.left_out is None
+
+
+@pytest.mark.parametrize(("t_s", "refused"), [(123.5, 1), (242.0, 0)])
+def test_samples_that_are_all_too_old_say_nothing_of_the_receiver(t_s: float, refused: int) -> None:
+    """Of a window of 120 s three samples are older at the first time, all of them at the second."""
+    tracker = ConscanTracker(params(estimator="likelihood"))
+    for k, before_s in enumerate((1.0, 2.0, 3.0, 120.9)):
+        tracker.add(power(before_s, 1.0), R * math.cos(k), R * math.sin(k))
+    tracker.add(power(t_s, 1.0, 1.0), R, 0.0)
+    assert tracker.state.rejected == refused
+
+
+def test_spins_are_told_apart_from_one_per_cent_on() -> None:
+    assert params(estimator="likelihood", spin_periods_s=(5.0, 5.06)).spin_periods_s == (5.0, 5.06)
+    with pytest.raises(ValueError, match="must differ by at least 1 %"):
+        params(estimator="likelihood", spin_periods_s=(5.04, 5.0))
+
+
+def test_unseen_motion_counts_where_the_first_fit_without_it_found_the_target() -> None:
+    """The estimate is that of the noise of the powers and of what such motion changes them by at the target."""
+    known, target = params(estimator="likelihood", unmodelled_rad=0.02 * MDEG), np.array([4.0, -3.0]) * MDEG
+    turn, rng = 2.0 * np.pi * np.arange(32) / 32, random_stream(5, "unseen")
+    beam = R * np.column_stack([np.cos(turn), np.sin(turn)])
+    watts = np.exp(-MU * np.sum((target - beam) ** 2, axis=1) / H**2) * (1.0 + 1e-4 * rng.standard_normal(32))
+    rows = np.column_stack([np.arange(32.0), watts, 1e-4 * np.sqrt(watts), beam, np.full(32, 60.0)])
+    found = estimate_window(known, PowerWindow(rows))
+    noise = 1e-8 + float(np.mean(watts)) * (2.0 * MU * np.hypot(*(beam - target).T) * known.unmodelled_rad / H**2) ** 2
+    wanted = fit_beam(beam_design(beam, H), watts, noise)
+    assert not found.reason
+    np.testing.assert_allclose(found.error_rad, wanted.error_rad, rtol=1e-4)
+    np.testing.assert_allclose(found.covariance_rad2, wanted.covariance_rad2, rtol=1e-2)
+    without = estimate_window(params(estimator="likelihood"), PowerWindow(rows))
+    assert np.trace(without.covariance_rad2) < 0.3 * np.trace(found.covariance_rad2)
+
+
+def test_the_samples_of_a_window_are_half_a_window_old_on_average() -> None:
+    sliding = params(window_samples=80, fewest_samples=40, sample_s=0.1, updates="sample", bandwidth_hz=0.2)
+    assert sliding.age_s == pytest.approx(4.0)
+    assert (sliding.loop.bandwidth_hz, sliding.loop.sample_s) == (0.2, None)
+    assert params().loop.sample_s == 1.0
+    circle = sliding.replace(period_s=10.0, ramp_s=2.0).pattern()
+    assert circle(2.5) == pytest.approx((0.0, R, -2.0 * math.pi * R / 10.0, 0.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("estimator", ["likelihood", "linear"])
+@pytest.mark.parametrize(("limit", "valid"), [(0.29, False), (0.31, True)])
+def test_an_error_beyond_the_range_that_is_believed_is_reported_but_not_valid(
+    estimator: str, limit: float, valid: bool
+) -> None:
+    tracker, error = ConscanTracker(params(estimator=estimator, valid_range_beamwidths=limit)), None
+    x, y = 0.18 * H, -0.24 * H
+    for k in range(32):
+        u, v = R * math.cos(0.2 * k), R * math.sin(0.2 * k)
+        exact = math.exp(-MU * ((x - u) ** 2 + (y - v) ** 2) / H**2)
+        error = tracker.add(power(k + 1.0, exact if estimator == "likelihood" else linear_power(x, y, u, v)), u, v)
+    assert error is not None
+    assert [error.cross_elevation_rad, error.elevation_rad] == pytest.approx([x, y], rel=1e-3)
+    assert error.valid == valid
+    assert error.reason == ("" if valid else "error of 0.30 beamwidths is outside 0.29 beamwidths")

@@ -122,3 +122,34 @@ def test_a_strong_carrier_gives_the_shortest_turn_and_the_preferred_loss() -> No
     scan = scan_for_accuracy(STATION, KA, 60.0, 1.0 * MDEG)
     assert scan.period_s == pytest.approx(KA.shortest_period_s)
     assert scan.radius_rad == pytest.approx(radius_for_loss_rad(17.0 * MDEG, KA.preferred_loss_db))
+
+
+@pytest.mark.parametrize("turns", [2.0, 3.0, 5.0])
+def test_a_drift_that_is_estimated_along_costs_samples_by_its_correlation_with_the_scan(turns: float) -> None:
+    """1 - 6 / (pi turns)^2 is the square of the correlation of a line with the sine of so many turns."""
+    phase = 2.0 * math.pi * turns * (np.arange(100_000) + 0.5) / 100_000
+    lost = float(np.corrcoef(phase, np.sin(phase))[0, 1]) ** 2
+    station = STATION.replace(period_s=8.0 / turns, window_samples=80)
+    with_drift, without = (
+        scan_for_accuracy(station.replace(drift=drift), KA.replace(longest_period_s=900.0 / turns), 30.0, 0.1 * MDEG)
+        for drift in (True, False)
+    )
+    assert with_drift.radius_rad == without.radius_rad
+    assert without.window_samples / with_drift.window_samples == pytest.approx(1.0 - lost, rel=1e-3)
+
+
+def test_a_design_has_the_radius_loss_and_period_that_it_states() -> None:
+    design = design_scan(KA.replace(integration_s=0.5), 30.0, 0.4 * MDEG)
+    assert design.period_s == design.samples * 0.5
+    assert design.loss_db == pytest.approx(0.1, rel=1e-9)
+    assert design.radius_rad == radius_for_loss_rad(17.0 * MDEG, 0.1)
+    # Eq. 25 with k_s = 2 r mu / h and L = exp(-mu r^2 / h^2), written out.
+    relative = math.sqrt(2.0 / (1000.0 * 0.5)) / math.exp(-MU * (design.radius_rad / KA.half_power_beamwidth_rad) ** 2)
+    sigma = KA.half_power_beamwidth_rad**2 / (2.0 * MU * design.radius_rad) * relative * math.sqrt(2.0 / design.samples)
+    assert design.sigma_rad == pytest.approx(sigma, rel=1e-12)
+
+
+def test_a_scan_has_at_least_four_samples_and_as_many_as_its_shortest_turn() -> None:
+    assert design_scan(KA, 90.0, 10.0 * MDEG).samples == 4
+    assert design_scan(KA.replace(integration_s=0.1), 90.0, 10.0 * MDEG).samples == 40
+    assert design_scan(KA.replace(integration_s=2.0), 90.0, 10.0 * MDEG).samples == 4

@@ -4,6 +4,8 @@ The watch on monopulse: false locks are named within 2 s, right ones never.
 """
 
 import copy
+import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -11,7 +13,7 @@ import pytest
 
 from rf_pointing.core import MDEG, PointingError, random_stream
 from rf_pointing.tracking import LockWatch, LockWatchParams
-from rf_pointing.tracking.lock_watch import InnovationBank, LockWatchState
+from rf_pointing.tracking.lock_watch import SETTLED_S, InnovationBank, LockWatchState
 
 STEP_S, NOISE, WALK, CHANGE, DRIFT = 0.1, 0.2, 0.3, 0.05, 0.5
 
@@ -276,3 +278,91 @@ def test_copied_state_continues_identically_and_reset_forgets() -> None:
     assert watch.response() == twin.response()
     watch.reset()
     assert watch.state == LockWatchState()
+
+
+def test_a_step_of_the_filters_is_kalmans_of_a_drifting_target_in_wind() -> None:
+    """Against matrices: position walks by q, velocity by a, one axis of a beam and an error that are filtered alike."""
+    noise, walk, change = np.array([0.04, 0.09]), np.array([0.3, 0.1]), np.array([0.05, 0.2])
+    bank = InnovationBank.begin(5.0, 1.0 + 2.0j, -0.5j, noise, np.array([0.4, 0.7]))
+    states = [[np.array([z, 0j]) for _ in noise] for z in (1.0 + 2.0j, -0.5j)]
+    spreads = [np.diag([noise[k], (0.4, 0.7)[k] ** 2]) for k in (0, 1)]
+    rng = random_stream(3, "matrices")
+    t_s = 5.0
+    for step_s in (0.1, 0.4, 0.07, 1.3):
+        t_s += step_s
+        values = rng.standard_normal(2) + 1j * rng.standard_normal(2)
+        bank, new, variance = bank.step(t_s, values[0], values[1], noise, walk, change)
+        move = np.array([[1.0, step_s], [0.0, 1.0]])
+        for k in (0, 1):
+            drift = change[k] ** 2 * np.array([[step_s**3 / 3.0, step_s**2 / 2.0], [step_s**2 / 2.0, step_s]])
+            spread = move @ spreads[k] @ move.T + drift + np.diag([walk[k] ** 2 * step_s, 0.0])
+            gain = spread[:, 0] / (spread[0, 0] + noise[k])
+            assert variance[k] == pytest.approx(spread[0, 0] + noise[k], rel=1e-12)
+            for axis in (0, 1):
+                expected = move @ states[axis][k]
+                assert new[axis, k] == pytest.approx(values[axis] - expected[0], rel=1e-9)
+                states[axis][k] = expected + gain * (values[axis] - expected[0])
+                assert bank.position_rad[axis, k] == pytest.approx(states[axis][k][0], rel=1e-9)
+                assert bank.velocity_rad_s[axis, k] == pytest.approx(states[axis][k][1], rel=1e-9)
+            spreads[k] = spread - np.outer(gain, spread[0])
+            np.testing.assert_allclose(bank.covariance[:, k], spreads[k][[0, 0, 1], [0, 1, 1]], rtol=1e-9)
+
+
+def test_a_response_needs_three_clusters_and_is_the_weighted_slope_through_them() -> None:
+    watch = LockWatch(LockWatchParams(half_power_beamwidth_rad=H, window_s=5.0))
+    rng, beams, errors, weights = random_stream(7, "slope"), [], [], []
+    for k in range(8):
+        beam, noise = complex(*rng.standard_normal(2)) * 0.02 * H, complex(*rng.standard_normal(2)) * 0.002 * H
+        error, sigma = -(1.3 - 0.4j) * beam + noise + 0.01 * H, (1.0 + k) * 0.002 * H
+        watch.add(sensed(0.1 * k, error, sigma=sigma), beam.real, beam.imag)
+        assert (watch.response() is None) is (k < 2)
+        beams.append(beam)
+        errors.append(error)
+        weights.append(1.0 / (sigma**2 + (watch.params.unmodelled_beamwidths * H) ** 2))
+    root = np.sqrt(weights)
+    rows = np.column_stack([np.array(beams), np.ones(8)]) * root[:, None]
+    slope = np.linalg.lstsq(rows, np.array(errors) * root, rcond=None)[0][0]
+    found = watch.response()
+    assert found.value == pytest.approx(-slope, rel=1e-9)
+    apart = np.array(beams) - np.average(beams, weights=weights)
+    assert found.sigma == pytest.approx(1.0 / math.sqrt(np.sum(weights * np.abs(apart) ** 2)), rel=1e-9)
+
+
+def test_the_velocity_of_a_target_is_at_first_as_uncertain_as_each_weather_makes_it() -> None:
+    params = LockWatchParams(half_power_beamwidth_rad=H, drift_rad_s=3e-5, drift_change_rad_s=(1e-6, 1e-5, 1e-4))
+    watch = LockWatch(params)
+    watch.add(sensed(1.0, 0j), 0.0, 0.0)
+    of_weather = np.array(
+        [changes for *_, changes in itertools.product(params.gust_rad, params.vibration_rad, params.drift_change_rad_s)]
+    )
+    sigma = np.maximum(3e-5, of_weather * SETTLED_S)
+    assert len(set(sigma)) > 1
+    np.testing.assert_allclose(watch.state.bank.covariance[2], sigma**2, rtol=1e-12)
+
+
+def test_evidence_fades_in_its_time_while_nothing_speaks_for_or_against_it() -> None:
+    """A beam at rest on a target at rest: every response explains that alike."""
+    watch = LockWatch(LockWatchParams(half_power_beamwidth_rad=H, fade_s=4.0))
+    watch.add(sensed(10.0, 0j), 0.0, 0.0)
+    told = (0.0, 2.0, 0.5, 1.0, 0.0, 2.5)
+    watch.state = dataclasses.replace(watch.state, sums=told)
+    for k in range(1, 6):
+        assert watch.add(sensed(10.0 + 0.4 * k, 0j), 0.0, 0.0) == ""
+        np.testing.assert_allclose(watch.state.sums, np.array(told) * math.exp(-0.1 * k), rtol=1e-6, atol=1e-9)
+
+
+def test_what_is_known_of_the_weather_fades_to_what_is_usual() -> None:
+    """After a cluster that all explain alike only the likeliest weather of the noise is left to learn."""
+    params = LockWatchParams(half_power_beamwidth_rad=H, weather_s=3.0)
+    watch = LockWatch(params)
+    watch.add(sensed(10.0, 0j), 0.0, 0.0)
+    count = len(watch._usual)
+    sure = tuple([0.0] * (count - 1) + [1.0 - 1e-12 * (count - 1)])
+    sure = tuple(max(share, 1e-12) for share in sure)
+    watch.state = dataclasses.replace(watch.state, weather=(sure,) * 6)
+    watch.add(sensed(10.5, 0j), 0.0, 0.0)
+    stays = math.exp(-0.5 / 3.0)
+    for known in watch.state.weather:
+        assert sum(known) == pytest.approx(1.0)
+        assert known[-1] == pytest.approx(stays + (1.0 - stays) * watch._usual[-1], rel=1e-6)
+        np.testing.assert_allclose(known[:-1], (1.0 - stays) * watch._usual[:-1], rtol=1e-4)

@@ -140,7 +140,11 @@ def test_broken_clusters_are_rejected_with_the_reason_and_an_unknown_spread(
     assert not error.valid
     with pytest.raises(AssertionError, match=reason):
         raise AssertionError(error.reason)
-    assert error.covariance_rad2[0, 0] == pytest.approx(H**2)
+    np.testing.assert_allclose(error.covariance_rad2, H**2 * np.eye(2))
+    assert (error.cross_elevation_rad, error.elevation_rad) == (0.0, 0.0)
+    # Of the last time that is one.
+    known = [t_s for t_s in np.ravel(change.get("t_s", 10.0 + SAMPLE_S * np.arange(5))) if np.isfinite(t_s)]
+    assert error.t_s == (known[-1] if known else 0.0)
     # Broken samples are no loss of the carrier, if only the receiver says what it hears.
     assert error.carrier_to_noise_db_hz == (0.0 if "carrier_to_noise_db_hz" in change else 45.0)
 
@@ -178,3 +182,82 @@ def test_calibration_that_does_not_separate_the_axes_is_refused() -> None:
 def test_calibration_with_a_missing_value_is_refused() -> None:
     with pytest.raises(ValueError, match=r"offset_real=.* must have 2 values"):
         MonopulseCalibration.ideal(H, SLOPE).replace(offset_real=(0.0,))
+
+
+def written_out(found: MonopulseTracker, samples: MonopulseCluster) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return error, covariance and chi squared by the least squares of real and imaginary parts."""
+    params, known = found.params, found.calibration
+    snr = 10.0 ** (samples.carrier_to_noise_db_hz / 10.0) * SAMPLE_S
+    power = np.sum(np.abs(samples.sum) ** 2) * snr / (1.0 + snr)
+    differences = (samples.difference_cross_elevation, samples.difference_elevation)
+    ratio = np.array([np.sum(one * np.conj(samples.sum)) for one in differences]) / power
+    response, off = known.response_per_rad(), ratio - known.offset()
+    parts = np.vstack([response.real, response.imag])
+    linear = np.linalg.lstsq(parts, np.concatenate([off.real, off.imag]), rcond=None)[0]
+    scale = params.slope / params.half_power_beamwidth_rad
+    error = np.arctanh(scale * linear) / scale
+    # Real and imaginary parts of the two ratios and their noise, the sum's in both.
+    noise = (1.0 + 1.0 / snr) / (len(samples.sum) * snr) * (np.eye(2) + np.outer(ratio, np.conj(ratio)))
+    of_parts = 0.5 * np.block([[noise.real, -noise.imag], [noise.imag, noise.real]])
+    jacobian = np.diag(1.0 / (1.0 - (scale * linear) ** 2)) @ np.linalg.pinv(parts)
+    left = np.abs(off - response @ linear) ** 2
+    floor = params.quadrature_floor**2 * np.maximum(np.abs(ratio) ** 2, 1e-4)
+    chi_squared = float(np.sum(left / (0.5 * noise.diagonal().real + floor)))
+    return error, jacobian @ of_parts @ jacobian.T, chi_squared
+
+
+def calibrated(**changes: float) -> MonopulseTracker:
+    response = np.array([[1.2 * np.exp(0.5j), 0.15j], [0.1, 0.9 * np.exp(-0.7j)]]) * SLOPE / H
+    known = MonopulseCalibration.from_response(response, np.array([0.02 + 0.01j, -0.01j]))
+    return MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=H, **changes), known)
+
+
+def through(found: MonopulseTracker, x: float, y: float, quadrature: float, level_db_hz: float) -> MonopulseCluster:
+    """A cluster of the calibrated feed, with a part that no direction gives."""
+    scale = SLOPE / H
+    ratio = (
+        found.calibration.response_per_rad() @ np.tanh(scale * np.array([x, y])) / scale + found.calibration.offset()
+    )
+    ratio = ratio + quadrature * np.array([0.6j, 0.8j])
+    snr = 10.0 ** (level_db_hz / 10.0) * SAMPLE_S
+    one = np.ones(5, dtype=complex)
+    # The receiver takes the noise power off that of the sum: it must be there.
+    total = np.sqrt((1.0 + snr) / snr) * one
+    return MonopulseCluster(
+        t_s=10.0 + SAMPLE_S * np.arange(5), sum=total, difference_cross_elevation=ratio[0] / total[0].real * one,
+        difference_elevation=ratio[1] / total[0].real * one, carrier_to_noise_db_hz=level_db_hz,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("level_db_hz", [32.0, 50.0])
+def test_error_and_covariance_are_the_least_squares_of_both_parts_of_both_channels(level_db_hz: float) -> None:
+    found = calibrated()
+    samples = through(found, 3.0 * MDEG, -5.0 * MDEG, 0.0, level_db_hz)
+    error = found.measure(samples)
+    expected, covariance, _ = written_out(found, samples)
+    assert error.valid, error.reason
+    assert [error.cross_elevation_rad, error.elevation_rad] == pytest.approx([3.0 * MDEG, -5.0 * MDEG], rel=1e-9)
+    assert [error.cross_elevation_rad, error.elevation_rad] == pytest.approx(expected, rel=1e-9)
+    np.testing.assert_allclose(error.covariance_rad2, covariance, rtol=1e-9, atol=1e-9 * covariance.max())
+
+
+@pytest.mark.parametrize("level_db_hz", [32.0, 60.0])
+def test_what_no_direction_gives_is_a_quadrature_from_its_chi_squared_on(level_db_hz: float) -> None:
+    found = calibrated()
+    low, high = 0.0, 3.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        chi_squared = written_out(found, through(found, 2.0 * MDEG, 1.0 * MDEG, middle, level_db_hz))[2]
+        low, high = (middle, high) if chi_squared < 30.0 else (low, middle)
+    assert 0.0 < low < 3.0
+    for share, valid in ((0.995, True), (1.005, False)):
+        error = found.measure(through(found, 2.0 * MDEG, 1.0 * MDEG, share * low, level_db_hz))
+        assert error.valid is valid, error.reason
+        assert error.reason.startswith("quadrature: chi squared 30 is above 30") or valid
+
+
+def test_beyond_the_straightened_curve_an_error_goes_on_in_a_line() -> None:
+    found, scale = tracker(valid_range_beamwidths=0.9), SLOPE / H
+    shape, stretch = found._straighten(np.array([0.9, -0.95]) / scale)
+    assert shape * scale == pytest.approx([math.atanh(0.9), -math.atanh(0.9) - 0.05])
+    assert stretch == pytest.approx([1.0 / (1.0 - 0.81)] * 2)

@@ -99,3 +99,70 @@ def test_three_beamwidths_at_x_band_are_searched_in_30_s() -> None:
 def test_search_of_thousands_of_turns_is_refused() -> None:
     with pytest.raises(ValueError, match="needs 29412 turns of the spiral, must be <= 200"):
         SpiralParams(half_power_beamwidth_rad=1.0 * MDEG, uncertainty_rad=5882.4 * MDEG)
+
+
+@pytest.mark.parametrize("t_s", [1e-3, 0.3, 1.0, 2.2, 3.7, 4.0, 9.0])
+def test_the_radius_of_the_circle_grows_as_the_quintic_at_rest_at_both_ends(t_s: float) -> None:
+    params = ScanParams(radius_rad=6.0 * MDEG, period_s=10.0, ramp_s=4.0)
+    # The quintic with value, first and second derivative 0 at 0 and 1, 0, 0 at 1, solved from its six conditions.
+    powers = np.arange(6)
+    rows = [[float(n == 0) for n in powers], [float(n == 1) for n in powers], [2.0 * (n == 2) for n in powers],
+            np.ones(6), powers, powers * (powers - 1)]  # fmt: skip
+    shape = np.linalg.solve(np.array(rows, dtype=float), [0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+    share = float(np.polyval(shape[::-1], min(t_s / 4.0, 1.0)))
+    x, y, *_ = params.offset(t_s)
+    angle = 2.0 * math.pi * t_s / 10.0
+    assert (x, y) == pytest.approx(
+        (6.0 * MDEG * share * math.cos(angle), 6.0 * MDEG * share * math.sin(angle)), abs=1e-12
+    )
+
+
+@pytest.mark.parametrize("params", SPIRALS)
+def test_the_spiral_is_that_of_archimedes_at_the_speed_that_its_limits_allow(params: SpiralParams) -> None:
+    """Half of the square of the acceleration for the curve, half for the speed; the whole way takes the time of that speed."""
+    search = SpiralSearch(params)
+    growth = params.pitch_beamwidths * params.half_power_beamwidth_rad / (2.0 * math.pi)
+    largest = 2.0 * math.pi * params.turns
+    phi = np.linspace(0.0, largest, 400_001)
+    speed_of = np.hypot(1.0, phi) * growth
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (speed_of[1:] + speed_of[:-1]) * np.diff(phi))])
+    share = params.acceleration_rad_s2 / math.sqrt(2.0)
+    radius = growth * (1.0 + phi**2) ** 1.5 / (2.0 + phi**2)
+    allowed = np.minimum.reduce(
+        [
+            np.full_like(phi, params.rate_rad_s),
+            np.sqrt(share * radius),
+            np.sqrt(2.0 * share * way),
+            np.sqrt(2.0 * share * (way[-1] - way)),
+        ]
+    )
+    for t_s in np.linspace(0.02, 0.98, 49) * search.duration_s:
+        x, y, x_rate, y_rate = search.offset(float(t_s))
+        here = math.hypot(x, y) / growth
+        assert math.remainder(math.atan2(y, x) - here, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-6)
+        assert math.hypot(x_rate, y_rate) == pytest.approx(float(np.interp(here, phi, allowed)), rel=0.01)
+    steps = np.diff(way) / np.maximum(0.5 * (allowed[1:] + allowed[:-1]), 1e-12)
+    assert search.duration_s == pytest.approx(float(np.sum(steps)), rel=0.01)
+
+
+def test_a_search_of_two_hundred_turns_is_the_longest() -> None:
+    beam = 1.0 * MDEG
+    radius = 0.6 * beam * 199.5
+    assert SpiralParams(half_power_beamwidth_rad=beam, uncertainty_rad=radius / 3.0 * 0.999).turns < 200.0
+    with pytest.raises(ValueError, match="turns of the spiral, must be <= 200"):
+        SpiralParams(half_power_beamwidth_rad=beam, uncertainty_rad=radius / 3.0 * 1.01)
+
+
+@pytest.mark.parametrize("params", SPIRALS)
+def test_the_first_way_of_a_spiral_is_made_at_one_acceleration(params: SpiralParams) -> None:
+    """From rest: the length of the arc is half of the speed times the time, to the last digits that count."""
+    search = SpiralSearch(params)
+    growth = params.pitch_beamwidths * params.half_power_beamwidth_rad / (2.0 * math.pi)
+    for share in (0.2, 0.5, 0.95):
+        t_s = share * float(search._time[1])
+        x, y, x_rate, y_rate = search.offset(t_s)
+        phi = math.hypot(x, y) / growth
+        arc = 0.5 * growth * (phi * math.hypot(1.0, phi) + math.asinh(phi))
+        assert 0.0 < phi <= 2.0 * math.pi / 256.0
+        assert arc == pytest.approx(0.5 * math.hypot(x_rate, y_rate) * t_s, rel=1e-9)
+        assert math.atan2(y, x) == pytest.approx(phi, rel=1e-9)

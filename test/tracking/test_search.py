@@ -1,5 +1,7 @@
 """The search along the track: nothing inside is missed, and the beam moves within its limits."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -46,3 +48,37 @@ def test_the_round_begins_again_where_it_ends(search: StripSearch) -> None:
 def test_a_width_below_the_pitch_needs_one_strip() -> None:
     narrow = StripSearch(LENGTH, 0.5 * PITCH, PITCH, RATE, ACCELERATION)
     assert all(narrow.offset(t)[1] == 0.0 for t in np.linspace(0.0, narrow.duration_s, 50))
+
+
+@pytest.mark.parametrize("length", [LENGTH, 4 * MDEG])
+def test_every_leg_is_a_trapezoid_of_speed_from_rest_to_rest(length: float) -> None:
+    """Short legs never reach the full speed: half of the way is run up, half run down."""
+    search = StripSearch(length, 20 * MDEG, PITCH, RATE, ACCELERATION)
+    # The middle, there and back, then two strips on each side; between them the way to the next one's beginning.
+    corners = [(0.0, 0.0), (length, 0.0), (-length, 0.0)]
+    corners += [(-length, PITCH), (length, PITCH), (length, -PITCH), (-length, -PITCH)]
+    corners += [(-length, 2 * PITCH), (length, 2 * PITCH), (length, -2 * PITCH), (-length, -2 * PITCH), (0.0, 0.0)]
+    total_s = 0.0
+    for (x0, y0), (x1, y1) in itertools.pairwise(corners):
+        way = np.hypot(x1 - x0, y1 - y0)
+        fastest = min(RATE, np.sqrt(ACCELERATION * way))
+        times = total_s + np.array([0.0, 0.5 * fastest / ACCELERATION, 0.5 * (way / fastest + fastest / ACCELERATION)])
+        gone = np.array([0.0, 0.125 * fastest**2 / ACCELERATION, 0.5 * way]) / way
+        speeds = np.array([0.0, 0.5 * fastest, fastest])
+        for t_s, share, speed in zip(times, gone, speeds, strict=True):
+            found = search.offset(float(t_s))
+            assert found[:2] == pytest.approx((x0 + share * (x1 - x0), y0 + share * (y1 - y0)), abs=1e-9)
+            assert np.hypot(*found[2:]) == pytest.approx(speed, abs=1e-6)
+        total_s += way / fastest + fastest / ACCELERATION
+    assert search.duration_s == pytest.approx(total_s, rel=1e-12)
+    assert search.offset(-3.0) == pytest.approx((0.0, 0.0, 0.0, 0.0))
+
+
+def test_every_time_of_many_rounds_lies_on_a_leg(search: StripSearch, random: np.random.Generator) -> None:
+    """The last moments of a round belong to its last leg."""
+    for t_s in [search.duration_s * (1.0 - 2.0**-k) for k in range(1, 54)] + random.uniform(0.0, 1e6, 2000).tolist():
+        x, y, x_rate, y_rate = search.offset(float(t_s))
+        assert abs(x) <= LENGTH * (1.0 + 1e-9)
+        assert abs(y) <= WIDTH * (1.0 + 1e-9)
+        assert np.hypot(x_rate, y_rate) <= RATE * (1.0 + 1e-9)
+    assert search.offset(search.duration_s * (1.0 - 2.0**-52))[:2] == pytest.approx((0.0, 0.0), abs=1e-12)

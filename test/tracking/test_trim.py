@@ -158,3 +158,61 @@ def test_refusals_that_are_not_in_a_row_leave_the_filter_as_it_is() -> None:
         assert not trim.update(t_s, np.array([300.0, 300.0]) * MDEG, noise, sky)
         assert trim.update(t_s + 1.0, direction_rows(overhead_pass(t_s + 1.0)) @ TRUTH, noise, overhead_pass(t_s + 1.0))
     assert trim.state.refused == 4
+
+
+@pytest.mark.parametrize("step_s", [0.25, 1.0, 3.0])
+def test_the_filter_is_kalmans_with_walks_and_a_jitter_that_is_the_same_over_its_correlation(step_s: float) -> None:
+    """Written out in the plain form, from the prior, at times like those of a clock."""
+    p = TrimParams(gate_sigmas=50.0)
+    trim, rng = TrimFilter(p), random_stream(9, "plain filter")
+    mean = np.zeros(4)
+    covariance = np.diag([p.along_track_s, p.cross_track_m, p.bias_rad, p.bias_rad]) ** 2
+    walk = np.diag([p.along_track_walk_s, p.cross_track_walk_m, p.bias_walk_rad, p.bias_walk_rad]) ** 2
+    for k in range(30):
+        # The first one has nothing before it, and counts whole.
+        share = 1.0 if k == 0 else max(1.0, p.correlation_s / step_s)
+        sky, noise = overhead_pass(step_s * k - 40.0), np.diag([2.0, 3.0]) * (0.1 * MDEG) ** 2
+        offset = direction_rows(sky) @ TRUTH + 0.2 * MDEG * rng.standard_normal(2)
+        covariance = covariance + (step_s * walk if k else 0.0)
+        rows = direction_rows(sky)
+        spread = rows @ covariance @ rows.T + noise + share * p.jitter_rad**2 * np.eye(2)
+        gain = covariance @ rows.T @ np.linalg.inv(spread)
+        mean, covariance = mean + gain @ (offset - rows @ mean), covariance - gain @ rows @ covariance
+        assert trim.update(1.7e9 + step_s * k, offset, noise, sky)
+        scale = np.sqrt(np.diag(covariance))
+        np.testing.assert_allclose(trim.state.mean / scale, mean / scale, atol=1e-5)
+        np.testing.assert_allclose(
+            trim.state.covariance / np.outer(scale, scale), covariance / np.outer(scale, scale), atol=1e-5
+        )
+    later = trim.trim(1.7e9 + step_s * 29 + 8.0, sky)
+    np.testing.assert_allclose(later.offset_rad, rows @ mean, rtol=1e-4)
+    np.testing.assert_allclose(later.covariance_rad2, rows @ (covariance + 8.0 * walk) @ rows.T, rtol=1e-4)
+
+
+def test_before_the_first_measurement_the_direction_is_as_uncertain_as_configured() -> None:
+    sky = overhead_pass(-30.0)
+    rows = direction_rows(sky)
+    unknown = TrimFilter(PARAMS).trim(12.0, sky)
+    spread = np.array([PARAMS.along_track_s, PARAMS.cross_track_m, PARAMS.bias_rad, PARAMS.bias_rad])
+    assert np.array_equal(unknown.offset_rad, np.zeros(2))
+    np.testing.assert_allclose(unknown.covariance_rad2, rows @ np.diag(spread**2) @ rows.T, rtol=1e-12)
+
+
+def test_a_dish_that_goes_over_the_top_turns_the_bias_and_not_the_ephemeris() -> None:
+    trim = TrimFilter(PARAMS)
+    fly(trim, -50.0, -20.0, 0.1 * MDEG)
+    mean, covariance = trim.state.mean, trim.state.covariance
+    trim.turn(np.array([-1.0, -1.0]))
+    np.testing.assert_array_equal(trim.state.mean, mean * [1.0, 1.0, -1.0, -1.0])
+    signs = np.array([1.0, 1.0, -1.0, -1.0])
+    np.testing.assert_array_equal(trim.state.covariance, covariance * np.outer(signs, signs))
+
+
+@pytest.mark.parametrize(("sigmas", "taken"), [(5.9, True), (6.1, False)])
+def test_a_measurement_six_sigma_off_is_refused(sigmas: float, taken: bool) -> None:
+    trim = TrimFilter(PARAMS)
+    sky = overhead_pass(-30.0)
+    spread = trim.trim(0.0, sky).covariance_rad2 + (1e-12 + PARAMS.jitter_rad**2) * np.eye(2)
+    offset = sigmas * np.linalg.cholesky(spread) @ np.array([0.6, -0.8])
+    assert trim.update(0.0, offset, 1e-12 * np.eye(2), sky) is taken
+    assert (trim.state.used, trim.state.refused) == (int(taken), int(not taken))

@@ -130,3 +130,56 @@ def test_a_beam_that_crosses_the_zenith_is_where_the_exact_inverse_says_and_neve
     exact = np.column_stack(model.remove(azimuth[clear], elevation[clear], 0.0, 0.0, 0.0, 0.0))
     off = sky_offset_rad(*sky[clear].T, *exact.T)
     assert np.max(np.hypot(*off)) < 1.0 * MDEG
+
+
+def lagging() -> MountParams:
+    return MountParams(
+        azimuth_velocity_lag_s=0.5, azimuth_acceleration_lag_s2=0.2, elevation_velocity_lag_s=-0.3,
+        elevation_acceleration_lag_s2=0.4,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("elevation", [0.9, 0.5 * math.pi - 0.05, 0.5 * math.pi + 0.05])
+def test_lags_act_on_the_motion_of_the_axes_far_from_the_zenith_and_near_it(elevation: float) -> None:
+    """observed = true + lag x rate + lag x acceleration, each axis by itself."""
+    error, axes = MountError(lagging().model()), np.array([1.0, elevation])
+    sky = error.remove(5.0, axes, np.array([0.02, 0.01]), np.array([0.003, -0.002]))
+    expected = axes - [0.5 * 0.02 + 0.2 * 0.003, -0.3 * 0.01 - 0.4 * 0.002]
+    np.testing.assert_allclose(sky, expected, rtol=0.0, atol=1e-9)
+
+
+def test_near_the_zenith_lags_add_to_what_the_mount_is_off_at_rest(dss13: BiasModel) -> None:
+    """The motion takes the axes away from where they are; what is left is removed as of a mount at rest."""
+    lags = {term.name: 0.0 for term in dss13.terms if term.kind == "lag"}
+    still = dss13.replace(**lags)
+    moving = still.replace(azimuth_velocity_lag=0.5, elevation_velocity_lag=-0.3)
+    axes, rates = np.array([1.0, 0.5 * math.pi - 0.04]), np.array([0.02, 0.01])
+    found = MountError(moving).remove(5.0, axes, rates, np.zeros(2))
+    expected = still.remove(axes[0] - 0.5 * 0.02, axes[1] + 0.3 * 0.01, 0.0, 0.0, 0.0, 0.0)
+    np.testing.assert_allclose(found, [float(part) for part in expected], rtol=0.0, atol=1e-9)
+
+
+class Blind:
+    """A model that names no direction within half a degree of the zenith."""
+
+    def __init__(self, model: BiasModel) -> None:
+        self.model, self.offset_rad = model, model.offset_rad
+
+    def remove(self, azimuth: float, elevation: float, *rates: float) -> tuple[float, float]:
+        if abs(elevation - 0.5 * math.pi) < math.radians(0.5):
+            raise ValueError("elevation is too near the zenith")
+        return self.model.remove(azimuth, elevation, *rates)
+
+
+def test_where_no_direction_can_be_named_the_correction_stays(dss13: BiasModel) -> None:
+    model = dss13.replace(**{term.name: 0.0 for term in dss13.terms if term.kind == "lag"})
+    error, still, corrections = MountError(Blind(model)), np.zeros(2), []  # type: ignore[arg-type]
+    for step, off_deg in enumerate((0.7, 0.6, 0.4, 0.1, -0.3, -0.6)):
+        axes = np.array([1.0, math.radians(90.0 - off_deg)])
+        corrections.append(error.remove(0.02 * step, axes, still, still) - axes)
+        if abs(off_deg) > 0.5:
+            exact = [float(part) for part in model.remove(*axes, 0.0, 0.0, 0.0, 0.0)]
+            np.testing.assert_allclose(corrections[-1], exact - axes, rtol=0.0, atol=1e-12)
+    for kept in corrections[2:5]:
+        np.testing.assert_allclose(kept, corrections[1], rtol=0.0, atol=1e-12)
+    assert np.abs(corrections[1]).max() > 1e-4

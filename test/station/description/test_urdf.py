@@ -12,6 +12,7 @@ from rf_pointing.commands import check_station
 from rf_pointing.core import AXES
 from rf_pointing.core.angles import unit_vector_from_azel
 from rf_pointing.station.description import read_station, shipped_stations, urdf
+from rf_pointing.station.description.derivation import BEAM_FACTOR_DEG, Band
 from rf_pointing.station.description.urdf import FRAMES, size_m
 
 ROUNDED_RAD = 1e-11
@@ -163,6 +164,76 @@ def test_shapes_lie_on_the_axis_that_turns_them_and_touch_each_other(name: str) 
         end = max(end, far)
     if read_station(name).content.dish:
         assert max(row[0] for kind, row in found["elevation_link"] if kind == "cylinder") == pytest.approx(0.5)
+
+
+UPRIGHT, ALONG_X = [0.0, 0.0, 0.0], [0.0, 0.5 * math.pi, 0.0]
+MOUNT_SHAPES = [
+    ("base_link", "cylinder", [0.07, 0.6], [0.0, 0.0, -0.36], UPRIGHT, "grey"),
+    ("azimuth_link", "box", [0.12, 0.24, 0.12], [0.0, 0.0, -0.02], UPRIGHT, "grey"),
+]
+DISH_SHAPES = [
+    ("elevation_link", "cylinder", [0.5, 0.04], [0.2, 0.0, 0.0], ALONG_X, "white"),
+    ("elevation_link", "cylinder", [0.25, 0.12], [0.12, 0.0, 0.0], ALONG_X, "white"),
+    ("elevation_link", "cylinder", [0.01, 0.35], [0.375, 0.0, 0.0], ALONG_X, "grey"),
+    ("elevation_link", "sphere", [0.05], [0.55, 0.0, 0.0], UPRIGHT, "white"),
+]
+BOOM_SHAPES = [
+    ("elevation_link", "cylinder", [0.015, 1.0], [0.4, 0.0, 0.0], ALONG_X, "white"),
+    *(
+        ("elevation_link", "box", box, [0.2 * place, 0.0, 0.0], UPRIGHT, "grey")
+        for place in range(5)
+        for box in ([0.01, 0.35, 0.01], [0.01, 0.01, 0.35])
+    ),
+]
+"""What is seen, in sizes of the antenna: a snapshot of drawings that nothing computes with."""
+
+
+@pytest.mark.parametrize(("name", "own"), [("leo_3m7", DISH_SHAPES), ("vhf_uhf_yagi", BOOM_SHAPES)])
+def test_a_dish_and_a_boom_look_as_they_always_did(name: str, own: list[tuple]) -> None:
+    station = read_station(name)
+    size, seen = size_m(station), []
+    for link in ElementTree.fromstring(urdf(station)).iter("link"):
+        for visual in link.iter("visual"):
+            origin, body, material = visual.find("origin"), visual.find("geometry")[0], visual.find("material")  # type: ignore
+            seen.append((
+                link.get("name"), body.tag, [each / size for text in body.attrib.values() for each in numbers(text)],
+                [each / size for each in numbers(origin.get("xyz"))], numbers(origin.get("rpy")), material.get("name"),
+            ))  # type: ignore[union-attr]  # fmt: skip
+            assert len(numbers(material[0].get("rgba"))) == 4  # type: ignore[index]
+    assert len(seen) == len(MOUNT_SHAPES + own)
+    for found, wanted in zip(seen, MOUNT_SHAPES + own, strict=True):
+        assert [found[0], found[1], found[5]] == [wanted[0], wanted[1], wanted[5]]
+        for column in (2, 3, 4):
+            assert found[column] == pytest.approx(wanted[column], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", shipped_stations())
+def test_masses_moments_and_efforts_are_those_of_the_simulated_plant(name: str) -> None:
+    """A thin disc: m d^2 / 16 about its diameter, twice that about its axis; what turns in both is counted once."""
+    station = read_station(name)
+    plant, size = station.parameters("antenna_servo"), size_m(station)
+    whole, upper = (plant[f"plant.{axis}.inertia_kg_m2"] for axis in AXES)
+    text = urdf(station)
+    bodies = list(ElementTree.fromstring(text).iter("inertial"))
+    for body, wanted in zip(bodies, (max(whole - upper, 0.1 * whole), upper), strict=True):
+        mass = float(str(body.find("mass").get("value")))  # type: ignore[union-attr]
+        assert mass * size**2 / 16.0 == pytest.approx(wanted, rel=1e-9)
+        moments = {key: float(str(value)) for key, value in body.find("inertia").attrib.items()}  # type: ignore
+        assert moments == pytest.approx(
+            {"ixx": 2.0 * wanted, "iyy": wanted, "izz": wanted, "ixy": 0.0, "ixz": 0.0, "iyz": 0.0}, rel=1e-9
+        )
+        assert body.find("origin").attrib == {"xyz": "0 0 0", "rpy": "0 0 0"}  # type: ignore[union-attr]
+    for joint, inertia in zip(joints_of(text)[:2], (whole, upper), strict=True):
+        bend = math.radians(plant[f"plant.{joint.get('name')}.acceleration_limit_deg_s2"])
+        assert float(str(joint.find("limit").get("effort"))) == pytest.approx(inertia * bend, rel=1e-9)  # type: ignore
+
+
+def test_the_size_is_the_reflectors_or_that_of_the_beam() -> None:
+    """Of the band's wavelength, 70 deg of it over the beamwidth."""
+    assert size_m(read_station("leo_3m7")) == 3.7
+    yagi = read_station("vhf_uhf_yagi")
+    band = Band(yagi.content, yagi.default_band)
+    assert size_m(yagi) == pytest.approx(BEAM_FACTOR_DEG * band.wavelength_m / band.beamwidth_deg)
 
 
 def test_the_command_prints_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

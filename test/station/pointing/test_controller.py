@@ -16,6 +16,11 @@ from rf_pointing.planning.certificate_text import certificate_lines
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PLAN_PATIENCE_S, PointingController
+from rf_pointing.station.pointing.params import AlarmParams
+from rf_pointing.station.pointing.scan_patterns import sensor_cost
+from rf_pointing.station.pointing.status import Level
+from rf_pointing.tracking import SkyMotion
+from rf_pointing.tracking.sensors import SENSORS
 
 Rig = Any
 MakeRig = Callable[..., Rig]
@@ -253,6 +258,162 @@ def test_the_way_to_the_target_is_judged_once_and_again_after_a_stall(
         made.controller.take_joints(still(away_rad, window.aos_elevation_rad, begin_s + late_s))
         _, status = made.controller.step(begin_s + late_s)
     assert (status.mode, len(judged)) == ("slew", 2)
+
+
+# What is published
+
+
+def test_the_status_is_what_target_axes_and_pass_give(rig: MakeRig, window: Pass, track: TopocentricTrack) -> None:
+    made = rig()
+    assert made.controller.step(window.aos_t_s - 0.05)[1].command_lead_s == 1.0
+    *_, (t_s, trajectory, status) = made.run(window.aos_t_s, 8.0)
+    look = track.target_at(t_s)
+    assert (status.mode, status.sensor, status.target, status.los_t_s) == (
+        "program_track", "none", window.name, window.los_t_s,
+    )  # fmt: skip
+    assert math.remainder(status.azimuth_rad - look.azimuth_rad, math.tau) == pytest.approx(0.0, abs=1e-8)
+    assert status.elevation_rad == pytest.approx(look.elevation_rad, abs=1e-8)
+    np.testing.assert_allclose(status.scan_centre_rad, made.position_rad, atol=1e-9)
+    np.testing.assert_allclose([status.cross_elevation_error_rad, status.elevation_error_rad], 0.0, atol=1e-8)
+    np.testing.assert_array_equal(status.offset_rad, [0.0, 0.0])
+    assert (status.carrier_to_noise_db_hz, status.command_lead_s) == (0.0, 1.0)
+    assert status.half_power_beamwidth_rad == made.controller.params.spiral.half_power_beamwidth_rad
+    assert (status.held, status.on_source, status.axis_age_s) == (True, True, 0.0)
+    assert status.settle_count > 60
+    assert status.seconds_tracked_s == pytest.approx(8.0, abs=0.35)
+    assert status.seconds_lost_s == pytest.approx(8.0 - status.seconds_tracked_s, abs=0.11)
+    assert status.mean_loss_db == made.controller.statistics.outcome.mean_loss_db < 0.1
+    assert (status.level, status.alarm) == (Level.OK, "")
+    # Axes that stay behind by a mrad show it, with the great circle.
+    off = np.array([1e-3, -2e-3])
+    made.controller.take_joints(still(*(trajectory.position_rad[0] - off), t_s=round(t_s + 0.1, 6)))
+    made.controller.take_target(track.target_at(round(t_s + 2.1, 6)))
+    status = made.controller.step(round(t_s + 0.1, 6))[1]
+    right = off[0] * math.cos(trajectory.position_rad[0, 1])
+    np.testing.assert_allclose(status.axis_error_rad, [right, off[1]], rtol=0.01)
+    assert status.axis_distance_rad == pytest.approx(math.hypot(right, off[1]), rel=0.01)
+    assert status.cross_elevation_error_rad == pytest.approx(right, rel=0.01)
+    assert (status.on_source, status.settle_count) == (False, 0)
+
+
+def test_without_a_pass_the_status_names_none(make_controller: MakeController) -> None:
+    controller = make_controller()
+    status = controller.step(50.0)[1]
+    assert (status.target, status.los_t_s, status.command_lead_s, status.axis_age_s) == ("", 0.0, 0.0, -1.0)
+    assert not status.on_source
+    controller.take_joints(still(1.0, 1.0, 50.0))
+    assert controller.step(50.3)[1].axis_age_s == pytest.approx(0.3)
+
+
+def measured(t_s: float, sensor: str = "monopulse", **changes: Any) -> PointingError:
+    given = {"t_s": round(t_s, 6), "sensor": sensor, "cross_elevation_rad": 1e-5, "elevation_rad": -2e-5,
+        "covariance_rad2": 1e-10 * np.eye(2), "carrier_to_noise_db_hz": 60.0}  # fmt: skip
+    return PointingError(**(given | changes))
+
+
+def test_the_error_of_the_sensor_in_use_is_shown_and_no_other(rig: MakeRig, window: Pass) -> None:
+    made = rig("monopulse")
+    shown = {}
+    for t_s, _, status in made.run(window.aos_t_s, 5.0, lambda t_s, _rig: [measured(t_s - 0.1)]):
+        shown[status.mode] = (status.cross_elevation_error_rad, status.elevation_error_rad)
+        if t_s > window.aos_t_s + 1.0:
+            assert status.carrier_to_noise_db_hz == 60.0
+    assert shown["monopulse"] == (1e-5, -2e-5)
+    assert shown["program_track"] == pytest.approx((0.0, 0.0), abs=1e-8)
+    # One that is not valid is not shown, its level is.
+    weak = measured(t_s, valid=False, reason="weak", carrier_to_noise_db_hz=59.0)
+    _, status = made.period(round(t_s + 0.1, 6), [weak])
+    assert status.carrier_to_noise_db_hz == 59.0
+    assert abs(status.elevation_error_rad + 2e-5) > 1e-6
+
+
+LOST = AlarmParams(lost_warning_s=1.0, lost_error_s=20.0)
+
+
+@pytest.mark.parametrize(
+    ("lost_s", "level"), [(0.9, Level.OK), (1.1, Level.WARN), (19.9, Level.WARN), (20.1, Level.ERROR)]
+)
+def test_a_target_that_is_not_held_is_a_warning_and_then_an_error(
+    rig: MakeRig, window: Pass, lost_s: float, level: Level
+) -> None:
+    made = rig(alarm=LOST)
+    *_, (t_s, _, _) = made.run(window.aos_t_s, 25.0)
+    controller, axes = made.controller, made.controller.antenna.state
+    controller.statistics.held_t_s = t_s - lost_s
+    found = controller._alarm_of(t_s, window, axes)
+    assert found[0] == level
+    assert (f"the target has not been held for {lost_s:.1f} s: program_track" in found[1]) is (level > Level.OK)
+    # Counted from the beginning of the pass, or from when it was joined.
+    controller.statistics.held_t_s = -math.inf
+    controller.statistics.begun_t_s = t_s - lost_s
+    assert controller._alarm_of(t_s, window, axes)[0] == level
+    controller.statistics.begun_t_s = -math.inf
+    assert controller._alarm_of(window.aos_t_s + lost_s, window, axes)[0] == level
+    assert controller._alarm_of(window.aos_t_s - 1.0, window, axes) == (Level.OK, "")
+
+
+def test_what_is_wrong_comes_in_the_order_of_its_weight(rig: MakeRig, window: Pass) -> None:
+    made = rig()
+    *_, (t_s, _, _) = made.run(window.aos_t_s, 5.0)
+    controller, axes = made.controller, made.controller.antenna.state
+    assert controller._alarm_of(t_s, window, axes) == (Level.OK, "")
+    doubted = dataclasses.replace(axes, doubt="silent")
+    assert controller._alarm_of(t_s, window, doubted) == (Level.ERROR, "silent")
+    assert controller._alarm_of(t_s, window, dataclasses.replace(doubted, fault="frozen")) == (Level.ERROR, "frozen")
+    state = controller.state
+    for mode, level in (
+        ("search", Level.WARN), ("coast", Level.WARN), ("hand_back", Level.WARN), ("monopulse", Level.OK),
+    ):  # fmt: skip
+        controller._mode.state = dataclasses.replace(state, mode=mode, reason="why")
+        assert controller._alarm_of(t_s, window, axes) == (level, f"{mode}: why" if level else "")
+    controller._mode.state = state
+    # Targets are known 2 s ahead and commanded 1 s ahead.
+    held = controller.statistics
+    for late_s in (0.9, 1.4):
+        held.held_t_s = t_s + late_s
+        level, words = controller._alarm_of(t_s + late_s, window, axes)
+        assert (level, words[:20]) == ((Level.OK, "") if late_s < 1.0 else (Level.WARN, "no target for 0.4 s:"))
+
+
+def test_a_fault_of_the_antenna_is_shown_until_its_reset_and_one_of_the_watch_until_the_next_pass(
+    make_controller: MakeController,
+) -> None:
+    controller = make_controller()
+    for own, antenna, expected in (
+        ("", "", (Level.OK, "")), ("", "brake", (Level.ERROR, "antenna fault: brake")),
+        ("the axes run away", "", (Level.ERROR, "the axes run away")),
+        ("the axes run away", "brake", (Level.ERROR, "antenna fault: brake")), ("antenna fault: brake", "", (Level.OK, "")),
+    ):  # fmt: skip
+        controller.statistics.fault = own
+        controller.take_antenna("holding", antenna)
+        status = controller.step(10.0)[1]
+        assert (status.level, status.alarm) == expected
+
+
+@pytest.mark.parametrize(
+    ("sensor", "level_db_hz", "used"),
+    [("program", 60.0, None), ("monopulse", 60.0, "monopulse"), ("auto", 36.1, "monopulse"), ("auto", 35.9, "conscan"),
+     ("conscan", 60.0, "conscan"), ("steptrack", 60.0, "steptrack")],
+)  # fmt: skip
+def test_the_certificate_counts_what_the_sensor_costs_for_which_the_link_is_enough(
+    make_controller: MakeController,
+    track: TopocentricTrack,
+    window: Pass,
+    sensor: str,
+    level_db_hz: float,
+    used: str | None,
+) -> None:
+    link = LinkParams(zenith_carrier_to_noise_db_hz=level_db_hz, reference_range_m=window.smallest_range_m)
+    controller, profile = make_controller(link=link), pass_profile(track, window)
+    found = controller._cost(sensor, window, profile)
+    rate = profile.velocity_rad_s[0]
+    motion = SkyMotion(float(rate[0] * math.cos(profile.position_rad[0, 1])), float(rate[1]), window.smallest_range_m)
+    params = controller.params
+    alone = sensor_cost(SENSORS[used] if used else None, controller._scans, params.trim, params.autotrack, motion)
+    levels = level_db_hz - 20.0 * np.log10(profile.range_m / window.smallest_range_m)
+    expected = dataclasses.replace(alone, carrier_to_noise_db_hz=found.carrier_to_noise_db_hz)
+    assert found == expected
+    assert found.carrier_to_noise_db_hz == pytest.approx((levels.min(), levels.max()))
 
 
 # What the link cannot give

@@ -15,7 +15,7 @@ from rf_pointing.planning import AxisRates, MachineParams
 from rf_pointing.station.pointing.corrections import STEEPEST_RAD, OffsetTransition, PointingCorrections, added
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.scan_patterns import Scans
-from rf_pointing.tracking import AutotrackState, SkyMotion, TrimParams, direction_rows
+from rf_pointing.tracking import AutotrackState, SkyMotion, TrimFilter, TrimParams, direction_rows
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.scan import ScanParams as CircleParams
 
@@ -41,20 +41,23 @@ def climbing(times: np.ndarray, elevation_rad: float = 0.9) -> Motion:
 class Loop:
     """Steps the offsets once a period, as the pointing controller does, with a beam that is where it is commanded."""
 
-    def __init__(self, probe: CircleParams | None = None) -> None:
+    def __init__(self, probe: CircleParams | None = None, sample_s: float = 0.1) -> None:
         sets = ControllerParams(conscan=CONSCAN)
         scans = Scans(sets.spiral, sets.calibration.scan, probe, sets)
-        self.offsets = PointingCorrections(TrackerIntegratorParams(bandwidth_hz=0.2), scans, TrimParams())
+        integrator = TrackerIntegratorParams(bandwidth_hz=0.2, sample_s=sample_s)
+        self.offsets = PointingCorrections(integrator, scans, TrimParams())
         self.offsets.restart(T_S)
         self.mode, self.t_s = "program_track", T_S
         self.rows: list[np.ndarray] = []
         self.step("program_track")
 
-    def step(self, mode: str, error: PointingError | None = None, beam: np.ndarray | None = None) -> np.ndarray:
+    def step(
+        self, mode: str, error: PointingError | None = None, beam: np.ndarray | None = None, *, carrier: bool = True
+    ) -> np.ndarray:
         """Return offset and rate (10, 4) on the sky of the trajectory that this period issues."""
         self.t_s = round(self.t_s + PERIOD_S, 6)
         times = np.round(self.t_s + PERIOD_S * np.arange(1, 11), 6)
-        state = AutotrackState(mode=mode, entered_s=self.t_s, carrier=True, strong=True)
+        state = AutotrackState(mode=mode, entered_s=self.t_s, carrier=carrier, strong=True)
         self.offsets.update(float(times[0]), self.mode, state, error, beam)
         self.mode = mode
         sky = climbing(times)
@@ -133,8 +136,12 @@ def test_no_change_of_mode_makes_the_command_jump(before: str, mode: str) -> Non
     deg/s^2 allow."""
     loop = Loop(PROBE)
     loop.run("monopulse", 3.0, beside(9.0, -6.0))
-    loop.run(before, 2.3)
-    loop.run(mode, 4.0)
+    last = loop.run(before, 2.3)
+    # The second instant of one trajectory is the first of the next.
+    first = loop.step(mode)
+    np.testing.assert_allclose(first[0, :2], last[1, :2], atol=2e-7)
+    np.testing.assert_allclose(first[0, 2:], last[1, 2:], atol=2e-7)
+    loop.run(mode, 3.9)
     offsets = np.array(loop.rows)
     rates = np.diff(offsets, axis=0) / PERIOD_S
     assert float(np.max(np.abs(np.diff(rates, axis=0)))) / PERIOD_S < math.radians(0.5)
@@ -324,3 +331,195 @@ def test_nothing_left_over_is_nothing_added() -> None:
     position, velocity = OffsetTransition().at(TIMES)
     assert not position.any()
     assert not velocity.any()
+    position, velocity = OffsetTransition().at(np.array([0.0, 0.1]))
+    assert not position.any()
+    assert not velocity.any()
+    assert OffsetTransition().end_s == -math.inf
+
+
+@pytest.mark.parametrize(("distance", "speed"), [(200.0, 150.0), (300.0, 0.0), (0.0, 100.0), (1000.0, 700.0)])
+def test_a_transition_lasts_as_long_as_its_bound_of_the_acceleration_says(distance: float, speed: float) -> None:
+    """4 v / T + 5.8 d / T^2, and half a second at least."""
+    offset, rate = np.array([0.6, -0.8]) * distance * MDEG, np.array([0.0, speed * MDEG])
+    made = OffsetTransition.within(100.0, offset, rate, ACCELERATION)
+    needed = 4.0 * speed * MDEG / made.duration_s + 5.8 * distance * MDEG / made.duration_s**2
+    assert needed == pytest.approx(ACCELERATION)
+    assert made.end_s == 100.0 + made.duration_s
+    assert OffsetTransition.within(100.0, 0.01 * offset, 0.01 * rate, ACCELERATION).duration_s == 0.5
+
+
+# Against the filter and the loop by themselves
+
+
+def sky_at(t_s: float) -> SkyMotion:
+    right, up = sky_rates(climbing(np.array([t_s])))
+    return SkyMotion(float(right[0]), float(up[0]), RANGE_M)
+
+
+def test_before_anything_is_known_nothing_is_added() -> None:
+    sets = ControllerParams()
+    made = PointingCorrections(
+        TrackerIntegratorParams(), Scans(sets.spiral, sets.calibration.scan, None, sets), TrimParams()
+    )
+    np.testing.assert_array_equal(made.correction_rad(0.0), [0.0, 0.0])
+    assert made.arrived_s == -math.inf
+    made.update(0.1, "program_track", AutotrackState(mode="conscan", carrier=True), None, None)
+    assert made.arrived_s == pytest.approx(0.1 + 0.5 + 0.5)
+
+
+def test_a_scan_teaches_the_filter_once_a_window_at_the_mean_time_of_its_samples() -> None:
+    """And the loop with its own bandwidth: after every estimate the offset goes on by 2 pi f T e."""
+    loop, alone, learned_s = Loop(), TrimFilter(TrimParams()), -math.inf
+    loop.run("conscan", 5.0)
+    age_s = CONSCAN.age_s
+    bandwidth_hz, sample_s = CONSCAN.loop
+    sensed, covariance = np.array([3.0, -2.0]) * MDEG, np.array([[400.0, 50.0], [50.0, 300.0]]) * MDEG**2
+    for _ in range(120):
+        stamp_s = round(loop.t_s - PERIOD_S, 6)
+        then = loop.offsets.correction_rad(stamp_s)
+        if stamp_s - learned_s >= 2.0 * age_s:
+            learned_s = stamp_s
+            alone.update(stamp_s - age_s, then + sensed, covariance, sky_at(stamp_s - age_s))
+        loop.step("conscan", heard(stamp_s, *sensed, sensor="conscan", covariance_rad2=covariance), np.zeros(2))
+    state = loop.offsets.filter.state
+    assert state.used == alone.state.used >= 3
+    assert state.t_s == pytest.approx(alone.state.t_s)
+    np.testing.assert_allclose(state.covariance, alone.state.covariance, rtol=1e-4, atol=1e-18)
+    np.testing.assert_allclose(state.mean, alone.state.mean, rtol=1e-3, atol=1e-12)
+    before, last_s = loop.offsets.correction_rad(loop.t_s + PERIOD_S), loop.t_s
+    loop.step("conscan")
+    moved = loop.offsets.correction_rad(loop.t_s + PERIOD_S) - before
+    # What the filter learned moves with the target meanwhile.
+    rows = [direction_rows(sky_at(t_s + PERIOD_S)) for t_s in (last_s, loop.t_s)]
+    drifted = (rows[1] - rows[0]) @ state.mean
+    expected = 2.0 * math.pi * bandwidth_hz * min(PERIOD_S, sample_s or PERIOD_S) * sensed
+    np.testing.assert_allclose(moved - drifted, expected, rtol=0.02, atol=1e-9)
+
+
+def test_a_stare_teaches_the_filter_every_error_where_the_beam_was() -> None:
+    loop, alone = Loop(), TrimFilter(TrimParams())
+    loop.step("monopulse")
+    for k in range(30):
+        stamp_s = round(loop.t_s - PERIOD_S, 6)
+        beam, sensed = np.array([1.0, 0.1 * k]) * MDEG, np.array([2.0, -1.0]) * MDEG
+        if k > 0:
+            alone.update(stamp_s, beam + sensed, np.eye(2) * (0.2 * MDEG) ** 2, sky_at(stamp_s))
+        loop.step("monopulse", heard(stamp_s, *sensed), beam if k > 0 else None)
+    state = loop.offsets.filter.state
+    assert state.used == alone.state.used == 29
+    np.testing.assert_allclose(state.mean, alone.state.mean, rtol=1e-3, atol=1e-12)
+    # One that is older than what was learned is for the loop alone.
+    loop.offsets._used_s = -math.inf
+    loop.step("monopulse", heard(round(loop.t_s - 0.4, 6), 0.0, 0.0), np.zeros(2))
+    assert loop.offsets.filter.state.used == 29
+
+
+@pytest.mark.parametrize("valid", [True, False])
+def test_a_search_teaches_the_filter_the_place_of_the_strongest_carrier(valid: bool) -> None:
+    """Where the beam was, to a quarter of a beamwidth; an error that is valid says more."""
+    loop, alone = Loop(), TrimFilter(TrimParams())
+    loop.run("search", 1.0)
+    stamp_s = round(loop.t_s - PERIOD_S, 6)
+    beam, sensed = np.array([12.0, -7.0]) * MDEG, np.array([2.0, 3.0]) * MDEG
+    error = heard(stamp_s, *sensed, valid=valid, reason="" if valid else "off the axis", carrier_to_noise_db_hz=45.0)
+    loop.step("search", error, beam)
+    loop.step("search", heard(round(loop.t_s - PERIOD_S, 6), 0.0, 0.0, carrier_to_noise_db_hz=44.0), np.zeros(2))
+    # Where the beam was is not known.
+    loop.step("search", heard(round(loop.t_s - PERIOD_S, 6), 0.0, 0.0, carrier_to_noise_db_hz=60.0), None)
+    loop.step("coast")
+    sigma = 0.25 * loop.offsets.half_power_beamwidth_rad
+    direction, covariance = (beam + sensed, np.eye(2) * (0.2 * MDEG) ** 2) if valid else (beam, np.eye(2) * sigma**2)
+    alone.update(stamp_s, direction, covariance, sky_at(stamp_s))
+    state = loop.offsets.filter.state
+    assert state.used == 1
+    np.testing.assert_allclose(state.mean, alone.state.mean, rtol=1e-3, atol=1e-12)
+    np.testing.assert_allclose(state.covariance, alone.state.covariance, rtol=1e-3, atol=1e-18)
+    # Until a sensor has looked at it that direction does not fade; the part of it that is the loop's stays.
+    rest = direction - direction_rows(sky_at(stamp_s)) @ state.mean
+    for _ in range(60):
+        loop.step("coast")
+    at_s = loop.t_s + PERIOD_S
+    expected = direction_rows(sky_at(at_s)) @ state.mean + rest
+    np.testing.assert_allclose(loop.offsets.correction_rad(at_s), expected, atol=1e-3 * MDEG)
+
+
+def test_a_search_that_ends_without_a_lock_leaves_what_is_known() -> None:
+    for mode in ("program_track", "hand_back", "calibrate"):
+        loop = Loop()
+        loop.run("search", 1.0)
+        loop.step("search", heard(round(loop.t_s - PERIOD_S, 6), 0.0, 0.0), np.array([20.0, 0.0]) * MDEG)
+        loop.step(mode)
+        assert loop.offsets.filter.state.used == 0
+
+
+def test_a_coast_forgets_within_three_seconds_what_the_filter_does_not_explain() -> None:
+    loop = Loop()
+    loop.run("monopulse", 2.0, beside(20.0, -9.0))
+    state = loop.offsets.filter.state
+    now_s = loop.t_s + PERIOD_S
+    loop.step("coast")
+    begin_s = loop.t_s + PERIOD_S
+    ephemeris = direction_rows(sky_at(begin_s)) @ loop.offsets.filter.state.mean
+    tracking = loop.offsets.correction_rad(begin_s) - ephemeris
+    assert now_s < begin_s
+    assert state.used > 0
+    assert np.hypot(*tracking) > 0.1 * MDEG
+    for _ in range(40):
+        loop.step("coast")
+    at_s = loop.t_s + PERIOD_S
+    left = loop.offsets.correction_rad(at_s) - direction_rows(sky_at(at_s)) @ loop.offsets.filter.state.mean
+    np.testing.assert_allclose(left, tracking * math.exp(-(at_s - begin_s) / 3.0), atol=2e-3 * MDEG)
+    # With a sensor again it is kept, and searched from.
+    held = loop.offsets.correction_rad(at_s) - direction_rows(sky_at(at_s)) @ loop.offsets.filter.state.mean
+    for mode in ("monopulse", "monopulse", "monopulse"):
+        loop.step(mode)
+    at_s = loop.t_s + PERIOD_S
+    left = loop.offsets.correction_rad(at_s) - direction_rows(sky_at(at_s)) @ loop.offsets.filter.state.mean
+    np.testing.assert_allclose(left, held, atol=0.05 * np.hypot(*held))
+
+
+def test_a_loop_that_loses_its_carrier_stands_from_the_next_command_on() -> None:
+    """With errors once a second it would go on for a second."""
+    for carrier in (True, False):
+        loop = Loop(sample_s=1.0)
+        loop.step("monopulse")
+        loop.step("monopulse", heard(round(loop.t_s - PERIOD_S, 6), 4 * MDEG, 0.0))
+        for _ in range(3):
+            loop.step("monopulse", carrier=carrier)
+        begin = loop.offsets.correction_rad(loop.t_s + PERIOD_S)[0]
+        for _ in range(3):
+            loop.step("monopulse", carrier=carrier)
+        moved = loop.offsets.correction_rad(loop.t_s + PERIOD_S)[0] - begin
+        assert moved == pytest.approx(0.3 * 2.0 * math.pi * 0.2 * 4 * MDEG if carrier else 0.0, abs=1e-9)
+        assert begin > 0.3 * MDEG
+
+
+def test_the_rates_of_the_corrections_are_the_slopes_of_their_places() -> None:
+    """While the loop runs, the filter follows the target and a coast forgets."""
+    for mode in ("monopulse", "coast"):
+        loop = Loop()
+        loop.run("monopulse", 12.0, late)
+        loop.step("monopulse", heard(round(loop.t_s - PERIOD_S, 6), 9 * MDEG, -6 * MDEG))
+        loop.step(mode)
+        times = np.round(loop.t_s + PERIOD_S * np.arange(1, 11), 6)
+        motion = loop.offsets.add_corrections(times, climbing(times), np.full(10, RANGE_M))
+        slope = np.gradient(motion.position - climbing(times).position, times, axis=0, edge_order=2)
+        rate = motion.velocity - climbing(times).velocity
+        assert float(np.max(np.abs(rate[1:-1]))) > 1e-6
+        np.testing.assert_allclose(rate[2:-2], slope[2:-2], atol=2e-7)
+
+
+def test_the_axes_are_moved_by_what_is_added_on_this_side_and_on_the_other_by_what_turns_with_the_dish() -> None:
+    loop = Loop()
+    loop.run("monopulse", 20.0, beside(30.0, 50.0))
+    loop.step("monopulse")
+    here = climbing(np.array([loop.t_s + PERIOD_S]))
+    mean, cosine = loop.offsets.filter.state.mean, math.cos(here.position[0, 1])
+    added_rad = loop.offsets.correction_rad(loop.t_s + PERIOD_S)
+    rows = direction_rows(sky_at(loop.t_s + PERIOD_S))
+    tracking = added_rad - rows @ mean
+    this = loop.offsets.axis_offsets_rad(here, np.array([False]), RANGE_M)[0]
+    np.testing.assert_allclose(this * [cosine, 1.0], added_rad, atol=0.02 * MDEG)
+    other = loop.offsets.axis_offsets_rad(here, np.array([True]), RANGE_M)[0]
+    turned = rows @ (mean * [1.0, 1.0, 1.0, -1.0]) + tracking * [1.0, -1.0]
+    np.testing.assert_allclose(other * [cosine, 1.0], turned, atol=0.02 * MDEG)

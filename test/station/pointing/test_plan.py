@@ -1,0 +1,316 @@
+"""The pass in hand: which profile it has, under which Sun, and how axes that join it reach the target."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import BiasModel
+from rf_pointing.core import JointReading
+from rf_pointing.core.angles import angular_distance_rad
+from rf_pointing.ephemeris import SITES, Pass, TopocentricTrack
+from rf_pointing.ephemeris.solar import SolarDirection, SunParams
+from rf_pointing.planning import AxisLimits, AxisRates, Gate, GateParams, HorizonMask, MachineParams, PassProfile
+from rf_pointing.station.pointing.certificates import pass_profile
+from rf_pointing.station.pointing.plan import MEETING_S, SAME_PASS_S, Chased, PassPlan
+
+RATES = AxisRates((0.1, 0.05), (0.05, 0.02))
+OPEN = HorizonMask(azimuth_rad=(0.0,), elevation_rad=(-0.1,))
+
+
+def reading(position: tuple[float, float], rate: tuple[float, float] = (0.0, 0.0), t_s: float = 0.0) -> JointReading:
+    return JointReading(t_s=t_s, position_rad=list(position), velocity_rad_s=list(rate))
+
+
+def at(position: np.ndarray, rate: tuple[float, float] = (0.0, 0.0)) -> JointReading:
+    return reading((float(position[0]), float(position[1])), rate)
+
+
+def gate(mask: HorizonMask = OPEN) -> Gate:
+    return Gate(GateParams(), AxisLimits(azimuth_min_rad=-4.0, azimuth_max_rad=4.0), mask, RATES)
+
+
+def running(rate: tuple[float, float], start: tuple[float, float] = (0.0, 0.5), seconds: float = 200.0) -> Chased:
+    times = np.arange(0.0, seconds + 0.5)
+    return Chased(times, np.array(start) + times[:, None] * np.array(rate))
+
+
+# Chases
+
+
+def test_a_target_between_two_rows_is_on_the_straight_line_and_outside_at_the_nearer_end() -> None:
+    path = Chased(np.array([0.0, 2.0, 4.0]), np.array([[0.0, 1.0], [1.0, 3.0], [5.0, 3.0]]))
+    np.testing.assert_allclose(
+        path.at(np.array([-1.0, 0.5, 3.0, 9.0])), [[0.0, 1.0], [0.25, 1.5], [3.0, 3.0], [5.0, 3.0]]
+    )
+    np.testing.assert_allclose(path.at(1.0), [0.5, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("away", "seconds"),
+    # From rest over d with rate v and acceleration a: d / v + v / a, or 2 sqrt(d / a) for a short way.
+    [((1.0, 0.0), 12.0), ((0.05, 0.0), 2.0), ((0.0, 0.25), 7.5), ((1.0, 0.6), 14.5), ((-1.0, 0.0), 12.0)],
+)
+def test_a_target_at_rest_is_reached_in_the_time_of_the_slower_axis(away: tuple[float, float], seconds: float) -> None:
+    goal = (0.3 + away[0], 0.4 + away[1])
+    path = Chased(np.array([0.0, 100.0]), np.array([goal, goal]))
+    found = path.chase_s(5.0, reading((0.3, 0.4)), gate(), None)
+    # The last few tenths go into the rate of the target.
+    assert found == pytest.approx(seconds + 0.3, abs=0.3)
+
+
+def test_a_target_that_runs_away_takes_longer_and_one_that_comes_less() -> None:
+    """Over 1 rad at 0.1 rad/s against 0.04 rad/s; an acceleration of 0.05 rad/s^2 costs some seconds more."""
+    away, coming = (
+        running((rate, 0.0), (1.0, 0.5)).chase_s(0.0, reading((0.0, 0.5)), gate(), None) for rate in (0.04, -0.04)
+    )
+    assert away is not None
+    assert coming is not None
+    # Up to full rate 2 s and 0.1 rad; from it to the target's rate 1.2 s, or 2.8 s, which the relative way grows by.
+    assert away == pytest.approx(1.0 / 0.06 + 2.0, abs=1.5)
+    assert coming == pytest.approx(1.0 / 0.14 + 2.0, abs=1.5)
+    running_already = running((0.04, 0.0), (0.0, 0.5)).chase_s(0.0, reading((0.0, 0.5), (0.04, 0.0)), gate(), None)
+    assert running_already is not None
+    assert running_already < 0.5
+
+
+def test_a_chase_past_a_hill_is_none() -> None:
+    hill = HorizonMask(
+        azimuth_rad=(0.0, 0.4, 0.41, 0.6, 0.61), elevation_rad=(-0.1, -0.1, 0.8, 0.8, -0.1), clearance_rad=0.01
+    )
+    path = Chased(np.array([0.0, 100.0]), np.array([[1.0, 0.3], [1.0, 0.3]]))
+    assert path.chase_s(0.0, reading((0.0, 0.3)), gate(), None) is not None
+    assert path.chase_s(0.0, reading((0.0, 0.3)), gate(hill), None) is None
+    # The Sun stands in the way, or beside it.
+    assert path.chase_s(0.0, reading((0.0, 0.3)), gate(), (0.5, 0.3)) is None
+    assert path.chase_s(0.0, reading((0.0, 0.3)), gate(), (0.5, 0.6)) is not None
+
+
+# Profiles
+
+
+@pytest.fixture(scope="module")
+def profile(track: TopocentricTrack, window: Pass) -> PassProfile:
+    return pass_profile(track, window)
+
+
+def planned(profile: PassProfile | None = None, *, sun: bool = False, mask: HorizonMask | None = None) -> PassPlan:
+    machine = MachineParams()
+    made = PassPlan(
+        machine, mask or HorizonMask(), GateParams(), AxisLimits(),
+        SolarDirection(SunParams(watched=sun, site=SITES["Goldstone DSS-13"])),
+    )  # fmt: skip
+    made.take_profiles([profile] if profile else [])
+    return made
+
+
+def test_a_pass_has_the_profile_of_its_name_and_time(profile: PassProfile, window: Pass) -> None:
+    made = planned(profile)
+    assert made.profile_of(window) is profile
+    for late_s in (-SAME_PASS_S + 0.1, SAME_PASS_S - 0.1):
+        assert made.profile_of(replace(window, aos_t_s=window.aos_t_s + late_s)) is profile
+        assert made.profile_of(replace(window, los_t_s=window.los_t_s + late_s)) is profile
+    assert made.profile_of(replace(window, name="OTHER")) is None
+    assert made.profile_of(replace(window, aos_t_s=window.aos_t_s - SAME_PASS_S - 0.1)) is None
+    assert made.profile_of(replace(window, los_t_s=window.los_t_s + SAME_PASS_S + 0.1)) is None
+    other = replace(profile, name="OTHER")
+    made.take_profiles([other, profile])
+    assert made.profile_of(window) is profile
+    assert made.profile_of(replace(window, name="OTHER")) is other
+
+
+@pytest.mark.parametrize(
+    ("begin_s", "end_s"), [(100.0, -50.0), (31.0, 0.0), (0.0, -31.0), (-10.0, -100.0), (100.0, 10.0)]
+)
+def test_a_piece_of_a_pass_has_the_rows_of_its_time_within_the_profile(
+    profile: PassProfile, window: Pass, begin_s: float, end_s: float
+) -> None:
+    piece = replace(window, aos_t_s=window.aos_t_s + begin_s, los_t_s=window.los_t_s + end_s)
+    found = planned(profile).profile_of(piece)
+    assert found is not None
+    assert found is not profile
+    assert found.t_s[0] == pytest.approx(max(piece.aos_t_s, profile.t_s[0]))
+    assert found.t_s[-1] == pytest.approx(min(piece.los_t_s, profile.t_s[-1]))
+
+
+def choose(made: PassPlan, window: Pass, begin_s: float = -300.0) -> None:
+    here = reading((window.aos_azimuth_rad, window.aos_elevation_rad))
+    made.choose(window.aos_t_s + begin_s, window, here, BiasModel.zero())
+
+
+def test_a_pass_without_a_profile_has_no_certificate(profile: PassProfile, window: Pass) -> None:
+    made = planned(profile)
+    choose(made, window)
+    assert made.certificate is not None
+    made.take_profiles([])
+    with pytest.raises(ValueError, match="this pass of CBERS 2 has no profile"):
+        choose(made, window)
+    assert (made.certificate, made.profile) == (None, None)
+
+
+@pytest.mark.parametrize(("off_deg", "refused"), [(0.0, False), (0.3, False), (0.7, True), (-0.7, True)])
+def test_a_pass_under_another_sun_is_refused(profile: PassProfile, window: Pass, off_deg: float, refused: bool) -> None:
+    """Half a degree is more than its parallax and refraction."""
+    made = planned(profile, sun=True)
+    here = made.sun.at(float(profile.t_s[0]))
+    assert here is not None
+    rows = np.tile([here[0], here[1] + math.radians(off_deg)], (len(profile.t_s), 1))
+    made.take_profiles([replace(profile, sun_rad=rows)])
+    if refused:
+        with pytest.raises(
+            ValueError, match=r"the Sun of this site is 0.7 deg from .* must be <= 0.5 deg: another station"
+        ):
+            choose(made, window, 0.0)
+    else:
+        choose(made, window, 0.0)
+    # Without a zone the Sun does not matter.
+    free = PassPlan(made.machine, HorizonMask(), GateParams(sun_radius_rad=0.0), AxisLimits(), made.sun)
+    free.take_profiles([replace(profile, sun_rad=rows)])
+    choose(free, window, 0.0)
+
+
+# Ways
+
+
+HILL = HorizonMask(
+    azimuth_rad=(0.0, 0.4, 0.41, 0.6, 0.61), elevation_rad=(-0.1, -0.1, 0.5, 0.5, -0.1), clearance_rad=0.01
+)
+
+
+def test_the_slew_to_a_start_goes_over_a_hill_by_its_corners_and_is_planned_once() -> None:
+    made = planned(mask=HILL)
+    goal = np.array([1.0, 0.3])
+    assert made.approach(0.0, reading((1.2, 0.3)), goal) is None
+    made.clear()
+    corner = made.approach(0.0, reading((0.0, 0.3)), goal)
+    assert corner is not None
+    assert corner[1] > 0.5
+    # On the way it stays what it was; past its last corner the way is straight.
+    assert made.approach(1.0, reading((0.05, 0.35)), goal + 1e-3) == pytest.approx(corner)
+    np.testing.assert_allclose(made.to_start(1.0, reading((0.05, 0.35)), goal), corner)
+    np.testing.assert_allclose(made.to_start(1.0, None, goal), goal)
+    with pytest.raises(ValueError, match="no slew to the start of the pass: "):
+        made.approach(2.0, reading((0.0, 0.3)), np.array([0.5, 0.3]))
+
+
+def joining(profile: PassProfile, window: Pass, mask: HorizonMask | None = None) -> PassPlan:
+    made = planned(profile, mask=mask)
+    choose(made, window)
+    return made
+
+
+def target_rad(made: PassPlan, t_s: float) -> np.ndarray:
+    assert made.profile is not None
+    assert made.certificate is not None
+    branch = made.certificate.chosen
+    assert branch is not None
+    assert branch.axes_rad is not None
+    return Chased(made.profile.t_s, branch.axes_rad).at(t_s)
+
+
+def test_axes_that_are_free_to_run_after_their_target_do_so_without_another_judgement(
+    profile: PassProfile, window: Pass, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, judged = joining(profile, window), []
+    t_s = window.tca_t_s
+    away = target_rad(made, t_s) + np.array([0.4, 0.2])
+    chase = Chased.chase_s
+    monkeypatch.setattr(Chased, "chase_s", lambda *given: judged.append(chase(*given)) or judged[-1])
+    for late_s in (0.0, 0.1, 5.0):
+        assert made.meeting_rad(t_s + late_s, at(away), joining=True) is None
+    assert len(judged) == 1
+    assert judged[0] > 5.0
+    # Still away when the chase should be over, they are judged again; so are axes that were stopped.
+    assert made.meeting_rad(t_s + judged[0] + 0.1, at(away), joining=True) is None
+    assert len(judged) == 2
+    made.rejoin()
+    made.meeting_rad(t_s + judged[0] + 0.2, at(away), joining=True)
+    assert len(judged) == 3
+    made.meeting_rad(t_s + judged[0] + 0.3, at(away), joining=False)
+    made.meeting_rad(t_s + judged[0] + 0.4, at(away), joining=True)
+    assert len(judged) == 4
+
+
+def test_without_a_certificate_nothing_keeps_axes_from_running_on(profile: PassProfile) -> None:
+    made = planned(profile)
+    assert made.meeting_rad(float(profile.t_s[5]), reading((0.0, 0.3)), joining=True) is None
+
+
+def blocked(profile: PassProfile, window: Pass) -> tuple[PassPlan, float, np.ndarray]:
+    """Return a plan, a time and the place of axes that a hill keeps from running after the target."""
+    made = joining(profile, window)
+    t_s = window.tca_t_s
+    target = target_rad(made, t_s)
+    side = float(np.sign(target_rad(made, t_s + 5.0)[0] - target[0]))
+    # The hill is behind the target: axes that come after it would run through.
+    middle = target[0] - 0.35 * side
+    edges = sorted((middle - 0.12, middle - 0.11, middle + 0.11, middle + 0.12))
+    height = float(target[1]) + 0.15
+    points = sorted(
+        (edge % (2.0 * math.pi), level) for edge, level in zip(edges, (-0.1, height, height, -0.1), strict=True)
+    )
+    hill = HorizonMask(
+        azimuth_rad=tuple(point[0] for point in points),
+        elevation_rad=tuple(point[1] for point in points),
+        clearance_rad=0.01,
+    )
+    made.mask = hill
+    made.gate = Gate(GateParams(), AxisLimits(), hill, made.machine.axes)
+    return made, t_s, target - np.array([0.7 * side, 0.0])
+
+
+def test_axes_that_a_hill_keeps_from_running_after_the_target_go_where_it_will_be_and_wait(
+    profile: PassProfile, window: Pass
+) -> None:
+    made, t_s, here = blocked(profile, window)
+    first = made.meeting_rad(t_s, at(here), joining=True)
+    assert first is not None
+    goal, until_s = made._meeting
+    assert goal is not None
+    # Over the hill first; then a place of the target's path, and there before the target by two seconds.
+    assert first[1] > here[1] + 0.1
+    np.testing.assert_allclose(goal, target_rad(made, until_s), atol=1e-9)
+    needed_s, barred = made.gate.slew((float(here[0]), float(here[1])), (float(goal[0]), float(goal[1])), None)
+    assert not barred
+    assert needed_s + MEETING_S <= until_s - t_s + 1e-9
+    assert until_s - t_s < needed_s + 3.0 * MEETING_S + 5.0
+    # From corner to corner they come to it.
+    for _ in range(8):
+        first = made.meeting_rad(t_s + 1.0, at(first), joining=True)
+        assert first is not None
+    np.testing.assert_allclose(first, goal)
+    assert made._meeting == (goal, until_s)
+
+
+@pytest.mark.parametrize("rate", [0.02, -0.02])
+def test_axes_that_move_stop_first_where_their_brakes_bring_them(
+    profile: PassProfile, window: Pass, rate: float
+) -> None:
+    made, t_s, here = blocked(profile, window)
+    acceleration = made.machine.axes.acceleration_rad_s2
+    axes = at(here, (0.0, rate))
+    found = made.meeting_rad(t_s, axes, joining=True)
+    goal, until_s = made._meeting
+    rest = here + np.array([0.0, 0.5 * rate * abs(rate) / acceleration[1]])
+    np.testing.assert_allclose(goal, rest, atol=1e-12)
+    np.testing.assert_allclose(found, rest, atol=1e-12)
+    assert until_s - t_s == pytest.approx(abs(rate) / acceleration[1] + 0.2, abs=1e-6)
+
+
+def test_axes_that_no_way_leads_on_stay_at_rest_and_look_again(
+    profile: PassProfile, window: Pass, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, t_s, here = blocked(profile, window)
+    monkeypatch.setattr(made.gate, "slew", lambda *_given: (10.0, "barred"))
+    found = made.meeting_rad(t_s, at(here), joining=True)
+    np.testing.assert_allclose(found, here, atol=1e-12)
+    assert made._meeting[1] - t_s == pytest.approx(MEETING_S)
+
+
+def test_the_sun_of_the_plan_is_that_of_its_site(profile: PassProfile) -> None:
+    made = planned(profile, sun=True)
+    t_s = float(profile.t_s[0])
+    found = made.sun.at(t_s)
+    assert found is not None
+    assert angular_distance_rad(*found, *profile.sun_rad[0]) < math.radians(0.1)
