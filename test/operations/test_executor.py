@@ -262,3 +262,422 @@ def test_journal_lists_every_directive_with_time_arguments_and_response() -> Non
         (1.0, "one", "station/do", "accepted", "on its way"),
         (1.5, "", "", "unexpected response", "77: "),
     ]
+
+
+class Run:
+    """An executor of a text of blocks, and the numbers and names of what it has sent."""
+
+    def __init__(self, blocks: str, parameters: str = "{}", zero_s: float = 0.0) -> None:
+        text = f"version: 1\nname: r\nparameters: {parameters}\nblocks:\n{blocks}"
+        self.situation = Situation()
+        self.sent: list[tuple[int, str]] = []
+        self.executor = Executor(
+            read_procedure(text, DICTIONARY), {}, self.situation, lambda n, d, _: self.sent.append((n, d.name)), zero_s
+        )
+
+    def step(self, *times_s: float) -> str:
+        for t_s in times_s:
+            self.executor.step(t_s)
+        return self.state("one")
+
+    def state(self, name: str) -> str:
+        return str(self.executor.runs[name].state)
+
+    def reason(self, name: str = "one") -> str:
+        return self.executor.runs[name].reason
+
+    def events(self) -> list[tuple[float, str, str, str]]:
+        rows = [(e.t_s, e.block, e.directive, e.event) for e in self.executor.journal]
+        self.executor.journal.clear()
+        return rows
+
+
+TWO_SENDS = "  one: {timeout_s: 10, skippable: true, directives: [{send: a}, {send: b, expect: {x.y: 1}}]}"
+
+
+@pytest.mark.parametrize(
+    ("t_s", "state"), [(1009.75, "inactive"), (1010.0, "executing"), (1020.0, "executing"), (1020.25, "anomaly")]
+)
+def test_a_window_holds_its_ends(t_s: float, state: str) -> None:
+    one = Run("  one: {window_s: [10, 20], directives: [{send: a}]}", zero_s=1000.0)
+    assert one.step(t_s) == state
+    if state == "anomaly":
+        assert one.reason() == "20.2 s is past the window, must be <= 20 s"
+    assert one.sent == ([(1, "a")] if state == "executing" else [])
+
+
+def test_preconditions_are_waited_for_from_when_the_block_might_have_begun() -> None:
+    one = Run("  one: {window_s: [10, 90], before: {x.y: 1}, timeout_s: 5, directives: [{send: a}]}")
+    assert one.step(0.0, 9.0, 10.0, 15.0) == "inactive"
+    assert one.step(15.25) == "anomaly"
+    one = Run("  one: {window_s: [10, 90], before: {x.y: 1}, timeout_s: 5, directives: [{send: a}]}")
+    assert one.step(10.0) == "inactive"
+    one.situation.observe("x.y", 1, 14.0)
+    assert one.step(14.0) == "executing"
+    assert one.sent == [(1, "a")]
+    assert one.events()[0] == (14.0, "one", "", "executing")
+
+
+def test_a_response_is_waited_for_from_its_directive_on() -> None:
+    one = Run(TWO_SENDS)
+    one.step(0.0)
+    one.executor.respond(1, True, "", 8.0)
+    one.step(9.0)
+    assert one.sent == [(1, "a"), (2, "b")]
+    assert one.step(19.0) == "executing"
+    assert one.step(19.25) == "anomaly"
+    assert one.reason() == "b: no response for 10 s"
+
+
+def test_a_state_is_waited_for_from_the_last_response_on() -> None:
+    one = Run(TWO_SENDS)
+    one.step(0.0)
+    one.executor.respond(1, True, "", 1.0)
+    one.step(1.0)
+    one.executor.respond(2, True, "", 8.0)
+    assert one.step(18.0) == "executing"
+    assert one.step(18.25) == "anomaly"
+    assert one.reason() == "not shown: x.y is unknown, must be: x.y is 1"
+
+
+def test_what_is_left_to_show_is_named_of_every_directive_and_of_the_block() -> None:
+    one = Run("  one: {timeout_s: 1, then: {p.q: 3}, directives: [{send: a, expect: {x.y: 1, x.z: 2}}]}")
+    one.step(0.0)
+    one.executor.respond(1, True, "", 1.0)
+    assert one.step(5.0) == "anomaly"
+    assert one.reason() == (
+        "not shown: x.y is unknown, must be: x.y is 1; x.z is unknown, must be: x.z is 2; p.q is unknown, must be: p.q is 3"
+    )
+
+
+def test_postconditions_show_after_the_last_directive() -> None:
+    one = Run("  one: {then: {p.q: 3}, directives: [{send: a, expect: {x.y: 1}}, {send: b}]}")
+    one.step(0.0)
+    one.executor.respond(1, True, "", 1.0)
+    one.step(2.0)
+    one.executor.respond(2, True, "", 3.0)
+    # Between the two directives: enough for the first one's state, too early for the block's.
+    one.situation.observe("x.y", 1, 1.5)
+    one.situation.observe("p.q", 3, 1.5)
+    assert one.step(4.0) == "executing"
+    one.situation.observe("p.q", 3, 2.0)
+    assert one.step(5.0) == "completed"
+    assert one.events()[-1] == (5.0, "one", "", "completed")
+
+
+def test_what_shows_a_failure_ends_a_block_at_once_if_it_is_from_after_the_response() -> None:
+    one = Run("  one: {fails: {x.y: 9, x.z: 8}, then: {p.q: 3}, directives: [{send: a}]}")
+    one.step(0.0)
+    for name, value in (("x.y", 9), ("x.z", 8)):
+        one.situation.observe(name, value, 0.5)
+    one.executor.respond(1, True, "", 1.0)
+    assert one.step(1.5) == "executing", "from before the response"
+    one.situation.observe("x.y", 9, 2.0)
+    assert one.step(2.0) == "executing", "one of two"
+    one.situation.observe("x.z", 8, 2.0)
+    assert one.step(2.5) == "anomaly"
+    assert one.reason() == "x.y=9 and x.z=8"
+
+
+def test_a_directive_whose_condition_does_not_hold_is_left_out_and_needs_nothing_to_show() -> None:
+    one = Run("  one: {timeout_s: 5, directives: [{send: a, when: {m.n: 1}, expect: {x.y: 1}}, {send: b}]}")
+    one.situation.observe("m.n", 2, 3.0)
+    assert one.step(3.0) == "executing"
+    assert (one.sent, one.executor.progress("one")) == ([], 0.5)
+    one.step(4.0)
+    assert one.sent == [(1, "b")]
+    one.executor.respond(1, True, "", 4.0)
+    assert one.step(4.0) == "completed"
+    assert (3.0, "one", "a", "left out") in one.events()
+    assert one.executor.progress("one") == 1.0
+
+
+def test_after_a_directive_that_is_left_out_the_block_has_its_whole_time() -> None:
+    one = Run("  one: {timeout_s: 5, then: {x.y: 1}, directives: [{send: a, when: {m.n: 1}}]}")
+    one.situation.observe("m.n", 2, 0.0)
+    one.situation.observe("m.n", 2, 8.0)
+    assert one.step(8.0, 13.0) == "executing"
+    assert one.step(13.25) == "anomaly"
+
+
+def test_sending_expects_the_state_and_notes_the_arguments() -> None:
+    one = Run("  one: {directives: [{send: station/do, with: {what: '${w}'}, expect: {x.y: 1}}]}", "{w: 5}")
+    one.step(2.0)
+    assert one.situation.differences(2.0) == {"x.y": "x.y is unknown, must be: x.y is 1"}
+    assert [(e.event, e.detail) for e in one.executor.journal] == [("executing", ""), ("sent", "what=5")]
+
+
+def test_a_live_value_that_is_not_known_is_an_anomaly_and_nothing_leaves() -> None:
+    one = Run("  one: {directives: [{send: station/do, with: {what: '${p.q}'}}]}")
+    assert one.step(0.0) == "anomaly"
+    assert (one.reason(), one.sent) == ("station/do: what: p.q is not known yet", [])
+    assert one.step(1.0) == "anomaly"
+    # Nothing was sent: resumed, it begins at its beginning.
+    one.situation.observe("p.q", 4, 2.0)
+    one.executor.resume(2.0, "one")
+    assert one.state("one") == "inactive"
+    assert one.step(2.0) == "executing"
+    assert one.sent == [(1, "station/do")]
+
+
+def test_a_late_response_to_a_directive_that_failed_completes_nothing_by_itself() -> None:
+    one = Run(TWO_SENDS)
+    one.step(0.0, 10.25)
+    assert one.state("one") == "anomaly"
+    one.executor.respond(1, True, "late", 11.0)
+    # Its second directive was never sent.
+    one.situation.observe("x.y", 1, 11.0)
+    assert one.step(11.5) == "anomaly"
+    assert one.sent == [(1, "a")]
+    one.executor.resume(12.0, "one")
+    one.step(12.0)
+    assert one.sent == [(1, "a"), (2, "b")]
+
+
+def test_an_anomaly_whose_state_shows_late_is_completed_and_its_reason_is_gone() -> None:
+    one = Run("  one: {timeout_s: 2, directives: [{send: a, expect: {x.y: 1}}]}\n  two: {after: [one]}")
+    one.step(0.0)
+    one.executor.respond(1, True, "", 0.5)
+    assert one.step(3.0) == "anomaly"
+    assert one.state("two") == "inactive"
+    one.situation.observe("x.y", 1, 4.0)
+    assert one.step(4.0) == "completed"
+    assert one.reason() == ""
+    assert one.state("two") == "completed", "in the same step"
+
+
+def test_a_block_without_directives_that_failed_does_not_complete_by_itself() -> None:
+    one = Run("  one: {timeout_s: 2, before: {x.y: 1}}")
+    assert one.step(0.0, 2.5) == "anomaly"
+    one.situation.observe("x.y", 1, 3.0)
+    assert one.step(3.0) == "anomaly"
+    assert one.executor.progress("one") == 1.0
+
+
+def test_a_block_before_that_fails_holds_up_what_follows_unless_it_is_optional() -> None:
+    for optional, state in (("false", "inactive"), ("true", "completed")):
+        one = Run(f"  one: {{optional: {optional}, directives: [{{send: a}}]}}\n  two: {{after: [one]}}")
+        one.step(0.0)
+        assert not one.executor.finished
+        one.executor.respond(1, False, "no", 1.0)
+        one.step(1.0)
+        assert one.state("two") == state
+        assert one.executor.finished
+        assert one.executor.succeeded is (optional == "true")
+
+
+def test_a_report_of_failure_counts_once_for_an_accepted_directive_of_a_block_at_work() -> None:
+    one = Run(TWO_SENDS)
+    one.step(0.0)
+    one.executor.fail(1, "broke", 0.5)
+    assert one.state("one") == "executing", "it was not accepted yet"
+    one.executor.respond(1, True, "", 1.0)
+    one.executor.fail(1, "broke", 1.5)
+    assert (one.state("one"), one.reason()) == ("anomaly", "broke")
+    one.executor.resume(2.0, "one")
+    one.executor.fail(1, "broke again", 2.5)
+    assert one.state("one") == "executing"
+    assert (1.5, "one", "", "anomaly") in one.events()
+
+
+def test_a_failure_of_a_block_that_is_done_changes_nothing() -> None:
+    one = Run("  one: {directives: [{send: a}]}")
+    one.step(0.0)
+    one.executor.respond(1, True, "", 1.0)
+    assert one.step(1.0) == "completed"
+    one.executor.fail(1, "late", 2.0)
+    assert (one.state("one"), one.reason()) == ("completed", "")
+
+
+def test_a_rejection_after_a_block_was_skipped_changes_nothing() -> None:
+    one = Run(TWO_SENDS)
+    one.step(0.0)
+    one.executor.skip(0.5, "one")
+    one.executor.respond(1, False, "no", 1.0)
+    assert one.state("one") == "skipped"
+    assert one.events()[-2:] == [(0.5, "one", "", "skipped"), (1.0, "", "", "unexpected response")]
+    assert one.executor.progress("one") == 1.0
+
+
+def test_one_block_is_paused_and_resumed_and_the_other_goes_on() -> None:
+    one = Run(TWO_SENDS + "\n  two: {directives: [{send: c}, {send: d}]}")
+    one.step(0.0)
+    one.executor.pause(0.5, "one")
+    assert not one.executor.paused
+    for number in (1, 2):
+        one.executor.respond(number, True, "", 1.0)
+    one.step(1.0)
+    assert [name for _, name in one.sent] == ["a", "c", "d"]
+    one.executor.resume(2.0, "two")
+    one.step(2.0)
+    assert len(one.sent) == 3
+    one.executor.resume(3.0, "one")
+    one.step(3.0)
+    assert [name for _, name in one.sent] == ["a", "c", "d", "b"]
+    assert [row for row in one.events() if row[3] in ("pause", "resume")] == [
+        (0.5, "one", "", "pause"), (2.0, "two", "", "resume"), (3.0, "one", "", "resume")
+    ]  # fmt: skip
+
+
+def test_while_all_is_paused_nothing_begins_and_a_pause_is_no_end() -> None:
+    one = Run("  one: {directives: [{send: a}]}\n  two: {after: [one], directives: [{send: b}]}")
+    one.executor.pause(0.0)
+    assert one.step(0.0) == "inactive"
+    one.executor.resume(1.0)
+    one.step(1.0)
+    one.executor.pause(1.5)
+    assert one.state("one") == "paused"
+    assert not one.executor.finished
+    one.executor.resume(2.0)
+    one.executor.respond(1, True, "", 2.0)
+    one.step(2.0)
+    assert [name for _, name in one.sent] == ["a", "b"]
+
+
+def test_resuming_all_does_not_send_again_what_has_failed() -> None:
+    one = Run(TWO_SENDS)
+    one.step(0.0)
+    one.executor.respond(1, False, "no", 1.0)
+    one.executor.resume(2.0)
+    assert one.step(2.0) == "anomaly"
+    assert len(one.sent) == 1
+    one.executor.resume(3.0, "one")
+    assert one.reason() == ""
+    # Nothing is sent that was answered: it begins anew, with its whole time.
+    one.step(3.0)
+    assert one.sent == [(1, "a"), (2, "a")]
+    assert one.step(13.0) == "executing"
+    assert one.step(13.25) == "anomaly"
+
+
+def test_resumed_after_its_second_directive_has_failed_only_that_is_sent_again() -> None:
+    one = Run(TWO_SENDS)
+    one.step(0.0)
+    one.executor.respond(1, True, "", 1.0)
+    one.step(1.0, 12.0)
+    assert (one.state("one"), one.reason()) == ("anomaly", "b: no response for 10 s")
+    one.executor.resume(20.0, "one")
+    assert one.step(20.0) == "executing"
+    assert one.sent == [(1, "a"), (2, "b"), (3, "b")]
+    # The first answer to it comes too late to be that of the second attempt.
+    one.executor.respond(2, True, "", 21.0)
+    one.situation.observe("x.y", 1, 21.0)
+    assert one.step(21.0) == "executing"
+    one.executor.respond(3, True, "", 22.0)
+    assert one.step(22.0) == "completed"
+
+
+@pytest.mark.parametrize(("seen_s", "sends"), [(0.5, 2), (1.0, 1)])
+def test_resumed_a_directive_whose_state_shows_since_it_was_sent_is_not_sent_again(seen_s: float, sends: int) -> None:
+    one = Run("  one: {timeout_s: 5, directives: [{send: a, expect: {x.y: 1}}]}")
+    one.step(1.0, 7.0)
+    assert one.state("one") == "anomaly"
+    one.situation.observe("x.y", 1, seen_s)
+    one.executor.resume(8.0, "one")
+    one.step(8.0)
+    assert len(one.sent) == sends
+    assert one.state("one") == ("completed" if sends == 1 else "executing")
+
+
+def test_skipping_a_directive_counts_it_as_answered_and_forgets_its_response() -> None:
+    one = Run(TWO_SENDS)
+    one.step(0.0)
+    one.executor.respond(1, False, "no", 1.0)
+    one.executor.skip_directive(2.0, "one")
+    assert (one.state("one"), one.reason(), one.executor.progress("one")) == ("executing", "", 0.5)
+    assert (2.0, "one", "a", "skipped") in one.events()
+    one.step(3.0)
+    assert one.sent == [(1, "a"), (2, "b")]
+    one.executor.skip_directive(4.0, "one")
+    one.executor.respond(2, True, "", 4.5)
+    assert one.events()[-1] == (4.5, "", "", "unexpected response")
+    with pytest.raises(ValueError, match="one has no directive that may be skipped"):
+        one.executor.skip_directive(5.0, "one")
+    # What it was to reach is still waited for, from the skip on.
+    one.situation.observe("x.y", 1, 3.5)
+    assert one.step(14.0) == "executing"
+    assert one.step(14.25) == "anomaly"
+    one.situation.observe("x.y", 1, 14.5)
+    assert one.step(14.5) == "completed"
+
+
+def test_a_directive_of_a_block_that_must_not_be_skipped_is_not_skipped() -> None:
+    one = Run("  one: {directives: [{send: a}]}")
+    one.step(0.0)
+    with pytest.raises(ValueError, match="one has no directive that may be skipped"):
+        one.executor.skip_directive(1.0, "one")
+    assert one.executor.progress("one") == 0.0
+
+
+def test_stopped_it_sends_nothing_more_and_is_finished() -> None:
+    one = Run(TWO_SENDS)
+    one.step(0.0)
+    one.executor.respond(1, True, "", 1.0)
+    assert not one.executor.finished
+    one.executor.stop(1.5)
+    one.step(2.0)
+    assert one.sent == [(1, "a")]
+    assert one.executor.finished
+    assert not one.executor.succeeded
+    assert one.events()[-1] == (1.5, "", "", "stopped")
+    assert one.executor.state()["stopped"] is True
+
+
+def test_the_state_holds_where_every_block_is_and_a_restored_one_goes_on_there() -> None:
+    text = TWO_SENDS + "\n  two: {directives: [{send: c}]}\n  three: {after: [two], directives: [{send: d}]}"
+    one = Run(text, "{w: 5}", zero_s=100.0)
+    one.step(100.0)
+    one.executor.respond(1, True, "", 101.0)
+    one.step(101.0)
+    one.executor.respond(2, False, "no", 102.0)
+    assert one.executor.state() == {
+        "procedure": "r", "parameters": {"w": 5}, "zero_s": 100.0, "stopped": False, "blocks": {
+            "one": {"state": "executing", "answered": 1, "sent_s": [100.0, 101.0], "reason": ""},
+            "two": {"state": "anomaly", "answered": 0, "sent_s": [100.0], "reason": "c was rejected: no"},
+            "three": {"state": "inactive", "answered": 0, "sent_s": [], "reason": ""},
+        },
+    }  # fmt: skip
+    again = Run(text, "{w: 5}")
+    again.executor.restore(json.loads(json.dumps(one.executor.state())), 200.0)
+    assert again.executor.paused
+    assert [again.state(name) for name in ("one", "two", "three")] == ["paused", "anomaly", "inactive"]
+    assert again.reason("two") == "c was rejected: no"
+    assert again.events() == [(200.0, "", "", "restored")]
+    again.executor.resume(201.0)
+    again.step(201.0)
+    assert (again.sent, again.state("two")) == ([(1, "b")], "anomaly")
+    again.executor.respond(1, True, "", 202.0)
+    # From the restart on the block has its whole time.
+    again.executor.fail(1, "x", 203.0)
+    assert again.state("one") == "anomaly"
+    other = dict(one.executor.state(), blocks={"one": {}})
+    with pytest.raises(ValueError, match="the state is that of 'r', must be of 'r'"):
+        again.executor.restore(other, 0.0)
+
+
+def test_a_restored_block_whose_directives_are_answered_waits_from_the_restart_for_its_state() -> None:
+    text = "  one: {timeout_s: 10, directives: [{send: a, expect: {x.y: 1}}]}"
+    one = Run(text)
+    one.step(0.0)
+    one.executor.respond(1, True, "", 1.0)
+    for resumed in (True, False):
+        again = Run(text)
+        again.executor.restore(one.executor.state(), 500.0)
+        if resumed:
+            again.executor.resume(500.0)
+            assert again.step(510.0) == "executing"
+            assert again.step(510.25) == "anomaly"
+            assert again.sent == []
+        else:
+            assert again.step(600.0) == "paused"
+
+
+def test_a_stopped_procedure_stays_stopped_over_a_restart() -> None:
+    one = Run(TWO_SENDS)
+    one.executor.stop(0.0)
+    again = Run(TWO_SENDS)
+    again.executor.restore(one.executor.state(), 1.0)
+    again.executor.resume(1.0)
+    again.step(1.0)
+    assert again.sent == []
+    assert again.executor.finished
