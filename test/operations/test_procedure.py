@@ -144,7 +144,9 @@ def test_a_file_of_a_million_characters_is_read() -> None:
     assert read_procedure(text + "x" * (LARGEST_FILE - len(text)), DICTIONARY).name == "p"
 
 
-@pytest.mark.parametrize(("value", "good"), [(5, True), (0.5, True), (0, False), (-2.0, False), (True, False), ("5", False)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("value", "good"), [(5, True), (0.5, True), (0, False), (-2.0, False), (True, False), ("5", False)]
+)
 def test_a_time_out_may_be_a_parameter_and_is_a_number_before_it_runs(value: object, good: bool) -> None:
     text = (
         "version: 1\nname: p\nparameters: {long: null}\nblocks: {one: {timeout_s: '${long}'}, two: {timeout_s: 0.75}}"
