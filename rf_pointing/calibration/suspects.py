@@ -64,7 +64,7 @@ def refraction_and_site(fit: FitResult, points: Observations, refraction: RadioR
     `refraction` is that of the station's air; it has been added to the reference or not.
     """
     bending = refraction.apply(points.true_elevation_rad) - points.true_elevation_rad
-    columns = {"refraction": np.stack([0.0 * bending, bending])[..., np.newaxis]}
+    columns = {"refraction": np.stack([np.zeros_like(bending), bending])[..., np.newaxis]}
     if points.range_m is not None and points.range_rate_m_s is not None:
         columns["site"] = np.stack(site_partials(points))
     estimates = _estimates(fit, points, columns)

@@ -18,6 +18,9 @@ from rf_pointing.calibration import (
     plan_campaign,
     uninformed_covariance,
 )
+from rf_pointing.calibration.campaign import _Table
+from rf_pointing.calibration.reference import ReferenceTrack
+from rf_pointing.calibration.terms import terms_by_name
 
 SLEW = Slew(rate_rad_s=1.0, settle_s=60.0)
 SMALL = SectorRule(azimuth_sectors=4, elevation_edges_rad=(0.17, 0.5, 1.2), fewest=5, most=8)
@@ -212,11 +215,161 @@ def test_the_turn_of_a_pass_is_the_one_least_outside_the_travel_and_of_those_the
     for _ in range(300):
         low = random.uniform(-7.0, -2.0)
         high = low + turn + random.uniform(0.0, 5.0)
-        path = random.uniform(-1.0, 7.0) + np.linspace(0.0, random.uniform(-5.0, 5.0), 30)
+        path = random.uniform(0.0, turn) + np.linspace(0.0, random.uniform(-5.0, 5.0), 30)
         tried = []
         for k in range(-6, 7):
             moved = path + k * turn
             outside = max(low - moved.min(), 0.0) + max(moved.max() - high, 0.0)
             tried.append((round(outside, 9), abs(moved[0]), moved[0], moved[-1]))
-        ends = Slew(travel_rad=(low, high)).ends_rad(np.mod(path, turn))
-        assert ends == pytest.approx(min(tried)[2:], abs=1e-9)
+        # Given folded into one turn, or on any turn whatever.
+        for given in (np.mod(path, turn), path + turn * random.integers(-4, 5)):
+            ends = Slew(travel_rad=(low, high)).ends_rad(given)
+            assert ends == pytest.approx(min(tried)[2:], abs=1e-9)
+
+
+EAST, WEST = (1.0, 0.7), (4.0, 0.5)
+HALVES = SectorRule(azimuth_sectors=2, elevation_edges_rad=(0.2, 1.2), fewest=3, most=5)
+# From west to east 3 rad, the shorter way: 60 s and 15 s.
+SLOW = Slew(rate_rad_s=0.05, settle_s=15.0)
+
+
+def resting(name, start_t_s, end_t_s, *places):
+    """Return a candidate whose points are at these directions, evenly in time."""
+    azimuth, elevation = np.array(places).T
+    none, t_s = np.zeros(len(places)), np.linspace(start_t_s, end_t_s, len(places))
+    track = ReferenceTrack(
+        t_s=t_s, azimuth_rad=azimuth, elevation_rad=elevation, azimuth_rate_rad_s=none, elevation_rate_rad_s=none,
+        azimuth_acceleration_rad_s2=none, elevation_acceleration_rad_s2=none, range_m=none + 1e6, range_rate_m_s=none,
+    )  # fmt: skip
+    return CandidatePass(name=name, track=track, sigma_rad=2e-4)
+
+
+def table_of(*candidates, begun=(0, 0)):
+    return _Table(candidates, HALVES, SLOW, np.array(begun))
+
+
+def test_a_candidate_lasts_from_its_first_to_its_last_point():
+    one = resting("one", 100.0, 250.0, EAST, EAST, WEST, WEST)
+    assert (one.start_t_s, one.end_t_s) == (100.0, 250.0)
+    data = one.observations("gs1", "S", 7)
+    assert (data.pass_id.tolist(), data.sigma_azimuth_rad.tolist()) == ([7] * 4, [2e-4] * 4)
+    assert np.array_equal(data.sigma_elevation_rad, data.sigma_azimuth_rad)
+    assert not np.any(data.residual_azimuth_rad)
+    assert not np.any(data.residual_elevation_rad)
+
+
+@pytest.mark.parametrize(
+    ("way_rad", "travel_rad", "time_s"),
+    [((0.5, 0.2), (), 25.0), ((0.2, -0.7), (), 29.0), ((-6.0, 0.1), (), 15.0 + 20.0 * (2.0 * np.pi - 6.0)),
+     ((-6.0, 0.1), (-7.0, 7.0), 135.0)],
+)  # fmt: skip
+def test_a_slew_takes_the_time_of_the_slower_axis_and_of_settling(way_rad, travel_rad, time_s):
+    slew = SLOW.replace(travel_rad=travel_rad)
+    assert slew.time_s(np.array([2.0, 0.8]), np.array([2.0, 0.8]) + way_rad) == pytest.approx(time_s)
+
+
+@pytest.mark.parametrize("travel_rad", [(-4.0,), (-4.0, 0.0, 4.0), (-3.0, 3.2), (4.0, -4.0)])
+def test_a_travel_is_two_ends_a_turn_apart(travel_rad):
+    with pytest.raises(ValueError, match="must be two ends at least a turn apart"):
+        Slew(travel_rad=travel_rad)
+    assert Slew(travel_rad=(-3.0, 3.3)).travel_rad == (-3.0, 3.3)
+
+
+@pytest.mark.parametrize(("start_t_s", "allowed"), [(175.0, True), (174.9, False)])
+def test_two_passes_are_allowed_with_the_time_of_the_slew_between_them_in_either_order(start_t_s, allowed):
+    """From the end of the first, in the west, to the start of the second one, in the east: 75 s."""
+    first, then = resting("a", 0.0, 100.0, EAST, WEST), resting("b", start_t_s, 400.0, EAST, WEST)
+    assert SLOW.allows(first, then) is allowed
+    assert SLOW.allows(then, first) is allowed
+
+
+def test_points_are_worth_what_is_missing():
+    table = table_of(resting("a", 0.0, 1.0, EAST, EAST))
+    more = np.array([[4, 4], [1, 0], [0, 9]])
+    assert table.gain(np.array([1, 5]), more).tolist() == [2, 1, 0]
+    assert table.gain(np.array([0, 0]), more).tolist() == [6, 1, 3]
+
+
+@pytest.mark.parametrize(
+    ("start_t_s", "points", "taken"),
+    [
+        # Ready at 100 + 75: both.
+        (175.0, (EAST, WEST), [0, 1]),
+        # Too early, and no better than what it would replace.
+        (174.0, (EAST, WEST), [0]),
+        (174.0, (EAST, WEST, WEST), [1]),
+        # Points beyond those required are worth nothing.
+        (174.0, (EAST, EAST, EAST, EAST), [1]),
+        (174.0, (EAST, WEST, EAST), [1]),
+    ],
+)
+def test_a_pass_replaces_those_it_overlaps_if_it_brings_more_of_what_is_missing(start_t_s, points, taken):
+    table = table_of(resting("a", 0.0, 100.0, WEST, WEST), resting("b", start_t_s, 400.0, *points))
+    found, filled, full = table.by_exchange()
+    counts = np.array([[0, 2], [points.count(EAST), points.count(WEST)]])
+    assert found == taken
+    assert filled.tolist() == counts[taken].sum(axis=0).tolist()
+    assert full is None
+
+
+def test_exchanging_ends_with_the_pass_that_fills_the_sky():
+    table = table_of(
+        resting("a", 0.0, 100.0, WEST, WEST, WEST), resting("b", 200.0, 300.0, EAST, EAST, EAST),
+        resting("c", 400.0, 500.0, EAST, EAST, EAST),
+    )  # fmt: skip
+    found, filled, full = table.by_exchange()
+    assert (found, filled.tolist(), full) == ([0, 1], [3, 3], 300.0)
+
+
+@pytest.mark.parametrize(("start_t_s", "plan"), [(195.0, ([1, 3], [3, 3], 500.0)), (194.0, ([1, 2], [1, 3], None))])
+def test_what_brings_most_per_second_until_its_end_is_next_if_the_antenna_can_be_there(start_t_s, plan):
+    """Three in 120 s before two in 100 s; then three in 380 s before one in 280 s, ready at 120 + 75."""
+    table = table_of(
+        resting("a", 0.0, 100.0, EAST, EAST), resting("b", 20.0, 120.0, WEST, WEST, WEST),
+        resting("c", 300.0, 400.0, EAST, (1.0, 0.1)), resting("d", start_t_s, 500.0, EAST, EAST, EAST),
+    )  # fmt: skip
+    found, filled, full = table.by_rate()
+    assert (found, filled.tolist(), full) == plan
+
+
+def test_the_poorest_of_the_passes_that_others_make_up_for_go_first():
+    table = table_of(
+        resting("rich", 0.0, 100.0, *[EAST] * 3, *[WEST] * 3), resting("a", 200.0, 300.0, *[EAST] * 3),
+        resting("b", 400.0, 500.0, *[WEST] * 3),
+    )  # fmt: skip
+    found, filled = table.without_needless([0, 1, 2], np.array([6, 6]))
+    assert (found, filled.tolist()) == ([0], [3, 3])
+
+
+def test_of_plans_that_do_not_fill_the_sky_the_one_that_brings_more_of_what_is_missing_is_taken():
+    """Exchanging finds the rich pass behind a short poor one, and misses the sum of two passes around a rich one."""
+    poor, rich = resting("poor", 0.0, 10.0, EAST, (1.0, 0.1)), resting("rich", 5.0, 100.0, EAST, EAST, EAST)
+    found = plan_campaign([rich, poor], HALVES, SLOW)
+    assert ([one.name for one in found.passes], found.full_at_t_s) == (["rich"], None)
+    offered = [
+        resting("a", 0.0, 100.0, EAST, EAST), resting("b", 90.0, 200.0, WEST, WEST, WEST),
+        resting("c", 195.0, 300.0, WEST, WEST),
+    ]  # fmt: skip
+    for begun in (None, np.array([1, 0])):
+        found = plan_campaign(offered, HALVES, SLOW, begun)
+        assert [one.name for one in found.passes] == ["a", "c"]
+        assert found.coverage.counts.tolist() == [2 if begun is None else 3, 2]
+    assert plan_campaign([], HALVES, SLOW, np.array([1, 0])).coverage.counts.tolist() == [1, 0]
+
+
+def test_as_many_passes_are_advised_as_asked_each_given_those_before(on_offer):
+    """The factor is the mean of those of the chosen terms' sigma."""
+    start, chosen = uninformed_covariance(TERM_NAMES), ("collimation", "droop")
+    np.testing.assert_allclose(np.sqrt(np.diag(start)), [term.limit for term in terms_by_name(TERM_NAMES)])
+    advice = next_best_passes(TERM_NAMES, start, on_offer, chosen=chosen, count=3)
+    assert len(advice) == len({one.name for one in advice}) == 3
+    places = [TERM_NAMES.index(name) for name in chosen]
+    before = np.sqrt(np.diag(start))
+    for one in advice:
+        assert one.factor == pytest.approx(np.mean((one.sigma / before)[places]))
+        assert one.start_t_s == next(c.start_t_s for c in on_offer if c.name == one.name)
+        before = one.sigma
+    with pytest.raises(ValueError, match="count=0 must be"):
+        next_best_passes(TERM_NAMES, start, on_offer, chosen=chosen, count=0)
+    with pytest.raises(ValueError, match="chosen=nothing must name terms"):
+        next_best_passes(TERM_NAMES, start, on_offer, chosen=(), count=1)

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -301,3 +302,197 @@ def test_a_range_that_is_far_off_among_biased_ones_makes_no_clock(campaign_with)
         return replace(raw, range_m=raw.range_m + 30e3 + far), reference
 
     assert suspects.clock_by_ranges(campaign_with(spoilt)) is None
+
+
+def test_the_speed_of_a_target_is_that_of_its_own_pass(campaign_with):
+    """Half as fast again at ranges half as large again."""
+    points = RawPasses(campaign_with(), 0).process(Known(model=MOUNT)).points
+    scale = np.where(points.pass_id == 3, 1.5, 1.0)
+    faster = replace(points, range_m=scale * points.range_m, range_rate_m_s=scale * points.range_rate_m_s)
+    assert [suspects._ground_speed(faster, number) for number in (2, 3, 4)] == pytest.approx(
+        [7000.0, 10_500.0, 7000.0], rel=1e-3
+    )
+
+
+def test_a_late_pass_is_told_by_four_others_and_by_an_error_that_a_late_pass_makes(campaign_with):
+    passes = campaign_with(lambda k, raw, reference: (replace(raw, t_s=raw.t_s - 0.5 * (k == 2)), reference))
+    orbit = PassPriors.of_orbit(1000.0)
+    found = suspects.late_passes(*fitted(passes[:5], orbit))
+    assert list(found) == [2]
+    assert (found[2].kind, found[2].unit, found[2].refuse) == ("late pass", "s", False)
+    assert found[2].size == pytest.approx(-0.5, rel=0.1)
+    # The others are exact: they are within what is taken for the least.
+    assert " s early where the others are within 0.015 s, or its target 3." in found[2].text
+    assert 1e-4 < found[2].sigma < 0.05
+    assert suspects.late_passes(*fitted(passes[:4], orbit)) == {}
+    assert suspects.late_passes(*fitted(passes[:5], PassPriors(radial_m=1000.0))) == {}
+    assert suspects.late_passes(*fitted(passes[:5], None)) == {}
+
+
+@pytest.mark.parametrize(
+    ("above", "asked"), [((260.0, 300.0), [6, 5, 8]), ((201.0, 204.0), [6, 5, 3]), ((201.0, 100.0), [6, 3])]
+)
+def test_only_the_three_farthest_of_the_passes_that_are_off_are_looked_at(campaign_with, monkeypatch, above, asked):
+    """Off is more than 1.5 x 1.4826 times the median distance of 91 m from the median of 10 m: 202.4 m."""
+    from_median = [-5.0, 5.0, -89.0, -203.0, 91.0, above[1], -450.0, 89.0, above[0], -91.0]
+    fit, points = fitted(campaign_with())
+    errors = tuple(
+        replace(one, values={**one.values, "along_track_m": 10.0 + from_median[one.pass_id]}) for one in fit.pass_errors
+    )
+    seen = []
+
+    def without(_fit, _start, index, name):
+        assert name == "along_track_m"
+        seen.append(index)
+        return 10.0, 1.0, 2.0
+
+    monkeypatch.setattr(suspects, "without_pass", without)
+    assert suspects.late_passes(replace(fit, pass_errors=errors), points) == {}
+    assert seen == asked
+
+
+@pytest.mark.parametrize(
+    ("lags_s", "sigma_s", "clock"),
+    [
+        # The mean is weighted by the squares: (9 x 0.100 + 16 x 0.104) / 25.
+        ((0.100, 0.104), (0.004, 0.003), (-0.10256, 0.0024, True)),
+        ((-0.100, -0.104), (0.004, 0.003), (0.10256, 0.0024, True)),
+        # The lags differ with a sigma of 10.0 ms and less, or more.
+        ((0.1, 0.1), (0.0059, 0.0080), (-0.1, 0.0047484, True)),
+        ((0.1, 0.1), (0.0061, 0.0080), (-0.1, 0.0048507, False)),
+        ((0.051, 0.051), (0.004, 0.003), (-0.051, 0.0024, True)),
+        ((0.049, 0.049), (0.004, 0.003), None),
+        # Five sigma of the mean are 70.7 ms.
+        ((0.072, 0.072), (0.02, 0.02), (-0.072, 0.0141421, False)),
+        ((0.069, 0.069), (0.02, 0.02), None),
+        ((0.100, -0.100), (0.004, 0.003), None),
+    ],
+)
+def test_a_clock_is_the_weighted_mean_of_both_lags_beyond_those_that_are_known(campaign_with, lags_s, sigma_s, clock):
+    fit, _ = fitted(campaign_with()[:6])
+    names = ("azimuth_velocity_lag", "elevation_velocity_lag")
+    places = [fit.names.index(name) for name in names]
+    values, covariance = fit.values.copy(), fit.covariance.copy()
+    values[places] = np.add(lags_s, (0.3, -0.2))
+    covariance[np.ix_(places, places)] = np.diag(np.square(sigma_s))
+    told = replace(fit, values=values, covariance=covariance)
+    found = suspects.common_clock(told, dict(zip(names, (0.3, -0.2), strict=True)))
+    assert (found is None) is (clock is None)
+    if clock:
+        assert (found.size, found.sigma, found.refuse) == pytest.approx(clock, rel=1e-4)
+        assert (found.kind, found.unit) == ("clock", "s")
+
+
+@pytest.mark.parametrize("absent", ["azimuth_velocity_lag", "elevation_velocity_lag"])
+def test_one_lag_alone_tells_of_no_clock(absent):
+    names = tuple(name for name in TERMS if name != absent)
+    assert suspects.common_clock(SimpleNamespace(names=names), dict.fromkeys(TERMS, 0.0)) is None
+
+
+def ranged(residual, rate):
+    """Return what of a tracked pass the ranges need."""
+    residual, rate = np.asarray(residual, dtype=float), np.asarray(rate, dtype=float)
+    return SimpleNamespace(
+        residuals={"range_m": residual}, track=SimpleNamespace(t_s=np.arange(len(rate)), range_rate_m_s=rate)
+    )
+
+
+def test_ranges_tell_of_a_clock_from_twenty_samples_a_pass():
+    def late(count, seconds):
+        rate = np.linspace(-5000.0, 5000.0, count)
+        return ranged(40.0 - seconds * rate, rate)
+
+    whole = [late(101, seconds) for seconds in (0.2, 0.21, 0.2)]
+    found = suspects.clock_by_ranges([*whole, late(20, 0.21)])
+    assert found.size == pytest.approx(0.205)
+    assert (found.kind, found.unit, found.refuse) == ("clock", "s", True)
+    assert suspects.clock_by_ranges([*whole, late(19, 0.21)]) is None
+    bare = SimpleNamespace(residuals={}, track=late(101, 0.2).track)
+    assert suspects.clock_by_ranges([*whole, bare]) is None
+    assert suspects.clock_by_ranges([*whole, bare, late(20, 0.21)]).size == pytest.approx(0.205)
+
+
+@pytest.mark.parametrize(("off_m", "kept"), [(7000.0, True), (8000.0, False)])
+def test_ranges_within_ten_times_their_spread_are_used(off_m, kept):
+    """Of 0.2 s at up to 5 km/s the spread is 1.4826 x 500 m."""
+    rate = np.linspace(-5000.0, 5000.0, 101)
+    residual = 40.0 - 0.2 * rate
+    residual[-1] = 40.0 + off_m
+    expected = -np.polyfit(rate if kept else rate[:-1], residual if kept else residual[:-1], 1)[0]
+    assert suspects.clock_by_ranges([ranged(residual, rate)] * 4).size == pytest.approx(expected, rel=1e-9)
+
+
+def test_ranges_that_hardly_scatter_are_used_within_ten_metres():
+    """Most of these passes is at its closest point, where the range does not change."""
+    rate = np.concatenate([np.zeros(60), np.full(20, 100.0)])
+    residual = np.concatenate([np.zeros(60), np.full(10, -9.0), np.full(10, -11.5)])
+    assert suspects.clock_by_ranges([ranged(residual, rate)] * 4).size == pytest.approx(0.09, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("size", "refuse", "cause"),
+    [
+        (0.049, None, ""),
+        (-0.049, None, ""),
+        (0.051, False, "give --weather"),
+        (-0.051, False, "give --weather"),
+        (0.299, False, "give --weather"),
+        (0.301, True, "added to the angles twice"),
+        (-0.301, True, "removed from the angles already"),
+    ],
+)
+def test_a_share_of_the_refraction_is_named_from_a_twentieth_and_refused_from_three_tenths(size, refuse, cause):
+    found = suspects._refraction(suspects._Estimate(np.array([size]), np.array([0.01]), 100.0))
+    assert (found is None) is (refuse is None)
+    if found:
+        assert (found.size, found.sigma, found.refuse) == (size, 0.01, refuse)
+        assert (found.kind, found.unit) == ("refraction", "of the refraction")
+        assert cause in found.text
+
+
+def test_a_site_is_off_by_twenty_metres_or_more_with_the_sigma_along_that_way():
+    sigma = np.array([3.0, 4.0, 5.0])
+    found = suspects._site(suspects._Estimate(np.array([12.0, -15.0, 16.0]), sigma, 100.0))
+    assert (found.kind, found.size, found.unit, found.refuse) == ("site", 25.0, "m", True)
+    # Each sigma counts by the share of its axis: sqrt(36^2 + 60^2 + 80^2) / 25.
+    assert found.sigma == pytest.approx(np.sqrt(1296.0 + 3600.0 + 6400.0) / 25.0)
+    assert "25 +/- 4 m away from the site given: +12 m east, -15 m north, +16 m up of it" in found.text
+    for up_m, named in ((4.9, False), (5.1, True)):
+        off = suspects._Estimate(np.array([12.0, -15.2, up_m]), sigma, 100.0)
+        assert (suspects._site(off) is not None) is named
+
+
+def test_what_explains_most_is_named_if_it_explains_more_than_five_sigma(campaign_with, monkeypatch):
+    points = RawPasses(campaign_with()[:3], 0).process(Known(model=MOUNT)).points
+    given, gains = {}, {}
+
+    def estimates(_fit, _points, columns):
+        given.clear()
+        given.update(columns)
+        values = {"refraction": np.array([0.5]), "site": np.array([30.0, 40.0, 0.0])}
+        return {kind: suspects._Estimate(values[kind], np.ones_like(values[kind]), gains[kind]) for kind in columns}
+
+    monkeypatch.setattr(suspects, "_estimates", estimates)
+    for refraction, site, kind in (
+        (24.9, 24.0, None),
+        (25.1, 24.0, "refraction"),
+        (24.0, 25.1, "site"),
+        (99.0, 98.0, "refraction"),
+    ):
+        gains.update(refraction=refraction, site=site)
+        found = suspects.refraction_and_site(None, points, AIR)
+        assert (found and found.kind) == kind
+    assert not np.any(given["refraction"][0])
+    bending = AIR.apply(points.true_elevation_rad) - points.true_elevation_rad
+    np.testing.assert_array_equal(given["refraction"][1], bending[:, np.newaxis])
+    # Without ranges nothing tells how far an antenna is from its site.
+    for name in ("range_m", "range_rate_m_s"):
+        assert suspects.refraction_and_site(None, replace(points, **{name: None}), AIR).kind == "refraction"
+        assert list(given) == ["refraction"]
+
+
+def test_sizes_of_errors_are_searched_from_more_than_any_that_occurs():
+    given = PassPriors(along_track_m=5.0, radial_drift_m_s=0.01, along_track_drift_m_s=0.3, clock_s=0.1)
+    assert suspects._searched_from(given) == PassPriors(
+        along_track_m=1000.0, radial_drift_m_s=1.0, along_track_drift_m_s=0.3, clock_s=1.0
+    )
