@@ -27,6 +27,8 @@ FORMAT = "rf_pointing/bias_model/1"
 # Eigenvalues of a singular correlation matrix come out at minus a rounding.
 _ROUNDING = 1e-9
 _SIGMA_AGREES = 1e-3
+# Characters of a line, for a term or a row of the covariance.
+_LINE = 120
 # Fields of the same name in the file and in a version; `_ANGLES` are in degrees in the file.
 _TEXTS = ("name", "station", "band", "software")
 _COUNTS = ("observations", "rejected", "passes")
@@ -109,7 +111,7 @@ def write_model(path: str | Path, version: ModelVersion) -> None:
     if _is_json(target):
         text = json.dumps(mapping, indent=2) + "\n"
     else:
-        text = yaml.safe_dump(mapping, sort_keys=False, default_flow_style=None, width=120)
+        text = yaml.safe_dump(mapping, sort_keys=False, default_flow_style=None, width=_LINE)
     write_whole(target, text)
 
 

@@ -63,6 +63,42 @@ def test_values_in_the_file_are_degrees_and_seconds(file, tmp_path):
         (lambda m: m.update(created_utc="yesterday"), "created_utc='yesterday' must be a time"),
         (lambda m: m.update(format="other/1"), "format='other/1' must be one of"),
         (lambda m: m["fit"].update(condition=float("nan")), r"fit\.condition=nan must be finite"),
+        (lambda m: m["fit"].update(condition=True), r"fit\.condition=True must be a number"),
+        (lambda m: m.update(station=5), "station=5 must be a text"),
+        (lambda m: m.update(band=""), "band='' must be a text"),
+        (lambda m: m.update(created_utc="2026-03-21T05:11:02"), "created_utc='2026-03-21T05:11:02' must be a time"),
+        (lambda m: m.update(created_utc="2026-13-21T05:11:02Z"), "created_utc: "),
+        (lambda m: m["data"].update(passes=True), r"data\.passes=True must be a whole number >= 0"),
+        (lambda m: m["data"].update(passes=2.0), r"data\.passes=2\.0 must be a whole number >= 0"),
+        (lambda m: m["data"].update(passes=-1), r"data\.passes=-1 must be a whole number >= 0"),
+        (lambda m: m["terms"]["droop"].update(used=1), r"terms\.droop\.used=1 must be true or false"),
+        (
+            lambda m: m["terms"]["droop"].update(used=False),
+            r"terms\.droop\.used=False contradicts terms\.droop\.value_deg",
+        ),
+        (
+            lambda m: m["terms"]["droop"].update(value_deg=0.0),
+            r"terms\.droop\.used=True contradicts terms\.droop\.value_deg",
+        ),
+        (lambda m: m["terms"]["droop"].update(fixed=True), r"covariance\.order is .*; must be the fitted terms"),
+        (lambda m: m["terms"]["droop"].update(sigma_deg=None), r"terms\.droop\.sigma_deg is missing"),
+        (lambda m: m.update(terms=[]), "terms must be a mapping of keys to values"),
+        (lambda m: m["covariance"]["order"].reverse(), r"covariance\.order is .*; must be the fitted terms"),
+        (lambda m: m["covariance"].update(order="droop"), r"covariance\.order must be a list of texts"),
+        (lambda m: m["covariance"]["order"].__setitem__(3, 3), r"covariance\.order must be a list of texts"),
+        (lambda m: m["covariance"]["unit"].__setitem__(5, "deg"), r"covariance\.unit must be deg, "),
+        (lambda m: m["covariance"].update(matrix="none"), r"covariance\.matrix must be a list of 14 lists of 14"),
+        (
+            lambda m: m["covariance"]["matrix"].__setitem__(3, 3.0),
+            r"covariance\.matrix must be a list of 14 lists of 14",
+        ),
+        (lambda m: m["covariance"]["matrix"][3].pop(), r"covariance\.matrix must be a list of 14 lists of 14"),
+        (
+            lambda m: m["covariance"]["matrix"][3].__setitem__(4, True),
+            r"covariance\.matrix\[3\]\[4\]=True must be a number",
+        ),
+        (lambda m: m["covariance"]["matrix"][0].__setitem__(1, 1e-12), "must be symmetric with a positive diagonal"),
+        (lambda m: m["covariance"]["matrix"][2].__setitem__(2, 0.0), "must be symmetric with a positive diagonal"),
     ],
 )
 def test_a_damaged_file_is_refused_by_its_key(file, tmp_path, change, message):
@@ -159,3 +195,56 @@ def test_a_model_in_json_is_written_for_people_too(file, tmp_path):
     text = (tmp_path / "model.json").read_text()
     assert text == json.dumps(json.loads(text), indent=2) + "\n"
     assert text.splitlines()[1].startswith('  "')
+
+
+def test_a_file_is_in_the_order_of_the_format_with_the_numbers_in_rows(file, tmp_path):
+    write_model(tmp_path / "m.yaml", file)
+    text = (tmp_path / "m.yaml").read_text()
+    keys = [line.split(":")[0] for line in text.splitlines() if line[0].isalpha()]
+    assert keys[0] == "format"
+    assert keys[-5:] == ["validity", "data", "fit", "terms", "covariance"]
+    assert list(yaml.safe_load(text)["terms"]) == list(file.model.coefficients)
+    # One term in one line: people compare files of two nights.
+    droop = next(line for line in text.splitlines() if line.strip().startswith("droop:"))
+    assert "value_deg" in droop
+    assert "fixed: false" in droop
+
+
+def test_a_model_without_a_fitted_term_reads_back(file, tmp_path):
+    """Terms that were typed in have no sigma; one that is zero is not used."""
+    model = file.model.replace(droop=0.0)
+    write_model(tmp_path / "m.json", replace(file, model=model, fitted=(), covariance=np.zeros((0, 0))))
+    back = read_model(tmp_path / "m.json")
+    assert (back.fitted, back.covariance.shape) == ((), (0, 0))
+    assert back.model.coefficients["collimation"] == pytest.approx(model.coefficients["collimation"], rel=1e-14)
+    terms = json.loads((tmp_path / "m.json").read_text())["terms"]
+    assert (terms["droop"]["used"], terms["collimation"]["used"]) == (False, True)
+    assert all(term["fixed"] and "sigma_deg" not in term for term in terms.values())
+
+
+@pytest.mark.parametrize(("share", "refused"), [(0.9, False), (-0.9, False), (1.1, True), (-1.1, True)])
+def test_a_sigma_that_was_changed_by_hand_is_found(file, tmp_path, share, refused):
+    """By more than one part in a thousand."""
+    write_model(tmp_path / "m.json", file)
+    content = json.loads((tmp_path / "m.json").read_text())
+    content["terms"]["azimuth_velocity_lag"]["sigma_s"] *= 1.0 + 1e-3 * share
+    (tmp_path / "m.json").write_text(json.dumps(content))
+    if refused:
+        with pytest.raises(ValueError, match="azimuth_velocity_lag.sigma_s=.* contradicts the covariance"):
+            read_model(tmp_path / "m.json")
+    else:
+        assert read_model(tmp_path / "m.json").fitted == file.fitted
+
+
+@pytest.mark.parametrize("name", ["m.txt", "m", "m.YAML"])
+def test_a_file_of_another_kind_is_refused(file, tmp_path, name):
+    with pytest.raises(ValueError, match="suffix="):
+        write_model(tmp_path / name, file)
+
+
+def test_a_model_that_ends_when_it_begins_and_one_of_a_single_instant_of_data_read_back(file, tmp_path):
+    given = replace(file, valid_until_t_s=file.valid_from_t_s, last_t_s=file.first_t_s)
+    write_model(tmp_path / "m.yml", given)
+    back = read_model(tmp_path / "m.yml")
+    assert back.valid_until_t_s == back.valid_from_t_s
+    assert back.last_t_s == back.first_t_s
