@@ -173,10 +173,8 @@ class ForbiddenSky:
 
         `over`: those of the other side too, which count over the top.
         """
-        points = np.array(self.mask.azimuth_rad)
-        if over:
-            points = np.concatenate([points, points + math.pi])
-        turns = np.arange(math.floor((west_rad - TURN) / TURN) - 1, math.ceil(east_rad / TURN) + 1)
+        points = np.add.outer((0.0, math.pi) if over else (0.0,), self.mask.azimuth_rad).ravel() % TURN
+        turns = np.arange(math.floor(west_rad / TURN), math.ceil(east_rad / TURN))
         every = (points[:, None] + TURN * turns).ravel()
         return np.asarray(every[(every > west_rad) & (every < east_rad)])
 

@@ -75,14 +75,14 @@ class PassProfile:
         position[:, 0] = azimuth + turn * np.round((near - azimuth[0]) / turn)
         sun = unit_vector_from_azel(*self.sun_rad.T)
         # The Sun moves 0.25 deg in a minute: straight lines between its directions do.
-        here = np.column_stack([np.interp(times, self.t_s, part) for part in sun.T])
+        east, north, up = (np.interp(times, self.t_s, part) for part in sun.T)
         return PassProfile(
             name=self.name,
             t_s=times,
             position_rad=position,
             velocity_rad_s=velocity,
             acceleration_rad_s2=acceleration,
-            sun_rad=np.column_stack([np.arctan2(here[:, 0], here[:, 1]), np.arcsin(np.clip(here[:, 2], -1.0, 1.0))]),
+            sun_rad=np.column_stack([np.arctan2(east, north), np.arctan2(up, np.hypot(east, north))]),
             range_m=np.interp(times, self.t_s, self.range_m),
             satellite_gain_db=np.interp(times, self.t_s, self.satellite_gain_db),
         )

@@ -76,11 +76,10 @@ class AxisSlew(NamedTuple):
         cls, start: float, end: float, rate: float, limit: float, acceleration: float, share: float
     ) -> "AxisSlew":
         """Return the motion from `start` at `rate` to rest at `end`."""
-        side = math.copysign(1.0, end - start)
         braking, run = share * acceleration, rate * abs(rate) / (2.0 * acceleration)
         # A rate that comes to rest at the end in exact numbers must not overshoot by rounding.
         overshoots = rate**2 > 2.0 * braking * abs(end - start) * (1.0 + 1e-9)
-        if side * rate < 0.0 or overshoots:
+        if (end - start) * rate < 0.0 or overshoots:
             first_s, from_rad = abs(rate) / acceleration, start + run
             begin_s = first_s
         else:
@@ -109,8 +108,8 @@ class AxisSlew(NamedTuple):
             (brakes, end, self.braking_rad_s2),
         ):
             # A parabola of a t^2 / 2 leaves its chord by a dt^2 / 8.
-            count = max(1, math.ceil((high - low) * math.sqrt(limit / (8.0 * CHORD_RAD))))
-            knots.append(np.asarray(low + (high - low) / count * np.arange(count + 1), dtype=np.float64))
+            count = math.ceil((high - low) * math.sqrt(limit / (8.0 * CHORD_RAD)))
+            knots.append(np.linspace(low, high, count + 1))
         return knots
 
     def at(self, times: Array) -> tuple[Array, Array]:
@@ -149,8 +148,8 @@ def slew_path(start: Moving, end: Pair, axes: AxisRates) -> tuple[Array, Array, 
     """Return times (n,), positions and rates (n, 2) of a slew, chords of which are the curve."""
     rows = zip(start.position_rad, end, start.rate_rad_s, *axes, strict=True)
     motions = [AxisSlew.between(*row, start.share) for row in rows]
-    times = np.sort(np.concatenate([knots for motion in motions for knots in motion.knots_s()]))
-    times = times[(times >= 0.0) & (np.diff(times, prepend=-1.0) > 0.0)]
+    times = np.unique(np.concatenate([knots for motion in motions for knots in motion.knots_s()]))
+    times = times[times >= 0.0]
     (p0, v0), (p1, v1) = (motion.at(times) for motion in motions)
     return times, np.column_stack([p0, p1]), np.column_stack([v0, v1])
 

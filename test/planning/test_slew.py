@@ -14,6 +14,7 @@ from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.slew import (
     CORNER_RAD,
     AxisSlew,
+    Leg,
     Moving,
     PathFinder,
     _FreeColumns,
@@ -178,3 +179,226 @@ def test_the_next_leg_begins_where_the_corner_is_near(random: np.random.Generato
         braking = math.sqrt(2.0 * 0.8 * accelerations[last] * CORNER_RAD)
         if braking < 0.9 * rates[last]:
             assert abs(near.rate_rad_s[last]) == pytest.approx(braking, rel=0.03)
+
+
+FLAT = ForbiddenSky(HorizonMask(elevation_rad=(0.0,)), 5.0 * DEG)
+WIDE = ((-4.0, 0.0), (4.0, 90.0 * DEG))
+RIDGE = HorizonMask(azimuth_rad=(0.0, 80.0 * DEG, 90.0 * DEG, 100.0 * DEG), elevation_rad=(0.0, 0.0, 30.0 * DEG, 0.0))
+
+
+@pytest.mark.parametrize(("share", "brakes_first"), [(0.999, False), (1.0 + 1e-12, False), (1.001, True)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_an_axis_brakes_before_it_comes_back_only_if_it_cannot_stop_at_the_end(
+    share: float, brakes_first: bool, side: float
+) -> None:
+    """With eight tenths of the limit it stops from v in v^2 / 1.6 a."""
+    rate = share * math.sqrt(1.6 * 0.8 * DEG * 1.0 * DEG)
+    motion = AxisSlew.between(0.3, 0.3 + side * DEG, side * rate, 3.0 * DEG, 0.8 * DEG, 0.8)
+    assert (motion.first_s > 0.0) is brakes_first
+    assert (motion.begin_s > 0.0) is brakes_first
+    away = AxisSlew.between(0.3, 0.3 + side * DEG, -side * 1e-4, 3.0 * DEG, 0.8 * DEG, 0.8)
+    assert away.first_s == pytest.approx(1e-4 / (0.8 * DEG))
+
+
+def test_a_slew_has_no_more_chords_than_a_hundredth_of_a_degree_asks_for() -> None:
+    """A parabola of a t^2 / 2 leaves its chord by a dt^2 / 8; between both there is one straight line."""
+    rise_s, fall_s = 1.8 / 0.8, 1.8 / (0.8 * 0.8)
+    per_s, per_fall_s = (math.sqrt(a * 0.8 * DEG / (8.0 * 0.01 * DEG)) for a in (1.0, 0.8))
+    times, _, _ = slew_path(Moving(0.8, (0.3, 0.2)), (1.4, 0.2), AXES)
+    assert len(times) == 2 + math.ceil(rise_s * per_s) + math.ceil(fall_s * per_fall_s)
+    # One that brakes first, from 1 deg/s, has chords for that too: here all 1.25 s of it and of the rise.
+    back, _, _ = slew_path(Moving(1.0, (0.3, 0.2), (1.0 * DEG, 0.0)), (-0.8, 0.2), AXES)
+    chords = math.ceil(1.25 * per_s) + 2 * math.ceil(rise_s * per_s)
+    assert len(back) == 2 + chords
+
+
+@pytest.mark.parametrize(
+    ("start_deg", "end_deg", "corners_deg"),
+    [
+        # Half a degree above the hill is the lowest way over it.
+        ((60.0, 10.0), (120.0, 10.0), [(60.0, 30.5), (120.0, 30.5), (120.0, 10.0)]),
+        # At the height of the start, or of the goal, the elevation makes its way once.
+        ((60.0, 50.0), (120.0, 10.0), [(60.0, 50.0), (120.0, 50.0), (120.0, 10.0)]),
+        ((84.0, 15.0), (120.0, 50.0), [(84.0, 50.0), (120.0, 50.0), (120.0, 50.0)]),
+        ((170.0, 5.0), (-100.0, 5.0), [(170.0, 30.5), (-100.0, 30.5), (-100.0, 5.0)]),
+    ],
+)
+def test_the_fastest_way_over_a_hill_is_taken(
+    start_deg: tuple[float, float], end_deg: tuple[float, float], corners_deg: list[tuple[float, float]]
+) -> None:
+    paths = PathFinder(ForbiddenSky(RIDGE, 0.0), AXES, WIDE)
+    start, end = ((a * DEG, e * DEG) for a, e in (start_deg, end_deg))
+    np.testing.assert_allclose(np.degrees(paths.find(start, end, None)), corners_deg, atol=1e-9)
+    assert paths.find(start, (start[0] + 1.0 * DEG, start[1]), None) == [(start[0] + 1.0 * DEG, start[1])]
+
+
+@pytest.mark.parametrize(("level_deg", "turns_deg"), [(38.0, 34.0), (42.0, 46.0)])
+def test_the_sun_is_passed_a_degree_from_its_zone_on_the_nearer_side(level_deg: float, turns_deg: float) -> None:
+    paths = PathFinder(FLAT, AXES, WIDE)
+    start, end = (20.0 * DEG, level_deg * DEG), (80.0 * DEG, level_deg * DEG)
+    corners = paths.find(start, end, (50.0 * DEG, 40.0 * DEG))
+    np.testing.assert_allclose(
+        np.degrees(corners), [(20.0, turns_deg), (80.0, turns_deg), (80.0, level_deg)], atol=1e-9
+    )
+
+
+def test_twelve_even_heights_of_the_travel_are_tried() -> None:
+    """Hill and two suns' worth of zone leave one gap, which no obvious height meets: 6 / 11 of the travel."""
+    paths = PathFinder(
+        ForbiddenSky(HorizonMask(elevation_rad=(0.0,)), 0.0), AXES, ((-4.0, 4.0 * DEG), (4.0, 81.0 * DEG))
+    )
+    heights = {
+        round(math.degrees(corners[0][1]), 6) for _, corners in paths._over_heights((0.0, 0.1), (1.0, 0.2), None)
+    }
+    even = {round(4.0 + 7.0 * step, 6) for step in range(12)}
+    assert heights == even | {round(math.degrees(0.1), 6), round(math.degrees(0.2), 6)}
+    spent = {corners[0][1]: seconds for seconds, corners in paths._over_heights((0.0, 0.1), (1.0, 0.2), None)}
+    legs = [((0.0, 0.1), (0.0, 0.2)), ((0.0, 0.2), (1.0, 0.2)), ((1.0, 0.2), (1.0, 0.2))]
+    assert spent[0.2] == pytest.approx(sum(AXES.slew_s(*leg) for leg in legs))
+
+
+def test_the_way_over_the_top_stays_clear_of_the_hill_behind() -> None:
+    """The ridge lies at azimuth 90: from 240 to 300 deg over the top, heights between 0 and 150 deg are of use."""
+    paths = PathFinder(ForbiddenSky(RIDGE, 0.0), AXES, ((-4.0, 0.0), (6.0, 180.0 * DEG)))
+    heights = [corners[0][1] for _, corners in paths._over_heights((4.3, 0.1), (5.2, 0.2), None)]
+    assert max(heights) == pytest.approx(180.0 * DEG * 9 / 11)
+    assert min(heights) == 0.0
+
+
+def az_slew_s(distance_deg: float, share: float) -> float:
+    """Time of a long slew that brakes with a share of the limit."""
+    return distance_deg / 1.8 + 0.5 * 1.8 / 0.8 * (1.0 + 1.0 / share)
+
+
+@pytest.mark.parametrize("before_s", [0.0, 1000.0])
+def test_a_leg_keeps_as_much_more_from_the_sun_as_it_moves_until_the_axes_arrive(before_s: float) -> None:
+    """Along the horizon past a Sun e above it, the nearest distance is e; the weaker braking takes longer."""
+    start, corner, paths = (0.0, 0.0), (100.0 * DEG, 0.0), PathFinder(FLAT, AXES, WIDE)
+    before = Leg("", tuple(Moving(share, start) for share in (1.0, 0.8)), before_s)
+    kept_rad = 5.0 * DEG + 2.0 * math.pi / 86400.0 * (before_s + az_slew_s(100.0, 0.8))
+    for off_rad, free in ((1e-4, True), (-1e-4, False)):
+        leg = paths.leg(before, corner, (50.0 * DEG, kept_rad + off_rad), last=False)
+        assert (leg.reason == "") is free
+        assert not free or leg.end_s == pytest.approx(before_s + az_slew_s(100.0, 0.8))
+
+
+def test_after_a_leg_the_axes_rest_at_the_corner_or_are_near_it_already() -> None:
+    """By command or by encoders, at either braking; a later leg goes on from each as it was."""
+    start, corner, paths = (0.0, 0.1), (50.0 * DEG, 0.1), PathFinder(FLAT, AXES, WIDE)
+    leg = Leg.begin(start)
+    for goal, end_s in ((corner, az_slew_s(50.0, 0.8)), (start, None)):
+        leg = paths.leg(leg, goal, None, last=False)
+        assert leg.reason == ""
+        assert [(each.share, each.cuts) for each in leg.moving] == [
+            (1.0, False),
+            (1.0, True),
+            (0.8, False),
+            (0.8, True),
+        ]
+        for each in leg.moving:
+            away = np.max(np.abs(np.array(each.position_rad) - goal))
+            assert away == pytest.approx(CORNER_RAD if each.cuts else 0.0, abs=1e-9)
+            assert any(each.rate_rad_s) is each.cuts
+        if end_s is not None:
+            assert leg.end_s == pytest.approx(end_s)
+
+
+@pytest.mark.parametrize("last", [True, False])
+def test_only_the_last_leg_is_free_for_being_above_everything(last: bool) -> None:
+    """The corner of another one must be known."""
+    leg = PathFinder(FLAT, AXES, WIDE).leg(Leg.begin((0.0, 0.1)), (1.0, 0.3), None, last=last)
+    assert (leg.reason, len(leg.moving)) == ("", 0 if last else 4)
+    assert (leg.end_s == 0.0) is last
+
+
+def test_a_leg_is_clear_of_all_with_what_the_elevation_runs_on() -> None:
+    """From 1 deg/s downwards at 0.8 deg/s^2 the elevation runs on by 0.625 deg; upwards nothing is lost."""
+    paths = PathFinder(ForbiddenSky(RIDGE, 5.0 * DEG), AXES, WIDE)
+
+    def clear(height_deg: float, rate_deg_s: float, goal_deg: float, sun_deg: float | None = None) -> bool:
+        moving = Moving(1.0, (0.0, height_deg * DEG), (0.0, rate_deg_s * DEG))
+        higher = Moving(0.8, (0.0, 60.0 * DEG))
+        sun = None if sun_deg is None else (0.0, sun_deg * DEG)
+        return paths._clear(Leg("", (moving, higher), 100.0), (0.5 * DEG, goal_deg * DEG), sun)
+
+    assert clear(30.63, -1.0, 40.0)
+    assert not clear(30.62, -1.0, 40.0)
+    assert clear(30.01, 1.0, 40.0)
+    assert not clear(40.0, 0.0, 29.99)
+    assert clear(40.0, 0.0, 30.01)
+    # The Sun's zone, what the Sun moves in the 100 s before, in the slew and in 20 s more of corners.
+    slew_s = AXES.slew_s((0.0, 60.0 * DEG), (0.5 * DEG, 55.0 * DEG))
+    kept_deg = 5.0 + 360.0 / 86400.0 * (100.0 + slew_s + 20.0)
+    for off_deg, free in ((0.003, True), (-0.003, False)):
+        assert clear(55.0, 0.0, 55.0, 60.0 + kept_deg + off_deg) is free
+        assert clear(55.0, 0.0, 55.0, 55.0 - kept_deg - off_deg) is free
+
+
+@pytest.mark.parametrize(
+    ("target_deg", "kept_deg"),
+    [(30.0, 5.1), (5.12001, 5.1), (5.06, 5.04), (5.01, 5.0), (3.0, 5.0)],
+)
+def test_axes_after_a_target_keep_a_tenth_of_a_degree_more_from_the_sun_but_not_more_than_it(
+    target_deg: float, kept_deg: float
+) -> None:
+    paths, sun = PathFinder(FLAT, AXES, WIDE), (50.0 * DEG, 40.0 * DEG)
+    target = np.array([[50.0, 40.0 + target_deg], [50.0, 80.0]]) * DEG
+    for off_deg, free in ((0.001, True), (-0.001, False)):
+        # They come nearest in the middle; what ends nearer than the margin may have its goal there.
+        places = np.array([[50.0, 30.0], [50.0, 40.0 - kept_deg - off_deg], [50.0, 30.0]]) * DEG
+        still = np.zeros_like(places)
+        assert (paths.barred(places, still, target, sun) == "") is free
+        assert paths.barred(places, still, target, None) == ""
+        # Moving on, they would stop where they come too near: 0.9 of 1 deg/s takes 0.50625 deg.
+        ahead = places - [[0.0, 0.0], [0.0, 0.9**2 / 1.6 * DEG], [0.0, 0.0]]
+        rates = np.array([[0.0, 0.0], [0.0, 0.9 * DEG], [0.0, 0.0]])
+        assert (paths.barred(ahead, rates, target, sun) == "") is free
+
+
+def test_a_path_by_columns_is_looked_for_again_while_it_takes_longer_than_assumed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The Sun moves on meanwhile: three estimates at most, the first of them the time of the straight way."""
+    walls = HorizonMask(azimuth_rad=(0.5, 1.0, 1.5, 3.5, 4.0, 4.5), elevation_rad=(0.0, 1.5, 0.0, 0.0, 1.5, 0.0))
+    paths = PathFinder(ForbiddenSky(walls, 0.0), AXES, ((-4.0, 0.0), (4.0, 60.0 * DEG)))
+    start, end = (0.0, 0.2), (115.0 * DEG, 12.0 * DEG)
+    straight_s, way = AXES.slew_s(start, end), [(0.3, 0.4), end]
+    for takes_s, found_at, asked_s in (
+        ([500.0, 600.0, 700.0, 800.0], None, [straight_s, 500.0, 600.0]),
+        ([500.0, 500.0, 700.0], None, [straight_s, 500.0]),
+        ([0.0], None, [straight_s]),
+        ([500.0, 600.0], 1, [straight_s, 500.0]),
+    ):
+        asked: list[float] = []
+
+        class Columns:
+            def __init__(self, _paths: PathFinder, *ends: object, asked: list[float] = asked) -> None:
+                assert ends[:3] == (start, end, None)
+                asked.append(float(ends[3]))  # type: ignore[arg-type]
+
+            def corners(self, asked=asked, takes_s=takes_s, found_at=found_at) -> list[tuple[float, float]]:
+                self.duration_s = takes_s[len(asked) - 1]
+                return way if found_at == len(asked) - 1 else []
+
+        monkeypatch.setattr("rf_pointing.planning.slew._FreeColumns", Columns)
+        found = paths.find(start, end, None)
+        assert asked == pytest.approx(asked_s)
+        assert found == way if found_at is not None else "no detour is free" in found
+
+
+def test_the_corners_ahead_of_a_slew_are_given_until_they_are_near() -> None:
+    corners = CornerPath([(0.1, 0.2), (0.3, 0.2)])
+    near, far = CORNER_RAD - 1e-9, CORNER_RAD + 1e-9
+    assert corners.next((0.1 - far, 0.2)) == (0.1, 0.2)
+    assert corners.next((0.1, 0.2 + far)) == (0.1, 0.2)
+    assert corners.next((0.1 - near, 0.2 + near)) == (0.3, 0.2)
+    assert corners.next((0.0, 0.0)) == (0.3, 0.2), "one that is passed does not come back"
+    assert corners.next((0.3, 0.2)) is None
+    assert CornerPath().next((0.0, 0.0)) is None
+
+
+def test_axes_that_begin_near_a_corner_are_there_as_they_begin() -> None:
+    places = np.array([[0.1, 0.2], [0.1 + 1e-3, 0.2]])
+    rates = np.array([[0.01, -0.02], [0.0, 0.0]])
+    near = _near_corner(0.8, places, rates, (0.1 + 1e-3, 0.2))
+    assert near == Moving(0.8, (0.1, 0.2), (0.01, -0.02), cuts=True)
