@@ -135,7 +135,7 @@ def test_a_motion_with_a_crossing_is_one_side_before_it_and_the_other_after() ->
     for part, before, between, after, turn in zip(joined, path(1.0), inside, path(2.0), (6.2, 0.0, 0.0), strict=True):
         np.testing.assert_array_equal(part[:4], before[:4])
         np.testing.assert_array_equal(part[4:8], between)
-        np.testing.assert_array_equal(part[8:], after[8:] + [turn, 0.0])
+        np.testing.assert_array_equal(part[8:], after[8:] + np.array([turn, 0.0]))
 
 
 def test_a_dish_that_leans_may_go_over_from_either_side() -> None:

@@ -272,3 +272,252 @@ def test_calm_must_last_for_the_release_time_and_begins_anew_with_every_gust() -
     assert reason.startswith("gust ")
     _, reason = blow(watch, t_s, 1.0, 5.0)
     assert reason == ""
+
+
+@pytest.mark.parametrize(("tick_s", "window_s", "differences"), [(0.02, 0.1, 5), (0.02, 0.16, 8), (0.1, 0.02, 1)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_drift_counts_over_the_window_and_no_longer(
+    tick_s: float, window_s: float, differences: int, side: float
+) -> None:
+    params = AxisWatchParams(jump_rad=1.0, drift_rad=0.01, window_s=window_s)
+    for share, found in ((1.05, True), (0.95, False)):
+        watch, rate = AxisWatch(params, tick_s), 0.03
+        step = side * share * 0.01 / differences
+        said = []
+        for tick in range(4 * differences + 1):
+            encoder = 1.0 + tick * (rate * tick_s + step)
+            said.append(watch.step((encoder, 0.5), (rate, 0.0))[1])
+        # The first difference is between the second sample and the third: the first one is only trusted.
+        assert [bool(words) for words in said] == [False] * (differences + 1) + [found] * (3 * differences)
+        if found:
+            wanted = math.degrees(side * share * 0.01)
+            assert said[-1] == f"azimuth encoder moved {wanted:.3f} deg more than the drive"
+
+
+def test_wrong_samples_right_after_the_first_are_bridged_as_well() -> None:
+    watch = AxisWatch(AXIS_PARAMS, TICK_S)
+    assert watch.cause == "", "nothing is known yet"
+    watch.step((1.0, 0.5), (0.0, 0.0))
+    said = [watch.step((1.0, 0.5 + 5.0 * DEG), (0.0, 0.0)) for _ in range(4)]
+    assert said[:3] == [((1.0, 0.5), "")] * 3
+    assert said[3][1] == "elevation encoder jumped by 5.000 deg"
+    assert watch.reason == said[3][1]
+    watch.reset()
+    assert watch.reason == ""
+    assert watch.step((2.0, 0.7), (0.0, 0.0)) == ((2.0, 0.7), "")
+
+
+def test_without_a_tachometer_the_encoder_is_on_its_own() -> None:
+    watch = AxisWatch(AXIS_PARAMS, TICK_S)
+    for tick in range(8):
+        place = 1.0 + 5e-5 * tick
+        assert watch.step((place, 0.5), (math.nan, 0.0)) == ((place, 0.5), "")
+
+
+@pytest.mark.parametrize("rate_deg_s", [0.25, -0.25])
+def test_the_second_sample_of_a_frozen_encoder_tells_what_the_drive_moved(rate_deg_s: float) -> None:
+    """5 mdeg a tick, of which 8 are allowed; a change of the last bit begins anew."""
+    axis = moving(rate_deg_s)
+    frozen = axis.angle
+    assert axis.tick(frozen)[1] == ""
+    assert axis.tick(math.nextafter(frozen, 9.0))[1] == ""
+    frozen = math.nextafter(frozen, 9.0)
+    assert axis.tick(frozen)[1] == ""
+    moved = 0.02 * 2.0 * rate_deg_s
+    assert axis.tick(frozen)[1] == f"azimuth encoder stands still while the drive moved {moved:.3f} deg"
+
+
+def gained(*rates_deg_s: float, commands_deg_s: list[float] | None = None, **changes: float) -> int:
+    """Return at which of the rates, after 20 samples at rest, a drive is found to run away; 0: at none."""
+    watch = DriveWatch(DRIVE_PARAMS.replace(disturbance_rad_s2=0.0, **changes), TICK_S)
+    for _ in range(20):
+        assert watch.step((0.0, 0.0), (0.0, 0.0)) == ""
+    commands = commands_deg_s or [0.0] * len(rates_deg_s)
+    for number, (rate, command) in enumerate(zip(rates_deg_s, commands, strict=True), 1):
+        if watch.step((0.0, rate * DEG), (0.0, command * DEG)):
+            return number
+    return 0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_a_drive_gains_is_summed_less_the_slack(side: float) -> None:
+    """10.5 mdeg/s a tick, less 6: the fifth sum exceeds 20, where the wind is not known yet the ninth 40."""
+    ramp = [side * 0.0105 * k for k in range(1, 30)]
+    assert gained(*ramp) == 5
+    assert gained(*[side * 0.0059 * k for k in range(1, 80)]) == 0
+    for at_rest, found in ((1, 9), (9, 7)):
+        watch = DriveWatch(DRIVE_PARAMS.replace(disturbance_rad_s2=0.0), TICK_S)
+        said = [watch.step((rate * DEG, 0.0), (0.0, 0.0)) for rate in [0.0] * at_rest + ramp[:12]]
+        # 0.3 s are 15 samples: with nine at rest the 16th is the seventh of the ramp.
+        assert [bool(words) for words in said].index(True) == at_rest + found - 1
+
+
+def test_a_gain_in_one_sample_must_have_begun_in_the_one_before() -> None:
+    """A fifth of the limit of 20 mdeg/s, after the slack of 6."""
+    assert gained(0.0105, 0.0105 + 0.03) == 2, "4.5, then 28.5"
+    assert gained(0.0095, 0.0095 + 0.03) == 0, "3.5, then 27.5"
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_drive_may_follow_its_command_by_the_margin_faster(side: float) -> None:
+    """A command that stays 0.09 deg/s ahead: the model gives 0.09 (1 - exp(-0.4)) a tick."""
+    model = side * 0.09 * (1.0 - math.exp(-0.4))
+    for times, found in ((1.4, 7), (1.29, 0)):
+        rates = [times * model * k for k in range(1, 20)]
+        commands = [rate - times * model + side * 0.09 for rate in rates]
+        assert gained(*rates, commands_deg_s=commands, slack_rad_s2=0.0) == found
+
+
+def test_the_model_of_a_drive_is_the_first_order_loop_with_bounded_acceleration(random: np.random.Generator) -> None:
+    watch = DriveWatch(DRIVE_PARAMS, TICK_S)
+    bandwidth, limit = 20.0, 2.0 * DEG
+    for rate, gap in random.uniform((-2.0, -0.3), (2.0, 0.3), (40, 2)) * DEG:
+        now, steps = float(rate), 2000
+        goal = min(max(now + float(gap), -2.0 * DEG), 2.0 * DEG)
+        for _ in range(steps):
+            now += min(max((goal - now) * bandwidth, -limit), limit) * TICK_S / steps
+        # Euler's steps are 1e-5 s: 2e-4 of the decay.
+        assert watch._expected(float(rate), float(rate + gap)) == pytest.approx(now - rate, rel=3e-4, abs=1e-9)
+
+
+def test_the_wind_is_the_slow_mean_of_what_a_linear_model_leaves() -> None:
+    for acceleration, most in ((0.5, 0.5), (2.4, 1.5), (-2.4, -1.5)):
+        watch, rate = DriveWatch(DRIVE_PARAMS, TICK_S), 0.0
+        watch.step((0.0, 0.0), (0.0, 0.0))
+        for tick in range(1, 40):
+            command, rate = rate, rate + acceleration * DEG * TICK_S
+            watch.step((rate, 0.0), (command, 0.0))
+            wanted = acceleration * (1.0 - math.exp(-tick * TICK_S / 0.3))
+            wanted = math.copysign(min(abs(wanted), abs(most)), wanted)
+            assert watch._drives[0].wind == pytest.approx(wanted * DEG * TICK_S, rel=1e-9)
+
+
+@pytest.mark.parametrize(("gap_deg_s", "learns"), [(0.099, True), (0.101, False), (-0.099, True), (-0.101, False)])
+def test_a_drive_at_its_full_acceleration_tells_nothing_of_the_wind(gap_deg_s: float, learns: bool) -> None:
+    watch = DriveWatch(DRIVE_PARAMS, TICK_S)
+    watch.step((0.0, 0.0), (0.0, 0.0))
+    watch.step((0.0, 0.0), (gap_deg_s * DEG, 0.0))
+    assert (watch._drives[0].wind != 0.0) is learns
+
+
+def test_of_two_commands_that_may_act_the_mean_is_expected() -> None:
+    watch = DriveWatch(DRIVE_PARAMS.replace(delay_s=0.02), TICK_S)
+    share = 1.0 - math.exp(-0.4)
+    watch.step((0.0, 0.0), (0.08 * DEG, 0.0))
+    watch.step((0.05 * share * DEG, 0.0), (0.02 * DEG, 0.0))
+    assert watch._drives[0].wind == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("delay_s", "commands"), [(0.0, 1), (0.001, 2), (0.02, 2), (0.1, 6), (0.11, 7)])
+def test_as_many_commands_may_act_as_the_dead_time_covers(delay_s: float, commands: int) -> None:
+    """A drive follows each of them; two samples of a pulse that came before are a runaway."""
+    pulse, swings = [0.5 * DEG] * 2 + [0.0] * 20, [(-0.5 if step // 10 % 2 else 0.5) * DEG for step in range(100)]
+    for sent, late, found in ((swings, commands - 1, False), (pulse, commands, False), (pulse, commands + 1, True)):
+        watch = DriveWatch(DRIVE_PARAMS.replace(delay_s=delay_s, disturbance_rad_s2=0.0), TICK_S)
+        sent, said, rate = [0.0] * 20 + sent, [], 0.0
+        for index in range(len(sent)):
+            rate += watch._expected(rate, sent[max(0, index - late)])
+            said.append(watch.step((rate, 0.0), (sent[index], 0.0)))
+        assert any(said) is found
+
+
+def test_three_readings_that_no_drive_could_reach_are_bridged_and_the_fourth_is_believed() -> None:
+    """Three times the acceleration, 0.12 deg/s a tick."""
+    for jump, bridged in ((0.121, True), (0.119, False)):
+        watch = DriveWatch(DRIVE_PARAMS, TICK_S)
+        drive = watch._drives[0]
+        for _ in range(2):
+            watch.step((0.0, 0.0), (0.0, 0.0))
+            for _ in range(3):
+                watch.step((jump * DEG, 0.0), (0.0, 0.0))
+                assert drive.rate == (0.0 if bridged else jump * DEG)
+        watch.step((jump * DEG, 0.0), (0.0, 0.0))
+        assert drive.rate == jump * DEG
+
+
+@pytest.mark.parametrize(
+    ("rates_deg_s", "command_deg_s", "found"),
+    [
+        ([0.6, 0.6, 0.6], 0.0, True),
+        ([-0.6, -0.6, -0.6], 0.0, True),
+        ([0.6, 0.4, 0.6], 0.0, False),  # once is no runaway
+        ([0.45, 0.45, 0.45], 0.0, False),
+        ([1.0, 0.98, 0.96], 0.0, False),  # it slows down
+        ([0.0, 0.0, 0.0], 1.0, False),  # it stands still
+        ([2.21, 2.21, 2.21], 5.0, True),
+        ([2.19, 2.19, 2.19], 5.0, False),
+        ([-2.21, -2.21, -2.21], -5.0, True),
+    ],
+)
+def test_a_drive_too_fast_for_command_or_machine_twice_in_a_row_has_run_away(
+    rates_deg_s: list[float], command_deg_s: float, found: bool
+) -> None:
+    watch = DriveWatch(DRIVE_PARAMS.replace(gained_rad_s=1.0), TICK_S)
+    for rate in rates_deg_s:
+        said = watch.step((0.0, rate * DEG), (0.0, command_deg_s * DEG))
+    assert bool(said) is found
+    if found:
+        rate = f"{rates_deg_s[-1]:.2f} deg/s, commanded {command_deg_s:.2f} deg/s"
+        assert said == watch.reason == f"elevation drive runs at {rate}"
+    watch.reset()
+    assert watch.reason == ""
+
+
+def test_gust_and_mean_are_those_of_their_spans() -> None:
+    watch = WindWatch(WIND_PARAMS)
+    assert (watch.gust_m_s, watch.mean_m_s) == (0.0, 0.0)
+    for t_s, speed in ((0.0, 2.0), (1.0, 5.0), (3.0, 11.0)):
+        watch.take(t_s, speed)
+    assert (watch.gust_m_s, watch.mean_m_s) == (6.0, 6.0)
+    watch.take(3.5, 20.0)
+    assert (watch.gust_m_s, watch.mean_m_s) == (12.0, 9.5)
+    watch.take(600.0, 1.0)
+    assert (watch.gust_m_s, watch.mean_m_s) == (1.0, 7.8)
+    watch.take(600.5, 16.0)
+    assert (watch.gust_m_s, watch.mean_m_s) == (8.5, 10.6)
+
+
+def test_after_a_step_back_in_time_old_readings_mean_nothing() -> None:
+    watch = WindWatch(WIND_PARAMS)
+    for t_s, speed in ((99.0, 20.0), (100.0, 24.0), (50.0, 3.0), (51.0, 4.0)):
+        watch.take(t_s, speed)
+    assert (watch.gust_m_s, watch.mean_m_s) == (3.5, 3.5)
+    watch.take(51.0, 8.0)
+    assert (watch.gust_m_s, watch.mean_m_s) == (8.0, 8.0)
+    for nonsense in (150.0, -0.1, math.inf, math.nan):
+        watch.take(52.0, nonsense)
+    watch.take(52.0, 149.0)
+    assert watch.gust_m_s == 78.5
+
+
+def test_silence_counts_from_the_last_reading_or_the_first_look() -> None:
+    watch = WindWatch(WIND_PARAMS)
+    assert [bool(watch.step(100.0 + wait)) for wait in (0.0, 5.0, 5.1)] == [False, False, True]
+    watch.take(106.0, 3.0)
+    for wait in (0.0, 59.9):
+        watch.take(106.1 + wait, 3.0)
+        assert watch.step(106.1 + wait) == "anemometer has not been received: taken for high wind"
+    watch.take(166.1, 3.0)
+    assert watch.step(166.1) == "", "a minute of calm"
+    assert watch.step(171.1) == ""
+    assert watch.step(171.3) == "anemometer has been silent for 5.2 s: taken for high wind"
+    assert WindWatch(WIND_PARAMS.replace(watched=False)).step(1e6) == ""
+
+
+def test_the_antenna_comes_out_after_a_minute_with_gust_and_mean_below_their_shares() -> None:
+    """Eight tenths: 20 m/s of 25 and 14.4 m/s of 18."""
+    watch = WindWatch(WIND_PARAMS)
+
+    def reason(t_s: float, speed: float) -> str:
+        watch.take(t_s, speed)
+        return watch.step(t_s)
+
+    assert reason(0.0, 25.0) == "gust 25.0 m/s, limit 25.0 m/s"
+    assert reason(4.0, 18.0) == "10-min mean 21.5 m/s, limit 18.0 m/s"
+    assert reason(700.0, 14.5) == "10-min mean 21.5 m/s, limit 18.0 m/s", "14.5 m/s is no calm"
+    assert reason(702.0, 20.5) != ""
+    # From 1310 s on the mean is that of the latest readings alone.
+    assert reason(1310.0, 14.3) != ""
+    assert reason(1369.9, 14.3) != ""
+    assert reason(1370.0, 14.3) == ""
+    assert reason(1371.0, 17.9) == "", "between release and limit it stays out"
