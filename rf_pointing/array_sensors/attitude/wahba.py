@@ -99,7 +99,8 @@ def separation_rad(directions: ArrayLike, weights: ArrayLike | None = None) -> A
     # Singular values of t itself: forming sum t t^T first would lose directions closer than 1e-8
     # rad to rounding.
     spread = np.linalg.svd(scaled, compute_uv=False)[..., 1:]
-    return np.asarray(2.0 * np.arcsin(np.minimum(1.0, np.sqrt(np.sum(spread**2, axis=-1)))))
+    # At most 2/3: the largest of three that sum up to one is left out.
+    return np.asarray(2.0 * np.arcsin(np.sqrt(np.sum(spread**2, axis=-1))))
 
 
 def attitude_covariance(
@@ -126,8 +127,9 @@ def attitude_covariance(
     normal = np.einsum("...l,...lij->...ij", w, np.eye(3) - t[..., :, None] * t[..., None, :])
     cross = cross_matrix(t)
     middle = np.einsum("...l,...lij,...ljk,...lmk->...im", w**2, cross, covariances, cross)
+    # Symmetric, as its inverse.
     inverse = np.linalg.inv(normal)
-    return np.asarray(inverse @ middle @ np.swapaxes(inverse, -1, -2))
+    return np.asarray(inverse @ middle @ inverse)
 
 
 def beam_covariance(beam: ArrayLike, covariance_rad2: ArrayLike) -> Array:
