@@ -13,6 +13,7 @@ import pytest
 from rf_pointing.calibration import BiasModel, without_lags
 from rf_pointing.core import JointReading, Motion, Target, nearest_turn_rad
 from rf_pointing.ephemeris import Pass, TopocentricTrack
+from rf_pointing.planning import plunged
 from rf_pointing.planning.profile import PassProfile
 from rf_pointing.station.antenna.mount import MountParams, RateAverage
 from rf_pointing.station.pointing.branch import TrackingBranch
@@ -304,3 +305,266 @@ def test_axes_found_on_the_path_of_a_pass_have_the_lags_of_axes_that_followed_it
         found = again.at(times[25:], buffer, model, near_rad).position[0]
         np.testing.assert_allclose(found, whole.position[25] if followed else resting, atol=math.radians(5e-3))
     assert np.max(np.abs(whole.position[25] - resting)) > math.radians(0.2)
+
+
+LAGS_S = np.array([-0.2, -0.3])
+LAGGING = MountParams(azimuth_velocity_lag_s=LAGS_S[0], elevation_velocity_lag_s=LAGS_S[1]).model()
+RATE = np.radians([0.8, -0.3])
+REST = np.zeros(2)
+AVERAGING_S = 0.6
+LAG_TOLERANCE_RAD = 0.04 * float(np.max(np.abs(LAGS_S * RATE)))
+"""Steps of 0.1 s are taken as straight; the mount's own are of 1 ms."""
+SIMPLE_S = 5000.0
+
+
+class CountingPlan(StandingPlan):
+    """Notes how many instants are computed at a time."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.computed: list[int] = []
+
+    def model_motion(self, t_s: float, sky: Motion, model: BiasModel) -> Motion:
+        self.computed.append(len(sky.position))
+        return super().model_motion(t_s, sky, model)
+
+
+def placed(t_s: float) -> np.ndarray:
+    """A target that moves at `RATE`."""
+    return np.array([2.0, 0.7]) + RATE * (t_s - SIMPLE_S)
+
+
+def path_of(times: np.ndarray) -> Motion:
+    return Motion(
+        np.array([placed(float(t_s)) for t_s in times]), np.tile(RATE, (len(times), 1)), np.zeros((len(times), 2))
+    )
+
+
+def straight(times: np.ndarray) -> TargetBuffer:
+    buffer = TargetBuffer()
+    for t_s in times:
+        azimuth_rad, elevation_rad = placed(float(t_s))
+        buffer.add(
+            Target(
+                t_s=float(t_s), name="A", azimuth_rad=azimuth_rad, elevation_rad=elevation_rad,
+                azimuth_rate_rad_s=RATE[0], elevation_rate_rad_s=RATE[1], azimuth_acceleration_rad_s2=0.0,
+                elevation_acceleration_rad_s2=0.0, range_m=1e6, range_rate_m_s=0.0, refraction_rad=0.0,
+            )
+        )  # fmt: skip
+    return buffer
+
+
+def read(t_s: float, position: np.ndarray, rate: np.ndarray = REST) -> JointReading:
+    return JointReading(t_s=round(t_s, 6), position_rad=position, velocity_rad_s=rate)
+
+
+def lags_of(*pieces: tuple[float, np.ndarray]) -> np.ndarray:
+    """The lags of a mount at rest whose beam then has these rates, each for so many seconds."""
+    mean = RateAverage(AVERAGING_S)
+    for seconds, rate in pieces:
+        for _ in range(round(seconds / 1e-3)):
+            mean.update(1e-3, rate)
+    return np.asarray(LAGS_S * mean.rate_rad_s)
+
+
+def lags_at(path: Prediction, t_s: float) -> np.ndarray:
+    """By what the axes lead the target a period after `t_s`."""
+    times = np.round(t_s + PERIOD_S * np.arange(1, 4), 6)
+    return np.asarray(path.at(times, straight(times), LAGGING, 2.0).position[0] - placed(float(times[0])))
+
+
+def changing(before: np.ndarray) -> tuple[tuple[float, np.ndarray], ...]:
+    """The period in which the beam goes over from this rate to that of the target."""
+    return (0.05, before), (0.05, RATE)
+
+
+def dragged(path: Prediction, begin_s: float, seconds: float, rate: np.ndarray) -> None:
+    """Read axes whose beam moves at this rate, ten times a second."""
+    mean = RateAverage(AVERAGING_S)
+    for step in range(round(seconds / PERIOD_S) + 1):
+        t_s = begin_s + step * PERIOD_S
+        # The axes lead the beam by the lags.
+        path.take_axes(read(t_s, placed(t_s), rate + LAGS_S * mean.acceleration_rad_s2), LAGGING)
+        for _ in range(100):
+            mean.update(1e-3, rate)
+
+
+@pytest.mark.parametrize(("beyond_s", "more"), [(0.0, 0), (0.05, 0), (0.35, 3), (1.0, 10), (3.9, 20)])
+def test_a_block_reaches_as_far_as_the_target_is_known_and_two_seconds_at_most(beyond_s: float, more: int) -> None:
+    times = SIMPLE_S + PERIOD_S * np.arange(5)
+    buffer = straight(np.append(times, times[-1] + beyond_s))
+    if beyond_s > LARGEST_GAP_S:
+        buffer = straight(np.round(np.append(times, times[-1] + np.array([2.0, beyond_s])), 6))
+    plan = CountingPlan()
+    path = Prediction(PERIOD_S, plan)
+    for shift in range(more + 1):
+        later = np.round(times + PERIOD_S * shift, 6)
+        found = path.at(later, buffer, BiasModel.zero(), 2.0)
+        for part, wanted in zip(found, path_of(later), strict=True):
+            np.testing.assert_allclose(part, wanted, atol=1e-6)
+    assert plan.computed == [5 + more]
+    if more == 20:
+        path.at(np.round(later + PERIOD_S, 6), buffer, BiasModel.zero(), 2.0)
+        assert plan.computed == [25, 23], "the rest that is known"
+
+
+def test_where_the_axes_wait_is_computed_once_and_anew_after_a_clear() -> None:
+    plan = CountingPlan()
+    path, place = Prediction(PERIOD_S, plan), np.array([1.0, 0.6])
+    offset = BiasModel.zero().replace(azimuth_offset=0.01)
+    for count in (1, 4):
+        found = path.waiting(count, 0.0, place, BiasModel.zero(), 1.0 + 2.0 * math.pi)
+        np.testing.assert_allclose(found.position, np.tile([1.0 + 2.0 * math.pi, 0.6], (count, 1)), atol=1e-12)
+        assert found.velocity.shape == (count, 2)
+        assert not found.velocity.any()
+        assert not found.acceleration.any()
+    np.testing.assert_allclose(path.waiting(1, 0.0, place, offset, 1.0).position[0, 0], 1.0 + 2.0 * math.pi, atol=1e-12)
+    assert plan.computed == [1]
+    for forget in (path.clear, path.slew, path.restart):
+        forget()
+        near = path.waiting(1, 0.0, place, offset, 1.0).position[0]
+        np.testing.assert_allclose(near, offset.apply(1.0, 0.6, 0.0, 0.0, 0.0, 0.0), atol=1e-12)
+    assert plan.computed == [1] * 4
+
+
+def test_axes_that_move_before_a_pass_take_their_lags_into_it() -> None:
+    """What the encoders show for 0.8 s, with the readings that came; a target that goes on at the same rate."""
+    path = Prediction(PERIOD_S, StandingPlan(), AVERAGING_S)
+    dragged(path, SIMPLE_S - 0.8, 0.8, RATE)
+    wanted = lags_of((0.9, RATE))
+    np.testing.assert_allclose(lags_at(path, SIMPLE_S), wanted, atol=LAG_TOLERANCE_RAD)
+    assert 0.3 * abs(LAGS_S[0] * RATE[0]) < abs(wanted[0]) < 0.95 * abs(LAGS_S[0] * RATE[0])
+    # A reading that was overtaken, and one of the same time, change nothing.
+    path.slew()
+    for late_s in (0.0, 0.3):
+        path.take_axes(read(SIMPLE_S - late_s, placed(SIMPLE_S), -30.0 * RATE), LAGGING)
+    np.testing.assert_allclose(lags_at(path, SIMPLE_S), wanted, atol=LAG_TOLERANCE_RAD)
+
+
+def test_a_slew_forgets_the_lags_of_the_target_and_keeps_those_of_the_axes() -> None:
+    path = Prediction(PERIOD_S, StandingPlan(), AVERAGING_S)
+    dragged(path, SIMPLE_S - 0.8, 0.8, -2.0 * RATE)
+    before = lags_at(path, SIMPLE_S)
+    # Without a slew the next block goes on from the last one's, and without one before it from rest.
+    path.clear()
+    later = lags_at(path, SIMPLE_S + 0.2)
+    np.testing.assert_allclose(
+        later, lags_of((0.8, -2.0 * RATE), *changing(-2.0 * RATE), (0.2, RATE)), atol=LAG_TOLERANCE_RAD
+    )
+    path.clear()
+    np.testing.assert_allclose(lags_at(path, SIMPLE_S - 5.0), 0.0, atol=1e-9)
+    path.slew()
+    np.testing.assert_allclose(lags_at(path, SIMPLE_S), before, atol=1e-12)
+
+
+@pytest.mark.parametrize("rate", [RATE, -2.0 * RATE])
+def test_what_axes_did_unseen_is_told_by_how_far_they_have_come(rate: np.ndarray) -> None:
+    """At most half a second is taken as one steady change; in more they went on as before, and stopped."""
+    for gap_s, moved_s in ((0.9, 0.0), (0.9, 0.4)):
+        path = Prediction(PERIOD_S, StandingPlan(), AVERAGING_S)
+        dragged(path, SIMPLE_S - 0.8 - gap_s, 0.8, rate)
+        stood = placed(SIMPLE_S - gap_s)
+        path.take_axes(read(SIMPLE_S, stood + rate * moved_s), LAGGING)
+        # The average of what stands still falls from the step before to the step after.
+        wanted = lags_of((0.8, rate), (moved_s + 0.05, rate), (gap_s - moved_s - 0.05, REST), *changing(REST))
+        np.testing.assert_allclose(lags_at(path, SIMPLE_S), wanted, atol=5.0 * LAG_TOLERANCE_RAD)
+    path = Prediction(PERIOD_S, StandingPlan(), AVERAGING_S)
+    dragged(path, SIMPLE_S - 1.2, 0.8, rate)
+    path.take_axes(read(SIMPLE_S, placed(SIMPLE_S), rate), LAGGING)
+    np.testing.assert_allclose(
+        lags_at(path, SIMPLE_S), lags_of((1.2, rate), *changing(rate)), atol=5.0 * LAG_TOLERANCE_RAD
+    )
+
+
+def test_without_an_average_or_lags_the_axes_are_not_watched() -> None:
+    for averaging_s, model in ((0.0, LAGGING), (AVERAGING_S, BiasModel.zero())):
+        path = Prediction(PERIOD_S, StandingPlan(), averaging_s)
+        for t_s in (SIMPLE_S, SIMPLE_S + 0.1):
+            path.take_axes(read(t_s, placed(t_s), RATE), model)
+        path.lag_averaging_s = AVERAGING_S
+        np.testing.assert_allclose(lags_at(path, SIMPLE_S), 0.0, atol=1e-9)
+
+
+KNOWN_S = np.round(SIMPLE_S - 2.0 + PERIOD_S * np.arange(21), 6)
+
+
+def joined(
+    seen_from_s: float | None, known: np.ndarray, reading: JointReading, averaging_s: float = AVERAGING_S
+) -> np.ndarray:
+    """The lags at `SIMPLE_S` of axes that were found with a reading, seen at rest from a time on."""
+    path = Prediction(PERIOD_S, StandingPlan(), averaging_s)
+    if seen_from_s is not None:
+        for t_s in np.arange(seen_from_s, SIMPLE_S + 0.01, PERIOD_S):
+            path.take_axes(read(float(t_s), reading.position_rad), LAGGING)
+    path.followed(known, path_of(known), reading, LAGGING)
+    path.lag_averaging_s = AVERAGING_S
+    return lags_at(path, SIMPLE_S)
+
+
+def test_axes_on_the_path_followed_it_unless_they_were_seen_to_stand() -> None:
+    here = read(SIMPLE_S, placed(SIMPLE_S), RATE)
+    # The path begins at rest too: 2 s of it are more than three times the average.
+    wanted, rest, begun = lags_of((2.1, RATE)), lags_of(*changing(REST)), lags_of((0.0, RATE))
+    assert np.all(np.abs(wanted) > 0.5 * np.abs(LAGS_S * RATE))
+    np.testing.assert_allclose(joined(None, KNOWN_S, here), wanted, atol=LAG_TOLERANCE_RAD)
+    np.testing.assert_allclose(joined(SIMPLE_S - 0.5, KNOWN_S, here), wanted, atol=LAG_TOLERANCE_RAD)
+    for seen_from_s in (float(KNOWN_S[0]), float(KNOWN_S[0]) - 1.0):
+        np.testing.assert_allclose(joined(seen_from_s, KNOWN_S, here), rest, atol=LAG_TOLERANCE_RAD)
+    # Of no time, of one instant, of no average nothing is known: the target begins at once.
+    for known in (KNOWN_S[:0], KNOWN_S[-1:]):
+        np.testing.assert_allclose(joined(None, known, here), begun, atol=1e-9)
+    np.testing.assert_allclose(joined(None, KNOWN_S, here, averaging_s=0.0), begun, atol=1e-9)
+    np.testing.assert_allclose(joined(None, KNOWN_S[-2:], here), lags_of((0.2, RATE)), atol=LAG_TOLERANCE_RAD)
+    assert np.all(np.abs(lags_of((0.2, RATE))) > 1e-5)
+
+
+@pytest.mark.parametrize(
+    ("off_deg", "on_path"), [((0.9, 0.9), True), ((-1.1, -0.2), False), ((0.2, 1.1), False), ((0.4, -0.95), True)]
+)
+def test_a_degree_beside_the_path_on_either_axis_is_still_on_it(off_deg: tuple[float, float], on_path: bool) -> None:
+    """Beside its last instant, which is the nearest where the path has only two."""
+    near = KNOWN_S[-2:]
+    # Axes that follow are ahead of the target by its lags.
+    place = placed(SIMPLE_S) + LAGS_S * RATE + np.radians(off_deg)
+    found = joined(None, near, read(SIMPLE_S, place, RATE))
+    assert bool(np.all(np.abs(found) > 1e-5)) is on_path
+
+
+def test_axes_that_stopped_on_the_path_stand_since_they_were_there() -> None:
+    """They are found where the target was 0.6 s ago."""
+    found = joined(None, KNOWN_S, read(SIMPLE_S, placed(SIMPLE_S - 0.6)))
+    wanted = lags_of((1.45, RATE), (0.55, REST), *changing(REST))
+    np.testing.assert_allclose(found, wanted, atol=5.0 * LAG_TOLERANCE_RAD)
+    assert np.max(np.abs(wanted - lags_of((2.1, RATE)))) > 8.0 * LAG_TOLERANCE_RAD
+
+
+def test_turns_of_the_branch_are_added_to_the_azimuth_that_is_asked_for() -> None:
+    plan = StandingPlan()
+    plan.course.turned_rad = lambda _t_s: 2.0 * math.pi  # type: ignore[method-assign]
+    times = SIMPLE_S + PERIOD_S * np.arange(2)
+    for near_rad in (2.0, 2.0 - 2.0 * math.pi):
+        found = Prediction(PERIOD_S, plan).at(times, straight(times), BiasModel.zero(), near_rad)
+        assert found.position[0, 0] == pytest.approx(near_rad + 2.0 * math.pi)
+
+
+@pytest.mark.parametrize("plunge", [False, True])
+def test_near_the_zenith_the_correction_at_the_rim_is_kept(plunge: bool) -> None:
+    """A droop that is turned about the zenith has no solution there; the rim is at 85 deg."""
+    model = BiasModel.zero().replace(azimuth_offset=0.02, non_orthogonality=math.radians(1.0), droop=math.radians(3.0))
+    sky = Motion(np.radians([[20.0, 89.9], [40.0, 89.5]]), np.array([[0.01, 0.02]] * 2), np.array([[0.03, 0.04]] * 2))
+    with pytest.raises(ValueError):
+        model.apply_moving(*(plunged(*sky) if plunge else sky))
+    found = axis_motion(sky, model, plunge=plunge)
+    for row, azimuth_deg in enumerate((20.0, 40.0)):
+        rim = np.radians([azimuth_deg, 85.0])
+        here = sky.position[row]
+        if plunge:
+            rim, here = (np.array([place[0] + math.pi, math.pi - place[1]]) for place in (rim, here))
+        added_rad = np.array(model.apply(*rim, 0.0, 0.0, 0.0, 0.0)) - rim
+        # On whichever turn the model puts it.
+        away = found.position[row] - here - added_rad
+        assert math.remainder(away[0], 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
+        assert away[1] == pytest.approx(0.0, abs=1e-9)
+    # Over the top the elevation runs the other way.
+    np.testing.assert_allclose(found.velocity, [[0.01, -0.02 if plunge else 0.02]] * 2)
+    np.testing.assert_allclose(found.acceleration, [[0.03, -0.04 if plunge else 0.04]] * 2)
