@@ -82,8 +82,7 @@ def axis_inputs(
     holding = brake if braked else 0.0
     if friction > 0.0:
         ratio = rate / stribeck
-        # exp(-26^2) is zero in doubles already, and a ratio that overflows would raise.
-        holding += friction * (1.0 + excess * math.exp(-ratio * ratio)) if abs(ratio) < 26.0 else friction
+        holding += friction * (1.0 + excess * math.exp(-ratio * ratio))
     # Friction can at most stop the axis within the substep; more would drive it backwards.
     free = decay * rate + (1.0 - decay) * command + gain * wind
     opposing = min(max(-free / gain, -holding), holding)

@@ -85,8 +85,8 @@ def linear_model(params: PlantParams) -> LinearModel:
 def matrix_exponential(matrix: Array) -> Array:
     """Return exp(matrix) by scaling, 18 Taylor terms and squaring, to 1e-15 per squaring."""
     norm = float(np.abs(matrix).sum(axis=1).max())
-    squarings = max(0, math.ceil(math.log2(norm / 0.5))) if norm > 0.5 else 0
-    # A norm of a half makes 18 terms exact to rounding.
+    # A norm below a half makes 18 terms exact to rounding.
+    squarings = max(0, math.frexp(2.0 * norm)[1])
     scaled = matrix / 2.0**squarings
     result = term = np.eye(len(matrix))
     for order in range(1, 19):

@@ -201,21 +201,17 @@ class AntennaPlant:
     def _delayed_commands(self) -> Pair:
         """Return, per axis, the newest command older than the dead time (zero before the first)."""
         state = self._state
-        # Older commands are dropped, all but the newest of them: it is still in force on the slower
-        # axis.
-        oldest = state.time_s - max(self._delay) - 1e-9
-        found = []
-        for axis in (0, 1):
-            due = [entry for entry in state.commands if entry[0] <= state.time_s - self._delay[axis] + 1e-9]
-            found.append(due[-1][1 + axis] if due else 0.0)
-        past = [entry for entry in state.commands if entry[0] <= oldest]
-        state.commands = state.commands[max(0, len(past) - 1) :]
-        return found[0], found[1]
+        commands = state.commands
+        due_az, due_el = (sum(entry[0] <= state.time_s - delay + 1e-9 for entry in commands) for delay in self._delay)
+        found = commands[due_az - 1][1] if due_az else 0.0, commands[due_el - 1][2] if due_el else 0.0
+        # What is in force on the slower axis, and what is newer.
+        state.commands = commands[max(0, min(due_az, due_el) - 1) :]
+        return found
 
     def _read_encoders(self) -> None:
         angles = self._output(self._model.encoder).tolist()
         # Both axes draw, also when one has no noise: then the other's does not depend on it.
-        noise = self._random.standard_normal(2).tolist() if self._noisy else (0.0, 0.0)
+        noise = self._random.standard_normal(2).tolist()
         for axis, step in enumerate(self._encoder_step):
             noisy = angles[axis] + self._encoder_noise[axis] * noise[axis]
             self._state.encoder_rad[axis] = round(noisy / step) * step
@@ -249,7 +245,6 @@ class AntennaPlant:
         self._delayed = max(self._delay) > 0.0
         self._encoder_step = [2.0 * math.pi / 2**axis.encoder_bits for axis in axes]
         self._encoder_noise = [axis.encoder_noise_rad for axis in axes]
-        self._noisy = max(self._encoder_noise) > 0.0
 
     def _rest(self, position_rad: Array) -> PlantState:
         for name, angle, (low, high) in zip(("azimuth", "elevation"), position_rad, self._travel, strict=True):

@@ -125,8 +125,7 @@ class Wind:
     def __init__(self, params: WindParams, random: np.random.Generator) -> None:
         self.params, self._random = params, random
         self._blows = params.mean_speed_m_s > _CALM_M_S
-        speed = params.mean_speed_m_s if self._blows else 1.0
-        self._filter = GustFilter.davenport(speed, params.drag_coefficient)
+        self._filter = GustFilter.davenport(max(params.mean_speed_m_s, _CALM_M_S), params.drag_coefficient)
         self._decay, self._noise = self._filter.step_matrices(_GUST_STEP_S)
         filters = random.standard_normal((2, 4)) @ self._filter.step_matrices(math.inf)[1].T
         self._state = WindState(filters, _GUST_STEP_S, random.bit_generator.state)

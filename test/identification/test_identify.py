@@ -160,3 +160,13 @@ def test_an_exact_integrator_is_one_at_the_lowest_bound_and_no_bound_is_lower() 
     assert restore_integrator(model, 1e-6).poles.tolist() == [1.0, 0.3]
     with pytest.raises(ValueError, match="below_hz=9e-07 must be >= 1e-06"):
         restore_integrator(model, 9e-7)
+
+
+@pytest.mark.parametrize(("at_hz", "slow"), [(0.029, True), (0.031, False)])
+def test_poles_below_thirty_millihertz_are_the_integrator_unless_said_otherwise(at_hz: float, slow: bool) -> None:
+    poles = np.array([1.0, 1.0 - 2.0 * np.pi * at_hz * SAMPLE_S, 0.3], dtype=np.complex128)
+    restored = restore_integrator(PoleResidue(poles, np.array([2.0 + 0j, 5.0 + 0j, 7.0 + 0j]), 0.25, SAMPLE_S))
+    assert len(restored.poles) == (2 if slow else 3)
+    assert restored.residues[0] == (7.0 if slow else 2.0)
+    assert restored.residues[-1] == 7.0
+    assert (restored.direct, restored.sample_s) == (0.25, SAMPLE_S)

@@ -90,3 +90,18 @@ def test_one_line_without_coherence_ends_a_stretch() -> None:
     response = FrequencyResponse(np.arange(20.0), np.ones(20, dtype=np.complex128), coherence)
     # From 10 to 17 is less than from 4 to 8 on a logarithmic scale.
     assert response.valid_band_hz(0.8) == (4.0, 8.0)
+
+
+def test_a_coherence_of_eight_tenths_is_asked_for_unless_said_otherwise() -> None:
+    frequency, coherence = np.arange(6.0), np.array([0.9, 0.79, 0.8, 0.81, 0.85, 0.7])
+    response = FrequencyResponse(frequency, np.ones(6, dtype=np.complex128), coherence)
+    assert response.valid().tolist() == [True, False, True, True, True, False]
+    assert response.valid_band_hz() == (2.0, 4.0)
+
+
+def test_the_response_belongs_to_the_lines_of_a_sequence_up_to_half_the_sampling_rate() -> None:
+    inputs = np.random.default_rng(3).standard_normal((2, 100))
+    found = frequency_response(inputs, -3.0 * inputs, SAMPLE_S)
+    np.testing.assert_allclose(found.frequency_hz, np.arange(51) / (100 * SAMPLE_S))
+    np.testing.assert_allclose(found.response[1:], -3.0, rtol=1e-9)
+    np.testing.assert_allclose(found.coherence[1:], 1.0, rtol=1e-9)

@@ -3,11 +3,15 @@
 A study of planted responses: what was planted comes out, errors are those of sequences that were not fitted.
 """
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from rf_pointing.identification import Recording, StateSpace, modes_of, study
-from rf_pointing.identification.identify import IdentificationParams
+from rf_pointing.identification import Recording, StateSpace, modes_of, save_models, study
+from rf_pointing.identification.identify import IdentificationParams, identify
+from rf_pointing.identification.spectra import frequency_response
 from rf_pointing.identification.study import check_cross, check_straight
 
 from .conftest import MODES, SAMPLE_S
@@ -104,3 +108,63 @@ def test_noise_in_the_held_out_sequence_alone_shows_in_the_error(planted: StateS
 def test_at_least_one_sequence_must_be_left_to_fit(planted: StateSpace) -> None:
     with pytest.raises(ValueError, match=r"held_out \(elevation\)=4 must be <= 3"):
         study({"elevation": recording("elevation", planted)}, 4)
+    assert len(study({"elevation": recording("elevation", planted)}, 3, straight=STRAIGHT)[0].checks) == 3
+    with pytest.raises(ValueError, match=r"held_out \(elevation\)=0 must be >= 1$"):
+        study({"elevation": recording("elevation", planted)}, 0)
+
+
+def test_the_fit_uses_the_first_sequences_the_checks_the_last_and_the_measured_response_all(
+    planted: StateSpace,
+) -> None:
+    data = recording("elevation", planted, noise=1e-6)
+    (found,) = study({"elevation": data}, 2, straight=STRAIGHT)
+    inputs, outputs = data.input_rad_s, data.encoder_rad[:, :, 1]
+    fitted = identify(inputs[:2], outputs[:2], SAMPLE_S, STRAIGHT)
+    np.testing.assert_array_equal(found.identified.model.a, fitted.model.a)
+    assert found.checks == tuple(check_straight(fitted.model, inputs[k], outputs[k]) for k in (2, 3))
+    assert found.worst_error == max(check.error for check in found.checks)
+    assert found.checks[0].error != found.checks[1].error
+    np.testing.assert_array_equal(found.measured.response, frequency_response(inputs, outputs, SAMPLE_S).response)
+
+
+def test_a_cross_response_is_checked_with_the_straight_model_of_the_axis_that_was_not_driven(
+    planted: StateSpace,
+) -> None:
+    recordings = {axis: recording(axis, planted) for axis in ("azimuth", "elevation")}
+    # The axes answer to their rates with different gains.
+    recordings["elevation"].encoder_rad[:, :, 1] *= 3.0
+    cross = IdentificationParams(
+        order=6, realization_order=8, observer_order=40, markov_count=200, integrator=False, high_pass_hz=0.3
+    )
+    straight = {}
+    for each in study(recordings, 1, straight=STRAIGHT, cross=cross):
+        data = recordings[each.driven]
+        if each.driven == each.shown:
+            straight[each.shown] = each.identified.model
+            continue
+        model, shown = each.identified.model, data.output_rad(each.shown)
+        assert model.order == 6
+        wanted = check_cross(model, straight[each.shown], data.input_rad_s[-1], shown[-1])
+        assert each.checks == (wanted,)
+
+
+def test_models_are_written_with_what_they_are_of_their_worst_error_and_their_provenance(
+    planted: StateSpace, tmp_path: Path
+) -> None:
+    (found,) = study({"elevation": recording("elevation", planted)}, 2, straight=STRAIGHT)
+    path = tmp_path / "models.json"
+    save_models(path, [found, found], "planted by a test")
+    text = path.read_text()
+    assert text.endswith("}\n")
+    kept = json.loads(text)
+    assert kept["format"] == "rf_pointing identified models 1"
+    assert len(kept["responses"]) == 2
+    first = kept["responses"][0]
+    model = found.identified.model
+    assert {name: first[name] for name in ("input", "output", "sample_s", "error", "provenance")} == {
+        "input": "elevation", "output": "elevation", "sample_s": 0.02, "error": found.worst_error,
+        "provenance": "planted by a test",
+    }  # fmt: skip
+    back = StateSpace(*(np.array(first[name]) for name in "abcd"), sample_s=first["sample_s"])
+    np.testing.assert_array_equal(back.response([0.7, 2.0]), model.response([0.7, 2.0]))
+    assert first["hankel"] == found.identified.hankel.tolist()

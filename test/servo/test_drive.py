@@ -90,17 +90,25 @@ def test_countertorque_keeps_the_gear_linear_until_the_load_exceeds_it() -> None
     assert gear_correction(1.5 * edge, 0.0, constants) > 0.0
 
 
-def test_without_countertorque_the_reversed_axis_loses_the_whole_play() -> None:
-    """Slow back-and-forth motion with a load torque that changes sides: the joint lags the drive by the half width."""
-    play = 1e-4
-    elevation = axis(countertorque_n_m=0.0, backlash_rad=play, coulomb_friction_n_m=0.0)
+@pytest.mark.parametrize("number", [0, 1])
+def test_without_countertorque_the_reversed_axis_loses_the_whole_play(number: int) -> None:
+    """Slow back-and-forth motion with a load torque that changes sides: the joint lags the drive by the half width.
+
+    The other axis, whose gears stay loaded against each other, keeps to its drive.
+    """
+    play, name = 1e-4, ("azimuth", "elevation")[number]
+    loose = axis(countertorque_n_m=0.0, backlash_rad=play, coulomb_friction_n_m=0.0)
+    params = dss13_plant(ideal=True).replace(**{name: loose})
     offsets = []
-    for wind_n_m in (4000.0, -4000.0):
-        antenna, _ = run(elevation, [0.0] * 600, wind_n_m)
-        offsets.append(antenna.true_joint_rad[1] - antenna.state.x[1])
-    windup = 2.0 * 4000.0 / elevation.inertia_kg_m2 / elevation.gear_frequency_rad_s**2
-    assert offsets[0] == pytest.approx(play + windup, rel=0.02)
-    assert offsets[1] == pytest.approx(-play - windup, rel=0.02)
+    for torque_n_m in (4000.0, -4000.0):
+        antenna = AntennaPlant(params, random_stream(1, "encoder"), (0.5, 0.5))
+        for _ in range(600):
+            antenna.step(CALM, [torque_n_m * (axis_number == number) for axis_number in (0, 1)], 0.01)
+        offsets.append(antenna.true_joint_rad - antenna.state.x[:2])
+    windup = 2.0 * 4000.0 / loose.inertia_kg_m2 / loose.gear_frequency_rad_s**2
+    assert offsets[0][number] == pytest.approx(play + windup, rel=0.02)
+    assert offsets[1][number] == pytest.approx(-play - windup, rel=0.02)
+    assert np.max(np.abs(offsets), axis=0)[1 - number] < 0.01 * play
 
 
 def test_the_load_crosses_the_play_freely() -> None:
@@ -118,3 +126,28 @@ def test_any_countertorque_winds_the_gears_and_none_leaves_them_in_mid_play() ->
         wound = torque_n_m / elevation.gear_stiffness_n_m
         assert drive_constants(elevation, 0.005).gear_preload == pytest.approx(wound)
     assert drive_constants(axis(countertorque_n_m=0.0, backlash_rad=3e-4), 0.005).gear_preload == -3e-4
+
+
+@pytest.mark.parametrize("rate", [2.65, -3.0, 1e200])
+def test_far_above_the_stribeck_rate_the_friction_is_coulombs_exactly(rate: float) -> None:
+    constants = drive_constants(axis(stribeck_rate_rad_s=0.1, static_friction_ratio=5.0), 0.005)
+    friction = axis_inputs(rate, rate, 0.0, True, False, constants)[1]
+    assert friction == pytest.approx(-math.copysign(constants.friction, rate), rel=1e-15)
+
+
+def test_the_constants_of_a_substep_are_those_of_a_rate_loop_of_first_order() -> None:
+    azimuth = axis(amplifier_gain=40.0, inertia_kg_m2=3e7, gear_damping=0.2, backlash_rad=7e-5)
+    found, bandwidth = drive_constants(azimuth, 0.004), 20.0 * 40.0 / 56.0
+    # From rest under a constant acceleration: (1 - exp(-w t)) / w.
+    assert found.rate_decay == pytest.approx(math.exp(-bandwidth * 0.004))
+    assert found.response_s == pytest.approx((1.0 - math.exp(-bandwidth * 0.004)) / bandwidth)
+    assert found.rate_limit == azimuth.rate_limit_rad_s
+    assert found.rate_gap == pytest.approx(azimuth.acceleration_limit_rad_s2 / bandwidth)
+    assert found.friction == pytest.approx(azimuth.coulomb_friction_n_m / 3e7)
+    assert found.breakaway_excess == pytest.approx(0.3)
+    assert found.stribeck_rate == azimuth.stribeck_rate_rad_s
+    assert found.brake == pytest.approx(azimuth.brake_torque_n_m / 3e7)
+    assert found.gear_stiffness == pytest.approx(azimuth.gear_stiffness_n_m / 3e7)
+    assert found.gear_damping == pytest.approx(2.0 * 0.2 * math.sqrt(azimuth.gear_stiffness_n_m / 3e7))
+    assert found.gear_preload == pytest.approx(azimuth.countertorque_n_m / azimuth.gear_stiffness_n_m)
+    assert (found.gear_play, found.step_s) == (7e-5, 0.004)

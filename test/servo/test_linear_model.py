@@ -151,16 +151,26 @@ def test_states_are_named_in_their_order() -> None:
     assert list(names[4:]) == modes + [f"{mode}_rate" for mode in modes]
 
 
-@pytest.mark.parametrize("norm", [0.0, 0.49, 0.5, 0.51, 2.0, 300.0])
+def test_the_gears_of_both_axes_are_found_among_the_modes() -> None:
+    model = linear_model(dss13_plant())
+    assert [model.state_names[4 + index] for index in model.gear_index] == ["azimuth_gear", "elevation_gear"]
+    for axis, index in enumerate(model.gear_index):
+        np.testing.assert_array_equal(model.encoder[:, 4 + index], np.eye(2)[axis])
+        np.testing.assert_array_equal(model.mode_excitation[:, index], np.eye(2)[axis])
+
+
+@pytest.mark.parametrize("norm", [0.0, 0.49, 0.5, 0.51, 0.99, 2.0, 3.9, 300.0])
 def test_matrix_exponential_is_exact_at_every_size(norm: float) -> None:
     """A nilpotent matrix and a rotation: their exponentials are closed forms."""
     turning = norm * np.array([[0.0, -1.0], [1.0, 0.0]])
     expected = np.array([[math.cos(norm), -math.sin(norm)], [math.sin(norm), math.cos(norm)]])
-    np.testing.assert_allclose(matrix_exponential(turning), expected, atol=1e-12)
+    # 1e-15 for each of the squarings, of which a norm of 300 takes ten.
+    np.testing.assert_allclose(matrix_exponential(turning), expected, rtol=0.0, atol=1e-15 * max(4.0, norm))
     shear = np.array([[0.0, norm], [0.0, 0.0]])
     np.testing.assert_allclose(matrix_exponential(shear), np.eye(2) + shear, rtol=1e-12)
 
 
 def test_a_step_of_no_time_is_refused() -> None:
-    with pytest.raises(ValueError, match="dt_s=0.0 must be >= 1e-09"):
-        discretise(np.eye(2), np.ones((2, 1)), 0.0)
+    with pytest.raises(ValueError, match="dt_s=9e-10 must be >= 1e-09$"):
+        discretise(np.eye(2), np.ones((2, 1)), 9e-10)
+    assert discretise(np.eye(2), np.ones((2, 1)), 1e-9)[0, 2] == pytest.approx(1e-9)

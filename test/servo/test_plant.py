@@ -308,14 +308,59 @@ def test_dead_times_of_both_axes_count_each_for_itself_and_old_commands_are_forg
             expected.append(prompt.velocity_rad_s)
         # The drives do not feel each other, nor the modes.
         np.testing.assert_allclose(np.array(rates)[:, axis], np.array(expected)[:, axis], atol=1e-15)
-    assert longest <= 7
+    # Those of the last 50 ms, and the one before them that is in force on the slower axis.
+    assert longest == 6
 
 
-@pytest.mark.parametrize("dt_s", [0.0, 1.1])
-def test_a_step_of_no_time_or_of_more_than_a_second_is_refused(dt_s: float) -> None:
-    with pytest.raises(ValueError, match=f"dt_s={dt_s} must be"):
+def test_before_the_first_command_has_passed_the_dead_time_the_drive_gets_none() -> None:
+    shipped = dss13_plant(ideal=True)
+    antenna = plant(shipped.replace(azimuth=shipped.azimuth.replace(drive_delay_s=0.05)))
+    for _ in range(5):
+        antenna.step((5e-3, 5e-3), CALM, 0.01)
+        assert antenna.velocity_rad_s[0] == 0.0
+    antenna.step((5e-3, 5e-3), CALM, 0.01)
+    assert antenna.velocity_rad_s[0] > 0.0
+
+
+def test_an_antenna_that_is_put_nowhere_looks_north_at_45_degrees() -> None:
+    np.testing.assert_array_equal(plant().state.x[:2], (0.0, math.pi / 4.0))
+
+
+def test_brakes_that_are_released_without_an_exception_hold_no_axis() -> None:
+    antenna = plant()
+    for held in (1, 0):
+        antenna.release_brake(held)
+        assert antenna.state.held_axis == held
+        antenna.release_brake()
+        assert antenna.state.held_axis == -1
+    antenna.step((5e-3, 5e-3), CALM, 0.5)
+    assert np.all(antenna.velocity_rad_s > 3e-3)
+
+
+def test_an_encoder_reads_the_joint_plus_sigma_times_what_the_generator_gives() -> None:
+    """A new pair of numbers for every step, azimuth first."""
+    shipped, sigmas = dss13_plant(), (2e-3, 5e-3)
+    params = shipped.replace(
+        azimuth=shipped.azimuth.replace(encoder_noise_rad=sigmas[0]),
+        elevation=shipped.elevation.replace(encoder_noise_rad=sigmas[1]),
+    )
+    antenna, drawn = plant(params), random_stream(1, "encoder")
+    for _ in range(4):
+        antenna.step((1e-3, -2e-3), CALM, 0.02)
+        off = antenna.encoder_rad - antenna.true_joint_rad
+        np.testing.assert_allclose(off, sigmas * drawn.standard_normal(2), rtol=0.0, atol=2.0 * math.pi / 2**24)
+
+
+@pytest.mark.parametrize(
+    ("dt_s", "words"), [(0.9e-6, "dt_s=9e-07 must be >= 1e-06$"), (1.1, "dt_s=1.1 must be <= 1.0$")]
+)
+def test_a_step_is_of_a_microsecond_to_a_second(dt_s: float, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
         plant().step(CALM, CALM, dt_s)
-    plant().step(CALM, CALM, 1.0)
+    for fits_s in (1e-6, 1.0):
+        antenna = plant()
+        antenna.step(CALM, CALM, fits_s)
+        assert antenna.state.time_s + antenna.state.debt_s == pytest.approx(fits_s)
 
 
 def test_noise_of_one_encoder_does_not_depend_on_that_of_the_other() -> None:
@@ -327,6 +372,16 @@ def test_noise_of_one_encoder_does_not_depend_on_that_of_the_other() -> None:
         one.step((1e-3, 1e-3), CALM, 0.02)
         assert both.encoder_rad[1] == one.encoder_rad[1]
         assert abs(one.encoder_rad[0] - one.true_joint_rad[0]) <= 0.51 * 2.0 * math.pi / 2**24
+
+
+@pytest.mark.parametrize(("substep_s", "parts_s"), [(0.005, (0.005, 0.005, 0.003)), (0.05, (0.013,))])
+def test_the_largest_acceleration_is_judged_once_in_a_substep(substep_s: float, parts_s: tuple[float, ...]) -> None:
+    """From rest at full torque: in each substep the rate goes towards what it was plus the largest gap."""
+    antenna = plant(dss13_plant(ideal=True).replace(substep_s=substep_s))
+    antenna.step((0.5, -0.5), CALM, 0.013)
+    gap = math.radians(2.0) / 20.0
+    rate = gap * sum(1.0 - math.exp(-20.0 * part_s) for part_s in parts_s)
+    np.testing.assert_allclose(antenna.velocity_rad_s, (rate, -rate), rtol=1e-9)
 
 
 def test_a_substep_below_the_grid_is_one_step_of_the_grid() -> None:

@@ -60,8 +60,11 @@ def test_simulated_gusts_have_the_filters_one_step_correlation() -> None:
 
 
 def test_calm_air_has_no_davenport_filter() -> None:
-    with pytest.raises(ValueError, match=r"mean_speed_m_s=0\.0 must be >= 0\.001"):
-        GustFilter.davenport(0.0, 0.005)
+    with pytest.raises(ValueError, match=r"mean_speed_m_s=0\.0009 must be >= 0\.001$"):
+        GustFilter.davenport(9e-4, 0.005)
+    gust = GustFilter.davenport(1e-3, 0.005)
+    # Everything goes with the speed: the variance 6 kappa V^2 too.
+    assert variance_m2_s2(gust) == pytest.approx(6.0 * 0.005 * 1e-6, rel=0.02)
 
 
 PARAMS = WindParams(mean_speed_m_s=8.0, from_azimuth_rad=0.7)
