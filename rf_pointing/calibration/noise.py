@@ -42,6 +42,8 @@ _ROUNDS = 8
 # Correlations below are noise of the estimate; the sum stops at the first of them.
 _SIGNIFICANT = 2.0
 _MOST_LAGS = 60
+# Of a perfect simulation, which scatters by nothing; the square of it is a number too.
+_LEAST_VARIANCE = 1e-150
 
 
 def share_after_editing(limit_sigma: float) -> float:
@@ -100,7 +102,7 @@ def noise_of(points: Thinned, elevation_rad: Array) -> tuple[Array, Chosen]:
     of_pass = Table.of(np.flatnonzero(np.diff(points.passes, prepend=-1) != 0), len(points.t_s))
     straight = np.ones(len(place), dtype=bool)
     for channel, expected in zip(points.variance.T, variance.T, strict=False):
-        straight &= _excess(channel / np.maximum(expected, 1e-300), points.freedom, of_pass) <= _BENT_SIGMA
+        straight &= _excess(channel / np.maximum(expected, _LEAST_VARIANCE), points.freedom, of_pass) <= _BENT_SIGMA
     return np.sqrt(variance / points.counts[:, np.newaxis]), straight
 
 
@@ -128,7 +130,7 @@ def _split(place: NDArray[np.int64], variance: Array, freedom: Array, secant2: A
     fitted = (_sums(place, freedom * variance) / _sums(place, freedom))[place]
     for _ in range(_ROUNDS):
         # A measured variance scatters in proportion to the true one.
-        weight = freedom / np.maximum(fitted, 1e-300) ** 2
+        weight = freedom / np.maximum(fitted, _LEAST_VARIANCE) ** 2
         largest = np.max(weight)
         weight = weight / largest
         one, cross, two = (_sums(place, weight * secant2**power) for power in (0, 1, 2))

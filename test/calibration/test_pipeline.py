@@ -19,7 +19,7 @@ from rf_pointing.calibration import (
     split_passes,
 )
 from rf_pointing.calibration.pass_errors import PassErrors, displaced
-from rf_pointing.core import MDEG
+from rf_pointing.core import MDEG, wrap_rad
 
 IONOSPHERE = Ionosphere(electrons_per_m2=5e17, frequency_hz=2.25e9)
 NOISE_RAD = 20.0 * MDEG
@@ -344,3 +344,134 @@ def test_what_is_known_is_in_the_form_of_the_fit(table_1, track):
     np.testing.assert_allclose(printed, np.stack(table_1.offset_rad(*motion)), rtol=1e-12)
     np.testing.assert_allclose(exact, np.stack(table_1.apply(*motion)) - np.stack(motion[:2]), rtol=1e-12)
     assert np.max(np.abs(printed - exact)) > 1.0 * MDEG
+
+
+def shortened(raw, rows):
+    """Return the pass with only these samples good."""
+    good = np.zeros(len(raw), dtype=bool)
+    good[rows] = True
+    return replace(raw, good=good)
+
+
+def test_passes_keep_their_numbers_and_those_that_give_nothing_are_told(track, raw_pass, table_1):
+    references = [track(5.0, start_t_s=1e9 + 6000.0 * number) for number in range(4)]
+    raw = [raw_pass(reference, table_1, None, NOISE_RAD) for reference in references]
+    raw[1], raw[2] = shortened(raw[1], [3000]), shortened(raw[2], [3000, 3001])
+    passes = [TrackedPass(one, reference) for one, reference in zip(raw, references, strict=True)]
+    found = RawPasses(passes, 5).process(Known(model=table_1, form="printed"))
+    assert found.points.passes.tolist() == [5, 8]
+    assert found.notes == (
+        "pass 6 of bird: validation: 6384 -> 1 (dropped 6383 flagged by the station)",
+        "pass 7: too few samples",
+    )
+    for number, reference in ((5, references[0]), (8, references[3])):
+        assert np.all(reference.covers(found.points.t_s[found.points.pass_id == number]))
+    outliers, thinning, smoothing, corrections = found.reports[1:]
+    assert outliers.before == 2 * 6384 + 2
+    assert outliers.before - outliers.after == sum(outliers.dropped.values()) > 0
+    assert (thinning.before, smoothing.before) == (outliers.after, thinning.after)
+    assert corrections.before == corrections.after == len(found.points) == smoothing.after
+
+
+def test_channels_that_some_passes_do_not_have_judge_none_of_them(track, raw_pass, table_1):
+    references = [track(5.0, start_t_s=1e9 + 6000.0 * number) for number in range(2)]
+    full, bare = (raw_pass(reference, table_1, None, NOISE_RAD) for reference in references)
+    bare = replace(bare, range_m=None)
+    passes = [TrackedPass(one, reference) for one, reference in zip((full, bare), references, strict=True)]
+    for given in (passes, passes[::-1]):
+        found = RawPasses(given, 0).process(Known(model=table_1, form="printed"))
+        assert list(found.reports[1].dropped) == [
+            f"{name} beyond 3 sigma" for name in ("azimuth_rad", "elevation_rad", "range_rate_m_s")
+        ]
+        assert "range_m" not in found.reports[2].note
+        assert found.reports[2].note.startswith("scatter azimuth_rad ")
+        assert len(found.points) > 100
+
+
+@pytest.mark.parametrize("over", [False, True], ids=["direct", "over the top"])
+def test_bending_and_delay_of_the_ionosphere_are_taken_off_also_over_the_top(track, raw_pass, over):
+    """Seen upward on the sky, which is downward on the axis of a dish over the top."""
+    reference = track(5.0)
+    raw = raw_pass(reference, BiasModel.zero(), IONOSPHERE, 0.0)
+    seen = reference.at(raw.t_s)
+    raw = replace(raw, range_m=seen.range_m + IONOSPHERE.delay_m(seen.elevation_rad))
+    if over:
+        raw = replace(raw, azimuth_rad=raw.azimuth_rad + np.pi, elevation_rad=np.pi - raw.elevation_rad)
+    for given in (reference, reference.over_the_top()) if over else (reference,):
+        one = TrackedPass(raw, given, IONOSPHERE)
+        np.testing.assert_allclose(wrap_rad(one.residuals["azimuth_rad"]), 0.0, atol=1e-9)
+        np.testing.assert_allclose(one.residuals["elevation_rad"], 0.0, atol=1e-9)
+        np.testing.assert_allclose(one.residuals["range_m"], 0.0, atol=1e-6)
+    bare = TrackedPass(replace(raw, range_m=None), reference, IONOSPHERE)
+    assert "range_m" not in bare.residuals
+    np.testing.assert_allclose(bare.residuals["elevation_rad"], 0.0, atol=1e-9)
+    # Some mdeg that are there without the correction.
+    plain = TrackedPass(raw, reference).residuals["elevation_rad"]
+    assert np.max(np.abs(plain)) > 0.3 * MDEG
+    for ionosphere, note in ((None, "none"), (IONOSPHERE, "ionosphere")):
+        report = process_pass(raw, reference, 0, ionosphere, BiasModel.zero()).reports[4]
+        assert (report.note, report.dropped) == (note, {})
+
+
+@pytest.mark.parametrize(("share", "over"), [(0.4, False), (0.6, True)])
+def test_a_pass_is_over_the_top_where_most_of_it_is(track, raw_pass, table_1, share, over):
+    reference = track(5.0)
+    raw = raw_pass(reference, table_1, None, 0.0)
+    beyond = np.arange(len(raw)) < share * len(raw)
+    raw = replace(raw, elevation_rad=np.where(beyond, np.pi - raw.elevation_rad, raw.elevation_rad))
+    assert (np.median(TrackedPass(raw, reference).reference.elevation_rad) > 0.5 * np.pi) == over
+
+
+def test_known_errors_of_one_pass_count_from_its_middle_and_leave_the_others_as_they_are(track, raw_pass, table_1):
+    references = [track(5.0, 500e3, 0.7, 1e9 + 6000.0 * number) for number in range(2)]
+    drift = {"along_track_m": 100.0, "along_track_drift_m_s": 2.0, "clock_s": 0.01}
+    errors = PassErrors(0, drift, {}, float(np.mean(references[0].t_s)))
+    truth = (displaced(references[0], errors), references[1])
+    passes = [
+        TrackedPass(raw_pass(seen, table_1, None, 0.1 * MDEG), given)
+        for seen, given in zip(truth, references, strict=True)
+    ]
+    model = table_1.replace(azimuth_velocity_lag=0.0, elevation_velocity_lag=0.0)
+    points = {}
+    for name, known in (("blind", {}), ("known", {0: errors})):
+        points[name] = RawPasses(passes, 0).process(Known(model=model, errors=known)).points
+    shared = np.intersect1d(points["blind"].t_s, points["known"].t_s)
+    blind, known = (one.select(np.isin(one.t_s, shared)) for one in points.values())
+    own = blind.pass_id == 0
+    assert min(np.sum(own), np.sum(~own)) > 15
+    apart = [
+        getattr(known, f"residual_{axis}_rad") - getattr(blind, f"residual_{axis}_rad")
+        for axis in ("azimuth", "elevation")
+    ]
+    assert np.max(np.abs(apart[0][own] * np.cos(blind.true_elevation_rad[own]))) < 1.0 * MDEG
+    assert np.max(np.abs(apart[1][own])) < 1.0 * MDEG
+    assert np.max(np.abs(known.true_elevation_rad - blind.true_elevation_rad)[own]) > 10.0 * MDEG
+    np.testing.assert_allclose(np.array(apart)[:, ~own], 0.0, atol=1e-12)
+    assert np.array_equal(known.true_azimuth_rad[~own], blind.true_azimuth_rad[~own])
+
+
+def test_samples_that_are_not_averaged_have_no_scatter_to_report(track, raw_pass, table_1):
+    reference = track(5.0)
+    raw = raw_pass(reference, table_1, None, NOISE_RAD)
+    slow = replace(raw, **{name: getattr(raw, name)[::8] for name in ("t_s", "good", *raw.channels)})
+    reports = process_pass(slow, reference, 0, None, table_1).reports
+    assert reports[2].note == "samples as they are"
+    assert reports[3].note.startswith("scatter azimuth_rad ")
+
+
+def test_points_of_a_perfect_simulation_have_the_least_sigma(track, raw_pass, table_1):
+    reference = track(5.0, miss_m=900e3)
+    points = process_pass(raw_pass(reference, table_1, None, 0.0), reference, 0, None, table_1).points
+    assert np.min(points.sigma_azimuth_rad) == np.min(points.sigma_elevation_rad) == 1e-6
+
+
+def test_thin_sectors_are_refused_where_they_must_be_full(track, raw_pass, table_1):
+    reference = track(5.0)
+    points = process_pass(raw_pass(reference, table_1, None, NOISE_RAD), reference, 0, None, table_1).points
+    with pytest.raises(ValueError, match="of 36 sectors have < 25"):
+        select_observations([points], SectorRule(), require_full=True)
+    rule = SectorRule(azimuth_sectors=1, elevation_edges_rad=(0.2, 1.2), fewest=5, most=8)
+    chosen, coverage, report = select_observations([points], rule, require_full=True)
+    assert (coverage.thin, coverage.counts.tolist()) == ((), [8])
+    assert (report.stage, report.before, report.after, len(chosen)) == ("selection", len(points), 8, 8)
+    assert report.note == "1 of 1 sectors have at least 5"
