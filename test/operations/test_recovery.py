@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
-from rf_pointing.operations import AlarmParams, Situation
+from rf_pointing.operations import AlarmParams, Condition, Situation
 from rf_pointing.operations.alarms import ERROR, WARNING, Alarm, AlarmBook
 from rf_pointing.operations.dictionary import TABLES, read_directives, read_tables
-from rf_pointing.operations.recovery import Recovery, read_table
+from rf_pointing.operations.recovery import Cause, Recovery, read_table
 
 NAMES = {"reset": (), "go": ("azimuth",)}
 TABLE = """
@@ -182,3 +182,193 @@ def test_a_station_adds_directives_and_changes_the_recovery(tmp_path: Any) -> No
 def test_a_mistake_in_the_dictionary_is_refused(row: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         read_directives(f"version: 1\ndirectives: {{x: {row}}}")
+
+
+def cause_of(row: str, *, actions: str = "{reset: {send: reset}, go: {send: go}}", **thresholds: Any) -> Cause:
+    text = f"version: 1\nactions: {actions}\ncauses: {{some_cause: {row}}}"
+    (cause,) = read_table(text, NAMES, AlarmParams(**thresholds)).causes
+    return cause
+
+
+def test_what_a_cause_does_not_say_is_usual() -> None:
+    when = (Condition(attribute="a.b", test="is", wanted=1),)
+    assert cause_of("{when: {a.b: 1}}") == Cause(
+        name="some_cause", when=when, for_s=0.0, level=ERROR, text="some cause", do=(), not_by_itself="", tries=0,
+        every_s=10.0, ask="", night="continue", last="continue",
+    )  # fmt: skip
+    assert cause_of("{when: {a.b: 1}, night: weather}").last == "weather"
+    whole = (
+        "{when: {a.b: 1}, for_s: '${fault_s}', level: warning, text: t, do: [go, reset], not_by_itself: 'x|y',"
+        " tries: 3, every_s: 0.5, ask: q, night: wait, last: stop}"
+    )
+    assert cause_of(whole, fault_s=7.5) == Cause(
+        name="some_cause", when=when, for_s=7.5, level=WARNING, text="t", do=("go", "reset"), not_by_itself="x|y",
+        tries=3, every_s=0.5, ask="q", night="wait", last="stop",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("{}", "causes.some_cause.when must map attributes to values"),
+        ("{when: {}}", "causes.some_cause.when must have at least one condition"),
+        ("{when: {a.b: 1}, for_s: true}", "causes.some_cause.for_s=True must be a number >= 0"),
+        ("{when: {a.b: 1}, every_s: x}", "every_s='x' must be a number >= 0"),
+        ("{when: {a.b: 1}, every_s: -0.5}", "every_s=-0.5 must be a number >= 0"),
+        ("{when: {a.b: 1}, tries: .inf}", "tries=inf must be a number >= 0"),
+        ("{when: {a.b: 1}, last: sleep}", "last='sleep' must be one of continue"),
+        ("{when: {a.b: 1}, do: [x, go, b]}", "causes.some_cause.do: b, x must be one of go, reset"),
+        ("{when: {a.b: {above: '${quick}'}}}", "causes.some_cause.when.a.b.above=..quick.: quick must be one of"),
+        ("{when: {a.b: {one_of: ['${quick}']}}}", "causes.some_cause.when.a.b.one_of=..quick.: quick must be"),
+    ],
+)
+def test_a_cause_that_cannot_be_watched_is_refused(row: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        cause_of(row)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["[1]", "version: 1\nactions: {}\ncauses: {}\nmore: {}", "version: 2\nactions: {}\ncauses: {}"],
+)
+def test_a_file_that_is_no_table_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="must have version: 1, actions and causes"):
+        read_table(text, NAMES, AlarmParams())
+
+
+@pytest.mark.parametrize(
+    ("key", "given"), [("actions", "[1]"), ("actions", "{a: 1}"), ("causes", "{a: 1}"), ("causes", "3")]
+)
+def test_actions_and_causes_map_names_to_keys(key: str, given: str) -> None:
+    rows = {"actions": "{}", "causes": "{}"} | {key: given}
+    with pytest.raises(ValueError, match=f"^{key} must map names to their keys$"):
+        read_table(f"version: 1\nactions: {rows['actions']}\ncauses: {rows['causes']}", NAMES, AlarmParams())
+
+
+def test_an_action_is_a_procedure_of_one_block_that_may_be_given_a_place() -> None:
+    table = read_table(
+        "version: 1\nactions: {go: {send: go, with: {azimuth: '${azimuth}'}, when: {a.b: 1}, timeout_s: 7}}\ncauses: {}",
+        NAMES, AlarmParams(),
+    )  # fmt: skip
+    action = table.actions["go"]
+    assert action.parameters == {"azimuth": 0.0, "elevation": 0.0}
+    (block,) = action.blocks.values()
+    assert (block.name, block.timeout_s, [each.name for each in block.directives]) == ("go", 7.0, ["go"])
+    assert [str(each) for each in block.directives[0].when] == ["a.b is 1"]
+
+
+def test_thresholds_are_filled_in_wherever_they_stand() -> None:
+    cause = cause_of("{when: {a.b: {one_of: ['${fault_s}', x]}}, text: 'not ${fault_s} here'}", fault_s=3.0)
+    assert cause.when[0].wanted == (3.0, "x")
+    assert cause.text == "not ${fault_s} here"
+
+
+class Watched:
+    """A recovery of one or two causes, and the situation that it watches."""
+
+    def __init__(self, causes: str) -> None:
+        self.situation = Situation()
+        text = f"version: 1\nactions: {{reset: {{send: reset}}, go: {{send: go}}}}\ncauses:\n{causes}"
+        self.told: list[tuple[str, str]] = []
+        book = AlarmBook(lambda event, alarm: self.told.append((event, alarm.name)), 600.0)
+        self.recovery = Recovery(read_table(text, NAMES, AlarmParams()), self.situation, book)
+
+    def see(self, t_s: float, **values: object) -> None:
+        for name, value in values.items():
+            self.situation.observe(name.replace("__", "."), value, t_s)
+        self.recovery.step(t_s)
+
+
+def test_a_cause_is_an_alarm_once_it_has_lasted_and_begins_anew_when_it_was_away() -> None:
+    one = Watched("  x: {when: {a.b: 1}, for_s: 5, text: 'b is {a.b}', night: wait, ask: q}")
+    for t_s, value in ((0.0, 1), (4.9, 1), (5.0, 2), (6.0, 1), (10.9, 1)):
+        one.see(t_s, a__b=value)
+        assert (one.recovery.book.lasting, one.recovery.effect()) == ([], ("continue", ""))
+    one.see(11.0, a__b=1)
+    (alarm,) = one.recovery.book.lasting
+    assert (alarm.name, alarm.level, alarm.message, alarm.ask, alarm.raised_t_s) == ("x", ERROR, "b is 1", "q", 11.0)
+    assert one.recovery.effect() == ("wait", "b is 1")
+    one.see(12.0, a__b=2)
+    assert one.recovery.book.lasting == []
+    assert one.recovery.effect() == ("continue", "")
+
+
+def test_all_conditions_of_a_cause_hold_together() -> None:
+    one = Watched("  x: {when: {a.b: 1, a.c: 2}}")
+    one.see(0.0, a__b=1, a__c=1)
+    assert one.recovery.ongoing == {}
+    one.see(1.0, a__b=1, a__c=2)
+    assert list(one.recovery.ongoing) == ["x"]
+
+
+def test_the_actions_of_a_cause_take_turns_with_their_time_between_them() -> None:
+    one = Watched(
+        "  x: {when: {a.b: 1}, for_s: 1, do: [reset, go], tries: 3, every_s: 4, night: wait, last: stop, ask: q}"
+    )
+    tried = []
+    for k in range(40):
+        t_s = 0.5 * k
+        one.see(t_s, a__b=1)
+        due = one.recovery.due(t_s)
+        # Nobody is needed while something is left to try.
+        if one.recovery.book.lasting:
+            asked = one.recovery.book.lasting[0].ask
+            assert asked == ("q" if len(tried) == 3 else "")
+            assert one.recovery.effect()[0] == ("stop" if len(tried) == 3 else "wait")
+        if due:
+            tried.append((t_s, *due))
+            one.recovery.note_try("x", t_s)
+    assert tried == [(1.0, "x", "reset"), (5.0, "x", "go"), (9.0, "x", "reset")]
+    one.recovery.note_try("not there", 20.0)
+
+
+@pytest.mark.parametrize(("away_s", "tries"), [(1799.0, 1), (1801.0, 0)])
+def test_a_cause_that_comes_back_within_half_an_hour_has_the_tries_of_before(away_s: float, tries: int) -> None:
+    one = Watched("  x: {when: {a.b: 1}, do: [reset], tries: 5, every_s: 2000}")
+    one.see(0.0, a__b=1)
+    assert one.recovery.due(0.0) == ("x", "reset")
+    one.recovery.note_try("x", 0.0)
+    one.see(10.0, a__b=2)
+    one.see(10.0 + away_s, a__b=1)
+    assert one.recovery.ongoing["x"].tried == tries
+    assert (one.recovery.due(10.0 + away_s) is None) is (tries == 1)
+    assert one.recovery.ongoing["x"].since_s == 10.0 + away_s
+
+
+def test_the_gravest_cause_says_how_the_night_goes_on() -> None:
+    one = Watched("\n".join(f"  {name}: {{when: {{a.{name}: 1}}, night: {night}}}" for name, night in (
+        ("b", "weather"), ("c", "continue"), ("d", "stop"), ("e", "wait"), ("f", "wait"))))  # fmt: skip
+    for k, (seen, effect) in enumerate((
+        ("c", ("continue", "c")), ("e", ("wait", "e")), ("f", ("wait", "e")), ("b", ("weather", "b")),
+        ("d", ("stop", "d")),
+    )):  # fmt: skip
+        one.see(0.1 * k, **{f"a__{seen}": 1})
+        assert one.recovery.effect() == effect
+
+
+def test_devices_have_causes_of_their_own_by_the_whole_name_of_the_attribute() -> None:
+    one = Watched("  x: {when: {'*.t': {above: 5}, a.on: true}, text: '{device} {*.t} {a.on} {*.none} {b.t}', ask: q}")
+    one.see(0.0, a__on=True, b__t=7.12345, c__t=6, d__t=1.0, e__start=9.0, f__t__t=9.0)
+    assert [(each.name, each.message) for each in one.recovery.book.lasting] == [
+        ("x b", "b 7.123 True unknown 7.123"), ("x c", "c 6 True unknown 7.123"),
+    ]  # fmt: skip
+    one.see(1.0, a__on=True, b__t=1.0, c__t=6)
+    assert [each.name for each in one.recovery.book.lasting] == ["x c"]
+    assert one.told[-1] == ("cleared", "x b")
+
+
+def test_age_and_test_of_a_condition_stay_when_it_is_made_one_of_a_device() -> None:
+    one = Watched("  x: {when: {'*.t': {below: 5, max_age_s: 30}}}")
+    one.situation.observe("b.t", 1.0, 0.0)
+    one.recovery.step(29.0)
+    assert list(one.recovery.ongoing) == ["x b"]
+    one.recovery.step(31.0)
+    assert list(one.recovery.ongoing) == []
+
+
+def test_alarms_of_before_a_restart_end_if_their_causes_have_gone_and_others_stay() -> None:
+    one = Watched("  x: {when: {'*.t': {above: 5}}}\n  y: {when: {a.b: 1}}")
+    for name in ("x b", "x c", "y", "other"):
+        one.recovery.book.raise_(name, ERROR, name, 0.0)
+    one.see(1.0, b__t=9.0)
+    assert {each.name for each in one.recovery.book.lasting} == {"x b", "other"}
