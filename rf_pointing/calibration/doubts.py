@@ -42,7 +42,7 @@ def size_ratios(fit: FitResult, priors: PassPriors) -> Array:
     """Return measured over assumed size of each error in `priors`, 1 where it is not measurable."""
     values = np.array([[one.values[name] for name in priors.names] for one in fit.pass_errors])
     sigma = np.array([[one.sigma[name] for name in priors.names] for one in fit.pass_errors])
-    seen = np.sum(np.clip(1.0 - (sigma / priors.sigma) ** 2, 0.0, 1.0), axis=0)
+    seen = np.sum(np.maximum(1.0 - (sigma / priors.sigma) ** 2, 0.0), axis=0)
     square = np.sum((values / priors.sigma) ** 2, axis=0)
     return np.sqrt(np.where(seen >= _FEWEST_SEEN, square / np.maximum(seen, _FEWEST_SEEN), 1.0))
 
@@ -122,7 +122,7 @@ class _Equations:
         groups, size = np.array(start.groups), np.ones(self.own)
         for _ in range(_ROUNDS):
             values, variance = self.estimates(size, *self.terms(size))
-            freedom = np.sum(np.clip(1.0 - variance / size**2, 0.0, 1.0), axis=0)
+            freedom = np.sum(np.maximum(1.0 - variance / size**2, 0.0), axis=0)
             square = np.sum((values / size) ** 2, axis=0)
             total, count = (np.bincount(groups, some, self.own)[groups] for some in (square, freedom))
             change = np.sqrt(np.where(count >= _FEWEST_SEEN, total / np.maximum(count, _FEWEST_SEEN), 1.0))
