@@ -2,17 +2,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+from scipy.special import erf, ndtr
 
 from rf_pointing.calibration import (
     EXTENSION_TERMS,
     TERM_NAMES,
+    FitOptions,
     PassPriors,
     fit_bias_model,
     held_at_zero,
     held_out_passes,
     select_terms,
+    term_selection,
 )
-from rf_pointing.calibration.term_selection import _Mixture, _Search
+from rf_pointing.calibration.term_selection import _least, _Mixture, _Search
 from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.calibration.triangle import Triangle
 from rf_pointing.core import MDEG
@@ -222,3 +226,148 @@ def test_the_data_of_a_selection_are_at_best_as_good_as_stated(campaign, table_1
     freedom = 2 * len(data) - len(TERM_NAMES)
     assert search.scale == pytest.approx(scale, rel=4.0 * np.sqrt(2.0 / freedom))
     assert search.scale == max(1.0, search.solve(TERM_NAMES)[0] / freedom)
+
+
+SIX = ("azimuth_offset", "mislevel_east", "elevation_offset", "elevation_velocity_lag", "droop", "azimuth_velocity_lag")
+
+
+def widening_by_hand(search, matrix, right, fitted, kept):
+    """Return by what the mixture over subsets is wider than the fit of `fitted`, written out in the space of the data."""
+    sizes = np.array([term.size for term in terms_by_name(search.triangle.names)])
+    of_fit = np.array([name in fitted for name in search.triangle.names])
+    free = np.array([name not in kept for name in search.triangle.names])
+    rows, count = [], len(sizes)
+    for bits in range(2**count):
+        chosen = np.array([bits >> bit & 1 for bit in range(count)], dtype=bool)
+        changed = chosen != of_fit
+        if np.sum(changed) > 4 or np.any(changed & ~free):
+            continue
+        for share in (0.3, 0.6, 1.2):
+            columns, size = matrix[:, chosen], share * sizes[chosen]
+            spread = search.scale * np.eye(len(right)) + columns @ np.diag(size**2) @ columns.T
+            above = right @ np.linalg.solve(spread, right) + np.linalg.slogdet(spread)[1]
+            covariance = np.linalg.inv(columns.T @ columns / search.scale + np.diag(size**-2.0))
+            values, sigma = np.zeros(count), np.full(count, 1e-9 * sizes)
+            values[chosen] = covariance @ columns.T @ right / search.scale
+            sigma[chosen] = np.sqrt(np.diag(covariance))
+            rows.append((above, values, sigma))
+    least = min(row[0] for row in rows)
+    # Subsets of less than exp(-7) of the best have no weight.
+    likely = [row for row in rows if row[0] - least < 14.0]
+    weights = np.exp(-0.5 * np.array([row[0] - least for row in likely]))
+    weights /= np.sum(weights)
+    own = matrix[:, of_fit]
+    center = np.linalg.lstsq(own, right, rcond=None)[0]
+    one_sigma = np.sqrt(search.scale * np.diag(np.linalg.inv(own.T @ own)))
+    found = []
+    for place, term in enumerate(np.flatnonzero(of_fit)):
+        middle = np.array([row[1][term] for row in likely]) - center[place]
+        wide = np.array([row[2][term] for row in likely])
+        widths = []
+        for times in (1.0, 2.0):
+            share = erf(times / np.sqrt(2.0))
+
+            def lacking(half, middle=middle, wide=wide, share=share):
+                return weights @ (ndtr((half - middle) / wide) - ndtr((-half - middle) / wide)) - share
+
+            unit = one_sigma[place]
+            widths.append(brentq(lacking, 0.0, 100.0 * unit, xtol=1e-12 * unit, rtol=1e-12) / times)
+        found.append(max(0.5 * sum(widths) / one_sigma[place], 1.0))
+    return found
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.5])
+def test_the_widening_is_that_of_the_mixture_over_subsets_near_the_chosen_one(scale, random):
+    """Six terms: subsets that differ in five or six of them have no weight."""
+    sizes = np.array([term.size for term in terms_by_name(SIX)])
+    matrix = random.normal(size=(40, 6)) / sizes * [3.0, 0.4, 1.0, 2.0, 0.3, 0.5]
+    matrix[:, 4] += 0.2 * matrix[:, 2]
+    right = matrix @ (sizes * [1.0, 0.2, -0.7, 0.0, 0.9, -0.5]) + random.normal(size=40)
+    triangle = Triangle(SIX)
+    triangle.add_triangle(np.asfortranarray(np.column_stack([matrix, right])), 40)
+    search = _Search(triangle, scale)
+    for fitted in (SIX[:1], (SIX[0], SIX[2], SIX[4]), SIX):
+        found = search.selection(fitted)
+        assert (found.names, found.kept) == (fitted, ())
+        np.testing.assert_allclose(found.widening, widening_by_hand(search, matrix, right, fitted, ()), rtol=1e-5)
+
+
+def test_the_widening_of_terms_that_depend_on_a_kept_one_is_over_subsets_with_it():
+    matrix = matrix_of(9.0, 0.15)
+    right = matrix @ (SIZE_S * np.array([0.006, 0.3])) + [0.4, -0.3]
+    search = search_of(matrix, right)
+    found = search.selection(LAGS[:1])
+    assert (found.names, found.kept) == (LAGS, LAGS[1:])
+    np.testing.assert_allclose(found.widening, widening_by_hand(search, matrix, right, LAGS, LAGS[1:]), rtol=1e-5)
+    assert np.max(found.widening) > 1.02
+
+
+@pytest.mark.parametrize("orbit", [None, PassPriors.of_orbit(100.0)], ids=["white", "orbit"])
+@pytest.mark.parametrize("form", ["printed", "rotation"])
+def test_all_candidates_about_their_fit_are_that_fit_with_what_is_held(campaign, table_1, form, orbit):
+    names = ("azimuth_offset", "azimuth_velocity_lag", "mislevel_east", "elevation_offset", "elevation_velocity_lag")
+    held = {name: value for name, value in table_1.coefficients.items() if name not in names}
+    data = campaign(table_1, passes=8, form=form)
+    fit = fit_bias_model(data, terms=names, held=held, pass_priors=orbit, options=FitOptions(form=form, edit_sigma=0.0))
+    square, values, covariance = _Search.of(data, names, held, orbit, fit).solve(names)
+    assert np.max(np.abs(values - fit.values) / fit.sigma) < 0.01
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), fit.sigma, rtol=1e-3)
+    # With the terms that are held the data are as good as stated.
+    assert square == pytest.approx(2.0 * len(data), rel=0.2)
+
+
+def test_terms_that_are_held_are_taken_off_before_others_are_chosen(campaign, table_1):
+    """What one misses the others would take in."""
+    model = table_1.zero().replace(azimuth_offset=2e-3, elevation_offset=-1e-3)
+    data = campaign(model, passes=8)
+    names = ("collimation", "droop", "mislevel_east")
+    held = {name: value for name, value in model.coefficients.items() if name not in names}
+    assert select_terms(data, names, held=held).names == ()
+    assert {"collimation", "droop"} <= set(select_terms(data, names).names)
+    assert held_out_passes(data, names, held=held).total_rms_rad < 1.6e-4
+    assert held_out_passes(data, names).total_rms_rad > 2e-4
+
+
+@pytest.mark.parametrize(("gain", "moves"), [(-5e-5, False), (5e-5, False), (2e-4, True)])
+def test_a_term_enters_that_lowers_the_criterion_by_more_than_rounding(gain, moves):
+    triangle = Triangle(NAMES[:1])
+    triangle.add_triangle(np.array([[1.0, np.sqrt(np.log(40.0) + gain)], [0.0, 1.0]]), 40)
+    search = _Search(triangle, 1.0)
+    without, having = search.bic(()), search.bic(NAMES[:1])
+    assert without - having == pytest.approx(gain, abs=1e-9)
+    assert search.best_move(frozenset(), without) == ((NAMES[0], having) if moves else None)
+
+
+def test_of_equal_moves_the_first_by_name_is_taken():
+    assert _least([(1.0, "b"), (1.00009, "a"), (1.00011, "A"), (2.0, "c")]) == ("a", 1.00009)
+
+
+def test_a_selection_that_goes_on_and_on_is_refused(campaign, table_1, monkeypatch):
+    monkeypatch.setattr(term_selection, "_MOST_STEPS", 2)
+    model = table_1.zero().replace(azimuth_offset=2e-3, elevation_offset=-1e-3)
+    data = campaign(model, passes=6)
+    assert select_terms(data, ("azimuth_offset",)).names == ("azimuth_offset",)
+    with pytest.raises(ValueError, match="term selection has not settled after 2 steps"):
+        select_terms(data, ("azimuth_offset", "elevation_offset"))
+    with pytest.raises(ValueError, match="no term squint"):
+        select_terms(data, ("azimuth_offset", "squint"))
+
+
+@pytest.mark.parametrize(("apart", "separate"), [(1.05, True), (0.95, False)])
+def test_terms_are_separate_from_a_ratio_of_singular_values_of_a_billionth_on(apart, separate):
+    """Of unit columns an angle of 2e-9 apart; what they differ by explains the data, or nothing does."""
+    triangle = Triangle(NAMES[:2])
+    triangle.factor = np.array([[1.0, 1.0, 0.0], [0.0, 2e-9 * apart, 1.0]])
+    square, values, _ = _Search(triangle, 1.0).solve(NAMES[:2])
+    assert square == pytest.approx(0.0 if separate else 1.0, abs=1e-6)
+    assert bool(np.max(np.abs(values)) > 1.0) is separate
+
+
+@pytest.mark.parametrize(("length", "counts"), [(1.05e-13, True), (0.95e-13, False)])
+def test_a_column_of_rounding_explains_nothing(length, counts):
+    triangle = Triangle(NAMES[:2])
+    triangle.factor = np.array([[1.0, 0.0, 0.0], [0.0, length, 1.0]])
+    square, values, covariance = _Search(triangle, 1.0).solve(NAMES[:2])
+    assert square == pytest.approx(0.0 if counts else 1.0, abs=1e-9)
+    assert bool(values[1] != 0.0) is counts
+    assert covariance[0, 0] == pytest.approx(1.0)
