@@ -60,9 +60,10 @@ def planned(
 @pytest.mark.parametrize("row", [0, 1, 3])
 def test_only_the_axes_that_lags_drag_over_their_limits_get_less_of_them(row: int) -> None:
     planner = Planner(row=row)
-    planned(planner, np.array([0.25, 0.0]), np.array([0.0, 0.1]))
+    planned(planner, np.array([0.25, 0.0]), np.array([0.0, 0.1]), -0.02)
     np.testing.assert_allclose(planner.shares()[0], 1.0, rtol=1e-12)
     np.testing.assert_allclose(planner.shares()[1:], [[[0.8, 1.0], [1.0, 1.0 / 1.1]]], rtol=1e-12)
+    assert [one.elevation_max_rad for one in planner.asked] == [1.5, 1.5], "they are lower than they may be"
 
 
 @pytest.mark.parametrize(
