@@ -171,8 +171,10 @@ def test_the_azimuth_leaves_at_its_rate_runs_evenly_and_joins_at_the_other_rate(
     assert azimuth[-1] == pytest.approx(made.second[0][end, 0], abs=1e-9)
     rates, t_s = np.diff(azimuth) / STEP_S, STEP_S * (np.arange(end - start) + 0.5)
     even = np.median(rates)
-    ramps = np.clip(LIMITS.acceleration_rad_s2[0] * np.abs([t_s, t_s[::-1] + 0.0]), 0.0, None)
-    wanted = [v + np.sign(even - v) * np.minimum(abs(even - v), ramp) for v, ramp in zip((leaving, joining), ramps)]
+    wanted = [
+        v + np.sign(even - v) * np.minimum(abs(even - v), LIMITS.acceleration_rad_s2[0] * since_s)
+        for v, since_s in ((leaving, t_s), (joining, t_s[::-1]))
+    ]
     middle = len(rates) // 2
     # A step holds the mean of its rates: where a ramp ends within one, half of its change of rate.
     np.testing.assert_allclose(rates[:middle], wanted[0][:middle], atol=0.26 * LIMITS.acceleration_rad_s2[0] * STEP_S)
@@ -342,7 +344,7 @@ def test_departure_and_return_are_found_each_on_its_own_scale(
         return math.log((2000 - start) / before) ** 2 + math.log((end - 2000) / after) ** 2
 
     monkeypatch.setattr(_Sides, "lost_s", lost_s)
-    monkeypatch.setattr(_Sides, "crossing", lambda self, start, end: (2000 - start, end - 2000))
+    monkeypatch.setattr(_Sides, "crossing", lambda _self, start, end: (2000 - start, end - 2000))
     found = cross_over(t, first, second, LIMITS, beam(0.264))
     assert found[0] == pytest.approx(before, rel=0.045, abs=0.5)
     assert found[1] == pytest.approx(after, rel=0.045, abs=0.5)
