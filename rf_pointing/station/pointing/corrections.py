@@ -295,9 +295,6 @@ class PointingCorrections:
         known = self._ahead.t_s
         offsets = self._ahead.rows @ self.filter.state.mean
         rates = np.gradient(offsets, known, axis=0, edge_order=2)
-        # No interpolation for the trajectory itself: it would round.
-        if len(times) == len(known) and times[0] == known[0]:
-            return offsets, rates
         return _interpolated(times, known, offsets), _interpolated(times, known, rates)
 
     def _tracking_correction(self, times: Array) -> tuple[Array, Array]:

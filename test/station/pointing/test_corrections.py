@@ -170,6 +170,13 @@ def test_near_the_zenith_a_scan_is_as_large_as_the_azimuth_axis_allows(mode: str
     low = Motion(*(np.tile([0.0, part], (len(times), 1)) for part in (math.radians(30.0), 0.0, 0.0)))
     unlimited = offsets.add_scan(times, low, AxisRates((9.0, 9.0), (99.0, 99.0)))
     np.testing.assert_array_equal(rows[30.0].position, unlimited.position)
+    # What the next mode takes out is the scan as small as it was, in place and speed.
+    high = Motion(*(np.tile([0.0, part], (len(times), 1)) for part in (math.radians(89.5), 0.0, 0.0)))
+    last = offsets.add_scan(times, high, AXES)
+    offsets.update(float(times[200]), mode, AutotrackState(mode="coast", carrier=True), None, None)
+    first = offsets.add_scan(times[200:], Motion(*(part[200:] for part in high)), AXES)
+    np.testing.assert_allclose(first.position[0], last.position[200], atol=1e-9)
+    np.testing.assert_allclose(first.velocity[0, 1], last.velocity[200, 1], atol=1e-4 * AXES.rate_rad_s[1])
 
 
 def test_trajectories_agree_where_they_overlap() -> None:
