@@ -133,3 +133,44 @@ def test_phase_errors_that_are_no_numbers_and_masks_of_another_array_are_refused
     for name in ("n_x", "n_y"):
         with pytest.raises(ValueError, match=f"{name}=7 must be even"):
             TripulseArrayParams(**{name: 7})
+
+
+@pytest.mark.parametrize("word", ["1:2:3", "3", "3:", ":3", "-1:2", "1.0:2", "1:x"])
+def test_a_dead_element_that_is_no_pair_is_refused(word: str) -> None:
+    with pytest.raises(ValueError, match="must be pairs such as 3:16, separated by commas"):
+        TripulseArrayParams(failed=f"2:2, {word}")
+
+
+@pytest.mark.parametrize("word", ["0:1", "1:0", "5:6", "4:7"])
+def test_a_dead_element_outside_the_array_is_refused(word: str) -> None:
+    with pytest.raises(ValueError, match=f"failed element {word} must be from 1:1 to 4:6"):
+        TripulseArrayParams(n_x=4, n_y=6, failed=word)
+
+
+def test_the_corners_of_the_array_can_be_dead() -> None:
+    dead = TripulseArrayParams(n_x=4, n_y=6, failed="1:1,, 4 : 6 ,4:1,").dead_elements()
+    assert dead is not None
+    np.testing.assert_array_equal(np.argwhere(dead), [[0, 0], [3, 0], [3, 5]])
+    assert TripulseArrayParams(failed=" , ").dead_elements() is None
+
+
+def test_wave_numbers_and_periods_belong_to_their_own_axis() -> None:
+    array = TripulseArrayParams(n_x=4, n_y=10, spacing_x_wavelengths=0.5, spacing_y_wavelengths=2.0)
+    np.testing.assert_allclose(array.kd, [np.pi, 4.0 * np.pi], rtol=1e-12)
+    np.testing.assert_allclose(array.unambiguous_projection, [0.5, 0.05], rtol=1e-12)
+    assert array.n_total == 40
+
+
+def test_a_number_of_bits_below_zero_is_refused() -> None:
+    with pytest.raises(ValueError, match="bits=-1 must be >= 0"):
+        quantised_phase_rad(0.3, -1)
+    np.testing.assert_allclose(quantised_phase_rad([1.5, 1.6, -1.6], 1), [0.0, np.pi, -np.pi])
+
+
+def test_weights_of_many_directions_are_those_of_each() -> None:
+    array = TripulseArrayParams(n_x=4, n_y=6, phase_bits=3)
+    steering = np.array([[[0.1, 0.2], [-0.3, 0.05]], [[0.0, 0.4], [0.2, -0.1]], [[0.3, 0.3], [0.01, 0.02]]])
+    found = element_weights(array, steering)
+    assert found.shape == (3, 2, 4, 6)
+    for index in np.ndindex(3, 2):
+        np.testing.assert_allclose(found[index], element_weights(array, steering[index]), rtol=1e-12)

@@ -1,4 +1,4 @@
-""" """
+"""From samples to tones: the common shift, the channels, the noise beside them, and the phase reference."""
 
 import numpy as np
 import pytest
@@ -183,3 +183,60 @@ def test_a_search_reaches_less_than_half_of_the_tone_spacing(share: float) -> No
     with pytest.raises(ValueError, match="must be > 0 and < "):
         find_shift_hz(signal, np.ones(signal.samples, dtype=complex), share * signal.tone_separation_hz)
     find_shift_hz(signal, np.ones(signal.samples, dtype=complex), 0.499 * signal.tone_separation_hz)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_line_beside_one_reference_does_not_pass_for_both(side: float) -> None:
+    signal, beams = TripulseSignalParams(), np.array([2.0, 0.3j, 0.2j])
+    time_s = np.arange(signal.samples) / signal.sample_rate_hz
+    stray = 3.0 * np.exp(2j * np.pi * (side * signal.tone_separation_hz + 30e3) * time_s)
+    assert find_shift_hz(signal, composite(signal, -12e3, beams) + stray, LARGEST_HZ) == pytest.approx(-12e3, abs=500.0)
+
+
+@pytest.mark.parametrize("scheme", ["two_tone", "interleaved"])
+def test_a_search_over_less_than_one_line_of_the_spectrum_looks_one_to_either_side(scheme: str) -> None:
+    """8192 points of 4 MHz, padded: lines of 488.28 Hz."""
+    signal = TripulseSignalParams(scheme=scheme)
+    line_hz = 4e6 / 8192
+    for shift_hz, found_hz in ((-450.0, -line_hz), (0.0, 0.0), (450.0, line_hz), (3000.0, line_hz)):
+        samples = composite(signal, shift_hz, np.array([2.0, 0.1j, 0.1j]))
+        assert find_shift_hz(signal, samples, 0.5) == pytest.approx(found_hz, abs=1e-6)
+
+
+def test_a_search_finds_the_line_at_its_end_and_none_beyond() -> None:
+    signal = TripulseSignalParams(scheme="interleaved")
+    line_hz = 4e6 / 8192
+    for largest_hz, found in ((10.5 * line_hz, 10.0), (9.5 * line_hz, 9.0)):
+        for sign in (-1.0, 1.0):
+            samples = composite(signal, sign * 10.0 * line_hz, np.array([1.0, 0.0, 0.0]))
+            assert find_shift_hz(signal, samples, largest_hz) == pytest.approx(sign * found * line_hz)
+
+
+def test_a_frame_is_refused_for_a_single_sample_that_is_no_number() -> None:
+    signal = TripulseSignalParams()
+    samples = composite(signal, 0.0, np.ones(3)) + noise(signal, 1e-4)
+    for spoiled in (np.inf, 1j * np.nan):
+        bad = samples.copy()
+        bad[17] = spoiled
+        with pytest.raises(ValueError, match="samples must be finite"):
+            channelise(signal, bad, LARGEST_HZ)
+    with pytest.raises(ValueError, match=r"samples has shape \(959,\), must be \(960,\)"):
+        channelise(signal, samples[1:], LARGEST_HZ)
+
+
+def test_an_interleaved_frame_keeps_the_shift_of_the_spectrum() -> None:
+    """Its segments of other beams would spoil the products of neighbours."""
+    signal = TripulseSignalParams(scheme="interleaved", pattern="SxSy")
+    samples = composite(signal, 777.0, np.array([1.0, 0.1j, 0.1j])) + noise(signal, 1e-6)
+    found = channelise(signal, samples, LARGEST_HZ)
+    assert found.shift_hz == find_shift_hz(signal, samples, LARGEST_HZ)
+
+
+def test_the_half_phase_starts_at_half_the_phase_of_the_product() -> None:
+    found = reference_phase(np.exp(0.3j) * np.ones(4), 2.0 * np.exp(0.5j) * np.ones(4), 1e-6)
+    np.testing.assert_allclose(found.phase_rad, 0.4, atol=1e-12)
+    assert found.lost == ""
+    values, _ = detect_with_references(
+        2.0 * np.exp(1.1j) * np.ones(4), np.exp(0.3j) * np.ones(4), np.exp(0.5j) * np.ones(4), 1e-6
+    )
+    np.testing.assert_allclose(values, 2.0 * np.exp(0.7j), atol=1e-12)

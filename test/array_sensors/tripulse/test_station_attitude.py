@@ -1,4 +1,4 @@
-""" """
+"""Attitude from the lines of sight of the stations: the fit, its residual, its covariances, and what is refused."""
 
 import dataclasses
 
