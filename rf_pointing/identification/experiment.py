@@ -59,7 +59,7 @@ class ExcitationParams(Params):
 def excitation_rad_s(params: ExcitationParams, random: np.random.Generator) -> Array:
     """Return one sequence (samples,) in rad/s; white noise is uniform, so bounded."""
     if params.kind == "white":
-        sequence = random.uniform(-1.0, 1.0, params.samples)
+        sequence = random.random(params.samples)
     else:
         sequence = _multisine(params, random)
     # The drawn mean and rms differ from the wanted by chance; the travel must not.

@@ -94,7 +94,7 @@ def refit_residues(model: PoleResidue, inputs: ArrayLike, outputs: ArrayLike) ->
         columns = _filtered(model, sequence)
         reduced = columns - free @ (free.T @ columns)
         normal += reduced.T @ reduced
-        right += reduced.T @ (target - free @ (free.T @ target))
+        right += reduced.T @ target
     # Residues of slow and fast modes differ by orders of magnitude; scaled, the rank is decided by
     # a stated tolerance.
     scale = np.sqrt(np.diag(normal))

@@ -115,6 +115,9 @@ def test_records_what_it_commanded_and_measured() -> None:
     np.testing.assert_array_equal(recording.input_rad_s.ravel(), rates[:, 1])
     np.testing.assert_array_equal(rates[:, 0], np.zeros(1024))
     assert recording.output_rad("azimuth").shape == (4, 256)
+    assert (recording.axis, recording.sample_s) == ("elevation", PARAMS.sample_s)
+    with pytest.raises(ValueError, match="axis='focus' must be one of azimuth, elevation"):
+        recording.output_rad("focus")
     travelled = recording.output_rad("elevation").ravel()
     np.testing.assert_allclose(np.diff(travelled), rates[:-1, 1] * PARAMS.sample_s, atol=1e-12)
 
@@ -146,9 +149,9 @@ def test_an_experiment_that_would_leave_the_travel_below_is_refused_too() -> Non
     [
         ({"sequences": 0}, "sequences=0 must be >= 1"),
         ({"sequences": 1001}, "sequences=1001 must be <= 1000"),
-        ({"margin_rad": -0.01}, r"margin_rad=-0\.01 must be >= 0\.0"),
-        ({"start_rad": 0.105}, r"start_rad=0\.105 must be >= 0\.11"),
-        ({"start_rad": 1.495}, r"start_rad=1\.495 must be <= 1\.49"),
+        ({"margin_rad": -0.01}, r"margin_rad=-0\.01 must be >= 0\.0$"),
+        ({"start_rad": 0.105}, r"start_rad=0\.105 must be >= 0\.11$"),
+        ({"start_rad": 1.495}, r"start_rad=1\.495 must be <= 1\.49$"),
     ],
 )
 def test_an_experiment_without_sequences_or_room_is_refused(changes: dict[str, float], words: str) -> None:

@@ -10,6 +10,7 @@ from rf_pointing.identification import StateSpace, modes_of
 from rf_pointing.identification.identify import (
     IdentificationParams,
     PoleResidue,
+    _free_motions,
     high_pass,
     identify,
     refit_residues,
@@ -170,3 +171,57 @@ def test_poles_below_thirty_millihertz_are_the_integrator_unless_said_otherwise(
     assert restored.residues[0] == (7.0 if slow else 2.0)
     assert restored.residues[-1] == 7.0
     assert (restored.direct, restored.sample_s) == (0.25, SAMPLE_S)
+
+
+def without_integrator(planted: StateSpace) -> StateSpace:
+    return StateSpace(planted.a[1:, 1:], planted.b[1:], planted.c[:, 1:], planted.d, SAMPLE_S)
+
+
+def test_a_swell_far_below_the_high_pass_does_not_take_the_place_of_the_modes(planted: StateSpace) -> None:
+    """At 0.02 Hz, a thousand times the response: without the high-pass it is the model."""
+    inputs = np.random.default_rng(1).uniform(-1.0, 1.0, (4, 4096))
+    swell = 10.0 * np.sin(2.0 * np.pi * 0.02 * SAMPLE_S * np.arange(4096) + 1.0)
+    outputs = np.array([without_integrator(planted).simulate(u)[:, 0] for u in inputs]) + swell
+    outputs = outputs + 1e-4 * np.random.default_rng(3).standard_normal(outputs.shape)
+    params = IdentificationParams(order=4, realization_order=8, observer_order=80, integrator=False, high_pass_hz=0.3)
+    modes = modes_of(identify(inputs, outputs, SAMPLE_S, params).model)
+    np.testing.assert_allclose(modes.frequency_hz, (2.01, 5.22), rtol=1e-3)
+
+
+def test_a_pole_outside_the_unit_circle_is_left_out_of_the_model(planted: StateSpace) -> None:
+    """A response that grows by a factor of e in ten seconds beside the modes, which stay what they are."""
+    still = without_integrator(planted)
+    a = np.block([[still.a, np.zeros((4, 1))], [np.zeros((1, 4)), np.array([[1.002]])]])
+    b, c = np.vstack([still.b, [[0.02]]]), np.hstack([still.c, [[0.05]]])
+    growing = StateSpace(a, b, c, np.zeros((1, 1)), SAMPLE_S)
+    inputs = np.random.default_rng(1).uniform(-1.0, 1.0, (3, 1500))
+    outputs = np.array([growing.simulate(u)[:, 0] for u in inputs])
+    outputs = outputs + 1e-5 * np.random.default_rng(3).standard_normal(outputs.shape)
+    params = IdentificationParams(order=5, realization_order=5, observer_order=20, markov_count=300, integrator=False)
+    found = identify(inputs, outputs, SAMPLE_S, params)
+    assert found.model.order == 4
+    np.testing.assert_allclose(modes_of(found.model).frequency_hz, (2.01, 5.22), rtol=1e-3)
+    # The observer saw all five.
+    assert found.hankel[4] > 10.0 * found.hankel[5]
+    assert found.condition > 1.0
+
+
+@pytest.mark.parametrize("slowest", [1.0, 0.995])
+def test_free_motions_are_a_constant_and_one_of_each_other_pole(slowest: float) -> None:
+    """None twice: an integrator's is the constant already."""
+    poles = np.array([slowest, 0.3, 0.9 + 0.2j, 0.9 - 0.2j])
+    motions = _free_motions(PoleResidue(poles, np.ones(4, dtype=np.complex128), 0.0, SAMPLE_S), 40)
+    assert motions.shape == (40, 4 if slowest == 1.0 else 5)
+    steps = np.arange(40)
+    wanted = [np.ones(40), *([] if slowest == 1.0 else [slowest**steps]), 0.3**steps]
+    wanted += [np.abs(0.9 + 0.2j) ** steps * wave(np.angle(0.9 + 0.2j) * steps) for wave in (np.cos, np.sin)]
+    basis = np.linalg.qr(motions)[0]
+    for motion in wanted:
+        np.testing.assert_allclose(basis @ (basis.T @ motion), motion, rtol=0.0, atol=1e-9)
+
+
+def test_far_above_its_corner_the_high_pass_changes_nothing() -> None:
+    wave = np.array([(-1.0) ** np.arange(1000)])
+    passed = high_pass(wave, SAMPLE_S, 0.1, 10.0)
+    # The start, at 1 of +-1, is a step that dies away.
+    np.testing.assert_allclose(passed[0, -200:], wave[0, -200:], rtol=0.0, atol=0.02)

@@ -250,3 +250,14 @@ def test_orders_from_one_to_a_quarter_of_the_samples_are_tried_and_no_others(
             realize(np.random.default_rng(3).standard_normal(49), order, SAMPLE_S)
     with pytest.raises(ValueError, match=r"inputs has shape \(4, 48\), outputs has \(3, 48\): must be equal"):
         observer_markov(u, y[:3], 2)
+
+
+def test_markov_parameters_carry_the_units_of_output_over_input(planted: StateSpace) -> None:
+    """With a direct way through, an input of thousands and an output of thousandths."""
+    inputs = np.random.default_rng(5).uniform(-1.0, 1.0, (2, 1500))
+    through = StateSpace(planted.a, planted.b, planted.c, np.array([[0.3]]), SAMPLE_S)
+    outputs = np.array([through.simulate(u)[:, 0] for u in inputs])
+    found = observer_markov(4e3 * inputs, 5e-3 * outputs, 5)
+    assert found.direct == pytest.approx(0.3 * 1.25e-6, rel=1e-6)
+    wanted = 1.25e-6 * np.concatenate([[0.3], planted_markov(planted, 60)[1:]])
+    np.testing.assert_allclose(system_markov(found, 60), wanted, rtol=0.0, atol=1e-14)

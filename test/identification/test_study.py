@@ -155,8 +155,8 @@ def test_models_are_written_with_what_they_are_of_their_worst_error_and_their_pr
     path = tmp_path / "models.json"
     save_models(path, [found, found], "planted by a test")
     text = path.read_text()
-    assert text.endswith("}\n")
     kept = json.loads(text)
+    assert text == json.dumps(kept, indent=1) + "\n"
     assert kept["format"] == "rf_pointing identified models 1"
     assert len(kept["responses"]) == 2
     first = kept["responses"][0]
