@@ -19,8 +19,8 @@ from rf_pointing.core import MU
 Array = NDArray[np.float64]
 MAX_ITERATIONS = 25
 LOSS = -0.25 / MU  # -mu u^2 / h^2 from the columns 2 mu u / h
-STEP_TOLERANCE = 2e-3  # of a beamwidth; what is left after that step is below 1e-5
-FRESH_STEP = 1e-2  # after a smaller step the information matrix of the step before still serves
+STEP_TOLERANCE2 = 2e-3**2  # square of a step in beamwidths; what is left after it is below 1e-5
+FRESH_STEP2 = 1e-2**2  # after a smaller step the information matrix of the step before still serves
 
 SMALLEST_INFORMATION = 1e-13
 """Least eigenvalue of an information matrix, scaled to a diagonal of one, that is no zero.
@@ -109,8 +109,8 @@ def rank_reason(positions_rad: Array, smallest_spread_rad: float) -> str:
     if distinct < 3:
         return f"{distinct} distinct beam positions, must be at least 3"
     (xx, xy), (_, yy) = centred.T @ centred
-    blind = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
-    name = {0: "cross-elevation", 2: "elevation"}.get(round(blind / (0.25 * math.pi)) % 4, "one diagonal")
+    along = 0.5 * math.atan2(2.0 * xy, xx - yy)
+    name = {0: "elevation", 2: "cross-elevation"}.get(round(along / (0.25 * math.pi)) % 4, "one diagonal")
     return f"{name} is not determined: the beam positions lie on a line"
 
 
@@ -144,7 +144,7 @@ def beam_design(beam_rad: Array, half_power_beamwidth_rad: float, spin_columns: 
     np.multiply(beam_rad, 2.0 * MU / half_power_beamwidth_rad, out=columns[:, 1:3])
     if spin_columns is not None:
         columns[:, 3:] = spin_columns
-    products = (columns[:, :, None] * columns[:, None, :]).reshape(count, -1)
+    products = (columns[:, :, None] * columns[:, None, :]).reshape(count, unknowns**2)
     loss = LOSS * (products[:, unknowns + 1] + products[:, 2 * unknowns + 2])
     return BeamDesign(columns, products, loss, half_power_beamwidth_rad)
 
@@ -191,15 +191,15 @@ def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFi
         logarithm = solution @ columns.T + design.loss
         weight = np.exp(np.minimum(np.maximum(logarithm, -LARGEST_LOGARITHM), LARGEST_LOGARITHM)) / noise_w
         moments = weight @ products
-        if size2 > FRESH_STEP**2:
+        if size2 > FRESH_STEP2:
             bound = _inverse(moments)
         step = _apply(bound, score - moments[..., :unknowns])
         solution = solution + step
         length2 = _dot(step, step)
         size2 = float(length2 if length2.ndim == 0 else length2.max())
-        if size2 < STEP_TOLERANCE**2:
+        if size2 < STEP_TOLERANCE2:
             break
-    leverage = bound.reshape(*weight.shape[:-1], -1) @ products.T
+    leverage = bound.reshape(*weight.shape[:-1], unknowns**2) @ products.T
     bias = _apply(bound, (weight * leverage) @ columns)
     scale = design.half_power_beamwidth_rad
     misfit = weighted - weight
@@ -207,7 +207,7 @@ def fit_beam(design: BeamDesign, power_w: Array, noise_w: Array) -> LikelihoodFi
         scale * (solution + 0.5 * bias)[..., 1:3],
         scale**2 * bound[..., 1:3, 1:3],
         _dot(misfit, misfit / weight) / (len(columns) - unknowns),
-        np.asarray(length2 < STEP_TOLERANCE**2),
+        np.asarray(length2 < STEP_TOLERANCE2),
     )
 
 

@@ -456,3 +456,63 @@ def test_a_faint_carrier_is_the_links_within_3_db_of_what_a_completed_search_has
         axis_db_hz=34.0, valid=frozenset(),
     )  # fmt: skip
     assert table.step(state, inputs).mode == mode
+
+
+def inputs_at(t_s: float, level_db_hz: float, **changes: object) -> AutotrackInputs:
+    """A target that is requested, available and reached, every sensor valid."""
+    values = {
+        "request": "track", "target_available": True, "on_target": True,
+        "valid": frozenset({"monopulse", "conscan", "steptrack", "array"}), **changes,
+    }  # fmt: skip
+    return AutotrackInputs(t_s=t_s, carrier_to_noise_db_hz=level_db_hz, **values)
+
+
+@pytest.mark.parametrize(
+    ("mode", "fault", "level_db_hz", "target", "false_locks"),
+    [
+        ("monopulse", "sidelobe: planted", 50.0, "hand_back", 5), ("monopulse", "", 5.0, "coast", 4),
+        ("conscan", "odd", 50.0, "hand_back", 4), ("conscan", "", 5.0, "coast", 4), ("coast", "", 50.0, "monopulse", 4),
+    ],
+)  # fmt: skip
+def test_a_false_lock_is_one_that_ends_a_watched_sensor_by_a_fault(
+    mode: str, fault: str, level_db_hz: float, target: str, false_locks: int
+) -> None:
+    table = Autotrack(AutotrackParams(most_false_locks=9))
+    state = AutotrackState(mode=mode, carrier=True, strong=True, carrier_since_s=0.0, false_locks=4)
+    found = table.step(state, inputs_at(1.0, level_db_hz, fault=fault))
+    assert (found.mode, found.false_locks) == (target, false_locks)
+    assert found.reason == fault or not fault
+
+
+@pytest.mark.parametrize(
+    ("mode", "t_s", "level_db_hz", "valid", "peak_db", "target", "learned_db"),
+    [
+        ("search", 20.0, 40.0, (), -3.0, "coast", -3.0), ("search", 20.0, 40.0, (), 2.5, "coast", 0.0),
+        ("search", 20.0, 48.0, ("monopulse",), -3.0, "monopulse", -1.5), ("monopulse", 20.0, 5.0, (), -3.0, "coast", -1.5),
+        ("search", 100.0, 15.0, (), -3.0, "coast", -3.0),
+    ],
+)  # fmt: skip
+def test_only_a_search_that_ends_at_its_peak_teaches_the_level_and_never_more_than_the_links(
+    mode: str, t_s: float, level_db_hz: float, valid: tuple[str, ...], peak_db: float, target: str, learned_db: float
+) -> None:
+    state = AutotrackState(
+        mode=mode, carrier=True, strong=True, carrier_since_s=0.0, peak_s=10.0, peak_db_hz=52.0 + peak_db,
+        peak_excess_db=peak_db, learned_db=-1.5,
+    )  # fmt: skip
+    seen = inputs_at(t_s, level_db_hz, axis_db_hz=52.0, valid=frozenset(valid))
+    found = Autotrack(AutotrackParams(sensor="monopulse")).step(state, seen)
+    assert (found.mode, found.learned_db) == (target, learned_db)
+    assert (found.peak_s, found.peak_db_hz, found.entered_s) == (10.0, 52.0 + peak_db, t_s)
+
+
+def test_where_the_link_is_not_known_no_level_is_above_or_below_it() -> None:
+    table = Autotrack(AutotrackParams(sensor="monopulse"))
+    searching = table.step(AutotrackState(mode="search"), inputs_at(1.0, 47.0, valid=frozenset()))
+    assert (searching.peak_db_hz, searching.peak_s, searching.peak_excess_db) == (47.0, 1.0, 0.0)
+    known = table.step(searching, inputs_at(1.1, 47.5, axis_db_hz=45.0, valid=frozenset()))
+    assert (known.peak_db_hz, known.peak_s, known.peak_excess_db) == (47.5, 1.1, 2.5)
+    locked = table.step(
+        dataclasses.replace(searching, mode="coast", carrier=True, strong=True, carrier_since_s=0.0),
+        inputs_at(2.0, 47.0),
+    )
+    assert (locked.mode, locked.lock_db) == ("monopulse", 0.0)
