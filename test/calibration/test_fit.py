@@ -1,6 +1,7 @@
 """The fit gives planted terms back within its stated sigma, and refuses by name what the data cannot determine."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,12 +11,22 @@ from rf_pointing.calibration import (
     CandidatePass,
     FitOptions,
     Observations,
+    PassPriors,
     Prior,
+    fit,
     fit_bias_model,
     held_at_zero,
 )
-from rf_pointing.calibration.fit import excess_of, huber_weights, normalised_size, sandwich_covariance, within_limit
+from rf_pointing.calibration.fit import (
+    _check_left,
+    excess_of,
+    huber_weights,
+    normalised_size,
+    sandwich_covariance,
+    within_limit,
+)
 from rf_pointing.calibration.noise import NoiseScale, _excess, _split, noise_scale, share_after_editing
+from rf_pointing.calibration.pass_errors import lags_of, pass_partials
 from rf_pointing.calibration.thinning import Table
 
 TABLE_1_TERMS = tuple(n for n in TERM_NAMES if not n.endswith("acceleration_lag"))
@@ -446,3 +457,138 @@ def test_what_a_result_states_is_what_its_rows_make_of_it(campaign, table_1):
     assert fit.sigma_of("droop") == np.sqrt(fit.covariance[fit.names.index("droop"), fit.names.index("droop")])
     assert not np.any(fit.pass_azimuth_rad)
     assert fit.pass_errors == ()
+
+
+def test_a_fit_begins_with_the_points_that_a_fit_before_has_used(campaign, table_1):
+    data = campaign(table_1)
+    spoilt = data.observed_elevation_rad.copy()
+    spoilt[[5, 90]] += 0.02
+    data = replace(data, observed_elevation_rad=spoilt)
+    before = fit_bias_model(data)
+    assert not np.any(before.used[[5, 90]])
+    plain = FitOptions(edit_sigma=0.0)
+    again = fit_bias_model(data, options=plain, start=before)
+    assert np.array_equal(again.used, before.used)
+    np.testing.assert_allclose(again.values, before.values, rtol=1e-9, atol=1e-12)
+    # Of other points nothing is known of which are wrong.
+    fewer = fit_bias_model(data.select(np.arange(len(data) - 1)), options=plain, start=before)
+    assert np.all(fewer.used)
+
+
+@pytest.mark.parametrize("form", ["printed", "rotation"])
+def test_a_fit_that_starts_where_it_ends_takes_one_round(campaign, table_1, monkeypatch, form):
+    """The printed form is linear: it takes one from anywhere."""
+    data = campaign(table_1, form=form)
+    options = FitOptions(form=form, edit_sigma=0.0)
+    before = fit_bias_model(data, options=options)
+    monkeypatch.setattr(fit, "_MOST_ROUNDS", 1)
+    again = fit_bias_model(data, options=options, start=before)
+    assert np.max(np.abs(again.values - before.values) / before.sigma) < 1e-5
+    if form == "printed":
+        np.testing.assert_allclose(fit_bias_model(data, options=options).values, before.values, rtol=1e-9, atol=1e-12)
+    else:
+        with pytest.raises(ValueError, match="the fit has not settled after 1 rounds"):
+            fit_bias_model(data, options=options)
+
+
+def test_rejected_points_may_return_in_the_first_eight_rounds_only(campaign, table_1, monkeypatch):
+    """Point 0 is rejected and taken back in turn: with the ninth round it stays out, and the fit settles."""
+    data, allowed = campaign(table_1), []
+
+    def turning(size, _limit, used, *, may_return):
+        allowed.append(may_return)
+        keep = np.ones(len(size), dtype=bool)
+        keep[0] = not used[0]
+        return keep if may_return else keep & used
+
+    monkeypatch.setattr(fit, "within_limit", turning)
+    found = fit_bias_model(data)
+    assert allowed == [True] * 8 + [False] * (len(allowed) - 8)
+    assert 9 < len(allowed) <= 11
+    assert not found.used[0]
+
+
+def test_passes_of_which_most_is_rejected_are_named_the_worst_first():
+    lost = {3: 4, 5: 9, 8: 9, 11: 30, 12: 1, 14: 2}
+    used = SimpleNamespace(used=np.concatenate([np.arange(40) >= count for count in lost.values()]))
+
+    class Data(SimpleNamespace):
+        def __len__(self):
+            return len(self.pass_id)
+
+    data = Data(pass_id=np.repeat(list(lost), 40))
+    words = r"passes=6 are left after editing, must be >= fewest_passes=7: pass 11, 5, 8, 3 contradict"
+    with pytest.raises(ValueError, match=words):
+        _check_left(data, used, FitOptions(fewest_passes=7), backed=False)
+    _check_left(data, used, FitOptions(fewest_passes=7), backed=True)
+    _check_left(data, used, FitOptions(fewest_passes=6), backed=False)
+    data = Data(pass_id=np.arange(100) % 4)
+    _check_left(data, SimpleNamespace(used=np.arange(100) >= 32), FitOptions(), backed=True)
+    words = r"34 of 100 observations were edited out \(34 %\), most of them of pass 0, 1, 2, 3;"
+    with pytest.raises(ValueError, match=words):
+        _check_left(data, SimpleNamespace(used=np.arange(100) >= 34), FitOptions(), backed=True)
+
+
+def test_a_sandwich_measures_the_errors_itself_and_is_not_raised_by_the_noise(campaign, table_1):
+    """Sigma is stated half as large as it is."""
+    data = campaign(table_1, passes=8)
+    sigma = {name: 0.5 * getattr(data, name) for name in ("sigma_azimuth_rad", "sigma_elevation_rad")}
+    held = {name: table_1.coefficients[name] for name in held_at_zero(TERMS)}
+
+    def fitted(kind, scaled):
+        options = FitOptions(covariance=kind, edit_sigma=0.0, scale_covariance=scaled)
+        return fit_bias_model(replace(data, **sigma), terms=TERMS, held=held, options=options)
+
+    plain, scaled = fitted("sandwich", False), fitted("sandwich", True)
+    assert (plain.noise is None, scaled.noise is None) == (True, False)
+    np.testing.assert_array_equal(scaled.covariance, plain.covariance)
+    plain, scaled = fitted("white", False), fitted("white", True)
+    ratio = scaled.covariance / plain.covariance
+    np.testing.assert_allclose(ratio, np.mean([one.factor for one in scaled.noise]), rtol=1e-9)
+    assert np.min(ratio) == pytest.approx(4.0, rel=0.3)
+
+
+@pytest.mark.parametrize("unit", [1.0, 100.0, 0.01])
+def test_a_pass_that_alone_determines_a_direction_is_named_by_the_term_that_is_most_of_it_in_sigma(unit):
+    """Whatever the units of the terms."""
+    seen, alone = 0.1 * np.array([1.0, 2.0]), 10.0 * np.array([2.0, -1.0])
+    rows = [np.array([seen, alone if number == 3 else 2.0 * seen]) * [unit, 1.0] for number in range(6)]
+    matrix = np.concatenate(rows)
+    passes = [(number, own, np.zeros(2)) for number, own in enumerate(rows)]
+    with pytest.raises(ValueError, match="pass 3 alone determines offset"):
+        sandwich_covariance(("offset", "tilt"), np.linalg.inv(matrix.T @ matrix), passes)
+
+
+def test_an_exact_fit_sees_the_errors_of_the_passes_with_its_own_lags(campaign, table_1, partials, random):
+    """Its residuals are normal to all partials: by the terms, and by the errors of a pass as far as priors let them."""
+    names = ("azimuth_offset", "azimuth_velocity_lag", "mislevel_east", "elevation_offset", "elevation_velocity_lag")
+    orbit = PassPriors(along_track_m=1000.0, radial_m=400.0, clock_s=0.05)
+    data = campaign(table_1, passes=6, form="rotation")
+    planted = orbit.sigma * random.normal(size=(6, 3))
+    azimuth, elevation = pass_partials(data, orbit.names, lags_of(table_1.coefficients))
+    data = replace(
+        data,
+        observed_azimuth_rad=data.observed_azimuth_rad + np.sum(azimuth * planted[data.pass_id], axis=1),
+        observed_elevation_rad=data.observed_elevation_rad + np.sum(elevation * planted[data.pass_id], axis=1),
+    )
+    held = {name: value for name, value in table_1.coefficients.items() if name not in names}
+    options = FitOptions(form="rotation", edit_sigma=0.0)
+    found = fit_bias_model(data, terms=names, held=held, pass_priors=orbit, options=options)
+    truth = np.array([table_1.coefficients[name] for name in names])
+    assert np.max(np.abs(found.values - truth) / found.sigma) < 4.0
+    errors = np.array([[one.values[name] for name in orbit.names] for one in found.pass_errors])
+    own = np.concatenate(pass_partials(data, orbit.names, lags_of(found.coefficients)))
+    of_pass = np.tile(data.pass_id, 2)
+    modelled = np.concatenate(found.model.apply(*data.motion()))
+    left = np.concatenate([data.observed_azimuth_rad, data.observed_elevation_rad]) - modelled
+    left -= np.sum(own * errors[of_pass], axis=1)
+    shown = np.concatenate([found.residual_azimuth_rad, found.residual_elevation_rad])
+    np.testing.assert_allclose(shown, left, atol=1e-6)
+    # Pulls in sigma of each unknown by itself; what is left of them is that of lags within 10 ms.
+    matrix = np.concatenate(partials(data.motion(), names)) / 1e-4
+    assert np.max(np.abs(matrix.T @ shown / 1e-4) / np.linalg.norm(matrix, axis=0)) < 0.05
+    for number in range(6):
+        rows = of_pass == number
+        columns = own[rows] / 1e-4
+        pull = columns.T @ shown[rows] / 1e-4 - errors[number] / orbit.sigma**2
+        assert np.max(np.abs(pull) / np.linalg.norm(columns, axis=0)) < 0.05

@@ -123,3 +123,68 @@ def test_after_twenty_times_of_the_average_a_motion_is_forgotten(away_s: float, 
     before = LagState(7.0, (0.02, -0.01), (0.03, 0.04), (0.5, 0.6))
     found = LagHistory(model(), AVERAGING_S).stopped(7.0 + away_s, np.zeros(2), np.zeros(2), before)
     assert (found == LagState(7.0 + away_s, before.rate)) is forgotten
+
+
+@pytest.mark.parametrize("acceleration_s2", [0.0, 5.1])
+def test_lead_and_its_derivatives_are_those_of_the_transfer_function(acceleration_s2: float) -> None:
+    """The second and third derivatives of the average follow from T^2 m" + T m' + m = r and its derivative."""
+    rates, bends = swinging()
+    history = LagHistory(model(acceleration_s2), AVERAGING_S)
+    (position, velocity, acceleration), states = history.along(TIMES, rates, bends)
+    for one, other in zip(history.lead(TIMES, rates, bends), (position, velocity, acceleration), strict=True):
+        np.testing.assert_array_equal(one, other)
+    for axis, x in enumerate(VELOCITY_S):
+        d = acceleration_s2 + AVERAGING_S * x if acceleration_s2 else 0.0
+        below = [AVERAGING_S**2, AVERAGING_S, 1.0]
+        mean, slope, bend = (
+            lsim((above, below), rates[:, axis], TIMES)[1] for above in ([1.0], [1.0, 0.0], [1.0, 0.0, 0.0])
+        )
+        jerk = (bends[:, axis] - slope) / AVERAGING_S**2 - bend / AVERAGING_S
+        np.testing.assert_allclose(position[:, axis], x * mean + d * slope, atol=1e-12)
+        np.testing.assert_allclose(velocity[:, axis], x * slope + d * bend, atol=1e-12)
+        np.testing.assert_allclose(acceleration[:, axis], x * bend + d * jerk, atol=1e-12)
+        np.testing.assert_allclose([state.mean[axis] for state in states], mean, atol=1e-12)
+        np.testing.assert_allclose([state.slope[axis] for state in states], slope, atol=1e-12)
+        assert [state.rate[axis] for state in states] == rates[:, axis].tolist()
+    assert [state.t_s for state in states] == TIMES.tolist()
+
+
+def test_the_average_does_not_depend_on_how_a_motion_is_sampled() -> None:
+    """Steps of three lengths in turn; where the rate is a straight line between them nothing is lost."""
+    times = np.concatenate([[0.0], np.cumsum(np.tile([0.1, 0.3, 0.1, 0.2, 0.3], 40))])
+    ramp = np.column_stack([0.02 - 1e-4 * times, 0.01 + 3e-4 * times])
+    slope = np.tile([-1e-4, 3e-4], (len(times), 1))
+    history = LagHistory(model(5.1), AVERAGING_S)
+    _, states = history.along(times, ramp, slope)
+    ends = [0, len(times) - 1]
+    _, (_, last) = history.along(times[ends], ramp[ends], slope[ends])
+    np.testing.assert_allclose(states[-1].mean, last.mean, rtol=1e-9)
+    np.testing.assert_allclose(states[-1].slope, last.slope, rtol=1e-7)
+
+
+def test_the_beam_of_dragged_axes_lags_by_the_change_of_the_average() -> None:
+    history = LagHistory(model(), AVERAGING_S)
+    rate = np.array([0.02, -0.01])
+    assert history.dragged(3.0, rate, None) == LagState(3.0, (0.02, -0.01))
+    before = LagState(3.0, (0.01, 0.03), (0.004, 0.005), (0.001, -0.002))
+    found = history.dragged(3.7, rate, before)
+    beam = rate - VELOCITY_S * [0.001, -0.002]
+    assert (found.t_s, found.rate) == (3.7, pytest.approx(tuple(beam)))
+    _, (expected,) = history.along(np.array([3.7]), beam[np.newaxis], np.zeros((1, 2)), before)
+    assert (found.mean, found.slope) == (expected.mean, expected.slope)
+
+
+@pytest.mark.parametrize(("away_s", "steps"), [(0.05, 1), (0.25, 3), (1.0, 10)])
+def test_a_motion_that_nobody_saw_is_taken_in_steps_of_a_tenth_of_a_second(away_s: float, steps: int) -> None:
+    """The azimuth went on for 0.42 s, the elevation was at rest whatever it has moved since."""
+    history = LagHistory(model(), AVERAGING_S)
+    before = LagState(3.0, (0.02, 0.0), (0.004, 0.005), (0.001, -0.002))
+    seen = np.array([0.003, 0.001])
+    found = history.stopped(3.0 + away_s, seen, np.array([0.02 * 0.42, 0.005]), before)
+    state = before
+    for after_s in away_s * np.arange(1, steps) / steps:
+        state = history.dragged(3.0 + after_s, np.array([0.02 if after_s < 0.42 else 0.0, 0.0]), state)
+    state = history.dragged(3.0 + away_s, seen, state)
+    assert found.rate == pytest.approx(state.rate, abs=1e-12)
+    assert found.mean == pytest.approx(state.mean, abs=1e-12)
+    assert found.slope == pytest.approx(state.slope, abs=1e-12)

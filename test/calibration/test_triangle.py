@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from rf_pointing.calibration.triangle import Triangle, eliminate, pass_triangles, triangle_of
+from rf_pointing.calibration.triangle import (
+    Triangle,
+    advice_for,
+    eliminate,
+    pass_triangles,
+    require_determined,
+    triangle_of,
+)
 from rf_pointing.calibration.triangle import _null_space_message as null_space_message
 
 NAMES = ("azimuth_offset", "collimation", "droop")
@@ -134,3 +141,49 @@ def test_parameters_of_the_passes_are_those_of_all_columns_at_once(random, own):
     assert heads.passes.tolist() == [2, 5, 9]
     np.testing.assert_allclose(heads.values(solution).ravel(), expected[: 3 * own], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(heads.sigma(solution).ravel() ** 2, np.diag(covariance)[: 3 * own], rtol=1e-9)
+
+
+@pytest.mark.parametrize("scales", [(1.0, 1.0, 1.0), (1e-3, 1.0, 1e3), (1e3, 1e-3, 1.0)])
+def test_inseparable_columns_are_named_whatever_their_units(random, scales):
+    matrix = random.normal(size=(30, 3))
+    matrix[:, 2] = matrix[:, 0]
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(matrix * scales, random.normal(size=30)), ALL)])
+    with pytest.raises(ValueError, match=r"cannot separate azimuth_offset \+ droop: fix one"):
+        triangle.solve()
+
+
+def test_fewer_equations_than_unknowns_determine_none_of_them(random):
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(random.normal(size=(2, 3)), random.normal(size=2)), ALL)])
+    with pytest.raises(ValueError, match="2 equations do not determine azimuth_offset, collimation, droop: "):
+        triangle.solve()
+    triangle.add_prior("droop", 0.5, 0.1)
+    assert triangle.solve().residual_square == pytest.approx(0.0, abs=1e-20)
+
+
+@pytest.mark.parametrize(
+    ("sigma", "known", "lost"),
+    [
+        ((4.9e-3, 4.9e-3, 20.0), (), None),
+        ((5.1e-3, 4.9e-3, 20.0), (), r"separate azimuth_offset \(sigma up to 0\.29 deg, must be <= 0\.29 deg\)"),
+        ((0.05, 0.02, 20.0), (), r"separate azimuth_offset \+ droop \(sigma up to 2\.9 deg, must be"),
+        ((0.02, 0.05, 20.0), ("droop",), r"separate azimuth_offset \(sigma up to 1\.1 deg, must be"),
+        ((0.05, 0.02, 20.0), ("azimuth_offset", "droop"), None),
+    ],
+)
+def test_angles_that_are_not_known_to_a_third_of_a_degree_are_refused_and_lags_are_not(sigma, known, lost):
+    names = ("azimuth_offset", "droop", "azimuth_velocity_lag")
+    covariance = np.diag(np.square(sigma))
+    if lost is None:
+        require_determined(names, covariance, known)
+    else:
+        with pytest.raises(ValueError, match=lost):
+            require_determined(names, covariance, known)
+
+
+def test_advice_names_each_kind_of_data_once():
+    low_and_high = "passes at low and at high elevation (above 60 deg)"
+    assert advice_for(("collimation", "droop")) == low_and_high
+    assert advice_for(("droop", "mislevel_east")) == f"{low_and_high}; passes on all sides of the sky"
+    assert advice_for(("tilt",)) == "a prior on one of them"
