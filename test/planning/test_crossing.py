@@ -15,8 +15,12 @@ from rf_pointing.planning.crossing import (
     AxisMotionLimits,
     Crossing,
     CrossingLoss,
+    _Path,
     cross,
+    nearest_elevation,
+    smoothing_kernel,
 )
+from rf_pointing.planning.forbidden_sky import angle_between
 
 Array = np.ndarray
 DEG = math.pi / 180.0
@@ -165,3 +169,213 @@ def test_a_triangle_of_error_has_the_loss_of_its_integrals() -> None:
 
 def test_without_a_crossing_nothing_is_lost() -> None:
     assert CrossingLoss.of(None, gain) == CrossingLoss(0.0, 0.0, 0.0, 0.0)
+
+
+def bent_path(side: float = 1.0, offset: float = 0.0) -> tuple[Array, Array]:
+    """A target of 0.4 deg/s that runs at 8 deg/s from 20 s to 25 s, then at 0.6 deg/s: azimuths and rates (n,)."""
+    t = np.arange(0.0, 80.0 + 0.5 * STEP_S, STEP_S)
+    rates = np.where(t < 20.0, 0.4, np.where(t < 25.0, 8.0, 0.6)) * DEG
+    azimuth = np.concatenate([[0.0], np.cumsum(rates[:-1])]) * STEP_S
+    return side * azimuth + offset, side * rates
+
+
+def bang_path(side: float = 1.0, seconds: float = 80.0) -> _Path:
+    azimuth, rates = bent_path(side, 3.0)
+    rows = round(seconds / STEP_S) + 1
+    still = np.full(len(azimuth), 0.5)
+    position, velocity = np.column_stack([azimuth, still])[:rows], np.column_stack([rates, 0.0 * still])[:rows]
+    return _Path(np.arange(rows) * STEP_S, position, velocity, LIMITS, side)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("start_s", "leaves_deg_s"), [(15.0, 0.4), (22.0, 2.0)])
+def test_a_bang_runs_at_the_limits_until_the_target_is_met_at_its_own_rate(
+    side: float, start_s: float, leaves_deg_s: float
+) -> None:
+    """2 deg/s and 1 deg/s^2; a target that is too fast already is left at the axis's own rate."""
+    path, start = bang_path(side), round(start_s / STEP_S)
+    azimuth, end = path.bang(start, 250)
+    here = side * np.degrees(azimuth - azimuth[start])
+    up_s, down_s = 2.0 - leaves_deg_s, 2.0 - 0.6
+    # The target at the rate of the end, 0.6 deg/s, is met where both ways are as long.
+    target = side * np.degrees(path.position[:, 0] - path.position[start, 0])
+    lead = target[300] - 0.6 * (30.0 - start_s)
+    meets_s = (lead + 0.5 * up_s**2 + 0.5 * down_s**2) / (2.0 - 0.6)
+    assert end == start + math.ceil(meets_s / STEP_S)
+    t = STEP_S * np.arange(end - start + 1)
+    ramp = np.minimum(t, up_s)
+    out = leaves_deg_s * ramp + 0.5 * ramp**2 + 2.0 * (t - ramp) - 0.5 * np.maximum(t - (t[-1] - down_s), 0.0) ** 2
+    share = t / t[-1]
+    out -= (out[-1] - target[end]) * (3.0 * share**2 - 2.0 * share**3)
+    np.testing.assert_allclose(here[start : end + 1], out, atol=1e-9)
+    outside = np.r_[0:start, end + 1 : len(azimuth)]
+    np.testing.assert_array_equal(azimuth[outside], path.position[outside, 0])
+
+
+def test_a_bang_that_never_meets_the_target_runs_on_to_the_end_of_the_pass() -> None:
+    path = bang_path(seconds=40.0)
+    azimuth, end = path.bang(150, 250)
+    assert end == len(azimuth) - 1
+    assert np.degrees(azimuth[-1] - azimuth[150]) == pytest.approx(2.0 * 25.0 - 0.5 * 1.6**2)
+    assert np.degrees(np.diff(azimuth)[-14:]) / STEP_S == pytest.approx(2.0), "it does not brake"
+
+
+@pytest.mark.parametrize(("last", "end"), [(50, 140), (139, 140), (140, 141), (300, 301)])
+def test_a_bang_is_over_after_the_last_row_at_which_the_target_is_too_fast(last: int, end: int) -> None:
+    """A target that stands 4 deg further on: rise and fall of 2 s each take the axis just there."""
+    t = np.arange(0.0, 60.0, STEP_S)
+    still = np.zeros((len(t), 2))
+    path = _Path(t, still - [[1.0, 0.0]], still, LIMITS, 1.0)
+    path.position[101:, 0] += 3.999 * DEG
+    assert path.bang(100, last)[1] == end
+
+
+@pytest.mark.parametrize("away", [0, 3, 41, 700, 1100, 1300])
+def test_the_departure_of_least_loss_is_found_ever_finer(away: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the row at which the limits are reached, 1000 to 2400 rows back or to the beginning, to two rows."""
+    t, position, velocity, acceleration = overhead(1.0)
+    fast = (np.abs(velocity[:, 0]) > LIMITS.rate_rad_s[0]) | (
+        np.abs(acceleration[:, 0]) > LIMITS.acceleration_rad_s2[0]
+    )
+    first, last = np.flatnonzero(fast)[[0, -1]].tolist()
+    tried: list[int] = []
+
+    def lost_s(_self: _Path, _azimuth: Array, start: int, end: int, _gain: object) -> float:
+        tried.append(start)
+        assert end > last
+        return float(abs(first - away - start))
+
+    monkeypatch.setattr(_Path, "lost_s", lost_s)
+    monkeypatch.setattr("rf_pointing.planning.crossing._finish", lambda _path, _azimuth, start, end, *_: (start, end))
+    start, end = cross(t, position, velocity, acceleration, LIMITS, beam(1.0))
+    assert abs(start - (first - away)) <= 2
+    assert tried[:32] == np.linspace(0, first, 32).astype(int).tolist()
+    assert min(tried) >= 0
+    assert max(tried) <= first
+    # Nine from a spacing before the best to one after it.
+    best, spacing = min(tried[:32], key=lambda row: abs(first - away - row)), max(np.diff(tried[:32]))
+    second = np.unique(np.linspace(max(0, best - spacing), min(first, best + spacing), 9).astype(int)).tolist()
+    assert tried[32 : 32 + len(second)] == second
+    assert len(tried) <= 32 + 3 * 9
+    path = _Path(t, position, velocity, LIMITS, 1.0)
+    assert end == path.bang(start, last)[1]
+
+
+def test_no_departure_is_earlier_than_four_minutes_before_the_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    t, position, velocity, acceleration = overhead(0.4, 0.5, 700.0)
+    fast = (np.abs(velocity[:, 0]) > LIMITS.rate_rad_s[0]) | (
+        np.abs(acceleration[:, 0]) > LIMITS.acceleration_rad_s2[0]
+    )
+    first = int(np.flatnonzero(fast)[0])
+    tried: list[int] = []
+
+    def lost_s(_self: _Path, _azimuth: Array, start: int, *_: object) -> float:
+        tried.append(start)
+        return float(start)
+
+    monkeypatch.setattr(_Path, "lost_s", lost_s)
+    monkeypatch.setattr("rf_pointing.planning.crossing._finish", lambda *_: None)
+    cross(t, position, velocity, acceleration, LIMITS, beam(1.0))
+    assert first - 2400 > 0
+    assert min(tried) == first - 2400
+
+
+@pytest.mark.parametrize(
+    ("rate", "bend", "height", "needed"),
+    [(1.99, 0.99, 89.9, False), (2.01, 0.0, 50.0, True), (0.0, -1.01, 50.0, True), (0.0, 0.0, 90.1, True)],
+)
+def test_a_crossing_is_needed_where_any_limit_is_exceeded(
+    rate: float, bend: float, height: float, needed: bool
+) -> None:
+    t = np.arange(0.0, 60.0, STEP_S)
+    position, velocity, acceleration = np.zeros((len(t), 2)), np.zeros((len(t), 2)), np.zeros((len(t), 2))
+    position[:, 0] = 0.1 * DEG * t
+    velocity[300, 0], acceleration[300, 0], position[300, 1] = rate * DEG, bend * DEG, height * DEG
+    assert (cross(t, position, velocity, acceleration, LIMITS, beam(1.0)) is not None) is needed
+
+
+@pytest.mark.parametrize("miss_deg", [0.4, 4.0])
+def test_a_crossing_has_the_rates_of_its_positions_and_the_targets_own_at_its_ends(miss_deg: float) -> None:
+    t, *path = overhead(miss_deg)
+    found = cross(t, *path, LIMITS, beam(1.0))
+    assert found is not None
+    first = round((found.t_s[0] - t[0]) / STEP_S)
+    rows = [first, first + len(found.t_s) - 1]
+    np.testing.assert_array_equal(found.velocity_rad_s[[0, -1]], path[1][rows])
+    np.testing.assert_array_equal(found.acceleration_rad_s2[[0, -1]], path[2][rows])
+    moved, rates = found.position_rad, found.velocity_rad_s
+    np.testing.assert_allclose(rates[1:-1], (moved[2:] - moved[:-2]) / (2.0 * STEP_S), atol=1e-12)
+    np.testing.assert_allclose(
+        found.acceleration_rad_s2[2:-2], (rates[3:-1] - rates[1:-3]) / (2.0 * STEP_S), atol=1e-12
+    )
+    np.testing.assert_allclose(found.error_rad, angle_between(moved, path[0][rows[0] : rows[1] + 1]), atol=1e-12)
+
+
+@pytest.mark.parametrize("elevation_deg_s2", [1.0, 0.3, 0.1, 0.03])
+@pytest.mark.parametrize("top_deg", [90.0, 88.0])
+def test_of_all_elevations_the_axis_can_make_the_one_that_loses_least_is_taken(
+    elevation_deg_s2: float, top_deg: float
+) -> None:
+    """The target's own, the nearest and half of the way to it, each smoothed by 0.5 s, 1 s, 2 s and 4 s."""
+    t, *path = overhead(1.0)
+    gain = beam(1.0)
+    limits = AxisMotionLimits((2.0 * DEG, 2.0 * DEG), (1.0 * DEG, elevation_deg_s2 * DEG), top_deg * DEG)
+    found = cross(t, *path, limits, gain)
+    assert found is not None
+    first = round((found.t_s[0] - t[0]) / STEP_S)
+    part = slice(first, first + len(found.t_s))
+    azimuth = path[0][:, 0].copy()
+    azimuth[part] = found.position_rad[:, 0]
+    off, own = azimuth - path[0][:, 0], np.minimum(path[0][:, 1], top_deg * DEG)
+    nearest = np.arctan2(np.sin(path[0][:, 1]), np.cos(path[0][:, 1]) * np.cos(off))
+    wanted = np.minimum(nearest, top_deg * DEG) - path[0][:, 1]
+    choices = [own]
+    for width_s in (0.5, 1.0, 2.0, 4.0):
+        reach = round(30.0 * width_s)
+        weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) * STEP_S / width_s) ** 2)
+        soft, held = (
+            np.convolve(np.pad(rows, reach, mode="edge"), weights / weights.sum(), mode="valid")
+            for rows in (wanted, own)
+        )
+        choices += [path[0][:, 1] + 0.5 * soft, path[0][:, 1] + soft, held]
+    lost = []
+    for rows in choices:
+        rates = np.gradient(rows, STEP_S)[part]
+        bends = np.gradient(np.gradient(rows, STEP_S), STEP_S)[part]
+        able = np.abs(bends).max() <= elevation_deg_s2 * DEG and np.abs(rates).max() <= 2.0 * DEG
+        able = able and rows[part].max() <= top_deg * DEG + 1e-9
+        error = angle_between(np.column_stack([azimuth, rows])[part], path[0][part])
+        lost.append(float(np.sum(1.0 - gain(error))) if able else math.inf)
+    best = choices[int(np.argmin(lost))]
+    np.testing.assert_allclose(found.position_rad[:, 1], best[part], atol=1e-9)
+
+
+def test_a_gaussian_average_reaches_three_widths_to_either_side() -> None:
+    kernel = smoothing_kernel(0.7, 0.2)
+    assert len(kernel) == 2 * 10 + 1
+    assert kernel.sum() == pytest.approx(1.0)
+    for away in (1, 4, 10):
+        assert kernel[10 + away] == kernel[10 - away]
+        assert kernel[10 + away] / kernel[10] == pytest.approx(math.exp(-0.5 * (0.2 * away / 0.7) ** 2))
+
+
+def test_the_nearest_elevation_is_that_of_least_angle(random: np.random.Generator) -> None:
+    for off, elevation in random.uniform((-3.0, 0.1), (3.0, 1.5), (30, 2)).tolist():
+        heights = np.linspace(0.0, math.pi, 20_001)
+        apart = angle_between(np.column_stack([np.full_like(heights, off), heights]), np.array([0.0, elevation]))
+        found = nearest_elevation(np.array([off]), np.array([elevation]))[0]
+        assert found == pytest.approx(heights[int(np.argmin(apart))], abs=2e-4)
+
+
+def test_what_a_crossing_costs_ends_with_its_last_row() -> None:
+    t, error = np.arange(4.0), np.array([0.0, 1.0, 0.4, 0.02]) * BEAM_RAD
+    still = np.zeros((4, 2))
+    crossing = Crossing(t, still, still, still, error)
+    assert CrossingLoss.of(crossing, gain, 3.0).lost_signal_s == pytest.approx(1.0 - float(gain(error[3])))
+    assert CrossingLoss.of(crossing, gain, 3.1) == CrossingLoss()
+    later = CrossingLoss.of(crossing, gain, 2.0)
+    assert (later.keyhole_s, later.lost_s) == (1.0, 0.0), "0.02 of the largest error is on the target"
+    assert later.lost_signal_s == pytest.approx(2.0 - float(gain(error[2]) + gain(error[3])))
+    assert later.peak_loss_db == pytest.approx(-10.0 * math.log10(float(gain(error[2]))))
+    whole = CrossingLoss.of(crossing, gain)
+    assert (whole.keyhole_s, whole.lost_s) == (2.0, 1.0)

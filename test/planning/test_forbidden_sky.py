@@ -5,7 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from rf_pointing.core import angular_distance_rad
 from rf_pointing.planning import HorizonMask
+from rf_pointing.planning.forbidden_sky import ForbiddenSky, _refined, angle_between
 
 MASK = HorizonMask(azimuth_rad=(0.5, 2.0, 5.0), elevation_rad=(0.1, 0.3, 0.05))
 
@@ -37,3 +39,175 @@ def test_passes_begin_clear_of_the_horizon_and_above_the_least_elevation(random:
     np.testing.assert_allclose(clear, np.maximum(MASK.lowest_all(azimuths) + 0.02, 0.1), atol=1e-12)
     with pytest.raises(ValueError, match="clearance_rad"):
         MASK.replace(clearance_rad=0.0)
+
+
+@pytest.mark.parametrize(
+    ("west", "east", "over", "turns"),
+    [
+        (0.4, 0.6, False, [(0.5, 0)]),
+        (0.5, 2.0, False, []),  # the ends themselves are no points between
+        (-1.5, 2.1, False, [(5.0, -1), (0.5, 0), (2.0, 0)]),
+        (6.2, 13.0, False, [(0.5, 1), (2.0, 1), (5.0, 1)]),
+        (-7.0, -5.0, False, [(0.5, -1)]),
+        (0.0, 3.0, True, [(0.5, 0), (2.0, 0), (5.0 - math.pi, 0)]),
+        (5.1, 9.5, True, [(2.0 + math.pi, 0), (0.5, 1), (2.0, 1), (5.0 - math.pi, 1)]),
+        (12.6, 19.0, True, [(0.5, 2), (2.0, 2), (5.0, 2), (0.5 + math.pi, 2), (2.0 + math.pi, 2), (5.0 - math.pi, 2)]),
+    ],
+)
+def test_the_points_of_the_horizon_are_found_on_every_turn(
+    west: float, east: float, over: bool, turns: list[tuple[float, int]]
+) -> None:
+    found = ForbiddenSky(MASK, 0.0).mask_azimuths(west, east, over=over)
+    assert sorted(found.tolist()) == pytest.approx(sorted(point + 2.0 * math.pi * turn for point, turn in turns))
+
+
+def test_angles_between_directions_are_those_of_their_vectors(random: np.random.Generator) -> None:
+    one, other = (random.uniform((-6.0, -1.5), (6.0, 3.0), (200, 2)) for _ in range(2))
+    sky = ForbiddenSky(MASK, 0.0)
+    wanted = angular_distance_rad(*one.T, *other.T)
+    np.testing.assert_allclose(angle_between(one, other), wanted, atol=1e-7)
+    for row, (a, b) in enumerate(zip(one, other, strict=True)):
+        assert sky.sun_distance(*a.tolist(), tuple(b.tolist())) == pytest.approx(wanted[row], abs=1e-7)
+    assert angle_between(np.array([0.0, 0.0]), np.array([1e-9, 0.0])) == pytest.approx(1e-9, rel=1e-12)
+    opposite = sky.sun_distance(0.3, 0.2, (0.3 + math.pi, -0.2))
+    assert opposite == pytest.approx(math.pi)
+
+
+def test_chords_are_cut_where_they_cross_an_azimuth_and_into_even_pieces() -> None:
+    """Two lines of two chords: the first of 1 and 0.5 rad of azimuth, the other of less."""
+    lines = np.array([[[0.0, 0.0], [1.0, 0.2], [1.5, 0.2]], [[0.0, 0.1], [0.5, 0.1], [0.5, 0.4]]])
+    cut = _refined(lines, np.array([0.2, 1.4]), 0.45)
+    # Pieces of 1/3 and 1/2; the first line crosses 0.2 at 0.2 and 1.4 at 0.8 of the second, the other 0.2 at 0.4.
+    shares = [0.0, 0.2, 1.0 / 3.0, 0.4, 2.0 / 3.0, 1.0, 1.5, 1.8, 2.0]
+    wanted = np.stack(
+        [np.stack([np.interp(shares, [0.0, 1.0, 2.0], line[:, axis]) for axis in (0, 1)], axis=-1) for line in lines]
+    )
+    np.testing.assert_allclose(cut, wanted, atol=1e-12)
+    np.testing.assert_array_equal(_refined(lines[:, :1], np.array([0.2]), 0.1), lines[:, :1])
+    np.testing.assert_allclose(_refined(lines, np.array([]), math.inf), lines)
+    # Both axes count for the length of a piece.
+    tall = np.array([[[0.0, 0.0], [0.1, 0.9]]])
+    np.testing.assert_allclose(_refined(tall, np.array([]), 0.45)[0, :, 1], [0.0, 0.45, 0.9])
+
+
+SUN, RADIUS = (1.0, 0.6), 0.05
+HILLS = HorizonMask(azimuth_rad=(0.0, 0.9, 1.0, 1.1), elevation_rad=(0.1, 0.1, 0.3, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "sun", "margin", "clear"),
+    [
+        (0.301, 1.5, None, 0.0, True),
+        (0.299, 1.5, None, 0.0, False),
+        (0.301, 1.58, None, 0.0, False),
+        (0.301, 0.549, SUN, 0.0, True),
+        (0.301, 0.551, SUN, 0.0, False),
+        (0.301, 0.541, SUN, 0.01, False),
+        (0.301, 0.539, SUN, 0.01, True),
+        (0.651, 1.5, SUN, 0.0, True),
+        (0.649, 1.5, SUN, 0.0, False),
+        (0.659, 1.5, SUN, 0.01, False),
+        (0.661, 1.5, SUN, 0.01, True),
+        (0.301, 1.5, SUN, 0.0, False),
+    ],
+)
+def test_elevations_above_all_hills_and_beside_the_sun_are_clear_at_every_azimuth(
+    low: float, high: float, sun: tuple[float, float] | None, margin: float, clear: bool
+) -> None:
+    assert ForbiddenSky(HILLS, RADIUS).clear(low, high, sun, margin) is clear
+
+
+@pytest.mark.parametrize(
+    ("place", "present", "tolerance", "words"),
+    [
+        ((1.0, 0.31), None, 0.0, ""),
+        ((1.0, 0.29), None, 0.0, "0.573 deg below the horizon mask"),
+        ((1.0, 0.29), None, 0.011, ""),
+        ((1.0, 0.29), None, 0.009, "below the horizon"),
+        ((1.0, 0.29), (1.0, 0.28), 0.0, ""),
+        ((1.0, 0.29), (1.0, 0.295), 0.0, "below the horizon"),
+        ((1.0, 0.29), (1.0, 0.29 + 5e-10), 0.0, ""),
+        ((1.0, 0.649), None, 0.0, "2.807 deg from the Sun, must be >= 2.865 deg"),
+        ((1.0, 0.651), None, 0.0, ""),
+        ((1.0, 0.645), None, 0.006, ""),
+        ((1.0, 0.645), None, 0.004, "from the Sun"),
+        ((1.0, 0.645), (1.0, 0.64), 0.0, ""),
+        ((1.0, 0.645), (1.0, 0.648), 0.0, "from the Sun"),
+        ((1.0, 0.645), (1.0, 0.645 + 5e-10), 0.0, ""),
+        ((1.0, 0.549), None, 0.0, ""),
+        ((1.07, 0.6), None, 0.0, ""),
+        # Over the top it is the same direction.
+        ((1.0 + math.pi, math.pi - 0.649), None, 0.0, "from the Sun"),
+        ((1.0 + math.pi, math.pi - 0.29), None, 0.0, "below the horizon"),
+        ((1.0 + math.pi, math.pi - 0.66), None, 0.0, ""),
+    ],
+)
+def test_a_direction_is_forbidden_unless_it_leads_out_of_where_it_is_forbidden(
+    place: tuple[float, float], present: tuple[float, float] | None, tolerance: float, words: str
+) -> None:
+    found = ForbiddenSky(HILLS, RADIUS).reason(*place, present, SUN, tolerance)
+    assert words in found
+    assert bool(words) == bool(found)
+
+
+def along(*places: tuple[float, float]) -> np.ndarray:
+    return np.array([places])
+
+
+@pytest.mark.parametrize(
+    ("lines", "margin", "arrives", "words"),
+    [
+        # Past the Sun at 0.07 rad: nearest in the middle of one chord.
+        (along((0.8, 0.53), (1.2, 0.53)), 0.0, True, ""),
+        (along((0.8, 0.53), (1.2, 0.53)), 0.03, True, "from the Sun"),
+        (along((0.8, 0.555), (1.2, 0.555)), 0.0, True, "from the Sun"),
+        # Its goal may be nearer than the margin, not than the zone.
+        (along((1.0, 0.8), (1.0, 0.66)), 0.03, True, ""),
+        (along((1.0, 0.8), (1.0, 0.66)), 0.03, False, "from the Sun"),
+        (along((1.0, 0.8), (1.0, 0.64)), 0.03, True, "2.292 deg from the Sun"),
+        # From within margin or zone it may leave, on the way out all the time.
+        (along((1.0, 0.66), (1.0, 0.8)), 0.03, False, ""),
+        (along((1.0, 0.63), (1.0, 0.8)), 0.03, False, ""),
+        (along((1.0, 0.63), (1.0, 0.62), (1.0, 0.8)), 0.0, False, "1.146 deg from the Sun"),
+        (along((1.0, 0.63), (1.0, 0.64), (1.0, 0.63), (1.0, 0.8)), 0.0, False, "from the Sun"),
+        # The horizon: through the peak between two points, out of it, and deeper into it.
+        (along((0.8, 0.25), (1.2, 0.25)), 0.0, True, "elevation 14.324 deg at azimuth 57.3 deg is 2.865 deg below"),
+        (along((0.8, 0.301), (1.2, 0.301)), 0.0, True, ""),
+        (along((1.0, 0.2), (1.0, 0.4)), 0.0, True, ""),
+        (along((1.0, 0.2), (1.0, 0.19), (1.0, 0.4)), 0.0, True, "6.303 deg below"),
+        (along((1.0, 0.2), (1.0, 0.25), (1.0, 0.22), (1.0, 0.4)), 0.0, True, "4.584 deg below"),
+        (along((4.1, math.pi - 0.25), (4.2, math.pi - 0.25)), 0.0, True, "2.865 deg below"),
+    ],
+)
+def test_a_path_keeps_its_margin_and_leaves_a_zone_only_outwards(
+    lines: np.ndarray, margin: float, arrives: bool, words: str
+) -> None:
+    found = ForbiddenSky(HILLS, RADIUS).reason_of_path(lines, SUN, margin, arrives=arrives)
+    assert words in found
+    assert bool(words) == bool(found)
+    # Where the axes would come by when stopped counts as well, at every instant.
+    still = np.repeat(along((0.8, 0.9)), lines.shape[1], axis=1)
+    beside = ForbiddenSky(HILLS, RADIUS).reason_of_path(np.concatenate([still, lines]), SUN, margin, arrives=False)
+    outside = float(np.min(angle_between(lines[0, [0, -1]], np.array(SUN)))) >= RADIUS + margin
+    if outside and lines[0, 0, 1] != 0.2:
+        assert bool(beside) == bool(words)
+
+
+def test_without_a_zone_the_sun_forbids_nothing() -> None:
+    line = along((0.8, 0.6), (1.2, 0.6))
+    assert ForbiddenSky(HILLS, 0.0).reason_of_path(line, SUN, 0.05) == ""
+    assert ForbiddenSky(HILLS, RADIUS).reason_of_path(line, None) == ""
+    # One that is high above or far below the path is not asked for.
+    for high in (0.31, 0.95):
+        assert ForbiddenSky(HILLS, RADIUS).reason_of_path(along((0.8, high), (1.2, high)), SUN) == ""
+
+
+def test_a_turn_of_the_horizons_points_is_refused_and_a_little_less_is_not() -> None:
+    HorizonMask(azimuth_rad=(0.0, 6.28), elevation_rad=(0.0, 0.0))
+    with pytest.raises(ValueError, match="must rise from point to point within one turn"):
+        HorizonMask(azimuth_rad=(0.0, 2.0 * math.pi), elevation_rad=(0.0, 0.0))
+    with pytest.raises(ValueError, match="must rise"):
+        HorizonMask(azimuth_rad=(1.0, 1.0), elevation_rad=(0.0, 0.0))
+    with pytest.raises(ValueError, match="has 0 points"):
+        HorizonMask(azimuth_rad=(), elevation_rad=())
+    assert HorizonMask(azimuth_rad=(0.7,), elevation_rad=(0.2,)).lowest_rad(3.0) == 0.2
