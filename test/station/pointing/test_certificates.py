@@ -1,16 +1,27 @@
 """Planning a day: passes above the horizon, the time to their starts, lags along the motion that is really made."""
 
 import dataclasses
+import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.ephemeris import Pass, TopocentricTrack
-from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams
+from rf_pointing.ephemeris import Pass, TopocentricTrack, sun
+from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachineParams, certificate_values
 from rf_pointing.station.antenna.mount import MountParams
-from rf_pointing.station.pointing.certificates import PlanningRules, certificate_of, pass_profile, plan_passes
+from rf_pointing.station.pointing.certificates import (
+    PlanningRules,
+    SolarTable,
+    StoreParams,
+    certificate_of,
+    pass_profile,
+    plan_passes,
+    planned_certificate,
+    store_certificate,
+)
 
 DEG = math.pi / 180.0
 RULES = PlanningRules(
@@ -82,3 +93,75 @@ def test_a_pass_is_tabulated_in_even_steps_no_longer_than_asked_for(track: Topoc
         assert (times[0], times[-1]) == (window.aos_t_s, window.los_t_s)
         assert np.diff(times) == pytest.approx(window.duration_s / (len(times) - 1))
         assert window.duration_s / (len(times) - 1) <= step_s < window.duration_s / (len(times) - 2)
+
+
+def test_a_certificate_is_kept_under_the_name_and_the_beginning_of_its_pass(
+    track: TopocentricTrack, window: Pass, tmp_path: Path
+) -> None:
+    found = certificate_of(pass_profile(track, window), RULES, window.aos_t_s, (2.5, 0.1))
+    found = dataclasses.replace(found, name="A/B 2", aos_t_s=1_151_384_000.0)
+    # 1 151 384 000 s after 1970 is 2006-06-27 04:53:20 UTC.
+    path = store_certificate(StoreParams(certificate_folder=str(tmp_path)), found)
+    assert path == tmp_path / "A_B_2-20060627T045320.json"
+    assert json.loads(path.read_text()) == json.loads(json.dumps(certificate_values(found)))
+    assert store_certificate(StoreParams(), found) is None
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_profile_is_the_track_and_the_sun_at_its_times(track: TopocentricTrack, window: Pass) -> None:
+    found = pass_profile(track, window, 30.0)
+    solar = TopocentricTrack(sun(), track.site, refraction=track.refraction)
+    for row, t_s in enumerate(found.t_s):
+        look, there = track.target_at(float(t_s)), solar.target_at(float(t_s))
+        near = look.azimuth_rad + 2.0 * math.pi * round((found.position_rad[row, 0] - look.azimuth_rad) / 2.0 / math.pi)
+        np.testing.assert_allclose(found.position_rad[row], [near, look.elevation_rad], atol=1e-9)
+        rates = [look.azimuth_rate_rad_s, look.elevation_rate_rad_s]
+        np.testing.assert_allclose(found.velocity_rad_s[row], rates, atol=1e-10)
+        bends = [look.azimuth_acceleration_rad_s2, look.elevation_acceleration_rad_s2]
+        np.testing.assert_allclose(found.acceleration_rad_s2[row], bends, atol=1e-10)
+        # Within a minute the Sun's path bends by less than 0.12 mdeg.
+        off = found.sun_rad[row] - [there.azimuth_rad, there.elevation_rad]
+        assert math.remainder(off[0], 2.0 * math.pi) == pytest.approx(0.0, abs=2e-6)
+        assert off[1] == pytest.approx(0.0, abs=2e-6)
+        assert found.range_m[row] == pytest.approx(look.range_m, abs=1e-3)
+        assert found.satellite_gain_db[row] == pytest.approx(look.satellite_gain_db)
+    assert found.name == window.name
+
+
+def test_a_profile_has_two_rows_at_least_and_four_thousand_at_most(track: TopocentricTrack, window: Pass) -> None:
+    moment = dataclasses.replace(window, los_t_s=window.aos_t_s + 0.5)
+    assert len(pass_profile(track, moment).t_s) == 2
+    assert len(pass_profile(track, window, 0.1).t_s) == 4000
+
+
+@pytest.mark.parametrize(("span_s", "points"), [(10.0, 2), (60.0, 2), (61.0, 3), (600.0, 11)])
+def test_the_sun_is_computed_once_a_minute(track: TopocentricTrack, span_s: float, points: int) -> None:
+    table = SolarTable(track.site, track.refraction, 1_151_384_000.0, span_s)
+    assert len(table._minutes) == points
+    assert (table._minutes[0], table._minutes[-1]) == (1_151_384_000.0, 1_151_384_000.0 + span_s)
+
+
+def test_a_plunge_is_planned_unless_one_of_many_passes_cannot_have_it(track: TopocentricTrack, window: Pass) -> None:
+    table = SolarTable(track.site, track.refraction, window.aos_t_s - 60.0, window.duration_s + 120.0)
+    low, high = (dataclasses.replace(RULES, limits=AxisLimits(elevation_max_rad=x)) for x in (0.5 * math.pi, math.pi))
+    for rules, sun_table, plunge in ((low, None, True), (low, table, False), (high, table, True)):
+        found, fine = planned_certificate(track, window, window.aos_t_s - 60.0, (2.5, 0.1), rules, sun_table)
+        assert any(branch.plunge for branch in found.branches) is plunge
+        assert fine.t_s[1] - fine.t_s[0] == pytest.approx(0.1, rel=0.01)
+
+
+def test_the_next_pass_of_a_plan_begins_where_and_when_the_last_one_ends(track: TopocentricTrack) -> None:
+    """One that cannot be tracked changes nothing of that."""
+    epoch_t_s = track.target.elements.epoch_t_s
+    for limits in (AxisLimits(), AxisLimits(elevation_max_rad=25.0 * DEG)):
+        rules = dataclasses.replace(RULES, limits=limits)
+        place, free_s, kinds = (2.0, 1.0), epoch_t_s, []
+        for item in plan_passes(track, epoch_t_s, 45_000.0, place, rules, 5.0 * DEG):
+            alone, _ = planned_certificate(track, item.window, free_s, place, rules)
+            assert certificate_values(item.certificate) == certificate_values(alone)
+            chosen = item.certificate.chosen
+            kinds.append(chosen is not None)
+            if chosen is not None:
+                place, free_s = chosen.end_rad, item.window.los_t_s
+        assert len(kinds) >= 2
+    assert not all(kinds)

@@ -1,0 +1,312 @@
+"""When an error becomes an observation and what stands in its row, on a target that moves evenly."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import BiasModel, FitOptions, ObservationJournal, Prior, SectorRule
+from rf_pointing.core import JointReading, PointingError, Target
+from rf_pointing.station.campaign import log as log_module
+from rf_pointing.station.campaign.log import CalibrationLog
+
+DEG = math.pi / 180.0
+BEGIN_S = 2000.0
+PLACE, RATE = np.array([3.0, 0.8]), np.array([0.002, -0.001])
+SIGMA_RAD = 3e-5
+
+
+def target(t_s: float, name: str = "A") -> Target:
+    since = t_s - BEGIN_S
+    azimuth, elevation = (PLACE + RATE * since).tolist()
+    return Target(
+        t_s=t_s, name=name, azimuth_rad=azimuth, elevation_rad=elevation, azimuth_rate_rad_s=RATE[0],
+        elevation_rate_rad_s=RATE[1], azimuth_acceleration_rad_s2=1e-7, elevation_acceleration_rad_s2=-2e-7,
+        range_m=1e6 - 5e3 * since, range_rate_m_s=-5e3 + 10.0 * since, refraction_rad=0.0,
+    )  # fmt: skip
+
+
+def error(
+    t_s: float, right: float = 1e-4, up: float = -2e-4, sensor: str = "monopulse", **changes: Any
+) -> PointingError:
+    given = {"covariance_rad2": np.array([[4e-10, 1e-10], [1e-10, 9e-10]])} | changes
+    return PointingError(t_s=t_s, sensor=sensor, cross_elevation_rad=right, elevation_rad=up, **given)
+
+
+def collecting(spacing_s: float = 1.0, **changes: Any) -> CalibrationLog:
+    return CalibrationLog("Mine", "X", spacing_s, SIGMA_RAD, **changes)
+
+
+def feed(collected: CalibrationLog, t_s: float, name: str = "A", **changes: Any) -> Any:
+    """Give the target around a time, encoders on it, and an error; return the observation."""
+    for ahead_s in (-0.5, 0.5):
+        collected.take_target(target(t_s + ahead_s, name))
+    here = PLACE + RATE * (t_s - BEGIN_S)
+    collected.take_joints(JointReading(t_s=t_s, position_rad=here, velocity_rad_s=RATE))
+    return collected.take_error(error(t_s, **changes))
+
+
+# The row
+
+
+@pytest.mark.parametrize("over", [False, True])
+def test_a_row_is_the_encoders_with_the_error_against_the_direct_or_the_other_angles_of_the_target(over: bool) -> None:
+    collected = collecting()
+    for since_s in (0.0, 1.0):
+        collected.take_target(target(BEGIN_S + since_s))
+    place = np.array([3.01 - math.pi, math.pi - 0.79]) if over else np.array([3.01 + 2.0 * math.pi, 0.79])
+    # Read 60 ms before the middle of the error, and moving.
+    collected.take_joints(JointReading(t_s=BEGIN_S + 0.24, position_rad=place, velocity_rad_s=[0.01, 0.02]))
+    row = collected.take_error(error(BEGIN_S + 0.3))
+    then = place + 0.06 * np.array([0.01, 0.02])
+    assert (row.station, row.band, row.t_s[0], row.pass_id.tolist()) == ("Mine", "X", BEGIN_S + 0.3, [0])
+    assert row.observed_azimuth_rad[0] == pytest.approx(then[0] + 1e-4 / abs(math.cos(then[1])), abs=1e-12)
+    assert row.observed_elevation_rad[0] == pytest.approx(then[1] - (-2e-4 if over else 2e-4), abs=1e-12)
+    true = PLACE + 0.3 * RATE
+    # On the turn of the encoders; the quintic between its samples is off by less than 1 urad.
+    azimuth, elevation = (true[0] - math.pi, math.pi - true[1]) if over else (true[0] + 2.0 * math.pi, true[1])
+    assert row.true_azimuth_rad[0] == pytest.approx(azimuth, abs=1e-6)
+    assert row.true_elevation_rad[0] == pytest.approx(elevation, abs=1e-6)
+    sign = -1.0 if over else 1.0
+    assert row.azimuth_rate_rad_s[0] == pytest.approx(RATE[0], abs=1e-6)
+    assert row.elevation_rate_rad_s[0] == pytest.approx(sign * RATE[1], abs=1e-6)
+    assert np.sign(row.elevation_acceleration_rad_s2[0] * row.azimuth_acceleration_rad_s2[0]) == -sign
+    # The sensor's own sigma and what servo and wind add.
+    assert row.sigma_azimuth_rad[0] == pytest.approx(math.sqrt(4e-10 + SIGMA_RAD**2) / math.cos(true[1]), rel=1e-6)
+    assert row.sigma_elevation_rad[0] == pytest.approx(math.sqrt(9e-10 + SIGMA_RAD**2))
+    assert row.range_m[0] == pytest.approx(1e6 - 1500.0)
+    assert row.range_rate_m_s[0] == pytest.approx(-5e3 + 3.0)
+
+
+def test_the_accelerations_of_a_row_are_the_targets_at_its_sample() -> None:
+    collected = collecting()
+    collected.take_target(target(BEGIN_S))
+    collected.take_joints(JointReading(t_s=BEGIN_S, position_rad=PLACE, velocity_rad_s=RATE))
+    row = collected.take_error(error(BEGIN_S, covariance_rad2=np.zeros((2, 2))))
+    assert (row.azimuth_acceleration_rad_s2[0], row.elevation_acceleration_rad_s2[0]) == (1e-7, -2e-7)
+    assert row.sigma_elevation_rad[0] == pytest.approx(SIGMA_RAD)
+
+
+def test_distances_are_those_at_the_time_in_whichever_order_the_targets_came() -> None:
+    collected = collecting()
+    for since_s in (1.0, 0.0, 0.4):
+        collected.take_target(target(BEGIN_S + since_s))
+    collected.take_joints(JointReading(t_s=BEGIN_S + 0.2, position_rad=PLACE, velocity_rad_s=RATE))
+    assert collected.take_error(error(BEGIN_S + 0.2)).range_m[0] == pytest.approx(1e6 - 1000.0)
+
+
+def test_another_target_begins_a_pass_without_anything_of_the_last_one() -> None:
+    collected = collecting(settle_s=2.0)
+    assert [feed(collected, BEGIN_S + k) is not None for k in range(4)] == [False, False, True, True]
+    # Settled anew, with its own distances.
+    found = [feed(collected, BEGIN_S + 4.0 + k, "B") for k in range(3)]
+    assert [row is not None for row in found] == [False, False, True]
+    assert found[2].pass_id.tolist() == [1]
+    assert collected._ranges[0][0] == BEGIN_S + 3.5
+    assert not collected._target.covers(BEGIN_S + 3.0, BEGIN_S + 3.0)
+
+
+# When one is due
+
+
+@pytest.mark.parametrize(
+    ("gap_s", "counts", "new_pass"),
+    [(0.9, False, False), (1.0, True, False), (119.9, True, False), (120.1, True, True), (-1.0, True, True)],
+)
+def test_observations_keep_their_spacing_and_a_gap_begins_another_pass(
+    gap_s: float, counts: bool, new_pass: bool
+) -> None:
+    collected = collecting()
+    assert feed(collected, BEGIN_S).pass_id.tolist() == [0]
+    collected._target.clear()
+    row = feed(collected, BEGIN_S + gap_s)
+    assert (row is not None) == counts
+    if counts:
+        assert row.pass_id.tolist() == [int(new_pass)]
+        assert len(collected) == 2
+        later = feed(collected, BEGIN_S + gap_s + 1.0)
+        assert later.pass_id.tolist() == [int(new_pass)]
+
+
+def test_scans_have_a_spacing_of_their_own_that_is_never_the_shorter_one() -> None:
+    for given_s, spacing_s in ((4.0, 4.0), (0.5, 1.0)):
+        collected, taken = collecting(scan_spacing_s=given_s), []
+        for k in range(90):
+            t_s = BEGIN_S + 0.1 * k
+            collected.take_status(t_s, PLACE, np.zeros(2), "conscan", "conscan")
+            if feed(collected, t_s, sensor="conscan") is not None:
+                taken.append(0.1 * k)
+        # Stamps of 2000 s are rounded to 0.2 ps.
+        assert np.diff(taken) == pytest.approx([spacing_s] * (len(taken) - 1), abs=0.11)
+        assert min(np.diff(taken)) > spacing_s - 0.01
+
+
+def test_encoders_a_tenth_of_a_second_old_or_early_still_count() -> None:
+    for away_s, counts in ((0.099, True), (-0.099, True), (0.102, False), (-0.102, False)):
+        collected = collecting()
+        for ahead_s in (-0.5, 0.5):
+            collected.take_target(target(BEGIN_S + ahead_s))
+        collected.take_joints(JointReading(t_s=BEGIN_S + away_s, position_rad=PLACE, velocity_rad_s=RATE))
+        assert (collected.take_error(error(BEGIN_S)) is not None) is counts
+        assert collected.reasons() == (
+            "no pointing error was received" if counts else "1 errors: no encoder angles within 0.1 s"
+        )
+
+
+@pytest.mark.parametrize(
+    ("sensor", "mode", "centre", "reason"),
+    [
+        ("monopulse", "conscan", True, "the beam scans (mode conscan)"), ("monopulse", "monopulse", True, ""),
+        ("monopulse", "program_track", True, ""), ("conscan", "conscan", True, ""),
+        ("conscan", "steptrack", True, "conscan does not track (mode steptrack)"),
+        ("conscan", "conscan", False, "the centre of the scan at its time is not known"),
+    ],
+)  # fmt: skip
+def test_the_mode_rules_which_angles_an_error_belongs_to(sensor: str, mode: str, centre: bool, reason: str) -> None:
+    collected = collecting()
+    collected.take_status(BEGIN_S if centre else BEGIN_S + 1.0, PLACE + 0.001, np.zeros(2), mode, sensor)
+    row = feed(collected, BEGIN_S, sensor=sensor)
+    if reason:
+        assert row is None
+        assert collected.reasons() == f"1 errors: {reason}"
+    else:
+        of = PLACE + (0.001 if sensor == "conscan" else 0.0)
+        assert row.observed_elevation_rad[0] == pytest.approx(of[1] - 2e-4)
+
+
+def test_an_error_that_is_not_valid_names_its_reason_or_its_sensor() -> None:
+    collected = collecting()
+    feed(collected, BEGIN_S, valid=False, reason="weak")
+    feed(collected, BEGIN_S, valid=False)
+    assert collected.reasons() == "1 errors: not valid (weak); 1 errors: not valid (monopulse)"
+
+
+def test_without_the_target_of_its_time_there_is_no_row() -> None:
+    collected = collecting()
+    collected.take_target(target(BEGIN_S))
+    collected.take_joints(JointReading(t_s=BEGIN_S + 1.0, position_rad=PLACE, velocity_rad_s=RATE))
+    assert collected.take_error(error(BEGIN_S + 1.0)) is None
+    assert collected.reasons() == "1 errors: no target is known at its time"
+
+
+def test_an_error_counts_up_to_the_largest_and_not_beyond() -> None:
+    """3 and 4 are 5."""
+    for right, up, counts in ((3e-4, -4e-4, True), (3.1e-4, -4e-4, False), (-3e-4, 4.1e-4, False)):
+        collected = collecting(largest_error_rad=5.0001e-4)
+        assert (feed(collected, BEGIN_S, right=right, up=up) is not None) is counts
+        said = "1 errors: target more than 28.6 mdeg from the beam"
+        assert collected.reasons() == ("no pointing error was received" if counts else said)
+
+
+def test_the_target_must_have_been_near_for_as_long_as_the_lags_need() -> None:
+    collected = collecting(spacing_s=0.1, settle_s=3.0, largest_error_rad=1e-3)
+    seconds = [k for k in range(10) if feed(collected, BEGIN_S + k, right=2e-3 if k == 4 else 1e-4)]
+    assert seconds == [3, 8, 9]
+    assert (
+        collected.reasons()
+        == "6 errors: less than 3 s on the target; 1 errors: target more than 57.3 mdeg from the beam"
+    )
+    # After two minutes without an error it begins anew, and after a clock that was set back.
+    for begin_s in (BEGIN_S + 9.0 + 119.0, BEGIN_S + 9.0 + 119.0 + 124.0, BEGIN_S):
+        collected._target.clear()
+        found = [feed(collected, begin_s + k) is not None for k in range(4)]
+        assert found == ([True] * 4 if begin_s == BEGIN_S + 128.0 else [False, False, False, True])
+
+
+# What is kept
+
+
+def test_parts_of_like_length_are_joined_as_in_a_binary_number() -> None:
+    collected = collecting()
+    for k, lengths in enumerate(([1], [2], [2, 1], [4], [4, 1], [4, 2], [4, 2, 1], [8], [8, 1])):
+        feed(collected, BEGIN_S + k)
+        assert [len(part) for part in collected._parts] == lengths
+    assert collected.observations().t_s.tolist() == [BEGIN_S + k for k in range(9)]
+    assert len(collected._parts) == 1
+    assert collected._waiting == [], "no journal to wait for"
+
+
+def test_what_is_in_the_journal_counts_and_the_next_pass_has_the_next_number(tmp_path: Path) -> None:
+    def opened() -> CalibrationLog:
+        return collecting(journal=ObservationJournal(tmp_path / "o.csv", "Mine", "X"))
+
+    first = opened()
+    for t_s in (BEGIN_S, BEGIN_S + 1.0, BEGIN_S + 200.0):
+        first._target.clear()
+        feed(first, t_s)
+    assert first.observations().pass_id.tolist() == [0, 0, 1]
+    again = opened()
+    assert len(again) == 3
+    assert feed(again, BEGIN_S + 201.0).pass_id.tolist() == [2]
+    assert again.observations().pass_id.tolist() == [0, 0, 1, 2]
+    assert again._waiting == []
+    # A new campaign counts its passes from 0, and is not held to the spacing of the old one.
+    again.begin_anew("old")
+    assert len(again) == 0
+    assert feed(again, BEGIN_S + 201.1).pass_id.tolist() == [0]
+    assert ObservationJournal(tmp_path / "o.csv", "Mine", "X").points is not None
+
+
+def test_sectors_of_the_sky_are_filled_by_true_directions() -> None:
+    collected, rule = collecting(), SectorRule()
+    empty = collected.coverage(rule)
+    assert empty.counts.shape == (rule.count,)
+    assert not empty.counts.any()
+    feed(collected, BEGIN_S)
+    counts = collected.coverage(rule).counts
+    assert counts.sum() == 1
+    wanted = rule.coverage(np.array([PLACE[0]]), np.array([PLACE[1]])).counts
+    np.testing.assert_array_equal(counts, wanted)
+
+
+# The fit
+
+
+def test_a_fit_needs_thirty_observations_and_gets_its_terms_priors_and_held_values(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[dict[str, Any]] = []
+    monkeypatch.setattr(log_module, "fit_bias_model", lambda points, **given: asked.append(given | {"points": points}))
+    collected = collecting()
+    for k in range(29):
+        feed(collected, BEGIN_S + k)
+    present = BiasModel.zero().replace(azimuth_offset=0.001, droop=-0.002, elevation_velocity_lag=0.3)
+    with pytest.raises(ValueError, match="29 observations, must have at least 30"):
+        collected.fit(present)
+    feed(collected, BEGIN_S + 29.0)
+    collected.fit(present)
+    collected.fit(
+        present, terms=("azimuth_offset", "elevation_velocity_lag", "elevation_acceleration_lag"), form="printed"
+    )
+    every, some = asked
+    assert len(every["points"]) == 30
+    assert every["terms"] == tuple(present.coefficients)
+    assert every["held"] == {}
+    assert every["pass_priors"] is None
+    assert every["options"] == FitOptions(form="rotation", scale_covariance=True)
+    assert every["priors"]["droop"] == Prior(-0.002, 0.2 * DEG)
+    assert set(every["priors"]) == set(present.coefficients)
+    assert some["options"].form == "printed"
+    assert some["priors"] == {
+        "azimuth_offset": Prior(0.001, 0.2 * DEG),
+        "elevation_velocity_lag": Prior(0.3, 0.5),
+        "elevation_acceleration_lag": Prior(0.0, 10.0),
+    }
+    assert some["held"]["droop"] == -0.002
+    assert set(some["held"]) | set(some["terms"]) == set(present.coefficients)
+    assert not set(some["held"]) & set(some["terms"])
+
+
+def test_a_term_that_the_present_model_does_not_have_begins_at_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[dict[str, Any]] = []
+    monkeypatch.setattr(log_module, "fit_bias_model", lambda _points, **given: asked.append(given))
+    collected = collecting()
+    for k in range(30):
+        feed(collected, BEGIN_S + k)
+    extension = "azimuth_second_sine"
+    collected.fit(BiasModel.zero().replace(droop=0.001), terms=("droop", extension))
+    assert asked[0]["priors"][extension].value == 0.0
+    assert asked[0]["priors"]["droop"].value == 0.001
+    assert extension not in asked[0]["held"]
