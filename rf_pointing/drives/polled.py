@@ -27,6 +27,10 @@ SETTLED_STEPS = 1.5
 class PolledDrive(Drive):
     """A rotator controller behind a serial port or TCP; positions are its set points."""
 
+    _stop_s: float
+    """When the last stop was sent, the first words of a connection."""
+    _set_point: Pair | None
+
     def __init__(self, words: Words, params: DriveParams) -> None:
         self._words, self._params, self._timing = words, params.rotator, params.link
         self._link_params, self._where = params.link, f"{words.name} at {link_name(params.link)}"
@@ -38,8 +42,7 @@ class PolledDrive(Drive):
         self._queue: deque[Request] = deque()
         self._pending: tuple[Request, float] | None = None
         self._reading: DriveReading | None = None
-        self._set_point: Pair | None = None
-        self._stop_due, self._stopped, self._stop_s = True, True, -1e9
+        self._stop_first()
         self._latency_s, self._alarm, self._refused = 0.0, "", ""
         self._t_s: float | None = None
         self._retry_s = self._poll_s = self._also_s = self._known_s = -1e9
@@ -104,6 +107,11 @@ class PolledDrive(Drive):
 
     # The link
 
+    def _stop_first(self) -> None:
+        """Whatever the device does now was not commanded on this connection."""
+        self._stop_due, self._stopped = True, True
+        self._set_point = None
+
     def _connect(self, t_s: float) -> None:
         if self._opening is None:
             if t_s >= self._retry_s:
@@ -119,8 +127,7 @@ class PolledDrive(Drive):
             return
         self._opening, self._link, self._pending = None, link, None
         self._buffer.clear()
-        # Whatever the device does now was not commanded on this connection.
-        self._stop_due, self._stopped, self._set_point = True, True, None
+        self._stop_first()
         self._queue = deque(self._words.greeting())
         self._known_s, self._also_s, self._asked_s = t_s, t_s, math.inf
         self._poll_s = t_s - self._timing.poll_period_s

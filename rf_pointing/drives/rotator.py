@@ -46,12 +46,12 @@ class MoveCounts:
 
 
 class _Axis:
-    """One axis: its set point, when it was sent, from where it moves, and in which direction."""
+    """One axis: its set point, when it was sent, and in which direction it moves."""
+
+    sent_s: float
 
     def __init__(self) -> None:
         self.sent: float | None = None
-        self.sent_s = -math.inf
-        self.from_rad = 0.0
         self.direction = 0.0
         self.starts = self.reversals = 0
         self.timing: tuple[float, float, float] | None = None
@@ -307,7 +307,7 @@ class Rotator:
                 and (axis.sent is None or abs(shown - axis.sent) < 0.51 * self._steps[index])
             ):
                 axis.timing = t_s, shown, new
-            axis.sent, axis.sent_s, axis.direction, axis.from_rad = new, t_s, direction, here
+            axis.sent, axis.sent_s, axis.direction = new, t_s, direction
         self._sent_s = t_s
         self._commands += 1
         azimuth, elevation = (angle - zero for angle, zero in zip(target, self.params.zero_rad, strict=True))

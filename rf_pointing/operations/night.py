@@ -147,17 +147,17 @@ class Night:
 
     def respond(self, number: int, accepted: bool, text: str, now_s: float) -> None:
         """Take the response to a directive."""
-        executor, own = self._numbers.get(number, (None, 0))
-        if executor is None:
+        if number not in self._numbers:
             self._note(now_s, "", "", "unexpected response", f"{number}: {text}")
             return
+        executor, own = self._numbers[number]
         executor.respond(own, accepted, text, now_s)
         self._drain(executor)
 
     def fail(self, number: int, text: str, now_s: float) -> None:
         """Take the report that an accepted directive has failed."""
-        executor, own = self._numbers.get(number, (None, 0))
-        if executor is not None:
+        if number in self._numbers:
+            executor, own = self._numbers[number]
             executor.fail(own, text, now_s)
             self._drain(executor)
 

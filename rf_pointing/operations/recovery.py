@@ -216,9 +216,9 @@ class Recovery:
 
     def _begun(self, name: str, cause: Cause, device: str, now_s: float) -> Ongoing:
         """Return a cause that is there; one that comes back soon has the tries of before."""
-        tried, tried_s, gone_s = self._gone.get(name, (0, -math.inf, -math.inf))
-        if now_s - gone_s > FORGET_S:
-            tried, tried_s = 0, -math.inf
+        if name not in self._gone or now_s - self._gone[name][2] > FORGET_S:
+            return Ongoing(cause, device, now_s)
+        tried, tried_s, _ = self._gone[name]
         return Ongoing(cause, device, now_s, tried=tried, tried_s=tried_s)
 
     def due(self, now_s: float) -> tuple[str, str] | None:

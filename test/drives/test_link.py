@@ -90,6 +90,7 @@ def test_a_tcp_link_sends_at_once_reads_what_is_there_and_notices_the_end(server
     link = TcpLink("127.0.0.1", server.getsockname()[1])
     assert link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
     client, _ = server.accept()
+    assert not link._socket.getblocking()
     begun_s = time.monotonic()
     assert link.read() == b""
     assert time.monotonic() - begun_s < 1.0

@@ -293,11 +293,12 @@ def test_a_device_that_misses_the_first_stop_of_a_connection_is_stopped_again(be
     assert subject.run(5.0, lambda: not device.model.moving) < 1.5
 
 
-def test_a_piece_of_an_answer_is_forgotten_with_its_connection(bench) -> None:
+@pytest.mark.parametrize(("name", "piece"), [("easycomm 2", b"AZ35"), ("spid rot2", b"\x57\x03")])
+def test_a_piece_of_an_answer_is_forgotten_with_its_connection(bench, name: str, piece: bytes) -> None:
     """The end of an azimuth of before and the first answer of after make no azimuth."""
-    subject = bench("easycomm 2")
+    subject = bench(name)
     subject.run(1.0)
-    subject.drive._buffer += b"AZ35"
+    subject.drive._buffer += piece
     subject.device.silent = True
     subject.run(5.0, lambda: bool(subject.drive.problem))
     subject.device.silent = False
@@ -426,3 +427,30 @@ def test_a_simulated_drive_has_the_steps_of_the_protocol_that_it_stands_for() ->
     assert make_drive(DriveParams(type="simulated_rotator")).truth_rad == (0.0, 0.0)
     with pytest.raises(ValueError, match=r"drive.type='mine' must be one of simulated, topic, simulated_rotator"):
         make_drive(DriveParams(type="mine"))
+
+
+def test_a_position_that_nobody_has_requested_yet_is_of_its_arrival(monkeypatch: pytest.MonkeyPatch) -> None:
+    subject = Scripted(monkeypatch, "easycomm")
+    subject.at(9.98)
+    subject.at(10.0, b"AZ10.0 EL20.0\n")
+    assert (subject.reading.t_s, subject.reading.within_s) == (10.0, 0.0)
+    assert subject.drive.losses == {"late answer": 1}
+
+
+def test_a_stop_that_can_no_longer_be_sent_is_counted_once_and_the_link_is_closed_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    subject = Scripted(monkeypatch, "easycomm")
+    subject.at(9.98)
+    subject.at(10.0)
+    closed: list[bool] = []
+
+    def gone(_: bytes) -> None:
+        raise ConnectionError("gone")
+
+    subject.drive._stop_due, subject.link.write = True, gone
+    subject.link.close = lambda: closed.append(True)
+    subject.drive.close()
+    assert subject.drive.losses == {"stop at the end": 1}
+    assert closed == [True]
+    assert subject.drive.problem == "Easycomm at localhost:4533 is closed"

@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import Motion
-from rf_pointing.drives import DriveParams, DriveReading, LinkParams, Rotator, RotatorParams, SimulatedRotator
+from rf_pointing.drives import (
+    DriveParams,
+    DriveReading,
+    LinkParams,
+    Rotator,
+    RotatorModel,
+    RotatorParams,
+    SimulatedRotator,
+)
 from rf_pointing.drives.drive import POSITION, Capabilities, Drive
-from rf_pointing.drives.rotator import MoveCounts
+from rf_pointing.drives.rotator import MoveCounts, _ahead
 
 TICK_S = 0.02
 TRAVEL = {"travel_min_rad": (-math.pi, 0.0), "travel_max_rad": (1.5 * math.pi, math.pi)}
@@ -319,8 +327,9 @@ def at_rest(azimuth: float, elevation: float) -> Motion:
         (0.1, (10.9, 0.54, 0.6), 0.495),
         (0.5, (10.9, 0.54, 0.6), 0.5),
         (2.0, (10.9, 0.54, 0.6), 0.505),
-        # A whole step from its goal it has not arrived: it began at 10.51.
+        # A whole step from its goal it has not arrived: it began at 10.51; nor six tenths of one: 10.506.
         (0.1, (10.9, 0.539, 0.6), 0.505),
+        (0.1, (10.9, 0.5394, 0.6), 0.501),
     ],
 )
 def test_the_latency_is_moved_into_what_the_first_reading_of_a_motion_leaves_open(
@@ -338,7 +347,7 @@ def test_the_latency_is_moved_into_what_the_first_reading_of_a_motion_leaves_ope
     assert rotator.latency_s == pytest.approx(latency_s, abs=1e-9)
 
 
-@pytest.mark.parametrize("rate", [0.004, -0.004, 0.03, -0.03])
+@pytest.mark.parametrize("rate", [0.004, -0.004, 0.03, -0.03, 0.09, -0.09])
 def test_a_set_point_is_left_half_a_step_past_it_and_the_next_is_half_a_step_ahead(rate: float) -> None:
     """h = max(smallest, rate interval) / 2 and p = target(t + latency + h / speed), with steps of a microradian."""
     params = RotatorParams(
@@ -421,3 +430,229 @@ def test_a_simulated_rotator_is_read_in_whole_steps_within_a_turn_once_a_poll() 
     before = drive.truth_rad
     drive.step(2.0)
     assert drive.truth_rad == before
+
+
+class Standing(Drive):
+    """A device that shows what a test says, and keeps its set points."""
+
+    def __init__(self, azimuth: float, elevation: float, **capabilities: object) -> None:
+        usual = {"resolution_rad": (1e-6, 1e-6), "rate_rad_s": (0.1, 0.1), "period_s": 0.02}
+        self.capabilities = Capabilities(set_points=POSITION, **{**usual, **capabilities})
+        self.shows, self.sent, self.stopped = (azimuth, elevation), [], 0
+
+    def step(self, t_s: float) -> DriveReading:
+        return DriveReading(t_s=t_s, position_rad=self.shows)
+
+    def go_to(self, position_rad: tuple[float, float]) -> None:
+        self.sent.append(position_rad)
+
+    def stop(self) -> None:
+        self.stopped += 1
+
+
+class Chase:
+    """A rotator of 0.1 rad/s without latency that follows one path on both axes, 0.02 s a tick; steps of a microradian."""
+
+    def __init__(self, start: float = 1.0, **params: object) -> None:
+        usual = {
+            "rate_rad_s": (0.1, 0.1),
+            "latency_s": 0.0,
+            "minimum_interval_s": 0.5,
+            "minimum_move_rad": (0.01, 0.01),
+        }
+        self.drive = Standing(start, start)
+        self.rotator = Rotator(self.drive, RotatorParams(**{**TRAVEL, **usual, **params}))
+        self.t_s, self.place = 10.0, start
+        self.rotator.step(self.t_s)
+
+    def go(self, rate: float, seconds: float, goal: float | None = None) -> list[tuple[float, float]]:
+        """Move the target on; return where it was at each new set point of the azimuth, and that."""
+        found = []
+        for _ in range(round(seconds / TICK_S)):
+            self.t_s += TICK_S
+            self.place += rate * TICK_S
+            self.rotator.step(self.t_s)
+            motion = Motion(np.full(2, self.place), np.full(2, rate), np.zeros(2))
+            before = self.rotator.set_point_rad[0]
+            self.rotator.follow(self.t_s, motion, Motion(*motion) if goal is None else at_rest(goal, goal))
+            self.rotator.latency_s = 0.0
+            after = self.rotator.set_point_rad[0]
+            if after != before:
+                found.append((self.place, after))
+        return found
+
+    def stand(self, place: float, seconds: float = 2.0) -> list[float]:
+        """Let the target stand; return the new set points of the azimuth."""
+        self.place = place
+        return [after for _, after in self.go(0.0, seconds)]
+
+
+def test_back_against_its_last_direction_a_device_is_sent_half_a_step_and_the_dead_band_later() -> None:
+    chase = Chase(dead_band_rad=(0.004, 0.004))
+    chase.go(0.03, 4.0)
+    last = chase.rotator.set_point_rad[0]
+    place, _ = chase.go(-0.03, 4.0)[0]
+    half = 0.5 * 0.03 * 0.5
+    ahead = place - 0.03 * half / 0.1
+    assert half + 0.004 - 2e-6 <= last - ahead <= half + 0.004 + 0.03 * 2.0 * TICK_S
+
+
+def test_a_target_that_stands_is_followed_by_whole_smallest_moves() -> None:
+    chase = Chase()
+    assert chase.stand(1.05) == [pytest.approx(1.05, abs=1e-6)]
+    # Further in the same direction: not for three quarters of the smallest move.
+    assert chase.stand(1.0575) == []
+    assert chase.stand(1.0605) == [pytest.approx(1.0605, abs=1e-6)]
+
+
+def test_no_set_point_passes_a_goal_that_stands() -> None:
+    chase = Chase()
+    found = [after for _, after in chase.go(0.03, 1.2, goal=1.0393)]
+    # Half a step ahead of a target at 1.037 rad would be at 1.045.
+    assert found == [pytest.approx(each, abs=7e-4) for each in (1.0150, 1.0300, 1.0393)]
+    assert found[-1] == pytest.approx(1.0393, abs=1e-6)
+
+
+@pytest.mark.parametrize(("rate", "spare_s"), [(0.06, 0.0), (0.085, 0.25), (-0.085, 0.25), (0.1, 0.5), (0.15, 0.5)])
+def test_near_its_speed_a_device_is_sent_further_ahead_of_a_chase(rate: float, spare_s: float) -> None:
+    """From 0.7 of its speed on, up to an interval of 0.5 s at all of it."""
+    chase = Chase(2.0)
+    found = chase.go(rate, 6.0, goal=2.0 + math.copysign(9.0, rate))[1:]
+    assert len(found) >= 3
+    half = 0.5 * abs(rate) * 0.5
+    for place, after in found:
+        ahead = place + rate * half / 0.1
+        assert abs(after - ahead) == pytest.approx(half + abs(rate) * spare_s, abs=2e-6)
+        assert math.copysign(1.0, after - ahead) == math.copysign(1.0, rate)
+
+
+def test_the_end_of_the_travel_is_reached_also_where_it_is_no_whole_step() -> None:
+    drive = Standing(0.0, 0.0, resolution_rad=(0.01, 0.01))
+    params = RotatorParams(
+        rate_rad_s=(0.1, 0.1),
+        minimum_interval_s=0.0,
+        latency_s=0.0,
+        travel_min_rad=(0.0, 0.0),
+        travel_max_rad=(0.106, 0.5),
+    )
+    rotator = Rotator(drive, params)
+    for k, goal in enumerate((0.1, 0.2)):
+        rotator.step(10.0 + k)
+        rotator.follow(10.0 + k, at_rest(goal, goal), at_rest(goal, goal))
+    assert [first for first, _ in drive.sent] == pytest.approx([0.1, 0.106])
+
+
+def test_starts_and_changes_of_direction_are_counted_by_axis_from_each_beginning() -> None:
+    drive = Standing(1.0, 1.0)
+    params = RotatorParams(rate_rad_s=(0.1, 0.1), minimum_interval_s=0.0, latency_s=0.0, **TRAVEL)
+    rotator = Rotator(drive, params)
+
+    def go(t_s: float, azimuth: float, elevation: float) -> MoveCounts:
+        rotator.step(t_s)
+        motion = at_rest(azimuth, elevation)
+        rotator.follow(t_s, motion, at_rest(azimuth, elevation))
+        drive.shows = (azimuth, elevation)
+        return rotator.counts()
+
+    assert go(10.0, 0.9, 0.9) == MoveCounts(1, (1, 1), (0, 0)), "the first motion is no change of direction"
+    assert go(20.0, 1.2, 0.8) == MoveCounts(2, (2, 2), (1, 0))
+    assert go(30.0, 1.1, 0.7) == MoveCounts(3, (3, 3), (2, 0))
+    rotator.count_anew()
+    assert rotator.counts() == MoveCounts(0, (0, 0), (0, 0))
+    assert go(40.0, 1.3, 0.6) == MoveCounts(1, (1, 1), (0, 0)), "nor the first of a pass"
+    assert go(50.0, 1.2, 0.7) == MoveCounts(2, (2, 2), (1, 1))
+    rotator.stop()
+    assert (drive.stopped, rotator.set_point_rad) == (1, (None, None))
+    assert go(60.0, 1.3, 0.6) == MoveCounts(3, (3, 3), (1, 1)), "nor the first after a stop"
+    rotator.count_anew()
+    assert go(70.0, 1.2, 0.7) == MoveCounts(1, (1, 1), (0, 0))
+
+
+def test_after_a_stop_in_either_direction_the_first_motion_is_no_change_of_it() -> None:
+    for begin, end in (("stop", 0.8), ("stop", 1.2), ("count_anew", 0.8), ("count_anew", 1.2)):
+        drive = Standing(1.0, 1.0)
+        rotator = Rotator(drive, RotatorParams(rate_rad_s=(0.1, 0.1), minimum_interval_s=0.0, **TRAVEL))
+        rotator.step(10.0)
+        getattr(rotator, begin)()
+        rotator.follow(10.0, at_rest(end, end), at_rest(end, end))
+        assert rotator.counts() == MoveCounts(1, (1, 1), (0, 0)), (begin, end)
+
+
+@pytest.mark.parametrize(
+    ("rate", "acceleration", "lead_s", "there"),
+    [
+        (0.5, 0.0, 2.0, 3.0), (0.5, 0.25, 2.0, 3.5), (-0.5, -0.25, 2.0, 0.5), (0.0, 0.25, 2.0, 2.5),
+        # It slows down and rests after 4 s, 1 rad further: shorter and longer ahead than that.
+        (0.5, -0.125, 2.0, 2.75), (0.5, -0.125, 4.0, 3.0), (0.5, -0.125, 9.0, 3.0), (-0.5, 0.125, 9.0, 1.0),
+    ],
+)  # fmt: skip
+def test_ahead_a_motion_is_where_its_rate_and_its_change_lead_or_where_it_comes_to_rest(
+    rate: float, acceleration: float, lead_s: float, there: float
+) -> None:
+    motion = Motion(np.array([9.0, 2.0]), np.array([7.0, rate]), np.array([5.0, acceleration]))
+    assert _ahead(motion, 1, lead_s) == pytest.approx(there)
+
+
+def measured(goals: list[tuple[float, float]], rows: list[tuple[float, float]], **params: object) -> float:
+    """The latency of an azimuth that was sent to goals and shows rows, each with its time; 0.1 s is stated."""
+    usual = {"latency_s": 0.1, "rate_rad_s": (0.1, 0.1), "minimum_interval_s": 0.0}
+    drive = Readings(*((t_s, azimuth, 0.6) for t_s, azimuth in rows))
+    rotator = Rotator(drive, RotatorParams(**{**TRAVEL, **usual, **params}))
+    left = sorted(goals)
+    for t_s, _ in rows:
+        while left and left[0][0] < t_s:
+            sent_s, goal = left.pop(0)
+            rotator.follow(sent_s, at_rest(goal, 0.6), at_rest(goal, 0.6))
+        rotator.step(t_s)
+    return rotator.latency_s
+
+
+def test_two_readings_are_enough_to_measure_a_latency() -> None:
+    # A gap of a second: of those before only the last one is kept. 0.03 rad at 0.1 rad/s, by 10.75: since 10.45.
+    rows = [(9.5, 0.5), (9.75, 0.5), (10.75, 0.53)]
+    assert measured([(10.0, 0.6)], rows) == pytest.approx(0.445)
+
+
+@pytest.mark.parametrize(("rests_at", "latency_s"), [(0.5395, 0.445), (0.5394, 0.1), (0.5, 0.1)])
+def test_only_a_device_that_rests_within_half_a_step_of_its_set_point_is_measured(
+    rests_at: float, latency_s: float
+) -> None:
+    """The second set point is 0.06 rad ahead; the first one was not measured, for it moved before."""
+    rows = [(9.0, 0.48), (9.25, 0.5), (9.5, rests_at), (9.75, rests_at), (10.25, rests_at), (10.75, rests_at + 0.03)]
+    assert measured([(9.3, 0.54), (10.0, 0.6)], rows) == pytest.approx(latency_s)
+
+
+def test_more_than_one_step_is_a_motion() -> None:
+    params = RotatorParams(**TRAVEL)
+    assert read(params, (5.0, 0.5, 0.6), (5.5, 0.5012, 0.5988)).rate_rad_s == pytest.approx((0.0024, -0.0024))
+
+
+def test_a_reading_that_is_not_trusted_is_replaced_in_place_and_rate() -> None:
+    rotator = read(RotatorParams(**TRAVEL), (5.0, 0.5, 0.6), (5.25, 0.6, 0.7), (5.5, 3.0, 3.0))
+    rotator.correct((0.7, 0.5))
+    assert rotator.position_rad == (0.7, 0.5)
+    assert rotator.rate_rad_s == pytest.approx((0.4, -0.2))
+
+
+def test_a_model_begins_at_time_zero_moves_on_to_a_stop_and_ends_where_its_travel_does() -> None:
+    params = RotatorParams(
+        rate_rad_s=(0.1, 0.05),
+        latency_s=0.0,
+        zero_rad=(0.3, -0.2),
+        travel_min_rad=(0.2, -0.5),
+        travel_max_rad=(2.0, 1.0),
+    )
+    model = RotatorModel(params, (1e-3, 1e-3), (0.5, 0.5))
+    model.command(0.0, (9.0, 9.0))
+    model.step(1.0)
+    assert model.position_rad == pytest.approx([0.6, 0.55])
+    # A stop acts at its time, not at that of the step before.
+    model.command(2.0, None)
+    model.step(5.0)
+    assert model.position_rad == pytest.approx([0.7, 0.6])
+    assert not model.moving
+    for goal, ends in ((9.0, [1.7, 1.2]), (-9.0, [-0.1, -0.3])):
+        model.command(5.0, (goal, goal))
+        model.step(99.0)
+        model._t_s = 5.0
+        assert model.position_rad == pytest.approx(ends)

@@ -681,3 +681,12 @@ def test_a_stopped_procedure_stays_stopped_over_a_restart() -> None:
     again.step(1.0)
     assert again.sent == []
     assert again.executor.finished
+
+
+def test_windows_count_from_time_zero_unless_another_is_given() -> None:
+    text = "version: 1\nname: w\nblocks:\n  one: {window_s: [10, 20], directives: [{send: a}]}"
+    executor = Executor(read_procedure(text, DICTIONARY), {}, Situation(), lambda *_: None)
+    executor.step(9.5)
+    assert executor.runs["one"].state == BlockState.INACTIVE
+    executor.step(10.0)
+    assert executor.runs["one"].state == BlockState.EXECUTING

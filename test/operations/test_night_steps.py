@@ -145,6 +145,7 @@ def test_a_pass_begins_a_minute_before_its_rise_with_all_that_the_schedule_says(
         "id": "a", "target": "a", "sensor": "auto", "search_from": 940.0, "patience_s": 720.0, "aos": 1000.0,
         "los": 1600.0, "name": "nm", "priority": 4,
     })  # fmt: skip
+    assert one.night.book.quiet_s == 600.0, "unless another time is given"
     entry = one.night.schedule.entry("a")
     assert (entry.state, entry.reason) == (PassState.ACTIVE, "")
     assert ("begun", "") in [row[1:] for row in one.events]
@@ -518,6 +519,26 @@ def test_a_pass_that_yields_is_stopped_in_time_and_counts_what_it_had() -> None:
     (record,) = one.night.records
     assert (record.id, record.state, record.tracked_s) == ("a", "lost", 300.0)
     assert record.reason == "it yields to a pass of a higher priority"
+
+
+@pytest.mark.parametrize("missing", ["response", "end"])
+def test_a_pass_that_is_ended_early_is_over_when_it_was_answered_and_the_controller_has_let_go(missing: str) -> None:
+    one = Bench(a_pass("a", 1000.0), a_pass("z", 90_000.0))
+    one.track(940.0)
+    one.night.skip("", 1100.0)
+    one.answers = False
+    assert one.at(1101.0) == ["stop_pass"]
+    if missing == "response":
+        one.at(1102.0, **one.ended("stop was requested"))
+        assert one.night.records == []
+        one.night.respond(one.sent[-1][0], True, "", 1103.0)
+    else:
+        one.night.respond(one.sent[-1][0], False, "not now", 1102.0)
+        one.at(1102.0)
+        assert (one.night.blocks()[0], one.night.records) == ("pass: executing", [])
+        one.show(**one.ended("stop was requested"))
+    one.at(1103.0)
+    assert [record.state for record in one.night.records] == ["skipped"]
 
 
 def test_the_recording_is_ended_with_its_pass_and_only_if_there_is_one() -> None:

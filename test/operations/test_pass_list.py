@@ -101,7 +101,7 @@ def test_of_a_plan_the_passes_without_another_fate_are_taken(fate: str | None, t
 
 
 def test_three_of_the_ids_that_are_there_twice_are_named() -> None:
-    rows = [f"{name},a,{TIMES}" for name in "dxcbadcba"]
+    rows = [f"{name},a,{TIMES}" for name in "d0cbadcba"]
     with pytest.raises(ValueError, match="^pass a, b, c is in the list twice$"):
         read_passes("\n".join([f"id,{HEAD}", *rows]))
 
@@ -136,6 +136,7 @@ def test_an_event_holds_all_of_its_pass_in_whole_seconds_with_its_remark() -> No
     text = to_calendar([WHOLE, other], "Dish", 1_767_225_600.9, {"7": "a remark"}).replace("\r\n ", "")
     lines = text.splitlines()
     for line in (
+        "VERSION:2.0", "PRODID:-//rf_pointing//plan_passes//EN",
         "DTSTAMP:20260101T000000Z", "DTSTART:20260101T010000Z", "DTEND:20260101T011141Z", "DTEND:20260101T011142Z",
         "SUMMARY:NOAA 19\\, peak 40 deg", "SUMMARY:40069\\, peak 0 deg", "DESCRIPTION:a remark",
         "DESCRIPTION:40069\\, priority 2", "LOCATION:Dish", "UID:7@rf_pointing", "X-WR-CALNAME:Passes over Dish",
