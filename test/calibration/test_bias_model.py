@@ -241,3 +241,45 @@ def test_axes_stay_on_the_turn_of_the_direction(random, turns):
     np.testing.assert_allclose(turned[1], plain[1], atol=1e-9)
     back = model.remove(*turned, *STILL)
     np.testing.assert_allclose(back[0], azimuth + shift, atol=1e-8)
+
+
+@pytest.mark.parametrize(("skew_rad", "collimation_rad"), [(0.03, 0.01), (0.03, -0.02), (-0.02, -0.03), (-0.01, 0.03)])
+def test_the_hole_about_the_zenith_is_as_wide_as_skew_and_collimation_together(skew_rad, collimation_rad):
+    """To their third order, a part in a thousand here."""
+    skew = Skew(skew_rad, collimation_rad, 0.0, 0.0)
+    assert skew.cone_rad == pytest.approx(abs(skew_rad + collimation_rad))
+    azimuth = np.array([[0.7]])
+    with pytest.raises(ValueError, match="of the mount's zenith"):
+        axes_from_sky(azimuth, np.array([[0.5 * np.pi - 0.998 * skew.cone_rad]]), skew)
+    axes_from_sky(azimuth, np.array([[0.5 * np.pi - 1.002 * skew.cone_rad]]), skew)
+
+
+def test_a_lean_turns_the_axes_rigidly_about_the_horizontal_by_its_size():
+    tilt = Skew(0.0, 0.0, 0.03, -0.04).tilt()
+    np.testing.assert_allclose(tilt @ tilt.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(tilt) == pytest.approx(1.0)
+    # The azimuth axis leans by 30 mrad to the north and by -40 mrad to the east, 50 mrad in all.
+    np.testing.assert_allclose(tilt[:, 2], [-0.8 * np.sin(0.05), 0.6 * np.sin(0.05), np.cos(0.05)], atol=1e-15)
+    np.testing.assert_allclose(tilt @ [-0.6, -0.8, 0.0], [-0.6, -0.8, 0.0], atol=1e-15)
+
+
+def test_degrees_become_radians_and_seconds_stay(table_1):
+    given = {
+        **dict.fromkeys(TERM_NAMES, 0.0),
+        "droop": -0.3,
+        "azimuth_velocity_lag": 0.7,
+        "elevation_acceleration_lag": 0.4,
+    }
+    model = BiasModel.from_degrees({**given, "azimuth_temperature": 0.001})
+    assert model.coefficients["droop"] == pytest.approx(-0.3 * np.pi / 180.0)
+    assert model.coefficients["azimuth_temperature"] == pytest.approx(0.001 * np.pi / 180.0)
+    assert model.coefficients["azimuth_velocity_lag"] == 0.7
+    assert model.coefficients["elevation_acceleration_lag"] == 0.4
+    assert (model.has_lags, BiasModel.zero().replace(droop=1e-3).has_lags) == (True, False)
+
+
+def test_a_lag_of_the_acceleration_adds_nothing_to_the_acceleration_of_the_joint():
+    """The target's motion ends at its acceleration: no more derivatives are known."""
+    model = BiasModel.zero().replace(azimuth_acceleration_lag=0.5, elevation_velocity_lag=0.3)
+    joint = model.apply_moving([0.7, 0.9], [0.01, 0.02], [1e-3, 2e-3])
+    np.testing.assert_allclose(joint, [[0.7005, 0.906], [0.01, 0.0206], [1e-3, 2e-3]], atol=1e-12)

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.calibration.coverage import Coverage, SectorRule, select_by_sector
+from rf_pointing.calibration.coverage import Coverage, SectorRule, _spread_rank, select_by_sector
 
 RULE = SectorRule()
 
@@ -78,3 +78,42 @@ def test_four_of_the_sectors_that_are_not_filled_are_named_and_the_others_counte
         coverage.require_full()
     named = "; ".join(f"{RULE.name(sector)} has {sector}" for sector in range(4))
     assert str(refused.value).endswith(f"< 25: {named}{more}")
+
+
+def test_ranks_spread_over_the_range_halve_its_gaps_again_and_again():
+    """The order of the bits turned round (van der Corput), without what is beyond the range."""
+    expected = {
+        1: [0],
+        2: [0, 1],
+        3: [0, 2, 1],
+        4: [0, 2, 1, 3],
+        5: [0, 3, 2, 4, 1],
+        8: [0, 4, 2, 6, 1, 5, 3, 7],
+        9: [0, 5, 3, 7, 2, 6, 4, 8, 1],
+    }
+    assert {count: _spread_rank(count).tolist() for count in expected} == expected
+
+
+def test_points_over_the_top_count_where_they_are_on_the_sky():
+    elevation = np.radians([175.0, 160.0, 95.0, 5.0, 85.0])
+    chosen, dropped = select_by_sector(np.zeros(5), elevation, np.zeros(5, dtype=int), RULE)
+    assert chosen.tolist() == [False, True, False, False, False]
+    assert dropped == {"below 10 deg": 2, "above 80 deg": 2, "sector has 30 already": 0}
+
+
+def test_each_sector_shares_its_points_out_by_itself():
+    """One from each pass in turn: a pass of few points gives them all."""
+    azimuth = np.repeat([0.2, 1.2], [70, 20])
+    pass_id = np.concatenate([np.repeat([3, 8, 9], [4, 40, 26]), np.zeros(20, dtype=int)])
+    order = np.random.default_rng(5).permutation(90)
+    chosen, dropped = select_by_sector(azimuth[order], np.full(90, 0.4), pass_id[order], RULE)
+    assert np.bincount(pass_id[order][chosen]).tolist() == [20, 0, 0, 4, 0, 0, 0, 0, 13, 13]
+    assert dropped["sector has 30 already"] == 40
+
+
+@pytest.mark.parametrize("edges_rad", [(0.2, 0.5, 0.5), (0.2, 0.9, 0.5)])
+def test_bands_of_no_height_are_refused(edges_rad):
+    with pytest.raises(ValueError, match="must increase"):
+        SectorRule(elevation_edges_rad=edges_rad)
+    assert SectorRule(fewest=30, most=30).fewest == 30
+    assert SectorRule(azimuth_sectors=7, elevation_edges_rad=(0.2, 0.5, 0.9)).count == 14

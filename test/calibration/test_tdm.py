@@ -78,6 +78,35 @@ def test_a_pass_without_a_good_sample_is_left_out_and_a_message_without_any_is_r
         (lambda t: t.replace("DATA_START", "DATA_START\nANGLE_1 = 2001-13-01T00:00:00 5.0", 1), "line 19: .*time"),
         (lambda t: t.replace("DATA_START", "DATA_START\nANGLE_1 = 2001-01-01T00:00:00 nan", 1), "must be finite"),
         (lambda t: t.replace("MODE = SEQ", "TIME_SYSTEM = UTC\nMODE = SEQ", 1), "TIME_SYSTEM is given twice"),
+        (lambda t: t.replace("ORIGINATOR", "AUTHOR", 1), "line 3: AUTHOR is not a header keyword"),
+        (lambda t: t.replace("ORIGINATOR = test", "ORIGINATOR =", 1), "line 3: ORIGINATOR has no value"),
+        (lambda t: t.replace("MODE =", "MODUS =", 1), "line 11: MODUS is not a metadata keyword"),
+        (
+            lambda t: t.replace("MODE = SEQUENTIAL", "MODE = SINGLE_DIFF", 1),
+            "line 11: MODE=SINGLE_DIFF must be SEQUENTIAL",
+        ),
+        (
+            lambda t: t.replace("MODE", "DATA_QUALITY = FINE\nMODE", 1),
+            "line 11: DATA_QUALITY=FINE must be RAW or VALIDATED or DEGRADED",
+        ),
+        (
+            lambda t: t.replace("META_STOP", "META_STOP\nMODE = SEQUENTIAL", 1),
+            "line 17: MODE outside a metadata or data",
+        ),
+        (lambda t: t.replace("DATA_STOP", "DATA_STOP\nANGLE_1 = 2 3", 1), "ANGLE_1 outside a metadata or data"),
+        (lambda t: "\n".join(t.splitlines()[:3]), "no segment"),
+        (lambda t: "\n".join(t.splitlines()[:16]), "line 16: the described section is not closed"),
+        (lambda t: t.replace("DATA_START", "DATA_START\nANGLE_1 = 2001-09-09T01:46:40 5.0 6.0", 1), "has 3 words"),
+        (lambda t: re.sub(r"\nANGLE_1 = [^\n]*", "", t), "line 5: the segment has no ANGLE_1"),
+        (lambda t: re.sub(r"\nANGLE_2 = [^\n]*", "", t), "line 5: the segment has no ANGLE_2"),
+        (lambda t: t.replace("PATH = 2,1", "PATH = 3,1", 1), "PATH=3,1 must join a station and its target"),
+        (lambda t: t.replace("PATH = 2,1", "PATH = 2,3", 1), "PATH=2,3 must join a station and its target"),
+        (
+            lambda t: t.replace("PATH = 2,1", "PARTICIPANT_3 = relay\nPATH = 2,3,1", 1),
+            "PATH=2,3,1 must join a station and its target",
+        ),
+        (lambda t: t.replace("PATH = 2,1\n", "", 1), "line 5: PATH is missing"),
+        (lambda t: t.replace("ANGLE_TYPE = AZEL\n", "", 1), "line 5: ANGLE_TYPE is missing"),
     ],
 )
 def test_a_damaged_message_is_refused_with_its_line(lines, tmp_path, change, message):
@@ -211,3 +240,43 @@ def test_an_angle_without_the_other_at_its_time_is_refused_with_its_line(lines, 
     where = next(number for number, line in enumerate(kept, start=1) if line.startswith(partner))
     with pytest.raises(ValueError, match=rf"line {where}: {other} at .* has no {lost} at that time"):
         read_changed(tmp_path, kept)
+
+
+def test_azimuths_are_written_within_a_turn_to_a_billionth_of_a_degree(raw, tmp_path):
+    """Range is in km to a micrometre, range rate in km/s to a nanometre a second."""
+    turned = replace(raw, azimuth_rad=raw.azimuth_rad + 2.0 * np.pi * np.where(np.arange(len(raw)) % 2, 2, -3))
+    write_tdm(tmp_path / "a.tdm", [turned], originator="test", created_t_s=1.7e9)
+    text = (tmp_path / "a.tdm").read_text()
+    azimuths = [float(value) for value in re.findall(r"ANGLE_1 = \S+ (\S+)", text)]
+    assert azimuths == pytest.approx(np.degrees(np.mod(raw.azimuth_rad, 2.0 * np.pi)), abs=1e-9)
+    for key, digits in (("ANGLE_1", 9), ("ANGLE_2", 9), ("RANGE", 9), ("DOPPLER_INSTANTANEOUS", 12)):
+        values = re.findall(rf"\n{key} = \S+ -?\d+\.(\d+)(?=\n)", text)
+        assert {len(value) for value in values} == {digits}
+        assert len(values) == len(raw)
+
+
+def test_what_a_message_says_besides_angles_and_ranges_is_no_error(lines, tmp_path):
+    """Frequencies and weather, and a first version of the format; a time alone is no value."""
+    plain = read_changed(tmp_path, lines)[0]
+    text = "\n".join(lines).replace("VERS = 2.0", "VERS = 1.0")
+    text = text.replace("DATA_START", "DATA_START\nRECEIVE_FREQ_1 = 2001-09-09T01:46:40 2.2e9\nPRESSURE = x 1013", 1)
+    found = read_changed(tmp_path, text.splitlines())[0]
+    assert np.array_equal(found.azimuth_rad, plain.azimuth_rad)
+    assert found.notes == ()
+    assert np.all(found.good)
+    short = "\n".join(lines).replace("DATA_START", "DATA_START\nANGLE_1 = 2001-09-09T01:46:40", 1)
+    with pytest.raises(ValueError, match="line 19: ANGLE_1 needs a time and a value, has 1 words"):
+        read_changed(tmp_path, short.splitlines())
+
+
+def test_the_band_of_a_one_way_pass_is_that_which_its_target_sends(lines, tmp_path):
+    text = "\n".join(lines).replace("RECEIVE_BAND = S", "TRANSMIT_BAND = X")
+    assert [one.band for one in read_changed(tmp_path, text.splitlines())] == ["X", "X"]
+    both = text.replace("TRANSMIT_BAND = X", "TRANSMIT_BAND = X\nRECEIVE_BAND = Ka").splitlines()
+    assert [one.band for one in read_changed(tmp_path, both)] == ["Ka", "Ka"]
+
+
+def test_a_correction_is_marked_as_applied_or_not(lines, tmp_path):
+    text = "\n".join(lines).replace("META_STOP", "CORRECTION_RANGE = 1.5\nCORRECTIONS_APPLIED = MAYBE\nMETA_STOP", 1)
+    with pytest.raises(ValueError, match="line 5: CORRECTION_RANGE needs CORRECTIONS_APPLIED = YES or NO"):
+        read_changed(tmp_path, text.splitlines())

@@ -208,3 +208,141 @@ def test_angles_that_all_are_such_of_radians_are_refused(tmp_path, elevation_deg
             read_tracking(path)
     else:
         assert len(read_tracking(path)) == 8
+
+
+def test_a_journal_makes_the_folders_above_it(data, tmp_path):
+    deep = ObservationJournal(tmp_path / "a" / "b" / "c" / "observations.csv", "gs1", "S")
+    deep.append(data.select([0]))
+    deep.append(data.select([1]))
+    assert len(ObservationJournal(deep.path, "gs1", "S").points) == 2
+
+
+def test_a_journal_of_one_point_is_kept_and_one_of_a_header_alone_begins_anew(data, tmp_path):
+    first = journal(tmp_path)
+    first.append(data.select([0]))
+    assert journal(tmp_path).points.t_s.tolist() == data.t_s[:1].tolist()
+    lines = first.path.read_text().splitlines(keepends=True)
+    first.path.write_text("".join(lines[:-1]))
+    assert journal(tmp_path).points is None
+    assert not first.path.exists()
+
+
+def test_points_of_which_the_disk_takes_a_part_only_leave_the_file_as_it_was(data, tmp_path, monkeypatch):
+    first = journal(tmp_path)
+    first.append(data.select([0]))
+    before, opened = first.path.read_bytes(), type(first.path).open
+
+    class Short:
+        """A file that takes all but the last byte."""
+
+        def __init__(self, stream):
+            self.stream = stream
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            self.stream.close()
+
+        def __getattr__(self, name):
+            return getattr(self.stream, name)
+
+        def write(self, content):
+            return self.stream.write(content[:-1])
+
+    with monkeypatch.context() as patch:
+        patch.setattr(type(first.path), "open", lambda path, *given, **more: Short(opened(path, *given, **more)))
+        with pytest.raises(OSError, match="No space left on device"):
+            first.append(data.select([1]))
+    assert first.path.read_bytes() == before
+
+
+def test_old_campaigns_are_numbered_until_their_names_are_all_taken(data, tmp_path, monkeypatch):
+    monkeypatch.setattr("rf_pointing.calibration.tracking_csv._MOST_OF_A_NAME", 4)
+    first = journal(tmp_path)
+    for name in ("observations-old.csv", "observations-old-2.csv", "observations-old-3.csv"):
+        first.append(data.select([0]))
+        first.points = data
+        assert first.set_aside("old").name == name
+        assert first.points is None
+        assert not first.path.exists()
+    first.append(data.select([0]))
+    with pytest.raises(ValueError, match=r"observations-old-\* are all taken; observations are never overwritten"):
+        first.set_aside("old")
+    assert first.path.exists()
+
+
+HEAD = ("# station: gs1", "# band: S", "# target: bird")
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ((*HEAD, "t_s,azimuth_deg"), "line 4: column elevation_deg is missing"),
+        ((*HEAD, "t_s,azimuth_deg,elevation_deg,t_s", "1,2,3,4"), "line 4: a column is given twice"),
+        (HEAD, "line 4: column t_s is missing"),
+        ((*HEAD, "t_s,azimuth_deg,elevation_deg", "1,200,30", "", "2,200,30,4"), "line 7: 4 values, must be 3"),
+        (
+            ("# a remark", *HEAD, "", "t_s,azimuth_deg,elevation_deg", "1,200,x"),
+            "line 7: elevation_deg='x' must be a number",
+        ),
+        (("# station: gs1", "# band:", "# target: bird", "t_s"), "line 4: the note '# band: ...' is missing"),
+        (("t_s,azimuth_deg,elevation_deg", *HEAD, "1,200,30"), "line 1: the note '# station: ...' is missing"),
+        ((*HEAD, "t_s,azimuth_deg,elevation_deg", "inf,200,30"), "line 5: t_s=inf must be finite"),
+    ],
+)
+def test_what_is_wrong_with_a_table_is_told_with_its_line(tmp_path, lines, message):
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    with pytest.raises(ValueError, match=message):
+        read_tracking(tmp_path / "a.csv")
+
+
+def test_remarks_and_empty_lines_are_no_rows(tmp_path):
+    lines = (
+        "# a remark",
+        HEAD[0],
+        "",
+        *HEAD[1:],
+        "# note: more",
+        " t_s , azimuth_deg,elevation_deg",
+        "1,200,30",
+        "",
+        "2,201,31",
+    )
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    found = read_tracking(tmp_path / "a.csv")
+    assert (found.station, found.band, found.target) == ("gs1", "S", "bird")
+    assert found.t_s.tolist() == [1.0, 2.0]
+    np.testing.assert_allclose(np.degrees(found.azimuth_rad), [200.0, 201.0])
+    assert (found.range_m, found.range_rate_m_s) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("pass_id", "0.5", "column pass_id must hold whole numbers"),
+        ("sigma_azimuth_deg", "0.0", r"sigma_azimuth_rad\[0\]=0 must be > 0"),
+    ],
+)
+def test_points_that_are_none_are_refused_with_the_file(data, tmp_path, name, value, message):
+    path = tmp_path / "o.csv"
+    write_observations(path, data)
+    lines = path.read_text().splitlines()
+    header = next(k for k, line in enumerate(lines) if not line.startswith("#"))
+    cells = lines[header + 1].split(",")
+    cells[lines[header].split(",").index(name)] = value
+    lines[header + 1] = ",".join(cells)
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(ValueError, match=rf"o\.csv: {message}"):
+        read_observations(path)
+
+
+def test_temperatures_and_no_ranges_read_back(data, tmp_path):
+    given = replace(data, range_m=None, range_rate_m_s=None, temperature_k=np.linspace(270.0, 300.0, len(data)))
+    write_observations(tmp_path / "o.csv", given)
+    back = read_observations(tmp_path / "o.csv")
+    assert (back.range_m, back.range_rate_m_s) == (None, None)
+    assert np.array_equal(back.temperature_k, given.temperature_k)
+    for name, value in vars(data).items():
+        if isinstance(value, np.ndarray) and "range" not in name:
+            np.testing.assert_allclose(getattr(back, name), value, rtol=1e-13)
