@@ -40,14 +40,12 @@ class PositionLimits:
 class _Axis:
     """One axis: trusted reading, allowed range, and since when it stands still."""
 
-    def __init__(self) -> None:
-        self.t_s = 0.0
-        self.trusted: float | None = None
+    def __init__(self, t_s: float, angle: float, set_point: float | None, within_s: float) -> None:
+        self.t_s = self.still_since_s = self.moved_s = t_s
+        self.trusted, self.within_s = angle, within_s
         self.bad = False
-        self.set_point: float | None = None
-        self.low = self.high = 0.0
-        self.still_since_s = 0.0
-        self.moved_s, self.moved = -math.inf, 0.0
+        self.moved = 0.0
+        self.lead_to(set_point, angle)
 
     def lead_to(self, set_point: float | None, angle: float) -> None:
         """Allow what lies from `angle` to a new set point; None: it was stopped."""
@@ -64,9 +62,7 @@ class PositionWatch:
 
     def reset(self) -> None:
         """Trust the next reading as it comes."""
-        self._axes = (_Axis(), _Axis())
-        # Of the last reading, and of the last two together.
-        self._last_within_s = self._within_s = 0.0
+        self._axes: list[_Axis | None] = [None, None]
         self.reason = ""
 
     def step(
@@ -83,27 +79,26 @@ class PositionWatch:
         measured within +-`within_s` of `t_s`.
         """
         used, found = [], []
-        self._within_s, self._last_within_s = within_s + self._last_within_s, within_s
-        for index, axis in enumerate(self._axes):
-            angle, reason = self._check(index, axis, t_s, position_rad[index], set_point_rad[index], latency_s)
+        for index, name in enumerate(AXES):
+            angle, reason = self._check(index, t_s, position_rad[index], set_point_rad[index], latency_s, within_s)
             used.append(angle)
             if reason:
-                found.append(f"{AXES[index]} {reason}")
+                found.append(f"{name} {reason}")
         self.reason = "; ".join(found)
         return (used[0], used[1]), self.reason
 
     def _check(
-        self, index: int, axis: _Axis, t_s: float, angle: float, set_point: float | None, latency_s: float
+        self, index: int, t_s: float, angle: float, set_point: float | None, latency_s: float, within_s: float
     ) -> tuple[float, str]:
-        limits = self.limits
+        limits, axis = self.limits, self._axes[index]
         step, rate = limits.resolution_rad[index], limits.rate_rad_s[index]
-        if axis.trusted is None:
-            axis.t_s, axis.trusted, axis.still_since_s = t_s, angle, t_s
-            axis.lead_to(set_point, angle)
+        if axis is None:
+            self._axes[index] = _Axis(t_s, angle, set_point, within_s)
             return angle, ""
         away = angle - axis.trusted
         # Written so that NaN counts as a jump.
-        apart_s = max(t_s - axis.t_s, 0.0) + self._within_s
+        apart_s = max(t_s - axis.t_s, 0.0) + axis.within_s + within_s
+        axis.within_s = within_s
         if not abs(away) <= JUMP * rate * apart_s + STEPS * step:
             if not axis.bad:
                 axis.bad = True

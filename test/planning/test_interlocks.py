@@ -69,3 +69,54 @@ def test_the_file_is_replaced_whole(tmp_path: Path) -> None:
     wrap.keep(2.0)
     assert '"azimuth_rad": 2.0}' in (tmp_path / "wrap.json").read_text()
     assert [path.name for path in tmp_path.iterdir()] == ["wrap.json"]
+
+
+def test_a_commander_keeps_the_authority_for_the_time_of_silence_and_no_longer() -> None:
+    authority = Authority(1.0)
+    assert authority.conflict("panel", -1e9) == ""
+    authority.claim("controller", 5.0)
+    assert authority.conflict("panel", 6.0) != ""
+    assert authority.conflict("panel", 6.01) == ""
+    assert authority.conflict("controller", 100.0) == ""
+    authority.release()
+    assert (authority.holder, authority.conflict("panel", 5.0)) == ("", "")
+
+
+def test_what_follows_from_a_fault_is_added_once() -> None:
+    latch = FaultLatch()
+    latch.note_command((1.0, "", 0.1, 0.2))
+    for text, t_s in (("drive ran away", 4.0), ("encoder jumped", 5.0), ("drive ran away", 6.0), ("jumped", 7.0)):
+        latch.latch(text, t_s)
+        latch.note_command((t_s, "late", 0.0, 0.0))
+    assert latch.fault is not None
+    assert (latch.text, latch.fault.t_s) == ("drive ran away; encoder jumped", 4.0)
+    assert latch.fault.lines() == ["3.00 s before, unnamed: to 5.730, 11.459 deg"]
+
+
+@pytest.mark.parametrize(("off_deg", "trusted"), [(9.9, True), (-9.9, True), (10.1, False), (-10.1, False)])
+def test_an_azimuth_is_believed_within_ten_degrees_of_what_was_kept(
+    tmp_path: Path, off_deg: float, trusted: bool
+) -> None:
+    wrap = WrapCount(tmp_path / "wrap.json")
+    wrap.keep(math.radians(-345.0))
+    azimuth, doubt = WrapCount(tmp_path / "wrap.json").recover(math.radians(15.0 + off_deg))
+    assert math.degrees(azimuth) == pytest.approx(-345.0 + off_deg)
+    assert (doubt == "") is trusted
+
+
+def test_an_encoder_of_one_turn_is_folded_about_north_at_the_first_start(tmp_path: Path) -> None:
+    azimuth, doubt = WrapCount(tmp_path / "wrap.json").recover(math.radians(350.0))
+    assert (round(math.degrees(azimuth), 9), doubt) == (-10.0, "")
+    (tmp_path / "wrap.json").write_text('{"azimuth_rad": 50.1}')
+    assert "is no azimuth of an antenna" in WrapCount(tmp_path / "wrap.json").recover(0.0)[1]
+    (tmp_path / "wrap.json").write_text('{"azimuth_rad": -49.9}')
+    assert "moved while off" in WrapCount(tmp_path / "wrap.json").recover(2.0)[1]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_half_a_degree_is_worth_a_write(tmp_path: Path, side: float) -> None:
+    wrap = WrapCount(tmp_path / "wrap.json")
+    wrap.keep(1.0)
+    for off_deg, written in ((0.49, False), (0.51, True)):
+        wrap.keep(1.0 + side * math.radians(off_deg))
+        assert ('"azimuth_rad": 1.0}' not in (tmp_path / "wrap.json").read_text()) is written
