@@ -7,11 +7,13 @@ import pytest
 
 from rf_pointing.core import MDEG, Boresight, sky_offset_rad
 from rf_pointing.core.parameters import NodeParameters
-from rf_pointing.ephemeris import Pass, TopocentricTrack
+from rf_pointing.ephemeris import Pass, SatelliteAntennaParams, TopocentricTrack
 from rf_pointing.rf import (
     HALF_POWER_BEAMWIDTH_RAD,
     AtmosphereParams,
+    DropoutParams,
     InterferenceParams,
+    Link,
     LinkParams,
     NoiseParams,
     SpinParams,
@@ -183,3 +185,124 @@ def test_an_interference_line_stands_in_the_differences_of_a_beam_on_the_target(
     level = weaker / math.sqrt(1.0 + weaker**2)
     assert ratios[0] == pytest.approx([0.7 * level, 0.4 * level], rel=0.05)
     assert max(ratios[1]) < 0.05
+
+
+class Counted:
+    """A track that notes how many instants it is asked for at a time."""
+
+    def __init__(self, track: TopocentricTrack) -> None:
+        self.track, self.name, self.asked = track, track.name, []
+
+    def sample(self, times: np.ndarray) -> object:
+        self.asked.append(len(times))
+        return self.track.sample(times)
+
+
+def test_look_angles_are_computed_once_a_block(track: TopocentricTrack, window: Pass) -> None:
+    """Also for boresights whose stamps are off by less than their tolerance of 10 us, and no further."""
+    start_s = math.floor(window.tca_t_s) + TICK_S
+    for off_s, blocks in ((0.0, 4), (6e-6, 4), (-6e-6, 4), (3e-5, 8)):
+        counted = Counted(track)
+        receiver = SimulatedReceiver(PARAMS, counted)
+        for k in range(200):
+            # The first cluster of each block is on time.
+            late_s = off_s if k % BLOCK >= 5 else 0.0
+            receiver.take(beam(track, start_s + k * TICK_S + late_s))
+        assert counted.asked == [BLOCK] * blocks
+
+
+def test_a_cluster_longer_than_a_block_is_computed_as_a_whole(track: TopocentricTrack, window: Pass) -> None:
+    start_s, counted = math.floor(window.tca_t_s / 2.0) * 2.0 + TICK_S, Counted(track)
+    receiver = SimulatedReceiver(PARAMS.replace(cluster_samples=100), counted)
+    (reception,) = received(receiver, track, start_s, 100)
+    assert counted.asked == [100]
+    assert reception.power.integration_s == pytest.approx(2.0, abs=1e-6)
+    assert len(reception.cluster.t_s) == 100
+
+
+def test_another_satellite_is_received_from_the_next_cluster_on(track: TopocentricTrack, window: Pass) -> None:
+    start_s = math.floor(window.tca_t_s) + TICK_S
+    receiver = SimulatedReceiver(PARAMS, track)
+    assert receiver.target == track.name
+    received(receiver, track, start_s, 5)
+    late = track.with_offsets(along_track_offset_s=2.0, cross_track_offset_rad=0.0)
+    receiver.tune(late)
+    (reception,) = received(receiver, late, start_s + 0.1, 5)
+    assert reception.truth.elevation_rad == pytest.approx(6 * MDEG, abs=0.1 * MDEG)
+
+
+def test_the_level_is_that_of_link_and_satellite_s_antenna_towards_the_station(
+    track: TopocentricTrack, window: Pass
+) -> None:
+    start_s = math.floor(window.tca_t_s) + TICK_S
+    antenna = SatelliteAntennaParams(half_power_beamwidth_rad=math.radians(60.0))
+    turned = track.with_offsets(along_track_offset_s=0.0, cross_track_offset_rad=0.0, antenna=antenna)
+    link = Link(PARAMS.link, PARAMS.atmosphere, PARAMS.noise)
+    for of in (track, turned):
+        (reception,) = on_target(PARAMS, of, start_s, 5)
+        now = of.target_at(reception.truth.t_s)
+        expected = float(link.carrier_to_noise_db_hz(now.range_m, now.elevation_rad)) + now.satellite_gain_db
+        assert reception.truth.carrier_to_noise_db_hz == pytest.approx(expected, abs=1e-6)
+        assert reception.truth.sensor == "truth"
+    assert now.satellite_gain_db < -3.0
+
+
+def levels_of(params: SignalParams, track: TopocentricTrack, start_s: float, seconds: float) -> np.ndarray:
+    """Seconds from the start and level of each cluster; where the beam points is not in the level."""
+    receiver, times = SimulatedReceiver(params, track), start_s + TICK_S * np.arange(1, round(seconds / TICK_S) + 1)
+    beams = (Boresight(t_s=round(float(t_s), 6), azimuth_rad=1.0, elevation_rad=0.5) for t_s in times)
+    found = [reception for sample in beams if (reception := receiver.take(sample)) is not None]
+    return np.array([(r.truth.t_s - start_s, r.truth.carrier_to_noise_db_hz) for r in found])
+
+
+def test_dropouts_are_counted_from_the_first_reception_and_fall_within_their_time(
+    track: TopocentricTrack, window: Pass
+) -> None:
+    """The satellite rises 5 s after the receiver has begun; no carrier is 0 dB-Hz."""
+    few = DropoutParams(count=3, shortest_s=0.5, longest_s=1.0, gap_s=0.5)
+    params = PARAMS.replace(dropouts=few, dropouts_after_s=4.0, dropouts_within_s=8.0)
+    horizon_s = next(
+        t_s for t_s in np.arange(math.floor(window.aos_t_s) - 200.0, window.aos_t_s, 0.1)
+        if track.target_at(float(t_s)).elevation_rad > 0.0
+    )  # fmt: skip
+    start_s = math.floor(horizon_s) - 5.0
+    first = levels_of(params, track, start_s, 30.0)
+    seconds, lost = first[:, 0] - (horizon_s - start_s), first[:, 1] == 0.0
+    assert lost[seconds < -0.1].all()
+    assert not lost[(seconds > 0.1) & (seconds < 3.9)].any()
+    assert not lost[seconds > 12.2].any()
+    gaps = np.flatnonzero(np.diff(lost[seconds > 0.1].astype(int)) == 1)
+    assert len(gaps) == 3
+    assert 1.4 < 0.1 * np.sum(lost[seconds > 0.1]) < 3.1
+    np.testing.assert_array_equal(levels_of(params, track, start_s, 30.0), first)
+    # Another seed has others; none are none.
+    other = levels_of(params.replace(seed=2), track, start_s, 30.0)
+    assert not np.array_equal(other[:, 1] == 0.0, lost)
+    none = levels_of(params.replace(dropouts=few.replace(count=0)), track, start_s, 30.0)
+    assert not (none[:, 1] == 0.0)[seconds > 0.1].any()
+
+
+@pytest.mark.parametrize("after_s", [0.0, 0.5, 2.0])
+@pytest.mark.parametrize("phase_rad", [(0.0, 0.0), (0.4, -0.7)])
+def test_a_feed_is_turned_over_at_the_time_that_is_set(
+    track: TopocentricTrack, window: Pass, after_s: float, phase_rad: tuple[float, float]
+) -> None:
+    """Both differences; the phase of a cluster against the same one of a feed that is not."""
+    strong = PARAMS.replace(
+        link=PARAMS.link.replace(zenith_carrier_to_noise_db_hz=80.0),
+        feed=PARAMS.feed.replace(difference_phase_rad=phase_rad),
+    )
+    start_s = math.floor(window.tca_t_s) + TICK_S
+    plain, turned = (
+        received(SimulatedReceiver(params, track), track, start_s, 200)
+        for params in (strong, strong.replace(sign_flip_after_s=after_s))
+    )
+    for before, after in zip(plain, turned, strict=True):
+        begun_s = float(before.cluster.t_s[0]) - start_s
+        sign = -1.0 if after_s > 0.0 and begun_s >= after_s - 1e-6 else 1.0
+        for name in ("difference_cross_elevation", "difference_elevation"):
+            ratios = [
+                np.vdot(c.sum, getattr(c, name)) / np.vdot(c.sum, c.sum).real for c in (before.cluster, after.cluster)
+            ]
+            assert abs(ratios[1] - sign * ratios[0]) < 0.02
+    assert abs(ratios[0]) > 0.1
