@@ -12,6 +12,8 @@ from rf_pointing.core import MDEG, MU, Params, parameter
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 
 FEWEST_SAMPLES = 4
+# Of a number of samples that is whole but for the last bits.
+ROUNDING = 1e-9
 # Halvings of a radius: 2^-60 is below the rounding of a float.
 BISECTIONS = 60
 
@@ -83,11 +85,11 @@ def radius_for_loss_rad(half_power_beamwidth_rad: float, loss_db: float) -> floa
 # r exp(-mu r^2 / h^2) and so the accuracy is best.
 def design_scan(params: ScanDesignParams, carrier_to_noise_db_hz: float, wanted_sigma_rad: float) -> ScanDesign:
     """Return the scan of least loss, then least period, that reaches the sigma, or ValueError."""
-    fewest = max(FEWEST_SAMPLES, math.ceil(params.shortest_period_s / params.integration_s - 1e-9))
-    most = max(fewest, math.floor(params.longest_period_s / params.integration_s + 1e-9))
+    fewest = max(FEWEST_SAMPLES, math.ceil(params.shortest_period_s / params.integration_s - ROUNDING))
+    most = max(fewest, math.floor(params.longest_period_s / params.integration_s + ROUNDING))
     radius = radius_for_loss_rad(params.half_power_beamwidth_rad, params.preferred_loss_db)
     one_sample = _sigma(params, radius, 4, carrier_to_noise_db_hz) * 2.0
-    samples = max(fewest, math.ceil((one_sample / wanted_sigma_rad) ** 2 * (1.0 - 1e-12)))
+    samples = max(fewest, math.ceil((one_sample / wanted_sigma_rad) ** 2 * (1.0 - ROUNDING)))
     if samples > most:
         samples, radius = most, _radius(params, most, carrier_to_noise_db_hz, wanted_sigma_rad)
     return ScanDesign(

@@ -174,3 +174,76 @@ def test_parameters_that_are_retuned_keep_a_calibration_that_was_learned_or_read
     assert kept.tracker.calibration == mixed
     assert plain.tracker.calibration == MonopulseCalibration.ideal(H, 1.4)
     assert kept.tracker.params.slope == plain.tracker.params.slope == 1.4
+
+
+def cluster_at(t_s: float, offset_rad: np.ndarray | None = None) -> MonopulseCluster:
+    """A noiseless cluster of an ideal feed, its middle at `t_s`, the target at an offset from the beam."""
+    right, up = np.tanh(1.57 * (np.zeros(2) if offset_rad is None else offset_rad) / H)
+    one = np.ones(5, dtype=complex)
+    loss_db = 0.0 if offset_rad is None else -40.0 * math.log10(2.0) * float(offset_rad @ offset_rad) / H**2
+    return MonopulseCluster(
+        t_s=t_s + 0.01 * np.arange(-2, 3), sum=one, difference_cross_elevation=right * one,
+        difference_elevation=up * one, carrier_to_noise_db_hz=60.0 + loss_db,
+    )  # fmt: skip
+
+
+def know(tracker: ClusterTracker, t_s: float, mode: str, away: np.ndarray | None = None) -> None:
+    """Status and encoder angles of one time, the beam at rest in the scan centre unless `away` from it."""
+    joints = CENTRE if away is None else CENTRE + away / np.array([math.cos(CENTRE[1] + away[1]), 1.0])
+    tracker.take_status(t_s, CENTRE, np.zeros(2), mode)
+    tracker.take_joints(JointReading(t_s=t_s, position_rad=joints, velocity_rad_s=np.zeros(2)))
+
+
+def test_a_cluster_that_still_waits_as_a_scan_ends_is_not_used_in_the_next() -> None:
+    """Stamped 0.4 s ahead of encoders and status, which the next scan then knows."""
+    tracker = ClusterTracker(MonopulseParams(), MonopulseScanParams(), "")
+    know(tracker, 1.0, "calibrate")
+    tracker.take_cluster(cluster_at(1.5))
+    assert len(tracker._waiting) == 1
+    know(tracker, 1.2, "coast")
+    assert not tracker.calibrating
+    for t_s in (1.3, 1.8):
+        know(tracker, t_s, "calibrate")
+    tracker.take_cluster(cluster_at(1.7))
+    assert len(tracker._calibrator.state.measures) == 1
+    assert tracker._waiting == []
+
+
+def test_every_cluster_is_counted_as_valid_or_not_and_every_scan_once() -> None:
+    tracker = ClusterTracker(MonopulseParams(), MonopulseScanParams(), "")
+    assert (tracker.counts, tracker.last_reason) == ({"valid": 0, "invalid": 0}, "")
+    assert (tracker.outcome.scans, tracker.outcome.refused) == (0, False)
+    for _ in range(3):
+        tracker.take_cluster(cluster_at(1.0))
+    assert (tracker.counts, tracker.last_reason) == ({"valid": 3, "invalid": 0}, "")
+    tracker.take_cluster(cluster_at(1.0, np.array([0.8, 0.0]) * H))
+    assert tracker.counts == {"valid": 3, "invalid": 1}
+    assert tracker.last_reason.startswith("error of 0.80 beamwidths")
+    # A scan that teaches nothing is one too, and leaves what was there.
+    for scans, start_s in ((1, 0.0), (2, 10.0)):
+        know(tracker, start_s, "calibrate")
+        know(tracker, start_s + 1.0, "coast")
+        assert (tracker.outcome.scans, tracker.outcome.refused) == (scans, True)
+        assert tracker.outcome.message.startswith("calibration not used: the calibration scan has 0 clusters")
+
+
+@pytest.mark.parametrize("file", ["", "feed.yaml"])
+def test_a_scan_without_noise_is_used_at_once_and_outlives_new_parameters(file: str, tmp_path: Path) -> None:
+    """The planted feed is the ideal one with a slope of 1.57; the tracker begins with one of 1.2."""
+    path = str(tmp_path / file) if file else ""
+    tracker = ClusterTracker(MonopulseParams(slope=1.2), MonopulseScanParams(), path)
+    target = np.array([2.0, -1.0]) * MDEG
+    for k in range(120):
+        away = 0.25 * H * np.array([math.cos(0.1 * k), math.sin(0.1 * k)])
+        know(tracker, 0.1 * k, "calibrate", away)
+        tracker.take_cluster(cluster_at(0.1 * k, target - away))
+    know(tracker, 12.0, "coast")
+    assert (tracker.outcome.scans, tracker.outcome.refused) == (1, False)
+    assert tracker.outcome.message == "calibrated, chi squared 0.00" + (f", kept in {path}" if path else "")
+    learned = tracker.tracker.calibration
+    np.testing.assert_allclose(learned.response_per_rad() * H / 1.57, np.eye(2), atol=1e-3)
+    np.testing.assert_allclose(learned.offset(), 0.0, atol=1e-3)
+    assert tracker.tracker.params.slope == 1.2
+    tracker.retune(MonopulseParams(slope=1.4))
+    assert tracker.tracker.calibration == learned
+    assert tracker.tracker.params.slope == 1.4

@@ -682,3 +682,76 @@ def test_an_error_beyond_the_range_that_is_believed_is_reported_but_not_valid(
     assert [error.cross_elevation_rad, error.elevation_rad] == pytest.approx([x, y], rel=1e-3)
     assert error.valid == valid
     assert error.reason == ("" if valid else "error of 0.30 beamwidths is outside 0.29 beamwidths")
+
+
+@pytest.mark.parametrize(
+    ("watts", "sigma", "refused"), [(1e-250, 1e-100, 0), (1e250, 1e100, 0), (1e200, 1e-100, 1), (1e-200, 1e100, 1)]
+)
+def test_what_must_be_a_number_is_the_square_of_sigma_over_the_power(watts: float, sigma: float, refused: int) -> None:
+    tracker = ConscanTracker(params())
+    tracker.add(power(1.0, watts, sigma), R, 0.0)
+    assert (tracker.state.rejected, len(tracker.state.window)) == (refused, 1 - refused)
+
+
+@pytest.mark.parametrize(("before", "refused"), [(2, 0), (3, 1)])
+def test_three_samples_are_enough_to_say_what_noise_is_usual(before: int, refused: int) -> None:
+    tracker = ConscanTracker(params(estimator="likelihood"))
+    for k in range(before):
+        tracker.add(power(k + 1.0, 1.0), R * math.cos(k), R * math.sin(k))
+    tracker.add(power(before + 1.0, 1.0, 1.0), R, 0.0)
+    assert (tracker.state.rejected, len(tracker.state.window)) == (refused, before + 1 - refused)
+
+
+def test_an_estimate_carries_the_mean_time_and_the_mean_level_of_its_window() -> None:
+    tracker, error = ConscanTracker(params(window_samples=5)), None
+    for k, level_db_hz in enumerate((40.0, 47.0, 41.0, 55.0, 39.0)):
+        angle = 2.0 * math.pi * k / 5
+        error = tracker.add(power(1.0 + k**2, 1.0, level_db_hz=level_db_hz), R * math.cos(angle), R * math.sin(angle))
+    assert error is not None
+    assert error.valid, error.reason
+    assert error.carrier_to_noise_db_hz == pytest.approx(44.4)
+    # Of 1, 2, 5, 10 and 17 s, less half an integration.
+    assert error.t_s == pytest.approx(7.0 - 0.5)
+    assert error.sensor == "conscan"
+
+
+@pytest.mark.parametrize(("scatter", "grows"), [(1.0, True), (0.0, False)])
+def test_a_delay_is_as_uncertain_as_its_changes_scatter_about_the_response_to_the_shifts(
+    scatter: float, grows: bool
+) -> None:
+    """Least squares of complex changes on shifts; the scatter counts by its 2 (n - 1) degrees of freedom, if above 1."""
+    period_s, sigma, rng = 7.0, 2e-6, random_stream(8, "scatter")
+    estimator = DelayEstimator(DelayParams(period_s=period_s, memory=1.0, largest_sigma_s=600.0))
+    planted = 0.9 * np.exp(2j * math.pi * 0.4 / period_s)
+    moved = 3e-5 * (rng.standard_normal(6) + 1j * rng.standard_normal(6))
+    noise = scatter * 8e-6 * (rng.standard_normal(6) + 1j * rng.standard_normal(6))
+    place, places = 1e-5 + 2e-5j, []
+    for k in range(7):
+        place += 0j if k == 0 else -planted * moved[k - 1] + noise[k - 1]
+        places.append(place)
+        shift = 0j if k == 0 else moved[k - 1]
+        error = dataclasses.replace(error_at(place.real, place.imag), covariance_rad2=np.eye(2) * sigma**2)
+        estimator.add(error, shift.real, shift.imag)
+        # From the third pair on; the first estimate begins the chain.
+        assert (estimator.estimate() is not None) is (k >= 3)
+    found, changes = estimator.estimate(), np.diff(places)
+    response = -np.vdot(moved, changes) / np.vdot(moved, moved).real
+    excess = np.sum(np.abs(changes + response * moved) ** 2) / (2.0 * sigma**2) / (2.0 * 5.0)
+    assert bool(excess > 3.0) is grows
+    known = math.sqrt(2.0 * sigma**2 / np.vdot(moved, moved).real) / abs(response) * math.sqrt(max(excess, 1.0))
+    assert found is not None
+    assert found.delay_s == pytest.approx(np.angle(response) * period_s / (2.0 * math.pi), rel=1e-6)
+    assert found.gain == pytest.approx(abs(response), rel=1e-6)
+    assert found.sigma_s == pytest.approx(known * period_s / (2.0 * math.pi), rel=1e-6)
+    assert scatter or (found.delay_s, found.gain) == pytest.approx((0.4, 0.9), rel=1e-6)
+
+
+def test_a_broken_chain_begins_again_and_keeps_what_it_has_learned() -> None:
+    estimator = DelayEstimator(DelayParams(memory=0.5))
+    shift, places = 1e-5, (0.0, -1e-5, None, 7e-5, 6e-5)
+    for place in places:
+        estimator.add(error_at(place or 0.0, 0.0, valid=place is not None), shift, 0.0)
+    # Two pairs: one before the break, that counts half, and one after.
+    assert estimator.state.pairs == 1.5
+    assert estimator.state.sums.weight == pytest.approx(1.5 * shift**2 / 2e-12)
+    assert estimator.state.sums.product == pytest.approx(1.5 * shift**2 / 2e-12)

@@ -153,3 +153,56 @@ def test_a_scan_has_at_least_four_samples_and_as_many_as_its_shortest_turn() -> 
     assert design_scan(KA, 90.0, 10.0 * MDEG).samples == 4
     assert design_scan(KA.replace(integration_s=0.1), 90.0, 10.0 * MDEG).samples == 40
     assert design_scan(KA.replace(integration_s=2.0), 90.0, 10.0 * MDEG).samples == 4
+
+
+@pytest.mark.parametrize("samples", [5, 6, 7, 11, 23, 37, 50, 63, 64])
+def test_an_accuracy_that_so_many_samples_just_reach_needs_no_more_of_them(samples: int) -> None:
+    """Whatever the last bits of its sigma are."""
+    radius = radius_for_loss_rad(17.0 * MDEG, 0.1)
+    wanted = conscan_sigma_eq25_rad(17.0 * MDEG, radius, samples, 33.0)
+    for last_bits in (1.0 - 4e-16, 1.0, 1.0 + 4e-16):
+        design = design_scan(KA, 33.0, wanted * last_bits)
+        assert (design.samples, design.radius_rad) == (samples, radius)
+    assert design_scan(KA, 33.0, 1.00001 * wanted).samples == samples
+    if samples < 64:
+        assert design_scan(KA, 33.0, 0.99999 * wanted).samples == samples + 1
+
+
+@pytest.mark.parametrize(
+    ("shortest_s", "longest_s", "integration_s", "fewest", "most"),
+    [(1.1, 2.3, 0.1, 11, 23), (0.6, 0.7, 0.1, 6, 7), (1.05, 2.25, 0.1, 11, 22), (0.3, 0.3, 0.1, 4, 4)],
+)
+def test_the_bounds_of_the_period_are_whole_samples_within_it_whatever_their_last_bits(
+    shortest_s: float, longest_s: float, integration_s: float, fewest: int, most: int
+) -> None:
+    """1.1 / 0.1 is above 11, 2.3 / 0.1 below 23; four samples are the least of any scan."""
+    bounds = KA.replace(shortest_period_s=shortest_s, longest_period_s=longest_s, integration_s=integration_s)
+    assert design_scan(bounds, 60.0, 10.0 * MDEG).samples == fewest
+    best = conscan_sigma_eq25_rad(17.0 * MDEG, radius_for_loss_rad(17.0 * MDEG, 1.0), most, 40.0, integration_s)
+    assert design_scan(bounds, 40.0, 1.0001 * best).samples == most
+    with pytest.raises(ValueError, match="wanted_sigma_rad"):
+        design_scan(bounds, 40.0, 0.9999 * best)
+
+
+def test_a_radius_is_the_smallest_that_reaches_the_accuracy() -> None:
+    """Between the preferred and the largest loss: the sigma falls with the radius there."""
+    for loss_db in (0.11, 0.3, 0.7, 0.99):
+        radius = 17.0 * MDEG * math.sqrt(loss_db * math.log(10.0) / (10.0 * MU))
+        wanted = conscan_sigma_eq25_rad(17.0 * MDEG, radius, 64, 24.0)
+        design = design_scan(KA, 24.0, wanted)
+        assert design.radius_rad == pytest.approx(radius, rel=1e-9)
+        assert design.loss_db == pytest.approx(loss_db, rel=1e-9)
+        assert (design.samples, design.period_s) == (64, 64.0)
+
+
+def test_a_scan_for_an_accuracy_scales_the_fewest_samples_and_the_loop_with_its_window() -> None:
+    scan = scan_for_accuracy(STATION.replace(drift=False, fewest_samples=30), KA, 26.0, 0.5 * MDEG)
+    longer = scan.window_samples / 80
+    assert longer > 1.5
+    assert scan.fewest_samples == round(30 * longer)
+    assert scan.bandwidth_hz == pytest.approx(0.1 / longer)
+    assert scan.period_s == pytest.approx(4.0 * longer)
+    # However short the window becomes, four samples stay.
+    short = STATION.replace(drift=False, sample_s=1.0, window_samples=8, fewest_samples=4, period_s=8.0)
+    shortest = scan_for_accuracy(short, KA, 70.0, 1.0 * MDEG)
+    assert (shortest.window_samples, shortest.fewest_samples, shortest.period_s) == (4, 4, 4.0)
