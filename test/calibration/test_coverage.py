@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.calibration.coverage import Coverage, SectorRule, _spread_rank, select_by_sector
+from rf_pointing.calibration.coverage import Coverage, SectorRule, _spread_rank, on_the_sky, select_by_sector
 
 RULE = SectorRule()
 
@@ -117,3 +117,9 @@ def test_bands_of_no_height_are_refused(edges_rad):
         SectorRule(elevation_edges_rad=edges_rad)
     assert SectorRule(fewest=30, most=30).fewest == 30
     assert SectorRule(azimuth_sectors=7, elevation_edges_rad=(0.2, 0.5, 0.9)).count == 14
+
+
+def test_beyond_the_zenith_a_direction_is_that_on_the_other_side():
+    azimuth, elevation = on_the_sky(np.array([1.0, 1.0, -2.0]), np.array([1.5, 1.6, 3.0]))
+    np.testing.assert_allclose(azimuth, [1.0, 1.0 + np.pi, -2.0 + np.pi])
+    np.testing.assert_allclose(elevation, [1.5, np.pi - 1.6, np.pi - 3.0])

@@ -193,6 +193,7 @@ def test_the_sizes_found_are_those_that_a_fit_with_them_shows(campaign, planted,
     data = shifted(campaign(planted, passes=PASSES), random.normal(size=(PASSES, 3)) * [300.0, 120.0, 200.0])
     sizes = measured_pass_priors(lambda priors: fit_with(data, priors), start)
     assert sizes.names == start.names
+    assert sizes.clock_s == start.clock_s
     fit = fit_with(data, sizes)
     values, sigma = (
         np.array([[getattr(one, kind)[name] for name in sizes.names] for one in fit.pass_errors])

@@ -1,5 +1,6 @@
 """Data that cannot be observations are refused by row and name, as are rates that are not those of the angles."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -218,6 +219,88 @@ def test_a_rate_is_judged_by_ten_neighbours_of_which_most_must_be_wrong(rows, ga
     )  # fmt: skip
     if refused:
         with pytest.raises(ValueError, match="elevation_rate_deg_s is not the change of true_elevation_deg"):
+            require_derivatives(data)
+    else:
+        require_derivatives(data)
+
+
+def test_a_north_is_suspected_where_all_azimuths_are_off_alike_and_only_there(campaign, table_1):
+    """By more than a fifth of a radian on the sky; one row that is off is no other north."""
+    data = campaign(table_1, passes=2)
+    shift = 0.3 / np.min(np.cos(data.true_elevation_rad))
+    with pytest.raises(
+        ValueError, match=r"must be <= 0\.2: all azimuths are \+.* deg off: counted from magnetic north"
+    ):
+        replace(data, observed_azimuth_rad=data.observed_azimuth_rad + shift)
+    one = np.where(np.arange(len(data)) == 4, shift, 0.0)
+    with pytest.raises(ValueError, match=r"must be <= 0\.2; swapped columns"):
+        replace(data, observed_azimuth_rad=data.observed_azimuth_rad + one)
+    scattered = shift + np.radians(3.0) * np.where(np.arange(len(data)) % 2, 1.0, -1.0)
+    with pytest.raises(ValueError, match=r"must be <= 0\.2; swapped columns"):
+        replace(data, observed_azimuth_rad=data.observed_azimuth_rad + scattered)
+
+
+@pytest.mark.parametrize("turns", [-1.0, 1.0])
+def test_an_azimuth_residual_is_folded_into_half_a_turn_either_way(campaign, table_1, turns):
+    data = campaign(table_1, passes=1)
+    folded = np.mod(data.true_azimuth_rad + np.pi, 2.0 * np.pi) - np.pi
+    seen = data.observed_azimuth_rad - data.true_azimuth_rad + folded
+    turned = replace(data, true_azimuth_rad=folded, observed_azimuth_rad=seen + 2.0 * np.pi * turns)
+    np.testing.assert_allclose(turned.residual_azimuth_rad, data.residual_azimuth_rad, atol=1e-12)
+
+
+def test_a_time_that_is_wrong_is_told_with_the_rows_of_its_own_pass(campaign, table_1):
+    """Of two passes whose rows alternate."""
+    data = campaign(table_1, passes=2)
+    count = int(np.min(np.bincount(data.pass_id)))
+    rows = np.stack([np.flatnonzero(data.pass_id == number)[:count] for number in (0, 1)], axis=1).ravel()
+    data = data.select(rows)
+    times = data.t_s.copy()
+    times[9] = times[7]
+    with pytest.raises(ValueError, match=r"t_s\[9\]=\S+ repeats t_s\[7\]=\S+ of pass 1; times must increase"):
+        replace(data, t_s=times)
+    times[9] = times[7] - 3.0
+    with pytest.raises(ValueError, match=r"t_s\[9\]=\S+ is earlier than t_s\[7\]=\S+ of pass 1;"):
+        replace(data, t_s=times)
+
+
+def test_a_rate_that_is_wrong_is_told_with_its_rows_in_the_units_of_the_file(campaign, table_1):
+    data = campaign(table_1, passes=2)
+    wrong = replace(data, elevation_rate_rad_s=-data.elevation_rate_rad_s)
+    with pytest.raises(ValueError, match="elevation_rate_deg_s is not the change") as refused:
+        require_derivatives(wrong)
+    row, then, step, angle, later, rate, after = re.search(
+        r"rows (\d+) and (\d+), (\S+) s apart, have true_elevation_deg (\S+), (\S+) and elevation_rate_deg_s (\S+), (\S+) \(",
+        str(refused.value),
+    ).groups()
+    places = [int(row), int(then)]
+    assert float(step) == pytest.approx(np.diff(data.t_s[places])[0], rel=1e-5)
+    assert [float(angle), float(later)] == pytest.approx(np.degrees(data.true_elevation_rad[places]), rel=1e-5)
+    assert [float(rate), float(after)] == pytest.approx(np.degrees(wrong.elevation_rate_rad_s[places]), rel=1e-5)
+
+
+@pytest.mark.parametrize("missing", ["range_m", "range_rate_m_s"])
+def test_ranges_without_their_rates_are_not_judged(campaign, table_1, missing):
+    data = campaign(table_1, passes=2)
+    require_derivatives(replace(data, **{missing: None}))
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "rate_deg_s", "refused"), [(0.0019, 0.0021, True), (0.0021, 0.0019, True), (0.0019, 0.0019, False)]
+)
+def test_changes_below_two_hundredths_of_a_degree_are_not_judged(angle_deg, rate_deg_s, refused):
+    """In 10 s, by the angles or by the rates, of other sign."""
+    rows = 20
+    none, one = np.zeros(rows), np.full(rows, 1e-4)
+    angle = 0.5 + np.radians(angle_deg) * 10.0 * np.arange(rows)
+    data = Observations(
+        station="gs1", band="S", t_s=1e9 + 10.0 * np.arange(rows), pass_id=np.zeros(rows, dtype=int),
+        observed_azimuth_rad=none, observed_elevation_rad=angle, true_azimuth_rad=none, true_elevation_rad=angle,
+        azimuth_rate_rad_s=none, elevation_rate_rad_s=np.full(rows, -np.radians(rate_deg_s)),
+        azimuth_acceleration_rad_s2=none, elevation_acceleration_rad_s2=none, sigma_azimuth_rad=one, sigma_elevation_rad=one,
+    )  # fmt: skip
+    if refused:
+        with pytest.raises(ValueError, match="elevation_rate_deg_s is not the change"):
             require_derivatives(data)
     else:
         require_derivatives(data)

@@ -182,3 +182,39 @@ def test_a_wrong_time_among_five_samples_is_found(track, count, found):
     times[-1] += 50.0
     _, report = validate(replace(raw, t_s=times), track(5.0))
     assert report.dropped["time jump"] == found
+
+
+@pytest.mark.parametrize(("count", "refused"), [(1, False), (2, True)])
+def test_two_samples_tell_of_another_unit_and_one_does_not(track, count, refused):
+    reference = track(5.0)
+    raw = raw_of(reference, count=3, start_s=300.0)
+    degrees = replace(raw, azimuth_rad=np.degrees(raw.azimuth_rad), elevation_rad=np.degrees(raw.elevation_rad))
+    times = np.where(np.arange(3) < count, raw.t_s, np.nan)
+    if refused:
+        with pytest.raises(ValueError, match="too large: degrees"):
+            require_unit(replace(degrees, t_s=times), reference)
+    else:
+        require_unit(replace(degrees, t_s=times), reference)
+
+
+def test_samples_that_are_not_finite_outside_the_orbit_or_repeated_say_nothing_of_the_unit(track):
+    """Most of these are wrong by far, and none of those that count."""
+    reference = track(5.0)
+    raw = raw_of(reference, count=9, start_s=300.0)
+    times, azimuth, elevation = raw.t_s.copy(), raw.azimuth_rad.copy(), raw.elevation_rad.copy()
+    azimuth[3:], elevation[3:] = np.degrees(azimuth[3:]), np.degrees(elevation[3:])
+    times[3:5], azimuth[5], elevation[6] = (np.inf, -np.inf), np.nan, np.nan
+    times[7], times[8] = reference.t_s[-1] + 100.0, times[2]
+    require_unit(replace(raw, t_s=times, azimuth_rad=azimuth, elevation_rad=elevation), reference)
+
+
+def test_azimuths_in_another_unit_are_compared_across_the_sky(track):
+    """An azimuth that is off by 30 deg near the zenith is not far off; one turn is none."""
+    reference = track(1.0, miss_m=60e3)
+    high = reference.elevation_rad > np.radians(83.0)
+    rows = reference.at(reference.t_s[high])
+    raw = RawTracking(
+        station="gs1", band="S", target="bird", t_s=rows.t_s, azimuth_rad=rows.azimuth_rad + 0.5 + 2.0 * PI,
+        elevation_rad=rows.elevation_rad, range_m=None, range_rate_m_s=None, good=np.ones(len(rows.t_s), dtype=bool),
+    )  # fmt: skip
+    require_unit(raw, reference)
