@@ -261,12 +261,10 @@ def test_dropouts_are_counted_from_the_first_reception_and_fall_within_their_tim
     """The satellite rises 5 s after the receiver has begun; no carrier is 0 dB-Hz."""
     few = DropoutParams(count=3, shortest_s=0.5, longest_s=1.0, gap_s=0.5)
     params = PARAMS.replace(dropouts=few, dropouts_after_s=4.0, dropouts_within_s=8.0)
-    horizon_s = next(
-        t_s for t_s in np.arange(math.floor(window.aos_t_s) - 200.0, window.aos_t_s, 0.1)
-        if track.target_at(float(t_s)).elevation_rad > 0.0
-    )  # fmt: skip
+    times = np.arange(math.floor(window.aos_t_s) - 200.0, window.aos_t_s, 0.1)
+    horizon_s = float(times[np.argmax(track.sample(times).elevation_rad > 0.0)])
     start_s = math.floor(horizon_s) - 5.0
-    first = levels_of(params, track, start_s, 30.0)
+    first = levels_of(params, track, start_s, 18.0)
     seconds, lost = first[:, 0] - (horizon_s - start_s), first[:, 1] == 0.0
     assert lost[seconds < -0.1].all()
     assert not lost[(seconds > 0.1) & (seconds < 3.9)].any()
@@ -274,11 +272,10 @@ def test_dropouts_are_counted_from_the_first_reception_and_fall_within_their_tim
     gaps = np.flatnonzero(np.diff(lost[seconds > 0.1].astype(int)) == 1)
     assert len(gaps) == 3
     assert 1.4 < 0.1 * np.sum(lost[seconds > 0.1]) < 3.1
-    np.testing.assert_array_equal(levels_of(params, track, start_s, 30.0), first)
     # Another seed has others; none are none.
-    other = levels_of(params.replace(seed=2), track, start_s, 30.0)
+    other = levels_of(params.replace(seed=2), track, start_s, 18.0)
     assert not np.array_equal(other[:, 1] == 0.0, lost)
-    none = levels_of(params.replace(dropouts=few.replace(count=0)), track, start_s, 30.0)
+    none = levels_of(params.replace(dropouts=few.replace(count=0)), track, start_s, 18.0)
     assert not (none[:, 1] == 0.0)[seconds > 0.1].any()
 
 

@@ -320,6 +320,10 @@ def test_the_error_of_the_sensor_in_use_is_shown_and_no_other(rig: MakeRig, wind
             assert status.carrier_to_noise_db_hz == 60.0
     assert shown["monopulse"] == (1e-5, -2e-5)
     assert shown["program_track"] == pytest.approx((0.0, 0.0), abs=1e-8)
+    # What the loop has learned of it, as a pair.
+    assert status.cross_elevation_offset_rad > 1e-7
+    np.testing.assert_array_equal(status.offset_rad, [status.cross_elevation_offset_rad, status.elevation_offset_rad])
+    assert status.elevation_offset_rad < -1e-7
     # One that is not valid is not shown, its level is.
     weak = measured(t_s, valid=False, reason="weak", carrier_to_noise_db_hz=59.0)
     _, status = made.period(round(t_s + 0.1, 6), [weak])
