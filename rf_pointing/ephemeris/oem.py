@@ -23,7 +23,7 @@ from rf_pointing.core import require_choice
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.core.dates import DAY_S, from_utc_text, to_utc_text, utc_text
 from rf_pointing.core.kvn import key_and_value
-from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs, tt_parts
+from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, rotated, seen_from_rotating_axes
@@ -44,6 +44,7 @@ _SCALES = ("UTC", "TAI", "TT", "GPS", "TDB")
 _REQUIRED = ("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME")
 _CELESTIAL = ("GCRF", "ICRF", "EME2000", "J2000")
 _TEME = "TEME"
+_J2000 = erfa.DJ00, 0.0
 # The controller's differences reach a little beyond the time that is wanted.
 EDGE_S = 1.0
 _MAX_DEGREE = 15
@@ -310,8 +311,8 @@ class OemTarget:
                 joined[-1][1] = max(joined[-1][1], last)
             else:
                 joined.append([first, last])
-        inside = [(first + EDGE_S, last - EDGE_S) for first, last in joined if last - first > 2.0 * EDGE_S]
-        return tuple((utc_from_tai_s(first), utc_from_tai_s(last)) for first, last in inside)
+        inside = [(first + EDGE_S, last - EDGE_S) for first, last in joined]
+        return tuple((utc_from_tai_s(first), utc_from_tai_s(last)) for first, last in inside if first < last)
 
     def motion_at(self, t_s: Any, ahead_s: float = 0.0) -> StateVector:
         """Return the inertial motion [m] in Earth-fixed axes; ValueError outside its spans."""
@@ -402,7 +403,7 @@ def _window_size(segment: OemSegment, fallback: tuple[str, int] | None) -> tuple
 @lru_cache(maxsize=1)
 def _gcrs_from_j2000() -> tuple[Vector, Vector, Vector]:
     """Rows of the frame bias, transposed: 23 mas between the mean equator of J2000 and the GCRS."""
-    bias, _, _ = erfa.bp06(*tt_parts(946728000.0 - 64.184))
+    bias, _, _ = erfa.bp06(*_J2000)
     first, second, third = bias.T.tolist()
     return tuple(first), tuple(second), tuple(third)
 

@@ -120,13 +120,14 @@ def orientation_sigma_rad(track: TopocentricTrack, t_s: float) -> float:
     """
     orientation = track.target.orientation
     ut1_s, pole_rad = (0.0, 0.0) if orientation is None else orientation.sigmas_at(t_s)
-    x, y, z = track.target.motion_at(t_s, track.along_track_offset_s).position
+    position = track.target.motion_at(t_s, track.along_track_offset_s).position
     rate = track.target.rotation_rate_rad_s
-    # What an error of the Earth's angle, or of either coordinate of the pole, does to the target.
-    shifts = ((ut1_s * rate, (y, -x, 0.0)), (pole_rad, (z, 0.0, -x)), (pole_rad, (0.0, -z, y)))
+    # An error of the Earth's angle, or of either coordinate of the pole, turns the target.
+    turns = ((ut1_s * rate, (0.0, 0.0, 1.0)), (pole_rad, (0.0, 1.0, 0.0)), (pole_rad, (1.0, 0.0, 0.0)))
     seen, _, _ = track.relative_motion_at(t_s)
     squares = 0.0
-    for sigma, shift in shifts:
+    for sigma, turned_about in turns:
+        shift = cross(position, turned_about)
         moved = tuple(dot(axis, shift) for axis in track.site.axes)
         squares += sigma**2 * sum(dot(axis, moved) ** 2 for axis in _sky_axes(seen))
     return math.sqrt(squares) / float(norm(seen.position))

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -20,7 +21,8 @@ from rf_pointing.ephemeris import (
     site,
     verification_elements,
 )
-from rf_pointing.ephemeris.catalogue import _LADDER_S, _chunks
+from rf_pointing.ephemeris.catalogue import _LADDER_S, _chunks, _seen
+from rf_pointing.ephemeris.state_vector import StateVector
 
 START_T_S = 1151347200.0
 DAY_S = 86400.0
@@ -148,10 +150,67 @@ def test_the_sky_is_that_of_the_single_search_and_what_it_cannot_know_points_dow
     assert np.count_nonzero(known) > 3
 
 
-@pytest.mark.parametrize("elevation_rad", [-0.011, 1.6])
+@pytest.mark.parametrize("elevation_rad", [-0.0101, 1.571])
 def test_an_elevation_that_no_pass_is_sought_above_is_refused(elevation_rad: float, goldstone: Site) -> None:
     with pytest.raises(ValueError, match="min_elevation_rad="):
         find_catalogue_passes([], goldstone, START_T_S, DAY_S, elevation_rad)
+    for taken_rad in (-0.01, 0.5 * math.pi):
+        assert find_catalogue_passes([], goldstone, START_T_S, DAY_S, taken_rad).passes == ()
+
+
+def test_a_horizon_may_lie_eleven_degrees_below_the_level_and_no_more(goldstone: Site) -> None:
+    """A little less than the lowest point is searched, so that every crossing is found."""
+
+    def dip(lowest_rad: float) -> Callable[[np.ndarray], np.ndarray]:
+        return lambda azimuth_rad: np.where(np.abs(azimuth_rad - 2.0) < 0.1, lowest_rad, 0.1)
+
+    assert find_catalogue_passes([], goldstone, START_T_S, DAY_S, dip(-0.1989)).passes == ()
+    with pytest.raises(ValueError, match=r"min_elevation_rad=-0\.2\d* must be >= -0\.2$"):
+        find_catalogue_passes([], goldstone, START_T_S, DAY_S, dip(-0.1992))
+    with pytest.raises(ValueError, match="min_elevation_rad="):
+        find_catalogue_passes([], goldstone, START_T_S, DAY_S, lambda azimuth_rad: 0.0 * azimuth_rad + 1.5728)
+
+
+@pytest.mark.parametrize(
+    ("duration_s", "words"), [(59.9, "must be >= 60.0$"), (31.001 * DAY_S, f"must be <= {31.0 * DAY_S}$")]
+)
+def test_a_search_lasts_a_minute_to_a_month(duration_s: float, words: str, goldstone: Site) -> None:
+    with pytest.raises(ValueError, match=words):
+        find_catalogue_passes([], goldstone, START_T_S, duration_s, MASK_RAD)
+    for taken_s in (60.0, 31.0 * DAY_S):
+        assert find_catalogue_passes([], goldstone, START_T_S, taken_s, MASK_RAD).passes == ()
+
+
+@pytest.mark.parametrize(
+    ("days", "broken"), [(-2.9999, True), (-3.0001, False), (0.0, True), (1.9999, True), (2.0001, False)]
+)
+def test_a_search_of_a_day_keeps_two_days_from_a_leap_second(days: float, broken: bool, goldstone: Site) -> None:
+    start_s = from_utc_text("2006-01-01T00:00:00") + days * DAY_S
+    if broken:
+        with pytest.raises(ValueError, match="a leap second lies within 2 days"):
+            find_catalogue_passes([], goldstone, start_s, DAY_S, MASK_RAD)
+    else:
+        assert find_catalogue_passes([], goldstone, start_s, DAY_S, MASK_RAD).passes == ()
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_an_image_is_where_the_light_left_or_will_arrive(sense: float, random: np.random.Generator) -> None:
+    """The light-time equation solved by iteration; both ends move straight on meanwhile, the antenna with the Earth."""
+    place = site("Canberra DSS-43")
+    antenna, turning = np.array(place.position_m), np.array([0.0, 0.0, 7.2921158553e-5])
+    position = antenna + 1e6 * random.standard_normal((3, 4, 3))
+    velocity = 5e3 * random.standard_normal((3, 4, 3))
+    none = (0.0, 0.0, 0.0)
+    orbit = StateVector(tuple(np.moveaxis(position, -1, 0)), tuple(np.moveaxis(velocity, -1, 0)), none, none)
+    relative, moving = position - antenna, velocity - np.cross(turning, antenna)
+    tau_s = np.zeros((3, 4, 1))
+    for _ in range(8):
+        image = relative - sense * tau_s * moving
+        tau_s = np.linalg.norm(image, axis=-1, keepdims=True) / 299792458.0
+    # The second order in the light time is a few micrometres here, the first some 30 m.
+    np.testing.assert_allclose(_seen(orbit, place, sense), image, rtol=0.0, atol=2e-5)
+    assert 5.0 < np.max(np.abs(image - relative)) < 1000.0
+    np.testing.assert_array_equal(_seen(orbit, place, 0.0), relative)
 
 
 def test_a_pass_under_way_is_cut_off_at_the_start_and_the_end(cbers: Elements, goldstone: Site) -> None:

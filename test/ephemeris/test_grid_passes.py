@@ -165,3 +165,70 @@ def test_straight_flights_overhead_are_found_above_any_mask_however_far_the_grid
     np.testing.assert_allclose(found.aos_s[order], (peak_s - halves)[seen], atol=0.01)
     np.testing.assert_allclose(found.los_s[order], (peak_s + halves)[seen], atol=0.01)
     assert not np.any(found.rises_before | found.sets_after)
+
+
+@pytest.mark.parametrize("dip_s", [MIDDLE_S - 360.0, MIDDLE_S, MIDDLE_S + 420.0])
+def test_a_stay_that_is_on_throughout_is_cut_by_a_dip_between_two_grid_points(dip_s: float) -> None:
+    """No grid point is below the mask: one part goes on from before the search, the other beyond it."""
+    whole = of_sine(lambda x: SINE_MASK + 2e-7 * ((x - dip_s) ** 2 - DIP_S**2))
+    found = passes_on_grid(whole, np.array([True]), END_S, SINE_MASK)
+    order = np.argsort(found.aos_s)
+    assert found.aos_s[order] == pytest.approx([0.0, dip_s + DIP_S], abs=0.01)
+    assert found.los_s[order] == pytest.approx([dip_s - DIP_S, END_S], abs=0.01)
+    assert found.tca_s[order] == pytest.approx([0.0, END_S], abs=0.01)
+    assert found.rises_before[order].tolist() == [True, False]
+    assert found.sets_after[order].tolist() == [False, True]
+
+
+def test_three_stays_between_two_dips_and_another_object_are_kept_apart() -> None:
+    """The dips of one object cut nothing of the other, which is up throughout."""
+    x = STEP_S * np.arange(-MARGIN, COUNT + MARGIN + 1)
+    first, second = MIDDLE_S - 300.0, MIDDLE_S + 300.0
+    dipping = SINE_MASK + 5e-13 * ((x - first) ** 2 - DIP_S**2) * ((x - second) ** 2 - DIP_S**2)
+    sines = np.array([np.full_like(x, 0.5) - 1e-8 * (x - 700.0) ** 2, dipping])
+    enu = RANGE_M * np.stack([np.zeros_like(sines), np.sqrt(1.0 - sines**2), sines], axis=-1)
+    found = passes_on_grid(SampledSky(enu, 0.0, STEP_S), np.array([True, True]), END_S, SINE_MASK)
+    order = np.lexsort((found.aos_s, found.row))
+    assert found.row[order].tolist() == [0, 1, 1, 1]
+    wanted_aos = [0.0, 0.0, first + DIP_S, second + DIP_S]
+    wanted_los = [END_S, first - DIP_S, second - DIP_S, END_S]
+    np.testing.assert_allclose(found.aos_s[order], wanted_aos, atol=0.05)
+    np.testing.assert_allclose(found.los_s[order], wanted_los, atol=0.05)
+    assert found.rises_before[order].tolist() == [True, True, False, False]
+    assert found.sets_after[order].tolist() == [True, False, False, True]
+    # The one in the middle is highest where the curve of the fourth order has its maximum.
+    assert found.tca_s[order][[0, 2]] == pytest.approx([700.0, MIDDLE_S], abs=0.1)
+
+
+def test_times_and_columns_of_a_sky_that_does_not_begin_at_zero() -> None:
+    sampled = SampledSky(np.ones((1, COUNT + 2 * MARGIN + 1, 3)), 500.0, 7.0)
+    columns = np.arange(COUNT + 2 * MARGIN + 1)
+    np.testing.assert_allclose(sampled.time_s(columns), 500.0 + 7.0 * (columns - MARGIN))
+    assert sampled.time_s(np.array([MARGIN]))[0] == 500.0
+    times = np.array([500.0, 506.9, 507.1, 500.0 + 7.0 * COUNT, 499.9, 300.0, 900.0])
+    # What is outside is taken from the outermost column that ten nodes surround.
+    wanted = [MARGIN, MARGIN, MARGIN + 1, MARGIN + COUNT, MARGIN - 1, MARGIN - 1, MARGIN + COUNT]
+    assert sampled.column(times).tolist() == wanted
+
+
+def test_the_sine_of_the_elevation_is_the_height_over_the_distance() -> None:
+    enu = np.array([[[3.0, 4.0, 12.0], [-1.0, 2.0, -2.0]]])
+    np.testing.assert_allclose(SampledSky(enu, 0.0, 1.0).sines, [[12.0 / 13.0, -2.0 / 3.0]])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("width_s", [50.0, 1.0, 0.1])
+def test_an_interval_is_narrowed_around_what_is_sought_and_no_further_than_asked(sign: float, width_s: float) -> None:
+    """Of one object the interval is 400 s wide, of another 100 s: the golden section shortens both alike."""
+    turn_s = np.array([613.0, 820.0])
+    x = STEP_S * np.arange(-MARGIN, COUNT + MARGIN + 1)
+    sines = 0.3 - sign * 1e-7 * (x - turn_s[:, None]) ** 2
+    enu = RANGE_M * np.stack([np.zeros_like(sines), np.sqrt(1.0 - sines**2), sines], axis=-1)
+    sampled, rows = SampledSky(enu, 0.0, STEP_S), np.array([0, 1])
+    low_s, high_s = np.array([500.0, 790.0]), np.array([900.0, 890.0])
+    a, b = sampled.narrowed(rows, low_s, high_s, sign, width_s)
+    assert np.all((a <= turn_s) & (turn_s <= b))
+    assert width_s / 1.62 < b[0] - a[0] <= width_s * (1.0 + 1e-9)
+    assert (b - a)[1] == pytest.approx(0.25 * (b - a)[0], rel=1e-6)
+    found = sampled.turning_times(rows, low_s, high_s, sign)
+    assert found == pytest.approx(turn_s, abs=0.01)

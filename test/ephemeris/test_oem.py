@@ -25,6 +25,7 @@ from rf_pointing.ephemeris import (
     read_oem,
     sun,
 )
+from rf_pointing.ephemeris.oem import tai_from_text
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from test.ephemeris.conftest import AssumedOrientation
 from test.ephemeris.oem_text import START_T_S, STEP_S, TIMES, teme_states, text_of
@@ -58,6 +59,19 @@ def test_a_cubic_motion_comes_back_with_all_its_derivatives(method: str, degree:
     np.testing.assert_allclose(np.transpose(motion.position), wanted, rtol=0.0, atol=1e-3)
     inertial = wanted_velocity + np.cross(turning, wanted)
     np.testing.assert_allclose(np.transpose(motion.velocity), inertial, rtol=0.0, atol=1e-3)
+    # Z = z exp(i w t): its n-th derivative at the time itself is (D + i w)^n z.
+    w = target.rotation_rate_rad_s
+    u = (INSIDE - START_T_S)[:, None] / 400.0
+    second = (2.0 * np.array([-90.0, 35.0, 8.0]) + 6.0 * u * np.array([3.0, -4.0, 5.0])) * 1e3 / 400.0**2
+    third = np.broadcast_to(6.0 * np.array([3.0, -4.0, 5.0]) * 1e3 / 400.0**3, second.shape)
+    z, z1, z2, z3 = (part[:, 0] + 1j * part[:, 1] for part in (wanted, wanted_velocity, second, third))
+    acceleration = z2 + 2j * w * z1 - w**2 * z
+    jerk = z3 + 3j * w * z2 - 3.0 * w**2 * z1 - 1j * w**3 * z
+    for found, turned, up, tolerance in (
+        (motion.acceleration, acceleration, second[:, 2], 1e-6), (motion.jerk, jerk, third[:, 2], 1e-7),
+    ):  # fmt: skip
+        np.testing.assert_allclose(found[0] + 1j * found[1], turned, rtol=0.0, atol=tolerance)
+        np.testing.assert_allclose(found[2], up, rtol=0.0, atol=tolerance)
 
 
 def test_linear_interpolation_is_the_chord() -> None:
@@ -460,3 +474,139 @@ def test_segments_are_of_one_object_and_at_least_one(cbers: Elements) -> None:
         OemTarget([*one, *read_oem(text_of(states, OBJECT_ID="2003-049B"))])
     with pytest.raises(ValueError, match="in all segments"):
         OemTarget([*one, *read_oem(text_of(states, REF_FRAME="GCRF"))])
+
+
+def test_barycentric_time_runs_ahead_and_behind_by_the_sine_of_the_earths_anomaly() -> None:
+    """TDB - TT = 1.657 ms sin(628.3076 T + 6.2401) (Fairhead and Bretagnon 1990), to 30 microseconds."""
+    for text in ("2006-04-04T12:00:00", "2006-10-03T18:00:00"):
+        written_s = from_utc_text(text)
+        centuries = (written_s - 946728000.0) / (36525.0 * 86400.0)
+        ahead_s = 1.657e-3 * math.sin(628.3076 * centuries + 6.2401)
+        assert abs(ahead_s) > 1.6e-3
+        assert tai_from_text(text, "TDB") - (written_s - 32.184 - ahead_s) == pytest.approx(0.0, abs=3e-5)
+
+
+@pytest.mark.parametrize(
+    ("scale", "tai_s"), [("UTC", 33.0), ("TAI", 0.0), ("GPS", 19.0), ("TT", -32.184)], ids=lambda value: str(value)
+)
+def test_a_date_of_each_scale_is_its_offset_from_tai(scale: str, tai_s: float) -> None:
+    text = "2006-06-27T05:00:20.25"
+    assert tai_from_text(text, scale) - from_utc_text(text) == pytest.approx(tai_s, abs=1e-6)
+
+
+@pytest.mark.parametrize(("kilometres", "taken"), [(5739.0, False), (5742.0, True), (2.999e6, True), (3.001e6, False)])
+def test_states_lie_between_a_tenth_within_the_earth_and_three_million_kilometres(
+    kilometres: float, taken: bool
+) -> None:
+    text = text_of(
+        [np.array([0.0, -kilometres, 0.0, 0.0, 0.0, 1.0])] * 15, REF_FRAME="GCRF", INTERPOLATION="LINEAR",
+        INTERPOLATION_DEGREE="1",
+    )  # fmt: skip
+    if taken:
+        assert read_oem(text)[0].position_m[0].tolist() == [0.0, -1e3 * kilometres, 0.0]
+    else:
+        with pytest.raises(ValueError, match=r"line 15: distance .* must be in \[5740, 3000000\] km"):
+            read_oem(text)
+
+
+def test_below_the_surface_the_speed_of_escape_is_that_of_the_surface() -> None:
+    """Of a state 500 km down, which the bounds of the distance still take."""
+    escape_km_s = math.sqrt(2.0 * 398600.4418 / 6378.137)
+    for factor, taken in ((2.99, True), (3.06, False)):
+        state = np.array([5878.0, 0.0, 0.0, 0.0, factor * escape_km_s, 0.0])
+        text = text_of([state] * 15, REF_FRAME="GCRF", INTERPOLATION="LINEAR", INTERPOLATION_DEGREE="1")
+        if taken:
+            read_oem(text)
+        else:
+            with pytest.raises(ValueError, match="line 15: speed"):
+                read_oem(text)
+
+
+def test_the_distance_is_that_of_the_position_alone() -> None:
+    """40 m below the least: 30 km/s beside it would make up for them if it counted."""
+    state = np.array([0.0, 0.0, 5740.28, 30.0, 0.0, 0.0])
+    text = text_of([state] * 15, REF_FRAME="GCRF", INTERPOLATION="LINEAR", INTERPOLATION_DEGREE="1")
+    with pytest.raises(ValueError, match=r"line 15: distance 5740\.28 km"):
+        read_oem(text)
+
+
+def test_accelerations_behind_a_state_are_allowed_and_left_out(cbers: Elements) -> None:
+    plain = text_of(teme_states(cbers))
+    rows = [row + " 1e-3 2e-3 3e-3" if row[:4] == "2006" else row for row in plain.splitlines()]
+    (found,), (wanted,) = read_oem("\n".join(rows)), read_oem(plain)
+    np.testing.assert_array_equal(found.position_m, wanted.position_m)
+    np.testing.assert_array_equal(found.velocity_m_s, wanted.velocity_m_s)
+    for more in (" 1", " 1 2", " 1 2 3 4"):
+        with pytest.raises(ValueError, match="line 15: a state must have an epoch and 6 or 9 numbers"):
+            read_oem(plain.replace("2006-06-27T04:58:20.000", "2006-06-27T04:58:20.000" + more))
+
+
+def test_the_ends_of_a_message_lie_up_to_a_whole_step_beyond_its_states(cbers: Elements) -> None:
+    """A step of 60 s here; the usable span ends at the states all the same."""
+    for before_s, after_s, words in (
+        (60.0, 60.0, ""),
+        (61.0, 0.0, "START_TIME=.* lies 61 s"),
+        (0.0, 61.0, "STOP_TIME="),
+    ):
+        ends = {"START_TIME": utc_text(TIMES[0] - before_s), "STOP_TIME": utc_text(TIMES[-1] + after_s)}
+        text = text_of(teme_states(cbers), **ends)
+        if words:
+            with pytest.raises(ValueError, match=words):
+                read_oem(text)
+        else:
+            (segment,) = read_oem(text)
+            assert (segment.usable_from_s, segment.usable_to_s) == (segment.tai_s[0], segment.tai_s[-1])
+
+
+def test_spans_that_meet_are_one_and_spans_apart_are_two_in_the_order_of_time() -> None:
+    """Segments of 4 min each, written from the last to the first: 0 to 4, 4 to 8, and 9 to 13 min."""
+    texts = []
+    for minute in (9, 4, 0):
+        times = START_T_S + STEP_S * (minute + np.arange(5))
+        states = [np.array([7000.0, 0.0, 0.0, 0.0, 0.0, 0.0])] * 5
+        whole = text_of(states, times=times, REF_FRAME="ITRF-2020", INTERPOLATION="LINEAR", INTERPOLATION_DEGREE="1")
+        texts.append(whole if not texts else whole[whole.index("META_START") :])
+    spans = OemTarget(read_oem("".join(texts))).spans_t_s
+    wanted = [(1.0, 479.0), (541.0, 779.0)]
+    np.testing.assert_allclose(np.array(spans) - START_T_S, wanted, rtol=0.0, atol=1e-6)
+
+
+def test_two_states_are_a_segment_and_one_is_none() -> None:
+    state = np.array([7000.0, 0.0, 0.0, 0.0, 7.5, 0.0])
+    meta = {"REF_FRAME": "ITRF", "INTERPOLATION": "LINEAR", "INTERPOLATION_DEGREE": ""}
+    (segment,) = read_oem(text_of([state] * 2, times=TIMES[:2], **meta))
+    assert (segment.method, segment.degree, len(segment.tai_s)) == ("LINEAR", 1, 2)
+    stop = utc_text(TIMES[0] + 1.0)
+    with pytest.raises(ValueError, match="OEM segment of CBERS 2 has 1 states, must have 2 or more"):
+        read_oem(text_of([state], times=TIMES[:1], STOP_TIME=stop, **meta))
+
+
+@pytest.mark.parametrize(
+    ("method", "degree", "words"),
+    [
+        ("LAGRANGE", "0", r"must be a whole number in \[1, 15\] for LAGRANGE"),
+        ("LAGRANGE", "16", r"must be a whole number in \[1, 15\] for LAGRANGE"),
+        ("HERMITE", "2", r"must be a whole number in \[3, 15\] for HERMITE"),
+        ("HERMITE", "17", r"must be a whole number in \[3, 15\] for HERMITE"),
+        ("LINEAR", "0", r"must be a whole number in \[1, 15\] for LINEAR"),
+        ("HERMITE", "", r"INTERPOLATION_DEGREE='' must be a whole number"),
+    ],
+)
+def test_a_degree_is_one_that_its_method_can_have(method: str, degree: str, words: str, cbers: Elements) -> None:
+    with pytest.raises(ValueError, match=words):
+        read_oem(text_of(teme_states(cbers), INTERPOLATION=method, INTERPOLATION_DEGREE=degree))
+
+
+def test_an_operators_interpolation_is_judged_as_a_declared_one_is(cbers: Elements) -> None:
+    segments = read_oem(text_of(teme_states(cbers), INTERPOLATION="", INTERPOLATION_DEGREE=""))
+    for method, degree, words in (
+        ("HERMITE", 1, "INTERPOLATION_DEGREE=1 must be odd, 3 or more, for HERMITE"),
+        ("HERMITE", 4, "INTERPOLATION_DEGREE=4 must be odd, 3 or more, for HERMITE"),
+        ("SPLINE", 3, "interpolation='SPLINE' must be one of HERMITE, LAGRANGE, LINEAR"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            OemTarget(segments, interpolation=(method, degree))
+    by_line, by_chord = (OemTarget(segments, interpolation=each) for each in (("LINEAR", 7), ("LAGRANGE", 1)))
+    t_s = float(TIMES[4] + 17.0)
+    assert by_line.motion_at(t_s) == by_chord.motion_at(t_s)
+    OemTarget(segments, interpolation=("HERMITE", 3))
