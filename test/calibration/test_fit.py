@@ -592,3 +592,62 @@ def test_an_exact_fit_sees_the_errors_of_the_passes_with_its_own_lags(campaign, 
         columns = own[rows] / 1e-4
         pull = columns.T @ shown[rows] / 1e-4 - errors[number] / orbit.sigma**2
         assert np.max(np.abs(pull) / np.linalg.norm(columns, axis=0)) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "words"),
+    [
+        (0.1, 0.0, r"prior sigma=0\.0 must be > 0"),
+        (0.1, -1e-9, "prior sigma=.* must be > 0"),
+        (0.1, np.inf, "prior sigma=inf must be finite"),
+        (np.nan, 0.1, "prior value=nan must be finite"),
+    ],
+)
+def test_a_prior_has_a_value_and_a_sigma(value, sigma, words):
+    with pytest.raises(ValueError, match=words):
+        Prior(value, sigma)
+    assert Prior(-0.1, 1e-12).sigma == 1e-12
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"terms": ()}, "terms is empty, must name at least one term"),
+        ({"terms": ("droop",), "held": dict.fromkeys(TERM_NAMES, 0.0)}, "term droop is both fitted and held"),
+        ({"priors": {"azimuth_second_sine": Prior(0.0, 1e-3)}}, "prior of azimuth_second_sine: not a fitted term"),
+        ({"terms": (*TERM_NAMES, "squint")}, "no term squint"),
+        (
+            {"pass_priors": PassPriors(clock_s=0.1), "options": FitOptions(covariance="sandwich", edit_sigma=0.0)},
+            "twice",
+        ),
+    ],
+)
+def test_terms_that_do_not_go_together_are_refused(campaign, table_1, given, words):
+    with pytest.raises(ValueError, match=words):
+        fit_bias_model(campaign(table_1, passes=4), **given)
+
+
+def test_passes_are_too_few_unless_every_term_has_a_prior(campaign, table_1):
+    """As many as asked are enough."""
+    data, terms = campaign(table_1, passes=2), ("azimuth_offset", "elevation_offset")
+    held = {name: value for name, value in table_1.coefficients.items() if name not in terms}
+    one, both = {terms[0]: Prior(0.0, 0.01)}, {name: Prior(0.0, 0.01) for name in terms}
+    with pytest.raises(ValueError, match="passes=2 must be >= fewest_passes=3"):
+        fit_bias_model(data, terms=terms, held=held, priors=one)
+    assert fit_bias_model(data, terms=terms, held=held, priors=both).passes == 2
+    assert fit_bias_model(data, terms=terms, held=held, options=FitOptions(fewest_passes=2)).passes == 2
+
+
+def test_pairs_are_reported_from_the_threshold_on(campaign, table_1):
+    fitted = fit_bias_model(
+        campaign(table_1), terms=("azimuth_offset", "droop"), held=held_at_zero(("azimuth_offset", "droop"))
+    )
+    one = np.array([[1.0, -0.96875], [-0.96875, 1.0]])
+    told = replace(fitted, covariance=one)
+    assert told.inseparable(0.96875) == (("azimuth_offset", "droop", -0.96875),)
+    assert told.inseparable(0.97) == ()
+    assert told.inseparable() == told.inseparable(0.95)
+    assert replace(fitted, covariance=np.array([[1.0, 0.9], [0.9, 1.0]])).separation_advice() == ()
+    assert told.separation_advice() == (
+        "azimuth_offset and droop (correlation -0.969): add passes at low and at high elevation (above 60 deg)",
+    )

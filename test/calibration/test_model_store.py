@@ -71,3 +71,35 @@ def test_of_two_accepted_models_the_first_comes_back(store):
     store.accept("b", 1.8e9)
     assert store.roll_back().name == "a"
     assert store.active().name == "a"
+
+
+@pytest.mark.parametrize("name", ["", ".hidden", "a/b", "a:b", "a*", 'a"b', "a|b", "a\\b", "a?", "<a>"])
+def test_a_name_that_is_no_file_name_on_every_system_is_refused(store, file, name):
+    with pytest.raises(ValueError, match="must be usable as a file name"):
+        store.add(replace(file, name=name))
+    assert store.names() == ("a", "b", "c")
+
+
+def test_the_newest_accepted_version_that_is_valid_at_a_time_is_found(store, file):
+    store.add(replace(file, name="short", valid_from_t_s=1.75e9, valid_until_t_s=1.76e9))
+    assert store.active_at(1.8e9) is None
+    for name, t_s in (("a", 1.7e9), ("b", 1.7e9), ("short", 1.755e9)):
+        store.accept(name, t_s)
+    assert [store.active_at(t_s).name for t_s in (1.74e9, 1.75e9, 1.76e9, 1.77e9)] == ["b", "short", "short", "b"]
+    assert store.active_at(1.6e9) is None
+
+
+def test_a_model_that_is_accepted_twice_is_one_step_in_the_history(store):
+    for name in ("a", "b", "b", "a"):
+        assert store.accept(name, 1.8e9).name == name
+    assert [store.roll_back().name for _ in range(2)] == ["b", "a"]
+
+
+@pytest.mark.parametrize("text", ['["a", 1]', '"a"', "{}"])
+def test_a_history_is_a_list_of_names(store, text):
+    (store.folder / "history.json").write_text(text)
+    with pytest.raises(ValueError, match=r"history\.json must hold a list of names"):
+        store.active()
+    (store.folder / "history.json").write_text("[")
+    with pytest.raises(ValueError, match=r"history\.json: "):
+        store.active()

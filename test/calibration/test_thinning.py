@@ -168,3 +168,59 @@ def test_sigma_of_a_point_is_that_of_its_mean_and_bent_pieces_have_none(random):
     assert not straight[100]
     assert not straight[3000]
     assert np.sum(~straight) <= 4
+
+
+@pytest.mark.parametrize("first", [0, 1, 2, 7])
+def test_the_numbers_of_the_passes_do_not_matter(random, first):
+    t_s, passes, values = samples(random)
+    values[[3, 400], 0] += 0.5
+    passes = passes - 7
+    renamed = passes + first
+    plain, other = (find_outliers(t_s, given, {"azimuth_rad": values[:, 0]}) for given in (passes, renamed))
+    assert np.array_equal(plain[0], other[0])
+    assert not np.any(plain[0][[3, 400]])
+    for step in (thin, smooth):
+        plain, other = (step(t_s, given, values) for given in (passes, renamed))
+        assert np.array_equal(plain.passes + first, other.passes)
+        for name in ("t_s", "residuals", "counts", "variance", "freedom"):
+            assert np.array_equal(getattr(plain, name), getattr(other, name))
+    elevation = np.linspace(0.3, 1.3, len(plain.t_s))
+    for one, then in zip(noise_of(plain, elevation), noise_of(other, elevation), strict=True):
+        assert np.array_equal(one, then)
+
+
+def test_points_that_are_left_out_are_counted_by_their_samples():
+    numbers = np.arange(4.0)
+    points = Thinned(
+        numbers, np.array([3, 3, 5, 5]), np.column_stack([numbers, -numbers]), numbers + 10.0, np.ones((4, 2)),
+        numbers + 2.0, {"before": 7},
+    )  # fmt: skip
+    chosen = np.array([True, False, False, True])
+    found = points.select(chosen, "far")
+    assert found.dropped == {"before": 7, "far": 23}
+    for name in ("t_s", "passes", "residuals", "counts", "variance", "freedom"):
+        assert np.array_equal(getattr(found, name), getattr(points, name)[chosen])
+
+
+@pytest.mark.parametrize(("count", "found"), [(7, False), (8, True)])
+def test_a_piece_needs_eight_samples_to_judge_one(count, found):
+    """The second of eight is 1.7 times the bound off the parabola; passes of eight are too short for a running median."""
+    t_s = 30.0 * np.floor(START_S / 30.0) + 1.0 + 3.0 * np.arange(count)
+    residual = np.where(np.arange(count) == 1, 0.03, 0.0)
+    keep, dropped = find_outliers(t_s, np.full(count, 2), {"elevation_rad": residual})
+    assert np.flatnonzero(~keep).tolist() == ([1] if found else [])
+    assert dropped == {"elevation_rad beyond 3 sigma": int(found)}
+
+
+def test_pieces_begin_at_multiples_of_their_length_since_1970_and_with_each_pass():
+    """A point is in the piece that its time begins."""
+    start = 30.0 * 56_666_666.0
+    t_s = start + np.concatenate([np.arange(0.0, 20.0, 1.0), np.arange(20.5, 40.5, 1.0)])
+    passes = np.repeat([4, 6], 20)
+    found = smooth(t_s, passes, np.zeros((40, 1)))
+    assert found.t_s - start == pytest.approx([4.5, 14.5, 25.0, 35.0], abs=1e-5)
+    assert found.counts.tolist() == [10.0] * 4
+    assert found.passes.tolist() == [4, 4, 6, 6]
+    # The same times in one pass from 5 s on: the piece across the two passes is one.
+    found = smooth(t_s[5:35], np.zeros(30, dtype=int), np.zeros((30, 1)))
+    assert found.counts.tolist() == [5.0, 10.0, 10.0, 5.0]
