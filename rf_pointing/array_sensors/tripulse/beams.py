@@ -110,7 +110,7 @@ def _even_and_odd(phase: Array, count: int) -> tuple[Array, Array]:
     rest = half - turns * np.pi
     safe = np.where(rest == 0.0, 1.0, np.sin(rest))
     even = np.where(rest == 0.0, float(count), np.sin(count * rest) / safe)
-    odd = np.where(rest == 0.0, 0.0, np.sin(count * rest / 2.0) ** 2 / safe)
+    odd = np.sin(count * rest / 2.0) ** 2 / safe
     return sign * even, sign * odd
 
 

@@ -114,19 +114,23 @@ def _posterior(
 ) -> tuple[Array, Array]:
     # Just inside the unambiguous region: at its edge the tangent is infinite.
     limit = params.unambiguous_projection * (1.0 - 1e-9)
-    unit = np.linspace(-1.0, 1.0, GRID_POINTS)
+    unit = (np.arange(GRID_POINTS) + 0.5) / GRID_POINTS
     largest = np.linalg.eigvalsh(matrix)[:, -1]
     # cycles (1 + SNR) is what the largest eigenvalue estimates; a first cycle or two only serve to
     # learn K.
     kappa = 1.0 - np.minimum(1.0, max(cycles - 2, 0) / np.maximum(largest, 1e-300))
     mean = np.zeros((len(matrix), 2))
-    reach = np.broadcast_to(np.minimum(GRID_SIGMAS * prior, limit), mean.shape)
+    # From edge to edge at most: a posterior at both edges keeps both, wherever its mean lies.
+    reach = np.broadcast_to(np.minimum(GRID_SIGMAS * prior, 2.0 * limit), mean.shape)
     for _ in range(REFINEMENTS):
-        grid = np.clip(mean[:, None, :] + reach[:, None, :] * unit[None, :, None], -limit, limit)
+        # Middles of equal cells within the region: points heaped up at its edge would count many
+        # times.
+        low, high = np.maximum(mean - reach, -limit), np.minimum(mean + reach, limit)
+        grid = low[:, None, :] + (high - low)[:, None, :] * unit[None, :, None]
         mass = _posterior_mass(params, matrix * kappa[:, None, None], noise, prior, grid)
         mean, covariance = _moments(mass, grid)
         # Never below one cell: a posterior narrower than the grid shows as a single point.
-        cell = reach * 2.0 / (GRID_POINTS - 1)
+        cell = (high - low) / GRID_POINTS
         sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         reach = np.minimum(reach, GRID_SIGMAS * np.maximum(sigma, 0.4 * cell))
     return mean, covariance

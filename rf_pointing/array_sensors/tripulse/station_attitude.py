@@ -231,8 +231,8 @@ class StationAttitudeEstimator:
         projections = np.stack([observation.projections for observation in used])
         measured = directions_from_projections(projections)
         spreads = direction_covariances(projections, np.stack([observation.covariance for observation in used]))
-        # A direction's error has two dimensions: half the trace is its variance along either.
-        weights = 2.0 / np.trace(spreads, axis1=-2, axis2=-1)
+        # The trace is a direction's variance, but for a factor that all stations share.
+        weights = np.reciprocal(np.trace(spreads, axis1=-2, axis2=-1))
         try:
             fit = fit_rotation(reference, measured, weights)
         except ValueError as refused:

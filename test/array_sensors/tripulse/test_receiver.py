@@ -6,10 +6,21 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, element_weights
-from rf_pointing.array_sensors.tripulse.beams import beam_signals, invert_with_weights
-from rf_pointing.array_sensors.tripulse.channels import channelise
-from rf_pointing.array_sensors.tripulse.receiver import TripulseMeasurement, TripulseReceiver, TripulseReceiverParams
-from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
+from rf_pointing.array_sensors.tripulse.beams import beam_signals, closed_form_signals, invert_with_weights
+from rf_pointing.array_sensors.tripulse.channels import Channels, channelise
+from rf_pointing.array_sensors.tripulse.receiver import (
+    TripulseMeasurement,
+    TripulseReceiver,
+    TripulseReceiverParams,
+    _Detected,
+)
+from rf_pointing.array_sensors.tripulse.robust import posterior_projection_error, signal_matrix
+from rf_pointing.array_sensors.tripulse.signal import (
+    TripulseFrame,
+    TripulseSignalParams,
+    segment_beams,
+    segment_times_s,
+)
 from rf_pointing.array_sensors.tripulse.source import StationLine, TripulseSource, TripulseSourceParams
 from rf_pointing.core import random_stream
 from rf_pointing.papers.tripulse_noise import random_failures
@@ -266,3 +277,166 @@ def test_amplitude_of_the_sum_beam_in_elements_is_taken_against_the_link_or_the_
         found_db = 20.0 * math.log10(receiver._level(channels, complex(beams[0]), snr_db) / 256.0)
         # The noise of a frame is known from few segments, to some tenths of a decibel.
         assert found_db == pytest.approx(over_db, abs=0.6)
+
+
+def frame_of(scheme: str, seed: int = 1, **link: float) -> tuple[TripulseReceiver, TripulseFrame]:
+    """Return a receiver that knows the link, and a frame off its steering by a third of the unambiguous error."""
+    sender = TripulseSource(ARRAY, SIGNALS[scheme], TripulseSourceParams(**link), seed=seed)
+    tilt = Rotation.from_rotvec([4e-3, 7e-3, 0.0]).as_matrix()
+    (frame,) = sender.step(5.0, tilt, [LINE])
+    return TripulseReceiver(array=ARRAY, signal=SIGNALS[scheme], params=nominal(**link)), frame
+
+
+@pytest.mark.parametrize("scheme", ["two_tone", "interleaved"])
+def test_a_measurement_tells_its_frame_its_shift_and_the_snr_of_the_sum(scheme: str) -> None:
+    receiver, frame = frame_of(scheme, element_carrier_to_noise_db_hz=20.0)
+    channels = channelise(receiver.signal, frame.samples, receiver.params.largest_shift_hz)
+    found = receiver._detect(channels)
+    beams = segment_beams(receiver.signal)
+    total = np.mean(found.values[beams == 0])
+    noise = channels.noise_density / receiver.signal.segment_s / np.sum(beams == 0)
+    snr_db = 10.0 * math.log10(abs(total) ** 2 / noise - 1.0)
+    measured = receiver.measure(frame)
+    assert measured.valid, measured.reason
+    assert (measured.t_s, measured.station, measured.sequence) == (5.0, "usingen", 1)
+    assert (measured.shift_hz, measured.reason) == (channels.shift_hz, "")
+    assert measured.sum_snr_db == pytest.approx(snr_db)
+    # Asked for more than it has, it is refused with all that is known of it.
+    for margin, valid in ((-0.01, True), (0.01, False)):
+        params = receiver.params.replace(snr_min_db=snr_db + margin)
+        strict = dataclasses.replace(receiver, params=params).measure(frame)
+        assert strict.valid is valid
+    assert strict.reason.startswith("sum SNR ")
+    assert (strict.t_s, strict.station, strict.sequence) == (5.0, "usingen", 1)
+    assert (strict.shift_hz, strict.estimator) == (channels.shift_hz, "none")
+    assert strict.sum_snr_db == pytest.approx(snr_db)
+    np.testing.assert_array_equal(strict.projections, frame.steering)
+    np.testing.assert_allclose(strict.covariance, receiver.params.prior_sigma**2 * np.eye(2), rtol=1e-12)
+
+
+def test_less_power_than_that_of_the_noise_counts_as_60_db_below_it() -> None:
+    found = [frame_of("two_tone", seed, element_carrier_to_noise_db_hz=-20.0) for seed in range(8)]
+    levels = [receiver.measure(frame).sum_snr_db for receiver, frame in found]
+    assert min(levels) == pytest.approx(-60.0)
+    assert max(levels) > -20.0
+
+
+def test_the_ratio_is_used_from_its_snr_on_and_errors_up_to_the_fraction_believed() -> None:
+    receiver, frame = frame_of("two_tone", element_carrier_to_noise_db_hz=30.0)
+    plain = receiver.measure(frame)
+    assert plain.estimator == "ratio"
+    fraction = np.max(np.abs(plain.projections - frame.steering) / ARRAY.unambiguous_projection)
+    assert 0.2 < fraction < 0.5
+    for margin, estimator in ((-0.01, "ratio"), (0.01, "posterior")):
+        params = receiver.params.replace(ratio_snr_min_db=plain.sum_snr_db + margin)
+        assert dataclasses.replace(receiver, params=params).measure(frame).estimator == estimator
+    for share, valid in ((1.001, True), (0.999, False)):
+        params = receiver.params.replace(largest_error_fraction=share * fraction)
+        again = dataclasses.replace(receiver, params=params).measure(frame)
+        assert again.valid is valid
+        assert ("of the unambiguous lambda/(N d), must be <= " in again.reason) is not valid
+
+
+@pytest.mark.parametrize(
+    ("steering", "valid"),
+    [([0.8, 0.602], False), ([0.602, 0.8], False), ([-0.81, -0.602], False), ([0.8, 0.55], True), ([0.0, 0.97], True)],
+)
+def test_projections_as_long_as_one_are_no_direction(steering: list[float], valid: bool) -> None:
+    receiver, frame = frame_of("two_tone")
+    measured = receiver.measure(dataclasses.replace(frame, steering=np.array(steering)))
+    assert measured.valid is valid
+    assert ("longer than one: not a direction" in measured.reason) is not valid
+
+
+@pytest.mark.parametrize(
+    ("changes", "mask"),
+    [({}, True), ({"failed": "3:5, 12:14"}, False), ({"taper_edge": 0.9}, False), ({"phase_bits": 4}, False)],
+)
+def test_each_departure_from_the_uniform_aperture_is_inverted_with_its_weights(
+    changes: dict[str, object], mask: bool
+) -> None:
+    array = TripulseArrayParams(n_x=12, n_y=14, **changes)  # type: ignore[arg-type]
+    failed = np.zeros((12, 14), dtype=bool) if mask else None
+    if failed is not None:
+        failed[2, 4] = failed[11, 13] = True
+    receiver = TripulseReceiver(array=array, signal=SIGNALS["two_tone"], failed=failed)
+    steering, error = np.array([0.081, -0.046]), np.array([0.4, -0.55]) * array.unambiguous_projection
+    weights = element_weights(array, steering, failed=failed)
+    beams = beam_signals(array, weights, steering + error).conj()
+    found, _ = receiver._from_ratio(steering, beams, np.full(3, 1e-4))
+    np.testing.assert_allclose(found, error, atol=1e-9)
+    with pytest.raises(ValueError, match=r"sum SNR is below 12\.0 dB: too low for a non-uniform aperture"):
+        receiver._from_posterior(_Detected(values=np.ones(24) + 0j, noise_variance=1.0, lost=""), beams, np.ones(3))
+
+
+@pytest.mark.parametrize("scheme", ["two_tone", "interleaved"])
+def test_the_posterior_is_that_of_the_frame_or_of_each_cycle_in_the_papers_convention(scheme: str) -> None:
+    """Two tones leave one phase for the frame; without references every cycle has its own."""
+    signal = SIGNALS[scheme]
+    receiver, rng = TripulseReceiver(array=ARRAY, signal=signal), random_stream(9, "posterior")
+    plan, error = segment_beams(signal), np.array([6e-4, -4e-4])
+    clean = closed_form_signals(ARRAY, error).conj()[plan]
+    values = clean + 200.0 * rng.normal(size=(len(plan), 2)) @ [1.0, 1j]
+    noise = 2.0 * 200.0**2
+    found = _Detected(values=values, noise_variance=noise, lost="")
+    beams, noises = receiver._beam_means(found)
+    np.testing.assert_allclose(beams, [np.mean(values[plan == beam]) for beam in range(3)])
+    counts = np.bincount(plan)
+    np.testing.assert_allclose(noises, noise / counts)
+    if scheme == "two_tone":
+        signals, variances = beams[None, :], noises
+    else:
+        # S x S y, eight times.
+        rows = values.reshape(8, 4)
+        signals = np.stack([0.5 * (rows[:, 0] + rows[:, 2]), rows[:, 1], rows[:, 3]], axis=1)
+        variances = noise * np.array([0.5, 1.0, 1.0])
+    prior = np.full(2, receiver.params.prior_sigma)
+    expected = posterior_projection_error(
+        ARRAY, signal_matrix(signals.conj(), variances), len(signals), variances, prior
+    )
+    mean, covariance = receiver._from_posterior(found, beams, noises)
+    np.testing.assert_allclose(mean, expected.projection_error, rtol=1e-9)
+    np.testing.assert_allclose(covariance, expected.covariance, rtol=1e-9)
+
+
+def test_the_level_is_the_sum_beam_over_the_references_or_the_link() -> None:
+    channels = Channels(
+        tone=np.ones(3) + 0j,
+        lower_reference=np.array([2.0, 2.0j, 50.0]),
+        upper_reference=np.array([-8.0, 8.0, 0.1]),
+        noise_density=1.0,
+        shift_hz=0.0,
+    )
+    # The references are 4 on average and 43 dB above an element: 12 is 3 of them.
+    receiver = TripulseReceiver(array=ARRAY, signal=SIGNALS["two_tone"])
+    assert receiver._level(channels, 12.0j, 0.0) == pytest.approx(3.0 * 10.0 ** (43.0 / 20.0))
+    # 320 us of sum segments: 30 dB are 64.95 dB Hz, 27.95 dB above an element's 37.
+    alone = TripulseReceiver(array=ARRAY, signal=SIGNALS["interleaved"])
+    beam_s = alone.signal.beam_time_s(0)
+    assert alone._level(channels, 12.0j, 30.0) == pytest.approx(math.sqrt(1e3 / beam_s / 10.0**3.7))
+
+
+@pytest.mark.parametrize("pattern", ["SxSy", "xSyS"])
+def test_segments_are_turned_back_by_the_phase_of_the_sum_segments_alone(pattern: str) -> None:
+    """A tone at 300 Hz without noise: real beams stay real, those before the first sum segment nearly so."""
+    signal = TripulseSignalParams(scheme="interleaved", pattern=pattern, cycles=40)
+    receiver = TripulseReceiver(array=ARRAY, signal=signal)
+    plan, times = segment_beams(signal), segment_times_s(signal)
+    tone = np.array([5.0, 0.7, -0.4])[plan] * np.exp(1j * (0.4 + 2.0 * np.pi * 300.0 * times))
+    found = receiver._track(tone, 1e-4)
+    assert (found.lost, found.noise_variance) == ("", 1e-4)
+    np.testing.assert_allclose(found.values, np.array([5.0, 0.7, -0.4])[plan], atol=0.2)
+    np.testing.assert_allclose(found.values[40:], np.array([5.0, 0.7, -0.4])[plan][40:], atol=0.02)
+    # A slip of half a turn ends it; what comes after is not used.
+    slipped = tone * np.where(np.arange(len(plan)) < 81, 1.0, -1.0)
+    assert "lost lock at" in receiver._track(slipped, 1e-4).lost
+
+
+@pytest.mark.parametrize(("fraction", "largest_db"), [(0.75, 2.218), (0.5, 4.771), (0.6, 3.680)])
+def test_the_tolerance_of_the_level_is_at_most_half_the_step_to_the_next_period(
+    fraction: float, largest_db: float
+) -> None:
+    """u is |u| / (2 - |u|) of the peak one period away: 10 log10((2 - u) / u) dB is half of that step."""
+    TripulseReceiverParams(largest_error_fraction=fraction, level_tolerance_db=largest_db - 0.002)
+    with pytest.raises(ValueError, match=f"half the step to the next period at largest_error_fraction={fraction}"):
+        TripulseReceiverParams(largest_error_fraction=fraction, level_tolerance_db=largest_db + 0.002)

@@ -117,24 +117,14 @@ def test_signals_that_are_not_finite_or_empty_are_refused() -> None:
         signal_matrix(np.empty((0, 3)), EQUAL)
 
 
-@pytest.mark.parametrize(("cycles", "snr_db"), [(1, 3.0), (2, 0.0), (6, 0.0)])
-def test_posterior_is_that_of_a_fine_grid_for_an_array_and_noises_that_differ_by_axis(
-    cycles: int, snr_db: float
-) -> None:
+def on_a_fine_grid(
+    params: TripulseArrayParams, matrix: np.ndarray, cycles: int, noises: np.ndarray, prior: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """p ~ exp(kappa v'Mv / v'v) times the prior, v = (1, tan(N_x k d_x T_x / 4), tan(...)) over the noises' roots."""
-    params = TripulseArrayParams(n_x=12, n_y=8, spacing_x_wavelengths=3.0, spacing_y_wavelengths=2.0)
-    prior, rng = np.array([1.5e-3, 3e-3]), random_stream(2, f"grid {cycles}")
-    noises = params.n_total**2 / 10.0 ** (snr_db / 10.0) * np.array([1.0, 0.4, 2.0])
-    turns = np.exp(2j * np.pi * rng.uniform(size=(cycles, 1)))
-    scatter = rng.normal(size=(cycles, 3)) + 1j * rng.normal(size=(cycles, 3))
-    signals = closed_form_signals(params, 0.6 * prior) * turns + np.sqrt(noises / 2.0) * scatter
-    matrix = signal_matrix(signals, noises)
-    found = posterior_projection_error(params, matrix, cycles, noises, prior)
-    limit = params.unambiguous_projection
-    axes = [np.linspace(-1.0, 1.0, 601) * min(5.0 * prior[k], 0.999999 * limit[k]) for k in (0, 1)]
-    x, y = np.meshgrid(*axes, indexing="ij")
-    v = np.stack([np.ones_like(x), np.tan(12 * params.kd[0] * x / 4.0), np.tan(8 * params.kd[1] * y / 4.0)], axis=-1)
-    v = v / np.sqrt(noises)
+    reach = np.minimum(5.0 * prior, 0.999999999 * params.unambiguous_projection)
+    x, y = np.meshgrid(*(np.linspace(-each, each, 601) for each in reach), indexing="ij")
+    quarter = np.array([params.n_x, params.n_y]) * params.kd / 4.0
+    v = np.stack([np.ones_like(x), np.tan(quarter[0] * x), np.tan(quarter[1] * y)], axis=-1) / np.sqrt(noises)
     kappa = 1.0 - min(1.0, max(cycles - 2, 0) / np.linalg.eigvalsh(matrix)[-1])
     log_mass = kappa * np.einsum("ija,ab,ijb->ij", v, matrix, v) / np.sum(v**2, axis=-1)
     log_mass -= 0.5 * ((x / prior[0]) ** 2 + (y / prior[1]) ** 2)
@@ -142,12 +132,66 @@ def test_posterior_is_that_of_a_fine_grid_for_an_array_and_noises_that_differ_by
     mass /= np.sum(mass)
     mean = np.array([np.sum(mass * x), np.sum(mass * y)])
     apart = [x - mean[0], y - mean[1]]
-    covariance = np.array([[np.sum(mass * a * b) for b in apart] for a in apart])
+    return mean, np.array([[np.sum(mass * a * b) for b in apart] for a in apart])
+
+
+@pytest.mark.parametrize(
+    ("cycles", "snr_db", "wide"),
+    [(1, 3.0, False), (2, 0.0, False), (6, 0.0, False), (1, -10.0, True), (1, 0.0, True)],
+)
+@pytest.mark.parametrize("share", [[0.3, -0.3], [-0.9, 0.5]])
+def test_posterior_is_that_of_a_fine_grid_for_an_array_and_noises_that_differ_by_axis(
+    cycles: int, snr_db: float, wide: bool, share: list[float]
+) -> None:
+    """A prior wider than the unambiguous region leaves mass at both of its edges, which count once."""
+    params = TripulseArrayParams(n_x=12, n_y=8, spacing_x_wavelengths=3.0, spacing_y_wavelengths=2.0)
+    limit, rng = params.unambiguous_projection, random_stream(2, f"grid {cycles} {share}")
+    prior = np.array([3.0, 2.0]) * limit if wide else np.array([1.5e-3, 3e-3])
+    noises = params.n_total**2 / 10.0 ** (snr_db / 10.0) * np.array([1.0, 0.4, 2.0])
+    turns = np.exp(2j * np.pi * rng.uniform(size=(cycles, 1)))
+    scatter = rng.normal(size=(cycles, 3)) + 1j * rng.normal(size=(cycles, 3))
+    truth = np.array(share) * (limit if wide else 2.0 * prior)
+    matrix = signal_matrix(closed_form_signals(params, truth) * turns + np.sqrt(noises / 2.0) * scatter, noises)
+    found = posterior_projection_error(params, matrix, cycles, noises, prior)
+    mean, covariance = on_a_fine_grid(params, matrix, cycles, noises, prior)
     sigma = np.sqrt(np.diag(covariance))
     np.testing.assert_allclose(found.projection_error / sigma, mean / sigma, atol=0.02)
     np.testing.assert_allclose(
-        found.covariance / np.outer(sigma, sigma), covariance / np.outer(sigma, sigma), atol=0.03
+        found.covariance / np.outer(sigma, sigma), covariance / np.outer(sigma, sigma), atol=0.04
     )
+
+
+def test_what_says_nothing_leaves_the_prior_and_its_mean_of_zero() -> None:
+    prior = np.array([4e-4, 7e-4])
+    found = posterior_projection_error(PARAMS, np.zeros((2, 3, 3, 3)), 1, EQUAL, prior)
+    np.testing.assert_allclose(found.projection_error, np.zeros((2, 3, 2)), atol=1e-9)
+    np.testing.assert_allclose(
+        found.covariance, np.broadcast_to(np.diag(prior**2), (2, 3, 2, 2)), rtol=1e-2, atol=1e-12
+    )
+    # As many cycles as their power: noise alone, from which nothing follows.
+    noise = posterior_projection_error(PARAMS, np.diag([6.0, 1.0, 2.0]), 8, EQUAL, prior)
+    np.testing.assert_allclose(noise.covariance, np.diag(prior**2), rtol=1e-2, atol=1e-12)
+
+
+def test_the_matrix_of_signals_turns_the_differences_and_divides_by_the_noise() -> None:
+    signals = np.array([[1.0 + 2.0j, 3.0j, -4.0], [2.0, 1.0 + 1.0j, 0.5j]])
+    noises = np.array([1.0, 4.0, 0.25])
+    first = np.array([1.0 + 2.0j, 3.0 / 2.0, 4.0j / 0.5])
+    second = np.array([2.0, (1.0 - 1.0j) / 2.0, 0.5 / 0.5])
+    expected = sum((each[:, None] * each.conj()).real for each in (first, second))
+    np.testing.assert_allclose(signal_matrix(signals, noises), expected, atol=1e-12)
+    for wrong in (np.ones(3), np.ones((2, 2)), np.ones((2, 3, 4))):
+        with pytest.raises(ValueError, match=r"must be \(\.\.\., cycles, 3\)"):
+            signal_matrix(wrong, noises)
+
+
+def test_ratios_of_the_eigenvector_are_scaled_back_by_the_noise() -> None:
+    """The signal (2, 3j, -1j) alone: ratios 1.5 and -0.5 whatever the noises are, one by one or in a stack."""
+    noises = np.array([1.0, 4.0, 0.25])
+    matrix = signal_matrix(np.array([[2.0, 3.0j, -1.0j]]), noises)
+    np.testing.assert_allclose(total_least_squares_ratios(matrix, noises), [1.5, -0.5], rtol=1e-9)
+    stack = np.array([[matrix, 2.0 * matrix], [3.0 * matrix, matrix]])
+    np.testing.assert_allclose(total_least_squares_ratios(stack, noises), np.full((2, 2, 2), [1.5, -0.5]), rtol=1e-9)
 
 
 def test_many_matrices_are_the_same_as_each_by_itself() -> None:

@@ -409,3 +409,89 @@ def test_an_estimate_is_the_weighted_fit_with_its_residual_covariance_and_mean_t
     assert late.degrees_of_freedom == 0
     np.testing.assert_allclose(late.covariance_rad2, np.pi**2 * np.eye(3))
     assert not estimator.estimate(10.05).valid
+
+
+def test_frames_of_stacks_of_pairs_are_those_of_each_pair() -> None:
+    rng = random_stream(7, "stacks")
+    reference = directions(rng, 6)
+    turn = Rotation.from_rotvec([0.3, -0.2, 0.9])
+    measured = turn.apply(reference.reshape(-1, 3)).reshape(6, 2, 3)
+    for shape in ((6,), (2, 3), (6, 1)):
+        found = bisector_rotation(reference.reshape(*shape, 2, 3), measured.reshape(*shape, 2, 3))
+        assert found.shape == (*shape, 3, 3)
+        np.testing.assert_allclose(found, np.broadcast_to(turn.as_matrix(), found.shape), atol=1e-9)
+    np.testing.assert_allclose(bisector_rotation(reference[0], measured[0]), turn.as_matrix(), atol=1e-9)
+
+
+def test_pairs_are_as_close_as_they_are_allowed_to_be() -> None:
+    pair = np.array([[np.sin(a), 0.0, np.cos(a)] for a in (0.0, 0.01)])
+    np.testing.assert_allclose(bisector_rotation(pair, pair, smallest_separation_rad=0.0099), np.eye(3), atol=1e-9)
+    for given in ((pair, np.eye(3)[:2]), (np.eye(3)[:2], pair)):
+        with pytest.raises(ValueError, match="are collinear: separation 0.0[01]"):
+            bisector_rotation(*given, smallest_separation_rad=0.0101)
+
+
+def test_before_the_first_fit_the_array_is_said_to_stand_in_the_axes_of_the_reference() -> None:
+    estimator = filled(observations(np.eye(3), 1.0, random_stream(1, "first"), ["usingen"]))
+    found = estimator.estimate(1.0)
+    np.testing.assert_array_equal(found.quaternion, [0.0, 0.0, 0.0, 1.0])
+    assert (found.residual, found.stations, found.t_s) == (0.0, ("usingen",), 1.0)
+    with pytest.raises(ValueError, match="t_s"):
+        estimator.estimate(np.nan)
+
+
+def test_what_is_reported_and_saved_is_a_copy() -> None:
+    turned = Rotation.from_rotvec([0.0, 0.0, 0.4]).as_matrix().T
+    estimator = filled(observations(turned, 1.0, random_stream(1, "copy"), ["usingen", "hartebeesthoek"]))
+    first = estimator.estimate(1.0)
+    kept = first.quaternion.copy()
+    state = estimator.state
+    first.quaternion[:] = 0.0
+    lost = estimator.estimate(9.0)
+    np.testing.assert_array_equal(lost.quaternion, kept)
+    lost.quaternion[:] = 0.0
+    np.testing.assert_array_equal(estimator.estimate(9.0).quaternion, kept)
+    estimator.restore(state)
+    state.quaternion[:] = 0.0
+    np.testing.assert_array_equal(estimator.estimate(9.0).quaternion, kept)
+
+
+def test_a_residual_is_refused_from_the_chi_square_of_the_false_alarm_on() -> None:
+    """Two stations leave one degree of freedom: the square of a normal deviate exceeds 3.8415 in one of twenty."""
+    seen = observations(np.eye(3), 1.0, random_stream(1, "limit"), ["usingen", "hartebeesthoek"], scale=1e-6)
+    apart = seen[0].reference - seen[1].reference
+    along = apart[:2] / np.linalg.norm(apart[:2])
+    wide = [dataclasses.replace(each, covariance=SIGMA**2 * np.eye(2)) for each in seen]
+    for share, valid in ((0.97, True), (1.03, False)):
+        # Both stations share the miss of the angle between them.
+        miss = share * np.sqrt(2.0 * 3.8415) * SIGMA
+        moved = [dataclasses.replace(wide[0], projections=wide[0].projections + miss * along), wide[1]]
+        found = filled(moved, false_alarm=0.05).estimate(1.0)
+        assert found.valid is valid
+        assert found.residual == pytest.approx(share**2 * 3.8415, rel=0.02)
+        assert ("lobe away" in found.reason) is not valid
+
+
+def test_stations_are_told_apart_from_the_least_separation_on() -> None:
+    seen = observations(np.eye(3), 1.0, random_stream(1, "apart"), ["usingen", "hartebeesthoek"])
+    angle = np.arccos(seen[0].reference @ seen[1].reference)
+    assert filled(seen, separation_min_rad=0.999 * angle).estimate(1.0).valid
+    found = filled(seen, separation_min_rad=1.001 * angle).estimate(1.0)
+    assert found.reason.startswith("stations are collinear: 0.17")
+
+
+def test_a_report_of_the_same_time_is_refused_and_that_of_another_station_is_not() -> None:
+    seen = observations(np.eye(3), 1.0, random_stream(1, "same"), ["usingen", "hartebeesthoek"])
+    estimator = filled(seen)
+    with pytest.raises(ValueError, match=r"t_s=1\.0 of station usingen must be > 1\.0"):
+        estimator.observe(seen[0])
+
+
+def test_a_direction_is_taken_down_to_a_thousandth_above_the_plane_of_the_array() -> None:
+    for height, refused in ((1.02e-3, False), (0.98e-3, True)):
+        place = np.sqrt(1.0 - height**2) * np.array([0.6, -0.8])
+        if refused:
+            with pytest.raises(ValueError, match=r"leave T_z below 0\.001"):
+                directions_from_projections(place)
+        else:
+            np.testing.assert_allclose(directions_from_projections(place)[2], height, rtol=1e-6)

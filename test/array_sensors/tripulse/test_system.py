@@ -99,3 +99,58 @@ def test_report_has_the_symmetric_covariance_of_the_attitude(epochs) -> None:
     report = attitude_report(found)
     assert report.valid
     np.testing.assert_allclose(report.covariance_rad2, found.covariance_rad2, rtol=1e-12, atol=1e-20)
+
+
+def test_frames_of_one_epoch_are_those_within_a_millisecond(epochs) -> None:
+    first, second = epochs[0][1]
+    for apart_s, together in ((0.9e-3, True), (-0.9e-3, True), (1.5e-3, False), (-1.5e-3, False)):
+        running = solver()
+        assert running.take(first, START_S + 5.0) == []
+        found = running.take(replace(second, t_s=START_S + apart_s), START_S + 5.0)
+        assert bool(found) is together
+        if together:
+            (attitude,) = found
+            assert attitude.valid
+            assert attitude.t_s == pytest.approx(START_S + 0.5 * max(apart_s, 0.0) + 0.5 * min(apart_s, 0.0), abs=1e-6)
+            # The newest stamp of the epoch is what later ones are measured against.
+            newest = START_S + max(apart_s, 0.0)
+            with pytest.raises(ValueError, match="is late"):
+                running.take(replace(first, t_s=newest + 0.9e-3), START_S + 5.0)
+            assert running.take(replace(first, t_s=newest + 1.5e-3), START_S + 5.0) == []
+
+
+def test_an_epoch_waits_as_long_as_it_may_in_the_time_of_the_frames(epochs) -> None:
+    first = epochs[0][1][0]
+    running = solver(wait_s=2.0)
+    running.take(first, START_S + 60.0)
+    assert running.take(replace(first, t_s=START_S + 2.0), START_S + 60.0) == []
+    (late,) = running.take(replace(first, t_s=START_S + 2.25), START_S + 60.0)
+    assert (late.t_s, late.valid) == (START_S, False)
+    closed = running.take(replace(first, t_s=START_S + 9.0), START_S + 60.0)
+    assert [each.t_s for each in closed] == [START_S + 2.0, START_S + 2.25]
+
+
+def test_a_report_is_what_was_found_with_the_mean_of_the_covariance_and_its_transpose(epochs) -> None:
+    (found,) = take_all(epochs[0][1])
+    lopsided = replace(found, covariance_rad2=np.diag([1.0, 2.0, 3.0]) + np.eye(3, k=1) * 0.2 + np.eye(3, k=-1) * 0.4)
+    report = attitude_report(replace(lopsided, valid=False, reason="told so", t_s=7.0))
+    np.testing.assert_allclose(report.covariance_rad2, [[1.0, 0.3, 0.0], [0.3, 2.0, 0.3], [0.0, 0.3, 3.0]], rtol=1e-12)
+    np.testing.assert_allclose(report.quaternion, found.quaternion, atol=1e-12)
+    assert (report.t_s, report.valid, report.reason) == (7.0, False, "told so")
+
+
+def test_frames_are_sent_to_each_station_with_its_own_line_of_sight() -> None:
+    sender = SimulatedTripulse(ARRAY, SIGNAL, TripulseSourceParams(), ORBIT, WobbleParams(), STATIONS, 3)
+    sent = sender.step(START_S)
+    assert [frame.station for frame in sent.frames] == [station.name for station in STATIONS]
+    for frame, line, reference in zip(
+        sent.frames, sender._lines_of_sight(sent.moment), sent.moment.view.reference, strict=True
+    ):
+        assert frame.t_s == START_S
+        np.testing.assert_allclose(frame.steering, reference[:2], atol=1e-12)
+        np.testing.assert_array_equal(line.direction, reference)
+    rates, elevations = sent.moment.range_rate_m_s, sent.moment.view.elevation_rad
+    lines = sender._lines_of_sight(sent.moment)
+    assert [line.range_rate_m_s for line in lines] == pytest.approx(rates)
+    assert [line.elevation_rad for line in lines] == pytest.approx(elevations)
+    assert rates[0] != rates[1]
