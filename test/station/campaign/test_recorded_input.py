@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel, Known, RawPasses, RawTracking, TrackedPass
+from rf_pointing.calibration import BiasModel, Known, RawPasses, RawTracking, TrackedPass, write_observations
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, find_passes, site, verification_elements
-from rf_pointing.station.campaign.recorded_input import holds_points, read_raw, reference_of
+from rf_pointing.station.campaign.recorded_input import holds_points, read_points, read_raw, reference_of
 from test.calibration.conftest import write_tracking
 
 STATION = site("Goldstone DSS-13")
@@ -99,3 +99,55 @@ def test_a_day_of_passes_in_one_file_is_cut_at_the_gaps_and_one_wrong_time_cuts_
     parts = read_raw(tmp_path / "day.csv", "X")
     assert [len(part) for part in parts] == [len(raw), len(raw)]
     assert np.array_equal(parts[1].t_s, later.t_s)
+
+
+def test_passes_of_several_files_are_numbered_from_file_to_file(raw, tmp_path):
+    reference = reference_of(raw, ELEMENTS, STATION, 14.0 * 86400.0)
+    points = RawPasses([TrackedPass(raw, reference)], 0).process(Known(model=BiasModel.zero())).points
+    half = len(points) // 2
+    numbered = [np.where(np.arange(len(points)) < half, first, first + 2) for first in (3, 0, 5)]
+    paths = [tmp_path / f"{k}.csv" for k in range(3)]
+    for path, passes in zip(paths, numbered, strict=True):
+        write_observations(path, replace(points, pass_id=passes))
+    found = read_points(paths)
+    assert np.unique(found.pass_id).tolist() == [3, 5, 6, 8, 9, 11]
+    assert len(found) == 3 * len(points)
+    np.testing.assert_allclose(found.t_s, np.tile(points.t_s, 3), atol=1e-5)
+    assert read_points(paths[1:2]).pass_id.tolist() == numbered[1].tolist()
+    assert read_points([]) is None
+    assert all(holds_points(path) for path in paths)
+
+
+def test_the_header_tells_points_from_raw_data_behind_empty_lines_and_remarks(tmp_path):
+    for text, points in (
+        ("", False), ("# observed_azimuth_deg\n\nt_s,azimuth_deg\n", False),
+        ("\ufeff# a\n  \nt_s,observed_azimuth_deg\n", True), ("t_s\nobserved_azimuth_deg\n", False),
+    ):  # fmt: skip
+        (tmp_path / "x.csv").write_text(text, encoding="utf-8")
+        assert holds_points(tmp_path / "x.csv") is points
+
+
+def test_a_reference_covers_its_samples_and_a_margin_but_no_wrong_time(raw):
+    """A tenth of the pass and 30 s on either side of the middle 96 % of the times, every 2 s."""
+    spoiled = raw.t_s.copy()
+    spoiled[[5, 100]] = raw.t_s[-1] + 1e6, np.nan
+    found = reference_of(replace(raw, t_s=spoiled), ELEMENTS, STATION, 14.0 * 86400.0)
+    seconds = raw.t_s[-1] - raw.t_s[0]
+    margin = 0.096 * seconds + 30.0
+    assert found.t_s[0] == pytest.approx(raw.t_s[0] + 0.02 * seconds - margin, abs=1.0)
+    assert found.t_s[-1] == pytest.approx(raw.t_s[-1] - 0.02 * seconds + margin, abs=3.0)
+    assert np.diff(found.t_s) == pytest.approx(2.0)
+    track = TopocentricTrack(find_elements(ELEMENTS, "28057"), STATION)
+    look = track.target_at(float(found.t_s[40]))
+    assert found.elevation_rad[40] == pytest.approx(look.elevation_rad, abs=1e-9)
+    assert found.range_m[40] == pytest.approx(look.range_m, abs=1e-3)
+    with pytest.raises(ValueError, match="tracking data of 28057: no finite time"):
+        reference_of(replace(raw, t_s=np.full(len(raw), np.nan)), ELEMENTS, STATION, 14.0 * 86400.0)
+
+
+def test_points_whose_rates_are_no_derivatives_are_refused_with_their_file(raw, tmp_path):
+    reference = reference_of(raw, ELEMENTS, STATION, 14.0 * 86400.0)
+    points = RawPasses([TrackedPass(raw, reference)], 0).process(Known(model=BiasModel.zero())).points
+    write_observations(tmp_path / "turned.csv", replace(points, azimuth_rate_rad_s=-points.azimuth_rate_rad_s))
+    with pytest.raises(ValueError, match=r"turned\.csv: .*azimuth_rate"):
+        read_points([tmp_path / "turned.csv"])
