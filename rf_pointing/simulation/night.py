@@ -143,7 +143,7 @@ class NightSimulation:
         self._status: TrackingStatus | None = None
         self._goal: tuple[int, Any] | None = None
         self._recording = ""
-        self._free_gb, self._aged_h, self._anew_s = 500.0, 0.0, -math.inf
+        self._free_gb, self._aged_h = 500.0, 0.0
         self._ticks = 0
         self._known: JointReading | None = None
         self._least = setup.station.mask.above(
