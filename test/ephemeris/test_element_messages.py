@@ -82,7 +82,18 @@ def test_catalogue_numbers_beyond_a_tle_are_kept_and_refused_only_by_the_tle(not
 
 def test_several_messages_come_in_order() -> None:
     other = {**FIELDS, "NORAD_CAT_ID": 100123, "OBJECT_NAME": "SECOND"}
-    for text in (json.dumps([FIELDS, other]), as_kvn(FIELDS) + "\n" + as_kvn(other)):
+    head, omm_of_one, tail = re.split(r"(<omm.*</omm>)", as_xml(FIELDS))
+    second = re.split(r"(<omm.*</omm>)", as_xml(other))[1]
+    two_segments = as_xml(FIELDS).replace(
+        "</segment>", "</segment>" + second[second.index("<segment>") : second.index("</body>")]
+    )
+    for text in (
+        json.dumps([FIELDS, other]),
+        as_kvn(FIELDS) + "\n" + as_kvn(other),
+        as_csv(FIELDS) + as_csv(other).splitlines()[1],
+        head + omm_of_one + second + tail,
+        two_segments,
+    ):
         assert [e.catalogue_number for e in read_elements(text)] == [28057, 100123]
 
 

@@ -232,3 +232,17 @@ def test_an_interval_is_narrowed_around_what_is_sought_and_no_further_than_asked
     assert (b - a)[1] == pytest.approx(0.25 * (b - a)[0], rel=1e-6)
     found = sampled.turning_times(rows, low_s, high_s, sign)
     assert found == pytest.approx(turn_s, abs=0.01)
+
+
+def test_a_stay_with_two_maxima_is_one_pass_beside_the_stays_of_other_objects() -> None:
+    """Three objects: one maximum, two in one stay, and two again; each stay is one pass at its higher maximum."""
+    x = STEP_S * np.arange(-MARGIN, COUNT + MARGIN + 1)
+    off = x - MIDDLE_S
+    double = SINE_MASK + 4e-13 * (off**2 + 150.0**2) * (OUTER_S**2 - off**2) * (1.0 + 2e-4 * off)
+    single = SINE_MASK + 0.1 * (1.0 - (off / 500.0) ** 2)
+    sines = np.array([single, double, double])
+    enu = RANGE_M * np.stack([np.zeros_like(sines), np.sqrt(1.0 - sines**2), sines], axis=-1)
+    found = passes_on_grid(SampledSky(enu, 0.0, STEP_S), np.ones(3, dtype=bool), END_S, SINE_MASK)
+    assert found.row.tolist() == [0, 1, 2]
+    np.testing.assert_allclose(found.aos_s - MIDDLE_S, [-500.0, -OUTER_S, -OUTER_S], atol=0.01)
+    assert np.all(found.tca_s[1:] > MIDDLE_S + 100.0)

@@ -232,3 +232,109 @@ def test_numbers_of_set_and_revolution_may_be_blank() -> None:
     bare = LINE1[:64] + "    ", LINE2[:63] + "     "
     (found,) = read_elements("\n".join(line + str(checksum(line)) for line in bare))
     assert (found.element_set_number, found.revolution_number) == (0, 0)
+
+
+def test_what_stands_between_the_columns_of_the_numbers_is_not_read() -> None:
+    """Letters in every gap; they do not count in the checksum either."""
+    (plain,) = read_tle(f"{LINE1}\n{LINE2}")
+    for gap in (8, 17, 32, 43, 52, 61, 63):
+        changed = f"{LINE1[:gap]}x{LINE1[gap + 1 :]}"
+        assert read_tle(f"{changed}\n{LINE2}") == [plain], gap
+    for gap in (7, 16, 25, 33, 42, 51):
+        changed = f"{LINE2[:gap]}x{LINE2[gap + 1 :]}"
+        assert read_tle(f"{LINE1}\n{changed}") == [plain], gap
+
+
+def with_columns(line: str, begin: int, text: str) -> str:
+    changed = line[:begin] + text + line[begin + len(text) :]
+    return changed[:68] + str(checksum(changed))
+
+
+def test_every_column_of_a_number_is_read() -> None:
+    """All of them filled with digits of their own."""
+    line1 = with_columns(LINE1, 33, "-.12345678")
+    line1 = with_columns(line1, 44, "-98765-4")
+    line1 = with_columns(line1, 53, "-13579-2")
+    line1 = with_columns(line1, 64, "9876")
+    line2 = with_columns(LINE2, 8, "123.4567")
+    for begin, text in (
+        (17, "234.5678"),
+        (26, "1234567"),
+        (34, "345.6789"),
+        (43, "156.7891"),
+        (52, "12.34567891"),
+        (63, "98765"),
+    ):
+        line2 = with_columns(line2, begin, text)
+    (found,) = read_tle(f"{line1}\n{line2}")
+    day_s, turn = 86400.0, 2.0 * math.pi
+    assert found.mean_motion_dot_rad_s2 == pytest.approx(-2.0 * 0.12345678 * turn / day_s**2, rel=1e-12)
+    assert found.mean_motion_ddot_rad_s3 == pytest.approx(-6.0 * 0.98765e-4 * turn / day_s**3, rel=1e-12)
+    assert found.drag_per_earth_radius == pytest.approx(-0.13579e-2, rel=1e-12)
+    assert (found.element_set_number, found.revolution_number) == (9876, 98765)
+    degrees = (found.inclination_rad, found.ascending_node_rad, found.argument_of_perigee_rad, found.mean_anomaly_rad)
+    assert np.degrees(degrees) == pytest.approx([123.4567, 234.5678, 345.6789, 156.7891], rel=1e-12)
+    assert found.eccentricity == pytest.approx(0.1234567, rel=1e-12)
+    assert found.mean_motion_rad_s == pytest.approx(12.34567891 * turn / day_s, rel=1e-12)
+    assert tle_lines(found) == (line1, line2)
+
+
+@pytest.mark.parametrize(("columns", "year"), [("57", 1957), ("99", 1999), ("00", 2000), ("56", 2056)])
+def test_two_digits_of_a_year_are_of_1957_to_2056(columns: str, year: int) -> None:
+    line1 = with_columns(with_columns(LINE1, 9, f"{columns}001ABC"), 18, f"{columns}001.00000000")
+    (found,) = read_tle(f"{line1}\n{LINE2}")
+    assert found.epoch_t_s == from_utc_text(f"{year}-01-01T00:00:00")
+    assert found.international_designator == f"{year}-001ABC"
+    assert tle_lines(found)[0] == line1
+
+
+@pytest.mark.parametrize("columns", ["98067", "98-067A", "9806A", "98067a"])
+def test_a_designator_of_another_form_is_read_as_it_stands(columns: str) -> None:
+    (found,) = read_tle(with_columns(LINE1, 9, f"{columns:8s}") + f"\n{LINE2}")
+    assert found.international_designator == columns
+
+
+@pytest.mark.parametrize(
+    ("value", "columns"),
+    [
+        (0.99999999, " .99999999"), (-0.99999999, "-.99999999"), (0.000000004, " .00000000"), (-0.5, "-.50000000"),
+        (0.0, " .00000000"),
+    ],
+)  # fmt: skip
+def test_the_drift_of_the_mean_motion_is_a_fraction_of_eight_digits(
+    cbers: Elements, value: float, columns: str
+) -> None:
+    dot = 2.0 * value * 2.0 * math.pi / 86400.0**2
+    assert tle_lines(dataclasses.replace(cbers, mean_motion_dot_rad_s2=dot))[0][33:43] == columns
+    with pytest.raises(ValueError, match="mean_motion_dot_rad_s2 is .* must be below 1"):
+        tle_lines(
+            dataclasses.replace(cbers, mean_motion_dot_rad_s2=math.copysign(2.0, dot) * 2.0 * math.pi / 86400.0**2)
+        )
+
+
+@pytest.mark.parametrize(
+    ("value", "columns"),
+    [
+        (0.0, " 00000-0"), (0.1, " 10000-0"), (0.99999, " 99999-0"), (1.0, " 10000+1"), (-12.3456, "-12346+2"),
+        (9.9999e8, " 99999+9"), (0.01, " 10000-1"), (-3.5e-7, "-35000-6"), (0.999996, " 10000+1"),
+    ],
+)  # fmt: skip
+def test_a_number_with_an_exponent_has_five_digits_behind_the_point(
+    cbers: Elements, value: float, columns: str
+) -> None:
+    first, _ = tle_lines(dataclasses.replace(cbers, drag_per_earth_radius=value))
+    assert first[53:61] == columns
+    ddot = 6.0 * value * 2.0 * math.pi / 86400.0**3
+    first, _ = tle_lines(dataclasses.replace(cbers, mean_motion_ddot_rad_s3=ddot))
+    assert first[44:52] == columns
+    with pytest.raises(ValueError, match="must be below 1e9"):
+        tle_lines(dataclasses.replace(cbers, drag_per_earth_radius=1.1e9))
+
+
+@pytest.mark.parametrize(("degrees", "columns"), [(359.99994, "359.9999"), (359.99996, "  0.0000"), (-0.5, "359.5000")])
+def test_an_angle_is_written_in_degrees_of_one_turn(cbers: Elements, degrees: float, columns: str) -> None:
+    turned = {
+        name: math.radians(degrees) for name in ("ascending_node_rad", "argument_of_perigee_rad", "mean_anomaly_rad")
+    }
+    _, second = tle_lines(dataclasses.replace(cbers, **turned))
+    assert [second[begin : begin + 8] for begin in (17, 34, 43)] == [columns] * 3
