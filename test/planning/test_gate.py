@@ -1,12 +1,13 @@
 """The gate: what it lets through, what it refuses and by how much, and the ways it finds round a hill and the Sun."""
 
+import itertools
 import math
 import timeit
 
 import numpy as np
 import pytest
 
-from rf_pointing.planning import AxisLimits, AxisRates, Gate, GateParams, HorizonMask, motion_between
+from rf_pointing.planning import AxisLimits, AxisRates, Decision, Gate, GateParams, HorizonMask, motion_between
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.gate import MOTIONS
 from rf_pointing.planning.slew import Moving, halting_points, slew_path
@@ -245,3 +246,184 @@ def test_the_checks_of_a_tick_take_microseconds() -> None:
         )
     )
     assert guard / 1000 < 400e-6
+
+
+@pytest.mark.parametrize(
+    ("here_deg", "goal_deg", "kind"),
+    [
+        ((0.0, 89.0), (10.0, 91.0), "flip"),
+        ((0.0, 91.0), (10.0, 89.0), "flip"),
+        ((0.0, 91.0), (10.0, 100.0), "slew"),
+        ((0.0, 100.0), (181.0, 100.0), "unwind"),
+        ((0.0, 50.0), (-181.0, 20.0), "unwind"),
+        ((-100.0, 50.0), (79.0, 20.0), "slew"),
+        ((170.0, 50.0), (-9.0, 20.0), "slew"),
+        ((100.0, 50.0), (-79.0, 20.0), "slew"),
+    ],
+)
+def test_a_motion_is_a_flip_an_unwinding_of_more_than_half_a_turn_or_a_slew(
+    here_deg: tuple[float, float], goal_deg: tuple[float, float], kind: str
+) -> None:
+    assert motion_between(*(tuple(np.radians(pair).tolist()) for pair in (here_deg, goal_deg))) == kind
+
+
+def test_a_slew_takes_the_time_of_all_its_legs_and_without_a_way_that_of_the_straight_one() -> None:
+    start, goal = (60.0 * DEG, 10.0 * DEG), (120.0 * DEG, 10.0 * DEG)
+    legs = [(60.0, 10.0), (60.0, 30.5), (120.0, 30.5), (120.0, 10.0)]
+    wanted = sum(AXES.slew_s((a[0] * DEG, a[1] * DEG), (b[0] * DEG, b[1] * DEG)) for a, b in itertools.pairwise(legs))
+    assert gate(HILL).slew(start, goal) == (pytest.approx(wanted), "")
+    low = Gate(GateParams(), AxisLimits(elevation_max_rad=29.0 * DEG), HILL, AXES)
+    needed_s, reason = low.slew(start, goal)
+    assert needed_s == AXES.slew_s(start, goal)
+    assert "no detour is free" in reason
+    assert gate().slew(start, goal) == (AXES.slew_s(start, goal), "")
+
+
+def test_a_motion_through_several_goals_goes_by_all_of_their_corners() -> None:
+    """Straight to the first one, over the hill to the second, straight on to the third."""
+    here, goals = (50.0 * DEG, 10.0 * DEG), deg((60.0, 10.0), (120.0, 10.0), (130.0, 10.0))
+    decision = gate(HILL).check("slew", here, goals)
+    wanted = [(60.0, 10.0), (60.0, 30.5), (120.0, 30.5), (120.0, 10.0), (130.0, 10.0)]
+    np.testing.assert_allclose(np.degrees(decision.way), wanted, atol=1e-9)
+    assert decision.warning == ""
+    assert gate(HILL).check("slew", here, deg((60.0, 10.0), (70.0, 40.0), (120.0, 40.0))).way == ()
+    barred = gate(HILL).check("slew", here, deg((60.0, 10.0), (90.0, 20.0)))
+    assert "below the horizon mask" in barred.reason
+
+
+@pytest.mark.parametrize(
+    ("place_deg", "warning"),
+    [
+        ((217.9, 45.0), ""),
+        ((218.1, 45.0), "azimuth 1.90 deg inside its limit"),
+        ((-218.1, 45.0), "azimuth 1.90 deg inside its limit"),
+        ((0.0, 5.5), "elevation 1.50 deg inside its limit"),
+        ((0.0, 87.4), ""),
+        ((0.0, 88.5), "elevation 1.00 deg inside its limit"),
+        ((220.4, 45.0), "azimuth 0.40 deg beyond its limit"),
+        ((0.0, 3.0), "elevation 1.00 deg beyond its limit"),
+    ],
+)
+def test_a_warning_says_how_near_to_or_beyond_which_limit(place_deg: tuple[float, float], warning: str) -> None:
+    here = (place_deg[0] * DEG, place_deg[1] * DEG)
+    assert gate().warning(*here) == warning
+    for kind in ("track", "slew"):
+        assert gate().check(kind, here, deg((0.0, 45.0), place_deg)).warning == warning
+
+
+@pytest.mark.parametrize(
+    ("joint_deg", "rate_deg_s", "words"),
+    [
+        ((0.0, 3.8), (0.0, -1.0), ""),
+        ((0.0, 3.7), (0.0, -1.0), "elevation 3.700 deg is 0.050 deg past the hard limit 3.750 deg"),
+        ((0.0, 3.7), (0.0, 1.0), ""),
+        ((0.0, 3.7), (0.0, 0.0), ""),
+        ((-220.3, 45.0), (-1.0, 0.0), "azimuth -220.300 deg is 0.050 deg past the hard limit -220.250 deg"),
+        ((-220.3, 45.0), (1.0, 0.0), ""),
+        ((0.0, 89.8), (0.0, 1.0), "elevation 89.800 deg is 0.050 deg past the hard limit 89.750 deg"),
+        ((220.3, 45.0), (0.0, 1.0), ""),
+    ],
+)
+def test_the_drives_are_cut_beyond_a_limit_while_an_axis_goes_on_outwards(
+    joint_deg: tuple[float, float], rate_deg_s: tuple[float, float], words: str
+) -> None:
+    joint, rate = ((pair[0] * DEG, pair[1] * DEG) for pair in (joint_deg, rate_deg_s))
+    assert gate().hard(joint, rate) == words
+
+
+def test_axes_released_beyond_a_low_limit_may_swing_there() -> None:
+    stood, made = (0.0, 3.7 * DEG), gate()
+    assert made.hard((0.0, 3.66 * DEG), (0.0, -0.01), stood) == ""
+    assert "past the hard limit 3.650 deg" in made.hard((0.0, 3.6 * DEG), (0.0, -0.01), stood)
+    assert "past the hard limit 3.750 deg" in made.hard((0.0, 3.6 * DEG), (0.0, -0.01), (0.0, 10.0 * DEG))
+
+
+@pytest.mark.parametrize(("elevation_deg", "free"), [(10.01, True), (9.99, False), (169.99, True), (170.01, False)])
+def test_the_transmitter_may_be_on_from_its_lowest_elevation_on(elevation_deg: float, free: bool) -> None:
+    assert (gate().transmit_inhibit(elevation_deg * DEG) == "") is free
+
+
+@pytest.mark.parametrize(
+    ("place_deg", "rate_deg_s", "words"),
+    [
+        ((0.0, 88.4), (0.0, 1.5), "elevation rate 1.500 deg/s needs 1.125 deg to stop, 1.100 deg are left to 89.500"),
+        ((0.0, 88.3), (0.0, 1.5), ""),
+        ((0.0, 5.1), (0.0, -1.5), "elevation rate -1.500 deg/s needs 1.125 deg to stop, 1.100 deg are left to 4.000"),
+        ((0.0, 5.2), (0.0, -1.5), ""),
+        (
+            (-219.0, 45.0),
+            (-1.5, 0.0),
+            "azimuth rate -1.500 deg/s needs 1.125 deg to stop, 1.000 deg are left to -220.000",
+        ),
+        ((0.0, 45.0), (-2.1, 0.0), "azimuth rate -2.100 deg/s exceeds the axis limit 2.000 deg/s"),
+        ((0.0, 45.0), (0.0, 1.1), "elevation rate 1.100 deg/s exceeds the axis limit 1.000 deg/s"),
+        ((0.0, 45.0), (2.0, 1.0), ""),
+    ],
+)
+def test_rates_must_be_within_the_axis_and_leave_room_to_stop(
+    place_deg: tuple[float, float], rate_deg_s: tuple[float, float], words: str
+) -> None:
+    most = 1.0 if "elevation rate 1.1" in words else 2.0
+    made = gate(axes=AxisRates((2.0 * DEG, most * DEG), (1.0 * DEG, 1.0 * DEG)))
+    decision = made.check("track", (0.0, 45.0 * DEG), deg((0.0, 45.0), place_deg), deg((0.0, 0.0), rate_deg_s))
+    assert decision.reason.replace("left to the limit", "left to") in (words, f"{words} deg")
+
+
+def test_an_axis_that_is_outside_has_its_own_place_for_its_end() -> None:
+    """From 225 deg inwards, and outwards within what is left to where it stands."""
+    made, here = gate(axes=AxisRates((2.0 * DEG, 2.0 * DEG), (1.0 * DEG, 1.0 * DEG))), (225.0 * DEG, 45.0 * DEG)
+    assert made.check("track", here, deg((223.8, 45.0)), deg((1.5, 0.0))).allowed
+    assert (
+        "1.100 deg are left to the limit 225.000 deg"
+        in made.check("track", here, deg((223.9, 45.0)), deg((1.5, 0.0))).reason
+    )
+    under = (0.0, 1.0 * DEG)
+    assert made.check("track", under, deg((0.0, 2.2)), deg((0.0, -1.5))).allowed
+    assert "left to the limit 1.000 deg" in made.check("track", under, deg((0.0, 2.1)), deg((0.0, -1.5))).reason
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_guard_of_every_end_of_the_travel_lets_a_twentieth_of_a_degree_pass(axis: int, side: float) -> None:
+    """1.6 deg/s takes 1.6 deg at 0.8 deg/s^2."""
+    ends = ((-220.0, 220.0), (4.0, 89.5))[axis]
+    end = ends[1] if side > 0.0 else ends[0]
+    for past_deg, free in ((0.04, True), (0.06, False)):
+        place, rate = [0.0, 45.0 * DEG], [0.0, 0.0]
+        place[axis], rate[axis] = (end + side * (past_deg - 1.6)) * DEG, side * 1.6 * DEG
+        here = (place[0], place[1])
+        found = gate().guard("manual", here, here, (rate[0], rate[1]))
+        assert (found == "") is free
+        # Standing there is judged alike.
+        place[axis] = (end + side * past_deg) * DEG
+        assert (gate().guard("manual", (0.0, 0.8), (place[0], place[1]), (0.0, 0.0)) == "") is free
+
+
+def test_positions_within_the_travel_above_all_and_beside_the_sun_are_allowed_as_each_of_them_is(
+    random: np.random.Generator,
+) -> None:
+    made, sun = gate(HILL, sun_radius_rad=20.0 * DEG), (1.7, 0.9)
+    allowed = 0
+    for _ in range(300):
+        rows = random.uniform((-4.2, 0.0), (4.2, 1.6), (1, 2)) + random.uniform(-0.1, 0.1, (3, 2))
+        decision = made.check("track", (0.0, 0.8), rows, sun_rad=sun)
+        assert decision.allowed == all(not made.position(*row, (0.0, 0.8), sun) for row in rows.tolist())
+        allowed += decision.allowed
+    assert 100 < allowed < 250
+
+
+def test_what_is_no_motion_is_refused() -> None:
+    with pytest.raises(ValueError, match="kind='fly' must be one of track"):
+        gate().check("fly", (0.0, 0.5), deg((0.0, 45.0)))
+    with pytest.raises(ValueError, match="positions="):
+        gate().check("track", (0.0, 0.5), deg((0.0, math.nan)))
+    refused = gate().check("track", (0.0, 0.5), deg((0.0, 45.0)), high_wind="gust")
+    assert refused == Decision("gust")
+
+
+def test_axes_that_run_after_a_target_are_held_against_hill_and_sun() -> None:
+    places, still = deg((80.0, 35.0), (90.0, 31.0), (100.0, 35.0)), np.zeros((3, 2))
+    assert gate(HILL).chase(places, still, places) == ""
+    falling = deg((0.0, 0.0), (0.0, -1.6), (0.0, 0.0))
+    assert "below the horizon mask" in gate(HILL).chase(places, falling, places)
+    assert "from the Sun" in gate(HILL).chase(places, still, places + 0.3, (90.0 * DEG, 31.5 * DEG))

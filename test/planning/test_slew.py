@@ -10,7 +10,7 @@ import pytest
 
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams
 from rf_pointing.planning import AxisLimits, AxisRates, CornerPath, Gate, GateParams, HorizonMask
-from rf_pointing.planning.forbidden_sky import ForbiddenSky
+from rf_pointing.planning.forbidden_sky import ForbiddenSky, angle_between
 from rf_pointing.planning.slew import (
     CORNER_RAD,
     AxisSlew,
@@ -19,6 +19,7 @@ from rf_pointing.planning.slew import (
     PathFinder,
     _FreeColumns,
     _near_corner,
+    _widest,
     slew_path,
 )
 
@@ -402,3 +403,188 @@ def test_axes_that_begin_near_a_corner_are_there_as_they_begin() -> None:
     rates = np.array([[0.01, -0.02], [0.0, 0.0]])
     near = _near_corner(0.8, places, rates, (0.1 + 1e-3, 0.2))
     assert near == Moving(0.8, (0.1, 0.2), (0.01, -0.02), cuts=True)
+
+
+@pytest.mark.parametrize("sun_deg", [None, (30.3, 40.0), (31.0, 12.0), (-3.0, 76.0)])
+def test_columns_leave_all_that_lies_within_a_corner_of_hill_and_sun_and_hardly_more(
+    sun_deg: tuple[float, float] | None,
+) -> None:
+    """By a dense grid: half a degree above the hills, and a quarter about where the Sun goes, of all near azimuths."""
+    hills = HorizonMask(
+        azimuth_rad=tuple(a * DEG for a in (0.0, 18.2, 20.7, 33.1, 200.0, 215.0, 350.0)),
+        elevation_rad=tuple(e * DEG for e in (5.0, 5.0, 33.0, 8.0, 3.0, 21.0, 5.0)),
+    )
+    sky, duration_s = ForbiddenSky(hills, 3.0 * DEG), 240.0
+    travel = ((-10.0 * DEG, 4.0 * DEG), (60.0 * DEG, 160.0 * DEG))
+    sun = None if sun_deg is None else (sun_deg[0] * DEG, sun_deg[1] * DEG)
+    paths = PathFinder(sky, AXES, travel)
+    columns = _FreeColumns(paths, (-12.0 * DEG, 0.4), (61.0 * DEG, 0.4), sun, duration_s)
+    edges, pieces = columns._edges, columns._pieces
+    assert (edges[0], edges[-1]) == pytest.approx((-12.0 * DEG, 61.0 * DEG))
+    assert np.max(np.diff(edges)) <= 0.5 * DEG + 1e-9
+    assert len(edges) < 73.0 / 0.5 + 12
+    for point in (0.0, 18.2, 20.7, 33.1, 215.0 - 180.0):
+        assert np.min(np.abs(edges - point * DEG)) < 1e-9
+    kept = 3.0 * DEG + 2.0 * math.pi / 86400.0 * duration_s + 0.25 * DEG
+    azimuths = np.arange(edges[0], edges[-1], 0.05 * DEG)
+    bottoms = np.maximum(hills.lowest_all(azimuths) + 0.5 * DEG, 4.0 * DEG)
+    tops = np.minimum(math.pi - hills.lowest_all(azimuths + math.pi) - 0.5 * DEG, 160.0 * DEG)
+    belows, aboves = np.full(len(azimuths), math.inf), np.full(len(azimuths), -math.inf)
+    if sun is not None:
+        heights = sun[1] + np.arange(-6.0, 6.0, 0.02) * DEG
+        grid = np.stack(np.broadcast_arrays(azimuths[:, None], heights), axis=-1)
+        inside = angle_between(grid, np.array(sun)) < kept
+        cut = inside.any(axis=1)
+        belows[cut] = heights[np.argmax(inside[cut], axis=1)]
+        aboves[cut] = heights[len(heights) - 1 - np.argmax(inside[cut][:, ::-1], axis=1)]
+    # What lies within half a degree of the column is left out, what lies further off than the columns there is not.
+    for column in range(len(edges) - 1):
+        for reach, slack, safe in ((0.45 * DEG, 0.03 * DEG, True), (1.05 * DEG, 0.03 * DEG, False)):
+            near = (azimuths >= edges[column] - reach) & (azimuths <= edges[column + 1] + reach)
+            bottom, top = float(bottoms[near].max()), float(tops[near].min())
+            below, above = float(belows[near].min()), float(aboves[near].max())
+            free = [(bottom, min(top, below)), (max(bottom, above), top)]
+            for piece, ((low, high), (lowest, highest)) in enumerate(zip(pieces[:, :, column], free, strict=True)):
+                if piece == 1 and below == math.inf:
+                    assert safe or low > high, "without a Sun there is one piece"
+                elif safe:
+                    assert low >= lowest - slack
+                    assert high <= highest + slack
+                elif lowest < highest:
+                    rows = pieces[:, :, column].tolist()
+                    assert any(row[0] <= lowest + slack and row[1] >= highest - slack for row in rows)
+
+
+def test_pieces_of_neighbouring_columns_that_overlap_are_connected() -> None:
+    paths = PathFinder(ForbiddenSky(HorizonMask(elevation_rad=(0.0,)), 0.0), AXES, WIDE)
+    columns = _FreeColumns(paths, (0.0, 0.1), (1.0, 0.1), None, 0.0)
+    low = np.array([[0.0, 0.3, 0.8, 0.0], [0.6, 9.0, 0.4, 0.6]])
+    high = np.array([[0.4, 0.5, 0.9, 0.1], [0.9, -9.0, 0.6, 0.9]])
+    found = columns._components(low, high)
+    # Below in 0 and 1, above in 2; above in 0 alone; below in 2 with above in 3, which 2's upper piece misses by 0.
+    assert found[0, 0] == found[0, 1] == found[1, 2] == found[1, 3]
+    assert found[1, 3] == found[0, 2], "touching counts"
+    assert found[1, 1] == -1
+    assert len({int(found[0, 0]), int(found[1, 0]), int(found[0, 3])}) == 3
+
+
+def stair_columns(
+    pieces: np.ndarray, edges_deg: list[float], start: tuple[float, float], goal: tuple[float, float]
+) -> _FreeColumns:
+    """Columns of free elevations given by hand, degrees, on axes of 2 deg/s and 1 deg/s."""
+    axes = AxisRates((2.0 * DEG, 1.0 * DEG), (5.0 * DEG, 5.0 * DEG))
+    paths = PathFinder(ForbiddenSky(HorizonMask(elevation_rad=(0.0,)), 0.0), axes, WIDE)
+    made = _FreeColumns(paths, (start[0] * DEG, start[1] * DEG), (goal[0] * DEG, goal[1] * DEG), None, 0.0)
+    made._edges, made._pieces = np.array(edges_deg) * DEG, pieces * DEG
+    return made
+
+
+def test_stairs_go_by_the_pieces_that_take_least_time_at_the_edges_between_columns() -> None:
+    """Over the step of the second column below, or above through it: down again costs more than the step."""
+    lows, highs = [[10.0, 30.0, 10.0], [60.0, 45.0, 60.0]], [[40.0, 35.0, 40.0], [80.0, 70.0, 80.0]]
+    made = stair_columns(np.stack([lows, highs], axis=1), [0.0, 1.0, 3.0, 4.0], (0.5, 12.0), (3.5, 15.0))
+    stairs = made._stairs((0, 0, (0.5 * DEG, 12.0 * DEG)), (0, 2, (3.5 * DEG, 15.0 * DEG)))
+    wanted = [(0.5, 12.0), (1.0, 12.0), (1.0, 30.0), (3.5, 30.0), (3.5, 15.0)]
+    np.testing.assert_allclose(np.degrees(stairs), wanted, atol=1e-9)
+    # 1 s for the second column, 0.5 s for the third, 18 deg up and 15 down: 34.5 s, a fifth more, and the corners.
+    assert made.duration_s == pytest.approx(1.2 * 34.5 + 20.0)
+    back = stair_columns(np.stack([lows, highs], axis=1), [0.0, 1.0, 3.0, 4.0], (3.5, 15.0), (0.5, 12.0))
+    stairs = back._stairs((0, 2, (3.5 * DEG, 15.0 * DEG)), (0, 0, (0.5 * DEG, 12.0 * DEG)))
+    wanted = [(3.5, 15.0), (3.0, 15.0), (3.0, 30.0), (0.5, 30.0), (0.5, 12.0)]
+    np.testing.assert_allclose(np.degrees(stairs), wanted, atol=1e-9)
+    # A start and a goal beside their columns are reached by legs of their own.
+    assert back.duration_s == pytest.approx(1.2 * (1.0 + 0.5 + 15.0 + 18.0) + 20.0)
+
+
+def test_stairs_change_between_the_pieces_of_a_column_only_by_its_neighbours() -> None:
+    """From below the zone to above it: the third column is free from one to the other."""
+    lows, highs = [[10.0, 10.0, 10.0], [50.0, 50.0, 90.0]], [[30.0, 30.0, 70.0], [70.0, 70.0, 0.0]]
+    made = stair_columns(np.stack([lows, highs], axis=1), [0.0, 1.0, 2.0, 3.0], (0.5, 20.0), (0.5, 60.0))
+    stairs = made._stairs((0, 0, (0.5 * DEG, 20.0 * DEG)), (1, 0, (0.5 * DEG, 60.0 * DEG)))
+    wanted = [(0.5, 20.0), (2.0, 20.0), (2.0, 50.0), (0.5, 50.0), (0.5, 60.0)]
+    np.testing.assert_allclose(np.degrees(stairs), wanted, atol=1e-9)
+
+
+@pytest.mark.parametrize("forward", [True, False])
+def test_of_each_component_the_nearest_place_with_a_free_leg_is_taken(forward: bool) -> None:
+    """Columns of a degree; within 4 deg of it, by the larger of both ways."""
+    here, other, count = (10.5, 20.0), (90.0, 20.0), 20
+    lows, highs = (
+        np.array([np.full(count, 20.3), np.full(count, 21.0)]),
+        np.array([np.full(count, 30.0), np.full(count, 50.0)]),
+    )
+    lows[0, 10], lows[1, 10] = 25.0, 20.9
+    ends = (here, other) if forward else (other, here)
+    made = stair_columns(np.stack([lows, highs], axis=1), [float(edge) for edge in range(count + 1)], *ends)
+    component = np.stack([np.zeros(count, dtype=np.int64), np.ones(count, dtype=np.int64)])
+    component[0, 11:], component[0, :7] = 2, 6
+    component[:, 14], component[:, 15:] = (4, -1), 5
+    found = made._reached(component, forward=forward)
+    wanted = {
+        0: (0, 9, (10.0, 20.3)), 1: (1, 10, (10.5, 20.9)), 2: (0, 11, (11.0, 20.3)), 4: (0, 14, (14.0, 20.3)),
+    }  # fmt: skip
+    assert found.keys() == wanted.keys()
+    for label, (piece, column, place) in wanted.items():
+        assert found[label][:2] == (piece, column)
+        assert np.degrees(found[label][2]) == pytest.approx(place)
+
+
+def test_a_place_is_reached_only_by_a_free_leg() -> None:
+    """From under a ridge, which would have to be crossed for the nearer one of two places."""
+    paths = PathFinder(ForbiddenSky(RIDGE, 0.0), AXES, WIDE)
+    columns = _FreeColumns(paths, (88.0 * DEG, 26.0 * DEG), (92.0 * DEG, 26.0 * DEG), None, 0.0)
+    component = columns._components(columns._pieces[:, 0], columns._pieces[:, 1])
+    for forward, start in ((True, 88.0), (False, 92.0)):
+        ((_, column, place),) = columns._reached(component, forward=forward).values()
+        leg = ((start * DEG, 26.0 * DEG), place) if forward else (place, (start * DEG, 26.0 * DEG))
+        assert paths.leg(Leg.begin(leg[0]), leg[1], None, last=False).reason == ""
+        assert columns._edges[column] <= place[0] <= columns._edges[column + 1]
+
+
+def test_the_widest_of_the_columns_within_a_clearance_counts() -> None:
+    """Columns of 0.3 deg: the two on either side of each come within half a degree of it."""
+    edges = np.arange(9) * 0.3 * DEG
+    values = np.array([[0.0, 7.0, 0.0, 1.0, 0.0, 0.0, 0.0, 5.0]])
+    np.testing.assert_array_equal(_widest(edges, values), [[7.0, 7.0, 7.0, 7.0, 1.0, 5.0, 5.0, 5.0]])
+
+
+def test_places_are_straightened_into_the_longest_free_legs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Halved until a leg is free; one step that is not, or too many trials, is no path."""
+    paths = PathFinder(FLAT, AXES, WIDE)
+    columns = _FreeColumns(paths, (0.0, 0.1), (1.0, 0.1), None, 0.0)
+    places = [(0.01 * number, 0.1) for number in range(14)]
+    asked: list[tuple[int, bool]] = []
+
+    def leg(before: Leg, corner: tuple[float, float], _sun: None, *, last: bool) -> Leg:
+        here = places.index(before.moving[0].position_rad)
+        there = places.index(corner)
+        asked.append((there, last))
+        return Leg("" if there - here <= longest else "barred", (Moving(1.0, corner),), 0.0)
+
+    monkeypatch.setattr(paths, "leg", leg)
+    for longest, ways, first in (
+        (13, [13], [(13, True)]),
+        (4, None, [(13, True), (7, False), (4, False)]),
+        (0, [], [(13, True), (7, False), (4, False), (2, False), (1, False)]),
+    ):
+        asked.clear()
+        found = columns._straightened(places)
+        assert asked[: len(first)] == first
+        if ways is not None:
+            assert found == [places[way] for way in ways]
+        else:
+            steps = np.diff([0, *(places.index(place) for place in found)])
+            assert np.all((steps >= 1) & (steps <= longest))
+            assert found[-1] == places[-1]
+    # 60 legs that are not free are enough.
+    places = [(0.001 * number, 0.1) for number in range(400)]
+    longest = 2
+    asked.clear()
+    assert columns._straightened(places) == []
+    here, free, barred = 0, 0, 0
+    for there, _ in asked:
+        if there - here <= 2:
+            here, free = there, free + 1
+        else:
+            barred += 1
+    assert barred == 61
