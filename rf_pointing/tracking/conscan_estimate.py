@@ -188,7 +188,7 @@ def _weighted(rows: Array, power_w: Array, variance_w2: Array) -> tuple[Array, A
     information = weighted @ rows.T
     if is_singular(information):
         raise np.linalg.LinAlgError("the samples do not determine the direction: one outweighs the others")
-    covariance: Array = np.linalg.inv(information).astype(np.float64, copy=False)
+    covariance: Array = np.asarray(np.linalg.inv(information))
     return covariance @ (weighted @ power_w), covariance
 
 
@@ -216,7 +216,8 @@ def _likelihood(params: ConscanParams, window: PowerWindow, design: BeamDesign) 
         alone = fit_beam(beam_design(window.beam_rad, params.half_power_beamwidth_rad), power, noise)
         # How many times the spin terms raise the variance of the worse axis.
         inflation = float(np.max(np.diag(found.covariance_rad2) / np.diag(alone.covariance_rad2)))
-        if not 0.0 < inflation < WORST_SPIN_INFLATION:
+        # Not a number fails the comparison too.
+        if not inflation < WORST_SPIN_INFLATION:
             reason = f"the spin cannot be separated from the scan: it raises the variance {inflation:.0f} times"
             return _unknown(params, reason)
     doubt, misfit = _range_doubt(params, found.error_rad), float(found.chi_squared)

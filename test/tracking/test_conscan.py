@@ -15,7 +15,13 @@ from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams,
 from rf_pointing.tracking.beam_fit import PowerWindow, beam_design, fit_beam
 from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimator, DelayParams
 from rf_pointing.tracking.conscan_design import conscan_slope
-from rf_pointing.tracking.conscan_estimate import LEAST_POWER_SIGMAS, ConscanParams, _flutter, estimate_window
+from rf_pointing.tracking.conscan_estimate import (
+    LEAST_POWER_SIGMAS,
+    ConscanParams,
+    _flutter,
+    estimate_window,
+    linear_rows,
+)
 from rf_pointing.tracking.scan import ScanParams
 
 H, R = 17.0 * MDEG, 1.55 * MDEG
@@ -755,3 +761,150 @@ def test_a_broken_chain_begins_again_and_keeps_what_it_has_learned() -> None:
     assert estimator.state.pairs == 1.5
     assert estimator.state.sums.weight == pytest.approx(1.5 * shift**2 / 2e-12)
     assert estimator.state.sums.product == pytest.approx(1.5 * shift**2 / 2e-12)
+
+
+def test_the_linear_power_is_one_on_the_circle_and_falls_off_it_as_the_beam() -> None:
+    """Columns of C1, C2 and C3: g, g x / r and g y / r; g = exp(-mu (x^2 + y^2 - r^2) / h^2)."""
+    beam = R * np.array([[0.6, -0.8], [-1.0, 0.0], [0.3, 0.4], [1.5, -0.7], [0.0, 0.0]])
+    rows = np.column_stack([np.arange(5.0), np.ones(5), np.ones(5), beam, np.ones(5)])
+    found = linear_rows(PowerWindow(rows), H, R)
+    fall = [math.exp(-MU * (u * u + v * v - R * R) / H**2) for u, v in beam]
+    expected = [[g, g * u / R, g * v / R] for g, (u, v) in zip(fall, beam, strict=True)]
+    np.testing.assert_allclose(found, np.transpose(expected), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(found[:, :2], [[1.0, 1.0], [0.6, -1.0], [-0.8, 0.0]], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("drift", "spins", "unknowns"), [(False, (), 3), (True, (), 4), (False, (5.0,), 5), (True, (5.0, 8.0), 8)]
+)
+@pytest.mark.parametrize("name", ["window_samples", "fewest_samples"])
+def test_a_window_needs_more_samples_than_there_are_unknowns(
+    name: str, drift: bool, spins: tuple[float, ...], unknowns: int
+) -> None:
+    known = params(estimator="likelihood", drift=drift, spin_periods_s=spins)
+    assert getattr(known.replace(**{name: max(unknowns + 1, 4)}), name) == max(unknowns + 1, 4)
+    if unknowns > 3:
+        with pytest.raises(ValueError, match=f"{name}={unknowns} must be > {unknowns}, the number of unknowns"):
+            known.replace(**{name: unknowns})
+
+
+@pytest.mark.parametrize("estimator", ["likelihood", "linear"])
+@pytest.mark.parametrize(
+    ("sigma", "limit", "reason"),
+    [(0.5, 0.1, "error of 0.20 beamwidths is"), (0.5, 0.3, "C/N0 40.0 dB-Hz is too low"), (0.3, 0.3, "")],
+)
+def test_an_error_out_of_range_is_named_so_however_faint_its_samples_are(
+    estimator: str, sigma: float, limit: float, reason: str
+) -> None:
+    tracker, error = ConscanTracker(params(estimator=estimator, valid_range_beamwidths=limit)), None
+    for k in range(32):
+        u, v = R * math.cos(0.2 * k), R * math.sin(0.2 * k)
+        exact = math.exp(-MU * ((0.2 * H - u) ** 2 + v**2) / H**2)
+        error = tracker.add(power(k + 1.0, exact if estimator == "likelihood" else linear_power(0.2 * H, 0.0, u, v),
+                                  sigma), u, v)  # fmt: skip
+    assert error is not None
+    assert error.reason.startswith(reason)
+    assert error.valid is (reason == "")
+
+
+def test_the_linear_estimate_is_twice_weighted_least_squares_and_its_covariance_that_of_a_ratio() -> None:
+    """With the sigmas as stated first, then with those of the power that the first solution gives."""
+    rng, known = random_stream(5, "weighted"), params()
+    beam = R * np.column_stack([rng.uniform(-0.4, 1.0, 32), rng.uniform(-1.0, 0.7, 32)])
+    watts = np.array([linear_power(3.0 * MDEG, -4.0 * MDEG, u, v) for u, v in beam])
+    sigma = rng.uniform(0.02, 0.2, 32)
+    watts = watts + sigma * rng.standard_normal(32)
+    fall = np.exp(-MU * (np.sum(beam**2, axis=1) - R**2) / H**2)
+    columns = fall[:, None] * np.column_stack([np.ones(32), beam / R])
+
+    def solved(sigmas: np.ndarray) -> np.ndarray:
+        return np.linalg.lstsq(columns / sigmas[:, None], watts / sigmas, rcond=None)[0]
+
+    second = sigma * np.sqrt(np.maximum(columns @ solved(sigma), 0.1 * np.mean(watts)) / watts)
+    slope = conscan_slope(H, R) / H
+
+    def direction(c: np.ndarray) -> np.ndarray:
+        return c[1:] / (slope * c[0])
+
+    found = solved(second)
+    steps = 1e-6 * np.eye(3)
+    jacobian = np.stack([(direction(found + step) - direction(found - step)) / 2e-6 for step in steps], axis=1)
+    covariance = jacobian @ np.linalg.inv((columns / second[:, None] ** 2).T @ columns) @ jacobian.T
+    rows = np.column_stack([np.arange(32.0), watts, sigma, beam, np.full(32, 40.0)])
+    estimate = estimate_window(known, PowerWindow(rows))
+    assert not estimate.reason
+    np.testing.assert_allclose(estimate.error_rad, direction(found), rtol=1e-9)
+    np.testing.assert_allclose(estimate.covariance_rad2, covariance, rtol=1e-6)
+    # By the first solution alone the error is another one.
+    assert np.max(np.abs(direction(solved(sigma)) - direction(found))) > 0.01 * MDEG
+
+
+def test_where_the_linear_power_is_next_to_nothing_a_tenth_of_the_mean_stands_for_it() -> None:
+    """A target 0.6 beamwidths to the right on a scan of 0.45: by the line there is less than no power on the left."""
+    radius, rng = 0.45 * H, random_stream(6, "level")
+    known = params(radius_rad=radius)
+    turn = 2.0 * np.pi * np.arange(32) / 32
+    columns = np.column_stack([np.ones(32), np.cos(turn), np.sin(turn)])
+    mean = columns @ [1.0, 1.3, 0.2]
+    watts = np.maximum(mean, 0.02) * (1.0 + 0.05 * rng.standard_normal(32))
+    sigma = np.full(32, 0.1)
+    first = np.linalg.lstsq(columns, watts, rcond=None)[0]
+    weight = 1.0 / (sigma * np.sqrt(np.maximum(columns @ first, 0.1 * np.mean(watts)) / watts))
+    c = np.linalg.lstsq(columns * weight[:, None], watts * weight, rcond=None)[0]
+    rows = np.column_stack([np.arange(32.0), watts, sigma, radius * columns[:, 1:], np.full(32, 40.0)])
+    estimate = estimate_window(known, PowerWindow(rows))
+    np.testing.assert_allclose(estimate.error_rad, c[1:] / c[0] * H**2 / (2.0 * MU * radius), rtol=1e-9)
+
+
+@pytest.mark.parametrize("row", [3, 11, 20, 31])
+@pytest.mark.parametrize("high", [True, False])
+def test_the_sample_that_is_left_out_is_the_farthest_off_in_its_own_sigmas(row: int, high: bool) -> None:
+    """Others, that are known worse, are off by more watts; the beam is far from the target, most of all on the left."""
+    rng, radius, target = random_stream(7, f"farthest {row}"), 0.3 * H, np.array([0.3, -0.1]) * H
+    known = params(estimator="likelihood", radius_rad=radius)
+    turn = 2.0 * np.pi * np.arange(32) / 32
+    beam = radius * np.column_stack([np.cos(turn), np.sin(turn)])
+    mean = np.exp(-MU * np.sum((target - beam) ** 2, axis=1) / H**2)
+    sigma = np.where(np.arange(32) % 4 == 1, 0.08, 0.002) * np.sqrt(mean)
+    sigma[row] = 0.002 * math.sqrt(mean[row])
+    watts = mean + sigma * np.where(rng.uniform(size=32) < 0.5, 1.0, -1.0)
+    watts[row] = mean[row] + (30.0 if high else -30.0) * sigma[row]
+    # The sigma that a receiver states is that of the power it has measured.
+    sigma = sigma * np.sqrt(watts / mean)
+    rows = np.column_stack([np.arange(32.0), watts, sigma, beam, np.full(32, 60.0)])
+    found = estimate_window(known, PowerWindow(rows))
+    assert np.argmax(np.abs(watts - mean)) != row
+    assert (found.left_out, found.reason) == (row, "")
+    np.testing.assert_allclose(found.error_rad, target, atol=0.01 * H)
+    without = estimate_window(known, PowerWindow(np.delete(rows, row, axis=0)))
+    np.testing.assert_allclose(found.error_rad, without.error_rad, rtol=1e-9)
+    np.testing.assert_allclose(found.covariance_rad2, without.covariance_rad2, rtol=1e-9)
+
+
+@pytest.mark.parametrize("spins", [(), (5.0,)])
+def test_no_sample_is_left_out_of_a_window_with_a_spin(spins: tuple[float, ...]) -> None:
+    """A spin that is not known well enough looks like samples that do not follow the beam."""
+    tracker, error = ConscanTracker(params(estimator="likelihood", spin_periods_s=spins)), None
+    for k in range(32):
+        u, v = R * math.cos(0.2 * k), R * math.sin(0.2 * k)
+        error = tracker.add(power(k + 1.0, (3.0 if k == 9 else 1.0) * math.exp(-MU * R**2 / H**2)), u, v)
+    assert error is not None
+    assert error.valid is (spins == ())
+    assert tracker.state.rejected == (spins == ())
+    assert error.valid or error.reason.startswith("the power does not follow the beam: chi squared")
+
+
+def test_a_drift_of_the_power_is_estimated_along() -> None:
+    """The logarithm falls steadily by a third: without the drift the error would be a tenth of a beamwidth."""
+    found = []
+    for drift in (True, False):
+        tracker, error = ConscanTracker(params(estimator="likelihood", drift=drift, misfit_limit=1e6)), None
+        for k in range(32):
+            u, v = R * math.cos(0.2 * k), R * math.sin(0.2 * k)
+            miss2 = (2.0 * MDEG - u) ** 2 + (-1.0 * MDEG - v) ** 2
+            error = tracker.add(power(k + 1.0, math.exp(-MU * miss2 / H**2 - 0.3 * k / 31)), u, v)
+        assert error is not None
+        assert error.valid, error.reason
+        found.append([error.cross_elevation_rad, error.elevation_rad])
+    np.testing.assert_allclose(found[0], np.array([2.0, -1.0]) * MDEG, atol=1e-3 * MDEG)
+    assert np.hypot(*(np.array(found[1]) - found[0])) > 0.1 * H

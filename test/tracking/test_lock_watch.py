@@ -366,3 +366,107 @@ def test_what_is_known_of_the_weather_fades_to_what_is_usual() -> None:
         assert sum(known) == pytest.approx(1.0)
         assert known[-1] == pytest.approx(stays + (1.0 - stays) * watch._usual[-1], rel=1e-6)
         np.testing.assert_allclose(known[:-1], (1.0 - stays) * watch._usual[:-1], rtol=1e-4)
+
+
+def test_evidence_and_weather_are_bayes_rule_over_every_weather_of_each_response() -> None:
+    """Written out with a filter of its own for beam and error in each weather, by matrices."""
+    params = LockWatchParams(
+        half_power_beamwidth_rad=H, gust_rad=(2e-6, 7e-6), vibration_rad=(0.0, 4e-6), drift_change_rad_s=(1e-6, 5e-5),
+        settling_share=0.2, drift_rad_s=2e-5, weather_s=3.0, fade_s=5.0, evidence=60.0,
+    )  # fmt: skip
+    watch, rng = LockWatch(params), random_stream(9, "bayes")
+    weathers = list(itertools.product(params.gust_rad, params.vibration_rad, params.drift_change_rad_s))
+    usual = np.array([1.0 if wander == 1e-6 else 0.2 for *_, wander in weathers])
+    usual /= usual.sum()
+    turn = np.exp(2j * math.pi / 3.0)
+    responses = [(1.0, 0.0), (0.0, -1.0), (0.0, 1.0), (-1.0, 0.0), (turn, 0.0), (np.conj(turn), 0.0)]
+    known, sums = np.tile(usual, (6, 1)), np.zeros(6)
+    filters, last_s = [], 0.0
+    for k, t_s in enumerate((3.0, 3.1, 3.3, 3.4, 3.8, 3.9, 4.7)):
+        beam, value = (3e-6 * complex(*rng.standard_normal(2)) for _ in range(2))
+        noise = (2e-6 + 1e-6 * k) ** 2
+        watch.add(sensed(t_s, value, sigma=math.sqrt(noise)), beam.real, beam.imag)
+        if k == 0:
+            for _, shake, wander in weathers:
+                spread = np.diag([noise + shake**2, max(2e-5, wander) ** 2])
+                filters.append(([np.array([beam, 0j]), np.array([value, 0j])], spread))
+            last_s = t_s
+            continue
+        dt, last_s = t_s - last_s, t_s
+        move, joint = np.array([[1.0, dt], [0.0, 1.0]]), np.zeros((6, len(weathers)))
+        for w, (gust, shake, wander) in enumerate(weathers):
+            places, spread = filters[w]
+            change = wander**2 * np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]])
+            spread = move @ spread @ move.T + change + np.diag([gust**2 * dt, 0.0])
+            variance = spread[0, 0] + noise + shake**2
+            new = [found - (move @ place)[0] for found, place in zip((beam, value), places, strict=True)]
+            gain = spread[:, 0] / variance
+            places = [move @ place + gain * each for place, each in zip(places, new, strict=True)]
+            filters[w] = places, spread - np.outer(gain, spread[0])
+            for r, (direct, mirrored) in enumerate(responses):
+                left = new[1] + direct * new[0] + mirrored * np.conj(new[0])
+                joint[r, w] = known[r, w] * math.exp(-0.5 * abs(left) ** 2 / variance) / variance
+        explained = joint.sum(axis=1)
+        stays = math.exp(-dt / 3.0)
+        known = stays * joint / explained[:, None] + (1.0 - stays) * usual
+        says = np.minimum(np.log(explained / explained[0]), 60.0 / 3.0)
+        sums = np.maximum(0.0, math.exp(-dt / 5.0) * sums + says)
+        np.testing.assert_allclose(watch.state.sums, sums, rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(watch.state.weather, known, rtol=1e-6)
+    assert np.count_nonzero(sums) >= 2
+
+
+@pytest.mark.parametrize(
+    ("beamwidths", "expected_db_hz", "low"), [(0.29, 55.1, 1), (0.31, 55.1, 0), (0.29, 54.9, 0), (0.29, None, 0)]
+)
+def test_a_level_counts_as_low_10_db_below_the_link_with_an_error_below_0_3_beamwidths(
+    beamwidths: float, expected_db_hz: float | None, low: int
+) -> None:
+    watch = LockWatch(LockWatchParams(half_power_beamwidth_rad=H))
+    value = beamwidths * H * complex(-0.6, 0.8)
+    assert watch.add(sensed(1.0, value, 45.0), 0.0, 0.0, expected_db_hz) == ""
+    assert watch.state.low_clusters == low
+    fault = [watch.add(sensed(1.0 + 0.1 * k, value, 45.0), 0.0, 0.0, expected_db_hz) for k in (1, 2)]
+    assert fault == ["", "sidelobe: C/N0 is 10.1 dB below the link's with a small error" if low else ""]
+
+
+@pytest.mark.parametrize(("sigmas", "found"), [(3.9, False), (4.1, True)])
+@pytest.mark.parametrize("response", [2.5, -2.5j])
+def test_a_response_is_too_steep_once_it_is_so_beyond_its_uncertainty(
+    response: complex, sigmas: float, found: bool
+) -> None:
+    """2.5, known to 0.5 / 3.9 or 0.5 / 4.1: four sigmas below it there is 2, or not."""
+    params = LockWatchParams(half_power_beamwidth_rad=H, evidence=100.0, unmodelled_beamwidths=0.001)
+    watch, wanted = LockWatch(params), 0.5 / sigmas
+    beams = np.array([1.0, -0.5 + 0.7j, -0.2 - 0.9j, 0.4j]) * 0.02 * H
+    spread = float(np.sum(np.abs(beams - beams.mean()) ** 2))
+    noise = math.sqrt(spread * wanted**2 - (0.001 * H) ** 2)
+    for k, beam in enumerate(beams):
+        fault = watch.add(sensed(1.0 + 0.1 * k, -response * beam, sigma=noise), beam.real, beam.imag)
+        assert (watch.response() is not None) is (k >= 2)
+    seen = watch.response()
+    assert seen.value == pytest.approx(response, rel=1e-9)
+    assert seen.sigma == pytest.approx(wanted, rel=1e-9)
+    assert fault == ("sidelobe: the error changes 2.5 times as fast as the beam moves" if found else "")
+
+
+def test_the_response_is_that_of_the_newest_two_seconds() -> None:
+    watch = LockWatch(LockWatchParams(half_power_beamwidth_rad=H))
+    for k in range(31):
+        watch.add(sensed(0.25 * k, complex(0.001 * k) * MDEG), 0.001 * k * MDEG, 0.0)
+        times = [row[0] for row in watch.state.rows]
+        assert times == [0.25 * j for j in range(max(0, k - 8), k + 1)]
+    # Of two errors with one time the newer counts.
+    watch.add(sensed(7.5, complex(0.5) * MDEG), 0.0, 0.0)
+    assert [row[0] for row in watch.state.rows] == times
+    assert watch.state.rows[-1][1] == 0.5 * MDEG
+
+
+def test_a_watch_without_a_strength_of_any_weather_is_refused_and_its_probe_is_a_circle() -> None:
+    for name in ("gust_rad", "vibration_rad", "drift_change_rad_s"):
+        with pytest.raises(ValueError, match=f"{name} has 0 strengths, must have at least 1"):
+            LockWatchParams(**{name: ()})
+    assert LockWatchParams().probe is None
+    circle = LockWatchParams(probe_rad=1e-5, probe_period_s=1.5, probe_ramp_s=0.7).probe
+    assert (circle.radius_rad, circle.period_s, circle.ramp_s) == (1e-5, 1.5, 0.7)
+    assert LockWatchParams(half_power_beamwidth_rad=H, probe_rad=0.099 * H).probe.radius_rad == 0.099 * H
