@@ -104,7 +104,7 @@ def _check_mount(content: Content, mount: MountSection, reader: Reader) -> None:
         reader.note("mount.pass_elevation_deg", f"mount.pass_elevation_deg={begins} must be > {elevation[0]}, the lowest "
             "elevation of the travel: passes begin where the mount cannot look")  # fmt: skip
     points = mount.horizon_deg or ()
-    highest = max((point[1] for point in points if point is not None and None not in point), default=None)
+    highest = max((point[1] for point in points), default=None)
     if highest is not None and min(90.0, elevation[1]) <= highest:
         reader.note("mount.horizon_deg", f"mount.elevation.travel_deg={list(elevation)} ends below the horizon mask, "
             f"{highest} deg: the travel is smaller than the mask allows")  # fmt: skip
@@ -123,7 +123,7 @@ def _mask(content: Content, reader: Reader) -> HorizonMask:
             )
         key = "mount.horizon_file"
         points, lines = _mask_file(mount.horizon_file, reader)
-    if not points or any(point is None or None in point for point in points):
+    if not points:
         if mount.horizon_deg == ():
             reader.note(key, f"{key}=[] must have at least one point")
         return HorizonMask(clearance_rad=clearance)
@@ -226,6 +226,9 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
 
 
 def _check_array(section: ArraySection, frequency_mhz: float, reader: Reader) -> None:
+    # A value that was refused has its own problem.
+    if None in (section.elements, section.radius_m, section.phase_sigma_deg):
+        return
     if math.isinf(array_level_db_hz(section, SPEED_OF_LIGHT_M_S / (1e6 * frequency_mhz))):
         reader.note("array", f"array: {section.elements} patches on a circle of {section.radius_m} m, phases known to "
             f"{section.phase_sigma_deg} deg: at {frequency_mhz} MHz every direction is like another one")  # fmt: skip
