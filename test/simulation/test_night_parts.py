@@ -481,7 +481,7 @@ class Ticked:
         self.reception: Any = None
         axes = SimpleNamespace(moving=False)
         night.antenna = Calls(
-            self.log, "antenna", {"step": lambda t_s: (f"reading {self.tick}", "beam")}, mode="mode", axes=axes,
+            self.log, "antenna", {"step": lambda _t_s: (f"reading {self.tick}", "beam")}, mode="mode", axes=axes,
             safety=SimpleNamespace(latch=SimpleNamespace(text="latched")),
         )  # fmt: skip
         night.controller = Calls(
