@@ -15,9 +15,17 @@ from skyfield.data import iers
 
 from rf_pointing.core import MDEG, angular_distance_rad, sky_offset_rad, unit_vector_from_azel, wrap_rad
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.core.dates import from_utc_text
+from rf_pointing.core.dates import from_utc_text, utc_text
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements, site, verification_elements
+from rf_pointing.ephemeris import (
+    Elements,
+    Site,
+    TopocentricTrack,
+    find_elements,
+    radio_source,
+    site,
+    verification_elements,
+)
 from rf_pointing.ephemeris.look_angles import LookAngles
 from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit
 from rf_pointing.ephemeris.state_vector import OFFSETS, motion_from_positions
@@ -388,3 +396,100 @@ def test_an_orbit_ends_on_both_sides_three_steps_of_its_differences_before_it_is
 def test_a_satellite_has_no_directions_at_no_times(track: TopocentricTrack) -> None:
     looks = track.sample(np.zeros(0))
     assert looks.azimuth_rad.shape == looks.elevation_acceleration_rad_s2.shape == looks.range_rate_m_s.shape == (0,)
+
+
+def test_a_track_without_options_follows_its_elements_for_fourteen_days_through_the_standard_air(
+    cbers: Elements, goldstone: Site
+) -> None:
+    track = TopocentricTrack(cbers, goldstone)
+    assert (track.along_track_offset_s, track.cross_track_offset_rad, track.hold_t_s) == (0.0, 0.0, None)
+    assert (track.light_time, track.site, track.name) == ("receive", goldstone, "CBERS 2")
+    assert track.refraction == RadioRefraction.standard(goldstone.altitude_m)
+    assert track.antenna.half_power_beamwidth_rad == 0.0
+    for sense in (-1.0, 1.0):
+        track.target_at(cbers.epoch_t_s + sense * 14.0 * 86400.0)
+        track.sample([cbers.epoch_t_s + sense * 14.0 * 86400.0])
+        with pytest.raises(ValueError, match=r"max_age_s=1209600\.0 \(14\.00 days\)$"):
+            track.target_at(cbers.epoch_t_s + sense * (14.0 * 86400.0 + 1.0))
+        with pytest.raises(ValueError, match=r"max_age_s=1209600\.0"):
+            track.sample([cbers.epoch_t_s + sense * (14.0 * 86400.0 + 1.0)])
+
+
+def test_azimuths_are_of_the_first_turn_unless_another_is_asked_for(track: TopocentricTrack, cbers: Elements) -> None:
+    quadrants = set()
+    for t_s in (cbers.epoch_t_s + np.arange(0.0, 86400.0, 1000.0)).tolist():
+        azimuth = track.target_at(t_s).azimuth_rad
+        assert 0.0 <= azimuth < 2.0 * math.pi
+        assert track.sample([t_s]).azimuth_rad[0] == pytest.approx(azimuth, abs=1e-12)
+        assert track.target_at(t_s, near_azimuth_rad=-math.pi).azimuth_rad == pytest.approx(azimuth - 2.0 * math.pi)
+        quadrants.add(int(azimuth / (0.5 * math.pi)))
+    assert quadrants == {0, 1, 2, 3}
+
+
+def test_the_refraction_of_a_target_is_what_its_elevation_is_lifted_by(cbers: Elements, goldstone: Site) -> None:
+    t_s = 1151384330.0
+    true = TopocentricTrack(cbers, goldstone, refraction=None)
+    lifted = TopocentricTrack(cbers, goldstone).target_at(t_s)
+    assert true.target_at(t_s).refraction_rad == 0.0
+    assert lifted.refraction_rad == pytest.approx(lifted.elevation_rad - true.target_at(t_s).elevation_rad, abs=1e-12)
+    assert lifted.refraction_rad > 1e-3
+    looks = TopocentricTrack(cbers, goldstone).sample([t_s])
+    assert looks.true_elevation_rad[0] == pytest.approx(true.target_at(t_s).elevation_rad, abs=1e-12)
+    assert (looks.t_s[0], lifted.t_s) == (t_s, t_s)
+
+
+@pytest.mark.parametrize("times", [5.0, [[5.0, 6.0]]])
+def test_times_are_one_row(track: TopocentricTrack, times: object) -> None:
+    with pytest.raises(ValueError, match=r"t_s has shape \(.*\), must be \(n,\)"):
+        track.sample(times)
+
+
+def test_a_hold_at_no_time_is_refused(cbers: Elements, goldstone: Site) -> None:
+    with pytest.raises(ValueError, match="hold_t_s=inf must be finite"):
+        TopocentricTrack(cbers, goldstone, hold_t_s=math.inf)
+
+
+def test_other_offsets_keep_site_light_time_and_antenna(cbers: Elements, goldstone: Site) -> None:
+    track = TopocentricTrack(cbers, goldstone, refraction=None, light_time="transmit")
+    moved = track.with_offsets(along_track_offset_s=1.0, cross_track_offset_rad=0.0)
+    assert (moved.site, moved.light_time, moved.refraction, moved.hold_t_s) == (goldstone, "transmit", None, None)
+    assert moved.target is track.target
+    assert moved.antenna is track.antenna
+    weather = RadioRefraction(relative_humidity=0.9)
+    assert (
+        moved.with_offsets(along_track_offset_s=0.0, cross_track_offset_rad=0.0, refraction=weather).refraction
+        == weather
+    )
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_a_radio_source_is_aberrated_by_the_turning_of_the_antenna(sense: float) -> None:
+    """Eastward at 0.46 km/s on the equator: 1.5 microradians towards the east where it stands high, west to transmit."""
+    place = Site.from_degrees(0.0, 0.0, 0.0)
+    seen, plain = (
+        TopocentricTrack(radio_source("Cygnus A"), place, refraction=None, light_time=light_time)
+        for light_time in ("receive" if sense > 0.0 else "transmit", "none")
+    )
+    (moved, _, _), (still, _, _) = (one.relative_motion_at(1151384680.0) for one in (seen, plain))
+    shift = np.subtract(moved.position, still.position) / np.linalg.norm(still.position)
+    np.testing.assert_allclose(shift, (sense * 7.292115e-5 * 6378137.0 / 299792458.0, 0.0, 0.0), rtol=0.0, atol=1e-10)
+
+
+def test_a_satellite_before_its_first_place_says_so_and_one_that_decays_says_when() -> None:
+    falling = find_elements(verification_elements(), "28872")
+    orbit = Sgp4Orbit(falling, AssumedOrientation(), max_age_s=86400.0)
+    ((first_s, last_s),) = orbit.spans_t_s
+    late = f"MINOTAUR R/B decays: its elements give no place after {utc_text(last_s)}"
+    assert orbit.warnings(first_s) == (late,)
+    before = f"MINOTAUR R/B has no place before {utc_text(first_s)} by its elements"
+    assert orbit.warnings(first_s - 1.0) == (late, before)
+
+
+def test_elements_that_sgp4_refuses_at_once_are_refused_by_name(cbers: Elements) -> None:
+    with pytest.raises(ValueError, match="elements of CBERS 2: mrt is less than 1.0"):
+        Sgp4Orbit(
+            dataclasses.replace(cbers, eccentricity=0.9, mean_anomaly_rad=0.0), AssumedOrientation(), max_age_s=86400.0
+        )
+    for age_s in (0.0, -1.0, math.nan):
+        with pytest.raises(ValueError, match="max_age_s=.* must be > 0"):
+            Sgp4Orbit(cbers, AssumedOrientation(), max_age_s=age_s)
