@@ -161,7 +161,7 @@ def read_ranges(
     known = np.zeros(9) if expected is None else expected.accelerations_m_s2.ravel()
     common_m_s2 = floor.first_path_acceleration_m_s2 if expected is None else floor.path_acceleration_m_s2
     # Far away all paths bend alike; what differs is the turning of the arrays.
-    prior = common_m_s2**2 * np.ones((9, 9)) + floor.path_acceleration_m_s2**2 * np.eye(9)
+    prior = np.full((9, 9), common_m_s2**2) + floor.path_acceleration_m_s2**2 * np.eye(9)
     accelerations, left = known, np.zeros((9, 9))
     # All at once, nothing bends.
     if np.any(slope_noise):

@@ -16,6 +16,7 @@ itself but contradicts the prediction one of the two is wrong: no pose is given 
 accepted.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -238,8 +239,8 @@ class InterferometerTracker:
 
     def _check_angles(self, snapshot: Snapshot) -> None:
         seen = _seen(snapshot.tracked)
-        for side, cosine in (("active", seen.forward[0]), ("passive", -seen.reverse[0])):
-            angle = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        for side, (x, y, z) in (("active", seen.forward), ("passive", -seen.reverse)):
+            angle = math.atan2(math.hypot(y, z), x)
             if angle > self.params.widest_angle_rad:
                 raise ValueError(
                     f"{side} array sees the other {np.degrees(angle):.4g} deg off boresight, "

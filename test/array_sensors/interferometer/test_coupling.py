@@ -88,3 +88,49 @@ def test_singular_geometry_and_impossible_amplitudes_are_refused(worked_example)
         roll_from_polarisation(np.array([[1.0, 0.0], [0.0, 0.0]]), xi)
     with pytest.raises(ValueError, match=r"must be <= 1: gain or noise"):
         elevation_from_polarisation(2.0 * coupling_amplitudes(xi, attitude), xi)
+
+
+def test_a_path_across_both_dipoles_has_no_elevation_and_a_known_gain_divides_out() -> None:
+    for azimuth in (-0.7, 0.0, 0.2, 1.1):
+        xi = direction_from_angles(azimuth, 0.3)
+        level = coupling_amplitudes(xi, attitude_from_two_way(azimuth, 0.3, 3.0, 0.0, 0.4))
+        # The arc cosine near one turns rounding of 1e-16 into 1e-8.
+        assert elevation_from_polarisation(level, xi) == pytest.approx(0.0, abs=1e-4)
+        tilted = coupling_amplitudes(xi, attitude_from_two_way(azimuth, 0.3, 3.0, -0.6, 0.4))
+        assert elevation_from_polarisation(2.5 * tilted, xi, gain=2.5) == pytest.approx(0.6)
+
+
+def test_components_of_the_y_dipole_scale_with_its_gain(worked_example) -> None:
+    xi, attitude = worked_example
+    reverse = reverse_direction(xi, attitude)
+    for variant in ("corrected", "published"):
+        plain = np.array(y_dipole_components(reverse, 0.3, variant=variant))
+        np.testing.assert_allclose(y_dipole_components(reverse, 0.3, gain=1.7, variant=variant), 1.7 * plain)
+
+
+def test_fields_across_a_stack_of_paths_are_those_across_each(poses) -> None:
+    directions, attitudes = (each[:4].reshape(2, 2, *each.shape[1:]) for each in poses)
+    amplitudes = coupling_amplitudes(directions, attitudes)
+    found = tracking_frame_dipole(amplitudes[..., 0], directions)
+    rolls, elevations = (
+        roll_from_polarisation(amplitudes, directions),
+        elevation_from_polarisation(amplitudes, directions),
+    )
+    for index in np.ndindex(2, 2):
+        one = tracking_frame_dipole(amplitudes[index][:, 0], directions[index])
+        np.testing.assert_allclose([each[index] for each in found], one, rtol=1e-9, atol=1e-12)
+        assert rolls[index] == pytest.approx(float(roll_from_polarisation(amplitudes[index], directions[index])))
+        assert elevations[index] == pytest.approx(
+            float(elevation_from_polarisation(amplitudes[index], directions[index]))
+        )
+
+
+def test_dipoles_are_read_unless_the_path_is_along_one_of_them() -> None:
+    for azimuth, elevation in ((np.pi / 2.0, 0.2), (0.3, np.pi / 2.0), (0.3, -np.pi / 2.0)):
+        with pytest.raises(ValueError, match=r"azimuth1 or elevation1 is \+-90 deg"):
+            tracking_frame_dipole([0.1, 0.2], direction_from_angles(azimuth, elevation))
+    # The other way round: eq. (3-42) and (3-43) hold behind the array too.
+    behind = direction_from_angles(2.5, 0.2)
+    across = tracking_frame_dipole([0.1, 0.2], behind)
+    z = 0.2 / np.cos(0.2)
+    np.testing.assert_allclose(across, [(0.1 - np.sin(0.2) * np.sin(2.5) * z) / np.cos(2.5), z], rtol=1e-12)

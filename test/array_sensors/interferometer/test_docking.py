@@ -161,3 +161,24 @@ def test_late_repeated_and_future_measurements_are_refused_and_change_nothing() 
         running.take(replace(moments[3].measurement, t_s=START_S + 100.0), START_S + 8.0)
     assert running.state is state
     assert running.take(moments[3].measurement, START_S + 8.0).status == "tracking"
+
+
+def test_sequences_are_stamped_in_whole_microseconds() -> None:
+    simulated = SimulatedDocking(SYSTEM, RadioParams(), LinkParams(), DockingApproach(), start_s=0.0, seed=1)
+    # Half of 1.8 s before the end of the sequence.
+    moment = simulated.step(3.1234564)
+    assert moment.measurement.t_s == pytest.approx(2.223456, abs=1e-9)
+    np.testing.assert_allclose(moment.motion.position_m, DockingApproach().pose_at(2.223456)[0], atol=1e-8)
+
+
+def test_the_pose_is_dropped_for_good_only_once_it_is_too_old() -> None:
+    running, moments = tracker(), lived(3)
+    for moment in moments[:2]:
+        running.take(moment.measurement, START_S + 60.0)
+    last_s, state = moments[1].measurement.t_s, running.state
+    limit_s = running.tracker.params.coast_limit_s
+    assert running.watch(last_s + limit_s - 0.1).status == "coasting"
+    assert running.state is state
+    assert running.watch(last_s + limit_s + 0.1).status == "acquiring"
+    assert running.state.filter is None
+    assert running.take(moments[2].measurement, START_S + 60.0).status == "tracking"

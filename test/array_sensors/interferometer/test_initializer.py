@@ -1,4 +1,4 @@
-""" """
+"""Range, directions and roll from one set of ranges and couplings, with nothing known before."""
 
 import numpy as np
 import pytest
@@ -95,3 +95,38 @@ def test_negative_distance_is_refused(worked_example) -> None:
     xi, attitude = worked_example
     with pytest.raises(ValueError, match=r"from the nine ranges must be > 0"):
         initialize(-np.ones((3, 3)), coupling_amplitudes(xi, attitude), ARRAYS)
+
+
+def test_arrays_half_a_metre_apart_are_told_where_they_are() -> None:
+    small = ArrayParams(radius_active_m=0.01, radius_passive_m=0.01, transponder_delay_m=7.0)
+    ranges = two_way_ranges([0.5, 0.0, 0.0], np.eye(3), small)
+    found = initialize(ranges, np.eye(2), small)
+    assert found.range_m == pytest.approx(0.5, abs=1e-3)
+    np.testing.assert_allclose(found.position_m, [0.5, 0.0, 0.0], atol=1e-3)
+    np.testing.assert_allclose(found.reverse, [-1.0, 0.0, 0.0], atol=1e-3)
+
+
+def test_directions_outside_the_unit_circle_are_put_on_its_edge() -> None:
+    arrays = ArrayParams(radius_active_m=2.0, radius_passive_m=1.0)
+    # s = (0, 1.2): the paths to element 1 are 2.4 m longer, those to 2 and 3 are 1.2 m shorter.
+    ranges = 200.0 + np.array([[2.4], [-1.2], [-1.2]]) + np.zeros((3, 3))
+    np.testing.assert_allclose(forward_direction(ranges, 100.0, arrays), [0.0, 0.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(reverse_direction_from_ranges(ranges, 100.0, arrays), [-1.0, 0.0, 0.0], atol=1e-12)
+    forward, reverse = aperture_excess(ranges, arrays)
+    assert (forward, reverse) == (pytest.approx(0.44), pytest.approx(-1.0))
+    # s = (0.5, -0.1) of the other array, element by element.
+    root3 = np.sqrt(3.0)
+    to_elements = np.array([-0.1, 0.5 * root3 / 2.0 + 0.05, -0.5 * root3 / 2.0 + 0.05])
+    np.testing.assert_allclose(direction_cosines(3.0 * to_elements, 3.0), [0.5, -0.1, 0.74], atol=1e-12)
+
+
+def test_a_stack_of_ranges_gives_the_geometries_of_each(poses) -> None:
+    directions, attitudes = (each[:6].reshape(2, 3, *each.shape[1:]) for each in poses)
+    ranges = two_way_ranges(300.0 * directions, attitudes, UNEQUAL_ARRAYS)
+    couplings = coupling_amplitudes(directions, attitudes)
+    found, excess = initialize(ranges, couplings, UNEQUAL_ARRAYS), aperture_excess(ranges, UNEQUAL_ARRAYS)
+    for index in np.ndindex(2, 3):
+        one = initialize(ranges[index], couplings[index], UNEQUAL_ARRAYS)
+        for name in ("range_m", "forward", "reverse", "roll_rad", "position_m", "attitude"):
+            np.testing.assert_allclose(getattr(found, name)[index], getattr(one, name), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose([each[index] for each in excess], aperture_excess(ranges[index], UNEQUAL_ARRAYS))

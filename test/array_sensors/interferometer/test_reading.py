@@ -1,4 +1,4 @@
-""" """
+"""From wrapped phases to ranges and path rates: lanes, their sigmas, accelerations, and the covariance of it all."""
 
 import dataclasses
 
@@ -360,3 +360,36 @@ def test_the_bend_of_all_paths_is_where_the_phases_fit_whole_lanes_best(far, rng
     information = (lambda s: s @ weight @ s)(slope @ turned)
     expected = np.linalg.inv(np.linalg.inv(prior) + information / 81.0 * np.ones((9, 9)))
     np.testing.assert_allclose(after, expected, rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.98, 1.02])
+def test_ranges_below_zero_are_told_from_the_longest_down_to_half_a_lane_of_the_first_step(share: float) -> None:
+    two_way = -share * PLAN.ambiguities_m[0] / (2.0 * PLAN.ratio)
+    found = resolve_ranges(phases_of(two_way / 2, np.full((1, 1), two_way / 2)), PLAN).ranges_m[0, 0]
+    if share < 1.0:
+        assert found == pytest.approx(two_way, abs=1e-6)
+    else:
+        assert found > 0.8 * PLAN.ambiguities_m[0]
+
+
+def test_weights_of_the_links_are_those_of_their_frequencies() -> None:
+    """3 and 2 GHz against their mean, all offsets small beside them."""
+    plan = CarrierPlan(count=3, ratio=2.0, forward_hz=3e9, return_hz=2e9)
+    forward, back = rate_weights(InterferometerSystem(plan=plan, schedule=Schedule(order="ascending")))
+    assert (forward, back) == (pytest.approx(1.2, abs=1e-6), pytest.approx(0.8, abs=1e-6))
+
+
+def test_standalone_ranges_are_corrected_by_the_measured_rates_and_know_their_errors(far) -> None:
+    system = InterferometerSystem(schedule=Schedule(order="ascending"))
+    measured = InterferometerSource(system, RadioParams(), LinkParams(), 5).measure(0.0, far.motion)
+    hint = PathMotion(
+        rates_m_s=expected_path_rates_m_s(far, system) + 0.01,
+        accelerations_m_s2=expected_path_accelerations_m_s2(far, system),
+    )
+    reading = read_ranges(measured, system, ErrorFloor(), hint)
+    ranges, spread = reading.standalone_ranges()
+    moved = reading.vector[RATES] - hint.rates_m_s.ravel()
+    np.testing.assert_allclose(ranges.ravel(), reading.vector[RANGES] - reading.lever_s * moved, rtol=1e-12)
+    total = reading.noise + np.diag(reading.hardware)
+    np.testing.assert_allclose(spread, total[RANGES, RANGES] + reading.lever_s**2 * total[RATES, RATES], rtol=1e-12)
+    assert reading.lever_s > 5.0

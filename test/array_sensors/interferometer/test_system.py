@@ -1,4 +1,4 @@
-""" """
+"""Geometry of the sixteen paths, the carrier plan and its schedule: derivatives, stacks and printed numbers."""
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from rf_pointing.array_sensors.interferometer.system import (
     CarrierPlan,
     Schedule,
     element_positions,
+    path_accelerations_m_s2,
     path_lengths,
     path_rates_m_s,
     range_acceleration_lever_s2,
@@ -148,3 +149,58 @@ def test_levers_of_rate_and_acceleration() -> None:
 def test_unknown_order_is_refused() -> None:
     with pytest.raises(ValueError, match="order='random' must be one of simultaneous, ascending, nested"):
         Schedule(order="random")
+
+
+def test_path_accelerations_are_the_second_derivative_of_the_lengths(worked_example) -> None:
+    xi, attitude = worked_example
+    position, velocity, rate, step = 5.0 * xi, np.array([-0.3, 0.2, 0.1]), np.array([0.2, -0.1, 0.3]), 1e-3
+    before, now, after = (
+        path_lengths(position + s * step * velocity, frame_rotation(s * step * rate) @ attitude, UNEQUAL)
+        for s in (-1, 0, 1)
+    )
+    found = path_accelerations_m_s2(position, velocity, attitude, rate, UNEQUAL)
+    np.testing.assert_allclose(found, (after - 2.0 * now + before) / step**2, atol=1e-7)
+
+
+def test_the_reverse_direction_has_the_arrays_exchanged_and_the_same_delay() -> None:
+    swapped = UNEQUAL.swapped()
+    assert (swapped.radius_active_m, swapped.radius_passive_m, swapped.transponder_delay_m) == (1.3, 0.7, 4.0)
+
+
+def test_rates_accelerations_and_gradients_of_a_stack_are_those_of_each(poses) -> None:
+    directions, attitudes = (each[:6].reshape(2, 3, *each.shape[1:]) for each in poses)
+    positions, velocities, rates = 4.0 * directions, 0.3 * attitudes[..., 0], 0.2 * attitudes[..., 1]
+    moving = [
+        path(positions, velocities, attitudes, rates, UNEQUAL) for path in (path_rates_m_s, path_accelerations_m_s2)
+    ]
+    slopes = two_way_gradients(positions, attitudes, UNEQUAL)
+    for index in np.ndindex(2, 3):
+        one = (positions[index], velocities[index], attitudes[index], rates[index], UNEQUAL)
+        np.testing.assert_allclose(moving[0][index], path_rates_m_s(*one), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(moving[1][index], path_accelerations_m_s2(*one), rtol=1e-9, atol=1e-12)
+        for many, single in zip(slopes, two_way_gradients(one[0], one[2], UNEQUAL), strict=True):
+            np.testing.assert_allclose(many[index], single, rtol=1e-9, atol=1e-12)
+
+
+def test_waves_are_whole_turns_over_their_wavelengths() -> None:
+    plan = CarrierPlan(count=4, forward_hz=3e9, return_hz=2e9, speed_of_light_m_s=3e8, ratio=10.0)
+    offsets = np.array([0.0, 1250.0, 12500.0, 125000.0])
+    np.testing.assert_allclose(plan.offsets_hz, offsets)
+    np.testing.assert_allclose(plan.forward_wave_rad_m, 2.0 * np.pi * (3e9 + offsets) / 3e8, rtol=1e-12)
+    np.testing.assert_allclose(plan.return_wave_rad_m, 2.0 * np.pi * (2e9 + offsets) / 3e8, rtol=1e-12)
+    np.testing.assert_allclose(plan.ambiguities_m, [240e3, 24e3, 2.4e3], rtol=1e-12)
+
+
+@pytest.mark.parametrize("order", ["simultaneous", "ascending", "nested"])
+def test_levers_are_those_of_the_mean_times_of_the_outer_carriers(order: str) -> None:
+    """(f_TK <t^n>_K - f_T1 <t^n>_1) / f_K1, once for the rate and half of it for the acceleration."""
+    schedule = Schedule(order=order, dwell_s=0.3)
+    carriers, times = schedule.carriers(PLAN), schedule.offsets_s(PLAN)
+    outer = [times[carriers == carrier] for carrier in (0, 8)]
+    f = [2.5e9, 2.5e9 + PLAN.offsets_hz[-1]]
+    for found, power, share in (
+        (range_rate_lever_s(schedule, PLAN), 1, 1.0),
+        (range_acceleration_lever_s2(schedule, PLAN), 2, 0.5),
+    ):
+        expected = share * (f[1] * np.mean(outer[1] ** power) - f[0] * np.mean(outer[0] ** power)) / PLAN.offsets_hz[-1]
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)

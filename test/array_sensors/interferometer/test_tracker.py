@@ -7,8 +7,9 @@ from scipy.stats import chi2
 
 from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler, rotation_vector
 from rf_pointing.array_sensors.interferometer.motion import DockingApproach, RelativeMotion, moved
-from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams, required_power_w
+from rf_pointing.array_sensors.interferometer.radio import LOWEST_SNR, LinkParams, RadioParams, required_power_w
 from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams
+from rf_pointing.array_sensors.interferometer.reading import read_ranges
 from rf_pointing.array_sensors.interferometer.source import InterferometerSource
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 from rf_pointing.array_sensors.interferometer.tracker import InterferometerTracker, TrackerParams, TrackerState
@@ -335,3 +336,102 @@ def test_no_pose_is_given_while_sound_readings_contradict_the_prediction() -> No
         outputs.append(output)
     assert outputs[4].estimate is None
     assert outputs[-1].status == "tracking"
+
+
+@pytest.mark.parametrize("link", ["forward", "return"])
+def test_a_link_may_be_six_decibels_off_at_acquisition_either_way(link: str) -> None:
+    nominal = {"forward": 2.2, "return": 1.1}[link]
+    for over_db, status in ((5.9, "tracking"), (-5.9, "tracking"), (6.1, "acquiring"), (-6.1, "acquiring")):
+        radio = RadioParams(**{f"{link}_power_w": nominal * 10.0 ** (0.1 * over_db)})
+        _, output = TRACKER.step(TrackerState(), source(1, radio).measure(0.0, drifting()))
+        assert output.status == status, output.reason
+        if status == "acquiring":
+            assert output.reason.startswith(f"power of the {link} link is {over_db:+.1f} dB from that at 50")
+
+
+def test_loops_need_lock_and_the_lowest_ratio_of_powers() -> None:
+    measured = source().measure(0.0, drifting())
+    locked = measured.locked.copy()
+    locked[2, 0, 1] = locked[9, 2, 2] = False
+    with pytest.raises(ValueError, match="2 loops without lock, first: slot 2, path A1-P2"):
+        TRACKER._check_loops(dataclasses.replace(measured, locked=locked))
+    for name in ("snr_forward", "snr_return"):
+        values = getattr(measured, name).copy()
+        values.flat[5] = LOWEST_SNR
+        TRACKER._check_loops(dataclasses.replace(measured, **{name: values}))
+        values.flat[5] = 0.99 * LOWEST_SNR
+        with pytest.raises(ValueError, match=rf"{name[4:]} link snr=9\.9 must be >= 10"):
+            TRACKER._check_loops(dataclasses.replace(measured, **{name: values}))
+
+
+def test_a_reading_is_doubted_beyond_each_of_its_limits() -> None:
+    reading = read_ranges(source().measure(0.0, drifting()), SYSTEM, TRACKER.floor)
+    params = TRACKER.params
+    sound = dataclasses.replace(
+        reading,
+        visit_agreement=params.visit_agreement,
+        worst_lane=params.lane_guard,
+        lane_deviation=params.gate_sigma,
+    )
+    assert TRACKER._doubt(sound) == ""
+    for changes, words in (
+        ({"visit_agreement": params.visit_agreement - 1e-3}, "repeated phases agree to 0.699, must be >= 0.7"),
+        ({"worst_lane": params.lane_guard + 1e-3}, "lane residual 0.351 must be <= 0.35"),
+        ({"lane_deviation": params.gate_sigma + 1e-2}, "a lane is 5.01 sigma from a whole number"),
+    ):
+        assert TRACKER._doubt(dataclasses.replace(sound, **changes)).startswith(words)
+
+
+def test_lanes_must_be_sure_at_acquisition_and_other_lanes_excluded() -> None:
+    measured = source().measure(0.0, drifting())
+    floor = TRACKER.floor.replace(phase_rad=0.02)
+    reading = read_ranges(measured, SYSTEM, floor)
+    for share, status in ((1.01, "tracking"), (0.99, "acquiring")):
+        params = TRACKER.params.replace(widest_lane_sigma=share * reading.lane_sigma)
+        tracker = dataclasses.replace(TRACKER, params=params, floor=floor)
+        _, output = tracker.step(TrackerState(), measured)
+        assert output.status == status
+    assert output.reason.startswith("links too weak: a lane has sigma ")
+    # A prediction makes up for it.
+    predicted = TRACKER.step(TrackerState(), measured)[0].filter
+    assert tracker._reading(predicted, measured).lane_sigma > 0.0
+
+
+@pytest.mark.parametrize("side", ["active", "passive"])
+def test_each_array_sees_the_other_within_its_widest_angle(side: str) -> None:
+    angle = 0.62
+    attitude = attitude_from_euler(*((angle, 0.0, 0.3) if side == "active" else (-angle, 0.0, 0.3)))
+    if side == "active":
+        # The passive array faces the active one.
+        position, attitude = 500.0 * np.array([np.cos(angle), np.sin(angle), 0.0]), attitude_from_euler(angle, 0.0, 0.3)
+    else:
+        position = np.array([500.0, 0.0, 0.0])
+    truth = dataclasses.replace(drifting(), position_m=position, attitude=attitude, rate_rad_s=np.zeros(3))
+    for widest, status in ((angle + 0.02, "tracking"), (angle - 0.02, "acquiring")):
+        tracker = InterferometerTracker(system=SYSTEM, params=TrackerParams(widest_angle_rad=widest))
+        _, (output,) = run(source(), truth, 1, tracker=tracker)
+        assert output.status == status, output.reason
+    assert output.reason.startswith(f"{side} array sees the other 35.")
+
+
+def test_the_time_of_the_last_accepted_reading_counts_and_its_limit_is_still_coasting() -> None:
+    state, _ = run(source(), drifting(), 2)
+    assert (state.accepted_t_s, state.rejected, state.doubted) == (2.0, 0, False)
+    after, output = TRACKER.coast(state, 2.0, "at once")
+    assert (output.status, output.reason, output.t_s) == ("coasting", "at once", 2.0)
+    assert (after.accepted_t_s, after.rejected) == (2.0, 1)
+    after, output = TRACKER.coast(state, 2.0 + TRACKER.params.coast_limit_s, "late")
+    assert output.status == "coasting"
+    _, output = TRACKER.coast(after, 2.1 + TRACKER.params.coast_limit_s, "later")
+    assert output.reason == "dropped after 20.1 s and 2 refused readings, last: later"
+
+
+def test_an_excitation_turned_over_is_refused() -> None:
+    tracker = InterferometerTracker(system=SYSTEM, filter_params=FilterParams(track_excitation=True))
+    truth, maker = drifting(), source()
+    state, _ = run(maker, truth, 3, tracker=tracker)
+    measured = maker.measure(6.0, moved(truth, 6.0))
+    turned = dataclasses.replace(measured, amplitudes=measured.amplitudes * np.array([1.0, -1.0]))
+    _, output = tracker.step(state, turned)
+    assert output.status == "coasting"
+    assert output.reason.startswith("excitation=[")
