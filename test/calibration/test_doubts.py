@@ -120,6 +120,11 @@ def test_the_terms_that_go_with_the_sizes_of_the_fit_are_those_of_the_fit(campai
     scale = equations.length[:-1]
     assert np.max(np.abs(terms / scale - fit.values) / fit.sigma) < 1e-3
     np.testing.assert_allclose(np.sqrt(np.diag(covariance)) / scale, fit.sigma, rtol=1e-3)
+    known = [priors.get(name) for name in TERMS]
+    weight = np.array([one.sigma**-2.0 if one else 0.0 for one in known])
+    np.testing.assert_allclose(equations.prior * scale**2, weight, rtol=1e-12)
+    value = np.array([one.value if one else 0.0 for one in known])
+    np.testing.assert_allclose(equations.prior_right * scale, weight * value, rtol=1e-12)
 
 
 def told(values, sigma, names):
@@ -268,3 +273,16 @@ def test_residuals_of_a_pass_that_hang_together_are_doubted_from_twice_their_sum
         found = _small_sigma(fit, None)
         assert len(found) == int(doubted)
         assert all(words in text for text in found)
+
+
+def test_sizes_of_greatest_likelihood_are_found_for_the_equations_of_one_fit(campaign, planted, random):
+    """From far away, to 1 % of the fixed point, with the terms that go with them."""
+    data = shifted(campaign(planted, passes=PASSES), random.normal(size=(PASSES, 3)) * [40.0, 500.0, 100.0])
+    start = PassPriors(along_track_m=1000.0, cross_track_m=20.0, radial_m=1000.0)
+    equations = _Equations.of(fit_with(data, start), start)
+    size = equations.sizes(start)
+    np.testing.assert_allclose(doubts.likely_sizes(fit_with(data, start), start), size * start.sigma, rtol=1e-9)
+    values, variance = equations.estimates(size, *equations.terms(size))
+    shown = np.sum(1.0 - variance / size**2, axis=0)
+    assert np.min(shown) > 5.0
+    np.testing.assert_allclose(np.sum((values / size) ** 2, axis=0), shown, rtol=0.01)

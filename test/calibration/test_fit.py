@@ -581,7 +581,9 @@ def test_an_exact_fit_sees_the_errors_of_the_passes_with_its_own_lags(campaign, 
     of_pass = np.tile(data.pass_id, 2)
     modelled = np.concatenate(found.model.apply(*data.motion()))
     left = np.concatenate([data.observed_azimuth_rad, data.observed_elevation_rad]) - modelled
-    left -= np.sum(own * errors[of_pass], axis=1)
+    shifts = np.sum(own * errors[of_pass], axis=1)
+    np.testing.assert_allclose(np.concatenate([found.pass_azimuth_rad, found.pass_elevation_rad]), shifts, atol=1e-6)
+    left -= shifts
     shown = np.concatenate([found.residual_azimuth_rad, found.residual_elevation_rad])
     np.testing.assert_allclose(shown, left, atol=1e-6)
     # Pulls in sigma of each unknown by itself; what is left of them is that of lags within 10 ms.

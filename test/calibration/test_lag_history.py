@@ -174,11 +174,14 @@ def test_the_beam_of_dragged_axes_lags_by_the_change_of_the_average() -> None:
     assert (found.mean, found.slope) == (expected.mean, expected.slope)
 
 
+@pytest.mark.parametrize("elevation_rate", [0.0, -0.03])
 @pytest.mark.parametrize(("away_s", "steps"), [(0.05, 1), (0.25, 3), (1.0, 10)])
-def test_a_motion_that_nobody_saw_is_taken_in_steps_of_a_tenth_of_a_second(away_s: float, steps: int) -> None:
-    """The azimuth went on for 0.42 s, the elevation was at rest whatever it has moved since."""
+def test_a_motion_that_nobody_saw_is_taken_in_steps_of_a_tenth_of_a_second(
+    away_s: float, steps: int, elevation_rate: float
+) -> None:
+    """The azimuth went on for 0.42 s; the elevation was at rest or has moved back, so it had stopped at once."""
     history = LagHistory(model(), AVERAGING_S)
-    before = LagState(3.0, (0.02, 0.0), (0.004, 0.005), (0.001, -0.002))
+    before = LagState(3.0, (0.02, elevation_rate), (0.004, 0.005), (0.001, -0.002))
     seen = np.array([0.003, 0.001])
     found = history.stopped(3.0 + away_s, seen, np.array([0.02 * 0.42, 0.005]), before)
     state = before

@@ -309,7 +309,9 @@ def test_all_candidates_about_their_fit_are_that_fit_with_what_is_held(campaign,
     held = {name: value for name, value in table_1.coefficients.items() if name not in names}
     data = campaign(table_1, passes=8, form=form)
     fit = fit_bias_model(data, terms=names, held=held, pass_priors=orbit, options=FitOptions(form=form, edit_sigma=0.0))
-    square, values, covariance = _Search.of(data, names, held, orbit, fit).solve(names)
+    search = _Search.of(data, names, held, orbit, fit)
+    assert search.triangle.rows == 2 * len(data)
+    square, values, covariance = search.solve(names)
     assert np.max(np.abs(values - fit.values) / fit.sigma) < 0.01
     np.testing.assert_allclose(np.sqrt(np.diag(covariance)), fit.sigma, rtol=1e-3)
     # With the terms that are held the data are as good as stated.
