@@ -256,6 +256,9 @@ def test_a_track_with_errors_of_its_pass_is_that_of_the_moved_target(track, miss
     found = move(reference, PassErrors(0, metres, {}, middle_t_s))
     assert (len(found.t_s) > len(reference.t_s)) if finer else np.array_equal(found.t_s, reference.t_s)
     assert (found.t_s[0], found.t_s[-1]) == (reference.t_s[0], reference.t_s[-1])
+    if finer:
+        turn = (reference.t_s[-1] - reference.t_s[0]) * np.max(np.abs(reference.azimuth_rate_rad_s))
+        assert len(found.t_s) == 2 + np.floor(turn / 0.05)
     step_s = np.max(np.diff(found.t_s))
     assert step_s * np.max(np.abs(reference.azimuth_rate_rad_s)) < (0.05 if finer else 0.1)
     at = track(0.1, miss_m=miss_m).at(found.t_s)

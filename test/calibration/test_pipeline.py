@@ -475,3 +475,17 @@ def test_thin_sectors_are_refused_where_they_must_be_full(track, raw_pass, table
     assert (coverage.thin, coverage.counts.tolist()) == ((), [8])
     assert (report.stage, report.before, report.after, len(chosen)) == ("selection", len(points), 8, 8)
     assert report.note == "1 of 1 sectors have at least 5"
+
+
+def test_a_reference_of_the_axes_over_the_top_stays_also_close_to_the_zenith(track, raw_pass):
+    """From 92 to 105 deg on the axis."""
+    whole = track(1.0, miss_m=100e3)
+    high = whole.at(whole.t_s[whole.elevation_rad > np.radians(75.0)])
+    over = high.over_the_top()
+    raw = raw_pass(over, BiasModel.zero(), None, 0.0)
+    assert TrackedPass(raw, over).reference is over
+    found = TrackedPass(raw, high)
+    np.testing.assert_array_equal(found.reference.elevation_rad, over.elevation_rad)
+    np.testing.assert_allclose(found.residuals["elevation_rad"], 0.0, atol=1e-12)
+    direct = raw_pass(high, BiasModel.zero(), None, 0.0)
+    assert TrackedPass(direct, high).reference is high
