@@ -15,9 +15,9 @@ from rf_pointing.planning import AxisLimits
 from rf_pointing.planning.certificate_text import certificate_lines
 from rf_pointing.rf import LinkParams
 from rf_pointing.station.pointing.certificates import pass_profile
-from rf_pointing.station.pointing.controller import PLAN_PATIENCE_S, PointingController
-from rf_pointing.station.pointing.params import AlarmParams
-from rf_pointing.station.pointing.scan_patterns import sensor_cost
+from rf_pointing.station.pointing.controller import PLAN_PATIENCE_S, PointingController, _motion_of
+from rf_pointing.station.pointing.params import AlarmParams, ControllerParams
+from rf_pointing.station.pointing.scan_patterns import array_cost, sensor_cost
 from rf_pointing.station.pointing.status import Level
 from rf_pointing.tracking import SkyMotion
 from rf_pointing.tracking.sensors import SENSORS
@@ -493,3 +493,215 @@ def test_errors_of_an_unregistered_sensor_are_refused_with_its_name_and_keep_the
         if step > 20:
             modes.add(status.mode)
     assert modes == {"monopulse"}
+
+
+# From one pass to the next, and through stalls
+
+
+def test_a_second_pass_begins_with_nothing_of_the_first(rig: MakeRig, window: Pass) -> None:
+    made = rig("monopulse")
+    list(made.run(window.aos_t_s, 5.0, lambda t_s, _rig: [measured(t_s - 0.1)]))
+    controller = made.controller
+    assert (controller.busy, controller.stopping) == (True, False)
+    assert np.hypot(*controller.corrections.correction_rad(round(window.aos_t_s + 5.0, 6))) > 1e-7
+    assert controller.statistics.samples > 20
+    controller.stop("enough")
+    assert controller.stopping
+    t_s = round(window.aos_t_s + 5.1, 6)
+    _, status = made.period(t_s)
+    assert (status.mode, status.reason, controller.busy, controller.stopping) == ("idle", "enough", False, False)
+    assert controller.statistics.reason == "enough"
+    tracked_s = controller.statistics.outcome.tracked_s
+    assert tracked_s > 2.0
+    # What was measured between two passes is of neither.
+    controller.take_error(measured(t_s + 0.05))
+    controller.stop("nothing is tracked")
+    assert not controller.stopping
+    controller.start(t_s, window, "monopulse")
+    assert (controller.statistics.outcome.tracked_s, controller.statistics.samples) == (0.0, 0)
+    assert controller._levels.power(t_s + 1.0, t_s - 9.0, 60.0) is None
+    _, status = made.period(round(t_s + 0.1, 6))
+    assert (status.mode, status.on_source) == ("slew", False)
+    assert status.settle_count <= 1
+    np.testing.assert_array_equal(status.offset_rad, [0.0, 0.0])
+    assert status.carrier_to_noise_db_hz == 0.0
+    assert controller.awaits_error(round(t_s + 0.3, 6)) is False
+
+
+def test_new_timing_tolerance_limits_and_thresholds_count_from_the_next_period_on(rig: MakeRig, window: Pass) -> None:
+    made = rig()
+    list(made.run(window.aos_t_s, 3.0))
+    controller = made.controller
+    given = controller.params
+    controller.retune(
+        given.replace(
+            pointing=given.pointing.replace(horizon_s=0.6, on_target_rad=0.002, stop_deceleration_rad_s2=0.5),
+            axes=given.axes.replace(settle_periods=40),
+            autotrack=given.autotrack.replace(coast_s=9.0),
+            limits=AxisLimits(elevation_max_rad=1.5),
+            alarm=AlarmParams(lost_warning_s=3.0),
+        )
+    )
+    trajectory, status = made.period(round(window.aos_t_s + 3.1, 6))
+    assert len(trajectory.t_s) == 6
+    assert status.command_lead_s == 0.6
+    assert (controller.antenna.tolerance_rad, controller.antenna.params.settle_periods) == (0.002, 40)
+    assert (controller._mode.params.coast_s, controller._mode.timing.horizon_s) == (9.0, 0.6)
+    assert controller.plan.gate.limits.elevation_max_rad == 1.5
+    assert controller.params.alarm.lost_warning_s == 3.0
+    controller.stop("enough")
+    moving = made.latest.velocity_rad_s[0].copy()
+    halt, _ = made.period(round(window.aos_t_s + 3.2, 6))
+    np.testing.assert_allclose(halt.position_rad[0] - made.position_rad, moving * np.abs(moving) / 1.0, rtol=1e-3)
+
+
+def test_a_fault_of_the_antenna_refuses_a_pass_and_ends_one(rig: MakeRig, window: Pass) -> None:
+    made = rig()
+    *_, (t_s, _, _) = made.run(window.aos_t_s, 2.0)
+    made.controller.take_antenna("fault", "brake")
+    halt, status = made.period(round(t_s + 0.1, 6))
+    assert halt.position_rad.shape == (1, 2)
+    assert (status.mode, status.reason) == ("idle", "antenna fault: brake")
+    assert made.controller.statistics.fault == made.controller.statistics.reason == "antenna fault: brake"
+    with pytest.raises(ValueError, match=r"the antenna has a latched fault \(brake\); reset it first"):
+        made.controller.start(round(t_s + 0.2, 6), window, "program")
+    assert not made.controller.busy
+    made.controller.take_antenna("holding", "")
+    made.controller.start(round(t_s + 0.2, 6), window, "program")
+    assert made.controller.statistics.fault == ""
+    # A stop that was asked for is not replaced by what comes with it.
+    made.controller.stop("stop was requested")
+    made.controller.take_antenna("fault", "brake")
+    assert made.period(round(t_s + 0.3, 6))[1].reason == "stop was requested"
+
+
+@pytest.mark.parametrize(("gap_s", "stalled"), [(0.9, False), (1.2, True)])
+def test_after_a_stall_of_a_second_the_axes_find_the_target_again(
+    rig: MakeRig, window: Pass, gap_s: float, stalled: bool
+) -> None:
+    made = rig()
+    *_, (t_s, _, before) = made.run(window.aos_t_s, 4.0)
+    assert before.mode == "program_track"
+    now_s = round(t_s + gap_s, 6)
+    _, status = made.period(now_s)
+    assert (status.mode == "program_track") is not stalled
+    if stalled:
+        assert made.controller._returning
+        assert f"the controller stalled for {gap_s:.1f} s" in made.controller.state.reason or status.mode == "slew"
+        rows = list(made.run(now_s, 3.0))
+        back_s = next(at_s for at_s, _, each in rows if each.mode == "program_track")
+        assert not made.controller._returning
+        # Errors are judged when the lags of the mount have followed.
+        averaging_s = made.controller.params.pointing.lag_averaging_s
+        assert made.controller.carrier._watched_s == pytest.approx(back_s + 2.0 * averaging_s, abs=0.11)
+
+
+def test_the_return_from_a_stall_waits_twice_the_lags_before_it_judges_a_lock(rig: MakeRig, window: Pass) -> None:
+    made = rig(pointing=ControllerParams().pointing.replace(lag_averaging_s=3.0))
+    list(made.run(window.aos_t_s, 4.0))
+    watched_s = made.controller.carrier._watched_s
+    made.controller._slew_again(window.aos_t_s + 4.0, "the controller stalled for 1.5 s")
+    assert made.controller.state.mode == "idle"
+    assert made.controller.state.reason == "the controller stalled for 1.5 s"
+    back_s = next(t_s for t_s, _, status in made.run(window.aos_t_s + 4.0, 5.0) if status.mode == "program_track")
+    assert made.controller.carrier._watched_s == pytest.approx(back_s + 6.0, abs=0.01) != watched_s
+
+
+def test_a_pause_of_the_antenna_is_told_when_it_is_over(rig: MakeRig, window: Pass) -> None:
+    made = rig()
+    *_, (t_s, _, _) = made.run(window.aos_t_s, 2.0)
+    made.controller.take_antenna("paused", "")
+    *_, (t_s, _, status) = made.run(t_s, 0.5)
+    assert (status.level, status.alarm) == (Level.ERROR, "the antenna is paused")
+    made.controller.take_antenna("tracking", "")
+    reasons: list[str] = []
+    interrupt = made.controller._mode.interrupt
+    made.controller._mode.interrupt = lambda at_s, reason: reasons.append(reason) or interrupt(at_s, reason)
+    *_, (t_s, _, status) = made.run(t_s, 1.0)
+    assert reasons == ["over: the antenna is paused"]
+    assert status.mode == "program_track"
+
+
+def test_a_pass_that_was_stopped_while_it_waited_gets_no_certificate(
+    make_controller: MakeController, window: Pass
+) -> None:
+    controller, t_s = make_controller(), window.aos_t_s - 100.0
+    controller.start(t_s, window, "program")
+    assert controller.missing.startswith("the position of the axes")
+    controller.stop("stop was requested")
+    assert controller.missing == ""
+    controller.take_joints(still(window.aos_azimuth_rad, 1.0, t_s))
+    trajectory, status = controller.step(t_s + 0.1)
+    assert trajectory is None
+    assert status.reason == "stop was requested"
+    assert controller.plan.certificate is None
+
+
+def test_nothing_is_counted_before_the_pass_begins(rig: MakeRig, window: Pass) -> None:
+    made = rig(start_s=window.aos_t_s - 3.0)
+    for t_s, _, status in made.run(window.aos_t_s - 3.0, 5.0):
+        outcome = made.controller.statistics.outcome
+        assert outcome.duration_s == pytest.approx(max(t_s - window.aos_t_s + 0.1, 0.0), abs=0.11)
+        assert (status.alarm == "") or t_s >= window.aos_t_s
+    assert outcome.duration_s > 1.5
+
+
+def test_the_carrier_tells_how_far_the_beam_is_off_where_no_sensor_does(rig: MakeRig, window: Pass) -> None:
+    """3 dB below the link's at the stamps that a period may use; what is reported now is not in it yet."""
+    link = LinkParams(zenith_carrier_to_noise_db_hz=60.0, reference_range_m=window.smallest_range_m)
+    made = rig("program", link=link)
+
+    def heard(t_s: float, _rig: Rig) -> list[PointingError]:
+        axis_db_hz = link.level_db_hz(made.track.target_at(t_s - 0.1).range_m)
+        late = measured(t_s - 0.1, carrier_to_noise_db_hz=axis_db_hz - 3.0)
+        return [late, measured(t_s, carrier_to_noise_db_hz=axis_db_hz - 30.0)]
+
+    powers: list[float | None] = []
+    power = made.controller._levels.power
+    made.controller._levels.power = lambda *given: powers.append(power(*given)) or powers[-1]  # type: ignore[func-returns-value]
+    list(made.run(window.aos_t_s, 3.0, heard))
+    # Four periods lie between the oldest and the newest report that count, one of the two halves of each.
+    assert powers[-1] is not None
+    assert 0.25 < powers[-1] < 0.51
+    assert made.controller.statistics.outcome.mean_loss_db > 1.0
+
+
+@pytest.mark.parametrize(
+    ("mode", "kind"),
+    [("calibrate", "calibration"), ("search", "scan"), ("conscan", "scan"), ("steptrack", "scan"), ("array", "track"),
+     ("monopulse", "track"), ("program_track", "track"), ("slew", "track"), ("coast", "track")],
+)  # fmt: skip
+def test_the_gate_knows_each_mode_as_a_kind_of_motion(mode: str, kind: str) -> None:
+    assert _motion_of(mode) == kind
+
+
+def test_a_zone_without_a_sun_leaves_the_clearance_for_a_model(make_controller: MakeController) -> None:
+    controller = make_controller()
+    machine = controller.params.machine
+    clearance_rad = controller.params.mask.clearance_rad
+    controller.retune(dataclasses.replace(controller.params, machine=machine.replace(sun_radius_rad=0.0)))
+    controller.take_model(BiasModel.zero().replace(elevation_offset=0.99 * clearance_rad))
+    assert controller.model_doubt == ""
+    controller.take_model(BiasModel.zero().replace(elevation_offset=1.01 * clearance_rad))
+    assert controller.model_doubt != ""
+
+
+def test_an_array_costs_what_its_loop_leaves_at_the_levels_of_the_pass(
+    make_controller: MakeController, track: TopocentricTrack, window: Pass
+) -> None:
+    link = LinkParams(zenith_carrier_to_noise_db_hz=50.0, reference_range_m=window.smallest_range_m)
+    controller, profile = make_controller(link=link), pass_profile(track, window)
+    found, params = controller._cost("array", window, profile), controller.params
+    rate = profile.velocity_rad_s[0]
+    motion = SkyMotion(float(rate[0] * math.cos(profile.position_rad[0, 1])), float(rate[1]), window.smallest_range_m)
+    program = sensor_cost(None, controller._scans, params.trim, params.autotrack, motion)
+    levels = controller.carrier.levels_db_hz(profile)
+    alone = array_cost(
+        params.array, params.integrator, params.autotrack, levels, params.spiral.half_power_beamwidth_rad, program
+    )
+    assert found == dataclasses.replace(alone, carrier_to_noise_db_hz=(min(levels), max(levels)))
+    # A pass that does not say how near it comes is taken to be 1000 km away.
+    unknown = controller._cost("program", dataclasses.replace(window, smallest_range_m=0.0), profile)
+    far = SkyMotion(motion.cross_elevation_rate_rad_s, motion.elevation_rate_rad_s, 1e6)
+    expected = sensor_cost(None, controller._scans, params.trim, params.autotrack, far)
+    assert unknown == dataclasses.replace(expected, carrier_to_noise_db_hz=unknown.carrier_to_noise_db_hz)
