@@ -7,6 +7,7 @@ Parameters: station.name, array.*, signal.* (as the satellite sends), receiver.*
 """
 
 from dataclasses import dataclass
+from pathlib import PurePosixPath
 
 from rf_pointing_msgs.msg import TripulseFrame, TripulseMeasurement
 
@@ -43,7 +44,7 @@ class TripulseReceiverNode(ManagedNode):
 
     def configure(self) -> None:
         value = self.parameters.value
-        self._station = value("station").name or self.get_namespace().rsplit("/", 1)[-1]
+        self._station = value("station").name or PurePosixPath(self.get_namespace()).name
         if not self._station:
             raise ValueError("station.name='' must name the station, or the node must run in the station's namespace")
         self._receiver = TripulseReceiver(

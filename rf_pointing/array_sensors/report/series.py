@@ -139,7 +139,7 @@ def _hand_offs(received: Messages, first: int) -> tuple[tuple[float, str], ...]:
     found: dict[int, list[str]] = {}
     for index, stamp in enumerate(stamps):
         for name in received[stamp].transmitters:
-            if index >= turns and index - last.get(name, -turns - 1) > turns:
+            if index >= turns and (name not in last or index - last[name] > turns):
                 found.setdefault(stamp, []).append(name)
             last[name] = index
     return tuple(((stamp - first) / 1e9, ", ".join(sorted(names))) for stamp, names in found.items())

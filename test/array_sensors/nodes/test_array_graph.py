@@ -177,3 +177,29 @@ def test_time_waits_for_the_estimates_that_lag_by_more_than_theirs_may(
     assert runs_to() == pytest.approx(2.0 + 3.0 * system.lag_s)
     bench.wall_s += 5.1
     assert runs_to() > 2.0 + 3.0 * system.lag_s + 5.0
+
+
+@pytest.mark.parametrize("name", ARRAY_SYSTEMS)
+def test_time_may_lead_by_two_periods_of_the_source_and_two_ticks(name: str) -> None:
+    sections = read_parameter_files([ROOT / "config" / f"{name}.yaml"])
+    period_s = sections[f"{name}_source"].values["source.period_s"]
+    assert ARRAY_SYSTEMS[name].lag_s == 2.0 * period_s + 2.0 * array_graph.TICK_S
+
+
+def test_estimates_more_than_two_lags_apart_are_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    for share, waited_for in ((1.95, True), (2.05, False)):
+        bench, lag_s = Bench(monkeypatch), ARRAY_SYSTEMS["doa"].lag_s
+        graph = bench.graph("doa", 0.0)
+        graph.run_time()
+        bench.estimate("/doa/attitude", START_S + 1.0)
+        bench.estimate("/doa/attitude", START_S + 1.0 + share * lag_s)
+        for _ in range(60):
+            graph.spin(0.01)
+        assert (graph.now_s <= START_S + 1.0 + (share + 1.0) * lag_s) is waited_for
+
+
+def test_a_graph_says_the_time_at_once_whatever_the_wall_clock_counts_from(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(monkeypatch)
+    bench.wall_s = 0.5
+    bench.graph("doa", 1.0).spin(0.01)
+    assert bench.clock == [START_S]

@@ -1,5 +1,6 @@
 """The nodes of each array system, joined by their topics in one process: what they publish is near the truth that they do."""
 
+import importlib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -307,3 +308,66 @@ def test_a_dish_knows_from_the_array_on_it_how_far_the_target_is_off(bench: Benc
     assert len(bench.sent["pointing_error"]) == 1
     assert len(bench.sent["array_snapshots"]) == 2
     assert receiver.active
+
+
+@pytest.mark.parametrize(
+    ("module", "kind"),
+    [
+        ("array_receiver", ArrayReceiver),
+        ("array_tracker", ArrayTracker),
+        ("doa_attitude", DoaAttitudeNode),
+        ("doa_source", DoaSource),
+        ("interferometer_source", InterferometerSourceNode),
+        ("interferometer_tracker", InterferometerTrackerNode),
+        ("tripulse_attitude", TripulseAttitudeNode),
+        ("tripulse_receiver", TripulseReceiverNode),
+        ("tripulse_source", TripulseSourceNode),
+    ],
+)
+@pytest.mark.usefixtures("default_context")
+def test_an_executable_runs_its_node(module: str, kind: type, monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded, started = importlib.import_module(f"rf_pointing.array_sensors.nodes.{module}"), list[type]()
+    monkeypatch.setattr(loaded, "run", started.append)
+    loaded.main()
+    assert started == [kind]
+    node = kind()
+    node.lock.release()
+    assert node.get_name() == module
+    node.end()
+    node.destroy_node()
+
+
+def test_work_is_done_once_a_period_and_silence_looked_for_twice_as_often_as_it_lasts(bench: Bench) -> None:
+    kinds = {
+        DoaSource: ("source", 0.5, 0.5),
+        TripulseSourceNode: ("source", 1.25, 1.25),
+        InterferometerSourceNode: ("source", 3.0, 3.0),
+        DoaAttitudeNode: ("", 0.0, 1.0),
+    }
+    for kind, (group, given_s, _) in kinds.items():
+        bench.add(kind, **({f"{group}__period_s": given_s} if group else {}))
+    bench.add(InterferometerTrackerNode, tracking__silence_s=4.0)
+    bench.activate()
+    periods = {type(node): [item[1] for item in work] for node, work in bench._work.items()}
+    expected = {kind: [period_s] for kind, (*_, period_s) in kinds.items()}
+    assert periods == {**expected, InterferometerTrackerNode: [2.0]}
+
+
+def test_a_silence_is_carried_on_up_to_its_length_before_the_clock(bench: Bench) -> None:
+    source = bench.add(DoaSource, **given("doa", "doa_source"))
+    bench.add(DoaAttitudeNode, **given("doa", "doa_attitude"))
+    bench.activate()
+    bench.run(3.0)
+    last_s = seconds_from_stamp(bench.sent["attitude"][-1].header.stamp)
+    before = len(bench.sent["attitude"])
+    bench.run(last_s - START_S + 3.1, silent=(source,))
+    carried = [seconds_from_stamp(message.header.stamp) for message in bench.sent["attitude"][before:]]
+    assert carried
+    assert carried[-1] == pytest.approx(bench.t_s - 2.0)
+
+
+def test_a_receiver_is_named_by_its_namespace_unless_it_is_told_its_station(bench: Bench) -> None:
+    node = bench.add(TripulseReceiverNode, station__name="kourou")
+    node.get_namespace = lambda: "/tripulse/wallops"
+    node.configure()
+    assert node._station == "kourou"

@@ -226,3 +226,38 @@ def test_unusable_pose_is_refused(path: str, value: Any, words: str) -> None:
     where, moving = convert.pose_to_messages(T_S, POSE)
     with pytest.raises(ValueError, match=words):
         convert.pose_from_messages(changed(where, path, value), moving)
+
+
+def test_a_frame_holds_at_least_one_sample() -> None:
+    message = convert.frame_to_message(FRAME, RATE_HZ)
+    message.samples_i, message.samples_q = [0.5], [-0.25]
+    assert convert.frame_from_message(message, RATE_HZ).samples.tolist() == [0.5 - 0.25j]
+    message.samples_i, message.samples_q = [], []
+    with pytest.raises(ValueError, match="number of samples=0 must be >= 1"):
+        convert.frame_from_message(message, RATE_HZ)
+
+
+def test_every_signal_is_stamped_and_said_in_its_frame() -> None:
+    sent = {
+        "array": (convert.frame_to_message(FRAME, RATE_HZ), convert.line_to_message(LINE)),
+        "body": (
+            convert.snapshots_to_message(HEARD),
+            convert.torque_to_message(TORQUE),
+            convert.rate_to_message(RATE),
+            convert.vector_to_message(T_S, np.arange(3.0), "body"),
+        ),
+        "active_body": (convert.sequence_to_message(SEQUENCE), *convert.pose_to_messages(T_S, POSE)),
+        "orbit": (
+            convert.attitude_to_message(ATTITUDE, "body"),
+            convert.orientation_to_message(T_S, QUATERNION, "orbit"),
+        ),
+    }
+    for frame, messages in sent.items():
+        for message in messages:
+            assert message.header.frame_id == frame
+            assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_767_225_600, 123_456_000)
+    rate = convert.rate_to_message(RATE)
+    angular = np.array(rate.twist.covariance).reshape(6, 6)
+    np.testing.assert_array_equal(angular[3:, 3:], RATE.covariance_rad2_s2)
+    assert not angular[:3].any()
+    assert not angular[:, :3].any()

@@ -334,3 +334,31 @@ def test_a_bag_without_array_sensors_gets_no_page_of_them(tmp_path: Path, attitu
     folder = tmp_path / "deep" / "report"
     assert report_array_sensors(attitude_bag, folder) == folder / "array_report.html"
     assert (folder / "array_report.html").is_file()
+
+
+def test_a_station_heard_for_the_first_time_is_handed_over_once_the_first_turns_are_over() -> None:
+    """Of two stations two whole turns are four blocks: who comes within them is no hand-off."""
+    for first, found in ((3, ()), (4, ((4.0, "north"),)), (5, ((5.0, "north"),)), (7, ((7.0, "north"),))):
+        names = ["south"] * first + ["north"] * 10
+        received = {index * 10**9: SimpleNamespace(transmitters=[name]) for index, name in enumerate(names)}
+        assert _hand_offs(received, 0) == found
+
+
+def test_a_station_that_pauses_for_two_turns_is_not_new_and_after_more_it_is() -> None:
+    for pause, found in ((4, ()), (5, ((11.0, "south"),))):
+        names = ["north", "south"] * 3 + ["north"] * (pause - 1) + ["south"] + ["north", "south"] * 3
+        received = {(index + 2) * 10**9: SimpleNamespace(transmitters=[name]) for index, name in enumerate(names)}
+        assert _hand_offs(received, 10**9) == found
+
+
+def test_several_stations_of_one_block_are_handed_over_together() -> None:
+    blocks = [["south"]] * 9 + [["pole", "north"]] * 3
+    received = {index * 10**9: SimpleNamespace(transmitters=names) for index, names in enumerate(blocks)}
+    assert _hand_offs(received, 2 * 10**9) == ((7.0, "north, pole"),)
+
+
+def test_a_summary_is_readable_line_by_line(attitude_bag: Path, tmp_path: Path) -> None:
+    write_array_report(attitude_bag, tmp_path)
+    text = (tmp_path / "array_summary.json").read_text()
+    assert text.startswith('{\n "schema": "rf_pointing/array_summary/1",\n "bag": ')
+    assert text.endswith("}\n")
