@@ -112,9 +112,9 @@ def place_slopes(orbit: Orbit, stations: Sequence[GroundPlace], t_s: float) -> A
     slopes = []
     for station in stations:
         up = station.zenith
-        # Where the axis of the Earth is up, any direction serves.
-        level = math.hypot(up[0], up[1])
-        east = np.array([-up[1], up[0], 0.0]) / level if level > 0.0 else np.array([0.0, 1.0, 0.0])
+        # Where the axis of the Earth is up, any longitude serves.
+        longitude = math.atan2(up[1], up[0])
+        east = np.array([-math.sin(longitude), math.cos(longitude), 0.0])
         away = station.position_m - point.position_m
         distance = float(np.linalg.norm(away))
         across = np.eye(3) - np.outer(away, away) / distance**2

@@ -39,9 +39,9 @@ def unit_quaternion(quaternion: ArrayLike, name: str = "quaternion") -> Array:
 def canonical(quaternion: ArrayLike) -> Array:
     """Return q or -q, whichever has w > 0 (at w = 0: a positive first non-zero component)."""
     q = unit_quaternion(quaternion)
-    sign = np.zeros(q.shape[:-1])
-    for index in (3, 0, 1, 2):
-        sign = np.where(sign == 0.0, np.sign(q[..., index]), sign)
+    x, y, z, sign = np.moveaxis(np.sign(q), -1, 0)
+    for component in (x, y, z):
+        sign = np.where(sign == 0.0, component, sign)
     return np.asarray(q * sign[..., None] + 0.0)
 
 

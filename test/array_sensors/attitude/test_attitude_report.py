@@ -10,6 +10,7 @@ from rf_pointing.array_sensors.attitude.attitude_report import (
     AttitudeReport,
     RateReport,
     require_arrived,
+    require_covariance,
 )
 from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
 
@@ -82,3 +83,34 @@ def test_stations_keep_names_and_places_together() -> None:
 def test_stations_that_are_no_namespaces_or_no_places_are_refused(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         GroundNetworkParams().replace(**changes)
+
+
+def test_a_covariance_is_symmetric_and_not_negative_to_a_billionth_of_its_largest_element() -> None:
+    for scale in (1e-12, 1.0, 1e12):
+        sound = scale * np.array([[4.0, 1.0, 0.0], [1.0, 3.0, 0.5], [0.0, 0.5, 2.0]])
+        np.testing.assert_array_equal(require_covariance("c", sound, 3), sound)
+        for off, refused in ((3e-9, False), (5e-9, True)):
+            # Relative to the largest element, 4.
+            lopsided = sound + scale * off * np.eye(3, k=1)
+            negative = scale * np.diag([4.0, 1.0, -off])
+            for matrix, words in ((lopsided, "c is not symmetric"), (negative, "c has eigenvalue")):
+                if refused:
+                    with pytest.raises(ValueError, match=words):
+                        require_covariance("c", matrix, 3)
+                else:
+                    require_covariance("c", matrix, 3)
+    np.testing.assert_array_equal(require_covariance("c", np.zeros((2, 2)), 2), np.zeros((2, 2)))
+    with pytest.raises(ValueError, match="c has shape"):
+        require_covariance("c", np.eye(3), 2)
+
+
+def test_reports_hold_arrays_whatever_they_are_given() -> None:
+    attitude = AttitudeReport(**{**SOUND, "quaternion": [0, 0, 0.6, 0.8], "covariance_rad2": np.eye(3).tolist()})
+    rate = RateReport(t_s=2.0, rate_rad_s=[1, 2, 3], covariance_rad2_s2=np.eye(3).tolist())
+    for found in (attitude.quaternion, attitude.covariance_rad2, rate.rate_rad_s, rate.covariance_rad2_s2):
+        assert isinstance(found, np.ndarray)
+    np.testing.assert_allclose(attitude.quaternion, [0.0, 0.0, 0.6, 0.8])
+    assert (attitude.t_s, attitude.valid, attitude.reason, rate.t_s) == (1.0, True, "", 2.0)
+    np.testing.assert_array_equal(rate.rate_rad_s, [1.0, 2.0, 3.0])
+    told = AttitudeReport(**{**SOUND, "valid": False, "reason": "one station"})
+    assert (told.valid, told.reason) == (False, "one station")

@@ -153,3 +153,54 @@ def test_a_network_of_stations_without_places_or_names_is_refused(changes: dict[
     first, second = GroundNetworkParams().stations()
     assert (first.name, second.name) == ("usingen", "hartebeesthoek")
     assert (second.latitude_rad, first.longitude_rad) == pytest.approx((np.radians(-25.89), np.radians(8.48)))
+
+
+def test_a_longitude_is_at_most_a_turn_and_a_latitude_at_most_a_quarter_either_way() -> None:
+    for sign in (1.0, -1.0):
+        edge = GroundStation(name="x", latitude_rad=sign * np.pi / 2.0, longitude_rad=sign * 2.0 * np.pi)
+        np.testing.assert_allclose(edge.zenith, [0.0, 0.0, sign], atol=1e-12)
+        for latitude, longitude, words in ((0.0, 6.3, "longitude_rad="), (1.58, 0.0, "latitude_rad=")):
+            with pytest.raises(ValueError, match=words):
+                GroundStation(name="x", latitude_rad=sign * latitude, longitude_rad=sign * longitude)
+
+
+def test_a_station_stands_on_the_sphere_at_its_latitude_and_longitude() -> None:
+    station = GroundStation(name="x", latitude_rad=0.6, longitude_rad=-2.2)
+    up = np.array([np.cos(0.6) * np.cos(-2.2), np.cos(0.6) * np.sin(-2.2), np.sin(0.6)])
+    np.testing.assert_allclose(station.zenith, up, atol=1e-12)
+    np.testing.assert_allclose(station.position_m, EARTH_RADIUS_M * up, rtol=1e-12)
+
+
+def test_places_of_several_stations_have_a_slope_each_even_where_up_is_the_axis_itself() -> None:
+    class Pole:
+        name, position_m, zenith = "pole", np.array([0.0, 0.0, 6.4e6]), np.array([0.0, 0.0, 1.0])
+
+    other = GroundStation(name="x", latitude_rad=0.6, longitude_rad=-2.2)
+    both = place_slopes(ORBIT, [Pole(), other], 500.0)
+    assert both.shape == (2, 3, 2)
+    np.testing.assert_allclose(both[1], place_slopes(ORBIT, [other], 500.0)[0], rtol=1e-12)
+    point = orbit_point(ORBIT, 500.0)
+    away = Pole.position_m - point.position_m
+    across = np.eye(3) - np.outer(away, away) / (away @ away)
+    # North and east are any two level directions there: their squares sum up to those of both axes.
+    level = point.frame @ across[:, :2] / np.linalg.norm(away)
+    np.testing.assert_allclose(both[0] @ both[0].T, level @ level.T, rtol=1e-9, atol=1e-24)
+
+
+def test_stacks_of_times_are_those_of_each() -> None:
+    stations = stations_along_track(ORBIT, 0.0)
+    times = np.array([[100.0, 400.0, 900.0], [1500.0, 2000.0, 2600.0]])
+    many = view_stations(ORBIT, stations, times)
+    assert many.reference.shape == (2, 3, 8, 3)
+    for index in np.ndindex(2, 3):
+        one = view_stations(ORBIT, stations, times[index])
+        np.testing.assert_allclose(many.reference[index], one.reference, atol=1e-12)
+        np.testing.assert_allclose(many.elevation_rad[index], one.elevation_rad, atol=1e-9)
+        np.testing.assert_allclose(many.range_m[index], one.range_m, rtol=1e-12)
+
+
+def test_the_nadir_angle_is_that_of_the_sphere_at_any_height() -> None:
+    for altitude_m, elevation in ((500e3, 0.0), (1200e3, 0.4)):
+        orbit = SunSynchronousOrbitParams(altitude_m=altitude_m)
+        sine = EARTH_RADIUS_M * np.cos(elevation) / (EARTH_RADIUS_M + altitude_m)
+        assert largest_nadir_angle_rad(orbit, elevation) == pytest.approx(np.arcsin(sine))

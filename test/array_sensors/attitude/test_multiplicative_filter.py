@@ -444,3 +444,77 @@ def test_an_update_is_that_of_attitude_rate_and_constants_as_one_linear_system(
     doubting = update(replace(state, refused=np.array(8)), seen, GateParams(largest=4.0), in_doubt=in_doubt)
     assert (float(doubting.covariance[0, 0]) != float(joint[0, 0])) is in_doubt
     assert int(doubting.refused) == 9
+
+
+def test_noise_of_a_step_is_refused_outside_its_range() -> None:
+    assert process_noise_from_q(1e-3, dt_s=10.0).rate_rad2_s3 == pytest.approx(1e-4)
+    assert process_noise_from_q(0.0, dt_s=1e-6).attitude_rad2_s == 0.0
+    for q, dt_s, words in ((1.1e-3, 0.25, "q="), (1e-9, 11.0, "dt_s="), (1e-9, 0.9e-6, "dt_s=")):
+        with pytest.raises(ValueError, match=words):
+            process_noise_from_q(q, dt_s)
+
+
+def test_a_batch_with_constants_of_references_moves_and_learns_as_its_members_do(stream: np.random.Generator) -> None:
+    """Two by two filters, constants met one by one: they begin unknown, in every member alike."""
+    lead, noise = (2, 2), ProcessNoiseParams(torque_n_m=2e-4)
+    quaternions, rates = unit(stream, *lead, 4), 1e-2 * stream.standard_normal((*lead, 3))
+    seen = []
+    for count in (1, 3, 2):
+        reference = unit(stream, *lead, 3)
+        by_place = 0.01 * np.cross(reference[..., None, :], stream.standard_normal((*lead, count, 3))).swapaxes(-1, -2)
+        turned = quaternion_to_matrix(quaternions).swapaxes(-1, -2) @ reference[..., None]
+        measured = turned[..., 0] * np.sign(turned[..., 2:, 0])
+        seen.append((measured, across(measured, 0.01), reference, by_place))
+
+    def run(pick: tuple[int, ...]) -> AttitudeState:
+        state = start_state(quaternions[pick], rates[pick], 0.5, 0.01, GATE)
+        for measured, covariance, reference, by_place in seen:
+            state = predict(INERTIA, noise, state, KNOWN, ORBIT_RATE, 0.25)
+            direction = DirectionObservation(
+                measured[pick],
+                covariance[pick],
+                reference[pick],
+                bias_rad=0.01 * cosine_slopes(measured[pick]),
+                reference_bias_rad=by_place[pick],
+            )
+            state = update(state, direction, GATE)
+        return state
+
+    together = run(())
+    assert together.biases is not None
+    assert together.biases.estimate.shape == (2, 2, 8)
+    assert together.biases.correlation.shape == (2, 2, 6, 8)
+    for index in np.ndindex(*lead):
+        alone = run(index)
+        assert alone.biases is not None
+        assert float(rotation_angle_between_rad(together.quaternion[index], alone.quaternion)) < 1e-7
+        np.testing.assert_allclose(together.rate_rad_s[index], alone.rate_rad_s, atol=1e-9)
+        np.testing.assert_allclose(together.covariance[index], alone.covariance, rtol=1e-6, atol=1e-12)
+        for name in ("estimate", "covariance", "correlation"):
+            many, one = (getattr(biases, name) for biases in (together.biases, alone.biases))
+            np.testing.assert_allclose(many[index], one, rtol=1e-6, atol=1e-9, err_msg=name)
+
+
+def test_a_torque_that_is_known_to_be_none_needs_no_constants(stream: np.random.Generator) -> None:
+    state = start_state(unit(stream, 3, 4), np.zeros((3, 3)), 0.1, 1e-3, GATE)
+    assert predict(INERTIA, SILENT, state, KNOWN, ORBIT_RATE, 0.25).biases is None
+    unknown = predict(INERTIA, replace(SILENT, torque_n_m=1e-5), state, KNOWN, ORBIT_RATE, 0.25).biases
+    assert unknown is not None
+    assert unknown.estimate.shape == (3, 5)
+    np.testing.assert_array_equal(unknown.estimate, 0.0)
+    np.testing.assert_allclose(unknown.covariance, np.broadcast_to(np.eye(5), (3, 5, 5)))
+
+
+def test_the_shortest_turn_is_found_beside_half_a_turn_and_between_equal_directions(
+    stream: np.random.Generator,
+) -> None:
+    first = unit(stream, 3)
+    side = tangent_rows(first)[0]
+    for angle in (0.0, 1e-9, 1e-3, 3.0, np.pi - 1e-6):
+        second = np.cos(angle) * first + np.sin(angle) * side
+        turn = rotation_between(first, second)
+        # Rounding of the directions turns the axis where they are nearly opposite.
+        np.testing.assert_allclose(turn, angle * np.cross(first, side), atol=1e-9)
+    mixed = rotation_between(np.stack([first, first, first]), np.stack([first, -first, side]))
+    assert np.linalg.norm(mixed, axis=1) == pytest.approx([0.0, np.pi, np.pi / 2.0])
+    assert mixed[1] @ first == pytest.approx(0.0, abs=1e-12)

@@ -6,6 +6,7 @@ import pytest
 from rf_pointing.array_sensors.attitude.orbits import (
     YEAR_S,
     SunSynchronousOrbitParams,
+    circular_frame,
     inclination_rad,
     orbit_point,
     period_s,
@@ -64,3 +65,37 @@ def test_frame_rate_is_the_derivative_of_the_frame_in_inertial_axes() -> None:
 def test_orbit_inside_the_atmosphere_is_refused() -> None:
     with pytest.raises(ValueError, match=r"altitude_m=50000.0 must be >= 200000.0"):
         SunSynchronousOrbitParams(altitude_m=50e3)
+
+
+def test_a_stack_of_times_gives_the_points_of_each() -> None:
+    times = 1.7e9 + np.array([[0.0, 300.0, 2000.0], [3100.0, 4000.0, 5900.0]])
+    many = orbit_point(ORBIT, times)
+    for index in np.ndindex(2, 3):
+        one = ORBIT.point(times[index])
+        np.testing.assert_allclose(many.position_m[index], one.position_m, atol=1e-6)
+        np.testing.assert_allclose(many.frame[index], one.frame, atol=1e-12)
+        np.testing.assert_allclose(many.frame_rate_rad_s[index], one.frame_rate_rad_s, rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("tilt", [0.3, 1.7])
+def test_the_frame_of_a_circular_orbit_is_that_of_three_plain_turns(tilt: float) -> None:
+    """Along the orbit, about the line of nodes, about the axis of the Earth."""
+    along, node = 0.8, -2.1
+
+    def about_z(angle: float) -> np.ndarray:
+        return np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(tilt), -np.sin(tilt)], [0.0, np.sin(tilt), np.cos(tilt)]])
+    outward, forward, normal = (about_z(node) @ about_x @ about_z(along)).T
+    found = circular_frame(along, node, tilt)
+    np.testing.assert_allclose(found, [forward, -normal, -outward], atol=1e-12)
+
+
+def test_the_inclination_follows_from_the_precession_of_one_turn_a_year() -> None:
+    """dOmega/dt = -3/2 J2 n (R / a)^2 cos i, solved the other way round."""
+    for altitude_m in (300e3, 900e3):
+        orbit = SunSynchronousOrbitParams(altitude_m=altitude_m)
+        axis_m, n = EARTH_RADIUS_M + altitude_m, 2.0 * np.pi / period_s(orbit)
+        turn = -1.5 * 1.08262668e-3 * n * (EARTH_RADIUS_M / axis_m) ** 2 * np.cos(inclination_rad(orbit))
+        assert turn == pytest.approx(2.0 * np.pi / (365.24219 * 86400.0), rel=1e-9)
+        assert n == pytest.approx(np.sqrt(3.986004418e14 / axis_m**3), rel=1e-6)

@@ -141,3 +141,42 @@ def test_a_flat_body_is_accepted_whatever_its_last_bits(stream: np.random.Genera
 
 def test_cross_matrix_agrees_with_the_printed_equation_7() -> None:
     assert pytest.approx(np.array([[0, -3, 2], [3, 0, -1], [-2, 1, 0.0]])) == cross_matrix(np.array([1.0, 2.0, 3.0]))
+
+
+@pytest.mark.parametrize("dt_s", [0.5, -0.5])
+def test_a_step_is_of_fourth_order_in_its_length(dt_s: float, stream: np.random.Generator) -> None:
+    """One step against sixteen: the error of a step of half the length is a thirtieth."""
+    quaternion, rate, momentum = START, np.array([0.3, -0.2, 0.4]), np.array([0.5, -0.3, 0.2])
+    known = KnownTorque(
+        control_n_m=np.array([0.2, -0.1, 0.3]), wheel_momentum_n_m_s=momentum, wheel_momentum_rate_n_m=np.zeros(3)
+    )
+
+    def after(length_s: float, steps: int) -> np.ndarray:
+        q, w = quaternion, rate
+        for _ in range(steps):
+            q, w = propagate(INERTIA, q, w, known, np.zeros(3), length_s / steps)
+        return np.concatenate([q, w])
+
+    errors = [np.abs(after(length, 1) - after(length, 32)).max() for length in (dt_s, 0.5 * dt_s)]
+    assert errors[0] < 1e-4
+    assert 16.0 < errors[0] / errors[1] < 64.0
+
+
+def test_moments_of_inertia_come_from_their_own_fields() -> None:
+    body = SatelliteParams(ixx_kg_m2=5.0, iyy_kg_m2=6.0, izz_kg_m2=7.0, ixy_kg_m2=0.1, ixz_kg_m2=-0.2, iyz_kg_m2=0.3)
+    expected = np.array([[5.0, 0.1, -0.2], [0.1, 6.0, 0.3], [-0.2, 0.3, 7.0]])
+    np.testing.assert_array_equal(rigid_inertia(body).matrix, expected)
+    np.testing.assert_allclose(rigid_inertia(body).inverse @ expected, np.eye(3), atol=1e-12)
+
+
+def test_a_rod_without_thickness_and_a_body_fuller_than_flat_are_refused() -> None:
+    flat = {"ixx_kg_m2": 1.0, "iyy_kg_m2": 2.0, "ixy_kg_m2": 0.0, "ixz_kg_m2": 0.0, "iyz_kg_m2": 0.0}
+    SatelliteParams(izz_kg_m2=3.0, **flat)
+    for izz in (3.00001, 3.5):
+        with pytest.raises(ValueError, match="principal moments"):
+            SatelliteParams(izz_kg_m2=izz, **flat)
+    # A rod along (1, 1, 0): its least moment is zero.
+    rod = {"ixx_kg_m2": 1.0, "iyy_kg_m2": 1.0, "izz_kg_m2": 2.0, "ixz_kg_m2": 0.0, "iyz_kg_m2": 0.0}
+    with pytest.raises(ValueError, match="principal moments"):
+        SatelliteParams(ixy_kg_m2=-1.0, **rod)
+    SatelliteParams(ixy_kg_m2=-0.99, **rod)

@@ -75,3 +75,44 @@ def test_cosine_slopes_are_the_derivative_of_the_unit_vector() -> None:
     moves = step * np.eye(2)
     expected = [(lifted(cosines + move) - lifted(cosines - move)) / (2.0 * step) for move in moves]
     np.testing.assert_allclose(cosine_slopes(lifted(cosines)), np.stack(expected, axis=-1), atol=1e-9)
+
+
+def test_one_rotation_and_stacks_of_stacks_are_treated_alike(quaternions: np.ndarray) -> None:
+    stack = quaternions[:24].reshape(2, 3, 4, 4)
+    vectors = stack[..., :3]
+    directions = matrix_from_quaternion(stack)[..., 0]
+    many = {
+        "cross": cross_product(vectors, directions),
+        "matrix": cross_matrix(vectors),
+        "rows": tangent_rows(directions),
+        "product": quaternion_product(stack, stack[::-1]),
+        "turned": quaternion_from_turn(vectors),
+        "turn": turn_from_quaternion(stack),
+        "slopes": cosine_slopes(directions),
+    }
+    back = matrix_from_quaternion(quaternion_from_matrix(matrix_from_quaternion(stack)))
+    np.testing.assert_allclose(back, matrix_from_quaternion(stack), atol=4 * ROUNDING)
+    for index in np.ndindex(2, 3, 4):
+        q, v, d = stack[index], vectors[index], directions[index]
+        one = {
+            "cross": cross_product(v, d),
+            "matrix": cross_matrix(v),
+            "rows": tangent_rows(d),
+            "product": quaternion_product(q, stack[::-1][index]),
+            "turned": quaternion_from_turn(v),
+            "turn": turn_from_quaternion(q),
+            "slopes": cosine_slopes(d),
+        }
+        for name, values in one.items():
+            np.testing.assert_allclose(many[name][index], values, rtol=1e-12, atol=1e-14, err_msg=name)
+        single = quaternion_from_matrix(matrix_from_quaternion(q))
+        assert abs(single @ q) == pytest.approx(1.0)
+
+
+def test_a_product_broadcasts_one_rotation_over_many(quaternions: np.ndarray) -> None:
+    for left, right in ((quaternions, quaternions[0]), (quaternions[0], quaternions)):
+        found = quaternion_product(left, right)
+        assert found.shape == (200, 4)
+        for k in (0, 7, 199):
+            one = quaternion_product(left[k] if left.ndim == 2 else left, right[k] if right.ndim == 2 else right)
+            np.testing.assert_allclose(found[k], one, atol=ROUNDING)
