@@ -218,3 +218,14 @@ def test_azimuths_in_another_unit_are_compared_across_the_sky(track):
         elevation_rad=rows.elevation_rad, range_m=None, range_rate_m_s=None, good=np.ones(len(rows.t_s), dtype=bool),
     )  # fmt: skip
     require_unit(raw, reference)
+
+
+def test_a_turn_of_the_cable_is_no_other_unit_of_a_low_pass_in_the_north(track):
+    """Read as degrees, 360 deg and 6 deg are close to north and the horizon too."""
+    whole = track(5.0)
+    shape = np.ones(len(whole.t_s))
+    low = replace(whole, azimuth_rad=0.02 * shape, elevation_rad=0.1 * shape, azimuth_rate_rad_s=0.0 * shape,
+                  elevation_rate_rad_s=0.0 * shape, azimuth_acceleration_rad_s2=0.0 * shape,
+                  elevation_acceleration_rad_s2=0.0 * shape)  # fmt: skip
+    raw = raw_of(low)
+    require_unit(replace(raw, azimuth_rad=raw.azimuth_rad + 2.0 * PI), low)

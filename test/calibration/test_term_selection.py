@@ -373,3 +373,14 @@ def test_a_column_of_rounding_explains_nothing(length, counts):
     assert square == pytest.approx(0.0 if counts else 1.0, abs=1e-9)
     assert bool(values[1] != 0.0) is counts
     assert covariance[0, 0] == pytest.approx(1.0)
+
+
+def test_data_of_no_degree_of_freedom_are_judged_by_one(campaign, table_1):
+    """Two points against four terms of the azimuth, which leave the elevations as they are."""
+    data = campaign(table_1, passes=1).select([0, 40])
+    names = ("azimuth_offset", "collimation", "azimuth_encoder_sine", "azimuth_second_sine")
+    held = {name: 0.0 for name in TERM_NAMES if name not in names}
+    search = _Search.of(data, names, held, None, None)
+    left = np.sum((data.residual_elevation_rad / data.sigma_elevation_rad) ** 2)
+    assert left > 100.0
+    assert search.scale == pytest.approx(left, rel=1e-6)

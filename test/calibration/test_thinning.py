@@ -224,3 +224,15 @@ def test_pieces_begin_at_multiples_of_their_length_since_1970_and_with_each_pass
     # The same times in one pass from 5 s on: the piece across the two passes is one.
     found = smooth(t_s[5:35], np.zeros(30, dtype=int), np.zeros((30, 1)))
     assert found.counts.tolist() == [5.0, 10.0, 10.0, 5.0]
+
+
+def test_outliers_of_wild_noise_are_those_of_a_plain_loop_to_the_ends_of_short_passes(random):
+    """Eighty passes of 9 to 40 samples each, every second of them wilder than a normal distribution by far."""
+    lengths = random.integers(9, 41, 80)
+    passes = np.repeat(np.arange(80) + 1, lengths)
+    t_s = START_S + 4000.0 * passes + np.concatenate([2.1 * np.arange(length) for length in lengths])
+    residual = np.where(passes % 2, random.standard_t(1.2, len(t_s)), random.standard_normal(len(t_s)))
+    keep, _ = find_outliers(t_s, passes, {"azimuth_rad": residual})
+    expected = plain_outliers(t_s, passes, residual)
+    assert np.sum(expected) > 100
+    assert np.array_equal(keep, ~expected)
