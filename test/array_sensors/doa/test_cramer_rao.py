@@ -92,3 +92,17 @@ def test_sources_that_say_nothing_of_their_directions_are_refused() -> None:
 def test_bound_without_snapshots_or_signal_is_refused(snapshots: int, snr: float) -> None:
     with pytest.raises(ValueError, match=r"snapshots=|snr="):
         cosine_sigma_rad(ARRAY, snapshots, snr)
+
+
+@pytest.mark.parametrize("snr", [1e-8, 1e-3, 1e8])
+def test_the_bound_of_a_source_of_any_power_is_the_closed_form(snr: float) -> None:
+    bound = direction_bound_rad2(ARRAY, direction_from_polar(0.6, 0.4)[None], np.array([[snr + 0j]]), 3)
+    np.testing.assert_allclose(bound, cosine_sigma_rad(ARRAY, 3, snr) ** 2 * np.eye(2), rtol=1e-6, atol=1e-6 / snr)
+
+
+def test_bounds_in_polar_angles_stretch_towards_the_horizon_and_the_normal() -> None:
+    sigma = cosine_sigma_rad(ARRAY, 50, 2.0)
+    theta, phi = polar_sigma_rad(ARRAY, [0.0, 0.5, -0.5], 50, 2.0)
+    np.testing.assert_allclose(theta, sigma / np.cos([0.0, 0.5, 0.5]))
+    np.testing.assert_allclose(phi, [np.inf, sigma / np.sin(0.5), sigma / np.sin(0.5)])
+    np.testing.assert_allclose(search_grid_rmse([3.0, 0.0], np.sqrt(12.0) * 4.0), [5.0, 4.0])

@@ -208,3 +208,25 @@ def test_without_an_array_the_sensor_is_refused() -> None:
         simulate_pass(StationSetup("rotator_2m"), window, window.aos_t_s, Sensor.ARRAY)
     with pytest.raises(ValueError, match=re.escape("sensor=array: X band of Goldstone DSS-13 has")):
         simulate_pass(StationSetup("dss13"), window, window.aos_t_s, Sensor.ARRAY)
+
+
+def test_patches_receive_less_off_their_axis_by_the_square_of_its_cosine() -> None:
+    array = DishArrayParams(phase_sigma_rad=0.0, element_loss_db=3.0)
+    for offset, cosine in (([0.0, 0.0], 1.0), ([1.0, 0.0], np.cos(1.0)), ([0.0, -1.0], np.cos(1.0))):
+        block = SimulatedDishArray(array, 3).receive(truth(4.0, np.array(offset), 90.0))
+        snr = 10.0 ** (0.1 * (90.0 - 3.0)) * PERIOD_S / SNAPSHOTS * cosine**2
+        # The waveform has a constant modulus, and the noise is far below it.
+        assert np.mean(np.abs(block.snapshots) ** 2) == pytest.approx(1.0 + snr, rel=0.02)
+        assert block.t_s == 4.0
+
+
+def test_an_error_is_stamped_in_the_middle_of_its_block_in_whole_microseconds() -> None:
+    (first,) = measured(TURNED, np.array([[0.02, -0.03]]), 60.0)
+    assert first.t_s == round(1.0 - 0.5 * PERIOD_S, 6)
+    source, tracker = SimulatedDishArray(TURNED, 3), DishArrayTracker(TURNED)
+    error = tracker.measure(source.receive(truth(2.12345678, np.array([0.02, -0.03]), 60.0)))
+    assert error.t_s == pytest.approx(2.123457 - 0.5 * PERIOD_S, abs=1e-9)
+    assert (tracker.counts, tracker.last_reason) == ({"valid": 1, "invalid": 0}, "")
+    weak = tracker.measure(source.receive(truth(3.0, np.array([0.02, -0.03]), 0.0)))
+    assert (tracker.counts, tracker.last_reason) == ({"valid": 1, "invalid": 1}, weak.reason)
+    assert weak.carrier_to_noise_db_hz >= 0.0

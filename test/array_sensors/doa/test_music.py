@@ -3,9 +3,16 @@
 import numpy as np
 import pytest
 
+from rf_pointing.array_sensors.doa import music
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering, steering_taylor
 from rf_pointing.array_sensors.doa.cramer_rao import cosine_sigma_rad, effective_snr, polar_sigma_rad
-from rf_pointing.array_sensors.doa.music import _log_fraction, _newton_step, estimate_directions, lattice
+from rf_pointing.array_sensors.doa.music import (
+    _log_fraction,
+    _newton_step,
+    estimate_directions,
+    lattice,
+    refine_peaks,
+)
 from rf_pointing.array_sensors.doa.snapshots import complex_normal, draw_covariances
 from rf_pointing.papers.doa_study.directions import azimuth_rmse_rad, direction_from_polar, polar_errors_rad
 
@@ -206,3 +213,21 @@ def test_calibrated_arrays_find_the_direction_that_an_ideal_one_would(stream: np
     # Fewer elements than the array has: those that are left out are rows of the response that are left out.
     kept = estimate_directions(ARRAY, covariance[:, 2:, 2:], response[2:])
     assert np.linalg.norm(kept.direction - truth, axis=1).max() < 1e-7
+
+
+def test_a_start_that_has_not_arrived_is_flagged(stream: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
+    truth = directions(stream, 3, 1.0)
+    signal = steering(ARRAY, truth)[:, :, None] / np.sqrt(12.0)
+    starts = truth.copy()
+    starts[1] += [0.02, -0.01, 0.0]
+    starts[1] /= np.linalg.norm(starts[1])
+    assert refine_peaks(ARRAY, signal, starts).converged.tolist() == [True, True, True]
+    monkeypatch.setattr(music, "MAX_ITERATIONS", 1)
+    assert refine_peaks(ARRAY, signal, starts).converged.tolist() == [True, False, True]
+
+
+def test_on_flat_ground_a_step_is_as_long_as_the_least_curvature_lets_it() -> None:
+    """A curvature of 1e-6 over the square of the longest step is the least that counts."""
+    for limit in (0.05, 0.2):
+        _, length = _newton_step(np.array([[0.0, 0.0, 1.0]]), np.array([[3e-9, 4e-9]]), np.zeros((1, 2, 2)), limit)
+        assert length[0] == pytest.approx(5e-9 * limit**2 / 1e-6)

@@ -90,3 +90,30 @@ def test_starts_are_the_points_that_none_of_their_eight_neighbours_exceeds(strea
     found = _lattice_maxima(ARRAY, signal, spacing, None)
     np.testing.assert_allclose(found, points[highest], atol=1e-12)
     assert 3 < len(found) < len(points) / 4
+
+
+def test_starts_of_a_calibrated_array_are_the_maxima_of_the_share_that_its_elements_receive(
+    stream: np.random.Generator,
+) -> None:
+    """Elements of very different gain: what they receive of a direction depends on it, and divides out."""
+    response = np.diag(np.linspace(0.2, 2.0, 12)) + 0.3 * stream.normal(size=(12, 12))
+    signal, _ = np.linalg.qr(stream.normal(size=(12, 2)) + 1j * stream.normal(size=(12, 2)))
+    spacing = 0.15
+    points, ideal = steered_lattice(ARRAY, spacing)
+    received = ideal @ response.T
+    share = np.linalg.norm(received @ signal.conj(), axis=1) ** 2 / np.linalg.norm(received, axis=1) ** 2
+    apart = np.max(np.abs(points[:, None, :2] - points[None, :, :2]), axis=-1)
+    highest = [bool(np.all(share[k] >= share[apart[k] < 1.5 * spacing])) for k in range(len(points))]
+    found = _lattice_maxima(ARRAY, signal, spacing, response)
+    np.testing.assert_allclose(found, points[highest], atol=1e-12)
+
+
+def test_what_is_found_comes_with_its_share_of_the_signals_best_first() -> None:
+    a = steering(ARRAY, TWO).T
+    found = estimate_several(ARRAY, a @ np.diag([2.0, 0.5]) @ a.conj().T + 0.01 * np.eye(12), 2)
+    assert (found.sources, found.reason, found.complete) == (2, "", True)
+    np.testing.assert_allclose(found.fraction, [1.0, 1.0], atol=1e-9)
+    # With one more than there are the third is worse than both.
+    more = estimate_several(ARRAY, a @ a.conj().T + np.diag(np.linspace(0.01, 0.02, 12)), 3)
+    assert np.all(np.diff(more.fraction) <= 0.0)
+    assert more.sources == 3
