@@ -15,6 +15,7 @@ from rf_pointing.calibration import (
     Prior,
     fit,
     fit_bias_model,
+    fit_problem,
     held_at_zero,
 )
 from rf_pointing.calibration.fit import (
@@ -653,3 +654,26 @@ def test_pairs_are_reported_from_the_threshold_on(campaign, table_1):
     assert told.separation_advice() == (
         "azimuth_offset and droop (correlation -0.969): add passes at low and at high elevation (above 60 deg)",
     )
+
+
+@pytest.mark.parametrize("lag_s", [-1.0, 1.0])
+def test_errors_of_the_passes_are_seen_anew_when_a_lag_has_moved_by_ten_milliseconds(
+    campaign, table_1, monkeypatch, lag_s
+):
+    """Of either axis, forward or back, since they were seen last."""
+    seen = []
+
+    def counted(data, names, lags):
+        seen.append(lags)
+        return pass_partials(data, names, lags)
+
+    monkeypatch.setattr(fit_problem, "pass_partials", counted)
+    names = ("azimuth_velocity_lag", "elevation_velocity_lag")
+    data = campaign(table_1, passes=3)
+    problem = fit_problem.FitProblem(data, names, held_at_zero(names), {}, PassPriors(clock_s=0.1), "rotation")
+    moves = ((0.0, 0.0), (0.009, -0.009), (-0.009, 0.009), (0.011, 0.0), (0.005, 0.008), (0.011, -0.011))
+    for azimuth, elevation in moves:
+        problem._modelled(np.array([lag_s + azimuth, 0.5 * lag_s + elevation]))
+        problem._own()
+    expected = [(lag_s + azimuth, 0.5 * lag_s + elevation) for azimuth, elevation in (moves[0], moves[3], moves[5])]
+    np.testing.assert_allclose(seen, expected, rtol=1e-12)

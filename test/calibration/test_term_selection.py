@@ -384,3 +384,11 @@ def test_data_of_no_degree_of_freedom_are_judged_by_one(campaign, table_1):
     left = np.sum((data.residual_elevation_rad / data.sigma_elevation_rad) ** 2)
     assert left > 100.0
     assert search.scale == pytest.approx(left, rel=1e-6)
+
+
+@pytest.mark.parametrize(("scale", "kept"), [(1.0, LAGS[1:]), (3.6, LAGS[1:]), (4.4, ())])
+def test_what_would_be_a_guess_is_told_by_the_noise_of_the_data(scale, kept):
+    """The second lag is known to half of its usual size, times the root of the noise."""
+    matrix = matrix_of(20.0, 0.5)
+    search = replace(search_of(matrix, matrix @ [SIZE_S, 0.0]), scale=scale)
+    assert search.selection(LAGS[:1]).kept == kept
