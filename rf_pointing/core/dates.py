@@ -16,7 +16,7 @@ _DATE = re.compile(r"(\d{4})-(?:(\d\d)-(\d\d)|(\d{3}))T(\d\d):(\d\d):(\d\d(?:\.\
 def to_utc_text(t_s: float) -> str:
     """Return a time for files, like 1996-03-21T05:11:02.070000; `from_utc_text` is the inverse."""
     # Whole seconds apart: a float of 2026 holds microseconds, its product with 1e6 does not.
-    whole = int(t_s // 1.0)
+    whole = math.floor(t_s)
     micro = round((t_s - whole) * 1e6)
     moment = datetime.fromtimestamp(whole, UTC) + timedelta(microseconds=micro)
     return moment.strftime("%Y-%m-%dT%H:%M:%S.%f")

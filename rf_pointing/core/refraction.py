@@ -43,6 +43,12 @@ _LARGEST_SHARE = 0.5
 _TOLERANCE_RAD = 1e-9
 # Where every step were a bisection, 0.3 rad would take 29 to the tolerance.
 _MAX_ITERATIONS = 60
+# Rays that the closed form is fitted to: dense near the horizon, where the bending changes fastest.
+_FITTED_RAD = np.radians(np.concatenate([np.linspace(0.0, 3.0, 40), np.linspace(3.5, 85.0, 60)]))
+# Above this sine relative errors count: 0.1 % at the horizon is as good as at 45 deg.
+_LEAST_SINE = 0.02
+# Of the integral along one ray.
+_NODES = 200
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,14 +95,21 @@ class RadioRefraction(Params):
         Defined over [-pi/2, 3 pi/2]: beyond pi/2 the antenna is plunged and the correction still
         lifts the ray.
         """
-        return self.apply_with_rates(elevation_rad, 0.0, 0.0)[0]
+        return self._apparent(elevation_rad)[0]
 
     def remove(self, apparent_rad: Any) -> Any:
         """Return the true elevation of apparent elevations; the exact inverse of `apply`."""
         return apparent_rad - self._bending(apparent_rad)[0]
 
     def apply_with_rates(self, elevation_rad: Any, rate_rad_s: Any, acceleration_rad_s2: Any) -> tuple[Any, Any, Any]:
-        """Return the apparent elevation with rate and acceleration (Newton on the inverse).
+        """Return the apparent elevation with rate and acceleration."""
+        apparent, slope, curvature = self._apparent(elevation_rad)
+        gain = 1.0 / (1.0 - slope)
+        acceleration = acceleration_rad_s2 * gain + rate_rad_s**2 * curvature * gain**3
+        return apparent, rate_rad_s * gain, acceleration
+
+    def _apparent(self, elevation_rad: Any) -> tuple[Any, Any, Any]:
+        """Return the apparent elevation E, dR/dE and d2R/dE2 there (Newton on the inverse).
 
         E - R(E) increases everywhere, so the largest bending brackets the root: a step that leaves
         the bracket or is not half the one before, as below a steep horizon, becomes a bisection.
@@ -130,9 +143,7 @@ class RadioRefraction(Params):
             longest = 0.5 * size
         else:
             raise ValueError(f"elevation_rad={elevation_rad} has no apparent elevation in {_MAX_ITERATIONS} steps")
-        gain = 1.0 / (1.0 - slope)
-        acceleration = acceleration_rad_s2 * gain + rate_rad_s**2 * curvature * gain**3
-        return apparent, rate_rad_s * gain, acceleration
+        return apparent, slope, curvature
 
     @cached_property
     def _vapour_pressure_hpa(self) -> float:
@@ -143,13 +154,10 @@ class RadioRefraction(Params):
     def _coefficients(self) -> tuple[float, float, float, float, float]:
         """N0 and p1, p0, q1, q0 by least squares on traced rays, each weighted by its bending."""
         n0 = 1e-6 * (self.refractivity_dry + self.refractivity_wet)
-        # Dense near the horizon, where the bending changes fastest.
-        elevation = np.radians(np.concatenate([np.linspace(0.0, 3.0, 40), np.linspace(3.5, 85.0, 60)]))
-        bending = self._traced_bending(elevation)
-        s = np.sin(elevation)
-        rest = n0 * np.cos(elevation) / bending - s
-        # Relative errors count: at the horizon 0.1 % of the bending is as good as at 45 deg.
-        weight = bending / np.maximum(s, 0.02)
+        bending = self._traced_bending(_FITTED_RAD)
+        s = np.sin(_FITTED_RAD)
+        rest = n0 * np.cos(_FITTED_RAD) / bending - s
+        weight = bending / np.maximum(s, _LEAST_SINE)
         columns = np.stack([s, np.ones_like(s), -rest * s, -rest], axis=1) * weight[:, None]
         p1, p0, q1, q0 = np.linalg.lstsq(columns, rest * s**2 * weight, rcond=None)[0]
         return n0, float(p1), float(p0), float(q1), float(q0)
@@ -169,7 +177,7 @@ class RadioRefraction(Params):
     def _traced_bending(self, apparent_rad: Array) -> Array:
         """Bending integral of -(dn/dr) c / (n sqrt(n^2 r^2 - c^2)) dr, r = r0 + x^2."""
         # Gauss-Legendre in x = sqrt(height): the integrand is singular in height at the horizon.
-        node, weight = np.polynomial.legendre.leggauss(200)
+        node, weight = np.polynomial.legendre.leggauss(_NODES)
         x = 0.5 * math.sqrt(_TOP_M) * (node + 1.0)
         height = x**2
         dry_height, wet_height = _DRY_HEIGHT_M_PER_K * self.temperature_k, _WET_HEIGHT_M

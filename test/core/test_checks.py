@@ -84,3 +84,57 @@ def test_either_number_of_a_pair_can_refuse_it(bad: float, place: int) -> None:
     for value in (pair, tuple(pair), np.array(pair)):
         with pytest.raises(ValueError, match=r"^goal=.* must be finite$"):
             as_finite_pair("goal", value)
+
+
+@pytest.mark.parametrize(
+    "value", [(1, 2.5), [1, 2.5], np.array([1.0, 2.5]), np.array([1, 2.5], dtype=np.float32), range(1, 3)]
+)
+def test_whatever_holds_two_numbers_is_a_pair_of_plain_floats(value: object) -> None:
+    pair = as_finite_pair("goal", value)
+    assert pair == (1.0, 2.0 if isinstance(value, range) else 2.5)
+    assert [type(number) for number in pair] == [float, float]
+
+
+@pytest.mark.parametrize("value", [[1.0], [1.0, 2.0, 3.0], (1.0,), np.zeros(3), np.zeros((2, 1)), 1.0])
+def test_another_number_of_values_is_no_pair(value: object) -> None:
+    with pytest.raises(ValueError, match=r"^goal has shape \(.*\), must be \(2,\)$"):
+        as_finite_pair("goal", value)
+
+
+def test_a_pair_is_told_by_its_kind_at_no_cost_of_an_array(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rf_pointing.core.checks.as_finite_array", None)
+    for value in ((1.0, 2.0), [1.0, 2.0], np.array([1.0, 2.0])):
+        assert as_finite_pair("goal", value) == (1.0, 2.0)
+
+
+@pytest.mark.parametrize("size", [1, 15, 16, 17, 200])
+def test_a_bad_element_is_found_in_arrays_of_every_size_and_kind(size: int) -> None:
+    for kind in (np.float64, np.float32, np.complex128):
+        values = np.zeros(size, dtype=kind)
+        require_finite("table", values)
+        values[size // 2] = math.nan
+        with pytest.raises(ValueError, match=r"(?s)^table=.* must be finite$"):
+            require_finite("table", values)
+    require_finite("count", np.arange(size))
+    require_finite("whole", 10**300)
+
+
+@pytest.mark.parametrize(
+    ("shape", "fits"),
+    [
+        ((2, 3), True),
+        ((None, 3), True),
+        ((2, None), True),
+        ((None, None), True),
+        ((3, 2), False),
+        ((None,), False),
+        ((2, 3, None), False),
+        ((None, 2), False),
+    ],
+)
+def test_an_array_fits_a_shape_with_open_dimensions(shape: tuple[int | None, ...], fits: bool) -> None:
+    if fits:
+        assert as_finite_array("table", np.ones((2, 3)), shape).shape == (2, 3)
+        return
+    with pytest.raises(ValueError, match=r"^table has shape \(2, 3\), must be"):
+        as_finite_array("table", np.ones((2, 3)), shape)

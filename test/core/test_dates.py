@@ -1,6 +1,13 @@
 import pytest
 
-from rf_pointing.core.dates import from_utc_text, to_utc_text, utc_text
+from rf_pointing.core.dates import (
+    from_utc_text,
+    minute_and_second,
+    parse_utc,
+    require_day_of_year,
+    to_utc_text,
+    utc_text,
+)
 
 
 def test_text_and_seconds_are_inverses_to_the_microsecond():
@@ -29,3 +36,75 @@ def test_a_leap_second_has_no_posix_time(second: str) -> None:
     with pytest.raises(ValueError, match="must be < 60"):
         from_utc_text(f"2016-12-31T23:59:{second}Z")
     assert from_utc_text("2016-12-31T23:59:59.75Z") == 1483228799.75
+
+
+@pytest.mark.parametrize(
+    ("text", "minute_s", "second"),
+    [
+        ("1970-01-01T00:00:00", 0.0, 0.0),
+        ("1970-001T00:01:07.5Z", 60.0, 7.5),
+        ("1970-032T01:00:60", 31.0 * 86400.0 + 3600.0, 60.0),
+        (" 2016-366T23:59:60.25Z ", 1483228740.0, 60.25),
+        ("2016-12-31T23:59:60.25", 1483228740.0, 60.25),
+    ],
+)
+def test_a_date_has_its_minute_and_its_second_apart(text: str, minute_s: float, second: float) -> None:
+    assert minute_and_second(text) == (minute_s, second)
+
+
+@pytest.mark.parametrize(
+    ("year", "day", "fits"),
+    [
+        (2023, 1.0, True),
+        (2023, 0.99, False),
+        (2023, 365.99, True),
+        (2023, 366.0, False),
+        (2024, 366.5, True),
+        (2024, 367.0, False),
+    ],
+)
+def test_a_year_has_365_days_or_366_and_parts_of_them(year: int, day: float, fits: bool) -> None:
+    if fits:
+        require_day_of_year("then", year, day)
+        return
+    with pytest.raises(ValueError, match=rf"^date='then' has day .* of {year}, must be >= 1 and < 36[67]$"):
+        require_day_of_year("then", year, day)
+
+
+@pytest.mark.parametrize(
+    ("text", "t_s"),
+    [
+        ("1970-01-01T00:00:10", 10.0),
+        ("1970-01-01T02:00:10+02:00", 10.0),
+        ("1970-01-01T00:00:10Z", 10.0),
+        ("1970-01-02", 86400.0),
+    ],
+)
+def test_an_iso_time_without_a_zone_is_utc(text: str, t_s: float) -> None:
+    assert parse_utc(text) == t_s
+    with pytest.raises(ValueError, match="start='soon' must be an ISO time"):
+        parse_utc("soon")
+
+
+@pytest.mark.parametrize(
+    ("t_s", "text"),
+    [
+        (0.0, "1970-01-01T00:00:00.000000"),
+        (1e9 + 0.1, "2001-09-09T01:46:40.100000"),
+        (1.7e9 + 0.9999996, "2023-11-14T22:13:21.000000"),
+        (-0.25, "1969-12-31T23:59:59.750000"),
+    ],
+)
+def test_a_text_for_files_has_microseconds(t_s: float, text: str) -> None:
+    assert to_utc_text(t_s) == text
+
+
+@pytest.mark.parametrize(
+    ("t_s", "text"),
+    [(0.0, "1970-01-01T00:00:00.000Z"), (-0.001, "1969-12-31T23:59:59.999Z"), (1.0014, "1970-01-01T00:00:01.001Z"),
+     (59.9996, "1970-01-01T00:01:00.000Z")],
+)  # fmt: skip
+def test_a_text_for_people_has_milliseconds(t_s: float, text: str) -> None:
+    assert utc_text(t_s) == text
+    with pytest.raises(ValueError, match="t_s=nan"):
+        utc_text(float("nan"))

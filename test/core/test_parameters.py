@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import Params, from_degrees, leaves, parameter, parameter_unit, to_degrees, with_leaves
-from rf_pointing.core.parameters import read_parameter_files
+from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.planning import AxisLimits
 from rf_pointing.servo import WindParams
 from rf_pointing.station.antenna.loops import LoopParams
@@ -301,3 +301,48 @@ def test_a_refused_value_names_node_and_key(tmp_path: Path, values: str, complai
 def test_a_prefix_does_not_take_what_only_begins_like_it(tmp_path: Path) -> None:
     path = written(tmp_path, "a:\n  ros__parameters: {wind: {mean_speed_m_s: 2.0}, winding: {x: 1.0}}\n")
     assert read_parameter_files([path])["a"].group("wind", WindParams()).mean_speed_m_s == 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Open(Params):
+    """Bounds on one side, or none."""
+
+    free_rad: float = parameter(0.1, "without bounds")
+    from_rad: float = parameter(0.1, "from a bound on", low=0.0)
+    up_to_rad: float = parameter(0.1, "up to a bound", high=1.0)
+    several_rad: tuple[float, ...] = parameter((0.1, 0.2), "without bounds")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("free_deg", -720.0), ("free_deg", 720.0), ("from_deg", 720.0), ("up_to_deg", -720.0), ("several_deg", [-720.0, 720.0])],
+)  # fmt: skip
+def test_a_value_is_not_held_at_a_bound_that_is_none(name: str, value: Any) -> None:
+    (core,) = {one for one in Open.__dataclass_fields__ if one.startswith(name.removesuffix("_deg"))}
+    wanted = np.radians(value)
+    assert getattr(with_leaves(Open(), {name: value}), core) == pytest.approx(
+        tuple(wanted) if np.ndim(wanted) else wanted
+    )
+
+
+def test_sets_inside_a_set_are_found_by_name() -> None:
+    assert Outer().sets() == {"inner": Inner()}
+    assert Inner().sets() == {}
+
+
+def test_a_group_without_a_prefix_has_all_names_of_the_node() -> None:
+    made = NodeParameters("node", {"low_deg": -10.0, "inner.rate_deg_s": 1.0})
+    assert made.group("", Outer()).low_rad == pytest.approx(math.radians(-10.0))
+    assert made.group("inner", Inner()).rate_rad_s == pytest.approx(math.radians(1.0))
+    with pytest.raises(ValueError, match=r"^node: low_deg=-200.0 must be >="):
+        NodeParameters("node", {"low_deg": -200.0}).group("", Outer())
+
+
+def test_the_numbers_of_a_tuple_are_as_many_as_it_says() -> None:
+    for pair in ((0.1,), (0.1, 0.2, 0.3)):
+        with pytest.raises(ValueError, match=r"pair_rad=\(.*\) must have 2 values"):
+            Inner(pair_rad=pair)
+    for several in ((), (0.1,), (0.1, 0.2, 0.3)):
+        assert Open(several_rad=several).several_rad == several
+    with pytest.raises(ValueError, match=r"pair_rad=\[0.1, 0.2\] must be a list of values"):
+        Inner(pair_rad=[0.1, 0.2])

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.core.roots import bracketed_root, roots_between
+from rf_pointing.core.roots import _next_part, bracketed_root, roots_between
 
 
 @pytest.mark.parametrize(
@@ -77,3 +77,98 @@ def test_a_root_near_a_flat_end_does_not_creep(sign: float) -> None:
 
         bracketed_root(counted, low, high)
         assert len(calls) <= 40
+
+
+def test_the_next_step_is_inverse_quadratic_exactly_where_three_points_make_it_safe(
+    random: np.random.Generator,
+) -> None:
+    """Chandrupatla: with xi = (a - b) / (c - b) and phi likewise of the values, phi^2 < xi and (1 - phi)^2 < 1 - xi."""
+    xi, phi, height = random.uniform(0.02, 0.98, (3, 400))
+    b, c, fb = np.full(400, 0.3), np.full(400, 1.3), -height
+    a, fa, fc = b + xi, fb + phi, fb + 1.0
+    part = _next_part(a, b, c, fa, fb, fc)
+    safe = (phi**2 < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
+    assert 50 < np.count_nonzero(safe) < 350
+    np.testing.assert_array_equal(part[~safe], 0.5)
+    # Where the parabola x(f) through the three points crosses f = 0.
+    zero = (
+        a * fb * fc / ((fa - fb) * (fa - fc))
+        + b * fa * fc / ((fb - fa) * (fb - fc))
+        + c * fa * fb / ((fc - fa) * (fc - fb))
+    )
+    np.testing.assert_allclose(part[safe], ((zero - a) / (b - a))[safe], rtol=1e-9, atol=1e-12)
+
+
+def test_points_of_equal_values_are_halved() -> None:
+    one = np.array([0.0])
+    assert _next_part(one, one + 1.0, one + 2.0, one + 1.0, one - 1.0, one + 1.0) == [0.5]
+
+
+def counted(function):  # type: ignore[no-untyped-def]
+    """Return the function and the list of what it was asked for."""
+    asked: list[object] = []
+
+    def noted(x):  # type: ignore[no-untyped-def]
+        asked.append(x)
+        return function(x)
+
+    return noted, asked
+
+
+@pytest.mark.parametrize(
+    ("function", "low", "high", "calls"),
+    [
+        (lambda x: x - 0.4, 0.0, 1.0, 3),
+        (lambda x: x * x - 2.0, 0.0, 2.0, 11),
+        (math.cos, 0.1, 3.0, 8),
+        (lambda x: math.exp(x) - 5.0, 0.0, 4.0, 16),
+    ],
+)
+def test_one_smooth_root_takes_few_calls(function, low: float, high: float, calls: int) -> None:  # type: ignore[no-untyped-def]
+    noted, asked = counted(function)
+    bracketed_root(noted, low, high)
+    assert len(asked) <= calls
+
+
+@pytest.mark.parametrize("low", [0.25, -1.0])
+def test_a_root_at_either_end_needs_no_search(low: float) -> None:
+    for high in (0.25, 2.0):
+        if high > low:
+            noted, asked = counted(lambda x: x - 0.25)
+            assert bracketed_root(noted, low, high) == pytest.approx(0.25, abs=1e-15)
+            assert len(asked) <= 4
+
+
+def test_the_search_ends_at_the_tolerance() -> None:
+    noted, asked = counted(lambda x: math.exp(x) - 5.0)
+    rough = bracketed_root(noted, 0.0, 4.0, 1e-3)
+    assert abs(rough - math.log(5.0)) < 1e-3
+    exact, all_asked = counted(lambda x: math.exp(x) - 5.0)
+    bracketed_root(exact, 0.0, 4.0)
+    assert len(asked) < len(all_asked)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-7])
+@pytest.mark.parametrize("place", [0.1, 3.1, 9.7])
+def test_a_step_is_found_to_the_tolerance_by_halving(tolerance: float, place: float) -> None:
+    """Between equal values there is nothing to interpolate: 10 / tolerance halved."""
+    noted, asked = counted(lambda x: np.where(x < place, -1.0, 1.0))
+    found = roots_between(noted, np.array([0.0]), np.array([10.0]), tolerance)
+    assert abs(found[0] - place) <= tolerance
+    assert len(asked) <= 3 + math.ceil(math.log2(10.0 / tolerance))
+
+
+def test_every_root_is_within_the_tolerance_and_the_nearer_end_of_what_is_left(random: np.random.Generator) -> None:
+    roots = random.uniform(-0.9, 0.9, 60)
+    noted, asked = counted(lambda x: np.tanh(3.0 * (x - roots)) + 0.2 * (x - roots))
+    found = roots_between(noted, np.full(60, -1.0), np.full(60, 1.0), 1e-6)
+    np.testing.assert_allclose(found, roots, atol=1e-6)
+    assert len(asked) <= 16
+    np.testing.assert_allclose(roots_between(lambda x: x - 1.0, np.array([0.0]), np.array([1.0]), 1e-9), 1.0, atol=1e-9)
+
+
+def test_a_zero_at_an_end_is_no_missing_change_of_sign() -> None:
+    assert bracketed_root(lambda x: x, 0.0, 1.0) == pytest.approx(0.0, abs=1e-15)
+    assert bracketed_root(lambda x: x, -1.0, 0.0) == pytest.approx(0.0, abs=1e-15)
+    found = roots_between(lambda x: x, np.array([0.0, -1.0]), np.array([1.0, 0.0]), 1e-9)
+    np.testing.assert_allclose(found, 0.0, atol=1e-9)

@@ -112,3 +112,66 @@ def test_an_angle_of_many_turns_is_no_reading() -> None:
     assert JointReading(t_s=0.0, position_rad=[turned, -turned], velocity_rad_s=[0.0, 0.0]).position_rad[0] == turned
     with pytest.raises(ValueError, match="position_rad of elevation=3.6e"):
         JointReading(t_s=0.0, position_rad=[turned, 3.6e25], velocity_rad_s=[0.0, 0.0])
+
+
+def test_light_time_and_doppler_are_those_of_range_and_its_rate() -> None:
+    target = Target(**{**TARGET, "range_m": 599_584_916.0, "range_rate_m_s": -2997.92458})
+    assert target.light_time_s == pytest.approx(2.0)
+    assert target.doppler_factor == pytest.approx(1.00001, rel=1e-12)
+    assert target.satellite_gain_db == 0.0
+
+
+def pointing_error(covariance: Any, **changes: Any) -> PointingError:
+    return PointingError(
+        t_s=1.0, sensor="conscan", cross_elevation_rad=0.0, elevation_rad=0.0, covariance_rad2=covariance, **changes
+    )
+
+
+@pytest.mark.parametrize(
+    ("covariance", "real"),
+    [
+        ([[4.0, 0.0], [0.0, 9.0]], True),
+        ([[4.0, 6.0], [6.0, 9.0]], True),
+        ([[4.0, -6.0], [-6.0, 9.0]], True),
+        ([[4.0, 6.0 * (1.0 + 4e-10)], [6.0 * (1.0 + 4e-10), 9.0]], True),
+        ([[4.0, 6.001], [6.001, 9.0]], False),
+        ([[4.0, -6.001], [-6.001, 9.0]], False),
+        ([[-1e-9, 0.0], [0.0, 9.0]], False),
+        ([[4.0, 0.0], [0.0, -1e-9]], False),
+        ([[-4.0, 0.0], [0.0, -9.0]], False),
+        ([[0.0, 0.0], [0.0, 0.0]], True),
+        ([[0.5, 0.1], [0.1, 0.2]], True),
+    ],
+)
+def test_a_covariance_is_that_of_two_real_axes(covariance: list[list[float]], real: bool) -> None:
+    if real:
+        assert pointing_error(covariance).covariance_rad2.tolist() == covariance
+        return
+    with pytest.raises(ValueError, match="must be that of two real axes: no negative variance"):
+        pointing_error(covariance)
+
+
+def test_an_error_with_a_covariance_was_estimated() -> None:
+    assert pointing_error([[1e-12, 0.0], [0.0, 0.0]]).estimated
+    report = PointingError(t_s=1.0, sensor="conscan", cross_elevation_rad=0.0, elevation_rad=0.0)
+    assert not report.estimated
+    assert (report.valid, report.reason, report.carrier_to_noise_db_hz) == (True, "", 0.0)
+    assert report.covariance_rad2.tolist() == [[0.0, 0.0], [0.0, 0.0]]
+
+
+@pytest.mark.parametrize("axis", ["azimuth", "elevation"])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_ten_turns_are_the_most_that_an_encoder_shows(axis: str, side: float) -> None:
+    for turns, taken in ((9.999, True), (10.001, False)):
+        place = [0.0, 0.0]
+        place[axis == "elevation"] = side * turns * 2.0 * math.pi
+        if taken:
+            JointReading(t_s=0.0, position_rad=place, velocity_rad_s=[0.0, 0.0])
+            continue
+        with pytest.raises(ValueError, match=f"position_rad of {axis}="):
+            JointReading(t_s=0.0, position_rad=place, velocity_rad_s=[0.0, 0.0])
+
+
+def test_a_trajectory_of_one_point_is_one() -> None:
+    one = np.ones((1, 2))
+    assert trajectory(t_s=[1.0], position_rad=one, velocity_rad_s=one, acceleration_rad_s2=one).t_s.tolist() == [1.0]

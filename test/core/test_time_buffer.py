@@ -3,9 +3,10 @@
 import math
 
 import numpy as np
+import pytest
 
-from rf_pointing.core import JointReading
-from rf_pointing.core.signals import KEPT_S, BeamPosition
+from rf_pointing.core import JointReading, sky_offset_rad
+from rf_pointing.core.signals import KEPT_S, BeamPosition, TimeBuffer
 
 CENTRE = np.array([1.0, 0.8])
 
@@ -52,3 +53,57 @@ def test_old_readings_are_dropped() -> None:
         beam.take_centre(float(t_s), CENTRE)
     assert beam.offset(0.5) is None
     assert beam.offset(1.5) is not None
+
+
+def test_values_are_linear_between_their_times_and_none_beyond() -> None:
+    buffer = TimeBuffer()
+    assert buffer.at(0.0) is None
+    for t_s, value in ((1.0, 10.0), (2.0, 20.0), (2.5, 40.0)):
+        buffer.add(t_s, np.array([value]))
+    for t_s, value in ((1.0, 10.0), (1.25, 12.5), (2.0, 20.0), (2.4, 36.0), (2.5, 40.0)):
+        assert buffer.at(t_s) == pytest.approx([value])
+    for t_s in (0.999, 2.501):
+        assert buffer.at(t_s) is None
+
+
+def test_values_are_kept_for_as_long_as_is_said() -> None:
+    buffer = TimeBuffer(kept_s=1.0)
+    for t_s in (0.0, 0.5, 1.0):
+        buffer.add(t_s, np.array([t_s]))
+    assert buffer.times == [0.0, 0.5, 1.0]
+    buffer.add(1.25, np.array([1.25]))
+    assert buffer.times == [0.5, 1.0, 1.25]
+    assert [value[0] for value in buffer.values] == [0.5, 1.0, 1.25]
+    # The same time once more is a step back.
+    buffer.add(1.25, np.array([7.0]))
+    assert (buffer.times, buffer.values[0][0], len(buffer.values)) == ([1.25], 7.0, 1)
+    buffer.clear()
+    assert (buffer.times, buffer.values) == ([], [])
+
+
+def test_only_a_time_before_all_that_either_stream_knows_is_too_old() -> None:
+    beam = BeamPosition()
+    assert not beam.too_old(0.0)
+    beam.take_joints(reading(5.0, (0.0, 0.0)))
+    assert [beam.too_old(t_s) for t_s in (4.9, 5.0, 6.0)] == [True, False, False]
+    beam.take_centre(6.0, CENTRE)
+    assert [beam.too_old(t_s) for t_s in (4.9, 5.5, 6.0)] == [True, True, False]
+    beam.clear()
+    assert not beam.too_old(4.9)
+    assert beam.offset(5.0) is None
+
+
+def test_over_the_top_the_offset_is_that_on_the_sky() -> None:
+    """Right of the beam is left for the azimuth axis there, and up is down for the elevation axis."""
+    beam, centre, away = BeamPosition(), np.array([1.0, 2.2]), np.array([0.003, -0.002])
+    beam.take_joints(JointReading(t_s=0.0, position_rad=centre + away, velocity_rad_s=np.zeros(2)))
+    beam.take_centre(0.0, centre)
+    joints = centre + away
+    wanted = sky_offset_rad(joints[0] + math.pi, math.pi - joints[1], centre[0] + math.pi, math.pi - centre[1])
+    np.testing.assert_allclose(beam.offset(0.0), wanted, atol=1e-5)
+    assert beam.offset(0.0)[1] == pytest.approx(0.002)
+    # The direction tells the side, not where the dish has come to.
+    near = BeamPosition()
+    near.take_joints(JointReading(t_s=0.0, position_rad=[1.0, 1.58], velocity_rad_s=np.zeros(2)))
+    near.take_centre(0.0, np.array([1.0, 1.56]))
+    assert near.offset(0.0)[1] == pytest.approx(0.02)
