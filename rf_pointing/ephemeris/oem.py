@@ -342,7 +342,7 @@ class OemTarget:
     def _derivatives(self, tai_s: float) -> Any:
         """Return position to jerk (4, 3) at a TAI time, from the last segment usable there."""
         # Where segments overlap the later one counts.
-        for index in range(len(self._segments) - 1, -1, -1):
+        for index in reversed(range(len(self._segments))):
             segment = self._segments[index]
             # Ends included: segments that meet share the instant at which they do.
             if segment.usable_from_s <= tai_s <= segment.usable_to_s:
@@ -362,8 +362,9 @@ class OemTarget:
         """Return middle and half width of a window, and the coefficients (4, degree + 1, 3)."""
         segment, (hermite, size, degree) = self._segments[index], self._windows[index]
         times = segment.tai_s[start : start + size]
-        middle, half = 0.5 * (times[0] + times[-1]), 0.5 * (times[-1] - times[0])
+        middle = np.mean(times)
         # Scaled to [-1, 1]: powers of seconds would make the matrix singular in floating point.
+        half = np.max(np.abs(times - middle))
         x = (times - middle) / half
         rows, values = np.vander(x, degree + 1, increasing=True), segment.position_m[start : start + size]
         if hermite:

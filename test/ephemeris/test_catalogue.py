@@ -303,6 +303,23 @@ def test_above_a_horizon_a_pass_under_way_is_cut_off_and_says_so(cbers: Elements
     assert (parts[0].aos_t_s, parts[1].los_t_s) == (start_s, start_s + length_s)
 
 
+@pytest.mark.parametrize("away_s", [1.0, -1.0])
+def test_a_hill_just_outside_the_time_of_a_search_cuts_nothing(away_s: float, cbers: Elements, goldstone: Site) -> None:
+    """A second after its end, or before its start: less than the step at which the hills are looked at."""
+    start_s, length_s = 1151384500.0, 300.0
+    edge_s = start_s + length_s + 1.0 if away_s > 0.0 else start_s - 1.0
+    track = TopocentricTrack(cbers, goldstone)
+    edge_rad, beyond_rad = (float(track.sample([t_s]).azimuth_rad[0]) for t_s in (edge_s, edge_s + away_s))
+
+    def hill(azimuth_rad: np.ndarray) -> np.ndarray:
+        past = np.sin(azimuth_rad - edge_rad) * np.sign(np.sin(beyond_rad - edge_rad))
+        return np.where((past > 0.0) & (past < 0.05), 1.4, MASK_RAD)
+
+    (found,) = find_catalogue_passes([cbers], goldstone, start_s, length_s, hill).passes
+    assert (found.aos_t_s, found.los_t_s) == (start_s, start_s + length_s)
+    assert (found.rises_before, found.sets_after) == (True, True)
+
+
 def test_behind_a_horizon_higher_than_every_pass_there_is_none(cbers: Elements, goldstone: Site) -> None:
     """But for a slit beside the pass: the search above the lowest point of the horizon sees all of it."""
     start_s, length_s = 1151384200.0, 1000.0

@@ -1,12 +1,14 @@
 """OMM in four notations and both dialects against the TLE of the same object, and refusals by field."""
 
 import json
+import math
 import re
 
 import pytest
 from sgp4 import omm
 from sgp4.api import Satrec
 
+from rf_pointing.core.whole_file import DEEPEST
 from rf_pointing.ephemeris import Elements, read_elements, tle_lines
 
 FIELDS = {
@@ -271,3 +273,104 @@ def test_numbers_of_set_and_revolution_may_be_missing() -> None:
     for text in (json.dumps(without), as_csv({**without, "ELEMENT_SET_NO": "", "REV_AT_EPOCH": ""}), as_kvn(without)):
         (found,) = read_elements(text)
         assert (found.element_set_number, found.revolution_number) == (0, 0)
+
+
+@pytest.mark.parametrize("notation", NOTATIONS)
+def test_every_number_of_a_message_has_its_place_and_its_unit(notation: str) -> None:
+    """Of the derivatives a message holds a half and a sixth, as the columns of a TLE do."""
+    stated = {
+        **FIELDS, "MEAN_MOTION": 13.5, "ECCENTRICITY": 0.0123, "INCLINATION": 97.5, "RA_OF_ASC_NODE": 31.25,
+        "ARG_OF_PERICENTER": -62.5, "MEAN_ANOMALY": 271.75, "BSTAR": -0.00075, "MEAN_MOTION_DOT": 2.5e-4,
+        "MEAN_MOTION_DDOT": -3.5e-7, "ELEMENT_SET_NO": 183, "REV_AT_EPOCH": 14055, "NORAD_CAT_ID": 123456789,
+    }  # fmt: skip
+    (found,) = read_elements(NOTATIONS[notation](stated))
+    turn, day_s = 2.0 * math.pi, 86400.0
+    assert found.mean_motion_rad_s == pytest.approx(13.5 * turn / day_s)
+    assert found.mean_motion_dot_rad_s2 == pytest.approx(2.0 * 2.5e-4 * turn / day_s**2)
+    assert found.mean_motion_ddot_rad_s3 == pytest.approx(6.0 * -3.5e-7 * turn / day_s**3)
+    assert (found.eccentricity, found.drag_per_earth_radius) == (0.0123, -0.00075)
+    assert math.degrees(found.inclination_rad) == pytest.approx(97.5)
+    assert math.degrees(found.ascending_node_rad) == pytest.approx(31.25)
+    assert math.degrees(found.argument_of_perigee_rad) == pytest.approx(-62.5)
+    assert math.degrees(found.mean_anomaly_rad) == pytest.approx(271.75)
+    assert (found.catalogue_number, found.element_set_number, found.revolution_number) == (123456789, 183, 14055)
+    assert found.international_designator == "2003-049A"
+
+
+@pytest.mark.parametrize(
+    ("key", "taken", "refused"),
+    [
+        ("MEAN_MOTION", (0.001, 20.0), (0.00099, 20.01)),
+        ("ECCENTRICITY", (0.0, 0.9999999), (-1e-7, 0.99999999)),
+        ("INCLINATION", (0.0, 180.0), (-0.001, 180.001)),
+        ("RA_OF_ASC_NODE", (-360.0, 360.0), (-360.001, 360.001)),
+        ("ARG_OF_PERICENTER", (-360.0, 360.0), (-360.001, 360.001)),
+        ("MEAN_ANOMALY", (-360.0, 360.0), (-360.001, 360.001)),
+        ("BSTAR", (-1e15, 1e15), (-1.01e15, 1.01e15)),
+    ],
+)
+def test_numbers_of_a_message_reach_to_the_ends_of_their_ranges(
+    key: str, taken: tuple[float, ...], refused: tuple[float, ...]
+) -> None:
+    for value in taken:
+        read_elements(json.dumps({**FIELDS, key: value}))
+    for value in refused:
+        with pytest.raises(ValueError, match=rf"{key}=.* must be in \["):
+            read_elements(json.dumps({**FIELDS, key: value}))
+
+
+@pytest.mark.parametrize("text", ["1.", ".5e1", "+5", "5E0", "0.05e+2", "50e-1"])
+def test_a_number_may_be_written_in_all_ways_of_decimals(text: str) -> None:
+    assert read_elements(as_csv({**FIELDS, "INCLINATION": text}))[0].inclination_rad == pytest.approx(
+        math.radians(float(text))
+    )
+
+
+@pytest.mark.parametrize("value", [True, None, "", "1_0", "0x10", "1,5", "--5", "e5", ".", [5.0]])
+def test_what_is_no_number_is_refused(value: object) -> None:
+    with pytest.raises(ValueError, match="INCLINATION(=.* is not a number| is missing)"):
+        read_elements(json.dumps({**FIELDS, "INCLINATION": value}))
+
+
+def test_xml_is_read_to_its_bound_of_depth_and_with_its_comments() -> None:
+    (plain,) = read_elements(as_xml(FIELDS))
+    for depth, taken in ((DEEPEST - 5, True), (DEEPEST + 1, False)):
+        nested = as_xml(FIELDS).replace("<body>", "<!-- deep -->" + "<a>" * depth + "</a>" * depth + "<body>")
+        if taken:
+            assert read_elements(nested) == [plain]
+        else:
+            with pytest.raises(ValueError, match=f"OMM XML is nested more than {DEEPEST} deep"):
+                read_elements(nested)
+    for declared in ("<!DOCTYPE ndm>", '<!ENTITY x "y">'):
+        with pytest.raises(ValueError, match="OMM XML must not define entities or a document type"):
+            read_elements(as_xml(FIELDS).replace("<ndm>", declared + "<ndm>"))
+
+
+def test_a_keyword_given_twice_is_named_with_its_object_unless_it_is_a_comment() -> None:
+    twice = as_xml(FIELDS).replace("</segment>", "<BSTAR>1</BSTAR></segment>")
+    with pytest.raises(ValueError, match="^OMM XML of CBERS 2: BSTAR is given twice$"):
+        read_elements(twice)
+    unnamed = {key: value for key, value in FIELDS.items() if key != "OBJECT_NAME"}
+    with pytest.raises(ValueError, match="^OMM XML of 28057: BSTAR is given twice$"):
+        read_elements(as_xml(unnamed).replace("</segment>", "<BSTAR>1</BSTAR></segment>"))
+    with pytest.raises(ValueError, match="^OMM CSV: BSTAR is given twice$"):
+        read_elements(as_csv(FIELDS).replace("OBJECT_ID", "BSTAR"))
+    comments = "<COMMENT>a</COMMENT><COMMENT>b</COMMENT><USER_DEFINED>1</USER_DEFINED><USER_DEFINED>2</USER_DEFINED>"
+    assert read_elements(as_xml(FIELDS).replace("<segment>", "<segment>" + comments)) == read_elements(as_xml(FIELDS))
+
+
+def test_the_number_of_a_message_that_is_refused_counts_from_one() -> None:
+    bad = {**FIELDS, "BSTAR": "x"}
+    for text in (
+        json.dumps([FIELDS, bad]),
+        as_csv(FIELDS) + as_csv(bad).splitlines()[1],
+        as_kvn(FIELDS) + "\n" + as_kvn(bad),
+    ):
+        with pytest.raises(ValueError, match=r"^OMM 2 \(CBERS 2\): BSTAR='x' is not a number$"):
+            read_elements(text)
+    with pytest.raises(ValueError, match="^OMM 2 must be a JSON object, is 5$"):
+        read_elements(json.dumps([FIELDS, 5]))
+    with pytest.raises(ValueError, match="^OMM 2: its line has not as many columns"):
+        read_elements(as_csv(FIELDS) + "1,2")
+    with pytest.raises(ValueError, match=r"^OMM 1 \(unnamed\): "):
+        read_elements(json.dumps({"MEAN_MOTION": 5.0}))
