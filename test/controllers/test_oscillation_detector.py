@@ -213,3 +213,15 @@ def test_large_swings_are_an_oscillation_when_the_last_is_half_the_first(
     for number, peak_deg in enumerate((*peaks_deg, 0.005)):
         errors += (math.radians(peak_deg) * (-1) ** number * np.sin(math.pi * np.arange(20) / 20.0)).tolist()
     assert watch(np.array(errors)).oscillating is found
+
+
+def test_the_error_is_taken_through_a_high_pass_of_its_own_sign() -> None:
+    """A step of the error fades by exp(-2 pi f dt) a sample; the first error is the mean."""
+    detector, decay = OscillationDetector(OscillationDetectorParams(high_pass_hz=0.5)), math.exp(-math.pi * DT_S)
+    detector.update(0.7, DT_S)
+    assert detector.state.output_rad == 0.0
+    for count in range(1, 5):
+        detector.update(0.7 - 2e-4, DT_S)
+        assert detector.state.output_rad == pytest.approx(-2e-4 * decay**count)
+    detector.update(0.7 + 1e-4, DT_S)
+    assert detector.state.output_rad == pytest.approx(decay * (3e-4 - 2e-4 * decay**4))
