@@ -301,6 +301,7 @@ def test_without_a_pass_the_status_names_none(make_controller: MakeController) -
     status = controller.step(50.0)[1]
     assert (status.target, status.los_t_s, status.command_lead_s, status.axis_age_s) == ("", 0.0, 0.0, -1.0)
     assert not status.on_source
+    np.testing.assert_array_equal(status.axis_error_rad, [0.0, 0.0])
     controller.take_joints(still(1.0, 1.0, 50.0))
     assert controller.step(50.3)[1].axis_age_s == pytest.approx(0.3)
 

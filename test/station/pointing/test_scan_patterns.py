@@ -243,3 +243,19 @@ def test_a_sensor_costs_its_search_on_average_and_the_loss_of_its_scan(name: str
     # The mean of 3000 is known to 2 %; the quantiles leave out the outermost twentieth.
     assert found.acquisition_s == pytest.approx(float(np.mean(taken)), rel=0.1)
     assert found.acquisition_s > 1.0
+
+
+def test_what_a_pattern_demands_of_the_axes_is_its_motion_across_the_line_of_sight() -> None:
+    """A pattern is right, up and their rates; one that is wider than high: 2 mdeg at 1 rad/s, 9 mdeg at 3 rad/s."""
+
+    class Wide:
+        def pattern(self) -> object:
+            return lambda t_s: (
+                2 * MDEG * math.sin(t_s), 9 * MDEG * math.sin(3.0 * t_s),
+                2 * MDEG * math.cos(t_s), 27 * MDEG * math.cos(3.0 * t_s),
+            )  # fmt: skip
+
+    sets = ControllerParams()
+    chosen = Scans(sets.spiral, sets.calibration.scan, None, sets)
+    chosen.circles["wide"] = Wide()  # type: ignore[assignment]
+    assert chosen.demand("wide") == pytest.approx((2 * MDEG, 2 * MDEG), rel=1e-2)
