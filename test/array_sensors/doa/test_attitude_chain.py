@@ -540,3 +540,24 @@ def test_contact_is_as_old_as_the_last_direction_inside_the_gate(lived: list[Doa
     run(running, elsewhere)
     assert running._filter.state.heard_s == START_S + 29.0
     assert running._filter.refused == 3
+
+
+def test_elements_and_gains_that_the_array_has_not_are_refused_before_the_first_block() -> None:
+    with pytest.raises(ValueError, match="excluded='99' must be numbers from 0 to 11"):
+        chain(estimator=DoaEstimatorParams(excluded="99"))
+    other = ArrayResponse(gain=np.ones(10, complex), coupling=np.zeros(5, complex))
+    with pytest.raises(ValueError, match="response has 10 gains, must be elements=12"):
+        chain(response=other)
+
+
+def test_stations_of_one_channel_are_received_through_an_array_of_nearly_known_phases() -> None:
+    lived = moments(30, access="together")
+    estimator = DoaEstimatorParams(phase_sigma_rad=0.005)
+    running = chain(estimator=estimator)
+    found = run(running, lived)
+    assert not any(report.refused for report in found[5:])
+    assert running._filter is not None
+    # The two constants of the array are estimated along.
+    assert running._filter.state.bank.biases is not None
+    variances = np.diagonal(running._filter.state.bank.biases.covariance, axis1=-2, axis2=-1)
+    assert np.all(variances[..., :2] < 1.0)

@@ -344,3 +344,59 @@ def test_one_direction_of_a_channel_of_three_stations_starts_a_bank_for_each() -
     turned = np.einsum("nij,j->ni", quaternion_to_matrix(bank.quaternion), ASIDE.measured)
     for station in (AHEAD, ASIDE, ABOVE):
         assert np.sum(np.linalg.norm(turned - station.reference, axis=1) < 1e-6) == 12
+
+
+@pytest.mark.parametrize(
+    ("variances", "sound"),
+    [
+        ([1.0, 1.1e-9, 0.0], True),
+        ([1.0, 0.9e-9, 0.0], False),
+        ([1.0, 1.0, -0.9e-9], True),
+        ([1.0, 1.0, -1.1e-9], False),
+        ([0.0, 0.0, 0.0], False),
+    ],
+)
+def test_a_direction_needs_two_variances_above_a_billionth_of_the_largest(variances: list[float], sound: bool) -> None:
+    towards = np.array([0.0, 0.0, 1.0])
+    seen = StationDirection(
+        station="ahead", measured=towards, covariance_rad2=1e-5 * np.diag(variances), reference=towards
+    )
+    if sound:
+        assert attitude_filter._checked(seen).covariance_rad2[0, 0] == 1e-5
+    else:
+        with pytest.raises(ValueError, match=r"two of them must be > 0 and none negative"):
+            attitude_filter._checked(seen)
+
+
+def test_constants_of_a_direction_are_two_of_the_array_and_any_number_of_its_reference() -> None:
+    sound = replace(AHEAD, bias_rad=np.ones((3, 2)), reference_bias_rad=np.ones((3, 4)))
+    checked = attitude_filter._checked(sound)
+    assert checked.bias_rad is not None
+    assert checked.reference_bias_rad is not None
+    assert (checked.bias_rad.shape, checked.reference_bias_rad.shape) == ((3, 2), (3, 4))
+    plain = attitude_filter._checked(AHEAD)
+    assert (plain.bias_rad, plain.reference_bias_rad) == (None, None)
+    for changes, words in (
+        ({"bias_rad": np.ones((3, 3))}, "bias_rad has shape"),
+        ({"bias_rad": np.full((3, 2), np.nan)}, "bias_rad"),
+        ({"reference_bias_rad": np.ones((2, 4))}, "reference_bias_rad has shape"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            attitude_filter._checked(replace(AHEAD, **changes))
+
+
+def test_the_first_direction_is_contact_and_later_ones_only_inside_the_gate() -> None:
+    running = doa_filter()
+    running.start_from_directions([AHEAD, ASIDE], quaternion_to_matrix(TRUTH).T @ ORBIT_RATE)
+    assert running.state.heard_s == 0.0
+    running.predict_to(1.0, NONE, ORBIT_RATE)
+    assert running.observe(AHEAD)
+    assert (running.state.heard_s, running.refused) == (1.0, 0)
+    running.predict_to(2.0, NONE, ORBIT_RATE)
+    assert not running.observe(replace(AHEAD, measured=ASIDE.measured, covariance_rad2=ASIDE.covariance_rad2))
+    assert (running.state.heard_s, running.refused) == (1.0, 1)
+    fresh = doa_filter()
+    assert (fresh.state.heard_s, fresh.refused) == (None, 0)
+    fresh.predict_to(3.0, NONE, ORBIT_RATE)
+    fresh.observe(AHEAD)
+    assert (fresh.state.heard_s, fresh.state.stations) == (3.0, ("ahead",))

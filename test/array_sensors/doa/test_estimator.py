@@ -5,6 +5,7 @@ import pytest
 
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams, steering
 from rf_pointing.array_sensors.doa.array_source import ArraySource, ArraySourceParams, SnapshotBlock
+from rf_pointing.array_sensors.doa.covariance import Eigen
 from rf_pointing.array_sensors.doa.cramer_rao import direction_bound_rad2
 from rf_pointing.array_sensors.doa.estimator import DoaEstimator, DoaEstimatorParams
 from rf_pointing.papers.doa_study.directions import direction_from_polar, polar_basis
@@ -206,3 +207,20 @@ def test_bounds_of_the_verdict_are_where_they_are_stated() -> None:
         DoaEstimator(ARRAY, DoaEstimatorParams(), response=ten)
     with pytest.raises(ValueError, match="snapshots of 11 elements, must be 12"):
         DoaEstimator(ARRAY, DoaEstimatorParams()).estimate(SnapshotBlock(t_s=0.0, snapshots=block.snapshots[1:]))
+
+
+@pytest.mark.parametrize(("share", "sound"), [(1.1e-12, True), (0.9e-12, False)])
+def test_noise_must_be_above_a_trillionth_of_the_strongest_signal(share: float, sound: bool) -> None:
+    estimator, count = DoaEstimator(ARRAY, DoaEstimatorParams()), 100
+    steered = steering(ARRAY, direction_from_polar(0.4, 0.5))[:, None]
+    # The noise of the eigenvalues left is a hundredth more than their mean.
+    left = share * (count - 1) / count
+    found = Eigen(np.array([1.0] + [left] * 11), np.eye(12, dtype=complex))
+    covariance = steered @ steered.conj().T / 12.0
+    if sound:
+        noise, powers = estimator._powers(covariance, found, steered, count)
+        assert noise == pytest.approx(share)
+        assert powers[0, 0].real == pytest.approx(1.0 / 12.0)
+    else:
+        with pytest.raises(ValueError, match="no noise to judge by"):
+            estimator._powers(covariance, found, steered, count)
