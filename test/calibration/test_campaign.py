@@ -323,7 +323,7 @@ def test_exchanging_ends_with_the_pass_that_fills_the_sky():
 
 @pytest.mark.parametrize(("start_t_s", "plan"), [(195.0, ([1, 3], [3, 3], 500.0)), (194.0, ([1, 2], [1, 3], None))])
 def test_what_brings_most_per_second_until_its_end_is_next_if_the_antenna_can_be_there(start_t_s, plan):
-    """Three in 120 s before two in 100 s; then three in 380 s before one in 280 s, ready at 120 + 75."""
+    """Three in 120 s before two in 100 s; then three in 380 s before one in 280 s."""
     table = table_of(
         resting("a", 0.0, 100.0, EAST, EAST), resting("b", 20.0, 120.0, WEST, WEST, WEST),
         resting("c", 300.0, 400.0, EAST, (1.0, 0.1)), resting("d", start_t_s, 500.0, EAST, EAST, EAST),
@@ -342,7 +342,7 @@ def test_the_poorest_of_the_passes_that_others_make_up_for_go_first():
 
 
 def test_of_plans_that_do_not_fill_the_sky_the_one_that_brings_more_of_what_is_missing_is_taken():
-    """Exchanging finds the rich pass behind a short poor one, and misses the sum of two passes around a rich one."""
+    """Exchanging finds a rich pass behind a poor one, and misses two around a rich one."""
     poor, rich = resting("poor", 0.0, 10.0, EAST, (1.0, 0.1)), resting("rich", 5.0, 100.0, EAST, EAST, EAST)
     found = plan_campaign([rich, poor], HALVES, SLOW)
     assert ([one.name for one in found.passes], found.full_at_t_s) == (["rich"], None)

@@ -191,7 +191,7 @@ def test_the_errors_of_a_pass_from_the_others_are_those_of_a_fit_without_it_and_
 
 @pytest.mark.parametrize("start", [PassPriors.of_orbit(1000.0), PassPriors(along_track_m=50.0, clock_s=0.001)])
 def test_the_sizes_found_are_those_that_a_fit_with_them_shows(campaign, planted, random, start):
-    """The fixed point s^2 = sum v^2 / sum (1 - p^2 / s^2), where a size is over its own error and its drift.
+    """The fixed point s^2 = sum v^2 / sum (1 - p^2 / s^2), over an error and its drift.
 
     What the angles hardly show, as a clock next to errors along the track, keeps its size.
     """
@@ -217,7 +217,7 @@ def test_the_sizes_found_are_those_that_a_fit_with_them_shows(campaign, planted,
 
 
 def test_the_search_begins_with_the_first_priors_and_ends_when_they_stay(monkeypatch):
-    """A search that halves its way to 100 m: 200 m, 141 m and so on, until it moves by less than 3 %."""
+    """It halves its way to 100 m: 200 m, 141 m and so on, until it moves by less than 3 %."""
     asked = []
 
     def fit(priors):

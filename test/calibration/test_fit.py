@@ -493,7 +493,7 @@ def test_a_fit_that_starts_where_it_ends_takes_one_round(campaign, table_1, monk
 
 
 def test_rejected_points_may_return_in_the_first_eight_rounds_only(campaign, table_1, monkeypatch):
-    """Point 0 is rejected and taken back in turn: with the ninth round it stays out, and the fit settles."""
+    """Point 0 is rejected and taken back in turn; from the ninth round on it stays out."""
     data, allowed = campaign(table_1), []
 
     def turning(size, _limit, used, *, may_return):
@@ -561,7 +561,7 @@ def test_a_pass_that_alone_determines_a_direction_is_named_by_the_term_that_is_m
 
 
 def test_an_exact_fit_sees_the_errors_of_the_passes_with_its_own_lags(campaign, table_1, partials, random):
-    """Its residuals are normal to all partials: by the terms, and by the errors of a pass as far as priors let them."""
+    """Its residuals are normal to the partials by all terms and, but for the priors, errors."""
     names = ("azimuth_offset", "azimuth_velocity_lag", "mislevel_east", "elevation_offset", "elevation_velocity_lag")
     orbit = PassPriors(along_track_m=1000.0, radial_m=400.0, clock_s=0.05)
     data = campaign(table_1, passes=6, form="rotation")

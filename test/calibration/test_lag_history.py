@@ -127,7 +127,7 @@ def test_after_twenty_times_of_the_average_a_motion_is_forgotten(away_s: float, 
 
 @pytest.mark.parametrize("acceleration_s2", [0.0, 5.1])
 def test_lead_and_its_derivatives_are_those_of_the_transfer_function(acceleration_s2: float) -> None:
-    """The second and third derivatives of the average follow from T^2 m" + T m' + m = r and its derivative."""
+    """Further derivatives of the average follow from T^2 m" + T m' + m = r."""
     rates, bends = swinging()
     history = LagHistory(model(acceleration_s2), AVERAGING_S)
     (position, velocity, acceleration), states = history.along(TIMES, rates, bends)
@@ -150,7 +150,7 @@ def test_lead_and_its_derivatives_are_those_of_the_transfer_function(acceleratio
 
 
 def test_the_average_does_not_depend_on_how_a_motion_is_sampled() -> None:
-    """Steps of three lengths in turn; where the rate is a straight line between them nothing is lost."""
+    """Steps of three lengths in turn; of a rate along a straight line nothing is lost."""
     times = np.concatenate([[0.0], np.cumsum(np.tile([0.1, 0.3, 0.1, 0.2, 0.3], 40))])
     ramp = np.column_stack([0.02 - 1e-4 * times, 0.01 + 3e-4 * times])
     slope = np.tile([-1e-4, 3e-4], (len(times), 1))
@@ -179,7 +179,7 @@ def test_the_beam_of_dragged_axes_lags_by_the_change_of_the_average() -> None:
 def test_a_motion_that_nobody_saw_is_taken_in_steps_of_a_tenth_of_a_second(
     away_s: float, steps: int, elevation_rate: float
 ) -> None:
-    """The azimuth went on for 0.42 s; the elevation was at rest or has moved back, so it had stopped at once."""
+    """The azimuth went on for 0.42 s; the elevation was at rest, or has moved back: it stopped."""
     history = LagHistory(model(), AVERAGING_S)
     before = LagState(3.0, (0.02, elevation_rate), (0.004, 0.005), (0.001, -0.002))
     seen = np.array([0.003, 0.001])

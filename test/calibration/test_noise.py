@@ -134,7 +134,7 @@ def split_by_hand(variance, freedom, secant2):
 
 
 def test_the_noise_of_each_pass_is_split_as_least_squares_without_negative_parts(random):
-    """From noise across the sky alone to noise in azimuth alone, and one pass at a single elevation."""
+    """From noise across the sky alone to noise in azimuth alone; one pass is at one height."""
     shares = np.append(np.linspace(0.0, 1.0, 41), 0.3)
     place = np.repeat(np.arange(42), 40)
     height = np.radians(np.tile(np.concatenate([np.linspace(12.0, 82.0, 20), np.linspace(80.0, 14.0, 20)]), 42))
@@ -157,7 +157,7 @@ def test_the_noise_of_each_pass_is_split_as_least_squares_without_negative_parts
 
 
 def test_the_excess_of_a_variance_is_over_the_scatter_of_its_own_pass(random):
-    """Cube roots over their median, in units of the larger of what they scatter by and of what they should."""
+    """Cube roots over their median, over the larger of their scatter and that expected."""
     lengths = [30, 45, 5]
     freedom = random.integers(0, 9, 80).astype(float)
     ratio = random.chisquare(6.0, 80) / 6.0 * np.repeat([1.0, 20.0, 3.0], lengths)

@@ -333,7 +333,7 @@ def test_a_late_pass_is_told_by_four_others_and_by_an_error_that_a_late_pass_mak
     ("above", "asked"), [((260.0, 300.0), [6, 5, 8]), ((201.0, 204.0), [6, 5, 3]), ((201.0, 100.0), [6, 3])]
 )
 def test_only_the_three_farthest_of_the_passes_that_are_off_are_looked_at(campaign_with, monkeypatch, above, asked):
-    """Off is more than 1.5 x 1.4826 times the median distance of 91 m from the median of 10 m: 202.4 m."""
+    """Off is beyond 1.5 x 1.4826 times the median distance of 91 m from 10 m: 202.4 m."""
     from_median = [-5.0, 5.0, -89.0, -203.0, 91.0, above[1], -450.0, 89.0, above[0], -91.0]
     fit, points = fitted(campaign_with())
     errors = tuple(

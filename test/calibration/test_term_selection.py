@@ -232,7 +232,7 @@ SIX = ("azimuth_offset", "mislevel_east", "elevation_offset", "elevation_velocit
 
 
 def widening_by_hand(search, matrix, right, fitted, kept):
-    """Return by what the mixture over subsets is wider than the fit of `fitted`, written out in the space of the data."""
+    """Return the widening of `fitted` by the mixture over subsets, in the space of the data."""
     sizes = np.array([term.size for term in terms_by_name(search.triangle.names)])
     of_fit = np.array([name in fitted for name in search.triangle.names])
     free = np.array([name not in kept for name in search.triangle.names])
@@ -357,7 +357,7 @@ def test_a_selection_that_goes_on_and_on_is_refused(campaign, table_1, monkeypat
 
 @pytest.mark.parametrize(("apart", "separate"), [(1.05, True), (0.95, False)])
 def test_terms_are_separate_from_a_ratio_of_singular_values_of_a_billionth_on(apart, separate):
-    """Of unit columns an angle of 2e-9 apart; what they differ by explains the data, or nothing does."""
+    """Of columns 2e-9 apart: what they differ by explains the data, or nothing does."""
     triangle = Triangle(NAMES[:2])
     triangle.factor = np.array([[1.0, 1.0, 0.0], [0.0, 2e-9 * apart, 1.0]])
     square, values, _ = _Search(triangle, 1.0).solve(NAMES[:2])

@@ -204,7 +204,7 @@ def test_points_that_are_left_out_are_counted_by_their_samples():
 
 @pytest.mark.parametrize(("count", "found"), [(7, False), (8, True)])
 def test_a_piece_needs_eight_samples_to_judge_one(count, found):
-    """The second of eight is 1.7 times the bound off the parabola; passes of eight are too short for a running median."""
+    """The second of eight is 1.7 bounds off; eight are too few for a running median."""
     t_s = 30.0 * np.floor(START_S / 30.0) + 1.0 + 3.0 * np.arange(count)
     residual = np.where(np.arange(count) == 1, 0.03, 0.0)
     keep, dropped = find_outliers(t_s, np.full(count, 2), {"elevation_rad": residual})
@@ -227,7 +227,7 @@ def test_pieces_begin_at_multiples_of_their_length_since_1970_and_with_each_pass
 
 
 def test_outliers_of_wild_noise_are_those_of_a_plain_loop_to_the_ends_of_short_passes(random):
-    """Eighty passes of 9 to 40 samples each, every second of them wilder than a normal distribution by far."""
+    """Eighty passes of 9 to 40 samples, every second of them far wilder than normal."""
     lengths = random.integers(9, 41, 80)
     passes = np.repeat(np.arange(80) + 1, lengths)
     t_s = START_S + 4000.0 * passes + np.concatenate([2.1 * np.arange(length) for length in lengths])
