@@ -262,14 +262,17 @@ def test_between_both_sides_the_axes_carry_the_mounts_errors_over_smoothly(start
     np.testing.assert_allclose(axes[:, 1], nearest + part * (soft - nearest), atol=1e-9)
 
 
-def test_near_the_ends_of_the_pass_the_elevation_is_smoothed_with_what_there_is() -> None:
+@pytest.mark.parametrize("room", [0, 1, 5, 20, 21, 22])
+def test_near_the_ends_of_the_pass_the_elevation_is_smoothed_with_what_there_is(room: int) -> None:
+    """Beyond the first row and the last one the elevation stays as it is there."""
     made = made_sides()
-    count = len(made.t_s)
-    steady = np.linspace(0.3, 0.5, 60)
-    for start, end in ((5, 64), (count - 65, count - 6)):
-        soft = made._soft(steady, start, end)
-        assert len(soft) == 60
-        np.testing.assert_allclose(soft[25:35], steady[25:35], atol=1e-12)
+    count, rows = len(made.t_s), np.linspace(0.3, 0.5, 60) ** 2
+    weights = np.exp(-0.5 * (STEP_S * np.arange(-21, 22) / 0.7) ** 2)
+    before, after = made.first[0][:, 1], made.second[0][:, 1]
+    for start in (room, count - 60 - room):
+        around = np.concatenate([before[:start], rows, after[start + 60 :]])
+        wanted = np.convolve(np.pad(around, 21, "edge"), weights / weights.sum(), mode="valid")[start : start + 60]
+        np.testing.assert_allclose(made._soft(rows, start, start + 59), wanted, atol=1e-12)
 
 
 def test_the_loss_of_a_way_is_finite_where_the_elevation_can_make_it_joints_included() -> None:

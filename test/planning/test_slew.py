@@ -496,6 +496,18 @@ def test_stairs_go_by_the_pieces_that_take_least_time_at_the_edges_between_colum
     assert back.duration_s == pytest.approx(1.2 * (1.0 + 0.5 + 15.0 + 18.0) + 20.0)
 
 
+def test_stairs_begin_and_end_with_the_legs_to_and_from_their_columns() -> None:
+    """2 deg/s and 1 deg/s at 5 deg/s^2: of elevation 4 deg take 4.2 s, 9 deg 9.2 s."""
+    pieces = np.stack([np.array([[10.0, 10.0], [60.0, 60.0]]), np.array([[40.0, 40.0], [80.0, 80.0]])], axis=1)
+    made = stair_columns(pieces, [0.0, 1.0, 2.0], (0.5, 6.0), (1.5, 49.0))
+    stairs = made._stairs((0, 0, (0.5 * DEG, 10.0 * DEG)), (0, 1, (1.5 * DEG, 40.0 * DEG)))
+    np.testing.assert_allclose(np.degrees(stairs), [(0.5, 10.0), (1.5, 10.0), (1.5, 40.0)], atol=1e-9)
+    assert made.duration_s == pytest.approx(1.2 * 30.5 + 4.2 + 9.2 + 20.0)
+    # The longest of all that were tried counts.
+    made._stairs((0, 0, (0.5 * DEG, 10.0 * DEG)), (0, 1, (1.5 * DEG, 10.0 * DEG)))
+    assert made.duration_s == pytest.approx(1.2 * 30.5 + 4.2 + 9.2 + 20.0)
+
+
 def test_stairs_change_between_the_pieces_of_a_column_only_by_its_neighbours() -> None:
     """From below the zone to above it: the third column is free from one to the other."""
     lows, highs = [[10.0, 10.0, 10.0], [50.0, 50.0, 90.0]], [[30.0, 30.0, 70.0], [70.0, 70.0, 0.0]]
