@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,6 +16,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_from_roll_pitch_yaw,
     quaternion_from_rotation_vector,
 )
+from rf_pointing.array_sensors.report import page
 from rf_pointing.array_sensors.report.page import (
     ArrayErrors,
     _counted,
@@ -362,3 +364,62 @@ def test_a_summary_is_readable_line_by_line(attitude_bag: Path, tmp_path: Path) 
     text = (tmp_path / "array_summary.json").read_text()
     assert text.startswith('{\n "schema": "rf_pointing/array_summary/1",\n "bag": ')
     assert text.endswith("}\n")
+
+
+def test_a_position_needs_its_truth_and_a_truth_its_position() -> None:
+    series, drawn = drawn_series(np.ones(4, dtype=bool))
+    np.testing.assert_allclose(series.position_error_m, drawn[:, :3], atol=1e-12)
+    for missing in ("position_m", "true_position_m"):
+        with pytest.raises(ValueError, match="an attitude sensor has no position"):
+            _ = replace(series, **{missing: None}).position_error_m
+
+
+def test_every_sensor_has_a_picture_of_its_namespace_and_its_own_rows_and_reasons(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attitude, _ = drawn_series(np.arange(6) > 1, positions=False)
+    pose, _ = drawn_series(np.ones(5, dtype=bool))
+    drawn: list[tuple[str, str]] = []
+
+    def draw(_series: ArraySeries, path: Path, title: str) -> None:
+        path.write_bytes(b"picture")
+        drawn.append((path.name, title))
+
+    read = {"attitude": lambda *_: replace(attitude, reasons=("late", "late")), "relative_pose": lambda *_: pose}
+    monkeypatch.setattr(page, "array_sensors", lambda _: {"": "attitude", "/a/b": "relative_pose"})
+    monkeypatch.setattr(page, "_READ", read)
+    monkeypatch.setattr(page, "_DRAW", dict.fromkeys(read, draw))
+    folder = tmp_path / "deep" / "folder"
+    for _ in range(2):
+        errors = write_array_report("some/bag", folder)
+    assert [name for name, _ in drawn[:2]] == ["root_attitude.png", "a_b_relative_pose.png"]
+    assert drawn[0][1].startswith("/attitude: 4 of 6 epochs valid, NEES of the attitude ")
+    assert drawn[1][1].startswith("/a/b/relative_pose: 5 of 5 epochs valid, NEES of the position ")
+    assert [(each.sensor, each.quantity) for each in errors] == [
+        ("/attitude", "attitude"),
+        ("/a/b/relative_pose", "position"),
+        ("/a/b/relative_pose", "attitude"),
+    ]
+    summary = json.loads((folder / "array_summary.json").read_text())
+    assert summary["reasons"] == {"/attitude": {"late": 2}, "/a/b/relative_pose": {}}
+    assert (summary["bag"], len(summary["errors"])) == ("some/bag", 3)
+    html = (folder / "array_report.html").read_text()
+    assert "Array sensors of bag" in html
+    assert "/attitude: epochs without a valid estimate" in html
+    assert "/a/b/relative_pose: epochs without a valid estimate" not in html
+
+
+def test_a_bag_of_the_antenna_alone_leaves_no_folder(tmp_path: Path, bag_of: Any) -> None:
+    bag = bag_of({"/sat/attitude": "rf_pointing_msgs/msg/Attitude"}, lambda _: {}, 1)
+    assert report_array_sensors(bag, tmp_path / "report") is None
+    assert not (tmp_path / "report").exists()
+
+
+def test_a_share_within_three_deviations_counts_those_at_its_edge() -> None:
+    series, _ = drawn_series(np.ones(4, dtype=bool), positions=False)
+    sigma = series.rotation_sigma_rad
+    line = page._line(
+        "a", "attitude", "rad", series, 3.0 * sigma * [1.0, -1.0, 1.0 + 1e-9], sigma, np.array([1.0, 2.0, 3.0, 6.0])
+    )
+    assert (line.inside, line.nees) == (pytest.approx(2.0 / 3.0), 3.0)
+    np.testing.assert_allclose(line.claimed, np.median(sigma, axis=0))
