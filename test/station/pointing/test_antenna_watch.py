@@ -216,3 +216,70 @@ def test_a_latched_fault_of_the_antenna_is_the_fault_of_the_pass() -> None:
 def test_patience_shorter_than_the_silence_is_refused() -> None:
     with pytest.raises(ValueError, match=r"patience_s=0\.5 must be >= silence_s=1\.0"):
         AntennaWatchParams(patience_s=0.5)
+
+
+def stepped(watch: AntennaWatch, t_s: float, off_rad: np.ndarray, command: np.ndarray = STANDING) -> AxisState:
+    """Step a watch on axes beside a command, both of this time."""
+    watch.take_command(t_s, command)
+    return watch.step(t_s, JointReading(t_s=t_s, position_rad=command + off_rad, velocity_rad_s=np.zeros(2)))
+
+
+def test_the_error_is_that_of_each_axis_on_the_sky_also_over_a_turn() -> None:
+    watch = AntennaWatch(PARAMS, TOLERANCE_RAD)
+    watch.restart(0.0)
+    state = stepped(watch, 1.0, np.array([2.0 * math.pi + 1e-3, -2e-3]))
+    np.testing.assert_allclose(state.error_rad, [-1e-3 * math.cos(0.7 - 2e-3), 2e-3], atol=1e-12)
+    assert state.distance_rad == pytest.approx(math.hypot(1e-3 * math.cos(0.7), 2e-3), rel=1e-3)
+    # A reading a rounding after the newest command is compared with it, a later one with none.
+    for late_s, known in ((0.5e-4, True), (2e-4, False)):
+        watch.restart(0.0)
+        watch.take_command(1.0, STANDING)
+        reading = JointReading(t_s=1.0 + late_s, position_rad=STANDING, velocity_rad_s=np.zeros(2))
+        state = watch.step(1.0 + late_s, reading)
+        assert (state.error_rad is not None) is known
+        assert state.settle_count == int(known)
+
+
+def test_axes_are_on_source_after_so_many_periods_and_not_one_earlier() -> None:
+    watch = AntennaWatch(PARAMS.replace(settle_periods=3), TOLERANCE_RAD)
+    watch.restart(0.0)
+    found = [
+        stepped(watch, 0.1 * k, np.array([0.0, off * TOLERANCE_RAD])).on_source
+        for k, off in enumerate((0.99, -0.99, 0.5, 0.5, 1.01, 0.0, 0.0, 0.0), start=1)
+    ]
+    assert found == [False, False, True, True, False, False, False, True]
+
+
+def test_a_new_pass_knows_no_commands_and_expects_a_slew() -> None:
+    watch = AntennaWatch(PARAMS.replace(settle_periods=1, window_s=3.0, reaction_s=0.5), TOLERANCE_RAD)
+    watch.restart(0.0)
+    assert stepped(watch, 1.0, np.zeros(2)).on_source
+    assert watch._settled
+    watch.restart(2.0)
+    assert not watch._settled
+    assert not watch._commands.times
+    # Windows of three seconds are held, with the reaction and two seconds more.
+    assert watch._commands.kept_s == watch._distances.kept_s == 5.5
+    reading = JointReading(t_s=2.1, position_rad=STANDING, velocity_rad_s=np.zeros(2))
+    state = watch.step(2.1, reading)
+    assert (state.error_rad, state.distance_rad, state.settle_count) == (None, 0.0, 0)
+    assert state.age_s == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(
+    ("mode", "doubt"), [("", ""), ("holding", ""), ("tracking", ""), ("parking", "the antenna is parking")]
+)
+def test_only_an_antenna_that_follows_is_judged(mode: str, doubt: str) -> None:
+    watch = AntennaWatch(PARAMS, TOLERANCE_RAD)
+    watch.restart(0.0)
+    watch.take_status(mode, "")
+    for k in range(1, 8):
+        state = stepped(watch, 0.1 * k, np.zeros(2))
+    assert (state.doubt, watch._settled) == (doubt, not doubt)
+    # Silence is told before the mode.
+    state = watch.step(9.0, JointReading(t_s=0.7, position_rad=STANDING, velocity_rad_s=np.zeros(2)))
+    assert state.doubt == "joint_states has been silent for 8.3 s"
+    assert not watch._settled
+    # A latched fault is the first of two reasons to end a pass.
+    watch.take_status(mode, "brake")
+    assert watch.step(99.0, None).fault == "antenna fault: brake"
