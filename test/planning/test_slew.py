@@ -600,3 +600,29 @@ def test_places_are_straightened_into_the_longest_free_legs(monkeypatch: pytest.
         else:
             barred += 1
     assert barred == 61
+
+
+@pytest.mark.parametrize(
+    ("start_deg", "end_deg", "ends_deg"),
+    [
+        (-12.0, 61.0, (-12.0, 61.0)),
+        (61.0, -12.0, (-12.0, 61.0)),
+        (13.13, 44.44, (-10.0, 60.0)),
+        (-11.0, -12.0, (-12.0, 60.0)),
+        (61.0, 62.0, (-10.0, 62.0)),
+    ],
+)
+def test_columns_reach_over_the_travel_and_both_ends_of_the_slew(
+    start_deg: float, end_deg: float, ends_deg: tuple[float, float]
+) -> None:
+    """Axes may stand beyond the travel; both azimuths are edges, so that a path may run along them."""
+    travel = ((-10.0 * DEG, 0.0), (60.0 * DEG, 90.0 * DEG))
+    paths = PathFinder(ForbiddenSky(HorizonMask(elevation_rad=(0.0,)), 0.0), AXES, travel)
+    edges = np.degrees(_FreeColumns(paths, (start_deg * DEG, 0.1), (end_deg * DEG, 0.1), None, 0.0)._edges)
+    assert (edges[0], edges[-1]) == pytest.approx(ends_deg)
+    for azimuth_deg in (start_deg, end_deg):
+        assert np.min(np.abs(edges - azimuth_deg)) < 1e-9
+    even = math.ceil((ends_deg[1] - ends_deg[0]) / 0.5 - 1e-9) + 1
+    # Besides the even ones: both azimuths, and the horizon's point on either side.
+    assert even <= len(edges) <= even + 4
+    assert np.max(np.diff(edges)) <= 0.5 + 1e-9
