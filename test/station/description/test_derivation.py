@@ -152,7 +152,8 @@ CASES: Mapping[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "seven powers of a receiver": ({"receiver": {"power_period_s": 0.12}}, {
         "steptrack.dwell_s": 0.84, "conscan.period_s": 4.08,
     }),
-    "a beam of 21.5 mdeg": ({"dish": {"diameter_m": 34.0}, "BAND": {"frequency_mhz": 32000, "half_power_beamwidth_deg": 0.0215}}, {
+    "a beam of 21.5 mdeg": (
+        {"dish": {"diameter_m": 34.0}, "BAND": {"frequency_mhz": 32000, "half_power_beamwidth_deg": 0.0215}}, {
         "calibrator.largest_error_deg": 0.002,
     }),
     "a beam of 62 mdeg": ({"dish": {"diameter_m": 34.0}, "BAND": {"frequency_mhz": 8450, "half_power_beamwidth_deg": 0.0621}}, {

@@ -1,0 +1,118 @@
+"""What both axes follow: corners first, then a table or a goal, and when a table leads away from the present path."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from rf_pointing.core import JointTrajectory
+from rf_pointing.station.antenna.axes import SlewPath, pair
+from rf_pointing.station.antenna.loops import LoopParams
+from test.station.stepped_antenna import START_S, TICK_S, antenna
+
+HERE = (1.0, 0.7)
+FAR = (1.5, 0.9)
+
+
+def table(begin_s: float, place: tuple[float, float], rate: tuple[float, float] = (0.0, 0.0)) -> JointTrajectory:
+    times = begin_s + 0.1 * np.arange(10)
+    rates = np.tile(rate, (10, 1))
+    return JointTrajectory(
+        t_s=times, position_rad=np.array(place) + rates * (times - begin_s)[:, None], velocity_rad_s=rates,
+        acceleration_rad_s2=np.zeros((10, 2)),
+    )  # fmt: skip
+
+
+def test_corners_come_before_a_table_and_a_goal_and_are_passed_by_the_encoders() -> None:
+    path = SlewPath(LoopParams(), HERE)
+    path.table.accept(table(START_S, FAR, (0.001, -0.002)), START_S)
+    sample = path.table.at(START_S + 0.2)
+    corner = (1.2, 1.0)
+    path.preprocessor.follow()
+    for corners, encoder, wanted, rate in (
+        ((corner,), HERE, corner, (0.0, 0.0)),
+        ((corner,), corner, sample.position_rad, (0.001, -0.002)),
+        ((), HERE, sample.position_rad, (0.001, -0.002)),
+    ):
+        path.go_round(corners)
+        path.step(sample, encoder, TICK_S)
+        assert path.following is not None
+        _, chased = path.following
+        np.testing.assert_allclose(chased.position, wanted)
+        np.testing.assert_allclose(chased.velocity, rate, atol=1e-9)
+    # Without a sample it is the goal; a stop has no goal but its own end.
+    path.go(FAR, ())
+    assert path.table.empty
+    motion = path.step(None, HERE, TICK_S)
+    np.testing.assert_array_equal(path.following[1].position, FAR)
+    assert np.all(motion.velocity > 0.0)
+    path.go_round((corner,))
+    path.stop()
+    motion = path.step(None, HERE, TICK_S)
+    assert path.following[1] is path.following[0] is motion
+    path.preprocessor.follow()
+    path.step(None, HERE, TICK_S)
+    np.testing.assert_array_equal(path.following[1].position, FAR, "the corners are forgotten")
+
+
+def test_a_hold_forgets_table_corners_and_motion() -> None:
+    path = SlewPath(LoopParams(), HERE)
+    path.go(FAR, ((1.2, 1.0),))
+    for _ in range(20):
+        path.step(None, HERE, TICK_S)
+    path.table.accept(table(START_S, FAR), START_S)
+    place = np.array([1.1, 0.8])
+    path.hold(place)
+    assert path.table.empty
+    place[0] = 9.0
+    motion = path.step(None, (1.1, 0.8), TICK_S)
+    np.testing.assert_array_equal(motion.position, [1.1, 0.8])
+    np.testing.assert_array_equal(motion.velocity, [0.0, 0.0])
+    np.testing.assert_array_equal(path.goal_rad, [1.1, 0.8])
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_table_leaves_the_path_half_a_degree_from_where_it_would_go_on(axis: int, way: float) -> None:
+    """From the table that it replaces while that is followed, else from the axes."""
+    for off_deg, leaves in ((0.49, False), (0.51, True)):
+        off = np.radians(way * off_deg) * np.eye(2)[axis]
+        path = SlewPath(LoopParams(), HERE)
+        near_axes = table(START_S, tuple(np.array(HERE) + off))
+        assert path.leaves(near_axes, np.array(HERE), True) is leaves, "no table is followed"
+        path.table.accept(table(START_S, FAR), START_S)
+        assert path.leaves(near_axes, np.array(HERE), False) is leaves
+        near_table = table(START_S + 0.2, tuple(np.array(FAR) + off))
+        assert path.leaves(near_table, np.array(HERE), True) is leaves
+        assert path.leaves(near_table, np.array(HERE), False)
+
+
+@pytest.mark.parametrize(
+    ("rate_deg_s", "rests"), [((0.0, 0.0), True), ((0.9e-3, -0.9e-3), True), ((0.0, -1.1e-3), False)]
+)
+def test_a_table_rests_at_its_end_below_a_thousandth_of_a_degree_a_second(
+    rate_deg_s: tuple[float, float], rests: bool
+) -> None:
+    path = SlewPath(LoopParams(), HERE)
+    moving = table(START_S, FAR, (0.01, 0.01))
+    rates = moving.velocity_rad_s.copy()
+    rates[-1] = np.radians(rate_deg_s)
+    path.table.accept(dataclasses.replace(moving, velocity_rad_s=rates), START_S)
+    assert path.ends_at_rest(START_S + 0.2) is rests
+
+
+def test_the_travel_of_each_axis_is_its_lower_and_upper_end() -> None:
+    made = antenna().axes
+    limits = LoopParams().preprocessor
+    assert made.travel_rad == (
+        (limits.travel_min_rad[0], limits.travel_max_rad[0]), (limits.travel_min_rad[1], limits.travel_max_rad[1])
+    )  # fmt: skip
+    assert pair(np.array([0.1, 0.2])) == (0.1, 0.2)
+
+
+def test_rates_of_a_tenth_of_a_degree_a_second_are_motion() -> None:
+    made = antenna().axes
+    for rate_deg_s, moving in ((0.099, False), (-0.101, True)):
+        hardware = type("Hardware", (), {"velocity_rad_s": np.radians([0.0, rate_deg_s])})()
+        made.hardware = hardware
+        assert made.moving is moving
