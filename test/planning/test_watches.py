@@ -292,6 +292,7 @@ def test_a_drift_counts_over_the_window_and_no_longer(
         if found:
             wanted = math.degrees(side * share * 0.01)
             assert said[-1] == f"azimuth encoder moved {wanted:.3f} deg more than the drive"
+        assert watch.cause == said[-1], "by the last window alone it is the same"
 
 
 def test_wrong_samples_right_after_the_first_are_bridged_as_well() -> None:
