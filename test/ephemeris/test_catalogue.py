@@ -379,3 +379,8 @@ def test_angles_of_a_pass_of_the_catalogue_are_apparent_with_refraction_and_true
         # Seen earlier by the time in which it climbs by the refraction, about 0.16 deg here.
         assert 0.5 < other.aos_t_s - one.aos_t_s < 30.0
         assert one.peak_elevation_rad == pytest.approx(float(air.apply(other.peak_elevation_rad)), abs=1e-6)
+
+
+def test_an_unknown_sense_of_the_light_is_refused_even_without_objects(goldstone: Site) -> None:
+    with pytest.raises(ValueError, match="light_time='sometimes' must be one of receive, transmit, none"):
+        find_catalogue_passes([], goldstone, START_T_S, DAY_S, MASK_RAD, light_time="sometimes")

@@ -1,9 +1,11 @@
 """Earth orientation: published values, both packaged files against each other, and the ends of the tables."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+from astropy_iers_data import IERS_A_FILE
 
 from rf_pointing.core import angular_distance_rad
 from rf_pointing.core.dates import DAY_S, from_utc_text, utc_text
@@ -18,6 +20,7 @@ from rf_pointing.ephemeris import (
 from rf_pointing.ephemeris.earth_orientation import (
     PREDICTED_DAYS,
     IersEarthOrientation,
+    _days,
     _season_s,
     orientation_table,
     predicted,
@@ -313,3 +316,28 @@ def test_the_drift_of_the_pole_is_continued_and_only_the_last_six_years_count() 
 def test_no_times_have_no_orientation() -> None:
     earth = SOURCE.at(np.zeros(0))
     assert earth.ut1_minus_utc_s.shape == earth.pole_x_rad.shape == earth.pole_y_rad.shape == (0,)
+
+
+def test_the_last_measured_day_is_the_last_that_the_rapid_service_does_not_call_predicted() -> None:
+    """Column 58 of finals2000A: I for measured, P for predicted UT1."""
+    lines = [line for line in Path(IERS_A_FILE).read_text().splitlines() if line[57:58] in ("I", "P")]
+    measured = [float(line[7:15]) for line in lines if line[57] == "I"]
+    table = orientation_table()
+    assert table.last_measured_t_s == (measured[-1] - 40587.0) * DAY_S
+    assert table.span_t_s[1] == (float(lines[-1][7:15]) - 40587.0) * DAY_S
+    # The day itself, as the file gives it: arcseconds and seconds.
+    line = next(one for one in lines if float(one[7:15]) == float(lines[-1][7:15]) - 3.0)
+    earth = SOURCE.at(table.span_t_s[1] - 3.0 * DAY_S)
+    assert earth.ut1_minus_utc_s == pytest.approx(float(line[58:68]), abs=1e-7)
+    assert earth.pole_x_rad == pytest.approx(float(line[18:27]) * ARCSEC, abs=1e-12)
+    assert earth.pole_y_rad == pytest.approx(float(line[37:46]) * ARCSEC, abs=1e-12)
+
+
+@pytest.mark.parametrize(("texts", "taken"), [((b"5.0", b"6.0", b"7.0"), True), ((b"5.0", b"7.0"), False), ((), False)])
+def test_a_file_must_have_a_line_for_every_day_and_at_least_one(texts: tuple[bytes, ...], taken: bool) -> None:
+    lines = np.array([(text,) for text in texts], dtype=[("mjd", "S8")])
+    if taken:
+        assert _days("there", lines).tolist() == [5.0, 6.0, 7.0]
+    else:
+        with pytest.raises(ValueError, match="there does not have one line of 8 characters per day"):
+            _days("there", lines)

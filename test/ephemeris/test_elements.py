@@ -120,3 +120,8 @@ def test_the_propagators_label_is_the_number_where_it_takes_it(cbers: Elements, 
     record = dataclasses.replace(cbers, catalogue_number=number).satrec()
     assert record.satnum == label
     assert record.sgp4_tsince(7.0) == cbers.satrec().sgp4_tsince(7.0)
+
+
+def test_a_name_of_two_objects_is_refused_with_both_numbers(cbers: Elements) -> None:
+    with pytest.raises(ValueError, match="satellite='cbers 2' names several objects: 7, 28057; give the number"):
+        find_elements([cbers, dataclasses.replace(cbers, catalogue_number=7)], "cbers 2")

@@ -599,6 +599,7 @@ def test_a_degree_is_one_that_its_method_can_have(method: str, degree: str, word
 
 def test_an_operators_interpolation_is_judged_as_a_declared_one_is(cbers: Elements) -> None:
     segments = read_oem(text_of(teme_states(cbers), INTERPOLATION="", INTERPOLATION_DEGREE=""))
+    assert [(segment.method, segment.degree) for segment in segments] == [("", 0)]
     for method, degree, words in (
         ("HERMITE", 1, "INTERPOLATION_DEGREE=1 must be odd, 3 or more, for HERMITE"),
         ("HERMITE", 4, "INTERPOLATION_DEGREE=4 must be odd, 3 or more, for HERMITE"),

@@ -331,3 +331,17 @@ def test_a_target_that_is_known_at_any_time_says_so_where_a_search_is_refused(tr
         find_passes(decaying_track, last_s, 60.0, MASK_RAD)
     assert first_s < last_s
     assert track.spans_t_s == ((-math.inf, math.inf),)
+
+
+def test_a_horizon_above_the_zenith_is_refused(track: TopocentricTrack, cbers: Elements) -> None:
+    """Less the margin of 0.01 rad by which its lowest point is searched above."""
+    for high_rad, taken in ((1.5807, True), (1.5809, False)):
+
+        def level(azimuth_rad: np.ndarray, high_rad: float = high_rad) -> np.ndarray:
+            return np.full_like(azimuth_rad, high_rad)
+
+        if taken:
+            assert find_passes(track, cbers.epoch_t_s, DAY_S, level) == []
+        else:
+            with pytest.raises(ValueError, match="min_elevation_rad=.* must be <= 1.57"):
+                find_passes(track, cbers.epoch_t_s, DAY_S, level)

@@ -16,7 +16,13 @@ from sgp4.api import Satrec
 
 from rf_pointing.core.dates import from_utc_text
 from rf_pointing.ephemeris import Elements, read_elements, tle_lines, verification_elements
-from rf_pointing.ephemeris.tle import alpha5_from_number, checksum, number_from_alpha5, read_tle
+from rf_pointing.ephemeris.tle import (
+    alpha5_from_number,
+    checksum,
+    elements_from_tle,
+    number_from_alpha5,
+    read_tle,
+)
 
 LINE1 = "1 28057U 03049A   06177.78615833  .00000060  00000-0  35940-4 0  1836"
 LINE2 = "2 28057  98.4283 247.6961 0000884  88.1964 271.9322 14.35478080140550"
@@ -338,3 +344,25 @@ def test_an_angle_is_written_in_degrees_of_one_turn(cbers: Elements, degrees: fl
     }
     _, second = tle_lines(dataclasses.replace(cbers, **turned))
     assert [second[begin : begin + 8] for begin in (17, 34, 43)] == [columns] * 3
+
+
+def test_a_blank_drag_is_none() -> None:
+    (found,) = read_tle(with_columns(LINE1, 53, " " * 8) + f"\n{LINE2}")
+    assert found.drag_per_earth_radius == 0.0
+
+
+def test_two_lines_by_themselves_are_lines_one_and_two() -> None:
+    assert elements_from_tle(LINE1, LINE2).name == "28057"
+    with pytest.raises(ValueError, match="^line 1: checksum"):
+        elements_from_tle(LINE1[:-1] + "0", LINE2)
+    with pytest.raises(ValueError, match="^line 2: checksum"):
+        elements_from_tle(LINE1, LINE2[:-1] + "9")
+    with pytest.raises(ValueError, match="^line 8: TLE line has 60 columns"):
+        elements_from_tle(LINE1, LINE2[:60], line_number=7)
+    with pytest.raises(ValueError, match="^line 7: B"):
+        elements_from_tle(with_columns(LINE1, 53, " 3594x-4"), LINE2, line_number=7)
+
+
+def test_a_name_with_a_comma_is_the_name_of_a_tle() -> None:
+    assert read_elements(f"CBERS, 2\n{LINE1}\n{LINE2}")[0].name == "CBERS, 2"
+    assert read_elements(f"MEAN_MOTION\n{LINE1}\n{LINE2}")[0].name == "MEAN_MOTION"

@@ -22,6 +22,7 @@ from rf_pointing.ephemeris import (
     Site,
     TopocentricTrack,
     find_elements,
+    moon,
     radio_source,
     site,
     verification_elements,
@@ -493,3 +494,10 @@ def test_elements_that_sgp4_refuses_at_once_are_refused_by_name(cbers: Elements)
     for age_s in (0.0, -1.0, math.nan):
         with pytest.raises(ValueError, match="max_age_s=.* must be > 0"):
             Sgp4Orbit(cbers, AssumedOrientation(), max_age_s=age_s)
+
+
+def test_a_motion_is_not_ahead_of_its_time_unless_it_is_asked_to_be(track: TopocentricTrack, cbers: Elements) -> None:
+    t_s = cbers.epoch_t_s + 500.0
+    for target in (track.target, radio_source("Cygnus A"), moon()):
+        assert target.motion_at(t_s) == target.motion_at(t_s, 0.0)
+        assert target.motion_at(t_s) != target.motion_at(t_s, 600.0)
