@@ -330,7 +330,7 @@ class NightSimulation:
 
     def _own(self, name: str, arguments: dict[str, Any]) -> str:
         if name == "record":
-            if self._free_gb <= 0.0:
+            if not self._free_gb:
                 raise OSError("No space left on device")
             self._recording = str(arguments["name"])
         elif name == "end_record":

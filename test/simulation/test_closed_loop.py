@@ -117,3 +117,8 @@ def test_an_antenna_that_does_not_say_where_its_beam_is_is_refused() -> None:
     parts.step = lambda _t_s: (None, "beam")
     with pytest.raises(ValueError, match="must read its axes"):
         parts.pointed(0.0).step(0)
+
+
+def test_the_stamps_of_ticks_are_whole_microseconds() -> None:
+    parts = Parts()
+    assert parts.pointed(1000.0000004).step(1).t_s == 1000.02

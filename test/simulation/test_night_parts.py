@@ -14,6 +14,7 @@ from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.alarms import Alarm
 from rf_pointing.simulation import StationSetup
 from rf_pointing.simulation.night import COMMON, NO_ANSWER, TICK_S, NightFault, NightSimulation, kinds_of
+from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.modes import AntennaMode
 from test.simulation.night_plan import EPOCH_S, small_night
 
@@ -522,6 +523,10 @@ def test_the_controller_acts_every_fifth_tick_on_what_was_known_a_period_before(
             ("carrier.take_joints", f"reading {tick}"), ("receiver.take", "beam"),
         ]  # fmt: skip
     assert one.night._status is one.status
+    guarded_s: list[float] = []
+    one.night._guard = guarded_s.append
+    one.step()
+    assert guarded_s == [one.night.t_s]
 
 
 def test_targets_are_taken_two_seconds_ahead_near_a_pass_while_the_ephemeris_lives(make: Make) -> None:
@@ -531,7 +536,7 @@ def test_targets_are_taken_two_seconds_ahead_near_a_pass_while_the_ephemeris_liv
     one.step()
     assert one.heard("controller.take_target") == []
     one.night._windows = [
-        SimpleNamespace(aos_t_s=T0 + 1000.0, los_t_s=T0 + 2000.0), SimpleNamespace(aos_t_s=T0, los_t_s=T0 + 50.0)
+        SimpleNamespace(aos_t_s=T0 + 1000.0, los_t_s=T0 + 2000.0), SimpleNamespace(aos_t_s=T0 + 6.5, los_t_s=T0 + 50.0)
     ]  # fmt: skip
     one.tick = 4
     one.step()
@@ -690,7 +695,8 @@ class Clocked(NightSimulation):
     def _idle(self) -> bool:
         return self.idle_s[0] <= self.t_s - T0 < self.idle_s[1]
 
-    def _begin_and_end_faults(self) -> None: ...
+    def _begin_and_end_faults(self) -> None:
+        self.faulted = getattr(self, "faulted", 0) + 1
 
     def _look(self) -> None:
         self.looks.append(round(self.t_s - T0, 6))
@@ -707,6 +713,7 @@ def test_time_goes_on_in_ticks_or_in_seconds_and_the_executive_is_stepped_twice_
     assert night.antenna.mode == AntennaMode.HOLDING
     times = [t_s for t_s, _ in night.rows]
     assert times[:3] == [0.0, 0.02, 0.04]
+    assert night.faulted == len(times)
     assert np.diff(times[:501]) == pytest.approx(0.02, abs=1e-6)
     assert np.diff(times[500:9490]) == pytest.approx(1.0, abs=1e-6)
     assert np.diff(times[9491:]) == pytest.approx(0.02, abs=1e-6)
@@ -744,3 +751,21 @@ def test_the_executive_gets_thresholds_rest_sensor_and_share_of_the_station(make
     night.night.book.notify("raised", Alarm("x", 1, "text", T0))
     assert night.log.messages == [("raised", "x", "text")]
     assert make().night.book.quiet_s == AlarmParams().quiet_s
+
+
+@pytest.mark.parametrize(
+    ("rotator", "anemometer", "wind"), [(False, True, True), (False, False, False), (True, True, False)]
+)
+def test_gusts_are_faults_of_a_plant_with_an_anemometer(rotator: bool, anemometer: bool, wind: bool) -> None:
+    antenna = object.__new__(DriveAntenna) if rotator else object()
+    content = SimpleNamespace(wind=SimpleNamespace(anemometer=anemometer))
+    setup = SimpleNamespace(antenna=lambda: antenna, station=SimpleNamespace(content=content))
+    assert ("gust" in kinds_of(setup)) is wind
+
+
+def test_a_runaway_goes_at_half_the_largest_rate_of_the_azimuth(make: Make) -> None:
+    night, log = make(), []
+    axes = SimpleNamespace(limits=SimpleNamespace(rate_limit_rad_s=(0.3, 0.7)))
+    night.antenna = SimpleNamespace(axes=axes, injected=Calls(log, "injected"))
+    night._begin(NightFault(T0, "runaway", 1.0))
+    assert log == [("injected.inject", "runaway", pytest.approx(0.15))]

@@ -300,3 +300,13 @@ def test_a_rotator_is_simulated_as_one_and_begins_where_it_is_said_to() -> None:
     assert not isinstance(plant, DriveAntenna)
     # One whose control unit starts again keeps its hardware.
     assert StationSetup("dss13").antenna(plant.hardware).hardware is plant.hardware
+
+
+def test_a_setup_knows_the_trackers_of_other_packages_and_its_rotator_begins_at_time_zero(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    loaded, made = [], []
+    monkeypatch.setattr("rf_pointing.simulation.pass_simulation.load_trackers", lambda: loaded.append(True))
+    monkeypatch.setattr("rf_pointing.simulation.pass_simulation.DriveAntenna", lambda *given: made.append(given[2]))
+    StationSetup("rotator_2m").antenna()
+    assert (loaded, made) == ([True], [0.0])
