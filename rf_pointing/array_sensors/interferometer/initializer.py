@@ -125,10 +125,7 @@ def aperture_excess(ranges_m: ArrayLike, arrays: ArrayParams) -> tuple[Array, Ar
     Positive belongs to no direction.
     """
     ranges = np.asarray(ranges_m, dtype=np.float64)
-    distance = range_from_sum(ranges, arrays)
     sides = ((-1, arrays.radius_active_m), (-2, arrays.radius_passive_m))
-    forward, reverse = (
-        -direction_cosines(np.mean(ranges, axis=axis) - arrays.transponder_delay_m - distance[..., None], radius)[2]
-        for axis, radius in sides
-    )
+    # The cosines are made of differences: what all paths have in common drops out.
+    forward, reverse = (-direction_cosines(np.mean(ranges, axis=axis), radius)[2] for axis, radius in sides)
     return forward, reverse
