@@ -108,7 +108,6 @@ class PointingCorrections:
     def restart(self, t_s: float) -> None:
         """Begin without any offset."""
         self._integrator = TrackerIntegrator(self._loop)
-        self._integrator.reset(t_s)
         self._integrator.freeze(t_s)
         self._over = False
         self.filter = TrimFilter(self._trim_params)
