@@ -59,10 +59,9 @@ def sky_offset_rad(
     up = unit_vector_from_azel(beam_azimuth, beam_elevation + np.pi / 2.0)
     along_right, along_up, along_forward = (np.sum(direction * axis, axis=-1) for axis in (right, up, forward))
     # Not the arc cosine: it has no digits left for a small separation.
-    separation = np.arctan2(np.hypot(along_right, along_up), along_forward)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        # On the axis itself direction and scale are 0/0; there the offset is zero.
-        scale = np.where(separation > 0.0, separation / np.hypot(along_right, along_up), 1.0)
+    across = np.hypot(along_right, along_up)
+    # On the axis itself both are zero, and so is the offset.
+    scale = np.arctan2(across, along_forward) / np.maximum(across, np.finfo(np.float64).tiny)
     return along_right * scale, along_up * scale
 
 
