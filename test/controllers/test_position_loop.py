@@ -307,3 +307,9 @@ def test_tuned_loops_lead_by_the_delay_of_drive_low_pass_and_notch() -> None:
     assert dss13_loops("published") == (PositionLoopParams(), PositionLoopParams())
     with pytest.raises(ValueError, match="gains='other' must be one of published, tuned"):
         dss13_loops("other")
+
+
+def test_without_an_acceleration_of_the_command_none_is_fed_forward() -> None:
+    loops = [PositionLoop(PLAIN.replace(feedforward_lead_s=0.066)) for _ in range(2)]
+    assert loops[0].output(0.0, 1e-3, 0.0) == loops[1].output(0.0, 1e-3, 0.0, 0.0)
+    assert loops[0].output(0.0, 1e-3, 0.0) != loops[1].output(0.0, 1e-3, 0.0, 1e-2)
