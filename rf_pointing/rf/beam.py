@@ -20,6 +20,11 @@ from rf_pointing.core.roots import bracketed_root
 # Half-power beamwidths of a 34-m dish (CONSCAN section IV for X and Ka).
 HALF_POWER_BEAMWIDTH_RAD = {"S": 264.0 * MDEG, "X": 65.0 * MDEG, "Ka": 17.0 * MDEG}
 
+# Below this argument the series 1 - u^2/(4(v+1)) is exact to rounding, and u^-v would overflow.
+SMALL_U = 1e-4
+# Half power of every illumination lies between: the first null of the uniform one is at 3.83.
+HALF_POWER_BETWEEN = 0.5, 3.83
+
 PATTERNS = ("gaussian", "uniform", "tapered")
 
 
@@ -80,8 +85,7 @@ def _lambda(order: int, u: NDArray[np.float64]) -> NDArray[np.float64]:
     # Imported here: only patterns other than the Gaussian need it, and it costs half a second.
     from scipy.special import jv
 
-    # Below this the series 1 - u^2/(4(v+1)) is exact to rounding, and u^-v would overflow.
-    small = np.abs(u) < 1e-4
+    small = np.abs(u) < SMALL_U
     safe = np.where(small, 1.0, u)
     value = 2.0**order * math.factorial(order) * jv(order, safe) / safe**order
     return np.where(small, 1.0 - u**2 / (4.0 * (order + 1.0)), value)
@@ -90,7 +94,7 @@ def _lambda(order: int, u: NDArray[np.float64]) -> NDArray[np.float64]:
 # The root is the same for every sample of a pass.
 @lru_cache(maxsize=64)
 def _u_per_beamwidth(pedestal: float, exponent: int) -> float:
-    def excess(u: float) -> float:
-        return float(_aperture_voltage(np.asarray(u), pedestal, exponent)) ** 2 - 0.5
-
-    return 2.0 * bracketed_root(excess, 0.5, 3.83)
+    half = bracketed_root(
+        lambda u: float(_aperture_voltage(np.asarray(u), pedestal, exponent)) ** 2 - 0.5, *HALF_POWER_BETWEEN
+    )
+    return 2.0 * half

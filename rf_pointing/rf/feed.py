@@ -20,6 +20,15 @@ from rf_pointing.core.roots import bracketed_root
 from rf_pointing.rf.beam import BeamParams, normalised_voltage
 
 ComplexArray = NDArray[np.complex128]
+# Squint and width are in beamwidths, the same for every beam: one stands for all in the cache.
+ANY_BEAMWIDTH_RAD = 1e-3
+# Squint over the width of the four beams.  Beyond 0.6 the sum splits into four peaks; there the
+# slope is above 3 for every pattern.
+SQUINT_BETWEEN = 1e-6, 0.6
+# Half of the sum's beamwidth over that of the four.
+HALF_WIDTH_BETWEEN = 0.2, 1.6
+# From the axis to where the slope there is taken.
+STEP = 1e-5
 
 
 class FeedVoltages(NamedTuple):
@@ -61,7 +70,9 @@ class MonopulseFeed:
     def __init__(self, params: MonopulseFeedParams, beam: BeamParams) -> None:
         self.params = params
         self.beam = beam
-        self._squint, self._width = _squint_and_width(beam.replace(half_power_beamwidth_rad=1e-3), params.slope)
+        self._squint, self._width = _squint_and_width(
+            beam.replace(half_power_beamwidth_rad=ANY_BEAMWIDTH_RAD), params.slope
+        )
         self._mixing = _mixing_matrix(params)
         self._leakage = np.array([_phasor(params.sum_leakage[i], params.sum_leakage_phase_rad[i]) for i in (0, 1)])
 
@@ -115,29 +126,23 @@ def _comparator(
 @lru_cache(maxsize=64)
 def _squint_and_width(beam: BeamParams, slope: float) -> tuple[float, float]:
     """Return squint and beamwidth of the four beams, both in half-power beamwidths of the sum."""
-
-    def slope_error(ratio: float) -> float:
-        return _sum_beamwidth(beam, ratio) * _slope_per_width(beam, ratio) - slope
-
-    # Beyond 0.6 of its beamwidth the sum splits into four peaks; there the slope is above 3 for
-    # every pattern.
-    ratio = bracketed_root(slope_error, 1e-6, 0.6)
+    ratio = bracketed_root(
+        lambda ratio: _sum_beamwidth(beam, ratio) * _slope_per_width(beam, ratio) - slope, *SQUINT_BETWEEN
+    )
     width = 1.0 / _sum_beamwidth(beam, ratio)
     return ratio * width, width
 
 
 def _slope_per_width(beam: BeamParams, ratio: float) -> float:
-    # A central difference about the axis, where the slope is defined.
-    step = np.array([1e-5, -1e-5])
-    total, right, _ = _comparator(beam, ratio, 1.0, step, np.zeros(2))
-    return float(np.diff(right / total)[0] / np.diff(step)[0])
+    # On the axis, where the sum is 1 and the difference 0.
+    _, right, _ = _comparator(beam, ratio, 1.0, np.asarray(STEP), np.asarray(0.0))
+    return float(right) / STEP
 
 
 def _sum_beamwidth(beam: BeamParams, ratio: float) -> float:
     """Half-power beamwidth of the sum of four beams of width 1 squinted by `ratio`."""
-
-    def excess(half: float) -> float:
-        total, _, _ = _comparator(beam, ratio, 1.0, np.asarray(half), np.asarray(0.0))
-        return float(total) ** 2 - 0.5
-
-    return 2.0 * bracketed_root(excess, 0.2, 1.6)
+    half = bracketed_root(
+        lambda half: float(_comparator(beam, ratio, 1.0, np.asarray(half), np.asarray(0.0))[0]) ** 2 - 0.5,
+        *HALF_WIDTH_BETWEEN,
+    )
+    return 2.0 * half

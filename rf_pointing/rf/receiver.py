@@ -175,8 +175,8 @@ class Receiver:
         still = (*self.state.still_densities[1 - MOST_CLUSTERS :], noise_variance(scaled, VIBRATING) * sample_s)
         count = self.state.clusters + 1
         share = 1.0 - math.exp(-channels.shape[1] * sample_s / self.params.noise_time_constant_s)
-        average = self.state.noise_density if count > 1 else density
-        # Until the average has filled, every cluster counts the same.
+        average = self.state.noise_density
+        # Until the average has filled, every cluster counts the same, the first one whole.
         average += max(share, 1.0 / count) * (density - average)
         self.state = replace(self.state, noise_density=average, still_densities=still, clusters=count)
         # The average is more precise, but under a strong carrier mostly the motion of the beam.

@@ -292,11 +292,11 @@ class LockWatch:
             return None
         weights = [1.0 / row[3] for row in rows]
         total = sum(weights)
-        mean_error = sum(w * row[1] for w, row in zip(weights, rows, strict=True)) / total
         mean_beam = sum(w * row[2] for w, row in zip(weights, rows, strict=True)) / total
+        # About the mean of the beam the mean of the errors has no part in the sums.
         sums = ResponseSums()
         for _, sensed, beam, variance in rows:
-            sums = sums.with_pair(beam - mean_beam, sensed - mean_error, variance)
+            sums = sums.with_pair(beam - mean_beam, sensed, variance)
         return sums.estimate()
 
     def _weigh(self, t_s: float, error_rad: complex, beam_rad: complex, noise_rad2: float) -> None:

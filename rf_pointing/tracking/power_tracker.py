@@ -71,9 +71,10 @@ class PowerTracker:
         self._idle = 0
         self._origin = np.zeros(2)
         self._refused, self._last_refusal = 0, ""
-        self._newest_s, self._status_s = -np.inf, -np.inf
-        self._delay_centre: Array | None = None
-        self._since_delay = 0
+        # Not known yet: no comparison with them holds.
+        self._newest_s, self._status_s = np.nan, np.nan
+        self._delay_centre: Array | None
+        self._since_delay: int
         self._forget_delay()
 
     @property

@@ -16,6 +16,8 @@ from rf_pointing.tracking.beam_fit import PowerWindow, beam_design, fit_beam
 from rf_pointing.tracking.scan import ONCE_A_ROUND, LoopRate, Offset, Pattern
 
 SMALLEST_SCATTER = 1e-12  # relative variance of a meter without noise; keeps the covariance positive
+# Of a round; one that never ends keeps no more.
+MOST_SAMPLES = 10000
 # Right, above, left, below: each move leads to a neighbour, so it is short.
 POINTS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
@@ -95,7 +97,7 @@ class StepTracker:
             return None
         sample = (_middle_s(power), power.power_w, power.sigma_w, beam_offset_cross_elevation_rad,
                   beam_offset_elevation_rad, power.carrier_to_noise_db_hz)  # fmt: skip
-        window = self.state.window.with_sample(sample, 10000, -math.inf)
+        window = self.state.window.with_sample(sample, MOST_SAMPLES, -math.inf)
         counts = tuple(count + (index == point) for index, count in enumerate(self.state.counts))
         self.state = replace(self.state, window=window, counts=counts)
         if min(counts) < self.params.samples_per_point:

@@ -350,3 +350,12 @@ def test_a_sweep_across_the_nulls_does_not_raise_the_noise_of_a_strong_carrier()
     times = 106.0 + np.arange(5) * SAMPLE_S
     level = receiver.cluster(times, np.zeros(5), np.zeros(5), 85.0, SAMPLE_S).carrier_to_noise_db_hz
     assert level == pytest.approx(85.0, abs=3.5)
+
+
+def test_the_noise_of_the_last_hundred_clusters_is_kept() -> None:
+    receiver, kept = make_receiver(), []
+    for index in range(130):
+        take(receiver, index, 60.0)
+        kept.append(receiver.state.still_densities[-1])
+        assert receiver.state.still_densities == tuple(kept[-100:])
+    assert receiver.state.clusters == 130

@@ -172,3 +172,16 @@ def test_what_is_kept_of_a_cluster_is_its_ratios_and_how_noisy_they_are() -> Non
         for channel in (sample.difference_cross_elevation, sample.difference_elevation)
     ]
     np.testing.assert_allclose(calibrator.state.ratios[0], wanted, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("count", "enough"), [(7, False), (8, True)])
+def test_eight_clusters_are_the_fewest_of_a_calibration(count: int, enough: bool) -> None:
+    calibrator, rng = MonopulseCalibrator(PARAMS), random_stream(6, "eight")
+    for k in range(count):
+        beam = 0.25 * H * np.array([math.cos(0.8 * k), math.sin(0.8 * k)])
+        calibrator.add(cluster(0.1 * k, TARGET - beam, 70.0, rng), *beam)
+    if enough:
+        assert np.max(np.abs(calibrator.solve().calibration.response_per_rad() * H / SLOPE - MIXING)) < 0.1
+    else:
+        with pytest.raises(ValueError, match="has 7 clusters, must have at least 8"):
+            calibrator.solve()

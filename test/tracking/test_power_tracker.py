@@ -453,3 +453,14 @@ def test_a_power_waits_for_the_later_of_encoders_and_status(late: str) -> None:
     assert [error.reason for error in scan.take_power(power(0.25))] == [
         "window holds 1 of 8 samples", "window holds 2 of 8 samples",
     ]  # fmt: skip
+
+
+def test_a_power_from_between_two_scans_is_dropped_and_holds_up_no_other() -> None:
+    """Where the beam was then lies between what the two scans know of it, in neither."""
+    scan = tracker()
+    for t_s, mode in ((0.0, "conscan"), (1.0, "conscan"), (1.1, "coast"), (2.0, "conscan"), (2.5, "conscan")):
+        scan.take_status(*status(t_s, mode))
+        scan.take_joints(reading(t_s, (0.0, 0.0)))
+    assert scan.take_power(power(1.5)) == []
+    assert scan._waiting == []
+    assert [error.reason for error in scan.take_power(power(2.3))] == ["window holds 1 of 8 samples"]
