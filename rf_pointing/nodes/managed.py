@@ -182,7 +182,7 @@ class ManagedNode(LifecycleNode):
         self, message_type: Any, topic: str, convert: Callable[[Any], Any], qos: Any, *, steady: bool = False
     ) -> Latest:
         """Subscribe until cleanup to a fast stream of which only the newest message counts."""
-        latest = Latest(message_type, convert)
+        latest = Latest(message_type, convert, lambda reason: self._refuse(topic, reason))
         self.listen(message_type, topic, latest.note, qos, raw=True, steady=steady)
         return latest
 
@@ -276,13 +276,16 @@ class ManagedNode(LifecycleNode):
                 require_length(payload, most_bytes())
                 take(payload if raw else checked_message(payload, message_type))
             except ValueError as error:
-                self.inputs.note_refusal(topic, str(error))
+                self._refuse(topic, str(error))
                 refused(str(error))
-                self.log_once(f"{topic} ignored", str(error))
             except Exception as error:
                 self.survived(topic, error)
 
         return door
+
+    def _refuse(self, topic: str, reason: str) -> None:
+        self.inputs.note_refusal(topic, reason)
+        self.log_once(f"{topic} ignored", reason)
 
     def serve(self, service_type: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:
         """Offer a service until cleanup."""

@@ -269,11 +269,7 @@ class OperatorPage(ManagedNode):
     def _show(self, now_s: float) -> None:
         assert self._server is not None
         for name, latest in self._fast.items():
-            try:
-                message = latest.take()
-            except ValueError as error:
-                self.inputs.note_refusal(name, str(error))
-                continue
+            message = latest.take()
             if message is not None:
                 self._keep(name, message)
         if not self._watched:

@@ -272,11 +272,7 @@ class PointingControllerNode(StationNode):
             self.get_logger().error(f"certificate not stored: {error}")
 
     def _read_joints(self, until_s: float) -> None:
-        try:
-            reading = self._joints.take(until_s)
-        except ValueError as error:
-            self.log_once("joint_states ignored", str(error))
-            return
+        reading = self._joints.take(until_s)
         if reading is not None:
             self._controller.take_joints(reading)
 

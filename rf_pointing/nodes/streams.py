@@ -151,11 +151,14 @@ class InputCounter:
 
 
 class Latest:
-    """Keeps the newest messages of a fast stream undecoded; `take` decodes one of them."""
+    """Keeps the newest messages of a fast stream undecoded; `take` decodes one of them.
 
-    def __init__(self, message_type: Any, convert: Callable[[Any], Any]) -> None:
-        self._type, self._convert = message_type, convert
-        self._raw: deque[bytes] = deque(maxlen=KEPT)
+    `refused` takes the reason why a message cannot be used.
+    """
+
+    def __init__(self, message_type: Any, convert: Callable[[Any], Any], refused: Callable[[str], object]) -> None:
+        self._type, self._convert, self._refused = message_type, convert, refused
+        self._raw = deque[bytes](maxlen=KEPT)
 
     def note(self, raw: bytes) -> None:
         """Keep `raw`; ValueError without a stamp."""
@@ -165,10 +168,18 @@ class Latest:
     def take(self, until_s: float = math.inf) -> Any | None:
         """Return the converted newest message up to the stamp `until_s`, None without a new one.
 
-        Later messages are kept.  ValueError if the message cannot be used.
+        Later messages are kept.  Of those that cannot be used the one before is taken.
         """
-        raw = None
         # Only the stamps are read here: at 50 Hz decoding every message costs more than using one.
-        while self._raw and seconds_from_raw(self._raw[0]) <= until_s + STAMP_RESOLUTION_S:
-            raw = self._raw.popleft()
-        return None if raw is None else self._convert(checked_message(raw, self._type))
+        # A stamp far ahead keeps nothing behind it from being used.
+        due, later = list[bytes](), deque[bytes](maxlen=KEPT)
+        for raw in self._raw:
+            (due if seconds_from_raw(raw) <= until_s + STAMP_RESOLUTION_S else later).append(raw)
+        self._raw = later
+        # Periodic work, which cannot be left out, calls this: nothing that has arrived may raise.
+        for raw in reversed(due):
+            try:
+                return self._convert(checked_message(raw, self._type))
+            except ValueError as error:
+                self._refused(str(error))
+        return None

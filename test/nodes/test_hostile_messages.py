@@ -1,7 +1,8 @@
 """Whatever arrives on a subscription: refused or used, never the end of a node, and its periodic work goes on.
 
 Each subscription of each node gets 10 000 payloads through the decoder and its own callback: messages of plausible numbers,
-some with one field beyond anything, and the same with bytes changed, cut, added or overwritten.
+some with one field beyond anything, and the same with bytes changed, cut, added or overwritten.  The operator's page has
+the same in its own tests, where what it then shows is looked at.
 """
 
 import math
@@ -12,28 +13,41 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rclpy
 from builtin_interfaces.msg import Time
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
-from rf_pointing_msgs.msg import PointingModel
+from rf_pointing_msgs.action import RunSchedule
+from rf_pointing_msgs.msg import ArraySnapshots, PointingModel
+from sensor_msgs.msg import JointState
 
+from rf_pointing.array_sensors.nodes.array_receiver import ArrayReceiver
+from rf_pointing.array_sensors.nodes.array_tracker import ArrayTracker
 from rf_pointing.array_sensors.nodes.doa_attitude import DoaAttitudeNode
 from rf_pointing.array_sensors.nodes.interferometer_tracker import InterferometerTrackerNode
 from rf_pointing.array_sensors.nodes.tripulse_attitude import TripulseAttitudeNode
 from rf_pointing.array_sensors.nodes.tripulse_receiver import TripulseReceiverNode
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading
+from rf_pointing.core.dates import utc_text
+from rf_pointing.drives import DriveParams
 from rf_pointing.ephemeris import Pass
 from rf_pointing.nodes.antenna_servo import AntennaServo
 from rf_pointing.nodes.bias_calibrator import BiasCalibrator
 from rf_pointing.nodes.conscan_tracker import ConscanTrackerNode
+from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
 from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.monopulse_tracker import MonopulseTrackerNode
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
 from rf_pointing.nodes.rf_receiver import RfReceiver
+from rf_pointing.nodes.rotctld_server import RotctldServerNode
 from rf_pointing.nodes.simulation_clock import SimulationClock
+from rf_pointing.nodes.station_description import StationDescriptionNode
+from rf_pointing.nodes.station_executive import StationExecutive
+from rf_pointing.nodes.topic_drive import TopicDrive
 from rf_pointing.planning import PassProfile
+from rf_pointing.rf.dish_array import DishArrayParams
 
 PAYLOADS = 10_000
 WORK_EVERY = 50
@@ -47,12 +61,21 @@ NODES: dict[type[ManagedNode], dict[str, Any]] = {
     PointingControllerNode: {},
     RfReceiver: {},
     SimulationClock: {},
+    EphemerisPublisher: {"source.refraction": "measured", "source.antenna.half_power_beamwidth_deg": 60.0},
+    StationDescriptionNode: {},
+    StationExecutive: {"executive.record": False, "executive.partners": "gs2"},
+    RotctldServerNode: {"server.port": 0},
+    ArrayReceiver: {},
+    ArrayTracker: {},
     DoaAttitudeNode: {},
     InterferometerTrackerNode: {},
     TripulseAttitudeNode: {},
     TripulseReceiverNode: {"station.name": "wallops"},
 }
-WORDS = ("", "azimuth", "elevation", "monopulse", "conscan", "tracking", "wallops", "x" * 300, "\N{SNOWMAN}")
+WORDS = (
+    "", "azimuth", "elevation", "monopulse", "conscan", "tracking", "wallops", "/antenna_servo", "antenna_servo: device",
+    "orbit", "x" * 300, "\N{SNOWMAN}",
+)  # fmt: skip
 EXTREMES = (0.0, -1.0, 1e-300, 1e6, -1e6, 1e12, 1e17, -1e17, 1e19, 1e300, -1e300, np.nan, np.inf, -np.inf)
 PASS = {
     "name": "bird", "peak_elevation_rad": 1.0, "aos_azimuth_rad": 0.5, "aos_elevation_rad": 0.1, "los_azimuth_rad": 2.5,
@@ -103,6 +126,9 @@ class Door:
         assert self.node.on_configure(ANY_STATE) == TransitionCallbackReturn.SUCCESS, self.node._reason
         assert self.node.on_activate(ANY_STATE) == TransitionCallbackReturn.SUCCESS, self.node._reason
         self.t_s = self.node.now_s()
+        if isinstance(self.node, StationExecutive):
+            begun, end = utc_text(self.t_s - 60.0), utc_text(self.t_s + 86400.0)
+            self.node._start(RunSchedule.Goal(schedule=f"target,aos_utc,los_utc\nbird,{begun},{end}\n"))
 
     def step(self) -> None:
         """Do a period of the node's own work, in the middle of a pass where it tracks."""
@@ -175,6 +201,14 @@ def fill_model(message: PointingModel, random: np.random.Generator, _now_s: floa
     message.covariance = np.zeros(len(message.terms) ** 2).tolist()
 
 
+def fill_snapshots(message: ArraySnapshots, random: np.random.Generator, now_s: float) -> None:
+    """Make a block of samples of the array on a dish."""
+    fill(message, random, now_s)
+    message.elements, message.snapshots = DishArrayParams().elements, int(random.integers(8, 40))
+    for name in ("samples_i", "samples_q"):
+        setattr(message, name, random.normal(0.0, 1.0, message.elements * message.snapshots).tolist())
+
+
 def elements(message: Any, kind: str, random: np.random.Generator, now_s: float) -> list[Any]:
     """Return a few elements of a sequence of messages."""
     package, name = kind.removeprefix("sequence<").rstrip(">").split("/")
@@ -187,6 +221,10 @@ def elements(message: Any, kind: str, random: np.random.Generator, now_s: float)
 
 def number(random: np.random.Generator) -> float:
     return float(random.choice((random.normal(), abs(random.normal(0.0, 0.1)), random.normal(0.0, 1e-3), 40.0)))
+
+
+MAKERS = {PointingModel: fill_model, ArraySnapshots: fill_snapshots}
+"""Messages whose fields depend on each other."""
 
 
 def leaves(message: Any) -> list[tuple[Any, str]]:
@@ -256,7 +294,7 @@ def test_no_payload_ends_a_node_or_its_work(
         for index in range(PAYLOADS):
             if index % (PAYLOADS // BASES) == 0:
                 message = message_type()
-                make = fill_model if message_type is PointingModel else fill
+                make = MAKERS.get(message_type, fill)
                 make(message, random, attacked.t_s)
                 base = serialize_message(message)
             payload = base
@@ -274,6 +312,31 @@ def test_no_payload_ends_a_node_or_its_work(
             if index % WORK_EVERY == 0:
                 attacked.step()
         assert used > 0, topic
+
+
+def test_no_payload_of_a_vendors_node_ends_the_work_of_a_drive(
+    default_context: None, random: np.random.Generator
+) -> None:
+    """It is read by the antenna's own period, which cannot be left out."""
+    beside = rclpy.create_node("antenna_servo")
+    drive = TopicDrive(beside, DriveParams(type="topic"))
+    now_s = 1.8e9
+    drive.step(now_s)
+    for _ in range(PAYLOADS // 3):
+        message = JointState()
+        fill(message, random, now_s)
+        message.velocity = list(message.position) if random.random() < 0.5 else []
+        base = serialize_message(message)
+        spoil(message, random)
+        for payload in (base, mutated(base, random), serialize_message(message)):
+            drive._on_state(payload)
+            reading = drive.step(now_s)
+            assert reading is None or np.all(np.abs(reading.position_rad) < 70.0)
+            assert reading is None or reading.t_s < now_s + 10.0
+    assert drive._reading is not None, "some can be used"
+    assert drive.losses["state that cannot be used"] > PAYLOADS // 10
+    drive.close()
+    beside.destroy_node()
 
 
 def tried(node: ManagedNode, name: str, random: np.random.Generator) -> list[Any]:

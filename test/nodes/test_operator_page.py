@@ -19,7 +19,8 @@ from rf_pointing.nodes.operator_page import OperatorPage, checked_arguments, com
 from rf_pointing.nodes.page_server import shown
 from test.nodes.test_hostile_messages import SILENT, fill, mutated, spoil
 
-PAYLOADS = 300
+PAYLOADS = 10_000
+SHOWN_EVERY = 50
 START = "from rf_pointing.nodes.operator_page import main; main()"
 
 
@@ -111,7 +112,7 @@ def test_whatever_arrives_can_be_shown(
                 spoil(message, random)
             payload = serialize_message(message)
             door(mutated(payload, random) if index % 3 == 2 else payload)
-            if index % 10 == 0:
+            if index % SHOWN_EVERY == 0:
                 page._slow_s = 0.0
                 page._show(1e9 + index)
         assert page.inputs.errors == 0, (topic, page.inputs.last_error)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
@@ -266,6 +267,23 @@ def test_a_vendors_node_behind_topics_follows_and_its_silence_is_a_fault(made, m
     run.run(4.0)
     assert vendor.position == pytest.approx([14.0, 47.0], abs=0.1)
     assert vendor.enabled is True
+    # Neither ends the node: bytes that are no state, and states that cannot be ones.
+    hostile = vendor.node.create_publisher(JointState, "drive/state", STREAM)
+    stamps = (Time(sec=-1), stamp_from_seconds(run.servo.now_s() + 3600.0))
+    states = [JointState(name=["azimuth", "elevation"], position=[0.1, 0.2]) for _ in stamps]
+    for state, stamp in zip(states, stamps, strict=True):
+        state.header.stamp = stamp
+    losses = run.servo._antenna.hardware.drive.losses
+    for number, payload in enumerate([b"\x00\x01\x00\x00abcd", *states], start=1):
+        # Until it has arrived: the first ones are sent before the endpoints match.
+        for _ in range(100):
+            hostile.publish(payload)
+            run.run(0.04)
+            if losses["state that cannot be used"] >= number:
+                break
+        assert losses["state that cannot be used"] >= number
+        losses["state that cannot be used"] = number
+    assert run.fault == ""
     vendor.silent = True
     took_s = run.run(3.0, lambda: bool(run.fault))
     assert took_s < 1.2

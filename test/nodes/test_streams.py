@@ -73,7 +73,7 @@ def joints(position: float, t_s: float = 0.0) -> bytes:
 
 @pytest.mark.usefixtures("ros_domain")
 def test_only_the_newest_of_a_fast_stream_is_decoded_and_only_once() -> None:
-    latest = Latest(JointState, convert.joints_from_message)
+    latest = Latest(JointState, convert.joints_from_message, print)
     assert latest.take() is None
     for position in (1.0, 2.0, 3.0):
         latest.note(joints(position))
@@ -83,7 +83,7 @@ def test_only_the_newest_of_a_fast_stream_is_decoded_and_only_once() -> None:
 
 @pytest.mark.usefixtures("ros_domain")
 def test_what_is_newer_than_asked_for_is_kept_for_later() -> None:
-    latest = Latest(JointState, convert.joints_from_message)
+    latest = Latest(JointState, convert.joints_from_message, print)
     for k in range(5):
         latest.note(joints(float(k), 100.0 + 0.02 * k))
     assert latest.take(100.05).position_rad[0] == 2.0
@@ -93,9 +93,27 @@ def test_what_is_newer_than_asked_for_is_kept_for_later() -> None:
 
 
 @pytest.mark.usefixtures("ros_domain")
-def test_a_newest_message_that_cannot_be_used_is_dropped() -> None:
-    latest = Latest(JointState, convert.joints_from_message)
+def test_of_messages_that_cannot_be_used_the_one_before_is_taken_and_the_reason_told() -> None:
+    reasons: list[str] = []
+    latest = Latest(JointState, convert.joints_from_message, reasons.append)
     latest.note(joints(math.nan))
-    with pytest.raises(ValueError, match="must be finite"):
-        latest.take()
     assert latest.take() is None
+    assert reasons == ["position must be finite and at most 1e+18"]
+    for position in (1.0, 2.0, math.nan, math.inf):
+        latest.note(joints(position))
+    latest.note(joints(4.0)[:40])
+    assert latest.take().position_rad[0] == 2.0
+    assert len(reasons) == 4
+    assert reasons[1] == "40 bytes are no JointState"
+    assert latest.take() is None
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_a_stamp_far_ahead_keeps_no_later_message_from_being_used() -> None:
+    latest = Latest(JointState, convert.joints_from_message, print)
+    latest.note(joints(9.0, 1e9))
+    latest.note(joints(1.0, 100.0))
+    assert latest.take(100.0).position_rad[0] == 1.0
+    latest.note(joints(2.0, 100.02))
+    assert latest.take(100.02).position_rad[0] == 2.0
+    assert latest.take(100.04) is None
