@@ -208,8 +208,7 @@ class Recovery:
         for name in [name for name in self.ongoing if name not in present]:
             one = self.ongoing.pop(name)
             self._gone[name] = one.tried, one.tried_s, now_s
-            self.book.clear(name, now_s)
-        # Those of before a restart whose causes have gone meanwhile.
+        # Also those of before a restart whose causes have gone meanwhile.
         for alarm in self.book.lasting:
             if alarm.name not in self.ongoing and alarm.name.partition(" ")[0] in {c.name for c in self.table.causes}:
                 self.book.clear(alarm.name, now_s)

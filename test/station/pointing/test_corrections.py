@@ -179,6 +179,29 @@ def test_near_the_zenith_a_scan_is_as_large_as_the_azimuth_axis_allows(mode: str
     np.testing.assert_allclose(first.velocity[0, 1], last.velocity[200, 1], atol=1e-4 * AXES.rate_rad_s[1])
 
 
+def test_a_scan_that_shrinks_on_the_way_to_the_zenith_has_the_rates_of_its_own_places() -> None:
+    sets = ControllerParams(conscan=CONSCAN.replace(radius_rad=30.0 * MDEG))
+    offsets = PointingCorrections(
+        TrackerIntegratorParams(), Scans(sets.spiral, sets.calibration.scan, None, sets), TrimParams()
+    )
+    offsets.restart(T_S)
+    offsets.update(T_S, "coast", AutotrackState(mode="conscan", carrier=True), None, None)
+    times = T_S + 20.0 + 0.02 * np.arange(400)
+    climb = math.radians(1.0)
+    elevation = math.radians(81.0) + climb * (times - times[0])
+    level = np.zeros_like(times)
+    sky = Motion(
+        np.column_stack([level, elevation]), np.column_stack([level, climb + level]), np.column_stack([level, level])
+    )
+    moved = offsets.add_scan(times, sky, AXES)
+    up, rate = moved.position[:, 1] - elevation, moved.velocity[:, 1] - climb
+    first, last = (float(np.ptp(part)) for part in np.split(up, 2))
+    assert last < 0.8 * first, "it shrinks"
+    slope = np.gradient(up, times)
+    middle = slice(2, -2)
+    np.testing.assert_allclose(rate[middle], slope[middle], atol=0.02 * float(np.max(np.abs(slope))))
+
+
 def test_trajectories_agree_where_they_overlap() -> None:
     loop = Loop()
     first = loop.run("search", 5.0)
