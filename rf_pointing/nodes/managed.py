@@ -182,7 +182,7 @@ class ManagedNode(LifecycleNode):
         self, message_type: Any, topic: str, convert: Callable[[Any], Any], qos: Any, *, steady: bool = False
     ) -> Latest:
         """Subscribe until cleanup to a fast stream of which only the newest message counts."""
-        latest = Latest(message_type, convert, lambda reason: self._refuse(topic, reason))
+        latest = Latest(message_type, convert, lambda reason: self._ignore(topic, reason))
         self.listen(message_type, topic, latest.note, qos, raw=True, steady=steady)
         return latest
 
@@ -276,14 +276,14 @@ class ManagedNode(LifecycleNode):
                 require_length(payload, most_bytes())
                 take(payload if raw else checked_message(payload, message_type))
             except ValueError as error:
-                self._refuse(topic, str(error))
+                self._ignore(topic, str(error))
                 refused(str(error))
             except Exception as error:
                 self.survived(topic, error)
 
         return door
 
-    def _refuse(self, topic: str, reason: str) -> None:
+    def _ignore(self, topic: str, reason: str) -> None:
         self.inputs.note_refusal(topic, reason)
         self.log_once(f"{topic} ignored", reason)
 

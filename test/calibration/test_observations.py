@@ -218,7 +218,10 @@ def test_a_rate_is_judged_by_ten_neighbours_of_which_most_must_be_wrong(rows, ga
         elevation_acceleration_rad_s2=none, sigma_azimuth_rad=one, sigma_elevation_rad=one,
     )  # fmt: skip
     if refused:
-        with pytest.raises(ValueError, match="elevation_rate_deg_s is not the change of true_elevation_deg"):
+        # The first pair of which one row is wrong is shown.
+        first = max(int(np.flatnonzero(wrong)[0]) - 1, 0)
+        words = f"elevation_rate_deg_s is not the change of true_elevation_deg: rows {first} and {first + 1}, "
+        with pytest.raises(ValueError, match=words):
             require_derivatives(data)
     else:
         require_derivatives(data)

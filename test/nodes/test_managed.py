@@ -137,10 +137,11 @@ def test_a_message_without_a_stamp_is_refused_before_it_is_kept(subject: Subject
     for length in range(12):
         door(bytes(length))
     assert subject.inputs.refused == {"managed_subject/fast": 12}
-    # Enough for a stamp, too little for a message: refused when it is used.
+    # Enough for a stamp, too little for a message: refused when it would be used.
     door(bytes([0, 1, 0, 0, *[0] * 12]))
-    with pytest.raises(ValueError, match="16 bytes are no PointingError"):
-        latest.take()
+    assert latest.take() is None
+    assert subject.inputs.refused == {"managed_subject/fast": 13}
+    assert subject.inputs.last_refusal == "managed_subject/fast: 16 bytes are no PointingError"
 
 
 def test_another_exception_is_counted_and_the_node_lives_on(subject: Subject) -> None:
