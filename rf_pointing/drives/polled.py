@@ -27,8 +27,6 @@ SETTLED_STEPS = 1.5
 class PolledDrive(Drive):
     """A rotator controller behind a serial port or TCP; positions are its set points."""
 
-    _stop_s: float
-    """When the last stop was sent, the first words of a connection."""
     _set_point: Pair | None
 
     def __init__(self, words: Words, params: DriveParams) -> None:
@@ -45,7 +43,7 @@ class PolledDrive(Drive):
         self._stop_first()
         self._latency_s, self._alarm, self._refused = 0.0, "", ""
         self._t_s: float | None = None
-        self._retry_s = self._poll_s = self._also_s = self._known_s = -1e9
+        self._retry_s = self._poll_s = self._also_s = self._known_s = self._stop_s = -1e9
         self._asked_s = math.inf
         """When the position was first requested since the last one."""
         self._wait_s = params.link.first_retry_s

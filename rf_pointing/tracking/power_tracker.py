@@ -71,8 +71,7 @@ class PowerTracker:
         self._idle = 0
         self._origin = np.zeros(2)
         self._refused, self._last_refusal = 0, ""
-        # Not known yet: no comparison with them holds.
-        self._newest_s, self._status_s = np.nan, np.nan
+        self._newest_s, self._status_s = -np.inf, -np.inf
         self._delay_centre: Array | None
         self._since_delay: int
         self._forget_delay()

@@ -207,6 +207,13 @@ def test_a_clock_that_goes_back_loses_nothing(bench) -> None:
     assert len(subject.readings) >= 4
 
 
+def test_a_clock_that_goes_back_before_there_is_a_link_ends_nothing() -> None:
+    drive = make_drive(DriveParams(type="gs232", link=LinkParams(device="/dev/no-such-port")))
+    for t_s in (1000.0, 1000.1, 990.0, 990.1):
+        assert drive.step(t_s) is None
+    drive.close()
+
+
 def test_an_answer_that_is_missing_is_counted_also_after_the_clock_went_back(bench) -> None:
     subject = bench("gs232")
     subject.run(1.0)
