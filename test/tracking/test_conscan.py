@@ -522,10 +522,16 @@ def test_motion_that_nobody_sees_widens_the_covariance_of_an_estimate_and_moves_
         assert [error.cross_elevation_rad, error.elevation_rad] == pytest.approx(
             [0.4 * MDEG, -0.3 * MDEG], abs=1e-3 * MDEG
         )
-    added = found[1].covariance_rad2 - found[0].covariance_rad2
-    count = len(angles)
-    # Each sample sees the motion along its radius: its share of the mean of two axes is 2 / n.
-    assert np.diag(added) == pytest.approx([2.0 * (0.1 * MDEG) ** 2 / count] * 2, rel=0.15)
+    # Least squares of power over its columns 1 and -2 mu (target - beam) / h^2, each sample with its own noise.
+    away = np.array([0.4, -0.3]) * MDEG - R * np.column_stack([np.cos(angles), np.sin(angles)])
+    watts = np.exp(-MU * np.sum(away**2, axis=1) / H**2)
+    columns = watts[:, None] * np.column_stack([np.ones(len(angles)), -2.0 * MU * away / H**2])
+    slope = 2.0 * MU * np.maximum(np.hypot(*away.T), R) / H**2 * watts
+    for error, unseen_rad in zip(found, (0.0, 0.1 * MDEG), strict=True):
+        weights = 1.0 / (1e-6 + (slope * unseen_rad) ** 2)
+        due = np.linalg.inv(columns.T @ (weights[:, None] * columns))[1:, 1:]
+        np.testing.assert_allclose(error.covariance_rad2, due, atol=0.01 * float(np.trace(due)), rtol=0.0)
+    assert np.trace(found[1].covariance_rad2) > 10.0 * np.trace(found[0].covariance_rad2)
 
 
 def test_other_parameters_keep_the_window_and_another_delay_does_not() -> None:
