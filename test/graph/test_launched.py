@@ -105,6 +105,7 @@ class Launched:
             with suppress(subprocess.TimeoutExpired):
                 codes.append(process.wait(15.0))
             process.kill()
+            process.wait()
         self._running.clear()
         return codes
 
