@@ -31,6 +31,7 @@ CORNER_RAD = 0.3 * DEG
 # The encoders follow the command by so much, for half of the slews.
 LAG_S = 0.4
 GRID_RAD = 0.5 * DEG
+FINE_RAD = 0.02 * DEG
 # A path that the grid finds has so much room above hills and around the Sun, which moves on for so long.
 ROOM_RAD = 1.0 * DEG
 SUN_MOVES_S = 600.0
@@ -52,6 +53,16 @@ class Scene:
         turns = 2.0 * math.pi * np.arange(-3, 5)
         points = (turns[:, None] + np.array(self.mask.azimuth_rad)).ravel()
         return np.asarray(np.interp(azimuth, points, np.tile(self.mask.elevation_rad, len(turns))))
+
+    def highest(self, fine: Array, turn_rad: float) -> Array:
+        """Return the horizon's elevation a turn away on a grid of `FINE_RAD` that leaves out no surveyed top."""
+        found = self.horizon(fine + turn_rad)
+        turns = 2.0 * math.pi * np.arange(-3, 5) - turn_rad
+        rows = np.round(((turns[:, None] + np.array(self.mask.azimuth_rad)).ravel() - fine[0]) / FINE_RAD).astype(int)
+        tops = np.tile(self.mask.elevation_rad, len(turns))
+        near = (rows >= 0) & (rows < len(fine))
+        np.maximum.at(found, rows[near], tops[near])
+        return found
 
     def under(self, place: Array) -> Array:
         """Return how far places (..., 2) are below the horizon on either side."""
@@ -166,9 +177,9 @@ class Grid:
         azimuth = low[0] + GRID_RAD * np.arange(self._shape[0])
         elevation = low[1] + GRID_RAD * np.arange(self._shape[1])
         # Masts are thinner than a cell: the highest of many points within the room counts.
-        fine = np.arange(low[0] - 2.0 * ROOM_RAD, high[0] + 2.0 * ROOM_RAD, 0.02 * DEG)
-        wide = round((ROOM_RAD + GRID_RAD) / (0.02 * DEG)) * 2 + 1
-        front, back = (maximum_filter(scene.horizon(fine + turn), wide) for turn in (0.0, math.pi))
+        fine = np.arange(low[0] - 2.0 * ROOM_RAD, high[0] + 2.0 * ROOM_RAD, FINE_RAD)
+        wide = round((ROOM_RAD + GRID_RAD) / FINE_RAD) * 2 + 1
+        front, back = (maximum_filter(scene.highest(fine, turn), wide) for turn in (0.0, math.pi))
         lowest = np.interp(azimuth, fine, front) + ROOM_RAD
         highest = math.pi - np.interp(azimuth, fine, back) - ROOM_RAD
         free = (elevation >= lowest[:, None]) & (elevation <= highest[:, None])
