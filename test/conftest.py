@@ -18,6 +18,29 @@ DOMAINS = 100
 LOOPBACK = Path(__file__).parents[1] / "config" / "fastdds_loopback.xml"
 
 
+_APPROX = pytest.approx
+
+
+def approx(expected: Any, rel: float | None = None, abs: float | None = None, nan_ok: bool = False) -> Any:
+    """Compare as pytest's own, whose absolute tolerance of 1e-12 accepts anything for rad^2 or watts.
+
+    Where none is given, it is no more than the relative tolerance of the smallest expected number.
+    """
+    if abs is None:
+        try:
+            numbers = np.abs(np.array(expected, dtype=np.complex128).ravel())
+        except (TypeError, ValueError):
+            # A dictionary, or what approx itself refuses.
+            return _APPROX(expected, rel=rel, abs=abs, nan_ok=nan_ok)
+        some = numbers[(numbers > 0.0) & np.isfinite(numbers)]
+        if some.size and (own := (1e-6 if rel is None else rel) * float(some.min())) < 1e-12:
+            abs = own
+    return _APPROX(expected, rel=rel, abs=abs, nan_ok=nan_ok)
+
+
+pytest.approx = approx
+
+
 def pytest_report_header() -> str:
     """Say which tests are left out where there is no ROS."""
     found = importlib.util.find_spec("rclpy") is not None
