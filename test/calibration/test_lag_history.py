@@ -69,6 +69,15 @@ def test_it_goes_on_from_a_state_also_after_a_gap() -> None:
         np.testing.assert_allclose(part[0][0], whole[0][first], atol=1e-6)
 
 
+def test_a_rate_that_changes_in_no_time_leaves_the_average_where_it_is() -> None:
+    history, before = LagHistory(model(), AVERAGING_S), LagState(3.0, (0.01, 0.02), (0.008, 0.015), (1e-3, -2e-3))
+    at_once, soon = (history.dragged(t_s, np.array([0.05, -0.01]), before) for t_s in (3.0, 3.0 + 1e-6))
+    # A beam that drags behind the axes by the velocity lag has another rate than they.
+    assert at_once.rate == pytest.approx((0.05 + 1.0 * 1e-3, -0.01 - 1.9 * 2e-3), rel=1e-12)
+    assert (at_once.mean, at_once.slope) == (pytest.approx(before.mean, rel=1e-12), before.slope)
+    assert soon.mean == pytest.approx(before.mean, rel=1e-5)
+
+
 def test_axes_that_come_to_rest_leave_a_lag_that_swings_out() -> None:
     """Against the simulated mount's own average, whose beam drags behind the axes by the velocity lag."""
     history, state = LagHistory(model(), AVERAGING_S), None
