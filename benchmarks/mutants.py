@@ -47,7 +47,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "rf_pointing"
 NOT_COPIED = shutil.ignore_patterns(".*", "__pycache__", "build", "install", "log")
 # Messages, logs and declared settings.
-QUIET_CALLS = ("parameter", "warn", "warning", "info", "debug", "error", "print", "ValueError", "join")
+QUIET_CALLS = ("parameter", "warn", "warning", "info", "debug", "error", "print", "say", "ValueError", "join")
 # Imported once, before the forks; pytest itself refuses plugins that are imported before it starts.
 LIBRARIES = ("astropy", "jinja2", "matplotlib", "numpy", "rclpy", "scipy", "sgp4", "skyfield", "yaml")
 OPPOSITE: dict[type[ast.cmpop], type[ast.cmpop]] = {
@@ -94,7 +94,7 @@ def rewrite(file: Path, source: bytes) -> None:
 def mutants_of(path: Path) -> list[Mutant]:
     """Return every fault that the module (relative to the tree) can be given."""
     source = (ROOT / path).read_bytes()
-    if re.search(rb"matplotlib|picture_style import .*\bfigure\b", source):
+    if re.search(rb"matplotlib|picture_style import [^)]*\bfigure\b", source):
         return []
     starts = [0]
     for row in source.splitlines(keepends=True):
