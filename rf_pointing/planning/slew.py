@@ -47,7 +47,7 @@ COLUMN_RAD = math.radians(0.5)
 # The Sun moves on while the axes go through the columns: how often that time is estimated anew.
 ESTIMATES = 3
 # Legs to try when a path is straightened: a control unit that looks for a path must answer soon.
-LEGS = 60
+LEGS = 120
 # What corners add to the time that the axes need at their rates.
 CORNERS_S = 20.0
 # How far from start and goal the free elevations that the axes can reach are looked for.
@@ -406,19 +406,27 @@ class _FreeColumns:
 
     def _straightened(self, places: list[Pair]) -> list[Pair]:
         """Return the few corners that long free legs leave of these places, empty if none do."""
-        here, leg, corners, tried = 0, Leg.begin(places[0]), [], 0
-        while here < len(places) - 1:
-            reach = len(places) - 1 - here
-            while True:
-                there = here + reach
-                ahead = self._paths.leg(leg, places[there], self._sun, last=there == len(places) - 1)
-                if not ahead.reason:
-                    break
+        here, leg, corners, tried, last = 0, Leg.begin(places[0]), [], 0, len(places) - 1
+        reach = last
+        while here < last:
+            reach, found, failed = min(reach, last - here), None, False
+            # From the reach of the leg before: longer while that is free, or shorter until it is.
+            while tried < LEGS:
                 tried += 1
-                if reach == 1 or tried > LEGS:
-                    return []
-                reach = (reach + 1) // 2
-            here, leg = there, ahead
+                ahead = self._paths.leg(leg, places[here + reach], self._sun, last=here + reach == last)
+                if not ahead.reason:
+                    found = reach, ahead
+                    if failed or here + reach == last:
+                        break
+                    reach = min(2 * reach, last - here)
+                elif found or reach == 1:
+                    break
+                else:
+                    reach, failed = (reach + 1) // 2, True
+            if found is None:
+                return []
+            reach, leg = found
+            here += reach
             corners.append(places[here])
         return corners
 

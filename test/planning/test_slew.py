@@ -101,6 +101,28 @@ def test_of_random_slews_none_is_violated_and_no_free_path_is_missed(
     assert trial.main() == 0, capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [((119.71, 21.78), (-261.12, 62.16)), ((26.13, 10.31), (-228.57, 33.34)), ((-57.29, 159.44), (201.48, 165.77))],
+)
+def test_a_long_way_up_and_down_along_steep_slopes_is_found(
+    start: tuple[float, float], goal: tuple[float, float]
+) -> None:
+    """Four slopes of 2 deg per degree of azimuth, along which a leg is short: up to 29 corners."""
+    hills = HorizonMask(
+        azimuth_rad=tuple(a * DEG for a in (0.0, 19.59, 46.07, 67.4, 143.33, 156.09, 250.25, 289.43, 326.18)),
+        elevation_rad=tuple(e * DEG for e in (7.76, 3.4, 17.6, 54.74, 3.51, 14.16, 51.41, 64.22, 7.62)),
+    )
+    limits = AxisLimits(azimuth_min_rad=-288.32 * DEG, azimuth_max_rad=288.32 * DEG,
+                        elevation_min_rad=1.83 * DEG, elevation_max_rad=178.17 * DEG)  # fmt: skip
+    axes, sun = AxisRates((4.905 * DEG, 1.009 * DEG), (2.749 * DEG, 0.547 * DEG)), (125.87 * DEG, 65.23 * DEG)
+    scene = trial.Scene(hills, limits, axes, sun, 4.217 * DEG)
+    gate, here = Gate(GateParams(sun_radius_rad=scene.radius_rad), limits, hills, axes), (start[0] * DEG, start[1] * DEG)
+    decision = gate.check("slew", here, np.array([goal]) * DEG, sun_rad=sun)
+    assert decision.allowed, decision.reason
+    assert worst_excess(here, list(decision.way), scene) < 0.02 * DEG
+
+
 def test_a_way_past_hill_and_sun_is_found_through_the_only_gap() -> None:
     """A ridge with a pass of 6 deg, under a Sun that closes the sky above it."""
     ridge = HorizonMask(
@@ -560,46 +582,45 @@ def test_the_widest_of_the_columns_within_a_clearance_counts() -> None:
     np.testing.assert_array_equal(_widest(edges, values), [[7.0, 7.0, 7.0, 7.0, 1.0, 5.0, 5.0, 5.0]])
 
 
-def test_places_are_straightened_into_the_longest_free_legs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Halved until a leg is free; one step that is not, or too many trials, is no path."""
+@pytest.mark.parametrize(
+    ("longest", "tried", "found"),
+    [
+        (13, [13], [13]),
+        (7, [13, 7, 13], [7, 13]),
+        # The second leg begins with the length of the first: twice as long it is not free.
+        (4, [13, 7, 4, 8, 12, 12, 13, 13], [4, 8, 12, 13]),
+        (0, [13, 7, 4, 2, 1], []),
+    ],
+)
+def test_places_are_straightened_into_long_free_legs(
+    longest: int, tried: list[int], found: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Halved until a leg is free or doubled while it is; one step that is not free is no path."""
+    assert straightened(14, longest, monkeypatch) == (tried, found)
+
+
+def test_too_many_trials_are_no_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seven until the first of 55 legs is free, then two for each but the last."""
+    tried, found = straightened(111, 2, monkeypatch)
+    assert (len(tried), len(found)) == (114, 55)
+    tried, found = straightened(400, 2, monkeypatch)
+    assert (len(tried), found) == (120, [])
+
+
+def straightened(count: int, longest: int, monkeypatch: pytest.MonkeyPatch) -> tuple[list[int], list[int]]:
+    """Return by number the places that were tried, and those left of `count` in a row."""
     paths = PathFinder(FLAT, AXES, WIDE)
     columns = _FreeColumns(paths, (0.0, 0.1), (1.0, 0.1), None, 0.0)
-    places = [(0.01 * number, 0.1) for number in range(14)]
-    asked: list[tuple[int, bool]] = []
+    places, tried = [(0.001 * number, 0.1) for number in range(count)], list[int]()
 
     def leg(before: Leg, corner: tuple[float, float], _sun: None, *, last: bool) -> Leg:
-        here = places.index(before.moving[0].position_rad)
-        there = places.index(corner)
-        asked.append((there, last))
+        here, there = places.index(before.moving[0].position_rad), places.index(corner)
+        assert last == (there == count - 1)
+        tried.append(there)
         return Leg("" if there - here <= longest else "barred", (Moving(1.0, corner),), 0.0)
 
     monkeypatch.setattr(paths, "leg", leg)
-    for longest, ways, first in (
-        (13, [13], [(13, True)]),
-        (4, None, [(13, True), (7, False), (4, False)]),
-        (0, [], [(13, True), (7, False), (4, False), (2, False), (1, False)]),
-    ):
-        asked.clear()
-        found = columns._straightened(places)
-        assert asked[: len(first)] == first
-        if ways is not None:
-            assert found == [places[way] for way in ways]
-        else:
-            steps = np.diff([0, *(places.index(place) for place in found)])
-            assert np.all((steps >= 1) & (steps <= longest))
-            assert found[-1] == places[-1]
-    # 60 legs that are not free are enough.
-    places = [(0.001 * number, 0.1) for number in range(400)]
-    longest = 2
-    asked.clear()
-    assert columns._straightened(places) == []
-    here, free, barred = 0, 0, 0
-    for there, _ in asked:
-        if there - here <= 2:
-            here, free = there, free + 1
-        else:
-            barred += 1
-    assert barred == 61
+    return tried, [places.index(place) for place in columns._straightened(places)]
 
 
 @pytest.mark.parametrize(
