@@ -12,7 +12,7 @@ from rclpy.action import ActionClient
 from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import PassCertificate
 
-from rf_pointing.commands.station_run import GraphRun
+from rf_pointing.commands.station_run import EVENT_S, GraphRun
 from rf_pointing.nodes import convert_planning
 from rf_pointing.nodes.qos import LATCHED
 from rf_pointing.nodes.stamps import seconds_from_stamp
@@ -103,7 +103,7 @@ class LivePass:
         deadline_s, ended = time.monotonic() + CERTIFICATE_S, handle.get_result_async()
         while self._certificate is None and not ended.done() and time.monotonic() < deadline_s:
             self._run.check()
-            self._run.spin(0.02)
+            self._run.spin(EVENT_S)
         if self._certificate is None and not ended.done():
             raise TimeoutError(f"pointing_controller neither certified nor refused the pass in {CERTIFICATE_S:.0f} s")
         if self._certificate is None:

@@ -41,7 +41,7 @@ from std_srvs.srv import Trigger
 from rf_pointing.commands.live_pass import LivePass, outcome_line
 from rf_pointing.commands.managed_graph import NotStartedError
 from rf_pointing.commands.options import add_namespace_option, between, say
-from rf_pointing.commands.station_run import GraphRun, run_to_end
+from rf_pointing.commands.station_run import EVENT_S, FOLLOW_S, GraphRun, run_to_end
 from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
 from rf_pointing.nodes.graph import EXECUTIVE, EXECUTIVE_STATUS, SCHEDULE
@@ -155,7 +155,7 @@ class StationClient(GraphRun):
                 raise NotStartedError("interrupted")
             if time.monotonic() > deadline_s:
                 raise TimeoutError(f"{what} not seen within {patience_s:.0f} s in {self.options.namespace}")
-            self.spin(0.02)
+            self.spin(EVENT_S)
 
     def _call(self, kind: Any, name: str, request: Any) -> Any:
         caller = Caller(self.node, CommandKey(CommandKeyParams(command_key_file=self._key() if name in LEASED else "")))
@@ -187,8 +187,8 @@ class StationClient(GraphRun):
     def _look(self, *names: str) -> None:
         """Receive for a moment what is published; end early when all of `names` are there."""
         deadline_s = time.monotonic() + LOOK_S
-        while time.monotonic() < deadline_s and not (names and set(names) <= self.newest.keys()):
-            self.spin(0.02)
+        while time.monotonic() < deadline_s and not set(names) <= self.newest.keys():
+            self.spin(EVENT_S)
 
     # Commands
 
@@ -249,7 +249,7 @@ class StationClient(GraphRun):
         return 0 if result.success else 1
 
     def _queue(self) -> int:
-        options, code = self.options, 0
+        options = self.options
         text = options.file.read_text() if options.file else ""
         # Refused here, with its row, rather than by a node.
         passes = read_passes(text, every=False) if text else []
@@ -283,7 +283,7 @@ class StationClient(GraphRun):
         """Return the result; None if an executive that was started again has ended the night."""
         ended, begun, idle_s = handle.get_result_async(), False, math.inf
         while not ended.done():
-            self.spin(0.1)
+            self.spin(FOLLOW_S)
             if self.stopping:
                 # The night goes on without its client; `station night stop` ends it.
                 raise NotStartedError("no longer followed; the night goes on")
@@ -315,7 +315,7 @@ class StationClient(GraphRun):
                 return 1 if values["fault"] or any(each["level"] == 2 for each in values["alarms"]) else 0
             deadline_s = time.monotonic() + 1.0
             while time.monotonic() < deadline_s and not self.stopping:
-                self.spin(0.05)
+                self.spin(EVENT_S)
 
     def _status_values(self) -> dict[str, Any]:
         antenna, tracking = self.newest["antenna_status"], self.newest.get("tracking_status", TrackingStatus())

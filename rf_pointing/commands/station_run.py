@@ -5,6 +5,7 @@ An antenna with a drive runs in real time; what its receiver publishes is record
 """
 
 import argparse
+import math
 import signal
 import time
 from collections.abc import Callable
@@ -36,6 +37,10 @@ PATIENCE_S = 120.0
 SETTLE_S = 0.2
 """Publishers and subscribers that the graph knows still need a moment to match each other."""
 SAY_EVERY_S = 60.0
+EVENT_S = 0.02
+"""Longest wait for one event where an answer is awaited."""
+FOLLOW_S = 0.1
+"""The same where a pass or a night is followed to its end."""
 LOOK_PERIOD_S = 0.2
 """Time between two checks that every node still runs."""
 PUNCTUAL = ("simulation_clock", "antenna_servo")
@@ -83,7 +88,7 @@ class GraphRun:
         while not future.done():
             if time.monotonic() > deadline_s:
                 raise TimeoutError(f"an answer of {owner} not seen within {PATIENCE_S:.0f} s")
-            self.spin(0.02)
+            self.spin(EVENT_S)
         if not future.result().accepted:
             raise NotStartedError(f"the goal was refused: {owner} is not active, or has another one")
         return future.result()
@@ -92,7 +97,7 @@ class GraphRun:
         """Return the result of an accepted goal, which is cancelled when the user stops the run."""
         result, cancelled, look_s = handle.get_result_async(), False, 0.0
         while not result.done():
-            self.spin(0.1)
+            self.spin(FOLLOW_S)
             # Not at every event: to check eight processes costs more than most events.
             if self.graph is not None and time.monotonic() >= look_s:
                 self.graph.check()
@@ -168,7 +173,7 @@ class StationRun(GraphRun):
 
     def wait_for(self, t_s: float, what: str) -> None:
         """Let real time go on until `t_s` (UTC, s since 1970), and report once a minute."""
-        next_s = t_s - time.time()
+        next_s = math.inf
         while (left_s := t_s - time.time()) > 0.0:
             if left_s <= next_s:
                 self.say(f"in real time: {what} in {left_s:.0f} s")

@@ -1,26 +1,64 @@
-"""The command line of `station`, and how its lines read."""
+"""The command line of `station`, what each request does to the station, and how its lines read."""
 
+import io
+import json
+import math
+import os
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
-from rcl_interfaces.msg import ParameterType, ParameterValue
-from rcl_interfaces.srv import GetParameters
-from rf_pointing_msgs.msg import Alarm, AntennaStatus, ExecutiveStatus
+from rcl_interfaces.msg import ParameterType, ParameterValue, SetParametersResult
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.serialization import deserialize_message
+from rf_pointing_msgs.action import RunSchedule, TrackPass
+from rf_pointing_msgs.msg import (
+    Alarm,
+    AntennaStatus,
+    ExecutiveStatus,
+    Pass,
+    PassBranch,
+    PassCertificate,
+    PassList,
+    Schedule,
+    ScheduledPass,
+    TrackingStatus,
+)
+from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Named
+from std_srvs.srv import Trigger
 
+import rf_pointing.report
 from rf_pointing.commands import station
+from rf_pointing.core.dates import parse_utc
+from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
+from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from test.commands.fake_station import FakeStation, make_station
 
 
 @pytest.mark.parametrize(
     "line",
     [
+        "",
         "offset",
         "queue",
         "fly",
         "go 120",
         "go 120 high",
+        "go 1001 10",
+        "go -1001 10",
+        "go 10 201",
+        "go 10 -21",
         "track",
+        "track ISS --sensor nose",
+        "track ISS --min-peak 91",
+        "track ISS --near tomorrow",
         "night dance",
-        "offset --along 100",
+        "offset --along 61",
+        "offset --along -61",
+        "offset --cross 5.8",
+        "offset --cross -5.8",
+        "log -n many",
         "--namespace a b status",
     ],
 )
@@ -30,25 +68,568 @@ def test_wrong_lines_end_with_2(line: str) -> None:
     assert ended.value.code == 2
 
 
-def test_a_file_that_is_missing_ends_with_2(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("line", "wanted"),
+    [
+        ("--namespace roof --key my.key passes --json", {"namespace": "/roof", "key": "my.key", "json": True}),
+        ("passes", {"namespace": "/gs1", "key": None, "json": False}),
+        (
+            "track ISS",
+            {"satellite": "ISS", "sensor": "auto", "min_peak": 0.0, "near": None, "output": None, "no_record": False},
+        ),
+        (
+            "track ISS --sensor program --min-peak 90 --near 2006-06-27T04:00:00 --output out --no-record",
+            {"sensor": "program", "min_peak": 90.0, "near": 1_151_380_800.0, "output": "out", "no_record": True},
+        ),
+        ("track ISS --min-peak 0", {"min_peak": 0.0}),
+        ("queue night.csv", {"file": Path("night.csv"), "remove": [], "start": False}),
+        ("queue --remove a b", {"file": None, "remove": ["a", "b"], "start": False}),
+        ("queue --start", {"file": None, "remove": [], "start": True}),
+        ("status", {"watch": False, "json": False}),
+        ("status --watch --json", {"watch": True, "json": True}),
+        ("go -1000 -20", {"azimuth": -1000.0, "elevation": -20.0}),
+        ("go 1000 200", {"azimuth": 1000.0, "elevation": 200.0}),
+        ("stop", {"antenna": False}),
+        ("stop --antenna", {"antenna": True}),
+        ("offset --along -60", {"along": -60.0, "cross": None}),
+        ("offset --along 60 --cross -5.7", {"along": 60.0, "cross": -5.7}),
+        ("offset --cross 5.7", {"along": None, "cross": 5.7}),
+        ("night pause", {"request": "pause", "name": ""}),
+        ("night skip p1", {"request": "skip", "name": "p1"}),
+        ("log", {"n": 30}),
+        ("log -n 5", {"n": 5}),
+    ],
+)
+def test_the_command_line_means_what_it_says(line: str, wanted: dict[str, Any]) -> None:
+    options = vars(station.arguments(line.split()))
+    assert {name: options[name] for name in wanted} == wanted
+
+
+def test_a_tracker_of_another_package_can_be_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
+    choices = dict(station.SENSOR_CHOICES)
+    monkeypatch.setattr(station, "SENSOR_CHOICES", choices)
+    monkeypatch.setattr(station, "load_trackers", lambda: choices.update(nose="nose"))
+    assert station.arguments(["track", "ISS", "--sensor", "nose"]).sensor == "nose"
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> FakeStation:
+    return make_station(monkeypatch)
+
+
+def run(*words: str) -> int:
     with pytest.raises(SystemExit) as ended:
-        station.main(["queue", "/nowhere/night.csv"])
-    assert ended.value.code == 2
+        station.main([*words])
+    assert isinstance(ended.value.code, int)
+    return ended.value.code
+
+
+def test_a_file_that_is_missing_ends_with_2_before_the_station_is_looked_for(
+    fake: FakeStation, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("queue", "/nowhere/night.csv") == 2
     assert "no such file: /nowhere/night.csv" in capsys.readouterr().err
+    assert fake.life == []
 
 
-def test_the_key_is_that_of_the_antenna_where_this_user_has_it(tmp_path: Path) -> None:
-    client, answer = station.StationClient.__new__(station.StationClient), GetParameters.Response()
-    client._call = lambda *_: answer
-    client.options = station.arguments(["park"])
-    assert client._key() == "", "an antenna without the parameter"
-    answer.values = [ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=str(tmp_path / "command.key"))]
-    assert client._key() == "", "a key of another computer"
-    (tmp_path / "command.key").touch()
-    assert client._key() == str(tmp_path / "command.key")
-    client.options = station.arguments(["--key", "/nowhere/command.key", "park"])
-    with pytest.raises(ValueError, match="--key /nowhere/command.key: no such file"):
-        client._key()
+# Requests that are one call of a service
+
+
+def trigger(success: bool, message: str = "as you wish") -> Any:
+    return lambda _: Trigger.Response(success=success, message=message)
+
+
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("park", "antenna_servo/park"),
+        ("stow", "antenna_servo/stow"),
+        ("pause", "antenna_servo/pause"),
+        ("release", "antenna_servo/resume"),
+        ("disable", "antenna_servo/disable"),
+        ("reset", "antenna_servo/reset_fault"),
+        ("stop", "pointing_controller/stop"),
+        ("stop --antenna", "antenna_servo/stop"),
+        ("night pause", "station_executive/pause"),
+        ("night resume", "station_executive/resume"),
+        ("night stop", "station_executive/stop"),
+        ("night abort", "station_executive/abort"),
+    ],
+)
+@pytest.mark.parametrize("success", [True, False])
+def test_a_request_calls_its_service_and_ends_with_its_success(
+    fake: FakeStation, capsys: pytest.CaptureFixture[str], line: str, name: str, success: bool
+) -> None:
+    fake.services[name] = trigger(success, "the reason")
+    assert run(*line.split()) == (0 if success else 1)
+    assert fake.calls[-1][0] == name
+    assert capsys.readouterr().err == "station: the reason\n"
+    assert fake.life == ["begun", "executor shut down", "destroyed", "over"]
+
+
+@pytest.mark.parametrize(
+    ("line", "name", "kind", "values"),
+    [
+        ("go 120 45", "antenna_servo/go_to", GoTo, {"azimuth": math.radians(120.0), "elevation": math.radians(45.0)}),
+        ("night skip p1", "station_executive/skip", Named, {"name": "p1"}),
+        ("night skip", "station_executive/skip", Named, {"name": ""}),
+        ("night ack full_disk", "station_executive/acknowledge", Named, {"name": "full_disk"}),
+        ("queue --remove a b", "station_executive/change_schedule", ChangeSchedule, {"add": "", "remove": ["a", "b"]}),
+    ],
+)
+def test_a_request_has_what_the_line_names(
+    fake: FakeStation, line: str, name: str, kind: Any, values: dict[str, Any]
+) -> None:
+    fake.services[name] = lambda _: kind.Response(success=True, message="")
+    assert run(*line.split()) == 0
+    called, request = fake.calls[-1]
+    assert called == name
+    assert {key: getattr(request, key) for key in values} == values
+
+
+def test_a_station_that_is_not_there_ends_with_2_after_ten_seconds(
+    fake: FakeStation, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("--namespace", "/roof", "night", "pause") == 2
+    assert "station_executive/pause not seen within 10 s in /roof" in capsys.readouterr().err
+    assert fake.wall.passed_s == pytest.approx(10.0, abs=0.1)
+    assert fake.namespace == "/roof"
+    assert fake.name == f"station_{os.getpid()}", "several operators may look at one station"
+
+
+def test_an_answer_that_never_comes_ends_with_2(fake: FakeStation, capsys: pytest.CaptureFixture[str]) -> None:
+    fake.services["station_executive/pause"] = trigger(True)
+    fake.answer_s = math.inf
+    assert run("night", "pause") == 2
+    assert "an answer of station_executive/pause not seen within 10 s" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("sign", [2, 15])
+def test_a_signal_ends_the_wait(fake: FakeStation, capsys: pytest.CaptureFixture[str], sign: int) -> None:
+    fake.at(1.0, lambda: fake.handlers[sign]())
+    assert run("night", "pause") == 2
+    assert capsys.readouterr().err == "station: interrupted\n"
+    assert fake.wall.passed_s < 1.1
+
+
+# The key
+
+
+def key_file(*paths: str) -> Any:
+    values = [ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=path) for path in paths]
+    return lambda _: GetParameters.Response(values=values)
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_what_moves_the_antenna_is_signed_with_its_key(fake: FakeStation, tmp_path: Path) -> None:
+    path = tmp_path / "command.key"
+    servo = CommandKey(CommandKeyParams(command_key_file=str(path)))
+    fake.services["antenna_servo/get_parameters"] = key_file(str(path))
+    fake.services["antenna_servo/signed"] = trigger(True)
+    fake.services["station_executive/pause"] = trigger(True)
+    assert run("park") == 0
+    (first, request), (name, call) = fake.calls
+    assert (first, request.names) == ("antenna_servo/get_parameters", ["command_key_file"])
+    assert (name, call.service) == ("antenna_servo/signed", "/gs1/antenna_servo/park")
+    servo.check_call(call)
+    assert isinstance(deserialize_message(bytes(call.request), Trigger.Request), Trigger.Request)
+    # What moves nothing needs no key.
+    assert run("night", "pause") == 0
+    assert [each for each, _ in fake.calls[2:]] == ["station_executive/pause"]
+    assert run("--key", str(path), "park") == 0
+    assert [each for each, _ in fake.calls[3:]] == ["antenna_servo/signed"], "a key that is given is not looked for"
+
+
+def test_the_key_of_another_computer_or_user_is_not_used(
+    fake: FakeStation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "command.key"
+    fake.services["antenna_servo/park"] = trigger(True)
+    for given in ("", str(path)):
+        fake.services["antenna_servo/get_parameters"] = key_file(given)
+        assert run("park") == 0
+        assert fake.calls[-1][0] == "antenna_servo/park"
+    CommandKey(CommandKeyParams(command_key_file=str(path)))
+    other = os.getuid() + 1
+    monkeypatch.setattr(station.os, "getuid", lambda: other)
+    assert run("park") == 0
+    assert fake.calls[-1][0] == "antenna_servo/park"
+
+
+def test_a_key_that_is_given_and_missing_is_refused(
+    fake: FakeStation, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "command.key"
+    fake.services["antenna_servo/park"] = trigger(True)
+    assert run("--key", str(path), "park") == 2
+    assert capsys.readouterr().err == f"station: --key {path}: no such file\n"
+
+
+# Passes
+
+T_S = 1_151_384_323.0
+ENTRY = ScheduledPass(
+    id="p1", target="ISS", priority=5, aos=stamp_from_seconds(T_S), los=stamp_from_seconds(T_S + 600.0),
+    peak_elevation=math.radians(43.21), state="lost", reason="drives cut",
+)  # fmt: skip
+WINDOW = Pass(
+    target="ISS", aos=stamp_from_seconds(T_S), los=stamp_from_seconds(T_S + 600.0), peak_elevation=math.radians(43.21)
+)
+TIMES = "2006-06-27T04:58:43 05:08:43  43.21 deg  "
+
+
+def test_the_schedule_is_shown_as_soon_as_it_is_there(fake: FakeStation, capsys: pytest.CaptureFixture[str]) -> None:
+    fake.publish(0.2, "schedule", Schedule(passes=[ENTRY]))
+    fake.publish(0.1, "passes", PassList(target="Moon", passes=[WINDOW]))
+    assert run("passes") == 0
+    assert capsys.readouterr().out == f"{TIMES}{'ISS':<24}     5 lost     p1: drives cut\n"
+    assert fake.wall.passed_s < 0.3
+
+
+def test_without_a_schedule_the_passes_of_the_target_are_shown(
+    fake: FakeStation, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fake.publish(0.1, "schedule", Schedule())
+    fake.publish(5.0, "passes", PassList(target="SUN", passes=[WINDOW]))
+    assert run("passes", "--json") == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert (row["target"], row["aos_utc"][:19], row["peak_deg"]) == ("SUN", "2006-06-27T04:58:43", 43.21)
+    assert fake.wall.passed_s == pytest.approx(5.0, abs=0.1)
+
+
+def test_passes_that_nobody_publishes_end_with_2(fake: FakeStation, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("passes") == 2
+    assert "passes not seen within 10 s" in capsys.readouterr().err
+    assert fake.wall.passed_s == pytest.approx(station.LOOK_S + 10.0, abs=0.1)
+
+
+# Track
+
+
+class Bag:
+    """A recorder that makes its folder and ends with `problem`."""
+
+    problem = ""
+
+    def __init__(self, _node: Any, namespace: str, path: Path) -> None:
+        assert namespace == "/gs1"
+        self.path = path
+        path.mkdir(parents=True)
+
+    def close(self) -> Any:
+        (self.path / "closed").touch()
+        return SimpleNamespace(path=self.path, problem=self.problem)
+
+
+@pytest.fixture
+def reports(fake: FakeStation, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[Path, Path]]:
+    """Let a station fly the pass of `WINDOW`; return bag and folder of every report."""
+    made: list[tuple[Path, Path]] = []
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(station, "Recorder", Bag)
+    monkeypatch.setattr(rf_pointing.report, "write_report", lambda bag, folder: made.append((bag, folder)))
+    fake.results["track_pass"] = TrackPass.Result(
+        success=True, message="loss of signal", seconds_tracked=600.0, target_pass=WINDOW, predicted_loss=-1.0
+    )
+    limit, place = [0.1, 0.1], [PassBranch(works=True)]
+    certificate = PassCertificate(
+        target="ISS", accepted=True, branches=place, rate_limit=limit, acceleration_limit=limit, sky_peak=0.75
+    )
+    # After the look for an executive.
+    fake.publish(2.0, "pass_certificate", certificate)
+    return made
+
+
+def test_a_pass_is_tracked_recorded_and_reported(
+    fake: FakeStation, reports: list[tuple[Path, Path]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = "track ISS --sensor conscan --min-peak 30 --near 2006-06-27T04:00:00 --output out"
+    assert run(*line.split()) == 0
+    ((name, goal),) = fake.goals
+    assert (name, goal.satellite, goal.sensor) == ("track_pass", "ISS", "conscan")
+    assert goal.minimum_peak_elevation == pytest.approx(math.radians(30.0))
+    assert seconds_from_stamp(goal.near) == parse_utc("2006-06-27T04:00:00")
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0].startswith("certificate of ISS")
+    assert lines[-3:] == [
+        "station: ISS: AOS 2006-06-27T04:58:43.000Z, LOS 2006-06-27T05:08:43.000Z, peak 43.2 deg",
+        "station: report out/report.html",
+        "station: tracked: loss of signal; 600 s held, 0 s lost; mean pointing loss 0.00 dB",
+    ]
+    assert reports == [(Path("out/bag"), Path("out"))]
+    assert Path("out/bag/closed").exists()
+
+
+def test_the_folder_of_a_pass_is_named_after_satellite_and_time(
+    fake: FakeStation, reports: list[tuple[Path, Path]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("track", "A/B") == 0
+    ((bag, folder),) = reports
+    assert bag == folder / "bag"
+    assert folder.parent == Path("runs")
+    assert folder.match("A_B-*T*")
+    assert seconds_from_stamp(fake.goals[0][1].near) == 0.0
+    assert "recording stopped" not in capsys.readouterr().err
+
+
+def test_a_pass_may_be_tracked_without_a_recording(fake: FakeStation, reports: list[tuple[Path, Path]]) -> None:
+    fake.ready_s = 5.0
+    fake.results["track_pass"].success = False
+    assert run("track", "ISS", "--no-record") == 1
+    assert reports == []
+    assert list(Path().iterdir()) == []
+
+
+def test_a_recording_that_has_stopped_is_reported_with_its_reason(
+    fake: FakeStation,
+    reports: list[tuple[Path, Path]],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Bag, "problem", "the disk is full")
+    assert run("track", "ISS", "--output", "out") == 0
+    assert "station: recording stopped: the disk is full\n" in capsys.readouterr().err
+    assert len(reports) == 1
+
+
+@pytest.mark.parametrize("began", [True, False])
+def test_a_satellite_without_a_pass_ends_with_2_and_leaves_no_bag(
+    fake: FakeStation,
+    reports: list[tuple[Path, Path]],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    began: bool,
+) -> None:
+    if not began:
+        monkeypatch.setattr(Bag, "close", lambda bag: bag.path.rmdir() or SimpleNamespace(path=bag.path, problem=""))
+    fake.results["track_pass"] = TrackPass.Result(message="ISS has no pass above 80 deg")
+    assert run("track", "ISS", "--output", "out") == 2
+    assert "station: ISS has no pass above 80 deg\n" in capsys.readouterr().err
+    assert (list(Path("out").iterdir()), reports) == ([], [])
+
+
+def test_a_goal_that_is_refused_ends_with_2_and_closes_the_bag(
+    fake: FakeStation, reports: list[tuple[Path, Path]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    fake.results["track_pass"] = None
+    assert run("track", "ISS", "--output", "out") == 2
+    assert "the goal was refused: pointing_controller" in capsys.readouterr().err
+    assert Path("out/bag/closed").exists()
+    assert reports == []
+
+
+def test_an_output_with_a_bag_is_refused_and_kept(
+    fake: FakeStation, reports: list[tuple[Path, Path]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("out/bag").mkdir(parents=True)
+    assert run("track", "ISS", "--output", "out") == 2
+    assert capsys.readouterr().err == "station: output=out holds a bag already\n"
+    assert (fake.goals, Path("out/bag").exists()) == ([], True)
+
+
+@pytest.mark.parametrize(("state", "code"), [("running", 2), ("paused", 0), ("idle", 0)])
+def test_a_pass_is_not_tracked_into_the_schedule_of_the_executive(
+    fake: FakeStation, reports: list[tuple[Path, Path]], state: str, code: int
+) -> None:
+    fake.publish(0.1, "executive_status", ExecutiveStatus(state=state))
+    assert run("track", "ISS", "--output", "out") == code
+    assert len(fake.goals) == len(reports) == (code == 0)
+
+
+def test_an_interrupted_pass_is_cancelled_once_and_keeps_its_report(
+    fake: FakeStation, reports: list[tuple[Path, Path]]
+) -> None:
+    fake.result_s = 60.0
+    fake.at(10.0, lambda: fake.handlers[2]())
+    fake.results["track_pass"].success = False
+    assert run("track", "ISS", "--output", "out") == 1
+    assert fake.cancelled_s == [pytest.approx(10.0, abs=0.2)]
+    assert len(reports) == 1
+
+
+# The schedule
+
+ROWS = json.dumps(
+    [{"name": "ISS", "catalogue_number": 25544, "aos_utc": "2026-01-01T00:00:00", "los_utc": "2026-01-01T00:10:00",
+      "fate": fate} for fate in ("tracked", "yields")]
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("success", [True, False])
+def test_the_passes_of_a_plan_are_given_to_the_executive(
+    fake: FakeStation, tmp_path: Path, capsys: pytest.CaptureFixture[str], success: bool
+) -> None:
+    """What `plan_passes` lists as yielding to another pass is not counted."""
+    file = tmp_path / "night.json"
+    file.write_text(ROWS)
+    fake.services["station_executive/change_schedule"] = lambda _: ChangeSchedule.Response(
+        success=success, message="the schedule"
+    )
+    assert run("queue", str(file), "--remove", "p9") == (0 if success else 1)
+    ((_, request),) = fake.calls
+    assert (request.add, request.remove) == (ROWS, ["p9"])
+    counted = ["station: 1 passes from 2026-01-01T00:00:00.000Z"] if success else []
+    assert capsys.readouterr().err.splitlines() == ["station: the schedule", *counted]
+
+
+def test_a_list_with_a_wrong_row_is_refused_before_it_is_sent(
+    fake: FakeStation, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "night.csv"
+    file.write_text("target,aos_utc,los_utc\nISS,tomorrow,2026-01-01T00:10:00\n")
+    assert run("queue", str(file), "--start") == 2
+    assert "row 1: start='tomorrow'" in capsys.readouterr().err
+    assert (fake.calls, fake.goals) == ([], [])
+
+
+@pytest.mark.parametrize("success", [True, False])
+def test_a_schedule_is_run_to_its_end(
+    fake: FakeStation, tmp_path: Path, capsys: pytest.CaptureFixture[str], success: bool
+) -> None:
+    file = tmp_path / "night.json"
+    file.write_text(ROWS)
+    fake.results["run_schedule"] = RunSchedule.Result(success=success, message="1 tracked", report="/nights/1")
+    assert run("queue", str(file), "--start") == (0 if success else 1)
+    ((name, goal),) = fake.goals
+    assert (name, goal.schedule, goal.resume) == ("run_schedule", ROWS, False)
+    assert capsys.readouterr().err == "station: 1 tracked\nstation: morning report /nights/1/night.html\n"
+
+
+def test_without_a_list_the_kept_schedule_goes_on(fake: FakeStation, capsys: pytest.CaptureFixture[str]) -> None:
+    fake.results["run_schedule"] = RunSchedule.Result(success=True, message="nothing to do")
+    assert run("queue", "--start") == 0
+    ((_, goal),) = fake.goals
+    assert (goal.schedule, goal.resume) == ("", True)
+    assert capsys.readouterr().err == "station: nothing to do\n", "no report, no line of it"
+
+
+def test_an_interrupted_night_goes_on_without_its_client(fake: FakeStation, capsys: pytest.CaptureFixture[str]) -> None:
+    fake.results["run_schedule"], fake.result_s = RunSchedule.Result(success=True), 60.0
+    fake.at(3.0, lambda: fake.handlers[2]())
+    assert run("queue", "--start") == 2
+    assert capsys.readouterr().err == "station: no longer followed; the night goes on\n"
+    assert fake.wall.passed_s == pytest.approx(3.0, abs=0.2)
+    assert fake.cancelled_s == []
+
+
+@pytest.mark.parametrize(
+    ("states", "code"), [(["tracked", "skipped"], 0), (["tracked", "lost", "missed", "weather"], 1)]
+)
+def test_the_end_of_a_night_whose_executive_was_started_again_is_seen_in_its_state(
+    fake: FakeStation, capsys: pytest.CaptureFixture[str], states: list[str], code: int
+) -> None:
+    """It does not answer the goal of its predecessor; idle for 5 s after it ran, the night is over."""
+    fake.results["run_schedule"], fake.result_s = RunSchedule.Result(success=True), 600.0
+    fake.publish(0.1, "schedule", Schedule(passes=[ScheduledPass(state=state) for state in states]))
+    # Idle before the night has begun is no end of it, nor is a moment between two states.
+    for at_s, state in ((0.1, "idle"), (20.0, "running"), (30.0, "idle"), (32.0, "running"), (40.0, "idle")):
+        fake.publish(at_s, "executive_status", ExecutiveStatus(state=state))
+    assert run("queue", "--start") == code
+    assert fake.wall.passed_s == pytest.approx(45.0, abs=0.2)
+    assert f"the night has ended: 1 tracked, {3 * code} not" in capsys.readouterr().err
+
+
+class Stream(io.StringIO):
+    """A stream that is a terminal or a file; `flushed` is what has left it."""
+
+    flushed = ""
+
+    def __init__(self, terminal: bool) -> None:
+        super().__init__()
+        self.isatty = lambda: terminal
+
+    def flush(self) -> None:
+        self.flushed = self.getvalue()
+
+
+@pytest.mark.parametrize(("terminal", "lines"), [(False, 4), (True, 35)])
+def test_the_line_of_a_night_is_redrawn_each_second_or_repeated_every_ten(
+    fake: FakeStation, monkeypatch: pytest.MonkeyPatch, terminal: bool, lines: int
+) -> None:
+    stream = Stream(terminal)
+    monkeypatch.setattr(station.sys, "stderr", stream)
+    fake.results["run_schedule"], fake.result_s = RunSchedule.Result(success=True), 34.9
+    message = SimpleNamespace(
+        feedback=RunSchedule.Feedback(state="running", target="ISS", step="track", passes_done=1, passes_left=2)
+    )
+    for k in range(340):
+        fake.at(0.5 + 0.1 * k, lambda: fake.feedback(message) if fake.feedback else None)
+    assert run("queue", "--start") == 0
+    drawn = stream.flushed
+    assert drawn.count("running, 1 done, 2 left, ISS: track") == pytest.approx(lines, abs=1 if terminal else 0)
+    assert drawn.count("\r\x1b[2K") == (drawn.count("running") if terminal else 0)
+
+
+def test_the_first_line_of_a_night_comes_at_once(
+    fake: FakeStation, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client = station.StationClient(station.arguments(["queue", "--start"]))
+    fake.wall.now_s = 0.5
+    client._feedback(SimpleNamespace(feedback=RunSchedule.Feedback(state="running", passes_left=2)))
+    assert capsys.readouterr().err == "running, 0 done, 2 left, between passes\n"
+
+
+# Status
+
+ANTENNA = AntennaStatus(mode="tracking", commanded=[1.0, 0.5])
+
+
+def test_the_status_is_shown_as_soon_as_all_of_it_is_there(
+    fake: FakeStation, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fake.publish(0.1, "antenna_status", ANTENNA)
+    fake.publish(0.2, "tracking_status", TrackingStatus(mode="conscan", target="ISS"))
+    fake.publish(0.3, "executive_status", ExecutiveStatus(state="idle"))
+    assert run("status", "--json") == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert [shown[name] for name in ("antenna", "azimuth_deg", "elevation_deg", "tracking", "target", "executive")] == [
+        "tracking", 57.296, 28.648, "conscan", "ISS", "idle",
+    ]  # fmt: skip
+    assert fake.wall.passed_s < 0.4
+
+
+def test_an_antenna_alone_has_a_status(fake: FakeStation, capsys: pytest.CaptureFixture[str]) -> None:
+    fake.publish(0.1, "antenna_status", ANTENNA)
+    assert run("status") == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.endswith("antenna tracking az 57.30 el 28.65 deg  no controller   executive none: nothing")
+    assert fake.wall.passed_s == pytest.approx(station.LOOK_S, abs=0.1)
+
+
+def test_without_an_antenna_there_is_no_status(fake: FakeStation, capsys: pytest.CaptureFixture[str]) -> None:
+    fake.publish(0.1, "tracking_status", TrackingStatus(mode="conscan"))
+    assert run("status") == 2
+    assert capsys.readouterr().err == "station: no antenna in /gs1\n"
+
+
+@pytest.mark.parametrize(
+    ("fault", "level", "code"), [("", None, 0), ("", 1, 0), ("", 2, 1), ("drives cut", None, 1), ("drives cut", 1, 1)]
+)
+def test_a_fault_or_an_error_gives_exit_code_1(
+    fake: FakeStation, capsys: pytest.CaptureFixture[str], fault: str, level: int | None, code: int
+) -> None:
+    alarms = [] if level is None else [Alarm(name="full_disk", level=level, message="0.1 GB are free")]
+    fake.publish(0.1, "antenna_status", AntennaStatus(fault=fault))
+    fake.publish(0.1, "executive_status", ExecutiveStatus(state="running", reason="waits", alarms=alarms))
+    assert run("status") == code
+    head, *lines = capsys.readouterr().out.splitlines()
+    assert head.endswith("executive running: waits")
+    words = {1: ["  warning full_disk: 0.1 GB are free"], 2: ["  ERROR full_disk: 0.1 GB are free"]}
+    assert lines == ([f"  fault: {fault}"] if fault else []) + words.get(level or 0, [])
+
+
+def test_a_watched_status_is_a_line_each_second_until_the_signal(
+    fake: FakeStation, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fake.publish(0.1, "antenna_status", ANTENNA)
+    for name, message in (("tracking_status", TrackingStatus()), ("executive_status", ExecutiveStatus())):
+        fake.publish(0.1, name, message)
+    fake.publish(4.5, "antenna_status", AntennaStatus(mode="stopped"))
+    fake.at(10.5, lambda: fake.handlers[15]())
+    assert run("status", "--watch") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[2] for line in lines] == ["tracking"] * 5 + ["stopped"] * 7, "at 0.1, 1.1 ... 10.1 and 10.5 s"
+    assert fake.wall.passed_s == pytest.approx(10.5, abs=0.1)
 
 
 def test_the_line_of_a_night_shows_what_runs_and_every_alarm() -> None:
@@ -62,3 +643,54 @@ def test_the_line_of_a_night_shows_what_runs_and_every_alarm() -> None:
     assert "antenna tracking az 57.30 el 28.65 deg" in line
     assert "executive running: p1 pass: executing" in line
     assert "warning full_disk: 0.1 GB are free (acknowledged)" in line
+
+
+def test_kept_messages_are_requested_where_they_are_published_so(fake: FakeStation) -> None:
+    """A volatile publisher does not match a request for kept messages, and a kept schedule must be received."""
+    station.StationClient(station.arguments(["status"]))
+    kept = {name for name, (_, _, qos) in fake.topics.items() if qos in (station.LATCHED, station.STATUS)}
+    assert kept == {"schedule", "executive_status", "passes", "antenna_status"}
+    assert fake.topics.keys() - kept == {"tracking_status"}
+
+
+# Parameters and journal
+
+
+@pytest.mark.parametrize(
+    ("line", "wanted"),
+    [
+        ("--along 0.3", {"source.along_track_offset_s": 0.3}),
+        ("--cross 0", {"source.cross_track_offset_deg": 0.0}),
+        ("--along -1 --cross 0.01", {"source.along_track_offset_s": -1.0, "source.cross_track_offset_deg": 0.01}),
+    ],
+)
+@pytest.mark.parametrize("reason", ["", "out of range"])
+def test_an_offset_is_set_in_one_step(
+    fake: FakeStation, capsys: pytest.CaptureFixture[str], line: str, wanted: dict[str, float], reason: str
+) -> None:
+    fake.services["ephemeris_publisher/set_parameters_atomically"] = lambda _: SetParametersAtomically.Response(
+        result=SetParametersResult(successful=not reason, reason=reason)
+    )
+    assert run("offset", *line.split()) == (1 if reason else 0)
+    ((_, request),) = fake.calls
+    assert {row.name: row.value.double_value for row in request.parameters} == wanted
+    texts = [f"{name.removeprefix('source.')}={value}" for name, value in wanted.items()]
+    assert capsys.readouterr().err == f"station: {reason or ', '.join(texts)}\n"
+
+
+def test_the_last_lines_of_the_journal_are_shown(
+    fake: FakeStation, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fake.services["station_executive/get_parameters"] = key_file(str(tmp_path))
+    assert run("log") == 2
+    assert f"no journal at {tmp_path}/journal.jsonl on this computer" in capsys.readouterr().err
+    rows = [
+        {"utc": f"T{k}", "event": "begin", "block": "pass", "directive": "go" if k % 2 else "", "detail": f"number {k}"}
+        for k in range(10)
+    ]
+    (tmp_path / "journal.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in rows), encoding="utf-8")
+    assert run("log", "-n", "2") == 0
+    assert capsys.readouterr().out.splitlines() == [
+        f"T8 begin            {'pass':<28} number 8", f"T9 begin            {'pass.go':<28} number 9",
+    ]  # fmt: skip
+    assert fake.calls[-1][1].names == ["executive.folder"]
