@@ -238,12 +238,12 @@ class RotctldServerNode(StationNode):
             azimuth, elevation = map(float, reading.position_rad)
             if self._model is not None:
                 try:
-                    found = self._model.remove([azimuth], [elevation])
+                    found = self._model.remove(azimuth, elevation, *reading.velocity_rad_s, 0.0, 0.0)
                 except ValueError:
                     # At the mount's zenith the model has no inverse: the axes are near enough.
                     pass
                 else:
-                    azimuth, elevation = float(found[0][0]), float(found[1][0])
+                    azimuth, elevation = map(float, found)
             self._view.position_deg = math.degrees(azimuth), math.degrees(elevation)
             rates = [0 if abs(rate) < MOVING_RAD_S else int(math.copysign(1, rate)) for rate in reading.velocity_rad_s]
             self._view.moving = rates[0], rates[1]
