@@ -27,7 +27,7 @@ BAR = 24
 class ProgressLine:
     """Shows the feedback of a track_pass goal in one line."""
 
-    def __init__(self, stream: TextIO = sys.stderr) -> None:
+    def __init__(self, stream: TextIO) -> None:
         self._stream = stream
         self._live = stream.isatty()
         self._next_s = 0.0
@@ -76,7 +76,7 @@ class LivePass:
     """One pass of the controller in the namespace of `run`."""
 
     def __init__(self, run: GraphRun) -> None:
-        self._run, self._progress = run, ProgressLine()
+        self._run, self._progress = run, ProgressLine(sys.stderr)
         self.client = ActionClient(run.node, TrackPass, "track_pass")
         self._certificate: PassCertificate | None = None
         run.node.create_subscription(PassCertificate, "pass_certificate", self._note_certificate, LATCHED)

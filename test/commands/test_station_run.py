@@ -219,6 +219,14 @@ def test_a_run_without_processes_of_its_own_has_none_to_check(fake: FakeStation)
     assert fake.wall.passed_s == pytest.approx(120.0, abs=0.1)
 
 
+def test_the_processes_of_any_run_end_with_it(fake: FakeStation) -> None:
+    run, stopped = GraphRun("identify_antenna", "/gs1"), []
+    graph: Any = SimpleNamespace(stop=lambda: stopped.append("graph"))
+    run.graph = graph
+    run.close()
+    assert (stopped, fake.life) == (["graph"], ["executor shut down", "destroyed"])
+
+
 def test_at_the_end_the_nodes_go_first_then_the_bag_is_closed(
     fake: FakeStation, run: StationRun, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -336,7 +336,7 @@ def test_what_only_a_simulation_has_is_refused_for_a_real_drive(tmp_path: Path, 
 
 
 def test_a_real_antenna_is_given_time_for_its_longest_slew(tmp_path: Path) -> None:
-    """It may stand anywhere: 446 deg of azimuth at 1.8 deg/s, and the time to settle."""
+    """It may stand anywhere: 440 deg of azimuth at 2 deg/s, and the time to settle."""
     line = ["--start", "2006-06-27T04:00:00"]
     options = track_options.arguments([*changed(tmp_path, REAL), *line])
     window = track_options.choose_pass(options)
