@@ -96,7 +96,9 @@ class AutotrackRadio:
             carrier_to_noise_db_hz=error.carrier_to_noise_db_hz,
             valid=frozenset({Sensor.MONOPULSE, Sensor.CONSCAN} if error.valid else {Sensor.CONSCAN}),
         )  # fmt: skip
-        before, total = self.state, self.offset(k)[0]
+        before = self.state
+        # Not by `offset`, whose rate needs the next tick: the last one of a pass has none.
+        total = self._integrator.at(k * TICK_S)[0] if before.integrating else self._free(k)
         self.state = self._table.step(before, inputs)
         if self.state.mode == before.mode and self.state.integrating == before.integrating:
             return

@@ -1,0 +1,371 @@
+"""Small runs of the parts that studies are made of, number by number as recorded.
+
+Their laws have tests of their own, which many trials blur: a factor that changes a hundredth of a result shows here.
+After an intended change run this file itself and read the difference of `test/data/papers/numbers.csv`:
+
+    scripts/run-python test/papers/test_recorded_numbers.py
+"""
+
+import csv
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import astuple, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
+from rf_pointing.array_sensors.doa.covariance import sample_covariance
+from rf_pointing.array_sensors.doa.snapshots import draw_snapshots
+from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler, direction_from_angles
+from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
+from rf_pointing.array_sensors.interferometer.relative_pose import RelativePose
+from rf_pointing.array_sensors.interferometer.sequence import SequenceParams
+from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan, two_way_ranges
+from rf_pointing.controllers import PositionLoopParams, dss13_loops, load_lqg_designs
+from rf_pointing.core import MDEG, random_stream
+from rf_pointing.papers import (
+    conscan,
+    interferometer_simulation,
+    keyhole_passes,
+    monopulse,
+    monopulse_dropouts,
+    monopulse_loop,
+    satcal_campaign,
+    satcal_orbit,
+    servo_linear,
+    servo_monopulse,
+    servo_pass,
+    servo_sampled,
+    servo_wind,
+    tripulse_attitude,
+    tripulse_noise,
+)
+from rf_pointing.papers.doa_study import accuracy, attitude_runs, beyond, directions
+from rf_pointing.papers.doa_study.scene import nadir_scene
+from rf_pointing.papers.orbit import batch, measurements, motion
+from rf_pointing.rf import DropoutParams, Dropouts
+from rf_pointing.servo import WindParams, dss13_plant
+
+Array = NDArray[np.float64]
+FILE = Path(__file__).parents[1] / "data" / "papers" / "numbers.csv"
+Within = tuple[float, float]
+CLOSED: Within = (1e-9, 1e-10)
+"""Relative and absolute, of closed forms."""
+CLOSE: Within = (1e-5, 1e-10)
+SOLVED: Within = (1e-4, 1e-10)
+"""Of searches and solved systems."""
+FLOWN: Within = (1e-3, 1e-8)
+"""Of flights: friction and encoder steps make the last bits of a loop larger."""
+EPOCH, GRAVITY = 827385062.07, motion.Gravity()
+ORBIT = satcal_campaign.IRS_P3
+MAURITIUS = satcal_campaign.SITES["Mauritius"]
+ARRAY = CircularArrayParams()
+
+
+def stream(name: str) -> np.random.Generator:
+    return random_stream(11, name)
+
+
+def flat(*parts: ArrayLike) -> Array:
+    """Return all numbers in one row; complex ones as two."""
+    arrays = [np.atleast_1d(np.asarray(part)).ravel() for part in parts]
+    return np.concatenate([a.view(np.float64) if np.iscomplexobj(a) else a.astype(np.float64) for a in arrays])
+
+
+def summary(*parts: ArrayLike) -> Array:
+    """Return mean, root mean square and last value of every part."""
+    arrays = [np.ravel(np.asarray(part, dtype=np.float64)) for part in parts]
+    return np.array([number for a in arrays for number in (a.mean(), math.sqrt(np.mean(a**2)), a[-1])])
+
+
+def perturbed_orbit() -> Array:
+    air = motion.Disturbances(ballistic_m2_kg=1.0, air_density_kg_m3=1e-11, sun=True, moon=True)
+    found = motion.propagate(EPOCH, ORBIT.state(), EPOCH + np.array([-3000.0, 5000.0]), GRAVITY, disturbances=air)
+    return flat(found.states)
+
+
+def first_pass() -> measurements.Look:
+    times = EPOCH + np.arange(-140.0, 21.0, 4.0)
+    return measurements.look(times, motion.propagate(EPOCH, ORBIT.state(), times, GRAVITY).states, MAURITIUS, GRAVITY)
+
+
+def noisy_orbit() -> Array:
+    seen, noise = first_pass(), stream("orbit").standard_normal((3, 41))
+    found = batch.preliminary_orbit(
+        MAURITIUS, seen.t_s, seen.range_m + 10.0 * noise[0], seen.azimuth_rad + 2e-4 * noise[1],
+        seen.elevation_rad + 2e-4 * noise[2], sigma_range_m=10.0, sigma_angle_rad=2e-4, gravity=GRAVITY,
+    )  # fmt: skip
+    return flat(
+        found.state, np.sqrt(np.diag(found.covariance)), found.condition, found.iterations, summary(*found.residuals)
+    )
+
+
+def some_passes(days: float, step_s: float) -> list[measurements.Look]:
+    return measurements.visits(
+        MAURITIUS, satcal_campaign.IRS_P3_APRIL, satcal_campaign.APRIL_T_S, days, GRAVITY, step_s=step_s,
+        lowest_rad=math.radians(10.0),
+    )  # fmt: skip
+
+
+def passes() -> Array:
+    found = some_passes(1.5, 10.0)
+    return flat(*([len(one.t_s), one.t_s[0] - satcal_campaign.APRIL_T_S, one.elevation_rad.max()] for one in found))
+
+
+def interferometer_trials(sharpen: bool, listing: bool) -> Array:
+    pose = RelativePose(position_m=3e4 * direction_from_angles(0.4, -0.2), attitude=attitude_from_euler(0.1, -0.2, 0.7))
+    found = interferometer_simulation.run_trials(
+        pose, 8, stream("trials"), ArrayParams(), RadioParams(), CarrierPlan(), LinkParams(),
+        interferometer_simulation.LISTING if listing else SequenceParams(), "published" if listing else "corrected",
+        sharpen,
+    )  # fmt: skip
+    return flat(found.range_m, found.forward_rad, found.reverse_rad, found.roll_rad, found.wrong_lanes)
+
+
+def interferometer_errors() -> Array:
+    found = interferometer_simulation._errors("case", 3, 2e4, (20.0, -10.0), 30.0, trials=6)
+    meant = interferometer_simulation._errors("case", 3, 2e4, (20.0, -10.0), 30.0, corrected=True, trials=6)
+    return flat(found.rms(), meant.rms())
+
+
+def carrier_steps() -> Array:
+    plan, position = CarrierPlan(), 900.0 * direction_from_angles(0.1, 0.2)
+    phases = interferometer_simulation.simulate_phases(
+        position, np.eye(3), ArrayParams(), RadioParams(), plan, LinkParams(), stream("phases"), 2
+    )
+    ranges = two_way_ranges(position, np.eye(3), ArrayParams()) + 0.004
+    fine, left = interferometer_simulation.carrier_range(phases, ranges, plan)
+    sharp, spread = interferometer_simulation.sharpened_ranges(phases, ranges, plan)
+    amplitudes = interferometer_simulation.simulate_amplitudes([[1.0, 0.2], [0.3, 0.9]], 0.01, stream("amplitudes"), 2)
+    return flat(fine, left, sharp, spread[0, :2], amplitudes)
+
+
+def coupled_array() -> tuple[CircularArrayParams, Array, NDArray[np.complex128]]:
+    random = stream("coupling")
+    gain = 1.0 + 0.1 * np.exp(1j * np.arange(ARRAY.elements))
+    response = ArrayResponse(gain=gain / gain[0], coupling=beyond.COUPLING)
+    towards = directions.direction_from_polar(random.uniform(0.2, 1.0, 9), random.uniform(0.0, 6.28, 9))
+    samples = draw_snapshots(ARRAY, towards[:, None], np.array([[1000.0 + 0j]]), 50, random, response=response.matrix)
+    return ARRAY, towards, sample_covariance(samples)
+
+
+def calibration() -> Array:
+    fit = beyond.fit_response(*coupled_array())
+    return flat(
+        fit.response.gain, fit.response.coupling, np.sqrt(np.diag(fit.covariance).real), fit.correlation[0],
+        np.linalg.norm(fit.residual), fit.rank, fit.condition, fit.iterations,
+    )  # fmt: skip
+
+
+def filters(published: bool, music_inside: bool = False) -> Array:
+    case = directions.DirectionCase(snapshots=100, snr_db=0.0, refined=published)
+    cases = (case, replace(case, snr_db=6.0)) if published else (case, replace(case, refined=True))
+    task = attitude_runs.RunTask(
+        cases=cases, trials=2, seed=4, published=published, music_inside=music_inside, start_s=500.0,
+        duration_s=60.0, settled_s=30.0, pool=200,
+    )  # fmt: skip
+    numbers = []
+    # Not the first second: until the second direction all hypotheses of a filter fit alike.
+    for found in attitude_runs.run(task):
+        numbers += [found.theta_deg, found.phi_deg, found.roll_deg, found.pitch_deg, found.yaw_deg, found.sigma_deg]
+        numbers += [found.outliers, *found.history_deg[19::20].ravel(), *found.rate_history_deg_s[19::20].ravel()]
+    return np.array(numbers)
+
+
+def pool_of_errors() -> Array:
+    case = directions.DirectionCase(snapshots=20, snr_db=-8.0)
+    random = stream("pool")
+    truth = directions.direction_from_polar(random.uniform(0.1, 1.0, 700), random.uniform(0.0, 6.28, 700))
+    pool = directions.error_pool(ARRAY, case, truth, random)
+    drawn = directions.draw_directions(pool, truth[:3], 4, random)
+    nodes = directions.nearest_node(drawn, math.radians(2.0))
+    return flat(pool.sigma_rad, pool.outliers, pool.variance, pool.theta_rad[:2], pool.local[:2], drawn, nodes[0])
+
+
+def scene() -> Array:
+    found = nadir_scene(20.0, start_s=315.0)
+    return flat(
+        found.t_s[[0, -1]], found.reference[[0, -1]], found.station, found.frame_rate[7], found.control_n_m[7] * 1e6
+    )
+
+
+def flown(**changes: object) -> Array:
+    setup = servo_pass.PassSetup(
+        plant=dss13_plant(), start_s=-20.0, end_s=-8.0, bandwidth_hz=0.2, late_s=(0.02, 0.05), radio_noise_rad=1e-5,
+        wind=WindParams(mean_speed_m_s=8.0), **changes,
+    )  # type: ignore[arg-type]  # fmt: skip
+    found = servo_pass.fly(setup).after(-15.0)
+    return flat(
+        [len(found.t_s), found.t_s[0], len(found.radio_rad)],
+        summary(*(part.T[axis] for part in (found.beam_rad, found.encoder_rad, found.deviation_rad) for axis in (0, 1))),
+        found.radio_rad[[0, 20]],
+    )  # fmt: skip
+
+
+def monopulse_flight(flip_s: float = math.inf) -> Array:
+    setup = monopulse_loop.MonopulsePass(start_s=-20.0, end_s=-8.0, wind_m_s=8.0, late_s=0.03, settle_s=4.0)
+    radio = monopulse_loop.PlainRadio(setup, 0.3, 45.0, flip_s=flip_s)
+    log = monopulse_loop.fly(setup, radio)
+    axes, radial = log.rms_rad(setup.settle_s)
+    return flat(
+        len(log.t_s), log.t_s[[0, -1]], axes, radial, log.error_rad[[0, 99]], log.command_velocity_rad_s[[0, -1]],
+        np.mean(log.transparent), bool(radio.fault), min(radio.fault_s, 1e9),
+    )  # fmt: skip
+
+
+def dropouts_flight() -> Array:
+    setup = monopulse_loop.MonopulsePass(start_s=-40.0, end_s=24.0, late_s=0.05, wind_m_s=8.0)
+    short = DropoutParams(count=2, shortest_s=0.5, longest_s=6.0, gap_s=5.0)
+    dropouts = Dropouts(short, setup.start_s + 35.0, setup.end_s - 4.0, stream("dropouts"))
+    radio = monopulse_dropouts.AutotrackRadio(setup, 0.3, 45.0, dropouts)
+    log = monopulse_loop.fly(setup, radio)
+    return flat(
+        dropouts.start_s, dropouts.stop_s, [t_s for t_s, _ in radio.modes], summary(*log.error_rad.T),
+        monopulse_dropouts.reacquisition_times_s(radio.modes, dropouts),
+    )  # fmt: skip
+
+
+def qualities() -> Array:
+    numbers: list[float] = []
+    for axis, laws in ((0, dss13_loops("tuned")), (1, load_lqg_designs())):
+        response = servo_sampled.AxisResponse(dss13_plant(ideal=True), axis, servo_sampled.Variation(1.03, 0.8))
+        law = servo_sampled.LawResponse(laws[axis])
+        for radio in (None, servo_sampled.published_radio(0.2), servo_sampled.station_radio(0.15)):
+            numbers += astuple(servo_sampled.loop_quality(response, law, radio, 8.0))
+        numbers.append(response.closed_radius(law.matrices))
+    return np.array(numbers, dtype=np.float64)
+
+
+def closed_loop_responses() -> Array:
+    loop = PositionLoopParams()
+    system = servo_linear.closed_loop(dss13_plant(ideal=True), (loop, loop.replace(notch_enabled=False)), (0.1, 0.05))
+    points = np.array([0.01, 0.3, 1.7])
+    outputs = (
+        (system.beam, servo_linear.COMMAND),
+        (system.encoder, servo_linear.WIND),
+        (system.offset, servo_linear.RATE),
+    )
+    parts = [system.response(points, output, inputs) for output, inputs in outputs]
+    return flat(*parts, system.response(points, system.beam, servo_linear.DEVIATION))
+
+
+def satcal_runs() -> satcal_campaign.Runs:
+    points = satcal_campaign.points_of(some_passes(2.5, 60.0), 1e-4)
+    planted = satcal_campaign.model_of({"azimuth_offset": 0.2, "elevation_offset": -0.1})
+    return satcal_campaign.many_runs(
+        points, planted, ("azimuth_offset", "elevation_offset"), 3, stream("satcal"), satcal_campaign.ORBIT_PRIORS
+    )
+
+
+def satcal_points() -> Array:
+    points = satcal_campaign.points_of([first_pass(), first_pass()], 1e-4)
+    shift = satcal_campaign.orbit_error_m(points, stream("shift"))
+    angles = satcal_campaign.orbit_error(points, stream("shift"))
+    seen = satcal_campaign.observed(points, satcal_campaign.MAURITIUS, stream("noise"), angles)
+    runs = satcal_runs()
+    return flat(
+        len(points), shift[[0, 40, 41]], np.array(angles)[:, 5], seen.residual_azimuth_rad[:2],
+        seen.residual_elevation_rad[:2], runs.truth, runs.values, runs.sigma, runs.spread_over_sigma(),
+    )  # fmt: skip
+
+
+def preliminary() -> Array:
+    check = satcal_orbit.preliminary_check(
+        satcal_campaign.MAURITIUS, [satcal_campaign.MAURITIUS.replace(azimuth_offset=0.003)], stream("preliminary")
+    )
+    return flat(check.uncorrected, check.corrected, check.elevation_deg, check.rms(np.array([[3.0, 1.0], [4.0, 1.0]])))
+
+
+def tripulse_run() -> Array:
+    found = tripulse_attitude.run_tripulse(3, 5, step_s=20.0)
+    return flat(found.projection_errors, found.attitude_errors_rad, tripulse_attitude._mean_score(found))
+
+
+def generated_orbits() -> Array:
+    found = [keyhole_passes._generated(number, stream(f"keyhole {number}")) for number in (0, 1)]
+    return flat(*([e.catalogue_number, e.epoch_t_s, e.inclination_rad, e.ascending_node_rad, e.eccentricity,
+                   e.mean_anomaly_rad, e.mean_motion_rad_s * 1e3, keyhole_passes._perigee_m(e)] for e in found))  # fmt: skip
+
+
+NUMBERS: dict[str, tuple[Within, Callable[[], ArrayLike]]] = {
+    "orbit: Sun and Moon": (CLOSED, lambda: flat(motion.sun_m(EPOCH), motion.moon_m(EPOCH + 1e7))),
+    "orbit: with air and tides": (CLOSE, perturbed_orbit),
+    "orbit: preliminary": (CLOSE, noisy_orbit),
+    "orbit: passes": (CLOSE, passes),
+    "orbit: secular": (
+        CLOSED,
+        lambda: measurements.secular_states(ORBIT, np.array([86400.0, 5e5]), GRAVITY),
+    ),
+    "interferometer: trials": (CLOSE, lambda: interferometer_trials(False, False)),
+    "interferometer: sharpened trials": (CLOSE, lambda: interferometer_trials(True, False)),
+    "interferometer: trials of the listing": (CLOSE, lambda: interferometer_trials(False, True)),
+    "interferometer: cases": (CLOSE, interferometer_errors),
+    "interferometer: carrier steps": (CLOSE, carrier_steps),
+    "DOA: calibration": (CLOSE, calibration),
+    "DOA: consistency": (CLOSE, lambda: beyond.mean_nees(3, 2, 30.0)),
+    "DOA: any start": (FLOWN, lambda: beyond.any_start_error_deg(1, 2, 2.0)),
+    "DOA: two sources": (CLOSE, lambda: beyond.two_source_attitude_ratio(3, 2)),
+    "DOA: coupling": (CLOSE, lambda: beyond.coupling_rmse_deg(8, 2)),
+    "DOA: filters": (CLOSE, lambda: filters(False)),
+    "DOA: filters with MUSIC inside": (CLOSE, lambda: filters(False, True)),
+    "DOA: printed filter": (CLOSE, lambda: filters(True)),
+    "DOA: pool": (CLOSE, pool_of_errors),
+    "DOA: scene": (CLOSE, scene),
+    "DOA: accuracy": (CLOSE, lambda: astuple(accuracy.accuracy_curve(50, (3.0,), estimates=200, seed=5)[0])),
+    "servo: flown": (FLOWN, lambda: flown(cluster=3, mean_of=2)),
+    "servo: flown from rest": (FLOWN, lambda: flown(settled=False, radio_delay_s=0.2)),
+    "servo: sampled": (CLOSE, qualities),
+    "servo: radio loop": (
+        CLOSE,
+        lambda: flat(servo_sampled.RadioLoop(0.2, 3, 4, 0.13).response(np.array([0.01, 1.3, 7.0]))),
+    ),
+    "servo: closed loop": (CLOSE, closed_loop_responses),
+    "servo: stability limit": (SOLVED, lambda: servo_monopulse._limit_hz(0.5, 30.0, 2.0)),
+    "servo: wind gain": (CLOSE, servo_wind._wind_gain),
+    "monopulse: flight": (FLOWN, monopulse_flight),
+    "monopulse: flipped flight": (FLOWN, lambda: monopulse_flight(6.0)),
+    "monopulse: dropouts": (FLOWN, dropouts_flight),
+    "monopulse: drawn dropouts": (
+        CLOSED,
+        lambda: monopulse_dropouts.draw_dropouts(monopulse_loop.MonopulsePass(end_s=150.0), 3).stop_s,
+    ),
+    "monopulse: errors over their covariance": (
+        SOLVED,
+        lambda: monopulse.monopulse_normalised_errors(45.0, MDEG * np.array([2.0, -1.0]), 5, stream("honest")),
+    ),
+    "monopulse: false lock": (CLOSE, lambda: monopulse.sidelobe_lock_s(stream("lock"))[1]),
+    "conscan: errors over their covariance": (
+        SOLVED,
+        lambda: conscan.conscan_normalised_errors(30.0, MDEG * np.array([2.0, -1.0]), 5, stream("honest")),
+    ),
+    "satcal: points": (CLOSE, satcal_points),
+    "satcal: preliminary orbit": (FLOWN, preliminary),
+    "tripulse: run": (SOLVED, tripulse_run),
+    "tripulse: widths at 0 dB": (CLOSE, lambda: tripulse_noise._widths_at_0_db(3)),
+    "keyhole: generated orbits": (CLOSE, generated_orbits),
+}
+
+
+def recorded() -> dict[str, Array]:
+    with FILE.open(encoding="utf-8", newline="") as file:
+        return {name: np.array(numbers, dtype=np.float64) for name, *numbers in csv.reader(file)}
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_every_number_is_the_recorded_one(name: str) -> None:
+    (rel, absolute), numbers = NUMBERS[name]
+    np.testing.assert_allclose(flat(numbers()), recorded()[name], rtol=rel, atol=absolute)
+
+
+def main(names: Iterable[str] = NUMBERS) -> None:
+    with FILE.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        for name in names:
+            writer.writerow([name, *(f"{number:.12g}" for number in flat(NUMBERS[name][1]()))])
+
+
+if __name__ == "__main__":
+    main()
