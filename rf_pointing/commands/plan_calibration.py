@@ -66,7 +66,7 @@ def candidates_of(options: argparse.Namespace) -> list[CandidatePass]:
     else:
         elements = verification_elements()
     span_s = options.hours * HOUR_S
-    # The least age over the campaign counts: older elements are wrong by kilometres.
+    # The greatest age over the campaign counts: older elements are wrong by kilometres.
     fresh = [one for one in elements if abs(start_s + 0.5 * span_s - one.epoch_t_s) < 14.0 * 86400.0 - 0.5 * span_s]
     if not fresh:
         raise ValueError(f"none of {len(elements)} elements is within 14 days of start={options.start}")

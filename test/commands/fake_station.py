@@ -76,6 +76,7 @@ class FakeStation:
         self.life: list[str] = []
         self.name = self.namespace = ""
         self._nodes: list[Any] = []
+        self._spins = 0
         self.graphs: list[FakeGraph] = []
         self.recorders: list[FakeRecorder] = []
         self.recorder: Any = None
@@ -100,6 +101,8 @@ class FakeStation:
         self._nodes.append(node)
 
     def spin_once(self, timeout_sec: float) -> None:
+        self._spins += 1
+        assert self._spins < MOST_LOOKS, "nobody looks at the wall"
         self.wall.now_s += timeout_sec
         due = [event for event in self.events if event[0] <= self.wall.now_s and self._nodes]
         self.events = [event for event in self.events if event not in due]

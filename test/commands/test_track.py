@@ -252,6 +252,30 @@ def test_a_pass_that_did_not_start_ends_with_2_and_has_no_report(
     assert fake.recorders[0].closed
 
 
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--speed", "0"], "speed=0.0 must be between"),
+        (["--params-file", "mine.yaml"], "antenna_srvo is no node"),
+        (["--satellite", "99999"], "satellite='99999' is not among"),
+    ],
+)
+def test_what_is_refused_ends_with_2_before_anything_starts(
+    fake: FakeStation,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    reason: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yaml").write_text("/**/antenna_srvo: {ros__parameters: {wind.mean_speed_m_s: 1.0}}")
+    assert run(*words) == 2
+    assert reason in capsys.readouterr().err
+    assert fake.graphs == []
+    assert not Path("runs").exists()
+
+
 def real(tmp_path: Path) -> list[str]:
     path = tmp_path / "mine.yaml"
     read_station("dss13").write(path, {"drive.type": "hamlib", "wind.anemometer": False})
