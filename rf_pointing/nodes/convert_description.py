@@ -94,7 +94,7 @@ def sun_marker(direction_rad: tuple[float, float], zone_rad: float, frame_id: st
 
 def mask_marker(mask: HorizonMask, frame_id: str, radius_m: float) -> Marker:
     """Return the horizon mask, a point each degree of azimuth and at its surveyed points."""
-    azimuth = np.unique(np.concatenate([np.radians(np.arange(361.0)), np.mod(mask.azimuth_rad, 2.0 * math.pi)]))
+    azimuth = np.unique(np.concatenate([np.radians(np.arange(361.0)), mask.azimuth_rad]))
     places = unit_vector_from_azel(azimuth, mask.lowest_all(azimuth))
     return _line("mask", frame_id, radius_m * places, BROWN, 0.008 * radius_m)
 
