@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,8 @@ import yaml
 
 from rf_pointing.commands import track_options
 from rf_pointing.core.dates import parse_utc
-from rf_pointing.ephemeris import find_elements, tle_lines, verification_elements
-from rf_pointing.nodes.graph import NODES
+from rf_pointing.ephemeris import Pass, find_elements, tle_lines, verification_elements
+from rf_pointing.nodes.graph import ARRAY_NODES, DRIVE_NODES, NODES
 from rf_pointing.station.description import read_station
 
 RUNS = ["--min-peak", "40"]
@@ -59,8 +60,66 @@ def test_a_seed_that_the_nodes_would_refuse_is_refused_on_the_command_line(
 
 
 def test_a_speed_is_a_factor_or_max() -> None:
-    assert track_options.speed_factor("max") == 0.0
-    assert track_options.speed_factor("2.5") == 2.5
+    assert track_options.speed_factor("max") == track_options.speed_factor(None) == 0.0
+    assert [track_options.speed_factor(text) for text in ("0.1", "2.5", "1000")] == [0.1, 2.5, 1000.0]
+
+
+@pytest.mark.parametrize(
+    ("line", "wanted"),
+    [
+        (
+            "",
+            {
+                "elements": "", "satellite": "28057", "station": "dss13", "band": None, "start": None, "mask": None,
+                "min_peak": 40.0, "sensor": None, "scan_sigma": None, "speed": None, "seed": None, "reset_fault": False,
+                "ephemeris_error": None, "models": "runs/models", "namespace": "/gs1", "params_file": [], "record": None,
+                "output": None, "keep_observations": False,
+            },
+        ),
+        (
+            "--min-peak 0 --sensor program --scan-sigma 0.5 --speed 2 --seed 3 --reset-fault --ephemeris-error -60",
+            {
+                "min_peak": 0.0, "sensor": "program", "scan_sigma": 0.5, "speed": "2", "seed": 3, "reset_fault": True,
+                "ephemeris_error": -60.0,
+            },
+        ),
+        (
+            "--min-peak 90 --ephemeris-error 60 --models m --params-file a --params-file b --record r --output o",
+            {
+                "min_peak": 90.0, "ephemeris_error": 60.0, "models": "m", "params_file": ["a", "b"], "record": "r",
+                "output": "o",
+            },
+        ),
+    ],
+)  # fmt: skip
+def test_the_command_line_means_what_it_says(line: str, wanted: dict[str, Any]) -> None:
+    options = vars(track_options.arguments(line.split()))
+    assert {name: options[name] for name in wanted} == wanted
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["--min-peak 91", "--min-peak -1", "--ephemeris-error 61", "--ephemeris-error -61", "--sensor nose", "--mask 95"],
+)
+def test_what_is_out_of_range_ends_with_2(line: str) -> None:
+    with pytest.raises(SystemExit) as ended:
+        track_options.arguments(line.split())
+    assert ended.value.code == 2
+
+
+def test_a_tracker_of_another_package_can_be_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
+    choices = dict(track_options.SENSOR_CHOICES)
+    monkeypatch.setattr(track_options, "SENSOR_CHOICES", choices)
+    monkeypatch.setattr(track_options, "load_trackers", lambda: choices.update(nose="nose"))
+    assert track_options.arguments(["--sensor", "nose"]).sensor == "nose"
+
+
+def test_elements_that_are_stale_are_reported_with_the_pass(capsys: pytest.CaptureFixture[str]) -> None:
+    """Two days after their epoch; those of the first pass are 10 h old."""
+    track_options.choose_pass(track_options.arguments([]))
+    assert capsys.readouterr().err == ""
+    track_options.choose_pass(track_options.arguments(["--start", "2006-07-01T00:00:00"]))
+    assert "track: elements of CBERS 2 are stale: 4." in capsys.readouterr().err
 
 
 def changed(tmp_path: Path, changes: dict[str, Any]) -> list[str]:
@@ -159,7 +218,7 @@ def test_the_sensor_is_one_that_the_band_has(tmp_path: Path) -> None:
         track_options.sensor_of(track_options.arguments([*line, "--sensor", "monopulse"]))
 
 
-@pytest.mark.parametrize("text", ["fast", "0", "-1", "nan", "inf", "1e9"])
+@pytest.mark.parametrize("text", ["fast", "0", "0.09", "-1", "nan", "inf", "1001", "1e9"])
 def test_another_speed_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"speed=.* must be"):
         track_options.speed_factor(text)
@@ -208,9 +267,48 @@ def test_the_command_line_reaches_the_nodes_as_parameters(tmp_path: Path) -> Non
     assert all(name.startswith("/**/") for name in sections)
 
 
+def test_the_error_of_the_ephemeris_is_that_of_the_receiver_alone(tmp_path: Path) -> None:
+    name = "source.along_track_offset_s"
+    given = parameters(tmp_path, "--ephemeris-error", "2")
+    assert [node for node, values in given.items() if name in values] == ["rf_receiver"]
+    assert given["rf_receiver"][name] == 2.0
+    assert name not in parameters(tmp_path)["rf_receiver"]
+
+
+def test_what_is_not_given_has_its_default_in_every_node(tmp_path: Path) -> None:
+    given = parameters(tmp_path, "--models", "")
+    assert given["antenna_servo"]["antenna.seed"] == given["rf_receiver"]["signal.seed"] == 1
+    key = str((tmp_path / "command.key").resolve())
+    assert given["antenna_servo"]["command_key_file"] == given["pointing_controller"]["command_key_file"] == key
+    assert given["bias_calibrator"]["calibrator.folder"] == ""
+    assert given["bias_calibrator"]["calibrator.keep_observations"] is False
+    assert given["ephemeris_publisher"]["source.elements"] == ""
+    assert given["simulation_clock"]["speed"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("line", "wanted"),
+    [
+        ("", {"speed": "max", "seed": "1", "sensor": "monopulse"}),
+        ("--speed 2 --seed 0 --sensor program", {"speed": "2", "seed": "0", "sensor": "program"}),
+    ],
+)
+def test_a_bag_has_notes_on_its_run(line: str, wanted: dict[str, str]) -> None:
+    notes = track_options.notes(track_options.arguments(line.split()))
+    assert notes == {"station": "Goldstone DSS-13", "band": "X", **wanted}
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
+        (
+            "/**/simulation_clock: {ros__parameters: {tick_s: 0.1}}",
+            "simulation_clock tick_s: given by the command line",
+        ),
+        (
+            "/**/ephemeris_publisher: {ros__parameters: {band: S}}",
+            "ephemeris_publisher band: given by the command line",
+        ),
         ("/**/antenna_srvo: {ros__parameters: {wind.mean_speed_m_s: 1.0}}", "antenna_srvo is no node; there are"),
         (
             "/**/rf_receiver: {ros__parameters: {signal: {seed: 3}}}",
@@ -228,8 +326,9 @@ def test_what_a_parameter_file_says_is_in_force_or_refused(tmp_path: Path, text:
     options = track_options.arguments(["--params-file", str(file)])
     with pytest.raises(ValueError, match=complaint):
         track_options.check_files(options)
-    file.write_text("/**/antenna_servo: {ros__parameters: {wind.mean_speed_m_s: 3.0}}")
-    track_options.check_files(options)
+    for node in ("antenna_servo", "**"):
+        file.write_text(f"/**/{node}: {{ros__parameters: {{wind.mean_speed_m_s: 3.0}}}}".replace("/**/**", "/**"))
+        track_options.check_files(options)
     values = track_options.parameters(options, track_options.choose_pass(options), tmp_path)
     assert track_options.parameter_files(options, values, tmp_path)[-1] == file
 
@@ -254,6 +353,17 @@ def test_an_output_that_holds_a_bag_is_refused(tmp_path: Path) -> None:
     options = track_options.arguments(["--output", str(tmp_path)])
     with pytest.raises(ValueError, match="holds a bag already"):
         track_options.output_folder(options, "run")
+
+
+def test_an_output_may_be_deep_or_used_again_with_a_bag_elsewhere(tmp_path: Path) -> None:
+    deep = tmp_path / "a" / "b"
+    options = track_options.arguments(["--output", str(deep)])
+    assert [track_options.output_folder(options, "run") for _ in range(2)] == [deep, deep]
+    assert track_options.bag_folder(options, deep) == deep / "bag"
+    (deep / "bag").mkdir()
+    elsewhere = track_options.arguments(["--output", str(deep), "--record", str(tmp_path / "mine")])
+    assert track_options.output_folder(elsewhere, "run") == deep
+    assert track_options.bag_folder(elsewhere, deep) == tmp_path / "mine"
 
 
 def test_every_run_gets_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -304,6 +414,52 @@ def test_a_slower_antenna_or_one_that_starts_elsewhere_begins_earlier(tmp_path: 
     assert track_options.before_pass_s(options, track_options.choose_pass(options)) > 300.0
 
 
+@pytest.mark.parametrize(
+    ("highest_deg", "start_deg", "rise_deg", "needed_s"),
+    [
+        # The nearer turn of the cables: 110 deg to -170, not 250 deg to 190.
+        (89.5, (-60.0, 80.0), 190.0, 251.0),
+        # Down to the rise alone: 75 deg.
+        (89.5, (10.0, 80.0), 10.0, 181.0),
+        # A pass may begin over the top: 180 deg of azimuth, to an elevation of 175 deg.
+        (100.0, (10.0, 80.0), 10.0, 391.0),
+        (176.0, (10.0, 80.0), 10.0, 391.0),
+        # Or not, which then takes longer.
+        (176.0, (10.0, 80.0), 190.0, 391.0),
+        # Over the top the elevation takes longer: 165 deg.
+        (176.0, (130.0, 10.0), 10.0, 361.0),
+        # Over the top is near by another turn of the cables; the other way is 160 deg.
+        (176.0, (-150.0, 80.0), 10.0, 351.0),
+    ],
+)
+def test_the_slew_to_a_pass_is_that_of_the_slower_axis_at_its_rate(
+    tmp_path: Path, highest_deg: float, start_deg: tuple[float, float], rise_deg: float, needed_s: float
+) -> None:
+    """At 0.5 deg/s and 0.8 deg/s^2, with 30 s to settle, in whole seconds; the pass rises at 5 deg."""
+    changes: dict[str, Any] = {f"mount.{axis}.command_rate_deg_s": 0.5 for axis in ("azimuth", "elevation")}
+    if highest_deg > 90.0:
+        changes["mount.elevation.travel_deg"] = [4.0, highest_deg]
+        changes["mount.elevation.hard_stop_deg"] = [2.0, highest_deg + 2.0]
+    start = tmp_path / "start.yaml"
+    values = f"{{start_azimuth_deg: {start_deg[0]}, start_elevation_deg: {start_deg[1]}}}"
+    start.write_text(f"/**/antenna_servo: {{ros__parameters: {{antenna: {values}}}}}")
+    options = track_options.arguments([*changed(tmp_path, changes), "--params-file", str(start)])
+    low, high = math.radians(rise_deg), math.radians(rise_deg + 10.0)
+    window = Pass(
+        name="bird", aos_t_s=1_151_384_323.8, tca_t_s=1_151_384_680.3, los_t_s=1_151_385_038.5, peak_elevation_rad=0.77,
+        aos_azimuth_rad=low, aos_elevation_rad=math.radians(5.0), los_azimuth_rad=high, azimuth_min_rad=low,
+        azimuth_max_rad=high, peak_azimuth_rate_rad_s=0.01, peak_elevation_rate_rad_s=0.003,
+        peak_azimuth_acceleration_rad_s2=6e-5, smallest_range_m=1e6, rises_before=False, sets_after=False,
+    )  # fmt: skip
+    assert track_options.before_pass_s(options, window) == needed_s
+
+
+def test_nodes_of_an_array_run_where_the_band_has_one() -> None:
+    simulated = track_options.nodes_of(track_options.arguments(["--station", "rotator_2m"]))
+    assert simulated == (*NODES, *ARRAY_NODES)
+    assert track_options.nodes_of(track_options.arguments([])) == NODES
+
+
 # A drive that is not simulated
 
 REAL = {"drive.type": "hamlib", "wind.anemometer": False}
@@ -333,6 +489,44 @@ def test_what_only_a_simulation_has_is_refused_for_a_real_drive(tmp_path: Path, 
     options = track_options.arguments([*changed(tmp_path, REAL), *line.split()])
     with pytest.raises(ValueError, match=words):
         track_options.check_time(options)
+
+
+def test_a_real_array_has_receivers_of_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    read_station("rotator_2m").write(path, REAL)
+    nodes = track_options.nodes_of(track_options.arguments(["--station", str(path)]))
+    assert nodes == (*DRIVE_NODES, *(name for name in ARRAY_NODES if name != "array_receiver"))
+
+
+def test_a_pass_of_a_real_antenna_is_that_of_the_present(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = parse_utc("2006-06-27T04:00:00")
+    monkeypatch.setattr(track_options, "time", SimpleNamespace(time=lambda: now_s))
+    real = changed(tmp_path, REAL)
+    assert track_options.choose_pass(track_options.arguments(real)).aos_t_s == pytest.approx(1_151_384_323.8, abs=0.1)
+    later = track_options.arguments([*real, "--start", "2006-06-27T06:00:00"])
+    assert track_options.choose_pass(later).aos_t_s > parse_utc("2006-06-27T06:00:00")
+    track_options.check_time(later)
+    with pytest.raises(ValueError, match="was 0 s ago"):
+        track_options.check_time(track_options.arguments([*real, "--start", "2006-06-27T03:59:59.6"]))
+
+
+def test_any_start_and_a_speed_in_range_are_for_a_simulation() -> None:
+    track_options.check_time(track_options.arguments(["--start", "2006-06-27T04:00:00", "--speed", "2", "--seed", "3"]))
+    with pytest.raises(ValueError, match="speed=2000.0 must be between"):
+        track_options.check_time(track_options.arguments(["--speed", "2000"]))
+
+
+def test_the_notes_of_a_real_antenna_name_its_drive(tmp_path: Path) -> None:
+    notes = track_options.notes(track_options.arguments(changed(tmp_path, REAL)))
+    assert notes["drive"] == "hamlib"
+    assert "seed" not in notes
+
+
+def test_a_real_antenna_with_a_slow_elevation_is_given_time_for_it(tmp_path: Path) -> None:
+    """From 4 to 89.5 deg at 0.3 deg/s, and the time to settle."""
+    slow = changed(tmp_path, REAL | {"mount.elevation.command_rate_deg_s": 0.3})
+    options = track_options.arguments([*slow, "--start", "2006-06-27T04:00:00"])
+    assert track_options.before_pass_s(options, track_options.choose_pass(options)) == 315.0
 
 
 def test_a_real_antenna_is_given_time_for_its_longest_slew(tmp_path: Path) -> None:
