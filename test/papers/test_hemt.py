@@ -67,3 +67,8 @@ def test_correlation_above_one_is_refused() -> None:
 def test_generator_without_resistance_is_refused() -> None:
     with pytest.raises(ValueError, match=r"generator resistance=0.0 must be >= 1e-09"):
         planted(0).noise_k(30j)
+
+
+def test_stage_of_negative_noise_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"noise_k=-1.0 must be >= 0"):
+        cascade_noise_k([(0.0, 10.0), (-1.0, 10.0)])

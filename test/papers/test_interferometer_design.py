@@ -201,6 +201,7 @@ def test_cycle_error_table_falls_with_ratio_and_rises_with_cycles() -> None:
     assert table.shape == (21, 9)
     assert np.all(np.diff(table, axis=0) <= 0.0)
     assert np.all(np.diff(table[:10], axis=1) >= 0.0)
+    assert table[5, 4] == step_error_probability(6.0, ratio(15.0))
 
 
 def test_powers_of_both_designs() -> None:

@@ -5,8 +5,15 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from rf_pointing.array_sensors.doa.snapshots import complex_normal
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, element_weights
-from rf_pointing.array_sensors.tripulse.beams import beam_signals, invert_ratios, monopulse_ratios
+from rf_pointing.array_sensors.tripulse.beams import (
+    beam_signals,
+    closed_form_signals,
+    invert_ratios,
+    monopulse_ratios,
+    polar_angles_rad,
+)
 from rf_pointing.core import random_stream
 from rf_pointing.papers.sweeps import sweep
 from rf_pointing.papers.tripulse_noise import (
@@ -107,3 +114,27 @@ def test_impossible_noise_and_trials_are_refused() -> None:
         noise_errors(PARAMS, 0.0, [0.0, 0.0], OFFSET, 10)
     with pytest.raises(ValueError, match="trials=1"):
         noise_errors(PARAMS, 1.0, [0.0, 0.0], OFFSET, 1)
+
+
+def test_two_trials_are_enough_and_statistics_are_those_of_the_trials() -> None:
+    found = noise_errors(PARAMS, 1.0, [0.05, 0.02], OFFSET, 2, seed=4)
+    assert found.trials == 2
+    rng = random_stream(4, f"tripulse noise {PARAMS} 1.0")
+    signals = closed_form_signals(PARAMS, OFFSET) + complex_normal(rng, (2, 3))
+    estimate = invert_ratios(PARAMS, monopulse_ratios(signals))
+    np.testing.assert_allclose(found.mean, np.mean(estimate, axis=0) - OFFSET, rtol=1e-9)
+    np.testing.assert_allclose(found.sigma, 0.5 * np.abs(estimate[1] - estimate[0]), rtol=1e-9)
+    theta, _ = polar_angles_rad(np.array([0.05, 0.02]) + estimate)
+    assert found.theta_sigma_rad == pytest.approx(0.5 * abs(theta[1] - theta[0]))
+
+
+def test_dead_elements_are_taken_out_of_every_beam_in_chunks_of_trials() -> None:
+    params = TripulseArrayParams(n_x=4, n_y=6)
+    count, few = 3, 2005
+    found = failed_element_errors(params, count, [0.02, -0.01], OFFSET, few, seed=2)
+    rng = random_stream(2, f"tripulse failures {params} {count}")
+    failed = np.concatenate([random_failures(rng, params, count, part) for part in (2000, 5)])
+    weights = element_weights(params, [0.02, -0.01], failed=failed)
+    estimate = invert_ratios(params, monopulse_ratios(beam_signals(params, weights, np.array([0.02, -0.01]) + OFFSET)))
+    np.testing.assert_allclose(found.mean, np.mean(estimate, axis=0) - OFFSET, rtol=1e-6)
+    np.testing.assert_allclose(found.sigma, np.std(estimate, axis=0), rtol=1e-6)

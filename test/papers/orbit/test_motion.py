@@ -155,3 +155,12 @@ def test_repeated_times_are_allowed_and_decreasing_ones_refused():
     assert np.array_equal(twice[3], twice[4])
     with pytest.raises(ValueError, match="t_s must not decrease"):
         propagate(0.0, ORBIT.state(), [1.0, 0.0], Gravity())
+
+
+def test_parts_of_a_second_on_both_sides_of_the_epoch_come_in_order():
+    times = [-0.9, -0.2, 0.0, 0.3, 0.8]
+    states = propagate(0.0, ORBIT.state(), times, Gravity()).states
+    start = ORBIT.state()
+    for t_s, state in zip(times, states, strict=True):
+        expected = start[:3] + t_s * start[3:] + 0.5 * t_s**2 * Gravity().acceleration(start[:3])
+        assert state[:3] == pytest.approx(expected, abs=0.01)
