@@ -6,24 +6,29 @@ Periodic work: every instant of the grid once, in order, however the timer fires
 import math
 import re
 import sys
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.clock import ClockType
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
+from rclpy.time import Time as ClockTime
 from rf_pointing_msgs.msg import PointingError, Target
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
-from rf_pointing.nodes import convert
-from rf_pointing.nodes.diagnostics import WARN
+from rf_pointing.nodes import convert, managed
+from rf_pointing.nodes.diagnostics import ERROR, OK, WARN
 from rf_pointing.nodes.main_loop import _work, run
 from rf_pointing.nodes.managed import ManagedNode, Schedule
-from rf_pointing.nodes.qos import STREAM
+from rf_pointing.nodes.qos import LATCHED, STREAM
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
 
@@ -384,3 +389,305 @@ def test_a_long_period_is_not_taken_for_a_jump() -> None:
     schedule = Schedule(START_S, 5.0)
     assert schedule.due(START_S + 9.9) == [START_S + 5.0]
     assert schedule.jumped_s == 0.0
+
+
+@pytest.mark.parametrize(
+    ("period_s", "late_s", "jumps"), [(0.02, 0.5, False), (0.02, 0.52, True), (5.0, 10.0, False), (5.0, 10.1, True)]
+)
+def test_a_gap_of_half_a_second_or_two_periods_is_made_up_and_a_longer_one_is_a_jump(
+    period_s: float, late_s: float, jumps: bool
+) -> None:
+    schedule = Schedule(0.0, period_s)
+    due = schedule.due(period_s + late_s)
+    assert (schedule.jumped_s != 0.0) == jumps
+    assert len(due) == (1 if jumps else round(late_s / period_s) + 1)
+    assert schedule.stalled_s == 0.0
+
+
+@pytest.mark.parametrize(
+    ("start_s", "first_s"), [(0.0, 0.02), (0.019997, 0.02), (0.0199976, 0.02), (0.0199985, 0.04), (0.02, 0.04)]
+)
+def test_a_start_a_ten_thousandth_of_a_period_before_an_instant_is_that_instant(start_s: float, first_s: float) -> None:
+    assert Schedule(start_s, 0.02).due(0.05)[0] == first_s
+
+
+@pytest.mark.parametrize(("early_s", "due"), [(0.00009, True), (0.00012, False)])
+def test_an_instant_is_due_a_thousandth_of_a_period_early(early_s: float, due: bool) -> None:
+    assert Schedule(0.0, 0.1).due(0.1 - early_s) == ([0.1] if due else [])
+
+
+def test_instants_are_whole_microseconds() -> None:
+    assert Schedule(0.0, 1.0 / 3.0).due(0.7) == [0.333333, 0.666667]
+
+
+@pytest.mark.parametrize(("clock_s", "steady_s", "jumped_s"), [(2.0, 1.5, 0.0), (2.0, 2.4, 0.0), (2.0, 1.45, 0.53)])
+def test_a_stall_differs_from_a_jump_within_half_a_second(clock_s: float, steady_s: float, jumped_s: float) -> None:
+    schedule = Schedule(0.0, 0.02)
+    schedule.due(0.0, 0.0)
+    schedule.due(clock_s, steady_s)
+    assert schedule.jumped_s == pytest.approx(jumped_s, abs=1e-9)
+    assert schedule.stalled_s == (0.0 if jumped_s else steady_s)
+
+
+def test_periodic_work_goes_on_a_grid_of_node_time_and_its_stall_shows(
+    subject: Subject, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [1000.0, 50.0]
+    monkeypatch.setattr(subject, "now_s", lambda: now[0])
+    monkeypatch.setattr(managed.time, "monotonic", lambda: now[1])
+    subject.on_configure(ANY_STATE)
+    timers = len(list(subject.timers))
+    done: list[float] = []
+    schedule = subject.every(0.1, done.append)
+    timer = list(subject.timers)[-1]
+    assert len(list(subject.timers)) == timers + 1
+    assert timer.timer_period_ns == 100_000_000
+    for step_s, steady_s in ((0.1, 0.1), (0.2, 0.2), (2.0, 2.0)):
+        now[0], now[1] = now[0] + step_s, now[1] + steady_s
+        timer.callback()
+    assert done == [1000.1, 1000.2, 1000.3, 1002.3]
+    assert (schedule.jumped_s, schedule.stalled_s) == (0.0, pytest.approx(2.0))
+    now[0] += 2.0
+    timer.callback()
+    assert schedule.jumped_s == pytest.approx(1.9, abs=1e-6), "the steady clock did not go on"
+    subject._clear()
+    assert len(list(subject.timers)) == timers
+    subject.on_cleanup(ANY_STATE)
+
+
+def test_work_that_raises_is_the_failure_of_the_node(subject: Subject, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [1000.0]
+    monkeypatch.setattr(subject, "now_s", lambda: now[0])
+    subject.every(0.1, lambda _t_s: 1 / 0)
+    now[0] = 1000.1
+    with pytest.raises(ZeroDivisionError):
+        list(subject.timers)[-1].callback()
+    assert isinstance(subject.failure, ZeroDivisionError)
+    subject._clear()
+
+
+def simulated(subject: Subject) -> None:
+    (done,) = subject.set_parameters([Parameter("use_sim_time", value=True)])
+    assert done.successful
+
+
+def test_a_clock_of_the_wall_is_known_and_a_simulated_one_after_its_first_message(subject: Subject) -> None:
+    assert subject.knows_time()
+    assert subject.ready()
+    simulated(subject)
+    assert not subject.knows_time()
+    assert not subject.ready()
+    subject.get_clock().set_ros_time_override(ClockTime(seconds=5, clock_type=ClockType.ROS_TIME))
+    assert subject.knows_time()
+    assert subject.now_s() == 5.0
+
+
+def test_activation_waits_for_simulated_time_and_says_so(subject: Subject) -> None:
+    simulated(subject)
+    subject.on_configure(ANY_STATE)
+    assert subject.on_activate(ANY_STATE) == TransitionCallbackReturn.FAILURE
+    assert subject._state_health().message.startswith("use_sim_time is set, but no time has been received")
+    assert subject._state_health().level == ERROR
+    subject.on_cleanup(ANY_STATE)
+
+
+def test_simulated_time_has_no_stall(subject: Subject, monkeypatch: pytest.MonkeyPatch) -> None:
+    simulated(subject)
+    now = [1000.0, 50.0]
+    monkeypatch.setattr(subject, "now_s", lambda: now[0])
+    monkeypatch.setattr(managed.time, "monotonic", lambda: now[1])
+    schedule = subject.every(0.1, lambda _t_s: None)
+    timer = list(subject.timers)[-1]
+    timer.callback()
+    now[0], now[1] = 1003.0, 53.0
+    timer.callback()
+    assert (schedule.stalled_s, schedule.jumped_s) == (0.0, pytest.approx(2.9))
+    subject._clear()
+
+
+def test_states_and_what_is_allowed_in_them_follow_the_transitions(subject: Subject) -> None:
+    seen = []
+    for step in (subject.on_configure, subject.on_activate, subject.on_deactivate, subject.on_cleanup):
+        assert step(ANY_STATE) == TransitionCallbackReturn.SUCCESS
+        health = subject._state_health()
+        assert (health.level, health.message) == (OK, health.values["state"])
+        seen.append((health.message, subject.active, subject.parameters.configured))
+    assert seen == [
+        ("inactive", False, True),
+        ("active", True, True),
+        ("inactive", False, True),
+        ("unconfigured", False, False),
+    ]
+    assert subject.made == 1
+
+
+def test_a_deactivated_node_has_no_timer_and_is_stopped_before(
+    subject: Subject, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    subject.on_configure(ANY_STATE)
+    idle = len(list(subject.timers))
+    subject.on_activate(ANY_STATE)
+    assert len(list(subject.timers)) == idle + 1
+    running: list[int] = []
+    monkeypatch.setattr(subject, "deactivate", lambda: running.append(len(list(subject.timers))))
+    subject.on_deactivate(ANY_STATE)
+    assert running == [idle + 1]
+    assert len(list(subject.timers)) == idle
+    subject.on_cleanup(ANY_STATE)
+
+
+def test_a_reason_is_forgotten_with_the_next_success(subject: Subject) -> None:
+    subject.refusal = ValueError("no pass")
+    subject.on_configure(ANY_STATE)
+    assert (subject._state_health().level, subject._state_health().values) == (ERROR, {"state": "unconfigured"})
+    subject.refusal = None
+    subject.on_configure(ANY_STATE)
+    subject.refusal = ValueError("no target")
+    subject.on_activate(ANY_STATE)
+    assert subject._state_health().message == "no target"
+    subject.refusal = None
+    subject.on_activate(ANY_STATE)
+    assert (subject._state_health().level, subject._state_health().message) == (OK, "active")
+    subject.end()
+
+
+def test_an_unknown_parameter_is_refused_with_the_nearest_name(subject: Subject) -> None:
+    known, unknown = Parameter("lifecycle.autostart", value=False), Parameter("lifecycle.autostrat", value=True)
+    done = subject.set_parameters_atomically([known, unknown])
+    assert not done.successful
+    assert "lifecycle.autostrat" in done.reason
+    assert "lifecycle.autostart" in done.reason
+    assert subject.set_parameters_atomically([known]).successful
+
+
+def test_a_topic_that_is_watched_is_counted_before_its_door(subject: Subject) -> None:
+    got: list[Any] = []
+    subject.listen(PointingError, "managed_subject/steady", got.append, STREAM, steady=True)
+    subject.listen(PointingError, "managed_subject/free", got.append, STREAM)
+    assert set(subject.hearing._inputs) == {"managed_subject/steady"}
+    doors = {each.topic_name: each.callback for each in subject.subscriptions}
+    doors["/managed_subject/steady"](serialize_message(PointingError(sensor="x")))
+    doors["/managed_subject/steady"](b"nothing")
+    doors["/managed_subject/free"](serialize_message(PointingError(sensor="y")))
+    assert subject.hearing._inputs["managed_subject/steady"].count == 2
+    assert [each.sensor for each in got] == ["x", "y"]
+    subject._clear()
+
+
+def test_lost_messages_of_a_numbered_stream_are_counted_but_for_raw_ones(subject: Subject) -> None:
+    got: list[Any] = []
+    subject.listen(PointingError, "managed_subject/numbered", got.append, STREAM)
+    subject.listen(PointingError, "managed_subject/raw", got.append, STREAM, raw=True)
+    doors = {each.topic_name.rpartition("/")[2]: each.callback for each in subject.subscriptions}
+    payloads = [serialize_message(PointingError(sensor="x", sequence=number)) for number in (1, 5)]
+    for payload in payloads:
+        doors["numbered"](payload)
+        doors["raw"](payload)
+    assert subject.inputs.lost == {"managed_subject/numbered": 3}
+    assert got[1] == payloads[0], "undecoded"
+    subject._clear()
+
+
+@pytest.mark.parametrize(("qos", "most"), [(STREAM, 262_144), (LATCHED, 16_777_216)])
+def test_the_longest_message_is_that_of_a_stream_or_of_a_latched_list(subject: Subject, qos: Any, most: int) -> None:
+    got: list[int] = []
+    subject.listen(PointingError, "managed_subject/long", lambda raw: got.append(len(raw)), qos, raw=True)
+    (door,) = [each.callback for each in subject.subscriptions if each.topic_name.endswith("long")]
+    door(bytes(most))
+    door(bytes(most + 1))
+    assert got == [most]
+    assert subject.inputs.last_refusal.endswith(f"a message of {most + 1} bytes, must be <= {most}")
+    subject._clear()
+
+
+@pytest.mark.parametrize(
+    ("act", "success", "message"),
+    [
+        (lambda _request: "done", True, "done"),
+        (lambda _request: Path("/nowhere/file").read_text(), False, "No such file or directory: '/nowhere/file'"),
+        (lambda _request: int("x"), False, "invalid literal for int() with base 10: 'x'"),
+        (lambda _request: 1 / 0, False, "ZeroDivisionError: division by zero"),
+    ],
+)
+def test_an_action_answers_with_its_message_or_its_error(
+    subject: Subject, act: Any, success: bool, message: str
+) -> None:
+    subject.serve_action(Trigger, "~/act", act)
+    (service,) = [each for each in subject.services if each.service_name.endswith("/act")]
+    answer = service.callback(Trigger.Request(), Trigger.Response())
+    assert answer.success is success
+    assert answer.message.endswith(message)
+    subject._clear()
+    assert not [each for each in subject.services if each.service_name.endswith("/act")]
+
+
+def test_a_service_without_success_survives_too(subject: Subject) -> None:
+    subject.serve(GetState, "~/state", lambda _request, _response: 1 / 0)
+    (service,) = [each for each in subject.services if each.service_name == "/managed_subject/state"]
+    response = GetState.Response()
+    assert service.callback(GetState.Request(), response) is response
+    assert subject.inputs.errors == 1
+    subject._clear()
+
+
+def test_what_repeats_is_logged_once_with_its_severity(subject: Subject, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines: list[tuple[str, str]] = []
+    logger = SimpleNamespace(
+        error=lambda words: lines.append(("error", words)), warning=lambda words: lines.append(("warning", words))
+    )
+    monkeypatch.setattr(subject, "get_logger", lambda: logger)
+    for number in range(3):
+        subject.log_once("input", f"{number} bytes are none")
+        subject.log_once("disk", "is full", error=True)
+    assert lines == [("warning", "input: 0 bytes are none"), ("error", "disk: is full")]
+    subject.survived("a callback", KeyError("x"))
+    assert lines[2:] == [("error", "a callback: KeyError: 'x'; please report it")]
+    assert (subject.inputs.errors, subject.inputs.last_error) == (1, "a callback: KeyError: 'x'")
+
+
+def test_a_priority_that_is_not_permitted_is_a_warning_and_the_node_starts(
+    default_context: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked, warned = [], []
+    monkeypatch.setattr(managed, "take_priority", lambda number: asked.append(number) or "not permitted")
+    monkeypatch.setattr(Subject, "get_logger", lambda _node: SimpleNamespace(warning=warned.append))
+    node = Subject()
+    assert (asked, warned) == ([0], ["not permitted"])
+    assert node.brings_itself_up is False
+    assert node.turn() == 0.2
+    node.lock.release()
+    node.destroy_node()
+
+
+@pytest.mark.parametrize(
+    ("cancel", "success", "end"), [(True, True, "canceled"), (False, True, "succeed"), (False, False, "abort")]
+)
+def test_a_goal_ends_as_canceled_or_by_the_success_of_its_result(cancel: bool, success: bool, end: str) -> None:
+    ends: list[str] = []
+    goal = SimpleNamespace(
+        is_cancel_requested=cancel,
+        **{word: (lambda word=word: ends.append(word)) for word in ("canceled", "succeed", "abort")},
+    )
+    result = SimpleNamespace(success=success)
+    assert managed.conclude(goal, result) is result
+    assert ends == [end]
+
+
+def test_a_failed_transition_of_rclpy_is_answered(subject: Subject, monkeypatch: pytest.MonkeyPatch) -> None:
+    failures: list[str] = []
+    monkeypatch.setattr(subject, "get_logger", lambda: SimpleNamespace(error=failures.append))
+    request = ChangeState.Request(transition=Transition(id=4))
+    assert not subject._service_change_state.callback(request, ChangeState.Response()).success
+    assert failures == ["transition 4 refused: the node is unconfigured"]
+
+
+def test_what_is_published_has_the_frame_of_its_topic_until_cleanup(subject: Subject) -> None:
+    before = entities(subject)
+    framed, plain = subject.publisher(Target, "target", STREAM), subject.publisher(Target, "elsewhere", STREAM)
+    message = Target()
+    plain.publish(message)
+    assert message.header.frame_id == ""
+    framed.publish(message)
+    assert message.header.frame_id == "base_link"
+    subject._clear()
+    assert entities(subject) == before
