@@ -9,6 +9,7 @@ middle, by the indexes.
 
 import re
 import struct
+import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -19,6 +20,11 @@ from typing import BinaryIO
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.storage_mcap import decompress
 
+if sys.version_info >= (3, 14):
+    from compression.zstd import ZstdError
+else:
+    from backports.zstd import ZstdError
+
 _MAGIC = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX = 2, 3, 4, 5, 6, 7, 8
 _STATISTICS, _DATA_END = 11, 15
@@ -27,6 +33,8 @@ _MESSAGE_HEAD = 22
 _FOOTER_BYTES = 37
 HOLE_BYTES = 400
 """So many zeros in a row are a lost block of the disk; the longest covariance has 288."""
+_DAMAGED = (ReaderError, RuntimeError, ValueError, OSError, ZstdError)
+"""What libraries raise for a chunk that does not decompress."""
 Record = tuple[int, int, bytes]
 
 
@@ -124,7 +132,7 @@ def _salvaged_chunk(file: BinaryIO, index: bytes) -> bytes:
     try:
         data = decompress(data, compression, size, 0)
     # One wrong byte of a compressed chunk costs all of it.
-    except (ReaderError, RuntimeError, ValueError, OSError):
+    except _DAMAGED:
         data = b""
     file.seek(start + length)
     kept = b"".join(_intact(data, BytesIO(file.read(indexed))))
@@ -202,14 +210,18 @@ def _scan(file: BinaryIO, tail: McapTail) -> _OpenChunk | None:
 
 
 def _records(file: BinaryIO) -> Iterator[Record]:
+    start = file.tell()
+    size = file.seek(0, 2)
+    file.seek(start)
     while len(head := file.read(_HEAD)) == _HEAD:
         opcode, length = struct.unpack("<BQ", head)
-        start = file.tell() - _HEAD
-        content = file.read(length)
-        # Opcode 0 is no record: a file system that crashed leaves blocks of zeros.
-        if opcode == 0 or len(content) < length:
+        # Opcode 0 is no record: a file system that crashed leaves blocks of zeros.  A damaged
+        # length may be more than the memory holds.
+        if opcode == 0 or length > size - file.tell():
             return
+        content = file.read(length)
         yield opcode, start, content
+        start += _HEAD + length
 
 
 def _open_chunk(start: int, content: bytes, tail: McapTail) -> _OpenChunk | None:
@@ -226,7 +238,7 @@ def _open_chunk(start: int, content: bytes, tail: McapTail) -> _OpenChunk | None
                 channel, _, log_time = struct.unpack_from("<HIQ", record)
                 messages[channel].append((log_time, offset))
     # A chunk that does not decompress or fails its checksum ends the usable part.
-    except (ReaderError, RuntimeError, ValueError, OSError, struct.error):
+    except (*_DAMAGED, struct.error):
         return None
     for opcode, _, record in records:
         _note(opcode, record, tail)

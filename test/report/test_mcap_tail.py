@@ -1,14 +1,17 @@
-"""Closing MCAP files that were cut short."""
+"""Closing MCAP files that were cut short, and copying what is intact of damaged ones."""
 
 import shutil
+import struct
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
-from rf_pointing.report.mcap_tail import complete
+from rf_pointing.report.mcap_tail import complete, salvage
 
 COUNT = 2_000
 
@@ -125,3 +128,169 @@ def test_file_without_chunks_is_closed_too(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-200])
     complete(path)
     assert times(path) == list(range(97))
+
+
+def summary_of(path: Path) -> Any:
+    with path.open("rb") as stream:
+        return make_reader(stream).get_summary()
+
+
+def records(data: bytes) -> Iterator[tuple[int, int, bytes]]:
+    """Give opcode, place and content of every record between the magic words."""
+    place = 8
+    while place < len(data) - 8:
+        opcode, length = struct.unpack_from("<BQ", data, place)
+        yield opcode, place, data[place + 9 : place + 9 + length]
+        place += 9 + length
+
+
+DATA_END, FOOTER = 15, 2
+
+
+def test_the_end_of_a_closed_file_is_that_of_another_writer(whole: Path, tmp_path: Path) -> None:
+    """But for checksums, which are 0, and the offsets by kind, which it leaves out."""
+    data = whole.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(data[:-100])
+    complete(cut)
+    given, made = summary_of(whole).statistics, summary_of(cut).statistics
+    assert made == given
+    end = [record for record in records(cut.read_bytes()) if record[0] in (DATA_END, FOOTER)]
+    assert [opcode for opcode, _, _ in end] == [DATA_END, FOOTER]
+    assert end[0][2] == bytes(4)
+    assert struct.unpack("<QQI", end[1][2]) == (end[0][1] + 9 + 4, 0, 0)
+
+
+def test_zeros_that_a_crashed_file_system_leaves_are_dropped(whole: Path, tmp_path: Path) -> None:
+    first = summary_of(whole).chunk_indexes[0]
+    end = first.chunk_start_offset + first.chunk_length + first.message_index_length
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole.read_bytes()[:end] + bytes(4096))
+    tail = complete(cut)
+    assert (tail.usable_bytes, tail.dropped_bytes) == (end, 4096)
+    assert times(cut) == list(range(first.message_end_time + 1))
+
+
+def flat(path: Path, count: int) -> bytes:
+    """Write a file without chunks; return its bytes."""
+    with path.open("wb") as stream:
+        writer = McapWriter(stream, use_chunking=False)
+        writer.start(profile="ros2", library="independent")
+        channel = writer.register_channel("/a", "cdr", writer.register_schema("a/msg/B", "ros2msg", b"string c\n"))
+        for number in range(count):
+            writer.add_message(channel, number, bytes(64), number, number)
+        writer.finish()
+    return path.read_bytes()
+
+
+def chunk(data: bytes, start: int, end: int) -> bytes:
+    """Return a chunk without compression and checksum."""
+    content = struct.pack("<QQQIIQ", start, end, len(data), 0, 0, len(data)) + data
+    return struct.pack("<BQ", 6, len(content)) + content
+
+
+def test_a_chunk_without_messages_needs_no_index(tmp_path: Path) -> None:
+    path = tmp_path / "two.mcap"
+    data = flat(path, 10)
+    rows = {kind: [data[place : place + 9 + len(content)] for opcode, place, content in records(data) if opcode in kinds]
+            for kind, kinds in (("head", (1,)), ("names", (3, 4)), ("messages", (5,)))}  # fmt: skip
+    # Each name is there twice: in the data and in the summary.
+    names, messages = b"".join(rows["names"][:2]), b"".join(rows["messages"])
+    path.write_bytes(data[:8] + rows["head"][0] + chunk(names, 0, 0) + chunk(messages, 0, 9))
+    tail = complete(path)
+    assert (len(tail.chunk_indexes), len(tail.channels), tail.message_count) == (2, 1, 10)
+    assert times(path) == list(range(10))
+
+
+def test_a_file_that_holds_no_message_is_closed(tmp_path: Path) -> None:
+    path = tmp_path / "empty.mcap"
+    data = flat(path, 0)
+    path.write_bytes(data[: next(place for opcode, place, _ in records(data) if opcode == DATA_END)])
+    complete(path)
+    found = summary_of(path).statistics
+    assert (found.message_count, found.message_start_time, found.message_end_time) == (0, 0, 0)
+    assert (found.schema_count, found.channel_count, found.attachment_count, found.metadata_count) == (1, 1, 0, 0)
+
+
+# Damage in the middle
+
+
+def messages(path: Path) -> list[tuple[str, int, int, bytes]]:
+    with path.open("rb") as stream:
+        return [(channel.topic, message.log_time, message.sequence, message.data)
+                for _, channel, message in make_reader(stream).iter_messages()]  # fmt: skip
+
+
+LENGTH = 9 + 22 + 64
+"""Bytes of each message of `marked`, but for the last."""
+
+
+@pytest.fixture(scope="module", params=[CompressionType.NONE, CompressionType.ZSTD, CompressionType.LZ4])
+def marked(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file whose messages begin and end with bytes that are not zero; the last one is empty."""
+    path = tmp_path_factory.mktemp("mcap") / "marked.mcap"
+    with path.open("wb") as stream:
+        writer = McapWriter(stream, chunk_size=4_096, compression=request.param)
+        writer.start(profile="ros2", library="independent")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data\n")
+        channels = [writer.register_channel(topic, "cdr", schema) for topic in ("/a", "/b")]
+        for number in range(200):
+            data = b"" if number == 199 else b"\1" * 60 + (number + 1).to_bytes(3, "little") + b"\1"
+            writer.add_message(channels[number % 2], number, data, number, number)
+        writer.finish()
+    return path
+
+
+def test_what_is_salvaged_of_an_intact_file_is_all_of_it(marked: Path, tmp_path: Path) -> None:
+    tail = salvage(marked, tmp_path / "copy.mcap")
+    assert messages(tmp_path / "copy.mcap") == messages(marked)
+    assert (tail.message_count, tail.dropped_bytes) == (200, 0)
+    given, made = summary_of(marked), summary_of(tmp_path / "copy.mcap")
+    assert (made.schemas, made.channels, made.statistics) == (given.schemas, given.channels, given.statistics)
+    spans = [
+        [(each.message_start_time, each.message_end_time) for each in found.chunk_indexes] for found in (given, made)
+    ]
+    assert spans[0] == spans[1]
+
+
+def test_zeros_cost_the_messages_that_they_cover_and_no_other(marked: Path, tmp_path: Path) -> None:
+    """Five messages of a chunk without compression; all messages of one with it."""
+    third = summary_of(marked).chunk_indexes[2]
+    data = bytearray(marked.read_bytes())
+    covered = range(third.message_start_time, third.message_end_time + 1)
+    if not third.compression:
+        covered = range(third.message_start_time + 3, third.message_start_time + 8)
+    stored = third.chunk_start_offset + third.chunk_length - third.compressed_size
+    begin = stored + 3 * LENGTH if not third.compression else stored
+    data[begin : begin + 5 * LENGTH] = bytes(5 * LENGTH)
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    tail = salvage(tmp_path / "damaged.mcap", tmp_path / "copy.mcap")
+    left = [message for message in messages(marked) if message[1] not in covered]
+    assert messages(tmp_path / "copy.mcap") == left
+    assert tail.message_count == len(left) == 200 - len(covered)
+
+
+def test_a_message_with_a_wrong_head_is_left_out(marked: Path, tmp_path: Path) -> None:
+    """Of its length, its channel or its time; those around it stay."""
+    third = summary_of(marked).chunk_indexes[2]
+    if third.compression:
+        pytest.skip("one wrong byte of a compressed chunk costs all of it")
+    data = bytearray(marked.read_bytes())
+    stored = third.chunk_start_offset + third.chunk_length - third.compressed_size
+    first = third.message_start_time
+    # The opcode of one, the channel of the next but one, a length beyond the chunk, the time.
+    for k, at, wrong in ((1, 0, 9), (3, 9, 77), (5, 5, 1), (7, 9 + 6, 99)):
+        data[stored + k * LENGTH + at] = wrong
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    salvage(tmp_path / "damaged.mcap", tmp_path / "copy.mcap")
+    lost = {first + k for k in (1, 3, 5, 7)}
+    assert messages(tmp_path / "copy.mcap") == [message for message in messages(marked) if message[1] not in lost]
+
+
+@pytest.mark.parametrize("place", [0, -30])
+def test_a_file_with_a_damaged_begin_or_index_cannot_be_salvaged(marked: Path, tmp_path: Path, place: int) -> None:
+    data = bytearray(marked.read_bytes())
+    data[place : place + 8 if place + 8 else None] = bytes(8)
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    with pytest.raises(ValueError, match=r"begin as an MCAP file|summary of the file is damaged"):
+        salvage(tmp_path / "damaged.mcap", tmp_path / "copy.mcap")
