@@ -179,7 +179,7 @@ def test_a_period_is_stepped_at_once_with_the_axes_of_the_one_before(bench: Benc
     bench.reading = JointReading(t_s=NOW_S, position_rad=np.zeros(2), velocity_rad_s=np.zeros(2))
     bench.node._due(NOW_S)
     assert bench.core.called("step") == [(NOW_S,)]
-    assert bench.reads_s == [pytest.approx(NOW_S - PERIOD_S)]
+    assert [NOW_S - until_s for until_s in bench.reads_s] == pytest.approx([PERIOD_S], abs=1e-6)
     assert bench.core.called("take_joints") == [(bench.reading,)]
     assert (len(bench.statuses), bench.commands, bench.statuses[0].commands_sent) == (1, [], 0)
     assert bench.node.turn() == 0.2
@@ -601,6 +601,26 @@ def test_live_parameters_reach_the_controller(bench: Bench) -> None:
     bench.node._controller = None
     bench.node._retune()
     bench.node._controller = bench.core
+
+
+def test_the_controller_is_connected_while_it_is_configured(default_context: None) -> None:
+    node = PointingControllerNode()
+    kinds = ("subscriptions", "publishers", "services")
+    before = [len(list(getattr(node, kind))) for kind in kinds]
+    assert node.on_configure(ANY_STATE) == TransitionCallbackReturn.SUCCESS
+    topics = {
+        "target", "joint_states", "antenna_status", "pointing_error", "pointing_model", "pass_profiles",
+        "weather/temperature", "station_in_use", "executive_status", "diagnostics",
+    }  # fmt: skip
+    assert topics <= {each.topic_name.lstrip("/") for each in node.subscriptions}
+    assert {"stop", "calibrate"} <= {each.srv_name.rpartition("/")[2] for each in node.services}
+    assert {"tracking", "executive", "clocks"} <= set(node.diagnostics._checks)
+    node.on_cleanup(ANY_STATE)
+    assert [len(list(getattr(node, kind))) for kind in kinds] == before
+    node.end()
+    node._action.destroy()
+    node.lock.release()
+    node.destroy_node()
 
 
 # The nearest pass

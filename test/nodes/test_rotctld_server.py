@@ -254,6 +254,19 @@ def test_the_pointing_model_is_taken_off_the_axes_and_put_on_what_is_commanded(b
     assert bench.went_deg() == pytest.approx((120.3, 29.8))
 
 
+def test_the_lags_of_a_moving_mount_are_taken_off_with_its_rates(bench: Bench) -> None:
+    model = BiasModel.zero().replace(
+        azimuth_velocity_lag=0.5, azimuth_acceleration_lag=2.0, elevation_velocity_lag=0.25
+    )
+    bench.node._model = model
+    bench.axes(100.0, 40.0, (0.02, -0.01))
+    bench.node._step(bench.t_s)
+    azimuth, elevation = np.radians(bench.node._view.position_deg)
+    axes = np.degrees(model.apply(azimuth, elevation, 0.02, -0.01, 0.0, 0.0))
+    assert axes == pytest.approx([100.0, 40.0])
+    assert abs(bench.node._view.position_deg[0] - 100.0) > 0.1
+
+
 def test_where_the_model_has_no_inverse_the_axes_are_shown(bench: Bench) -> None:
     def remove(*_: Any) -> Any:
         raise ValueError("no inverse at the zenith")
@@ -554,7 +567,7 @@ def test_the_time_of_a_point_is_that_of_its_arrival(bench: Bench) -> None:
     for index in range(3):
         bench.wait(1.0)
         bench.point(100.0 + 0.5 * index, 40.0, age_s=0.4)
-    assert bench.node._points.newest_s == pytest.approx(bench.t_s - 0.4)
+    assert bench.t_s - bench.node._points.newest_s == pytest.approx(0.4, abs=STEP_RAD)
 
 
 def test_a_motion_without_new_points_ends_after_3_s_at_rest(bench: Bench) -> None:
@@ -594,6 +607,16 @@ def test_at_the_end_of_its_travel_the_azimuth_unwinds_and_goes_on(bench: Bench) 
     azimuth = np.degrees([point.positions[0] for point in bench.commands[-1].points])
     assert azimuth == pytest.approx(-140.0, abs=1.0)
     assert math.degrees(bench.node._azimuth_rad) == pytest.approx(azimuth[0])
+
+
+def test_the_last_point_of_a_command_decides_whether_the_azimuth_unwinds(bench: Bench) -> None:
+    bench.axes(219.0, 40.0)
+    bench.node._step(bench.t_s)
+    # The last point of the next second is at 220.02 deg, the one before it at 219.97 deg.
+    bench.fly(azimuth_deg=218.52)
+    bench.node._azimuth_rad = math.radians(219.52)
+    bench.node._step(bench.t_s)
+    assert math.degrees(bench.commands[-1].points[0].positions[0]) == pytest.approx(-140.43, abs=0.01)
 
 
 def test_below_the_least_elevation_the_axes_wait_at_it_and_follow_in_azimuth(bench: Bench) -> None:
@@ -766,7 +789,7 @@ def test_two_points_in_a_row_off_its_track_end_a_pass(bench: Bench, monkeypatch:
     for _ in range(3):
         assert bench.point(20.0, 30.0) == [0]
     row, t_s, direction = questions[-1]
-    assert (row, t_s) == (0, pytest.approx(bench.t_s))
+    assert (row, t_s) == (0, bench.t_s)
     east, up = math.sin(math.radians(20.0)) * math.cos(math.radians(30.0)), 0.5
     assert (direction[0], direction[2]) == pytest.approx((east, up))
     codes = bench.point(20.0, 30.0)
@@ -780,6 +803,9 @@ def test_two_points_in_a_row_off_its_track_end_a_pass(bench: Bench, monkeypatch:
     bench.node._step(bench.t_s + 0.1)
     assert bench.counts()[GO_TO] == calls + 1
     assert bench.went_deg() == pytest.approx((20.0, 30.0))
+    bench.answer(GO_TO, GoTo.Response(success=False, message="high wind"))
+    bench.node._step(bench.t_s + 0.2)
+    assert bench.counts()[GO_TO] == calls + 1
 
 
 def test_the_points_before_a_pass_mean_nothing_after_it(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -948,6 +974,23 @@ def test_deactivation_brings_what_moves_to_rest_and_closes_the_port(
     assert bench.port.closed
     assert bench.node._health().message == "not served"
     assert bench.node.turn() == 0.1
+
+
+def test_the_server_is_connected_while_it_is_configured(default_context: None) -> None:
+    node = RotctldServerNode()
+    before = [len(list(kind)) for kind in (node.subscriptions, node.publishers, node.clients, node.waitables)]
+    assert node.on_configure(ANY_STATE) == TransitionCallbackReturn.SUCCESS
+    topics = {"joint_states", "antenna_status", "tracking_status", "executive_status", "pointing_model"}
+    assert topics <= {each.topic_name.lstrip("/") for each in node.subscriptions}
+    assert {GO_TO, PARK, RESUME, STOP, SELECT, ELEMENTS} <= {each.srv_name.lstrip("/") for each in node.clients}
+    assert [name for name in node.diagnostics._checks if name == "clients"]
+    node.on_cleanup(ANY_STATE)
+    after = [len(list(kind)) for kind in (node.subscriptions, node.publishers, node.clients, node.waitables)]
+    # `StationInUse` and the watches of the base go with the others.
+    assert after == before
+    node.end()
+    node.lock.release()
+    node.destroy_node()
 
 
 def test_a_sensor_that_is_none_refuses_the_configuration(default_context: None) -> None:

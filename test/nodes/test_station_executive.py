@@ -429,7 +429,7 @@ def test_the_news_of_a_partner_keep_it_alive(make: Callable[..., Bench]) -> None
     bench.start(600.0)
     bench.node._on_partner("gs2", Schedule(passes=[ScheduledPass(id="p0", state="active")]))
     bench.wall_s += 5.0
-    bench.node._share(bench.t_s)
+    bench.node._step(bench.t_s)
     assert bench.night.taken == {"p0"}
     bench.wall_s += 0.1
     bench.node._share(bench.t_s)
@@ -654,6 +654,8 @@ def test_an_end_of_a_directive_is_known_and_a_failure_of_it_too(bench: Bench) ->
 
 
 def test_an_alarm_goes_to_the_hooks_and_is_counted(bench: Bench) -> None:
+    reports: list[bool] = []
+    bench.node.diagnostics.publish = lambda: reports.append(True)
     bench.night.book.raise_("disk", 1, "full", bench.t_s, ask="delete")
     bench.night.book.clear("disk", bench.t_s)
     utc = utc_text(bench.t_s)
@@ -661,6 +663,7 @@ def test_an_alarm_goes_to_the_hooks_and_is_counted(bench: Bench) -> None:
         ("raised", "disk", 1, "full", "delete", utc), ("cleared", "disk", 1, "full", "delete", utc)
     ]  # fmt: skip
     assert bench.node._messages == {"disk": 2}
+    assert len(reports) == 2
 
 
 def test_an_acknowledged_alarm_warns_no_more_and_is_kept(make: Callable[..., Bench], tmp_path: Path) -> None:
@@ -819,8 +822,10 @@ def test_a_report_that_cannot_be_written_is_a_warning_and_the_goal_ends(
 
     monkeypatch.setattr(night_report, "write_night", write)
     goal = bench.start(600.0)
+    bench.node._recorder = SimpleNamespace(problem="", close=lambda: SimpleNamespace(path=bench.folder / "p0" / "bag"))
+    bench.node._report = lambda name: name
     bench.node._finish()
-    assert goal.ends == ["execute"]
+    assert (goal.ends, bench.node._recorder) == (["execute"], None)
     assert "No space left" in bench.node._health().message
     assert bench.node._report_folder == ""
 
@@ -848,3 +853,21 @@ def test_a_sensor_of_the_night_must_be_one(default_context: None, tmp_path: Path
     node._action.destroy()
     node.lock.release()
     node.destroy_node()
+
+
+def test_the_executive_is_connected_while_it_is_configured(make: Callable[..., Bench]) -> None:
+    node = make(**{"executive.partners": "gs2"}).node
+    topics = {
+        "antenna_status", "joint_states", "tracking_status", "passes", "target", "pass_certificate", "diagnostics",
+        "gs2/schedule", "gs2/executive_status",
+    }  # fmt: skip
+    assert topics <= {each.topic_name.lstrip("/") for each in node.subscriptions}
+    requests = {"pause", "resume", "stop", "abort", "skip", "acknowledge", "change_schedule"}
+    assert requests <= {each.srv_name.rpartition("/")[2] for each in node.services}
+    assert {"night", "alarms"} <= set(node.diagnostics._checks)
+    hooks, clients = [], len(list(node.clients))
+    node._hooks.close = lambda: hooks.append("closed")
+    node.on_cleanup(ANY_STATE)
+    assert len(list(node.clients)) < clients
+    assert not (topics - {"diagnostics"}) & {each.topic_name.lstrip("/") for each in node.subscriptions}
+    assert not [each.srv_name for each in node.services if each.srv_name.endswith("/skip")]
