@@ -1,16 +1,21 @@
 """The verdict of a recorded pass: as flown, as counted, as predicted; a fault ends it and stands at the head of the page."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from rf_pointing.report.analysis import analyse
+from rf_pointing.core.pass_outcome import LEAST_SHARE
+from rf_pointing.report.analysis import Analysis, ErrorSeries, Timeline, analyse
 from rf_pointing.report.definitions import Definitions
-from rf_pointing.report.recording import Recording, read_recording
+from rf_pointing.report.outcome import verdict
+from rf_pointing.report.recording import Pass, Recording, read_recording
 from rf_pointing.report.statistics import summarize
-from rf_pointing.report.summary import Verdict
+from rf_pointing.report.summary import Acquisition, Verdict
+from rf_pointing.report.topics import TopicData
 from rf_pointing.report.write_report import page
 
 LOS_S = 58.0
@@ -107,3 +112,191 @@ def test_a_silent_antenna_is_a_fault_though_it_cannot_tell_it(run: Callable[...,
 def test_an_alarm_that_passes_is_no_fault(run: Callable[..., Recording]) -> None:
     found = outcome(run(alarm=lambda t: (2, "joint_states has been silent for 1.2 s") if 30.0 < t < 32.0 else (0, "")))
     assert (found.tracked, found.faults) == (True, [])
+
+
+# Analyses by hand: times in s, a beam of 1 mrad, a pass from 10 to 58 s
+
+S = 10**9
+BEAM_RAD = 1e-3
+Row = tuple[float, str, str, float, float, float]
+"""Of the status: stamp, target, reason, seconds tracked and lost, mean loss in dB."""
+ROWS: list[Row] = [
+    (0.0, "", "", 0.0, 0.0, 0.0),
+    (9.0, "x", "", 0.0, 0.0, 0.0),
+    (57.0, "x", "", 46.0, 0.5, 0.20),
+    (58.0, "", "loss of signal", 46.5, 1.5, 0.25),
+    (59.0, "", "idle", 90.0, 9.0, 9.0),
+]
+
+
+def topic(stamps_s: Sequence[float], **columns: Any) -> TopicData:
+    stamp_ns = np.round(np.array(stamps_s) * S).astype(np.int64)
+    return TopicData("", "", stamp_ns, stamp_ns, None, {name: np.array(values) for name, values in columns.items()})
+
+
+def certificate(*rows: dict[str, Any]) -> TopicData:
+    """Return certificates of the pass, issued at 1 s, but for what the rows change."""
+    usual = {"stamp": 1.0, "target": "x", "aos": 10.0, "los": 58.0, "accepted": True, "lost": 0.0, "late": 0.0,
+             "acquisition": 0.0, "mean_loss": 0.1, "least_share": 0.75}  # fmt: skip
+    columns = {name: [{**usual, **row}[name] for row in rows] for name in usual}
+    for name in ("aos", "los"):
+        columns[name] = [round(value * S) for value in columns[name]]
+    return topic(columns.pop("stamp"), **columns)
+
+
+def judged(
+    rows: Sequence[Row] = ROWS, errors_s: Sequence[float] | None = None, *, error_rad: float = 0.0,
+    beam_rad: float = BEAM_RAD, source: str = "true", **topics: TopicData,
+) -> Verdict:  # fmt: skip
+    """Return the verdict of a pass whose error is known at `errors_s`."""
+    names = ("target", "reason", "seconds_tracked", "seconds_lost", "mean_loss")
+    columns = {name: [row[k] for row in rows] for k, name in enumerate(names, start=1)}
+    status = topic([row[0] for row in rows], **columns, level=[0] * len(rows), alarm=[""] * len(rows))
+    recording = Recording(Path("bag"), "", {"tracking_status": status, **topics}, (), (), {}, {}, (), ())
+    modes = Timeline(np.array([0]), {"beamwidth": np.array([beam_rad])})
+    errors = None
+    if errors_s is not None:
+        n, stamp_ns = len(errors_s), np.round(np.array(errors_s) * S).astype(np.int64)
+        error = np.stack([np.full(n, error_rad), np.zeros(n)], axis=-1)
+        errors = ErrorSeries(source, stamp_ns, error, error, np.full(n, ""), np.full(n, beam_rad), 0)
+    target = Pass("x", 10 * S, 34 * S, 58 * S, 0.9)
+    return verdict(Analysis(recording, modes, errors, target, None, Acquisition(measured_from="")))
+
+
+EVERY_S = np.arange(0.0, 62.0, 1.0)
+
+
+def test_the_count_is_that_at_the_end_of_the_pass() -> None:
+    """Of the last status with its target and the one that ends it, whichever has counted more."""
+    for rows in (ROWS, ROWS[::-1]):
+        found = judged(rows)
+        assert (found.counted.tracked_s, found.counted.lost_s) == (46.5, 1.5)
+        assert found.counted.mean_loss_db == pytest.approx(0.25)
+        assert found.counted.held_percent == pytest.approx(100.0 * 46.5 / 48.0)
+        assert (found.tracked, found.reason, found.source) == (True, "loss of signal", "counted")
+    # A controller that starts again at the end has forgotten it.
+    forgotten = [*ROWS[:3], (58.0, "", "loss of signal", 0.0, 0.0, 0.0)]
+    assert judged(forgotten).counted.tracked_s == 46.0
+
+
+@pytest.mark.parametrize(
+    ("tracked_s", "lost_s", "known"), [(0.0, 0.0, False), (0.3, 0.2, True), (1.0, 2.0, True), (1.0, 1.0, True)]
+)
+def test_any_time_that_was_counted_is_an_outcome(tracked_s: float, lost_s: float, known: bool) -> None:
+    found = judged([*ROWS[:2], (58.0, "", "loss of signal", tracked_s, lost_s, 3.0)])
+    assert (found.counted is not None) is known
+    assert (found.source, found.tracked is None) == (("counted", False) if known else (None, True))
+    if known:
+        assert found.counted.held_percent == pytest.approx(100.0 * tracked_s / (tracked_s + lost_s))
+
+
+def test_a_recording_that_ends_in_the_pass_is_cut_short() -> None:
+    found = judged([*ROWS[:2], (40.0, "x", "", 30.0, 0.0, 0.0)], EVERY_S)
+    assert (found.tracked, found.reason) == (False, "the recording ends before the loss of signal")
+    assert (found.flown.tracked_s, found.flown.lost_s) == (30.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("begin_s", "end_s", "tracked_s"), [(0.0, 59.0, 48.0), (9.0, 58.0, 48.0), (15.0, 50.0, 35.0), (15.0, 60.0, 43.0)]
+)
+def test_the_flight_counts_from_the_rise_or_the_target_to_the_set_or_the_end(
+    begin_s: float, end_s: float, tracked_s: float
+) -> None:
+    rows: list[Row] = [(-1.0, "", "", 0.0, 0.0, 0.0), (begin_s, "x", "", 0.0, 0.0, 0.0), (end_s - 1.0, "x", "", 0.0, 0.0, 0.0),
+                       (end_s, "", "loss of signal", 0.0, 0.0, 0.0), (61.0, "", "idle", 0.0, 0.0, 0.0)]  # fmt: skip
+    found = judged(rows, EVERY_S)
+    assert (found.flown.tracked_s, found.flown.lost_s, found.source) == (tracked_s, 0.0, "true")
+    assert found.flown.held_percent == 100.0
+    off = judged(rows, EVERY_S, error_rad=BEAM_RAD)
+    assert (off.flown.tracked_s, off.flown.lost_s) == (0.0, tracked_s)
+    assert off.flown.mean_loss_db == pytest.approx(40.0 * math.log10(2.0), abs=1e-6)
+
+
+def test_a_pass_that_ended_before_its_rise_has_no_flight() -> None:
+    rows: list[Row] = [(0.0, "x", "", 0.0, 0.0, 0.0), (5.0, "", "the goal was cancelled", 3.0, 1.0, 0.0)]
+    found = judged(rows, EVERY_S)
+    assert (found.flown, found.source) == (None, "counted")
+
+
+@pytest.mark.parametrize(
+    ("step_s", "end_s", "gone_s", "lost_s"),
+    [
+        # A sample or two more or less at the ends are no gap.
+        (1.0, 50.0, 2.0, 0.0),
+        (1.0, 50.3, 2.0, 2.3),
+        (1.0, 50.0, 5.0, 5.0),
+        (0.5, 50.0, 2.0, 2.0),
+    ],
+)
+def test_a_gap_of_more_than_two_samples_is_lost(step_s: float, end_s: float, gone_s: float, lost_s: float) -> None:
+    rows: list[Row] = [*ROWS[:2], (end_s, "", "loss of signal", 0.0, 0.0, 0.0)]
+    known_s = [t for t in np.arange(0.0, 62.0, step_s) if not 20.0 < t <= 20.0 + gone_s]
+    found = judged(rows, known_s)
+    assert found.flown.lost_s == pytest.approx(lost_s, abs=1e-6)
+    assert found.flown.tracked_s == pytest.approx(40.0 - gone_s)
+
+
+@pytest.mark.parametrize(("errors_s", "tracked_s"), [([20.0], 0.0), ([20.0, 21.0], 2.0)])
+def test_of_a_few_samples_all_other_time_is_lost(errors_s: list[float], tracked_s: float) -> None:
+    found = judged(errors_s=errors_s)
+    assert (found.flown.tracked_s, found.flown.lost_s) == (tracked_s, pytest.approx(48.0 - tracked_s))
+
+
+def test_without_a_beam_or_the_truth_there_is_no_flight() -> None:
+    assert judged(errors_s=EVERY_S, beam_rad=0.0).source == "counted"
+    assert judged(errors_s=EVERY_S, source="sensed").source == "counted"
+    assert judged().flown is None
+
+
+def test_without_a_pass_only_the_faults_are_known() -> None:
+    fault = topic([1.0, 2.0, 3.0], fault=["", "drives cut", "drives cut"])
+    recording = Recording(Path("bag"), "", {"antenna_status": fault}, (), (), {}, {}, (), ())
+    target = Pass("x", 10 * S, 34 * S, 58 * S, 0.9)
+    for found in (None, target):
+        analysis = Analysis(recording, None, None, found, None, Acquisition(measured_from=""))
+        assert verdict(analysis) == Verdict(faults=["drives cut"])
+    assert judged(antenna_status=fault).faults == ["drives cut"]
+
+
+# The certificate
+
+
+def predicted(*rows: dict[str, Any]) -> Any:
+    return judged(pass_certificate=certificate(*rows)).predicted
+
+
+def test_a_certificate_predicts_what_is_left_of_the_pass_when_it_is_issued() -> None:
+    whole = predicted({"lost": 1.0, "late": 2.0, "acquisition": 1.8})
+    assert (whole.tracked_s, whole.lost_s) == (pytest.approx(43.2), pytest.approx(4.8))
+    assert (whole.held_percent, whole.mean_loss_db) == (pytest.approx(90.0), 0.1)
+    late = predicted({"stamp": 18.0, "lost": 10.0})
+    assert (late.tracked_s, late.lost_s, late.held_percent) == (pytest.approx(30.0), 10.0, pytest.approx(75.0))
+    none = predicted({"stamp": 18.0, "lost": 90.0})
+    assert (none.tracked_s, none.lost_s, none.held_percent) == (0.0, pytest.approx(40.0), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("rows", "loss_db"),
+    [
+        ([{"mean_loss": 0.3}, {"mean_loss": 0.4}, {"mean_loss": 0.5}], 0.5),
+        ([{"mean_loss": 0.3}, {"target": "y"}], 0.3),
+        ([{"mean_loss": 0.3}, {"aos": -40.0, "los": 10.0}], 0.3),
+        ([{"mean_loss": 0.3}, {"aos": 58.0, "los": 90.0}], 0.3),
+        ([{"mean_loss": 0.3}, {"accepted": False}], None),
+        ([{"accepted": False}, {"mean_loss": 0.3}], 0.3),
+        ([{"target": "y"}], None),
+    ],
+)
+def test_the_last_certificate_of_the_pass_counts(rows: list[dict[str, Any]], loss_db: float | None) -> None:
+    found = predicted(*rows)
+    assert (found and found.mean_loss_db) == loss_db
+
+
+@pytest.mark.parametrize(
+    ("given", "least"),
+    [({"least_share": 0.75}, 0.75), ({"least_share": 0.0}, LEAST_SHARE), ({"accepted": False}, LEAST_SHARE)],
+)
+def test_the_share_required_is_that_of_the_certificate(given: dict[str, Any], least: float) -> None:
+    for share in (least - 0.01, least):
+        rows: list[Row] = [*ROWS[:2], (58.0, "", "loss of signal", 48.0 * share, 48.0 * (1.0 - share) - 1e-9, 0.0)]
+        assert judged(rows, pass_certificate=certificate(given)).tracked is (share == least)
