@@ -170,3 +170,57 @@ def test_several_streams_all_hold_time() -> None:
     while clock.wait_s(0.0) == 0.0:
         clock.advance(0.0)
     assert clock.now_s == pytest.approx(START_S + 0.04)
+
+
+def test_time_held_or_due_says_how_long_to_wait() -> None:
+    held = Pacer(start_s=START_S, tick_s=TICK_S, speed=0.0, streams={})
+    assert held.wait_s(100.0) == 0.5
+    # Time that is held again begins where it was, without a rush.
+    clock = pacer(2.0)
+    for _ in range(50):
+        clock.advance(0.0)
+    clock.begin(7.0)
+    assert clock.wait_s(7.0) == pytest.approx(0.5 * TICK_S)
+
+
+def test_a_spacing_of_250_ms_is_waited_for_and_more_is_sparse() -> None:
+    stream = PacedStream(allowed_lag_s=0.2)
+    stream.received(START_S)
+    stream.received(START_S + 0.25)
+    assert stream.waited_for
+    stream.received(START_S + 0.501)
+    assert not stream.waited_for
+    # An older stamp is a repetition: the newest stays.
+    stream.received(START_S)
+    assert (stream.newest_s, stream.waited_for) == (START_S + 0.501, True)
+
+
+def test_a_stamp_rounded_to_a_microsecond_holds_no_tick() -> None:
+    stream = PacedStream(allowed_lag_s=0.1)
+    clock = pacer(joints=stream)
+    stream.received(START_S - 0.08 - 0.9e-3 * TICK_S)
+    stream.newest_s = START_S - 0.08 - 0.9e-3 * TICK_S
+    assert clock.wait_s(0.0) == 0.0
+    stream.newest_s = START_S - 0.08 - 1.2e-3 * TICK_S
+    assert clock.wait_s(0.0) > 0.0
+
+
+def test_a_delay_of_a_second_is_made_up_and_more_is_not() -> None:
+    for late_s, wait_s in ((1.0, 0.0), (1.01, TICK_S)):
+        clock = pacer(speed=1.0)
+        clock.advance(TICK_S + late_s)
+        assert clock.wait_s(TICK_S + late_s) == pytest.approx(wait_s)
+
+
+def test_each_wait_for_a_stream_is_counted_once() -> None:
+    stream = PacedStream(allowed_lag_s=0.05)
+    clock = pacer(joints=stream)
+    stream.received(START_S - 1.0)
+    stream.newest_s = START_S - 1.0
+    for wall_s in (0.0, 0.1, 0.2):
+        assert clock.wait_s(wall_s) == pytest.approx(5.0 - wall_s)
+    assert (stream.waits, stream.abandoned) == (1, 0)
+    stream.received(START_S + 1.0)
+    stream.waited_for = True
+    assert clock.wait_s(0.3) == 0.0
+    assert (stream.waits, stream.waiting_since_s) == (1, None)

@@ -6,13 +6,23 @@ from typing import Any
 
 import pytest
 from rclpy.serialization import serialize_message
-from rf_pointing_msgs.msg import PointingError, Target
+from rf_pointing_msgs.msg import Alarm, ExecutiveStatus, PassProfile, PassProfileList, PointingError, Target
 from sensor_msgs.msg import JointState
 
 from rf_pointing.nodes import convert
 from rf_pointing.nodes.diagnostics import OK, WARN
 from rf_pointing.nodes.stamps import stamp_from_seconds
-from rf_pointing.nodes.streams import InputCounter, Latest, SequencedPublisher
+from rf_pointing.nodes.streams import (
+    KEPT,
+    LARGEST,
+    FramedPublisher,
+    InputCounter,
+    Latest,
+    SequencedPublisher,
+    frame_in,
+    require_length,
+    require_plausible,
+)
 
 
 def message(sequence: int, sensor: str = "") -> Any:
@@ -117,3 +127,77 @@ def test_a_stamp_far_ahead_keeps_no_later_message_from_being_used() -> None:
     latest.note(joints(2.0, 100.02))
     assert latest.take(100.02).position_rad[0] == 2.0
     assert latest.take(100.04) is None
+
+
+def test_the_frame_of_an_antenna_is_below_its_namespace() -> None:
+    assert (frame_in("/gs1", "base"), frame_in("/", "base")) == ("gs1/base", "base")
+    sent: list[Any] = []
+    FramedPublisher(SimpleNamespace(publish=sent.append), "gs1/base").publish(Target())
+    assert sent[0].header.frame_id == "gs1/base"
+
+
+def test_a_message_has_at_most_the_bytes_of_its_topic() -> None:
+    require_length(bytes(10), 10)
+    with pytest.raises(ValueError, match="11 bytes, must be <= 10"):
+        require_length(bytes(11), 10)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1.1 * LARGEST, -1.1 * LARGEST])
+def test_a_number_that_can_be_none_is_refused_with_its_place(value: float) -> None:
+    with pytest.raises(ValueError, match="^azimuth must"):
+        require_plausible(Target(azimuth=value))
+    with pytest.raises(ValueError, match="^covariance must"):
+        require_plausible(Target(covariance=[0.0, value]))
+    profiles = [PassProfile(), PassProfile(time=[0.0, value])]
+    with pytest.raises(ValueError, match=r"^profiles\[1\]\.time must"):
+        require_plausible(PassProfileList(profiles=profiles))
+
+
+def test_what_can_be_a_number_is_taken() -> None:
+    require_plausible(Target(azimuth=LARGEST, covariance=[-LARGEST]))
+    require_plausible(Target())
+    require_plausible(ExecutiveStatus(blocks=["slew"], alarms=[Alarm(name="disk")]))
+
+
+def test_only_a_carrier_may_be_absent() -> None:
+    require_plausible(PointingError(carrier_to_noise=-math.inf))
+    for value in (math.inf, math.nan):
+        with pytest.raises(ValueError, match="carrier_to_noise must"):
+            require_plausible(PointingError(carrier_to_noise=value))
+
+
+def test_a_stamp_that_can_be_none_is_refused_wherever_it_is() -> None:
+    target = Target()
+    target.header.stamp.sec = -1
+    with pytest.raises(ValueError, match="-1 s"):
+        require_plausible(target)
+    alarm = Alarm(name="disk")
+    alarm.raised.sec = -2
+    with pytest.raises(ValueError, match="-2 s"):
+        require_plausible(ExecutiveStatus(alarms=[Alarm(), alarm]))
+
+
+def test_the_health_counts_losses_refusals_and_errors() -> None:
+    counter = InputCounter()
+    assert (counter.health().level, counter.health().message) == (OK, "complete")
+    counter.note_refusal("target", "late")
+    counter.note_refusal("target", "later")
+    counter.note_refusal("passes", "long")
+    counter.note_error("turn", KeyError("x"))
+    health = counter.health()
+    assert (health.level, health.message) == (WARN, "3 messages refused, 1 errors survived")
+    assert (health.values["refused target"], health.values["errors"]) == (2, 1)
+    assert health.values["last_refusal"] == "passes: long"
+    assert health.values["last_error"] == "turn: KeyError: 'x'"
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_the_newest_100_messages_wait_and_a_stamp_counts_to_a_microsecond() -> None:
+    latest = Latest(JointState, convert.joints_from_message, print)
+    for k in range(KEPT + 5):
+        latest.note(joints(float(k), 100.0 + k))
+    assert latest.take(104.5) is None
+    assert latest.take(105.0 - 0.9e-6).position_rad[0] == 5.0
+    assert latest.take(106.0 - 1.1e-6) is None
+    with pytest.raises(ValueError, match="no stamp"):
+        latest.note(b"short")
