@@ -134,7 +134,7 @@ def _salvaged_chunk(file: BinaryIO, index: bytes) -> bytes:
     # One wrong byte of a compressed chunk costs all of it.
     except _DAMAGED:
         data = b""
-    file.seek(start + length)
+    # The data end the chunk, and its indexes follow.
     kept = b"".join(_intact(data, BytesIO(file.read(indexed))))
     return times + struct.pack("<QIIQ", len(kept), 0, 0, len(kept)) + kept
 
@@ -256,8 +256,7 @@ def _note(opcode: int, content: bytes, tail: McapTail) -> None:
 
 
 def _close_chunk(file: BinaryIO, chunk: _OpenChunk) -> bytes:
-    file.seek(chunk.start + chunk.length)
-    file.truncate()
+    """Write the indexes of a chunk that ends where the file does; return its own index."""
     chunk.index_offsets, chunk.index_bytes = {}, 0
     for channel, entries in chunk.messages.items():
         chunk.index_offsets[channel] = file.tell()
