@@ -1,11 +1,13 @@
 """Only who has the key commands the antenna; every part of a command is signed."""
 
 import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from rf_pointing_msgs.srv import SignedCall
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
@@ -100,3 +102,109 @@ def test_a_key_that_others_can_read_or_that_is_none_is_refused(tmp_path: Path) -
     with pytest.raises(ValueError, match="link cannot be used"):
         key_at(link)
     assert not os.path.exists(tmp_path / "elsewhere")
+
+
+def call_at(key: CommandKey, stamp_s: float, monkeypatch: pytest.MonkeyPatch, body: int = 1) -> SignedCall.Request:
+    call = SignedCall.Request(service="/gs1/antenna_servo/park", caller=NAME, request=[0, body])
+    with monkeypatch.context() as then:
+        then.setattr(time, "time", lambda: stamp_s)
+        key.sign_call(call)
+    assert call.stamp.sec == int(stamp_s)
+    return call
+
+
+@pytest.mark.parametrize(
+    ("age_s", "words"), [(9.9, ""), (10.1, "is 10.1 s old"), (-9.9, ""), (-10.1, "is -10.1 s old")]
+)
+def test_a_call_is_taken_within_ten_seconds_of_its_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, age_s: float, words: str
+) -> None:
+    now_s = 1_200_000_000.0
+    monkeypatch.setattr(time, "time", lambda: now_s - 100.0)
+    key = key_at(tmp_path / "key")
+    call = call_at(key, now_s - age_s, monkeypatch)
+    monkeypatch.setattr(time, "time", lambda: now_s)
+    if words:
+        with pytest.raises(ValueError, match=f"the call of {NAME} {words}"):
+            key.check_call(call)
+    else:
+        key.check_call(call)
+        with pytest.raises(ValueError, match=f"the call of {NAME} was sent before"):
+            key.check_call(call)
+
+
+def test_calls_are_remembered_as_long_as_they_could_be_sent_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = 1_200_000_000.0
+    monkeypatch.setattr(time, "time", lambda: now_s - 100.0)
+    key = key_at(tmp_path / "key")
+    monkeypatch.setattr(time, "time", lambda: now_s)
+    first, second = (call_at(key, now_s, monkeypatch, body) for body in (1, 2))
+    key.check_call(first)
+    monkeypatch.setattr(time, "time", lambda: now_s + 9.0)
+    key.check_call(second)
+    for call in (first, second):
+        with pytest.raises(ValueError, match="was sent before"):
+            key.check_call(call)
+    assert len(key._taken) == 2
+    monkeypatch.setattr(time, "time", lambda: now_s + 10.5)
+    key.check_call(call_at(key, now_s + 10.0, monkeypatch))
+    assert len(key._taken) == 1
+
+
+def test_a_call_of_before_the_start_is_refused_and_without_a_key_everything_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = 1_200_000_000.0
+    monkeypatch.setattr(time, "time", lambda: now_s)
+    key = key_at(tmp_path / "key")
+    with pytest.raises(ValueError, match="was sent before"):
+        key.check_call(call_at(key, now_s - 1.0, monkeypatch))
+    call = call_at(key_at(tmp_path / "other"), now_s, monkeypatch)
+    with pytest.raises(ValueError, match=f"a call in the name of {NAME} is not signed with the key"):
+        key.check_call(call)
+    assert key.signed
+    none = CommandKey(CommandKeyParams())
+    none.check_call(call)
+    assert not none.signed
+
+
+def test_a_conflict_is_an_error_for_ten_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [1000.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    key = key_at(tmp_path / "key")
+    assert key.health([]).level == OK
+    for _ in range(2):
+        with pytest.raises(ValueError, match="conflict"):
+            key.check(command())
+    now[0] += 9.9
+    health = key.health([])
+    assert (health.level, health.values["foreign_commands"], health.values["signed"]) == (ERROR, 2, True)
+    now[0] += 0.2
+    assert key.health([]).level == OK
+
+
+def test_one_commander_and_the_server_of_rotctld_are_no_conflict() -> None:
+    key = CommandKey(CommandKeyParams(), TOPIC)
+    one, server, other = (
+        SimpleNamespace(node_namespace="/gs1", node_name=name)
+        for name in ("pointing_controller", "rotctld_server", "own")
+    )
+    assert key.health([]).message == "no commander"
+    assert key.health([one, server]).message == "one commander"
+    assert key.health([one, server]).values["publishers"] == "/gs1/pointing_controller, /gs1/rotctld_server"
+    assert key.health([one, server, other]).level == WARN
+
+
+def test_the_longest_key_file_that_is_read_holds_a_key_and_white_space(tmp_path: Path) -> None:
+    path = tmp_path / "key"
+    key_at(path)
+    path.write_text(f"  {path.read_text()}\n\n")
+    key_at(path)
+    path.write_text(path.read_text().strip() + "00")
+    with pytest.raises(ValueError, match="must hold 64 hexadecimal digits"):
+        key_at(path)
+    path.write_text("")
+    key_at(path)
+    assert len(path.read_text()) == 65, "an empty file gets a key"

@@ -136,3 +136,64 @@ def test_a_silent_input_is_deafness_only_while_its_publisher_is_heard_and_active
     assert bool(graph.hearing.deaf) is deaf
     if deaf:
         assert graph.hearing.deaf == "joint_states has been silent for 11 s although its publisher is active"
+
+
+def test_a_node_subscribes_to_diagnostics_and_reports_what_it_finds() -> None:
+    made: list[tuple[Any, ...]] = []
+    graph = Graph()
+    graph.create_subscription = lambda *given, raw: made.append((*given[:3], raw))  # type: ignore[method-assign]
+    graph.diagnostics = SimpleNamespace(add=lambda *given: made.append(given))
+    hearing = Hearing(graph, lambda: graph.t_s)
+    assert made == [(DiagnosticArray, "/diagnostics", hearing.note, True), ("hearing", hearing.look)]
+
+
+def test_of_two_neighbours_both_must_be_silent() -> None:
+    graph = Graph(OTHERS[:2])
+    graph.run(5)
+    graph.says, graph.sends = [OTHERS[0]], True
+    assert graph.run(60) == (WARN, "/gs1/rf_receiver has been silent for 60 s")
+    assert graph.hearing.deaf == ""
+    graph.says, graph.sends = [], False
+    graph.run(24)
+    assert graph.hearing.deaf == ""
+    graph.run(2)
+    assert graph.hearing.deaf == "nothing has been received from /gs1/antenna_servo, /gs1/rf_receiver for 26 s"
+
+
+def test_a_look_that_comes_late_counts_for_three_seconds_of_silence() -> None:
+    """Silence adds up while the node looks; what it has not looked at proves nothing, of neighbours and of inputs."""
+    graph = Graph()
+    graph.run(5)
+    graph.says, graph.sends = [], False
+    for _ in range(8):
+        graph.t_s, graph.node_s = graph.t_s + 9.0, graph.node_s + 9.0
+        graph.run(1)
+        assert graph.hearing.deaf == ""
+    # Of each ten seconds three have counted.
+    level, message = graph.run(2)
+    assert (level, message.rpartition("for ")[2]) == (ERROR, "26 s: the node starts again")
+
+
+def test_an_input_that_comes_again_is_no_longer_silent() -> None:
+    graph = Graph()
+    graph.run(5)
+    for _ in range(3):
+        graph.sends = False
+        graph.run(9)
+        graph.sends = True
+        graph.run(1)
+    assert graph.hearing.deaf == ""
+
+
+def test_a_time_that_goes_back_is_no_silence_of_an_input() -> None:
+    graph = Graph()
+    graph.run(5)
+    graph.sends = False
+    graph.run(6)
+    graph.speed = -3.0
+    graph.run(2)
+    graph.speed = 1.0
+    graph.run(4)
+    assert graph.hearing.deaf == ""
+    graph.run(1)
+    assert graph.hearing.deaf.startswith("joint_states has been silent for")
