@@ -132,10 +132,10 @@ def test_an_acquisition_is_three_beamwidths_off_in_its_direction(monkeypatch: py
 
 
 def test_acquisition_rows_are_the_95th_percentile_of_twelve_directions(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[float, int]] = []
+    directions: list[tuple[float, int]] = []
 
     def acquired(_window: object, angle_rad: float, seed: int) -> float:
-        asked.append((angle_rad, seed))
+        directions.append((angle_rad, seed))
         return 20.0 + seed
 
     masks: list[tuple[float, ...]] = []
@@ -143,8 +143,8 @@ def test_acquisition_rows_are_the_95th_percentile_of_twelve_directions(monkeypat
     monkeypatch.setattr(autotrack, "low_orbit_pass", lambda *angles: masks.append(angles))
     rows = autotrack._acquisition_rows(3)
     assert masks == [(40.0, 5.0), (40.0, 40.0)]
-    assert [seed for _, seed in asked] == 2 * list(range(3, 15))
-    assert asked[0][0] == random_stream(3, "acquisition 5.0").uniform(0.0, 2.0 * math.pi)
+    assert [seed for _, seed in directions] == 2 * list(range(3, 15))
+    assert directions[0][0] == random_stream(3, "acquisition 5.0").uniform(0.0, 2.0 * math.pi)
     for row in rows:
         # The slowest of twelve: no less than 95 % are within it.
         assert (row.ours, row.paper, row.bound, row.tolerance) == (34.0, 30.0, "<=", 0.0)

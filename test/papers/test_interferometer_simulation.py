@@ -1,5 +1,7 @@
 """ """
 
+import math
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,13 @@ from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioPara
 from rf_pointing.array_sensors.interferometer.relative_pose import RelativePose
 from rf_pointing.array_sensors.interferometer.sequence import SequenceParams
 from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan
-from rf_pointing.papers.interferometer_simulation import LISTING, run_trials
+from rf_pointing.papers.interferometer_simulation import (
+    LISTING,
+    TrialErrors,
+    carrier_range,
+    require_gaussian_regime,
+    run_trials,
+)
 
 PLAN, LINK, ARRAYS = CarrierPlan(speed_of_light_m_s=3.0e8), LinkParams(), ArrayParams()
 
@@ -70,3 +78,30 @@ def test_wrong_lanes_are_tallied_and_left_out(rng) -> None:
 def test_no_trial_at_all_is_refused(rng) -> None:
     with pytest.raises(ValueError, match="trials=0 must be >= 1"):
         errors(rng, 1e5, trials=0)
+
+
+@pytest.mark.parametrize(("forward", "back", "name"), [(9.99, 100.0, "forward"), (100.0, 9.99, "return")])
+def test_a_link_below_10_db_is_named_and_refused(forward: float, back: float, name: str) -> None:
+    with pytest.raises(ValueError, match=f"{name} link snr=9.99 must be >= 10"):
+        require_gaussian_regime([50.0, forward], [[back, 60.0]])
+    require_gaussian_regime([50.0, max(forward, 10.0)], [[max(back, 10.0)]])
+
+
+def test_rms_of_trials_is_taken_of_each_error() -> None:
+    found = TrialErrors(
+        range_m=np.array([3.0, -4.0]), forward_rad=np.array([1.0, 7.0]), reverse_rad=np.array([2.0, 2.0]),
+        roll_rad=np.array([-6.0, 8.0]), wrong_lanes=0,
+    )  # fmt: skip
+    assert found.rms() == pytest.approx((math.sqrt(12.5), 5.0, 2.0, math.sqrt(50.0)))
+
+
+def test_a_carrier_gives_the_range_to_a_fraction_of_its_wave_where_out_and_back_are_equal() -> None:
+    wave = 2.0 * PLAN.speed_of_light_m_s / (PLAN.forward_hz + PLAN.return_hz)
+    # A path of 80 m in all, of 40.2 waves of both links: the phase is that of the fifth of a turn.
+    truth = 40.2 * wave
+    phases = np.zeros((PLAN.count, 1, 1))
+    phases[0] = 2.0 * np.pi * 0.2
+    for off in (-0.4, 0.0, 0.3):
+        fine, left = carrier_range(phases, [[truth + off * wave]], PLAN)
+        assert fine[0, 0] == pytest.approx(truth)
+        assert left[0, 0] == pytest.approx(off, abs=1e-9)

@@ -25,7 +25,7 @@ def result(information: float) -> OrbitResult:
 
 
 @pytest.mark.parametrize(("share", "target_m"), [(3.0, 20.0), (0.2, 7.0), (40.0, 200.0)])
-def test_the_weight_of_the_angles_gives_the_shift_asked_for(share: float, target_m: float) -> None:
+def test_the_weight_of_the_angles_gives_the_target_shift(share: float, target_m: float) -> None:
     """With information n and t n, x = w n t s (1 + t) / (n + w n t) for a weight w relative to 0.01 deg."""
     shift = np.array([0.0, 300.0, 0.0, 1.0, 2.0, 3.0])
     sigma = satcal_orbit._weight_for(target_m, result(0.5), result(0.5 * (1.0 + share)), shift)

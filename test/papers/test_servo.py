@@ -8,6 +8,7 @@ import pytest
 
 from rf_pointing.controllers import PositionLoopParams, dss13_loops, load_lqg_designs
 from rf_pointing.core import MDEG, random_stream
+from rf_pointing.papers import servo_sampled, servo_wind
 from rf_pointing.papers.servo_linear import closed_loop, peak_sensitivity, respond, stability_limit_hz
 from rf_pointing.papers.servo_monopulse import NOTCH, PLAIN
 from rf_pointing.papers.servo_noise import averaging_gain
@@ -15,14 +16,17 @@ from rf_pointing.papers.servo_pass import PassSetup, fly
 from rf_pointing.papers.servo_sampled import (
     AxisResponse,
     LawResponse,
+    LoopQuality,
     RadioLoop,
     Variation,
+    davenport_psd,
     loop_quality,
     published_radio,
     station_radio,
 )
 from rf_pointing.papers.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import GustFilter, discretise, dss13_plant
+from rf_pointing.servo.wind import GUST_LENGTH_M
 
 
 @pytest.fixture(scope="module")
@@ -163,3 +167,43 @@ def test_without_the_mean_the_delay_of_the_station_turns_both_laws_against_the_e
 def test_settled_pass_with_feedforward_stays_far_below_the_published_error(plant) -> None:
     error = fly(PassSetup(plant=plant, loops=(PLAIN, PLAIN), start_s=-60.0, end_s=20.0)).after(-20.0).beam_rad
     assert np.max(np.abs(error)) < 0.05 * MDEG
+
+
+def test_an_unstable_axis_has_an_infinite_error_and_the_total_is_of_both_axes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(servo_wind, "_wind_gain", lambda: (3.0 * MDEG, 2.0 * MDEG))
+    good, other = LoopQuality(1.0, 1.4, 1.8, True), LoopQuality(2.0, 1.9, 1.2, True)
+    assert servo_wind._total_mdeg([good, other]) == pytest.approx(5.0)
+    assert servo_wind._total_mdeg([good, replace(other, stable=False)]) == math.inf
+    assert servo_wind._peak([good, other]) == 1.9
+
+
+def test_a_missed_limit_is_explained_only_with_a_reason() -> None:
+    held, missed = (
+        servo_wind._row("error", 0.5, 0.5, "mdeg", "as flown", "late"),
+        servo_wind._row("error", 0.6, 0.5, "mdeg", "as flown", "late"),
+    )
+    assert (held.holds, held.explained, held.remark) == (True, False, "as flown")
+    assert (missed.holds, missed.explained, missed.remark) == (False, True, "late")
+    assert not servo_wind._row("error", 0.6, 0.5, "mdeg", "as flown").accepted
+
+
+def test_a_loop_that_stays_stable_has_the_highest_bandwidth_scanned(plant) -> None:
+    assert stability_limit_hz(plant, (PLAIN, PLAIN), 1, highest_hz=0.02) == 0.02
+
+
+def test_a_delayed_integrator_turns_unstable_at_a_quarter_period_of_delay() -> None:
+    """k / s e^(-T s) encircles -1 from k T = pi / 2 on."""
+    frequency = np.geomspace(1e-3, 24.0, 4000)
+    s = 2j * np.pi * frequency
+    for gain, stable in ((0.95, True), (1.05, False)):
+        assert servo_sampled._encircles_not(gain * 0.5 * math.pi / 0.3 / s * np.exp(-0.3 * s)) is stable
+
+
+def test_gusts_have_davenports_spectrum_and_the_variance_of_its_integral() -> None:
+    # x = 1 at v / L: 4 kappa v L / 2^(4/3).
+    knee = 8.0 / GUST_LENGTH_M
+    psd = davenport_psd(np.array([knee]), 8.0, 0.005)
+    assert psd[0] == pytest.approx(4.0 * 0.005 * 8.0 * GUST_LENGTH_M / 2.0 ** (4.0 / 3.0))
+    frequency = np.geomspace(1e-7, 1e4, 20_000)
+    # The integral of 4 kappa v^2 x / (1 + x^2)^(4/3) over x is 6 kappa v^2.
+    assert np.trapezoid(davenport_psd(frequency, 8.0, 0.005), frequency) == pytest.approx(6.0 * 0.005 * 64.0, rel=0.01)

@@ -204,7 +204,7 @@ def _eccentric_anomaly(mean_rad: Array, eccentricity: float) -> Array:
         miss = anomaly - eccentricity * np.sin(anomaly) - mean_rad
         step = miss / (1.0 - eccentricity * np.cos(anomaly))
         anomaly = anomaly - step
-        if np.max(np.abs(step)) <= _KEPLER_TOLERANCE_RAD:
+        if np.max(np.abs(step), initial=0.0) <= _KEPLER_TOLERANCE_RAD:
             return anomaly
     raise ValueError(f"eccentricity={eccentricity}: Kepler's equation needs more than {_KEPLER_ITERATIONS} steps")
 

@@ -106,3 +106,36 @@ def test_too_few_samples_are_refused(first_pass):
     seen = first_pass
     with pytest.raises(ValueError, match="samples=9 must be >= 10"):
         starting_state(MAURITIUS, seen.t_s[:9], seen.range_m[:9], seen.azimuth_rad[:9], seen.elevation_rad[:9], GRAVITY)
+
+
+def test_five_measurements_are_too_few_and_what_they_cannot_separate_is_named(arcs):
+    ranges, azimuths, elevations = arcs[:3]
+    few = [Arc(arc.site, arc.kind, arc.t_s[:count], arc.values[:count], arc.sigma[:count])
+           for arc, count in ((ranges, 2), (azimuths, 2), (elevations, 1))]  # fmt: skip
+    with pytest.raises(ValueError, match="5 measurements do not determine x, y, z, x rate, y rate, z rate"):
+        fit_orbit(EPOCH, START, few, GRAVITY)
+    twice = [Arc(arc.site, arc.kind, np.repeat(arc.t_s[:1], 4), np.repeat(arc.values[:1], 4), np.repeat(arc.sigma[:1], 4))
+             for arc in (ranges, azimuths, elevations)]  # fmt: skip
+    with pytest.raises(ValueError, match="cannot separate"):
+        fit_orbit(EPOCH, START, twice, GRAVITY)
+
+
+def test_ten_samples_are_enough_and_an_arc_needs_a_positive_sigma(first_pass):
+    seen = first_pass
+    epoch, _ = starting_state(
+        MAURITIUS, seen.t_s[:10], seen.range_m[:10], seen.azimuth_rad[:10], seen.elevation_rad[:10], GRAVITY
+    )
+    assert epoch == pytest.approx(seen.t_s[0] + 18.0)
+    with pytest.raises(ValueError, match=r"sigma of range_m at Mauritius=0.0 must be > 0"):
+        Arc(MAURITIUS, "range_m", seen.t_s, seen.range_m, 0.0)
+
+
+def test_covariance_is_that_of_the_gain_and_residuals_are_measured_minus_computed(arcs):
+    found = fit_orbit(EPOCH, START, arcs, GRAVITY)
+    sigma = np.concatenate([arc.sigma for arc in arcs])
+    gain = np.concatenate(found.gain, axis=1)
+    assert gain * sigma @ (gain * sigma).T == pytest.approx(found.covariance, rel=1e-6)
+    shifted = [Arc(MAURITIUS, "range_m", arcs[0].t_s, arcs[0].values + 1.0, 1e6), *arcs[1:]]
+    again = fit_orbit(EPOCH, START, shifted, GRAVITY)
+    assert again.residuals[0] == pytest.approx(np.ones(len(arcs[0].t_s)), abs=1e-3)
+    assert again.iterations >= 1

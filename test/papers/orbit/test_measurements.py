@@ -6,7 +6,7 @@ import erfa
 import numpy as np
 import pytest
 
-from rf_pointing.core.constants import EARTH_MU_M3_S2
+from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.papers.orbit.measurements import Elements, look, measured, partials, secular_states, visits
 from rf_pointing.papers.orbit.motion import Gravity, Site, propagate, sidereal_angle_rad, to_earth_fixed, to_inertial
 
@@ -151,3 +151,40 @@ def test_a_satellite_that_never_rises_has_no_passes():
     equatorial = ORBIT.replace(inclination_rad=0.01)
     pole = SEA_LEVEL.replace(latitude_rad=1.5)
     assert visits(pole, equatorial, EPOCH, 0.5, GRAVITY, step_s=10.0, lowest_rad=LOWEST_RAD) == []
+
+
+def test_secular_drift_is_that_of_j2_in_node_perigee_and_anomaly():
+    gravity, elapsed = Gravity(j2=1e-3), 864000.0
+    a, e, i = ORBIT.semi_major_axis_m, ORBIT.eccentricity, ORBIT.inclination_rad
+    motion = math.sqrt(EARTH_MU_M3_S2 / a**3)
+    drift = 1.5 * 1e-3 * motion * (EARTH_RADIUS_M / (a * (1.0 - e**2))) ** 2 * elapsed
+    later = ORBIT.replace(
+        node_rad=ORBIT.node_rad - drift * math.cos(i),
+        perigee_rad=ORBIT.perigee_rad + drift * (2.0 - 2.5 * math.sin(i) ** 2),
+        mean_anomaly_rad=(
+            ORBIT.mean_anomaly_rad + motion * elapsed + drift * math.sqrt(1.0 - e**2) * (1.0 - 1.5 * math.sin(i) ** 2)
+        ) % (2.0 * math.pi),
+    )  # fmt: skip
+    assert secular_states(ORBIT, np.array([elapsed]), gravity)[0] == pytest.approx(later.state(), rel=1e-7)
+
+
+def test_passes_are_within_their_days_and_half_an_hour_long_at_most(found):
+    assert [one.t_s[0] < EPOCH + 86400.0 + 900.0 for one in found] == [True] * len(found)
+    assert max(one.t_s[-1] - one.t_s[0] for one in found) <= 1800.0
+    assert all(np.allclose(np.diff(one.t_s), 10.0) for one in found)
+    with pytest.raises(ValueError, match="days=1000.5 must be <= 1000"):
+        visits(SEA_LEVEL, ORBIT, EPOCH, 1000.5, GRAVITY, step_s=10.0, lowest_rad=LOWEST_RAD)
+    assert visits(SEA_LEVEL, ORBIT, EPOCH, 0.0, GRAVITY, step_s=10.0, lowest_rad=LOWEST_RAD) == []
+
+
+def test_azimuth_of_a_look_is_continuous_through_north():
+    times = EPOCH + np.arange(0.0, 86400.0, 20.0)
+    seen = look(times, propagate(EPOCH, ORBIT.state(), times, GRAVITY).states, SEA_LEVEL, GRAVITY)
+    assert np.max(np.abs(np.diff(seen.azimuth_rad))) < math.pi
+    assert np.ptp(seen.azimuth_rad) > 2.0 * math.pi
+
+
+def test_a_hyperbola_and_a_kepler_equation_that_does_not_end_are_refused(monkeypatch):
+    monkeypatch.setattr("rf_pointing.papers.orbit.measurements._KEPLER_ITERATIONS", 1)
+    with pytest.raises(ValueError, match="Kepler's equation needs more than 1 steps"):
+        ORBIT.replace(eccentricity=0.6, mean_anomaly_rad=1.0).state()
