@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rf_pointing_msgs import msg as ours
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, Temperature
 
 from rf_pointing.core import (
     Boresight,
@@ -245,3 +245,87 @@ def test_samples_over_an_impossible_time_are_refused(period_s: float, random: np
     message.integration_time = period_s
     with pytest.raises(ValueError, match="integration_time="):
         convert.power_from_message(message)
+
+
+@pytest.mark.parametrize(
+    ("celsius", "kelvin"), [(-93.0, 180.15), (20.0, 293.15), (56.8, 329.95), (-93.2, None), (56.9, None)]
+)
+def test_a_temperature_is_one_of_air_on_the_earth(celsius: float, kelvin: float | None) -> None:
+    message = Temperature(temperature=celsius)
+    if kelvin is None:
+        with pytest.raises(ValueError, match="temperature_k="):
+            convert.temperature_from_message(message)
+    else:
+        assert convert.temperature_from_message(message) == pytest.approx(kelvin, abs=1e-9)
+
+
+@pytest.mark.parametrize(("size", "taken"), [(0.995, True), (1.0, True), (1.005, True), (0.985, False), (1.015, False)])
+def test_a_quaternion_of_nearly_unit_length_is_made_one(size: float, taken: bool) -> None:
+    message = ours.Attitude()
+    message.header.frame_id = "bird/orbit"
+    parts = {"x": 0.1, "y": -0.5, "z": 0.7, "w": 0.5}
+    for name, value in parts.items():
+        setattr(message.orientation, name, size * value)
+    if taken:
+        assert convert.satellite_quaternion_from_message(message) == pytest.approx((0.1, -0.5, 0.7, 0.5), abs=1e-12)
+    else:
+        with pytest.raises(ValueError, match="length of the quaternion"):
+            convert.satellite_quaternion_from_message(message)
+
+
+def test_the_times_of_a_command_are_whole_microseconds_after_its_stamp() -> None:
+    command = JointTrajectory(
+        t_s=np.array([1000.5, 1002.2500004]), position_rad=np.zeros((2, 2)), velocity_rad_s=np.zeros((2, 2)),
+        acceleration_rad_s2=np.zeros((2, 2)),
+    )  # fmt: skip
+    message = convert.trajectory_to_message(command, 1000.25)
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1000, 250_000_000)
+    since = [(point.time_from_start.sec, point.time_from_start.nanosec) for point in message.points]
+    assert since == [(0, 250_000_000), (2, 0)]
+    message.points[1].time_from_start.nanosec = 123_456_789
+    assert convert.trajectory_from_message(message).t_s.tolist() == [1000.5, 1002.373457]
+
+
+def test_the_samples_of_a_cluster_end_with_its_stamp() -> None:
+    one = np.ones(3, dtype=np.complex128)
+    sent = MonopulseCluster(
+        t_s=np.array([10.0, 10.0200004, 10.04]), sum=one, difference_cross_elevation=one, difference_elevation=one,
+        carrier_to_noise_db_hz=58.2,
+    )  # fmt: skip
+    message = convert.monopulse_to_message(sent)
+    assert (message.sample_period, message.header.stamp.nanosec) == (0.02, 40_000_000)
+    assert convert.monopulse_from_message(message).t_s == pytest.approx([10.0, 10.02, 10.04], abs=1e-9)
+
+
+@pytest.mark.parametrize(("count", "period_s"), [(1, 0.0), (2, 0.02)])
+def test_a_single_sample_has_no_period(random: np.random.Generator, count: int, period_s: float) -> None:
+    message = convert.monopulse_to_message(cluster(random, count))
+    assert message.sample_period == period_s
+    assert len(convert.monopulse_from_message(message).t_s) == count
+
+
+@pytest.mark.parametrize(("count", "longest_s"), [(1, 100.0), (5, 20.0)])
+def test_a_cluster_lasts_a_hundred_seconds_at_most(random: np.random.Generator, count: int, longest_s: float) -> None:
+    message = convert.monopulse_to_message(cluster(random, count))
+    message.header.stamp.sec = 1_151_384_323
+    message.sample_period = longest_s
+    assert len(convert.monopulse_from_message(message).t_s) == count
+    message.sample_period = longest_s + 0.1
+    with pytest.raises(ValueError, match="sample_period="):
+        convert.monopulse_from_message(message)
+
+
+@pytest.mark.parametrize("name", ["sum_q", "difference_cross_elevation_i", "difference_elevation_q"])
+def test_each_channel_has_as_many_samples(random: np.random.Generator, name: str) -> None:
+    message = convert.monopulse_to_message(cluster(random))
+    setattr(message, name, getattr(message, name)[:-1])
+    with pytest.raises(ValueError, match=r"has [45] I and [45] Q samples, must have 5"):
+        convert.monopulse_from_message(message)
+
+
+@pytest.mark.parametrize("name", ["cross_elevation_offset", "elevation_offset", "scan_centre"])
+def test_a_scan_centre_that_is_not_finite_is_refused(name: str) -> None:
+    message = ours.TrackingStatus(mode="conscan")
+    setattr(message, name, [1.0, math.nan] if name == "scan_centre" else math.inf)
+    with pytest.raises(ValueError, match="scan_centre and the offsets must be finite"):
+        convert.scan_centre_from_message(message)
