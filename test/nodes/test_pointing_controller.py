@@ -623,6 +623,12 @@ def test_the_controller_is_connected_while_it_is_configured(default_context: Non
     node.destroy_node()
 
 
+def test_work_is_timed_while_the_node_is_active(bench: Bench) -> None:
+    timers = len(list(bench.node.timers))
+    bench.node.on_deactivate(ANY_STATE)
+    assert len(list(bench.node.timers)) == timers - 1
+
+
 # The nearest pass
 
 

@@ -944,6 +944,12 @@ def test_elements_that_cannot_be_read_are_a_warning_until_they_can(bench: Bench,
 # The node itself
 
 
+def test_work_is_timed_while_the_node_is_active(bench: Bench) -> None:
+    timers = len(list(bench.node.timers))
+    bench.node.on_deactivate(ANY_STATE)
+    assert len(list(bench.node.timers)) == timers - 1
+
+
 def test_the_health_says_who_steers_and_what_was_refused(bench: Bench) -> None:
     bench.port.counts.refused_lines = 3
     bench.port.counts.last_refusal = "a line"

@@ -871,3 +871,9 @@ def test_the_executive_is_connected_while_it_is_configured(make: Callable[..., B
     assert len(list(node.clients)) < clients
     assert not (topics - {"diagnostics"}) & {each.topic_name.lstrip("/") for each in node.subscriptions}
     assert not [each.srv_name for each in node.services if each.srv_name.endswith("/skip")]
+
+
+def test_work_is_timed_while_the_node_is_active(bench: Bench) -> None:
+    timers = len(list(bench.node.timers))
+    bench.node.on_deactivate(ANY_STATE)
+    assert len(list(bench.node.timers)) == timers - 1

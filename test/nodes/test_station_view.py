@@ -99,7 +99,7 @@ def test_what_moves_is_in_degrees_and_its_error_in_beamwidths() -> None:
 def test_a_target_is_in_kilometres_and_hours() -> None:
     target = Target(
         target="BIRD", azimuth=math.radians(12.34567), elevation=math.radians(5.0), range=1234567.0, range_rate=-6543.21,
-        element_age=9000.0,
+        element_age=9123.0,
     )  # fmt: skip
     values = target_values(target)
     assert values == {

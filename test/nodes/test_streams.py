@@ -43,7 +43,7 @@ def test_gaps_in_the_numbers_are_counted_as_losses() -> None:
 def test_a_publisher_that_starts_again_is_no_loss() -> None:
     counter = InputCounter()
     take = counter.watching("target", lambda _: None)
-    for sequence in (100, 101, 1, 2, 3):
+    for sequence in (100, 101, 101, 1, 2, 3):
         take(message(sequence))
     assert counter.lost == {"target": 0}
     assert counter.health().level == OK

@@ -138,6 +138,8 @@ def test_a_state_older_or_newer_than_the_loss_of_the_device_is_none(bench: Bench
 
 
 def test_a_state_longer_than_any_is_not_decoded(bench: Bench) -> None:
-    bench.drive._on_state(bytes(STATE_BYTES + 1))
+    others = tuple(f"joint {index}" for index in range(STATE_BYTES // 16))
+    bench.state((*NAMES, *others), (1.0, 0.5, *[0.0] * len(others)))
+    assert bench.drive.losses == {USELESS: 1}
     bench.drive._on_state(bytes(5))
     assert bench.drive.losses == {USELESS: 2}
