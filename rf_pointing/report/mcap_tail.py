@@ -9,7 +9,6 @@ middle, by the indexes.
 
 import re
 import struct
-import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -18,12 +17,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from rosbags.rosbag2.errors import ReaderError
-from rosbags.rosbag2.storage_mcap import decompress
-
-if sys.version_info >= (3, 14):
-    from compression.zstd import ZstdError
-else:
-    from backports.zstd import ZstdError
+from rosbags.rosbag2.storage_mcap import decompress, zstd  # type: ignore[attr-defined]  # whichever zstd it uses
 
 _MAGIC = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX = 2, 3, 4, 5, 6, 7, 8
@@ -33,7 +27,7 @@ _MESSAGE_HEAD = 22
 _FOOTER_BYTES = 37
 HOLE_BYTES = 400
 """So many zeros in a row are a lost block of the disk; the longest covariance has 288."""
-_DAMAGED = (ReaderError, RuntimeError, ValueError, OSError, ZstdError)
+_DAMAGED = (ReaderError, RuntimeError, ValueError, OSError, zstd.ZstdError)
 """What libraries raise for a chunk that does not decompress."""
 Record = tuple[int, int, bytes]
 
