@@ -1,11 +1,13 @@
 """Elements that are replaced while the publisher runs: by a file, and by a server through the command."""
 
 import dataclasses
+import subprocess
 from collections.abc import Callable, Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -149,3 +151,133 @@ def test_a_failing_source_is_a_warning_and_the_kept_elements_stay(server: str, t
 def test_an_address_that_gives_nothing_is_the_reason_why_a_node_cannot_be_configured(server: str) -> None:
     with pytest.raises(ValueError, match=r"elements='http://127.0.0.1:.*': http://.*answered 404"):
         ElementUpdates(server).require()
+
+
+ADDRESS = "https://example.org/cbers.tle"
+
+
+class Process:
+    """A command that fetches: runs until the test ends it."""
+
+    def __init__(self, command: list[str]) -> None:
+        self.command, self.returncode, self.errors, self.killed = command, None, "", 0
+
+    def poll(self) -> int | None:
+        return self.returncode
+
+    def communicate(self) -> tuple[None, str]:
+        return None, self.errors
+
+    def kill(self) -> None:
+        self.killed += 1
+
+
+@pytest.fixture
+def source(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the surroundings of an address: `version` of what is kept, the wall clock, and what was started."""
+    made = SimpleNamespace(version="", t_s=5000.0, started=[], runs=[], answer=None)
+
+    def popen(command: list[str], **_options: Any) -> Process:
+        made.started.append(Process(command))
+        return made.started[-1]
+
+    def run(command: list[str], **options: Any) -> Any:
+        made.runs.append((command[-1], options["timeout"]))
+        return made.answer()
+
+    monkeypatch.setattr(element_updates, "version_of", lambda _location: made.version)
+    monkeypatch.setattr(element_updates.time, "monotonic", lambda: made.t_s)
+    monkeypatch.setattr(element_updates.subprocess, "Popen", popen)
+    monkeypatch.setattr(element_updates.subprocess, "run", run)
+    return made
+
+
+def test_the_command_runs_each_ten_minutes_and_once_at_a_time(source: Any) -> None:
+    source.version = "a"
+    updates = ElementUpdates(ADDRESS)
+    assert not updates.changed()
+    (first,) = source.started
+    assert first.command[-1] == ADDRESS
+    source.t_s += 700.0
+    assert not updates.changed()
+    assert len(source.started) == 1, "it still runs"
+    first.returncode, source.version = 0, "b"
+    assert updates.changed()
+    updates.accept()
+    assert not updates.changed()
+    assert len(source.started) == 2, "700 s after the first"
+    source.started[1].returncode = 0
+    updates.changed()
+    for after_s, count in ((599.0, 2), (1.0, 3)):
+        source.t_s += after_s
+        updates.changed()
+        assert len(source.started) == count
+
+
+def test_a_failure_of_the_command_is_the_problem_until_it_succeeds(source: Any) -> None:
+    source.version = "a"
+    updates = ElementUpdates(ADDRESS)
+    for returncode, errors, problem in (
+        (1, "fetch_elements: no route\nfetch_elements: answered 503\n", "answered 503"),
+        (1, "", ""),
+        (0, "a note\n", ""),
+    ):
+        updates.changed()
+        source.started[-1].returncode, source.started[-1].errors = returncode, errors
+        updates.changed()
+        assert updates.problem == problem
+        source.t_s += 600.0
+
+
+def test_the_end_kills_the_command_once(source: Any) -> None:
+    updates = ElementUpdates(ADDRESS)
+    updates.end()
+    updates.changed()
+    updates.end()
+    updates.end()
+    assert [each.killed for each in source.started] == [1]
+
+
+def test_files_start_no_command_and_kept_elements_are_not_waited_for(source: Any) -> None:
+    updates = ElementUpdates("/var/cbers.tle")
+    updates.require()
+    assert not updates.changed()
+    source.version = "a"
+    assert updates.changed()
+    ElementUpdates(ADDRESS).require()
+    assert (source.runs, source.started) == ([], [])
+
+
+def test_elements_that_were_never_there_are_waited_for_ninety_seconds(source: Any) -> None:
+    updates = ElementUpdates(ADDRESS)
+
+    def arrives() -> Any:
+        source.version = "a"
+
+    source.answer = arrives
+    updates.require()
+    assert source.runs == [(ADDRESS, 90.0)]
+    assert not updates.changed()
+    assert source.started == [], "the next one in ten minutes"
+    source.t_s += 600.0
+    updates.changed()
+    assert len(source.started) == 1
+
+
+@pytest.mark.parametrize(
+    ("done", "words"),
+    [
+        (SimpleNamespace(stderr="fetch_elements: first\nfetch_elements: answered 404\n", returncode=1), "answered 404"),
+        (SimpleNamespace(stderr="", returncode=7), "fetch_elements ended with exit code 7"),
+        (subprocess.TimeoutExpired("fetch", 90.0), "were not fetched within 90 s"),
+    ],
+)
+def test_without_elements_the_reason_names_the_address(source: Any, done: Any, words: str) -> None:
+    def answer() -> Any:
+        if isinstance(done, Exception):
+            raise done
+        return done
+
+    source.answer = answer
+    with pytest.raises(ValueError, match=f"^elements='{ADDRESS}'.* ?{words}$"):
+        ElementUpdates(ADDRESS).require()
