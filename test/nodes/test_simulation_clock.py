@@ -115,7 +115,7 @@ class Bench:
         """Let a node report its time on /diagnostics."""
         message = DiagnosticArray(status=[DiagnosticStatus(hardware_id=node)] if node else [])
         message.header.stamp = stamp_from_seconds(t_s)
-        self.node._on_diagnostics(message)
+        self.doors["/diagnostics"](serialize_message(message))
 
     def sees(self, name: str, namespace: str = "/") -> None:
         self.others = [SimpleNamespace(node_name=name, node_namespace=namespace)]

@@ -1,5 +1,6 @@
 """A drive behind topics: what it sends to a vendor's node, and what it makes of the state that comes back."""
 
+import time
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -9,6 +10,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from rf_pointing.drives import DriveParams
+from rf_pointing.nodes.qos import STREAM
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.nodes.topic_drive import STATE_BYTES, TopicDrive
 
@@ -143,3 +145,15 @@ def test_a_state_longer_than_any_is_not_decoded(bench: Bench) -> None:
     assert bench.drive.losses == {USELESS: 1}
     bench.drive._on_state(bytes(5))
     assert bench.drive.losses == {USELESS: 2}
+
+
+def test_the_state_of_a_vendors_node_arrives_with_the_periods(bench: Bench, make_node: Callable[..., Any]) -> None:
+    vendor = make_node("vendor")
+    states = vendor.create_publisher(JointState, "drive/state", STREAM)
+    message = JointState(name=list(NAMES), position=[1.0, 0.5])
+    message.header.stamp = stamp_from_seconds(NOW_S)
+    deadline_s = time.monotonic() + 20.0
+    while bench.drive.step(NOW_S) is None:
+        assert time.monotonic() < deadline_s
+        states.publish(message)
+    assert bench.drive.step(NOW_S).position_rad == (1.0, 0.5)
