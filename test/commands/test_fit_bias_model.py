@@ -40,7 +40,7 @@ from rf_pointing.ephemeris import (
     verification_elements,
 )
 from rf_pointing.ephemeris.uncertainty import ElementUncertainty
-from rf_pointing.report import tracking_from_bag
+from rf_pointing.report import calibration_report, tracking_from_bag
 from rf_pointing.station.campaign.log import priors_near
 from test.calibration.conftest import write_tracking
 
@@ -913,3 +913,63 @@ def test_terms_are_chosen_at_once_from_points_and_at_last_from_raw_passes(rounds
     done = rounds.run("--select")
     assert (done.result, done.full.number, done.kept) == ("few", 3, ("kept",))
     assert rounds.chosen[-1] == ("priors", done.full)
+
+
+class Written:
+    """What a fit leaves on the disk; the fit itself is ready-made."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.files: dict[str, object] = {}
+        self.raw = [SimpleNamespace(raw="pass 1"), SimpleNamespace(raw="pass 2")]
+        self.checked: list[tuple] = []
+        module = fit_bias_model
+        result = SimpleNamespace(last_t_s=1e9, separation_advice=lambda: ["droop"])
+        done = module.Fitted(result, result, "points", ["stage"], ["note"], ["doubt"])
+        monkeypatch.setattr(module, "read_files", lambda _: (None, self.raw))
+        monkeypatch.setattr(module, "fitted_files", lambda _options, _files, _present: done)
+        monkeypatch.setattr(module, "summary", lambda *_: "summary")
+        monkeypatch.setattr(module, "orbit_remarks", lambda *_: ["orbit"])
+        monkeypatch.setattr(module, "ModelVersion", SimpleNamespace(from_fit=lambda _result, name, **_: name))
+        present = SimpleNamespace(valid_from_t_s=5.0, check_for=lambda *given: self.checked.append(given))
+        monkeypatch.setattr(calibration, "read_model", lambda _: present)
+        monkeypatch.setattr(calibration, "doubts_of", lambda *_: ["noise"])
+        for name in ("write_model", "write_observations", "write_tdm"):
+            monkeypatch.setattr(calibration, name, lambda path, content, **_: self.files.update({path.name: content}))
+        monkeypatch.setattr(calibration_report, "write_calibration_report", self._report)
+
+    def _report(self, folder, _points, _result, *, name, stages, notes, remarks):
+        self.files[folder.name] = (name, stages, notes, remarks)
+        return folder / "report.html"
+
+
+@pytest.fixture
+def written(monkeypatch) -> Written:
+    return Written(monkeypatch)
+
+
+def test_a_fit_leaves_a_model_and_a_report_and_what_else_is_wanted(written):
+    lines = fit_bias_model.run(options_of("--output", "out/m.yaml"))
+    report = ("fit-1000000000", ["stage"], ["note", "doubt"], ["orbit"])
+    assert written.files == {"m.yaml": "fit-1000000000", "m_report": report}
+    assert lines == [
+        "summary", "orbit", "not separable: droop", "doubtful: doubt", "doubtful: noise", "left out: note",
+        "model out/m.yaml, report out/m_report/report.html",
+    ]  # fmt: skip
+    assert written.checked == []
+    fit_bias_model.run(
+        options_of("--points", "p.csv", "--tdm", "r.tdm", "--report", "page", "--name", "mine", "--start-model", "a")
+    )
+    assert written.files["bias_model.yaml"] == "mine"
+    assert written.files["p.csv"] == "points"
+    assert written.files["r.tdm"] == ["pass 1", "pass 2"]
+    assert written.files["page"][0] == "mine"
+    assert written.checked == [(STATION, "X", 5.0)]
+
+
+def test_points_alone_are_no_raw_data_to_write(written):
+    written.raw = []
+    fit_bias_model.run(options_of())
+    written.files.clear()
+    with pytest.raises(ValueError, match=r"tdm=r\.tdm: the files hold calibration points only"):
+        fit_bias_model.run(options_of("--tdm", "r.tdm"))
+    assert written.files == {}
