@@ -232,6 +232,9 @@ def test_a_turn_waits_for_the_next_view_and_at_most_50_ms(bench: Bench) -> None:
     assert bench.node.turn() == 0.05
     bench.wall_s = bench.node._next_s - 0.02
     assert bench.node.turn() == pytest.approx(0.02)
+    bench.wall_s = due_s = bench.node._next_s
+    bench.node.turn()
+    assert bench.node._next_s == pytest.approx(due_s + period_s)
     bench.wall_s = bench.node._next_s - 1e-5
     assert bench.node.turn() == 0.001
     # After a pause the views are not made up.
@@ -527,6 +530,26 @@ def test_a_shown_pass_is_tracked_by_its_rise_unless_a_night_runs(bench: Bench) -
     bench.request("track", aos_utc=aos_utc)
     assert len(bench.sent) == 4
     assert bench.node._age_s("nothing") == np.inf
+
+
+def test_the_page_is_connected_and_polls_what_was_sent(bench: Bench) -> None:
+    topics = {
+        "antenna_status", "tracking_status", "target", "joint_states", "passes", "pass_profiles", "pass_certificate",
+        "schedule", "executive_status", "station_in_use", "diagnostics",
+    }  # fmt: skip
+    # The base watches /diagnostics of its own.
+    names = [each.topic_name.lstrip("/") for each in bench.node.subscriptions]
+    assert topics <= set(names)
+    readers = {"pointing_controller/get_parameters", "ephemeris_publisher/get_parameters"}
+    assert readers <= {each.srv_name.lstrip("/") for each in bench.node.clients}
+    polls: list[float] = []
+    bench.node._sender.poll = lambda: polls.append(bench.wall_s)
+    bench.turn()
+    assert polls == [1000.0]
+    bench.node.on_cleanup(LifecycleState(state_id=1, label="unconfigured"))
+    left = [each.topic_name.lstrip("/") for each in bench.node.subscriptions]
+    assert names.count("diagnostics") == left.count("diagnostics") + 1
+    assert not readers & {each.srv_name.lstrip("/") for each in bench.node.clients}
 
 
 def test_the_health_counts_viewers_and_commands(bench: Bench) -> None:
