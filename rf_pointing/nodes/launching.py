@@ -178,7 +178,8 @@ def _node(context: Any, name: str, *, simulated: bool, state_publisher: bool = F
         parameters.append({"view.publish_tf": False})
     if name == OPERATOR_PAGE:
         # It shows the station's own time and limits, and needs neither clock nor description.
-        parameters += [{"page.reports": str(kept / "nights")}] * bool(kept)
+        if kept:
+            parameters.append({"page.reports": str(kept / "nights")})
     elif name == "simulation_clock":
         parameters.append({"start_s": float(given("start_s")), "speed": float(given("speed"))})
     else:

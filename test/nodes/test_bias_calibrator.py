@@ -160,6 +160,7 @@ def test_the_model_of_the_station_is_published_with_the_activation(make: Callabl
     health = node._health()
     assert (health.level, health.message) == (OK, "dss13-commissioning")
     assert health.values == {"observations": 0, "candidate": "", "shadow": ""}
+    assert node.diagnostics._checks["model"] == node._health
 
 
 def test_without_a_model_nothing_is_published_and_health_is_a_warning(make: Callable[..., Any]) -> None:
@@ -379,6 +380,10 @@ def test_the_rules_of_the_shadow_change_while_it_runs(make: Callable[..., Any]) 
     assert node._keeper.rules.fewest_passes == 4
     node.set_parameters([Parameter("shadow.fewest_passes", value=7)])
     assert node._keeper.rules.fewest_passes == 7
+    orbit = node.parameters.value("orbit")
+    assert (orbit.along_track_m, orbit.cross_track_m, orbit.radial_m) == (100.0, 60.0, 30.0)
+    (done,) = node.set_parameters([Parameter("orbit.radial_m", value=20.0)])
+    assert done.successful, done.reason
 
 
 def test_observations_that_the_disk_did_not_take_are_written_when_the_node_is_deactivated(

@@ -1,5 +1,6 @@
 """Only who has the key commands the antenna; every part of a command is signed."""
 
+import fcntl
 import os
 import time
 from collections.abc import Callable
@@ -208,3 +209,22 @@ def test_the_longest_key_file_that_is_read_holds_a_key_and_white_space(tmp_path:
     path.write_text("")
     key_at(path)
     assert len(path.read_text()) == 65, "an empty file gets a key"
+
+
+def test_of_two_nodes_that_start_at_once_the_second_waits_for_the_first_ones_key(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, first = tmp_path / "state" / "gs1" / "command.key", "ab" * 32
+    locks: list[int] = []
+
+    def waited(_file: object, how: int) -> None:
+        locks.append(how)
+        path.write_text(first)
+
+    monkeypatch.setattr(fcntl, "flock", waited)
+    second = key_at(path)
+    assert locks == [fcntl.LOCK_EX]
+    assert path.read_text() == first
+    message = command()
+    second.sign(message, NAME)
+    assert key_at(path).check(message) == NAME

@@ -46,19 +46,27 @@ class Client:
         self.kind, self.address, self.ready, self.destroyed = kind, address, True, False
         self.sent: list[tuple[Any, Pending]] = []
 
-    def server_is_ready(self) -> bool:
-        return self.ready
-
-    service_is_ready = server_is_ready
-
     def call_async(self, request: Any) -> Pending:
         self.sent.append((request, Pending()))
         return self.sent[-1][1]
 
-    send_goal_async = call_async
+    def service_is_ready(self) -> bool:
+        return self.ready
 
     def destroy(self) -> None:
+        assert not self.destroyed
         self.destroyed = True
+
+
+class Action:
+    """The same for an action, with the names of its client."""
+
+    def __init__(self, client: Client) -> None:
+        self.server_is_ready, self.send_goal_async, self.destroy = (
+            client.service_is_ready,
+            client.call_async,
+            client.destroy,
+        )
 
 
 class Graph:
@@ -73,8 +81,8 @@ class Graph:
         return self.clients.setdefault(address, Client(kind, address))
 
     def destroy_client(self, client: Client) -> None:
-        assert client.address != "track_pass", "an action's client is no entity of the node"
-        client.destroy()
+        assert isinstance(client, Client), "an action's client is no entity of the node"
+        client.destroyed = True
 
     def resolve_service_name(self, name: str) -> str:
         return f"/gs1/{name}"
@@ -106,7 +114,7 @@ def write(text: str) -> str:
 @pytest.fixture
 def graph(monkeypatch: pytest.MonkeyPatch) -> Graph:
     made = Graph()
-    monkeypatch.setattr(directives, "ActionClient", lambda _node, kind, name: made.create_client(kind, name))
+    monkeypatch.setattr(directives, "ActionClient", lambda _node, kind, name: Action(made.create_client(kind, name)))
     return made
 
 

@@ -197,3 +197,16 @@ def test_a_time_that_goes_back_is_no_silence_of_an_input() -> None:
     assert graph.hearing.deaf == ""
     graph.run(1)
     assert graph.hearing.deaf.startswith("joint_states has been silent for")
+
+
+def test_silence_counts_while_somebody_sends_by_both_clocks() -> None:
+    """While time is simulated at half speed, 20 s of the wall are 10 s of the antenna's."""
+    graph = Graph()
+    graph.run(5)
+    graph.sends, graph.state, graph.speed = False, "inactive", 0.5
+    graph.run(30)
+    graph.state = "active"
+    graph.run(20)
+    assert graph.hearing.deaf == ""
+    graph.run(1)
+    assert graph.hearing.deaf == "joint_states has been silent for 21 s although its publisher is active"

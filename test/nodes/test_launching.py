@@ -227,3 +227,134 @@ def test_an_array_sensor_has_a_clock_of_its_namespace(given: dict[str, str], sys
     nodes = launched(system)
     assert "simulation_clock" in nodes
     assert {node["remappings"][0] for node in nodes.values()} == {("/clock", f"/{system}/clock")}
+
+
+def parameters(node: dict[str, Any]) -> dict[str, Any]:
+    """Return all parameters that a node is started with, but for those of the user's file."""
+    return {name: value for each in node["parameters"] if isinstance(each, dict) for name, value in each.items()}
+
+
+def test_every_node_is_managed_started_again_and_shown(given: dict[str, str]) -> None:
+    nodes = launched("simulated_station")
+    for name, node in nodes.items():
+        assert (node["package"], node["executable"], node["output"]) == ("rf_pointing", name, "screen")
+        assert (node["respawn"], node["respawn_delay"]) == (True, 0.5)
+        assert parameters(node)["lifecycle.autostart"] is True
+    given["respawn"] = "false"
+    assert not any(node["respawn"] for node in launched("simulated_station").values())
+
+
+def test_a_real_drive_loop_alone_has_a_priority(given: dict[str, str], tmp_path: Path) -> None:
+    assert not any("lifecycle.realtime_priority" in parameters(node) for node in launched("simulated_station").values())
+    shipped = Path(rf_pointing.__file__).parent / "station" / "description" / "stations"
+    station = shutil.copytree(shipped, tmp_path / "stations") / "dss13.yaml"
+    station.write_text(station.read_text() + "\ndrive: {type: hamlib}\n")
+    given["station"] = str(station)
+    nodes = launched("single_antenna")
+    assert parameters(nodes["antenna_servo"])["lifecycle.realtime_priority"] == 20
+    assert [name for name, node in nodes.items() if "lifecycle.realtime_priority" in parameters(node)] == [
+        "antenna_servo"
+    ]
+
+
+MORE = ("station_executive", "operator_page", "rotctld_server")
+
+
+def test_what_is_optional_is_started_on_request_alone(given: dict[str, str]) -> None:
+    assert not set(MORE) & set(launched("simulated_station"))
+    for argument, name in (("executive", MORE[0]), ("page", MORE[1]), ("rotctld", MORE[2])):
+        given.update({"executive": "false", "page": "false", "rotctld": "false", argument: "true"})
+        assert set(MORE) & set(launched("simulated_station")) == {name}
+
+
+def test_commanders_share_the_key_of_the_antenna_and_what_is_kept_has_its_files(
+    given: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given |= {
+        "executive": "true",
+        "page": "true",
+        "rotctld": "true",
+        "state_folder": "/var/lib/st",
+        "namespace": "/n/gs2",
+    }
+    nodes = launched("simulated_station")
+    key = parameters(nodes["antenna_servo"])["command_key_file"]
+    assert key.startswith("/var/lib/st")
+    with_key = {name for name, node in nodes.items() if parameters(node).get("command_key_file") == key}
+    assert with_key == {"antenna_servo", "pointing_controller", *MORE}
+    executive = parameters(nodes["station_executive"])
+    assert executive["executive.state_file"] == "/var/lib/st/n/gs2/station_executive.json"
+    assert (
+        executive["executive.folder"]
+        == parameters(nodes["operator_page"])["page.reports"]
+        == "/var/lib/st/n/gs2/nights"
+    )
+    given["state_folder"] = ""
+    nodes = launched("simulated_station")
+    assert not any("command_key_file" in parameters(node) for node in nodes.values())
+    assert not any("executive.folder" in parameters(node) for node in nodes.values())
+    assert "page.reports" not in parameters(nodes["operator_page"])
+
+
+@pytest.mark.parametrize(
+    ("elements", "satellite"), [("", ""), ("cbers.tle", ""), ("", "25544"), ("https://x.org/a.tle", "25544")]
+)
+def test_the_target_reaches_the_publisher_and_the_simulated_receiver(
+    given: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, elements: str, satellite: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cbers.tle").write_text("")
+    given |= {"elements": elements, "satellite": satellite}
+    nodes = launched("simulated_station")
+    wanted = {"ephemeris_publisher", "rf_receiver"} if elements or satellite else set()
+    assert {name for name, node in nodes.items() if "source.elements" in parameters(node)} == wanted
+    for name in wanted:
+        # A file is found from wherever the node runs; an address stays as it is.
+        assert parameters(nodes[name])["source.elements"] == (
+            str(tmp_path / "cbers.tle") if elements == "cbers.tle" else elements
+        )
+        assert parameters(nodes[name])["source.satellite"] == satellite
+
+
+def test_only_a_station_s_own_nodes_get_its_description(given: dict[str, str]) -> None:
+    given |= {"page": "true"}
+    nodes = launched("simulated_station")
+    without = {name for name, node in nodes.items() if "station" not in parameters(node)}
+    assert without == {"simulation_clock", "operator_page"}
+    assert {name for name, node in nodes.items() if "use_sim_time" not in parameters(node)} == without
+    assert {name for name, node in nodes.items() if "start_s" in parameters(node)} == {"simulation_clock"}
+
+
+def test_an_unknown_station_starts_the_nodes_which_say_why(given: dict[str, str]) -> None:
+    given["station"] = "nowhere"
+    assert tuple(launched("single_antenna")) == (*STATION_NODES, DESCRIPTION)
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "environment"),
+    [
+        ("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp", {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}),
+        ("ROS_DISCOVERY_SERVER", "10.0.0.1:11811", {}),
+        ("FASTRTPS_DEFAULT_PROFILES_FILE", "", None),
+        ("RMW_IMPLEMENTATION", "", None),
+    ],
+)
+def test_another_middleware_stays_on_this_computer_too(
+    given: dict[str, str],
+    monkeypatch: pytest.MonkeyPatch,
+    variable: str,
+    value: str,
+    environment: dict[str, str] | None,
+) -> None:
+    for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DISCOVERY_SERVER"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.delenv("RMW_IMPLEMENTATION", raising=False)
+    monkeypatch.setenv(variable, value)
+    given["station"] = "dss13"
+    for node in launched("simulated_station").values():
+        found = node["additional_env"]
+        if environment is None:
+            assert found["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
+            assert found["FASTRTPS_DEFAULT_PROFILES_FILE"].endswith("config/fastdds_loopback.xml")
+        else:
+            assert found == environment
