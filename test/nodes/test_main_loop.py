@@ -418,17 +418,31 @@ def test_a_runtime_directory_of_another_user_or_without_write_is_not_used(
         assert main_loop._runtime_folder() == Path(f"/run/user/{os.getuid()}/rf_pointing")
 
 
-def test_a_file_of_a_node_is_not_inherited_by_its_children(tmp_path: Path) -> None:
+def test_a_file_of_a_node_is_not_inherited_by_its_children(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     opened = open_private(tmp_path / "file", os.O_RDWR)
     assert not os.get_inheritable(opened)
     os.close(opened)
-    before = len(os.listdir("/proc/self/fd"))
     os.mkfifo(tmp_path / "pipe")
-    for _ in range(3):
+    taken: list[int] = []
+    given_back: list[int] = []
+    take, give_back = os.open, os.close
+
+    def noted(*given: Any, **options: Any) -> int:
+        taken.append(take(*given, **options))
+        return taken[-1]
+
+    def ended(number: int) -> None:
+        given_back.append(number)
+        give_back(number)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(main_loop.os, "open", noted)
+        patch.setattr(main_loop.os, "close", ended)
+        private_folder(tmp_path / "folder")
         with pytest.raises(RuntimeError, match="without another name"):
             open_private(tmp_path / "pipe", os.O_RDWR)
-        private_folder(tmp_path / "folder")
-    assert len(os.listdir("/proc/self/fd")) == before, "nothing stays open"
+    assert len(taken) == 2
+    assert given_back == taken, "nothing stays open"
 
 
 def test_what_was_imported_is_left_out_of_collections() -> None:
