@@ -3,8 +3,9 @@
     scripts/run-python benchmarks/slew_paths.py --trials 50000 --seed 1
 
 Each scene has a horizon, a Sun, a travel and rates of its own, and many starts and goals.  Of every allowed slew the motion
-is stepped as the servo makes it (chase at the limits, braking with 0.8 of them, a new corner once the delayed axes are
-0.3 deg from the last); every step and every stop from it is held against horizon, Sun and travel.  Of every refused one a
+is stepped as the servo makes it: chase at the limits, braking with 0.8 of them, a new leg once the command rests at the
+corner before and the axes, which lag by up to a second, are 0.3 deg from it.  Every step and every stop from it is held
+against horizon, Sun and travel.  Of every refused one a
 grid of half a degree is searched for a path with room to spare.  The exit status says whether anything was violated or
 missed.
 """
@@ -28,8 +29,9 @@ STEP_S = 0.1
 # What the last guard in front of the drives tolerates before it stops the axes.
 TOLERANCE_RAD = 0.05 * DEG
 CORNER_RAD = 0.3 * DEG
-# The encoders follow the command by so much, for half of the slews.
-LAG_S = 0.4
+REST_RAD_S = 1e-3 * DEG
+# The encoders follow the command by at most so much.
+LAG_S = 1.0
 GRID_RAD = 0.5 * DEG
 FINE_RAD = 0.02 * DEG
 # A path that the grid finds has so much room above hills and around the Sun, which moves on for so long.
@@ -137,6 +139,7 @@ def violations(scene: Scene, starts: Array, ways: list[list[tuple[float, float]]
     for _ in range(int(3600.0 / STEP_S)):
         goal = corners[everyone, index]
         reached = np.max(np.abs(goal - encoder), axis=1) < CORNER_RAD
+        reached &= np.max(np.abs(velocity), axis=1) < REST_RAD_S
         index = np.minimum(index + reached, corners.shape[1] - 1)
         goal = corners[everyone, index]
         gap = goal - place
@@ -223,7 +226,7 @@ def main() -> int:
             else:
                 counts["goals forbidden"] += 1
         if ways:
-            lag = np.where(random.random(len(ways)) < 0.5, LAG_S, 0.0)
+            lag = random.uniform(0.0, LAG_S, len(ways))
             broken = violations(scene, starts[rows], ways, lag)
             counts["violations"] += int(np.sum(broken > TOLERANCE_RAD))
             worst_rad = max(worst_rad, float(np.max(broken)))

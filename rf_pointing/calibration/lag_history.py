@@ -128,7 +128,7 @@ class LagHistory:
                     steps[since_s] = self._step(since_s)
                 dt_s, mm, ms, sm, ss = steps[since_s]
             x_ramp, y_ramp = ((x_rate - x) / dt_s, (y_rate - y) / dt_s) if dt_s > 0.0 else (0.0, 0.0)
-            # What is left of the ramp's beginning, counted from its end: a rate may also change in no time.
+            # Off the ramp at its beginning, counted from its end: a rate may change in no time.
             m, s = x_mean - x_rate + (time_s + dt_s) * x_ramp, x_slope - x_ramp
             n, r = y_mean - y_rate + (time_s + dt_s) * y_ramp, y_slope - y_ramp
             x, x_mean, x_slope = x_rate, x_rate - time_s * x_ramp + mm * m + ms * s, x_ramp + sm * m + ss * s

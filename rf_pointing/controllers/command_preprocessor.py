@@ -107,6 +107,12 @@ class CommandPreprocessor:
         """Whether it decelerates to rest, whatever is commanded."""
         return self._state.stopping
 
+    @property
+    def velocity_rad_s(self) -> tuple[float, float]:
+        """Rates of the latest step."""
+        first, second = self._state.velocity_rad_s.tolist()
+        return first, second
+
     def retune(self, params: CommandPreprocessorParams) -> None:
         """Take new limits from the next step on."""
         self.params = params

@@ -32,14 +32,12 @@ HALTING_SHARES = (0.4375, 0.75, 1.0)
 BRAKING_SHARES = (1.0, 0.8)
 # By how much the chords of the curve may miss it.
 CHORD_RAD = math.radians(0.01)
-# Above hills and around the Sun: more than a corner cuts off.
+# Above hills and around the Sun: more than axes that lag are off a corner.
 CLEARANCE_RAD = math.radians(0.5)
 # From the Sun's zone for axes that run after a target: another drive takes another way.
 CHASE_RAD = math.radians(0.1)
 # But not more than the target itself keeps, less this.
 TARGET_RAD = math.radians(0.02)
-# How near to a corner the next leg begins.
-CORNER_RAD = math.radians(0.3)
 # Elevations to try in addition to the obvious ones.
 HEIGHTS = 12
 # Width of the columns of azimuth in which free elevations are listed.
@@ -133,15 +131,11 @@ class AxisSlew(NamedTuple):
 
 
 class Moving(NamedTuple):
-    """Both axes at one instant of a path, braking at a share of their limits.
-
-    `cuts`: whether each leg begins as soon as the corner before it is near, not at the corner.
-    """
+    """Both axes at one instant of a path, braking at a share of their limits."""
 
     share: float
     position_rad: Pair
     rate_rad_s: Pair = (0.0, 0.0)
-    cuts: bool = False
 
 
 def slew_path(start: Moving, end: Pair, axes: AxisRates) -> tuple[Array, Array, Array]:
@@ -223,10 +217,10 @@ class PathFinder:
         return ""
 
     def leg(self, before: "Leg", corner: Pair, sun: Pair | None, *, last: bool) -> "Leg":
-        """Return the leg to a corner: why it is not free, and how the axes move at its end."""
+        """Return the leg to a corner: why it is not free, and at rest at its end."""
         if last and self._clear(before, corner, sun):
             return Leg("", (), before.end_s)
-        ends, longest_s = [], before.end_s
+        longest_s = before.end_s
         for moving in before.moving:
             times, positions, rates = slew_path(moving, corner, self._axes)
             stops = halting_points(positions, rates, self._axes.acceleration_rad_s2)
@@ -238,13 +232,7 @@ class PathFinder:
             if reason:
                 return Leg(reason, (), end_s)
             longest_s = max(longest_s, end_s)
-            if not moving.cuts:
-                ends.append(Moving(moving.share, corner))
-            # By the encoders the next leg begins before the corner; the command may be anywhere
-            # between here and the corner by then.
-            if moving.cuts or before.end_s == 0.0:
-                ends.append(_near_corner(moving.share, positions, rates, corner))
-        return Leg("", tuple(ends), longest_s)
+        return Leg("", tuple(Moving(moving.share, corner) for moving in before.moving), longest_s)
 
     def _clear(self, before: "Leg", corner: Pair, sun: Pair | None) -> bool:
         """Return whether nothing is forbidden at the elevations of this leg: the cheapest test."""
@@ -440,31 +428,20 @@ def _widest(edges: Array, values: Array) -> Array:
     return np.asarray(np.maximum.reduceat(padded, spans, axis=1)[:, ::2])
 
 
-def _near_corner(share: float, positions: Array, rates: Array, corner: Pair) -> Moving:
-    """Return the motion (n, 2) where it comes near to a corner."""
-    away = np.max(np.abs(positions - np.array(corner)), axis=1)
-    here = int(np.argmax(away < CORNER_RAD))
-    if here == 0:
-        return Moving(share, _pair(positions[0]), _pair(rates[0]), cuts=True)
-    # Between two knots: a third of a second later half of the corner would be left.
-    part = float((away[here - 1] - CORNER_RAD) / (away[here - 1] - away[here]))
-    place, rate = (rows[here - 1] + part * (rows[here] - rows[here - 1]) for rows in (positions, rates))
-    return Moving(share, _pair(place), _pair(rate), cuts=True)
-
-
-def _pair(row: Array) -> Pair:
-    first, second = row.tolist()
-    return first, second
-
-
 class CornerPath:
-    """The corners that are still ahead of a slew."""
+    """The corners that are still ahead of a slew.
 
-    def __init__(self, corners: Sequence[Pair] = ()) -> None:
-        self._corners = list(corners)
+    A leg begins when the axes rest at the corner before it.  While they move each would come to
+    rest at its own time, and the leg bend by what lies between: no plan knows how far axes lag.
+    """
 
-    def next(self, present: Pair) -> Pair | None:
-        """Return the corner to go to from here, None once the last one is near."""
-        while self._corners and max(abs(a - b) for a, b in zip(self._corners[0], present, strict=True)) < CORNER_RAD:
-            self._corners.pop(0)
+    def __init__(self, corners: Sequence[Pair], *, near_rad: float, rest_rad_s: float) -> None:
+        self._corners, self._near_rad, self._rest_rad_s = list(corners), near_rad, rest_rad_s
+
+    def next(self, encoder_rad: Pair, rate_rad_s: Pair) -> Pair | None:
+        """Return the corner to go to, None once the axes rest at the last one."""
+        if self._corners and max(map(abs, rate_rad_s)) < self._rest_rad_s:
+            away = max(abs(a - b) for a, b in zip(self._corners[0], encoder_rad, strict=True))
+            if away < self._near_rad:
+                self._corners.pop(0)
         return self._corners[0] if self._corners else None

@@ -27,6 +27,8 @@ MOVING_RAD_S = math.radians(0.1)
 Following = tuple[Motion, Motion]
 """A feasible motion, and the command that it chases."""
 REST_RAD_S = math.radians(1e-3)
+NEAR_RAD = math.radians(0.3)
+"""How near to a corner the encoders must be for the next leg to begin."""
 NEW_PATH_RAD = math.radians(0.5)
 """A command this far from the present path is a place to slew to, past what is forbidden."""
 
@@ -67,7 +69,7 @@ class Hardware(Protocol):
 class SlewPath:
     """What both axes follow: a commander's table, a goal of the antenna's own, or rest."""
 
-    def __init__(self, loops: LoopParams, start_rad: Pair) -> None:
+    def __init__(self, loops: LoopParams, start_rad: Pair, settled_rad: float) -> None:
         self.table = TrajectoryBuffer(loops.table)
         # The only place where motion is made: whatever is commanded comes out within travel, rates
         # and accelerations.
@@ -76,25 +78,28 @@ class SlewPath:
         self.goal_rad = np.array(start_rad)
         self.following: Following | None = None
         """The motion of the latest step and what it chases, for a drive that takes positions."""
-        self._corners = CornerPath()
+        # A drive that comes to rest a step of its own away has reached a corner.
+        self._near_rad = max(NEAR_RAD, settled_rad)
+        self._set_corners(())
 
     def hold(self, position_rad: Array) -> None:
         """Make this position (2,) the command, with nothing left of earlier ones."""
         self.goal_rad = position_rad.copy()
         self.preprocessor.reset(self.goal_rad)
         self.table.clear()
-        self._corners = CornerPath()
+        self._set_corners(())
 
     def stop(self) -> None:
         """Forget the commands and decelerate at the limits."""
         self.table.clear()
-        self._corners = CornerPath()
+        self._set_corners(())
         self.preprocessor.stop()
 
     def go(self, goal_rad: Pair, corners: Corners) -> None:
         """Go to a position by these corners."""
         self.table.clear()
-        self.goal_rad, self._corners = np.array(goal_rad), CornerPath(corners)
+        self.goal_rad = np.array(goal_rad)
+        self._set_corners(corners)
         self.preprocessor.follow()
 
     def leaves(self, trajectory: JointTrajectory, encoder_rad: Array, following: bool) -> bool:
@@ -106,7 +111,10 @@ class SlewPath:
 
     def go_round(self, corners: Corners) -> None:
         """Reach the next table by these corners."""
-        self._corners = CornerPath(corners)
+        self._set_corners(corners)
+
+    def _set_corners(self, corners: Corners) -> None:
+        self._corners = CornerPath(corners, near_rad=self._near_rad, rest_rad_s=REST_RAD_S)
 
     def ends_at_rest(self, t_s: float) -> bool:
         """Return whether the table's last point is at rest."""
@@ -119,8 +127,8 @@ class SlewPath:
 
     def step(self, sample: TrajectorySample | None, encoder_rad: Pair, tick_s: float) -> Motion:
         """Return the feasible motion to the next corner, the sample or the goal, one tick on."""
-        # By the encoders, not by the command: the axes must have been at a corner to be past it.
-        corner = self._corners.next(encoder_rad)
+        # The command rests, and by the encoders the axes have been at a corner to be past it.
+        corner = self._corners.next(encoder_rad, self.preprocessor.velocity_rad_s)
         if corner is None and sample is not None:
             command = sample.position_rad, sample.velocity_rad_s, sample.acceleration_rad_s2
         else:
@@ -149,7 +157,7 @@ class AntennaAxes:
     ) -> None:
         self._safety = safety
         self.hardware = hardware
-        self.path = SlewPath(loops, start)
+        self.path = SlewPath(loops, start, hardware.settled_rad)
         self.loops = AxisLoops(loops, plant, tick_s)
         self.encoder_rad = np.array(hardware.encoders())
         self.rate_command_rad_s = np.zeros(2)

@@ -1,7 +1,7 @@
 """The plan of the pass in hand: certificate, chosen branch, and the slew to its start."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -45,6 +45,10 @@ NEW_GOAL_RAD = math.radians(0.1)
 # ahead of it are looked at.
 MEETING_S = 2.0
 MEETINGS = 12
+# Axes that are slower and nearer than this rest at a corner: encoders are never quite still, and a
+# rotator stops a step away.
+REST_RAD_S = math.radians(0.1)
+NEAR_RAD = math.radians(1.5)
 # Axes whose rate is gone in this time stand.
 STOPPED_S = 0.2
 NO_MEETING: tuple[Array | None, float] = (None, -math.inf)
@@ -116,7 +120,7 @@ class PassPlan:
         """Forget the branch and the profile: direct, without a crossing."""
         self.course = TrackingBranch()
         self.profile: PassProfile | None = None
-        self._slew, self._goal = CornerPath(), np.full(2, math.inf)
+        self._slew, self._goal = _path(), np.full(2, math.inf)
         self._meeting = NO_MEETING
 
     def choose(
@@ -178,8 +182,8 @@ class PassPlan:
             found = self.gate.check(kind, (azimuth, elevation), np.array([goal]), sun_rad=self.sun.at(t_s))
             if not found.allowed:
                 raise ValueError(f"no {kind} to the start of the pass: {found.reason}")
-            self._goal, self._slew = goal_rad.copy(), CornerPath(found.way)
-        corner = self._slew.next((azimuth, elevation))
+            self._goal, self._slew = goal_rad.copy(), _path(found.way)
+        corner = self._slew.next((azimuth, elevation), axes.velocity_rad_s.tolist())
         return None if corner is None else np.array(corner)
 
     def to_start(self, t_s: float, axes: JointReading | None, start_rad: Array) -> Array:
@@ -280,3 +284,7 @@ class PassPlan:
                 max(window.aos_t_s, float(profile.t_s[0])), min(window.los_t_s, float(profile.t_s[-1]))
             )
         return None
+
+
+def _path(corners: Sequence[Pair] = ()) -> CornerPath:
+    return CornerPath(corners, near_rad=NEAR_RAD, rest_rad_s=REST_RAD_S)

@@ -23,8 +23,8 @@ def table(begin_s: float, place: tuple[float, float], rate: tuple[float, float] 
     )  # fmt: skip
 
 
-def test_corners_come_before_a_table_and_a_goal_and_are_passed_by_the_encoders() -> None:
-    path = SlewPath(LoopParams(), HERE)
+def test_corners_come_before_a_table_and_a_goal_and_are_passed_by_axes_at_rest() -> None:
+    path = SlewPath(LoopParams(), HERE, 0.0)
     path.table.accept(table(START_S, FAR, (0.001, -0.002)), START_S)
     sample = path.table.at(START_S + 0.2)
     corner = (1.2, 1.0)
@@ -34,12 +34,17 @@ def test_corners_come_before_a_table_and_a_goal_and_are_passed_by_the_encoders()
         ((corner,), corner, sample.position_rad, (0.001, -0.002)),
         ((), HERE, sample.position_rad, (0.001, -0.002)),
     ):
+        path.preprocessor.reset(HERE)
         path.go_round(corners)
         path.step(sample, encoder, TICK_S)
         assert path.following is not None
         _, chased = path.following
         np.testing.assert_allclose(chased.position, wanted)
         np.testing.assert_allclose(chased.velocity, rate, atol=1e-9)
+    # A command under way is not at its corner, wherever the encoders are.
+    path.go_round((corner,))
+    path.step(sample, corner, TICK_S)
+    np.testing.assert_allclose(path.following[1].position, corner)
     # Without a sample it is the goal; a stop has no goal but its own end.
     path.go(FAR, ())
     assert path.table.empty
@@ -55,8 +60,19 @@ def test_corners_come_before_a_table_and_a_goal_and_are_passed_by_the_encoders()
     np.testing.assert_array_equal(path.following[1].position, FAR, "the corners are forgotten")
 
 
+@pytest.mark.parametrize(("settled_deg", "near_deg"), [(0.02, 0.3), (1.1, 1.1)])
+def test_a_corner_is_reached_where_the_drive_comes_to_rest(settled_deg: float, near_deg: float) -> None:
+    """A rotator of whole degrees stops up to one of them away."""
+    path, corner = SlewPath(LoopParams(), HERE, np.radians(settled_deg)), (1.2, 1.0)
+    path.go(FAR, (corner,))
+    for share, goal in ((1.01, corner), (0.99, FAR)):
+        path.preprocessor.reset(corner)
+        path.step(None, (corner[0], corner[1] - share * np.radians(near_deg)), TICK_S)
+        np.testing.assert_array_equal(path.following[1].position, goal)
+
+
 def test_a_hold_forgets_table_corners_and_motion() -> None:
-    path = SlewPath(LoopParams(), HERE)
+    path = SlewPath(LoopParams(), HERE, 0.0)
     path.go(FAR, ((1.2, 1.0),))
     for _ in range(20):
         path.step(None, HERE, TICK_S)
@@ -77,7 +93,7 @@ def test_a_table_leaves_the_path_half_a_degree_from_where_it_would_go_on(axis: i
     """From the table that it replaces while that is followed, else from the axes."""
     for off_deg, leaves in ((0.49, False), (0.51, True)):
         off = np.radians(way * off_deg) * np.eye(2)[axis]
-        path = SlewPath(LoopParams(), HERE)
+        path = SlewPath(LoopParams(), HERE, 0.0)
         near_axes = table(START_S, tuple(np.array(HERE) + off))
         assert path.leaves(near_axes, np.array(HERE), True) is leaves, "no table is followed"
         path.table.accept(table(START_S, FAR), START_S)
@@ -93,7 +109,7 @@ def test_a_table_leaves_the_path_half_a_degree_from_where_it_would_go_on(axis: i
 def test_a_table_rests_at_its_end_below_a_thousandth_of_a_degree_a_second(
     rate_deg_s: tuple[float, float], rests: bool
 ) -> None:
-    path = SlewPath(LoopParams(), HERE)
+    path = SlewPath(LoopParams(), HERE, 0.0)
     moving = table(START_S, FAR, (0.01, 0.01))
     rates = moving.velocity_rad_s.copy()
     rates[-1] = np.radians(rate_deg_s)

@@ -194,6 +194,22 @@ def test_the_slew_to_a_start_goes_over_a_hill_by_its_corners_and_is_planned_once
         made.approach(2.0, reading((0.0, 0.3)), np.array([0.5, 0.3]))
 
 
+@pytest.mark.parametrize(
+    ("away_deg", "rate_deg_s", "passed"),
+    [(0.0, 0.0, True), (1.49, -0.099, True), (-1.51, 0.0, False), (0.0, -0.101, False), (1.0, 0.2, False)],
+)
+def test_a_corner_is_passed_by_axes_that_rest_within_a_step_of_a_rotator(
+    away_deg: float, rate_deg_s: float, passed: bool
+) -> None:
+    """Encoders of whole degrees stop up to a degree off, and are not quite still."""
+    made, goal, rates = planned(mask=HILL), np.array([1.0, 0.3]), (0.0, np.radians(rate_deg_s))
+    first = made.approach(0.0, reading((0.0, 0.3)), goal)
+    assert first is not None
+    away = first + np.radians([away_deg, -away_deg])
+    following = made.approach(1.0, reading((float(away[0]), float(away[1])), rates), goal)
+    assert (following is None or not np.array_equal(following, first)) is passed
+
+
 def joining(profile: PassProfile, window: Pass, mask: HorizonMask | None = None) -> PassPlan:
     made = planned(profile, mask=mask)
     choose(made, window)
