@@ -447,8 +447,10 @@ def nearest_pass(passes: Sequence[Pass], near_s: float) -> Pass:
     Raises
     ------
     ValueError
-        When none lies within `NEAR_S`.
+        When none lies within `NEAR_S`, or there is none.
     """
+    if not passes:
+        raise ValueError("ephemeris_publisher has found no pass")
     if not near_s:
         return passes[0]
 

@@ -646,3 +646,10 @@ def test_the_pass_nearest_to_a_time_is_taken(near_s: float | None, target: str) 
 def test_a_pass_farther_than_an_hour_is_none(near_s: float) -> None:
     with pytest.raises(ValueError, match="no pass within 60 min"):
         nearest_pass([window(target="A"), window(6000.0, target="B")], NOW_S + near_s)
+
+
+@pytest.mark.parametrize("near_s", [0.0, NOW_S])
+def test_an_answer_without_passes_refuses_the_goal(near_s: float) -> None:
+    """A publisher of another make may answer so; the goal would wait for ever."""
+    with pytest.raises(ValueError, match="has found no pass"):
+        nearest_pass([], near_s)
