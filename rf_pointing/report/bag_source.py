@@ -13,13 +13,12 @@ from tempfile import TemporaryDirectory
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
-from rosbags.rosbag2.errors import ReaderError
 
-from rf_pointing.report.mcap_tail import complete, salvage
+from rf_pointing.report.mcap_tail import CHUNK_ERRORS, complete, salvage
 
 READ_ERRORS = (
-    ReaderError, OSError, ValueError, TypeError, KeyError, IndexError, AttributeError, AssertionError, struct.error,
-    RuntimeError, MemoryError, OverflowError,
+    *CHUNK_ERRORS, TypeError, KeyError, IndexError, AttributeError, AssertionError, struct.error, MemoryError,
+    OverflowError,
 )  # fmt: skip
 """Errors of reading damaged files: rosbags checks little before it indexes into the data."""
 

@@ -27,7 +27,7 @@ _MESSAGE_HEAD = 22
 _FOOTER_BYTES = 37
 HOLE_BYTES = 400
 """So many zeros in a row are a lost block of the disk; the longest covariance has 288."""
-_DAMAGED = (ReaderError, RuntimeError, ValueError, OSError, zstd.ZstdError)
+CHUNK_ERRORS = (ReaderError, RuntimeError, ValueError, OSError, zstd.ZstdError)
 """What libraries raise for a chunk that does not decompress."""
 Record = tuple[int, int, bytes]
 
@@ -126,7 +126,7 @@ def _salvaged_chunk(file: BinaryIO, index: bytes) -> bytes:
     try:
         data = decompress(data, compression, size, 0)
     # One wrong byte of a compressed chunk costs all of it.
-    except _DAMAGED:
+    except CHUNK_ERRORS:
         data = b""
     # The data end the chunk, and its indexes follow.
     kept = b"".join(_intact(data, BytesIO(file.read(indexed))))
@@ -232,7 +232,7 @@ def _open_chunk(start: int, content: bytes, tail: McapTail) -> _OpenChunk | None
                 channel, _, log_time = struct.unpack_from("<HIQ", record)
                 messages[channel].append((log_time, offset))
     # A chunk that does not decompress or fails its checksum ends the usable part.
-    except (*_DAMAGED, struct.error):
+    except (*CHUNK_ERRORS, struct.error):
         return None
     for opcode, _, record in records:
         _note(opcode, record, tail)

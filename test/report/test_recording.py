@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
 from mcap_ros2.writer import Writer as IndependentWriter
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import get_types_from_msg
@@ -280,6 +282,29 @@ def test_a_block_of_zeros_is_never_passed_over_in_silence(bag: Path, tmp_path: P
     assert count > 0.98 * sum(len(topic) for topic in whole.topics.values())
     for name, topic in rest.topics.items():
         assert set(topic.log_time_ns) <= set(whole.topics[name].log_time_ns)
+
+
+def test_a_chunk_of_zstd_with_a_wrong_head_costs_its_own_messages(bag: Path, tmp_path: Path) -> None:
+    """As other recorders compress them."""
+    path, type_name = tmp_path / "squeezed.mcap", "rf_pointing_msgs/msg/TrackingStatus"
+    with path.open("wb") as stream, Reader(bag) as reader:
+        writer = McapWriter(stream, chunk_size=4_096, compression=CompressionType.ZSTD)
+        writer.start(profile="ros2", library="independent")
+        (status,) = (item for item in reader.connections if item.msgtype == type_name)
+        schema = writer.register_schema(type_name, "ros2msg", status.msgdef.data.encode())
+        channel = writer.register_channel(status.topic, "cdr", schema)
+        for number, (_, log_time_ns, data) in enumerate(reader.messages([status])):
+            writer.add_message(channel, log_time_ns, data, log_time_ns, number)
+        writer.finish()
+    whole = len(read_recording(path).topics["tracking_status"])
+    data = bytearray(path.read_bytes())
+    # The magic number of the second frame.
+    at = data.find(b"\x28\xb5\x2f\xfd", data.find(b"\x28\xb5\x2f\xfd") + 4)
+    data[at] ^= 0xFF
+    path.write_bytes(data)
+    recording = read_recording(path)
+    assert recording.problems
+    assert 0 < len(recording.topics["tracking_status"]) < whole
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "a: [", "{}", "rosbag2_bagfile_information: [1]"])
