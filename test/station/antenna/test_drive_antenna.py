@@ -48,6 +48,31 @@ def high_pass(track: TopocentricTrack) -> Pass:
     return first_pass_above(track, epoch_t_s, math.radians(88.0), math.radians(5.0), 6.0 * 86400.0)
 
 
+# Slews
+
+
+@pytest.mark.parametrize("name", SERIAL)
+def test_a_detour_over_a_hill_passes_its_corners_wherever_the_device_comes_to_rest(driven, name: str) -> None:
+    """A controller of whole degrees stops 0.45 deg from the corner behind the hill."""
+    hill = HorizonMask(
+        azimuth_rad=tuple(np.radians([0.0, 20.0, 24.6, 35.4, 40.0])),
+        elevation_rad=tuple(np.radians([0.0, 0.0, 52.37, 52.37, 0.0])),
+    )
+    subject = driven(name, safety=UNWATCHED.replace(mask=hill))
+    subject.go(5.3, 10.4)
+    subject.run(60.0)
+    subject.go(60.45, 10.4)
+    above = []
+    for _ in range(round(60.0 / TICK_S)):
+        subject.tick()
+        azimuth, elevation = subject.true_deg.tolist()
+        above.append(elevation - math.degrees(hill.lowest_rad(math.radians(azimuth))))
+    assert subject.fault == subject.refused == ""
+    step_deg = math.degrees(max(subject.antenna.hardware.rotator.smallest_rad))
+    assert np.max(np.abs(subject.true_deg - [60.45, 10.4])) <= step_deg
+    assert min(above) > 0.0
+
+
 # Passes
 
 
