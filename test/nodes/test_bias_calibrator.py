@@ -24,32 +24,11 @@ from rf_pointing.nodes.diagnostics import OK, WARN
 from rf_pointing.nodes.stamps import stamp_from_seconds
 from rf_pointing.station.description import STATIONS, read_station
 from test.calibration.conftest import one_pass
+from test.nodes.goal_handle import GoalHandle
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
 NOW_S = 1_200_000_000.0
 STATION, BAND = "LEO 3.7 m", "X"
-
-
-class Goal:
-    """A goal of an action: notes what the node does with it."""
-
-    def __init__(self, request: Any, cancel: bool = False) -> None:
-        self.request, self.is_cancel_requested = request, cancel
-        self.did: list[str] = []
-        self.feedback: list[Any] = []
-        self.publish_feedback = self.feedback.append
-
-    def execute(self) -> None:
-        self.did.append("execute")
-
-    def succeed(self) -> None:
-        self.did.append("succeed")
-
-    def abort(self) -> None:
-        self.did.append("abort")
-
-    def canceled(self) -> None:
-        self.did.append("canceled")
 
 
 class Runner:
@@ -209,7 +188,7 @@ def test_a_goal_is_accepted_by_an_active_node_and_a_campaign_only_alone(make: Ca
     assert node._on_goal(RunCampaign.Goal()) == GoalResponse.ACCEPT
     assert node._on_fit_goal(FitModel.Goal()) == GoalResponse.ACCEPT
     node._runner = Runner()
-    node._on_campaign(Goal(RunCampaign.Goal(passes=[Pass()])))
+    node._on_campaign(GoalHandle(RunCampaign.Goal(passes=[Pass()])))
     assert node._on_goal(RunCampaign.Goal()) == GoalResponse.REJECT, "there is one antenna"
     assert node._on_cancel(None) == CancelResponse.ACCEPT
     assert node._runner.cancels == 1
@@ -224,29 +203,29 @@ def test_a_campaign_begins_anew_unless_it_is_resumed(
     kept = len(node._log)
     assert kept > 10
     node._runner = Runner()
-    goal = Goal(RunCampaign.Goal(passes=[Pass(target="a"), Pass(target="b")], sensor="monopulse", resume=resume))
+    goal = GoalHandle(RunCampaign.Goal(passes=[Pass(target="a"), Pass(target="b")], sensor="monopulse", resume=resume))
     node._on_campaign(goal)
     passes, sensor, log = node._runner.started
     assert ([each.target for each in passes], sensor, log is node._log) == (["a", "b"], "monopulse", True)
     assert len(node._log) == (kept if resume else 0)
     aside = [each.name for each in tmp_path.rglob("*1200000000*")]
     assert len(aside) == (0 if resume else 1)
-    assert goal.did == []
+    assert goal.ends == []
 
 
 def test_a_campaign_that_cannot_start_ends_at_once_with_the_reason(make: Callable[..., Any]) -> None:
     node = activated(make())
     node._runner = Runner()
     node._runner.refusal = "passes is empty, must name at least one pass"
-    goal = Goal(RunCampaign.Goal())
+    goal = GoalHandle(RunCampaign.Goal())
     node._on_campaign(goal)
-    assert goal.did == ["execute"]
+    assert goal.ends == ["execute"]
     result = node._conclude(goal)
     assert (result.success, result.passes_observed, result.message) == (False, 0, node._runner.refusal)
-    assert goal.did == ["execute", "abort"]
+    assert goal.ends == ["execute", "abort"]
     assert node._on_goal(RunCampaign.Goal()) == GoalResponse.ACCEPT, "no campaign is under way"
     node._runner.refusal = ""
-    node._on_campaign(Goal(RunCampaign.Goal(passes=[Pass()])))
+    node._on_campaign(GoalHandle(RunCampaign.Goal(passes=[Pass()])))
     assert node._reason == ""
 
 
@@ -255,7 +234,7 @@ def test_a_campaign_reports_each_observation_once_and_ends_its_goal(make: Callab
     assert node.turn() == 0.2
     node._runner = Runner()
     node._runner.number = 2
-    goal = Goal(RunCampaign.Goal(passes=[Pass(), Pass()]))
+    goal = GoalHandle(RunCampaign.Goal(passes=[Pass(), Pass()]))
     node._on_campaign(goal)
     assert node.turn() == 0.02
     assert node.turn() == 0.02
@@ -269,9 +248,9 @@ def test_a_campaign_reports_each_observation_once_and_ends_its_goal(make: Callab
     node._runner.count = 0
     assert node._progress().progress == 1.0
     node._runner.busy = False
-    assert goal.did == []
+    assert goal.ends == []
     assert node.turn() == 0.02
-    assert goal.did == ["execute"]
+    assert goal.ends == ["execute"]
     assert node.turn() == 0.2
 
 
@@ -295,11 +274,11 @@ def test_the_result_of_a_campaign_counts_passes_and_names_failures(
     node._runner.observed, node._runner.fault = observed, fault
     if "refused" in message:
         node._runner.failures = ["b: the controller refused the pass"]
-    goal = Goal(RunCampaign.Goal(passes=[Pass(), Pass()]), cancel)
+    goal = GoalHandle(RunCampaign.Goal(passes=[Pass(), Pass()]), cancel)
     result = node._conclude(goal)
     assert (result.message, result.passes_observed, result.fault) == (message, observed, fault)
     assert result.success == (end == "succeed")
-    assert goal.did == [end]
+    assert goal.ends == [end]
     assert (result.sectors_filled, result.verdict) == (0, "")
 
 
@@ -310,9 +289,9 @@ def test_a_fit_of_kept_observations_becomes_a_candidate_and_is_put_in_force_and_
     node = activated(make(calibrator__folder=str(tmp_path), shadow__accept="not worse"))
     refused = answer(node, "accept")
     assert (refused.success, refused.message) == (False, "no model has been fitted")
-    goal = Goal(FitModel.Goal(terms=["azimuth_offset", "elevation_offset"]))
+    goal = GoalHandle(FitModel.Goal(terms=["azimuth_offset", "elevation_offset"]))
     result = node._on_fit(goal)
-    assert ([each.stage for each in goal.feedback], goal.did) == (["fit"], ["succeed"])
+    assert ([each.stage for each in goal.feedback], goal.ends) == (["fit"], ["succeed"])
     assert result.success
     assert (result.model.name, result.passes) == ("fit-1200000000", 6)
     values = dict(zip(result.model.terms, result.model.values, strict=True))
@@ -323,17 +302,17 @@ def test_a_fit_of_kept_observations_becomes_a_candidate_and_is_put_in_force_and_
     assert node.sent == [], "a candidate is not in force"
     # In a campaign it is scored meanwhile.
     node._runner = Runner()
-    campaign = node._conclude(Goal(RunCampaign.Goal(passes=[Pass(), Pass()])))
+    campaign = node._conclude(GoalHandle(RunCampaign.Goal(passes=[Pass(), Pass()])))
     assert campaign.message.endswith("observations"), "no verdict yet"
     assert campaign.sectors_filled == 36 - len(node._log.coverage(SECTORS).thin) > 0
     accepted = answer(node, "accept")
     assert accepted.message == "fit-1200000000 is in force; it was not yet observed in shadow"
     assert (node.sent[-1].name, node.sent[-1].header.stamp.sec) == ("fit-1200000000", int(NOW_S))
-    assert node._on_fit(Goal(FitModel.Goal(name="second"))).model.name == "second"
+    assert node._on_fit(GoalHandle(FitModel.Goal(name="second"))).model.name == "second"
     assert answer(node, "reject").message == "second is dropped"
     assert not answer(node, "reject").success
     assert len(node.sent) == 1
-    node._on_fit(Goal(FitModel.Goal(name="third")))
+    node._on_fit(GoalHandle(FitModel.Goal(name="third")))
     answer(node, "accept")
     assert answer(node, "rollback").message == "fit-1200000000 is in force again"
     assert [each.name for each in node.sent] == ["fit-1200000000", "third", "fit-1200000000"]
@@ -344,12 +323,12 @@ def test_a_verdict_of_the_shadow_is_in_the_result_of_a_campaign(
 ) -> None:
     planted = filled(tmp_path, random)
     node = activated(make(calibrator__folder=str(tmp_path)))
-    node._on_fit(Goal(FitModel.Goal(name="new", terms=["azimuth_offset", "elevation_offset"])))
+    node._on_fit(GoalHandle(FitModel.Goal(name="new", terms=["azimuth_offset", "elevation_offset"])))
     for number in range(10, 14):
         rows = dataclasses.replace(one_pass(number, planted, 1e-5, random, "rotation"), station=STATION, band=BAND)
         node._keeper.observe(rows)
     node._runner = Runner()
-    result = node._conclude(Goal(RunCampaign.Goal(passes=[Pass(), Pass()])))
+    result = node._conclude(GoalHandle(RunCampaign.Goal(passes=[Pass(), Pass()])))
     assert result.verdict == "better"
     assert "new is better after 4 passes in shadow" in result.message
     assert answer(node, "accept").message.startswith("new is in force; it was better after 4 passes in shadow")
@@ -368,9 +347,9 @@ def test_the_first_model_of_a_node_without_a_folder_is_rolled_back_to_none(make:
 
 def test_a_fit_of_too_few_observations_is_aborted_with_the_reason(make: Callable[..., Any]) -> None:
     node = activated(make())
-    goal = Goal(FitModel.Goal())
+    goal = GoalHandle(FitModel.Goal())
     result = node._on_fit(goal)
-    assert (result.success, goal.did) == (False, ["abort"])
+    assert (result.success, goal.ends) == (False, ["abort"])
     assert result.message.startswith("0 observations, must have at least 30")
     assert node._health().values["candidate"] == ""
 

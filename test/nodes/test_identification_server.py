@@ -12,6 +12,7 @@ from rf_pointing_msgs.action import Identify
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.nodes import identification_server
 from rf_pointing.nodes.identification_server import IdentificationServer
+from test.nodes.goal_handle import GoalHandle
 
 START_RAD = (0.5, 0.8)
 
@@ -33,29 +34,13 @@ class Antenna:
         return SimpleNamespace(position_rad=np.array(START_RAD))
 
 
-class Goal:
+class Goal(GoalHandle):
     def __init__(self, axis: str = "azimuth", **changes: Any) -> None:
         values = {
             "kind": "white", "sequences": 1, "samples": 120, "mean": 0.0, "rms": math.radians(0.02),
             "peak": math.radians(0.1), "idle": 0.0, "seed": 3,
         }  # fmt: skip
-        self.request = Identify.Goal(axis=axis, **{**values, **changes})
-        self.is_cancel_requested = False
-        self.did: list[str] = []
-        self.feedback: list[Any] = []
-        self.publish_feedback = self.feedback.append
-
-    def execute(self) -> None:
-        self.did.append("execute")
-
-    def succeed(self) -> None:
-        self.did.append("succeed")
-
-    def abort(self) -> None:
-        self.did.append("abort")
-
-    def canceled(self) -> None:
-        self.did.append("canceled")
+        super().__init__(Identify.Goal(axis=axis, **{**values, **changes}))
 
 
 @pytest.fixture
@@ -121,17 +106,17 @@ def test_a_goal_ends_with_success_when_the_axes_rest(server: Any, antenna: Anten
     server._on_accepted(goal)
     antenna.mode = "holding"
     run(server, antenna, 119)
-    assert goal.did == [], "one sample is missing"
+    assert goal.ends == [], "one sample is missing"
     antenna.mode = mode
     run(server, antenna, 2)
-    assert goal.did == []
+    assert goal.ends == []
     antenna.mode = "holding"
     server.tick(200.0)
     server.tick(200.02)
-    assert goal.did == ["execute"]
+    assert goal.ends == ["execute"]
     result = server._conclude(goal)
     assert (result.success, result.message, result.samples_taken) == (True, "", 120)
-    assert goal.did == ["execute", "succeed"]
+    assert goal.ends == ["execute", "succeed"]
     assert server._on_goal(None) == GoalResponse.ACCEPT
     second = Goal()
     server._on_accepted(second)
@@ -149,7 +134,7 @@ def test_a_cancelled_goal_ends_as_such_with_the_samples_until_then(server: Any, 
     server.tick(300.0)
     result = server._conclude(goal)
     assert (result.success, result.message, result.samples_taken) == (False, "the goal was cancelled", 30)
-    assert goal.did == ["execute", "canceled"]
+    assert goal.ends == ["execute", "canceled"]
 
 
 def test_a_deactivation_concludes_the_goal_once(server: Any, antenna: Antenna) -> None:
@@ -159,7 +144,7 @@ def test_a_deactivation_concludes_the_goal_once(server: Any, antenna: Antenna) -
     run(server, antenna, 3)
     server.end()
     server.end()
-    assert goal.did == ["execute"]
+    assert goal.ends == ["execute"]
     server.tick(300.0)
     assert len(server.sent) == 3
 
@@ -176,10 +161,10 @@ def test_a_deactivation_concludes_the_goal_once(server: Any, antenna: Antenna) -
 def test_a_refused_goal_ends_at_once_with_the_reason(
     server: Any, antenna: Antenna, goal: Goal, refusal: str, words: str
 ) -> None:
-    goal.did.clear()
+    goal.ends.clear()
     antenna.refusal = refusal
     server._on_accepted(goal)
-    assert goal.did == ["execute"]
+    assert goal.ends == ["execute"]
     result = server._conclude(goal)
     assert (result.success, result.samples_taken) == (False, 0)
     assert words in result.message

@@ -26,6 +26,7 @@ from rf_pointing.nodes.diagnostics import ERROR, OK, WARN
 from rf_pointing.nodes.pointing_controller import PointingControllerNode, nearest_pass
 from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.outcome import PassStatistics
+from test.nodes.goal_handle import GoalHandle
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
 PERIOD_S = 0.1
@@ -79,27 +80,11 @@ class Core:
         return [call[1:] for call in self.calls if call[0] == name]
 
 
-class Goal:
+class Goal(GoalHandle):
     """A goal of track_pass, and what became of it."""
 
     def __init__(self, **request: Any) -> None:
-        self.request = TrackPass.Goal(**request)
-        self.is_cancel_requested = False
-        self.ends: list[str] = []
-        self.feedback: list[Any] = []
-        self.publish_feedback = self.feedback.append
-
-    def execute(self) -> None:
-        self.ends.append("execute")
-
-    def succeed(self) -> None:
-        self.ends.append("succeed")
-
-    def abort(self) -> None:
-        self.ends.append("abort")
-
-    def canceled(self) -> None:
-        self.ends.append("canceled")
+        super().__init__(TrackPass.Goal(**request))
 
 
 def window(begin_s: float = -60.0, length_s: float = 300.0, target: str = "BIRD") -> Pass:

@@ -40,6 +40,7 @@ from rf_pointing.nodes.station_node import ExecutiveWatch
 from rf_pointing.operations import AlarmParams
 from rf_pointing.operations.dictionary import read_directives, read_tables
 from rf_pointing.operations.schedule import PassState
+from test.nodes.goal_handle import GoalHandle
 
 
 def test_every_shipped_directive_has_an_installed_type_with_its_arguments() -> None:
@@ -202,27 +203,11 @@ def test_a_silent_executive_is_an_error_unless_it_was_idle(monkeypatch: pytest.M
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
 
 
-class Goal:
+class Goal(GoalHandle):
     """A goal of run_schedule, and what became of it."""
 
     def __init__(self, schedule: str = "", resume: bool = False) -> None:
-        self.request = RunSchedule.Goal(schedule=schedule, resume=resume)
-        self.is_cancel_requested = False
-        self.ends: list[str] = []
-        self.feedback: list[Any] = []
-        self.publish_feedback = self.feedback.append
-
-    def execute(self) -> None:
-        self.ends.append("execute")
-
-    def succeed(self) -> None:
-        self.ends.append("succeed")
-
-    def abort(self) -> None:
-        self.ends.append("abort")
-
-    def canceled(self) -> None:
-        self.ends.append("canceled")
+        super().__init__(RunSchedule.Goal(schedule=schedule, resume=resume))
 
 
 class Bench:
