@@ -219,9 +219,9 @@ WITH_HILL: dict[str, Any] = {
     "mount.horizon_deg": [
         [0.0, 0.0],
         [70.0, 0.0],
-        [140.0, 0.0],
-        [141.0, 70.0],
         [160.0, 0.0],
+        [161.0, 70.0],
+        [180.0, 0.0],
         [230.0, 0.0],
         [300.0, 0.0],
     ],
@@ -230,4 +230,4 @@ WITH_HILL: dict[str, Any] = {
     "tuning.safety.wind.release_s": 0.2,
     "tuning.safety.wind.silence_s": 0.5,
 }
-"""A station with a hill 20 deg to the right of where the antenna starts."""
+"""A station with a hill 40 deg to the right of where the antenna starts; the tests together move it by some 20."""
