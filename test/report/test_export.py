@@ -4,7 +4,9 @@ import builtins
 import csv
 import math
 import re
+from dataclasses import astuple, fields
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.export import (
     FORMATS,
     MEANINGS,
+    ColumnMeaning,
     data_dictionary,
     export_recording,
     exported_topics,
@@ -78,6 +81,16 @@ def test_the_units_are_those_of_the_message_definitions() -> None:
     assert compared > 25
 
 
+def test_columns_that_an_older_recording_lacks_are_filled() -> None:
+    layout, shown = TOPICS["antenna_status"], dict.fromkeys(TOPICS["antenna_status"].columns, 7.0)
+    row = dict(zip(layout.columns, layout.row(SimpleNamespace(**shown)), strict=True))
+    assert row["set_points"] == row["starts"] == row["mode"] == 7.0
+    for name in ("set_points", "starts", "reversals"):
+        del shown[name]
+    row = dict(zip(layout.columns, layout.row(SimpleNamespace(**shown)), strict=True))
+    assert (row["set_points"], row["starts"], row["reversals"], row["mode"]) == (0, [0, 0], [0, 0], 7.0)
+
+
 def test_csv_is_read_back_to_the_last_bit_by_pandas(recording: Recording, tmp_path: Path) -> None:
     pandas = pytest.importorskip("pandas")
     files = export_recording(recording, tmp_path, "csv")
@@ -138,6 +151,9 @@ def test_the_dictionary_has_a_row_for_every_column_of_an_export(
     rows = data_dictionary(recording)
     assert all(row.meaning and row.source.startswith("/gs1/") and row.type_name for row in rows)
     if kind == "csv":
+        with (tmp_path / "dictionary.csv").open() as file:
+            kept = list(csv.reader(file))
+        assert kept == [[each.name for each in fields(ColumnMeaning)], *(list(astuple(row)) for row in rows)]
         for path in tmp_path.glob("*.csv"):
             if path.stem != "dictionary":
                 with path.open() as file:
