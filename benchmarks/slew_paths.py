@@ -5,9 +5,8 @@
 Each scene has a horizon, a Sun, a travel and rates of its own, and many starts and goals.  Of every allowed slew the motion
 is stepped as the servo makes it: chase at the limits, braking with 0.8 of them, a new leg once the command rests at the
 corner before and the axes, which lag by up to a second, are 0.3 deg from it.  Every step and every stop from it is held
-against horizon, Sun and travel.  Of every refused one a
-grid of half a degree is searched for a path with room to spare.  The exit status says whether anything was violated or
-missed.
+against horizon, Sun and travel.  Of every refused one a grid of half a degree is searched for a path with room to spare.
+The exit status says whether anything was violated or missed.
 """
 
 import argparse

@@ -217,7 +217,7 @@ class PathFinder:
         return ""
 
     def leg(self, before: "Leg", corner: Pair, sun: Pair | None, *, last: bool) -> "Leg":
-        """Return the leg to a corner: why it is not free, and at rest at its end."""
+        """Return the leg to a corner: why it is not free, or the axes at rest at its end."""
         if last and self._clear(before, corner, sun):
             return Leg("", (), before.end_s)
         longest_s = before.end_s
@@ -246,7 +246,7 @@ class PathFinder:
 
 
 class Leg(NamedTuple):
-    """One leg of a path: why it is not free, its end, and how the axes may be moving there."""
+    """One leg of a path: why it is not free, the axes at rest at its end, and when."""
 
     reason: str
     moving: tuple[Moving, ...]

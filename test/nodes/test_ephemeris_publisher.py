@@ -63,7 +63,7 @@ def publisher(default_context: None, ephemeris: Path, monkeypatch: pytest.Monkey
     node.destroy_node()
 
 
-def told(node: Any, **values: float | bool) -> None:
+def set_source(node: Any, **values: float | bool) -> None:
     (result,) = {
         item.successful for item in node.set_parameters([Parameter(f"source.{k}", value=v) for k, v in values.items()])
     }
@@ -74,14 +74,14 @@ def test_an_offset_beyond_the_end_of_an_ephemeris_ends_the_targets_not_the_node(
     late_s = FIRST_S + STEP_S * (STATES - 1) - 40.0
     publisher._publish(late_s)
     assert len(publisher.sent) == 1
-    told(publisher, along_track_offset_s=50.0)
+    set_source(publisher, along_track_offset_s=50.0)
     publisher._publish(late_s)
     assert len(publisher.sent) == 1
     publisher._publish(late_s - 20.0)
     assert len(publisher.sent) == 2
 
 
-def test_a_target_that_cannot_be_told_is_an_error_on_diagnostics(
+def test_a_target_that_cannot_be_published_is_an_error_on_diagnostics(
     publisher: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(_t_s: float) -> None:
@@ -97,7 +97,7 @@ def test_a_target_that_cannot_be_told_is_an_error_on_diagnostics(
 
 
 def test_a_held_target_keeps_the_pass_and_another_one_moves(publisher: Any) -> None:
-    told(publisher, hold=True)
+    set_source(publisher, hold=True)
     passes = publisher._passes
     assert publisher._choose(publisher._track, MIDDLE_S, 0.0) == passes
     publisher._select(SelectTarget.Request(target="BIRD"))
@@ -333,9 +333,9 @@ def test_passes_are_chosen_by_start_and_by_peak(make: Callable[..., Any]) -> Non
 def test_what_was_chosen_is_in_force_after_a_restart(make: Callable[..., Any], tmp_path: Path) -> None:
     node = active(make(publisher__state_file=str(tmp_path / "target.json")))
     assert select(node, target="CBERS 2", minimum_peak_elevation=0.25).success
-    told(node, hold=True, along_track_offset_s=1.5)
+    set_source(node, hold=True, along_track_offset_s=1.5)
     node.clock[0] += 30.0
-    told(node, cross_track_offset_deg=0.02)
+    set_source(node, cross_track_offset_deg=0.02)
     assert node._track.hold_t_s == NOW_S, "a hold that is set keeps its instant"
     node.end()
     node.lock.release()
@@ -346,7 +346,7 @@ def test_what_was_chosen_is_in_force_after_a_restart(make: Callable[..., Any], t
     assert values["along_track_offset_s"] == 1.5
     assert values["cross_track_offset_deg"] == pytest.approx(0.02, abs=1e-9)
     assert values["hold_since"].startswith("2006-06-27T05:01:40")
-    told(node, hold=False)
+    set_source(node, hold=False)
     assert node._track.hold_t_s is None
     assert node._health().values["hold_since"] == ""
 
@@ -498,7 +498,7 @@ def test_a_held_target_keeps_its_elements(make: Callable[..., Any], monkeypatch:
     between_s = 0.5 * (node._passes[0].los_t_s + node._passes[1].aos_t_s)
     node._renew(between_s)
     assert accepted == []
-    told(node, hold=False)
+    set_source(node, hold=False)
     node._renew(between_s)
     assert accepted == [1]
 
