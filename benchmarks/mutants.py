@@ -372,7 +372,9 @@ def main() -> int:
     parser.add_argument("--limit", type=float, default=30.0, help="seconds beyond five times those of the clean tests")
     parser.add_argument("--importers", action="store_true", help="also run tests of other folders, which takes longer")
     parser.add_argument("--results", type=Path, help="file of verdicts; what it already holds is not tried again")
-    parser.add_argument("--only", default="", help="only modules or faults whose line contains this text")
+    parser.add_argument(
+        "--only", nargs="+", default=[""], help="only modules or faults whose line contains one of these"
+    )
     options = parser.parse_args()
     rows = []
     with tempfile.TemporaryDirectory(prefix="mutants_") as scratch:
@@ -385,7 +387,12 @@ def main() -> int:
                 known[row[19:]] = row[:9].strip()
         for folder in options.folder:
             modules = sorted(path.relative_to(ROOT) for path in (ROOT / PACKAGE / folder).rglob("*.py"))
-            all_faults = [fault for path in modules for fault in mutants_of(path) if options.only in str(fault)]
+            all_faults = [
+                fault
+                for path in modules
+                for fault in mutants_of(path)
+                if any(text in str(fault) for text in options.only)
+            ]
             if not all_faults:
                 parser.error(f"--folder {folder}: no place for a fault in {PACKAGE}/{folder}")
             chosen = random.Random(options.seed).sample(all_faults, min(options.count, len(all_faults)))

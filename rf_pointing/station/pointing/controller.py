@@ -58,7 +58,10 @@ class PointingController:
 
     def __init__(self, params: ControllerParams) -> None:
         self.params = params
-        self.plan = PassPlan(params.machine, params.mask, params.gate, params.limits, SolarDirection(params.sun))
+        self.plan = PassPlan(
+            params.machine, params.mask, params.gate, params.limits, SolarDirection(params.sun),
+            params.pointing.on_target_rad,
+        )  # fmt: skip
         self._scans = Scans(params.spiral, params.calibration.scan, params.watch.probe, params)
         self.corrections = PointingCorrections(params.integrator, self._scans, params.trim)
         self.antenna = AntennaWatch(params.axes, params.pointing.on_target_rad)
@@ -106,7 +109,7 @@ class PointingController:
         All other sets are read once, when the controller is made: a new one of them has no effect.
         """
         self.params = params
-        self.plan.take_limits(params.limits)
+        self.plan.retune(params.limits, params.pointing.on_target_rad)
         self._motion.retune(params.pointing)
         self._mode.retune(params.autotrack, params.pointing)
         self.antenna.retune(params.axes, params.pointing.on_target_rad)

@@ -46,7 +46,7 @@ NEW_GOAL_RAD = math.radians(0.1)
 MEETING_S = 2.0
 MEETINGS = 12
 # Axes that are slower and nearer than this rest at a corner: encoders are never quite still, and a
-# rotator stops a step away.
+# rotator stops a step away; one of coarser steps where it counts as on its target.
 REST_RAD_S = math.radians(0.1)
 NEAR_RAD = math.radians(1.5)
 # Axes whose rate is gone in this time stand.
@@ -95,17 +95,24 @@ class PassPlan:
     """Profiles of the coming passes, and the branch of the one that is tracked."""
 
     def __init__(
-        self, machine: MachineParams, mask: HorizonMask, gate: GateParams, limits: AxisLimits, sun: SolarDirection
+        self,
+        machine: MachineParams,
+        mask: HorizonMask,
+        gate: GateParams,
+        limits: AxisLimits,
+        sun: SolarDirection,
+        on_target_rad: float,
     ) -> None:
         self.machine, self.mask, self._gate_params, self.sun = machine, mask, gate, sun
         self._profiles: list[PassProfile] = []
         self.certificate: Certificate | None = None
-        self.take_limits(limits)
+        self.retune(limits, on_target_rad)
         self.clear()
 
-    def take_limits(self, limits: AxisLimits) -> None:
-        """Use these limits of travel from now on."""
+    def retune(self, limits: AxisLimits, on_target_rad: float) -> None:
+        """Use these limits of travel, and this distance at which a slew is over, from now on."""
         self._limits, self.gate = limits, Gate(self._gate_params, limits, self.mask, self.machine.axes)
+        self._near_rad = max(NEAR_RAD, on_target_rad)
 
     def take_profiles(self, profiles: list[PassProfile]) -> None:
         """Replace the profiles of the coming passes."""
@@ -120,7 +127,7 @@ class PassPlan:
         """Forget the branch and the profile: direct, without a crossing."""
         self.course = TrackingBranch()
         self.profile: PassProfile | None = None
-        self._slew, self._goal = _path(), np.full(2, math.inf)
+        self._slew, self._goal = self._path(), np.full(2, math.inf)
         self._meeting = NO_MEETING
 
     def choose(
@@ -182,7 +189,7 @@ class PassPlan:
             found = self.gate.check(kind, (azimuth, elevation), np.array([goal]), sun_rad=self.sun.at(t_s))
             if not found.allowed:
                 raise ValueError(f"no {kind} to the start of the pass: {found.reason}")
-            self._goal, self._slew = goal_rad.copy(), _path(found.way)
+            self._goal, self._slew = goal_rad.copy(), self._path(found.way)
         corner = self._slew.next((azimuth, elevation), axes.velocity_rad_s.tolist())
         return None if corner is None else np.array(corner)
 
@@ -285,6 +292,5 @@ class PassPlan:
             )
         return None
 
-
-def _path(corners: Sequence[Pair] = ()) -> CornerPath:
-    return CornerPath(corners, near_rad=NEAR_RAD, rest_rad_s=REST_RAD_S)
+    def _path(self, corners: Sequence[Pair] = ()) -> CornerPath:
+        return CornerPath(corners, near_rad=self._near_rad, rest_rad_s=REST_RAD_S)

@@ -217,6 +217,17 @@ CASES: Mapping[str, tuple[dict[str, Any], dict[str, Any]]] = {
         "machine.rate_limit_deg_s": (6.0, 3.0), "axes.reaction_s": 1.6, "drive.type": "gs232",
         "drive.rotator.minimum_interval_s": 0.7,
     }),
+    "a drive that rests far from its set points": (
+        {"drive": {"type": "gs232", "rotator": {"dead_band_deg": [1.0, 3.0], "minimum_move_deg": [2.0, 0.5]}}}, {
+        "pointing.on_target_deg": 3.3,
+    }),
+    "a drive whose smallest move is large": (
+        {"drive": {"type": "gs232", "rotator": {"minimum_move_deg": [2.0, 0.5]}}}, {"pointing.on_target_deg": 2.2},
+    ),
+    "a drive that never rests off its target": (
+        {"drive": {"type": "simulated", "rotator": {"dead_band_deg": [1.0, 3.0]}}}, {
+        "pointing.on_target_deg": 0.0785171,
+    }),
     "noise at 1000 MHz": ({"BAND": {"frequency_mhz": 1000}}, {"signal.receiver.system_noise_k": 120.0}),
     "noise below 1000 MHz": ({"BAND": {"frequency_mhz": 999}}, {"signal.receiver.system_noise_k": 400.0}),
     "a receiver colder than the sky": ({"BAND": {"system_noise_k": 6.0}}, {"signal.noise.lna_k": 0.0}),

@@ -13,6 +13,7 @@ from rf_pointing.ephemeris import SITES, Pass, TopocentricTrack
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.planning import AxisLimits, AxisRates, Gate, GateParams, HorizonMask, MachineParams, PassProfile
 from rf_pointing.station.pointing.certificates import pass_profile
+from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.station.pointing.plan import MEETING_S, SAME_PASS_S, Chased, PassPlan
 
 RATES = AxisRates((0.1, 0.05), (0.05, 0.02))
@@ -99,7 +100,7 @@ def planned(profile: PassProfile | None = None, *, sun: bool = False, mask: Hori
     machine = MachineParams()
     made = PassPlan(
         machine, mask or HorizonMask(), GateParams(), AxisLimits(),
-        SolarDirection(SunParams(watched=sun, site=SITES["Goldstone DSS-13"])),
+        SolarDirection(SunParams(watched=sun, site=SITES["Goldstone DSS-13"])), PointingParams().on_target_rad,
     )  # fmt: skip
     made.take_profiles([profile] if profile else [])
     return made
@@ -165,7 +166,7 @@ def test_a_pass_under_another_sun_is_refused(profile: PassProfile, window: Pass,
     else:
         choose(made, window, 0.0)
     # Without a zone the Sun does not matter.
-    free = PassPlan(made.machine, HorizonMask(), GateParams(sun_radius_rad=0.0), AxisLimits(), made.sun)
+    free = PassPlan(made.machine, HorizonMask(), GateParams(sun_radius_rad=0.0), AxisLimits(), made.sun, 1e-3)
     free.take_profiles([replace(profile, sun_rad=rows)])
     choose(free, window, 0.0)
 
@@ -208,6 +209,20 @@ def test_a_corner_is_passed_by_axes_that_rest_within_a_step_of_a_rotator(
     away = first + np.radians([away_deg, -away_deg])
     following = made.approach(1.0, reading((float(away[0]), float(away[1])), rates), goal)
     assert (following is None or not np.array_equal(following, first)) is passed
+
+
+def test_a_rotator_that_rests_further_off_passes_a_corner_where_it_counts_as_on_its_target() -> None:
+    made, goal = planned(mask=HILL), np.array([1.0, 0.3])
+    first = made.approach(0.0, reading((0.0, 0.3)), goal)
+    assert first is not None
+    away = reading((float(first[0]) + math.radians(2.9), float(first[1])))
+    np.testing.assert_array_equal(made.approach(1.0, away, goal), first)
+    made.retune(AxisLimits(), math.radians(3.0))
+    made.clear()
+    corner = made.approach(0.0, reading((0.0, 0.3)), goal)
+    np.testing.assert_array_equal(corner, first)
+    following = made.approach(1.0, away, goal)
+    assert following is None or not np.array_equal(following, first)
 
 
 def joining(profile: PassProfile, window: Pass, mask: HorizonMask | None = None) -> PassPlan:
