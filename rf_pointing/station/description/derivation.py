@@ -239,7 +239,8 @@ class Band:
         if not takes_positions(str(self.content.drive.get("type"))):
             return 0.0
         given = flat(self.content.drive)
-        return max(max(given.get(f"rotator.{name}_deg", (0.0,))) for name in ("dead_band", "minimum_move"))
+        rests = [given.get(f"rotator.{name}_deg", (0.0,)) for name in ("dead_band", "minimum_move")]
+        return float(max(map(max, rests)))
 
     @property
     def site(self) -> Site:
