@@ -131,7 +131,13 @@ def test_robot_state_publisher_turns_the_joints_where_it_is_installed(
         assert first == {"robot_description": urdf(read_station("leo_3m7")), "frame_prefix": "north/gs7/"}
         assert second == {"use_sim_time": True}
         assert nodes["robot_state_publisher"]["remappings"] == [("/clock", "clock")]
-        assert nodes["robot_state_publisher"]["namespace"] == "/north/gs7"
+        publisher = nodes["robot_state_publisher"]
+        assert (publisher["namespace"], publisher["output"]) == ("/north/gs7", "screen")
+        assert (publisher["package"], publisher["executable"]) == ("robot_state_publisher",) * 2
+        assert (publisher["respawn"], publisher["respawn_delay"]) == (True, 0.5)
+        given |= {"respawn": "false", "use_sim_time": "false"}
+        publisher = launched("simulated_station")["robot_state_publisher"]
+        assert (publisher["respawn"], publisher["parameters"][1]) == (False, {"use_sim_time": False})
     given["description"] = "false"
     assert tuple(launched("simulated_station")) == NODES
 

@@ -424,6 +424,21 @@ def test_a_place_that_the_antenna_refuses_is_requested_again(bench: Bench) -> No
     assert bench.counts() == {GO_TO: 2}
 
 
+def test_the_operator_is_warned_of_what_the_antenna_refuses_and_of_nothing_else(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    warnings: list[str] = []
+    log = SimpleNamespace(warning=lambda text, **_: warnings.append(text))
+    monkeypatch.setattr(bench.node, "get_logger", lambda: log)
+    bench.point(100.0, 50.0)
+    bench.answer(GO_TO)
+    assert warnings == []
+    bench.point(100.0, 60.0)
+    bench.answer(GO_TO, GoTo.Response(success=False, message="high wind"))
+    (warning,) = warnings
+    assert warning.endswith("refused: high wind")
+
+
 def test_an_antenna_that_a_client_parked_is_released_by_the_next_place(bench: Bench) -> None:
     codes = bench.order("park")
     bench.antenna("parking")
@@ -590,6 +605,14 @@ def test_the_motion_goes_on_past_the_last_point_on_the_turn_of_the_axes(bench: B
     bench.fly(azimuth_deg=250.0)
     bench.node._step(bench.t_s)
     assert math.degrees(bench.commands[-1].points[0].positions[0]) == pytest.approx(-108.95, abs=0.01)
+
+
+def test_of_two_turns_that_hold_the_motion_the_one_nearer_to_the_azimuth_axis_is_taken(bench: Bench) -> None:
+    bench.axes(-150.0, 40.0)
+    bench.node._step(bench.t_s)
+    bench.fly(azimuth_deg=200.0)
+    bench.node._step(bench.t_s)
+    assert math.degrees(bench.commands[-1].points[0].positions[0]) == pytest.approx(-158.95, abs=0.01)
 
 
 def test_at_the_end_of_its_travel_the_azimuth_unwinds_and_goes_on(bench: Bench) -> None:

@@ -66,6 +66,11 @@ def test_intervals_fill_the_recording() -> None:
     assert spans[1].reason == "because b"
 
 
+def test_a_single_status_is_an_interval_without_length() -> None:
+    (span,) = made([0.0], ["a"]).intervals()
+    assert (span.mode, span.seconds) == ("a", 0.0)
+
+
 def test_recording_without_status_has_no_timeline() -> None:
     assert timeline(Recording(Path("bag"), "", {}, (), (), {}, {}, (), ())) is None
 

@@ -16,8 +16,9 @@ import pytest
 from rf_pointing.report.analysis import analyse, timeline, tracked_pass
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.recording import Recording, read_recording
-from rf_pointing.report.statistics import _bag, axis_motion, servo, summarize
+from rf_pointing.report.statistics import AxisMotion, _bag, axis_motion, servo, summarize
 from rf_pointing.report.summary import ErrorStatistics, Summary, to_json
+from rf_pointing.report.topics import TopicData
 
 EXACT = 1e-9
 """Relative: angles pass through radians in 64-bit floats."""
@@ -342,6 +343,35 @@ def test_acceleration_is_stamped_at_the_middle_of_its_span(swinging: Recording) 
     t = (motion.acceleration_stamp_ns - motion.stamp_ns[0]) * 1e-9
     expected = -math.radians(AMPLITUDE_DEG) * RATE_RAD_S**2 * np.sin(RATE_RAD_S * t)
     assert np.allclose(motion.acceleration_rad_s2[:, 0], expected, rtol=0.0, atol=2e-6)
+
+
+@pytest.mark.parametrize(("period_s", "span"), [(0.02, 25), (0.026, 19), (0.1, 5), (0.34, 1), (3.0, 1)])
+def test_acceleration_is_the_change_of_rate_over_the_whole_periods_nearest_to_half_a_second(
+    period_s: float, span: int
+) -> None:
+    stamps = 7 * 10**9 + np.arange(100) * round(period_s * 1e9)
+    rate = np.where(np.arange(100)[:, None] >= 60, [0.3, -0.1], [0.1, 0.1])
+    motion = AxisMotion(TopicData("/gs1/joint_states", "", stamps, stamps, None, {"velocity": rate}))
+    assert len(motion.acceleration_rad_s2) == 100 - span
+    expected = np.zeros((100 - span, 2))
+    expected[60 - span : 60] = np.array([0.2, -0.2]) / (span * period_s)
+    np.testing.assert_allclose(motion.acceleration_rad_s2, expected, rtol=1e-12)
+    np.testing.assert_array_equal(motion.acceleration_stamp_ns, (stamps[span:] + stamps[:-span]) // 2)
+
+
+def test_a_single_reading_has_a_rate_and_no_acceleration() -> None:
+    stamps = np.array([7 * 10**9])
+    motion = AxisMotion(TopicData("/gs1/joint_states", "", stamps, stamps, None, {"velocity": np.array([[0.1, 0.2]])}))
+    assert (motion.rate_rad_s.tolist(), motion.acceleration_rad_s2.shape) == ([[0.1, 0.2]], (0, 2))
+
+
+def test_servo_without_readings_or_status_knows_nothing(run: Callable[..., Recording]) -> None:
+    known = servo(run(left_out={"joint_states", "antenna_status"}, seconds=5.0))
+    assert (known.tick_lateness_p99_ms, known.tick_lateness_max_ms, known.period_deviation_p99_ms) == (None,) * 3
+    assert (known.faults, known.set_points, known.starts, known.reversals) == ([], 0, [0, 0], [0, 0])
+    for axis in known.axes:
+        assert (axis.peak_rate_deg_s, axis.rate_limit_deg_s, axis.at_limit_s) == (None,) * 3
+        assert (axis.peak_acceleration_deg_s2, axis.acceleration_limit_deg_s2) == (None,) * 2
 
 
 def test_link_is_told_after_acquisition_while_tracking(swinging: Recording) -> None:
