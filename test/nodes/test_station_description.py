@@ -27,6 +27,7 @@ from rf_pointing.nodes.stamps import stamp_from_seconds
 from rf_pointing.nodes.station_description import TF, StationDescriptionNode
 from rf_pointing.nodes.streams import frame_in
 from rf_pointing.station.description import read_station, shipped_stations, urdf
+from rf_pointing.station.description.urdf import size_m
 
 TFMessage = pytest.importorskip("tf2_msgs.msg", reason="ROS without tf2").TFMessage
 NAMESPACE = "/gs4"
@@ -235,6 +236,12 @@ def test_where_robot_state_publisher_runs_it_alone_turns_the_joints(view: Callab
     assert not topics & {"/tf", f"{NAMESPACE}/robot_description"}
     # Its beam may look into the Sun.
     assert "sun_zone" not in seen.newest("beam_markers")
+    # Directions are drawn three diameters of the antenna away.
+    radius_m = 3.0 * size_m(read_station("vhf_uhf_yagi"))
+    assert seen.newest("beam_markers")["beam"].points[1].x == pytest.approx(radius_m)
+    health = seen.node._health()
+    assert health.values == {"radius_m": radius_m, "tf_published_by": "robot_state_publisher"}
+    assert health.message == "drawn"
 
 
 def test_nothing_is_drawn_more_often_than_five_times_a_second(view: Callable[..., Viewer]) -> None:
