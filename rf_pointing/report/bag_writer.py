@@ -244,7 +244,7 @@ def _write_metadata(
         "custom_data": dict(notes) or None,
         "ros_distro": "rosbags",
     }
-    text = yaml.safe_dump({"rosbag2_bagfile_information": information}, sort_keys=False)
+    text = yaml.safe_dump({"rosbag2_bagfile_information": information})
     (mcap.parent / "metadata.yaml").write_text(text, encoding="utf-8")
 
 
