@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import weakref
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -445,13 +446,19 @@ def test_a_file_of_a_node_is_not_inherited_by_its_children(tmp_path: Path, monke
     assert given_back == taken, "nothing stays open"
 
 
-def test_what_was_imported_is_left_out_of_collections() -> None:
+def test_what_was_imported_is_left_out_of_collections_but_garbage_is_not_kept() -> None:
     gc.unfreeze()
+    gc.disable()
     try:
+        loop = SimpleNamespace()
+        loop.itself, seen = loop, weakref.ref(loop)
+        del loop
         main_loop.settle_garbage()
         assert gc.get_freeze_count() > 1000
+        assert seen() is None
     finally:
         gc.unfreeze()
+        gc.enable()
 
 
 def test_a_node_has_the_executor_of_events_where_rclpy_has_it(

@@ -6,12 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rf_pointing.array_sensors.attitude.multiplicative_filter import PRINTED_Q, TABLE_Q
+from rf_pointing.papers import doa
 from rf_pointing.papers.doa import run_tables, table_cases
 from rf_pointing.papers.doa_study.accuracy import accuracy_curve
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult, RunTask
 from rf_pointing.papers.doa_study.direction_rows import PRINTED, direction_rows, scene_rows
 from rf_pointing.papers.doa_study.directions import DirectionCase
 from rf_pointing.papers.doa_study.filter_rows import attitude_rows, settling_time_s
+
+CHECKED = DirectionCase(snapshots=100, snr_db=0.0)
 
 
 def tables(
@@ -155,3 +159,37 @@ def test_tables_are_shared_out_with_one_row_the_other_way_round(
         (200, music_inside, 6),
         (200, music_inside, 2),
     }
+
+
+def test_the_command_runs_two_trials_of_seed_one_from_pools_unless_told_otherwise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen: list[RunTask] = []
+    given: dict[str, tuple[object, ...]] = {}
+
+    def record(task: RunTask) -> list[CaseResult]:
+        seen.append(task)
+        return [replace(tables(0.5, 0.1)[CHECKED], case=case) for case in task.cases]
+
+    def part(name: str) -> object:
+        def rows(*words: object) -> list[object]:
+            given[name] = words
+            return [name]
+
+        return rows
+
+    parts = ("scene_rows", "accuracy_rows", "direction_rows", "attitude_rows", "convergence_rows", "filter_rows",
+             "beyond_rows")  # fmt: skip
+    monkeypatch.setattr(doa, "run", record)
+    for name in parts:
+        monkeypatch.setattr(doa, name, part(name))
+    assert doa.rows() == list(parts)
+    other, printed, *rows = seen
+    assert (other.cases, other.trials, other.seed, other.music_inside) == ((CHECKED,), 2, 2, True)
+    assert printed.cases == tuple(replace(CHECKED, refined=False, q=q) for q in (TABLE_Q, PRINTED_Q))
+    assert (printed.trials, printed.seed, printed.published) == (2, 1, True)
+    assert (printed.start_s, printed.duration_s, printed.settled_s) == (0.0, 3000.0, 2000.0)
+    assert [(len(task.cases), task.trials, task.seed, task.music_inside) for task in rows] == [(13, 2, 1, False)] * 2
+    assert (given["accuracy_rows"], given["beyond_rows"]) == ((1, None), (1,))
+    assert run_tables(1, 2).other_way.case == CHECKED
+    assert [task.music_inside for task in seen[len(rows) + 2 :]] == [True, False, False, False]

@@ -50,6 +50,34 @@ def test_low_frequency_limit_is_the_papers_closed_form() -> None:
     assert device.conductance_s == pytest.approx(noise / (2.0 * best * T0), rel=0.01)
 
 
+def test_noise_of_a_chip_is_that_of_its_gate_and_of_the_drain_current_through_it() -> None:
+    params = HemtParams(gate_resistance_ohm=4.0, gate_k=29.0, drain_k=580.0)
+    frequency = 2.0 * params.transition_hz
+    device = TwoPortNoise.of_hemt(params, frequency)
+    conductance = 4.0 * params.drain_conductance_s * 2.0
+    reactance = 1.0 / (2.0 * math.pi * frequency * params.gate_source_capacitance_f)
+    assert device.conductance_s == pytest.approx(conductance, rel=1e-12)
+    assert device.resistance_ohm == pytest.approx(0.4 + conductance * (16.0 + reactance**2), rel=1e-12)
+    assert device.product == pytest.approx(conductance * complex(4.0, reactance), rel=1e-12)
+
+
+def test_sources_that_are_wholly_correlated_through_a_reactance_are_best_without_resistance() -> None:
+    device = TwoPortNoise(0.5, 2e-3, 1j)
+    assert device.best_impedance_ohm == pytest.approx(complex(0.0, math.sqrt(250.0)), abs=1e-6)
+    rounded = TwoPortNoise(0.7, 3e-3, 1.0j)
+    assert rounded.best_impedance_ohm.real < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("resistance_ohm", "conductance_s", "words"),
+    [(-1e-3, 1e-3, "resistance_ohm=-0.001 must be >= 0"), (1.0, 0.9e-15, "conductance_s=9e-16 must be >= 1e-15")],
+)
+def test_negative_sources_are_refused(resistance_ohm: float, conductance_s: float, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        TwoPortNoise(resistance_ohm, conductance_s, 0.0)
+    assert TwoPortNoise(0.0, 1.1e-15, 0.0).least_noise_k == 0.0
+
+
 def test_default_chip_is_in_the_range_of_the_published_cryogenic_devices() -> None:
     # HEMT table 1, device A at 13 K: 5.3 K at 8.5 GHz.
     assert TwoPortNoise.of_hemt(HemtParams(), 8.5e9).least_noise_k == pytest.approx(5.3, rel=0.6)

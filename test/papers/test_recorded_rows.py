@@ -9,7 +9,6 @@ import csv
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
@@ -35,9 +34,6 @@ from rf_pointing.papers import (
     tripulse_attitude,
     tripulse_noise,
 )
-from rf_pointing.papers.doa import table_cases
-from rf_pointing.papers.doa_study import beyond, direction_rows, filter_rows
-from rf_pointing.papers.doa_study.accuracy import accuracy_curve
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult, RunTask
 from rf_pointing.papers.doa_study.directions import DirectionCase
 from rf_pointing.papers.monopulse_dropouts import AutotrackRadio
@@ -191,23 +187,6 @@ def tripulse_few() -> list[Row]:
         return [*tripulse._failure_rows(1, None), *tripulse_attitude.signal_rows(1)]
 
 
-def doa_accuracy() -> list[Row]:
-    with changed(direction_rows, accuracy_curve=partial(accuracy_curve, estimates=300)):
-        return direction_rows.accuracy_rows(1)
-
-
-def doa_beyond() -> list[Row]:
-    with changed(
-        beyond,
-        RUNS=4,
-        mean_nees=lambda runs, seed, duration_s: np.array([5.0, 9.0]) * mark(runs, seed, duration_s),
-        any_start_error_deg=lambda starts, seed: np.array([0.1, 0.2]) * mark(starts, seed),
-        two_source_attitude_ratio=lambda trials, seed: (0.3, mark(trials, seed)),
-        coupling_rmse_deg=lambda trials, seed: (2.0, 0.3, mark(trials, seed)),
-    ):
-        return beyond.beyond_rows(2)
-
-
 def doa_tables() -> list[Row]:
     """Return the rows of the command from results of no run: which result each row is made of."""
 
@@ -253,17 +232,6 @@ def satcal_planted() -> list[Row]:
         ]  # fmt: skip
 
 
-def planted_tables() -> dict[DirectionCase, CaseResult]:
-    scales = {case: 1.0 + 0.1 * place + (0.0 if case.refined else 0.5) for place, case in enumerate(table_cases())}
-    return {case: planted(case, scale, 0.002 * scale) for case, scale in scales.items()}
-
-
-def planted_filters() -> list[Row]:
-    case = DirectionCase(snapshots=100, snr_db=0.0)
-    inside, drawn, ours, printed = (planted(case, scale) for scale in (1.0, 1.1, 1.2, 1.3))
-    return filter_rows.filter_rows(inside, drawn, [ours, printed])
-
-
 TABLES: dict[str, Callable[[], list[Row]]] = {
     "PI83 Table 7-1": interferometer._table_7_1,
     "PI83 Table 8-1": interferometer._table_8_1,
@@ -295,14 +263,7 @@ TABLES: dict[str, Callable[[], list[Row]]] = {
     "PI83 ranges": lambda: interferometer_simulation._range_rows(1, None),
     "PI83 rolls": lambda: interferometer_simulation._roll_rows(1, None),
     "SATCAL, planted": satcal_planted,
-    "DOA accuracy, few runs": doa_accuracy,
-    "DOA beyond, planted": doa_beyond,
     "DOA command, planted": doa_tables,
-    "DOA scene": direction_rows.scene_rows,
-    "DOA directions, planted": lambda: direction_rows.direction_rows(planted_tables()),
-    "DOA attitudes, planted": lambda: filter_rows.attitude_rows(planted_tables()),
-    "DOA convergence, planted": lambda: filter_rows.convergence_rows(planted_tables()),
-    "DOA filters, planted": planted_filters,
 }
 
 

@@ -57,6 +57,19 @@ def test_without_options_a_paper_runs_by_its_own_defaults(asked: dict[str, Any])
     assert asked == {"seed": 1, "trials": 2, "executor": None, "music_inside": False}
 
 
+def test_the_exit_code_is_one_where_a_row_is_not_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
+    good = Row(quantity="one", source="here", paper=1.0, ours=1.0, unit="1", tolerance=0.0)
+    far = Row(quantity="two", source="here", paper=1.0, ours=2.0, unit="1", tolerance=0.0)
+    for rows, code in (([good], 0), ([far, good], 1), ([good, far], 1), ([], 0)):
+        monkeypatch.setattr("rf_pointing.papers.satcal.rows", lambda _seed, rows=rows: rows)
+        assert run("satcal") == code
+
+
+def test_one_trial_and_one_worker_are_enough(asked: dict[str, Any]) -> None:
+    assert run("doa", "--trials", "1", "--workers", "1") == 0
+    assert asked["trials"] == 1
+
+
 def test_sweeps_go_to_the_dask_scheduler_asked_for(asked: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     clients: list[str] = []
 

@@ -18,6 +18,7 @@ PLAIN = Row(quantity="gain", source="paper A", paper=4.0, ours=4.5, unit="dB", t
         ("<=", 0.5, 1.0, -math.inf, 4.5),
         (">=", 0.5, 1.0, 3.5, math.inf),
         ("==", 0.0, 2.0, 2.0, 8.0),
+        ("==", 0.0, 1.25, 3.2, 5.0),
     ],
 )
 def test_a_row_holds_up_to_its_limits_and_no_further(
@@ -43,6 +44,7 @@ def test_a_row_holds_up_to_its_limits_and_no_further(
         {"factor": 0.9, "tolerance": 0.0},
         {"factor": math.inf, "tolerance": 0.0},
         {"factor": 2.0},
+        {"factor": 1.1},
         {"factor": 2.0, "tolerance": 0.0, "bound": ">="},
         {"factor": 2.0, "tolerance": 0.0, "paper": 0.0},
         {"explained": True},
@@ -68,6 +70,11 @@ def test_a_row_is_accepted_where_it_holds_or_carries_its_reason() -> None:
 )  # fmt: skip
 def test_a_due_number_is_reached_within_its_share(ours: float, due: float, fits: bool) -> None:
     assert as_due(ours, due, 0.1) is fits
+
+
+def test_a_small_factor_is_printed_as_one() -> None:
+    row = replace(PLAIN, tolerance=0.0, factor=1.2)
+    assert as_table([row]).splitlines()[2].split()[-2:] == ["x/1.2", "yes"]
 
 
 def test_the_table_has_a_line_for_every_row_its_remark_and_the_count_of_verdicts() -> None:

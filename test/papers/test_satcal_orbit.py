@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,9 +12,9 @@ from rf_pointing.core import random_stream
 from rf_pointing.papers import satcal_orbit
 from rf_pointing.papers.orbit.batch import Arc, OrbitResult
 from rf_pointing.papers.orbit.measurements import Look, look, measured, visits
-from rf_pointing.papers.orbit.motion import Gravity, propagate
+from rf_pointing.papers.orbit.motion import Gravity, Trajectory, propagate
 from rf_pointing.papers.satcal_campaign import APRIL_T_S, IRS_P3_APRIL, SITES, model_of
-from rf_pointing.papers.satcal_orbit import BatchCheck, batch_check
+from rf_pointing.papers.satcal_orbit import BatchCheck, batch_check, preliminary_check
 
 Array = NDArray[np.float64]
 ANGLE_RAD = math.radians(0.01)
@@ -105,3 +106,91 @@ def test_the_batch_counts_its_measurements_and_states_the_accuracy_of_ranges_alo
     assert batch.measurements == {"network": sum(len(arc.t_s) for arc in arcs), "angles": 2 * len(passes[0].t_s)}
     assert 0.5 < batch.range_only_sigma_m < 50.0
     assert 0.01 < batch.angle_sigma_deg < 10.0
+
+
+def test_the_weight_is_sought_between_a_hundredth_and_a_hundred_thousand_times_the_noise() -> None:
+    shift = np.array([0.0, 300.0, 0.0, 1.0, 2.0, 3.0])
+    for target_m, times in ((1e9, 0.01), (0.0, 1e5)):
+        sigma = satcal_orbit._weight_for(target_m, result(0.5), result(1.0), shift)
+        assert sigma == pytest.approx(times * ANGLE_RAD, rel=1e-9)
+
+
+def test_network_noise_is_drawn_arc_by_arc_and_added(arcs: list[Arc]) -> None:
+    grid = APRIL_T_S + 30.0 * np.arange(1440)
+    states = propagate(APRIL_T_S, IRS_P3_APRIL.state(), grid, Gravity()).states
+    random = random_stream(1, "network")
+    for arc in arcs:
+        seen = measured(grid, states, arc.site)
+        up = seen[:, 1] > LOWEST_RAD
+        noise = arc.sigma * random.standard_normal(len(arc.t_s))
+        true = seen[up, 2 if arc.kind == "range_m" else 3]
+        assert arc.values == pytest.approx(true + noise, rel=1e-9, abs=1e-6)
+
+
+def test_the_network_measures_over_whole_days(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Array] = []
+
+    def kept(epoch_t_s: float, state: Array, t_s: Array, gravity: Gravity) -> Trajectory:
+        asked.append(t_s)
+        return propagate(epoch_t_s, state, t_s, gravity)
+
+    monkeypatch.setattr(satcal_orbit, "_BATCH_DAYS", 0.01)
+    monkeypatch.setattr(satcal_orbit, "propagate", kept)
+    satcal_orbit._network_arcs(random_stream(1, "network"))
+    assert asked[0] == pytest.approx(APRIL_T_S + 30.0 * np.arange(29))
+
+
+def test_every_preliminary_run_draws_its_own_noise_and_is_corrected_with_its_own_model() -> None:
+    planted = model_of({"azimuth_offset": 0.3, "elevation_offset": -0.1})
+    models = [planted, model_of({"azimuth_offset": 0.25})]
+    random = random_stream(3, "runs")
+    once = preliminary_check(planted, models, random_stream(3, "runs"))
+    first, second = (preliminary_check(planted, [model], random) for model in models)
+    assert once.uncorrected == pytest.approx(np.concatenate([first.uncorrected, second.uncorrected]))
+    assert once.corrected == pytest.approx(np.concatenate([first.corrected, second.corrected]))
+
+
+def test_a_preliminary_orbit_without_noise_is_exact_where_the_model_is() -> None:
+    planted = model_of({"azimuth_offset": 0.3, "elevation_offset": -0.1})
+    silent = SimpleNamespace(standard_normal=np.zeros)
+    check = preliminary_check(planted, [planted], silent)  # type: ignore[arg-type]
+    assert np.abs(check.corrected).max() < 1e-3
+    assert np.abs(check.uncorrected).min() > 1e-2
+
+
+def test_the_batch_draws_one_noise_for_each_angle_of_each_radar(passes: list[Look]) -> None:
+    planted = {"one": model_of({"azimuth_offset": 0.3}), "two": model_of({"elevation_offset": 0.1})}
+    shapes: list[tuple[int, ...]] = []
+
+    class Random:
+        def standard_normal(self, shape: tuple[int, ...]) -> Array:
+            shapes.append(shape)
+            return np.zeros(shape)
+
+    def stop(*_: object, **__: object) -> None:
+        raise InterruptedError
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(satcal_orbit, "_network_arcs", lambda _: [])
+        patch.setattr(satcal_orbit, "fit_orbit", stop)
+        with pytest.raises(InterruptedError):
+            batch_check(planted, planted, passes, 25.0, Random())  # type: ignore[arg-type]
+    assert shapes == [(2, 2, len(passes[0].t_s))]
+
+
+def test_ranges_alone_are_as_good_as_the_trace_of_their_position_covariance(
+    monkeypatch: pytest.MonkeyPatch, passes: list[Look]
+) -> None:
+    covariance = np.diag([1.0, 4.0, 11.0, 100.0, 100.0, 100.0])
+    made = OrbitResult(0.0, IRS_P3_APRIL.state(), covariance, (), 1.0, 1, ())
+    monkeypatch.setattr(satcal_orbit, "_network_arcs", lambda _: [])
+    monkeypatch.setattr(satcal_orbit, "fit_orbit", lambda *_, **__: made)
+    monkeypatch.setattr(satcal_orbit, "_weight_for", lambda *_: math.radians(0.07))
+    monkeypatch.setattr(OrbitResult, "shift_from", lambda _, biases: np.full(6, float(len(biases))))
+    models = {"one": model_of({}), "two": model_of({})}
+    check = batch_check(models, models, passes, 25.0, random_stream(1, "batch"))
+    assert check.range_only_sigma_m == pytest.approx(4.0)
+    assert check.angle_sigma_deg == pytest.approx(0.07)
+    # An entry for each angle of each radar.
+    assert check.predicted_shift == pytest.approx(np.full(6, 4.0))
+    assert check.measurements == {"network": 0, "angles": 4 * len(passes[0].t_s)}
