@@ -446,13 +446,17 @@ def test_a_file_of_a_node_is_not_inherited_by_its_children(tmp_path: Path, monke
     assert given_back == taken, "nothing stays open"
 
 
+class Linked:
+    other: Any
+
+
 def test_what_was_imported_is_left_out_of_collections_but_garbage_is_not_kept() -> None:
     gc.unfreeze()
     gc.disable()
     try:
-        loop = SimpleNamespace()
-        loop.itself, seen = loop, weakref.ref(loop)
-        del loop
+        first, second = Linked(), Linked()
+        first.other, second.other, seen = second, first, weakref.ref(first)
+        del first, second
         main_loop.settle_garbage()
         assert gc.get_freeze_count() > 1000
         assert seen() is None
