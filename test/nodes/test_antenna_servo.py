@@ -336,6 +336,23 @@ def test_the_turn_is_kept_with_each_tenth_status(
     assert len(kept) == 2
 
 
+def test_a_deactivated_antenna_keeps_its_turn(
+    servo: AntennaServo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node, kept = up(servo, wrap_file=tmp_path / "wrap.json"), []
+    monkeypatch.setattr(node._wrap, "keep", kept.append)
+    ticked(node, 1, 20)
+    servo.on_deactivate(ANY_STATE)
+    assert kept == [pytest.approx(float(node._antenna.axes.encoder_rad[0]), abs=1e-5)]
+
+
+def test_a_configured_antenna_reports_on_all_that_it_watches_and_can_be_identified(servo: AntennaServo) -> None:
+    assert configured(servo) == TransitionCallbackReturn.SUCCESS
+    assert {"drive", "commanders", "oscillation", "memory"} <= set(servo.diagnostics._checks)
+    assert "device" not in servo.diagnostics._checks
+    assert servo._identification._antenna is servo._antenna
+
+
 def test_a_fault_is_published_in_its_own_tick_and_once(servo: AntennaServo, monkeypatch: pytest.MonkeyPatch) -> None:
     node = up(servo)
     reports: list[int] = []

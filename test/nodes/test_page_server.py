@@ -394,3 +394,8 @@ def test_the_server_runs_in_its_own_thread_and_frees_its_port() -> None:
         server.close()
     again = PageServer(PageParams(port=port), TOKEN, Station())
     again.close()
+
+
+@pytest.mark.parametrize(("length", "cut"), [(0, False), (600, False), (601, True), (5000, True)])
+def test_a_text_on_the_page_is_cut_behind_its_600th_letter(length: int, cut: bool) -> None:
+    assert shown({"a": ("x" * length,)}) == {"a": ["x" * 600 + "…" if cut else "x" * length]}

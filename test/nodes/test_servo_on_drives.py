@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from rf_pointing.nodes import station_node
+from rf_pointing.nodes import antenna_servo, station_node
 from rf_pointing.nodes.antenna_servo import AntennaServo
 from rf_pointing.nodes.diagnostics import ERROR, OK
 from rf_pointing.nodes.qos import LATCHED, STREAM
@@ -188,6 +188,37 @@ def test_a_drive_that_is_not_there_leaves_the_node_unconfigured_with_the_reason(
     run = made(drive__type="gs232", drive__link__device="/dev/nothing")
     assert run.configure() == TransitionCallbackReturn.FAILURE
     assert "GS-232 at /dev/nothing: could not open port" in run.servo._state_health().message
+
+
+def test_a_drive_that_cannot_be_used_is_given_back(made, monkeypatch) -> None:
+    """Its port would stay taken for the next try."""
+    run, closed = made(drive__type="gs232", drive__link__device="/dev/nothing"), []
+    make_drive = antenna_servo.make_drive
+
+    def noted(*given: Any) -> Any:
+        drive = make_drive(*given)
+        close = drive.close
+        monkeypatch.setattr(drive, "close", lambda: closed.append(close()))
+        return drive
+
+    monkeypatch.setattr(antenna_servo, "make_drive", noted)
+    assert run.configure() == TransitionCallbackReturn.FAILURE
+    assert len(closed) == 1
+
+
+def test_a_drive_is_looked_at_between_configuration_and_ticks_and_not_beside_them(made) -> None:
+    run, looks = made(drive__type="simulated_rotator"), []
+    assert run.configure() == TransitionCallbackReturn.SUCCESS
+    hardware = run.servo._antenna.hardware
+    look = hardware.look
+    hardware.look = lambda t_s: looks.append(look(t_s))
+    run.servo._look()
+    assert len(looks) == 1
+    assert run.servo.on_activate(ANY_STATE) == TransitionCallbackReturn.SUCCESS
+    looks.clear()
+    run.servo._look()
+    assert looks == []
+    assert "device" in run.servo.diagnostics._checks
 
 
 def test_faults_are_injected_into_the_simulated_drive_alone(made) -> None:

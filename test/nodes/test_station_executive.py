@@ -446,6 +446,26 @@ def test_a_night_ends_with_its_report_and_concludes_its_goal(bench: Bench) -> No
     assert (result.success, result.report, goal.ends[-1]) == (True, str(report), "succeed")
 
 
+def test_each_step_observes_what_no_message_carries_and_a_night_is_finished_once(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finished: list[float] = []
+    monkeypatch.setattr(bench.node, "_finish", lambda: finished.append(bench.t_s))
+    bench.node._step(bench.t_s)
+    assert bench.known("disk.free_gb") == 5.0
+    bench.free_bytes = 4e9
+    bench.node._step(bench.t_s)
+    assert bench.known("disk.free_gb") == 4.0
+    assert finished == [], "no night"
+    bench.start(600.0)
+    bench.node._step(bench.t_s)
+    bench.night.abort(bench.t_s)
+    for _ in range(4):
+        bench.node._step(bench.t_s)
+    assert bench.night.state_name == "idle"
+    assert len(finished) == 1
+
+
 def test_the_morning_shows_disk_losses_and_health(bench: Bench) -> None:
     bench.node.inputs.lost = {"target": 3, "passes": 4}
     bench.node._healths["model"] = {"health": "old", "level": 1}

@@ -41,6 +41,7 @@ KEPT_RANGES = 64
 FEWEST = 30
 SHOWN_REASONS = 3
 MOST_REASONS = 100
+LONGEST_PART = 256
 
 
 def scans(name: str) -> bool:
@@ -138,9 +139,10 @@ class CalibrationLog:
         self.write_waiting()
         self._pass, self._new_pass, self._last_s = self._pass + starts, False, error.t_s
         self._parts.append(row)
-        # A row of its own takes 4 kB, joined to others 150 bytes.  Parts of like length are joined:
-        # all into one at every row would copy a campaign each time.
-        while len(self._parts) > 1 and len(self._parts[-2]) <= len(self._parts[-1]):
+        # A row of its own takes 4 kB, joined to others 150 bytes.  Parts of like length are joined,
+        # up to a length whose copies leave little memory behind: all into one at every row would
+        # copy a campaign each time.
+        while len(self._parts) > 1 and len(self._parts[-2]) <= len(self._parts[-1]) < LONGEST_PART:
             self._parts[-2:] = [Observations.concatenate(self._parts[-2:])]
         return row
 

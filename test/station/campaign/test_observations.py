@@ -228,6 +228,15 @@ def test_parts_of_like_length_are_joined_as_in_a_binary_number() -> None:
     assert collected._waiting == [], "no journal to wait for"
 
 
+def test_long_parts_stay_as_they_are() -> None:
+    """Their copies would stay in the process' memory."""
+    collected = collecting()
+    for k in range(800):
+        feed(collected, BEGIN_S + k)
+    assert [len(part) for part in collected._parts] == [256, 256, 256, 32]
+    assert len(collected.observations()) == len(collected) == 800
+
+
 def test_what_is_in_the_journal_counts_and_the_next_pass_has_the_next_number(tmp_path: Path) -> None:
     def opened() -> CalibrationLog:
         return collecting(journal=ObservationJournal(tmp_path / "o.csv", "Mine", "X"))
