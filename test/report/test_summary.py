@@ -27,6 +27,7 @@ def test_keys_are_those_of_schema_2() -> None:
 
 def test_numbers_that_are_not_finite_are_null() -> None:
     spread = Spread(rms_mdeg=math.nan, p95_mdeg=math.inf, max_mdeg=1.5)
+    assert to_json(spread).startswith('{\n  "rms_mdeg": null,\n'), "two blanks: it is read by people too"
     assert json.loads(to_json(spread)) == {"rms_mdeg": None, "p95_mdeg": None, "max_mdeg": 1.5}  # type: ignore[arg-type]
 
 

@@ -126,6 +126,13 @@ def test_where_no_stamps_are_the_same_the_last_received_before_counts() -> None:
     assert (found.count, found.median_ms, found.max_ms) == (2, pytest.approx(1.125), pytest.approx(1.75))
 
 
+def test_two_causes_are_enough_to_know_their_period() -> None:
+    clock = topic("clock", [0, 20], log_ms=[0.0, 2.0])
+    joints = topic("joint_states", [5, 39, 41], log_ms=[0.5, 3.9, 4.1])
+    (found,) = latencies(recording(clock=clock, joint_states=joints))
+    assert (found.count, found.max_ms) == (2, pytest.approx(1.9))
+
+
 def test_error_stamped_at_the_middle_of_its_cluster_is_linked_to_that_cluster() -> None:
     samples = topic("monopulse", [100, 200, 300], log_ms=[10.0, 20.0, 30.0])
     errors = topic("pointing_error", [60, 160, 260], log_ms=[11.0, 21.0, 31.0], sensor=["monopulse"] * 3)
