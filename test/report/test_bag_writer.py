@@ -226,6 +226,22 @@ def test_bag_that_cannot_even_be_closed_says_so(
     assert [(item.topic, item.count) for item in result.lost] == [("/a", 1)]
 
 
+def test_a_rescued_bag_without_a_message_begins_at_zero_and_has_no_length(
+    tmp_path: Path, types: Definitions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    bag = BagWriter(tmp_path / "bag", types)
+    bag.register("/a", JOINTS)
+    with monkeypatch.context() as patch:
+        patch.setattr(Writer, "close", full)
+        assert bag.close().problem == "recording stopped: No space left on device"
+    kept = metadata(tmp_path / "bag")
+    assert kept["starting_time"] == {"nanoseconds_since_epoch": 0}
+    assert (kept["duration"], kept["message_count"]) == ({"nanoseconds": 0}, 0)
+
+
 def test_no_room_to_begin_leaves_no_directory_behind(tmp_path: Path, types: Definitions) -> None:
     with file_size_limit(4_096), pytest.raises(OSError, match="File too large"):
         BagWriter(tmp_path / "bag", types)
