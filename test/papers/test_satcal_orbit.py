@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from rf_pointing.core import random_stream
 from rf_pointing.papers import satcal_orbit
 from rf_pointing.papers.orbit.batch import Arc, OrbitResult
-from rf_pointing.papers.orbit.measurements import Look, look, measured, visits
+from rf_pointing.papers.orbit.measurements import Elements, Look, look, measured, visits
 from rf_pointing.papers.orbit.motion import Gravity, Trajectory, propagate
-from rf_pointing.papers.satcal_campaign import APRIL_T_S, IRS_P3_APRIL, SITES, model_of
+from rf_pointing.papers.satcal_campaign import APRIL_T_S, INJECTION_T_S, IRS_P3, IRS_P3_APRIL, SITES, model_of
 from rf_pointing.papers.satcal_orbit import BatchCheck, batch_check, preliminary_check
 
 Array = NDArray[np.float64]
@@ -152,8 +152,16 @@ def test_every_preliminary_run_draws_its_own_noise_and_is_corrected_with_its_own
 
 def test_a_preliminary_orbit_without_noise_is_exact_where_the_model_is() -> None:
     planted = model_of({"azimuth_offset": 0.3, "elevation_offset": -0.1})
-    silent = SimpleNamespace(standard_normal=np.zeros)
+    shapes: list[tuple[int, ...]] = []
+
+    def nothing(shape: tuple[int, ...]) -> Array:
+        shapes.append(shape)
+        return np.zeros(shape)
+
+    silent = SimpleNamespace(standard_normal=nothing)
     check = preliminary_check(planted, [planted], silent)  # type: ignore[arg-type]
+    # Two angles and the range, every 2 s from -140 to 20 s.
+    assert shapes == [(3, 81)]
     assert np.abs(check.corrected).max() < 1e-3
     assert np.abs(check.uncorrected).min() > 1e-2
 
@@ -194,3 +202,37 @@ def test_ranges_alone_are_as_good_as_the_trace_of_their_position_covariance(
     # An entry for each angle of each radar.
     assert check.predicted_shift == pytest.approx(np.full(6, 4.0))
     assert check.measurements == {"network": 0, "angles": 4 * len(passes[0].t_s)}
+
+
+def test_a_preliminary_run_sees_true_angles_and_range_with_bias_and_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    site, times = SITES["Mauritius"], INJECTION_T_S + np.arange(-140.0, 21.0, 2.0)
+    truth = propagate(INJECTION_T_S, IRS_P3.state(), times, Gravity()).states
+    seen = look(times, truth, site, Gravity())
+    asked: list[tuple[Array, Array, Elements]] = []
+
+    def kept(_site: object, _times: object, distance: Array, angles: Array, middle: Elements) -> tuple[float, float]:
+        asked.append((distance, angles, middle))
+        return 1.0, 2.0
+
+    monkeypatch.setattr(satcal_orbit, "_element_error", kept)
+    planted, fitted = model_of({"azimuth_offset": 0.3, "elevation_offset": -0.1}), model_of({"azimuth_offset": 0.2})
+    noise = SimpleNamespace(standard_normal=lambda shape: np.arange(1.0, 4.0)[:, None] * np.ones(shape))
+    preliminary_check(planted, [fitted], noise)  # type: ignore[arg-type]
+    true = np.stack([seen.azimuth_rad, seen.elevation_rad])
+    for (distance, angles, middle), bias_deg in zip(asked, ((0.3, -0.1), (0.1, -0.1)), strict=True):
+        assert distance == pytest.approx(seen.range_m + 30.0, abs=1e-6)
+        due = true + np.radians(bias_deg)[:, None] + ANGLE_RAD * np.array([[1.0], [2.0]])
+        assert angles == pytest.approx(due, abs=1e-12)
+        assert middle.state() == pytest.approx(truth[40], rel=1e-9)
+
+
+def test_errors_of_the_elements_are_in_kilometres_and_degrees() -> None:
+    site, times = SITES["Mauritius"], INJECTION_T_S + np.arange(-140.0, 21.0, 2.0)
+    truth = propagate(INJECTION_T_S, IRS_P3.state(), times, Gravity()).states
+    seen, middle = look(times, truth, site, Gravity()), Elements.from_state(truth[40])
+    other = middle.replace(
+        semi_major_axis_m=middle.semi_major_axis_m - 3000.0, inclination_rad=middle.inclination_rad + 0.01
+    )
+    angles = np.stack([seen.azimuth_rad, seen.elevation_rad])
+    found = satcal_orbit._element_error(site, times, seen.range_m, angles, other)
+    assert found == pytest.approx((3.0, -math.degrees(0.01)), abs=1e-4)

@@ -8,7 +8,7 @@ The shortcut: errors from a pool have the law of MUSIC at that direction, outlie
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.doa.array import CircularArrayParams
+from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
 from rf_pointing.array_sensors.doa.cramer_rao import polar_sigma_rad, search_grid_rmse
 from rf_pointing.array_sensors.doa.music import estimate_directions
 from rf_pointing.array_sensors.doa.snapshots import draw_covariances
@@ -142,3 +142,64 @@ def test_drawn_errors_have_the_law_of_music_at_that_direction(
     for first, second in zip(polar_errors_rad(drawn, truth), polar_errors_rad(real, truth), strict=True):
         assert np.sqrt(np.mean(first**2)) == pytest.approx(np.sqrt(np.mean(second**2)), rel=0.12)
         assert np.median(np.abs(first)) == pytest.approx(np.median(np.abs(second)), rel=0.12)
+
+
+def test_azimuth_rmse_on_the_normal_is_that_of_the_trapezoidal_rule() -> None:
+    """The mean of e^2 over a turn, pi^2 / 3, and the rule's own h^2 / 6 of 4000 steps."""
+    step = 2.0 * np.pi / 4000.0
+    assert azimuth_rmse_rad(0.0, 1e-3) == pytest.approx(np.sqrt(np.pi**2 / 3.0 + step**2 / 6.0), rel=1e-11)
+    assert azimuth_rmse_rad(0.4, 1.1e-12) == pytest.approx(1.1e-12 / np.sin(0.4), rel=1e-3)
+    with pytest.raises(ValueError, match="sigma_rad="):
+        azimuth_rmse_rad(0.4, 0.9e-12)
+
+
+def strong(theta_rad: float, phi_rad: float) -> np.ndarray:
+    received = steering(ARRAY, direction_from_polar(theta_rad, phi_rad)[None])[0]
+    return (np.outer(received, received.conj()) + 1e-3 * np.eye(ARRAY.elements))[None]
+
+
+@pytest.mark.parametrize(
+    ("theta_steps", "limit_steps", "found_steps"), [(10, 10.0, 10), (11, 10.4, 10), (11, 10.6, 11), (30, None, 30)]
+)
+def test_the_search_reaches_to_the_node_nearest_to_its_limit(
+    theta_steps: int, limit_steps: float | None, found_steps: int
+) -> None:
+    limits = () if limit_steps is None else (limit_steps * 0.05,)
+    found = grid_search(ARRAY, strong(theta_steps * 0.05, 0.25), 0.05, *limits)
+    theta, phi = polar_from_direction(found[0])
+    assert float(theta) == pytest.approx(found_steps * 0.05)
+    assert float(phi) == pytest.approx(0.25, abs=0.051)
+
+
+def test_no_node_lies_beyond_a_turn() -> None:
+    """126 nodes of 0.05 rad: the next one would lie 0.0168 rad beyond the first."""
+    found = grid_search(ARRAY, strong(0.5, 126 * 0.05 - 2.0 * np.pi), 0.05)
+    assert float(polar_from_direction(found[0])[1]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_many_covariances_are_searched_in_parts() -> None:
+    thetas = 0.1 * (1 + np.arange(300) % 7)
+    found = grid_search(ARRAY, np.concatenate([strong(theta, 0.3) for theta in thetas]), 0.1)
+    assert polar_from_direction(found)[0] == pytest.approx(thetas)
+
+
+@pytest.mark.parametrize(
+    ("step_rad", "limit_rad", "name"),
+    [(0.9e-4, 1e-3, "step_rad"), (0.51, 1.0, "step_rad"), (0.1, 0.09, "theta_max_rad"), (0.1, 1.6, "theta_max_rad")],
+)
+def test_steps_and_limits_outside_their_range_are_refused(step_rad: float, limit_rad: float, name: str) -> None:
+    with pytest.raises(ValueError, match=f"{name}="):
+        grid_search(ARRAY, strong(0.1, 0.2), step_rad, limit_rad)
+    if name == "step_rad":
+        with pytest.raises(ValueError, match="step_rad="):
+            nearest_node(direction_from_polar(0.1, 0.2), step_rad)
+
+
+def test_the_smallest_and_the_largest_step_are_searched() -> None:
+    small, large = 1.05e-4, 0.49
+    assert grid_search(ARRAY, strong(small, 0.3), small, small)[0] == pytest.approx([0.0, 0.0, 1.0], abs=2e-4)
+    assert grid_search(ARRAY, strong(large, large), large)[0] == pytest.approx(direction_from_polar(large, large))
+    assert nearest_node(direction_from_polar(1.4 * small, 0.0), small) == pytest.approx(
+        direction_from_polar(small, 0.0), rel=1e-9, abs=1e-12
+    )
+    assert nearest_node(direction_from_polar(0.6, 1.1), large) == pytest.approx(direction_from_polar(large, 2 * large))

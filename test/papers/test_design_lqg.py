@@ -1,0 +1,199 @@
+"""The design of the LQG law in closed form: drive, filters before it, disturbance, gains and margins."""
+
+import json
+import math
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from rf_pointing.controllers import LqgDesign, load_lqg_designs
+from rf_pointing.controllers.filters import section_matrices
+from rf_pointing.controllers.lqg import LqgWeights
+from rf_pointing.papers import design_lqg as module
+from rf_pointing.papers.design_lqg import as_mapping, controller_system, design_lqg, drive_of, save_lqg_designs
+
+Array = NDArray[np.float64]
+SAMPLE_S, BANDWIDTH, GAIN = 0.02, 15.0, 0.8
+WEIGHTS = LqgWeights(
+    notch_frequency_hz=2.32, notch_damping=0.29, shaping_zero_hz=3.0, shaping_zero_damping=0.7, shaping_pole_hz=4.0,
+    shaping_pole_damping=0.6, control_weight=0.023, disturbance_intensity=0.069, rate_intensity=1e-4,
+)  # fmt: skip
+
+
+def drive() -> tuple[Array, Array, Array, Array]:
+    """Return the sampled drive alone, angle' = rate, rate' = 15 (0.8 u - rate), by its exact step."""
+    left = math.exp(-BANDWIDTH * SAMPLE_S)
+    a = np.array([[1.0, (1.0 - left) / BANDWIDTH], [0.0, left]])
+    b = GAIN * np.array([[SAMPLE_S - (1.0 - left) / BANDWIDTH], [1.0 - left]])
+    return a, b, np.array([[1.0, 0.0]]), np.zeros((1, 1))
+
+
+@pytest.fixture(scope="module")
+def design() -> LqgDesign:
+    return design_lqg(*drive(), SAMPLE_S, WEIGHTS)
+
+
+def test_bandwidth_and_gain_of_the_drive_are_read_off_its_poles_and_residue() -> None:
+    assert drive_of(*drive()[:3], SAMPLE_S) == pytest.approx((BANDWIDTH, GAIN), rel=1e-9)
+
+
+def test_the_slowest_real_pole_inside_the_circle_is_the_drive() -> None:
+    """Faster, negative, oscillating and growing poles are none."""
+    turning = 0.95 * np.array([[math.cos(0.3), -math.sin(0.3)], [math.sin(0.3), math.cos(0.3)]])
+    a = np.zeros((7, 7))
+    a[:2, :2] = turning
+    a[range(2, 7), range(2, 7)] = 1.0, 0.7, 0.4, -0.9, 1.2
+    bandwidth, gain = drive_of(a, np.ones((7, 1)), np.array([[1.0, 1.0, 0.03, 1.0, 1.0, 1.0, 1.0]]), 0.05)
+    assert bandwidth == pytest.approx(-math.log(0.7) / 0.05)
+    assert gain == pytest.approx(0.03 / 0.05)
+
+
+@pytest.mark.parametrize(
+    ("poles", "message"),
+    [
+        ((1.0 + 1.15e-6, 0.7), "pole nearest to the integrator"),
+        ((1.0, 1.3), "no real pole"),
+        ((1.0, -0.4), "no real pole"),
+    ],
+)
+def test_a_model_without_integrator_or_drive_is_refused(poles: tuple[float, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        drive_of(np.diag(poles), np.ones((2, 1)), np.ones((1, 2)), SAMPLE_S)
+    near = np.diag([1.0 + 0.9e-6, 0.7])
+    assert drive_of(near, np.ones((2, 1)), np.ones((1, 2)), SAMPLE_S)[0] == pytest.approx(-math.log(0.7) / SAMPLE_S)
+
+
+def response(a: Array, b: Array, c: Array, d: Array | float, z: complex) -> complex:
+    return complex((c @ np.linalg.solve(z * np.eye(len(a)) - a, b) + d).item())
+
+
+def test_the_plant_of_the_design_is_the_drive_behind_notch_and_section() -> None:
+    a, b, c = module._design_plant(BANDWIDTH, GAIN, SAMPLE_S, WEIGHTS)
+    for frequency_hz in (0.1, 1.7, 2.32, 9.0):
+        z = np.exp(2j * math.pi * frequency_hz * SAMPLE_S)
+        notch, section = (response(*section_matrices(part, SAMPLE_S), z) for part in (WEIGHTS.notch, WEIGHTS.shaping))
+        # The gain enters where the rate is integrated.
+        assert response(a, b, c, 0.0, z) == pytest.approx(response(*drive(), z) * notch * section, rel=1e-9, abs=1e-12)
+
+
+def test_a_disturbance_is_a_constant_rate_at_the_entry_of_the_drive() -> None:
+    a, b, c = module._with_disturbance(np.eye(6), np.full((6, 1), 2.0), np.full((1, 6), 3.0), GAIN, BANDWIDTH, SAMPLE_S)
+    rate = (1.0 - math.exp(-BANDWIDTH * SAMPLE_S)) / BANDWIDTH
+    np.testing.assert_allclose(a[:, 6], [GAIN * (SAMPLE_S - rate), BANDWIDTH * rate, 0.0, 0.0, 0.0, 0.0, 1.0])
+    np.testing.assert_array_equal(a[:6, :6], np.eye(6))
+    assert not np.any(a[6, :6])
+    assert (b[:, 0].tolist(), c[0].tolist()) == ([2.0] * 6 + [0.0], [3.0] * 6 + [0.0])
+
+
+def test_the_regulator_weighs_the_angle_and_cancels_the_disturbance(design: LqgDesign) -> None:
+    a, b = design.a[:6, :6], design.b[:6]
+    price = np.diag([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    cost = control.dare(a, b, price, np.array([[0.023]]))[0]
+    gain = np.linalg.solve(0.023 + b.T @ cost @ b, b.T @ cost @ a)
+    np.testing.assert_allclose(design.state_gain[:, :6], gain, rtol=1e-7)
+    # In the steady state under a constant disturbance v all filters pass -v, which they hold in their low-pass states.
+    x = np.zeros(7)
+    x[6] = 1.0
+    for _ in range(5000):
+        x = (design.a - design.b @ design.state_gain) @ x
+    np.testing.assert_allclose(x[:2], 0.0, atol=1e-9)
+    assert (design.state_gain @ x).item() == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_packaged_designs_are_made_from_their_models_and_weights(axis: int) -> None:
+    packaged = load_lqg_designs()[axis]
+    model = packaged.model_a, packaged.model_b, packaged.model_c, packaged.model_d
+    found = design_lqg(*model, packaged.sample_s, packaged.weights)
+    for name in ("a", "b", "c", "state_gain", "observer_gain"):
+        np.testing.assert_allclose(getattr(found, name), getattr(packaged, name), rtol=1e-6, atol=1e-9)
+    for name in ("peak_sensitivity", "gain_margin_db", "phase_margin_rad", "drive_bandwidth_rad_s", "drive_gain"):
+        assert getattr(found, name) == pytest.approx(getattr(packaged, name), rel=1e-6)
+
+
+def loop_at(design: LqgDesign, omega: Array) -> Array:
+    law = design.a - design.b @ design.state_gain - design.observer_gain @ design.c
+    loops = []
+    for z in np.exp(1j * omega * SAMPLE_S):
+        filters = [response(*section_matrices(part, SAMPLE_S), z) for part in (WEIGHTS.notch, WEIGHTS.shaping)]
+        loops.append(
+            response(law, design.observer_gain, design.state_gain, 0.0, z)
+            * filters[0]
+            * filters[1]
+            * response(*drive(), z)
+        )
+    return np.array(loops)
+
+
+def test_the_law_runs_behind_its_filters(design: LqgDesign) -> None:
+    system = controller_system(
+        (design.a, design.b, design.c), design.state_gain, design.observer_gain, WEIGHTS, SAMPLE_S
+    )
+    omega = np.array([0.5, 3.0, 20.0, 90.0])
+    plant = np.array([response(*drive(), z) for z in np.exp(1j * omega * SAMPLE_S)])
+    np.testing.assert_allclose(system(np.exp(1j * omega * SAMPLE_S)) * plant, loop_at(design, omega), rtol=1e-7)
+
+
+def test_margins_are_read_off_the_response_of_the_loop(design: LqgDesign) -> None:
+    omega = np.geomspace(0.05, math.pi / SAMPLE_S * 0.999, 4000)
+    loop = loop_at(design, omega)
+    assert design.peak_sensitivity == pytest.approx(np.max(1.0 / np.abs(1.0 + loop)), rel=1e-6)
+    phase = np.unwrap(np.angle(loop))
+    crossings = np.flatnonzero((phase[:-1] + math.pi > 0.0) & (phase[1:] + math.pi <= 0.0))
+    least = max(float(np.interp(math.pi, -phase[k : k + 2], np.abs(loop[k : k + 2]))) for k in crossings)
+    assert design.gain_margin_db == pytest.approx(-20.0 * math.log10(least), abs=0.01)
+    falls = np.flatnonzero((np.abs(loop[:-1]) > 1.0) & (np.abs(loop[1:]) <= 1.0))
+    smallest = min(float(math.pi + np.interp(-1.0, -np.abs(loop[k : k + 2]), phase[k : k + 2])) for k in falls)
+    assert design.phase_margin_rad == pytest.approx(smallest, abs=1e-3)
+
+
+def test_a_design_keeps_its_model_its_drive_and_its_weights(design: LqgDesign, tmp_path: Path) -> None:
+    for found, given in zip((design.model_a, design.model_b, design.model_c, design.model_d), drive(), strict=True):
+        np.testing.assert_array_equal(found, given)
+    assert (design.drive_bandwidth_rad_s, design.drive_gain) == pytest.approx((BANDWIDTH, GAIN))
+    assert (design.sample_s, design.weights) == (SAMPLE_S, WEIGHTS)
+    save_lqg_designs(tmp_path / "designs.json", design, design)
+    text = (tmp_path / "designs.json").read_text()
+    assert text.endswith("}\n")
+    assert text.splitlines()[1].startswith(' "format"')
+    content = json.loads(text)
+    assert content["azimuth"] == content["elevation"] == json.loads(json.dumps(as_mapping(design)))
+    assert content["azimuth"]["weights"]["control_weight"] == 0.023
+
+
+def test_sampling_times_from_a_tenth_of_a_millisecond_to_a_second_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[float] = []
+
+    def noted(_a: Array, _b: Array, _c: Array, sample_s: float) -> None:
+        asked.append(sample_s)
+        raise KeyError
+
+    monkeypatch.setattr(module, "drive_of", noted)
+    for sample_s in (1e-4, 1.0):
+        with pytest.raises(KeyError):
+            design_lqg(*drive(), sample_s, WEIGHTS)
+    for sample_s in (0.99e-4, 1.01):
+        with pytest.raises(ValueError, match="sample_s="):
+            design_lqg(*drive(), sample_s, WEIGHTS)
+    assert asked == [1e-4, 1.0]
+
+
+def test_a_model_of_more_gain_leaves_less_margin(design: LqgDesign) -> None:
+    a, b, c, d = drive()
+    law = design.a, design.b, design.c
+    strong = control.ss(a, b, 2.5 * c, d, SAMPLE_S)
+    _, left_db, _ = module._margins(strong, law, design.state_gain, design.observer_gain, WEIGHTS, SAMPLE_S)
+    assert left_db == pytest.approx(design.gain_margin_db - 20.0 * math.log10(2.5), abs=1e-3)
+
+
+def test_a_loop_that_is_unstable_on_the_model_is_refused_with_its_radius() -> None:
+    """The law is made for the drive; the model has a mode as well that the law turns over."""
+    a, b, c, d = drive()
+    turning = 0.9999 * np.array([[math.cos(0.26), -math.sin(0.26)], [math.sin(0.26), math.cos(0.26)]])
+    whole = np.block([[a, np.zeros((2, 2))], [np.zeros((2, 2)), turning]])
+    entry = np.vstack([b, [[0.02], [0.0]]])
+    with pytest.raises(ValueError, match=r"spectral radius 1\.\d+ of the loop on the identified model must be < 1"):
+        design_lqg(whole, entry, np.hstack([c, [[-3.0, 0.0]]]), d, SAMPLE_S, WEIGHTS)
