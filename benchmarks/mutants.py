@@ -251,7 +251,7 @@ class Suite:
 
     def groups(self, mutant: Mutant) -> list[tuple[list[str], float]]:
         """Return the tests that can find a fault, nearest first, each group with its bound in seconds of the processor."""
-        room = Path("test", *mutant.path.parts[1:-1])
+        room = Path("test", mutant.path.parts[1])
         calls = self._calls_of(room)
         within = str(mutant.path.relative_to(PACKAGE))
         callers = set(calls.tests_of.get(f"{within}:{mutant.function}", ()))
@@ -279,7 +279,7 @@ class Suite:
         public = re.findall(r"^(?:class|def) ([A-Za-z]\w*)|^([A-Z]\w*)\b.*=", text, re.MULTILINE)
         names = re.compile(r"\b(" + "|".join([module.stem, *(a or b for a, b in public)]) + r")\b")
         imported = re.compile(rf"{PACKAGE}\.{'.'.join(module.parts[1:-1])}\b")
-        room = Path("test", *module.parts[1:-1])
+        room = Path("test", module.parts[1])
         words = {path: (self.tree / path).read_text(encoding="utf-8") for path in self._tests(Path("test"))}
         return [
             str(path)
