@@ -75,6 +75,8 @@ STEP_S = 0.02
 RESPAWN_DELAY_S = 0.5
 """As in the launch files."""
 PATIENCE_S = 200.0
+ANSWER_S = 5.0
+"""After which a goal without an answer is sent again."""
 SHIM = r"""
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -163,6 +165,7 @@ class LivePass:
         self.beam: list[tuple[float, float, float]] = []
         self._client, self._result, self.ended = ActionClient(self.node, TrackPass, "track_pass"), None, list[str]()
         self._sent: Any = None
+        self._sent_s = math.inf
         make = self.node.create_subscription
         make(TrackingStatus, "tracking_status", self._on_status, STREAM)
         make(Boresight, "sim/boresight", self._on_beam, SAMPLES)
@@ -297,12 +300,15 @@ class LivePass:
         if lost and (self._sent or self._result):
             self.ended.append("the controller was killed")
             self._result = self._sent = None
+        if self._sent is not None and not self._sent.done() and time.monotonic() - self._sent_s > ANSWER_S:
+            # A request that a new server did not receive yet is never answered.
+            self._sent = None
         if self._sent is not None and self._sent.done():
             handle, self._sent = self._sent.result(), None
             self._result = handle.get_result_async() if handle.accepted else None
         active = "pointing_controller" in self._states
         if self._result is None and self._sent is None and active and not lost and self._client.server_is_ready():
-            self._sent = self._client.send_goal_async(self._goal)
+            self._sent, self._sent_s = self._client.send_goal_async(self._goal), time.monotonic()
 
     def _on_status(self, message: TrackingStatus) -> None:
         self.status = message
