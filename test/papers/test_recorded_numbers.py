@@ -9,16 +9,13 @@ After an intended change run this file itself and read the difference of `test/d
 import csv
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import astuple, replace
+from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
-from rf_pointing.array_sensors.doa.covariance import sample_covariance
-from rf_pointing.array_sensors.doa.snapshots import draw_snapshots
 from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler, direction_from_angles
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
 from rf_pointing.array_sensors.interferometer.relative_pose import RelativePose
@@ -43,9 +40,7 @@ from rf_pointing.papers import (
     tripulse_attitude,
     tripulse_noise,
 )
-from rf_pointing.papers.doa_study import accuracy, attitude_runs, beyond, directions
-from rf_pointing.papers.doa_study.scene import nadir_scene
-from rf_pointing.papers.orbit import batch, measurements, motion
+from rf_pointing.papers.orbit import measurements, motion
 from rf_pointing.rf import DropoutParams, Dropouts
 from rf_pointing.servo import WindParams, dss13_plant
 
@@ -62,7 +57,6 @@ FLOWN: Within = (1e-3, 1e-8)
 EPOCH, GRAVITY = 827385062.07, motion.Gravity()
 ORBIT = satcal_campaign.IRS_P3
 MAURITIUS = satcal_campaign.SITES["Mauritius"]
-ARRAY = CircularArrayParams()
 
 
 def stream(name: str) -> np.random.Generator:
@@ -81,26 +75,9 @@ def summary(*parts: ArrayLike) -> Array:
     return np.array([number for a in arrays for number in (a.mean(), math.sqrt(np.mean(a**2)), a[-1])])
 
 
-def perturbed_orbit() -> Array:
-    air = motion.Disturbances(ballistic_m2_kg=1.0, air_density_kg_m3=1e-11, sun=True, moon=True)
-    found = motion.propagate(EPOCH, ORBIT.state(), EPOCH + np.array([-3000.0, 5000.0]), GRAVITY, disturbances=air)
-    return flat(found.states)
-
-
 def first_pass() -> measurements.Look:
     times = EPOCH + np.arange(-140.0, 21.0, 4.0)
     return measurements.look(times, motion.propagate(EPOCH, ORBIT.state(), times, GRAVITY).states, MAURITIUS, GRAVITY)
-
-
-def noisy_orbit() -> Array:
-    seen, noise = first_pass(), stream("orbit").standard_normal((3, 41))
-    found = batch.preliminary_orbit(
-        MAURITIUS, seen.t_s, seen.range_m + 10.0 * noise[0], seen.azimuth_rad + 2e-4 * noise[1],
-        seen.elevation_rad + 2e-4 * noise[2], sigma_range_m=10.0, sigma_angle_rad=2e-4, gravity=GRAVITY,
-    )  # fmt: skip
-    return flat(
-        found.state, np.sqrt(np.diag(found.covariance)), found.condition, found.iterations, summary(*found.residuals)
-    )
 
 
 def some_passes(days: float, step_s: float) -> list[measurements.Look]:
@@ -108,11 +85,6 @@ def some_passes(days: float, step_s: float) -> list[measurements.Look]:
         MAURITIUS, satcal_campaign.IRS_P3_APRIL, satcal_campaign.APRIL_T_S, days, GRAVITY, step_s=step_s,
         lowest_rad=math.radians(10.0),
     )  # fmt: skip
-
-
-def passes() -> Array:
-    found = some_passes(1.5, 10.0)
-    return flat(*([len(one.t_s), one.t_s[0] - satcal_campaign.APRIL_T_S, one.elevation_rad.max()] for one in found))
 
 
 def interferometer_trials(sharpen: bool, listing: bool) -> Array:
@@ -141,55 +113,6 @@ def carrier_steps() -> Array:
     sharp, spread = interferometer_simulation.sharpened_ranges(phases, ranges, plan)
     amplitudes = interferometer_simulation.simulate_amplitudes([[1.0, 0.2], [0.3, 0.9]], 0.01, stream("amplitudes"), 2)
     return flat(fine, left, sharp, spread[0, :2], amplitudes)
-
-
-def coupled_array() -> tuple[CircularArrayParams, Array, NDArray[np.complex128]]:
-    random = stream("coupling")
-    gain = 1.0 + 0.1 * np.exp(1j * np.arange(ARRAY.elements))
-    response = ArrayResponse(gain=gain / gain[0], coupling=beyond.COUPLING)
-    towards = directions.direction_from_polar(random.uniform(0.2, 1.0, 9), random.uniform(0.0, 6.28, 9))
-    samples = draw_snapshots(ARRAY, towards[:, None], np.array([[1000.0 + 0j]]), 50, random, response=response.matrix)
-    return ARRAY, towards, sample_covariance(samples)
-
-
-def calibration() -> Array:
-    fit = beyond.fit_response(*coupled_array())
-    return flat(
-        fit.response.gain, fit.response.coupling, np.sqrt(np.diag(fit.covariance).real), fit.correlation[0],
-        np.linalg.norm(fit.residual), fit.rank, fit.condition, fit.iterations,
-    )  # fmt: skip
-
-
-def filters(published: bool, music_inside: bool = False) -> Array:
-    case = directions.DirectionCase(snapshots=100, snr_db=0.0, refined=published)
-    cases = (case, replace(case, snr_db=6.0)) if published else (case, replace(case, refined=True))
-    task = attitude_runs.RunTask(
-        cases=cases, trials=2, seed=4, published=published, music_inside=music_inside, start_s=500.0,
-        duration_s=60.0, settled_s=30.0, pool=200,
-    )  # fmt: skip
-    numbers = []
-    # Not the first second: until the second direction all hypotheses of a filter fit alike.
-    for found in attitude_runs.run(task):
-        numbers += [found.theta_deg, found.phi_deg, found.roll_deg, found.pitch_deg, found.yaw_deg, found.sigma_deg]
-        numbers += [found.outliers, *found.history_deg[19::20].ravel(), *found.rate_history_deg_s[19::20].ravel()]
-    return np.array(numbers)
-
-
-def pool_of_errors() -> Array:
-    case = directions.DirectionCase(snapshots=20, snr_db=-8.0)
-    random = stream("pool")
-    truth = directions.direction_from_polar(random.uniform(0.1, 1.0, 700), random.uniform(0.0, 6.28, 700))
-    pool = directions.error_pool(ARRAY, case, truth, random)
-    drawn = directions.draw_directions(pool, truth[:3], 4, random)
-    nodes = directions.nearest_node(drawn, math.radians(2.0))
-    return flat(pool.sigma_rad, pool.outliers, pool.variance, pool.theta_rad[:2], pool.local[:2], drawn, nodes[0])
-
-
-def scene() -> Array:
-    found = nadir_scene(20.0, start_s=315.0)
-    return flat(
-        found.t_s[[0, -1]], found.reference[[0, -1]], found.station, found.frame_rate[7], found.control_n_m[7] * 1e6
-    )
 
 
 def flown(**changes: object) -> Array:
@@ -291,30 +214,11 @@ def generated_orbits() -> Array:
 
 
 NUMBERS: dict[str, tuple[Within, Callable[[], ArrayLike]]] = {
-    "orbit: Sun and Moon": (CLOSED, lambda: flat(motion.sun_m(EPOCH), motion.moon_m(EPOCH + 1e7))),
-    "orbit: with air and tides": (CLOSE, perturbed_orbit),
-    "orbit: preliminary": (CLOSE, noisy_orbit),
-    "orbit: passes": (CLOSE, passes),
-    "orbit: secular": (
-        CLOSED,
-        lambda: measurements.secular_states(ORBIT, np.array([86400.0, 5e5]), GRAVITY),
-    ),
     "interferometer: trials": (CLOSE, lambda: interferometer_trials(False, False)),
     "interferometer: sharpened trials": (CLOSE, lambda: interferometer_trials(True, False)),
     "interferometer: trials of the listing": (CLOSE, lambda: interferometer_trials(False, True)),
     "interferometer: cases": (CLOSE, interferometer_errors),
     "interferometer: carrier steps": (CLOSE, carrier_steps),
-    "DOA: calibration": (CLOSE, calibration),
-    "DOA: consistency": (CLOSE, lambda: beyond.mean_nees(3, 2, 30.0)),
-    "DOA: any start": (FLOWN, lambda: beyond.any_start_error_deg(1, 2, 2.0)),
-    "DOA: two sources": (CLOSE, lambda: beyond.two_source_attitude_ratio(3, 2)),
-    "DOA: coupling": (CLOSE, lambda: beyond.coupling_rmse_deg(8, 2)),
-    "DOA: filters": (CLOSE, lambda: filters(False)),
-    "DOA: filters with MUSIC inside": (CLOSE, lambda: filters(False, True)),
-    "DOA: printed filter": (CLOSE, lambda: filters(True)),
-    "DOA: pool": (CLOSE, pool_of_errors),
-    "DOA: scene": (CLOSE, scene),
-    "DOA: accuracy": (CLOSE, lambda: astuple(accuracy.accuracy_curve(50, (3.0,), estimates=200, seed=5)[0])),
     "servo: flown": (FLOWN, lambda: flown(cluster=3, mean_of=2)),
     "servo: flown from rest": (FLOWN, lambda: flown(settled=False, radio_delay_s=0.2)),
     "servo: sampled": (CLOSE, qualities),
