@@ -1,7 +1,7 @@
 """The trackers between their topics: what reaches the core and when, and what diagnostics shows of it."""
 
 from collections.abc import Iterator
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from rclpy.serialization import serialize_message
 from rf_pointing_msgs.msg import TrackingStatus
 
 from rf_pointing.core import CarrierPower, JointReading, MonopulseCluster, PointingError
-from rf_pointing.nodes import convert
+from rf_pointing.nodes import convert, operator_page, pointing_controller, rotctld_server, station_executive
 from rf_pointing.nodes.conscan_tracker import ConscanTrackerNode
 from rf_pointing.nodes.diagnostics import OK, WARN
 from rf_pointing.nodes.monopulse_tracker import MonopulseTrackerNode
@@ -160,3 +160,24 @@ def test_the_health_of_conscan_has_its_delay_and_its_rejections(conscan: Any, mo
     health = conscan._health()
     assert (health.level, health.message, health.values["rejected"]) == (WARN, "too old", 3)
     assert health.values["delay_s"] == 0.1235
+
+
+@pytest.mark.parametrize(
+    ("module", "kind"),
+    [
+        (operator_page, "OperatorPage"), (pointing_controller, "PointingControllerNode"),
+        (rotctld_server, "RotctldServerNode"), (station_executive, "StationExecutive"),
+    ],
+)  # fmt: skip
+def test_nodes_that_name_sensors_know_those_of_other_packages(
+    default_context: None, monkeypatch: pytest.MonkeyPatch, module: ModuleType, kind: str
+) -> None:
+    loaded: list[str] = []
+    monkeypatch.setattr(module, "load_trackers", lambda: loaded.append(kind))
+    node = getattr(module, kind)()
+    if hasattr(node, "_action"):
+        node._action.destroy()
+    node.end()
+    node.lock.release()
+    node.destroy_node()
+    assert loaded == [kind]

@@ -114,8 +114,9 @@ def test_impossible_failure_counts_are_refused(count: int) -> None:
 
 
 def test_impossible_noise_and_trials_are_refused() -> None:
-    with pytest.raises(ValueError, match="element_snr"):
-        noise_errors(PARAMS, 0.0, [0.0, 0.0], OFFSET, 10)
+    for snr in (0.0, -1.0, math.nan):
+        with pytest.raises(ValueError, match=f"element_snr={snr}"):
+            noise_errors(PARAMS, snr, [0.0, 0.0], OFFSET, 10)
     with pytest.raises(ValueError, match="trials=1"):
         noise_errors(PARAMS, 1.0, [0.0, 0.0], OFFSET, 1)
 
