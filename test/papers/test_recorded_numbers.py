@@ -1,20 +1,15 @@
 """Small runs of the parts that studies are made of, number by number as recorded.
 
 Their laws have tests of their own, which many trials blur: a factor that changes a hundredth of a result shows here.
-After an intended change run this file itself and read the difference of `test/data/papers/numbers.csv`:
-
-    scripts/run-python test/papers/test_recorded_numbers.py
 """
 
-import csv
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import astuple
-from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler, direction_from_angles
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
@@ -43,9 +38,8 @@ from rf_pointing.papers import (
 from rf_pointing.papers.orbit import measurements, motion
 from rf_pointing.rf import DropoutParams, Dropouts
 from rf_pointing.servo import WindParams, dss13_plant
+from test.papers.recorded import DATA, Array, check_numbers, flat
 
-Array = NDArray[np.float64]
-FILE = Path(__file__).parents[1] / "data" / "papers" / "numbers.csv"
 Within = tuple[float, float]
 CLOSED: Within = (1e-9, 1e-10)
 """Relative and absolute, of closed forms."""
@@ -61,12 +55,6 @@ MAURITIUS = satcal_campaign.SITES["Mauritius"]
 
 def stream(name: str) -> np.random.Generator:
     return random_stream(11, name)
-
-
-def flat(*parts: ArrayLike) -> Array:
-    """Return all numbers in one row; complex ones as two."""
-    arrays = [np.atleast_1d(np.asarray(part)).ravel() for part in parts]
-    return np.concatenate([a.view(np.float64) if np.iscomplexobj(a) else a.astype(np.float64) for a in arrays])
 
 
 def summary(*parts: ArrayLike) -> Array:
@@ -253,23 +241,7 @@ NUMBERS: dict[str, tuple[Within, Callable[[], ArrayLike]]] = {
 }
 
 
-def recorded() -> dict[str, Array]:
-    with FILE.open(encoding="utf-8", newline="") as file:
-        return {name: np.array(numbers, dtype=np.float64) for name, *numbers in csv.reader(file)}
-
-
 @pytest.mark.parametrize("name", NUMBERS)
 def test_every_number_is_the_recorded_one(name: str) -> None:
-    (rel, absolute), numbers = NUMBERS[name]
-    np.testing.assert_allclose(flat(numbers()), recorded()[name], rtol=rel, atol=absolute)
-
-
-def main(names: Iterable[str] = NUMBERS) -> None:
-    with FILE.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        for name in names:
-            writer.writerow([name, *(f"{number:.12g}" for number in flat(NUMBERS[name][1]()))])
-
-
-if __name__ == "__main__":
-    main()
+    within, numbers = NUMBERS[name]
+    check_numbers(DATA / "numbers.csv", name, numbers(), *within)

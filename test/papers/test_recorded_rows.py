@@ -1,16 +1,8 @@
-"""Tables that cost little, row by row as recorded: the published number, its tolerance, ours, and whether it holds.
+"""Tables that cost little, row by row as recorded: published number, tolerance, ours, whether it holds, the remark."""
 
-After an intended change run this file itself; the difference of `test/data/papers/rows.csv` then shows what it moved:
-
-    scripts/run-python test/papers/test_recorded_rows.py
-"""
-
-import csv
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from collections.abc import Callable
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -35,7 +27,6 @@ from rf_pointing.papers import (
     tripulse_noise,
 )
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult, RunTask
-from rf_pointing.papers.doa_study.directions import DirectionCase
 from rf_pointing.papers.monopulse_dropouts import AutotrackRadio
 from rf_pointing.papers.monopulse_loop import MonopulsePass, PlainRadio
 from rf_pointing.papers.orbit.measurements import visits
@@ -53,37 +44,8 @@ from rf_pointing.papers.satcal_campaign import (
 from rf_pointing.papers.satcal_orbit import BatchCheck, PreliminaryCheck
 from rf_pointing.papers.servo_pass import PassErrors, PassSetup
 from rf_pointing.servo import dss13_plant
-
-FILE = Path(__file__).parents[1] / "data" / "papers" / "rows.csv"
-NUMBERS = ("paper", "ours", "tolerance", "factor")
-WORDS = ("quantity", "source", "unit", "bound", "holds", "explained")
-OURS_REL, OF_TOLERANCE = 1e-5, 0.01
-"""How far ours may move: relative, and as a share of the row's own tolerance (rows of rounding errors)."""
-
-
-def planted(case: DirectionCase, scale: float, outliers: float = 0.0) -> CaseResult:
-    """Return a result whose errors all differ; a tenth of the trials turns within the first 200 s."""
-    history = np.full((400, 10), 0.3, dtype=np.float32)
-    history[:200, :1], history[:50] = 1.7, 5.0
-    return CaseResult(
-        case=case, theta_deg=0.6 * scale, phi_deg=0.7 * scale, roll_deg=0.11 * scale, pitch_deg=0.13 * scale,
-        yaw_deg=0.17 * scale, sigma_deg=0.12, outliers=outliers, history_deg=history,
-        rate_history_deg_s=0.1 * history,
-    )  # fmt: skip
-
-
-@contextmanager
-def changed(module: ModuleType, **names: object) -> Iterator[None]:
-    """Put fewer runs, or results of no run, in place of what takes long."""
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in names.items():
-            patch.setattr(module, name, value)
-        yield
-
-
-def mark(*values: float) -> float:
-    """Return a number between 1 and 2 that shows a change of any of the values."""
-    return 1.5 + 0.5 * math.sin(sum((place + 1) * min(float(value), 1e3) for place, value in enumerate(values)))
+from test.papers.doa_study.test_recorded_study import planted
+from test.papers.recorded import DATA, changed, check_rows, mark
 
 
 def monopulse_fly(setup: MonopulsePass, radio: PlainRadio | AutotrackRadio) -> SimpleNamespace:
@@ -267,32 +229,6 @@ TABLES: dict[str, Callable[[], list[Row]]] = {
 }
 
 
-def recorded(name: str) -> list[dict[str, str]]:
-    with FILE.open(encoding="utf-8", newline="") as file:
-        return [line for line in csv.DictReader(file) if line["table"] == name]
-
-
 @pytest.mark.parametrize("name", TABLES)
 def test_every_row_is_the_recorded_one(name: str) -> None:
-    rows, lines = TABLES[name](), recorded(name)
-    assert [row.quantity for row in rows] == [line["quantity"] for line in lines]
-    for row, line in zip(rows, lines, strict=True):
-        assert {word: str(getattr(row, word)) for word in WORDS} == {word: line[word] for word in WORDS}
-        expected = {number: float(line[number]) for number in NUMBERS}
-        assert row.ours == pytest.approx(expected.pop("ours"), rel=OURS_REL, abs=OF_TOLERANCE * row.tolerance), row
-        # A published number may be a theory of ours, computed like the rest.
-        assert {number: getattr(row, number) for number in expected} == pytest.approx(expected, rel=1e-9), row
-
-
-def main() -> None:
-    with FILE.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["table", *WORDS, *NUMBERS])
-        for name, table in TABLES.items():
-            for row in table():
-                numbers = [f"{getattr(row, number):.12g}" for number in NUMBERS]
-                writer.writerow([name, *(str(getattr(row, word)) for word in WORDS), *numbers])
-
-
-if __name__ == "__main__":
-    main()
+    check_rows(DATA / "rows.csv", name, TABLES[name]())

@@ -29,7 +29,7 @@ from rf_pointing.papers.satcal_campaign import (
     sky_filling_points,
 )
 from rf_pointing.papers.satcal_orbit import BatchCheck, PreliminaryCheck
-from test.papers.test_recorded_rows import changed
+from test.papers.recorded import changed
 
 LOWEST_RAD = math.radians(10.0)
 

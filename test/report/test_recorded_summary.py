@@ -2,7 +2,7 @@
 
 After an intended change let it record anew; the difference of `data/summaries.json` then shows what it moved:
 
-    RECORD_SUMMARIES=1 scripts/test plain test/report/test_recorded_summary.py
+    RECORD=1 scripts/test plain test/report/test_recorded_summary.py
 """
 
 import json
@@ -123,7 +123,7 @@ def leaves(value: Any, place: str = "") -> dict[str, Any]:
 @pytest.mark.parametrize("name", FLIGHTS)
 def test_a_table_is_the_recorded_one(name: str, tmp_path: Path, types: Definitions) -> None:
     told, recorded = summary(name, tmp_path, types), json.loads(FILE.read_text(encoding="utf-8"))
-    if os.environ.get("RECORD_SUMMARIES"):
+    if os.environ.get("RECORD"):
         FILE.write_text(json.dumps(recorded | {name: told}, indent=1) + "\n", encoding="utf-8")
         return
     found, wanted = leaves(told), leaves(recorded[name])

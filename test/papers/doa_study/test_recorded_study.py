@@ -1,19 +1,9 @@
-"""The tables of the DOA study and its small runs as recorded: rows with their remarks, and the parts they are made of.
+"""The tables of the DOA study and its small runs as recorded: rows with their remarks, and the parts they are made of."""
 
-After an intended change run this file itself; the difference of `test/data/papers/study_*.csv` then shows what it moved:
-
-    scripts/run-python test/papers/doa_study/test_recorded_study.py
-"""
-
-import csv
 import math
-import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import astuple, replace
 from functools import partial
-from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -29,95 +19,13 @@ from rf_pointing.papers.doa_study.attitude_runs import CaseResult
 from rf_pointing.papers.doa_study.directions import DirectionCase
 from rf_pointing.papers.doa_study.scene import Scene, nadir_scene
 from rf_pointing.papers.row import Row
+from test.papers.recorded import DATA, Array, changed, check_numbers, check_rows, flat, mark
 
-Array = NDArray[np.float64]
-DATA = Path(__file__).parents[2] / "data" / "papers"
-ROWS, NUMBERS_FILE = DATA / "study_rows.csv", DATA / "study_numbers.csv"
-NUMBERS = ("paper", "ours", "tolerance", "factor")
-WORDS = ("quantity", "source", "unit", "bound", "holds", "explained", "remark")
-OURS_REL, OF_TOLERANCE = 1e-5, 0.01
-"""How far ours may move: relative, and as a share of the row's own tolerance (rows of rounding errors)."""
-PRINTED_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 ARRAY = CircularArrayParams()
-
-
-def alike(ours: str, recorded: str) -> bool:
-    """Return whether two texts differ in no word and in no number by more than one in its last decimal place."""
-    if PRINTED_NUMBER.sub("#", ours) != PRINTED_NUMBER.sub("#", recorded):
-        return False
-    pairs = zip(PRINTED_NUMBER.findall(ours), PRINTED_NUMBER.findall(recorded), strict=True)
-    return all(
-        one == other or ("." in other and abs(float(one) - float(other)) < 1.01 * 10.0 ** -len(other.partition(".")[2]))
-        for one, other in pairs
-    )
-
-
-def compare(rows: list[Row], lines: list[dict[str, str]]) -> None:
-    """Fail where a row is not the recorded one."""
-    assert len(rows) == len(lines)
-    for row, line in zip(rows, lines, strict=True):
-        for word in WORDS:
-            assert alike(str(getattr(row, word)), line[word]), (word, getattr(row, word), line[word])
-        expected = {number: float(line[number]) for number in NUMBERS}
-        assert row.ours == pytest.approx(expected.pop("ours"), rel=OURS_REL, abs=OF_TOLERANCE * row.tolerance), row
-        # A published number may be a theory of ours, computed like the rest.
-        assert {number: getattr(row, number) for number in expected} == pytest.approx(expected, rel=1e-7), row
-
-
-def recorded_rows(file: Path, name: str) -> list[dict[str, str]]:
-    """Return the lines of one table."""
-    with file.open(encoding="utf-8", newline="") as text:
-        return [line for line in csv.DictReader(text) if line["table"] == name]
-
-
-def write_rows(file: Path, tables: dict[str, Callable[[], list[Row]]]) -> None:
-    """Record all tables anew."""
-    with file.open("w", encoding="utf-8", newline="") as text:
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["table", *WORDS, *NUMBERS])
-        for name, table in tables.items():
-            for row in table():
-                numbers = [f"{getattr(row, number):.12g}" for number in NUMBERS]
-                writer.writerow([name, *(str(getattr(row, word)) for word in WORDS), *numbers])
-
-
-def recorded_numbers(file: Path, name: str) -> Array:
-    """Return the numbers of one line."""
-    with file.open(encoding="utf-8", newline="") as text:
-        (found,) = (numbers for first, *numbers in csv.reader(text) if first == name)
-    return np.array(found, dtype=np.float64)
-
-
-def write_numbers(file: Path, runs: dict[str, Callable[[], ArrayLike]]) -> None:
-    """Record all numbers anew."""
-    with file.open("w", encoding="utf-8", newline="") as text:
-        writer = csv.writer(text, lineterminator="\n")
-        for name, run in runs.items():
-            writer.writerow([name, *(f"{number:.12g}" for number in flat(run()))])
-
-
-def flat(*parts: ArrayLike) -> Array:
-    """Return all numbers in one row; complex ones as two."""
-    arrays = [np.atleast_1d(np.asarray(part)).ravel() for part in parts]
-    return np.concatenate([a.view(np.float64) if np.iscomplexobj(a) else a.astype(np.float64) for a in arrays])
 
 
 def stream(name: str) -> np.random.Generator:
     return random_stream(11, name)
-
-
-@contextmanager
-def changed(module: ModuleType, **names: object) -> Iterator[None]:
-    """Put fewer runs, or results of no run, in place of what takes long."""
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in names.items():
-            patch.setattr(module, name, value)
-        yield
-
-
-def mark(*values: float) -> float:
-    """Return a number between 1 and 2 that shows a change of any of the values."""
-    return 1.5 + 0.5 * math.sin(sum((place + 1) * min(float(value), 1e3) for place, value in enumerate(values)))
 
 
 def planted(case: DirectionCase, scale: float, outliers: float = 0.0, lost: int = 0) -> CaseResult:
@@ -210,7 +118,7 @@ TABLES: dict[str, Callable[[], list[Row]]] = {
 
 @pytest.mark.parametrize("name", TABLES)
 def test_every_row_is_the_recorded_one(name: str) -> None:
-    compare(TABLES[name](), recorded_rows(ROWS, name))
+    check_rows(DATA / "study_rows.csv", name, TABLES[name]())
 
 
 def calibration() -> Array:
@@ -326,13 +234,4 @@ RUNS: dict[str, Callable[[], ArrayLike]] = {
 def test_every_number_is_the_recorded_one(name: str) -> None:
     # Which of twelve hypotheses is best is settled late: the first errors are large.
     within = 1e-3 if name == "any start" else 1e-5
-    np.testing.assert_allclose(flat(RUNS[name]()), recorded_numbers(NUMBERS_FILE, name), rtol=within, atol=1e-10)
-
-
-def main() -> None:
-    write_rows(ROWS, TABLES)
-    write_numbers(NUMBERS_FILE, RUNS)
-
-
-if __name__ == "__main__":
-    main()
+    check_numbers(DATA / "study_numbers.csv", name, RUNS[name](), within)

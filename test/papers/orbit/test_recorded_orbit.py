@@ -1,24 +1,17 @@
 """Orbits, places of Sun and Moon, looks, partials and fits, number by number as recorded.
 
-Their laws are tested beside; a term of a series or a step of an iteration that changes a millionth shows here.  After an
-intended change run this file itself and read the difference of `test/data/papers/orbit_numbers.csv`:
-
-    scripts/run-python test/papers/orbit/test_recorded_orbit.py
+Their laws are tested beside; a term of a series or a step of an iteration that changes a millionth shows here.
 """
 
-import csv
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import random_stream
 from rf_pointing.papers.orbit import batch, measurements, motion
+from test.papers.recorded import DATA, Array, check_numbers, flat
 
-Array = NDArray[np.float64]
-FILE = Path(__file__).parents[2] / "data" / "papers" / "orbit_numbers.csv"
 EPOCH, GRAVITY = 827385062.07, motion.Gravity()
 SITE = motion.Site(name="Lucknow", latitude_rad=0.47, longitude_rad=1.41, height_m=120.0)
 ORBIT = measurements.Elements(
@@ -29,11 +22,6 @@ ORBIT = measurements.Elements(
     perigee_rad=4.25,
     mean_anomaly_rad=5.6,
 )
-
-
-def flat(*parts: ArrayLike) -> Array:
-    """Return all numbers in one row."""
-    return np.concatenate([np.ravel(np.asarray(part, dtype=np.float64)) for part in parts])
 
 
 def sun_and_moon() -> Array:
@@ -137,24 +125,7 @@ RUNS: dict[str, tuple[float, Callable[[], Array]]] = {
 """Each with how far it may move, relatively."""
 
 
-def recorded(name: str) -> Array:
-    with FILE.open(encoding="utf-8", newline="") as file:
-        (found,) = (numbers for first, *numbers in csv.reader(file) if first == name)
-    return np.array(found, dtype=np.float64)
-
-
 @pytest.mark.parametrize("name", RUNS)
 def test_every_number_is_the_recorded_one(name: str) -> None:
     within, run = RUNS[name]
-    np.testing.assert_allclose(run(), recorded(name), rtol=within, atol=1e-9)
-
-
-def main() -> None:
-    with FILE.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        for name, (_, run) in RUNS.items():
-            writer.writerow([name, *(f"{number:.12g}" for number in run())])
-
-
-if __name__ == "__main__":
-    main()
+    check_numbers(DATA / "orbit_numbers.csv", name, run(), within, 1e-9)
