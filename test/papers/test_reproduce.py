@@ -2,7 +2,9 @@
 
 import ast
 import importlib
+import inspect
 import json
+import pkgutil
 import sys
 from concurrent.futures import Executor
 from contextlib import nullcontext
@@ -163,3 +165,15 @@ def test_rows_of_numpy_numbers_are_printed_as_json(
     assert printed["ours"] == 2.0
     assert printed["holds"] is True
     assert printed["explained"] is True
+
+
+def test_random_numbers_are_those_of_seed_1_unless_another_is_given() -> None:
+    seeds: dict[str, object] = {}
+    for found in pkgutil.walk_packages(papers.__path__, f"{papers.__name__}."):
+        module = importlib.import_module(found.name)
+        for name, function in inspect.getmembers(module, inspect.isfunction):
+            seed = inspect.signature(function).parameters.get("seed")
+            if seed is not None and seed.default is not inspect.Parameter.empty:
+                seeds[f"{function.__module__}.{name}"] = seed.default
+    assert len(seeds) > 20
+    assert set(seeds.values()) == {1}, seeds

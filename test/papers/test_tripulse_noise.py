@@ -117,6 +117,8 @@ def test_impossible_noise_and_trials_are_refused() -> None:
     for snr in (0.0, -1.0, math.nan):
         with pytest.raises(ValueError, match=f"element_snr={snr}"):
             noise_errors(PARAMS, snr, [0.0, 0.0], OFFSET, 10)
+    with pytest.raises(ValueError, match="width_rad=nan"):
+        phase_error_errors(PARAMS, math.nan, [0.0, 0.0], OFFSET, 10)
     with pytest.raises(ValueError, match="trials=1"):
         noise_errors(PARAMS, 1.0, [0.0, 0.0], OFFSET, 1)
 
