@@ -41,7 +41,12 @@ KEPT_RANGES = 64
 FEWEST = 30
 SHOWN_REASONS = 3
 MOST_REASONS = 100
-LONGEST_PART = 256
+BLOCK_ROWS = 256
+COLUMNS = (
+    "t_s", "pass_id", "observed_azimuth_rad", "observed_elevation_rad", "true_azimuth_rad", "true_elevation_rad",
+    "azimuth_rate_rad_s", "elevation_rate_rad_s", "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2",
+    "sigma_azimuth_rad", "sigma_elevation_rad", "range_m", "range_rate_m_s",
+)  # fmt: skip
 
 
 def scans(name: str) -> bool:
@@ -89,16 +94,19 @@ class CalibrationLog:
         self._joints: JointReading | None = None
         self._centres, self._mode = TimeBuffer(), ""
         self._reasons: Counter[str] = Counter()
-        self._parts: list[Observations] = []
+        self._points = None if journal is None else journal.points
+        # What came since: a row as an object of its own takes 4 kB, and joining such rows again
+        # and again leaves the memory in pieces.
+        self._blocks: list[Array] = []
+        self._filled = 0
         self._waiting: list[Observations] = []
         self.problem = ""
         self._pass, self._last_s, self._new_pass = -1, -math.inf, True
-        if journal is not None and journal.points is not None:
-            self._parts = [journal.points]
-            self._pass = int(np.max(journal.points.pass_id))
+        if self._points is not None:
+            self._pass = int(np.max(self._points.pass_id))
 
     def __len__(self) -> int:
-        return sum(map(len, self._parts))
+        return self._filled + (0 if self._points is None else len(self._points))
 
     def take_target(self, target: Target) -> None:
         """Note where the ephemeris puts the target; another target starts another pass."""
@@ -138,12 +146,10 @@ class CalibrationLog:
         self._waiting.append(row)
         self.write_waiting()
         self._pass, self._new_pass, self._last_s = self._pass + starts, False, error.t_s
-        self._parts.append(row)
-        # A row of its own takes 4 kB, joined to others 150 bytes.  Parts of like length are joined,
-        # up to a length whose copies leave little memory behind: all into one at every row would
-        # copy a campaign each time.
-        while len(self._parts) > 1 and len(self._parts[-2]) <= len(self._parts[-1]) < LONGEST_PART:
-            self._parts[-2:] = [Observations.concatenate(self._parts[-2:])]
+        if self._filled == BLOCK_ROWS * len(self._blocks):
+            self._blocks.append(np.empty((BLOCK_ROWS, len(COLUMNS))))
+        self._blocks[-1][self._filled % BLOCK_ROWS] = [getattr(row, name)[0] for name in COLUMNS]
+        self._filled += 1
         return row
 
     def _note(self, reason: str) -> None:
@@ -186,7 +192,7 @@ class CalibrationLog:
             raise ValueError(self.problem)
         if self._journal is not None:
             self._journal.set_aside(name)
-        self._parts.clear()
+        self._points, self._blocks, self._filled = None, [], 0
         self._pass, self._last_s, self._new_pass = -1, -math.inf, True
 
     def fit(
@@ -217,14 +223,20 @@ class CalibrationLog:
         )
 
     def observations(self) -> Observations:
-        """Return all observations."""
+        """Return all observations; ValueError when there are none."""
+        parts = [] if self._points is None else [self._points]
+        if self._filled:
+            columns = dict(zip(COLUMNS, np.concatenate(self._blocks)[: self._filled].T.copy(), strict=True))
+            pass_id = columns.pop("pass_id").astype(np.int64)
+            parts.append(Observations(station=self.station, band=self.band, pass_id=pass_id, **columns))
         # Joined once, not at every call.
-        self._parts = [Observations.concatenate(self._parts)]
-        return self._parts[0]
+        points = Observations.concatenate(parts)
+        self._points, self._blocks, self._filled = points, [], 0
+        return points
 
     def coverage(self, rule: SectorRule) -> Coverage:
         """Return how the sectors of the sky are filled."""
-        if not self._parts:
+        if not len(self):
             return Coverage(rule, np.zeros(rule.count, dtype=np.int64))
         points = self.observations()
         return rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel, FitOptions, ObservationJournal, Prior, SectorRule
+from rf_pointing.calibration import BiasModel, FitOptions, ObservationJournal, Observations, Prior, SectorRule
 from rf_pointing.core import JointReading, PointingError, Target
 from rf_pointing.station.campaign import log as log_module
 from rf_pointing.station.campaign.log import CalibrationLog
@@ -218,23 +218,27 @@ def test_the_target_must_have_been_near_for_as_long_as_the_lags_need() -> None:
 # What is kept
 
 
-def test_parts_of_like_length_are_joined_as_in_a_binary_number() -> None:
+def test_every_observation_is_kept_as_it_was_taken() -> None:
     collected = collecting()
-    for k, lengths in enumerate(([1], [2], [2, 1], [4], [4, 1], [4, 2], [4, 2, 1], [8], [8, 1])):
-        feed(collected, BEGIN_S + k)
-        assert [len(part) for part in collected._parts] == lengths
-    assert collected.observations().t_s.tolist() == [BEGIN_S + k for k in range(9)]
-    assert len(collected._parts) == 1
+    rows = [feed(collected, BEGIN_S + k, "A" if k < 300 else "B") for k in range(600)]
+    assert len(collected) == 600
+    kept, whole = collected.observations(), Observations.concatenate(rows)
+    for name, column in vars(whole).items():
+        np.testing.assert_array_equal(getattr(kept, name), column, err_msg=name)
+    assert kept.passes.tolist() == [0, 1]
+    assert kept.pass_id.dtype == np.int64
+    # Joined once; what comes after it is joined to it.
+    assert collected.observations().t_s.tolist() == kept.t_s.tolist()
+    feed(collected, BEGIN_S + 600.0, "B")
+    assert len(collected) == 601
+    assert collected.observations().t_s.tolist() == [BEGIN_S + k for k in range(601)]
     assert collected._waiting == [], "no journal to wait for"
 
 
-def test_long_parts_stay_as_they_are() -> None:
-    """Their copies would stay in the process' memory."""
-    collected = collecting()
-    for k in range(800):
-        feed(collected, BEGIN_S + k)
-    assert [len(part) for part in collected._parts] == [256, 256, 256, 32]
-    assert len(collected.observations()) == len(collected) == 800
+def test_nothing_observed_is_no_table() -> None:
+    with pytest.raises(ValueError, match="0 parts"):
+        collecting().observations()
+    assert len(collecting()) == 0
 
 
 def test_what_is_in_the_journal_counts_and_the_next_pass_has_the_next_number(tmp_path: Path) -> None:
