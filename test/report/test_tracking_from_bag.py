@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import TrackedPass
+from rf_pointing.report import tracking_from_bag as module
 from rf_pointing.report.definitions import definitions
 from rf_pointing.report.topics import TopicData
 from rf_pointing.report.tracking_from_bag import _REFERENCE_COLUMNS, _stretches, tracking_from_bag
@@ -118,3 +119,10 @@ def test_messages_out_of_order_are_no_gap_and_lie_in_order_of_their_stamps():
     ((name, track),) = _stretches(targets([0.0, 2.0, 1.0], ["A"] * 3, [6.2, 6.4 - 2 * np.pi, 6.3 - 2 * np.pi]))
     assert (name, (track.t_s - 1_700_000_000.0).tolist()) == ("A", [0.0, 1.0, 2.0])
     assert track.azimuth_rad.tolist() == pytest.approx([6.2, 6.3, 6.4])
+
+
+def test_errors_of_sensors_of_other_packages_are_known(tmp_path, types, monkeypatch):
+    loaded = []
+    monkeypatch.setattr(module, "load_trackers", lambda: loaded.append("trackers"))
+    tracking_from_bag(bag(tmp_path, types), "gs1", "X")
+    assert loaded == ["trackers"]
