@@ -31,28 +31,28 @@ def case(track: object = None, aos_t_s: float = 400.0, los_t_s: float = 900.0) -
 
 
 class Controller:
-    """Stands in for the controller: its certificate has this branch; notes what it is told."""
+    """Stands in for the controller: its certificate has this branch; notes its calls."""
 
     def __init__(self, branch: object = None, over: bool = False) -> None:
-        self.told: list[tuple[object, ...]] = []
+        self.calls: list[tuple[object, ...]] = []
         self.params = SimpleNamespace(pointing=SimpleNamespace(period_s=0.1))
         course = SimpleNamespace(plunge_at=lambda t_s: over and t_s == 500.0, turns_rad=2.0 * math.pi)
         self.plan = SimpleNamespace(
             certificate=SimpleNamespace(chosen=branch), course=course,
-            take_profiles=lambda given: self.told.append(("profiles", given)),
+            take_profiles=lambda given: self.calls.append(("profiles", given)),
         )  # fmt: skip
 
     def take_joints(self, reading: JointReading) -> None:
-        self.told.append(("joints", reading.t_s, reading.position_rad.tolist(), reading.velocity_rad_s.tolist()))
+        self.calls.append(("joints", reading.t_s, reading.position_rad.tolist(), reading.velocity_rad_s.tolist()))
 
     def take_target(self, target: object) -> None:
-        self.told.append(("target", target))
+        self.calls.append(("target", target))
 
     def take_model(self, model: object) -> None:
-        self.told.append(("model", model))
+        self.calls.append(("model", model))
 
     def start(self, *args: object) -> None:
-        self.told.append(("start", *args))
+        self.calls.append(("start", *args))
 
 
 def branch(first_s: float | None) -> SimpleNamespace:
@@ -74,7 +74,7 @@ def test_a_run_holds_the_loss_of_the_crossing_against_that_of_the_flight_from_it
 
     def begun(given: KeyholeCase, steered: Controller) -> float | None:
         assert (given, steered) == (one, controller)
-        assert controller.told == [("profiles", [("track", one.window)])]
+        assert controller.calls == [("profiles", [("track", one.window)])]
         return begin_s
 
     monkeypatch.setattr(keyhole, "_controller", lambda given: controller if given is one else None)
@@ -95,7 +95,7 @@ def test_a_run_holds_the_loss_of_the_crossing_against_that_of_the_flight_from_it
     assert (run.keyhole_s, run.over) == (12.5, True)
     assert run.predicted == Loss.of(BEAM_RAD * np.array([0.1, 0.6, 0.2]), 0.5, BEAM_RAD)
     assert run.simulated == Loss.of(angles[1:], 0.25, BEAM_RAD)
-    controller.told.clear()
+    controller.calls.clear()
     begin_s = None
     assert keyhole.fly(one) is None
 
@@ -106,7 +106,7 @@ def test_the_controller_forbids_nothing_and_knows_the_mount_as_calibrated(monkey
     monkeypatch.setattr(keyhole, "PointingController", lambda params: made.append(params) or controller)
     one = case()
     assert keyhole._controller(one) is controller
-    ((_, model),) = controller.told
+    ((_, model),) = controller.calls
     assert model == one.calibrated
     (params,) = made
     machine = params.machine
@@ -124,7 +124,7 @@ def test_a_flight_begins_on_the_target_half_a_minute_before_the_crossing(
 ) -> None:
     controller, one = Controller(branch(first_s)), case(aos_t_s=aos_t_s)
     assert keyhole._begin(one, controller) == begin_s
-    assert controller.told == [
+    assert controller.calls == [
         ("joints", aos_t_s, [3.0, 0.5], [0.0, 0.0]),
         ("start", aos_t_s, one.window, "program"),
     ]
@@ -175,7 +175,7 @@ def test_a_flight_knows_its_target_2_s_ahead_and_ends_3_s_before_the_pass(
         assert args == (antenna, controller, track, start_s)
         return SimpleNamespace(step=step)
 
-    antenna = SimpleNamespace(enable=lambda: enabled.append(len(controller.told)), params=SimpleNamespace(tick_s=0.5))
+    antenna = SimpleNamespace(enable=lambda: enabled.append(len(controller.calls)), params=SimpleNamespace(tick_s=0.5))
     track = SimpleNamespace(
         target_at=lambda t_s: t_s,
         sample=lambda t_s: SimpleNamespace(azimuth_rad=0.01 * t_s, elevation_rad=np.full(len(t_s), 0.6)),
@@ -183,7 +183,7 @@ def test_a_flight_knows_its_target_2_s_ahead_and_ends_3_s_before_the_pass(
     monkeypatch.setattr(keyhole, "PointedAntenna", pointed)
     one = case(track, los_t_s=520.0)
     times, angles = keyhole._flown(one, controller, antenna, start_s, end_s)
-    assert [target for _, target in controller.told] == [round(500.123_457 + 0.1 * k, 6) for k in range(20)]
+    assert [target for _, target in controller.calls] == [round(500.123_457 + 0.1 * k, 6) for k in range(20)]
     # From the first tick on, to the last but one.
     np.testing.assert_allclose(times, start_s + 0.5 * np.arange(1, count + 1), rtol=1e-12)
     np.testing.assert_allclose(angles, 1e-3 * np.arange(1, count + 1), rtol=1e-6)

@@ -107,9 +107,9 @@ FLIGHTS: dict[str, dict[str, Any]] = {
 
 def summary(name: str, folder: Path, types: Definitions) -> Any:
     flight(**FLIGHTS[name]).write(folder / "bag", types, {"station": "DSS-13"})
-    told = json.loads(to_json(summarize(analyse(varied(read_recording(folder / "bag"))))))
-    del told["bag"]["path"]
-    return told
+    found = json.loads(to_json(summarize(analyse(varied(read_recording(folder / "bag"))))))
+    del found["bag"]["path"]
+    return found
 
 
 def leaves(value: Any, place: str = "") -> dict[str, Any]:
@@ -122,11 +122,11 @@ def leaves(value: Any, place: str = "") -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", FLIGHTS)
 def test_a_table_is_the_recorded_one(name: str, tmp_path: Path, types: Definitions) -> None:
-    told, recorded = summary(name, tmp_path, types), json.loads(FILE.read_text(encoding="utf-8"))
+    table, recorded = summary(name, tmp_path, types), json.loads(FILE.read_text(encoding="utf-8"))
     if os.environ.get("RECORD"):
-        FILE.write_text(json.dumps(recorded | {name: told}, indent=1) + "\n", encoding="utf-8")
+        FILE.write_text(json.dumps(recorded | {name: table}, indent=1) + "\n", encoding="utf-8")
         return
-    found, wanted = leaves(told), leaves(recorded[name])
+    found, wanted = leaves(table), leaves(recorded[name])
     assert set(found) == set(wanted)
     for place, value in wanted.items():
         assert found[place] == (pytest.approx(value, rel=1e-6, abs=1e-9) if isinstance(value, float) else value), place

@@ -441,9 +441,9 @@ def test_the_counts_of_relays_are_those_of_the_pass_and_not_of_the_park_after_it
     assert (counts.set_points, counts.starts, counts.reversals) == (10 * last, [4 * last, 3 * last], [1, 2])
 
 
-@pytest.mark.parametrize(("statuses", "told_s"), [(1, None), (2, (0.1, 0.2)), (20, (0.1, 0.2))])
+@pytest.mark.parametrize(("statuses", "at_limit_s"), [(1, None), (2, (0.1, 0.2)), (20, (0.1, 0.2))])
 def test_seconds_at_a_limit_are_counted_in_periods_of_the_status(
-    tmp_path: Path, types: Definitions, synthetic_run: type[Any], statuses: int, told_s: tuple[float, float] | None
+    tmp_path: Path, types: Definitions, synthetic_run: type[Any], statuses: int, at_limit_s: tuple[float, float] | None
 ) -> None:
     synthetic_run(seconds=0.1 * statuses).write(tmp_path / "bag", types)
     recording = read_recording(tmp_path / "bag")
@@ -452,5 +452,5 @@ def test_seconds_at_a_limit_are_counted_in_periods_of_the_status(
     columns["at_limit"][-1] = True
     columns["at_limit"][0, 1] = True
     assert tuple(axis.at_limit_s for axis in servo(recording).axes) == (
-        (None, None) if told_s is None else pytest.approx(told_s)
+        (None, None) if at_limit_s is None else pytest.approx(at_limit_s)
     )

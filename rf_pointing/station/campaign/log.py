@@ -9,6 +9,7 @@ scan: where the encoders are meanwhile is part of the scan.
 import math
 from collections import Counter, deque
 from collections.abc import Collection
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,11 +43,8 @@ FEWEST = 30
 SHOWN_REASONS = 3
 MOST_REASONS = 100
 BLOCK_ROWS = 256
-COLUMNS = (
-    "t_s", "pass_id", "observed_azimuth_rad", "observed_elevation_rad", "true_azimuth_rad", "true_elevation_rad",
-    "azimuth_rate_rad_s", "elevation_rate_rad_s", "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2",
-    "sigma_azimuth_rad", "sigma_elevation_rad", "range_m", "range_rate_m_s",
-)  # fmt: skip
+COLUMNS = tuple(each.name for each in fields(Observations) if each.name not in ("station", "band", "temperature_k"))
+"""Of an observation that is taken here; a temperature is none of them."""
 
 
 def scans(name: str) -> bool:

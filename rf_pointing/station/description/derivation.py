@@ -234,8 +234,8 @@ class Band:
         return max(encoder_step_deg(axis) for axis in self.axes)
 
     @property
-    def unmoved_deg(self) -> float:
-        """The distance from its set point at which a drive that takes positions may rest."""
+    def dead_band_deg(self) -> float:
+        """How far from its set point a rotator may rest: its dead band or smallest move."""
         if not takes_positions(str(self.content.drive.get("type"))):
             return 0.0
         given = flat(self.content.drive)
@@ -425,8 +425,8 @@ def _beam(of: Band) -> dict[str, Value]:
     found = {f"{prefix}.half_power_beamwidth_deg": width for prefix in _BEAMWIDTHS}
     h = of.beamwidth_deg
     found["pointing.on_target_deg"] = _tuned(
-        "pointing.on_target_deg", min(max(0.05, 0.1 * h, 2.5 * of.step_deg, rounded(1.1 * of.unmoved_deg)), 5.0),
-        "0.1 h, at least 0.05 deg, 2.5 encoder steps, and 1.1 times by what a rotator does not move",
+        "pointing.on_target_deg", min(max(0.05, 0.1 * h, 2.5 * of.step_deg, rounded(1.1 * of.dead_band_deg)), 5.0),
+        "0.1 h, at least 0.05 deg, 2.5 encoder steps, and 1.1 times the dead band or smallest move of a rotator",
     )  # fmt: skip
     found["calibrator.largest_error_deg"] = _tuned(
         "calibrator.largest_error_deg", rounded(0.1 * h, 1) if h < 0.05 else rounded(0.1 * h, 2), "0.1 h"
