@@ -77,7 +77,7 @@ setup(
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={
         f"{PACKAGE}.controllers": ["*.json"],
-        f"{PACKAGE}.nodes": ["page/*"],
+        f"{PACKAGE}.web": ["page/*"],
         f"{PACKAGE}.operations": ["tables/*"],
         f"{PACKAGE}.report": ["templates/*"],
         f"{PACKAGE}.station.description": ["stations/*"],

@@ -32,7 +32,6 @@ from rclpy.action import ActionClient
 from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import Boresight, TrackingStatus
 
-from rf_pointing.commands.managed_graph import NodeProcesses
 from rf_pointing.core import angular_distance_rad
 from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.core.pass_outcome import PassOutcome
@@ -46,9 +45,10 @@ from rf_pointing.ephemeris import (
     verification_elements,
 )
 from rf_pointing.ephemeris.source import SourceParams, load_track
-from rf_pointing.nodes.main_loop import make_executor
-from rf_pointing.nodes.qos import SAMPLES, STREAM
-from rf_pointing.nodes.stamps import seconds_from_stamp
+from rf_pointing.ros.main_loop import make_executor
+from rf_pointing.ros.managed_graph import NodeProcesses
+from rf_pointing.ros.qos import SAMPLES, STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.station.antenna.receiver import SignalParams
 from rf_pointing.station.description import read_station
 

@@ -21,8 +21,8 @@ import requests
 import yaml
 from aiohttp import ClientError, ClientSession
 
-from rf_pointing.commands.managed_graph import NodeProcesses
-from rf_pointing.nodes.graph import NODES
+from rf_pointing.ros.graph import NODES
+from rf_pointing.ros.managed_graph import NodeProcesses
 
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 NAMESPACE = "/page_benchmark"

@@ -32,8 +32,8 @@ from rf_pointing.core import Boresight
 from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.ephemeris import TopocentricTrack, tle_lines
 from rf_pointing.ephemeris.source import read_source
-from rf_pointing.nodes import convert
-from rf_pointing.nodes.qos import LATCHED, STREAM
+from rf_pointing.ros import convert
+from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.station.antenna.receiver import SignalParams, SimulatedReceiver
 from rf_pointing.station.description import read_station
 

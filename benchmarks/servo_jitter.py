@@ -22,9 +22,9 @@ import rclpy
 from rf_pointing_msgs.msg import AntennaStatus
 from std_srvs.srv import Trigger
 
-from rf_pointing.commands.managed_graph import NodeProcesses
-from rf_pointing.nodes.main_loop import DRIVE_PRIORITY, make_executor
-from rf_pointing.nodes.qos import SERVICE, STATUS
+from rf_pointing.ros.main_loop import DRIVE_PRIORITY, make_executor
+from rf_pointing.ros.managed_graph import NodeProcesses
+from rf_pointing.ros.qos import SERVICE, STATUS
 
 HOGS = 2
 STOPS, CLIENTS, CALLS_EACH = 30, 10, 10

@@ -188,8 +188,8 @@ class Observer:
         from rf_pointing_msgs.msg import AntennaStatus, TrackingStatus
         from sensor_msgs.msg import JointState
 
-        from rf_pointing.nodes.main_loop import make_executor
-        from rf_pointing.nodes.qos import STATUS, STREAM
+        from rf_pointing.ros.main_loop import make_executor
+        from rf_pointing.ros.qos import STATUS, STREAM
 
         rclpy.init()
         self.node = rclpy.create_node("observer", namespace=NAMESPACE)
@@ -245,7 +245,7 @@ class Observer:
         return held
 
     def fly(self, other: str, seconds: float) -> dict[str, Any]:
-        from rf_pointing.nodes.stamps import seconds_from_stamp
+        from rf_pointing.ros.stamps import seconds_from_stamp
 
         found_s = self.until(lambda: self.client.server_is_ready() and self.antenna_s > 0.0, "the station")
         sent = self.client.send_goal_async(self.goal)
@@ -293,8 +293,8 @@ def echo() -> None:
     import rclpy
     from sensor_msgs.msg import JointState
 
-    from rf_pointing.nodes.main_loop import make_executor
-    from rf_pointing.nodes.qos import STREAM
+    from rf_pointing.ros.main_loop import make_executor
+    from rf_pointing.ros.qos import STREAM
 
     rclpy.init()
     node = rclpy.create_node("echo", namespace=NAMESPACE)

@@ -14,8 +14,8 @@ import rclpy
 
 from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, ArrayGraph
 from rf_pointing.array_sensors.report.page import ArrayErrors, write_array_report
-from rf_pointing.nodes.main_loop import make_executor
-from rf_pointing.nodes.recorder import Recorder
+from rf_pointing.ros.main_loop import make_executor
+from rf_pointing.ros.recorder import Recorder
 
 SPEEDS = {"tripulse": 20.0, "doa": 10.0, "interferometer": 20.0}
 

@@ -8,8 +8,8 @@ Time runs when simulation_clock is active, which is last.  Then send the track_p
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 
 from launch import LaunchDescription
-from rf_pointing.nodes.graph import NODES
-from rf_pointing.nodes.launching import common_arguments, managed_nodes
+from rf_pointing.ros.graph import NODES
+from rf_pointing.ros.launching import common_arguments, managed_nodes
 
 
 def generate_launch_description() -> LaunchDescription:

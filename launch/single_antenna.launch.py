@@ -9,8 +9,8 @@ autostart:=false.
 from launch.actions import OpaqueFunction
 
 from launch import LaunchDescription
-from rf_pointing.nodes.graph import STATION_NODES
-from rf_pointing.nodes.launching import common_arguments, station_nodes
+from rf_pointing.ros.graph import STATION_NODES
+from rf_pointing.ros.launching import common_arguments, station_nodes
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -26,11 +26,11 @@ OTHER_ROOMS = ("array_sensors", "papers")
 SMALL_LINES = 60
 SMALL_ON_PURPOSE: dict[str, str] = {
     "rf_pointing/calibration/ionosphere.py": "one physical model with its source, no step of the pipeline",
-    "rf_pointing/nodes/recorder.py": "examples record with it, too",
+    "rf_pointing/ros/recorder.py": "examples record with it, too",
 }
 """Small modules with one importer that stay, each with the reason."""
 SENSORS = ("monopulse", "conscan", "steptrack")
-WIRE = re.compile(r"/nodes/convert\w*\.py$")
+WIRE = re.compile(r"/(ros|nodes)/convert\w*\.py$")
 """Modules that turn messages into core types and back: the words are those of the wire."""
 ROS_NAMES = {"Topic", "declare", "group", "node", "value"}
 """Calls whose first argument names a topic or a parameter set; a sensor's name may be such a name.

@@ -19,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 
 import rf_pointing
 from rf_pointing.core import leaves, parameter_unit, to_degrees
-from rf_pointing.nodes.managed import ManagedNode
+from rf_pointing.ros.managed import ManagedNode
 
 PACKAGE = Path(rf_pointing.__file__).parent
 EVERY_NODE = ("lifecycle", "description")

@@ -30,9 +30,9 @@ from rclpy.action.graph import (
 )
 from rclpy.signals import SignalHandlerOptions
 
-from rf_pointing.nodes.graph import ARRAY_NODES, DESCRIPTION, EXECUTIVE, NODES, OPERATOR_PAGE, ROTCTLD
-from rf_pointing.nodes.leased_services import LEASED, SIGNED
-from rf_pointing.nodes.managed import ManagedNode
+from rf_pointing.ros.graph import ARRAY_NODES, DESCRIPTION, EXECUTIVE, NODES, OPERATOR_PAGE, ROTCTLD
+from rf_pointing.ros.leased_services import LEASED, SIGNED
+from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.station.description import read_station
 
 NAMESPACE = "/gs1"

@@ -3,7 +3,7 @@ page that has them.
 
     scripts/run-python scripts/topic_table.py
 
-The table is made from `TOPICS` and `VIEWS` of rf_pointing/nodes/graph.py; a test compares the page
+The table is made from `TOPICS` and `VIEWS` of rf_pointing/ros/graph.py; a test compares the page
 with it.
 """
 
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from rf_pointing.nodes.graph import TOPICS, VIEWS, Topic
+from rf_pointing.ros.graph import TOPICS, VIEWS, Topic
 
 ROOT = Path(__file__).parents[1]
 BETWEEN = re.compile(r"(?<=<!-- topics -->\n).*?(?=<!-- /topics -->)", re.DOTALL)

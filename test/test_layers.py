@@ -37,6 +37,8 @@ ALLOWED_THIRD_PARTY = {
     "station": COMPOSED,
     "simulation": COMPOSED,
     "report": COMPOSED | {"matplotlib", "rosbags", "jinja2", "markupsafe", "pandas", "pyarrow"},
+    "ros": None,
+    "web": None,
     "nodes": None,
     "commands": None,
     **dict.fromkeys(CORE_OF_ARRAYS, SIBLING),
@@ -54,11 +56,13 @@ ALLOWED_ROOMS = {
     "station": {"core", *SIBLINGS},
     "simulation": {"core", "station", *SIBLINGS},
     "report": {"core", "station", "simulation", *SIBLINGS},
-    "nodes": STATION,
-    "commands": STATION | {"nodes"},
+    "ros": STATION,
+    "web": {"core", "ros"},
+    "nodes": STATION | {"ros", "web"},
+    "commands": STATION | {"ros", "nodes"},
     **dict.fromkeys(CORE_OF_ARRAYS, {"core", *SIBLINGS, "station"} | CORE_OF_ARRAYS),
     "array_sensors/report": STATION | CORE_OF_ARRAYS,
-    "array_sensors/nodes": STATION | {"nodes", "commands", "array_sensors/report"} | CORE_OF_ARRAYS,
+    "array_sensors/nodes": STATION | {"ros", "nodes", "commands", "array_sensors/report"} | CORE_OF_ARRAYS,
     "papers": STATION | CORE_OF_ARRAYS | {"commands"},
 }
 
@@ -104,7 +108,9 @@ NETWORK = {"requests", "urllib3", "httpx", "urllib.request", "http.client", "ftp
 
 def test_one_module_talks_to_servers() -> None:
     users = {path.relative_to(PACKAGE).as_posix() for path in modules() if imported_names(path) & NETWORK}
-    assert {name for name in users if not name.startswith(("drives/", "nodes/"))} == {"commands/fetch_elements.py"}
+    assert {name for name in users if not name.startswith(("drives/", "nodes/", "ros/", "web/"))} == {
+        "commands/fetch_elements.py"
+    }
 
 
 def test_every_room_is_in_the_table() -> None:

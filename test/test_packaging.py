@@ -41,7 +41,7 @@ def test_executable_has_a_main_in_the_module_of_its_name(name: str, room: str) -
 
 def test_launched_nodes_are_executables() -> None:
     # The table itself needs ROS to be imported.
-    source = (ROOT / "rf_pointing/nodes/graph.py").read_text()
+    source = (ROOT / "rf_pointing/ros/graph.py").read_text()
     named = set(re.findall(r'GraphNode\(\s*"(\w+)"', source))
     assert named
     # These are started where they are wanted, and are no part of a graph.

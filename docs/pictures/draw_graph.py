@@ -11,7 +11,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import FancyBboxPatch
 
-from rf_pointing.nodes.graph import GRAPH
+from rf_pointing.ros.graph import GRAPH
 
 KEPT, SIMULATED, INK = "#dbe9f6", "#fde8cf", "#1b2733"
 WIDTH, HEIGHT = 2.5, 0.62

@@ -1,5 +1,6 @@
 """The bias model of an antenna: its terms, its data, its fit, and the files of all three."""
 
+from rf_pointing.calibration.acceptance_passes import ShadowRules, ShadowScore, Verdict
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.campaign import (
     Campaign,
@@ -10,7 +11,6 @@ from rf_pointing.calibration.campaign import (
     uninformed_covariance,
 )
 from rf_pointing.calibration.coverage import Coverage, SectorRule
-from rf_pointing.calibration.doubts import doubts_of, measured_pass_priors
 from rf_pointing.calibration.fit import FitOptions, fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_result import FitResult, Prior
 from rf_pointing.calibration.ionosphere import Ionosphere
@@ -18,11 +18,11 @@ from rf_pointing.calibration.lag_history import LagHistory, LagState, without_la
 from rf_pointing.calibration.model_file import ModelVersion, read_model, write_model
 from rf_pointing.calibration.model_store import ModelStore
 from rf_pointing.calibration.observations import Observations, require_derivatives
+from rf_pointing.calibration.outlying_passes import doubts_of, measured_pass_priors
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.pipeline import Known, Processed, RawPasses, TrackedPass, select_observations
 from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, split_passes
 from rf_pointing.calibration.reference import ReferenceTrack
-from rf_pointing.calibration.shadow import ShadowRules, ShadowScore, Verdict
 from rf_pointing.calibration.tdm import read_tdm, write_tdm
 from rf_pointing.calibration.term_selection import held_out_passes, select_terms
 from rf_pointing.calibration.terms import EXTENSION_TERMS, TERM_NAMES, TERMS, terms_by_name

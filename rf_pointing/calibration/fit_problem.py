@@ -14,10 +14,7 @@ from rf_pointing.calibration.angles import Angles, ArrayAngles
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.fit_result import FitResult, Prior
 from rf_pointing.calibration.noise import NoiseScale, noise_scale
-from rf_pointing.calibration.observations import Observations
-from rf_pointing.calibration.pass_errors import PassErrors, PassPriors, lags_of, middles_of_passes, pass_partials
-from rf_pointing.calibration.terms import Partial, terms_by_name
-from rf_pointing.calibration.triangle import (
+from rf_pointing.calibration.normal_equations import (
     PassHeads,
     Solution,
     Triangle,
@@ -25,6 +22,9 @@ from rf_pointing.calibration.triangle import (
     pass_triangles,
     require_determined,
 )
+from rf_pointing.calibration.observations import Observations
+from rf_pointing.calibration.pass_errors import PassErrors, PassPriors, lags_of, middles_of_passes, pass_partials
+from rf_pointing.calibration.terms import Partial, terms_by_name
 from rf_pointing.core import wrap_rad
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.noise import NoiseScale
+from rf_pointing.calibration.normal_equations import advice_for
 from rf_pointing.calibration.pass_errors import PassErrors, PassPriors
-from rf_pointing.calibration.triangle import advice_for
 from rf_pointing.core import require_finite
 
 Array = NDArray[np.float64]

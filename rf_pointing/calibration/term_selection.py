@@ -36,10 +36,10 @@ from scipy.special import ndtr
 from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_problem import FitProblem
 from rf_pointing.calibration.fit_result import FitResult
+from rf_pointing.calibration.normal_equations import Triangle
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.terms import terms_by_name
-from rf_pointing.calibration.triangle import Triangle
 from rf_pointing.core import wrap_rad
 
 Array = NDArray[np.float64]

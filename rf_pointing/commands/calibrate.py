@@ -46,7 +46,8 @@ from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.core.modes import Sensor
 from rf_pointing.ephemeris import Elements, Pass, tle_lines
 from rf_pointing.ephemeris.source import read_source
-from rf_pointing.nodes import bias_calibrator, convert_planning
+from rf_pointing.nodes import bias_calibrator
+from rf_pointing.ros import convert_planning
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.model_keeper import ModelKeeper
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of

@@ -28,9 +28,9 @@ from rf_pointing.calibration import (
     SectorRule,
     StageReport,
     TrackedPass,
-    suspects,
 )
-from rf_pointing.calibration.suspects import Suspect
+from rf_pointing.calibration import systematic_errors as suspects
+from rf_pointing.calibration.systematic_errors import Suspect
 from rf_pointing.commands.options import (
     ELEMENTS_HELP,
     add_station_options,

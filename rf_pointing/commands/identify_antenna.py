@@ -17,7 +17,6 @@ from rclpy.action import ActionClient
 from rf_pointing_msgs.action import Identify
 from rf_pointing_msgs.msg import ManualRate
 
-from rf_pointing.commands.managed_graph import ManagedGraph, NotStartedError
 from rf_pointing.commands.options import (
     add_namespace_option,
     add_station_options,
@@ -31,9 +30,10 @@ from rf_pointing.commands.options import (
 from rf_pointing.commands.station_run import GraphRun, run_to_end
 from rf_pointing.core import AXES
 from rf_pointing.identification import ExcitationParams, Recording, SampleCollector, study
-from rf_pointing.nodes import convert_identification as convert
-from rf_pointing.nodes.qos import EXPERIMENT
 from rf_pointing.report.identification_report import error_table, save_recordings, write_identification
+from rf_pointing.ros import convert_identification as convert
+from rf_pointing.ros.managed_graph import ManagedGraph, NotStartedError
+from rf_pointing.ros.qos import EXPERIMENT
 
 PROGRAM = "identify_antenna"
 BRING_UP_S = 30.0

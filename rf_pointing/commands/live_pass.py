@@ -13,10 +13,10 @@ from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import PassCertificate
 
 from rf_pointing.commands.station_run import EVENT_S, GraphRun
-from rf_pointing.nodes import convert_planning
-from rf_pointing.nodes.qos import LATCHED
-from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.planning import certificate_lines
+from rf_pointing.ros import convert_planning
+from rf_pointing.ros.qos import LATCHED
+from rf_pointing.ros.stamps import seconds_from_stamp
 
 CERTIFICATE_S = 40.0
 """How long to wait for the certificate of an accepted goal, or for the word that there is none."""

@@ -30,7 +30,7 @@ from rf_pointing.ephemeris.source import load_catalogue
 from rf_pointing.ephemeris.uncertainty import error_text
 from rf_pointing.operations.pass_list import read_passes, to_calendar
 from rf_pointing.station.pointing.certificates import PlanningRules
-from rf_pointing.station.pointing.day_plan import DayPass, DayPlan, Fate, Wish, plan_day
+from rf_pointing.station.pointing.multi_satellite_plan import DayPass, DayPlan, Fate, Wish, plan_day
 
 PRIORITIES = (-1000, 1000)
 MOST_ERRORS = 10

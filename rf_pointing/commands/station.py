@@ -39,18 +39,18 @@ from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Named
 from std_srvs.srv import Trigger
 
 from rf_pointing.commands.live_pass import LivePass, outcome_line
-from rf_pointing.commands.managed_graph import NotStartedError
 from rf_pointing.commands.options import add_namespace_option, between, say
 from rf_pointing.commands.station_run import EVENT_S, FOLLOW_S, GraphRun, run_to_end
 from rf_pointing.core.dates import parse_utc, utc_text
-from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
-from rf_pointing.nodes.graph import EXECUTIVE, EXECUTIVE_STATUS, SCHEDULE
-from rf_pointing.nodes.leased_services import LEASED, OWNER, Caller
-from rf_pointing.nodes.qos import LATCHED, STATUS
-from rf_pointing.nodes.recorder import Recorder
-from rf_pointing.nodes.stamps import stamp_from_seconds
-from rf_pointing.nodes.station_view import entry_values, stamp_text, status_values, window_values
 from rf_pointing.operations.pass_list import read_passes
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.graph import EXECUTIVE, EXECUTIVE_STATUS, SCHEDULE
+from rf_pointing.ros.leased_services import LEASED, OWNER, Caller
+from rf_pointing.ros.managed_graph import NotStartedError
+from rf_pointing.ros.qos import LATCHED, STATUS
+from rf_pointing.ros.recorder import Recorder
+from rf_pointing.ros.stamps import stamp_from_seconds
+from rf_pointing.ros.station_view import entry_values, stamp_text, status_values, window_values
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
 PATIENCE_S = 10.0

@@ -16,7 +16,6 @@ import rclpy
 from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 
-from rf_pointing.commands.managed_graph import ManagedGraph, NotStartedError
 from rf_pointing.commands.options import say, station_of
 from rf_pointing.commands.track_options import (
     bag_folder,
@@ -27,9 +26,10 @@ from rf_pointing.commands.track_options import (
     parameters,
 )
 from rf_pointing.ephemeris import Pass
-from rf_pointing.nodes.graph import NODES, TOPICS, topics_of
-from rf_pointing.nodes.main_loop import make_executor, settle_garbage
-from rf_pointing.nodes.recorder import Recorder
+from rf_pointing.ros.graph import NODES, TOPICS, topics_of
+from rf_pointing.ros.main_loop import make_executor, settle_garbage
+from rf_pointing.ros.managed_graph import ManagedGraph, NotStartedError
+from rf_pointing.ros.recorder import Recorder
 
 PATIENCE_S = 120.0
 """Wall time that one step of the bring-up may take; a process that has ended is noticed at once."""

@@ -22,7 +22,7 @@ from rf_pointing.commands.station_run import StationRun, run_to_end
 from rf_pointing.core import MDEG
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass
-from rf_pointing.nodes import convert_planning
+from rf_pointing.ros import convert_planning
 
 
 class PassRun(StationRun):

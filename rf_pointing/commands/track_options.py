@@ -31,9 +31,9 @@ from rf_pointing.ephemeris import ElementUncertainty, Pass, first_pass_above, st
 from rf_pointing.ephemeris.element_files import element_files, is_address
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.ephemeris.source import load_track
-from rf_pointing.nodes.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES
 from rf_pointing.planning import Gate, MachineParams, choose_turns
 from rf_pointing.rf import LinkParams
+from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.antenna.simulated_antenna import SimulationParams
 from rf_pointing.station.pointing.params import ControllerParams

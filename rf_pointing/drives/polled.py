@@ -15,7 +15,7 @@ from rf_pointing.drives.drive import POSITION as POSITION_SET_POINTS
 from rf_pointing.drives.drive import Capabilities, Drive, DriveReading, Pair
 from rf_pointing.drives.link import Link, Opening, link_name
 from rf_pointing.drives.params import DriveParams
-from rf_pointing.drives.words import ALARM, DONE, LIMITS, NOISE, POSITION, REFUSED, STATUS, Answer, Request, Words
+from rf_pointing.drives.protocols import ALARM, DONE, LIMITS, NOISE, POSITION, REFUSED, STATUS, Answer, Request, Words
 
 ALSO_S = 1.0
 STOP_AGAIN_S = 1.0

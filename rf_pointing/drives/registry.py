@@ -13,8 +13,8 @@ from importlib.metadata import entry_points
 from rf_pointing.drives.drive import Drive, Pair
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.polled import PolledDrive
+from rf_pointing.drives.protocols import WORDS
 from rf_pointing.drives.simulated_rotator import SimulatedRotator
-from rf_pointing.drives.words import WORDS
 
 ENTRY_POINTS = "rf_pointing.drives"
 SIMULATED_ROTATOR = "simulated_rotator"

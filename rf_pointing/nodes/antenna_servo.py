@@ -43,18 +43,18 @@ from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.core import AXES, Params, parameter
 from rf_pointing.drives import make_drive
-from rf_pointing.nodes import convert
-from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
-from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
-from rf_pointing.nodes.graph import WIND
-from rf_pointing.nodes.identification_server import IdentificationServer
-from rf_pointing.nodes.leased_services import LeasedServices
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
-from rf_pointing.nodes.stamps import seconds_from_stamp
-from rf_pointing.nodes.station_node import ExecutiveWatch, StationNode
-from rf_pointing.nodes.topic_drive import TopicDrive
 from rf_pointing.planning import WrapCount
+from rf_pointing.ros import convert
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Health
+from rf_pointing.ros.graph import WIND
+from rf_pointing.ros.identification_server import IdentificationServer
+from rf_pointing.ros.leased_services import LeasedServices
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp
+from rf_pointing.ros.station_node import ExecutiveWatch, StationNode
+from rf_pointing.ros.topic_drive import TopicDrive
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna, wait_for_drive
 from rf_pointing.station.antenna.memory import AntennaMemory
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna

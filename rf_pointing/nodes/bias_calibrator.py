@@ -27,15 +27,15 @@ from std_srvs.srv import Trigger
 from rf_pointing import __version__, calibration
 from rf_pointing.calibration import ModelVersion, ObservationJournal, PassPriors, SectorRule, ShadowRules
 from rf_pointing.core import MDEG, Params, parameter
-from rf_pointing.nodes import convert, convert_calibration
-from rf_pointing.nodes.campaign_runner import CampaignRunner
-from rf_pointing.nodes.diagnostics import OK, WARN, Health
-from rf_pointing.nodes.graph import TEMPERATURE
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, conclude
-from rf_pointing.nodes.qos import LATCHED, STREAM
-from rf_pointing.nodes.stamps import stamp_from_seconds
-from rf_pointing.nodes.station_node import StationNode
+from rf_pointing.ros import convert, convert_calibration
+from rf_pointing.ros.campaign_runner import CampaignRunner
+from rf_pointing.ros.diagnostics import OK, WARN, Health
+from rf_pointing.ros.graph import TEMPERATURE
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.managed import RESULT_TIMEOUT_S, conclude
+from rf_pointing.ros.qos import LATCHED, STREAM
+from rf_pointing.ros.stamps import stamp_from_seconds
+from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
 

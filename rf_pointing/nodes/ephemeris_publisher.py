@@ -27,15 +27,15 @@ from rf_pointing.core import Params, parameter
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.ephemeris import Pass, SatelliteAntennaParams, SkyUncertainty, TopocentricTrack, stale_warning
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at
-from rf_pointing.nodes import convert, convert_planning
-from rf_pointing.nodes.diagnostics import ERROR, OK, WARN, Health
-from rf_pointing.nodes.element_updates import ElementUpdates
-from rf_pointing.nodes.graph import HUMIDITY, PRESSURE, SATELLITE_ATTITUDE, TEMPERATURE
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.qos import LATCHED, STREAM
-from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
-from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.planning import HorizonMask
+from rf_pointing.ros import convert, convert_planning
+from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Health
+from rf_pointing.ros.element_updates import ElementUpdates
+from rf_pointing.ros.graph import HUMIDITY, PRESSURE, SATELLITE_ATTITUDE, TEMPERATURE
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.qos import LATCHED, STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.pointing.certificates import pass_profile
 
 # What may change while the node is configured; ~/select_target takes another satellite.

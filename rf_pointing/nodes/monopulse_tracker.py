@@ -12,12 +12,12 @@ from rf_pointing_msgs.msg import Monopulse, PointingError, TrackingStatus
 from sensor_msgs.msg import JointState
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.nodes import convert
-from rf_pointing.nodes.diagnostics import OK, WARN, Health
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.station_node import StationNode
-from rf_pointing.nodes.streams import checked_message
+from rf_pointing.ros import convert
+from rf_pointing.ros.diagnostics import OK, WARN, Health
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.qos import STREAM
+from rf_pointing.ros.station_node import StationNode
+from rf_pointing.ros.streams import checked_message
 from rf_pointing.tracking import MonopulseParams, MonopulseScanParams
 from rf_pointing.tracking.cluster_tracker import ClusterTracker
 

@@ -30,19 +30,19 @@ from rf_pointing.core import leaves, with_leaves
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
-from rf_pointing.nodes import convert, convert_planning, station_view
-from rf_pointing.nodes.command_key import CommandKeyParams
-from rf_pointing.nodes.diagnostics import LEVELS, OK, WARN, Health
-from rf_pointing.nodes.directives import DirectiveSender
-from rf_pointing.nodes.graph import EXECUTIVE, EXECUTIVE_STATUS, OPERATOR_PAGE, SCHEDULE, STATION_IN_USE
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import LifecycleParams, ManagedNode
-from rf_pointing.nodes.page_server import Answer, PageParams, PageServer, read_token
-from rf_pointing.nodes.qos import IN_USE, LATCHED, STATUS, STREAM
-from rf_pointing.nodes.station_view import stamp_text
 from rf_pointing.operations.dictionary import TABLES, DirectiveRow, read_directives
 from rf_pointing.planning import HorizonMask
+from rf_pointing.ros import convert, convert_planning, station_view
+from rf_pointing.ros.command_key import CommandKeyParams
+from rf_pointing.ros.diagnostics import LEVELS, OK, WARN, Health
+from rf_pointing.ros.directives import DirectiveSender
+from rf_pointing.ros.graph import EXECUTIVE, EXECUTIVE_STATUS, OPERATOR_PAGE, SCHEDULE, STATION_IN_USE
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.managed import LifecycleParams, ManagedNode
+from rf_pointing.ros.qos import IN_USE, LATCHED, STATUS, STREAM
+from rf_pointing.ros.station_view import stamp_text
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
+from rf_pointing.web.page_server import Answer, PageParams, PageServer, read_token
 
 SLOW_S = 1.0
 """Wall time between two looks at what changes seldom."""

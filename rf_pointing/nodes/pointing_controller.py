@@ -39,16 +39,16 @@ from rf_pointing.calibration import BiasModel
 from rf_pointing.core import Sensor
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
-from rf_pointing.nodes import convert, convert_calibration, convert_planning
-from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
-from rf_pointing.nodes.diagnostics import ERROR, LEVELS, WARN, Health
-from rf_pointing.nodes.graph import STATION_IN_USE, TEMPERATURE
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, conclude
-from rf_pointing.nodes.qos import COMMAND, IN_USE, LATCHED, STATUS, STREAM
-from rf_pointing.nodes.repeated_call import RepeatedCall
-from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
-from rf_pointing.nodes.station_node import ClockWatch, ExecutiveWatch, StationCensus, StationInUse, StationNode
+from rf_pointing.ros import convert, convert_calibration, convert_planning
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.diagnostics import ERROR, LEVELS, WARN, Health
+from rf_pointing.ros.graph import STATION_IN_USE, TEMPERATURE
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.managed import RESULT_TIMEOUT_S, conclude
+from rf_pointing.ros.qos import COMMAND, IN_USE, LATCHED, STATUS, STREAM
+from rf_pointing.ros.repeated_call import RepeatedCall
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.ros.station_node import ClockWatch, ExecutiveWatch, StationCensus, StationInUse, StationNode
 from rf_pointing.station.pointing.certificates import StoreParams, store_certificate
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams

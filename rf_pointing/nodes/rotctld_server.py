@@ -51,16 +51,16 @@ from rf_pointing.drives.rotctld import (
 )
 from rf_pointing.ephemeris import CatalogueSky
 from rf_pointing.ephemeris.source import load_catalogue
-from rf_pointing.nodes import convert, convert_calibration
-from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
-from rf_pointing.nodes.diagnostics import OK, WARN, Health
-from rf_pointing.nodes.graph import EXECUTIVE_STATUS
-from rf_pointing.nodes.leased_services import Caller
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.qos import COMMAND, LATCHED, STATUS, STREAM
-from rf_pointing.nodes.stamps import seconds_from_stamp
-from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.planning import AxisLimits, HorizonMask, MachineParams
+from rf_pointing.ros import convert, convert_calibration
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.diagnostics import OK, WARN, Health
+from rf_pointing.ros.graph import EXECUTIVE_STATUS
+from rf_pointing.ros.leased_services import Caller
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.qos import COMMAND, LATCHED, STATUS, STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp
+from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.pointing.client_points import (
     ClientPoints,

@@ -22,13 +22,13 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Clock
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.nodes.diagnostics import Health
-from rf_pointing.nodes.graph import ESSENTIAL, TOPICS, Topic
-from rf_pointing.nodes.main_loop import open_private, run
-from rf_pointing.nodes.managed import ManagedNode
-from rf_pointing.nodes.pacing import PacedStream, Pacer
-from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.stamps import seconds_from_raw, seconds_from_stamp, stamp_from_seconds
+from rf_pointing.ros.diagnostics import Health
+from rf_pointing.ros.graph import ESSENTIAL, TOPICS, Topic
+from rf_pointing.ros.main_loop import open_private, run
+from rf_pointing.ros.managed import ManagedNode
+from rf_pointing.ros.pacing import PacedStream, Pacer
+from rf_pointing.ros.qos import STREAM
+from rf_pointing.ros.stamps import seconds_from_raw, seconds_from_stamp, stamp_from_seconds
 
 HELD_PERIOD_S = 0.1
 """Wall time between two repetitions of the time while it is held."""

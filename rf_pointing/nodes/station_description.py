@@ -29,15 +29,15 @@ except ImportError:
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
-from rf_pointing.nodes import convert, convert_planning
-from rf_pointing.nodes import convert_description as draw
-from rf_pointing.nodes.diagnostics import Health
-from rf_pointing.nodes.graph import DESCRIPTION
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.qos import LATCHED, STREAM
-from rf_pointing.nodes.station_node import StationNode
-from rf_pointing.nodes.streams import frame_in
 from rf_pointing.planning import PassProfile
+from rf_pointing.ros import convert, convert_planning
+from rf_pointing.ros import convert_description as draw
+from rf_pointing.ros.diagnostics import Health
+from rf_pointing.ros.graph import DESCRIPTION
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.qos import LATCHED, STREAM
+from rf_pointing.ros.station_node import StationNode
+from rf_pointing.ros.streams import frame_in
 from rf_pointing.station.description import urdf
 from rf_pointing.station.description.derivation import Band
 from rf_pointing.station.description.urdf import BASE, BEAM, size_m

@@ -38,23 +38,23 @@ from rf_pointing.core import AXES, Params, parameter
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.core.whole_file import KeptState, read_whole
-from rf_pointing.nodes import convert, convert_planning
-from rf_pointing.nodes.alarm_hooks import AlarmHooks, HookParams
-from rf_pointing.nodes.command_key import CommandKeyParams
-from rf_pointing.nodes.diagnostics import ERROR, LEVELS, OK, WARN, Health
-from rf_pointing.nodes.directives import DirectiveSender
-from rf_pointing.nodes.graph import EXECUTIVE_STATUS, SCHEDULE
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import RESULT_TIMEOUT_S, conclude
-from rf_pointing.nodes.qos import LATCHED, STATUS, WATCHED
-from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
-from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.operations.alarms import Alarm, AlarmParams
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.operations.night import Night, NightState
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.operations.schedule import BetweenParams, PassState, Schedule
 from rf_pointing.planning import AxisLimits, MachineParams
+from rf_pointing.ros import convert, convert_planning
+from rf_pointing.ros.alarm_hooks import AlarmHooks, HookParams
+from rf_pointing.ros.command_key import CommandKeyParams
+from rf_pointing.ros.diagnostics import ERROR, LEVELS, OK, WARN, Health
+from rf_pointing.ros.directives import DirectiveSender
+from rf_pointing.ros.graph import EXECUTIVE_STATUS, SCHEDULE
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.managed import RESULT_TIMEOUT_S, conclude
+from rf_pointing.ros.qos import LATCHED, STATUS, WATCHED
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.ros.station_node import StationNode
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
 STEP_S = 0.2
@@ -357,7 +357,7 @@ class StationExecutive(StationNode):
         if free_gb < needed:
             raise OSError(f"{free_gb:.3g} GB are free, must be >= {needed:g} GB")
         # Imported when it is needed: an executive that was killed must be back soon.
-        from rf_pointing.nodes.recorder import Recorder
+        from rf_pointing.ros.recorder import Recorder
 
         stem, number = self._folder / "passes" / name, 1
         while (folder := stem.with_name(f"{stem.name}-{number:02d}")).exists():

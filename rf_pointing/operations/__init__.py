@@ -7,9 +7,9 @@ the expected state, never when its response arrives.
 
 from rf_pointing.operations.alarms import AlarmParams
 from rf_pointing.operations.executor import BlockState, Executor, JournalEntry
+from rf_pointing.operations.expected_state import Condition, Situation
 from rf_pointing.operations.procedure import Block, Directive, Procedure, read_procedure
 from rf_pointing.operations.schedule import BetweenParams
-from rf_pointing.operations.situation import Condition, Situation
 
 __all__ = [
     "AlarmParams",

@@ -17,8 +17,8 @@ from enum import StrEnum
 from graphlib import TopologicalSorter
 from typing import Any
 
+from rf_pointing.operations.expected_state import Situation
 from rf_pointing.operations.procedure import Block, Directive, Procedure
-from rf_pointing.operations.situation import Situation
 
 
 class BlockState(StrEnum):

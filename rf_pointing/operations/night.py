@@ -16,10 +16,10 @@ from typing import Any
 from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL, SIDELOBE_DB
 from rf_pointing.operations.alarms import Alarm, AlarmBook
 from rf_pointing.operations.executor import BlockState, Executor, JournalEntry
+from rf_pointing.operations.expected_state import Situation
 from rf_pointing.operations.procedure import Directive, Procedure
 from rf_pointing.operations.recovery import Recovery, RecoveryTable
 from rf_pointing.operations.schedule import Entry, PassState, Schedule, ScheduledPass
-from rf_pointing.operations.situation import Situation
 
 Pair = tuple[float, float]
 Send = Callable[[int, str, dict[str, Any]], None]

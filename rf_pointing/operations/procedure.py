@@ -31,7 +31,7 @@ from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 from rf_pointing.core.whole_file import parse_yaml
-from rf_pointing.operations.situation import Condition, Situation, read_conditions
+from rf_pointing.operations.expected_state import Condition, Situation, read_conditions
 
 _PLACE = re.compile(r"^\$\{([A-Za-z_][\w.]*)\}$")
 _PROCEDURE_KEYS = {"version", "name", "parameters", "blocks"}

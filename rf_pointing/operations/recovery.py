@@ -30,8 +30,8 @@ from typing import Any
 from rf_pointing.core import leaves
 from rf_pointing.core.whole_file import parse_yaml
 from rf_pointing.operations.alarms import ERROR, WARNING, AlarmBook, AlarmParams
+from rf_pointing.operations.expected_state import Condition, Situation, read_conditions
 from rf_pointing.operations.procedure import Procedure, procedure_from
-from rf_pointing.operations.situation import Condition, Situation, read_conditions
 
 EFFECTS = ("continue", "wait", "weather", "stop")
 """How the night goes on: as before; no pass begins; no pass begins, for the weather; it ends."""

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 from rf_pointing.array_sensors.attitude.multiplicative_filter import PRINTED_Q, TABLE_Q
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult, RunTask, run
-from rf_pointing.papers.doa_study.beyond import beyond_rows
 from rf_pointing.papers.doa_study.direction_rows import accuracy_rows, direction_rows, scene_rows
 from rf_pointing.papers.doa_study.directions import DirectionCase
 from rf_pointing.papers.doa_study.filter_rows import attitude_rows, convergence_rows, filter_rows
+from rf_pointing.papers.doa_study.future_work import beyond_rows
 from rf_pointing.papers.row import Row
 from rf_pointing.papers.sweeps import sweep
 

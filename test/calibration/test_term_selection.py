@@ -16,9 +16,9 @@ from rf_pointing.calibration import (
     select_terms,
     term_selection,
 )
+from rf_pointing.calibration.normal_equations import Triangle
 from rf_pointing.calibration.term_selection import _least, _Mixture, _Search
 from rf_pointing.calibration.terms import terms_by_name
-from rf_pointing.calibration.triangle import Triangle
 from rf_pointing.core import MDEG
 
 EXTENSIONS = tuple(term.name for term in EXTENSION_TERMS if term.unit != "rad/K" and "beyond" not in term.name)

@@ -11,7 +11,7 @@ import rclpy
 from rcl_interfaces.srv import GetParameters
 
 from rf_pointing.commands import live_pass, station, station_run
-from rf_pointing.commands.managed_graph import NotStartedError
+from rf_pointing.ros.managed_graph import NotStartedError
 
 BEGIN_S = 1000.0
 MOST_LOOKS = 100_000

@@ -26,7 +26,7 @@ from rf_pointing.calibration import (
     write_model,
 )
 from rf_pointing.calibration.pass_errors import pass_partials
-from rf_pointing.calibration.suspects import Suspect
+from rf_pointing.calibration.systematic_errors import Suspect
 from rf_pointing.calibration.tracking_csv import write_observations
 from rf_pointing.commands import fit_bias_model, plan_calibration
 from rf_pointing.core import MDEG

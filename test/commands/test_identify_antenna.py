@@ -14,8 +14,8 @@ from rf_pointing_msgs.msg import ManualRate
 
 from rf_pointing.commands import identify_antenna, station_run
 from rf_pointing.commands.identify_antenna import EndedEarlyError, Experimenter, arguments, excitation
-from rf_pointing.commands.managed_graph import NotStartedError
 from rf_pointing.identification import Recording
+from rf_pointing.ros.managed_graph import NotStartedError
 from rf_pointing.station.description import read_station
 
 SMALL = ["--sequences", "2", "--held-out", "1", "--samples", "64"]

@@ -17,7 +17,7 @@ from rf_pointing.commands import plan_passes, plan_passes_many
 from rf_pointing.core.dates import DAY_S, parse_utc
 from rf_pointing.ephemeris import find_elements, tle_lines, verification_elements
 from rf_pointing.station.description import read_station
-from rf_pointing.station.pointing.day_plan import DayPlan, Fate, Wish
+from rf_pointing.station.pointing.multi_satellite_plan import DayPlan, Fate, Wish
 
 OVER = ["--start", "2006-06-28T06:00:00", "--hours", "12.5"]
 

@@ -31,8 +31,8 @@ from std_srvs.srv import Trigger
 import rf_pointing.report
 from rf_pointing.commands import station
 from rf_pointing.core.dates import parse_utc
-from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
-from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from test.commands.fake_station import FakeStation, make_station
 
 

@@ -11,10 +11,10 @@ import rclpy
 from std_srvs.srv import Trigger
 
 from rf_pointing.commands import calibrate, station_run, track_options
-from rf_pointing.commands.managed_graph import NotStartedError
 from rf_pointing.commands.station_run import GraphRun, InterruptedRunError, StationRun, run_to_end
 from rf_pointing.ephemeris import Pass
-from rf_pointing.nodes.graph import NODES, TOPICS, topics_of
+from rf_pointing.ros.graph import NODES, TOPICS, topics_of
+from rf_pointing.ros.managed_graph import NotStartedError
 from rf_pointing.station.description import read_station
 from test.commands.fake_station import BEGIN_S, FakeGraph, FakeStation, make_run
 

@@ -12,10 +12,10 @@ from rf_pointing_msgs.msg import PassBranch, PassCertificate, TrackingStatus
 import rf_pointing.report
 from rf_pointing.commands import live_pass, track, track_options
 from rf_pointing.commands.live_pass import LivePass, ProgressLine, describe, outcome_line
-from rf_pointing.commands.managed_graph import NotStartedError
 from rf_pointing.commands.station_run import GraphRun
-from rf_pointing.nodes.graph import NODES
-from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.ros.graph import NODES
+from rf_pointing.ros.managed_graph import NotStartedError
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.description import read_station
 from test.commands.fake_station import FakeStation, make_run
 

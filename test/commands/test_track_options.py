@@ -12,7 +12,7 @@ import yaml
 from rf_pointing.commands import track_options
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris import Pass, find_elements, tle_lines, verification_elements
-from rf_pointing.nodes.graph import ARRAY_NODES, DRIVE_NODES, NODES
+from rf_pointing.ros.graph import ARRAY_NODES, DRIVE_NODES, NODES
 from rf_pointing.station.description import read_station
 
 RUNS = ["--min-peak", "40"]

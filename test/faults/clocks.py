@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 from rosgraph_msgs.msg import Clock
 
-from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.stamps import stamp_from_seconds
+from rf_pointing.ros.qos import STREAM
+from rf_pointing.ros.stamps import stamp_from_seconds
 
 TICK_S = 0.02
 PATIENCE_S = 0.5

@@ -16,11 +16,11 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from rf_pointing.commands.managed_graph import NodeProcesses
-from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
-from rf_pointing.nodes.leased_services import Caller
-from rf_pointing.nodes.qos import COMMAND, STREAM
-from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.leased_services import Caller
+from rf_pointing.ros.managed_graph import NodeProcesses
+from rf_pointing.ros.qos import COMMAND, STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from test.faults.clocks import ManualClock, WallClock
 
 START_S = 1_151_384_000.0

@@ -14,9 +14,9 @@ import pytest
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
 from rf_pointing_msgs.msg import TrackingStatus
 
-from rf_pointing.nodes.hearing import INPUT_SILENCE_S
-from rf_pointing.nodes.main_loop import DEAF
-from rf_pointing.nodes.qos import STREAM
+from rf_pointing.ros.input_watchdog import INPUT_SILENCE_S
+from rf_pointing.ros.main_loop import DEAF
+from rf_pointing.ros.qos import STREAM
 
 pytestmark = pytest.mark.graph
 NAMES = ["antenna_servo", "ephemeris_publisher", "pointing_controller"]

@@ -25,11 +25,11 @@ from rf_pointing_msgs.msg import AntennaStatus
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
-from rf_pointing.nodes.diagnostics import ERROR, WARN
-from rf_pointing.nodes.main_loop import make_executor
-from rf_pointing.nodes.qos import COMMAND, SERVICE, STREAM
-from rf_pointing.nodes.stamps import seconds_from_stamp
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.diagnostics import ERROR, WARN
+from rf_pointing.ros.main_loop import make_executor
+from rf_pointing.ros.qos import COMMAND, SERVICE, STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp
 from test.drives.rotctld import RealRotctld
 from test.faults.live_servo import RATE_RAD_S, START_RAD, WITH_HILL, Servo, on_rotctld, servo_yaml
 from test.graph.conftest import ask, live_graph

@@ -26,9 +26,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from rf_pointing.commands.managed_graph import NodeProcesses
-from rf_pointing.nodes.qos import LATCHED, STREAM
-from rf_pointing.nodes.stamps import seconds_from_stamp
+from rf_pointing.ros.managed_graph import NodeProcesses
+from rf_pointing.ros.qos import LATCHED, STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp
 from test.graph.conftest import ask
 
 pytestmark = pytest.mark.graph

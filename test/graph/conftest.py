@@ -15,9 +15,9 @@ import yaml
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
 from ament_index_python.packages import get_package_prefix
 
-from rf_pointing.commands.managed_graph import LifecycleClient, NodeProcesses
-from rf_pointing.nodes.main_loop import make_executor
-from rf_pointing.nodes.repeated_call import RepeatedCall
+from rf_pointing.ros.main_loop import make_executor
+from rf_pointing.ros.managed_graph import LifecycleClient, NodeProcesses
+from rf_pointing.ros.repeated_call import RepeatedCall
 from rf_pointing.station.description import read_station
 
 DEADLINE_S = 60.0

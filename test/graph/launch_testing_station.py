@@ -17,7 +17,7 @@ from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 
 from launch import LaunchDescription
-from rf_pointing.nodes.graph import NODES
+from rf_pointing.ros.graph import NODES
 
 NAMESPACE = "launch_testing"
 FILE = Path(__file__).parents[2] / "launch" / "simulated_station.launch.py"

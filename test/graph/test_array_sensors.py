@@ -18,8 +18,8 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 )
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, ArrayGraph
-from rf_pointing.nodes.main_loop import make_executor
-from rf_pointing.nodes.qos import STREAM
+from rf_pointing.ros.main_loop import make_executor
+from rf_pointing.ros.qos import STREAM
 
 pytestmark = pytest.mark.graph
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from rf_pointing.nodes.graph import NODES
+from rf_pointing.ros.graph import NODES
 
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
@@ -15,7 +15,7 @@ from rf_pointing_msgs.msg import AntennaStatus
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from rf_pointing.nodes.qos import COMMAND, STREAM
+from rf_pointing.ros.qos import COMMAND, STREAM
 
 from .conftest import ask, executable
 

@@ -26,10 +26,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
-from rf_pointing.nodes import convert_planning
-from rf_pointing.nodes.graph import EXECUTIVE, NODES, TOPICS
-from rf_pointing.nodes.qos import LATCHED, STATUS, STREAM
-from rf_pointing.nodes.stamps import seconds_from_stamp
+from rf_pointing.ros import convert_planning
+from rf_pointing.ros.graph import EXECUTIVE, NODES, TOPICS
+from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.station.description import read_station, shipped_stations
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PLAN_PATIENCE_S

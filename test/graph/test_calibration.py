@@ -17,8 +17,8 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from rf_pointing.core import MDEG
-from rf_pointing.nodes.qos import LATCHED, STREAM
-from rf_pointing.nodes.stamps import stamp_from_seconds
+from rf_pointing.ros.qos import LATCHED, STREAM
+from rf_pointing.ros.stamps import stamp_from_seconds
 
 from .conftest import ask
 

@@ -17,9 +17,9 @@ from rf_pointing.core import Target as SkyTarget
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.ephemeris import ElementUncertainty, sky_uncertainty
 from rf_pointing.ephemeris.source import SourceParams, load_track
-from rf_pointing.nodes import convert
-from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.stamps import seconds_from_stamp
+from rf_pointing.ros import convert
+from rf_pointing.ros.qos import STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp
 from test.faults.clocks import ManualClock
 
 pytestmark = pytest.mark.graph

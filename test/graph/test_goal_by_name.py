@@ -26,9 +26,9 @@ from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.ephemeris import Pass as Window
 from rf_pointing.ephemeris import find_elements, passes_with_present, tle_lines, verification_elements
 from rf_pointing.ephemeris.source import SourceParams, load_track
-from rf_pointing.nodes.qos import LATCHED
-from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.planning import HorizonMask
+from rf_pointing.ros.qos import LATCHED
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.description import read_station
 
 from .conftest import ask, live_graph

@@ -20,10 +20,10 @@ from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, Schedule, Track
 from rosgraph_msgs.msg import Clock
 
 from rf_pointing.commands import station
-from rf_pointing.nodes.graph import NODES
-from rf_pointing.nodes.qos import LATCHED, STATUS, STREAM
-from rf_pointing.nodes.stamps import seconds_from_stamp
 from rf_pointing.operations.pass_list import to_json
+from rf_pointing.ros.graph import NODES
+from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp
 from test.faults.test_restarts import PACING, Stopwatch
 from test.simulation.night_plan import small_night
 

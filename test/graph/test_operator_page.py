@@ -24,9 +24,9 @@ from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from rf_pointing.nodes.graph import NODES
-from rf_pointing.nodes.qos import LATCHED, STATUS, STREAM
-from rf_pointing.nodes.stamps import stamp_from_seconds
+from rf_pointing.ros.graph import NODES
+from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
+from rf_pointing.ros.stamps import stamp_from_seconds
 
 from .conftest import live_graph
 from .test_night import LiveNight

@@ -19,8 +19,8 @@ from std_srvs.srv import Trigger
 
 from rf_pointing.core import angular_distance_rad, azel_from_unit_vector
 from rf_pointing.ephemeris import TopocentricTrack, tle_lines
-from rf_pointing.nodes.qos import LATCHED, STATUS, STREAM
-from rf_pointing.nodes.stamps import seconds_from_stamp
+from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.station.description import read_station
 from test.graph.real_station import satellite_over
 

@@ -14,7 +14,7 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParametersAtomically
 from rf_pointing_msgs.msg import AntennaStatus
 
-from rf_pointing.nodes.qos import STREAM
+from rf_pointing.ros.qos import STREAM
 
 from .conftest import DEADLINE_S, ask, executable
 

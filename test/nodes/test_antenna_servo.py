@@ -19,12 +19,12 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from rf_pointing.nodes.antenna_servo import WRAP_EVERY, AntennaServo
-from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
-from rf_pointing.nodes.diagnostics import ERROR, OK, WARN
-from rf_pointing.nodes.leased_services import LEASE_S, LEASED, Caller, LeasedServices
-from rf_pointing.nodes.main_loop import _work, make_executor
-from rf_pointing.nodes.stamps import stamp_from_seconds
 from rf_pointing.planning import WrapCount
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.diagnostics import ERROR, OK, WARN
+from rf_pointing.ros.leased_services import LEASE_S, LEASED, Caller, LeasedServices
+from rf_pointing.ros.main_loop import _work, make_executor
+from rf_pointing.ros.stamps import stamp_from_seconds
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
 TICKS_A_STATUS = 5

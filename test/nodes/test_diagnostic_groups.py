@@ -14,10 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 from rf_pointing.nodes.antenna_servo import AntennaServo
 from rf_pointing.nodes.bias_calibrator import BiasCalibrator
 from rf_pointing.nodes.conscan_tracker import ConscanTrackerNode
-from rf_pointing.nodes.diagnostics import MOST_EVENTS, EventLog
 from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
-from rf_pointing.nodes.graph import DESCRIPTION, EXECUTIVE, NODES, OPERATOR_PAGE
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.monopulse_tracker import MonopulseTrackerNode
 from rf_pointing.nodes.operator_page import OperatorPage
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
@@ -25,6 +22,9 @@ from rf_pointing.nodes.rf_receiver import RfReceiver
 from rf_pointing.nodes.simulation_clock import SimulationClock
 from rf_pointing.nodes.station_description import StationDescriptionNode
 from rf_pointing.nodes.station_executive import StationExecutive
+from rf_pointing.ros.diagnostics import MOST_EVENTS, EventLog
+from rf_pointing.ros.graph import DESCRIPTION, EXECUTIVE, NODES, OPERATOR_PAGE
+from rf_pointing.ros.managed import ManagedNode
 
 ROOT = Path(__file__).parents[2]
 ANTENNA = "gs1"

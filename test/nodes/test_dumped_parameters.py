@@ -18,9 +18,9 @@ from rclpy.signals import SignalHandlerOptions
 from rf_pointing.commands import check_drive, plan_passes
 from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.nodes.antenna_servo import AntennaServo
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
-from rf_pointing.nodes.station_node import StationNode
+from rf_pointing.ros.managed import ManagedNode
+from rf_pointing.ros.station_node import StationNode
 from rf_pointing.simulation.pass_simulation import StationSetup
 from rf_pointing.station.description import STATIONS, read_station, shipped_stations
 from rf_pointing.station.description.derivation import OF_EVERY_NODE, require_known

@@ -21,9 +21,9 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, site, verification_elements
 from rf_pointing.ephemeris.earth_orientation import orientation_table
-from rf_pointing.nodes.diagnostics import ERROR, OK, WARN
 from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
-from rf_pointing.nodes.stamps import stamp_from_seconds
+from rf_pointing.ros.diagnostics import ERROR, OK, WARN
+from rf_pointing.ros.stamps import stamp_from_seconds
 
 STATE = LifecycleState(state_id=1, label="unconfigured")
 FIRST_S, STEP_S, STATES = 1_151_384_300.0, 60.0, 13

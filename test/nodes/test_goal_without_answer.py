@@ -13,7 +13,7 @@ from rf_pointing_msgs.srv import SelectTarget
 
 from rf_pointing.nodes import pointing_controller
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
-from rf_pointing.nodes.stamps import stamp_from_seconds
+from rf_pointing.ros.stamps import stamp_from_seconds
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
 

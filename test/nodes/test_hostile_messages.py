@@ -37,7 +37,6 @@ from rf_pointing.nodes.antenna_servo import AntennaServo
 from rf_pointing.nodes.bias_calibrator import BiasCalibrator
 from rf_pointing.nodes.conscan_tracker import ConscanTrackerNode
 from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.monopulse_tracker import MonopulseTrackerNode
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
 from rf_pointing.nodes.rf_receiver import RfReceiver
@@ -45,9 +44,10 @@ from rf_pointing.nodes.rotctld_server import RotctldServerNode
 from rf_pointing.nodes.simulation_clock import SimulationClock
 from rf_pointing.nodes.station_description import StationDescriptionNode
 from rf_pointing.nodes.station_executive import StationExecutive
-from rf_pointing.nodes.topic_drive import TopicDrive
 from rf_pointing.planning import PassProfile
 from rf_pointing.rf.dish_array import DishArrayParams
+from rf_pointing.ros.managed import ManagedNode
+from rf_pointing.ros.topic_drive import TopicDrive
 
 PAYLOADS = 10_000
 WORK_EVERY = 50

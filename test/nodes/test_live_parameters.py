@@ -10,8 +10,8 @@ from rclpy.parameter import Parameter
 
 from rf_pointing.nodes.antenna_servo import AntennaServo
 from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
-from rf_pointing.nodes.managed import ManagedNode
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
+from rf_pointing.ros.managed import ManagedNode
 
 CASES = {
     AntennaServo: (("loops.azimuth.proportional_gain", 5.0), ("antenna.start_azimuth_deg", 20.0)),

@@ -32,12 +32,12 @@ from rf_pointing_msgs.msg import (
 
 from rf_pointing.core.dates import utc_text
 from rf_pointing.nodes import operator_page
-from rf_pointing.nodes.diagnostics import ERROR, OK, WARN
-from rf_pointing.nodes.directives import type_of
 from rf_pointing.nodes.operator_page import OperatorPage, checked_arguments, command_rows
-from rf_pointing.nodes.page_server import shown
-from rf_pointing.nodes.stamps import stamp_from_seconds
+from rf_pointing.ros.diagnostics import ERROR, OK, WARN
+from rf_pointing.ros.directives import type_of
+from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.station.description import read_station
+from rf_pointing.web.page_server import shown
 from test.nodes.test_hostile_messages import SILENT, fill, mutated, spoil
 
 PAYLOADS = 10_000

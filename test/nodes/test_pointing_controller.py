@@ -21,10 +21,11 @@ from std_srvs.srv import Trigger
 
 from rf_pointing.core import JointReading, JointTrajectory
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL, PassOutcome
-from rf_pointing.nodes import convert_planning, pointing_controller
-from rf_pointing.nodes.diagnostics import ERROR, OK, WARN
+from rf_pointing.nodes import pointing_controller
 from rf_pointing.nodes.pointing_controller import PointingControllerNode, nearest_pass
-from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.ros import convert_planning
+from rf_pointing.ros.diagnostics import ERROR, OK, WARN
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.outcome import PassStatistics
 from test.nodes.goal_handle import GoalHandle
 

@@ -9,8 +9,9 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rf_pointing_msgs.msg import Boresight, PassList
 
-from rf_pointing.nodes import convert, rf_receiver
+from rf_pointing.nodes import rf_receiver
 from rf_pointing.nodes.rf_receiver import RfReceiver
+from rf_pointing.ros import convert
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
 

@@ -23,11 +23,11 @@ from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, Motion
 from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, Order, ServerCounts
 from rf_pointing.nodes import rotctld_server
-from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
-from rf_pointing.nodes.diagnostics import OK, WARN
 from rf_pointing.nodes.rotctld_server import RotctldServerNode
-from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.planning import AxisLimits
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.diagnostics import OK, WARN
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.client_points import Match
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")

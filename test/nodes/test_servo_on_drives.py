@@ -17,11 +17,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from rf_pointing.nodes import antenna_servo, station_node
+from rf_pointing.nodes import antenna_servo
 from rf_pointing.nodes.antenna_servo import AntennaServo
-from rf_pointing.nodes.diagnostics import ERROR, OK
-from rf_pointing.nodes.qos import LATCHED, STREAM
-from rf_pointing.nodes.stamps import stamp_from_seconds
+from rf_pointing.ros import station_node
+from rf_pointing.ros.diagnostics import ERROR, OK
+from rf_pointing.ros.qos import LATCHED, STREAM
+from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.station.description import read_station
 from test.drives.rotctld import RealRotctld
 

@@ -14,9 +14,9 @@ from rclpy.serialization import serialize_message
 from rf_pointing_msgs.msg import Target
 
 from rf_pointing.nodes import simulation_clock
-from rf_pointing.nodes.graph import ESSENTIAL, TOPICS
 from rf_pointing.nodes.simulation_clock import ClockMemory, SimulationClock
-from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.ros.graph import ESSENTIAL, TOPICS
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
 START_S = 1_151_384_000.0

@@ -19,13 +19,13 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from rf_pointing.core import JointReading
 from rf_pointing.core.angles import azel_from_unit_vector, unit_vector_from_azel
-from rf_pointing.nodes import convert, convert_description
-from rf_pointing.nodes.graph import FRAMES, GRAPH, TOPICS
-from rf_pointing.nodes.managed import ManagedNode
-from rf_pointing.nodes.qos import LATCHED, STREAM
-from rf_pointing.nodes.stamps import stamp_from_seconds
 from rf_pointing.nodes.station_description import TF, StationDescriptionNode
-from rf_pointing.nodes.streams import frame_in
+from rf_pointing.ros import convert, convert_description
+from rf_pointing.ros.graph import FRAMES, GRAPH, TOPICS
+from rf_pointing.ros.managed import ManagedNode
+from rf_pointing.ros.qos import LATCHED, STREAM
+from rf_pointing.ros.stamps import stamp_from_seconds
+from rf_pointing.ros.streams import frame_in
 from rf_pointing.station.description import read_station, shipped_stations, urdf
 from rf_pointing.station.description.urdf import size_m
 

@@ -30,16 +30,17 @@ from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Named, SelectTarget
 
 from rf_pointing.core import JointReading
 from rf_pointing.core.dates import utc_text
-from rf_pointing.nodes import recorder, station_executive, station_node
-from rf_pointing.nodes.command_key import CommandKey, CommandKeyParams
-from rf_pointing.nodes.diagnostics import ERROR, OK, WARN
-from rf_pointing.nodes.directives import DirectiveSender, filled, plain_fields, type_of
-from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.nodes import station_executive
 from rf_pointing.nodes.station_executive import StationExecutive
-from rf_pointing.nodes.station_node import ExecutiveWatch
 from rf_pointing.operations import AlarmParams
 from rf_pointing.operations.dictionary import read_directives, read_tables
 from rf_pointing.operations.schedule import PassState
+from rf_pointing.ros import recorder, station_node
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.diagnostics import ERROR, OK, WARN
+from rf_pointing.ros.directives import DirectiveSender, filled, plain_fields, type_of
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.ros.station_node import ExecutiveWatch
 from test.nodes.goal_handle import GoalHandle
 
 

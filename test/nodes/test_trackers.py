@@ -12,10 +12,11 @@ from rclpy.serialization import serialize_message
 from rf_pointing_msgs.msg import TrackingStatus
 
 from rf_pointing.core import CarrierPower, JointReading, MonopulseCluster, PointingError
-from rf_pointing.nodes import convert, operator_page, pointing_controller, rotctld_server, station_executive
+from rf_pointing.nodes import operator_page, pointing_controller, rotctld_server, station_executive
 from rf_pointing.nodes.conscan_tracker import ConscanTrackerNode
-from rf_pointing.nodes.diagnostics import OK, WARN
 from rf_pointing.nodes.monopulse_tracker import MonopulseTrackerNode
+from rf_pointing.ros import convert
+from rf_pointing.ros.diagnostics import OK, WARN
 
 ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
 T_S = 1_200_000_000.0

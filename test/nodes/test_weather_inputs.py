@@ -12,11 +12,11 @@ from rf_pointing_msgs.srv import StowInFault
 from sensor_msgs.msg import Temperature
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.nodes import convert_calibration, station_node
 from rf_pointing.nodes.antenna_servo import AntennaServo
-from rf_pointing.nodes.diagnostics import WARN
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
-from rf_pointing.nodes.stamps import stamp_from_seconds
+from rf_pointing.ros import convert_calibration, station_node
+from rf_pointing.ros.diagnostics import WARN
+from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.station.description import read_station
 from test.station.campaign.test_model_keeper import model_file
 

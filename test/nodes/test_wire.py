@@ -27,8 +27,8 @@ from rf_pointing.core import (
     Target,
 )
 from rf_pointing.identification import ExcitationParams
-from rf_pointing.nodes import convert, convert_identification, convert_planning
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
+from rf_pointing.ros import convert, convert_identification, convert_planning
 from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
 
 T_S, SEC, NANOSEC = 1_151_384_323.813083, 1_151_384_323, 813_083_000

@@ -25,12 +25,12 @@ from rclpy.node import Node
 from rf_pointing_msgs import msg as ours
 from rosgraph_msgs.msg import Clock
 
-from rf_pointing.commands.managed_graph import ManagedGraph
 from rf_pointing.core.parameters import read_parameter_files
-from rf_pointing.nodes.graph import Topic
-from rf_pointing.nodes.pacing import PacedStream, Pacer
-from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.ros.graph import Topic
+from rf_pointing.ros.managed_graph import ManagedGraph
+from rf_pointing.ros.pacing import PacedStream, Pacer
+from rf_pointing.ros.qos import STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 
 CLOCK = "simulation_clock"
 """Gives the time of a simulated graph where nothing else does."""

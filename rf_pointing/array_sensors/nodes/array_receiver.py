@@ -13,11 +13,11 @@ from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock
 from rf_pointing.array_sensors.doa.dish_array import SimulatedDishArray
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.core import Params, parameter
-from rf_pointing.nodes.convert import error_from_message
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.rf.dish_array import DishArrayParams
+from rf_pointing.ros.convert import error_from_message
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.qos import STREAM
+from rf_pointing.ros.station_node import StationNode
 
 
 @dataclass(frozen=True, kw_only=True)

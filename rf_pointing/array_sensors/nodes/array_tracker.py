@@ -9,12 +9,12 @@ from rf_pointing_msgs.msg import ArraySnapshots, PointingError
 
 from rf_pointing.array_sensors.doa.dish_array import DishArrayTracker
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.nodes.convert import error_to_message
-from rf_pointing.nodes.diagnostics import OK, WARN, Health
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.qos import STREAM
-from rf_pointing.nodes.station_node import StationNode
 from rf_pointing.rf.dish_array import DishArrayParams
+from rf_pointing.ros.convert import error_to_message
+from rf_pointing.ros.diagnostics import OK, WARN, Health
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.qos import STREAM
+from rf_pointing.ros.station_node import StationNode
 
 
 class ArrayTracker(StationNode):

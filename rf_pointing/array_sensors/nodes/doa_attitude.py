@@ -23,9 +23,9 @@ from rf_pointing.array_sensors.doa.estimator import DoaEstimatorParams
 from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
-from rf_pointing.nodes.qos import STREAM
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.managed import ManagedNode
+from rf_pointing.ros.qos import STREAM
 
 SILENCE_S = 2.0
 """Without a block for this long, the attitude is carried on by the known torques and published all

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from rf_pointing.nodes.diagnostics import OK, WARN, Health
+from rf_pointing.ros.diagnostics import OK, WARN, Health
 
 
 class InputOutcomes:

@@ -21,9 +21,9 @@ from rf_pointing.array_sensors.interferometer.tracker import InterferometerTrack
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.core import Params, parameter
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
-from rf_pointing.nodes.qos import STREAM
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.managed import ManagedNode
+from rf_pointing.ros.qos import STREAM
 
 
 @dataclass(frozen=True, kw_only=True)

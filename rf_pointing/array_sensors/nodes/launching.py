@@ -11,7 +11,7 @@ from launch_ros.actions import LifecycleNode
 
 from launch import LaunchDescription
 from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, CLOCK
-from rf_pointing.nodes.launching import RESPAWN_DELAY_S, network_argument, network_environment
+from rf_pointing.ros.launching import RESPAWN_DELAY_S, network_argument, network_environment
 
 
 def array_description(name: str) -> LaunchDescription:

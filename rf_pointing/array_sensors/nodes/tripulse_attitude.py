@@ -14,9 +14,9 @@ from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.array_sensors.tripulse.geostationary_scene import GeostationaryParams
 from rf_pointing.array_sensors.tripulse.station_attitude import StationAttitudeParams
 from rf_pointing.array_sensors.tripulse.system import EpochParams, TripulseAttitude, attitude_report
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
-from rf_pointing.nodes.qos import STREAM
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.managed import ManagedNode
+from rf_pointing.ros.qos import STREAM
 
 
 class TripulseAttitudeNode(ManagedNode):

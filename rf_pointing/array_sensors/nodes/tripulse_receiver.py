@@ -18,9 +18,9 @@ from rf_pointing.array_sensors.tripulse.receiver import TripulseReceiver, Tripul
 from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
 from rf_pointing.array_sensors.tripulse.tracker import TrackerParams
 from rf_pointing.core import Params, parameter
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
-from rf_pointing.nodes.qos import STREAM
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.managed import ManagedNode
+from rf_pointing.ros.qos import STREAM
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,9 +21,9 @@ from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
 from rf_pointing.array_sensors.tripulse.source import TripulseSourceParams
 from rf_pointing.array_sensors.tripulse.system import SimulatedTripulse
 from rf_pointing.core import Params, parameter
-from rf_pointing.nodes.main_loop import run
-from rf_pointing.nodes.managed import ManagedNode
-from rf_pointing.nodes.qos import STREAM
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.managed import ManagedNode
+from rf_pointing.ros.qos import STREAM
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -43,7 +43,7 @@ from rf_pointing.array_sensors.attitude.rigid_body import (
 )
 from rf_pointing.array_sensors.attitude.rotations import cosine_slopes, cross_matrix, tangent_rows
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SimulatedSatellite
-from rf_pointing.papers.doa_study.beyond import nees, nees_band
+from rf_pointing.papers.doa_study.future_work import nees, nees_band
 
 INERTIA = rigid_inertia(SatelliteParams())
 ORBIT_RATE = np.array([0.0, -1.038e-3, 0.0])

@@ -21,8 +21,8 @@ from rf_pointing.array_sensors.doa.cramer_rao import direction_bound_rad2
 from rf_pointing.array_sensors.doa.music import estimate_directions
 from rf_pointing.array_sensors.doa.several_sources import estimate_several
 from rf_pointing.array_sensors.doa.snapshots import complex_normal, draw_snapshots
-from rf_pointing.papers.doa_study.beyond import fit_response
 from rf_pointing.papers.doa_study.directions import direction_from_polar
+from rf_pointing.papers.doa_study.future_work import fit_response
 
 ARRAY = CircularArrayParams()
 COUPLING = np.array([0.25 * np.exp(1.1j), 0.12 * np.exp(-2j), 0.06 * np.exp(0.4j), 0.04, 0.02j, 0.02])

@@ -11,7 +11,7 @@ pytest.importorskip("rclpy", reason="topics need ROS 2", exc_type=ImportError)
 from rf_pointing.array_sensors.nodes import array_graph
 from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, CLOCK, ArrayGraph
 from rf_pointing.core.parameters import read_parameter_files
-from rf_pointing.nodes.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 
 ROOT = Path(__file__).parents[3]
 

@@ -27,9 +27,9 @@ from rf_pointing.array_sensors.nodes.tripulse_receiver import TripulseReceiverNo
 from rf_pointing.array_sensors.nodes.tripulse_source import TripulseSourceNode
 from rf_pointing.core import PointingError
 from rf_pointing.core.parameters import read_parameter_files
-from rf_pointing.nodes.convert import error_from_message, error_to_message
-from rf_pointing.nodes.diagnostics import OK, WARN
-from rf_pointing.nodes.stamps import seconds_from_stamp
+from rf_pointing.ros.convert import error_from_message, error_to_message
+from rf_pointing.ros.diagnostics import OK, WARN
+from rf_pointing.ros.stamps import seconds_from_stamp
 
 CONFIG = Path(__file__).parents[3] / "config"
 START_S = 1_767_225_600.0

@@ -1,7 +1,7 @@
 """What became of a node's input is counted, and the reason of a refusal is not forgotten."""
 
 from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
-from rf_pointing.nodes.diagnostics import OK, WARN
+from rf_pointing.ros.diagnostics import OK, WARN
 
 
 def refuse() -> str:

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams, coupling_basis, steering
-from rf_pointing.papers.doa_study import beyond
-from rf_pointing.papers.doa_study.beyond import _fit, _require_rank, fit_response, nees_band
+from rf_pointing.papers.doa_study import future_work as beyond
 from rf_pointing.papers.doa_study.directions import direction_from_polar
+from rf_pointing.papers.doa_study.future_work import _fit, _require_rank, fit_response, nees_band
 
 ARRAY = CircularArrayParams()
 TOWARDS = direction_from_polar(np.linspace(0.3, 0.9, 6), np.array([0.1, 1.3, 2.2, 3.7, 4.4, 5.8]))

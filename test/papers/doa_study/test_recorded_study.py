@@ -14,7 +14,8 @@ from rf_pointing.array_sensors.doa.covariance import sample_covariance
 from rf_pointing.array_sensors.doa.snapshots import draw_snapshots
 from rf_pointing.core import random_stream
 from rf_pointing.papers.doa import table_cases
-from rf_pointing.papers.doa_study import accuracy, attitude_runs, beyond, direction_rows, directions, filter_rows
+from rf_pointing.papers.doa_study import accuracy, attitude_runs, direction_rows, directions, filter_rows
+from rf_pointing.papers.doa_study import future_work as beyond
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult
 from rf_pointing.papers.doa_study.directions import DirectionCase
 from rf_pointing.papers.doa_study.scene import Scene, nadir_scene

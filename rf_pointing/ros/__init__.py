@@ -1,0 +1,1 @@
+"""What all nodes and clients share: parameters, topics, lifecycle, messages, launching."""

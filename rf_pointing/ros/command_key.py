@@ -1,0 +1,169 @@
+"""Who may move the antenna: commands and calls are signed with a key that only its user can read.
+
+    frame_id = NAME + " " + first 128 bits of HMAC-SHA256(key, topic, NAME, stamp, joints, points)
+    signature of a call = first 128 bits of HMAC-SHA256(key, service, caller, stamp, request)
+
+ROS 2 tells a Python node nothing of the publisher of a message, and anybody can send any name.  The
+key is a file of controller and control unit, not a message: a peer of the domain cannot read it.
+A command that is sent again is refused by its stamps, a call by its signature.  Without a file
+nothing is signed, and any commander with a name is taken.
+"""
+
+import fcntl
+import hmac
+import os
+import secrets
+import stat
+import struct
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rf_pointing_msgs.srv import SignedCall
+from trajectory_msgs.msg import JointTrajectory
+
+from rf_pointing.core import Params, parameter
+from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Health
+from rf_pointing.ros.graph import ROTCTLD
+from rf_pointing.ros.main_loop import open_private
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
+
+KEY_BYTES, SHOWN_DIGITS = 32, 32
+# How long after a foreign command /diagnostics shows the conflict as an error.
+SHOWN_S = 10.0
+# Age of a call by the clocks of both computers; a longer one lets clocks differ, and keeps more
+# signatures.
+CALL_S = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandKeyParams(Params):
+    """Where the key of the commands is."""
+
+    command_key_file: str = parameter(
+        "", "file with the key that signs commands and calls; made if missing; empty: not signed"
+    )
+
+
+class CommandKey:
+    """Signs the commands of one topic and calls, or checks them.
+
+    ValueError for a file that others can read.  `foreign` counts the commands that were refused.
+    """
+
+    def __init__(self, params: CommandKeyParams, topic: str = "") -> None:
+        self.path, self._topic = params.command_key_file, topic
+        self._key = _key_of(Path(self.path)) if self.path else b""
+        self.foreign, self._last, self._last_s = 0, "", 0.0
+        self._begun_s, self._taken = time.time(), dict[str, float]()
+
+    @property
+    def signed(self) -> bool:
+        """Whether there is a key."""
+        return bool(self._key)
+
+    def sign(self, message: JointTrajectory, name: str) -> None:
+        """Write the sender's name into a complete message, signed where there is a key."""
+        message.header.frame_id = f"{name} {self._signature(message, name)}" if self._key else name
+
+    def check(self, message: JointTrajectory) -> str:
+        """Return the name of the sender; ValueError for a command of anybody without the key."""
+        name, _, signature = message.header.frame_id.partition(" ")
+        if self._key and not hmac.compare_digest(signature.encode(), self._signature(message, name).encode()):
+            self.foreign, self._last_s = self.foreign + 1, time.monotonic()
+            self._last = (
+                f"conflict: a command in the name of {name or 'nobody'} is not signed with the key of this antenna "
+                f"({self.path})"
+            )
+            raise ValueError(self._last)
+        return name
+
+    def sign_call(self, call: SignedCall.Request) -> None:
+        """Write the time and the signature into a complete call; needs a key."""
+        call.stamp = stamp_from_seconds(time.time())
+        call.signature = self._call_signature(call)
+
+    def check_call(self, call: SignedCall.Request) -> None:
+        """Refuse a call of anybody without the key, and one that is old or sent again."""
+        if not self._key:
+            return
+        if not hmac.compare_digest(call.signature.encode(), self._call_signature(call).encode()):
+            raise ValueError(
+                f"a call in the name of {call.caller or 'nobody'} is not signed with the key of this antenna ({self.path})"
+            )
+        now_s, stamp_s = time.time(), seconds_from_stamp(call.stamp)
+        if abs(now_s - stamp_s) > CALL_S:
+            raise ValueError(
+                f"the call of {call.caller} is {now_s - stamp_s:.1f} s old by this computer's clock, must be within "
+                f"{CALL_S:.0f} s; set the clocks of both computers"
+            )
+        # What was taken before a restart is in no list.
+        if call.signature in self._taken or stamp_s < self._begun_s:
+            raise ValueError(f"the call of {call.caller} was sent before")
+        self._taken = {each: s for each, s in self._taken.items() if abs(now_s - s) <= CALL_S} | {
+            call.signature: stamp_s
+        }
+
+    def health(self, publishers: Iterable[Any]) -> Health:
+        """Return the foreign commands as an error, a second publisher of commands as a warning."""
+        names = sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in publishers)
+        values = {"publishers": ", ".join(names), "foreign_commands": self.foreign, "signed": self.signed}
+        if self.foreign and time.monotonic() - self._last_s < SHOWN_S:
+            return Health(ERROR, self._last, values)
+        # The server of rotctld's clients commands in place of the controller, never with it.
+        if len([name for name in names if not name.endswith(f"/{ROTCTLD}")]) > 1:
+            # A node that was killed stays in the graph for 20 s.
+            return Health(WARN, f"{len(names)} publishers of {self._topic}: {', '.join(names)}", values)
+        return Health(OK, "one commander" if names else "no commander", values)
+
+    def _signature(self, message: JointTrajectory, name: str) -> str:
+        stamp, points = message.header.stamp, message.points
+        # The lengths keep two fields from trading places.
+        words = [self._topic, name, *message.joint_names]
+        signed = [struct.pack("<qII", stamp.sec, stamp.nanosec, len(points)), *map(_counted, words)]
+        for point in points:
+            since = point.time_from_start
+            parts = (point.positions, point.velocities, point.accelerations, point.effort)
+            signed += [struct.pack(f"<qII{len(part)}d", since.sec, since.nanosec, len(part), *part) for part in parts]
+        return self._digest(signed)
+
+    def _call_signature(self, call: SignedCall.Request) -> str:
+        # No command begins with this word: a signature of one is none of the other.
+        head = struct.pack("<4sqI", b"call", call.stamp.sec, call.stamp.nanosec)
+        return self._digest([head, _counted(call.service), _counted(call.caller), bytes(call.request)])
+
+    def _digest(self, signed: list[bytes]) -> str:
+        return hmac.new(self._key, b"".join(signed), "sha256").hexdigest()[:SHOWN_DIGITS]
+
+
+def _counted(word: str) -> bytes:
+    return f"{len(word)}:{word}".encode()
+
+
+def _key_of(path: Path) -> bytes:
+    """Return the key in a file, which is made with one if it is missing."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        opened = open_private(path, os.O_RDWR)
+    except (OSError, RuntimeError) as error:
+        raise ValueError(f"command_key_file={path} cannot be used: {error}") from error
+    with os.fdopen(opened, "r+b") as file:
+        if stat.S_IMODE(os.fstat(opened).st_mode) & 0o077:
+            raise ValueError(f"command_key_file={path} can be read by others; chmod 600 it and make a new key")
+        # Both nodes start at once: the first of them makes the key.
+        fcntl.flock(file, fcntl.LOCK_EX)
+        text = file.read(4 * KEY_BYTES).strip()
+        if not text:
+            text = secrets.token_hex(KEY_BYTES).encode()
+            file.write(text + b"\n")
+    try:
+        key = bytes.fromhex(text.decode())
+    except ValueError:
+        key = b""
+    if len(key) != KEY_BYTES:
+        raise ValueError(
+            f"command_key_file={path} must hold {2 * KEY_BYTES} hexadecimal digits; delete it for a new key"
+        )
+    return key

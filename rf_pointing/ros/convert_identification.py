@@ -1,0 +1,43 @@
+"""Messages of the identification action from and to the core's values, as pairs (see `convert`)."""
+
+import numpy as np
+from numpy.typing import NDArray
+from rf_pointing_msgs import msg as ours
+from rf_pointing_msgs.action import Identify
+
+from rf_pointing.core import as_finite_array
+from rf_pointing.identification import ExcitationParams
+from rf_pointing.ros.convert import pair
+from rf_pointing.ros.stamps import stamp_from_seconds
+
+Array = NDArray[np.float64]
+
+
+def manual_rate_to_message(
+    t_s: float, axis: str, sample: int, rate_rad_s: Array, position_rad: Array
+) -> ours.ManualRate:
+    message = ours.ManualRate(axis=axis, sample=sample)
+    message.rate, message.position = rate_rad_s, position_rad
+    message.header.stamp = stamp_from_seconds(t_s)
+    return message
+
+
+def manual_rate_from_message(message: ours.ManualRate) -> tuple[str, int, Array, Array]:
+    """Return axis, number of the sample, rate command (2,) and encoder angles (2,)."""
+    rate = as_finite_array("rate", message.rate, (2,))
+    return message.axis, int(message.sample), rate, as_finite_array("position", message.position, (2,))
+
+
+# The control period is the antenna's own, not the client's to choose.
+_goal_of, _excitation_of = pair(
+    ExcitationParams, Identify.Goal, idle_rate_rad_s="idle", sample_s=None, low_hz=None, high_hz=None
+)
+
+
+def excitation_to_goal(axis: str, sequences: int, seed: int, params: ExcitationParams) -> Identify.Goal:
+    return _goal_of(params, axis=axis, sequences=sequences, seed=seed)
+
+
+def excitation_from_goal(goal: Identify.Goal, sample_s: float) -> ExcitationParams:
+    """Return the excitation of a goal, sampled with the control period."""
+    return _excitation_of(goal, sample_s=sample_s, high_hz=min(ExcitationParams().high_hz, 0.5 / sample_s))

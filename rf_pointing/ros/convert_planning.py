@@ -1,0 +1,99 @@
+"""Messages from and to passes and the planner's nouns, as pairs, like `convert.py`."""
+
+import numpy as np
+from rf_pointing_msgs import msg as ours
+
+from rf_pointing.core import require_finite
+from rf_pointing.ephemeris import Pass
+from rf_pointing.operations.schedule import Entry
+from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
+from rf_pointing.ros.convert import pair
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
+
+_PROFILE = {"": "position_rad", "_rate": "velocity_rad_s", "_acceleration": "acceleration_rad_s2"}
+
+pass_to_message, _pass_from_message = pair(Pass, ours.Pass, name="target", rises_before=None, sets_after=None)
+_certificate_to_message, _certificate_from_message = pair(
+    Certificate, ours.PassCertificate, name="target", issued_t_s=None, branches=None, machine=None
+)
+_branch_to_message, _branch_from_message = pair(
+    Branch, ours.PassBranch, reasons="refusals", crossing=None, axes_rad=None
+)
+
+
+def entry_to_message(entry: Entry) -> ours.ScheduledPass:
+    item = entry.item
+    return ours.ScheduledPass(
+        id=item.id, target=item.name or item.target, priority=item.priority, aos=stamp_from_seconds(item.aos_t_s),
+        los=stamp_from_seconds(item.los_t_s), peak_elevation=item.peak_rad, state=str(entry.state), reason=entry.reason,
+        seconds_tracked=entry.tracked_s, seconds_lost=entry.lost_s, mean_loss=entry.loss_db,
+    )  # fmt: skip
+
+
+def pass_from_message(message: ours.Pass) -> Pass:
+    for wire, kind in message.get_fields_and_field_types().items():
+        if kind == "double":
+            require_finite(wire, getattr(message, wire))
+    window = _pass_from_message(message, rises_before=False, sets_after=False)
+    if not window.aos_t_s <= window.tca_t_s <= window.los_t_s or window.aos_t_s == window.los_t_s:
+        raise ValueError(f"aos={window.aos_t_s}, tca={window.tca_t_s} and los={window.los_t_s} must follow each other")
+    return window
+
+
+def profile_to_message(profile: PassProfile) -> ours.PassProfile:
+    start_s = float(profile.t_s[0])
+    message = ours.PassProfile(target=profile.name, aos=stamp_from_seconds(start_s))
+    message.time = (profile.t_s - start_s).tolist()
+    for ending, name in _PROFILE.items():
+        values = getattr(profile, name)
+        setattr(message, f"azimuth{ending}", values[:, 0].tolist())
+        setattr(message, f"elevation{ending}", values[:, 1].tolist())
+    message.sun_azimuth, message.sun_elevation = (part.tolist() for part in profile.sun_rad.T)
+    message.range, message.satellite_gain = profile.range_m.tolist(), profile.satellite_gain_db.tolist()
+    return message
+
+
+def profile_from_message(message: ours.PassProfile) -> PassProfile:
+    count = len(message.time)
+    of_axes = [f"{axis}{ending}" for axis in ("azimuth", "elevation") for ending in _PROFILE]
+    for name in (*of_axes, "sun_azimuth", "sun_elevation", "range", "satellite_gain"):
+        if len(getattr(message, name)) != count:
+            raise ValueError(f"{name} has {len(getattr(message, name))} values, must have {count}")
+    pairs = {
+        name: np.column_stack([getattr(message, f"azimuth{ending}"), getattr(message, f"elevation{ending}")])
+        for ending, name in _PROFILE.items()
+    }
+    return PassProfile(
+        name=message.target,
+        t_s=seconds_from_stamp(message.aos) + np.array(message.time),
+        sun_rad=np.column_stack([message.sun_azimuth, message.sun_elevation]),
+        range_m=np.array(message.range),
+        satellite_gain_db=np.array(message.satellite_gain),
+        **pairs,
+    )
+
+
+def certificate_to_message(certificate: Certificate) -> ours.PassCertificate:
+    message = _certificate_to_message(certificate, accepted=certificate.chosen is not None, refusal=certificate.reason)
+    message.branches = [_branch_to_message(branch, works=branch.works) for branch in certificate.branches]
+    message.rate_limit = certificate.machine.rate_limit_rad_s
+    message.acceleration_limit = certificate.machine.acceleration_limit_rad_s2
+    message.least_share = certificate.machine.least_share
+    message.header.stamp = stamp_from_seconds(certificate.issued_t_s)
+    return message
+
+
+def certificate_from_message(message: ours.PassCertificate) -> Certificate:
+    """Return the certificate without its crossings, which do not travel."""
+    if not message.branches:
+        raise ValueError("a certificate has no branch, must have >= 1")
+    return _certificate_from_message(
+        message,
+        issued_t_s=seconds_from_stamp(message.header.stamp),
+        branches=tuple(_branch_from_message(branch) for branch in message.branches),
+        machine=MachineParams(
+            rate_limit_rad_s=tuple(message.rate_limit.tolist()),
+            acceleration_limit_rad_s2=tuple(message.acceleration_limit.tolist()),
+            least_share=message.least_share,
+        ),
+    )

@@ -1,0 +1,106 @@
+"""The action `identify` of the antenna: an experiment in manual-rate mode, with its samples.
+
+One goal at a time.  The end of the experiment, a cancelled goal, a stop and a deactivation all end
+in the same controlled stop.  Publishes: manual_rate (one message per control tick).
+"""
+
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rf_pointing_msgs.action import Identify
+from rf_pointing_msgs.msg import ManualRate
+
+from rf_pointing.core import AXES, random_stream
+from rf_pointing.identification import IdentificationExperiment
+from rf_pointing.ros import convert_identification as convert
+from rf_pointing.ros.managed import RESULT_TIMEOUT_S, ManagedNode, conclude
+from rf_pointing.ros.qos import EXPERIMENT
+from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
+
+# Once a second at 50 Hz: enough for a progress line.
+FEEDBACK_EVERY = 50
+
+
+class IdentificationServer:
+    """Belongs to one node; `tick` after every control tick while the node is active."""
+
+    def __init__(self, node: ManagedNode) -> None:
+        self._node = node
+        self._antenna: SimulatedAntenna | None = None
+        self._goal: Any = None
+        self._experiment: IdentificationExperiment | None = None
+        self._reason = ""
+        self._published = 0
+        self._action = ActionServer(
+            node, Identify, "identify", self._conclude, goal_callback=self._on_goal,
+            handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel, result_timeout=RESULT_TIMEOUT_S,
+        )  # fmt: skip
+
+    def configure(self, antenna: SimulatedAntenna) -> None:
+        """Serve this antenna; create the samples' topic."""
+        self._antenna = antenna
+        self._samples = self._node.stream(ManualRate, "manual_rate", EXPERIMENT)
+
+    def tick(self, t_s: float) -> None:
+        """Publish the sample of this tick; conclude the goal once the axes rest after the end."""
+        experiment, goal = self._experiment, self._goal
+        if experiment is None or goal is None or self._antenna is None:
+            return
+        if experiment.samples_taken > self._published:
+            self._published = experiment.samples_taken
+            rate, position = experiment.newest
+            self._samples.publish(
+                convert.manual_rate_to_message(t_s, goal.request.axis, self._published - 1, rate, position)
+            )
+            if self._published % FEEDBACK_EVERY == 0:
+                where = float(position[AXES.index(goal.request.axis)])
+                goal.publish_feedback(Identify.Feedback(progress=experiment.progress, position=where))
+        # Not before the axes rest: a goal that ends while they move would allow the next one.
+        if experiment.finished and self._antenna.mode not in ("manual_rate", "stopping"):
+            self._goal = None
+            goal.execute()
+
+    def end(self) -> None:
+        """Conclude a goal that deactivation has interrupted."""
+        goal, self._goal = self._goal, None
+        if goal is not None:
+            goal.execute()
+
+    def _on_goal(self, _request: Identify.Goal) -> GoalResponse:
+        return GoalResponse.ACCEPT if self._goal is None and self._antenna is not None else GoalResponse.REJECT
+
+    def _on_accepted(self, goal: Any) -> None:
+        """Start the experiment; the goal is executed when it has ended."""
+        self._published, self._experiment = 0, None
+        try:
+            experiment = self._made(goal.request)
+            self._reason = self._antenna.identify(experiment)
+        except ValueError as error:
+            self._reason = str(error)
+        if self._reason:
+            self._node.get_logger().error(f"identification refused: {self._reason}")
+            goal.execute()
+            return
+        self._goal, self._experiment = goal, experiment
+
+    def _made(self, request: Identify.Goal) -> IdentificationExperiment:
+        params = convert.excitation_from_goal(request, self._antenna.params.tick_s)
+        number = AXES.index(request.axis) if request.axis in AXES else 0
+        start_rad = float(self._antenna.reading(0.0).position_rad[number])
+        # A stream of each axis' own: the order of the axes changes no input.
+        random = random_stream(request.seed, f"excitation {request.axis}")
+        travel = self._antenna.axes.travel_rad[number]
+        return IdentificationExperiment(params, request.axis, request.sequences, start_rad, travel, random)
+
+    def _on_cancel(self, _goal: Any) -> CancelResponse:
+        if self._experiment is not None:
+            self._experiment.abort("the goal was cancelled")
+        return CancelResponse.ACCEPT
+
+    def _conclude(self, goal: Any) -> Identify.Result:
+        experiment, self._experiment = self._experiment, None
+        result = Identify.Result(message=self._reason)
+        if experiment is not None:
+            result.message, result.samples_taken = experiment.abort_reason, experiment.samples_taken
+            result.success = not experiment.abort_reason
+        return conclude(goal, result)

@@ -1,0 +1,121 @@
+"""Whether a node still receives: one that does not is ended, and its launch starts it again.
+
+Packets with moved sequence numbers make a reader take every later message for one that it has.  The
+node then works on and receives nothing for good, and nothing in ROS reports it.  Every node of an
+antenna publishes /diagnostics once a second of wall time, so a node is deaf if
+
+    all of two or more neighbours     are in the graph, and from none anything arrived for 25 s, or
+    an input that is sent all the time   is silent for 10 s of wall and of node time, although its
+                                      publisher has just reported on /diagnostics that it is active
+
+A node that was killed leaves the graph after 20 s.  One neighbour alone proves nothing: it may
+work on something long.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+
+from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Health
+from rf_pointing.ros.qos import STREAM
+
+TOPIC = "/diagnostics"
+SILENCE_S = 25.0
+"""Of a neighbour; more than the lease by which a participant that has died leaves the graph."""
+INPUT_SILENCE_S = 10.0
+RECENT_S = 3.0
+FEWEST = 2
+# A string in a message: its length, its bytes and a zero.
+ACTIVE = b"\x07\x00\x00\x00active\x00"
+
+
+@dataclass
+class _Neighbour:
+    """When something of a node arrived last (s, steady), and whether it then was active."""
+
+    heard_s: float
+    active: bool = False
+
+
+@dataclass
+class _Input:
+    """Messages of an input, those at the last look, and how long there have been none."""
+
+    count: int = 0
+    seen: int = 0
+    wall_s: float = 0.0
+    node_s: float = 0.0
+
+
+class Hearing:
+    """Receives from the neighbours of `node`; `deaf` is why it must start again, "" for nothing."""
+
+    def __init__(self, node: Any, steady_s: Callable[[], float] = time.monotonic) -> None:
+        self._node, self._steady_s = node, steady_s
+        self._own = node.get_fully_qualified_name()
+        self._neighbours: dict[str, _Neighbour] = {}
+        self._inputs: dict[str, _Input] = {}
+        self._looked: tuple[float, float] | None = None
+        self.deaf = ""
+        node.create_subscription(DiagnosticArray, TOPIC, self.note, STREAM, raw=True)
+        node.diagnostics.add("hearing", self.look)
+
+    def watch(self, topic: str) -> Callable[[], None]:
+        """Return what is to be called for each message of an input that is sent all the time."""
+        watched = self._inputs[topic] = _Input()
+
+        def count() -> None:
+            watched.count += 1
+
+        return count
+
+    def note(self, payload: bytes) -> None:
+        """Take the diagnostics of any node, undecoded: each second every node gets all of them."""
+        for name, neighbour in self._neighbours.items():
+            if f"{name}\0".encode() in payload:
+                neighbour.heard_s, neighbour.active = self._steady_s(), ACTIVE in payload
+
+    def look(self) -> Health:
+        """Compare what arrived with who is in the graph; called once a second."""
+        now_s, node_s = self._steady_s(), self._node.now_s()
+        space = f"{self._node.get_namespace().rstrip('/')}/"
+        present = {name for name in self._publishers(TOPIC) if name.startswith(space)} - {self._own}
+        passed_s, node_passed_s = (
+            (0.0, 0.0) if self._looked is None else (now_s - self._looked[0], node_s - self._looked[1])
+        )
+        self._looked = now_s, node_s
+        # While this node itself did not look, it proves nothing that nothing was taken.
+        unseen_s = max(0.0, passed_s - RECENT_S)
+        for one in self._neighbours.values():
+            one.heard_s = min(one.heard_s + unseen_s, now_s)
+        # One that has just appeared gets its time.
+        self._neighbours = {name: self._neighbours.get(name, _Neighbour(now_s)) for name in sorted(present)}
+        silent = {name: now_s - one.heard_s for name, one in self._neighbours.items()}
+        silent = {name: since_s for name, since_s in silent.items() if since_s > SILENCE_S}
+        if len(silent) >= FEWEST and len(silent) == len(self._neighbours):
+            self.deaf = f"nothing has been received from {', '.join(silent)} for {min(silent.values()):.0f} s"
+        for topic, watched in self._inputs.items():
+            self._look_at(topic, watched, passed_s - unseen_s, max(node_passed_s, 0.0))
+        if self.deaf:
+            return Health(ERROR, f"{self.deaf}: the node starts again")
+        words = "; ".join(f"{name} has been silent for {since_s:.0f} s" for name, since_s in silent.items())
+        return Health(WARN if words else OK, words or f"{len(self._neighbours)} neighbours")
+
+    def _look_at(self, topic: str, watched: _Input, wall_s: float, node_s: float) -> None:
+        if watched.count != watched.seen:
+            watched.seen, watched.wall_s, watched.node_s = watched.count, 0.0, 0.0
+            return
+        senders = [self._neighbours[name] for name in self._publishers(topic) if name in self._neighbours]
+        sending = any(one.active and self._steady_s() - one.heard_s < RECENT_S for one in senders)
+        # Silence counts only while it is proved that somebody sends.
+        watched.wall_s += wall_s if sending else 0.0
+        watched.node_s += node_s if sending else 0.0
+        if not self.deaf and min(watched.wall_s, watched.node_s) > INPUT_SILENCE_S:
+            self.deaf = f"{topic} has been silent for {watched.wall_s:.0f} s although its publisher is active"
+
+    def _publishers(self, topic: str) -> set[str]:
+        found = self._node.get_publishers_info_by_topic(topic)
+        return {f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found}

@@ -1,0 +1,219 @@
+"""What the launch files share: arguments, and nodes that bring themselves up after every start.
+
+Imported by launch files only, so `launch` and `launch_ros` are needed nowhere else.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import LifecycleNode, Node
+
+from rf_pointing.core import Sensor
+from rf_pointing.ros.graph import ARRAY_NODES, DESCRIPTION, EXECUTIVE, OPERATOR_PAGE, ROTCTLD
+from rf_pointing.ros.main_loop import DRIVE_PRIORITY
+from rf_pointing.station.antenna.memory import state_files, state_folder
+from rf_pointing.station.description import StationDescription, read_station, urdf
+
+RESPAWN_DELAY_S = 0.5
+# The publisher predicts the target, and the simulated receiver receives it.
+SEES_TARGET = ("ephemeris_publisher", "rf_receiver")
+# What decides who can reach the nodes; an integrator who sets one of them has decided.
+DISCOVERY = ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DISCOVERY_SERVER")
+
+
+def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
+    """Return the arguments that every launch file takes."""
+    station = "station description: a YAML file, or a shipped name"
+    # A real antenna must not move by the numbers of another one: launch requires a station.
+    named = {"default_value": "dss13"} if simulated else {}
+    return [
+        DeclareLaunchArgument("namespace", default_value="gs1", description="namespace of the antenna"),
+        DeclareLaunchArgument("station", description=station, **named),
+        DeclareLaunchArgument("band", default_value="", description="band in use; empty: the station's default"),
+        DeclareLaunchArgument(
+            "elements", default_value="", description="TLE, OMM or OEM: a file, a folder of files, or an address"
+        ),
+        DeclareLaunchArgument(
+            "satellite", default_value="", description="first target, by name or number; empty: the first of elements"
+        ),
+        DeclareLaunchArgument("params_file", default_value="", description="ROS parameters over all others"),
+        DeclareLaunchArgument("use_sim_time", default_value=str(simulated).lower(), description="time from /clock"),
+        DeclareLaunchArgument("autostart", default_value="true", description="nodes configure and activate themselves"),
+        DeclareLaunchArgument(
+            "state_folder",
+            default_value=str(state_folder()),
+            description="folder of what the antenna remembers over a restart; empty: nothing",
+        ),
+        network_argument(),
+        DeclareLaunchArgument("executive", default_value="false", description="whether station_executive is started"),
+        DeclareLaunchArgument(
+            "description", default_value="true", description="whether viewers get URDF, tf and markers of the station"
+        ),
+        DeclareLaunchArgument("rotctld", default_value="false", description="whether rotctld_server is started"),
+        DeclareLaunchArgument("page", default_value="false", description="whether operator_page is started"),
+        DeclareLaunchArgument("respawn", default_value="true", description="start nodes again that have ended"),
+    ]
+
+
+def network_argument() -> DeclareLaunchArgument:
+    """Return the argument that says which computers may reach the nodes."""
+    return DeclareLaunchArgument(
+        "network",
+        default_value="loopback",
+        description="loopback: this computer alone; environment: as the DDS settings of the environment say",
+    )
+
+
+def network_environment(network: str) -> dict[str, str]:
+    """Return the environment of the nodes: nothing leaves this computer unless the user has chosen.
+
+    Raises
+    ------
+    ValueError
+        When the argument is neither `loopback` nor `environment`.
+    """
+    if network not in ("loopback", "environment"):
+        raise ValueError(f"network:={network} must be loopback or environment")
+    if network == "environment" or any(os.environ.get(name) for name in DISCOVERY):
+        return {}
+    if os.environ.get("RMW_IMPLEMENTATION") not in (None, "", "rmw_fastrtps_cpp"):
+        # The profile is one of Fast DDS.
+        return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    profile = Path(get_package_share_directory("rf_pointing")) / "config" / "fastdds_loopback.xml"
+    return {"FASTRTPS_DEFAULT_PROFILES_FILE": str(profile), "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"}
+
+
+def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
+    """Return the actions that start `names`, and an array's where the band names that sensor."""
+    simulated = "simulation_clock" in names
+    names = (*names, *_array_nodes(context, simulated=simulated))
+    wanted = {"executive": EXECUTIVE, "page": OPERATOR_PAGE, "rotctld": ROTCTLD}
+    more = [name for argument, name in wanted.items() if LaunchConfiguration(argument).perform(context) == "true"]
+    actions = [_node(context, name, simulated=simulated) for name in (*names, *more)]
+    if LaunchConfiguration("description").perform(context) == "true":
+        actions += _description(context, simulated=simulated)
+    return actions
+
+
+def station_nodes(context: Any, names: Sequence[str]) -> list[Any]:
+    """Return the actions that start `names`, and the antenna's own where the station has a drive.
+
+    A station whose drive is simulated has a driver of its own on joint_trajectory.
+    """
+    station = _station(context)
+    simulated = station is None or station.drive["type"] == "simulated"
+    return managed_nodes(context, names if simulated else ("antenna_servo", *names))
+
+
+def _array_nodes(context: Any, *, simulated: bool) -> tuple[str, ...]:
+    """Return the nodes of the array on the dish; a real array has receivers of its own."""
+    station, band = _station(context), str(LaunchConfiguration("band").perform(context))
+    try:
+        has_array = station is not None and Sensor.ARRAY in station.sensors(band or None)
+    except ValueError:
+        return ()  # every node refuses the band and says why
+    return (ARRAY_NODES if simulated else ARRAY_NODES[1:]) if has_array else ()
+
+
+def _station(context: Any) -> StationDescription | None:
+    """Return the station, None for one that every node refuses and says why."""
+    try:
+        return read_station(str(LaunchConfiguration("station").perform(context)))
+    except (ValueError, OSError):
+        return None
+
+
+def _description(context: Any, *, simulated: bool) -> list[Any]:
+    """Return the node that draws the station, and where it is installed robot_state_publisher."""
+    station = _station(context)
+    try:
+        get_package_prefix("robot_state_publisher")
+    except PackageNotFoundError:
+        station = None
+    if station is None:
+        return [_node(context, DESCRIPTION, simulated=simulated)]
+    namespace = str(LaunchConfiguration("namespace").perform(context))
+    publisher = Node(
+        package="robot_state_publisher",
+        executable="robot_state_publisher",
+        name="robot_state_publisher",
+        namespace=namespace,
+        parameters=[
+            {"robot_description": urdf(station), "frame_prefix": f"{namespace.strip('/')}/"},
+            {"use_sim_time": LaunchConfiguration("use_sim_time").perform(context) == "true"},
+        ],
+        remappings=[("/clock", "clock")] if simulated else [],
+        additional_env=network_environment(LaunchConfiguration("network").perform(context)),
+        respawn=LaunchConfiguration("respawn").perform(context) == "true",
+        respawn_delay=RESPAWN_DELAY_S,
+        output="screen",
+    )
+    return [_node(context, DESCRIPTION, simulated=simulated, state_publisher=True), publisher]
+
+
+def _node(context: Any, name: str, *, simulated: bool, state_publisher: bool = False) -> LifecycleNode:
+    def given(argument: str) -> str:
+        return str(LaunchConfiguration(argument).perform(context))
+
+    parameters: list[Any] = [{"lifecycle.autostart": given("autostart") == "true"}]
+    if name == "antenna_servo" and not simulated:
+        # A real drive loop comes before everything else on its computer.
+        parameters.append({"lifecycle.realtime_priority": DRIVE_PRIORITY})
+    if name == "antenna_servo" and given("state_folder"):
+        parameters.append(state_files(Path(given("state_folder")), given("namespace")))
+    if name in ("pointing_controller", ROTCTLD, EXECUTIVE, OPERATOR_PAGE) and given("state_folder"):
+        files = state_files(Path(given("state_folder")), given("namespace"))
+        parameters.append({"command_key_file": files["command_key_file"]})
+    kept = Path(given("state_folder")) / given("namespace").strip("/") if given("state_folder") else None
+    if name == EXECUTIVE and kept:
+        parameters.append(
+            {"executive.state_file": str(kept / "station_executive.json"), "executive.folder": str(kept / "nights")}
+        )
+    if state_publisher:
+        parameters.append({"view.publish_tf": False})
+    if name == OPERATOR_PAGE:
+        # It shows the station's own time and limits, and needs neither clock nor description.
+        if kept:
+            parameters.append({"page.reports": str(kept / "nights")})
+    elif name == "simulation_clock":
+        parameters.append({"start_s": float(given("start_s")), "speed": float(given("speed"))})
+    else:
+        parameters.append({"use_sim_time": given("use_sim_time") == "true"})
+        # Relative to where launch was started, which the node does not know.
+        parameters.append({"station": _absolute(given("station")), "band": given("band")})
+    if name in SEES_TARGET and (given("elements") or given("satellite")):
+        source = {"source.elements": _absolute(given("elements")), "source.satellite": given("satellite")}
+        parameters.append(source)
+    # Last: what a user writes is in force.
+    if given("params_file"):
+        parameters.append(given("params_file"))
+    # Each antenna has its own simulation time; without the clock node, /clock is the user's.
+    clock = [("/clock", "clock")] if simulated else []
+    return LifecycleNode(
+        package="rf_pointing",
+        executable=name,
+        name=name,
+        namespace=given("namespace"),
+        parameters=parameters,
+        remappings=clock,
+        additional_env=network_environment(given("network")),
+        respawn=given("respawn") == "true",
+        respawn_delay=RESPAWN_DELAY_S,
+        ros_arguments=enclave(given("namespace"), name),
+        output="screen",
+    )
+
+
+def enclave(namespace: str, name: str) -> list[str]:
+    """Return the arguments of a node that runs under SROS2: its own enclave, as in the policy."""
+    secured = os.environ.get("ROS_SECURITY_ENABLE") == "true"
+    return ["--enclave", f"/{namespace.strip('/')}/{name}"] if secured else []
+
+
+def _absolute(path: str) -> str:
+    return str(Path(path).resolve()) if path and Path(path).exists() else path

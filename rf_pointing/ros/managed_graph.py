@@ -1,0 +1,261 @@
+"""The managed nodes of one namespace, each a process of its own, from start to end.
+
+The executables are those that `ros2 run` starts; each writes its own log.  If this process dies,
+the kernel ends its children.
+"""
+
+import ctypes
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from ament_index_python.packages import get_package_prefix
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.node import Node
+
+from rf_pointing.ros.main_loop import DEAF, last_holder
+from rf_pointing.ros.repeated_call import AGAIN_S, RepeatedCall
+
+ACTIVATION_S = 5.0
+"""How long a refused activation is repeated: the held time reaches one node after the other."""
+ACTIVATION_PERIOD_S = 0.1
+LOOK_S = 0.02
+NICENESS = 10
+"""Of nodes in the background, so that those on time go first."""
+_PR_SET_PDEATHSIG = 1
+_ENDINGS = ((signal.SIGINT, 4.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
+"""Signals that end a process, in this order, each with the wall time in s that it may take."""
+
+
+class NodeProcesses:
+    """The running executables of one namespace; those not `on_time` get a lower priority."""
+
+    def __init__(
+        self, namespace: str, parameter_files: Sequence[Path], log_folder: Path, on_time: Sequence[str] = ()
+    ) -> None:
+        self.namespace, self._files, self._logs = namespace, list(parameter_files), log_folder
+        self._on_time = on_time
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._simulated_time = True
+
+    def start(self, names: Sequence[str], simulated_time: bool = True, *, autostart: bool = False) -> None:
+        """Start every executable of `names`; `below/executable` starts it in a namespace below.
+
+        With `autostart` the nodes configure and activate themselves.
+        """
+        # The executables themselves, not `ros2 run`: its process would be the parent of ours.
+        folder = Path(get_package_prefix("rf_pointing")) / "lib" / "rf_pointing"
+        self._simulated_time = simulated_time
+        self._logs.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            *below, executable = name.split("/")
+            arguments = ["--ros-args", "-r", f"__ns:={'/'.join([self.namespace, *below])}"]
+            for path in self._files:
+                arguments += ["--params-file", str(path)]
+            if simulated_time and name != "simulation_clock":
+                arguments += ["-r", f"/clock:={self.namespace}/clock", "-p", "use_sim_time:=true"]
+            if autostart:
+                arguments += ["-p", "lifecycle.autostart:=true"]
+            urgent = not self._on_time or executable in self._on_time
+            with self._log(name).open("wb") as log:
+                self._running[name] = subprocess.Popen(
+                    [str(folder / executable), *arguments],
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    env=_environment(),
+                    preexec_fn=_bind_to_parent if urgent else _bind_in_the_background,
+                )
+
+    def ended(self) -> Mapping[str, int]:
+        """Return name and exit code of every process that has ended by itself."""
+        return {name: code for name, process in self._running.items() if (code := process.poll()) is not None}
+
+    def nameless(self, names: Sequence[str]) -> list[str]:
+        """Return the nodes whose process does not hold its name yet."""
+        # A process that still starts, or whose name another graph has.
+        return [name for name in names if last_holder(f"{self.namespace}/{name}") != self._running[name].pid]
+
+    def complaint(self, name: str) -> str:
+        """Return the last line of a node's log, which states why it refused."""
+        lines = self._log(name).read_text(errors="replace").strip().splitlines()
+        return lines[-1] if lines else "no message"
+
+    def process_id(self, name: str) -> int:
+        """Return the process id of a running executable."""
+        return self._running[name].pid
+
+    def stop(self) -> None:
+        """Interrupt every process, then terminate and finally kill those that do not end."""
+        for sign, grace_s in _ENDINGS:
+            alive = [process for process in self._running.values() if process.poll() is None]
+            for process in alive:
+                process.send_signal(sign)
+            deadline_s = time.monotonic() + grace_s
+            for process in alive:
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(max(0.01, deadline_s - time.monotonic()))
+        self._running.clear()
+
+    def _log(self, name: str) -> Path:
+        return self._logs / f"{name.replace('/', '.')}.log"
+
+
+def _environment() -> dict[str, str]:
+    """Return the environment of the nodes."""
+    # UDP instead of shared memory: as fast for messages this small, and a killed node leaves no
+    # port for which a restarted one would wait.  One thread: the matrices are small.
+    return {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"} | os.environ
+
+
+def _bind_to_parent() -> None:
+    # A group of its own: Ctrl-C in a terminal reaches only this process, which ends the nodes
+    # in order.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    os.setpgid(0, 0)
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def _bind_in_the_background() -> None:
+    _bind_to_parent()
+    os.nice(NICENESS)
+
+
+TRANSITIONS = {
+    "configure": (Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE),
+    "activate": (Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE),
+    "deactivate": (Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE),
+}
+"""The transition that is called, and the state in which a node is after it."""
+
+
+class LifecycleClient:
+    """Calls change_state of the nodes of one namespace.
+
+    `spin(timeout_s)` must run the executor of `node` once; `alive` raises when waiting is in vain.
+    """
+
+    def __init__(self, node: Node, namespace: str, spin: Callable[[float], None], alive: Callable[[], None]) -> None:
+        self._node, self._namespace, self._spin, self._alive = node, namespace, spin, alive
+        self._clients: dict[str, Any] = {}
+        self._looks: dict[str, Any] = {}
+
+    def wait_for(self, names: Sequence[str], timeout_s: float) -> None:
+        """Wait until every node offers its lifecycle service."""
+        for name in names:
+            self._clients[name] = self._node.create_client(ChangeState, f"{self._namespace}/{name}/change_state")
+            self._looks[name] = self._node.create_client(GetState, f"{self._namespace}/{name}/get_state")
+        self._until_none(
+            lambda: [name for name in names if not self._clients[name].service_is_ready()], "appear", timeout_s
+        )
+
+    def change(self, names: Sequence[str], transition: str, timeout_s: float) -> list[str]:
+        """Take all nodes through `transition` at once; return those that refused."""
+        # All at once: each transition takes a node tens of milliseconds, and discovery more.
+        wanted, reached = TRANSITIONS[transition]
+        request = ChangeState.Request(transition=Transition(id=wanted))
+        waiting = {name: self._clients[name].call_async(request) for name in names}
+        # Answers come in order: where that to the change is lost, the state shows the outcome.
+        states = {name: RepeatedCall(self._looks[name], GetState.Request(), after_s=AGAIN_S) for name in names}
+        self._until_none(
+            lambda: [name for name in names if not waiting[name].done() and not states[name].done()],
+            transition,
+            timeout_s,
+        )
+
+        def succeeded(name: str) -> bool:
+            if waiting[name].done():
+                return bool(waiting[name].result().success)
+            return bool(states[name].result().current_state.id == reached)
+
+        return [name for name in names if not succeeded(name)]
+
+    def _until_none(self, late: Callable[[], list[str]], what: str, timeout_s: float) -> None:
+        deadline_s = time.monotonic() + timeout_s
+        while names := late():
+            self._alive()
+            if time.monotonic() > deadline_s:
+                raise TimeoutError(f"{', '.join(names)} did not {what} within {timeout_s:.0f} s")
+            self._spin(LOOK_S)
+
+
+class NotStartedError(Exception):
+    """The graph could not be brought up, or a process of it ended."""
+
+
+class ManagedGraph(NodeProcesses):
+    """The processes of nodes that go through their lifecycle together; see `NodeProcesses`.
+
+    `spin(timeout_s)` must run the executor of `node` once; `patience_s` is how long to wait for an
+    answer, in wall time.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        namespace: str,
+        parameter_files: Sequence[Path],
+        logs: Path,
+        spin: Callable[[float], None],
+        *,
+        patience_s: float,
+        on_time: Sequence[str] = (),
+    ) -> None:
+        self._spin, self._patience_s = spin, patience_s
+        super().__init__(namespace, parameter_files, logs, on_time)
+        self._lifecycle = LifecycleClient(node, namespace, spin, self.check)
+
+    def configure(self, names: Sequence[str]) -> None:
+        """Wait until the nodes run, and configure them."""
+        # Another graph's nodes of the same names offer the same services; only the holder of the
+        # name is ours.
+        self.wait_until(lambda: not self.nameless(names), ", ".join(names))
+        self._lifecycle.wait_for(names, self._patience_s)
+        self.change(names, "configure")
+
+    def activate(self, names: Sequence[str]) -> None:
+        """Activate the nodes; those that refuse get the request again for `ACTIVATION_S`."""
+        deadline_s = time.monotonic() + ACTIVATION_S
+        while time.monotonic() < deadline_s:
+            names = self._lifecycle.change(names, "activate", self._patience_s)
+            if not names:
+                return
+            self.wait(ACTIVATION_PERIOD_S)
+        self.change(names, "activate")
+
+    def change(self, names: Sequence[str], transition: str) -> None:
+        """Take all through one transition at once; NotStartedError states why a node refuses."""
+        refused = self._lifecycle.change(names, transition, self._patience_s)
+        if refused:
+            reasons = "; ".join(f"{name}: {self.complaint(name)}" for name in refused)
+            raise NotStartedError(f"could not {transition} {reasons}")
+
+    def check(self) -> None:
+        """NotStartedError if a process has ended; one that no longer receives starts again."""
+        ended = self.ended()
+        for name in [name for name, code in ended.items() if code == DEAF]:
+            self.start([name], self._simulated_time, autostart=True)
+        if ended := self.ended():
+            # The log of the process has the reason; its exit code has not.
+            raise NotStartedError("; ".join(f"{name} ended: {self.complaint(name)}" for name in ended))
+
+    def wait(self, duration_s: float) -> None:
+        """Spin for a while of wall time."""
+        deadline_s = time.monotonic() + duration_s
+        while time.monotonic() < deadline_s:
+            self._spin(LOOK_S)
+
+    def wait_until(self, condition: Callable[[], bool], what: str) -> None:
+        """Spin until `condition`; TimeoutError with `what` is missing when it takes too long."""
+        deadline_s = time.monotonic() + self._patience_s
+        while not condition():
+            self.check()
+            if time.monotonic() > deadline_s:
+                raise TimeoutError(f"{what} not seen within {self._patience_s:.0f} s")
+            self._spin(LOOK_S)

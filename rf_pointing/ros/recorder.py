@@ -1,0 +1,72 @@
+"""Record every topic of an antenna into a bag, as it was received; nothing is decoded."""
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+
+from rf_pointing.report.bag_writer import BagResult, BagWriter
+from rf_pointing.report.definitions import definitions, qos_from_profile
+from rf_pointing.ros.graph import EXECUTIVE, TOPICS, Topic
+
+QUEUE = 2000
+"""Depth of the recorder's queues: enough for a pause of its process at any speed."""
+
+
+class Recorder:
+    """Subscribes to all `topics` of `namespace` and writes their messages with the wall time.
+
+    A topic without a publisher in its row is recorded where there is one, and not waited for.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        namespace: str,
+        path: Path,
+        topics: Sequence[Topic] = TOPICS,
+        notes: Mapping[str, str] | None = None,
+    ) -> None:
+        self._node, self._topics, self._closed = node, topics, False
+        self._writer = BagWriter(path, definitions(Path(get_package_share_directory("rf_pointing_msgs"))), notes=notes)
+        self._subscriptions = [self._subscribe(topic, namespace) for topic in topics]
+
+    @property
+    def problem(self) -> str:
+        """Why the recording has stopped, "" while it goes on."""
+        return self._writer.problem
+
+    def unmatched(self) -> list[str]:
+        """Return the topics, by full name, that no publisher of the run is connected to yet."""
+        rows = zip(self._topics, self._subscriptions, strict=True)
+        # A station without an executive is whole.
+        waited = [item for topic, item in rows if topic.publisher not in ("", EXECUTIVE)]
+        return [item.topic_name for item in waited if item.get_publisher_count() == 0]
+
+    def close(self) -> BagResult:
+        """End the recording; the result lists what is missing from the bag."""
+        self._closed = True
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        return self._writer.close()
+
+    def _subscribe(self, topic: Topic, namespace: str) -> Subscription:
+        name = topic.name if topic.name.startswith("/") else f"{namespace}/{topic.name}"
+        package = topic.message_type.__module__.partition(".")[0]
+        self._writer.register(name, f"{package}/msg/{topic.message_type.__name__}", [qos_from_profile(topic.qos)])
+        # The publisher's reliability and durability, but neither its deadline nor its lifespan: a
+        # message that arrives late belongs in the bag, too.
+        deep = QoSProfile(depth=QUEUE, reliability=topic.qos.reliability, durability=topic.qos.durability)
+
+        def take(data: bytes) -> None:
+            # A message can be on its way when its subscription is destroyed.
+            if self._closed:
+                return
+            # The wall clock of arrival: latencies between topics are measured with it.
+            self._writer.write(name, time.time_ns(), data)
+
+        return self._node.create_subscription(topic.message_type, name, take, deep, raw=True)

@@ -1,0 +1,131 @@
+"""What a station publishes as plain values: angles in degrees, times in UTC.
+
+The client `station` prints these values and the operator's page shows them.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from rf_pointing_msgs import msg as ours
+
+from rf_pointing.core.dates import utc_text
+from rf_pointing.planning import HorizonMask, PassProfile, certificate_values
+from rf_pointing.ros import convert_planning
+from rf_pointing.ros.stamps import seconds_from_stamp
+
+PATH_POINTS = 90
+"""Of a pass on the sky plot."""
+MASK_STEP_DEG = 2.0
+
+
+def stamp_text(stamp: Any) -> str:
+    """Return a stamp as UTC text."""
+    return utc_text(seconds_from_stamp(stamp))
+
+
+def degrees(values: Sequence[float], digits: int = 4) -> list[float]:
+    """Return angles or rates in degrees, rounded."""
+    return [round(math.degrees(float(value)), digits) for value in values]
+
+
+def status_values(
+    antenna: ours.AntennaStatus, tracking: ours.TrackingStatus, executive: ours.ExecutiveStatus
+) -> dict[str, Any]:
+    """Return what the station does."""
+    azimuth, elevation = map(math.degrees, antenna.commanded)
+    return {
+        "utc": stamp_text(antenna.header.stamp), "antenna": antenna.mode, "fault": antenna.fault, "warning": antenna.warning,
+        "azimuth_deg": round(azimuth, 3), "elevation_deg": round(elevation, 3), "tracking": tracking.mode,
+        "target": tracking.target, "on_source": tracking.on_source, "carrier_to_noise_db_hz": tracking.carrier_to_noise,
+        "seconds_tracked": tracking.seconds_tracked, "executive": executive.state, "pass": executive.pass_id,
+        "next": executive.next_id, "doing": executive.reason, "blocks": list(executive.blocks),
+        "alarms": [
+            {"name": each.name, "level": each.level, "message": each.message, "acknowledged": each.acknowledged}
+            for each in executive.alarms
+        ],
+    }  # fmt: skip
+
+
+def entry_values(entry: ours.ScheduledPass) -> dict[str, Any]:
+    """Return one pass of the schedule."""
+    return {
+        "id": entry.id, "target": entry.target, "priority": entry.priority, "aos_utc": stamp_text(entry.aos),
+        "los_utc": stamp_text(entry.los), "peak_deg": round(math.degrees(entry.peak_elevation), 2), "state": entry.state,
+        "reason": entry.reason, "seconds_tracked": entry.seconds_tracked, "seconds_lost": entry.seconds_lost,
+    }  # fmt: skip
+
+
+def window_values(window: ours.Pass) -> dict[str, Any]:
+    """Return one coming pass of the selected target."""
+    return {"target": window.target, "aos_utc": stamp_text(window.aos), "los_utc": stamp_text(window.los),
+            "peak_deg": round(math.degrees(window.peak_elevation), 2)}  # fmt: skip
+
+
+def moving_values(antenna: ours.AntennaStatus, tracking: ours.TrackingStatus) -> dict[str, Any]:
+    """Return what changes all the time: rates, limits, the beam and the error in it.
+
+    The error is in beamwidths, cross-elevation and elevation, [] where no beamwidth is published.
+    """
+    error = (tracking.cross_elevation_error, tracking.elevation_error)
+    beam = tracking.beamwidth
+    return {
+        "t_s": seconds_from_stamp(antenna.header.stamp), "high_wind": antenna.high_wind,
+        "transmit_inhibit": antenna.transmit_inhibit, "commander": antenna.commander,
+        "rate_deg_s": degrees(antenna.rate_command), "rate_limit_deg_s": degrees(antenna.rate_limit),
+        "at_limit": [bool(each) for each in antenna.at_limit], "reason": tracking.reason, "sensor": tracking.sensor,
+        "level": tracking.level, "alarm": tracking.alarm, "held": tracking.held,
+        "beam_deg": degrees((tracking.azimuth, tracking.elevation)), "beamwidth_deg": round(math.degrees(beam), 5),
+        "error_beamwidths": [round(float(each) / beam, 4) for each in error] if beam > 0.0 else [],
+        "axis_distance_deg": round(math.degrees(tracking.axis_distance), 5),
+        "seconds_lost": round(tracking.seconds_lost, 1), "mean_loss_db": round(tracking.mean_loss, 2),
+        "los_s": seconds_from_stamp(tracking.los),
+    }  # fmt: skip
+
+
+def target_values(target: ours.Target) -> dict[str, Any]:
+    """Return where the target is; its stamp is ahead of the present."""
+    return {
+        "name": target.target, "position_deg": degrees((target.azimuth, target.elevation), 3),
+        "range_km": round(target.range / 1e3, 1), "range_rate_m_s": round(target.range_rate, 1),
+        "age_h": round(target.element_age / 3600.0, 1) if target.covariance else None,
+    }  # fmt: skip
+
+
+def executive_values(executive: ours.ExecutiveStatus) -> dict[str, Any]:
+    """Return the executive with its alarms."""
+    return {
+        "state": executive.state, "pass": executive.pass_id, "target": executive.target, "blocks": list(executive.blocks),
+        "doing": executive.reason, "next": executive.next_id, "next_s": seconds_from_stamp(executive.next_start),
+        "alarms": [
+            {"name": each.name, "level": each.level, "message": each.message, "acknowledged": each.acknowledged,
+             "raised_utc": stamp_text(each.raised), "count": each.count}
+            for each in executive.alarms
+        ],
+    }  # fmt: skip
+
+
+def certificate_section(message: ours.PassCertificate) -> dict[str, Any]:
+    """Return the certificate in the words of its file, with the chosen branch alone."""
+    certificate = convert_planning.certificate_from_message(message)
+    values = certificate_values(certificate)
+    chosen = next((each for each in values.pop("branches") if each["chosen"]), None)
+    return {**values, "label": certificate.chosen.label if certificate.chosen else "", "chosen": chosen}
+
+
+def path_values(profile: PassProfile) -> dict[str, Any]:
+    """Return a pass as points of the sky, deg, at even times."""
+    step = max(1, math.ceil(len(profile.t_s) / PATH_POINTS))
+    rows = [*range(0, len(profile.t_s), step), len(profile.t_s) - 1]
+    return {
+        "target": profile.name, "aos_s": float(profile.t_s[0]), "los_s": float(profile.t_s[-1]),
+        "points_deg": [degrees(point, 2) for point in profile.position_rad[rows]],
+    }  # fmt: skip
+
+
+def mask_values(mask: HorizonMask) -> list[list[float]]:
+    """Return the horizon (azimuth, elevation) in deg around the whole turn."""
+    azimuths = np.arange(0.0, 360.0 + MASK_STEP_DEG, MASK_STEP_DEG)
+    heights = np.degrees(mask.lowest_all(np.radians(azimuths)))
+    return [[float(azimuth), round(float(height), 2)] for azimuth, height in zip(azimuths, heights, strict=True)]

@@ -1,0 +1,185 @@
+"""The streams of a node: numbers on what it publishes, and counts of what became of its input.
+
+A gap in the numbers is a loss.  What was lost or refused is counted on /diagnostics.
+"""
+
+import math
+from collections import Counter, deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.publisher import Publisher
+from rclpy.serialization import deserialize_message
+
+from rf_pointing.ros.diagnostics import OK, WARN, Health
+from rf_pointing.ros.stamps import seconds_from_raw, seconds_from_stamp
+
+KEPT = 100
+"""Messages of a fast stream that wait to be used: two seconds at 50 Hz."""
+STAMP_RESOLUTION_S = 1e-6
+LARGEST = 1e18
+"""Of numbers in messages; metres to the nearest star are 4e16."""
+LEVEL = "carrier_to_noise"
+"""The one number that may be -inf: dB-Hz where there is no carrier."""
+RMWError = rclpy_implementation.RMWError
+_FLOATS = ("double", "float", "sequence<double", "sequence<float")
+
+
+def _source(message: Any) -> str:
+    """Return the sensor that a message is numbered for, "" where it has none."""
+    # Several trackers share a topic, and one node can publish for two of them.
+    return str(getattr(message, "sensor", ""))
+
+
+def frame_in(namespace: str, frame: str) -> str:
+    """Return the name of an antenna's frame on /tf, which all antennas share."""
+    return f"{namespace}/{frame}".strip("/")
+
+
+class FramedPublisher:
+    """Publishes with the frame of its topic in the header."""
+
+    def __init__(self, publisher: Publisher, frame_id: str) -> None:
+        self._publisher, self._frame_id = publisher, frame_id
+
+    def publish(self, message: Any) -> None:
+        """Publish a message that has a header."""
+        message.header.frame_id = self._frame_id
+        self._publisher.publish(message)
+
+
+class SequencedPublisher:
+    """Numbers every message of a stream, for each sensor separately: a recording shows losses."""
+
+    def __init__(self, publisher: Publisher | FramedPublisher) -> None:
+        self._publisher = publisher
+        self._sequences: Counter[str] = Counter()
+
+    def publish(self, message: Any) -> None:
+        """Set the message's sequence number and publish it."""
+        source = _source(message)
+        self._sequences[source] += 1
+        message.sequence = self._sequences[source]
+        self._publisher.publish(message)
+
+
+def require_length(payload: bytes, most_bytes: int) -> None:
+    """Raise ValueError for a message that is longer than any of its topic."""
+    if len(payload) > most_bytes:
+        raise ValueError(f"a message of {len(payload)} bytes, must be <= {most_bytes}")
+
+
+def checked_message(payload: bytes, message_type: Any) -> Any:
+    """Return a decoded message whose numbers and stamps can be ones, or raise ValueError."""
+    try:
+        message = deserialize_message(payload, message_type)
+    except (RMWError, UnicodeDecodeError) as error:
+        raise ValueError(f"{len(payload)} bytes are no {message_type.__name__}") from error
+    require_plausible(message)
+    return message
+
+
+def require_plausible(message: Any, name: str = "") -> None:
+    """Raise ValueError, naming the field, for a number or a stamp that cannot be one."""
+    for field, kind in message.get_fields_and_field_types().items():
+        value, full = getattr(message, field), f"{name}.{field}" if name else field
+        if isinstance(value, Time):
+            seconds_from_stamp(value)
+        elif hasattr(value, "get_fields_and_field_types"):
+            require_plausible(value, full)
+        elif isinstance(value, float) or kind.startswith(_FLOATS):
+            if field == LEVEL and value == -math.inf:
+                continue
+            numbers = np.asarray(value, dtype=np.float64)
+            # Squares of such numbers are still finite, and nothing in the field is larger.
+            if numbers.size and not np.max(np.abs(numbers)) <= LARGEST:
+                raise ValueError(f"{full} must be finite and at most {LARGEST:g}")
+        elif isinstance(value, list):
+            for index, element in enumerate(value):
+                if hasattr(element, "get_fields_and_field_types"):
+                    require_plausible(element, f"{full}[{index}]")
+
+
+class InputCounter:
+    """Counts lost messages of a node's inputs, by gaps in their numbers, and refused ones."""
+
+    def __init__(self) -> None:
+        self._newest: dict[tuple[str, str], int] = {}
+        self.lost: dict[str, int] = {}
+        self.refused: dict[str, int] = {}
+        self.last_refusal = ""
+        self.errors = 0
+        self.last_error = ""
+
+    def watching(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return `callback` with the count before it; a publisher that restarts is no loss."""
+        self.lost[topic] = 0
+
+        def counted(message: Any) -> None:
+            source = (topic, _source(message))
+            newest = self._newest.get(source)
+            # A number that falls is a restart of the publisher.
+            if newest is not None and message.sequence > newest + 1:
+                self.lost[topic] += message.sequence - newest - 1
+            self._newest[source] = message.sequence
+            callback(message)
+
+        return counted
+
+    def note_refusal(self, topic: str, reason: str) -> None:
+        """Count a message that could not be used."""
+        self.refused[topic] = self.refused.get(topic, 0) + 1
+        self.last_refusal = f"{topic}: {reason}"
+
+    def note_error(self, where: str, error: BaseException) -> None:
+        """Count an error that was not foreseen."""
+        self.errors += 1
+        self.last_error = f"{where}: {type(error).__name__}: {error}"
+
+    def health(self) -> Health:
+        """Return the counts, as a warning when anything was lost or refused or has raised."""
+        lost, refused = sum(self.lost.values()), sum(self.refused.values())
+        words = [f"{lost} messages lost"] * bool(lost) + [f"{refused} messages refused"] * bool(refused)
+        words += [f"{self.errors} errors survived"] * bool(self.errors)
+        values: dict[str, object] = {f"lost {topic}": count for topic, count in self.lost.items()}
+        values |= {f"refused {topic}": count for topic, count in self.refused.items()}
+        values |= {"last_refusal": self.last_refusal, "errors": self.errors, "last_error": self.last_error}
+        return Health(WARN if words else OK, ", ".join(words) or "complete", values)
+
+
+class Latest:
+    """Keeps the newest messages of a fast stream undecoded; `take` decodes one of them.
+
+    `refused` takes the reason why a message cannot be used.
+    """
+
+    def __init__(self, message_type: Any, convert: Callable[[Any], Any], refused: Callable[[str], object]) -> None:
+        self._type, self._convert, self._refused = message_type, convert, refused
+        self._raw = deque[bytes](maxlen=KEPT)
+
+    def note(self, raw: bytes) -> None:
+        """Keep `raw`; ValueError without a stamp."""
+        seconds_from_raw(raw)
+        self._raw.append(raw)
+
+    def take(self, until_s: float = math.inf) -> Any | None:
+        """Return the converted newest message up to the stamp `until_s`, None without a new one.
+
+        Later messages are kept.  Of those that cannot be used the one before is taken.
+        """
+        # Only the stamps are read here: at 50 Hz decoding every message costs more than using one.
+        # A stamp far ahead keeps nothing behind it from being used.
+        due, later = list[bytes](), deque[bytes](maxlen=KEPT)
+        for raw in self._raw:
+            (due if seconds_from_raw(raw) <= until_s + STAMP_RESOLUTION_S else later).append(raw)
+        self._raw = later
+        # Periodic work, which cannot be left out, calls this: nothing that has arrived may raise.
+        for raw in reversed(due):
+            try:
+                return self._convert(checked_message(raw, self._type))
+            except ValueError as error:
+                self._refused(str(error))
+        return None

@@ -1,0 +1,123 @@
+"""A drive behind topics, for a vendor's own driver node: set points out, state in.
+
+Publishes: drive/set_point (sensor_msgs/JointState: position, or velocity for a drive of rates) and
+drive/enable (std_msgs/Bool, latched; false: stop and set the brakes).  Subscribes: drive/state
+(sensor_msgs/JointState: position, velocity where it is measured), stamped when it was measured.
+"""
+
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from rf_pointing.core import AXES, JointReading
+from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading
+from rf_pointing.drives.drive import POSITION, RATE
+from rf_pointing.ros.qos import LATCHED, STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.ros.streams import checked_message, frame_in, require_length
+from rf_pointing.station.description.urdf import BASE
+
+Pair = tuple[float, float]
+STATE_BYTES = 64 * 1024
+
+
+class TopicDrive(Drive):
+    """The topics of one antenna's drive; `drive.model` says whether it takes positions or rates."""
+
+    def __init__(self, beside: Node, params: DriveParams) -> None:
+        model = params.model or POSITION
+        if model not in (POSITION, RATE):
+            raise ValueError(f"drive.model={params.model!r} of topic must be one of {POSITION}, {RATE}")
+        rotator = params.rotator
+        first, second = (step or 1e-4 for step in rotator.resolution_rad)
+        self.capabilities = Capabilities(
+            set_points=model,
+            resolution_rad=(first, second),
+            rate_rad_s=rotator.rate_rad_s,
+            period_s=params.link.poll_period_s,
+            latency_s=rotator.latency_s,
+            one_turn=rotator.reads_one_turn,
+            has_brake=True,
+        )
+        self.losses: dict[str, int] = {"state that cannot be used": 0}
+        self._lost_s, self._t_s = params.link.lost_s, 0.0
+        self._reading: DriveReading | None = None
+        self._refusal = ""
+        # A node of its own: its executor is turned by `step`, also before the antenna's node runs.
+        self._node = Node(
+            f"{beside.get_name()}_drive", namespace=beside.get_namespace(), context=beside.context,
+            use_global_arguments=False, start_parameter_services=False,
+        )  # fmt: skip
+        self._set_points = self._node.create_publisher(JointState, "drive/set_point", STREAM)
+        self._enabled = self._node.create_publisher(Bool, "drive/enable", LATCHED)
+        self._node.create_subscription(JointState, "drive/state", self._on_state, STREAM, raw=True)
+        self._executor = SingleThreadedExecutor(context=beside.context)
+        self._executor.add_node(self._node)
+        self.problem = "no message on drive/state yet"
+
+    def step(self, t_s: float) -> DriveReading | None:
+        self._t_s = t_s
+        self._executor.spin_once(timeout_sec=0.0)
+        if self._reading is not None:
+            age_s = self._reading.age_s(t_s)
+            self.problem = f"no message on drive/state for {age_s:.1f} s" if age_s > self._lost_s else ""
+        if self.problem and self._refusal:
+            self.problem = f"no message on drive/state that can be used: {self._refusal}"
+        return self._reading
+
+    def go_to(self, position_rad: Pair) -> None:
+        self._publish(position=list(position_rad))
+
+    def turn(self, rate_rad_s: Pair) -> None:
+        self._publish(velocity=list(rate_rad_s))
+
+    def stop(self) -> None:
+        self._enabled.publish(Bool(data=False))
+
+    def enable(self) -> None:
+        self._enabled.publish(Bool(data=True))
+
+    def close(self) -> None:
+        self.stop()
+        self._executor.shutdown()
+        self._node.destroy_node()
+
+    def _publish(self, **values: list[float]) -> None:
+        message = JointState(name=list(AXES), **values)
+        message.header.stamp = stamp_from_seconds(self._t_s)
+        message.header.frame_id = frame_in(self._node.get_namespace(), BASE)
+        self._set_points.publish(message)
+
+    def _on_state(self, payload: bytes) -> None:
+        # Turned by the periodic work of the antenna's node, which nothing that arrives may end.
+        try:
+            require_length(payload, STATE_BYTES)
+            self._reading, self._refusal = self._reading_of(checked_message(payload, JointState)), ""
+        except ValueError as error:
+            self.losses["state that cannot be used"] += 1
+            self._refusal = str(error)
+
+    def _reading_of(self, message: JointState) -> DriveReading:
+        # Other joints of the vendor's machine, a polarizer for example, are its own.
+        names, measured = list(message.name), len(message.velocity) > 0
+        if any(names.count(axis) != 1 for axis in AXES):
+            raise ValueError(f"joints are {', '.join(names) or 'none'}, must have {', '.join(AXES)} once")
+        for field, values in (("position", message.position), ("velocity", message.velocity if measured else names)):
+            if len(values) != len(names):
+                raise ValueError(f"{field} has {len(values)} values, must have one for each of {len(names)} joints")
+        order = [names.index(axis) for axis in AXES]
+        rates = [message.velocity[index] for index in order] if measured else [0.0, 0.0]
+        joints = JointReading(
+            t_s=seconds_from_stamp(message.header.stamp),
+            position_rad=[message.position[index] for index in order],
+            velocity_rad_s=rates,
+        )
+        # A state of the future would never be too old.
+        ahead_s = joints.t_s - self._t_s
+        if ahead_s > self._lost_s:
+            raise ValueError(f"its stamp is {ahead_s:.1f} s ahead of this computer's clock")
+        azimuth, elevation = joints.position_rad.tolist()
+        return DriveReading(
+            t_s=joints.t_s, position_rad=(azimuth, elevation), rate_rad_s=(rates[0], rates[1]) if measured else None
+        )

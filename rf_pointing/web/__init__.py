@@ -1,0 +1,1 @@
+"""The operator's page: its server, and the files that the browser loads."""

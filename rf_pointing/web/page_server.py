@@ -1,0 +1,457 @@
+"""Web server of the operator's page: files, a live stream, commands with a token, reports.
+
+It knows no ROS.  What is shown arrives as sections of JSON (`PageServer.put`), each serialised once
+for all viewers.  What is requested leaves through `command`, whose future gets the answer.
+
+    GET  /           the page; /page.css, /page.js
+    GET  /live       WebSocket: every message is an object of the sections that have changed
+    GET  /reports/…  files of the reports folder
+    POST /command    {"name": …, "arguments": {…}} with `Authorization: Bearer TOKEN`
+
+A request under a foreign host name or from the page of another origin is refused: a name that an
+attacker points at this computer, or a form of another site, must not reach the antenna.
+"""
+
+import asyncio
+import hmac
+import json
+import logging
+import math
+import os
+import secrets
+import stat
+import threading
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from concurrent.futures import Future
+from contextlib import suppress
+from dataclasses import dataclass
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, urlsplit
+
+from aiohttp import web
+
+from rf_pointing.core import Params, parameter
+from rf_pointing.ros.main_loop import open_private
+
+FILES = Path(__file__).with_name("page")
+"""Folder of the page itself; it is installed with the package."""
+SHORTEST_TOKEN = 16
+LONGEST_BODY = 4096
+MOST_COMMANDS = 8
+"""Commands that may wait for their answers at one time."""
+UNLOCK = "unlock"
+"""Command that does nothing: whether the token is the right one."""
+ANSWER_S = 5.0
+"""Until a command is answered by the node that it goes to."""
+WRONG_TOKEN_S = 0.3
+"""What a wrong token costs, so that short ones cannot be tried out."""
+HEARTBEAT_S = 15.0
+SLOW_S = 15.0
+"""A viewer that takes no message for so long is dropped."""
+LONGEST_TEXT = 600
+"""Of a text that is shown."""
+BUFFER_BYTES = 32 * 1024
+"""Of one viewer's socket, so that a slow viewer sees old values for no longer than this lasts."""
+REPORTS = ("report.html", "night.html")
+REPORT_TYPES = {
+    ".html": "text/html", ".png": "image/png", ".svg": "image/svg+xml", ".json": "application/json",
+    ".csv": "text/csv", ".txt": "text/plain",
+}  # fmt: skip
+REPORTS_SHOWN = 20
+REPORTS_SEARCHED = 5000
+"""Folders that a search for reports looks into at most."""
+STRICT = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+# A report brings its own style and pictures, and names that somebody else has chosen.
+OF_REPORTS = "sandbox allow-same-origin; default-src 'none'; style-src 'unsafe-inline'; img-src 'self' data:"
+HEADERS = {
+    "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "no-cache",
+    "Cross-Origin-Resource-Policy": "same-origin", "X-Frame-Options": "DENY",
+}  # fmt: skip
+Answer = tuple[bool, str]
+Command = Callable[[str, Mapping[str, Any], str], "Future[Answer]"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageParams(Params):
+    """Where the page is, and who may command."""
+
+    address: str = parameter("127.0.0.1", "address to bind to; any but loopback needs token_file")
+    port: int = parameter(8080, "TCP port; 0: any that is free", low=0, high=65535)
+    hosts: str = parameter("", "further host names under which the page is reached, separated by commas")
+    token_file: str = parameter("", "file (mode 600) with the token of commands; empty: one is made for this user")
+    reports: str = parameter("runs", "folder whose reports are offered; empty: none")
+    rate_hz: float = parameter(6.0, "how often what moves is sent to the viewers", low=1.0, high=20.0)
+    viewers: int = parameter(50, "viewers at one time", low=1, high=1000)
+
+    def check_together(self) -> None:
+        """Refuse an address that others can reach without a token that somebody has chosen."""
+        try:
+            address = ip_address(self.address)
+        except ValueError:
+            raise ValueError(f"address={self.address} must be an IP address, as 127.0.0.1") from None
+        if not address.is_loopback and not self.token_file:
+            raise ValueError(
+                f"address={self.address} can be reached by other computers: token_file='' must name the file of a token"
+            )
+
+    @property
+    def names(self) -> set[str]:
+        """The host names under which the page may be requested."""
+        own = {"localhost", "127.0.0.1", "::1", self.address}
+        return {name.lower() for name in (*own, *(each.strip() for each in self.hosts.split(","))) if name}
+
+
+def read_token(given: str, own: Path) -> tuple[str, Path]:
+    """Return the token of the file `given`, or of `own`, which is made where it is missing.
+
+    Raises ValueError for a file that others may read, and for a short token.
+    """
+    path = Path(given).expanduser() if given else own
+    if given and not path.is_file():
+        raise ValueError(f"token_file={path} does not exist")
+    try:
+        opened = open_private(path, os.O_RDWR)
+    except RuntimeError as error:
+        raise ValueError(str(error)) from error
+    with os.fdopen(opened, "r+", encoding="ascii", errors="replace") as file:
+        mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
+        if mode & 0o077:
+            raise ValueError(f"{path} has mode {mode:o}, must be readable by its owner alone: chmod 600 {path}")
+        token = file.read(1024).strip()
+        if not token and not given:
+            token = secrets.token_urlsafe(24)
+            file.write(f"{token}\n")
+    if len(token) < SHORTEST_TOKEN or not token.isascii() or not token.isprintable():
+        raise ValueError(f"the token in {path} has {len(token)} characters, must be >= {SHORTEST_TOKEN} of plain ASCII")
+    return token, path
+
+
+class Board:
+    """The newest sections; a viewer takes those that it has not seen.
+
+    Nothing is queued for a viewer: one that is slow finds the newest of each section, so frames are
+    dropped and memory does not grow.
+    """
+
+    def __init__(self) -> None:
+        self._texts: dict[str, str] = {}
+        self._versions: dict[str, int] = {}
+        self._changed = asyncio.Event()
+
+    def put(self, sections: Mapping[str, str]) -> None:
+        """Take sections as JSON texts; wake the viewers when one has changed."""
+        for name, text in sections.items():
+            if self._texts.get(name) != text:
+                self._texts[name] = text
+                self._versions[name] = self._versions.get(name, 0) + 1
+        self._changed.set()
+        self._changed = asyncio.Event()
+
+    def clear(self) -> None:
+        """Forget what is shown: it is older than a viewer who comes now may believe."""
+        self._texts.clear()
+
+    def news(self, seen: dict[str, int]) -> str:
+        """Return the sections newer than those `seen`, "" for none, and note them there."""
+        names = [name for name in self._texts if seen.get(name) != self._versions[name]]
+        seen.update((name, self._versions[name]) for name in names)
+        return "{" + ",".join(f'"{name}":{self._texts[name]}' for name in names) + "}" if names else ""
+
+    async def wait(self) -> None:
+        """Wait until sections are put."""
+        await self._changed.wait()
+
+
+class PageApp:
+    """The handlers of the page, and what they share: board, token, counters."""
+
+    def __init__(self, params: PageParams, token: str, command: Command) -> None:
+        self.board = Board()
+        self.transports: list[asyncio.Transport] = []
+        """One for each viewer."""
+        self.commands = self.refused = 0
+        self.dropped = 0
+        """Viewers that were too slow."""
+        self._params, self._command = params, command
+        self._token = token.encode()
+        self._names = params.names
+        self._waiting = 0
+        self._reports = Path(params.reports).expanduser().resolve() if params.reports else None
+        # In memory, under their names: no request is turned into a path.
+        self._files = {path.name: path.read_bytes() for path in FILES.iterdir() if path.suffix in PAGE_TYPES}
+
+    @property
+    def viewers(self) -> int:
+        """How many look at the page."""
+        return len(self.transports)
+
+    def application(self) -> web.Application:
+        """Return the application of aiohttp."""
+        app = web.Application(middlewares=[self._guarded], client_max_size=LONGEST_BODY)
+        app.router.add_get("/", self._file)
+        app.router.add_get("/live", self._live)
+        app.router.add_get("/reports/{path:.+}", self._report)
+        app.router.add_post("/command", self._take)
+        app.router.add_get("/{name:[a-z.]+}", self._file)
+        return app
+
+    @web.middleware
+    async def _guarded(
+        self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+    ) -> web.StreamResponse:
+        """Refuse foreign hosts and origins; turn every error into a sentence."""
+        try:
+            self._require_ours(request)
+            response = await handler(request)
+        except web.HTTPException as error:
+            response = _sentence(error.status, error.text or error.reason)
+        except ValueError as error:
+            response = _sentence(400, str(error))
+        if not response.prepared:
+            for name, value in {**HEADERS, "Content-Security-Policy": STRICT}.items():
+                response.headers.setdefault(name, value)
+        return response
+
+    def _require_ours(self, request: web.Request) -> None:
+        host = request.headers.get("Host", "")
+        if _name_of(f"//{host}") not in self._names:
+            self.refused += 1
+            raise web.HTTPForbidden(text=f"host {host[:80]!r} is none of page.hosts")
+        origin = request.headers.get("Origin")
+        if origin is not None and origin not in (f"http://{host}", f"https://{host}"):
+            self.refused += 1
+            raise web.HTTPForbidden(text=f"a page of {origin[:80]!r} may not use this one")
+
+    async def _file(self, request: web.Request) -> web.Response:
+        name = request.match_info.get("name", "index.html")
+        if name not in self._files:
+            raise web.HTTPNotFound(text=f"no such page: {name[:80]}")
+        return web.Response(body=self._files[name], content_type=PAGE_TYPES[Path(name).suffix], charset="utf-8")
+
+    # The live stream
+
+    async def _live(self, request: web.Request) -> web.StreamResponse:
+        if self.viewers >= self._params.viewers:
+            raise web.HTTPServiceUnavailable(text=f"{self.viewers} viewers, must be < page.viewers")
+        socket = web.WebSocketResponse(heartbeat=HEARTBEAT_S, max_msg_size=1024, compress=False)
+        await socket.prepare(request)
+        transport = request.transport
+        if transport is None:
+            return socket
+        transport.set_write_buffer_limits(high=BUFFER_BYTES)
+        if not self.transports:
+            self.board.clear()
+        self.transports.append(transport)
+        sender = asyncio.ensure_future(self._send(socket))
+        try:
+            # What a viewer sends is read, for pings and the end, and not used.
+            reader = asyncio.ensure_future(_drain(socket))
+            await asyncio.wait({sender, reader}, return_when=asyncio.FIRST_COMPLETED)
+            reader.cancel()
+        finally:
+            self.transports.remove(transport)
+            sender.cancel()
+            # One that takes nothing takes no farewell either.
+            transport.abort()
+        return socket
+
+    async def _send(self, socket: web.WebSocketResponse) -> None:
+        seen: dict[str, int] = {}
+        while not socket.closed:
+            text = self.board.news(seen)
+            if text:
+                try:
+                    await asyncio.wait_for(socket.send_str(text), SLOW_S)
+                except TimeoutError:
+                    self.dropped += 1
+                    return
+                except ConnectionError:
+                    return
+            await self.board.wait()
+
+    # Commands
+
+    async def _take(self, request: web.Request) -> web.Response:
+        kind, _, given = request.headers.get("Authorization", "").partition(" ")
+        if kind != "Bearer" or not hmac.compare_digest(given.strip().encode(errors="replace"), self._token):
+            self.refused += 1
+            await asyncio.sleep(WRONG_TOKEN_S)
+            raise web.HTTPUnauthorized(text="the token is wrong" if given else "a command needs the token")
+        if request.content_type != "application/json":
+            raise web.HTTPUnsupportedMediaType(text=f"content type {request.content_type} must be application/json")
+        name, arguments = _parsed(await request.text())
+        if name == UNLOCK:
+            return _sentence(200, "the token is right", accepted=True)
+        if self._waiting >= MOST_COMMANDS:
+            raise web.HTTPTooManyRequests(text=f"{self._waiting} commands wait for their answers")
+        self._waiting += 1
+        self.commands += 1
+        try:
+            answer = asyncio.wrap_future(self._command(name, arguments, str(request.remote)))
+            accepted, message = await asyncio.wait_for(answer, ANSWER_S)
+        except TimeoutError:
+            raise web.HTTPGatewayTimeout(text=f"{name}: no answer within {ANSWER_S:.0f} s") from None
+        finally:
+            self._waiting -= 1
+        return _sentence(200, message, accepted=accepted)
+
+    # Reports
+
+    async def _report(self, request: web.Request) -> web.StreamResponse:
+        path = await asyncio.to_thread(self._inside, request.match_info["path"])
+        if path is None:
+            raise web.HTTPNotFound(text="no such report")
+        headers = {"Content-Type": REPORT_TYPES[path.suffix], **HEADERS, "Content-Security-Policy": OF_REPORTS}
+        return web.FileResponse(path, headers=headers)
+
+    def _inside(self, wanted: str) -> Path | None:
+        """Return the file of a report that lies in the folder, links followed, else None."""
+        if self._reports is None:
+            return None
+        try:
+            path = (self._reports / wanted).resolve()
+            inside = path.is_relative_to(self._reports) and path.suffix in REPORT_TYPES and path.is_file()
+        except (ValueError, OSError):
+            return None
+        return path if inside else None
+
+    def reports(self) -> list[dict[str, Any]]:
+        """Return the newest reports of the folder: title, kind, path and UTC s of the file."""
+        if self._reports is None:
+            return []
+        found = sorted(_report_files(self._reports), key=lambda row: -row[1])[:REPORTS_SHOWN]
+        return [
+            {"title": path.parent.name, "kind": path.stem, "utc_s": round(changed_s),
+             "path": "/reports/" + quote(path.relative_to(self._reports).as_posix())}
+            for path, changed_s in found
+        ]  # fmt: skip
+
+
+PAGE_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+
+
+class PageServer:
+    """A `PageApp` on its address, in a thread of its own."""
+
+    def __init__(self, params: PageParams, token: str, command: Command) -> None:
+        self._params = params
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
+        # aiohttp would log what the middleware answers.
+        logging.getLogger("aiohttp.server").setLevel(logging.CRITICAL)
+        try:
+            self.app, self._runner, self.port = self._wait(self._start(token, command))
+        except OSError as error:
+            self._end_loop()
+            raise ValueError(f"{params.address}:{params.port} cannot be used: {error.strerror}") from error
+
+    @property
+    def address(self) -> str:
+        """The address of the page, for a browser."""
+        host = f"[{self._params.address}]" if ":" in self._params.address else self._params.address
+        return f"http://{host}:{self.port}"
+
+    def put(self, sections: Mapping[str, Any]) -> None:
+        """Show sections, from any thread; a number that is none is shown as missing."""
+        texts = {name: json.dumps(shown(value), separators=(",", ":")) for name, value in sections.items()}
+        self._loop.call_soon_threadsafe(self.app.board.put, texts)
+
+    def find_reports(self) -> None:
+        """Show the newest reports; the folder is searched by another thread."""
+        asyncio.run_coroutine_threadsafe(self._show_reports(), self._loop)
+
+    async def _show_reports(self) -> None:
+        found = await asyncio.to_thread(self.app.reports)
+        self.app.board.put({"reports": json.dumps(found)})
+
+    def close(self) -> None:
+        """Close every connection and the port."""
+        with suppress(TimeoutError):
+            self._wait(self._runner.cleanup())
+        self._end_loop()
+
+    async def _start(self, token: str, command: Command) -> tuple[PageApp, web.AppRunner, int]:
+        app = PageApp(self._params, token, command)
+        runner = web.AppRunner(app.application(), access_log=None, shutdown_timeout=0.5)
+        await runner.setup()
+        site = web.TCPSite(runner, self._params.address, self._params.port)
+        try:
+            await site.start()
+        except OSError:
+            await runner.cleanup()
+            raise
+        return app, runner, int(runner.addresses[0][1])
+
+    def _wait(self, work: Any) -> Any:
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result(5.0)
+
+    def _end_loop(self) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(5.0)
+        self._loop.close()
+
+
+def shown(value: Any) -> Any:
+    """Return a value for JSON, which has neither NaN nor inf; a text is cut at its longest."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, str):
+        return value if len(value) <= LONGEST_TEXT else f"{value[:LONGEST_TEXT]}…"
+    if isinstance(value, Mapping):
+        return {name: shown(each) for name, each in value.items()}
+    return [shown(each) for each in value] if isinstance(value, (list, tuple)) else value
+
+
+def _parsed(body: str) -> tuple[str, Mapping[str, Any]]:
+    """Return name and arguments of a command; ValueError says what is wrong with the body."""
+
+    def no_number(word: str) -> None:
+        raise ValueError(f"{word} is no number of JSON")
+
+    try:
+        content = json.loads(body, parse_constant=no_number)
+    except RecursionError:
+        raise ValueError("the body is nested too deeply") from None
+    except json.JSONDecodeError as error:
+        raise ValueError(f"the body is no JSON: {error}") from error
+    if not isinstance(content, Mapping) or not set(content) <= {"name", "arguments"}:
+        raise ValueError("the body must be an object of name and arguments")
+    name, arguments = content.get("name"), content.get("arguments", {})
+    if not isinstance(name, str) or not isinstance(arguments, Mapping):
+        raise ValueError("name must be a text and arguments an object")
+    return name, arguments
+
+
+def _name_of(address: str) -> str:
+    try:
+        return (urlsplit(address).hostname or "").lower()
+    except ValueError:
+        return ""
+
+
+def _sentence(status: int, text: str, *, accepted: bool = False) -> web.Response:
+    return web.json_response({"accepted": accepted, "message": text}, status=status)
+
+
+async def _drain(socket: web.WebSocketResponse) -> None:
+    async for _ in socket:
+        pass
+
+
+def _report_files(folder: Path) -> Iterator[tuple[Path, float]]:
+    """Yield the reports below a folder with the times of their last change; links are left out."""
+    for searched, (place, folders, names) in enumerate(os.walk(folder)):
+        if searched >= REPORTS_SEARCHED:
+            return
+        # A bag has no report inside, and hidden folders are nobody's reports.
+        folders[:] = [name for name in folders if name != "bag" and not name.startswith(".")]
+        for name in set(names) & set(REPORTS):
+            path = Path(place) / name
+            with suppress(OSError):
+                yield path, path.lstat().st_mtime

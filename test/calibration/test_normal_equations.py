@@ -1,0 +1,189 @@
+import numpy as np
+import pytest
+
+from rf_pointing.calibration.normal_equations import (
+    Triangle,
+    advice_for,
+    eliminate,
+    pass_triangles,
+    require_determined,
+    triangle_of,
+)
+from rf_pointing.calibration.normal_equations import _null_space_message as null_space_message
+
+NAMES = ("azimuth_offset", "collimation", "droop")
+ALL = np.arange(3)
+
+
+def rows_of(matrix, right):
+    return np.asfortranarray(np.column_stack([matrix, right]))
+
+
+def test_triangle_keeps_all_inner_products(random):
+    rows = random.normal(size=(50, 4))
+    expected = rows.T @ rows
+    factor = triangle_of(np.asfortranarray(rows))
+    assert np.allclose(factor.T @ factor, expected, rtol=1e-12)
+    assert np.array_equal(factor, np.triu(factor))
+
+
+def test_solution_covariance_and_condition_agree_with_numpy(random):
+    matrix, right = random.normal(size=(60, 3)) * [1.0, 1e3, 1e-3], random.normal(size=60)
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(matrix[:20], right[:20]), ALL), (rows_of(matrix[20:], right[20:]), ALL)])
+    found = triangle.solve()
+    expected, square, _, _ = np.linalg.lstsq(matrix, right, rcond=None)
+    assert found.values == pytest.approx(expected, rel=1e-10)
+    assert np.allclose(found.covariance, np.linalg.inv(matrix.T @ matrix), rtol=1e-9)
+    assert found.condition == pytest.approx(np.linalg.cond(matrix / np.linalg.norm(matrix, axis=0)), rel=1e-9)
+    assert found.residual_square == pytest.approx(float(square[0]), rel=1e-10)
+
+
+def test_a_prior_is_one_more_equation(random):
+    matrix, right = random.normal(size=(20, 3)), random.normal(size=20)
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(matrix, right), ALL)])
+    triangle.add_prior("droop", 0.5, 0.1)
+    more = np.vstack([matrix, [0.0, 0.0, 10.0]])
+    expected = np.linalg.lstsq(more, np.append(right, 5.0), rcond=None)[0]
+    assert triangle.solve().values == pytest.approx(expected, rel=1e-10)
+    with pytest.raises(ValueError, match="prior sigma of droop=0 must be > 0"):
+        triangle.add_prior("droop", 0.5, 0)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-11])
+def test_equal_columns_are_refused_by_their_names(random, tilt):
+    matrix = random.normal(size=(30, 3))
+    matrix[:, 2] = matrix[:, 0] + tilt * matrix[:, 1]
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(matrix, random.normal(size=30)), ALL)])
+    with pytest.raises(ValueError, match=r"cannot separate azimuth_offset \+ droop"):
+        triangle.solve()
+
+
+def test_separate_pairs_are_named_apart_whichever_null_vectors_come_out(random):
+    names = ("tilt", "azimuth_offset", "droop", "collimation")
+    pairs = np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 1.0]]) / np.sqrt(2.0)
+    for angle in random.uniform(0.0, 2.0 * np.pi, 20):
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        message = null_space_message(names, turn @ pairs, np.ones(4))
+        assert message.startswith("the data cannot separate tilt + droop; azimuth_offset + collimation: ")
+
+
+def test_badly_scaled_but_separable_columns_are_solved(random):
+    matrix = random.normal(size=(30, 3)) * [1.0, 1e-9, 1e9]
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(matrix, matrix @ [1.0, 2e9, 3e-9]), ALL)])
+    assert triangle.solve().values == pytest.approx([1.0, 2e9, 3e-9], rel=1e-9)
+
+
+def test_an_unknown_that_no_equation_touches_is_named(random):
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(random.normal(size=(30, 2)), random.normal(size=30)), np.array([0, 2]))])
+    with pytest.raises(ValueError, match="30 equations do not determine collimation"):
+        triangle.solve()
+
+
+def test_each_pass_has_the_inner_products_of_its_own_rows_be_it_shorter_than_they_are_wide(random):
+    passes = random.permutation(np.repeat([9, 4, 7, 2], [1, 3, 6, 40]))
+    rows = random.normal(size=(len(passes), 5))
+    numbers, triangles = pass_triangles(rows, passes)
+    assert numbers.tolist() == [2, 4, 7, 9]
+    for number, triangle in zip(numbers, triangles, strict=True):
+        own = rows[passes == number]
+        np.testing.assert_allclose(triangle.T @ triangle, own.T @ own, atol=1e-12)
+
+
+def test_columns_that_are_almost_but_not_quite_inseparable_are_solved(random):
+    """A condition number of 0.7e9, whose cheap bound by the norms is beyond the 1e9 that is refused."""
+    names = tuple(f"term {k}" for k in range(8))
+    matrix, _ = np.linalg.qr(random.normal(size=(40, 8)))
+    matrix[:, 7] = matrix[:, 0] + 2.8e-9 * matrix[:, 7]
+    truth = np.arange(1.0, 9.0)
+    triangle = Triangle(names)
+    triangle.add_blocks([(rows_of(matrix, matrix @ truth), np.arange(8))])
+    found = triangle.solve()
+    assert 6e8 < found.condition < 8e8
+    assert found.values[1:7] == pytest.approx(truth[1:7], rel=1e-6)
+    assert found.values[0] + found.values[7] == pytest.approx(9.0, rel=1e-6)
+
+
+def test_equations_are_counted_with_the_priors(random):
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(random.normal(size=(20, 3)), random.normal(size=20)), ALL)] * 2)
+    triangle.add_prior("droop", 0.5, 0.1)
+    triangle.add_triangle(random.normal(size=(2, 4)), 30)
+    assert triangle.rows == 71
+
+
+@pytest.mark.parametrize("own", [1, 3])
+def test_parameters_of_the_passes_are_those_of_all_columns_at_once(random, own):
+    """Against one least squares of all columns, the prior of the passes' parameters among its rows."""
+    passes = np.repeat([2, 5, 9], [6, 30, 14])
+    matrix, right = random.normal(size=(50, own + 3)), random.normal(size=50)
+    sigma = np.array([0.5, 2.0, 0.1])[:own]
+    numbers, triangles = pass_triangles(np.column_stack([matrix, right]), passes)
+    heads, rest = eliminate(numbers, triangles, sigma)
+    triangle = Triangle(NAMES)
+    triangle.add_triangle(rest, 50)
+    solution = triangle.solve()
+    wide = np.zeros((50 + 3 * own, 3 * own + 3))
+    wide[:50, 3 * own :] = matrix[:, own:]
+    for k, number in enumerate((2, 5, 9)):
+        rows = np.flatnonzero(passes == number)
+        wide[rows, k * own : (k + 1) * own] = matrix[rows, :own]
+    wide[50:, : 3 * own] = np.diag(np.tile(1.0 / sigma, 3))
+    expected, square, *_ = np.linalg.lstsq(wide, np.append(right, np.zeros(3 * own)), rcond=None)
+    covariance = np.linalg.inv(wide.T @ wide)
+    np.testing.assert_allclose(solution.values, expected[3 * own :], rtol=1e-9)
+    np.testing.assert_allclose(solution.covariance, covariance[3 * own :, 3 * own :], rtol=1e-9)
+    assert solution.residual_square == pytest.approx(float(square[0]), rel=1e-9)
+    assert heads.passes.tolist() == [2, 5, 9]
+    np.testing.assert_allclose(heads.values(solution).ravel(), expected[: 3 * own], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(heads.sigma(solution).ravel() ** 2, np.diag(covariance)[: 3 * own], rtol=1e-9)
+
+
+@pytest.mark.parametrize("scales", [(1.0, 1.0, 1.0), (1e-3, 1.0, 1e3), (1e3, 1e-3, 1.0)])
+def test_inseparable_columns_are_named_whatever_their_units(random, scales):
+    matrix = random.normal(size=(30, 3))
+    matrix[:, 2] = matrix[:, 0]
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(matrix * scales, random.normal(size=30)), ALL)])
+    with pytest.raises(ValueError, match=r"cannot separate azimuth_offset \+ droop: fix one"):
+        triangle.solve()
+
+
+def test_fewer_equations_than_unknowns_determine_none_of_them(random):
+    triangle = Triangle(NAMES)
+    triangle.add_blocks([(rows_of(random.normal(size=(2, 3)), random.normal(size=2)), ALL)])
+    with pytest.raises(ValueError, match="2 equations do not determine azimuth_offset, collimation, droop: "):
+        triangle.solve()
+    triangle.add_prior("droop", 0.5, 0.1)
+    assert triangle.solve().residual_square == pytest.approx(0.0, abs=1e-20)
+
+
+@pytest.mark.parametrize(
+    ("sigma", "known", "lost"),
+    [
+        ((4.9e-3, 4.9e-3, 20.0), (), None),
+        ((5.1e-3, 4.9e-3, 20.0), (), r"separate azimuth_offset \(sigma up to 0\.29 deg, must be <= 0\.29 deg\)"),
+        ((0.05, 0.02, 20.0), (), r"separate azimuth_offset \+ droop \(sigma up to 2\.9 deg, must be"),
+        ((0.02, 0.05, 20.0), ("droop",), r"separate azimuth_offset \(sigma up to 1\.1 deg, must be"),
+        ((0.05, 0.02, 20.0), ("azimuth_offset", "droop"), None),
+    ],
+)
+def test_angles_that_are_not_known_to_a_third_of_a_degree_are_refused_and_lags_are_not(sigma, known, lost):
+    names = ("azimuth_offset", "droop", "azimuth_velocity_lag")
+    covariance = np.diag(np.square(sigma))
+    if lost is None:
+        require_determined(names, covariance, known)
+    else:
+        with pytest.raises(ValueError, match=lost):
+            require_determined(names, covariance, known)
+
+
+def test_advice_names_each_kind_of_data_once():
+    low_and_high = "passes at low and at high elevation (above 60 deg)"
+    assert advice_for(("collimation", "droop")) == low_and_high
+    assert advice_for(("droop", "mislevel_east")) == f"{low_and_high}; passes on all sides of the sky"
+    assert advice_for(("tilt",)) == "a prior on one of them"

@@ -1,0 +1,294 @@
+"""The size of the orbit's errors is found from the passes themselves, and a sigma that ignores them is doubted."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rf_pointing.calibration import (
+    FitOptions,
+    PassPriors,
+    Prior,
+    doubts_of,
+    fit_bias_model,
+    held_at_zero,
+    measured_pass_priors,
+)
+from rf_pointing.calibration import outlying_passes as doubts
+from rf_pointing.calibration.outlying_passes import (
+    _Equations,
+    _small_sigma,
+    pass_correlation,
+    size_ratios,
+    without_pass,
+)
+from rf_pointing.calibration.pass_errors import pass_partials
+from rf_pointing.core import MDEG
+
+TERMS = ("azimuth_offset", "azimuth_velocity_lag", "mislevel_east", "elevation_offset", "elevation_velocity_lag")
+NAMES = ("along_track_m", "cross_track_m", "radial_m")
+PASSES = 24
+
+
+def shifted(data, metres):
+    """Return the data with the orbit of each pass wrong by its row of `metres`."""
+    azimuth, elevation = pass_partials(data, NAMES)
+    own = metres[data.pass_id]
+    return replace(
+        data,
+        observed_azimuth_rad=data.observed_azimuth_rad + np.sum(azimuth * own, axis=1),
+        observed_elevation_rad=data.observed_elevation_rad + np.sum(elevation * own, axis=1),
+    )
+
+
+def fit_with(data, priors):
+    return fit_bias_model(data, terms=TERMS, held=held_at_zero(TERMS), pass_priors=priors)
+
+
+@pytest.fixture
+def planted(table_1):
+    return table_1.replace(**held_at_zero(TERMS))
+
+
+@pytest.mark.parametrize("along_m", [200.0, 1000.0])
+def test_sizes_are_measured_and_sigma_holds_where_a_white_one_is_far_too_small(campaign, planted, random, along_m):
+    clean = campaign(planted, passes=PASSES)
+    metres = random.normal(size=(PASSES, 3)) * [along_m, 60.0, 30.0]
+    data = shifted(clean, metres)
+    sizes = measured_pass_priors(lambda priors: fit_with(data, priors))
+    actual = np.sqrt(np.mean(metres**2, axis=0))
+    # The size of a normal distribution from 24 passes is known to 15 %; what is left of it is the settling.
+    assert sizes.along_track_m == pytest.approx(actual[0], rel=0.2)
+    assert sizes.cross_track_m == pytest.approx(actual[1], rel=0.4)
+    truth = np.array([planted.coefficients[name] for name in TERMS])
+    honest, white = fit_with(data, sizes), fit_with(data, None)
+    assert np.max(np.abs(honest.values - truth) / honest.sigma) < 3.5
+    assert np.max(np.abs(white.values - truth) / white.sigma) > 6.0
+
+
+@pytest.mark.parametrize(("noise_rad", "largest_m"), [(1e-4, 40.0), (4e-6, 2.0)])
+def test_a_perfect_orbit_costs_next_to_nothing(campaign, planted, noise_rad, largest_m):
+    """Also where a metre shows."""
+    data = campaign(planted, passes=PASSES, sigma_rad=noise_rad)
+    sizes = measured_pass_priors(lambda priors: fit_with(data, priors))
+    assert max(sizes.sigma) < largest_m
+    assert fit_with(data, sizes).sigma == pytest.approx(fit_with(data, None).sigma, rel=0.5)
+
+
+def test_a_white_sigma_is_doubted_when_the_orbit_is_off_and_only_then(campaign, planted, random):
+    clean = campaign(planted, passes=PASSES)
+    data = shifted(clean, random.normal(size=(PASSES, 3)) * [300.0, 0.0, 0.0])
+    assert doubts_of(fit_with(clean, None), clean) == ()
+    assert pass_correlation(fit_with(clean, None), clean) == pytest.approx(1.0, abs=0.2)
+    assert "the orbit of each pass is off" in doubts_of(fit_with(data, None), data)[0]
+
+
+def test_priors_that_are_too_narrow_are_doubted_by_name(campaign, planted, random):
+    data = shifted(campaign(planted, passes=PASSES), random.normal(size=(PASSES, 3)) * [300.0, 0.0, 0.0])
+    told = PassPriors(along_track_m=60.0, cross_track_m=60.0, radial_m=60.0)
+    (doubt,) = doubts_of(fit_with(data, told), data)
+    assert doubt.startswith("along_track_m of the passes is ")
+    assert doubts_of(fit_with(data, told.replace(along_track_m=300.0)), data) == ()
+
+
+def test_a_pass_that_was_edited_out_whole_is_named(campaign, planted):
+    data = campaign(planted, passes=PASSES)
+    observed = data.observed_azimuth_rad.copy()
+    observed[data.pass_id == 5] += 0.03
+    late = replace(data, observed_azimuth_rad=observed)
+    assert "pass 5 was edited out whole" in doubts_of(fit_with(late, None), late)[0]
+
+
+def test_the_search_is_bounded(campaign, planted):
+    data, rounds = campaign(planted, passes=4), []
+
+    def counted(priors):
+        rounds.append(priors)
+        return fit_bias_model(
+            data, terms=TERMS, held=held_at_zero(TERMS), pass_priors=priors, options=FitOptions(edit_sigma=0.0)
+        )
+
+    start = PassPriors(along_track_m=500.0)
+    assert 0.5 <= measured_pass_priors(counted, start).along_track_m <= 500.0
+    assert len(rounds) <= 6
+
+
+def test_the_terms_that_go_with_the_sizes_of_the_fit_are_those_of_the_fit(campaign, planted):
+    """Also where priors that are not zero hold some of them."""
+    start = PassPriors(along_track_m=50.0)
+    priors = {"mislevel_east": Prior(40.0 * MDEG, 0.3 * MDEG), "elevation_offset": Prior(-30.0 * MDEG, 0.2 * MDEG)}
+    fit = fit_bias_model(
+        campaign(planted, passes=8), terms=TERMS, held=held_at_zero(TERMS), pass_priors=start, priors=priors
+    )
+    equations = _Equations.of(fit, start)
+    terms, covariance = equations.terms(np.ones(len(start.names)))
+    scale = equations.length[:-1]
+    assert np.max(np.abs(terms / scale - fit.values) / fit.sigma) < 1e-3
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)) / scale, fit.sigma, rtol=1e-3)
+    known = [priors.get(name) for name in TERMS]
+    weight = np.array([one.sigma**-2.0 if one else 0.0 for one in known])
+    np.testing.assert_allclose(equations.prior * scale**2, weight, rtol=1e-12)
+    value = np.array([one.value if one else 0.0 for one in known])
+    np.testing.assert_allclose(equations.prior_right * scale, weight * value, rtol=1e-12)
+
+
+def told(values, sigma, names):
+    """Return what a fit says of its passes' errors."""
+    errors = [
+        SimpleNamespace(values=dict(zip(names, value, strict=True)), sigma=dict(zip(names, spread, strict=True)))
+        for value, spread in zip(values, sigma, strict=True)
+    ]
+    return SimpleNamespace(pass_errors=errors)
+
+
+def test_the_measured_size_of_errors_is_over_as_many_passes_as_show_them(random):
+    priors = PassPriors(along_track_m=100.0, radial_m=50.0, clock_s=0.1)
+    values = random.normal(size=(6, 3)) * [250.0, 60.0, 0.1]
+    sigma = np.array([[20.0, 40.0, 0.0999]] * 6)
+    found = size_ratios(told(values, sigma, priors.names), priors)
+    for k in (0, 1):
+        shown = 6.0 * (1.0 - (sigma[0, k] / priors.sigma[k]) ** 2)
+        assert found[k] == pytest.approx(np.sqrt(np.sum((values[:, k] / priors.sigma[k]) ** 2) / shown))
+    # Six passes together do not show the clock of one.
+    assert found[2] == 1.0
+
+
+def test_the_correlation_of_residuals_is_the_size_of_their_sums_over_that_of_independent_ones(random):
+    pass_id = np.repeat([3, 7, 8], [5, 20, 40])
+    used = random.random(65) < 0.8
+    azimuth, elevation = random.normal(size=(2, 65)) + np.where(pass_id == 7, 1.5, 0.0)
+    sigma = random.uniform(0.5, 2.0, (2, 65))
+    fit = SimpleNamespace(residual_azimuth_rad=azimuth, residual_elevation_rad=elevation, used=used)
+    points = SimpleNamespace(sigma_azimuth_rad=sigma[0], sigma_elevation_rad=sigma[1], pass_id=pass_id)
+    squares = []
+    for residual, spread in ((azimuth, sigma[0]), (elevation, sigma[1])):
+        scale = np.sqrt(np.mean((residual / spread)[used] ** 2))
+        for number in (3, 7, 8):
+            own = (residual / spread / scale)[used & (pass_id == number)]
+            squares.append(np.sum(own) ** 2 / len(own))
+    assert pass_correlation(fit, points) == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-12)
+
+
+def test_the_errors_of_a_pass_from_the_others_are_those_of_a_fit_without_it_and_with_it_free(campaign, planted, random):
+    """All but one pass give the terms; the rows of that one then give its error, hardly held by any prior."""
+    metres = random.normal(size=(8, 3)) * [150.0, 0.0, 0.0]
+    data = shifted(campaign(planted, passes=8), metres)
+    start = PassPriors(along_track_m=200.0)
+    options = FitOptions(edit_sigma=0.0)
+
+    def fit(points, priors):
+        return fit_bias_model(points, terms=TERMS, held=held_at_zero(TERMS), pass_priors=priors, options=options)
+
+    along, sigma, size = without_pass(fit(data, start), start, 2, "along_track_m")
+    others = fit(data.select(data.pass_id != 2), PassPriors(along_track_m=size))
+    one = data.select(data.pass_id == 2)
+    partials = np.concatenate(pass_partials(one, ("along_track_m",)))[:, 0] / 1e-4
+    unit = 2.0**-8
+    columns = [planted.zero().replace(**{name: unit}).offset_rad(*one.motion()) for name in TERMS]
+    matrix = np.stack([np.concatenate(column) / unit for column in columns], axis=1) / 1e-4
+    left = np.concatenate([one.residual_azimuth_rad, one.residual_elevation_rad]) / 1e-4 - matrix @ others.values
+    weight = partials @ partials
+    assert along == pytest.approx(partials @ left / weight, abs=0.02 * sigma + 0.5)
+    gain = partials @ matrix / weight
+    assert sigma == pytest.approx(np.sqrt(1.0 / weight + gain @ others.covariance @ gain), rel=0.05)
+    assert size == pytest.approx(np.sqrt(np.mean(np.delete(metres[:, 0], 2) ** 2)), rel=0.3)
+
+
+@pytest.mark.parametrize("start", [PassPriors.of_orbit(1000.0), PassPriors(along_track_m=50.0, clock_s=0.001)])
+def test_the_sizes_found_are_those_that_a_fit_with_them_shows(campaign, planted, random, start):
+    """The fixed point s^2 = sum v^2 / sum (1 - p^2 / s^2), over an error and its drift.
+
+    What the angles hardly show, as a clock next to errors along the track, keeps its size.
+    """
+    data = shifted(campaign(planted, passes=PASSES), random.normal(size=(PASSES, 3)) * [300.0, 120.0, 200.0])
+    sizes = measured_pass_priors(lambda priors: fit_with(data, priors), start)
+    assert sizes.names == start.names
+    assert sizes.clock_s == start.clock_s
+    fit = fit_with(data, sizes)
+    values, sigma = (
+        np.array([[getattr(one, kind)[name] for name in sizes.names] for one in fit.pass_errors])
+        for kind in ("values", "sigma")
+    )
+    shown = np.sum(1.0 - (sigma / sizes.sigma) ** 2, axis=0)
+    square = np.sum((values / sizes.sigma) ** 2, axis=0)
+    for group in set(sizes.groups):
+        own = np.array(sizes.groups) == group
+        if np.sum(shown[own]) < 1.0:
+            assert np.array_equal(sizes.sigma[own], start.sigma[own])
+            continue
+        assert np.sum(shown[own]) > 3.0
+        assert np.sum(square[own]) == pytest.approx(np.sum(shown[own]), rel=0.06)
+        np.testing.assert_allclose((sizes.sigma / start.sigma)[own], (sizes.sigma / start.sigma)[group], rtol=1e-9)
+
+
+def test_the_search_begins_with_the_first_priors_and_ends_when_they_stay(monkeypatch):
+    """It halves its way to 100 m: 200 m, 141 m and so on, until it moves by less than 3 %."""
+    asked = []
+
+    def fit(priors):
+        asked.append(priors.along_track_m)
+        return priors
+
+    monkeypatch.setattr(doubts, "likely_sizes", lambda priors, _start: np.sqrt(priors.sigma * 100.0))
+    start, first = PassPriors(along_track_m=1000.0), PassPriors(along_track_m=200.0)
+    found = measured_pass_priors(fit, start, first)
+    expected = 100.0 * 2.0 ** (0.5 ** np.arange(5.0))
+    assert asked == pytest.approx(expected.tolist())
+    assert found.along_track_m == pytest.approx(100.0 * 2.0 ** (0.5**5))
+    asked.clear()
+    assert measured_pass_priors(fit, start).along_track_m == pytest.approx(100.0 * 10.0 ** (0.5**6))
+    assert asked[0] == 1000.0
+    assert len(asked) == 6
+    asked.clear()
+    measured_pass_priors(fit, start, PassPriors(along_track_m=105.0))
+    assert asked == [105.0]
+    asked.clear()
+    measured_pass_priors(fit, start, PassPriors(along_track_m=107.0))
+    assert len(asked) == 2
+
+
+def test_pass_errors_of_a_fit_without_them_are_refused(campaign, planted):
+    with pytest.raises(ValueError, match="the fit has no pass errors"):
+        _Equations.of(fit_with(campaign(planted, passes=4), None), PassPriors(along_track_m=50.0))
+
+
+@pytest.mark.parametrize(("times", "doubted"), [(1.95, False), (2.05, True)])
+def test_a_size_is_doubted_from_twice_the_prior(times, doubted):
+    """Errors that the data show exactly: their rms is the size."""
+    priors = PassPriors(along_track_m=100.0, clock_s=0.1)
+    errors = [
+        SimpleNamespace(
+            values={"along_track_m": sign * times * 100.0, "clock_s": sign * 0.1},
+            sigma={"along_track_m": 0.0, "clock_s": 0.0},
+        )
+        for sign in (1.0, -1.0, 1.0)
+    ]
+    found = _small_sigma(SimpleNamespace(pass_errors=errors, pass_priors=priors), None)
+    assert len(found) == int(doubted)
+    assert all(text.startswith("along_track_m of the passes is 2.") for text in found)
+
+
+@pytest.mark.parametrize(
+    ("noise", "words"), [(None, "and sigma is too small"), ((1.0, 1.0), "which sigma counts as noise")]
+)
+def test_residuals_of_a_pass_that_hang_together_are_doubted_from_twice_their_sum(monkeypatch, noise, words):
+    fit = SimpleNamespace(pass_priors=None, noise=noise)
+    for larger, doubted in ((1.95, False), (2.05, True)):
+        monkeypatch.setattr(doubts, "pass_correlation", lambda *_, larger=larger: larger)
+        found = _small_sigma(fit, None)
+        assert len(found) == int(doubted)
+        assert all(words in text for text in found)
+
+
+def test_sizes_of_greatest_likelihood_are_found_for_the_equations_of_one_fit(campaign, planted, random):
+    """From far away, to 1 % of the fixed point, with the terms that go with them."""
+    data = shifted(campaign(planted, passes=PASSES), random.normal(size=(PASSES, 3)) * [40.0, 500.0, 100.0])
+    start = PassPriors(along_track_m=1000.0, cross_track_m=20.0, radial_m=1000.0)
+    equations = _Equations.of(fit_with(data, start), start)
+    size = equations.sizes(start)
+    np.testing.assert_allclose(doubts.likely_sizes(fit_with(data, start), start), size * start.sigma, rtol=1e-9)
+    values, variance = equations.estimates(size, *equations.terms(size))
+    shown = np.sum(1.0 - variance / size**2, axis=0)
+    assert np.min(shown) > 5.0
+    np.testing.assert_allclose(np.sum((values / size) ** 2, axis=0), shown, rtol=0.01)

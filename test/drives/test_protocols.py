@@ -1,0 +1,172 @@
+"""The bytes of every controller, against its published command table."""
+
+import pytest
+
+from rf_pointing.drives.protocols import WORDS, Words
+
+NOISE = b"\x00\xff~{"
+
+
+def made(type_: str, model: str = "") -> Words:
+    return WORDS[type_](model)
+
+
+def positions(words: Words, *chunks: bytes) -> list[tuple[float, ...]]:
+    buffer, found = bytearray(), []
+    for chunk in chunks:
+        buffer += chunk
+        found += [answer.angles_deg for answer in words.take(buffer) if answer.kind == "position"]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("type_", "model", "ask", "go", "stop"),
+    [
+        ("hamlib", "", b"+p\n", b"+P 123.500000 45.250000\n", b"+S\n"),
+        ("gs232", "", b"C2\r", b"W124 045\r", b"S\r"),
+        ("easycomm", "2", b"AZ EL\n", b"AZ123.5 EL45.2\n", b"SA SE\n"),
+        # The example of the SPID document: 123.5 deg and 77 deg at two pulses per degree.
+        ("spid", "rot2", b"W" + bytes(10) + b"\x1f ", b"W0967\x020810\x02/ ", b"W" + bytes(10) + b"\x0f "),
+        ("spid", "rot1", b"W" + bytes(10) + b"\x1f ", b"W4840" + bytes(6) + b"/ ", b"W" + bytes(10) + b"\x0f "),
+    ],
+)
+def test_requests_are_those_of_the_table(type_: str, model: str, ask: bytes, go: bytes, stop: bytes) -> None:
+    words = made(type_, model)
+    assert words.ask().data == ask
+    assert words.go_to(123.5, 45.25).data == go
+    assert words.stop().data == stop
+
+
+def test_the_set_point_of_the_spid_document() -> None:
+    words = made("spid", "rot2")
+    assert words.go_to(123.5, 77.0).data == bytes.fromhex("57 30 39 36 37 02 30 38 37 34 02 2F 20")
+    assert made("spid", "rot1").go_to(123.0, 0.0).data == bytes.fromhex("57 34 38 33 30 00 00 00 00 00 00 2F 20")
+
+
+ANSWERS = [
+    ("hamlib", "", b"get_pos:\nAzimuth: 123.45\nElevation: -0.50\nRPRT 0\n", (123.45, -0.5)),
+    ("gs232", "", b"+0123+0045\r\n", (123.0, 45.0)),
+    ("gs232", "", b"AZ=123  EL=045\r\n", (123.0, 45.0)),
+    ("easycomm", "2", b"AZ123.4 EL45.6\n", (123.4, 45.6)),
+    ("easycomm", "3", b"AZ-10.0 EL5.0\r\n", (-10.0, 5.0)),
+    ("spid", "rot2", bytes.fromhex("57 03 07 02 05 02 03 09 04 00 02 20"), (12.5, 34.0)),
+    ("spid", "rot1", bytes.fromhex("57 03 07 02 20"), (12.0, 0.0)),
+]
+
+
+@pytest.mark.parametrize(("type_", "model", "answer", "angles"), ANSWERS)
+def test_answers_are_read_however_they_arrive(
+    type_: str, model: str, answer: bytes, angles: tuple[float, float]
+) -> None:
+    assert positions(made(type_, model), answer) == [pytest.approx(angles)]
+    assert positions(made(type_, model), *(answer[i : i + 1] for i in range(len(answer)))) == [pytest.approx(angles)]
+    assert positions(made(type_, model), answer + answer) == [pytest.approx(angles)] * 2
+    # Noise costs at most the answer that it falls into.
+    assert positions(made(type_, model), NOISE + answer + answer)[-1] == pytest.approx(angles)
+
+
+@pytest.mark.parametrize(("type_", "model", "answer", "angles"), ANSWERS)
+def test_a_cut_answer_is_no_position(type_: str, model: str, answer: bytes, angles: tuple[float, float]) -> None:
+    for cut in range(1, len(answer) - 2):
+        found = positions(made(type_, model), answer[cut:] if cut else answer)
+        assert all(each == pytest.approx(angles) for each in found), cut
+
+
+def test_an_azimuth_of_a_lost_line_never_becomes_an_elevation() -> None:
+    found = positions(made("hamlib"), b"get_pos:\nAzimuth: 120.00\nRPRT 0\nget_pos:\nElevation: 45.00\nRPRT 0\n")
+    assert found == []
+
+
+def test_positions_that_no_controller_could_mean_are_noise() -> None:
+    assert positions(made("gs232"), b"AZ=999  EL=045\r\n") == []
+    assert positions(made("easycomm"), b"AZ123.4 EL456.0\n") == []
+
+
+@pytest.mark.parametrize("place", [5, 10], ids=["azimuth", "elevation"])
+@pytest.mark.parametrize("pulses", [0, 3])
+def test_a_packet_with_pulses_that_no_controller_has_is_noise(place: int, pulses: int) -> None:
+    packet = bytearray.fromhex("57 03 07 02 05 02 03 09 04 00 02 20")
+    packet[place] = pulses
+    words = made("spid", "rot2")
+    assert {answer.kind for answer in words.take(packet)} == {"noise"}
+    assert words.resolution_deg == made("spid", "rot2").resolution_deg
+
+
+def test_reasons_are_given_in_words() -> None:
+    (answer,) = made("hamlib").take(bytearray(b"set_pos: 500 20\nRPRT -1\n"))
+    assert (answer.kind, answer.text) == ("refused", "set_pos: RPRT -1 (invalid parameter)")
+    (answer,) = made("gs232").take(bytearray(b"?>\r\n"))
+    assert answer.kind == "refused"
+    kinds = [(answer.kind, answer.text) for answer in made("easycomm", "3").take(bytearray(b"GE3\nALmotor hot\n"))]
+    assert kinds == [("status", ""), ("alarm", "sensor error, jam"), ("alarm", "alarm motor hot")]
+
+
+def test_an_unknown_dialect_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(ValueError, match=r"drive.model='4' of easycomm must be one of 2, 3"):
+        made("easycomm", "4")
+
+
+def test_noise_is_shown_as_it_came() -> None:
+    (answer,) = made("gs232").take(bytearray(b"AZ=999  EL=045\r\n"))
+    assert (answer.kind, answer.text) == ("noise", "AZ=999  EL=045")
+
+
+@pytest.mark.parametrize(
+    ("type_", "model", "baud", "resolution_deg", "has_elevation"),
+    [
+        ("hamlib", "", 9600, 0.01, True),
+        ("gs232", "", 9600, 1.0, True),
+        ("easycomm", "", 9600, 0.1, True),
+        ("spid", "rot1", 1200, 1.0, False),
+        ("spid", "rot2", 600, 0.5, True),
+        ("spid", "md01", 600, 0.5, True),
+    ],
+)
+def test_speeds_steps_and_axes_are_those_of_the_manuals(
+    type_: str, model: str, baud: int, resolution_deg: float, has_elevation: bool
+) -> None:
+    words = made(type_, model)
+    assert (words.baud, words.resolution_deg) == (baud, (resolution_deg, resolution_deg))
+    assert words.has_elevation is has_elevation
+
+
+@pytest.mark.parametrize("place", [0, 11])
+def test_a_packet_without_its_first_or_its_last_byte_is_noise_byte_by_byte(place: int) -> None:
+    packet = bytearray.fromhex("57 03 07 02 05 02 03 09 04 00 02 20")
+    packet[place] = 0x41
+    buffer = bytearray(packet)
+    answers = made("spid", "rot2").take(buffer)
+    assert [(answer.kind, answer.text) for answer in answers] == [("noise", "A" if place == 0 else "W")]
+    assert buffer == packet[1:]
+
+
+def test_a_line_may_have_two_hundred_bytes_and_one_without_an_end_is_cut_there() -> None:
+    buffer = bytearray(b"x" * 200)
+    assert made("gs232").take(buffer) == []
+    assert len(buffer) == 200
+    buffer += b"y"
+    (answer,) = made("gs232").take(buffer)
+    assert (answer.kind, answer.text, buffer) == ("noise", "x" * 200, b"")
+
+
+def test_angles_that_have_no_form_of_three_digits_are_the_nearest_that_have() -> None:
+    assert made("gs232").go_to(-5.0, -0.6).data == b"W000 000\r"
+    assert made("gs232").go_to(7.5, 0.4).data == b"W008 000\r"
+
+
+@pytest.mark.parametrize("place", [1, 4, 6, 9])
+def test_a_digit_beyond_nine_makes_no_packet(place: int) -> None:
+    packet = bytearray.fromhex("57 03 07 02 05 02 03 09 04 00 02 20")
+    assert positions(made("spid", "rot2"), bytes(packet)) == [(12.5, 34.0)]
+    packet[place] = 10
+    assert positions(made("spid", "rot2"), bytes(packet)) == []
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "good"),
+    [(-360.0, -90.0, True), (720.0, 270.0, True), (-361.0, 0.0, False), (721.0, 0.0, False), (0.0, -91.0, False),
+     (0.0, 271.0, False)],
+)  # fmt: skip
+def test_positions_are_sensible_up_to_two_turns_and_over_the_top(azimuth: float, elevation: float, good: bool) -> None:
+    found = positions(made("easycomm"), f"AZ{azimuth:.1f} EL{elevation:.1f}\n".encode())
+    assert found == ([(azimuth, elevation)] if good else [])

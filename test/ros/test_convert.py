@@ -1,0 +1,331 @@
+"""Messages and signals as pairs: there and back gives the same, and wire data that cannot be used is refused in words."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from rf_pointing_msgs import msg as ours
+from sensor_msgs.msg import JointState, Temperature
+
+from rf_pointing.core import (
+    Boresight,
+    CarrierPower,
+    JointReading,
+    JointTrajectory,
+    MonopulseCluster,
+    PointingError,
+    Target,
+)
+from rf_pointing.ephemeris import SkyUncertainty
+from rf_pointing.ros import convert
+from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
+
+T_S = 1_151_384_323.813083
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two signals are equal field by field, arrays included."""
+    names = [item.name for item in dataclasses.fields(one)]
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+
+
+def numbers(kind: type, random: np.random.Generator, **fixed: Any) -> Any:
+    """A signal with random numbers in every float field that is not fixed."""
+    floats = {item.name: float(random.uniform(-1.0, 1.0)) for item in dataclasses.fields(kind) if item.type is float}
+    return kind(**{**floats, **fixed})
+
+
+@pytest.mark.parametrize(
+    ("kind", "fixed", "to_message", "from_message"),
+    [
+        (Target, {"t_s": T_S, "name": "bird"}, convert.target_to_message, convert.target_from_message),
+        (Boresight, {"t_s": T_S}, convert.boresight_to_message, convert.boresight_from_message),
+        (
+            CarrierPower,
+            {"t_s": T_S, "integration_s": 0.1, "sigma_w": 0.3},
+            convert.power_to_message,
+            convert.power_from_message,
+        ),
+        (
+            PointingError,
+            {
+                "t_s": T_S, "sensor": "monopulse", "valid": False, "reason": "no lock",
+                "covariance_rad2": np.array([[4e-9, 1e-10], [1e-10, 5e-9]]),
+            },
+            convert.error_to_message,
+            convert.error_from_message,
+        ),
+    ],
+    ids=["target", "boresight", "power", "error"],
+)  # fmt: skip
+def test_a_signal_comes_back_unchanged(
+    kind: type,
+    fixed: dict[str, Any],
+    to_message: Callable[[Any], Any],
+    from_message: Callable[[Any], Any],
+    random: np.random.Generator,
+) -> None:
+    signal = numbers(kind, random, **fixed)
+    assert same(from_message(to_message(signal)), signal)
+
+
+def test_a_joint_reading_comes_back_unchanged(random: np.random.Generator) -> None:
+    reading = JointReading(t_s=T_S, position_rad=random.uniform(-4, 4, 2), velocity_rad_s=random.uniform(-1, 1, 2))
+    assert same(convert.joints_from_message(convert.joints_to_message(reading)), reading)
+
+
+def test_joints_in_another_order_are_sorted_by_name(random: np.random.Generator) -> None:
+    reading = JointReading(t_s=T_S, position_rad=random.uniform(-4, 4, 2), velocity_rad_s=random.uniform(-1, 1, 2))
+    message = convert.joints_to_message(reading)
+    for name in ("name", "position", "velocity"):
+        setattr(message, name, list(getattr(message, name))[::-1])
+    assert same(convert.joints_from_message(message), reading)
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"name": ["azimuth", "roll"]}, "unknown joint roll; the joints are azimuth, elevation"),
+        ({"name": ["azimuth", "azimuth"]}, "joints are azimuth, azimuth, must be azimuth, elevation, each once"),
+        ({"name": ["azimuth"]}, "joints are azimuth, must be azimuth, elevation, each once"),
+        ({"name": []}, "joints are none, must be azimuth, elevation"),
+        ({"position": [1.0]}, "position has 1 values, must have one for each of 2 joints"),
+        ({"velocity": []}, "velocity has 0 values, must have one for each of 2 joints"),
+        ({"position": [1.0, math.nan]}, "position_rad=.* must be finite"),
+        ({"velocity": [math.inf, 0.0]}, "velocity_rad_s=.* must be finite"),
+    ],
+)
+def test_joint_states_that_cannot_be_used_are_refused(changes: dict[str, Any], complaint: str) -> None:
+    message = JointState(name=["azimuth", "elevation"], position=[1.0, 0.5], velocity=[0.0, 0.0])
+    for name, value in changes.items():
+        setattr(message, name, value)
+    with pytest.raises(ValueError, match=complaint):
+        convert.joints_from_message(message)
+
+
+def trajectory(random: np.random.Generator, stamp_s: float) -> JointTrajectory:
+    return JointTrajectory(
+        t_s=np.round(stamp_s + 0.1 * np.arange(1, 11), 6),
+        position_rad=random.uniform(-4, 4, (10, 2)),
+        velocity_rad_s=random.uniform(-1, 1, (10, 2)),
+        acceleration_rad_s2=random.uniform(-1, 1, (10, 2)),
+    )
+
+
+def test_a_trajectory_comes_back_unchanged_but_for_rounding_of_time(random: np.random.Generator) -> None:
+    command = trajectory(random, T_S)
+    back = convert.trajectory_from_message(convert.trajectory_to_message(command, T_S))
+    np.testing.assert_allclose(back.t_s, command.t_s, rtol=0.0, atol=5e-7)
+    for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(command, name))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "complaint"),
+    [
+        (lambda m: setattr(m, "joint_names", ["azimuth", "tilt"]), "unknown joint tilt"),
+        (lambda m: setattr(m, "joint_names", []), "joints are none"),
+        (lambda m: m.points[3].positions.append(1.0), r"points\[3\]\.positions has 3 values, must have 2"),
+        (lambda m: m.points[0].velocities.pop(), r"points\[0\]\.velocities has 1 values, must have 2"),
+        (lambda m: setattr(m.points[9], "accelerations", []), r"points\[9\]\.accelerations has 0 values, must have 2"),
+        (lambda m: m.points[5].positions.__setitem__(0, math.nan), r"position_rad=(.|\n)* must be finite"),
+        (lambda m: m.points[5].velocities.__setitem__(1, math.inf), r"velocity_rad_s=(.|\n)* must be finite"),
+        (lambda m: m.points.clear(), "t_s has 0 points, must have at least 1"),
+        (lambda m: m.points.reverse(), "t_s must increase from point to point"),
+    ],
+)
+def test_trajectories_that_cannot_be_used_are_refused(
+    spoil: Callable[[Any], Any], complaint: str, random: np.random.Generator
+) -> None:
+    message = convert.trajectory_to_message(trajectory(random, T_S), T_S)
+    spoil(message)
+    with pytest.raises(ValueError, match=complaint):
+        convert.trajectory_from_message(message)
+
+
+def cluster(random: np.random.Generator, count: int = 5) -> MonopulseCluster:
+    channels = random.standard_normal((3, count)) + 1j * random.standard_normal((3, count))
+    return MonopulseCluster(
+        t_s=np.round(T_S + 0.02 * np.arange(count), 6),
+        sum=channels[0],
+        difference_cross_elevation=channels[1],
+        difference_elevation=channels[2],
+        carrier_to_noise_db_hz=58.2,
+    )
+
+
+def test_a_cluster_comes_back_unchanged_but_for_rounding_of_time(random: np.random.Generator) -> None:
+    sent = cluster(random)
+    back = convert.monopulse_from_message(convert.monopulse_to_message(sent))
+    np.testing.assert_allclose(back.t_s, sent.t_s, rtol=0.0, atol=1e-6)
+    for name in ("sum", "difference_cross_elevation", "difference_elevation"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(sent, name))
+
+
+def test_a_cluster_with_channels_of_different_length_is_refused(random: np.random.Generator) -> None:
+    message = convert.monopulse_to_message(cluster(random))
+    message.difference_elevation_q = message.difference_elevation_q[:-1]
+    with pytest.raises(ValueError, match="difference_elevation has 5 I and 4 Q samples, must have 5"):
+        convert.monopulse_from_message(message)
+
+
+def test_a_target_carries_light_time_doppler_and_the_error_of_its_elements(random: np.random.Generator) -> None:
+    target = numbers(Target, random, t_s=T_S, name="bird")
+    shift = random.normal(size=(2, 3)) * 1e-4
+    sky = SkyUncertainty(
+        age_s=7200.0, along_track_rad=2e-4, cross_track_rad=1e-4, along_track_s=0.1, covariance_rad2=shift @ shift.T
+    )
+    message = convert.target_to_message(target, sky)
+    assert message.light_time == pytest.approx(target.range_m / 299792458.0, rel=1e-12)
+    assert message.doppler_factor == pytest.approx(1.0 - target.range_rate_m_s / 299792458.0, abs=1e-15)
+    assert list(message.covariance) == sky.covariance_rad2.ravel().tolist()
+    assert (message.element_age, message.along_track_time_sigma) == (7200.0, 0.1)
+    assert (message.along_track_sigma, message.cross_track_sigma) == (2e-4, 1e-4)
+    assert list(convert.target_to_message(target).covariance) == []
+
+
+@pytest.mark.parametrize("name", ["azimuth", "range_rate"])
+def test_a_target_that_is_not_finite_is_refused(name: str, random: np.random.Generator) -> None:
+    message = convert.target_to_message(numbers(Target, random, t_s=T_S, name="bird"))
+    setattr(message, name, math.nan)
+    with pytest.raises(ValueError, match=f"{name}_.*=nan must be finite"):
+        convert.target_from_message(message)
+
+
+@pytest.mark.parametrize("name", ["cross_elevation", "carrier_to_noise"])
+def test_an_error_that_is_not_finite_is_refused(name: str) -> None:
+    message = ours.PointingError(sensor="monopulse", valid=True)
+    setattr(message, name, math.inf)
+    with pytest.raises(ValueError, match=f"{name}_.*=inf must be finite"):
+        convert.error_from_message(message)
+
+
+def test_a_tracking_status_reaches_the_wire_field_by_field(random: np.random.Generator) -> None:
+    status = numbers(
+        TrackingStatus, random, t_s=T_S, los_t_s=T_S + 500.0, mode="monopulse", sensor="auto", target="bird",
+        reason="why", scan_centre_rad=np.array([1.25, 0.5]),
+    )  # fmt: skip
+    message = convert.tracking_status_to_message(status)
+    assert (message.mode, message.target, message.reason) == ("monopulse", "bird", "why")
+    assert message.cross_elevation_offset == status.cross_elevation_offset_rad
+    assert message.beamwidth == status.half_power_beamwidth_rad
+    assert message.command_lead == status.command_lead_s
+    t_s, centre, offset, mode, sensor = convert.scan_centre_from_message(message)
+    assert (t_s, centre.tolist(), mode, sensor) == (T_S, [1.25, 0.5], "monopulse", "auto")
+    assert offset.tolist() == [status.cross_elevation_offset_rad, status.elevation_offset_rad]
+
+
+def test_an_antenna_status_reaches_the_wire_field_by_field() -> None:
+    status = AntennaStatus(
+        t_s=T_S, mode="fault", fault="commands ran dry", commanded_rad=np.array([1.0, 2.0]),
+        rate_command_rad_s=np.array([3.0, 4.0]), rate_limit_rad_s=np.array([5.0, 6.0]),
+        acceleration_limit_rad_s2=np.array([7.0, 8.0]), at_limit=(False, True), command_lead_s=0.7,
+        commands_accepted=11, commands_rejected=12, last_rejection="stale",
+    )  # fmt: skip
+    message = convert.antenna_status_to_message(status)
+    assert (message.mode, message.fault, message.last_rejection) == ("fault", "commands ran dry", "stale")
+    assert [list(getattr(message, n)) for n in ("commanded", "rate_command", "rate_limit", "acceleration_limit")] == [
+        [1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [7.0, 8.0],
+    ]  # fmt: skip
+    assert list(message.at_limit) == [False, True]
+    assert (message.commands_accepted, message.commands_rejected, message.command_lead) == (11, 12, 0.7)
+
+
+@pytest.mark.parametrize("period_s", [1e17, -0.1, math.nan])
+def test_samples_over_an_impossible_time_are_refused(period_s: float, random: np.random.Generator) -> None:
+    message = convert.monopulse_to_message(cluster(random))
+    message.sample_period = period_s
+    with pytest.raises(ValueError, match="sample_period="):
+        convert.monopulse_from_message(message)
+    power = numbers(CarrierPower, random, t_s=T_S, integration_s=0.1)
+    message = convert.power_to_message(power)
+    message.integration_time = period_s
+    with pytest.raises(ValueError, match="integration_time="):
+        convert.power_from_message(message)
+
+
+@pytest.mark.parametrize(
+    ("celsius", "kelvin"), [(-93.0, 180.15), (20.0, 293.15), (56.8, 329.95), (-93.2, None), (56.9, None)]
+)
+def test_a_temperature_is_one_of_air_on_the_earth(celsius: float, kelvin: float | None) -> None:
+    message = Temperature(temperature=celsius)
+    if kelvin is None:
+        with pytest.raises(ValueError, match="temperature_k="):
+            convert.temperature_from_message(message)
+    else:
+        assert convert.temperature_from_message(message) == pytest.approx(kelvin, abs=1e-9)
+
+
+@pytest.mark.parametrize(("size", "taken"), [(0.995, True), (1.0, True), (1.005, True), (0.985, False), (1.015, False)])
+def test_a_quaternion_of_nearly_unit_length_is_made_one(size: float, taken: bool) -> None:
+    message = ours.Attitude()
+    message.header.frame_id = "bird/orbit"
+    parts = {"x": 0.1, "y": -0.5, "z": 0.7, "w": 0.5}
+    for name, value in parts.items():
+        setattr(message.orientation, name, size * value)
+    if taken:
+        assert convert.satellite_quaternion_from_message(message) == pytest.approx((0.1, -0.5, 0.7, 0.5), abs=1e-12)
+    else:
+        with pytest.raises(ValueError, match="length of the quaternion"):
+            convert.satellite_quaternion_from_message(message)
+
+
+def test_the_times_of_a_command_are_whole_microseconds_after_its_stamp() -> None:
+    command = JointTrajectory(
+        t_s=np.array([1000.5, 1002.2500004]), position_rad=np.zeros((2, 2)), velocity_rad_s=np.zeros((2, 2)),
+        acceleration_rad_s2=np.zeros((2, 2)),
+    )  # fmt: skip
+    message = convert.trajectory_to_message(command, 1000.25)
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1000, 250_000_000)
+    since = [(point.time_from_start.sec, point.time_from_start.nanosec) for point in message.points]
+    assert since == [(0, 250_000_000), (2, 0)]
+    message.points[1].time_from_start.nanosec = 123_456_789
+    assert convert.trajectory_from_message(message).t_s.tolist() == [1000.5, 1002.373457]
+
+
+def test_the_samples_of_a_cluster_end_with_its_stamp() -> None:
+    one = np.ones(3, dtype=np.complex128)
+    sent = MonopulseCluster(
+        t_s=np.array([10.0, 10.0200004, 10.04]), sum=one, difference_cross_elevation=one, difference_elevation=one,
+        carrier_to_noise_db_hz=58.2,
+    )  # fmt: skip
+    message = convert.monopulse_to_message(sent)
+    assert (message.sample_period, message.header.stamp.nanosec) == (0.02, 40_000_000)
+    assert convert.monopulse_from_message(message).t_s == pytest.approx([10.0, 10.02, 10.04], abs=1e-9)
+
+
+@pytest.mark.parametrize(("count", "period_s"), [(1, 0.0), (2, 0.02)])
+def test_a_single_sample_has_no_period(random: np.random.Generator, count: int, period_s: float) -> None:
+    message = convert.monopulse_to_message(cluster(random, count))
+    assert message.sample_period == period_s
+    assert len(convert.monopulse_from_message(message).t_s) == count
+
+
+@pytest.mark.parametrize(("count", "longest_s"), [(1, 100.0), (5, 20.0)])
+def test_a_cluster_lasts_a_hundred_seconds_at_most(random: np.random.Generator, count: int, longest_s: float) -> None:
+    message = convert.monopulse_to_message(cluster(random, count))
+    message.header.stamp.sec = 1_151_384_323
+    message.sample_period = longest_s
+    assert len(convert.monopulse_from_message(message).t_s) == count
+    message.sample_period = longest_s + 0.1
+    with pytest.raises(ValueError, match="sample_period="):
+        convert.monopulse_from_message(message)
+
+
+@pytest.mark.parametrize("name", ["sum_q", "difference_cross_elevation_i", "difference_elevation_q"])
+def test_each_channel_has_as_many_samples(random: np.random.Generator, name: str) -> None:
+    message = convert.monopulse_to_message(cluster(random))
+    setattr(message, name, getattr(message, name)[:-1])
+    with pytest.raises(ValueError, match=r"has [45] I and [45] Q samples, must have 5"):
+        convert.monopulse_from_message(message)
+
+
+@pytest.mark.parametrize("name", ["cross_elevation_offset", "elevation_offset", "scan_centre"])
+def test_a_scan_centre_that_is_not_finite_is_refused(name: str) -> None:
+    message = ours.TrackingStatus(mode="conscan")
+    setattr(message, name, [1.0, math.nan] if name == "scan_centre" else math.inf)
+    with pytest.raises(ValueError, match="scan_centre and the offsets must be finite"):
+        convert.scan_centre_from_message(message)

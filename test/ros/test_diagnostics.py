@@ -1,0 +1,95 @@
+"""Every registered check becomes one status; a check that fails is an error of its subject."""
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.clock import ClockType
+
+from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Diagnostics, EventLog, Health
+
+
+class Caught:
+    """Stands for the publisher."""
+
+    def __init__(self) -> None:
+        self.arrays: list[Any] = []
+
+    def publish(self, array: Any) -> None:
+        self.arrays.append(array)
+
+
+def published(node: Any, **checks: Callable[[], Health]) -> list[Any]:
+    diagnostics = Diagnostics(node)
+    for name, check in checks.items():
+        diagnostics.add(name, check)
+    diagnostics._publisher = caught = Caught()
+    diagnostics.publish()
+    (array,) = caught.arrays
+    return list(array.status)
+
+
+def test_a_check_gives_a_status_with_name_level_message_and_values(make_node: Callable[..., Any]) -> None:
+    (status,) = published(make_node(), drive=lambda: Health(WARN, "at its limit", {"axis": "azimuth", "count": 3}))
+    assert status.name == "test/subject: drive"
+    assert status.hardware_id == "/test/subject"
+    assert (status.level, status.message) == (WARN, "at its limit")
+    assert [(value.key, value.value) for value in status.values] == [("axis", "azimuth"), ("count", "3")]
+
+
+def test_a_check_that_cannot_be_made_is_an_error_and_hides_no_other(make_node: Callable[..., Any]) -> None:
+    def broken() -> Health:
+        raise ValueError("t_s=3 is outside the elements")
+
+    first, second = published(make_node(), broken=broken, fine=Health)
+    assert (first.level, first.message) == (ERROR, "t_s=3 is outside the elements")
+    assert (second.level, second.message) == (OK, "ok")
+
+
+def test_health_objects_share_no_values() -> None:
+    Health().values["x"] = 1
+    assert Health().values == {}
+
+
+def test_they_go_to_the_absolute_topic(make_node: Callable[..., Any]) -> None:
+    assert Diagnostics(make_node())._publisher.topic_name == "/diagnostics"
+
+
+def test_an_event_is_news_once_whatever_its_numbers_until_a_minute_of_silence() -> None:
+    events = EventLog()
+    assert events.is_news("input", "3 bytes are none", 0.0)
+    assert not events.is_news("input", "17 bytes are none", 0.5)
+    assert not events.is_news("input", "1.5e-3 bytes are none", 60.0)
+    assert not events.is_news("input", "4 bytes are none", 119.9), "each time counts from the last"
+    assert events.is_news("input", "4 bytes are none", 179.9)
+
+
+def test_a_subject_is_news_once_a_second_and_what_lasts_is_not_lost() -> None:
+    events = EventLog()
+    assert events.is_news("input", "a", 10.0)
+    assert not events.is_news("input", "b", 10.9)
+    assert events.is_news("disk", "b", 10.9), "another subject"
+    assert events.is_news("input", "b", 11.0)
+    assert not events.is_news("input", "a", 11.5)
+    assert not events.is_news("input", "c", 11.9), "a repetition is no line, and moves nothing"
+    assert events.is_news("input", "c", 12.0)
+
+
+def test_the_longest_silent_of_two_hundred_events_is_forgotten() -> None:
+    events = EventLog()
+    for number in range(200):
+        assert events.is_news(f"subject {number}", "x", 0.0)
+    assert not events.is_news("subject 0", "x", 2.0)
+    assert events.is_news("subject 200", "x", 2.0)
+    assert not events.is_news("subject 0", "x", 4.0)
+    assert not events.is_news("subject 2", "x", 4.0)
+    assert events.is_news("subject 1", "x", 4.0), "the one that was silent the longest"
+
+
+def test_they_are_published_each_second_with_the_time_of_the_node(make_node: Callable[..., Any]) -> None:
+    node = make_node()
+    diagnostics = Diagnostics(node)
+    assert diagnostics._timer.timer_period_ns == 1_000_000_000
+    assert diagnostics._timer.clock.clock_type == ClockType.STEADY_TIME
+    diagnostics._publisher = caught = Caught()
+    diagnostics.publish()
+    assert abs(caught.arrays[0].header.stamp.sec - node.get_clock().now().nanoseconds // 10**9) <= 1

@@ -1,0 +1,477 @@
+"""One node of a name per namespace and domain on a machine."""
+
+import gc
+import os
+import subprocess
+import sys
+import tempfile
+import weakref
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from rf_pointing.ros import main_loop
+from rf_pointing.ros.main_loop import InstanceLock, last_holder, open_private, private_folder, take_priority
+
+
+@pytest.fixture(autouse=True)
+def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("ROS_DOMAIN_ID", "77")
+
+
+def test_a_second_holder_is_refused_with_the_first_ones_process() -> None:
+    lock = InstanceLock("/gs1/antenna_servo")
+    with pytest.raises(
+        RuntimeError, match=rf"^/gs1/antenna_servo already runs in ROS domain 77 \(process {os.getpid()}\)$"
+    ):
+        InstanceLock("/gs1/antenna_servo")
+    lock.release()
+    InstanceLock("/gs1/antenna_servo").release()
+
+
+def test_the_process_that_took_a_name_is_known_and_nobody_s_that_was_never_taken() -> None:
+    assert last_holder("/gs1/antenna_servo") is None
+    lock = InstanceLock("/gs1/antenna_servo")
+    assert last_holder("/gs1/antenna_servo") == os.getpid()
+    assert last_holder("/gs2/antenna_servo") is None
+    lock.release()
+
+
+def test_other_names_namespaces_and_domains_are_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    held = [InstanceLock("/gs1/antenna_servo"), InstanceLock("/gs2/antenna_servo"), InstanceLock("/gs1/rf_receiver")]
+    monkeypatch.setenv("ROS_DOMAIN_ID", "78")
+    held.append(InstanceLock("/gs1/antenna_servo"))
+    for lock in held:
+        lock.release()
+
+
+def test_a_killed_holder_leaves_no_lock_behind() -> None:
+    code = (
+        "import sys, time; from rf_pointing.ros.main_loop import InstanceLock;"
+        "lock = InstanceLock('/gs1/antenna_servo'); print('held', flush=True); sys.stdin.read()"
+    )
+    holder = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert holder.stdout is not None
+    assert holder.stdout.readline() == "held\n"
+    with pytest.raises(RuntimeError, match=rf"process {holder.pid}\)"):
+        InstanceLock("/gs1/antenna_servo")
+    holder.kill()
+    holder.communicate()
+    InstanceLock("/gs1/antenna_servo").release()
+
+
+NAME = "/gs1/antenna_servo"
+
+
+def test_locks_lie_in_the_user_s_runtime_directory_and_are_the_user_s_alone(tmp_path: Path) -> None:
+    lock = InstanceLock(NAME)
+    assert lock.path == tmp_path / "rf_pointing" / "domain77.gs1.antenna_servo.lock"
+    assert lock.path.parent.stat().st_mode & 0o777 == 0o700
+    assert lock.path.stat().st_mode & 0o777 == 0o600
+    lock.release()
+    # A folder that others may read is closed to them.
+    lock.path.parent.chmod(0o777)
+    InstanceLock(NAME).release()
+    assert lock.path.parent.stat().st_mode & 0o777 == 0o700
+
+
+def test_without_a_runtime_directory_locks_lie_in_the_temporary_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "nowhere"))
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
+    stat = os.stat
+
+    def no_session(path: str, **options: object) -> os.stat_result:
+        if str(path).startswith("/run/user"):
+            raise FileNotFoundError(2, "none", path)
+        return stat(path, **options)
+
+    monkeypatch.setattr(os, "stat", no_session)
+    lock = InstanceLock(NAME)
+    assert lock.path.parent == tmp_path / f"rf_pointing-{os.getuid()}"
+    lock.release()
+
+
+def test_a_link_that_somebody_has_put_there_is_not_followed(tmp_path: Path) -> None:
+    """It used to be followed, and the file at its end was emptied."""
+    precious = tmp_path / "precious"
+    precious.write_text("ten years of observations")
+    folder = tmp_path / "rf_pointing"
+    folder.mkdir()
+    (folder / "domain77.gs1.antenna_servo.lock").symlink_to(precious)
+    with pytest.raises(RuntimeError, match=r"lock cannot be used: Too many levels of symbolic links$"):
+        InstanceLock(NAME)
+    assert last_holder(NAME) is None
+    (folder / "domain77.gs1.antenna_servo.lock").unlink()
+    os.link(precious, folder / "domain77.gs1.antenna_servo.lock")
+    with pytest.raises(RuntimeError, match="must be a file of user [0-9]+ without another name"):
+        InstanceLock(NAME)
+    assert precious.read_text() == "ten years of observations"
+
+
+def test_a_folder_that_is_a_link_or_somebody_else_s_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "rf_pointing").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(RuntimeError, match="folder of locks .* cannot be used: "):
+        InstanceLock(NAME)
+    monkeypatch.setattr(os, "getuid", lambda: 12345)
+    with pytest.raises(RuntimeError, match="belongs to user [0-9]+, must belong to 12345"):
+        private_folder(tmp_path / "elsewhere")
+
+
+def test_a_pipe_in_the_place_of_a_file_does_not_hold_a_node_up(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(RuntimeError, match="must be a file of user"):
+        open_private(tmp_path / "pipe", os.O_RDWR)
+
+
+def test_a_priority_that_is_not_permitted_is_told_and_nice_is_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[int, ...]] = []
+
+    def refuse(*given: Any) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    monkeypatch.setattr(os, "setpriority", lambda *given: asked.append(given))
+    assert take_priority(0) == ""
+    assert asked == []
+    words = take_priority(20)
+    assert words.startswith(
+        "lifecycle.realtime_priority=20 is not permitted (Operation not permitted): nice -10 instead"
+    )
+    assert asked == [(os.PRIO_PROCESS, 0, -10)]
+    monkeypatch.setattr(os, "setpriority", refuse)
+    assert ", nor is nice -10" in take_priority(20)
+
+
+def test_a_priority_that_is_permitted_is_that_of_every_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: dict[int, tuple[int, int]] = {}
+    monkeypatch.setattr(
+        os, "sched_setscheduler", lambda who, how, param: given.update({who: (how, param.sched_priority)})
+    )
+    assert take_priority(20) == ""
+    assert os.getpid() in given
+    assert set(given.values()) == {(os.SCHED_FIFO, 20)}
+
+
+@pytest.mark.parametrize(
+    ("variables", "words"),
+    [
+        ({"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}, "security"),
+        ({"ROS_SECURITY_ENABLE": "True"}, "ROS_SECURITY_ENABLE=True must be true or false"),
+        (
+            {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "enforce"},
+            "ROS_SECURITY_STRATEGY=enforce must be Enforce or Permissive",
+        ),
+    ],
+)
+def test_a_node_that_cannot_be_protected_as_requested_does_not_start(
+    tmp_path: Path, variables: dict[str, str], words: str
+) -> None:
+    """An empty enclave: Fast DDS without security refuses to be secured, with it the keys are missing."""
+    (tmp_path / "enclaves").mkdir()
+    code = "from rf_pointing.nodes.rf_receiver import main; main()"
+    environment = os.environ | {"ROS_SECURITY_KEYSTORE": str(tmp_path)} | variables
+    ended = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 2
+    assert "rf_pointing: not started: " in ended.stderr
+    assert words in ended.stderr
+    assert "Traceback" not in ended.stderr
+
+
+class Node:
+    """A node that notes what the loop does with it; `raises` names the calls that fail."""
+
+    def __init__(self, deaf_after: int = 0, raises: tuple[str, ...] = ()) -> None:
+        self.did: list[str] = []
+        self.failure: Exception | None = None
+        self.raises, self.turns, self._deaf_after = raises, 0, deaf_after
+        self.lock = SimpleNamespace(release=lambda: self.did.append("release"))
+
+    @property
+    def hearing(self) -> Any:
+        deaf = bool(self._deaf_after) and self.turns >= self._deaf_after
+        return SimpleNamespace(deaf="nothing has been received" if deaf else "")
+
+    def _do(self, name: str) -> None:
+        self.did.append(name)
+        if name in self.raises:
+            raise RuntimeError(f"{name} has failed")
+
+    def bring_up(self) -> None:
+        self._do("bring_up")
+
+    def turn(self) -> float:
+        self.turns += 1
+        return 0.1 * self.turns
+
+    def fail(self, reason: str) -> None:
+        self.did.append(f"fail {reason}")
+        if "fail" in self.raises:
+            raise RuntimeError("fail has failed")
+
+    def end(self) -> None:
+        self._do("end")
+
+    def destroy_node(self) -> None:
+        self.did.append("destroy")
+
+    def survived(self, where: str, error: Exception) -> None:
+        self.did.append(f"survived {where}: {error}")
+
+    def get_logger(self) -> Any:
+        return SimpleNamespace(fatal=lambda words: self.did.append(f"fatal {words.splitlines()[0]}"))
+
+
+class Executor:
+    """Spins without ROS; after `rounds` a signal has come."""
+
+    def __init__(
+        self, signals: list[int], rounds: int, error: Exception | None = None, node: Node | None = None
+    ) -> None:
+        self._signals, self._rounds, self._error, self._node = signals, rounds, error, node
+        self.waits: list[float] = []
+
+    def spin_once(self, timeout_sec: float) -> None:
+        self.waits.append(timeout_sec)
+        if len(self.waits) == self._rounds:
+            self._signals.append(2)
+        if self._error is not None:
+            if self._node is not None:
+                self._node.failure = self._error
+            raise self._error
+
+    def add_node(self, _node: Any) -> None:
+        pass
+
+    def shutdown(self) -> None:
+        pass
+
+
+def test_a_signal_ends_the_loop_and_the_node_once() -> None:
+    signals: list[int] = []
+    node, executor = Node(), Executor(signals, 3)
+    assert main_loop._work(node, executor, signals) == ""
+    assert executor.waits == pytest.approx([0.1, 0.2, 0.3])
+    assert node.did == ["bring_up", "bring_up", "bring_up", "end"]
+
+
+def test_a_deaf_node_ends_without_a_fault() -> None:
+    signals: list[int] = []
+    node, executor = Node(deaf_after=2), Executor(signals, 9)
+    assert main_loop._work(node, executor, signals) == ""
+    assert len(executor.waits) == 2
+    assert node.did[-2].startswith("fatal the node ends, and must be started again: nothing has been received")
+    assert node.did[-1] == "end"
+
+
+@pytest.mark.parametrize(
+    ("raises", "failure", "ends"),
+    [
+        (("bring_up",), "RuntimeError: bring_up has failed", ["fail RuntimeError: bring_up has failed", "end"]),
+        (("end",), "RuntimeError: end has failed", ["end"]),
+        (("bring_up", "fail"), "RuntimeError: fail has failed", ["fail RuntimeError: bring_up has failed"]),
+    ],
+)
+def test_an_error_of_the_node_s_own_work_is_a_failure(raises: tuple[str, ...], failure: str, ends: list[str]) -> None:
+    signals: list[int] = []
+    node = Node(raises=raises)
+    assert main_loop._work(node, Executor(signals, 1), signals) == failure
+    done = [each for each in node.did if not each.startswith(("fatal", "bring_up"))]
+    assert done == ends
+    assert f"fatal the node ends after a controlled stop, please report it: {failure}" in node.did
+
+
+def test_an_error_of_a_callback_is_survived_and_one_of_periodic_work_is_not() -> None:
+    signals: list[int] = []
+    node = Node()
+    assert main_loop._work(node, Executor(signals, 2, ValueError("no time")), signals) == ""
+    assert node.did == ["bring_up", "survived a callback: no time"] * 2 + ["end"]
+    node, error = Node(), KeyError("gone")
+    executor = Executor(signals := [], 5, error, node)
+    assert main_loop._work(node, executor, signals) == "KeyError: 'gone'"
+    assert len(executor.waits) == 1
+    assert node.did[-2:] == ["fail KeyError: 'gone'", "end"]
+
+
+@pytest.mark.parametrize(("given", "code"), [({}, None), ({"deaf_after": 1}, 3), ({"raises": ("end",)}, 1)])
+def test_the_exit_code_of_a_node_says_how_it_ended(
+    monkeypatch: pytest.MonkeyPatch, given: dict[str, Any], code: int | None
+) -> None:
+    done: list[str] = []
+    node, executor = Node(**given), Executor([], 0)
+    handlers: dict[int, Any] = {}
+    monkeypatch.setattr(sys, "argv", ["node", "--ros-args", "-p", "x:=1"])
+    monkeypatch.setattr(
+        main_loop.rclpy, "init", lambda **options: done.append(f"init {options['signal_handler_options']}")
+    )
+    monkeypatch.setattr(main_loop.rclpy, "try_shutdown", lambda: done.append("shutdown"))
+    monkeypatch.setattr(main_loop.signal, "signal", lambda number, handler: handlers.update({number: handler}))
+    monkeypatch.setattr(main_loop, "make_executor", lambda: executor)
+    monkeypatch.setattr(main_loop, "settle_garbage", lambda: done.append("settle"))
+    monkeypatch.setattr(executor, "add_node", lambda each: done.append("add" if each is node else "other"))
+    monkeypatch.setattr(executor, "shutdown", lambda: done.append("executor"))
+    spin = executor.spin_once
+
+    def spun(timeout_sec: float) -> None:
+        spin(timeout_sec)
+        handlers[15](15, None)
+
+    monkeypatch.setattr(executor, "spin_once", spun)
+
+    def made() -> Node:
+        return node
+
+    made.__module__ = __name__
+    if code is None:
+        main_loop.run(made)
+    else:
+        with pytest.raises(SystemExit) as left:
+            main_loop.run(made)
+        assert left.value.code == code
+    assert set(handlers) == {2, 15}
+    assert done[1:] == ["add", "settle", "executor", "shutdown"]
+    assert node.did[-2:] == ["destroy", "release"]
+
+
+def test_a_node_that_refuses_its_start_ends_with_two_and_leaves_no_context(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done: list[str] = []
+    monkeypatch.setattr(sys, "argv", ["node"])
+    monkeypatch.setattr(main_loop.rclpy, "init", lambda **_: done.append("init"))
+    monkeypatch.setattr(main_loop.rclpy, "try_shutdown", lambda: done.append("shutdown"))
+    monkeypatch.setattr(main_loop.signal, "signal", lambda *_: None)
+
+    def refuses() -> Any:
+        raise RuntimeError("the name is taken, at /tmp/rcl/node.c:217")
+
+    refuses.__module__ = __name__
+    with pytest.raises(SystemExit) as left:
+        main_loop.run(refuses)
+    assert (left.value.code, done) == (2, ["init", "shutdown"])
+    assert capsys.readouterr().err == "rf_pointing: not started: the name is taken\n"
+
+
+@pytest.mark.parametrize("word", ["-h", "--help"])
+def test_help_is_given_beside_other_arguments(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], word: str
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["node", "other", word])
+    with pytest.raises(SystemExit) as left:
+        main_loop._take_arguments("what it does")
+    assert left.value.code == 0
+    assert capsys.readouterr().out.startswith("what it does\nusage: ")
+
+
+def test_arguments_of_ros_alone_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["node", "--ros-args", "-r", "__ns:=/gs1"])
+    main_loop._take_arguments("what it does")
+
+
+@pytest.mark.parametrize("words", [{}, {"ROS_SECURITY_ENABLE": ""}, {"ROS_SECURITY_ENABLE": "false"}])
+def test_known_words_of_security_are_taken(words: dict[str, str]) -> None:
+    main_loop._check_security(words)
+    main_loop._check_security({"ROS_SECURITY_STRATEGY": "Permissive", "ROS_SECURITY_ENABLE": "true"})
+
+
+def test_the_file_of_a_lock_holds_the_number_of_its_process_alone(tmp_path: Path) -> None:
+    lock = InstanceLock(NAME)
+    lock.release()
+    lock.path.write_text("123456789012345")
+    lock = InstanceLock(NAME)
+    assert lock.path.read_text() == str(os.getpid()), "written at once, and nothing of the one before"
+    lock.release()
+    lock.path.write_text("")
+    assert last_holder(NAME) is None
+    lock.path.write_text("12345678901234567890")
+    assert last_holder(NAME) == 12345678901234567890
+
+
+def test_a_holder_without_a_number_is_unknown() -> None:
+    lock = InstanceLock(NAME)
+    lock.path.write_text("")
+    with pytest.raises(RuntimeError, match=r"\(process unknown\)$"):
+        InstanceLock(NAME)
+    lock.release()
+
+
+@pytest.mark.parametrize("fault", ["owner", "closed"])
+def test_a_runtime_directory_of_another_user_or_without_write_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str
+) -> None:
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "temporary"))
+    (tmp_path / "temporary").mkdir()
+    found = SimpleNamespace(st_uid=os.getuid() + (fault == "owner"))
+    with monkeypatch.context() as patch:
+        patch.setattr(main_loop.os, "stat", lambda _path: found)
+        patch.setattr(main_loop.os, "access", lambda _path, mode: mode == os.W_OK and fault == "owner")
+        folder = main_loop._runtime_folder()
+    assert folder == tmp_path / "temporary" / f"rf_pointing-{os.getuid()}"
+    with monkeypatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", "")
+        patch.setattr(main_loop.os, "stat", lambda _path: SimpleNamespace(st_uid=os.getuid()))
+        patch.setattr(main_loop.os, "access", lambda _path, _mode: True)
+        assert main_loop._runtime_folder() == Path(f"/run/user/{os.getuid()}/rf_pointing")
+
+
+def test_a_file_of_a_node_is_not_inherited_by_its_children(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened = open_private(tmp_path / "file", os.O_RDWR)
+    assert not os.get_inheritable(opened)
+    os.close(opened)
+    os.mkfifo(tmp_path / "pipe")
+    taken: list[int] = []
+    given_back: list[int] = []
+    take, give_back = os.open, os.close
+
+    def noted(*given: Any, **options: Any) -> int:
+        taken.append(take(*given, **options))
+        return taken[-1]
+
+    def ended(number: int) -> None:
+        given_back.append(number)
+        give_back(number)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(main_loop.os, "open", noted)
+        patch.setattr(main_loop.os, "close", ended)
+        private_folder(tmp_path / "folder")
+        with pytest.raises(RuntimeError, match="without another name"):
+            open_private(tmp_path / "pipe", os.O_RDWR)
+    assert len(taken) == 2
+    assert given_back == taken, "nothing stays open"
+
+
+class Linked:
+    other: Any
+
+
+def test_what_was_imported_is_left_out_of_collections_but_garbage_is_not_kept() -> None:
+    gc.unfreeze()
+    gc.disable()
+    try:
+        first, second = Linked(), Linked()
+        first.other, second.other, seen = second, first, weakref.ref(first)
+        del first, second
+        main_loop.settle_garbage()
+        assert gc.get_freeze_count() > 1000
+        assert seen() is None
+    finally:
+        gc.unfreeze()
+        gc.enable()
+
+
+def test_a_node_has_the_executor_of_events_where_rclpy_has_it(
+    ros_context: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = main_loop.make_executor(ros_context)
+    assert type(made).__name__ == "EventsExecutor"
+    made.shutdown()
+    monkeypatch.setitem(sys.modules, "rclpy.experimental.events_executor", None)
+    made = main_loop.make_executor(ros_context)
+    assert type(made).__name__ == "SingleThreadedExecutor"
+    made.shutdown()

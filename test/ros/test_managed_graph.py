@@ -1,0 +1,394 @@
+"""The processes of a graph, their lifecycle, and what ends them, without a network."""
+
+import ctypes
+import math
+import os
+import signal
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+
+from rf_pointing.ros import managed_graph, repeated_call
+from rf_pointing.ros.main_loop import DEAF
+from rf_pointing.ros.managed_graph import ManagedGraph, NodeProcesses, NotStartedError
+from test.commands.fake_station import Answer, Wall
+
+
+class Process:
+    """A process that takes `ends_s` of the wall to end by the signals in `obeys`."""
+
+    def __init__(self, wall: Wall, arguments: list[str], options: dict[str, Any]) -> None:
+        self.wall, self.arguments, self.options = wall, arguments, options
+        self.pid = 4000
+        self.code: int | None = None
+        self.obeys, self.ends_s, self.end_s = {signal.SIGINT}, 0.5, math.inf
+        self.signals: list[tuple[int, float]] = []
+        self.bounds_s: list[float] = []
+
+    def poll(self) -> int | None:
+        if self.wall.now_s >= self.end_s:
+            self.code = 0
+        return self.code
+
+    def send_signal(self, sign: int) -> None:
+        self.signals.append((sign, self.wall.passed_s))
+        if sign in self.obeys:
+            self.end_s = self.wall.now_s + self.ends_s
+
+    def wait(self, timeout: float) -> int:
+        self.bounds_s.append(timeout)
+        if self.wall.now_s + timeout < self.end_s:
+            self.wall.now_s += timeout
+            raise subprocess.TimeoutExpired("node", timeout)
+        self.wall.now_s = max(self.wall.now_s, self.end_s)
+        return 0
+
+
+class Machine:
+    """Where the processes run; `holders` are those that hold a name, all of ours where it is None."""
+
+    def __init__(self) -> None:
+        self.wall = Wall()
+        self.made: list[Process] = []
+        self.holders: dict[str, int] = {}
+
+    def start(self, arguments: list[str], **options: Any) -> Process:
+        process = Process(self.wall, arguments, options)
+        process.pid += len(self.made)
+        self.made.append(process)
+        options["stdout"].write(b"starts\n")
+        return process
+
+    def __getitem__(self, name: str) -> Process:
+        """Return the newest process of an executable."""
+        return next(each for each in reversed(self.made) if each.arguments[0] == f"/prefix/lib/rf_pointing/{name}")
+
+
+@pytest.fixture
+def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
+    machine = Machine()
+    for module in (managed_graph, repeated_call):
+        monkeypatch.setattr(module, "time", machine.wall)
+    fake = SimpleNamespace(
+        Popen=machine.start, DEVNULL=subprocess.DEVNULL, STDOUT=subprocess.STDOUT,
+        TimeoutExpired=subprocess.TimeoutExpired,
+    )  # fmt: skip
+    monkeypatch.setattr(managed_graph, "subprocess", fake)
+    monkeypatch.setattr(managed_graph, "get_package_prefix", lambda _: "/prefix")
+    monkeypatch.setattr(managed_graph, "last_holder", lambda name: machine.holders.get(name))
+    return machine
+
+
+# Processes
+
+
+def test_every_executable_runs_in_its_namespace_with_all_parameter_files(machine: Machine, tmp_path: Path) -> None:
+    processes = NodeProcesses("/gs1", [Path("a.yaml"), Path("b.yaml")], tmp_path / "deep" / "logs")
+    processes.start(["simulation_clock", "array/receiver"])
+    files = ["--params-file", "a.yaml", "--params-file", "b.yaml"]
+    assert machine["simulation_clock"].arguments[1:] == ["--ros-args", "-r", "__ns:=/gs1", *files]
+    time = ["-r", "/clock:=/gs1/clock", "-p", "use_sim_time:=true"]
+    assert machine["receiver"].arguments[1:] == ["--ros-args", "-r", "__ns:=/gs1/array", *files, *time]
+    assert (tmp_path / "deep" / "logs" / "array.receiver.log").read_bytes() == b"starts\n"
+    assert processes.process_id("array/receiver") == machine["receiver"].pid
+    options = machine["receiver"].options
+    assert (options["stdin"], options["stderr"]) == (subprocess.DEVNULL, subprocess.STDOUT)
+    assert options["env"].items() >= {("OPENBLAS_NUM_THREADS", os.environ.get("OPENBLAS_NUM_THREADS", "1"))}
+    # A folder of logs that is there is used again.
+    processes.start(["rf_receiver"], simulated_time=False, autostart=True)
+    autostart = ["-p", "lifecycle.autostart:=true"]
+    assert machine["rf_receiver"].arguments[1:] == ["--ros-args", "-r", "__ns:=/gs1", *files, *autostart]
+
+
+@pytest.mark.parametrize(
+    ("on_time", "polite"),
+    [((), set()), (("antenna_servo",), {"receiver", "rf_receiver"}), (("receiver",), {"antenna_servo", "rf_receiver"})],
+)
+def test_what_is_not_on_time_runs_in_the_background(
+    machine: Machine, tmp_path: Path, on_time: tuple[str, ...], polite: set[str]
+) -> None:
+    NodeProcesses("/gs1", [], tmp_path, on_time).start(["antenna_servo", "rf_receiver", "array/receiver"])
+    background = {
+        each.arguments[0].rpartition("/")[2]
+        for each in machine.made
+        if each.options["preexec_fn"] is managed_graph._bind_in_the_background
+    }
+    assert background == polite
+
+
+def test_a_node_is_bound_to_the_life_of_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C reaches its group no more, and it ends with its parent; in the background it is nicer."""
+    calls: list[tuple[Any, ...]] = []
+    library = SimpleNamespace(prctl=lambda *given: calls.append(("prctl", *given)))
+    fake = SimpleNamespace(
+        setpgid=lambda *given: calls.append(("setpgid", *given)), nice=lambda *given: calls.append(("nice", *given))
+    )
+    monkeypatch.setattr(managed_graph, "os", fake)
+    monkeypatch.setattr(ctypes, "CDLL", lambda _: library)
+    monkeypatch.setattr(managed_graph.signal, "signal", lambda *given: calls.append(("signal", *given)))
+    bound = [("signal", signal.SIGINT, signal.SIG_DFL), ("setpgid", 0, 0), ("prctl", 1, signal.SIGTERM)]
+    managed_graph._bind_to_parent()
+    assert calls == bound
+    calls.clear()
+    managed_graph._bind_in_the_background()
+    assert calls == [*bound, ("nice", 10)]
+
+
+def test_what_has_ended_and_what_holds_no_name_is_listed(machine: Machine, tmp_path: Path) -> None:
+    processes = NodeProcesses("/gs1", [], tmp_path)
+    processes.start(["antenna_servo", "rf_receiver"])
+    assert processes.ended() == {}
+    machine["rf_receiver"].code = 2
+    assert processes.ended() == {"rf_receiver": 2}
+    machine.holders = {"/gs1/antenna_servo": machine["antenna_servo"].pid, "/gs1/rf_receiver": 1}
+    assert processes.nameless(["antenna_servo", "rf_receiver"]) == ["rf_receiver"], "another graph has this name"
+
+
+def test_a_complaint_is_the_last_line_of_the_log(machine: Machine, tmp_path: Path) -> None:
+    processes = NodeProcesses("/gs1", [], tmp_path)
+    log = tmp_path / "rf_receiver.log"
+    log.write_text("first\nsecond\nband=Q must be one of S, X\n\n")
+    assert processes.complaint("rf_receiver") == "band=Q must be one of S, X"
+    log.write_text("\n")
+    assert processes.complaint("rf_receiver") == "no message"
+
+
+def test_processes_end_by_the_mildest_signal_that_does_it(machine: Machine, tmp_path: Path) -> None:
+    """SIGINT and 4 s, SIGTERM and 2 s, SIGKILL; together, not one after the other."""
+    processes = NodeProcesses("/gs1", [], tmp_path)
+    processes.start(["quick", "slow", "stubborn", "deaf", "over"])
+    machine["slow"].ends_s = 3.0
+    machine["stubborn"].obeys = {signal.SIGTERM}
+    machine["deaf"].obeys = {signal.SIGKILL}
+    machine["over"].code = 1
+    processes.stop()
+    assert [[sign for sign, _ in each.signals] for each in machine.made] == [
+        [signal.SIGINT],
+        [signal.SIGINT],
+        [signal.SIGINT, signal.SIGTERM],
+        [signal.SIGINT, signal.SIGTERM, signal.SIGKILL],
+        [],
+    ]
+    assert [round(at_s, 2) for _, at_s in machine["deaf"].signals] == pytest.approx([0.0, 4.0, 6.0], abs=0.05)
+    assert all(bound_s > 0.0 for each in machine.made for bound_s in each.bounds_s), "zero would not wait at all"
+    assert machine.wall.passed_s == pytest.approx(6.5, abs=0.05)
+    assert processes.ended() == {}, "nothing of it is known any longer"
+
+
+# Lifecycle
+
+
+class Network:
+    """The lifecycle services of a graph; `refusing` nodes refuse the transition so many times."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine, self.ready_s, self.answer_s = machine, 0.1, 0.05
+        self.refusing: dict[str, float] = {}
+        self.lost: set[str] = set()
+        self.states: dict[str, int] = {}
+        self.requests: list[tuple[str, int, float]] = []
+        self.spins = 0
+        self.happens: Callable[[], None] = lambda: None
+
+    def spin(self, timeout_s: float) -> None:
+        self.spins += 1
+        self.machine.wall.now_s += timeout_s
+        self.happens()
+
+    def create_client(self, kind: Any, name: str) -> Any:
+        wall = self.machine.wall
+        space, node, service = name.rsplit("/", 2)
+        assert space == "/gs1"
+        assert service == {ChangeState: "change_state", GetState: "get_state"}[kind]
+
+        def call_async(request: Any) -> Answer:
+            at_s = wall.now_s + self.answer_s
+            if kind is GetState:
+                state = State(id=self.states.get(node, State.PRIMARY_STATE_UNCONFIGURED))
+                return Answer(wall, at_s, GetState.Response(current_state=state))
+            self.requests.append((node, request.transition.id, wall.passed_s))
+            left = self.refusing.get(node, 0)
+            self.refusing[node] = left - 1
+            return Answer(wall, math.inf if node in self.lost else at_s, ChangeState.Response(success=left <= 0))
+
+        return SimpleNamespace(
+            service_is_ready=lambda: wall.passed_s >= self.ready_s, call_async=call_async,
+            remove_pending_request=lambda _: None,
+        )  # fmt: skip
+
+
+NODES = ["antenna_servo", "rf_receiver"]
+
+
+@pytest.fixture
+def network(machine: Machine) -> Network:
+    return Network(machine)
+
+
+@pytest.fixture
+def graph(machine: Machine, network: Network, tmp_path: Path) -> ManagedGraph:
+    """Return a started graph of two nodes that hold their names."""
+    graph = ManagedGraph(network, "/gs1", [], tmp_path, network.spin, patience_s=20.0)
+    graph.start(NODES)
+    machine.holders = {f"/gs1/{name}": machine[name].pid for name in NODES}
+    return graph
+
+
+def complain(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / f"{name}.log").write_text(f"begin\n{text}\n")
+
+
+def test_a_graph_is_configured_when_its_nodes_hold_their_names(
+    machine: Machine, network: Network, graph: ManagedGraph
+) -> None:
+    network.ready_s = 3.0
+    machine.holders["/gs1/rf_receiver"] = 1
+
+    def take_over() -> None:
+        if machine.wall.passed_s > 5.0:
+            machine.holders["/gs1/rf_receiver"] = machine["rf_receiver"].pid
+
+    network.happens = take_over
+    graph.configure(NODES)
+    assert [request[:2] for request in network.requests] == [(name, Transition.TRANSITION_CONFIGURE) for name in NODES]
+    assert [at_s for _, _, at_s in network.requests] == pytest.approx([5.0, 5.0], abs=0.1)
+
+
+def test_a_name_that_another_graph_keeps_ends_the_start(
+    machine: Machine, network: Network, graph: ManagedGraph
+) -> None:
+    machine.holders["/gs1/rf_receiver"] = 1
+    with pytest.raises(TimeoutError, match="antenna_servo, rf_receiver not seen within 20 s"):
+        graph.configure(NODES)
+    assert machine.wall.passed_s == pytest.approx(20.0, abs=0.1)
+    assert network.requests == []
+
+
+def test_services_that_do_not_appear_end_the_start(machine: Machine, network: Network, graph: ManagedGraph) -> None:
+    network.ready_s = math.inf
+    with pytest.raises(TimeoutError, match="antenna_servo, rf_receiver did not appear within 20 s"):
+        graph.configure(NODES)
+    assert machine.wall.passed_s == pytest.approx(20.0, abs=0.1)
+
+
+def test_a_node_that_refuses_is_named_with_its_reason(
+    machine: Machine, network: Network, graph: ManagedGraph, tmp_path: Path
+) -> None:
+    network.refusing = {"rf_receiver": 1}
+    complain(tmp_path, "rf_receiver", "band=Q must be one of S, X")
+    with pytest.raises(NotStartedError, match="^could not configure rf_receiver: band=Q must be one of S, X$"):
+        graph.configure(NODES)
+
+
+def test_a_process_that_ends_meanwhile_ends_the_wait_at_once(
+    machine: Machine, network: Network, graph: ManagedGraph, tmp_path: Path
+) -> None:
+    complain(tmp_path, "rf_receiver", "no such band")
+
+    def crash() -> None:
+        machine["rf_receiver"].code = 1 if machine.wall.passed_s > 1.0 else None
+
+    network.happens, network.ready_s = crash, math.inf
+    with pytest.raises(NotStartedError, match="^rf_receiver ended: no such band$"):
+        graph.configure(NODES)
+    assert machine.wall.passed_s == pytest.approx(1.0, abs=0.1)
+    with pytest.raises(NotStartedError, match="rf_receiver ended"):
+        graph.wait_until(lambda: False, "anything")
+
+
+@pytest.mark.parametrize(
+    ("state", "refused"), [(State.PRIMARY_STATE_INACTIVE, False), (State.PRIMARY_STATE_UNCONFIGURED, True)]
+)
+def test_where_an_answer_is_lost_the_state_of_the_node_counts(
+    network: Network, graph: ManagedGraph, tmp_path: Path, state: int, refused: bool
+) -> None:
+    network.lost, network.states = {"rf_receiver"}, {"rf_receiver": state}
+    complain(tmp_path, "rf_receiver", "busy")
+    if refused:
+        with pytest.raises(NotStartedError, match="could not configure rf_receiver: busy"):
+            graph.configure(NODES)
+    else:
+        graph.configure(NODES)
+
+
+def test_an_answer_that_does_not_come_at_all_ends_the_change(
+    machine: Machine, network: Network, graph: ManagedGraph
+) -> None:
+    graph.configure(NODES)
+    network.answer_s = math.inf
+    begin_s = machine.wall.passed_s
+    with pytest.raises(TimeoutError, match="antenna_servo, rf_receiver did not deactivate within 20 s"):
+        graph.change(NODES, "deactivate")
+    assert machine.wall.passed_s - begin_s == pytest.approx(20.0, abs=0.1)
+
+
+def test_an_activation_is_repeated_for_the_nodes_that_refuse_it(
+    machine: Machine, network: Network, graph: ManagedGraph
+) -> None:
+    """The held time reaches one node after the other; each gets the request again after 0.1 s."""
+    graph.configure(NODES)
+    network.requests.clear()
+    network.refusing = {"rf_receiver": 3}
+    begin_s = machine.wall.passed_s
+    graph.activate(NODES)
+    assert [name for name, _, _ in network.requests] == [*NODES, *["rf_receiver"] * 3]
+    assert {wanted for _, wanted, _ in network.requests} == {Transition.TRANSITION_ACTIVATE}
+    # Each answer takes 0.05 s, which is seen at most 0.02 s later, and so is the end of the wait.
+    assert 4 * 0.05 + 3 * 0.1 <= machine.wall.passed_s - begin_s < 4 * 0.07 + 3 * 0.12
+
+
+def test_an_activation_that_is_refused_for_five_seconds_ends_the_start(
+    machine: Machine, network: Network, graph: ManagedGraph, tmp_path: Path
+) -> None:
+    graph.configure(NODES)
+    network.refusing = {"rf_receiver": math.inf}
+    complain(tmp_path, "rf_receiver", "no time yet")
+    begin_s = machine.wall.passed_s
+    with pytest.raises(NotStartedError, match="^could not activate rf_receiver: no time yet$"):
+        graph.activate(NODES)
+    assert machine.wall.passed_s - begin_s == pytest.approx(5.0, abs=0.3)
+
+
+def test_a_deaf_node_starts_again_and_activates_itself(machine: Machine, graph: ManagedGraph) -> None:
+    graph.check()
+    assert len(machine.made) == 2
+    first = machine["rf_receiver"]
+    first.code = DEAF
+    graph.check()
+    again = machine["rf_receiver"]
+    assert len(machine.made) == 3
+    assert again is not first
+    assert again.arguments[-2:] == ["-p", "lifecycle.autostart:=true"]
+    assert "use_sim_time:=true" in again.arguments
+    graph.check()
+    assert len(machine.made) == 3
+
+
+def test_a_deaf_node_of_a_real_antenna_keeps_real_time(machine: Machine, network: Network, tmp_path: Path) -> None:
+    graph = ManagedGraph(network, "/gs1", [], tmp_path, network.spin, patience_s=20.0)
+    graph.start(["antenna_servo"], simulated_time=False)
+    machine["antenna_servo"].code = DEAF
+    graph.check()
+    assert "use_sim_time:=true" not in machine["antenna_servo"].arguments
+
+
+def test_priorities_of_a_graph_reach_its_processes(machine: Machine, network: Network, tmp_path: Path) -> None:
+    graph = ManagedGraph(network, "/gs1", [], tmp_path, network.spin, patience_s=20.0, on_time=["antenna_servo"])
+    graph.start(NODES)
+    assert machine["antenna_servo"].options["preexec_fn"] is managed_graph._bind_to_parent
+    assert machine["rf_receiver"].options["preexec_fn"] is managed_graph._bind_in_the_background
+
+
+def test_a_wait_spins_for_its_time(machine: Machine, network: Network, graph: ManagedGraph) -> None:
+    graph.wait(0.5)
+    assert machine.wall.passed_s == pytest.approx(0.5, abs=0.03)
+    assert network.spins == pytest.approx(25, abs=1)
+    begin = network.spins
+    graph.wait_until(lambda: network.spins > begin + 3, "spins")
+    assert network.spins == begin + 4

@@ -1,0 +1,103 @@
+"""A call that may be made twice is made until an answer comes; a lost answer of a transition ends no start."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.task import Future
+
+from rf_pointing.ros import repeated_call
+from rf_pointing.ros.managed_graph import LifecycleClient
+from rf_pointing.ros.repeated_call import AGAIN_S, RepeatedCall
+
+
+class Time:
+    """Wall time of the test."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+
+class Service:
+    """A client whose service answers call number `answered` with `answer`, and loses what is before."""
+
+    def __init__(self, answered: int, answer: Any) -> None:
+        self.ready, self.calls, self.removed = True, [], []  # type: bool, list[Any], list[Any]
+        self._answered, self._answer = answered, answer
+
+    def service_is_ready(self) -> bool:
+        return self.ready
+
+    def call_async(self, request: Any) -> Future:
+        future: Future = Future()
+        self.calls.append(request)
+        if len(self.calls) == self._answered:
+            future.set_result(self._answer)
+        return future
+
+    def remove_pending_request(self, future: Future) -> None:
+        self.removed.append(future)
+
+
+@pytest.fixture
+def wall(monkeypatch: pytest.MonkeyPatch) -> Time:
+    wall = Time()
+    monkeypatch.setattr(repeated_call, "time", wall)
+    return wall
+
+
+def test_a_lost_answer_is_one_call_more_after_a_while(wall: Time) -> None:
+    service = Service(answered=2, answer="found")
+    call = RepeatedCall(service, "request")
+    assert (call.done(), call.done(), service.calls) == (False, False, ["request"])
+    wall.now_s += 0.9 * AGAIN_S
+    assert (call.done(), len(service.calls)) == (False, 1)
+    wall.now_s += 0.2 * AGAIN_S
+    assert call.done() or call.done()
+    assert (call.result(), len(service.calls), len(service.removed)) == ("found", 2, 1)
+    wall.now_s += 10.0 * AGAIN_S
+    assert (call.done(), len(service.calls)) == (True, 2)
+
+
+def test_a_service_that_is_not_offered_is_not_called(wall: Time) -> None:
+    service = Service(answered=1, answer="found")
+    service.ready = False
+    call = RepeatedCall(service, "request")
+    wall.now_s += 3.0 * AGAIN_S
+    assert (call.done(), call.made, call.result(), service.calls) == (False, False, None, [])
+    service.ready = True
+    call.done()
+    assert (call.done(), call.made, call.result()) == (True, True, "found")
+
+
+@pytest.mark.parametrize(
+    ("lost", "state", "refused"),
+    [
+        (False, State.PRIMARY_STATE_UNCONFIGURED, []),
+        (True, State.PRIMARY_STATE_INACTIVE, []),
+        (True, State.PRIMARY_STATE_UNCONFIGURED, ["rf_receiver"]),
+    ],
+)
+def test_where_the_answer_to_a_transition_is_lost_the_state_counts(
+    wall: Time, lost: bool, state: int, refused: list[str]
+) -> None:
+    answer = GetState.Response(current_state=State(id=state))
+    services = {
+        ChangeState: Service(answered=0 if lost else 1, answer=ChangeState.Response(success=True)),
+        GetState: Service(answered=1, answer=answer),
+    }
+    node: Any = SimpleNamespace(create_client=lambda kind, _name: services[kind])
+
+    def spin(_timeout_s: float) -> None:
+        wall.now_s += 0.5
+
+    client = LifecycleClient(node, "/gs1", spin, lambda: None)
+    client.wait_for(["rf_receiver"], 1.0)
+    assert client.change(["rf_receiver"], "configure", 60.0) == refused
+    assert len(services[ChangeState].calls) == 1
+    assert wall.now_s - 100.0 == pytest.approx(AGAIN_S if lost else 0.0, abs=1.5)

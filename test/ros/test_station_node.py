@@ -1,0 +1,139 @@
+"""A node of a station begins with the description's numbers, and different descriptions do not track together."""
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.parameter import Parameter
+from rf_pointing_msgs.msg import StationInUse
+
+from rf_pointing.planning import AxisLimits
+from rf_pointing.ros.diagnostics import ERROR, OK, WARN
+from rf_pointing.ros.params import ParameterGroups
+from rf_pointing.ros.stamps import stamp_from_seconds
+from rf_pointing.ros.station_node import ClockWatch, StationCensus, StationNode
+from rf_pointing.station.description import owner, read_station, shipped_stations
+
+CONTROLLER = "pointing_controller"
+MakeNode = Callable[..., Any]
+
+
+def limits_of(node: Any, station: str = "dss13") -> ParameterGroups:
+    groups = ParameterGroups(node)
+    groups.take_station(read_station(station).parameters(CONTROLLER), lambda name: owner(CONTROLLER, name))
+    groups.declare("limits", AxisLimits(), live=True)
+    return groups
+
+
+def test_parameters_begin_with_the_numbers_of_the_description(make_node: MakeNode) -> None:
+    node = make_node()
+    limits = limits_of(node).value("limits")
+    for name, value in read_station("dss13").parameters(CONTROLLER).items():
+        if name.startswith("limits."):
+            assert node.get_parameter(name).value == value
+    assert limits != AxisLimits(elevation_min_rad=0.5)
+
+
+def test_a_file_cannot_set_what_the_description_gives_and_says_where_it_is_given(make_node: MakeNode) -> None:
+    node = make_node(given={"limits.azimuth_min_deg": -10.0})
+    groups = limits_of(node)
+    assert groups.reasons == ["limits.azimuth_min_deg is given by the station description: mount.azimuth.travel_deg"]
+    assert node.get_parameter("limits.azimuth_min_deg").value == -220.0
+
+
+def test_what_may_change_while_the_node_runs_still_may(make_node: MakeNode) -> None:
+    node = make_node()
+    groups = limits_of(node)
+    (result,) = node.set_parameters([Parameter("limits.azimuth_min_deg", value=-100.0)])
+    assert result.successful
+    assert groups.station_key("limits.azimuth_min_deg") == "mount.azimuth.travel_deg"
+
+
+def in_use(node: str, digest: str = "a" * 16, band: str = "X") -> StationInUse:
+    return StationInUse(node=node, station="Dish", band=band, digest=digest)
+
+
+def graph(*names: str) -> SimpleNamespace:
+    """A controller that sees these nodes of its namespace publish."""
+    return SimpleNamespace(
+        get_fully_qualified_name=lambda: "/gs1/pointing_controller",
+        get_publishers_info_by_topic=lambda _: [SimpleNamespace(node_name=n, node_namespace="/gs1") for n in names],
+    )
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        (
+            in_use("/gs1/rf_receiver", digest="b" * 16),
+            "rf_receiver on Dish, X band, digest bbbbbbbbbbbb; this node on Dish",
+        ),
+        (in_use("/gs1/rf_receiver", band="S"), "rf_receiver on Dish, S band"),
+        (in_use("/gs1/rf_receiver"), ""),
+    ],
+)
+def test_nodes_on_another_description_or_band_are_named(other: StationInUse, words: str) -> None:
+    census = StationCensus()
+    for message in (in_use("/gs1/pointing_controller"), other):
+        census.note(message)
+    found = census.difference(graph("pointing_controller", "rf_receiver"))
+    assert words in found if words else found == ""
+
+
+def test_what_a_node_that_has_ended_ran_on_does_not_count() -> None:
+    census = StationCensus()
+    for message in (in_use("/gs1/pointing_controller"), in_use("/gs1/rf_receiver", digest="b" * 16)):
+        census.note(message)
+    assert census.difference(graph("pointing_controller")) == ""
+
+
+@pytest.mark.parametrize("name", shipped_stations())
+def test_a_copy_with_changes_differs_in_them_alone(tmp_path: Path, name: str) -> None:
+    station, copy = read_station(name), tmp_path / "copy.yaml"
+    station.write(copy, {})
+    assert read_station(copy).digest == station.digest
+    station.write(copy, {"mount.pass_elevation_deg": 21.0, "tuning.spiral.rate_deg_s": 0.01})
+    changed = read_station(copy)
+    assert changed.digest != station.digest
+    for node in (CONTROLLER, "ephemeris_publisher", "antenna_servo"):
+        before, after = station.parameters(node), changed.parameters(node)
+        differing = {each for each in before if before[each] != after[each]}
+        assert differing <= {"publisher.mask_deg", "spiral.rate_deg_s", "pointing.on_target_deg"}, node
+
+
+def sent(name: str, stamp_s: float) -> DiagnosticArray:
+    message = DiagnosticArray(status=[DiagnosticStatus(hardware_id=name)])
+    message.header.stamp = stamp_from_seconds(stamp_s)
+    return message
+
+
+def test_a_clock_that_differs_is_named_with_its_size_and_delays_are_none(
+    default_context: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = StationNode("pointing_controller")
+    try:
+        watch, now_s = ClockWatch(node), 1_795_000_000.0
+        monkeypatch.setattr(node, "now_s", lambda: now_s)
+        for delay_s in (0.001, 0.4, 0.002, 0.9, 0.003, 0.05):
+            watch._note(sent("/same_computer", now_s - delay_s))
+            watch._note(sent("/ahead", now_s + 0.05 - delay_s))
+            watch._note(sent("/behind", now_s - 0.2 - delay_s))
+        for _ in range(4):
+            watch._note(sent("/seldom", now_s + 1.0))
+        health = watch.health()
+        assert health.level == ERROR
+        assert health.message == (
+            "the clock of ahead is 49 ms ahead of this computer's; "
+            "the clock of behind is 201 ms behind this computer's, or its messages are late"
+        )
+        assert health.values == {"offset_ms ahead": 49.0, "offset_ms behind": -201.0, "offset_ms same_computer": -1.0}
+        del watch._ages_s["behind"]
+        assert watch.health().level == WARN
+        del watch._ages_s["ahead"]
+        assert (watch.health().level, watch.health().message) == (OK, "ok")
+    finally:
+        node.lock.release()
+        node.destroy_node()

@@ -1,0 +1,159 @@
+"""A drive behind topics: what it sends to a vendor's node, and what it makes of the state that comes back."""
+
+import time
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+
+from rf_pointing.drives import DriveParams
+from rf_pointing.ros.qos import STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.ros.topic_drive import STATE_BYTES, TopicDrive
+
+NOW_S = 1.8e9
+NAMES = ("azimuth", "elevation")
+USELESS = "state that cannot be used"
+
+
+class Bench:
+    """A drive whose outputs are lists."""
+
+    def __init__(self, node: Any, model: str) -> None:
+        self.drive: Any = TopicDrive(node, DriveParams(type="topic", model=model))
+        self.set_points: list[Any] = []
+        self.enabled: list[bool] = []
+        self.drive._set_points = SimpleNamespace(publish=self.set_points.append)
+        self.drive._enabled = SimpleNamespace(publish=lambda message: self.enabled.append(message.data))
+
+    def state(
+        self, names: tuple[str, ...] = NAMES, position: tuple[float, ...] = (1.0, 0.5), velocity: tuple[float, ...] = (),
+        t_s: float = NOW_S,
+    ) -> None:  # fmt: skip
+        message = JointState(name=list(names), position=list(position), velocity=list(velocity))
+        message.header.stamp = stamp_from_seconds(t_s)
+        self.drive._on_state(serialize_message(message))
+
+
+@pytest.fixture
+def make(make_node: Callable[..., Any]) -> Iterator[Callable[..., Bench]]:
+    """Yield a maker of drives."""
+    made: list[Bench] = []
+
+    def one(model: str = "") -> Bench:
+        made.append(Bench(make_node(f"antenna_servo{len(made)}"), model))
+        return made[-1]
+
+    yield one
+    for each in made:
+        each.drive.close()
+
+
+@pytest.fixture
+def bench(make: Callable[..., Bench]) -> Bench:
+    """Return a drive at its first period."""
+    one = make()
+    one.drive.step(NOW_S)
+    return one
+
+
+def test_a_drive_takes_positions_unless_it_is_one_of_rates(
+    make: Callable[..., Bench], make_node: Callable[..., Any]
+) -> None:
+    params = DriveParams()
+    capabilities = make().drive.capabilities
+    assert (capabilities.set_points, capabilities.has_brake) == ("position", True)
+    assert capabilities.resolution_rad == tuple(step or 1e-4 for step in params.rotator.resolution_rad)
+    assert capabilities.period_s == params.link.poll_period_s
+    assert make("rate").drive.capabilities.set_points == "rate"
+    with pytest.raises(ValueError, match="'torque'"):
+        make("torque")
+
+
+def test_set_points_are_stamped_with_the_time_of_the_period(bench: Bench) -> None:
+    bench.drive.go_to((1.0, 0.5))
+    bench.drive.turn((0.1, -0.2))
+    place, rate = bench.set_points
+    assert (tuple(place.name), list(place.position), list(place.velocity)) == (NAMES, [1.0, 0.5], [])
+    assert (list(rate.position), list(rate.velocity)) == ([], [0.1, -0.2])
+    assert seconds_from_stamp(place.header.stamp) == NOW_S
+    assert place.header.frame_id.startswith("test/")
+
+
+def test_the_brakes_are_set_by_a_stop_and_at_the_end(make: Callable[..., Bench]) -> None:
+    bench = make()
+    bench.drive.enable()
+    bench.drive.stop()
+    assert bench.enabled == [True, False]
+    bench.drive.enable()
+    bench.drive.close()
+    assert bench.enabled[2:] == [True, False]
+    bench.drive.close = lambda: None
+
+
+def test_a_state_is_read_by_the_names_of_its_joints(bench: Bench) -> None:
+    assert bench.drive.step(NOW_S) is None
+    assert "no message on drive/state" in bench.drive.problem
+    bench.state()
+    reading = bench.drive.step(NOW_S)
+    assert (reading.t_s, reading.position_rad, reading.rate_rad_s) == (NOW_S, (1.0, 0.5), None)
+    assert bench.drive.problem == ""
+    bench.state(("polarizer", "elevation", "azimuth"), (9.0, 0.6, 1.1), (8.0, 0.02, 0.01))
+    reading = bench.drive.step(NOW_S)
+    assert (reading.position_rad, reading.rate_rad_s) == ((1.1, 0.6), (0.01, 0.02))
+
+
+@pytest.mark.parametrize(
+    "state",
+    [{"names": ("azimuth",), "position": (1.0,)},
+     {"names": ("azimuth", "elevation", "azimuth"), "position": (1.0, 0.5, 1.0)},
+     {"position": (1.0,)}, {"position": (1.0, 0.5, 0.2)}, {"velocity": (0.1,)}, {"names": (), "position": ()},
+     {"t_s": NOW_S + 100.0}],
+)  # fmt: skip
+def test_a_state_that_cannot_be_used_is_counted_and_keeps_the_one_before(bench: Bench, state: dict[str, Any]) -> None:
+    bench.state(position=(1.0, 0.5))
+    bench.state(**state)
+    assert bench.drive.losses == {USELESS: 1}
+    assert bench.drive.step(NOW_S).position_rad == (1.0, 0.5)
+    assert bench.drive.problem == "", "the state before it is fresh"
+    bench.drive.step(NOW_S + 100.0)
+    assert "can be used" in bench.drive.problem
+    bench.state(t_s=NOW_S + 100.0)
+    bench.drive.step(NOW_S + 100.0)
+    assert bench.drive.problem == ""
+
+
+def test_a_state_older_or_newer_than_the_loss_of_the_device_is_none(bench: Bench) -> None:
+    lost_s = DriveParams().link.lost_s
+    bench.state(t_s=NOW_S + lost_s)
+    assert bench.drive.losses == {USELESS: 0}
+    bench.state(t_s=NOW_S + lost_s + 0.01)
+    assert bench.drive.losses == {USELESS: 1}
+    bench.drive.step(NOW_S + 2.0 * lost_s)
+    assert bench.drive.problem == ""
+    bench.state(t_s=NOW_S + lost_s)
+    bench.drive.step(NOW_S + 2.0 * lost_s + 0.01)
+    assert "no message on drive/state for" in bench.drive.problem
+
+
+def test_a_state_longer_than_any_is_not_decoded(bench: Bench) -> None:
+    others = tuple(f"joint {index}" for index in range(STATE_BYTES // 16))
+    bench.state((*NAMES, *others), (1.0, 0.5, *[0.0] * len(others)))
+    assert bench.drive.losses == {USELESS: 1}
+    bench.drive._on_state(bytes(5))
+    assert bench.drive.losses == {USELESS: 2}
+
+
+def test_the_state_of_a_vendors_node_arrives_with_the_periods(bench: Bench, make_node: Callable[..., Any]) -> None:
+    vendor = make_node("vendor")
+    states = vendor.create_publisher(JointState, "drive/state", STREAM)
+    message = JointState(name=list(NAMES), position=[1.0, 0.5])
+    message.header.stamp = stamp_from_seconds(NOW_S)
+    deadline_s = time.monotonic() + 20.0
+    while bench.drive.step(NOW_S) is None:
+        assert time.monotonic() < deadline_s
+        states.publish(message)
+    assert bench.drive.step(NOW_S).position_rad == (1.0, 0.5)

@@ -1,0 +1,162 @@
+"""The plan of a day: certificates of all that is tracked, mask, Sun and travel, and reasons for the rest."""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing import planning
+from rf_pointing.calibration import BiasModel
+from rf_pointing.core.constants import EARTH_MU_M3_S2
+from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes, site
+from rf_pointing.planning import HorizonMask
+from rf_pointing.station.pointing.certificates import PlanningRules, planned_certificate
+from rf_pointing.station.pointing.multi_satellite_plan import DayPlan, Fate, Wish, plan_day
+
+START_S = 1151347200.0
+PLACE = site("Goldstone DSS-13")
+LEAST_RAD = math.radians(5.0)
+RULES = PlanningRules(
+    model=BiasModel.zero(),
+    machine=planning.MachineParams(),
+    limits=planning.AxisLimits(),
+    mask=HorizonMask(),
+    gate=planning.GateParams(),
+    lag_averaging_s=0.0,
+)
+HILL = HorizonMask(
+    azimuth_rad=tuple(np.radians([0.0, 150.0, 180.0, 210.0])),
+    elevation_rad=tuple(np.radians([3.0, 3.0, 22.0, 3.0])),
+)
+
+
+@pytest.fixture(scope="module")
+def satellites() -> list[Elements]:
+    """Return thirty low satellites."""
+    rng = np.random.Generator(np.random.PCG64(7))
+    made = []
+    for number in range(1, 31):
+        angles = rng.uniform(0.0, 2.0 * math.pi, 3)
+        made.append(
+            Elements(
+                name=f"S{number}", catalogue_number=number, epoch_t_s=START_S - rng.uniform(0.0, 86400.0),
+                inclination_rad=rng.uniform(0.6, 1.8), ascending_node_rad=angles[0], eccentricity=0.001,
+                argument_of_perigee_rad=angles[1], mean_anomaly_rad=angles[2], drag_per_earth_radius=1e-5,
+                mean_motion_rad_s=math.sqrt(EARTH_MU_M3_S2 / (6.378e6 + rng.uniform(450e3, 1200e3)) ** 3),
+            )
+        )  # fmt: skip
+    return made
+
+
+def day(satellites: list[Elements], rules: PlanningRules = RULES, hours: float = 12.0, **options: float) -> DayPlan:
+    wishes = [Wish(elements=one, priority=one.catalogue_number % 3) for one in satellites]
+    return plan_day(wishes, PLACE, START_S, hours * 3600.0, rules, (0.0, 1.2), LEAST_RAD, **options)
+
+
+def test_tracked_passes_have_certificates_that_follow_on_each_other(satellites: list[Elements]) -> None:
+    plan = day(satellites)
+    tracked = [item for item in plan.passes if item.fate is Fate.TRACKED]
+    assert len(tracked) > 20
+    free_s, place = START_S, (0.0, 1.2)
+    for item in tracked:
+        assert item.certificate is not None
+        branch = item.certificate.chosen
+        assert branch is not None
+        assert item.window.aos_t_s >= free_s
+        # Issued where the antenna is when the pass before ends, and in time for the slew from there.
+        assert item.certificate.issued_t_s == free_s
+        track = TopocentricTrack(item.window.elements, PLACE)
+        again, _ = planned_certificate(track, item.window, free_s, place, RULES)
+        assert again.chosen is not None
+        assert again.chosen.label == branch.label
+        assert again.chosen.lost_s == pytest.approx(branch.lost_s, abs=0.05)
+        free_s, place = item.window.los_t_s, branch.end_rad
+    assert all(item.reason for item in plan.passes if item.fate is not Fate.TRACKED)
+    assert not any(item.reason for item in tracked)
+
+
+def test_a_pass_that_is_barred_by_its_azimuths_has_no_certificate_either(satellites: list[Elements]) -> None:
+    plan = day(satellites, hours=24.0)
+    barred = [item for item in plan.passes if "fits no turn" in item.reason]
+    assert len(barred) > 3
+    for item in barred:
+        track = TopocentricTrack(item.window.elements, PLACE)
+        certificate, _ = planned_certificate(track, item.window, START_S - 3600.0, (0.0, 1.2), RULES)
+        assert certificate.chosen is None
+        assert "past the limit azimuth" in certificate.reason
+
+
+def test_a_hill_cuts_passes_where_the_search_of_one_satellite_does(satellites: list[Elements]) -> None:
+    rules = dataclasses.replace(RULES, mask=HILL)
+    plan = day(satellites, rules)
+    count = 0
+    for one in satellites:
+        mine = [item.window for item in plan.passes if item.window.elements is one]
+        wanted = find_passes(TopocentricTrack(one, PLACE), START_S, 12.0 * 3600.0, HILL.above(LEAST_RAD))
+        assert [w.aos_t_s for w in mine] == pytest.approx([w.aos_t_s for w in wanted], abs=0.05)
+        assert [w.los_t_s for w in mine] == pytest.approx([w.los_t_s for w in wanted], abs=0.05)
+        assert [w.peak_elevation_rad for w in mine] == pytest.approx([w.peak_elevation_rad for w in wanted], abs=1e-5)
+        assert [(w.rises_before, w.sets_after) for w in mine] == [(w.rises_before, w.sets_after) for w in wanted]
+        count += len(wanted)
+    assert count > len(day(satellites).passes) * 0.9
+
+
+def test_a_pass_through_the_sun_is_barred_and_the_plan_is_made_without_it(satellites: list[Elements]) -> None:
+    free = day(satellites)
+    tracked = [item for item in free.passes if item.fate is Fate.TRACKED and item.profile is not None]
+    by_angle = min(tracked, key=lambda item: float(item.profile.sun_angle_rad().min()))
+    angle_rad = float(by_angle.profile.sun_angle_rad().min())
+    machine = RULES.machine.replace(sun_radius_rad=min(angle_rad + 1e-3, 0.5))
+    assert angle_rad < 0.4
+    plan = day(satellites, dataclasses.replace(RULES, machine=machine))
+    (same,) = (
+        i
+        for i in plan.passes
+        if i.window.elements is by_angle.window.elements and i.window.aos_t_s == by_angle.window.aos_t_s
+    )
+    assert same.fate is Fate.BARRED
+    assert "deg from the Sun, must be >=" in same.reason
+
+
+def test_a_keyhole_is_counted_and_bars_a_pass_of_a_slow_antenna(satellites: list[Elements]) -> None:
+    high = [i for i in day(satellites, hours=24.0).passes if i.certificate and i.certificate.chosen.keyhole_s > 0.0]
+    assert high
+    assert all(i.window.tca_azimuth_rate_rad_s > RULES.machine.planned.rate_rad_s[0] for i in high)
+    slow = RULES.machine.replace(rate_limit_rad_s=(math.radians(0.3),) * 2, least_share=0.99)
+    plan = day(satellites, dataclasses.replace(RULES, machine=slow))
+    barred = [item for item in plan.passes if "would be lost" in item.reason]
+    assert barred
+    assert all(item.fate is Fate.BARRED for item in barred)
+
+
+def test_an_object_that_never_sets_is_not_planned(satellites: list[Elements]) -> None:
+    still = dataclasses.replace(
+        satellites[0], inclination_rad=1e-4, eccentricity=1e-4, mean_motion_rad_s=2.0 * math.pi / 86164.1,
+        catalogue_number=99, name="GEO",
+    )  # fmt: skip
+    for node in np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False):
+        placed = dataclasses.replace(still, ascending_node_rad=float(node))
+        plan = day([placed])
+        if plan.passes:
+            break
+    (item,) = plan.passes
+    assert (item.fate, item.reason) == (Fate.BARRED, "is above the mask all the time")
+
+
+def test_peaks_that_are_not_wanted_are_left_out_and_a_gap_is_kept(satellites: list[Elements]) -> None:
+    wishes = [Wish(elements=one, min_peak_rad=math.radians(40.0)) for one in satellites]
+    plan = plan_day(wishes, PLACE, START_S, 43200.0, RULES, (0.0, 1.2), LEAST_RAD, gap_s=300.0)
+    assert plan.passes
+    assert all(item.window.peak_elevation_rad >= math.radians(40.0) for item in plan.passes)
+    tracked = [item.window for item in plan.passes if item.fate is Fate.TRACKED]
+    assert all(b.aos_t_s - a.los_t_s >= 300.0 for a, b in itertools.pairwise(tracked))
+
+
+def test_the_expected_error_is_that_of_the_elements_age(satellites: list[Elements]) -> None:
+    item = day(satellites).passes[-1]
+    age_s = item.window.tca_t_s - item.window.elements.epoch_t_s
+    along_m = 700.0 + 1000.0 * age_s / 86400.0 + 200.0 * (age_s / 86400.0) ** 2
+    target = TopocentricTrack(item.window.elements, PLACE).target_at(item.window.tca_t_s)
+    assert item.along_rad == pytest.approx(along_m / target.range_m, rel=1e-4)
