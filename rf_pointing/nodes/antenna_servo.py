@@ -28,7 +28,6 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
@@ -41,7 +40,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.core import AXES, Params, parameter
+from rf_pointing.core import AXES
 from rf_pointing.drives import make_drive
 from rf_pointing.planning import WrapCount
 from rf_pointing.ros import convert
@@ -58,6 +57,7 @@ from rf_pointing.ros.topic_drive import TopicDrive
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna, wait_for_drive
 from rf_pointing.station.antenna.memory import AntennaMemory
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
+from rf_pointing.station.parameters import ServoNodeParams
 
 LIVE = ("plant", "loops")
 """Parameter sets that may change while the antenna moves."""
@@ -76,15 +76,6 @@ INACTIVE_PERIOD_S = 0.05
 """Time between two looks at a real drive while the node is not active."""
 WRAP_EVERY = 10
 """Statuses after which the azimuth's turn is written if it has changed."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ServoNodeParams(Params):
-    """What is the node's own."""
-
-    wrap_file: str = parameter("", "file that keeps the azimuth's turn over a restart; empty: not kept")
-    state_file: str = parameter("", "file that keeps position, fault and rest over a restart; empty: not kept")
-    enable_fault_injection: bool = parameter(False, "whether ~/inject_fault is offered")
 
 
 class AntennaServo(StationNode):

@@ -15,7 +15,6 @@ With `calibrator.folder` every observation is on the disk before the next one is
 one set of models for each station and band: a killed node continues where it was.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -25,8 +24,8 @@ from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import Trigger
 
 from rf_pointing import __version__, calibration
-from rf_pointing.calibration import ModelVersion, ObservationJournal, PassPriors, SectorRule, ShadowRules
-from rf_pointing.core import MDEG, Params, parameter
+from rf_pointing.calibration import ModelVersion, ObservationJournal, SectorRule, ShadowRules
+from rf_pointing.calibration.pass_errors import OF_ELEMENTS
 from rf_pointing.ros import convert, convert_calibration
 from rf_pointing.ros.campaign_runner import CampaignRunner
 from rf_pointing.ros.diagnostics import OK, WARN, Health
@@ -38,33 +37,10 @@ from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
+from rf_pointing.station.parameters import CalibratorParams
 
 SECTORS = SectorRule()
 CAMPAIGN_TURN_S = 0.02
-
-
-@dataclass(frozen=True, kw_only=True)
-class CalibratorParams(Params):
-    """Where the models live and how observations are taken."""
-
-    folder: str = parameter("", "folder of models and observations; empty: none are kept after the node ends")
-    keep_observations: bool = parameter(True, "whether observations are kept in the folder as well")
-    model_file: str = parameter("", "model in force before one is accepted; empty: no correction")
-    station: str = parameter("Goldstone DSS-13", "station that the model must belong to")
-    band: str = parameter("X", "band that the model must belong to")
-    spacing_s: float = parameter(1.0, "time between two observations", low=0.1, high=600.0)
-    scan_spacing_s: float = parameter(
-        8.0, "the same while the beam scans: estimates from the same window differ little", low=0.1, high=600.0
-    )
-    sigma_rad: float = parameter(
-        2.0 * MDEG, "standard deviation of one observation on the sky, added to the sensor's own", low=1e-7, high=0.01
-    )
-    largest_error_rad: float = parameter(
-        6.0 * MDEG, "sensed error above which nothing is observed: a tenth of a beamwidth", low=1e-7, high=0.1
-    )
-    settle_s: float = parameter(
-        0.0, "time with a valid sensor before the first observation of a pass", low=0.0, high=600.0
-    )
 
 
 def journal_of(folder: str, station: str, band: str) -> ObservationJournal:
@@ -80,7 +56,7 @@ class BiasCalibrator(StationNode):
         super().__init__("bias_calibrator")
         self.parameters.declare("calibrator", CalibratorParams())
         self.parameters.declare("shadow", ShadowRules(), live=True)
-        self.parameters.declare("orbit", PassPriors(along_track_m=100.0, cross_track_m=60.0, radial_m=30.0), live=True)
+        self.parameters.declare("orbit", OF_ELEMENTS, live=True)
         self.parameters.on_change(self._retune)
         self._keeper: ModelKeeper | None = None
         self._log: CalibrationLog | None = None

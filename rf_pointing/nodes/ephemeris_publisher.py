@@ -16,14 +16,12 @@ uncertainty.* (position errors of elements against their age).
 """
 
 import math
-from dataclasses import dataclass
 
 from rf_pointing_msgs.msg import Attitude, PassList, PassProfileList, Target
 from rf_pointing_msgs.srv import SelectTarget
 from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
 
 from rf_pointing import ephemeris
-from rf_pointing.core import Params, parameter
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.ephemeris import Pass, SatelliteAntennaParams, SkyUncertainty, TopocentricTrack, stale_warning
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at
@@ -36,6 +34,7 @@ from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.station_node import StationNode
+from rf_pointing.station.parameters import PublisherParams
 from rf_pointing.station.pointing.certificates import pass_profile
 
 # What may change while the node is configured; ~/select_target takes another satellite.
@@ -49,18 +48,6 @@ WEATHER_STEPS = {"temperature_k": 0.5, "pressure_hpa": 0.5, "relative_humidity":
 WEATHER_AGE_S = 3600.0
 ATTITUDE_SHARE = 0.02
 """Of the width of the satellite's beam: how far its axis moves before it matters, 0.005 dB."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PublisherParams(Params):
-    """How far ahead and how often the target is published, and which passes count."""
-
-    period_s: float = parameter(0.1, "time between two targets", low=0.02, high=10.0)
-    lead_s: float = parameter(2.0, "how far ahead of its time a target is published", low=0.0, high=60.0)
-    margin_s: float = parameter(5.0, "publishing begins before and ends after a pass by", low=0.0, high=600.0)
-    mask_rad: float = parameter(math.radians(5.0), "elevation at which a pass begins and ends", low=0.0, high=1.5)
-    span_s: float = parameter(86400.0, "how far ahead passes are looked for", low=60.0, high=2.6e6)
-    state_file: str = parameter("", "file that keeps target, offsets and hold over a restart; empty: not kept")
 
 
 class EphemerisPublisher(StationNode):

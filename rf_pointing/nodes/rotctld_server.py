@@ -22,7 +22,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import Any
 
@@ -37,7 +36,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
 
 from rf_pointing.calibration import BiasModel
-from rf_pointing.core import JointReading, JointTrajectory, Motion, Params, Sensor, nearest_turn_rad, parameter
+from rf_pointing.core import JointReading, JointTrajectory, Motion, nearest_turn_rad
 from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.drives.rotctld import (
     IO_ERROR,
@@ -62,6 +61,7 @@ from rf_pointing.ros.qos import COMMAND, LATCHED, STATUS, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.antenna.modes import AntennaMode
+from rf_pointing.station.parameters import RotctldNodeParams
 from rf_pointing.station.pointing.client_points import (
     ClientPoints,
     FollowParams,
@@ -91,14 +91,6 @@ MOVING_RAD_S = 1e-4
 STRAYS = 2
 """Points in a row off the track of the pass in hand that end it."""
 Reply = Callable[[int], None]
-
-
-@dataclass(frozen=True, kw_only=True)
-class RotctldNodeParams(Params):
-    """How a recognised pass is tracked."""
-
-    identify: bool = parameter(True, "whether points of a known satellite become its pass")
-    sensor: str = parameter(Sensor.PROGRAM.value, "sensor of the passes; auto: the station's choice")
 
 
 class RotctldServerNode(StationNode):

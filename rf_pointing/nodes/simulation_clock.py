@@ -15,13 +15,11 @@ import math
 import os
 import struct
 import time
-from dataclasses import dataclass
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rosgraph_msgs.msg import Clock
 
-from rf_pointing.core import Params, parameter
 from rf_pointing.ros.diagnostics import Health
 from rf_pointing.ros.graph import ESSENTIAL, TOPICS, Topic
 from rf_pointing.ros.main_loop import open_private, run
@@ -29,6 +27,7 @@ from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.pacing import PacedStream, Pacer
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.stamps import seconds_from_raw, seconds_from_stamp, stamp_from_seconds
+from rf_pointing.station.parameters import ClockParams
 
 HELD_PERIOD_S = 0.1
 """Wall time between two repetitions of the time while it is held."""
@@ -42,15 +41,6 @@ SETTLE_S = 0.2
 RESUME_S = 20.0
 """A graph waits no longer than this for a killed clock."""
 _RECORD = struct.Struct("<3d")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ClockParams(Params):
-    """Simulation time."""
-
-    start_s: float = parameter(0.0, "UTC seconds since 1970 at which time starts", low=0.0, high=4.0e9)
-    speed: float = parameter(1.0, "simulated seconds per second; 0: as fast as the graph follows", low=0.0, high=1e4)
-    tick_s: float = parameter(0.02, "step of simulation time", low=0.001, high=1.0)
 
 
 class ClockMemory:

@@ -22,7 +22,7 @@ import sys
 import time
 from collections import Counter
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ from rf_pointing_msgs.srv import ChangeSchedule, Named
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from rf_pointing.core import AXES, Params, parameter
+from rf_pointing.core import AXES
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.core.whole_file import KeptState, read_whole
@@ -55,6 +55,7 @@ from rf_pointing.ros.managed import RESULT_TIMEOUT_S, conclude
 from rf_pointing.ros.qos import LATCHED, STATUS, WATCHED
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.station_node import StationNode
+from rf_pointing.station.parameters import ExecutiveParams
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
 STEP_S = 0.2
@@ -62,20 +63,6 @@ MOVING_RAD_S = 1e-4
 MOST_BYTES = 32 * 1024 * 1024
 CLAIMED = (PassState.WAITING, PassState.ACTIVE, PassState.TRACKED)
 BUSY = (PassState.ACTIVE, PassState.TRACKED)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExecutiveParams(Params):
-    """What belongs to the executive itself."""
-
-    state_file: str = parameter("", "file that keeps the night over a restart; empty: not kept")
-    folder: str = parameter("runs/night", "folder of recordings, journal and morning report")
-    directives_file: str = parameter("", "further directives of the station (YAML); empty: the shipped ones")
-    procedure_file: str = parameter("", "procedure of a pass (YAML); empty: the shipped one")
-    recovery_file: str = parameter("", "recovery table (YAML); empty: the shipped one")
-    sensor: str = parameter("", "sensor of passes that name none; empty: the station's")
-    record: bool = parameter(True, "whether each pass is recorded and reported on")
-    partners: str = parameter("", "namespaces of the antennas that share the schedule, separated by commas")
 
 
 class StationExecutive(StationNode):

@@ -11,35 +11,13 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from email.message import EmailMessage
 
-from rf_pointing.core import Params, parameter
+from rf_pointing.station.parameters import HookParams
 
 TRIES = 3
 MOST_WAITING = 1000
 ANSWER_S = 10.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class HookParams(Params):
-    """Where alarms go; empty: nowhere."""
-
-    command: str = parameter("", "program that gets each message as JSON on its input; empty: none")
-    webhook: str = parameter("", "http(s) address that each message is posted to as JSON; empty: none")
-    mail_server: str = parameter("", "host:port of the SMTP server; empty: no e-mail")
-    mail_from: str = parameter("station@localhost", "sender of the e-mails")
-    mail_to: str = parameter("", "receivers of the e-mails, separated by commas")
-    retry_s: float = parameter(5.0, "time between two tries to send", low=0.1, high=600.0)
-
-    def check_together(self) -> None:
-        """Refuse e-mail without a receiver, and addresses that are none."""
-        if self.mail_server and not self.mail_to:
-            raise ValueError(f"mail_to='' must name a receiver: mail_server={self.mail_server}")
-        if self.mail_server and not self.mail_server.rpartition(":")[2].isdecimal():
-            raise ValueError(f"mail_server={self.mail_server} must be host:port")
-        if self.webhook and not self.webhook.startswith(("http://", "https://")):
-            raise ValueError(f"webhook={self.webhook} must begin with http:// or https://")
 
 
 class AlarmHooks:

@@ -24,16 +24,14 @@ import threading
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass
-from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlsplit
 
 from aiohttp import web
 
-from rf_pointing.core import Params, parameter
 from rf_pointing.ros.main_loop import open_private
+from rf_pointing.station.parameters import PageParams
 
 FILES = Path(__file__).with_name("page")
 """Folder of the page itself; it is installed with the package."""
@@ -74,36 +72,6 @@ HEADERS = {
 }  # fmt: skip
 Answer = tuple[bool, str]
 Command = Callable[[str, Mapping[str, Any], str], "Future[Answer]"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PageParams(Params):
-    """Where the page is, and who may command."""
-
-    address: str = parameter("127.0.0.1", "address to bind to; any but loopback needs token_file")
-    port: int = parameter(8080, "TCP port; 0: any that is free", low=0, high=65535)
-    hosts: str = parameter("", "further host names under which the page is reached, separated by commas")
-    token_file: str = parameter("", "file (mode 600) with the token of commands; empty: one is made for this user")
-    reports: str = parameter("runs", "folder whose reports are offered; empty: none")
-    rate_hz: float = parameter(6.0, "how often what moves is sent to the viewers", low=1.0, high=20.0)
-    viewers: int = parameter(50, "viewers at one time", low=1, high=1000)
-
-    def check_together(self) -> None:
-        """Refuse an address that others can reach without a token that somebody has chosen."""
-        try:
-            address = ip_address(self.address)
-        except ValueError:
-            raise ValueError(f"address={self.address} must be an IP address, as 127.0.0.1") from None
-        if not address.is_loopback and not self.token_file:
-            raise ValueError(
-                f"address={self.address} can be reached by other computers: token_file='' must name the file of a token"
-            )
-
-    @property
-    def names(self) -> set[str]:
-        """The host names under which the page may be requested."""
-        own = {"localhost", "127.0.0.1", "::1", self.address}
-        return {name.lower() for name in (*own, *(each.strip() for each in self.hosts.split(","))) if name}
 
 
 def read_token(given: str, own: Path) -> tuple[str, Path]:
