@@ -182,7 +182,7 @@ class Ongoing:
 
 @dataclass(slots=True)
 class Recovery:
-    """Watches the state of the devices by the table, keeps the alarms, and says which action is due."""
+    """Watches the devices by the table, keeps the alarms, and says which action is due."""
 
     table: RecoveryTable
     expected_state: ExpectedState
