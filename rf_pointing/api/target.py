@@ -1,16 +1,20 @@
 """What is tracked: a satellite of a file, folder, address or the verification set, or a body."""
 
+import math
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from rf_pointing import __version__
 from rf_pointing.core.dates import DAY_S
-from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.ephemeris import Elements, OemTarget, Site, TargetSource, TopocentricTrack
+from rf_pointing.ephemeris import Elements, OemTarget, Site, TargetSource, TopocentricTrack, oem_text
 from rf_pointing.ephemeris.element_files import SUFFIXES, element_files, is_address
 from rf_pointing.ephemeris.source import SourceParams, load_catalogue, load_target
+from rf_pointing.station.pointing.multi_satellite_plan import Wish
 
+MAX_AGE_S = SourceParams().max_age_days * DAY_S
+"""Age from the epoch beyond which elements are refused."""
 FIRST_SATELLITE = "28057"
 """The satellite that is meant when neither a place nor a name is given: CBERS-2."""
 
@@ -82,13 +86,24 @@ class Target:
         _ = self.problem
         return element_files(self.location)[0] if is_address(self.location) else Path(self.location)
 
+    def wish(self) -> Wish:
+        """Return the satellite as the plan of many takes it; ValueError without mean elements."""
+        if not isinstance(self.found, Elements):
+            raise ValueError(f"{self.name} is not tracked from mean elements")
+        return Wish(elements=self.found, priority=self.priority, min_peak_rad=math.radians(self.min_peak_deg or 0.0))
+
+    def to_oem(self, *, start_t_s: float, duration_s: float, created_t_s: float) -> str:
+        """Return its motion over a time as a CCSDS OEM."""
+        track = self.track(SourceParams().site)
+        named = getattr(self.found, "international_designator", "") or self.satellite
+        return oem_text(
+            track.target, named, start_t_s, start_t_s + duration_s,
+            originator=f"rf_pointing {__version__}", created_t_s=created_t_s,
+        )  # fmt: skip
+
     def track(self, site: Site) -> TopocentricTrack:
         """Return its apparent motion over `site`: angles and rates in rad with `sample(t_s)`."""
-        params = self.source(site)
-        return TopocentricTrack(
-            self.found, site, refraction=RadioRefraction.standard(site.altitude_m),
-            max_age_s=params.max_age_days * DAY_S, antenna=params.antenna,
-        )  # fmt: skip
+        return TopocentricTrack(self.found, site, max_age_s=MAX_AGE_S)
 
 
 def elements(
@@ -149,11 +164,15 @@ def catalogue(where: str | Path = "", *, min_peak_deg: float | None = None) -> l
 
     Raises ValueError for a place without mean elements.
     """
-    text = str(where)
-    warning = Target(location=text).problem
+    warning = Target(location=str(where)).problem
     if warning:
         warnings.warn(warning, stacklevel=2)
-    return [of_elements(text, one, min_peak_deg=min_peak_deg) for one in load_catalogue(text)]
+    return every_satellite(str(where), min_peak_deg)
+
+
+def every_satellite(location: str, min_peak_deg: float | None) -> list[Target]:
+    """Return the targets of `catalogue`, from elements that have been requested."""
+    return [of_elements(location, one, min_peak_deg=min_peak_deg) for one in load_catalogue(location)]
 
 
 def of_elements(location: str, found: Elements, *, priority: int = 0, min_peak_deg: float | None = None) -> Target:

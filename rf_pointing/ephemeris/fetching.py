@@ -178,9 +178,8 @@ def kept_elements(addresses: Sequence[str], folder: Path) -> list[Outcome]:
     """
     _require_addresses(addresses)
     found = [_recovered(KeptState(str(path)), "") for path in folder.glob(".*.elements.json")]
-    records = sorted(
-        (one for one in found if one.address in (addresses or {one.address} - {""})), key=lambda one: one.address
-    )
+    known = [one for one in found if one.address and (not addresses or one.address in addresses)]
+    records = sorted(known, key=lambda one: one.address)
     if not records:
         raise ValueError(f"{folder} keeps no elements{' of these addresses' if addresses else ''}: give an address")
     files = [kept_file(record.address, folder) for record in records]

@@ -59,7 +59,7 @@ def run(words: list[str], folder: Path) -> tuple[str, str, int]:
     out, err, code = io.StringIO(), io.StringIO(), 0
     main = importlib.import_module(f"rf_pointing.commands.{name}").main
     with (
-        mock.patch.object(sys, "argv", words), mock.patch.object(time, "time", lambda: NOW_S),
+        mock.patch.object(sys, "argv", words), mock.patch.object(time, "time", return_value=NOW_S),
         contextlib.redirect_stdout(out), contextlib.redirect_stderr(err),
     ):  # fmt: skip
         try:
@@ -118,4 +118,3 @@ def test_a_command_prints_what_it_always_printed(
     differing = [f"{a}\n  instead of\n{b}" for a, b in zip(found, wanted, strict=False) if not same(a, b)]
     assert not differing
     assert len(found) == len(wanted)
-
