@@ -1,0 +1,1 @@
+"""What clients of the station may do and see, without ROS and stepped by time."""
