@@ -57,7 +57,7 @@ ALLOWED_ROOMS = {
     "simulation": {"core", "station", *SIBLINGS},
     "report": {"core", "station", "simulation", *SIBLINGS},
     "ros": STATION,
-    "web": {"core", "ros"},
+    "web": {"core", "ros", "station"},
     "nodes": STATION | {"ros", "web"},
     "commands": STATION | {"ros", "nodes"},
     **dict.fromkeys(CORE_OF_ARRAYS, {"core", *SIBLINGS, "station"} | CORE_OF_ARRAYS),

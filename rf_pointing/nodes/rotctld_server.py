@@ -53,7 +53,7 @@ class RotctldServerNode(StationNode):
             self.parameters.declare(prefix, params)
         self._server: RotctldServer | None = None
         self._inbox: SimpleQueue[Inquiry] = SimpleQueue()
-        self._refused: deque[str] = deque(maxlen=20)
+        self._refused: deque[str] = deque(maxlen=100)
 
     def configure(self) -> None:
         value = self.parameters.value
