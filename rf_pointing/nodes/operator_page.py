@@ -27,8 +27,9 @@ from rf_pointing.ros.convert_planning import profile_from_message
 from rf_pointing.ros.diagnostics import LEVELS, OK, WARN, Health
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS, OPERATOR_PAGE, SCHEDULE, STATION_IN_USE
+from rf_pointing.ros.lifecycle import LifecycleParams
 from rf_pointing.ros.main_loop import run
-from rf_pointing.ros.managed import LifecycleParams, ManagedNode
+from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import IN_USE, LATCHED, STATUS, STREAM
 from rf_pointing.ros.repeated_call import ParametersOf
 from rf_pointing.station.clients.board import LONGEST_TEXT, READ, Board, PageParams

@@ -1,1 +1,1 @@
-"""What clients of the station may do and see, without ROS and stepped by time."""
+"""Brains of the nodes that are clients of a station, without ROS and stepped by time."""
