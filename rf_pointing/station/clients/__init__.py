@@ -1,1 +1,1 @@
-"""Brains of the nodes that are clients of the station, without ROS and stepped by time."""
+"""Brains of the nodes that are clients of a station, without ROS and stepped by time."""
