@@ -1,1 +1,1 @@
-"""Brains of the nodes that act for an operator or another program: stepped by time, without ROS."""
+"""Brains of the nodes that are clients of a station, without ROS and stepped by time."""
