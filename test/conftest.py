@@ -165,3 +165,21 @@ def default_context(ros_domain: int) -> Iterator[None]:
     rclpy.init(domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
     yield
     rclpy.try_shutdown()
+
+
+@pytest.fixture
+def make_bench(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
+    """Yield a maker of nodes on a bench (`test/nodes/bench.py`), one after the other."""
+    from test.nodes.bench import Bench
+
+    made: list[Any] = []
+
+    def make(node_type: Any, **given: Any) -> Any:
+        if made:
+            made.pop().close()
+        made.append(Bench(node_type, monkeypatch, ros_domain, **given))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()

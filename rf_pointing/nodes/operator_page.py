@@ -37,8 +37,9 @@ from rf_pointing.ros.command_key import CommandKeyParams
 from rf_pointing.ros.diagnostics import LEVELS, OK, WARN, Health
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE, EXECUTIVE_STATUS, OPERATOR_PAGE, SCHEDULE, STATION_IN_USE
+from rf_pointing.ros.lifecycle import LifecycleParams
 from rf_pointing.ros.main_loop import run
-from rf_pointing.ros.managed import LifecycleParams, ManagedNode
+from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import IN_USE, LATCHED, STATUS, STREAM
 from rf_pointing.ros.station_view import stamp_text
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers

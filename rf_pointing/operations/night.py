@@ -16,7 +16,7 @@ from typing import Any
 from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL, SIDELOBE_DB
 from rf_pointing.operations.alarms import Alarm, AlarmBook
 from rf_pointing.operations.executor import BlockState, Executor, JournalEntry
-from rf_pointing.operations.expected_state import Situation
+from rf_pointing.operations.expected_state import ExpectedState
 from rf_pointing.operations.procedure import Directive, Procedure
 from rf_pointing.operations.recovery import Recovery, RecoveryTable
 from rf_pointing.operations.schedule import Entry, PassState, Schedule, ScheduledPass
@@ -107,9 +107,9 @@ class Night:
         save: Callable[[], None] = lambda: None,
     ) -> None:
         self.schedule, self.procedure, self.table = schedule, procedure, table
-        self.situation = Situation()
+        self.expected_state = ExpectedState()
         self.book = AlarmBook(notify, quiet_s)
-        self.recovery = Recovery(table, self.situation, self.book)
+        self.recovery = Recovery(table, self.expected_state, self.book)
         self.state_name, self.reason = NightState.IDLE, ""
         self.records: list[PassRecord] = []
         self.journal: list[JournalEntry] = []
@@ -133,7 +133,7 @@ class Night:
     def take(self, device: str, values: Mapping[str, Any], t_s: float) -> None:
         """Note attributes of a device as they were at `t_s`."""
         for name, value in values.items():
-            self.situation.observe(f"{device}.{name}", value, t_s)
+            self.expected_state.observe(f"{device}.{name}", value, t_s)
 
     def take_passes(self, target: str, windows: Sequence[tuple[float, float, Any]], t_s: float) -> None:
         """Note the passes of the selected target: rise, set, and what stands for each of them."""
@@ -278,7 +278,7 @@ class Night:
         unheld_s = 0.0
         if attempt is not None and not attempt.ending:
             item = self.schedule.entries[attempt.id].item
-            held = self.situation.actual("tracking.held")
+            held = self.expected_state.actual("tracking.held")
             if held is not None and held.value and self._busy:
                 attempt.held_s = held.t_s
             names = "seconds_tracked", "seconds_lost", "mean_loss"
@@ -291,12 +291,12 @@ class Night:
             if self._busy and item.aos_t_s <= now_s <= item.los_t_s:
                 last_s = begun_s if attempt.held_s is None else max(begun_s, attempt.held_s)
                 unheld_s = max(0.0, now_s - last_s)
-        self.situation.observe("pass.unheld_s", unheld_s, now_s)
+        self.expected_state.observe("pass.unheld_s", unheld_s, now_s)
 
     def _look_again(self, now_s: float) -> bool:
         """Return whether the station has been seen since the restart; then go on."""
         for name in ("antenna.mode", "tracking.mode"):
-            seen = self.situation.actual(name)
+            seen = self.expected_state.actual(name)
             if seen is None or now_s - seen.t_s > LATE_S:
                 return False
         self._unproved = False
@@ -340,7 +340,7 @@ class Night:
             self._count(attempt)
             self._note(now_s, attempt.id, "", "attempt failed", failed)
             refused = self._value("track.refused")
-            self.situation.observe("pass.refused", refused or "", now_s)
+            self.expected_state.observe("pass.refused", refused or "", now_s)
             self._save()
         left_s = entry.item.los_t_s - now_s
         if left_s < min(self.schedule.params.least_s, 0.5 * entry.item.duration_s):
@@ -415,7 +415,7 @@ class Night:
         self.records.append(self._record(entry, attempt))
         self._note(now_s, item.id, "", str(state), entry.reason)
         self._attempt, self._planned_s, self._rest = None, -math.inf, ""
-        self.situation.observe(
+        self.expected_state.observe(
             "pass.refused", "" if state == PassState.TRACKED else self._value("pass.refused") or "", now_s
         )
         if self._value("recorder.state") == "recording":
@@ -444,7 +444,7 @@ class Night:
 
     def _age_h(self, item: ScheduledPass, attempt: Attempt | None) -> float | None:
         """Return the age of the elements: that which was published in the pass, else as planned."""
-        seen = self.situation.actual("elements.age_h")
+        seen = self.expected_state.actual("elements.age_h")
         if attempt is not None and seen is not None and seen.t_s >= attempt.begun_s:
             return float(seen.value)
         return None if math.isnan(item.element_age_s) else item.element_age_s / 3600.0
@@ -562,7 +562,7 @@ class Night:
             self._save()
             self._send(self._number, directive.name, arguments)
 
-        holder.append(Executor(procedure, parameters, self.situation, send, now_s))
+        holder.append(Executor(procedure, parameters, self.expected_state, send, now_s))
         return holder[0]
 
     def _replan(self, now_s: float) -> None:
@@ -572,7 +572,7 @@ class Night:
             self._planned_s = now_s
 
     def _place(self, now_s: float) -> Pair | None:
-        azimuth, elevation = (self.situation.actual(f"antenna.{name}") for name in ("azimuth", "elevation"))
+        azimuth, elevation = (self.expected_state.actual(f"antenna.{name}") for name in ("azimuth", "elevation"))
         if azimuth is None or elevation is None or now_s - azimuth.t_s > LATE_S:
             return None
         return float(azimuth.value), float(elevation.value)
@@ -583,11 +583,11 @@ class Night:
         return bool(self._value("tracking.target"))
 
     def _fresh(self, attribute: str, now_s: float) -> bool:
-        seen = self.situation.actual(attribute)
+        seen = self.expected_state.actual(attribute)
         return seen is not None and now_s - seen.t_s <= LATE_S
 
     def _value(self, attribute: str) -> Any:
-        seen = self.situation.actual(attribute)
+        seen = self.expected_state.actual(attribute)
         return None if seen is None else seen.value
 
     def _note(self, t_s: float, block: str, directive: str, event: str, detail: str = "") -> None:

@@ -145,22 +145,6 @@ def simulate_amplitudes(amplitudes: ArrayLike, sigma: float, rng: np.random.Gene
     return np.asarray(amplitudes, dtype=np.float64) + rng.normal(size=(trials, 2, 2)) * sigma
 
 
-def carrier_range(phases_rad: ArrayLike, ranges_m: ArrayLike, plan: CarrierPlan) -> tuple[Array, Array]:
-    """Return two-way ranges (..., n, n) from carrier 1 itself, and the residuals in lanes of the
-    step to it.
-
-    Carrier-frequency tracking, PI83 eqs. (7-8) to (7-13).  Exact only if out and back are equally
-    long: the bias is (fF - fR)/(fF + fR) (rho_00 - rho_ij), up to a fifth of the radius at 3 and 2
-    GHz.
-    """
-    wavelength = 2.0 * plan.speed_of_light_m_s / (plan.forward_hz + plan.return_hz)
-    phase = np.mod(np.asarray(phases_rad, dtype=np.float64)[..., 0, :, :], 2.0 * np.pi)
-    # The wavelength of the sum of both links: the carrier counts the way out and back.
-    fine = phase * wavelength / (2.0 * np.pi)
-    unrounded = (np.asarray(ranges_m) - fine) / wavelength
-    return fine + np.rint(unrounded) * wavelength, unrounded - np.rint(unrounded)
-
-
 def sharpened_ranges(phases_rad: ArrayLike, ranges_m: ArrayLike, plan: CarrierPlan) -> tuple[Array, Array]:
     """Return the ranges (..., n, n) with their mutual differences taken from the return carriers,
     and residuals.

@@ -170,8 +170,8 @@ def test_nothing_begins_before_the_place_of_the_antenna_is_known_and_new() -> No
         assert one.night.active_id == ""
         one.shown[f"antenna.{missing}"] = value
         if missing == "azimuth":
-            one.night.situation.forget("antenna.elevation")
-    one.night.situation.forget("antenna.azimuth")
+            one.night.expected_state.forget("antenna.elevation")
+    one.night.expected_state.forget("antenna.azimuth")
     one.at(946.0)
     assert one.night.active_id == "a"
     one = Bench(a_pass("a", 1000.0))
@@ -323,7 +323,7 @@ def test_reasons_of_attempts_are_named_when_too_little_was_held() -> None:
 
 
 def unheld_s(one: Bench) -> float:
-    return one.night.situation.actual("pass.unheld_s").value
+    return one.night.expected_state.actual("pass.unheld_s").value
 
 
 def test_the_time_without_the_target_counts_in_the_pass_from_when_it_was_held_last() -> None:
@@ -447,26 +447,26 @@ def test_half_of_a_short_pass_must_be_left() -> None:
 
 def test_a_refusal_of_the_pass_is_known_until_one_is_tracked() -> None:
     one = failing(least_share=0.0)
-    assert one.night.situation.actual("pass.refused").value == ""
+    assert one.night.expected_state.actual("pass.refused").value == ""
     one.at(1106.0)
     one.at(1106.5)
     one.at(1107.0, tracking__target="a", tracking__reason="", track__refused="the Sun")
     one.at(1108.0, **one.ended("broke"))
-    assert one.night.situation.actual("pass.refused").value == "the Sun"
+    assert one.night.expected_state.actual("pass.refused").value == "the Sun"
     one.at(1400.0)
     one.at(1400.5)
     one.at(1401.0, tracking__target="a", tracking__reason="")
     one.at(1545.0, **one.ended("broke"))
-    assert one.night.situation.actual("pass.refused").value == "the Sun"
+    assert one.night.expected_state.actual("pass.refused").value == "the Sun"
     assert [record.state for record in one.night.records] == ["lost"]
 
 
 def test_a_refusal_is_forgotten_with_a_pass_that_was_tracked() -> None:
     one = Bench(a_pass("a", 1000.0), a_pass("z", 90_000.0), least_share=0.0)
-    one.night.situation.observe("pass.refused", "the Sun", 900.0)
+    one.night.expected_state.observe("pass.refused", "the Sun", 900.0)
     one.track(940.0)
     one.at(1601.0, **one.ended())
-    assert one.night.situation.actual("pass.refused").value == ""
+    assert one.night.expected_state.actual("pass.refused").value == ""
 
 
 def test_a_night_that_is_being_stopped_tries_no_pass_again() -> None:
@@ -613,7 +613,7 @@ def test_the_age_of_the_elements_is_that_of_the_pass_or_as_it_was_planned(
 
 def test_the_pass_of_the_target_is_the_one_that_shares_most_with_that_of_the_schedule() -> None:
     one = Bench(a_pass("a", 1000.0))
-    seen = lambda name: one.night.situation.actual(f"ephemeris.{name}").value  # noqa: E731
+    seen = lambda name: one.night.expected_state.actual(f"ephemeris.{name}").value  # noqa: E731
     one.night.take_passes("x", [(1000.0, 1600.0, "whole")], 900.0)
     assert (seen("target"), seen("pass"), seen("pass_found")) == ("x", None, False), "no pass is in work"
     one.at(940.0)
@@ -957,7 +957,7 @@ def test_a_restored_night_is_the_same_and_waits_for_new_views_of_antenna_and_con
         other = restored(one, 1101.0)
         value = other.shown.pop(missing)
         assert other.at(1110.0) == []
-        other.night.situation.observe(missing, value, 1110.0)
+        other.night.expected_state.observe(missing, value, 1110.0)
         # 6 s old is no view of now.
         assert other.at(1116.0) == []
         other.shown[missing] = value

@@ -15,13 +15,7 @@ from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams,
 from rf_pointing.tracking.beam_fit import PowerWindow, beam_design, fit_beam
 from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimator, DelayParams
 from rf_pointing.tracking.conscan_design import conscan_slope
-from rf_pointing.tracking.conscan_estimate import (
-    LEAST_POWER_SIGMAS,
-    ConscanParams,
-    _flutter,
-    estimate_window,
-    linear_rows,
-)
+from rf_pointing.tracking.conscan_estimate import LEAST_POWER_SIGMAS, ConscanParams, estimate_window, linear_rows
 from rf_pointing.tracking.scan import ScanParams
 
 H, R = 17.0 * MDEG, 1.55 * MDEG
@@ -245,17 +239,6 @@ def test_a_drift_like_the_motion_of_the_beam_is_named() -> None:
     assert error.reason == "the drift of the power cannot be separated from the motion of the beam"
     # Nothing is known but that the target is in the beam.
     np.testing.assert_allclose(error.covariance_rad2, H**2 * np.eye(2))
-
-
-def test_unseen_motion_adds_the_slope_of_the_beam_where_the_target_is() -> None:
-    """Between both sides of the beam's place, one `unmodelled_rad` away; no less than at the scan's radius."""
-    target, moved = np.array([3.0, -2.0]) * MDEG, 0.01 * MDEG
-    beam = np.array([[1.0, 4.0], [-2.0, -5.0], [3.1, -2.0]]) * MDEG
-    window = PowerWindow(np.column_stack([np.arange(3.0), [0.9, 0.8, 1.0], np.full(3, 1e-3), beam, np.full(3, 40.0)]))
-    away = np.maximum(np.hypot(*(beam - target).T), R)
-    change = 0.5 * (np.log(np.exp(-MU * (away + moved) ** 2 / H**2)) - np.log(np.exp(-MU * (away - moved) ** 2 / H**2)))
-    flutter = _flutter(params(estimator="likelihood", unmodelled_rad=moved), window, target)
-    np.testing.assert_allclose(flutter, 0.9 * change**2, rtol=1e-6)
 
 
 def test_radius_beyond_half_the_beam_is_refused() -> None:

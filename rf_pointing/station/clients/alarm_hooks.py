@@ -47,7 +47,7 @@ class AlarmHooks:
 
     def __init__(self, params: HookParams, station: str) -> None:
         self._params, self._station = params, station
-        self._queue: queue.Queue[dict[str, object] | None] = queue.Queue(MOST_WAITING)
+        self._queue: queue.Queue[dict[str, str] | None] = queue.Queue(MOST_WAITING)
         self.sent = self.failed = 0
         self.problem = ""
         wanted = {"command": self._run, "webhook": self._post, "mail_server": self._mail}
@@ -78,7 +78,7 @@ class AlarmHooks:
             for name, send in self._ways.items():
                 self._try(name, send, message)
 
-    def _try(self, name: str, send: Callable[[dict[str, object]], None], message: dict[str, object]) -> None:
+    def _try(self, name: str, send: Callable[[dict[str, str]], None], message: dict[str, str]) -> None:
         for number in range(1, TRIES + 1):
             try:
                 send(message)
@@ -91,17 +91,17 @@ class AlarmHooks:
                 return
         self.failed += 1
 
-    def _run(self, message: dict[str, object]) -> None:
+    def _run(self, message: dict[str, str]) -> None:
         # Without a shell: an alarm's text must never be a command.
         subprocess.run([self._params.command], input=json.dumps(message), text=True, timeout=ANSWER_S, check=True)
 
-    def _post(self, message: dict[str, object]) -> None:
+    def _post(self, message: dict[str, str]) -> None:
         # Imported when it is needed: an executive that was killed must be back soon.
         import requests
 
         requests.post(self._params.webhook, json=message, timeout=ANSWER_S).raise_for_status()
 
-    def _mail(self, message: dict[str, object]) -> None:
+    def _mail(self, message: dict[str, str]) -> None:
         mail = EmailMessage()
         mail["From"], mail["To"] = self._params.mail_from, self._params.mail_to
         mail["Subject"] = f"{message['station']}: {message['alarm']} {message['event']} ({message['level']})"
