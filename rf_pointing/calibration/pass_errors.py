@@ -88,10 +88,6 @@ class PassPriors(Params):
         return np.array([getattr(self, name) for name in self.names])
 
 
-OF_ELEMENTS = PassPriors(along_track_m=100.0, cross_track_m=60.0, radial_m=30.0)
-"""Errors of a pass that is predicted from fresh mean elements."""
-
-
 @dataclass(frozen=True)
 class PassErrors:
     """Orbit and clock errors of one pass, estimated with the terms: value and sigma by name.

@@ -3,10 +3,11 @@
 import argparse
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 
+from rf_pointing.api.target import Target
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris.element_files import is_address
 from rf_pointing.ephemeris.source import SourceParams, first_time_s
@@ -82,11 +83,23 @@ def _namespace(text: str) -> str:
 def elements_of(options: argparse.Namespace) -> str:
     """Return where the elements are: a file, a folder, or an address that has been requested."""
     if is_address(options.elements):
-        # Not at the top: `fetch_elements` has its own options from here.
-        from rf_pointing.commands.fetch_elements import current_elements
-
-        current_elements(options.elements)
+        say_if("elements", Target(location=options.elements).problem)
     return str(options.elements)
+
+
+def target_from(location: str, satellite: str, interpolation: Sequence[str] = ("", "7")) -> Target:
+    """Return what --elements, --satellite and --interpolation name; say if an address failed.
+
+    Raises ValueError for a degree that is no whole number, and for an address without elements.
+    """
+    method, degree = interpolation
+    if not degree.isdecimal():
+        raise ValueError(f"interpolation={method} {degree!r}: the degree must be a whole number")
+    target = Target(
+        location=location, satellite=satellite, interpolation=method.upper(), interpolation_degree=int(degree)
+    )
+    say_if("elements", target.problem)
+    return target
 
 
 ELEMENTS_HELP = "elements: a file, a folder, or an http(s) address, which is requested at most every 2 h"

@@ -12,7 +12,7 @@ from rf_pointing.core.lazy import lazily
 if TYPE_CHECKING:
     from rf_pointing.operations.alarms import AlarmParams
     from rf_pointing.operations.executor import BlockState, Executor, JournalEntry
-    from rf_pointing.operations.expected_state import Condition, Situation
+    from rf_pointing.operations.expected_state import Condition, ExpectedState
     from rf_pointing.operations.procedure import Block, Directive, Procedure, read_procedure
     from rf_pointing.operations.schedule import BetweenParams
 

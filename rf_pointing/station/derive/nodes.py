@@ -36,6 +36,7 @@ from rf_pointing.station.description.reading import flat
 
 def antenna_servo(of: Band) -> Derived:
     """The antenna's control unit, and the truth of a simulated one."""
+    from rf_pointing.station.antenna.operation import ServoNodeParams
     from rf_pointing.station.antenna.simulated_antenna import AntennaParams
     from rf_pointing.station.derive import watches
     from rf_pointing.station.derive.plants import plant_and_loops
@@ -74,7 +75,7 @@ def antenna_servo(of: Band) -> Derived:
         },
     }
     trial = ("antenna.", "mount.", "wind.mean_speed_m_s", "wind.from_azimuth_deg")
-    return Derived(AntennaParams().sets(), rows, trial, (own.ServoNodeParams(), own.CommandKeyParams()))
+    return Derived(AntennaParams().sets(), rows, trial, (ServoNodeParams(), own.CommandKeyParams()))
 
 
 def pointing_controller(of: Band) -> Derived:
@@ -115,10 +116,11 @@ def ephemeris_publisher(of: Band) -> Derived:
     """The target as the station predicts it; its passes and their horizon."""
     from rf_pointing.ephemeris.source import SourceParams
     from rf_pointing.ephemeris.uncertainty import ElementUncertainty
+    from rf_pointing.station.pointing.predicted_target import PublisherParams
 
     begin = Value(pass_elevation_deg(of.content), "mount.pass_elevation_deg")
     return Derived(
-        {"source": SourceParams(), "mask": HorizonMask(), "publisher": own.PublisherParams(),
+        {"source": SourceParams(), "mask": HorizonMask(), "publisher": PublisherParams(),
          "uncertainty": ElementUncertainty()},
         {"source": {"site": axes.site(of)}, "mask": axes.mask(of), "publisher": {"mask_deg": begin}},
         ("source.", "publisher.", "uncertainty."),
@@ -173,16 +175,17 @@ def array_tracker(of: Band) -> Derived:
 def station_executive(_: Band) -> Derived:
     """A night without an operator."""
     from rf_pointing.operations import AlarmParams, BetweenParams
+    from rf_pointing.station.clients.alarm_hooks import HookParams
 
     sets = {"between": BetweenParams(), "alarms": AlarmParams(), "executive": own.ExecutiveParams(),
-            "hooks": own.HookParams()}  # fmt: skip
+            "hooks": HookParams()}  # fmt: skip
     return Derived(sets, own=("executive.", "hooks."), root=(own.CommandKeyParams(),))
 
 
 def bias_calibrator(of: Band) -> Derived:
     """The bias model of a station and band."""
     from rf_pointing.calibration.acceptance_passes import ShadowRules
-    from rf_pointing.calibration.pass_errors import OF_ELEMENTS
+    from rf_pointing.station.campaign.calibrator import ORBIT, CalibratorParams
 
     h = of.beamwidth_deg
     largest = rounded(0.1 * h, 1 if h < 0.05 else 2)
@@ -192,27 +195,32 @@ def bias_calibrator(of: Band) -> Derived:
         "model_file": Value(of.model_file, "bands.*.bias_model"),
         "largest_error_deg": tuned(min(largest, 5.0), "0.1 h" if largest <= 5.0 else "5 deg, less than 0.1 h"),
     }
-    sets = {"calibrator": own.CalibratorParams(), "shadow": ShadowRules(), "orbit": OF_ELEMENTS}
+    sets = {"calibrator": CalibratorParams(), "shadow": ShadowRules(), "orbit": ORBIT}
     return Derived(sets, {"calibrator": rows}, ("calibrator.", "shadow.", "orbit."))
 
 
 def operator_page(_: Band) -> Derived:
     """The page in a browser."""
-    return Derived({"page": own.PageParams()}, own=("page.",), root=(own.CommandKeyParams(),))
+    from rf_pointing.station.clients.board import PageParams
+
+    return Derived({"page": PageParams()}, own=("page.",), root=(own.CommandKeyParams(),))
 
 
 def rotctld_server(_: Band) -> Derived:
     """The server of rotctld's clients."""
     from rf_pointing.drives.rotctld import ServerParams
-    from rf_pointing.station.pointing.client_points import FollowParams, MatchParams
+    from rf_pointing.station.clients.points import FollowParams, MatchParams
+    from rf_pointing.station.clients.steering import SteeringParams
 
     sets = {"server": ServerParams(), "follow": FollowParams(), "match": MatchParams()}
-    return Derived(sets, own=tuple(sets), root=(own.RotctldNodeParams(), own.CommandKeyParams()))
+    return Derived(sets, own=tuple(sets), root=(SteeringParams(), own.CommandKeyParams()))
 
 
 def simulation_clock(_: Band) -> Derived:
     """Simulation time."""
-    return Derived({}, root=(own.ClockParams(),))
+    from rf_pointing.station.clients.pacing import ClockParams
+
+    return Derived({}, root=(ClockParams(),))
 
 
 def station_description(_: Band) -> Derived:
