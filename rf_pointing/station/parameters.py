@@ -39,20 +39,6 @@ class ReceiverSeed(Params):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExecutiveParams(Params):
-    """What belongs to the executive itself."""
-
-    state_file: str = parameter("", "file that keeps the night over a restart; empty: not kept")
-    folder: str = parameter("runs/night", "folder of recordings, journal and morning report")
-    directives_file: str = parameter("", "further directives of the station (YAML); empty: the shipped ones")
-    procedure_file: str = parameter("", "procedure of a pass (YAML); empty: the shipped one")
-    recovery_file: str = parameter("", "recovery table (YAML); empty: the shipped one")
-    sensor: str = parameter("", "sensor of passes that name none; empty: the station's")
-    record: bool = parameter(True, "whether each pass is recorded and reported on")
-    partners: str = parameter("", "namespaces of the antennas that share the schedule, separated by commas")
-
-
-@dataclass(frozen=True, kw_only=True)
 class ViewParams(Params):
     """What is drawn, and how often."""
 

@@ -176,9 +176,11 @@ def station_executive(_: Band) -> Derived:
     """A night without an operator."""
     from rf_pointing.operations import AlarmParams, BetweenParams
     from rf_pointing.station.clients.alarm_hooks import HookParams
+    from rf_pointing.station.clients.night_watch import ExecutiveParams
 
-    sets = {"between": BetweenParams(), "alarms": AlarmParams(), "executive": own.ExecutiveParams(),
-            "hooks": HookParams()}  # fmt: skip
+    sets = {
+        "between": BetweenParams(), "alarms": AlarmParams(), "executive": ExecutiveParams(), "hooks": HookParams(),
+    }  # fmt: skip
     return Derived(sets, own=("executive.", "hooks."), root=(own.CommandKeyParams(),))
 
 
