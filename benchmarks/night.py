@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 from ephemeris import EPOCH_T_S, synthetic_catalogue
 from planning import as_omm
+from rf_pointing.commands.plan_passes_many import json_text, plan_many, row_values
 
 from rf_pointing.commands.options import station_of
 from rf_pointing.commands.plan_passes import antenna_of
 from rf_pointing.commands.plan_passes import arguments as plan_arguments
-from rf_pointing.commands.plan_passes_many import json_text, plan_many, row_values
 from rf_pointing.core.dates import utc_text
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.operations.schedule import PassState

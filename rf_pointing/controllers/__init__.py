@@ -1,4 +1,4 @@
-"""What to command: table, preprocessor, position laws, radio integrator, oscillation watch."""
+"""Command to the axes: table, preprocessor, position laws, radio integrator, oscillation watch."""
 
 from rf_pointing.controllers.command_preprocessor import CommandPreprocessor, CommandPreprocessorParams
 from rf_pointing.controllers.filters import LawMatrices

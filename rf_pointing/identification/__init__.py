@@ -1,4 +1,4 @@
-"""What the antenna is like, from its own motion: excitation, OKID/ERA, reduction, validation."""
+"""Models of the antenna from its own motion: excitation, OKID/ERA, reduction, validation."""
 
 from rf_pointing.identification.experiment import ExcitationParams, IdentificationExperiment, Recording, SampleCollector
 from rf_pointing.identification.model import StateSpace, modes_of

@@ -39,7 +39,7 @@ REST_RETRY_S = 60.0
 
 
 class NightState(StrEnum):
-    """What the executive does."""
+    """State of the executive."""
 
     IDLE = "idle"
     RUNNING = "running"
@@ -113,7 +113,7 @@ class Night:
         self.state_name, self.reason = NightState.IDLE, ""
         self.records: list[PassRecord] = []
         self.journal: list[JournalEntry] = []
-        """What has happened since it was last taken out."""
+        """Entries since the journal was last taken out."""
         self.begun_s = self.ended_s = math.nan
         self.taken: set[str] = set()
         """Ids of passes that another antenna tracks."""
@@ -635,7 +635,7 @@ class Night:
     def restore(self, state: Mapping[str, Any], now_s: float) -> None:
         """Take over a state; nothing is sent before the station has been seen.
 
-        Raises ValueError for a state that is none.
+        Raises ValueError for an unknown state.
         """
         try:
             if state["version"] != 1:

@@ -42,7 +42,7 @@ def noise_rows(seed: int = 1) -> list[Row]:
             tolerance=1.0,
             remark=f"exact for noise flat from 8 to 25 Hz: r_s = {coloured:.1f}; flat noise gives the paper's simulated 50 "
             f"from {_cut_off_hz(50.0):.1f} Hz on, so its noise was not flat above 8 Hz",
-            # r_s of such noise, integrated apart; the cut-off is no misprint: it would be doubled.
+            # r_s of such noise, integrated apart; a misprinted cut-off would be doubled.
             explained=as_due(coloured, 37.3, 5e-3) and _cut_off_hz(50.0) > 1.5 * CUT_OFF_HZ,
         ),
         Row(

@@ -1,4 +1,4 @@
-"""What the machine may do: limits, the certificate of a pass, the safety gate, watches."""
+"""Rules of the machine's motion: limits, the certificate of a pass, the safety gate, watches."""
 
 from rf_pointing.planning.certificate import Branch, Certificate, SensorCost, certify
 from rf_pointing.planning.certificate_text import certificate_lines, certificate_values
