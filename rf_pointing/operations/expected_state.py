@@ -107,6 +107,16 @@ class ExpectedState:
         """Return the newest value, None if nothing was ever published."""
         return self._actual.get(attribute)
 
+    def value(self, attribute: str) -> Value | None:
+        """Return the newest value itself, None if nothing was ever published."""
+        seen = self._actual.get(attribute)
+        return None if seen is None else seen.value
+
+    def is_fresh(self, attribute: str, now_s: float, oldest_s: float) -> bool:
+        """Return whether an attribute was published at most `oldest_s` ago."""
+        seen = self._actual.get(attribute)
+        return seen is not None and now_s - seen.t_s <= oldest_s
+
     def reason_not_met(self, condition: Condition, now_s: float, since_s: float = -math.inf) -> str:
         """Return why a condition does not hold at `now_s`, "" if it does.
 
@@ -131,10 +141,6 @@ class ExpectedState:
     def attributes(self) -> dict[str, Observed]:
         """Return every attribute with its newest value."""
         return dict(self._actual)
-
-    def forget(self, attribute: str) -> None:
-        """Take an attribute out, as that of a device which is no longer there."""
-        self._actual.pop(attribute, None)
 
     def differences(self, now_s: float) -> dict[str, str]:
         """Return attribute and reason of every expectation that the actual state does not meet."""

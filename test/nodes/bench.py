@@ -33,13 +33,16 @@ NOW_S, WALL_S = 1.8e9, 1000.0
 
 
 class Bench:
-    """Holds a node of `node_type` with the parameters `given`, as they would come from its command line."""
+    """Holds a node of `node_type` with the parameters `given`, as they would come from its command line.
+
+    In `real_time` the clocks are the machine's: for what other programs do.
+    """
 
     def __init__(
         self, node_type: Any, patch: pytest.MonkeyPatch, domain: int, *, namespace: str = "/", t_s: float = NOW_S,
-        **given: Any,
+        real_time: bool = False, **given: Any,
     ) -> None:  # fmt: skip
-        self.t_s, self.wall_s = t_s, WALL_S
+        self.t_s, self.wall_s, self.real_time = t_s, WALL_S, real_time
         self.sent: dict[str, list[Any]] = defaultdict(list)
         """Messages by topic as the node names it, as a subscriber gets them."""
         self.clients: dict[str, Service] = {}
@@ -64,7 +67,8 @@ class Bench:
         replaced = {"time": time, "ActionServer": rclpy.action.ActionServer, "ActionClient": rclpy.action.ActionClient}
         for name, module in list(sys.modules.items()):
             for attribute, real in replaced.items():
-                if name.startswith("rf_pointing.") and vars(module).get(attribute) is real:
+                kept = self.real_time and real is time
+                if name.startswith("rf_pointing.") and not kept and vars(module).get(attribute) is real:
                     patch.setattr(module, attribute, Clock(self) if real is time else globals()[attribute])
 
     def close(self) -> None:
@@ -84,6 +88,7 @@ class Bench:
         """Configure and activate."""
         for transition in ("configure", "activate"):
             assert self.step(transition), self.health("state").message
+        self.wait(0.0)
         return self
 
     def change(self, **values: Any) -> str:
@@ -100,6 +105,10 @@ class Bench:
 
     def wait(self, seconds: float) -> None:
         """Let both clocks go on while nothing is done."""
+        if self.real_time:
+            time.sleep(seconds)
+            self.t_s = self.node.now_s()
+            return
         self.t_s, self.wall_s = round(self.t_s + seconds, 6), self.wall_s + seconds
 
     def turn(self) -> float:
@@ -152,7 +161,7 @@ class _OnBench:
     bench: Bench
 
     def now_s(self) -> float:
-        return self.bench.t_s
+        return float(super().now_s()) if self.bench.real_time else self.bench.t_s  # type: ignore[misc]
 
     def create_publisher(self, message_type: Any, topic: str, *given: Any, **options: Any) -> Any:
         publisher = super().create_publisher(message_type, topic, *given, **options)  # type: ignore[misc]

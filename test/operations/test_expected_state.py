@@ -73,9 +73,11 @@ def test_the_newest_stamp_counts_and_of_one_stamp_the_last_value() -> None:
     seen = expected_state.actual("a.b")
     assert (seen.value, seen.t_s) == (2, 5.0)
     assert {name: each.value for name, each in expected_state.attributes().items()} == {"a.b": 2}
-    expected_state.forget("a.b")
-    expected_state.forget("never.there")
-    assert expected_state.attributes() == {}
+    assert (expected_state.value("a.b"), expected_state.value("c.d")) == (2, None)
+    fresh = [
+        expected_state.is_fresh(name, 10.0, oldest_s) for name, oldest_s in (("a.b", 5.0), ("a.b", 4.9), ("c.d", 99.0))
+    ]
+    assert fresh == [True, False, False]
 
 
 def test_a_value_counts_from_the_directive_on_and_up_to_its_age() -> None:

@@ -170,8 +170,8 @@ def test_nothing_begins_before_the_place_of_the_antenna_is_known_and_new() -> No
         assert one.night.active_id == ""
         one.shown[f"antenna.{missing}"] = value
         if missing == "azimuth":
-            one.night.expected_state.forget("antenna.elevation")
-    one.night.expected_state.forget("antenna.azimuth")
+            one.night.expected_state._actual.pop("antenna.elevation")
+    one.night.expected_state._actual.pop("antenna.azimuth")
     one.at(946.0)
     assert one.night.active_id == "a"
     one = Bench(a_pass("a", 1000.0))
@@ -368,7 +368,7 @@ def test_attempts_are_five_seconds_apart_and_five_more_with_each_up_to_thirty() 
     one, waits, t_s = failing(), [], 1100.0
     for number in range(1, 8):
         failed_s = t_s
-        while one.night._attempt.number == number:
+        while one.night._work.number == number:
             t_s += 0.5
             one.at(t_s)
         waits.append(t_s - failed_s)
@@ -394,14 +394,14 @@ def test_no_attempt_begins_while_something_speaks_against_it(why: str) -> None:
         del one.shown[why]
     for t_s in (1102.0, 1107.0, 1110.0):
         one.at(t_s)
-        assert one.night._attempt.number == 1
+        assert one.night._work.number == 1
     if why == "paused":
         one.night.resume(1111.0)
     one.answers = True
     one.show(a__trouble="", a__broken="", antenna__mode="holding", tracking__mode="idle")
     for t_s in (1112.0, 1130.0, 1131.0):
         one.at(t_s)
-    assert one.night._attempt.number == 2
+    assert one.night._work.number == 2
 
 
 def test_what_is_left_of_an_attempt_is_stopped_before_the_next() -> None:
@@ -715,7 +715,7 @@ def test_passes_and_blocks_are_skipped_by_their_names() -> None:
         one.night.skip("", 11.0)
     one.at(940.0)
     assert one.night.skip("record", 940.5) == "block record is skipped"
-    assert one.night._attempt.executor.runs["record"].state == BlockState.SKIPPED
+    assert one.night._work.executor.runs["record"].state == BlockState.SKIPPED
     assert "skipped" in [row[1] for row in one.events]
     with pytest.raises(ValueError, match="track must not be skipped"):
         one.night.skip("track", 940.5)
@@ -948,7 +948,7 @@ def test_a_restored_night_is_the_same_and_waits_for_new_views_of_antenna_and_con
     other = restored(one, 1101.0)
     assert other.night.records == one.night.records
     assert (other.night.active_id, other.night.begun_s, other.night.state_name) == ("a", 2.5, NightState.RUNNING)
-    attempt, before = other.night._attempt, one.night._attempt
+    attempt, before = other.night._work, one.night._work
     for name in ("id", "begun_s", "number", "failed_s", "reasons", "received_s", "tracked_s", "following", "ending"):
         assert getattr(attempt, name) == getattr(before, name), name
     assert (attempt.tracked_s, attempt.received_s) == (100.0, pytest.approx(103.0 * 10.0**-0.1))
@@ -971,7 +971,7 @@ def test_a_restored_pass_that_is_tracked_goes_on_without_being_sent_again() -> N
     one.track(940.0)
     one.at(942.0)
     other = restored(one, 1200.0)
-    other.night._least_share = 0.5
+    other.night.least_share = 0.5
     other.show(tracking__target="a", tracking__mode="conscan", tracking__reason="", **other.counts(400.0, 0.0, 0.0))
     assert other.at(1201.0) == []
     assert other.night.blocks() == ["pass: executing"]

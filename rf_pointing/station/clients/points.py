@@ -13,20 +13,36 @@ a client with a threshold points ahead of the satellite.
 import math
 from collections import deque
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import Motion, Params, azel_from_unit_vector, nearest_turn_rad, parameter, unit_vector_from_azel
-from rf_pointing.ephemeris import CatalogueSky
+from rf_pointing.calibration import BiasModel
+from rf_pointing.core import (
+    JointReading,
+    JointTrajectory,
+    Motion,
+    Params,
+    azel_from_unit_vector,
+    nearest_turn_rad,
+    parameter,
+    unit_vector_from_azel,
+)
+from rf_pointing.ephemeris import CatalogueSky, Site
 from rf_pointing.ephemeris.look_angles import angles_and_rates
+from rf_pointing.ephemeris.source import load_catalogue
 from rf_pointing.ephemeris.state_vector import StateVector
 from rf_pointing.planning import AxisLimits, HorizonMask, choose_turns
+from rf_pointing.station.pointing.params import ControllerParams
+from rf_pointing.station.pointing.prediction import axis_motion
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
 TURN = 2.0 * math.pi
+AHEAD_S = 0.1 * np.arange(1, 11)
 # Three steps of the coarsest client with decimals; less is its rounding and no motion.
 MOVES_RAD = math.radians(0.03)
 # Below it two points are one that was sent twice.
@@ -240,6 +256,118 @@ def raised(position_rad: Array, limits: AxisLimits, mask: HorizonMask, clear_rad
     # A travel over the top ends above 90 deg, a direction does not.
     high = min(limits.elevation_max_rad, 0.5 * math.pi)
     return np.column_stack([position_rad[:, 0], np.clip(position_rad[:, 1], low, np.maximum(high, low))])
+
+
+class Follower:
+    """The motion of the axes that the points of a client mean, inside travel and horizon.
+
+    `azimuth_rad` is the azimuth of the newest command, None while none is sent; `unwinds` whether
+    that command goes on on another turn.  `model` lies between beam and axes.
+    """
+
+    def __init__(self, controller: ControllerParams, params: FollowParams) -> None:
+        self.params, self.points = params, ClientPoints(params)
+        self.model: BiasModel | None = None
+        self.azimuth_rad: float | None = None
+        self.unwinds = False
+        self._limits, self._mask = controller.limits, controller.mask
+        self._stop_rad_s2 = np.array(controller.machine.axes.acceleration_rad_s2)
+
+    def clear(self) -> None:
+        """Forget the points and the motion."""
+        self.points.clear()
+        self.azimuth_rad = None
+
+    def beam_rad(self, axes: JointReading) -> Pair:
+        """Return azimuth and elevation of the beam."""
+        beam = tuple(axes.position_rad)
+        if self.model is not None:
+            # At the mount's zenith the model has no inverse: the axes are near enough.
+            with suppress(ValueError):
+                beam = self.model.remove(*beam, *axes.velocity_rad_s, 0.0, 0.0)
+        return float(beam[0]), float(beam[1])
+
+    def place_rad(self, axes: JointReading) -> Array:
+        """Return where the axes (2,) hold the latest point, on the nearest turn of the travel."""
+        east, north, up = self.points.history[1][-1]
+        azimuth = nearest_turn_rad(math.atan2(east, north), float(axes.position_rad[0]))
+        low, high = self._limits.azimuth_min_rad, self._limits.azimuth_max_rad
+        turns = [azimuth + TURN * k for k in (0, -1, 1, -2, 2)]
+        azimuth = next((each for each in turns if low <= each <= high), azimuth)
+        sky = raised(np.array([[azimuth, math.asin(up)]]), self._limits, self._mask, self.params.clear_rad)
+        found: Array = self._on_axes(Motion(sky, np.zeros((1, 2)), np.zeros((1, 2)))).position[0]
+        return found
+
+    def rest_rad(self, axes: JointReading) -> Array:
+        """Return where the axes (2,) can come to rest."""
+        now, rate = axes.position_rad, axes.velocity_rad_s
+        goal = now + rate * np.abs(rate) / (2.0 * self._stop_rad_s2)
+        return np.clip(goal, np.minimum(self._limits.lowest_rad, now), np.maximum(self._limits.highest_rad, now))
+
+    def command(self, t_s: float, axes: JointReading) -> JointTrajectory:
+        """Return the motion of the second after `t_s`."""
+        times = np.round(t_s + AHEAD_S, 6)
+        if self.azimuth_rad is None:
+            self.azimuth_rad = self._azimuth_for_the_rest(t_s, axes)
+        sky, self.unwinds = self.points.motion(times, self.azimuth_rad), False
+        if not self._limits.azimuth_min_rad <= sky.position[-1, 0] <= self._limits.azimuth_max_rad:
+            other = self._azimuth_for_the_rest(t_s, axes)
+            self.unwinds = abs(other - self.azimuth_rad) > math.pi
+            sky = self.points.motion(times, other) if self.unwinds else sky
+        self.azimuth_rad = float(sky.position[0, 0])
+        motion = self._on_axes(self._within(times, sky))
+        return JointTrajectory(
+            t_s=times, position_rad=motion.position, velocity_rad_s=motion.velocity,
+            acceleration_rad_s2=motion.acceleration,
+        )  # fmt: skip
+
+    def _azimuth_for_the_rest(self, t_s: float, axes: JointReading) -> float:
+        """Return the azimuth now on the turn that holds the rest of the motion."""
+        encoder = float(axes.position_rad[0])
+        now = self.points.motion(np.array([t_s]), encoder)
+        return float(now.position[0, 0]) + turn_for(self._limits, azimuth_still_to_come(now), encoder)
+
+    def _within(self, t_s: Array, sky: Motion) -> Motion:
+        """Return a motion inside the travel and above the horizon."""
+        position = raised(sky.position, self._limits, self._mask, self.params.clear_rad)
+        position[:, 0] = np.clip(position[:, 0], self._limits.azimuth_min_rad, self._limits.azimuth_max_rad)
+        changed = position != sky.position
+        slopes = np.gradient(position, t_s, axis=0)
+        return Motion(position, np.where(changed, slopes, sky.velocity), np.where(changed, 0.0, sky.acceleration))
+
+    def _on_axes(self, sky: Motion) -> Motion:
+        return sky if self.model is None else axis_motion(sky, self.model)
+
+
+class KnownSatellites:
+    """The satellites that points may be of: `sky`, None before any are loaded.
+
+    `problem` says why the newest elements cannot be used.
+    """
+
+    def __init__(self, site: Site) -> None:
+        self.sky: CatalogueSky | None = None
+        self.problem = ""
+        self._site = site
+        self._loading: Future[CatalogueSky] | None = None
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="elements")
+
+    def load(self, elements: str, t_s: float) -> None:
+        """Begin to load a file of elements, in another thread; `look` takes it."""
+        self._loading = self._pool.submit(lambda: CatalogueSky(load_catalogue(elements), self._site, t_s))
+
+    def look(self) -> None:
+        """Take what has been loaded."""
+        if self._loading is not None and self._loading.done():
+            try:
+                self.sky, self.problem = self._loading.result(), ""
+            except (ValueError, OSError) as error:
+                self.problem = f"satellites cannot be identified: {error}"
+            self._loading = None
+
+    def close(self) -> None:
+        """Load nothing more."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ import pytest
 from rf_pointing.core import Motion, angular_distance_rad, azel_from_unit_vector, unit_vector_from_azel
 from rf_pointing.ephemeris import CatalogueSky, Elements, Site, TopocentricTrack
 from rf_pointing.planning import AxisLimits, HorizonMask
-from rf_pointing.station.pointing.client_points import (
+from rf_pointing.station.clients.points import (
     ClientPoints,
     FollowParams,
     MatchParams,
