@@ -95,7 +95,7 @@ def banned_words(path: Path) -> list[str]:
 
 
 WEAK = re.compile(
-    r"\b(?:is|are|was|were)\s+none\b"
+    r"\b(?:is|are|was|were)\s+(?-i:none)\b"
     r"|(?<!there\s)\b(?:is|are|was|were)\s+no\s+(?!longer\b|more\b|less\b|later\b|earlier\b|\w+er\s+than\b)\w+",
     re.IGNORECASE,
 )

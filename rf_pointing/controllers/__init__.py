@@ -1,4 +1,4 @@
-"""What to command: table, preprocessor, position laws, radio integrator, oscillation watch."""
+"""Command to the axes: table, preprocessor, position laws, radio integrator, oscillation watch."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What the antenna is like, from its own motion: excitation, OKID/ERA, reduction, validation."""
+"""Models of the antenna from its own motion: excitation, OKID/ERA, reduction, validation."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What is expected of every attribute of every device, and what it actually is.
+"""Expected and actual state of every attribute of every device.
 
 An attribute is named `device.attribute`, as in `antenna.mode`.  Whatever is published about it sets
 the actual value: status messages, responses, an operator.  Sending a directive sets the expected

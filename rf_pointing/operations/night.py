@@ -41,7 +41,7 @@ _AT_REST = {"park": ("parking", "parked", "stowed", "stowing"), "stow": ("stowin
 
 
 class NightState(StrEnum):
-    """What the executive does."""
+    """State of the executive."""
 
     IDLE = "idle"
     RUNNING = "running"

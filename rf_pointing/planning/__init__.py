@@ -1,4 +1,4 @@
-"""What the machine may do: limits, the certificate of a pass, the safety gate, watches."""
+"""Rules of the machine's motion: limits, the certificate of a pass, the safety gate, watches."""
 
 from typing import TYPE_CHECKING
 

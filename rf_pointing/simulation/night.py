@@ -57,7 +57,7 @@ COMMON = (
     "stale_elements",
     "full_disk",
 )
-"""What can go wrong with any station; a plant and a rotator have faults of their own."""
+"""Faults of any station; a plant and a rotator have faults of their own."""
 _NODES = {"controller_killed": "pointing_controller", "ephemeris_killed": "ephemeris_publisher",
           "tracker_killed": power_tracker.NODE, "receiver_killed": "rf_receiver", "servo_killed": "antenna_servo"}  # fmt: skip
 CAUSES = {
@@ -87,7 +87,7 @@ class NightFault:
 
 @dataclass(slots=True)
 class NightLog:
-    """What a night has shown besides the executive's own records."""
+    """Records of a night besides the executive's own."""
 
     faults: list[NightFault] = field(default_factory=list)
     messages: list[tuple[str, str, str]] = field(default_factory=list)

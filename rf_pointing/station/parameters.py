@@ -33,7 +33,7 @@ class FileParams(Params):
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverSeed(Params):
-    """What differs from run to run."""
+    """Seed, which differs from run to run."""
 
     seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
 

@@ -193,7 +193,7 @@ def test_nothing_that_is_no_whole_line_with_two_numbers_moves_the_antenna(statio
                 pass
     station.spin(1.0)
     assert station.joints[-1][1:] == pytest.approx(where, abs=SWING_RAD)
-    assert "azimuth 'nan' is no number" in station.log()
+    assert "azimuth 'nan' is not a number" in station.log()
 
 
 def test_an_unknown_track_through_north_is_followed_between_its_points_without_unwinding(station: Watched) -> None:

@@ -1,4 +1,4 @@
-"""What DOA leaves to future work, measured: consistency, any start, two sources, mutual coupling.
+"""Future work of DOA, measured: consistency, any start, two sources, mutual coupling.
 
 Consistency: e^T P^-1 e (NEES) has mean n for an n-dimensional Gaussian error of covariance P; its
 average over independent runs is chi-square with runs * n degrees of freedom, divided by runs

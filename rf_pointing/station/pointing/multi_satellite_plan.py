@@ -39,7 +39,7 @@ Pair = tuple[float, float]
 
 
 class Fate(StrEnum):
-    """What becomes of a pass."""
+    """Fate of a pass in the plan."""
 
     TRACKED = "tracked"
     YIELDS = "yields"
