@@ -25,7 +25,7 @@ from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import Trigger
 
 from rf_pointing import __version__, calibration
-from rf_pointing.calibration import ModelVersion, ObservationJournal, PassPriors, SectorRule, ShadowRules
+from rf_pointing.calibration import ModelVersion, PassPriors, SectorRule, ShadowRules
 from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.ros import convert, convert_calibration
 from rf_pointing.ros.campaign_runner import CampaignRunner
@@ -37,7 +37,7 @@ from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.campaign.log import CalibrationLog
-from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
+from rf_pointing.station.campaign.model_keeper import ModelKeeper, journal_of
 
 SECTORS = SectorRule()
 CAMPAIGN_TURN_S = 0.02
@@ -65,12 +65,6 @@ class CalibratorParams(Params):
     settle_s: float = parameter(
         0.0, "time with a valid sensor before the first observation of a pass", low=0.0, high=600.0
     )
-
-
-def journal_of(folder: str, station: str, band: str) -> ObservationJournal:
-    """Return the observations that are kept in `folder` for a station and band."""
-    # One journal for each of them: a fit of mixed observations would be of no antenna.
-    return ObservationJournal(campaign_folder(folder, station, band) / "observations.csv", station, band)
 
 
 class BiasCalibrator(StationNode):

@@ -18,10 +18,11 @@ from std_srvs.srv import Trigger
 
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.core import JointReading, PointingError, Target
-from rf_pointing.nodes.bias_calibrator import SECTORS, BiasCalibrator, journal_of
+from rf_pointing.nodes.bias_calibrator import SECTORS, BiasCalibrator
 from rf_pointing.ros import convert, station_node
 from rf_pointing.ros.diagnostics import OK, WARN
 from rf_pointing.ros.stamps import stamp_from_seconds
+from rf_pointing.station.campaign.model_keeper import journal_of
 from rf_pointing.station.description import STATIONS, read_station
 from test.calibration.conftest import one_pass
 from test.nodes.goal_handle import GoalHandle
