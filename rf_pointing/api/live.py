@@ -17,10 +17,10 @@ import yaml
 from rf_pointing_msgs.action import TrackPass
 
 from rf_pointing.api.requests import CalibrateRequest, IdentifyRequest, RunRequest, TrackRequest
+from rf_pointing.api.target import Target
 from rf_pointing.core import MDEG, Sensor, leaves
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass, tle_lines
-from rf_pointing.ephemeris.element_files import element_files, is_address
 from rf_pointing.identification import Recording, study
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
@@ -28,7 +28,7 @@ from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, 
 from rf_pointing.ros.live_pass import outcome_line, track_pass
 from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end, say
 from rf_pointing.station.antenna.memory import state_files, state_folder
-from rf_pointing.station.campaign.model_keeper import journal_of
+from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, fit_of_kept
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 
@@ -80,13 +80,13 @@ class Flight:
 def prepare_track(request: TrackRequest) -> Flight:
     """Choose the pass and write the files of its run; ValueError for what cannot be flown."""
     check_files(request)
-    window, scan = request.window, request.scan
-    if warning := request.stale_warning:
+    window, scan = request.one.window, request.scan
+    if warning := request.one.warning:
         say("track", warning)
-    stem = f"{request.satellite}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
+    stem = f"{request.target.satellite}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
     output = output_folder(request, stem)
     setup = run_setup("track", request, window, output, scan)
-    say("track", f"{window.name} over {request.station.name}, {request.band} band, {request.sensor}: "
+    say("track", f"{window.name} over {request.station.name}, {request.station.band} band, {request.sensor}: "
         f"AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
         f"peak {math.degrees(window.peak_elevation_rad):.1f} deg")  # fmt: skip
     if scan is not None:
@@ -120,11 +120,11 @@ class Calibration:
 
     def observe(self) -> CalibrateResult:
         """Run campaign, fit and shadow, and report on them."""
-        request, outcome = self.request, CalibrationOutcome()
-        place = (request.models, request.station.name, request.band)
+        request, station, outcome = self.request, self.request.station, CalibrationOutcome()
 
         def make() -> CalibrationRun:
-            fit = partial(fit_of_kept, request.station, request.band, request.models, request.orbit_prior_m)
+            place = (station.description, station.band, request.models)
+            fit = partial(fit_of_kept, *place, request.orbit_prior_m)
             return CalibrationRun(self.setup, self.schedule, request.sensor, fit, resume=request.resume)
 
         def work(run: CalibrationRun) -> int:
@@ -135,7 +135,7 @@ class Calibration:
         code = run_to_end("calibrate", make, work)
         from rf_pointing.report.calibration_report import write_calibration_report, write_campaign_report
 
-        journal = journal_of(*place)
+        journal = journal_of(request.models, station.name, station.band)
         if not outcome.settled and journal.points is not None:
             say("calibrate", f"the observations are kept in {journal.path}: calibrate --resume continues with them")
         if outcome.fit is not None:
@@ -160,9 +160,8 @@ def prepare_calibration(request: CalibrateRequest) -> Calibration:
     calibrator.write_text(yaml.safe_dump(sections))
     own = replace(
         request,
-        elements=str(elements),
-        # Any will do: each pass selects its own at ephemeris_publisher.
-        satellite=str(schedule.elements[0].catalogue_number),
+        # Any satellite will do: each pass selects its own at ephemeris_publisher.
+        target=Target(location=str(elements), satellite=str(schedule.elements[0].catalogue_number)),
         parameter_files=(*request.parameter_files, calibrator),
     )
     setup = replace(
@@ -192,7 +191,7 @@ def identify(request: IdentifyRequest) -> IdentifyResult:
 
     params, output = request.excitation, request.output
     output.mkdir(parents=True, exist_ok=True)
-    servo = {"station": str(request.station.path.resolve()), "band": request.band,
+    servo = {"station": str(request.station.description.path.resolve()), "band": request.station.band,
              "wind.mean_speed_m_s": LIGHT_WIND_M_S, "antenna.tick_s": params.sample_s}  # fmt: skip
     recordings: dict[str, Recording] = {}
 
@@ -229,7 +228,7 @@ def identify(request: IdentifyRequest) -> IdentifyResult:
 
 def nodes_of(request: RunRequest) -> tuple[str, ...]:
     """Return the executables of a run, in the order of their start."""
-    array = ARRAY_NODES if Sensor.ARRAY in request.station.sensors(request.band) else ()
+    array = ARRAY_NODES if Sensor.ARRAY in request.station.sensors else ()
     # A real array has receivers of its own.
     return (*NODES, *array) if request.station.simulated else (*DRIVE_NODES, *array[1:])
 
@@ -240,7 +239,7 @@ def run_setup(
     """Return the setup of a run whose first pass is `window`; its files are written to `output`."""
     station, before_s = request.station, request.before_pass_s(window)
     values = {"seed": str(_seed(request)), "speed": request.speed_text}
-    kind = values if station.simulated else {"drive": str(station.drive["type"])}
+    kind = values if station.simulated else {"drive": str(station.description.drive["type"])}
     parameters = _parameters(request, _write_station(request, output, scan), output)
     if station.simulated:
         clock = {
@@ -258,7 +257,7 @@ def run_setup(
         parameter_files=(parameter_file(output, parameters), *request.parameter_files),
         logs=output / "logs",
         bag=request.record or output / "bag",
-        notes={"station": station.name, "band": request.band, "sensor": request.sensor, **kind},
+        notes={"station": station.name, "band": station.band, "sensor": request.sensor, **kind},
         punctual=request.in_real_time,
         reset_fault=request.reset_fault,
         begin_s=window.aos_t_s - before_s,
@@ -279,7 +278,7 @@ def check_files(request: RunRequest) -> None:
         if twice := sorted(said.values.keys() & given):
             raise ValueError(f"params-file: {node} {', '.join(twice)}: given by the command line, see --help")
         try:
-            request.station.check_file(node, said.values, request.band)
+            request.station.description.check_file(node, said.values, request.station.band)
         except ValueError as error:
             raise ValueError(f"params-file: {error}") from error
 
@@ -310,28 +309,30 @@ def _seed(request: RunRequest) -> int:
 
 def _write_station(request: RunRequest, output: Path, scan: ConscanParams | None) -> Path:
     """Write the station of a run, with what the request changes of it, into its folder."""
-    tuning = f"bands.{request.band}.tuning.conscan"
+    tuning = f"bands.{request.station.band}.tuning.conscan"
     changes = {} if scan is None else {f"{tuning}.{name}": leaves(scan)[name][1] for name in SCAN_CHOICES}
     if isinstance(request, TrackRequest) and request.mask_deg is not None:
         changes["mount.pass_elevation_deg"] = request.mask_deg
     written = output / "station.yaml"
-    request.station.write(written, changes)
+    request.station.description.write(written, changes)
     return written
 
 
 def _parameters(request: RunRequest, station: Path, output: Path) -> dict[str, dict[str, Any]]:
     """Return the parameters of every node that takes the station description."""
-    own, common = _own_parameters(request, output), {"station": str(station.resolve()), "band": request.band}
+    own, common = _own_parameters(request, output), {"station": str(station.resolve()), "band": request.station.band}
     return {node: common | own.get(node, {}) for node in OF_STATION if node in nodes_of(request)}
 
 
 def _own_parameters(request: RunRequest, output: Path) -> dict[str, dict[str, Any]]:
     """Return what the request says to each node."""
+    # The kept file and not its address: a run has the elements that it was planned with.
+    target, file = request.target, request.target.file
     source = {
-        "source.satellite": request.satellite,
-        "source.elements": _elements_file(request.elements),
-        "source.interpolation": request.source.interpolation,
-        "source.interpolation_degree": request.source.interpolation_degree,
+        "source.satellite": target.satellite,
+        "source.elements": str(file.resolve()) if file else "",
+        "source.interpolation": target.interpolation,
+        "source.interpolation_degree": target.interpolation_degree,
     }
     error_s = request.ephemeris_error_s
     truth = {} if error_s is None else {"source.along_track_offset_s": error_s}
@@ -353,9 +354,3 @@ def _own_parameters(request: RunRequest, output: Path) -> dict[str, dict[str, An
             "calibrator.keep_observations": request.keep_observations,
         },
     }
-
-
-def _elements_file(location: str) -> str:
-    """Return where the nodes, which run in another folder, find the elements of the plan."""
-    # The kept file and not its address: a run has the elements that it was planned with.
-    return str((element_files(location)[0] if is_address(location) else Path(location)).resolve()) if location else ""

@@ -13,20 +13,21 @@ from pathlib import Path
 
 import numpy as np
 
+from rf_pointing.api.passes import StationPass
+from rf_pointing.api.station import Station
+from rf_pointing.api.target import Target
 from rf_pointing.core import AXES, MDEG, require_between
 from rf_pointing.core.dates import DAY_S, parse_utc, utc_text
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
-from rf_pointing.ephemeris import Elements, ElementUncertainty, Pass, first_pass_above, stale_warning
+from rf_pointing.ephemeris import Elements, Pass, first_pass_above
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
-from rf_pointing.ephemeris.source import SourceParams, first_time_s, load_track, read_source
+from rf_pointing.ephemeris.source import read_source
 from rf_pointing.identification import ExcitationParams
 from rf_pointing.planning import Gate, choose_turns
 from rf_pointing.station.antenna.simulated_antenna import SimulationParams
-from rf_pointing.station.campaign.model_keeper import journal_of
+from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, CampaignParams, schedule_calibration
-from rf_pointing.station.description import StationDescription
-from rf_pointing.station.parameters import controller_params
 from rf_pointing.tracking.conscan_design import ScanDesignParams, scan_for_accuracy
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 
@@ -47,29 +48,18 @@ SHADOW_SPAN_S = 600.0
 """Time in which a beacon is found for each pass in the shadow."""
 
 
-def _band_of(station: StationDescription, band: str) -> str:
-    """Return the band in use; ValueError if the station has none of this name."""
-    chosen = band or station.default_band
-    if chosen not in station.bands:
-        raise ValueError(f"band={chosen!r} of {station.name} must be one of {', '.join(station.bands)}")
-    return chosen
-
-
 @dataclass(frozen=True, kw_only=True)
 class RunRequest:
     """A run that starts the nodes of a station.
 
     `speed` is a factor of real time, or "max" (default); it, the seed and the error of the
-    ephemeris belong to a simulated antenna, `reset_fault` to a real one.  `elements` are as in
-    `SourceParams`; `models` is the folder of accepted models ("" for the station's own).
+    ephemeris belong to a simulated antenna, `reset_fault` to a real one.  `sensor` is by default
+    that of the band, `models` the folder of accepted models ("" for the station's own).
     """
 
-    station: StationDescription
-    band: str = ""
+    station: Station
+    target: Target = Target()
     sensor: str = ""
-    elements: str = ""
-    satellite: str = "28057"
-    interpolation: tuple[str, int] = ("", 7)
     start_s: float | None = None
     speed: float | str | None = None
     seed: int | None = None
@@ -83,21 +73,21 @@ class RunRequest:
     output: Path | None = None
 
     def __post_init__(self) -> None:
-        station, set_field = self.station, object.__setattr__
-        set_field(self, "band", _band_of(station, self.band))
         if isinstance(self.speed, float | int) and not 0.1 <= self.speed <= 1000.0:
             raise ValueError(f"speed={self.speed} must be between 0.1 and 1000")
         if self.ephemeris_error_s is not None:
             require_between("ephemeris_error_s", self.ephemeris_error_s, -60.0, 60.0)
-        if not station.simulated:
+        if not self.station.simulated:
             self._check_real_time()
-        set_field(self, "sensor", station.chosen_sensor(self.sensor or station.sensor(self.band), self.band))
+        description, band = self.station.description, self.station.band
+        object.__setattr__(self, "sensor", description.chosen_sensor(self.sensor or description.sensor(band), band))
 
     def _check_real_time(self) -> None:
         """Refuse options of a simulation on a real drive, and a start in the past."""
-        real = f"drive.type={self.station.drive['type']} of {self.station.name} moves a device, in real time"
-        given = {"speed": self.speed and self.speed_text, "seed": self.seed,
-                 "ephemeris-error": self.ephemeris_error_s}  # fmt: skip
+        real = (
+            f"drive.type={self.station.description.drive['type']} of {self.station.name} moves a device, in real time"
+        )
+        given = {"speed": self.speed and self.speed_text, "seed": self.seed, "ephemeris-error": self.ephemeris_error_s}
         for name, value in given.items():
             if value is not None:
                 raise ValueError(f"{name}={value}: {real}; it is for a simulated drive")
@@ -122,24 +112,15 @@ class RunRequest:
         return not self.station.simulated or 0.0 < self.factor <= REAL_TIME_SPEED
 
     @cached_property
-    def source(self) -> SourceParams:
-        """The target and the site."""
-        method, degree = self.interpolation
-        return SourceParams(
-            elements=self.elements, satellite=self.satellite, site=self.station.site,
-            interpolation=method.upper(), interpolation_degree=degree,
-        )  # fmt: skip
-
-    @cached_property
     def said(self) -> dict[str, NodeParameters]:
         """What the parameter files say, by node."""
         return read_parameter_files(self.parameter_files)
 
     def before_pass_s(self, window: Pass) -> float:
         """Return the whole seconds before acquisition: the slew from where the antenna may be."""
-        params, station = controller_params(self.station, self.band), self.station
+        params = self.station.controller
         limits, machine = params.limits, params.machine
-        if not station.simulated:
+        if not self.station.simulated:
             # A real antenna may be anywhere: the longest slew of the azimuth, or over the top.
             travel_rad = (
                 limits.azimuth_max_rad - limits.azimuth_min_rad,
@@ -150,7 +131,7 @@ class RunRequest:
         # The start position belongs to the run, so a parameter file may set it.
         servo = self.said.get("antenna_servo", NodeParameters("antenna_servo", {}))
         start = servo.group("antenna", SimulationParams()).start_rad
-        sun = SolarDirection(SunParams(site=station.site)).at(window.aos_t_s)
+        sun = SolarDirection(SunParams(site=self.station.site)).at(window.aos_t_s)
         times = [SLEW_TIME_S - SETTLE_S]
         # A pass over the top may begin on the other side; only the certificate knows whether it
         # does.
@@ -169,13 +150,14 @@ class RunRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackRequest(RunRequest):
-    """One pass of a satellite: the first from `start_s` on that rises to `min_peak_deg`.
+    """One pass: the `chosen` one, or the first from `start_s` on that rises to `min_peak_deg`.
 
     `start_s` is by default the epoch of the elements, for a real antenna the present; `mask_deg` is
     the elevation of its begin and end (None: the station's), `scan_sigma_mdeg` the accuracy of
     conscan for which radius and period are chosen (None: the station's scan).
     """
 
+    chosen: StationPass | None = None
     min_peak_deg: float = 40.0
     mask_deg: float | None = None
     scan_sigma_mdeg: float | None = None
@@ -189,32 +171,26 @@ class TrackRequest(RunRequest):
             raise ValueError(f"scan-sigma={self.scan_sigma_mdeg} mdeg must be > 0 and finite")
 
     @cached_property
-    def window(self) -> Pass:
+    def one(self) -> StationPass:
         """The pass to track; ValueError if satellite, station and time do not give one."""
-        mask_deg = self.mask_deg
-        if mask_deg is None:
-            mask_deg = self.station.parameters("ephemeris_publisher", self.band)["publisher.mask_deg"]
-        start_s = self.start_s
+        if self.chosen is not None:
+            return self.chosen
+        station, start_s = self.station, self.start_s
         if start_s is None:
-            start_s = first_time_s(self.source) if self.station.simulated else time.time()
-        above = self.station.mask.above(math.radians(mask_deg))
-        return first_pass_above(load_track(self.source), start_s, math.radians(self.min_peak_deg), above, SEARCH_S)
-
-    @property
-    def stale_warning(self) -> str:
-        """What is known of elements that are old at the pass, "" of fresh ones."""
-        beamwidth_rad = controller_params(self.station, self.band).machine.half_power_beamwidth_rad
-        track, stale_s = load_track(self.source), self.source.stale_days * DAY_S
-        return stale_warning(track, self.window.tca_t_s, stale_s, ElementUncertainty(), beamwidth_rad)
+            start_s = self.target.first_t_s if station.simulated else time.time()
+        lowest_rad = station.lowest_rad if self.mask_deg is None else math.radians(self.mask_deg)
+        above, peak_rad = station.controller.mask.above(lowest_rad), math.radians(self.min_peak_deg)
+        window = first_pass_above(station.track_of(self.target), start_s, peak_rad, above, SEARCH_S)
+        return StationPass.of_window(window, self.target, station, start_s)
 
     @cached_property
     def scan(self) -> ConscanParams | None:
         """The scan for the requested accuracy at the weakest carrier, None without one."""
         if self.scan_sigma_mdeg is None:
             return None
-        params, track = controller_params(self.station, self.band), load_track(self.source)
+        params, track = self.station.controller, self.station.track_of(self.target)
         # The link is weakest at the horizon, where the range is longest.
-        farthest_m = max(float(track.target_at(t_s).range_m) for t_s in (self.window.aos_t_s, self.window.los_t_s))
+        farthest_m = max(float(track.target_at(t_s).range_m) for t_s in (self.one.aos_t_s, self.one.los_t_s))
         limits = ScanDesignParams(longest_period_s=LONGEST_TURN_S)
         level_db_hz = params.link.level_db_hz(farthest_m)
         return scan_for_accuracy(params.conscan, limits, level_db_hz, self.scan_sigma_mdeg * MDEG)
@@ -222,7 +198,7 @@ class TrackRequest(RunRequest):
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrateRequest(RunRequest):
-    """A campaign on the satellites of `elements`, of a simulated sky on beacons.
+    """A campaign on all satellites at the location of `target`, of a simulated sky on beacons.
 
     `longest_s` is by default 4800 s, for a real antenna a day.
     """
@@ -245,7 +221,7 @@ class CalibrateRequest(RunRequest):
         # Without a folder a kill would lose the campaign, and nothing could be resumed.
         if not self.models:
             raise ValueError("models='' must name a folder: a campaign keeps its observations there")
-        if real and not self.elements:
+        if real and not self.target.location:
             raise ValueError(
                 "elements='' must name satellites: the beacons of a simulated sky are not in that of a real antenna"
             )
@@ -257,7 +233,7 @@ class CalibrateRequest(RunRequest):
         return CampaignParams(
             longest_s=longest_s, fewest=self.fewest, shadow=self.shadow, orbit_prior_m=self.orbit_prior_m,
             # Satellites of the user's do not come every ten minutes.
-            shadow_span_s=longest_s if self.elements else self.shadow * SHADOW_SPAN_S,
+            shadow_span_s=longest_s if self.target.location else self.shadow * SHADOW_SPAN_S,
         )  # fmt: skip
 
     def schedule(self) -> CalibrationSchedule:
@@ -266,13 +242,13 @@ class CalibrateRequest(RunRequest):
         if start_s is None:
             start_s = parse_utc(CALIBRATION_START) if self.station.simulated else time.time()
         # The beacons' epoch is the start: SGP4 elements are good for days, not for years.
-        elements: list[Elements] = read_source(self.elements).elements if self.elements else beacons(start_s)
-        kept = journal_of(self.models, self.station.name, self.band).points if self.resume else None
+        place = self.target.file
+        elements: list[Elements] = read_source(str(place)).elements if place else beacons(start_s)
+        name, band = self.station.name, self.station.band
+        kept = journal_of(self.models, name, band).points if self.resume else None
         if self.resume and kept is None:
-            raise ValueError(
-                f"no observations of {self.station.name} in band {self.band} to resume from in {self.models}"
-            )
-        return schedule_calibration(self.station, elements, start_s, self.campaign, kept)
+            raise ValueError(f"no observations of {name} in band {band} to resume from in {self.models}")
+        return schedule_calibration(self.station.description, elements, start_s, self.campaign, kept)
 
 
 IDLE_DEG_S = 1.84e-4
@@ -287,8 +263,7 @@ class IdentifyRequest:
     `simulated` starts an antenna for it, in light wind.
     """
 
-    station: StationDescription
-    band: str = ""
+    station: Station
     axes: tuple[str, ...] = AXES
     sequences: int = 8
     held_out: int = 4
@@ -302,6 +277,5 @@ class IdentifyRequest:
     output: Path = Path("runs/identification")
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "band", _band_of(self.station, self.band))
         if not 1 <= self.held_out < self.sequences:
             raise ValueError(f"held_out={self.held_out} must be >= 1 and < sequences={self.sequences}")

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rf_pointing.api import live
 from rf_pointing.api.requests import IDLE_DEG_S, IdentifyRequest
+from rf_pointing.api.station import Station
 from rf_pointing.commands.options import (
     add_namespace_option,
     add_station_options,
@@ -21,7 +22,6 @@ from rf_pointing.commands.options import (
 )
 from rf_pointing.core import AXES
 from rf_pointing.identification import ExcitationParams
-from rf_pointing.station.description import read_station
 
 
 def request_of(argv: list[str] | None = None) -> IdentifyRequest:
@@ -57,8 +57,7 @@ def request_of(argv: list[str] | None = None) -> IdentifyRequest:
         idle_rate_rad_s=math.radians(given.idle_deg_s),
     )
     return IdentifyRequest(
-        station=read_station(given.station),
-        band=given.band or "",
+        station=Station(given.station, given.band),
         axes=tuple(given.axes),
         sequences=given.sequences,
         held_out=given.held_out,

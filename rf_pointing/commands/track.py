@@ -14,7 +14,7 @@ from pathlib import Path
 
 from rf_pointing.api import live
 from rf_pointing.api.requests import DEFAULT_MODELS, TrackRequest
-from rf_pointing.commands.options import add_target_options, between, ending_with_reason
+from rf_pointing.commands.options import add_target_options, between, ending_with_reason, target_from
 from rf_pointing.commands.track_options import add_run_options, run_fields
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
@@ -41,13 +41,9 @@ def request_of(argv: list[str] | None = None) -> TrackRequest:
     )
     add("--record", metavar="DIR", help="bag directory (default: OUTPUT/bag)")
     given = parser.parse_args(argv)
-    method, degree = given.interpolation
-    if not degree.isdecimal():
-        raise ValueError(f"interpolation={method} {degree!r}: the degree must be a whole number")
     return TrackRequest(
         **run_fields(vars(given)),
-        satellite=given.satellite,
-        interpolation=(method, int(degree)),
+        target=target_from(given.elements, given.satellite, given.interpolation),
         min_peak_deg=given.min_peak,
         mask_deg=given.mask,
         scan_sigma_mdeg=given.scan_sigma,

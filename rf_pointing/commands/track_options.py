@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.api.requests import DEFAULT_MODELS
+from rf_pointing.api.station import Station
 from rf_pointing.commands.options import add_namespace_option, between, seed
 from rf_pointing.core.dates import parse_utc
-from rf_pointing.station.description import read_station
 
 
 def add_run_options(parser: argparse.ArgumentParser, *, models: str, ephemeris_error: str, output: str) -> None:
@@ -30,10 +30,8 @@ def run_fields(given: dict[str, Any]) -> dict[str, Any]:
     Raises ValueError for a station, a time or a number that cannot be read.
     """
     return {
-        "station": read_station(given["station"]),
-        "band": given["band"] or "",
+        "station": Station(given["station"], given["band"]),
         "sensor": given["sensor"] or "",
-        "elements": given["elements"],
         "start_s": parse_utc(given["start"]) if given["start"] else None,
         "speed": _speed(given["speed"]),
         "seed": given["seed"],

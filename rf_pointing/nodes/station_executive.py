@@ -45,7 +45,6 @@ from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.operations.schedule import BetweenParams, PassState, Schedule
 from rf_pointing.planning import AxisLimits, MachineParams
 from rf_pointing.ros import convert, convert_planning
-from rf_pointing.ros.alarm_hooks import AlarmHooks, HookParams
 from rf_pointing.ros.command_key import CommandKeyParams
 from rf_pointing.ros.diagnostics import ERROR, LEVELS, OK, WARN, Health
 from rf_pointing.ros.directives import DirectiveSender
@@ -55,6 +54,7 @@ from rf_pointing.ros.managed import RESULT_TIMEOUT_S, conclude
 from rf_pointing.ros.qos import LATCHED, STATUS, WATCHED
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.station_node import StationNode
+from rf_pointing.station.clients.alarm_hooks import AlarmHooks, HookParams
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
 STEP_S = 0.2

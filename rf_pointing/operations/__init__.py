@@ -7,7 +7,7 @@ the expected state, never when its response arrives.
 
 from rf_pointing.operations.alarms import AlarmParams
 from rf_pointing.operations.executor import BlockState, Executor, JournalEntry
-from rf_pointing.operations.expected_state import Condition, Situation
+from rf_pointing.operations.expected_state import Condition, ExpectedState
 from rf_pointing.operations.procedure import Block, Directive, Procedure, read_procedure
 from rf_pointing.operations.schedule import BetweenParams
 
@@ -19,8 +19,8 @@ __all__ = [
     "Condition",
     "Directive",
     "Executor",
+    "ExpectedState",
     "JournalEntry",
     "Procedure",
-    "Situation",
     "read_procedure",
 ]

@@ -17,7 +17,7 @@ from enum import StrEnum
 from graphlib import TopologicalSorter
 from typing import Any
 
-from rf_pointing.operations.expected_state import Situation
+from rf_pointing.operations.expected_state import ExpectedState
 from rf_pointing.operations.procedure import Block, Directive, Procedure
 
 
@@ -75,11 +75,16 @@ class Executor:
     """
 
     def __init__(
-        self, procedure: Procedure, parameters: Mapping[str, Any], situation: Situation, send: Send, zero_s: float = 0.0
+        self,
+        procedure: Procedure,
+        parameters: Mapping[str, Any],
+        expected_state: ExpectedState,
+        send: Send,
+        zero_s: float = 0.0,
     ) -> None:
         self.parameters = procedure.with_parameters(parameters)
         self.procedure = procedure.with_timeouts(self.parameters)
-        self.situation, self.zero_s, self._send = situation, zero_s, send
+        self.expected_state, self.zero_s, self._send = expected_state, zero_s, send
         self.runs = {name: BlockRun() for name in procedure.blocks}
         self.journal: list[JournalEntry] = []
         self.paused = self.stopped = False
@@ -259,7 +264,7 @@ class Executor:
         elif not (reasons := self._missing(block, run, now_s)):
             self._complete(block, run, now_s)
         elif block.fails and not self._unmet(block.fails, now_s, max([run.settled_s, *run.sent_s])):
-            self._fail(block.name, " and ".join(map(self.situation.shown, block.fails)), now_s)
+            self._fail(block.name, " and ".join(map(self.expected_state.shown, block.fails)), now_s)
         elif now_s - run.settled_s > block.timeout_s:
             self._fail(block.name, f"not shown: {reasons}", now_s)
 
@@ -272,12 +277,12 @@ class Executor:
             run.settled_s = now_s
             return
         try:
-            arguments = directive.filled(self.parameters, self.situation)
+            arguments = directive.filled(self.parameters, self.expected_state)
         except ValueError as error:
             self._fail(block.name, str(error), now_s)
             return
         for condition in directive.expected:
-            self.situation.expect(condition, now_s)
+            self.expected_state.expect(condition, now_s)
         self._number += 1
         self._sent[self._number] = block.name
         run.sent_s.append(now_s)
@@ -319,7 +324,9 @@ class Executor:
         return "; ".join(filter(None, [*shown, self._unmet(block.then, now_s, last_s)]))
 
     def _unmet(self, conditions: tuple[Any, ...], now_s: float, since_s: float = -math.inf) -> str:
-        return "; ".join(filter(None, (self.situation.against(each, now_s, since_s) for each in conditions)))
+        return "; ".join(
+            filter(None, (self.expected_state.reason_not_met(each, now_s, since_s) for each in conditions))
+        )
 
     def _fail(self, name: str, reason: str, now_s: float) -> None:
         self.runs[name].state, self.runs[name].reason = BlockState.ANOMALY, reason

@@ -1,4 +1,4 @@
-"""The situation: what is expected of every attribute of every device, and what it actually is.
+"""What is expected of every attribute of every device, and what it actually is.
 
 An attribute is named `device.attribute`, as in `antenna.mode`.  Whatever is published about it sets
 the actual value: status messages, responses, an operator.  Sending a directive sets the expected
@@ -86,7 +86,7 @@ class Observed:
     t_s: float
 
 
-class Situation:
+class ExpectedState:
     """Expected and actual state of the devices."""
 
     def __init__(self) -> None:
@@ -107,7 +107,17 @@ class Situation:
         """Return the newest value, None if nothing was ever published."""
         return self._actual.get(attribute)
 
-    def against(self, condition: Condition, now_s: float, since_s: float = -math.inf) -> str:
+    def value(self, attribute: str) -> Value | None:
+        """Return the newest value itself, None if nothing was ever published."""
+        seen = self._actual.get(attribute)
+        return None if seen is None else seen.value
+
+    def is_fresh(self, attribute: str, now_s: float, oldest_s: float) -> bool:
+        """Return whether an attribute was published at most `oldest_s` ago."""
+        seen = self._actual.get(attribute)
+        return seen is not None and now_s - seen.t_s <= oldest_s
+
+    def reason_not_met(self, condition: Condition, now_s: float, since_s: float = -math.inf) -> str:
         """Return why a condition does not hold at `now_s`, "" if it does.
 
         Values from before `since_s` do not count: what is to be shown is shown afterwards.
@@ -132,13 +142,9 @@ class Situation:
         """Return every attribute with its newest value."""
         return dict(self._actual)
 
-    def forget(self, attribute: str) -> None:
-        """Take an attribute out, as that of a device which is no longer there."""
-        self._actual.pop(attribute, None)
-
     def differences(self, now_s: float) -> dict[str, str]:
         """Return attribute and reason of every expectation that the actual state does not meet."""
-        found = {name: self.against(wanted, now_s) for name, (wanted, _) in self._expected.items()}
+        found = {name: self.reason_not_met(wanted, now_s) for name, (wanted, _) in self._expected.items()}
         return {name: reason for name, reason in found.items() if reason}
 
 

@@ -164,23 +164,6 @@ def equal_pulses(
     return _allocation(params, pulse_s, np.array([pulse_s, pulse_s]), noise_s, gamma)
 
 
-def interleaved_pattern(allocation: PulseAllocation, segment_s: float) -> str:
-    """Return segments of `segment_s` in an even mix, "S", "x" or "y" each, that last at least as
-    long as the pulses.
-    """
-    if not segment_s > 0.0:
-        raise ValueError(f"segment_s={segment_s} must be > 0")
-    durations = {"S": allocation.sum_s, "x": allocation.delta_x_s, "y": allocation.delta_y_s}
-    slots = []
-    for beam, duration_s in durations.items():
-        # A pulse that fills its segments to rounding must not cost one more.
-        count = math.ceil(duration_s / segment_s - 1e-9)
-        # Each beam at the middles of its equal shares of the cycle: sorting them gives the most
-        # even mix.
-        slots += [((index + 0.5) / count, beam) for index in range(count)]
-    return "".join(beam for _, beam in sorted(slots))
-
-
 def _requirement(
     params: TripulseArrayParams, carrier_to_noise_db_hz: float, sigma: float, projection_error: ArrayLike
 ) -> tuple[float, Array, Array]:

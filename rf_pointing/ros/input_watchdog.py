@@ -50,7 +50,7 @@ class _Input:
     node_s: float = 0.0
 
 
-class Hearing:
+class InputWatchdog:
     """Receives from the neighbours of `node`; `deaf` is why it must start again, "" for nothing."""
 
     def __init__(self, node: Any, steady_s: Callable[[], float] = time.monotonic) -> None:

@@ -78,7 +78,7 @@ def run(node_type: Callable[[], Any]) -> None:
     executor.add_node(node)
     settle_garbage()
     failure = _work(node, executor, signals)
-    deaf = node.hearing.deaf
+    deaf = node.input_watchdog.deaf
     executor.shutdown()
     node.destroy_node()
     node.lock.release()
@@ -110,9 +110,9 @@ def _work(node: Any, executor: Any, signals: Sequence[int]) -> str:
     failure = ""
     # Not `spin`: between two events the node does its own work and the signals are seen.
     while not signals and not failure:
-        if node.hearing.deaf:
+        if node.input_watchdog.deaf:
             # No fault: what moves is stopped, and goes on with the new process.
-            node.get_logger().fatal(f"the node ends, and must be started again: {node.hearing.deaf}")
+            node.get_logger().fatal(f"the node ends, and must be started again: {node.input_watchdog.deaf}")
             break
         try:
             node.bring_up()

@@ -9,7 +9,6 @@ from rf_pointing.calibration.normal_equations import (
     require_determined,
     triangle_of,
 )
-from rf_pointing.calibration.normal_equations import _null_space_message as null_space_message
 
 NAMES = ("azimuth_offset", "collimation", "droop")
 ALL = np.arange(3)
@@ -59,15 +58,6 @@ def test_equal_columns_are_refused_by_their_names(random, tilt):
     triangle.add_blocks([(rows_of(matrix, random.normal(size=30)), ALL)])
     with pytest.raises(ValueError, match=r"cannot separate azimuth_offset \+ droop"):
         triangle.solve()
-
-
-def test_separate_pairs_are_named_apart_whichever_null_vectors_come_out(random):
-    names = ("tilt", "azimuth_offset", "droop", "collimation")
-    pairs = np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 1.0]]) / np.sqrt(2.0)
-    for angle in random.uniform(0.0, 2.0 * np.pi, 20):
-        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-        message = null_space_message(names, turn @ pairs, np.ones(4))
-        assert message.startswith("the data cannot separate tilt + droop; azimuth_offset + collimation: ")
 
 
 def test_badly_scaled_but_separable_columns_are_solved(random):

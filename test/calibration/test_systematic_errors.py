@@ -12,15 +12,12 @@ from rf_pointing.calibration import (
     FitOptions,
     Known,
     PassPriors,
-    Prior,
     RawPasses,
     TrackedPass,
     fit_bias_model,
     held_at_zero,
 )
 from rf_pointing.calibration import systematic_errors as suspects
-from rf_pointing.calibration.noise import NoiseScale
-from rf_pointing.calibration.pass_errors import pass_partials
 from rf_pointing.core import MDEG, azel_from_unit_vector, unit_vector_from_azel, wrap_rad
 from rf_pointing.core.refraction import RadioRefraction
 
@@ -170,62 +167,6 @@ def test_one_late_clock_is_named_too(campaign_with):
     assert re.match(r"pass 2 is 0\.[23]\d\d s late where the others are within 0\.\d+ s$", found[2].text)
 
 
-@pytest.mark.parametrize("orbit", [None, PassPriors(along_track_m=300.0, clock_s=0.05)], ids=["none", "own"])
-def test_a_suspect_is_estimated_next_to_terms_priors_and_the_errors_of_the_passes(campaign_with, orbit, random):
-    """Against one least squares of all columns about the fit, with the priors among its rows."""
-    points = RawPasses(campaign_with(), 0).process(Known(model=MOUNT)).points
-    terms = ("azimuth_offset", "mislevel_east", "elevation_offset", "droop")
-    priors = {"droop": Prior(0.4e-3, 2e-4), "azimuth_offset": Prior(1.5e-3, 3e-4)}
-    options = FitOptions(edit_sigma=2.5)
-    fit = fit_bias_model(
-        points, terms=terms, held=held_at_zero(terms), pass_priors=orbit, priors=priors, options=options
-    )
-    assert not np.all(fit.used)
-    more = random.normal(size=(2, len(points), 2))
-    noise = (NoiseScale(4.0, 0.1), NoiseScale(6.0, 0.1))
-    columns = {"first": more[..., :1], "second": more[..., 1:], "both": more}
-    plain = suspects._estimates(fit, points, columns)
-    wider = suspects._estimates(replace(fit, noise=noise), points, columns)
-    # Noise that is less than stated makes nothing more certain.
-    less = suspects._estimates(replace(fit, noise=(NoiseScale(0.3, 0.1), NoiseScale(0.8, 0.1))), points, columns)
-    for name in columns:
-        np.testing.assert_allclose(less[name].sigma, plain[name].sigma, rtol=1e-12)
-        assert less[name].gain == plain[name].gain
-    unit = 2.0**-8
-    one = [BiasModel.zero().replace(**{name: unit}).offset_rad(*points.motion()) for name in terms]
-    common = np.stack([np.concatenate(part) / unit for part in one], axis=1)
-    own = [] if orbit is None else [np.concatenate(pass_partials(points, orbit.names))]
-    of_pass = np.tile(points.pass_id, 2)[:, np.newaxis]
-    wide = [np.where(of_pass == number, part, 0.0) for part in own for number in points.passes]
-    modelled = fit.model.offset_rad(*points.motion())
-    left = np.concatenate([points.residual_azimuth_rad - modelled[0], points.residual_elevation_rad - modelled[1]])
-    sigma = np.concatenate([points.sigma_azimuth_rad, points.sigma_elevation_rad])
-    used = np.tile(fit.used, 2)
-    for name, given in columns.items():
-        matrix = np.concatenate([np.concatenate(given), common, *wide], axis=1) / sigma[:, np.newaxis]
-        rows, right = [matrix[used]], [(left / sigma)[used]]
-        for term, prior in priors.items():
-            row = np.zeros((1, matrix.shape[1]))
-            row[0, given.shape[-1] + terms.index(term)] = 1.0 / prior.sigma
-            rows.append(row)
-            right.append(np.array([(prior.value - fit.coefficients[term]) / prior.sigma]))
-        if orbit is not None:
-            count = len(orbit.names) * len(points.passes)
-            rows.append(np.eye(matrix.shape[1])[-count:] / np.tile(orbit.sigma, len(points.passes))[:, np.newaxis])
-            right.append(np.zeros(count))
-        whole, target = np.concatenate(rows), np.concatenate(right)
-        scale = np.linalg.norm(whole, axis=0)
-        expected, square, *_ = np.linalg.lstsq(whole / scale, target, rcond=None)
-        without = np.linalg.lstsq((whole / scale)[:, given.shape[-1] :], target, rcond=None)[1]
-        spread = np.sqrt(np.diag(np.linalg.inv((whole / scale).T @ (whole / scale)))) / scale
-        count = given.shape[-1]
-        np.testing.assert_allclose(plain[name].values, (expected / scale)[:count], rtol=1e-5, atol=1e-5 * spread[0])
-        np.testing.assert_allclose(plain[name].sigma, spread[:count], rtol=1e-6)
-        assert plain[name].gain == pytest.approx(float(without[0] - square[0]), rel=1e-3, abs=1e-6)
-        np.testing.assert_allclose(wider[name].sigma, np.sqrt(5.0) * plain[name].sigma, rtol=1e-9)
-        assert wider[name].gain == pytest.approx(plain[name].gain / 5.0, rel=1e-9)
-
-
 def test_an_azimuth_offset_is_doubted_that_is_large_or_the_convergence_of_the_grid(campaign_with):
     fit, _ = fitted(campaign_with())
     place = fit.names.index("azimuth_offset")
@@ -289,11 +230,6 @@ def test_late_ranges_need_five_hundredths_of_a_second_and_five_sigma_in_four_pas
     assert found.sigma == pytest.approx(np.std(slopes, ddof=1) / np.sqrt(10.0), rel=1e-6)
 
 
-def test_the_speed_of_a_target_over_the_ground_is_that_of_the_fly_by(campaign_with):
-    points = RawPasses(campaign_with(), 0).process(Known(model=MOUNT)).points
-    assert suspects._ground_speed(points, 3) == pytest.approx(7000.0, rel=1e-3)
-
-
 def test_a_range_that_is_far_off_among_biased_ones_makes_no_clock(campaign_with):
     """Every station has a bias of its ranges; here of 30 km, and one range of a hundred is 100 km off."""
 
@@ -302,16 +238,6 @@ def test_a_range_that_is_far_off_among_biased_ones_makes_no_clock(campaign_with)
         return replace(raw, range_m=raw.range_m + 30e3 + far), reference
 
     assert suspects.clock_by_ranges(campaign_with(spoilt)) is None
-
-
-def test_the_speed_of_a_target_is_that_of_its_own_pass(campaign_with):
-    """Half as fast again at ranges half as large again."""
-    points = RawPasses(campaign_with(), 0).process(Known(model=MOUNT)).points
-    scale = np.where(points.pass_id == 3, 1.5, 1.0)
-    faster = replace(points, range_m=scale * points.range_m, range_rate_m_s=scale * points.range_rate_m_s)
-    assert [suspects._ground_speed(faster, number) for number in (2, 3, 4)] == pytest.approx(
-        [7000.0, 10_500.0, 7000.0], rel=1e-3
-    )
 
 
 def test_a_late_pass_is_told_by_four_others_and_by_an_error_that_a_late_pass_makes(campaign_with):
@@ -427,72 +353,3 @@ def test_ranges_that_hardly_scatter_are_used_within_ten_metres():
     rate = np.concatenate([np.zeros(60), np.full(20, 100.0)])
     residual = np.concatenate([np.zeros(60), np.full(10, -9.0), np.full(10, -11.5)])
     assert suspects.clock_by_ranges([ranged(residual, rate)] * 4).size == pytest.approx(0.09, rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("size", "refuse", "cause"),
-    [
-        (0.049, None, ""),
-        (-0.049, None, ""),
-        (0.051, False, "give --weather"),
-        (-0.051, False, "give --weather"),
-        (0.299, False, "give --weather"),
-        (0.301, True, "added to the angles twice"),
-        (-0.301, True, "removed from the angles already"),
-    ],
-)
-def test_a_share_of_the_refraction_is_named_from_a_twentieth_and_refused_from_three_tenths(size, refuse, cause):
-    found = suspects._refraction(suspects._Estimate(np.array([size]), np.array([0.01]), 100.0))
-    assert (found is None) is (refuse is None)
-    if found:
-        assert (found.size, found.sigma, found.refuse) == (size, 0.01, refuse)
-        assert (found.kind, found.unit) == ("refraction", "of the refraction")
-        assert cause in found.text
-
-
-def test_a_site_is_off_by_twenty_metres_or_more_with_the_sigma_along_that_way():
-    sigma = np.array([3.0, 4.0, 5.0])
-    found = suspects._site(suspects._Estimate(np.array([12.0, -15.0, 16.0]), sigma, 100.0))
-    assert (found.kind, found.size, found.unit, found.refuse) == ("site", 25.0, "m", True)
-    # Each sigma counts by the share of its axis: sqrt(36^2 + 60^2 + 80^2) / 25.
-    assert found.sigma == pytest.approx(np.sqrt(1296.0 + 3600.0 + 6400.0) / 25.0)
-    assert "25 +/- 4 m away from the site given: +12 m east, -15 m north, +16 m up of it" in found.text
-    for up_m, named in ((4.9, False), (5.1, True)):
-        off = suspects._Estimate(np.array([12.0, -15.2, up_m]), sigma, 100.0)
-        assert (suspects._site(off) is not None) is named
-
-
-def test_what_explains_most_is_named_if_it_explains_more_than_five_sigma(campaign_with, monkeypatch):
-    points = RawPasses(campaign_with()[:3], 0).process(Known(model=MOUNT)).points
-    given, gains = {}, {}
-
-    def estimates(_fit, _points, columns):
-        given.clear()
-        given.update(columns)
-        values = {"refraction": np.array([0.5]), "site": np.array([30.0, 40.0, 0.0])}
-        return {kind: suspects._Estimate(values[kind], np.ones_like(values[kind]), gains[kind]) for kind in columns}
-
-    monkeypatch.setattr(suspects, "_estimates", estimates)
-    for refraction, site, kind in (
-        (24.9, 24.0, None),
-        (25.1, 24.0, "refraction"),
-        (24.0, 25.1, "site"),
-        (99.0, 98.0, "refraction"),
-    ):
-        gains.update(refraction=refraction, site=site)
-        found = suspects.refraction_and_site(None, points, AIR)
-        assert (found and found.kind) == kind
-    assert not np.any(given["refraction"][0])
-    bending = AIR.apply(points.true_elevation_rad) - points.true_elevation_rad
-    np.testing.assert_array_equal(given["refraction"][1], bending[:, np.newaxis])
-    # Without ranges nothing tells how far an antenna is from its site.
-    for name in ("range_m", "range_rate_m_s"):
-        assert suspects.refraction_and_site(None, replace(points, **{name: None}), AIR).kind == "refraction"
-        assert list(given) == ["refraction"]
-
-
-def test_sizes_of_errors_are_searched_from_more_than_any_that_occurs():
-    given = PassPriors(along_track_m=5.0, radial_drift_m_s=0.01, along_track_drift_m_s=0.3, clock_s=0.1)
-    assert suspects._searched_from(given) == PassPriors(
-        along_track_m=1000.0, radial_drift_m_s=1.0, along_track_drift_m_s=0.3, clock_s=1.0
-    )

@@ -152,14 +152,6 @@ def test_a_line_of_a_megabyte_is_refused_once_and_the_next_line_is_served(
     assert station.inquiries == []
 
 
-def test_the_memory_of_a_session_is_bounded_by_one_line() -> None:
-    session = Session()
-    for _ in range(10000):
-        list(session.take(b"P 1 2" * 100))
-        assert len(session._buffer) <= 200
-    assert [order.code for order in session.take(b"\nP 1 2\n")] == [0]
-
-
 def test_random_bytes_never_become_a_motion(server: RotctldServer, station: Station) -> None:
     chosen = random.Random(7)
     for _ in range(20):

@@ -44,7 +44,7 @@ def test_a_live_parameter_is_in_force_and_another_is_refused(subject: Any) -> No
         PointingControllerNode: lambda: pytest.approx(
             math.degrees(subject._controller.params.limits.elevation_min_rad)
         ),
-        EphemerisPublisher: lambda: subject._track.along_track_offset_s,
+        EphemerisPublisher: lambda: subject.prediction.track.along_track_offset_s,
     }
     assert in_force[type(subject)]() == heeded
 

@@ -245,11 +245,11 @@ class Bench:
         return SimpleNamespace(free=self.free_bytes)
 
     def known(self, attribute: str) -> Any:
-        seen = self.night.situation.actual(attribute)
+        seen = self.night.expected_state.actual(attribute)
         return None if seen is None else seen.value
 
     def seen_s(self, attribute: str) -> float:
-        return float(self.night.situation.actual(attribute).t_s)
+        return float(self.night.expected_state.actual(attribute).t_s)
 
     def passes(self, *begins_s: float) -> str:
         """Return a list of passes of 300 s, named p0, p1, ... that rise so long from now."""

@@ -170,8 +170,8 @@ def test_nothing_begins_before_the_place_of_the_antenna_is_known_and_new() -> No
         assert one.night.active_id == ""
         one.shown[f"antenna.{missing}"] = value
         if missing == "azimuth":
-            one.night.situation.forget("antenna.elevation")
-    one.night.situation.forget("antenna.azimuth")
+            one.night.expected_state._actual.pop("antenna.elevation")
+    one.night.expected_state._actual.pop("antenna.azimuth")
     one.at(946.0)
     assert one.night.active_id == "a"
     one = Bench(a_pass("a", 1000.0))
@@ -323,7 +323,7 @@ def test_reasons_of_attempts_are_named_when_too_little_was_held() -> None:
 
 
 def unheld_s(one: Bench) -> float:
-    return one.night.situation.actual("pass.unheld_s").value
+    return one.night.expected_state.actual("pass.unheld_s").value
 
 
 def test_the_time_without_the_target_counts_in_the_pass_from_when_it_was_held_last() -> None:
@@ -368,7 +368,7 @@ def test_attempts_are_five_seconds_apart_and_five_more_with_each_up_to_thirty() 
     one, waits, t_s = failing(), [], 1100.0
     for number in range(1, 8):
         failed_s = t_s
-        while one.night._attempt.number == number:
+        while one.night._work.number == number:
             t_s += 0.5
             one.at(t_s)
         waits.append(t_s - failed_s)
@@ -394,14 +394,14 @@ def test_no_attempt_begins_while_something_speaks_against_it(why: str) -> None:
         del one.shown[why]
     for t_s in (1102.0, 1107.0, 1110.0):
         one.at(t_s)
-        assert one.night._attempt.number == 1
+        assert one.night._work.number == 1
     if why == "paused":
         one.night.resume(1111.0)
     one.answers = True
     one.show(a__trouble="", a__broken="", antenna__mode="holding", tracking__mode="idle")
     for t_s in (1112.0, 1130.0, 1131.0):
         one.at(t_s)
-    assert one.night._attempt.number == 2
+    assert one.night._work.number == 2
 
 
 def test_what_is_left_of_an_attempt_is_stopped_before_the_next() -> None:
@@ -447,26 +447,26 @@ def test_half_of_a_short_pass_must_be_left() -> None:
 
 def test_a_refusal_of_the_pass_is_known_until_one_is_tracked() -> None:
     one = failing(least_share=0.0)
-    assert one.night.situation.actual("pass.refused").value == ""
+    assert one.night.expected_state.actual("pass.refused").value == ""
     one.at(1106.0)
     one.at(1106.5)
     one.at(1107.0, tracking__target="a", tracking__reason="", track__refused="the Sun")
     one.at(1108.0, **one.ended("broke"))
-    assert one.night.situation.actual("pass.refused").value == "the Sun"
+    assert one.night.expected_state.actual("pass.refused").value == "the Sun"
     one.at(1400.0)
     one.at(1400.5)
     one.at(1401.0, tracking__target="a", tracking__reason="")
     one.at(1545.0, **one.ended("broke"))
-    assert one.night.situation.actual("pass.refused").value == "the Sun"
+    assert one.night.expected_state.actual("pass.refused").value == "the Sun"
     assert [record.state for record in one.night.records] == ["lost"]
 
 
 def test_a_refusal_is_forgotten_with_a_pass_that_was_tracked() -> None:
     one = Bench(a_pass("a", 1000.0), a_pass("z", 90_000.0), least_share=0.0)
-    one.night.situation.observe("pass.refused", "the Sun", 900.0)
+    one.night.expected_state.observe("pass.refused", "the Sun", 900.0)
     one.track(940.0)
     one.at(1601.0, **one.ended())
-    assert one.night.situation.actual("pass.refused").value == ""
+    assert one.night.expected_state.actual("pass.refused").value == ""
 
 
 def test_a_night_that_is_being_stopped_tries_no_pass_again() -> None:
@@ -613,7 +613,7 @@ def test_the_age_of_the_elements_is_that_of_the_pass_or_as_it_was_planned(
 
 def test_the_pass_of_the_target_is_the_one_that_shares_most_with_that_of_the_schedule() -> None:
     one = Bench(a_pass("a", 1000.0))
-    seen = lambda name: one.night.situation.actual(f"ephemeris.{name}").value  # noqa: E731
+    seen = lambda name: one.night.expected_state.actual(f"ephemeris.{name}").value  # noqa: E731
     one.night.take_passes("x", [(1000.0, 1600.0, "whole")], 900.0)
     assert (seen("target"), seen("pass"), seen("pass_found")) == ("x", None, False), "no pass is in work"
     one.at(940.0)
@@ -715,7 +715,7 @@ def test_passes_and_blocks_are_skipped_by_their_names() -> None:
         one.night.skip("", 11.0)
     one.at(940.0)
     assert one.night.skip("record", 940.5) == "block record is skipped"
-    assert one.night._attempt.executor.runs["record"].state == BlockState.SKIPPED
+    assert one.night._work.executor.runs["record"].state == BlockState.SKIPPED
     assert "skipped" in [row[1] for row in one.events]
     with pytest.raises(ValueError, match="track must not be skipped"):
         one.night.skip("track", 940.5)
@@ -948,7 +948,7 @@ def test_a_restored_night_is_the_same_and_waits_for_new_views_of_antenna_and_con
     other = restored(one, 1101.0)
     assert other.night.records == one.night.records
     assert (other.night.active_id, other.night.begun_s, other.night.state_name) == ("a", 2.5, NightState.RUNNING)
-    attempt, before = other.night._attempt, one.night._attempt
+    attempt, before = other.night._work, one.night._work
     for name in ("id", "begun_s", "number", "failed_s", "reasons", "received_s", "tracked_s", "following", "ending"):
         assert getattr(attempt, name) == getattr(before, name), name
     assert (attempt.tracked_s, attempt.received_s) == (100.0, pytest.approx(103.0 * 10.0**-0.1))
@@ -957,7 +957,7 @@ def test_a_restored_night_is_the_same_and_waits_for_new_views_of_antenna_and_con
         other = restored(one, 1101.0)
         value = other.shown.pop(missing)
         assert other.at(1110.0) == []
-        other.night.situation.observe(missing, value, 1110.0)
+        other.night.expected_state.observe(missing, value, 1110.0)
         # 6 s old is no view of now.
         assert other.at(1116.0) == []
         other.shown[missing] = value
@@ -971,7 +971,7 @@ def test_a_restored_pass_that_is_tracked_goes_on_without_being_sent_again() -> N
     one.track(940.0)
     one.at(942.0)
     other = restored(one, 1200.0)
-    other.night._least_share = 0.5
+    other.night.least_share = 0.5
     other.show(tracking__target="a", tracking__mode="conscan", tracking__reason="", **other.counts(400.0, 0.0, 0.0))
     assert other.at(1201.0) == []
     assert other.night.blocks() == ["pass: executing"]

@@ -97,10 +97,9 @@ def carrier_steps() -> Array:
         position, np.eye(3), ArrayParams(), RadioParams(), plan, LinkParams(), stream("phases"), 2
     )
     ranges = two_way_ranges(position, np.eye(3), ArrayParams()) + 0.004
-    fine, left = interferometer_simulation.carrier_range(phases, ranges, plan)
     sharp, spread = interferometer_simulation.sharpened_ranges(phases, ranges, plan)
     amplitudes = interferometer_simulation.simulate_amplitudes([[1.0, 0.2], [0.3, 0.9]], 0.01, stream("amplitudes"), 2)
-    return flat(fine, left, sharp, spread[0, :2], amplitudes)
+    return flat(sharp, spread[0, :2], amplitudes)
 
 
 def flown(**changes: object) -> Array:

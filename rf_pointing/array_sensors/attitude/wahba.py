@@ -132,14 +132,6 @@ def attitude_covariance(
     return np.asarray(inverse @ middle @ inverse)
 
 
-def beam_covariance(beam: ArrayLike, covariance_rad2: ArrayLike) -> Array:
-    """Return the covariance (..., 3, 3) of the beam error d x p for the unit vector `beam` (...,
-    3): eq. (33).
-    """
-    cross = cross_matrix(unit_directions("beam", beam))
-    return np.asarray(cross @ np.asarray(covariance_rad2, dtype=np.float64) @ np.swapaxes(cross, -1, -2))
-
-
 def unit_directions(name: str, value: ArrayLike) -> Array:
     """Return unit vectors (..., 3) with their rounding removed.
 

@@ -22,9 +22,9 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import (
     start_state,
     update,
 )
-from rf_pointing.array_sensors.attitude.quaternion import canonical, quaternion_from_matrix
+from rf_pointing.array_sensors.attitude.quaternion import canonical
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, rigid_inertia
-from rf_pointing.array_sensors.attitude.wahba import fit_rotation, unit_directions
+from rf_pointing.array_sensors.attitude.wahba import unit_directions
 from rf_pointing.array_sensors.doa.attitude_start import StartParams, best_of_bank, joined, remaining, start_bank
 from rf_pointing.array_sensors.doa.innovation_watch import InnovationWatch, WatchParams
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
@@ -253,31 +253,6 @@ class DoaAttitudeFilter:
             self._heard(directions, bank, watches, tuple(directions.stations[each] for each in inside), bool(inside))
         )
         return tuple(inside)
-
-    def start_from_directions(self, directions: list[StationDirection], rate_rad_s: Array) -> None:
-        """Begin again from two or more simultaneous directions (Wahba's problem).
-
-        There is nothing to converge.
-
-        Raises
-        ------
-        ValueError
-            If the directions are collinear or fewer than two (see `wahba.fit_rotation`);
-            nothing is changed then.
-        """
-        checked = [_checked(each) for each in directions]
-        fit = fit_rotation(
-            np.stack([each.reference for each in checked]),
-            np.stack([each.measured for each in checked]),
-            np.array([1.0 / float(np.trace(each.covariance_rad2)) for each in checked]),
-        )
-        rate = as_finite_array("rate_rad_s", rate_rad_s, (3,))
-        attitude = quaternion_from_matrix(fit.rotation.T)
-        bank = start_state(attitude[None], rate[None], self._start.attitude_rad, self._start.rate_rad_s, self._gate)
-        for each in checked:
-            bank = update(bank, each, self._gate)
-        names = tuple(dict.fromkeys(each.station for each in directions))
-        self._accept(DoaAttitudeState(t_s=self._state.t_s, bank=bank, heard_s=self._state.t_s, stations=names))
 
     def output(self) -> AttitudeEstimate:
         """Return the estimate at the filter's time, with its verdict."""

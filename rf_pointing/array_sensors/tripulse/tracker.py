@@ -46,11 +46,6 @@ class TrackerState:
     misses: int
     lost: str
 
-    @property
-    def phasor(self) -> complex:
-        """A exp(j phi), the reference that a delta segment is divided by."""
-        return complex(self.estimate[0] * np.exp(1j * self.estimate[1]))
-
 
 def start(params: TrackerParams, t_s: float, value: complex, noise_variance: float) -> TrackerState:
     """Return the state after the first sum segment, at zero frequency.

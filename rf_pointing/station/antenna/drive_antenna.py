@@ -324,6 +324,28 @@ def wait_for_drive(drive: Drive, now_s: Callable[[], float], patience_s: float =
         time.sleep(LOOK_S)
 
 
+def connected_antenna(params: AntennaParams, drive: Drive, begun_s: float) -> DriveAntenna:
+    """Return the antenna on a drive once that has answered; a drive that cannot be used is closed.
+
+    Raises
+    ------
+    ValueError
+        For a drive that does not answer, or cannot do what the parameters require.
+    """
+    steady_s = time.monotonic()
+
+    def now_s() -> float:
+        # Simulated time does not go on while this waits.
+        return begun_s + time.monotonic() - steady_s
+
+    try:
+        wait_for_drive(drive, now_s)
+        return DriveAntenna(params, drive, now_s())
+    except ValueError:
+        drive.close()
+        raise
+
+
 def _limits(can: Capabilities, params: DriveParams) -> PositionLimits:
     return PositionLimits(
         resolution_rad=can.resolution_rad,

@@ -13,7 +13,6 @@ from rf_pointing.calibration import (
     BiasModel,
     ModelStore,
     ModelVersion,
-    ObservationJournal,
     Observations,
     ShadowRules,
     ShadowScore,
@@ -26,12 +25,6 @@ def campaign_folder(folder: str | Path, station: str, band: str) -> Path:
     """Return where models and observations of a station and band are kept below `folder`."""
     # The band keeps its case, as in ROS and in files; names of stations hold spaces and dots.
     return Path(folder) / re.sub(r"[^a-z0-9]+", "_", station.lower()).strip("_") / band
-
-
-def journal_of(folder: str | Path, station: str, band: str) -> ObservationJournal:
-    """Return the observations that are kept in `folder` for a station and band."""
-    # One journal for each of them: a fit of mixed observations would be of no antenna.
-    return ObservationJournal(campaign_folder(folder, station, band) / "observations.csv", station, band)
 
 
 class ModelKeeper:

@@ -15,8 +15,9 @@ from rf_pointing.calibration import Campaign, FitResult, Observations, SectorRul
 from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Elements, Pass
+from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.log import CalibrationLog
-from rf_pointing.station.campaign.model_keeper import ModelKeeper, journal_of
+from rf_pointing.station.campaign.model_keeper import ModelKeeper
 from rf_pointing.station.campaign.plan import ArcRules, candidate_arcs, window_of
 from rf_pointing.station.description import StationDescription
 

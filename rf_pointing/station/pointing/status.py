@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,14 @@ class Level(IntEnum):
     OK = 0
     WARN = 1
     ERROR = 2
+
+
+class Report(NamedTuple):
+    """One check on /diagnostics: how bad things are, a sentence, and the numbers behind it."""
+
+    level: Level
+    message: str
+    values: dict[str, object]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,6 @@ from scipy.spatial.transform import Rotation
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_matrix, quaternion_to_rotation_vector
 from rf_pointing.array_sensors.attitude.wahba import (
     attitude_covariance,
-    beam_covariance,
     fit_rotation,
     separation_rad,
     unit_directions,
@@ -86,13 +85,6 @@ def test_two_directions_give_yaw_and_roll_variances_in_closed_form() -> None:
     assert np.sqrt(covariance[1, 1]) == pytest.approx(sigma_rad / (np.sqrt(2.0) * np.cos(separation / 2.0)), rel=1e-12)
 
 
-def test_beam_along_z_has_the_pitch_variance_in_its_first_entry() -> None:
-    covariance = np.diag([1.0, 4.0, 9.0])
-    np.testing.assert_allclose(np.diag(beam_covariance([0.0, 0.0, 1.0], covariance)), [4.0, 1.0, 0.0])
-    np.testing.assert_allclose(np.diag(beam_covariance([1.0, 0.0, 0.0], covariance)), [0.0, 9.0, 4.0])
-    np.testing.assert_allclose(np.diag(beam_covariance([0.0, 1.0, 0.0], covariance)), [9.0, 0.0, 1.0])
-
-
 @pytest.mark.parametrize("angle_deg", [0.001, 2.5, 90.0])
 def test_separation_of_two_directions_is_the_angle_between_their_lines(angle_deg: float) -> None:
     a = np.radians(angle_deg)
@@ -166,19 +158,6 @@ def test_a_mirrored_set_is_refused_whatever_its_axes_and_the_scale_of_its_weight
         with pytest.raises(ValueError, match="mirror the reference directions"):
             fit_rotation(np.eye(3), -turn.T, scale * np.array([1e4, 1.0, 1.0]))
         fit_rotation(np.eye(3), turn.T, scale * np.array([1e4, 1.0, 1.0]))
-
-
-def test_covariances_of_a_batch_are_those_of_its_members(rng: np.random.Generator) -> None:
-    t = unit(rng.normal(size=(4, 3, 3)))
-    roots = rng.normal(size=(4, 3, 3, 3))
-    spreads, weights = roots @ roots.swapaxes(-1, -2), rng.uniform(0.5, 2.0, size=(4, 3))
-    found, beams = attitude_covariance(t, spreads, weights), beam_covariance(t[:, 0], spreads[:, 1])
-    for k in range(4):
-        np.testing.assert_allclose(found[k], attitude_covariance(t[k], spreads[k], weights[k]), rtol=1e-9)
-        np.testing.assert_allclose(found[k], found[k].T, rtol=1e-9)
-        # The error of a beam is d x p.
-        cross = np.array([np.cross(axis, t[k, 0]) for axis in np.eye(3)]).T
-        np.testing.assert_allclose(beams[k], cross @ spreads[k, 1] @ cross.T, atol=1e-12)
 
 
 def test_a_covariance_that_is_no_number_is_refused() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from rf_pointing.calibration import CandidatePass, Observations, SectorRule, read_model
 from rf_pointing.core.dates import parse_utc
-from rf_pointing.station.campaign.model_keeper import journal_of
+from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.campaign.schedule import (
     LARGEST_SLEW_S,
