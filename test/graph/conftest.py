@@ -18,6 +18,7 @@ from ament_index_python.packages import get_package_prefix
 from rf_pointing.ros.main_loop import make_executor
 from rf_pointing.ros.managed_graph import LifecycleClient, NodeProcesses
 from rf_pointing.ros.repeated_call import RepeatedCall
+from rf_pointing.ros.waiting import Waiting
 from rf_pointing.station.description import read_station
 from test.conftest import within
 
@@ -125,13 +126,13 @@ def live_graph(folder: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
         processes.start(names, simulated_time=simulated, autostart=autostart)
         if autostart:
             return processes
-        client = LifecycleClient(node, namespace, lambda s: executor.spin_once(timeout_sec=s), lambda: None)
-        client.wait_for(names, DEADLINE_S)
+        client = LifecycleClient(node, namespace, Waiting(lambda s: executor.spin_once(timeout_sec=s), DEADLINE_S))
+        client.wait_for(names)
         if state == "start":
             return SimpleNamespace(processes=processes, client=client, refused=[])
-        refused = client.change(names, "configure", DEADLINE_S)
+        refused = client.change(names, "configure")
         if state == "activate" and not refused:
-            refused = client.change(names, "activate", DEADLINE_S)
+            refused = client.change(names, "activate")
         return SimpleNamespace(processes=processes, client=client, refused=refused)
 
     started: list[NodeProcesses] = []
