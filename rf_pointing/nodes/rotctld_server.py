@@ -25,7 +25,6 @@ from trajectory_msgs.msg import JointTrajectory
 from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, Inquiry, RotctldServer, ServerParams, StationView
 from rf_pointing.ros import convert, convert_calibration
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
-from rf_pointing.ros.diagnostics import OK, WARN, Health
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS
 from rf_pointing.ros.main_loop import run
@@ -80,7 +79,7 @@ class RotctldServerNode(StationNode):
         self.listen(tracking, "tracking_status", lambda m: steering.note_tracking(m.target, m.commands_sent), STREAM)
         self.listen(ours.ExecutiveStatus, EXECUTIVE_STATUS, lambda m: steering.note_executive(m.state), STATUS)
         self.listen(ours.PointingModel, "pointing_model", self._on_model, LATCHED)
-        self.diagnostics.add("clients", self._health)
+        self.diagnostics.add_report("clients", lambda: steering.report(self._server))
 
     def activate(self) -> None:
         params = self.parameters.value("server")
@@ -137,16 +136,6 @@ class RotctldServerNode(StationNode):
 
     def _ended(self, number: int, _name: str, _succeeded: bool, result: dict[str, Any]) -> None:
         self._steering.ended(number, result["message"], result["seconds_tracked"])
-
-    def _health(self) -> Health:
-        if self._server is None:
-            return Health(OK, "not served")
-        counts, sky = self._server.counts, self._known.sky
-        values = {"port": self._server.port, "clients": len(counts.connected), "steering": self._steering.client,
-                  "refused lines": counts.refused_lines, "last refused": counts.last_refusal,
-                  "refused clients": counts.refused_clients, "satellites": len(sky.elements) if sky else 0}  # fmt: skip
-        trouble, words = self._steering.state()
-        return Health(WARN if trouble else OK, words, values)
 
 
 def main() -> None:

@@ -12,13 +12,13 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, unit_vector_from_azel
-from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, Order, StationView
+from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, Order, ServerCounts, StationView
 from rf_pointing.planning import AxisLimits
 from rf_pointing.station.clients.points import Follower, FollowParams, KnownSatellites, MatchParams
 from rf_pointing.station.clients.steering import Answer, Steering, SteeringParams, steering_rows
 from rf_pointing.station.description import read_station
 from rf_pointing.station.parameters import controller_params
-from rf_pointing.station.pointing.status import AntennaStatus
+from rf_pointing.station.pointing.status import AntennaStatus, Level
 
 CLIENT, RIVAL, NODE = "127.0.0.1:5001", "127.0.0.1:5002", "/gs1/rotctld_server"
 STATION = read_station("dss13")
@@ -104,6 +104,10 @@ class Desk:
 
     def step(self) -> JointTrajectory | None:
         return self.steering.step(self.t_s, self.wall_s)
+
+    def report(self) -> tuple[Level, str]:
+        server: Any = SimpleNamespace(counts=ServerCounts(), port=4533)
+        return self.steering.report(server)[:2]
 
     def fly(self, points: int = 3, azimuth_deg: float = 100.0, elevation_deg: float = 40.0) -> list[int]:
         """Send points of a motion in azimuth, one a second; return the codes of the last."""
@@ -372,11 +376,11 @@ def test_points_that_the_antenna_refuses_are_refused_until_it_obeys(desk: Desk) 
     desk.antenna(commands_rejected=4, last_rejection="old")
     desk.fly()
     desk.antenna(commands_rejected=4)
-    assert desk.steering.state() == (False, "holds")
+    assert desk.report() == (Level.OK, "holds")
     desk.step()
-    assert desk.steering.state() == (False, "follows points")
+    assert desk.report() == (Level.OK, "follows points")
     desk.antenna(commands_rejected=5, last_rejection="too fast")
-    assert desk.steering.state() == (True, "too fast")
+    assert desk.report() == (Level.WARN, "too fast")
     desk.antenna(commands_rejected=5)
     assert desk.point(101.1) == [REJECTED]
     desk.antenna(commands_rejected=6, commander=NODE)
@@ -475,10 +479,10 @@ def test_points_of_a_known_satellite_become_its_pass_once_the_controller_command
     for target, sent, follows in (("BIRD", 0, True), ("OTHER", 1, True), ("BIRD", 1, False)):
         known.steering.note_tracking(target, sent)
         assert (known.step() is not None) is follows
-    assert known.steering.state() == (False, "tracks BIRD")
+    assert known.report() == (Level.OK, "tracks BIRD")
     known.wait(1.0)
     known.steering.ended(number, "loss of signal", 12.0)
-    assert known.steering.state() == (False, "holds")
+    assert known.report() == (Level.OK, "holds")
     # What was sent for the pass is over with it.
     assert known.steering.follower.points.newest_s == -math.inf
     assert "BIRD: loss of signal; 12 s tracked" in known.log
