@@ -74,9 +74,8 @@ class RotctldServerNode(StationNode):
         self._commands = self.publisher(JointTrajectory, "joint_trajectory", COMMAND)
         self._key = CommandKey(value("key"), self.resolve_topic_name("joint_trajectory"))
         self._latest = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
-        status, tracking = convert.antenna_status_from_message, ours.TrackingStatus
-        self.listen(ours.AntennaStatus, "antenna_status", lambda m: steering.note_antenna(status(m)), STATUS)
-        self.listen(tracking, "tracking_status", lambda m: steering.note_tracking(m.target, m.commands_sent), STREAM)
+        self.listen(ours.AntennaStatus, "antenna_status", self._on_antenna, STATUS)
+        self.listen(ours.TrackingStatus, "tracking_status", self._on_tracking, STREAM)
         self.listen(ours.ExecutiveStatus, EXECUTIVE_STATUS, lambda m: steering.note_executive(m.state), STATUS)
         self.listen(ours.PointingModel, "pointing_model", self._on_model, LATCHED)
         self.diagnostics.add_report("clients", lambda: steering.report(self._server))
@@ -122,6 +121,12 @@ class RotctldServerNode(StationNode):
             command = convert.trajectory_to_message(trajectory, t_s)
             self._key.sign(command, self.get_fully_qualified_name())
             self._commands.publish(command)
+
+    def _on_antenna(self, m: ours.AntennaStatus) -> None:
+        self._steering.note_antenna(m.mode, m.fault, m.commander, m.commands_rejected, m.last_rejection)
+
+    def _on_tracking(self, message: ours.TrackingStatus) -> None:
+        self._steering.note_tracking(message.target, message.commands_sent)
 
     def _on_model(self, message: ours.PointingModel) -> None:
         self._follower.model = convert_calibration.model_from_message(message)

@@ -22,7 +22,7 @@ from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, R
 from rf_pointing.operations.dictionary import TABLES, DirectiveRow, read_directives
 from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.clients.points import Follower, KnownSatellites, Match, MatchParams, identify, on_track
-from rf_pointing.station.pointing.status import AntennaStatus, Level, Report
+from rf_pointing.station.pointing.status import Level, Report
 from rf_pointing.tracking.sensors import SENSOR_CHOICES
 
 PERIOD_S = 0.1
@@ -117,19 +117,17 @@ class Steering:
         rates = [0 if abs(rate) < MOVING_RAD_S else int(math.copysign(1, rate)) for rate in axes.velocity_rad_s]
         self.view.moving = rates[0], rates[1]
 
-    def note_antenna(self, status: AntennaStatus) -> None:
-        """Take the status of the antenna."""
-        more, self._rejected = status.commands_rejected > self._rejected, status.commands_rejected
-        self._mode, self._fault, self._antenna_wall_s = status.mode, status.fault, self._wall_s
-        if status.mode not in (AntennaMode.PARKED, AntennaMode.PARKING):
+    def note_antenna(self, mode: str, fault: str, commander: str, rejected: int, last_rejection: str) -> None:
+        """Take the status of the antenna, which has refused so many commands."""
+        more, self._rejected = rejected > self._rejected, rejected
+        self._mode, self._fault, self._antenna_wall_s = mode, fault, self._wall_s
+        if mode not in (AntennaMode.PARKED, AntennaMode.PARKING):
             self._parked_here = False
-        if self.follower.azimuth_rad is None:
-            return
-        if status.commander == self._node:
+        if self.follower.azimuth_rad is not None and commander == self._node:
             self._refusal = ""
-        elif more:
-            self._warn("the points are not followed", status.last_rejection)
-            self._refusal = status.last_rejection
+        elif self.follower.azimuth_rad is not None and more:
+            self._warn("the points are not followed", last_rejection)
+            self._refusal = last_rejection
 
     def note_tracking(self, target: str, commands_sent: int) -> None:
         """Take the status of the pointing controller; `target` is "" between passes."""
