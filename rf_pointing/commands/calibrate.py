@@ -204,7 +204,7 @@ def fit_of(options: argparse.Namespace) -> tuple[Observations, FitResult]:
     log = CalibrationLog(station.name, band, SPACING_S, SIGMA_RAD, journal=journal_of(options))
     points, file = log.observations(), station.bias_model_file(band)
     start = calibration.read_model(file) if file else None
-    keeper = ModelKeeper(station.name, band, options.models, start, calibration.ShadowRules())
+    keeper = ModelKeeper(station.name, band, options.models, start, calibration.AcceptanceRules())
     keeper.begin(float(np.max(points.t_s)))
     return points, log.fit(keeper.model, pass_priors=calibration.PassPriors.of_orbit(options.orbit_prior))
 

@@ -15,7 +15,7 @@ CAUSES_S = 600.0
 """Alarms that were raised this long before a pass count among its causes."""
 _COUNTED = "tracking.seconds_tracked", "tracking.seconds_lost", "tracking.mean_loss"
 _PASSING = "executor", "held_s", "counted"
-"""What changes all the time would be written all the time."""
+"""Fields that change all the time, and so are left out of what is written after a change."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -160,7 +160,7 @@ def doa_tables() -> list[Row]:
         "accuracy_rows": lambda *_: [],
         "direction_rows": lambda _: [],
         "scene_rows": list,
-        "beyond_rows": lambda _: [],
+        "future_rows": lambda _: [],
     }
     with changed(doa, run=run, **none):
         return [*doa.rows(1, trials=3), *doa.rows(1, trials=60, music_inside=True)]
@@ -206,7 +206,7 @@ TABLES: dict[str, Callable[[], list[Row]]] = {
     "TRIPULSE times": tripulse._time_rows,
     "TRIPULSE phases": lambda: tripulse._phase_rows(1),
     "TRIPULSE noise": lambda: tripulse_noise.noise_rows(1),
-    "TRIPULSE beyond": lambda: tripulse_noise.beyond_rows(1),
+    "TRIPULSE beyond": lambda: tripulse_noise.future_rows(1),
     "TRIPULSE attitude": lambda: tripulse_attitude.attitude_rows(1),
     "CONSCAN slope and loss": conscan._slope_and_loss,
     "CONSCAN errors": lambda: conscan._error_rows(1),
