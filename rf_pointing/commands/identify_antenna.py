@@ -29,7 +29,8 @@ from rf_pointing.commands.options import (
 )
 from rf_pointing.commands.station_run import GraphRun, run_to_end
 from rf_pointing.core import AXES
-from rf_pointing.identification import ExcitationParams, Recording, SampleCollector, study
+from rf_pointing.identification import ExcitationParams, Recording, SampleCollector
+from rf_pointing.identification.study import study
 from rf_pointing.report.identification_report import error_table, save_recordings, write_identification
 from rf_pointing.ros import convert_identification as convert
 from rf_pointing.ros.managed_graph import ManagedGraph, NotStartedError

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.controllers import LawMatrices, LqgDesign, PositionLoopParams
-from rf_pointing.servo import PlantParams, discretise, linear_model
+from rf_pointing.servo import PlantParams, discretise
+from rf_pointing.servo.linear_model import linear_model
 from rf_pointing.servo.wind import GUST_LENGTH_M
 
 Array = NDArray[np.float64]

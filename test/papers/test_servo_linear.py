@@ -20,7 +20,8 @@ from rf_pointing.papers.servo_linear import (
     respond,
     stability_limit_hz,
 )
-from rf_pointing.servo import dss13_plant, linear_model
+from rf_pointing.servo import dss13_plant
+from rf_pointing.servo.linear_model import linear_model
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

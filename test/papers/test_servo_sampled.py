@@ -20,7 +20,8 @@ from rf_pointing.papers.servo_sampled import (
     published_radio,
     station_radio,
 )
-from rf_pointing.servo import dss13_plant, linear_model
+from rf_pointing.servo import dss13_plant
+from rf_pointing.servo.linear_model import linear_model
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -25,6 +25,7 @@ from rf_pointing.calibration import (
 from rf_pointing.core import MDEG, JointReading, Params, PointingError, parameter
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
+from rf_pointing.station.pointing.status import Level, Report
 
 SECTORS = SectorRule()
 # Wall time after which a service or an action server that does not answer is given up.
@@ -135,17 +136,17 @@ class Calibrator:
     def _sectors_filled(self) -> int:
         return SECTORS.count - len(self.log.coverage(SECTORS).thin)
 
-    def health(self) -> tuple[int, str, dict[str, object]]:
-        """Return level (0, 1 warning), message and the numbers behind it."""
+    def health(self) -> Report:
+        """Return the model in force, or what is wrong, and the numbers behind it."""
         keeper = self.keeper
         values: dict[str, object] = {
             "observations": len(self.log),
             "candidate": keeper.candidate.name if keeper.candidate else "",
             "shadow": keeper.verdict_text(),
         }
-        missing = "" if keeper.active else "no model: commands are not corrected"
+        name, missing = (keeper.active.name, "") if keeper.active else ("", "no model: commands are not corrected")
         problems = "; ".join(filter(None, (self.log.problem, missing)))
-        return (1, problems, values) if problems or not keeper.active else (0, keeper.active.name, values)
+        return Report(Level(bool(problems)), problems or name, values)
 
 
 class Campaign:
