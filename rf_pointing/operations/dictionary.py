@@ -1,4 +1,4 @@
-"""What can be sent: the dictionary of directives, and the tables that a station may change.
+"""Directives that can be sent, in a dictionary, and the tables that a station may change.
 
 A directive is a service or an action by name and type, a parameter of a node, or something that the
 executive does itself.  Names are relative to the namespace of the antenna.

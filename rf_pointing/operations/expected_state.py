@@ -1,4 +1,4 @@
-"""What is expected of the attributes of devices, held against what they actually are.
+"""Expected and actual state of the attributes of devices.
 
 An attribute is named `device.attribute`, as in `antenna.mode`.  Whatever is published about it sets
 the actual value: status messages, responses, an operator.  Only values and their stamps count, so

@@ -72,7 +72,7 @@ class PredictedTarget:
         self._attitude: SatelliteAntennaParams | None = None
 
     def begin(self, now_s: float) -> str:
-        """Find the passes; return "" or why there is none, where another target may pass."""
+        """Find the passes; return "" or why there is no pass, where another target may have one."""
         try:
             self._choose(self.track, now_s, self.peak_rad)
         except ValueError as error:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rf_pointing.calibration import BiasModel, ModelVersion, Observations, ShadowRules, read_model
+from rf_pointing.calibration import AcceptanceRules, BiasModel, ModelVersion, Observations, read_model
 from rf_pointing.core import JointReading, PointingError, Target
 from rf_pointing.station.campaign.calibrator import ORBIT, SECTORS, Calibrator, CalibratorParams, Campaign, journal_of
 from rf_pointing.station.description import STATIONS
@@ -23,7 +23,7 @@ PLANTED = BiasModel.zero().replace(azimuth_offset=2e-3, elevation_offset=-1.5e-3
 
 
 def made(accept: str = "better", **given: Any) -> Calibrator:
-    one = Calibrator(CalibratorParams(station=STATION, band=BAND, **given), ShadowRules(accept=accept))
+    one = Calibrator(CalibratorParams(station=STATION, band=BAND, **given), AcceptanceRules(accept=accept))
     one.keeper.begin(NOW_S)
     return one
 
