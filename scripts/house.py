@@ -236,7 +236,8 @@ print(json.dumps({{"files": [file for file in found if file], "kB": int(resident
         where = self.modules.get(module)
         if where is None:
             return module
-        for node in where.tree.body if where.is_package else ():
+        # Lazy packages name what they hand on below `if TYPE_CHECKING`.
+        for node in where.nodes if where.is_package else ():
             if isinstance(node, ast.ImportFrom) and node.module:
                 for alias in node.names:
                     if (alias.asname or alias.name) == name:
@@ -246,7 +247,7 @@ print(json.dumps({{"files": [file for file in found if file], "kB": int(resident
 
     @cached_property
     def importers(self) -> dict[str, set[str]]:
-        """For every module the modules that import what it defines; a re-export is no import."""
+        """For every module the modules that import what it defines, re-exports left out."""
         found: dict[str, set[str]] = {name: set() for name in self.modules}
         for importer in self.modules.values():
             for node in importer.nodes:
@@ -480,7 +481,7 @@ def _calls_of_a_period(root: Path) -> list[str]:
 def places(source: Source) -> list[Row]:
     """Files that a new key, message field, tracker or command is written into.
 
-    Counted are those that name one that exists; docstrings and comments are no names.  The own
+    Counted are those that name one that exists; docstrings and comments are not names.  The own
     modules of the tracker, `tracking/conscan*`, are not counted; its node is.
     """
     own = f"/tracking/{ONE_TRACKER}"
@@ -615,7 +616,7 @@ def _wired(node: ast.AST) -> Iterable[str]:
 
 
 def comments(source: Source) -> list[Row]:
-    """Lines with a comment that is no directive for a tool."""
+    """Lines with a comment that is not a directive for a tool."""
     rows = []
     for what, modules in (("station", source.station), ("package", list(source.modules.values()))):
         lines = sum(module.lines for module in modules)

@@ -22,10 +22,9 @@ from rf_pointing_msgs.srv import SelectTarget
 from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import Trigger
 
-from rf_pointing.calibration import ShadowRules
+from rf_pointing.calibration import AcceptanceRules
 from rf_pointing.ros import convert
 from rf_pointing.ros.convert_calibration import fit_to_result, model_to_message, no_model_to_message
-from rf_pointing.ros.diagnostics import LEVELS, Health
 from rf_pointing.ros.graph import TEMPERATURE
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import RESULT_TIMEOUT_S, conclude
@@ -43,7 +42,7 @@ class BiasCalibrator(StationNode):
     def __init__(self) -> None:
         super().__init__("bias_calibrator")
         self.parameters.declare("calibrator", CalibratorParams())
-        self.parameters.declare("shadow", ShadowRules(), live=True)
+        self.parameters.declare("shadow", AcceptanceRules(), live=True)
         self.parameters.declare("orbit", ORBIT, live=True)
         self.parameters.on_change(self._retune)
         self.calibrator: Calibrator | None = None
@@ -71,7 +70,7 @@ class BiasCalibrator(StationNode):
         self.serve_action(Trigger, "~/rollback", lambda _: self._publish(own.roll_back()))
         kelvin = convert.temperature_from_message
         self.listen(Temperature, TEMPERATURE, lambda m: setattr(own.keeper, "temperature_k", kelvin(m)), STREAM)
-        self.diagnostics.add("model", self._health)
+        self.diagnostics.add_report("model", own.health)
 
     def activate(self) -> None:
         self.calibrator.keeper.begin(self.now_s())
@@ -139,10 +138,6 @@ class BiasCalibrator(StationNode):
     def _retune(self) -> None:
         if self.calibrator is not None:
             self.calibrator.keeper.retune(self.parameters.value("shadow"))
-
-    def _health(self) -> Health:
-        level, message, values = self.calibrator.health()
-        return Health(LEVELS[level], message, values)
 
 
 def main() -> None:

@@ -20,8 +20,8 @@ from rf_pointing.identification import (
     ResponseStudy,
     StraightCheck,
     modes_of,
-    study,
 )
+from rf_pointing.identification.study import study
 from rf_pointing.papers.bare_antenna import BareAntenna
 from rf_pointing.papers.row import Row
 from rf_pointing.servo import AntennaPlant, Wind, WindParams, dss13_plant

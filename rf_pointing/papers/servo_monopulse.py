@@ -115,7 +115,7 @@ def _mistuning() -> list[Row]:
 
 
 def _gains() -> list[Row]:
-    """What notch and amplifier gain buy against f_m = 0.04 Hz without either (BWG Fig.
+    """Gain by notch and amplifier against f_m = 0.04 Hz without either (BWG Fig.
 
     20 against Fig.  8a).
     """

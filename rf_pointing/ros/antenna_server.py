@@ -1,6 +1,6 @@
-"""What an antenna in operation sends, and what it is asked (the port of `AntennaOperation`).
+"""Topics and services of an antenna in operation (the port of `AntennaOperation`).
 
-The topics and services are those of `antenna_servo`; all last until cleanup.
+They are those of `antenna_servo`, and last until cleanup.
 """
 
 import math

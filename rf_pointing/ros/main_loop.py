@@ -77,7 +77,7 @@ def run(node_type: Callable[[], Any]) -> None:
     executor = make_executor()
     executor.add_node(node)
     settle_garbage()
-    failure = _work(node, executor, signals)
+    failure = work(node, executor, signals)
     deaf = node.input_watchdog.deaf
     executor.shutdown()
     node.destroy_node()
@@ -105,7 +105,7 @@ def take_priority(realtime: int) -> str:
         return f"{words}, nor is nice {NICER}; rtprio in /etc/security/limits.conf allows it"
 
 
-def _work(node: Any, executor: Any, signals: Sequence[int]) -> str:
+def work(node: Any, executor: Any, signals: Sequence[int]) -> str:
     """Work until a signal; return "" or by which error the node has ended."""
     failure = ""
     # Not `spin`: between two events the node does its own work and the signals are seen.

@@ -159,7 +159,7 @@ class ManagedNode(Lifecycle):
         """Offer an action as long as the node lives, one goal at a time.
 
         `accepts(request)` says whether a goal is taken, and `begin(goal)` begins it.  Whoever ends
-        it calls `goal.execute()`, which takes the `result()`.  `cancel()` asks for that.
+        it calls `goal.execute()`, which takes the `result()`.  `cancel()` requests that.
         """
 
         def cancelled(_goal: Any) -> CancelResponse:

@@ -3,9 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
-
-from rf_pointing.ros.managed import RESULT_TIMEOUT_S, ManagedNode, conclude
+from rf_pointing.ros.managed import ManagedNode
 
 
 class OneGoal:
@@ -19,13 +17,12 @@ class OneGoal:
         self, node: ManagedNode, kind: Any, name: str, begin: Callable[[Any], None], result: Callable[[str], Any],
         cancel: Callable[[], None],
     ) -> None:  # fmt: skip
-        self._node, self._begin, self._result, self._cancel = node, begin, result, cancel
+        self._node, self._begin = node, begin
         self._goal: Any = None
         self._refusal = ""
-        self._server = ActionServer(
-            node, kind, name, self._conclude, goal_callback=self._offered, handle_accepted_callback=self._accepted,
-            cancel_callback=self._cancelled, result_timeout=RESULT_TIMEOUT_S,
-        )  # fmt: skip
+        node.serve_goals(
+            kind, name, accepts=self._accepts, begin=self._take, cancel=cancel, result=lambda: result(self._refusal)
+        )
 
     @property
     def lasts(self) -> bool:
@@ -43,18 +40,14 @@ class OneGoal:
         if goal is not None:
             goal.execute()
 
-    def destroy(self) -> None:
-        """Serve the action no longer."""
-        self._server.destroy()
-
-    def _offered(self, _request: Any) -> GoalResponse:
+    def _accepts(self, _request: Any) -> bool:
         if self._node.active and self._goal is None:
-            return GoalResponse.ACCEPT
+            return True
         why = "another one is under way" if self._node.active else "not active"
         self._node.get_logger().error(f"goal refused: {why}")
-        return GoalResponse.REJECT
+        return False
 
-    def _accepted(self, goal: Any) -> None:
+    def _take(self, goal: Any) -> None:
         self._refusal = ""
         try:
             self._begin(goal.request)
@@ -66,10 +59,3 @@ class OneGoal:
             goal.execute()
             return
         self._goal = goal
-
-    def _cancelled(self, _goal: Any) -> CancelResponse:
-        self._cancel()
-        return CancelResponse.ACCEPT
-
-    def _conclude(self, goal: Any) -> Any:
-        return conclude(goal, self._result(self._refusal))

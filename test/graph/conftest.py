@@ -1,6 +1,7 @@
 """A private ROS domain and real processes for the graph tests."""
 
 import os
+import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -152,3 +153,9 @@ def live(tmp_path: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
     """A live graph of one test."""
     with live_graph(tmp_path, ros_domain) as graph:
         yield graph
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

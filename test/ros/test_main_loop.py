@@ -193,7 +193,7 @@ class Node:
         self.lock = SimpleNamespace(release=lambda: self.did.append("release"))
 
     @property
-    def hearing(self) -> Any:
+    def input_watchdog(self) -> Any:
         deaf = bool(self._deaf_after) and self.turns >= self._deaf_after
         return SimpleNamespace(deaf="nothing has been received" if deaf else "")
 
@@ -255,7 +255,7 @@ class Executor:
 def test_a_signal_ends_the_loop_and_the_node_once() -> None:
     signals: list[int] = []
     node, executor = Node(), Executor(signals, 3)
-    assert main_loop._work(node, executor, signals) == ""
+    assert main_loop.work(node, executor, signals) == ""
     assert executor.waits == pytest.approx([0.1, 0.2, 0.3])
     assert node.did == ["bring_up", "bring_up", "bring_up", "end"]
 
@@ -263,7 +263,7 @@ def test_a_signal_ends_the_loop_and_the_node_once() -> None:
 def test_a_deaf_node_ends_without_a_fault() -> None:
     signals: list[int] = []
     node, executor = Node(deaf_after=2), Executor(signals, 9)
-    assert main_loop._work(node, executor, signals) == ""
+    assert main_loop.work(node, executor, signals) == ""
     assert len(executor.waits) == 2
     assert node.did[-2].startswith("fatal the node ends, and must be started again: nothing has been received")
     assert node.did[-1] == "end"
@@ -280,7 +280,7 @@ def test_a_deaf_node_ends_without_a_fault() -> None:
 def test_an_error_of_the_node_s_own_work_is_a_failure(raises: tuple[str, ...], failure: str, ends: list[str]) -> None:
     signals: list[int] = []
     node = Node(raises=raises)
-    assert main_loop._work(node, Executor(signals, 1), signals) == failure
+    assert main_loop.work(node, Executor(signals, 1), signals) == failure
     done = [each for each in node.did if not each.startswith(("fatal", "bring_up"))]
     assert done == ends
     assert f"fatal the node ends after a controlled stop, please report it: {failure}" in node.did
@@ -289,11 +289,11 @@ def test_an_error_of_the_node_s_own_work_is_a_failure(raises: tuple[str, ...], f
 def test_an_error_of_a_callback_is_survived_and_one_of_periodic_work_is_not() -> None:
     signals: list[int] = []
     node = Node()
-    assert main_loop._work(node, Executor(signals, 2, ValueError("no time")), signals) == ""
+    assert main_loop.work(node, Executor(signals, 2, ValueError("no time")), signals) == ""
     assert node.did == ["bring_up", "survived a callback: no time"] * 2 + ["end"]
     node, error = Node(), KeyError("gone")
     executor = Executor(signals := [], 5, error, node)
-    assert main_loop._work(node, executor, signals) == "KeyError: 'gone'"
+    assert main_loop.work(node, executor, signals) == "KeyError: 'gone'"
     assert len(executor.waits) == 1
     assert node.did[-2:] == ["fail KeyError: 'gone'", "end"]
 

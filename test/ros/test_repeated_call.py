@@ -1,12 +1,16 @@
 """A call that may be made twice is made until an answer comes."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from rf_pointing.ros import repeated_call
-from rf_pointing.ros.repeated_call import AGAIN_S, RepeatedCall
+from rf_pointing.ros.repeated_call import AGAIN_S, ParametersOf, RepeatedCall
+from test.nodes import bench
 
 
 class Time:
@@ -69,3 +73,19 @@ def test_a_service_that_is_not_offered_is_not_called(wall: Time) -> None:
     service.ready = True
     call.done()
     assert (call.done(), call.made, call.result()) == (True, True, "found")
+
+
+def test_parameters_of_another_node_are_read_every_period(wall: Time) -> None:
+    service: Any = bench.Service()
+    node: Any = SimpleNamespace(create_client=lambda _kind, _name: service)
+    reader = ParametersOf(node, "pointing_controller", ["low", "unset", "mask"], 600.0)
+    assert reader.take() is None
+    values = [Parameter("x", value=value).get_parameter_value() for value in (0.5, None, [1.0, 2.0])]
+    assert service.answer(GetParameters.Response(values=values)).names == ["low", "unset", "mask"]
+    assert reader.take() == {"low": 0.5, "mask": (1.0, 2.0)}
+    for seconds, calls in ((599.9, 1), (0.2, 2)):
+        wall.now_s += seconds
+        assert (reader.take(), len(service.requests)) == (None, calls)
+    # A node that has another set of them says nothing.
+    service.answer(GetParameters.Response(values=values[:2]))
+    assert reader.take() is None

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from rf_pointing.core import Params, parameter
 
 Array = NDArray[np.float64]
-# Of the largest axis: a single station shows nothing of the turn about itself.
+# The largest axis counts: a single station shows nothing of the turn about itself.
 OBSERVED = 1e-6
-# Of a handful of directions neither sum is chi-square yet.
+# Fewest directions: with a handful neither sum is chi-square yet.
 FEWEST = 5.0
 NOTICED = 0.05
 """Probability that the mean of sound innovations widens the covariance."""
@@ -46,7 +46,7 @@ class WatchParams(Params):
 class InnovationWatch:
     """Weighted sums over the directions so far, one of each for every memory.
 
-    `with_direction` adds a direction, `doubts` tests the sums, `bias_covariance` is what the mean
+    `with_direction` adds a direction, `reasons` tests the sums, `bias_covariance` is what the mean
     adds to the covariance of the attitude.
     """
 
@@ -80,7 +80,7 @@ class InnovationWatch:
             spread=matrix_keep**2 * self.spread + information,
         )
 
-    def doubts(self, params: WatchParams) -> list[str]:
+    def reasons(self, params: WatchParams) -> list[str]:
         """Return in words what contradicts the filter's covariance, from the memory that shows it
         best.
         """

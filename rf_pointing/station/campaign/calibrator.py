@@ -15,16 +15,17 @@ from typing import Any
 
 from rf_pointing import __version__, calibration
 from rf_pointing.calibration import (
+    AcceptanceRules,
     FitResult,
     ModelVersion,
     ObservationJournal,
     PassPriors,
     SectorRule,
-    ShadowRules,
 )
 from rf_pointing.core import MDEG, JointReading, Params, PointingError, parameter
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
+from rf_pointing.station.pointing.status import Level, Report
 
 SECTORS = SectorRule()
 # Wall time after which a service or an action server that does not answer is given up.
@@ -66,7 +67,7 @@ def journal_of(folder: str, station: str, band: str) -> ObservationJournal:
 class Calibrator:
     """The models (`keeper`) and the observations (`log`); ValueError for a file that is refused."""
 
-    def __init__(self, params: CalibratorParams, rules: ShadowRules) -> None:
+    def __init__(self, params: CalibratorParams, rules: AcceptanceRules) -> None:
         start = calibration.read_model(params.model_file) if params.model_file else None
         self.keeper = ModelKeeper(params.station, params.band, params.folder, start, rules)
         kept = params.folder and params.keep_observations
@@ -95,7 +96,7 @@ class Calibrator:
         name = name or self.keeper.free_name(f"fit-{now_s:.0f}")
         file = ModelVersion.from_fit(fit, name=name, software=f"rf_pointing {__version__}", created_t_s=now_s)
         self.keeper.propose(file)
-        return fit, file, calibration.doubts_of(fit, self.log.observations())
+        return fit, file, calibration.warnings_of(fit, self.log.observations())
 
     def accept(self, now_s: float) -> str:
         """Put the candidate in force (`ModelKeeper.accept`); return what it was, in words."""
@@ -135,17 +136,17 @@ class Calibrator:
     def _sectors_filled(self) -> int:
         return SECTORS.count - len(self.log.coverage(SECTORS).thin)
 
-    def health(self) -> tuple[int, str, dict[str, object]]:
-        """Return level (0, 1 warning), message and the numbers behind it."""
+    def health(self) -> Report:
+        """Return the model in force, or what is wrong, and the numbers behind it."""
         keeper = self.keeper
         values: dict[str, object] = {
             "observations": len(self.log),
             "candidate": keeper.candidate.name if keeper.candidate else "",
             "shadow": keeper.verdict_text(),
         }
-        missing = "" if keeper.active else "no model: commands are not corrected"
+        name, missing = (keeper.active.name, "") if keeper.active else ("", "no model: commands are not corrected")
         problems = "; ".join(filter(None, (self.log.problem, missing)))
-        return (1, problems, values) if problems or not keeper.active else (0, keeper.active.name, values)
+        return Report(Level(bool(problems)), problems or name, values)
 
 
 class Campaign:

@@ -66,7 +66,7 @@ class GoalOutcome:
 
 
 class Search(Protocol):
-    """An answer of the ephemeris that is waited for; `made` is whether it could be asked."""
+    """An answer of the ephemeris that is waited for; `made` is whether it could be requested."""
 
     @property
     def made(self) -> bool: ...
@@ -187,8 +187,8 @@ class PassGoals:
 
     def _require_fit(self) -> None:
         """ValueError where no pass can be tracked now."""
-        if refusal := self._difference() or self._no_temperature:
-            raise ValueError(refusal)
+        if reason := self._difference() or self._no_temperature:
+            raise ValueError(reason)
 
     def _difference(self) -> str:
         difference = self._port.difference()
@@ -219,7 +219,7 @@ class PassGoals:
         self._port.end_goal()
 
     def cancel(self) -> None:
-        """End the goal because its client asks for it."""
+        """End the goal at the request of its client."""
         # A goal that waits for its pass is ended by `_take_passes`.
         self._cancelled = True
         self.controller.stop("the goal was cancelled")

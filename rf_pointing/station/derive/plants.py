@@ -10,21 +10,36 @@ import math
 from dataclasses import dataclass
 
 from rf_pointing.controllers import PositionLoopParams, dss13_loops
+from rf_pointing.core import AXES, leaves
 from rf_pointing.servo import AxisParams, PlantParams, dss13_plant
 from rf_pointing.station.antenna.loops import closed_loop_pole
+from rf_pointing.station.derive.axes import preprocessor
+from rf_pointing.station.derive.band import (
+    REFERENCE_M,
+    STIFF_BACKLASH_DEG,
+    STIFF_DRIVE_RAD_S,
+    Band,
+    Rows,
+    Value,
+    drive_acceleration_deg_s2,
+    encoder_bits,
+    tuned,
+)
+from rf_pointing.station.derive.watches import oscillation
 
-REFERENCE_M = 34.0
-STIFF_BELOW_M = 10.0
-STIFF_DRIVE_RAD_S = 25.0
-"""Bandwidth of the rate loop of a small mount."""
 STIFF_GEAR_HZ = 30.0
-STIFF_BACKLASH_DEG = 0.01
 COARSE_NOISE_RAD = math.radians(5e-4)
 HIGHEST_MODE_HZ = 60.0
 MOMENT = 0.1
 """Moment coefficient of the wind on a reflector (servo/wind.py)."""
 AIR_DENSITY = 1.225
 HOLDING_RESERVE = 1.1
+GIVEN = {
+    "rate_limit_deg_s": "rate_deg_s", "acceleration_limit_deg_s2": "acceleration_deg_s2",
+    "travel_min_deg": "hard_stop_deg", "travel_max_deg": "hard_stop_deg", "encoder_bits": "encoder_bits",
+    "backlash_deg": "backlash_deg",
+}  # fmt: skip
+"""Parameters of an axis that the mount gives, and their keys."""
 FEEDFORWARD_LAG_S = 1.0 / (2.0 * math.pi * 10.0)
 TICK_S = 0.02
 GAIN_MARGIN = 2.0
@@ -39,6 +54,36 @@ class MountAxis:
     stop_rad: tuple[float, float]
     encoder_bits: int
     backlash_rad: float | None
+
+
+def plant_and_loops(of: Band) -> tuple[Rows, Rows]:
+    """Return the rows of the plant and of everything that closes or guards its loops."""
+    structure, diameter = of.structure, of.wind_diameter_m
+    azimuth, elevation = (
+        MountAxis(
+            rate_rad_s=math.radians(axis.rate_deg_s),
+            acceleration_rad_s2=math.radians(drive_acceleration_deg_s2(axis)),
+            stop_rad=(math.radians(stop[0]), math.radians(stop[1])),
+            encoder_bits=encoder_bits(axis),
+            backlash_rad=None if axis.backlash_deg is None else math.radians(axis.backlash_deg),
+        )
+        for axis, stop in zip(of.axes, of.stops_deg, strict=True)
+    )
+    plant = plant_of(structure, diameter, (azimuth, elevation), of.content.wind.mean_limit_m_s)
+    rows: dict[str, Value] = {}
+    for name, (_, value) in leaves(plant).items():
+        axis, _, last = name.rpartition(".")
+        given = axis in AXES and last in GIVEN
+        formula = f"{structure} structure of {diameter:g} m (plants.py)"
+        rows[name] = Value(value, f"mount.{axis}.{GIVEN[last]}") if given else tuned(value, formula)
+    loops: dict[str, Rows | Value] = {"preprocessor": preprocessor(of), "oscillation": oscillation(of)}
+    formula = f"PI loop of a {structure} structure with a gain margin of 2"
+    for axis, own, loop in zip(AXES, of.axes, position_loops(structure, diameter, plant), strict=True):
+        rate = f"mount.{axis}.rate_deg_s"
+        for name, (_, value) in leaves(loop).items():
+            loops[f"{axis}.{name}"] = Value(value, rate if name == "rate_limit_deg_s" else "", formula)
+        loops[f"lqg_{axis}.rate_limit_deg_s"] = Value(own.rate_deg_s, rate)
+    return rows, loops
 
 
 def wind_torque_n_m(diameter_m: float, speed_m_s: float) -> float:

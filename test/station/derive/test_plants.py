@@ -8,7 +8,7 @@ import pytest
 from rf_pointing.controllers import dss13_loops
 from rf_pointing.servo import dss13_plant
 from rf_pointing.station.antenna.loops import closed_loop_pole
-from rf_pointing.station.description.plants import MountAxis, plant_of, position_loops, wind_torque_n_m
+from rf_pointing.station.derive.plants import MountAxis, plant_of, position_loops, wind_torque_n_m
 
 DEG = math.pi / 180.0
 FAST = MountAxis(
