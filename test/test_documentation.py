@@ -186,7 +186,7 @@ def executables() -> dict[str, str]:
 def command_lines(page: Path) -> Iterator[list[str]]:
     """Yield the words of every command of the code blocks and code spans of a page, without what the shell takes."""
     text = page.read_text()
-    blocks = [CONTINUED.sub(" ", block.split("\n", 1)[1]) for block in CODE.findall(text)]
+    blocks = [CONTINUED.sub(" ", block[:-3].partition("\n")[2]) for block in CODE.findall(text)]
     rest = CONTINUED.sub(" ", CODE.sub("", text))
     lines = [line for block in blocks for line in block.splitlines()]
     for line in [*lines, *SPAN.findall(rest), *re.findall(r"^ {4,}(\S.*)$", rest, re.MULTILINE)]:
