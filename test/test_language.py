@@ -94,6 +94,52 @@ def banned_words(path: Path) -> list[str]:
     return found
 
 
+WEAK = re.compile(
+    r"\b(?:is|are|was|were)\s+(?-i:none)\b"
+    r"|(?<!there\s)\b(?:is|are|was|were)\s+no\s+(?!longer\b|more\b|less\b|later\b|earlier\b|\w+er\s+than\b)\w+",
+    re.IGNORECASE,
+)
+"""A definition by what a thing is not: say what it is, or what becomes of it."""
+FRAGMENTS = re.compile(r"(?:Of|What|But)\b")
+"""How a docstring does not begin: they leave the reader to find the noun that they belong to."""
+FRAGMENTS_OF_COMMENTS = re.compile(r"# (?:Of|But)\b")
+
+
+def weak_sentences(path: Path) -> list[str]:
+    """Return file and line of definitions by negation, and of docstrings and comments without a verb."""
+    found = []
+    for first, text in passages(path):
+        matches = WEAK.finditer(blanked(CODE_SPAN, text))
+        found += [(first + text.count("\n", 0, match.start()), match[0]) for match in matches]
+    if path.suffix == ".py":
+        text = path.read_text()
+        starts = [(node.lineno, node.value.value) for node in docstrings(ast.parse(text))]
+        found += [(line, match[0]) for line, words in starts if (match := FRAGMENTS.match(words.strip()))]
+        before = ""
+        for number, line in enumerate(text.splitlines(), 1):
+            # Only the first line of a comment begins a sentence.
+            if not before.startswith("#") and (match := FRAGMENTS_OF_COMMENTS.match(line.strip())):
+                found.append((number, match[0]))
+            before = line.strip()
+    return [f"{shown(path)}:{line}: {' '.join(words.split())!r}" for line, words in sorted(found)]
+
+
+def docstrings(tree: ast.Module) -> list[ast.Expr]:
+    """Return the docstrings of a module, those of its constants and attributes included."""
+    bodies = (getattr(node, "body", None) for node in ast.walk(tree))
+    strings = (each for body in bodies if isinstance(body, list) for each in body if isinstance(each, ast.Expr))
+    return [each for each in strings if isinstance(each.value, ast.Constant) and isinstance(each.value.value, str)]
+
+
+def lines_of_prose(path: Path) -> set[int]:
+    """Return the numbers of the lines that are a docstring's or a comment alone."""
+    text = path.read_text()
+    found = {number for number, line in enumerate(text.splitlines(), 1) if line.lstrip().startswith("#")}
+    for node in docstrings(ast.parse(text)):
+        found.update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+    return found
+
+
 def banned_names(path: Path) -> list[str]:
     """Return file and line, name and replacement of every definition with a banned name."""
     found = set()

@@ -62,7 +62,7 @@ ALLOWED_ROOMS = {
     "report": {"core", "station", "simulation", *SIBLINGS},
     "api": STATION,
     "ros": STATION,
-    "web": {"core", "ros"},
+    "web": {"core", "ros", "station"},
     "nodes": STATION | {"ros", "web"},
     "commands": STATION | {"ros", "nodes", "api"},
     **dict.fromkeys(CORE_OF_ARRAYS, {"core", *SIBLINGS, "station"} | CORE_OF_ARRAYS),

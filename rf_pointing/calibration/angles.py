@@ -18,7 +18,7 @@ REFERENCE_TEMPERATURE_K = 288.15
 
 @dataclass(frozen=True)
 class _Angles(ABC):
-    """What both forms have in common, so that each term is written once for both."""
+    """Common part of both forms: each term is written once for both."""
 
     azimuth: Array
     elevation: Array
@@ -139,4 +139,4 @@ class SeriesAngles(_Angles):
 
 
 Angles = ArrayAngles | SeriesAngles
-"""What a term is evaluated on."""
+"""Argument of a term: angles as arrays, or as series."""

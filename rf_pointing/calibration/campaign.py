@@ -87,7 +87,7 @@ class Slew(Params):
     )
 
     def check_together(self) -> None:
-        """Refuse a travel that is no pair or less than a turn."""
+        """Refuse a travel that is not a pair, or is less than a turn."""
         if self.travel_rad and (len(self.travel_rad) != 2 or self.travel_rad[1] - self.travel_rad[0] < _TURN):
             raise ValueError(f"travel_rad={self.travel_rad} must be two ends at least a turn apart")
 

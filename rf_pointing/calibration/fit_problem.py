@@ -29,7 +29,7 @@ from rf_pointing.core import wrap_rad
 
 Array = NDArray[np.float64]
 Pair = tuple[Array, Array]
-# Of 1 km and a second: 10 ms change the shift by less than 0.1 mdeg.
+# Lags that count as equal: at orbit errors of 1 km and 1 s they change the shift by < 0.1 mdeg.
 _SAME_LAG_S = 0.01
 Places = NDArray[np.int64]
 
@@ -274,7 +274,7 @@ class FitProblem:
         if self.pass_priors is None:
             raise ValueError("pass_priors=None: the fit has no pass errors")
         lags = (0.0, 0.0)
-        # The printed form is linear: a product of lag and orbit error is none of its terms.
+        # The printed form is linear: it has no term for a product of lag and orbit error.
         if not self.linear and self._last is not None:
             lags = lags_of({**self.held, **dict(zip(self.names, self._last[0].tolist(), strict=True))})
         known = self._own_at

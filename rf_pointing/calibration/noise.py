@@ -42,7 +42,7 @@ _ROUNDS = 8
 # Correlations below are noise of the estimate; the sum stops at the first of them.
 _SIGNIFICANT = 2.0
 _MOST_LAGS = 60
-# Of a perfect simulation, which scatters by nothing; the square of it is a number too.
+# Least variance, for a simulation without scatter; its square is still above the smallest float.
 _LEAST_VARIANCE = 1e-150
 
 

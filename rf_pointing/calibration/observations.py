@@ -187,7 +187,7 @@ def _check_angles(data: Observations) -> None:
     turn = float(np.median(data.residual_azimuth_rad))
     spread = float(np.median(np.abs(wrap_rad(data.residual_azimuth_rad - turn))))
     reason = f"rad must be <= {LARGEST_BIAS_RAD}; swapped columns, another station or degrees?"
-    # One bad row among good ones is no other north.
+    # One bad row among good ones is not another north.
     if spread < _TURNED_SPREAD_RAD and abs(turn) > LARGEST_BIAS_RAD:
         reason = f"rad must be <= {LARGEST_BIAS_RAD}: {north_text(turn)}"
     _refuse_where(distance > LARGEST_BIAS_RAD, "observed minus true direction", distance, reason)

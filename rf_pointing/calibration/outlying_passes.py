@@ -1,4 +1,4 @@
-"""What makes a fit doubtful, and how large the orbit errors of its passes are.
+"""Passes that make a fit doubtful, and the size of the orbit errors of its passes.
 
 With the errors v_g of the passes g estimated under a prior of size s, and their posterior sigma
 p_g,
@@ -108,7 +108,7 @@ class _Equations:
         if fit.pass_rows is None:
             raise ValueError("pass_priors=None: the fit has no pass errors")
         own, known = len(start.names), [fit.priors.get(name) for name in fit.names]
-        # Of the products, not of the triangles: sizes need few digits, and this takes a tenth.
+        # Products instead of triangular factors: sizes need few digits, and this takes a tenth.
         products = np.swapaxes(fit.pass_rows, 1, 2) @ fit.pass_rows
         length = np.sqrt(np.maximum(np.einsum("gii->i", products), 1e-300))
         length[:own] = 1.0 / start.sigma

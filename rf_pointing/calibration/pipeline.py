@@ -45,7 +45,7 @@ _MOTION = (
 
 @dataclass(frozen=True, kw_only=True)
 class Known:
-    """What is known of the antenna and of the orbits before the data are processed.
+    """Prior knowledge of the antenna and of the orbits, before the data are processed.
 
     `form` is that of the fit: of skew axes with long lags the two differ by 20 mdeg at 84 deg.
     `errors` are those of the passes by number; `sigma_scale` are the factors of sigma in azimuth
@@ -194,7 +194,7 @@ class RawPasses:
         self, smoothed: Thinned, paths: Mapping[int, ReferenceTrack]
     ) -> tuple[Thinned, dict[str, Array], Array]:
         """Return the points along a line, the target's motion at them, and their sigma (2, n)."""
-        # A single point is no pass, and has no motion.
+        # A single point is not a pass, and has no motion.
         _, place, counts = np.unique(smoothed.passes, return_inverse=True, return_counts=True)
         smoothed = smoothed.select(counts[place] > 1, "alone in a pass")
         if len(smoothed.t_s) == 0:

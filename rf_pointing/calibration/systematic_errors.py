@@ -3,7 +3,7 @@
 A wrong site, refraction applied twice and a wrong clock look like a mount: the fit absorbs most of
 them, and its residuals and sigmas look fine.  Each leaves a trace of its own:
 
-* refraction R(E) is no sum of 1, cos E and sin E below 20 deg of elevation;
+* refraction R(E) is not a sum of 1, cos E and sin E below 20 deg of elevation;
 * an antenna at another place sees every pass displaced by the same metres;
 * a late pass is displaced along its track, by kilometres where the others are within metres;
 * time tags that are late in all passes move both axes by one time, and the ranges with them;
@@ -40,7 +40,7 @@ _EQUAL_SIGMA, _EQUAL_SHARE, _EQUAL_S = 3.0, 0.01, 0.01
 # A mount's azimuth is surveyed to a fraction of a degree; declination and convergence are larger.
 _LARGEST_NORTH_RAD = np.radians(2.0)
 _TURNED_SPREAD_RAD = np.radians(1.0)
-# Of a median of absolute values; the others must be known well enough to judge one by them.
+# Ratio of sigma to a median of absolute values, and the fewest others that can judge one value.
 _MEDIAN_TO_SIGMA, _FEWEST_OTHERS = 1.4826, 4
 _LEAST_LATE_S, _FARTHEST, _JUDGED = 0.015, 3, 1.5
 _FEWEST_RANGED = 20
@@ -85,7 +85,7 @@ def common_clock(fit: FitResult, known: Mapping[str, float]) -> Suspect | None:
     apart = float(np.sqrt(np.array([1.0, -1.0]) @ covariance @ [1.0, -1.0]))
     weight = np.linalg.solve(covariance, np.ones(2))
     size, sigma = float(weight @ moved / np.sum(weight)), float(np.sum(weight) ** -0.5)
-    # A delay of 0.5 s is no pure lag: its third order and the means of 10 s leave some ms.
+    # A delay of 0.5 s is not a pure lag: its third order and the means of 10 s leave some ms.
     equal = abs(moved[0] - moved[1]) < _EQUAL_SIGMA * apart + _EQUAL_SHARE * abs(size)
     if not equal or abs(size) < max(_LEAST_CLOCK_S, _SURE_SIGMA * sigma):
         return None

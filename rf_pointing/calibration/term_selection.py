@@ -46,7 +46,7 @@ Array = NDArray[np.float64]
 
 # Terms that enter and leave in turn would go on for ever.
 _MOST_STEPS = 100
-# Of the longest column: a shorter one is rounding (the sine of pi is 1e-16).
+# Share of the longest column below which one is rounding (the sine of pi is 1e-16).
 _NOTHING = 1e-13
 # Criteria this close are equal: chi squared is a difference of sums whose rounding may reach 1e-6.
 _SAME_BIC = 1e-4
@@ -54,11 +54,11 @@ _SAME_BIC = 1e-4
 _UNLIKELY = 14.0
 # Terms by which a subset differs from the chosen one: more have no weight.
 _MOST_CHANGED = 4
-# Of the usual sizes of terms.
+# Prior sizes that are tried, as factors of the usual size of a term.
 _SIZES = (0.3, 0.6, 1.2)
-# A sigma over what it is without another term: beyond it that one is no matter of choice.
+# Where another term raises a sigma by more than this factor, the data cannot choose that term.
 _MOST_NARROWED = 8.0
-# Of an interval: to a millionth of a sigma.
+# Halvings of an interval: to a millionth of a sigma.
 _HALVINGS = 30
 
 
@@ -94,7 +94,7 @@ def select_terms(
 ) -> Selection:
     """Return the `candidates` that the data support; the others count as zero.
 
-    Terms that are no candidates have the values in `held`, zero without it.  The equations are
+    Terms that are not candidates have the values in `held`, zero without it.  The equations are
     those of the printed form, or linear `about` a fit of all candidates.  Raises ValueError for
     unknown names and a search that has not settled.
     """
@@ -149,7 +149,7 @@ class _Search:
         pass_priors: PassPriors | None,
         about: FitResult | None,
     ) -> "_Search":
-        # Products of terms are no terms: a lag of 0.5 s alone looks as 0.12 s^2 more otherwise.
+        # Products of terms are not terms: a lag of 0.5 s alone looks as 0.12 s^2 more otherwise.
         form = "printed" if about is None else about.form
         problem = FitProblem(data, names, {**held_at_zero(names), **held}, {}, pass_priors, form)
         everything, one = np.ones(len(data), dtype=bool), np.ones(len(data))
@@ -210,7 +210,7 @@ class _Search:
                 among = [name for name in every if name in fitted or name == absent]
                 own = np.array([name != absent for name in among])
                 with_it, usual = self._sigma(among), np.array([term.size for term in terms_by_name(among)])
-                # A fit that leaves a term to a guess is none: there the choice is what tells it.
+                # Ignore fits that do not constrain every term better than its prior.
                 if fitted and np.all(with_it < usual):
                     found.append((float(np.max(with_it[own] / sigma)), absent))
             ratio, name = max(found, default=(0.0, ""))

@@ -148,7 +148,7 @@ def load_lqg_designs(path: Path | None = None) -> tuple[LqgDesign, LqgDesign]:
 
 @dataclass(frozen=True, kw_only=True)
 class LqgLoopParams(Params):
-    """What may be changed while the law runs; the law itself is the design."""
+    """Parameters that may change while the law runs; the law itself is the design."""
 
     feedforward_gain: float = parameter(1.0, "share of the command's rate fed forward", low=0.0, high=1.2)
     feedforward_band_hz: float = parameter(10.0, "low-pass of the feedforward", low=0.1, high=100.0)
@@ -158,7 +158,7 @@ class LqgLoopParams(Params):
 
 @dataclass(slots=True, kw_only=True)
 class LqgLoopState(LawState):
-    """What every law remembers, the estimate (7,) and the regulator's output."""
+    """State of every law, the estimate (7,) and the regulator's output."""
 
     estimate: Array
     regulator_rad_s: float = 0.0

@@ -47,7 +47,7 @@ _MAX_ITERATIONS = 60
 _FITTED_RAD = np.radians(np.concatenate([np.linspace(0.0, 3.0, 40), np.linspace(3.5, 85.0, 60)]))
 # Above this sine relative errors count: 0.1 % at the horizon is as good as at 45 deg.
 _LEAST_SINE = 0.02
-# Of the integral along one ray.
+# Nodes of the integral along one ray.
 _NODES = 200
 
 

@@ -21,9 +21,9 @@ ComplexArray = NDArray[np.complex128]
 
 # Joint names, in the order of every two-axis array.
 AXES = ("azimuth", "elevation")
-# Of a `TimeBuffer`.
+# Time that a `TimeBuffer` keeps.
 KEPT_S = 2.0
-# No mount turns so far from its encoders' zero: such a reading is no angle.
+# No mount turns so far from its encoders' zero: such a reading is not an angle.
 FARTHEST_RAD = 10.0 * 2.0 * math.pi
 
 

@@ -162,7 +162,7 @@ class PolledDrive(Drive):
         if self._pending is not None and t_s - self._pending[1] > self._timing.answer_s:
             self.losses[f"answer to {self._pending[0].name}"] += 1
             self._pending = None
-        # From its first request on: a tick that came late is no silence of the device.
+        # From its first request on: a tick that came late is not silence of the device.
         if t_s - max(self._known_s, self._asked_s - self._timing.poll_period_s) > self._timing.lost_s:
             refused = f", last answer: {self._refused}" if self._refused else ""
             self._lose(t_s, f"no position for {t_s - self._known_s:.1f} s{refused}")

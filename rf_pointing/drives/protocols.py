@@ -100,7 +100,7 @@ def _noise(text: bytes) -> Answer:
 
 
 LIMIT_NAMES = ("Minimum Azimuth", "Maximum Azimuth", "Minimum Elevation", "Maximum Elevation")
-"""What rotctld calls the ends of the travel in its extended form."""
+"""Names of the ends of the travel in rotctld's extended form."""
 RPRT_ERRORS = {
     -1: "invalid parameter",
     -2: "invalid configuration",

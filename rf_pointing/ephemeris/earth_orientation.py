@@ -40,7 +40,7 @@ PREDICTED_DAYS = 1000
 _LATEST_DAYS = 20 * 365
 _RATE_DAYS, _POLE_DAYS, _POLE_MEMORY_DAYS = 90, 6 * 365, 60.0
 _POLE_PERIODS_DAYS = (365.2422, 433.0)
-# Of fixed values: UT1 - UTC stays within 0.9 s of zero, the pole within 10 m of its mean.
+# Sigmas of fixed values: UT1 - UTC stays within 0.9 s of zero, the pole within 10 m of its mean.
 _FIXED_SIGMAS = 0.5, 0.18 * _ARCSEC
 
 

@@ -51,8 +51,7 @@ _MAX_DEGREE = 15
 _LEAST_DEGREE = {"HERMITE": 3, "LAGRANGE": 1, "LINEAR": 1}
 # Twice as far as the Earth holds a satellite; states in metres taken for km would lie beyond it.
 _FARTHEST_M = 3e9
-# Speeds over that of escape which are no satellite's, with room for what turning axes add to
-# them.
+# No satellite moves at so many times the speed of escape; turning axes may add to it.
 _FASTEST_ESCAPES = 3.0
 
 
@@ -125,7 +124,7 @@ def oem_text(
         For a body of the sky, and for times that the target does not know.
     """
     if target.at_infinity or target.name.casefold() in ("sun", "moon"):
-        raise ValueError(f"{target.name} is no satellite: an OEM holds the states of an orbit")
+        raise ValueError(f"{target.name} is not a satellite: an OEM holds the states of an orbit")
     count = max(math.ceil((end_t_s - start_t_s) / WRITTEN_STEP_S), 1) + 1
     times = np.round(np.linspace(start_t_s, end_t_s, count), 6)
     inertial = target.motion_at(times)
@@ -209,7 +208,7 @@ def _tai_of_line(state: _State, scale: str) -> float:
 
 
 def _require_near_the_earth(states: list[_State], values: Array) -> None:
-    """Refuse states that are no satellite's: those of another unit than km and km/s."""
+    """Refuse states that no satellite has: they are not in km and km/s."""
     distance, speed = (np.linalg.norm(part, axis=1) for part in (values[:, :3], values[:, 3:]))
     # States in ITRF carry the turning of the axes in their velocity.
     turning = EARTH_RATE_RAD_S * distance

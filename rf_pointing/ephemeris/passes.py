@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 # Lowest elevation (n,) at azimuths (n,) on any turn.
 Horizon = Callable[[Array], Array]
 
-# A stay of less than 30 s between two turning points is no pass anyone would track.
+# A stay of less than 30 s between two turning points is not a pass that anyone would track.
 _STEP_S = 30.0
 _TIME_TOLERANCE_S = 1e-4
 _PROFILE_STEP_S = 1.0

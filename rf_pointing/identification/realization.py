@@ -24,7 +24,7 @@ from rf_pointing.core import require_between
 from rf_pointing.identification.model import StateSpace
 
 Array = NDArray[np.float64]
-# Of the largest singular value: rounding leaves up to 1e-14 of an exact zero.
+# Share of the largest singular value that counts as zero: rounding leaves up to 1e-14.
 RANK_TOLERANCE = 1e-12
 
 
@@ -119,7 +119,7 @@ def realize(markov: Array, order: int, sample_s: float) -> Realization:
 
 
 _EDGE = 1e-9
-# Of the largest Hankel singular value: roots of Gramians have the root of their rounding, 1.5e-8.
+# Share of the largest Hankel singular value: roots of Gramians keep 1.5e-8 of rounding.
 _REDUCED_RANK_TOLERANCE = 1e-7
 
 

@@ -23,7 +23,6 @@ from rf_pointing.ephemeris import ElementUncertainty, Pass
 from rf_pointing.ephemeris.source import SourceParams
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.ros import convert, convert_planning
-from rf_pointing.ros.diagnostics import LEVELS, Health
 from rf_pointing.ros.graph import HUMIDITY, PRESSURE, SATELLITE_ATTITUDE, TEMPERATURE
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STREAM
@@ -68,7 +67,7 @@ class EphemerisPublisher(StationNode):
         if source.antenna.half_power_beamwidth_rad > 0.0:
             self.listen(Attitude, SATELLITE_ATTITUDE, self._on_attitude, STREAM)
         self.serve(SelectTarget, "~/select_target", self._on_select)
-        self.diagnostics.add("target", self._health)
+        self.diagnostics.add_report("target", lambda: self.prediction.health(self.now_s()))
 
     def activate(self) -> None:
         if no_pass := self.prediction.begin(self.now_s()):
@@ -129,10 +128,6 @@ class EphemerisPublisher(StationNode):
             value = self.parameters.value
             self.prediction.params, self.prediction.uncertainty = value("publisher"), value("uncertainty")
             self.prediction.set(value("source"), self.now_s())
-
-    def _health(self) -> Health:
-        level, message, values = self.prediction.health(self.now_s())
-        return Health(LEVELS[level], message, values)
 
 
 def main() -> None:

@@ -39,7 +39,7 @@ _BLOCK_KEYS = {"after", "before", "directives", "then", "fails", "window_s", "ti
 _DIRECTIVE_KEYS = {"send", "with", "expect", "when"}
 TIMEOUT_S = 60.0
 LARGEST_FILE = 1_000_000
-"""Characters of a procedure: more is no procedure."""
+"""Longest text of a procedure, in characters."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

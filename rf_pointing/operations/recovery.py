@@ -125,7 +125,7 @@ def _cause(name: str, given: dict[str, Any], actions: Collection[str], known: Ma
     try:
         re.compile(pattern := str(values.get("not_by_itself", "")))
     except re.error as error:
-        raise ValueError(f"causes.{name}.not_by_itself={pattern!r} is no regular expression: {error}") from error
+        raise ValueError(f"causes.{name}.not_by_itself={pattern!r} is not a regular expression: {error}") from error
     when = read_conditions(f"causes.{name}.when", values.get("when"))
     if not when:
         raise ValueError(f"causes.{name}.when must have at least one condition")
@@ -189,7 +189,7 @@ class Recovery:
     book: AlarmBook
     ongoing: dict[str, Ongoing] = field(default_factory=dict)
     _gone: dict[str, tuple[int, float, float]] = field(default_factory=dict)
-    """Of causes that have gone: how often and when something was tried, and when they went."""
+    """Causes that have gone: number and time of the trials, and when the cause went."""
 
     def step(self, now_s: float) -> None:
         """Find what is there now, raise and clear the alarms."""
@@ -221,7 +221,7 @@ class Recovery:
         return Ongoing(cause, device, now_s, tried=tried, tried_s=tried_s)
 
     def due(self, now_s: float) -> tuple[str, str] | None:
-        """Return the name of the cause and the action to try now, None when there is none."""
+        """Return the name of the cause and the action to try now, or None."""
         for one in self.ongoing.values():
             if one.raised and one.by_itself and now_s - one.tried_s >= one.cause.every_s:
                 return one.name, one.cause.do[one.tried % len(one.cause.do)]

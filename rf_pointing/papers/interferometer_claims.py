@@ -72,16 +72,9 @@ def _row(
     it.
     """
     return Row(
-        quantity=quantity,
-        source=f"PI83 {section}",
-        paper=paper,
-        ours=ours,
-        unit=unit,
-        tolerance=tolerance,
-        bound=bound,
-        remark=remark,
+        quantity, f"PI83 {section}", paper, ours, unit, tolerance, bound=bound, remark=remark,
         explained=as_due(ours, due, within),
-    )
+    )  # fmt: skip
 
 
 def chain_rows() -> list[Row]:

@@ -217,18 +217,11 @@ def _row(
     bound: str = "<=",
     due: float = math.nan,
 ) -> Row:
+    # An rms of 100 trials is known to 7 %.
     return Row(
-        quantity=quantity,
-        source="PI83 section 8.3",
-        paper=paper,
-        ours=ours,
-        unit=unit,
-        tolerance=0.0,
-        bound=bound,
-        remark=remark,
-        # An rms of 100 trials is known to 7 %.
+        quantity, "PI83 section 8.3", paper, ours, unit, 0.0, bound=bound, remark=remark,
         explained=as_due(ours, due, 0.15),
-    )
+    )  # fmt: skip
 
 
 def _far_and_near(seed: int, case: tuple[float, tuple[float, float]]) -> TrialErrors:
@@ -305,12 +298,7 @@ def _power_rows(seed: int) -> list[Row]:
     needed = float(required_power_w(100.0, 1e5, 3.42e9, LinkParams()))
     return [
         Row(
-            quantity="forward power for 20 dB at 100 km against the 42 mW of the text",
-            source="PI83 p. 98",
-            paper=0.042,
-            ours=needed,
-            unit="W",
-            tolerance=1e-3,
+            "forward power for 20 dB at 100 km against the 42 mW of the text", "PI83 p. 98", 0.042, needed, "W", 1e-3,
             remark="ours is Table 8-2's own 20-dB row; 42 mW is 22.9 dB: cause of the factor unknown",
             explained=as_due(needed, 0.02134, 2e-3),
         ),

@@ -37,7 +37,7 @@ KA = BeamParams.for_band("Ka")
 
 @dataclass(frozen=True, kw_only=True)
 class MonopulsePass:
-    """What a pass is made of; `late_s` is how far the satellite runs behind the ephemeris."""
+    """Parts of a pass; `late_s` is how far the satellite runs behind the ephemeris."""
 
     plant: PlantParams = field(default_factory=dss13_plant)
     loop: PositionLoopParams = field(default_factory=PositionLoopParams)
@@ -75,7 +75,7 @@ class PassLog:
 
 
 class Radio(Protocol):
-    """What the pass needs of the radio side; `stop` ends the pass."""
+    """Radio side of the pass; `stop` ends the pass."""
 
     stop: bool
 

@@ -115,7 +115,6 @@ def _row(found: Tracked) -> Row:
         f"{math.degrees(found.acceleration_rad_s2):.2f} deg/s^2"
     )
     return Row(
-        quantity=f"{found.band} {found.sensor}: radial error of the beam", source="DSN requirement",
-        paper=REQUIRED_MDEG[found.band], ours=found.beam_rad / MDEG, unit="mdeg rms", tolerance=0.0, bound="<=",
-        remark=remark,
+        f"{found.band} {found.sensor}: radial error of the beam", "DSN requirement", REQUIRED_MDEG[found.band],
+        found.beam_rad / MDEG, "mdeg rms", 0.0, bound="<=", remark=remark,
     )  # fmt: skip

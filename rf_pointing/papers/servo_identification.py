@@ -20,8 +20,8 @@ from rf_pointing.identification import (
     ResponseStudy,
     StraightCheck,
     modes_of,
-    study,
 )
+from rf_pointing.identification.study import study
 from rf_pointing.papers.bare_antenna import BareAntenna
 from rf_pointing.papers.row import Row
 from rf_pointing.servo import AntennaPlant, Wind, WindParams, dss13_plant
@@ -85,14 +85,10 @@ def _frequencies(studies: Studies) -> list[Row]:
             nearest = float(found[np.argmin(np.abs(found - frequency))])
             rows.append(
                 Row(
-                    quantity=f"mode frequency, {driven} to {shown}",
-                    source="DSS13-ID Table 1",
-                    paper=frequency,
-                    ours=nearest,
-                    unit="Hz",
-                    tolerance=0.02 * frequency,
+                    f"mode frequency, {driven} to {shown}", "DSS13-ID Table 1", frequency, nearest, "Hz",
+                    0.02 * frequency,
                 )
-            )
+            )  # fmt: skip
     return rows
 
 
@@ -132,13 +128,4 @@ def _errors(studies: Studies) -> list[Row]:
 
 
 def _error_row(quantity: str, source: str, paper: float, ours: float, remark: str) -> Row:
-    return Row(
-        quantity=quantity,
-        source=source,
-        paper=paper,
-        ours=100.0 * ours,
-        unit="%",
-        tolerance=0.0,
-        bound="<=",
-        remark=remark,
-    )
+    return Row(quantity, source, paper, 100.0 * ours, "%", 0.0, bound="<=", remark=remark)

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.controllers import PositionLoopParams
-from rf_pointing.servo import PlantParams, discretise, linear_model
+from rf_pointing.servo import PlantParams, discretise
+from rf_pointing.servo.linear_model import linear_model
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

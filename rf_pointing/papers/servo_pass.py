@@ -34,7 +34,7 @@ TICK_S = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class PassSetup:
-    """What a run is made of; `late_s` is how far the target's azimuth and elevation run behind the
+    """Parts of a run; `late_s` is how far the target's azimuth and elevation run behind the
     ephemeris.
 
     `cluster` is the number of latest radio samples that are averaged, 0 or 1 for none, `mean_of`

@@ -67,14 +67,10 @@ def _rejection() -> list[Row]:
     worst = float(np.max(np.abs(responses[0] / responses[1] - 1.0)[:, [0, 1], [0, 1]]))
     return [
         Row(
-            quantity="wind to beam, with over without feedforward, largest difference from 1",
-            source="BWG Sec. II",
-            paper=0.0,
-            ours=worst,
-            unit="1",
-            tolerance=1e-9,
+            "wind to beam, with over without feedforward, largest difference from 1", "BWG Sec. II", 0.0, worst, "1",
+            1e-9,
         )
-    ]
+    ]  # fmt: skip
 
 
 @cache
@@ -209,13 +205,6 @@ def _peak(qualities: list[LoopQuality]) -> float:
 def _row(quantity: str, ours: float, asked: float, unit: str, remark: str = "", miss: str = "") -> Row:
     missed = bool(miss) and ours > asked
     return Row(
-        quantity=quantity,
-        source="beyond the paper",
-        paper=asked,
-        ours=ours,
-        unit=unit,
-        tolerance=0.0,
-        bound="<=",
-        remark=miss if missed else remark,
+        quantity, "beyond the paper", asked, ours, unit, 0.0, bound="<=", remark=miss if missed else remark,
         explained=missed,
-    )
+    )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What noise does to Tripulse: variances (17), (18), (21), integration time (22), shortest pulses.
+"""Effect of noise on Tripulse: variances (17), (18), (21), integration time (22), shortest pulses.
 
 SNR is |S|^2 / sigma^2 with sigma^2 = N_0 W the *total* variance of a complex noise sample;
 gamma = |Delta / Sigma|.  `variant` is "published" for the printed formula, "corrected" for the one

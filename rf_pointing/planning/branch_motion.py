@@ -58,7 +58,7 @@ def branch_motions(
     found = []
     for plunge, motion in sides.items():
         # Over the top the whole pass lies beyond the zenith: an end of travel there rules the
-        # branch out and is no reason for a detour.
+        # branch out and is not a reason for a detour.
         most_rad = math.inf if plunge else limits.elevation_max_rad
         within = partial(cross, t_s, *motion, gain=gain)
         crossing, axes = _planned(t_s, motion, motion, machine.planned, most_rad, lag, within)

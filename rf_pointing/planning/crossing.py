@@ -228,7 +228,7 @@ def _elevations(path: _Path, azimuth: Array) -> list[Array]:
 
 @dataclass(frozen=True, slots=True)
 class CrossingLoss:
-    """What a crossing costs of a pass from `begin_s` on, by `core.pass_outcome`.
+    """Loss of a pass by a crossing from `begin_s` on, by `core.pass_outcome`.
 
     Seconds off the target, seconds below half power, seconds of signal lost (the integral of
     1 - g), and the deepest loss in dB.

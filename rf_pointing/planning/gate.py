@@ -49,7 +49,7 @@ class GateParams(Params):
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What the safety gate decides: the `reason` why a motion may not be made, with the excess.
+    """Decision of the safety gate: the `reason` why a motion may not be made, with the excess.
 
     A motion without a reason against it may carry a `warning` of a limit nearby.  `way` holds the
     corners (n, 2) by which a slew must go, empty for the straight path.
@@ -122,7 +122,7 @@ class Gate:
         return within and self._sky.clear(least[1], most[1], sun_rad)
 
     def slew(self, encoder_rad: Pair, goal_rad: Pair, sun_rad: Pair | None = None) -> tuple[float, str]:
-        """Return the time from rest to rest by a free path, and "" or why there is none."""
+        """Return the time from rest to rest by a free path, and "" or why no path is free."""
         found = self._paths.find(encoder_rad, goal_rad, sun_rad)
         corners = [goal_rad] if isinstance(found, str) else found
         # Without a free path the straight time is still the best guess for a certificate's table.

@@ -94,7 +94,7 @@ class _Sides:
         self.target = _between(first[0], self.second[0])
         over = np.column_stack([self.target[:, 0] - self.half_turn_rad, math.pi - self.target[:, 1]])
         self.before, self.after = first[0] - self.target, self.second[0] - over
-        """What the errors of the mount put between axes (n, 2) and target on either side."""
+        """Offsets (n, 2) of the axes from the target by the errors of the mount, on either side."""
         self._kernel = smoothing_kernel(SMOOTHING_S, self.step_s)
 
     def lost_s(self, start: int, end: int) -> float:

@@ -36,7 +36,7 @@ CHORD_RAD = math.radians(0.01)
 CLEARANCE_RAD = math.radians(0.5)
 # From the Sun's zone for axes that run after a target: another drive takes another way.
 CHASE_RAD = math.radians(0.1)
-# But not more than the target itself keeps, less this.
+# Part of the distance that the target itself keeps which a slew may use up.
 TARGET_RAD = math.radians(0.02)
 # Elevations to try in addition to the obvious ones.
 HEIGHTS = 12
@@ -161,7 +161,7 @@ class PathFinder:
         self._sky, self._axes, self._travel = sky, axes, travel_rad
 
     def find(self, start: Pair, end: Pair, sun: Pair | None) -> list[Pair] | str:
-        """Return the corners of a free path, the end included, or why there is none."""
+        """Return the corners of a free path, the end included, or why no path is free."""
         straight = self._barred(start, [end], sun)
         if not straight:
             return [end]
@@ -313,7 +313,7 @@ class _FreeColumns:
         return []
 
     def _components(self, low: Array, high: Array) -> NDArray[np.int64]:
-        """Return which pieces (2, n) are connected, by a number; -1 where there is none."""
+        """Return which pieces (2, n) are connected, by a number; -1 where there is no piece."""
         index = np.arange(low.size).reshape(low.shape)
         rows, columns = [], []
         for here in (0, 1):

@@ -1,4 +1,4 @@
-"""What is derived from a recording once: modes, errors, the tracked pass, and the acquisition.
+"""Quantities derived from a recording once: modes, errors, the tracked pass, and the acquisition.
 
     error = target - beam
     alone = error + offset                                          (program track alone)

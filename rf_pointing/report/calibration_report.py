@@ -180,7 +180,7 @@ def draw_residuals(points: Observations, fit: FitResult, path: Path) -> None:
                 axes.axhline(0.0, color="#888888", lw=0.7)
                 if row == 1:
                     axes.set_xlabel(label)
-            # Of the used rows only: one outlier of degrees would flatten all others to a line.
+            # Used rows only: one outlier of degrees would flatten all others to a line.
             limit = 1.15 * float(np.max(np.abs(values[:, fit.used]))) / MDEG
             grid[row][0].set(ylabel=f"{name}, mdeg on the sky", ylim=(-limit, limit))
         legend_above(grid[0][0])

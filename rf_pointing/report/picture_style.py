@@ -26,7 +26,7 @@ MODE_COLOURS: dict[str, str] = {
 }
 """Colour by mode of the controller; that of a sensor's own mode is one of the sensor's traits."""
 OTHER_MODE_COLOUR = "#4a4a4a"
-"""Of the modes without a colour of their own."""
+"""Colour of the modes without one of their own."""
 AXIS_COLOURS = ("#0072b2", "#d55e00")
 """Azimuth (or cross-elevation) and elevation."""
 ALONE_COLOUR = "#8a8a8a"

@@ -106,7 +106,7 @@ def _pass_info(item: Pass) -> PassInfo:
 
 
 def _headline(errors: ErrorSeries | None, acquired_ns: int | None, lost: int) -> Headline:
-    # The search is no fault of the loop, so the headline begins when the loop has settled.
+    # The search is not a fault of the loop, so the headline begins when the loop has settled.
     over = "tracking" if acquired_ns is None else "after acquisition"
     if errors is None:
         return Headline(over=over, messages_lost=lost)
@@ -236,7 +236,7 @@ def servo(recording: Recording) -> Servo:
     lateness = antenna["tick_lateness"] * 1e3 if antenna is not None else np.zeros(0)
     # By the recorder's clock: the stamps are exact whatever the servo does.
     period = np.diff(joints.log_time_ns) * 1e-6 if joints is not None else np.zeros(0)
-    # Of the median period: the recorder does not know the nominal one.
+    # Gaps are counted in median periods: the recorder does not know the nominal one.
     deviation = np.abs(period - np.median(period)) if len(period) else period
     faults = dict.fromkeys(str(text) for text in antenna["fault"] if text) if antenna is not None else {}
     return Servo(

@@ -1,4 +1,4 @@
-"""What a report reads of each topic of an antenna, and the messages of one topic as arrays.
+"""Columns that a report reads of each topic of an antenna, and the messages of one topic as arrays.
 
 A column is a name and the attribute of the message it comes from; no other attribute is read.
 """

@@ -64,7 +64,7 @@ def _by_sensor(name: str, data: TopicData) -> list[tuple[str | None, TopicData]]
 
 def _traffic(name: str, sensor: str | None, data: TopicData, not_recorded: int) -> TopicTraffic:
     periodic = TOPICS[name].periodic
-    # A repeated stamp (the clock while time is held) is no step.
+    # A repeated stamp (the clock while time is held) is not a step.
     stamps = np.unique(data.stamp_ns) if data.stamp_ns is not None else np.zeros(0, dtype=np.int64)
     steps: Ints = stamps[1:] - stamps[:-1]
     # The measured period: a receiver or a scan may have been set to another one.
@@ -142,7 +142,7 @@ def _reaction_ns(cause: TopicData, effect: TopicData) -> Ints:
     index = np.searchsorted(logs, cause.log_time_ns, side="right")
     answered = index < len(logs)
     waited = logs[index[answered]] - cause.log_time_ns[answered]
-    # A pause of the publisher is no slow reaction.
+    # A pause of the publisher is not a slow reaction.
     usual = float(np.median(logs[1:] - logs[:-1])) if len(logs) > 1 else np.inf
     return waited[waited < _PAUSE_PERIODS * usual]
 

@@ -1,4 +1,4 @@
-"""What spoils a carrier: dropouts, the spin of the spacecraft, and an interference line near it."""
+"""Disturbances of a carrier: dropouts, spin of the spacecraft, and an interference line near it."""
 
 import math
 from dataclasses import dataclass

@@ -41,7 +41,7 @@ class FeedVoltages(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class MonopulseFeedParams(Params):
-    """What the feed and its comparator do; pairs are cross-elevation, elevation."""
+    """Gains and errors of the feed and its comparator; pairs are cross-elevation, elevation."""
 
     slope: float = parameter(1.57, "h d(difference/sum)/dx on the axis, per half-power beamwidth", low=0.1, high=2.5)
     difference_gain_db: tuple[float, float] = parameter(

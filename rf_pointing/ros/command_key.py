@@ -17,18 +17,17 @@ import stat
 import struct
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rf_pointing_msgs.srv import SignedCall
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.core import Params, parameter
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.ros.graph import ROTCTLD
 from rf_pointing.ros.main_loop import open_private
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.station.parameters import CommandKeyParams
 
 KEY_BYTES, SHOWN_DIGITS = 32, 32
 # How long after a foreign command /diagnostics shows the conflict as an error.
@@ -36,15 +35,6 @@ SHOWN_S = 10.0
 # Age of a call by the clocks of both computers; a longer one lets clocks differ, and keeps more
 # signatures.
 CALL_S = 10.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class CommandKeyParams(Params):
-    """Where the key of the commands is."""
-
-    command_key_file: str = parameter(
-        "", "file with the key that signs commands and calls; made if missing; empty: not signed"
-    )
 
 
 class CommandKey:

@@ -165,7 +165,7 @@ class AntennaPlant:
         state, size, (gear_az, gear_el) = self._state, self._size, self._gear
         x = state.x.tolist()
         if self._delayed:
-            # The dead time is no whole number of ticks: the command in force may change within a
+            # The dead time is not a whole number of ticks: the command in force may change within a
             # tick.
             command = self._delayed_commands()
         powered, braked, held = state.powered, state.braked, state.held_axis

@@ -23,7 +23,7 @@ STEP_TOLERANCE2 = 2e-3**2  # square of a step in beamwidths; what is left after 
 FRESH_STEP2 = 1e-2**2  # after a smaller step the information matrix of the step before still serves
 
 SMALLEST_INFORMATION = 1e-13
-"""Least eigenvalue of an information matrix, scaled to a diagonal of one, that is no zero.
+"""Least eigenvalue of an information matrix, scaled to a diagonal of one, that counts as not zero.
 
 Rounding makes 1e-15 of an exact zero, of either sign and different on every processor.  To invert
 first and judge the result afterwards would leave the verdict to it.  At 1e-13 the inverse is good

@@ -48,7 +48,7 @@ def read_calibration(path: Path) -> MonopulseCalibration:
 
 @dataclass(frozen=True)
 class CalibrationOutcome:
-    """What came of the last calibration scan; `refused` if it could not be used."""
+    """Result of the last calibration scan; `refused` if it could not be used."""
 
     message: str = "ideal feed"
     refused: bool = False

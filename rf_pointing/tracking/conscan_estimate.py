@@ -39,10 +39,10 @@ SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
 LEAST_POWER_SIGMAS = 2.3
 # A spin close to the scan's period leaves a variance so large that nothing is measured.
 WORST_SPIN_INFLATION = 10.0
-# Of the misfit without the one sample that is to blame for it; no single one is for a power that
-# fades.
+# Reject one sample only if removing it reduces the misfit by this factor; a fading power has no
+# single sample to blame.
 LEFT_OVER = 0.5
-# Of the mean power: what the linear model is taken to give where it gives less, or nothing.
+# Least power of the linear model, as a share of the mean power.
 LEAST_LEVEL = 0.1
 
 

@@ -38,7 +38,7 @@ class Trim(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class TrimParams(Params):
-    """What is assumed of the ephemeris before a measurement, and how fast it changes."""
+    """Ephemeris error assumed before a measurement, and how fast it changes."""
 
     along_track_s: float = parameter(0.15, "standard deviation of the time along the track", low=0.0, high=60.0)
     cross_track_m: float = parameter(300.0, "standard deviation across the track", low=0.0, high=1e6)

@@ -23,7 +23,7 @@ from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.simulation.pass_simulation import StationSetup
 from rf_pointing.station.description import STATIONS, read_station, shipped_stations
-from rf_pointing.station.description.derivation import OF_EVERY_NODE, require_known
+from rf_pointing.station.description.description import OF_EVERY_NODE, require_known
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 import parameter_page

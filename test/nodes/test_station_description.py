@@ -26,8 +26,8 @@ from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.streams import frame_in
-from rf_pointing.station.description import read_station, shipped_stations, urdf
-from rf_pointing.station.description.urdf import size_m
+from rf_pointing.station.description import read_station, shipped_stations
+from rf_pointing.station.description.urdf import size_m, urdf
 
 TFMessage = pytest.importorskip("tf2_msgs.msg", reason="ROS without tf2").TFMessage
 NAMESPACE = "/gs4"

@@ -73,9 +73,11 @@ def test_the_newest_stamp_counts_and_of_one_stamp_the_last_value() -> None:
     seen = expected_state.actual("a.b")
     assert (seen.value, seen.t_s) == (2, 5.0)
     assert {name: each.value for name, each in expected_state.attributes().items()} == {"a.b": 2}
-    expected_state.forget("a.b")
-    expected_state.forget("never.there")
-    assert expected_state.attributes() == {}
+    assert (expected_state.value("a.b"), expected_state.value("c.d")) == (2, None)
+    fresh = [
+        expected_state.is_fresh(name, 10.0, oldest_s) for name, oldest_s in (("a.b", 5.0), ("a.b", 4.9), ("c.d", 99.0))
+    ]
+    assert fresh == [True, False, False]
 
 
 def test_a_value_counts_from_the_directive_on_and_up_to_its_age() -> None:
@@ -101,13 +103,3 @@ def test_the_present_value_is_shown_in_words() -> None:
     assert expected_state.shown(condition) == "a.b=''"
     expected_state.observe("a.b", "no", 2.0)
     assert expected_state.shown(condition) == "a.b=no"
-
-
-def test_the_last_expectation_of_an_attribute_replaces_the_one_before() -> None:
-    expected_state = ExpectedState()
-    for wanted in (1, 2):
-        expected_state.expect(Condition(attribute="a.b", test="is", wanted=wanted), 0.0)
-    expected_state.observe("a.b", 2, 0.0)
-    assert expected_state.differences(1.0) == {}
-    expected_state.observe("a.b", 1, 1.0)
-    assert expected_state.differences(1.0) == {"a.b": "a.b=1, must be: a.b is 2"}

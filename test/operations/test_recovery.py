@@ -131,7 +131,7 @@ def test_every_device_has_an_alarm_of_its_own() -> None:
         ("do: [reset]", "do: [fly]", "causes.fault.do: fly must be one of reset"),
         ("night: wait", "night: sleep", "night='sleep' must be one of continue, wait, weather, stop"),
         ("tries: 2", "tries: -1", "tries=-1 must be a number >= 0"),
-        ("not_by_itself: hard", "not_by_itself: '('", "is no regular expression"),
+        ("not_by_itself: hard", "not_by_itself: '('", "is not a regular expression"),
         ("${fault_s}", "${fault}", "fault must be one of the thresholds node_silent_s"),
         ("ask: look", "asks: look", "unknown asks; known are"),
         ("level: warning", "level: 3", "level=3 must be one of warning, error"),

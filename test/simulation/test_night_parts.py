@@ -746,7 +746,7 @@ def test_the_executive_gets_thresholds_rest_sensor_and_share_of_the_station(make
     assert night.night.book.quiet_s == 33.0
     (cause,) = [each for each in night.night.table.causes if each.name == "lost_node"]
     assert cause.when[0].wanted == 44.0
-    assert (night.night._sensor, night.night._least_share) == (night.setup.sensor, 0.6)
+    assert (night.night.sensor, night.night.least_share) == (night.setup.sensor, 0.6)
     assert list(night.night.schedule.entries) == ["90001", "90002"]
     night.night.book.notify("raised", Alarm("x", 1, "text", T0))
     assert night.log.messages == [("raised", "x", "text")]

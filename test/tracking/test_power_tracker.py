@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.core import CarrierPower, JointReading, PointingError
+from rf_pointing.core import MDEG, MU, CarrierPower, JointReading, PointingError
 from rf_pointing.tracking import StepTrackParams
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.power_tracker import PowerTracker, PowerTrackerParams
@@ -330,3 +330,26 @@ def test_a_power_waits_for_the_later_of_encoders_and_status(late: str) -> None:
     assert [error.reason for error in scan.take_power(power(0.25))] == [
         "window holds 1 of 8 samples", "window holds 2 of 8 samples",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("late_s", [-0.2, 0.0, 0.3])
+def test_a_delay_that_nobody_stated_is_learned_from_how_the_scan_is_moved(late_s: float) -> None:
+    """The centre goes to and fro by 2 mdeg; powers are those of where the beam was `late_s` before."""
+    params = ConscanParams(window_samples=40, fewest_samples=40, sample_s=0.1, period_s=4.0, updates="sample")
+    scan, target = PowerTracker(PowerTrackerParams(conscan=params)), np.array([1.0, -2.0]) * MDEG
+
+    def centre(t_s: float) -> np.ndarray:
+        return np.array([2.0, 1.0]) * MDEG * (int(t_s // 8.0) % 2)
+
+    def beam(t_s: float) -> np.ndarray:
+        angle = 2.0 * math.pi * t_s / params.period_s
+        return centre(t_s) + params.radius_rad * np.array([math.cos(angle), math.sin(angle)])
+
+    for k in range(1200):
+        t_s, here = 0.1 * k, beam(0.1 * k)
+        scan.take_status(t_s, CENTRE + centre(t_s) / [math.cos(CENTRE[1]), 1.0], centre(t_s), "conscan", "conscan")
+        scan.take_joints(reading(t_s, (here[0] / math.cos(CENTRE[1] + here[1]), here[1])))
+        away = target - beam(t_s - 0.05 - late_s)
+        watts = 1e-15 * math.exp(-MU * float(away @ away) / params.half_power_beamwidth_rad**2)
+        scan.take_power(dataclasses.replace(power(t_s), power_w=watts, sigma_w=1e-3 * watts))
+    assert scan.delay_s == pytest.approx(late_s, abs=0.05)

@@ -159,7 +159,7 @@ def stations_along_track(
 
 
 def require_names(what: str, names: tuple[str, ...]) -> None:
-    """Refuse names of stations that are no namespaces, or not different."""
+    """Refuse names of stations that are not namespaces, or not different."""
     for name in names:
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise ValueError(f"{what} has {name!r}, must be lower-case letters, digits and underscores")
@@ -183,7 +183,7 @@ class GroundNetworkParams(Params):
     )
 
     def check_together(self) -> None:
-        """Refuse names that are no namespaces, double names, and places without a name."""
+        """Refuse names that are not namespaces, double names, and places without a name."""
         require_names("names", self.names)
         for field in ("latitude_rad", "longitude_rad"):
             if len(getattr(self, field)) != len(self.names):

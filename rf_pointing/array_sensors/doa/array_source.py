@@ -21,7 +21,7 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True, kw_only=True)
 class ArraySourceParams(Params):
-    """What the simulated receivers deliver."""
+    """Signals of the simulated receivers."""
 
     snapshots: int = parameter(100, "snapshots per block, L", low=1, high=100000)
     waveform: str = parameter(

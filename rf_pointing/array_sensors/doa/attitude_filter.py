@@ -434,7 +434,7 @@ def _checked(direction: StationDirection) -> DirectionObservation:
     covariance = as_finite_array("covariance_rad2", direction.covariance_rad2, (3, 3))
     across = np.linalg.eigvalsh(0.5 * (covariance + covariance.T))
     # A direction's covariance has rank two.  Along the direction the variance is zero but for
-    # rounding; across it rounding is no variance.
+    # rounding; across it rounding is not variance.
     if across[0] < -1e-9 * across[2] or across[1] <= 1e-9 * across[2]:
         raise ValueError(f"covariance_rad2 has eigenvalues {across}, two of them must be > 0 and none negative")
     bias = None if direction.bias_rad is None else as_finite_array("bias_rad", direction.bias_rad, (3, 2))

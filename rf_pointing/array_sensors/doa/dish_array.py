@@ -38,7 +38,7 @@ from rf_pointing.rf.dish_array import (
 
 Array = NDArray[np.float64]
 FIT_SIGMAS = 8.0
-"""Of the misfit, about chi squared of the patches; a lobe that is separate exceeds it."""
+"""Largest misfit, about chi squared of the patches; a separate lobe exceeds it."""
 
 
 def circle_of(array: DishArrayParams) -> CircularArrayParams:
@@ -88,7 +88,7 @@ class DishArrayTracker:
     def measure(self, block: SnapshotBlock) -> PointingError:
         """Return the pointing error in the middle of a block; an invalid one has its reason.
 
-        ValueError for a block that is none of this array.
+        ValueError for a block of another array.
         """
         (found,) = self._estimator.estimate(block)
         reason = found.reason or self._ambiguity(found, block)

@@ -161,7 +161,7 @@ class DoaEstimator:
     def _mixed(self) -> str:
         """Return why uncertain phases spoil several sources, or "".
 
-        Each source's bias depends on the others then, and is no constant of the array.
+        Each source's bias depends on the others then, and is not a constant of the array.
         """
         sigma = self.params.phase_sigma_rad
         if self.params.sources == 1 or sigma <= LARGEST_MIXED_PHASE_RAD:

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from rf_pointing.core import Params, parameter
 
 Array = NDArray[np.float64]
-# Of the largest axis: a single station shows nothing of the turn about itself.
+# The largest axis counts: a single station shows nothing of the turn about itself.
 OBSERVED = 1e-6
-# Of a handful of directions neither sum is chi-square yet.
+# Fewest directions: with a handful neither sum is chi-square yet.
 FEWEST = 5.0
 NOTICED = 0.05
 """Probability that the mean of sound innovations widens the covariance."""

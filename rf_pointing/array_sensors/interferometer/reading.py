@@ -270,7 +270,7 @@ class _Slots:
         lanes_of[:, 0], lanes_of[steps, steps + 1], lanes_of[steps, steps + 2] = 1.0 - ratio, ratio, -1.0
         lanes_of /= 2.0 * np.pi
         forward, back = self._carrier_variance()
-        # Of the mean over the paths, which share the noise of the way out.
+        # Noise of the mean over the paths, which share that of the way out.
         weight = np.linalg.inv(lanes_of * (forward + np.mean(back, axis=(1, 2)) / 9.0) @ lanes_of.T)
         turned = 0.5 * self._moments[2] * self._mean_wave
         slope = lanes_of @ turned

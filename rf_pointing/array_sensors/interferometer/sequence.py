@@ -22,7 +22,7 @@ from rf_pointing.array_sensors.interferometer.variant import CORRECTED, VARIANTS
 from rf_pointing.core import Params, parameter, wrap_rad
 
 Array = NDArray[np.float64]
-# Of a matrix scaled to a unit diagonal; rounding leaves 1e-15 of an exact zero.
+# Least eigenvalue of a matrix scaled to a unit diagonal; rounding leaves 1e-15 of an exact zero.
 _SMALLEST_EIGENVALUE = 1e-12
 _SMALLEST_COUPLING = 1e-6
 _UNIT_EXCITATION = np.ones(2)

@@ -42,7 +42,7 @@ class TripulseArrayParams(Params):
             if getattr(self, name) % 2:
                 raise ValueError(f"{name}={getattr(self, name)} must be even")
         dead = self.dead_elements()
-        # An array without any beam is no measurement of attitude; zero weights would divide by zero
+        # An array without any beam measures no attitude; zero weights would divide by zero
         # later.
         if dead is not None and np.all(dead):
             raise ValueError(f"failed marks all {self.n_total} elements: the array has no beam")

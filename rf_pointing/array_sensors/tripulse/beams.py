@@ -27,7 +27,7 @@ TIME_CONVENTIONS = ("exp(-jwt)", "exp(+jwt)")
 # A few steps are typical; thirty means that the ratios belong to no direction of this aperture.
 NEWTON_STEPS = 30
 PROJECTION_TOLERANCE = 1e-13
-# Of the healthy aperture's slope: an aperture half dead has delta beams that do not move with
+# Least slope as a share of a healthy aperture's: the delta beams of one half dead do not move with
 # direction.
 SMALLEST_SLOPE = 1e-6
 

@@ -41,7 +41,7 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True, kw_only=True)
 class TripulseReceiverParams(Params):
-    """What the receiver expects and when it believes a frame."""
+    """Expectations of the receiver, and when it believes a frame."""
 
     largest_shift_hz: float = parameter(5e4, "largest frequency shift searched", low=1.0, high=1e8)
     # Below 12 dB the ratio is biased by the noise of the sum beam, and its variance has no finite

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 SMALLEST_HEIGHT = 1e-3
 SMALLEST_EIGENVALUE = 1e-12  # of the largest: rounding leaves 1e-16 of an exact zero, of either sign
-"""Of T_z: nearer to the plane of the array its error grows beyond every bound."""
+"""Least T_z: nearer to the plane of the array its error grows beyond every bound."""
 
 
 def bisector_rotation(

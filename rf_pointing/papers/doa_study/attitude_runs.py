@@ -125,7 +125,7 @@ def _with_scalar(quaternion: Array, change: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunTask:
-    """What one worker does; a plain value, so that any executor can carry it.
+    """Work of one worker; a plain value, so that any executor can carry it.
 
     `pool` real MUSIC estimates stand behind each case, or, with `music_inside`, MUSIC runs at every
     step of every trial; cases that differ in the search only get the same estimates.  Averages

@@ -27,7 +27,7 @@ _FEWEST, _SWEEPS, _DEGREE = 10, 4, 3
 _MAX_ITERATIONS = 30
 # In units of the state's own sigma: a smaller step changes nothing that the data can show.
 _CONVERGED_SIGMA = 1e-4
-# Of the scaled partials, so that metres and metres per second compare.
+# Rank by the scaled partials, so that metres and metres per second compare.
 _RANK_TOLERANCE = 1e-11
 _STATE_NAMES = ("x", "y", "z", "x rate", "y rate", "z rate")
 

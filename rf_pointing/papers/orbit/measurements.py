@@ -1,4 +1,4 @@
-"""What a station measures of a satellite, and the passes at which it can.
+"""Measurements of a satellite by a station, and the passes at which it has them.
 
 Azimuth, elevation, range and range rate, with derivatives and partials.  Geometric: no light time
 and no refraction, which `corrections` removes from real data beforehand.

@@ -114,7 +114,7 @@ def _turned(vector: Array, angle_rad: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbances(Params):
-    """What acts on the satellite besides the Earth; nothing by default."""
+    """Forces on the satellite besides the Earth's; none by default."""
 
     ballistic_m2_kg: float = parameter(0.0, "drag coefficient times area over mass; 0: no drag", low=0.0, high=10.0)
     air_density_kg_m3: float = parameter(1.17e-14, "density of the air at the reference height", low=0.0, high=1e-6)

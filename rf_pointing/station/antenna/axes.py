@@ -34,13 +34,13 @@ NEW_PATH_RAD = math.radians(0.5)
 
 
 class Hardware(Protocol):
-    """What a control unit needs of drives, brakes and sensors, in the order azimuth, elevation.
+    """Drives, brakes and sensors of a control unit, in the order azimuth, elevation.
 
     `velocity_rad_s` (2,) are the tachometer rates and `switch_rad` (2,) the angles at the limit
     switches, which do not depend on the encoders; `at_stop` says which axis touches a hard stop.
     `encoders` and `anemometer_m_s` read a sensor, NaN from one that is silent; None is a station
     without an anemometer.  `move` gives the drives their rate commands (2,) for one tick, or, where
-    the drive `takes_positions`, the motion to follow (None: there is none); `brake` cuts the drives
+    the drive `takes_positions`, the motion to follow, or None; `brake` cuts the drives
     too, and `release_brake` leaves that of one axis set (-1: none).  `fault` is why the drives must
     be cut, "" if not, and `settled_rad` how near to its goal an axis comes to rest.
     """
@@ -67,7 +67,7 @@ class Hardware(Protocol):
 
 
 class SlewPath:
-    """What both axes follow: a commander's table, a goal of the antenna's own, or rest."""
+    """Path of both axes: a commander's table, a goal of the antenna's own, or rest."""
 
     def __init__(self, loops: LoopParams, start_rad: Pair, settled_rad: float) -> None:
         self.table = TrajectoryBuffer(loops.table)

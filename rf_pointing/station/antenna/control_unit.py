@@ -102,7 +102,7 @@ class ControlUnit:
         return reason
 
     def _find_path(self, trajectory: JointTrajectory, now_s: float) -> str:
-        """Pass a command through the gate and note the path to it; return why there is none."""
+        """Pass a command through the gate and note the path to it; return why no path is free."""
         path, encoder_rad = self.axes.path, self.axes.encoder_rad
         positions = trajectory.position_rad
         # The gate of the controller does not bind a foreign commander; this one does.
@@ -113,7 +113,7 @@ class ControlUnit:
         return self._go_round(now_s, positions[0]) if path.leaves(trajectory, encoder_rad, following) else ""
 
     def _go_round(self, now_s: float, goal_rad: Array) -> str:
-        """Note the path to a far position (2,) where commands are; return why there is none."""
+        """Note the path to a far position (2,) where commands are; return why no path is free."""
         decision = self.safety.check("preset", now_s, pair(self.axes.encoder_rad), goal_rad[None, :])
         if decision.allowed:
             self.axes.path.go_round(decision.way)
@@ -128,7 +128,7 @@ class ControlUnit:
         """
         axes = self.axes
         self._held_axis = -1
-        # Watches begin anew: what they saw under the brakes is no motion.
+        # Watches begin anew: what they saw under the brakes is not motion.
         self.safety.release(pair(axes.hardware.switch_rad))
         axes.rate_command_rad_s = np.zeros(2)
         self._watch_sensors()
@@ -285,7 +285,7 @@ class ControlUnit:
         return ""
 
     def _find_path_back(self) -> str:
-        """Find the path from a pause back to where the commands are; return why there is none."""
+        """Find the path from a pause back to where the commands are; return why no path is free."""
         encoder_rad, path = self.axes.encoder_rad, self.axes.path
         if path.table.empty:
             return ""
@@ -448,7 +448,7 @@ class ControlUnit:
         self.modes.mode = AntennaMode.STOPPING
 
     def _followed(self, t_s: float) -> TrajectorySample | None:
-        """Return the commanded motion at `t_s`, None where there is none: then the goal is kept."""
+        """Return the commanded motion at `t_s`, or None: then the goal is kept."""
         if self.mode != AntennaMode.TRACKING:
             return None
         path = self.axes.path

@@ -59,7 +59,7 @@ class DriveHardware:
 
     def look(self, t_s: float) -> None:
         """Let the drive work at `t_s`, and check what it reads."""
-        # A look that came late is no silence of the device.
+        # A look that came late is not silence of the device.
         late_s, self._t_s = max(0.0, t_s - self._t_s), t_s
         rotator, before = self.rotator, self.rotator.position_rad
         known, was_lost = rotator.reading is not None, self._lost
@@ -107,7 +107,7 @@ class DriveHardware:
     @property
     def velocity_rad_s(self) -> Array:
         """Rates (2,) of the axes, measured over the last second where there is no tachometer."""
-        # Of a lost drive nothing is known, and its last rate is for ever.
+        # A lost drive has no known rate; the last one would persist.
         return np.zeros(2) if self._lost else np.array(self.rotator.rate_rad_s)
 
     @property
@@ -128,7 +128,7 @@ class DriveHardware:
         return self.rotator.estimate(self._t_s) if self.powered and not self._reason else self._encoder_rad
 
     def note_wind(self, speed_m_s: float) -> None:
-        """Take a reading of the station's anemometer, which is no part of the drive."""
+        """Take a reading of the station's anemometer, which is not part of the drive."""
         self._wind_m_s = speed_m_s
 
     def anemometer_m_s(self) -> float:
@@ -262,7 +262,7 @@ class DriveAntenna(ControlUnit):
         suited = detector.replace(
             threshold_rad=min(max(detector.threshold_rad, tooth), 0.1),
             gross_threshold_rad=min(max(detector.gross_threshold_rad, 2.0 * tooth), 1.0),
-            # A device slower than stated falls behind in a slew, which is no swing.
+            # A device slower than stated falls behind in a slew, which is not a swing.
             largest_rad=1.0,
         )
         return loops.replace(law=BY_DRIVE, oscillation=suited)
@@ -274,7 +274,7 @@ class DriveAntenna(ControlUnit):
         if not can.has_elevation:
             found[1] = -math.inf, math.inf
         for axis, (low, high) in enumerate(found):
-            # What a device states of a folded azimuth is no travel.
+            # What a device states of a folded azimuth is not travel.
             if can.travel_rad is not None and not (axis == 0 and (can.one_turn or rotator.takes_one_turn)):
                 zero = rotator.zero_rad[axis]
                 found[axis] = max(low, can.travel_rad[0][axis] + zero), min(high, can.travel_rad[1][axis] + zero)

@@ -32,7 +32,8 @@ from rf_pointing.controllers import (
     load_lqg_designs,
 )
 from rf_pointing.core import AXES, Motion, Params, parameter
-from rf_pointing.servo import PlantParams, discretise, linear_model
+from rf_pointing.servo import PlantParams, discretise
+from rf_pointing.servo.linear_model import linear_model
 
 Array = NDArray[np.float64]
 Law = PositionLoopParams | LqgDesign

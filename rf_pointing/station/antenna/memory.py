@@ -1,4 +1,4 @@
-"""What a restarted control unit remembers of its antenna, from a state file and a wrap file.
+"""Memory of a restarted control unit, from a state file and a wrap file.
 
 The structure is where it was left, a latched fault is still latched, and an antenna that was
 parked, stowed or disabled keeps its brakes set until `resume`.  The file is written as the antenna

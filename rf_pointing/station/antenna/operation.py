@@ -27,7 +27,7 @@ GUARDS = {
     "oscillation": "what counts as an oscillation",
     **{f"{axis}.rate_limit_rad_s": "the largest rates" for axis in (*AXES, *(f"lqg_{axis}" for axis in AXES))},
 }
-"""What of the loops guards the antenna, and what it bounds."""
+"""Parameters of the loops that guard the antenna, and what they bound."""
 STATUS_PERIOD_S = 0.1
 WRAP_EVERY = 10
 """Statuses after which the azimuth's turn is written if it has changed."""
@@ -45,7 +45,7 @@ class ServoNodeParams(Params):
 
 
 class Port(Protocol):
-    """What an antenna in operation needs of the world outside."""
+    """Outside world of an antenna in operation."""
 
     def joints(self, reading: JointReading) -> None: ...
     def boresight(self, boresight: Boresight) -> None: ...

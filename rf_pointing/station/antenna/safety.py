@@ -1,4 +1,4 @@
-"""What protects an antenna: safety gate, watches, wind, authority, latched faults.
+"""Protection of an antenna: safety gate, watches, wind, authority, latched faults.
 
 The safety gate here is the last one before the drives.  It trusts no commander: a command must pass
 it when it arrives, and so must every tick of the motion that follows from it.
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 Pair = tuple[float, float]
 COMMAND_PERIOD_S = 0.1
 LATE_S = 0.1
-"""A command this late gets a warning; commands reach a second ahead, so it is no fault."""
+"""A command this late gets a warning; commands reach a second ahead, so it is not a fault."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +125,7 @@ class AntennaSafety:
         return self.gate.guard(kind, position, then, faster, self.sun.at(t_s))
 
     def warning(self, t_s: float, mode: AntennaMode, commanded: Pair) -> str:
-        """Return what is no fault yet: high wind without stow, a late command, a near limit."""
+        """Return what is not a fault yet: high wind without stow, a late command, a near limit."""
         if self.wind.reason and mode not in (AntennaMode.STOWING, AntennaMode.STOWED):
             return f"{self.wind.reason}: the antenna is not stowed ({mode})"
         # The period belongs to it: a command that is due now is not late.

@@ -44,7 +44,7 @@ SHOWN_REASONS = 3
 MOST_REASONS = 100
 BLOCK_ROWS = 256
 COLUMNS = tuple(each.name for each in fields(Observations) if each.name not in ("station", "band", "temperature_k"))
-"""Of an observation that is taken here; a temperature is none of them."""
+"""Columns of an observation that is taken here, without temperature."""
 
 
 def scans(name: str) -> bool:
@@ -221,7 +221,7 @@ class CalibrationLog:
         )
 
     def observations(self) -> Observations:
-        """Return all observations; ValueError when there are none."""
+        """Return all observations; ValueError without one."""
         parts = [] if self._points is None else [self._points]
         if self._filled:
             columns = dict(zip(COLUMNS, np.concatenate(self._blocks)[: self._filled].T.copy(), strict=True))
@@ -240,7 +240,7 @@ class CalibrationLog:
         return rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
 
     def _position(self, error: PointingError) -> tuple[Array | None, str]:
-        """Return the axis angles (2,) that an error belongs to, None and why there are none."""
+        """Return the axis angles (2,) that an error belongs to, or None and why."""
         if not error.valid:
             return None, f"not valid ({error.reason or error.sensor})"
         if scans(error.sensor):

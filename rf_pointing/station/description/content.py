@@ -2,7 +2,7 @@
 
 One declaration serves the reader of the file, its list of problems and the published JSON schema.
 Angles are in degrees, as a user writes them; the unit is the end of a key's name.  A key whose
-default is None is derived when it is not given (`derivation.py`).
+default is None is derived when it is not given (`station/derive`).
 """
 
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""What is added to the target's direction: the learned ephemeris error, the loop, the scans.
+"""Corrections of the target's direction: the learned ephemeris error, the loop, the scans.
 
     offset = ephemeris correction + tracking correction + scan + transition
 

@@ -1,4 +1,4 @@
-"""What is commanded ahead of time, and how far the axes are from it.
+"""Motion commanded ahead of time, and how far the axes are from it.
 
     axis angles = model(target) + corrections + scan + lead of what is added
 
@@ -25,7 +25,7 @@ from rf_pointing.station.pointing.prediction import Prediction, TargetBuffer, ti
 Array = NDArray[np.float64]
 # Age of a reading from which the motion of the axes is not known.
 STALE_S = 1.0
-# Of the fastest that is stated of the mount: loops overshoot, and gusts push.
+# Factor on the fastest stated rate of the mount: loops overshoot, and gusts push.
 BELIEVED_RATE = 2.0
 # Before this the motion of the axes has left no trace in the mount.
 REMEMBERED_S = 60.0
@@ -74,7 +74,7 @@ class CorrectionLag:
 
 @dataclass(frozen=True, slots=True)
 class MotionSnapshot:
-    """What the state table must know of target and axes at one instant.
+    """Target and axes at one instant, for the state table.
 
     Attributes
     ----------

@@ -30,16 +30,16 @@ from rf_pointing.planning import (
     HorizonMask,
     PassProfile,
     reasons_against,
-    schedule,
     turns_within,
 )
+from rf_pointing.planning.schedule import schedule
 from rf_pointing.station.pointing.certificates import PlanningRules, SolarTable, planned_certificate
 
 Pair = tuple[float, float]
 
 
 class Fate(StrEnum):
-    """What becomes of a pass."""
+    """Fate of a pass in the plan."""
 
     TRACKED = "tracked"
     YIELDS = "yields"

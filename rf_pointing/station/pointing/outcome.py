@@ -1,4 +1,4 @@
-"""What a pass has given so far, as far as axes, sensor and carrier tell the controller.
+"""Outcome of a pass so far, as far as axes, sensor and carrier tell the controller.
 
 The error of the beam is, in this order,
 
@@ -56,7 +56,7 @@ class CarrierLevels:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeamEvidence:
-    """What is known of the beam in one period; None for what is not.
+    """Evidence of the beam in one period; None for what is not known.
 
     `sensed` is the valid error of the sensor that tracks.  `off_centre_rad` (2,) is how far the
     encoders are from the centre of the scan, cross-elevation and elevation.  `power` is that of the

@@ -101,4 +101,4 @@ LIVE: dict[str, bool | tuple[str, ...]] = {
     "autotrack": True,
     "pointing": ("on_target_deg", "error_age_s", "stop_deceleration_deg_s2", "lag_averaging_s"),
 }
-"""What may change while the controller works, by the edge names of the fields; timing may not."""
+"""Parameters that may change while the controller works, by edge names; timing may not."""

@@ -23,6 +23,7 @@ from rf_pointing.ephemeris.element_updates import ElementUpdates
 from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.station.pointing.certificates import pass_profile
+from rf_pointing.station.pointing.status import Level, Report
 
 RENEWAL_S = 10.0
 """How often the elements are looked at for newer ones, and the weather."""
@@ -71,7 +72,7 @@ class PredictedTarget:
         self._attitude: SatelliteAntennaParams | None = None
 
     def begin(self, now_s: float) -> str:
-        """Find the passes; return "" or why there is none, where another target may pass."""
+        """Find the passes; return "" or why there is no pass, where another target may have one."""
         try:
             self._choose(self.track, now_s, self.peak_rad)
         except ValueError as error:
@@ -152,8 +153,8 @@ class PredictedTarget:
         self._not_renewed = ""
         return f"newer elements of {self.track.name} are in force", False
 
-    def health(self, now_s: float) -> tuple[int, str, dict[str, object]]:
-        """Return level (0, 1 warning, 2 error), message and the numbers behind it."""
+    def health(self, now_s: float) -> Report:
+        """Return whether the target can be told, or what is doubtful, and the numbers behind it."""
         age_s, sky = now_s - self._weather_s, self._sky(now_s)
         old = f"the measured weather is {age_s / 3600.0:.1f} h old" if age_s > WEATHER_AGE_S else ""
         problems = (self._no_pass, self._memory.problem, self.updates.problem, self._not_renewed, self._stale(now_s),
@@ -179,8 +180,8 @@ class PredictedTarget:
                 "cross_track_sigma_deg": round(math.degrees(sky.cross_track_rad), 5),
             }
         if self._unknown:
-            return 2, self._unknown, values
-        return (1, warnings, values) if warnings else (0, self.track.name, values)
+            return Report(Level.ERROR, self._unknown, values)
+        return Report(Level(bool(warnings)), warnings or self.track.name, values)
 
     def _choose(self, track: TopocentricTrack, start_s: float, peak_rad: float) -> None:
         """Make `track` the target, if it passes, and show its passes."""

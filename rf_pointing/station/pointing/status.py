@@ -1,4 +1,4 @@
-"""What the controller and the antenna publish about themselves."""
+"""Status that the controller and the antenna publish about themselves."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -64,7 +64,7 @@ class TrackingStatus:
 
     @property
     def offset_rad(self) -> Array:
-        """What is added to the prediction without the scans (2,): cross-elevation and elevation."""
+        """Offset added to the prediction, without the scans (2,): cross-elevation and elevation."""
         return np.array([self.cross_elevation_offset_rad, self.elevation_offset_rad])
 
 
