@@ -5,9 +5,9 @@ import math
 
 import pytest
 
-from rf_pointing.commands import fetch_elements, options
+from rf_pointing.commands import options
 from rf_pointing.core.dates import parse_utc
-from rf_pointing.ephemeris import find_elements, verification_elements
+from rf_pointing.ephemeris import fetching, find_elements, verification_elements
 
 
 def target_of(*line: str) -> argparse.Namespace:
@@ -82,7 +82,7 @@ def test_a_namespace_without_a_name_is_refused(text: str, complaint: str, capsys
 
 def test_an_address_is_fetched_and_a_file_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     fetched: list[str] = []
-    monkeypatch.setattr(fetch_elements, "current_elements", fetched.append)
+    monkeypatch.setattr(fetching, "current_elements", lambda address: fetched.append(address) or "")
     for name in ("https://celestrak.org/x", "sky.tle", ""):
         assert options.elements_of(argparse.Namespace(elements=name)) == name
     assert fetched == ["https://celestrak.org/x"]
