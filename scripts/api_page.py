@@ -1,6 +1,6 @@
 """Print docs/api.md: the front door as its docstrings describe it.
 
-    scripts/run-python scripts/api_page.py > docs/api.md
+scripts/run-python scripts/api_page.py > docs/api.md
 """
 
 import dataclasses
@@ -30,7 +30,15 @@ This page is made from the docstrings: `scripts/run-python scripts/api_page.py >
 GROUPS = {
     "Station and targets": ("Station", "elements", "catalogue", "Target"),
     "What a station gives": ("StationPass", "PassCertificate", "Plan", "Look", "SimulatedPass"),
-    "Recordings and calibration": ("Recording", "fit", "Fit", "read_model", "ModelVersion", "BiasModel", "Observations"),
+    "Recordings and calibration": (
+        "Recording",
+        "fit",
+        "Fit",
+        "read_model",
+        "ModelVersion",
+        "BiasModel",
+        "Observations",
+    ),
 }
 
 

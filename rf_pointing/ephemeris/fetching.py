@@ -43,7 +43,7 @@ FEWEST_SHARE = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Record:
-    """What is remembered of one address; times in UTC s since 1970, 0 for never."""
+    """State of one address that is kept; times in UTC s since 1970, 0 for never."""
 
     address: str
     requested_t_s: float = 0.0
@@ -70,7 +70,7 @@ class Record:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What `refresh` did: `state` is new, unchanged, not due, kept (with the problem) or none."""
+    """Result of `refresh`: `state` is new, unchanged, not due, kept (with the problem) or none."""
 
     state: str
     file: Path
@@ -83,7 +83,7 @@ class Outcome:
 
 
 class NotTakenError(Exception):
-    """An answer that is no elements; `reached` tells whether the server got the request."""
+    """An answer without elements; `reached` tells whether the server got the request."""
 
     def __init__(self, reason: str, *, reached: bool = True, wait_s: float = 0.0) -> None:
         super().__init__(reason)
@@ -114,7 +114,7 @@ def refresh(
         requested = replace(record, requested_t_s=now_s, interval_s=every_s, hold_t_s=0.0)
         state.keep(asdict(requested))
         try:
-            # Of a file that is gone or was changed by hand, "not modified" would say nothing.
+            # "Not modified" would say nothing about a file that is gone or was changed by hand.
             whole = bool(kept) and kept == record.digest
             answer = _get(requested if whole else replace(requested, etag="", last_modified=""), timeout_s)
             if answer is None:

@@ -16,11 +16,11 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import MDEG, MonopulseCluster, random_stream
+from rf_pointing.core.types import TURN, Array
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.papers.autotrack_cases import (
@@ -43,7 +43,6 @@ from rf_pointing.simulation import PassLog
 from rf_pointing.station.antenna.receiver import Reception
 from rf_pointing.tracking import MonopulseParams, MonopulseTracker
 
-Array = NDArray[np.float64]
 AVERAGING_S = 100.0
 # Clusters in the first 10 s of monopulse still contain the pull-in.
 LOOP_SETTLED_S = 10.0
@@ -56,7 +55,6 @@ FLIP_S, AFTER_S = 40.0, 6.0
 FLIPS = (("Ka", 5), ("X", 3))
 LONG_PASSES = 2
 LONG_MASK_DEG, LONG_S = 5.0, 600.0
-TURN = 2.0 * math.pi
 SETTLED_S = 25.0
 # Few, because each is a flight of the whole station; the row is the 95th percentile of them.
 RUNS = 12
@@ -77,16 +75,14 @@ def averaging_rows(seed: int) -> list[Row]:
     limit = -20.0 * math.log10(abs(math.sin(CLUSTER * x) / (CLUSTER * math.sin(x))))
     return [
         Row(
-            quantity="averaging of N = 5 in the whole station, receiver noise, Ka, 45 dB-Hz", source="BWG eq. (17)", paper=7.0,
-            ours=white, unit="dB", tolerance=TOLERANCE_DB,
-            remark="variance of the errors of single samples over that of the clusters'",
+            "averaging of N = 5 in the whole station, receiver noise, Ka, 45 dB-Hz", "BWG eq. (17)", 7.0, white, "dB",
+            TOLERANCE_DB, remark="variance of the errors of single samples over that of the clusters'",
         ),
+        # A mixture of both: more than of receiver noise alone, less than of the line alone.
         Row(
-            quantity=f"the same with a line at {LINE_HZ:.0f} Hz", source="BWG Fig. 27", paper=17.0, ours=coloured,
-            unit="dB", tolerance=1.0,
-            # A mixture of both: more than of receiver noise alone, less than of the line alone.
-            explained=white + 1.0 < coloured < limit,
-            remark=f"the mean of five takes out {limit:.1f} dB of a line there; receiver noise and the motion of the structure "
+            f"the same with a line at {LINE_HZ:.0f} Hz", "BWG Fig. 27", 17.0, coloured, "dB", 1.0,
+            explained=white + 1.0 < coloured < limit, remark=
+            f"the mean of five takes out {limit:.1f} dB of a line there; receiver noise and the motion of the structure "
             "remain",
         ),
     ]  # fmt: skip
@@ -147,14 +143,14 @@ def watch_rows(seed: int) -> list[Row]:
     kinds = " and ".join(f"{count} at {band}" for band, count in FLIPS)
     return [
         Row(
-            quantity=f"both differences turned over in flight, slowest of {len(found)}: time to hold-off", source="required",
-            paper=2.0, ours=float(found[slowest, 0]), unit="s", tolerance=0.0, bound="<=",
-            remark=f"{kinds}; {np.mean(found[:, 0] <= 2.0):.0%} within 2 s, median {np.median(found[:, 0]):.1f} s; the error "
+            f"both differences turned over in flight, slowest of {len(found)}: time to hold-off", "required", 2.0,
+            float(found[slowest, 0]), "s", 0.0, bound="<=", remark=
+            f"{kinds}; {np.mean(found[:, 0] <= 2.0):.0%} within 2 s, median {np.median(found[:, 0]):.1f} s; the error "
             f"was at most {found[slowest, 1] / MDEG:.1f} mdeg until then: nothing shows a flip under a beam without error",
         ),
         Row(
-            quantity=f"right locks held off, Ka, 45 dB-Hz, wind 8 m/s, {LONG_PASSES} passes of 10 min", source="required",
-            paper=0.0, ours=float(doubted_passes(range(seed, seed + LONG_PASSES))), unit="1", tolerance=0.0,
+            f"right locks held off, Ka, 45 dB-Hz, wind 8 m/s, {LONG_PASSES} passes of 10 min", "required", 0.0,
+            float(doubted_passes(range(seed, seed + LONG_PASSES))), "1", 0.0,
         ),
     ]  # fmt: skip
 
@@ -211,8 +207,8 @@ def _ka_row(seed: int) -> Row:
     log = fly(case, window)
     held_s = first_time_s(log, "monopulse") - window.aos_t_s
     return Row(
-        quantity="total radial error, monopulse, Ka, 45 dB-Hz, wind 8 m/s, LEO pass", source="required", paper=2.0,
-        ours=radial_rms_mdeg(log, "monopulse", window.aos_t_s + SETTLED_S), unit="mdeg rms", tolerance=0.0, bound="<=",
+        "total radial error, monopulse, Ka, 45 dB-Hz, wind 8 m/s, LEO pass", "required", 2.0,
+        radial_rms_mdeg(log, "monopulse", window.aos_t_s + SETTLED_S), "mdeg rms", 0.0, bound="<=",
         remark=f"acquired {held_s:.1f} s after the start, the satellite 0.15 s ahead of its elements",
     )  # fmt: skip
 
@@ -233,9 +229,9 @@ def _acquisition_rows(seed: int) -> list[Row]:
         slowest = float(np.sort(times)[math.ceil(0.95 * RUNS) - 1])
         found.append(
             Row(
-                quantity=f"acquired from 3 beamwidths off, X, pass {name}: 95th percentile", source="required", paper=30.0,
-                ours=slowest, unit="s", tolerance=0.0, bound="<=",
-                remark=f"{np.mean(times <= 30.0):.0%} of {RUNS} directions within 30 s, median {np.median(times):.1f} s; "
+                f"acquired from 3 beamwidths off, X, pass {name}: 95th percentile", "required", 30.0, slowest, "s",
+                0.0, bound="<=", remark=
+                f"{np.mean(times <= 30.0):.0%} of {RUNS} directions within 30 s, median {np.median(times):.1f} s; "
                 "from the start of the pass until the true error stays below a tenth of the beamwidth",
             )
         )  # fmt: skip
@@ -282,8 +278,8 @@ def weak_conscan_row(seed: int) -> Row:
     errors = log.errors_rad()[np.array(log.t_s) >= begun_s + 3.0 * CONSCAN_PERIOD_S]
     ours = float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))) / MDEG
     return Row(
-        quantity="conscan at 30 dB-Hz on a slow target, Ka: radial error after 3 periods", source="required", paper=2.0,
-        ours=ours, unit="mdeg rms", tolerance=0.0, bound="<=",
+        "conscan at 30 dB-Hz on a slow target, Ka: radial error after 3 periods", "required", 2.0, ours, "mdeg rms",
+        0.0, bound="<=",
         remark=f"the station in 8 m/s wind, {level:.1f} dB-Hz measured; the scan radius of 1.55 mdeg is part of it",
     )  # fmt: skip
 
@@ -308,12 +304,12 @@ def _dropout_rows(seed: int) -> list[Row]:
     wanted = DROPOUT_RUNS * DROPOUTS
     return [
         Row(
-            quantity=f"random dropouts of 0.5-20 s reacquired, X, wind 8 m/s, {DROPOUT_RUNS} passes", source="required",
-            paper=wanted, ours=float(np.sum(np.isfinite(all_times))), unit=f"of {wanted}", tolerance=0.0,
+            f"random dropouts of 0.5-20 s reacquired, X, wind 8 m/s, {DROPOUT_RUNS} passes", "required", wanted,
+            float(np.sum(np.isfinite(all_times))), f"of {wanted}", 0.0,
             remark=f"slowest {np.max(all_times):.1f} s after the carrier is back, median {np.median(all_times):.1f} s",
         ),
         Row(
-            quantity="largest acceleration of the command in those passes", source="required", paper=math.degrees(limit),
-            ours=math.degrees(steepest), unit="deg/s^2", tolerance=1e-6, bound="<=",
+            "largest acceleration of the command in those passes", "required", math.degrees(limit),
+            math.degrees(steepest), "deg/s^2", 1e-6, bound="<=",
         ),
     ]  # fmt: skip

@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MU, random_stream, require_between
+from rf_pointing.core.types import Array
 from rf_pointing.papers.conscan_cases import (
     BEAM_KA_RAD,
     BEAM_X_RAD,
@@ -28,8 +28,6 @@ from rf_pointing.tracking.conscan_design import (
     conscan_slope,
     design_scan,
 )
-
-Array = NDArray[np.float64]
 
 LEVELS_DB_HZ = (25.0, 30.0, 35.0, 40.0)
 ERRORS_MDEG = (0.0, 3.0, 6.0)
@@ -84,9 +82,9 @@ def _slope_and_loss() -> list[Row]:
     source, case = "CONSCAN section VI", "for h = 17, r = 1.55 mdeg"
     loss_db = -10.0 * math.log10(loss)
     return [
-        Row(quantity=f"k_s {case}", source=source, paper=0.5, ours=slope, unit="1", tolerance=0.01),
-        Row(quantity=f"L1 {case}", source=source, paper=0.977, ours=loss, unit="1", tolerance=0.0005),
-        Row(quantity=f"loss {case}", source=source, paper=0.1, ours=loss_db, unit="dB", tolerance=0.005),
+        Row(f"k_s {case}", source, 0.5, slope, "1", 0.01),
+        Row(f"L1 {case}", source, 0.977, loss, "1", 0.0005),
+        Row(f"loss {case}", source, 0.1, loss_db, "dB", 0.005),
     ]  # fmt: skip
 
 
@@ -109,18 +107,14 @@ def _error_rows(seed: int) -> list[Row]:
         found.append(spreads[1] / spreads[0])
     loss_x = 1.0 / conscan_loss(BEAM_X_RAD, 8.5 * MDEG)
     return [
+        Row("sigma at 8.5 mdeg over sigma at 0, Ka, eq. (21)", "CONSCAN Fig. 1", 2.0, off_axis / on_axis, "1", 0.001),
         Row(
-            quantity="sigma at 8.5 mdeg over sigma at 0, Ka, eq. (21)", source="CONSCAN Fig. 1", paper=2.0,
-            ours=off_axis / on_axis, unit="1", tolerance=0.001,
-        ),
-        Row(
-            quantity="the same by Monte Carlo, constant noise", source="CONSCAN Fig. 1", paper=2.0, ours=found[0],
-            unit="1", tolerance=0.12,
+            "the same by Monte Carlo, constant noise", "CONSCAN Fig. 1", 2.0, found[0], "1", 0.12,
             remark="the Block V receiver's noise falls with the power, so there it grows by sqrt 2 only",
         ),
         Row(
-            quantity="sigma at 8.5 mdeg over sigma at 0, X, Monte Carlo", source="CONSCAN Fig. 1, eq. (21)",
-            paper=loss_x, ours=found[1], unit="1", tolerance=0.07,
+            "sigma at 8.5 mdeg over sigma at 0, X, Monte Carlo", "CONSCAN Fig. 1, eq. (21)", loss_x, found[1], "1",
+            0.07,
         ),
     ]  # fmt: skip
 
@@ -139,8 +133,8 @@ def _period_rows(seed: int) -> list[Row]:
         sigma, _ = sigma_after(fit_beam(beam_design(np.column_stack([x, y]), BEAM_KA_RAD), power, noise).error_rad)
         found.append(
             Row(
-                quantity=f"period for sigma < r, Ka, {level:.0f} dB-Hz", source="CONSCAN Fig. 2",
-                paper=DSN_SHORTEST_PERIOD_S, ours=design.period_s, unit="s", tolerance=0.0, bound="<=",
+                f"period for sigma < r, Ka, {level:.0f} dB-Hz", "CONSCAN Fig. 2", DSN_SHORTEST_PERIOD_S,
+                design.period_s, "s", 0.0, bound="<=",
                 remark=f"sigma {sigma.max() / MDEG:.2f} mdeg measured, eq. (25) {design.sigma_rad / MDEG:.2f}; "
                 "an estimate needs 4 samples of 1 s",
             )
@@ -178,8 +172,8 @@ def _monte_carlo_rows(seed: int) -> list[Row]:
 def _deviation_row(name: str, deviations: Array) -> Row:
     rms = float(np.sqrt(np.mean(deviations**2)))
     return Row(
-        quantity=f"Monte Carlo sigma against {name}: largest deviation", source="CONSCAN eqs. (20), (25)", paper=3.0,
-        ours=float(np.max(np.abs(deviations))), unit="standard errors", tolerance=0.0, bound="<=",
+        f"Monte Carlo sigma against {name}: largest deviation", "CONSCAN eqs. (20), (25)", 3.0,
+        float(np.max(np.abs(deviations))), "standard errors", 0.0, bound="<=",
         remark=f"{len(deviations)} comparisons of {RUNS} runs, rms deviation {rms:.2f} standard errors",
     )  # fmt: skip
 
@@ -203,14 +197,14 @@ def _exact_estimator_rows(seed: int) -> list[Row]:
     uncertainty = 0.55 / math.sqrt(EXACT_RUNS)
     return [
         Row(
-            quantity="bias of the exact estimator out to half a beamwidth, 30 dB-Hz", source="required", paper=0.005,
-            ours=float(max(biases)), unit="mdeg", tolerance=0.0, bound="<=",
+            "bias of the exact estimator out to half a beamwidth, 30 dB-Hz", "required", 0.005, float(max(biases)),
+            "mdeg", 0.0, bound="<=",
             remark=f"at 0, 8.5 (diagonal) and 8.5 mdeg: {', '.join(remarks)}, each known to {uncertainty:.4f}; "
             f"the linear estimator is off by {off:.3f} at 8.5 mdeg",
         ),
         Row(
-            quantity="its sigma against the Cramer-Rao bound, largest deviation", source="required", paper=0.0,
-            ours=float(max(ratios)), unit="1", tolerance=0.01,
+            "its sigma against the Cramer-Rao bound, largest deviation", "required", 0.0, float(max(ratios)), "1",
+            0.01,
         ),
     ]  # fmt: skip
 
@@ -228,8 +222,8 @@ def _honesty_row(seed: int) -> Row:
     rng = random_stream(seed, "conscan honesty")
     values = conscan_normalised_errors(30.0, np.array([2.0, -1.0]) * MDEG, HONESTY_RUNS, rng)
     return Row(
-        quantity="conscan: mean normalised squared error, 1000 runs, 30 dB-Hz", source="required", paper=1.0,
-        ours=float(np.mean(values)), unit="1", tolerance=1.96 / math.sqrt(HONESTY_RUNS),
+        "conscan: mean normalised squared error, 1000 runs, 30 dB-Hz", "required", 1.0, float(np.mean(values)), "1",
+        1.96 / math.sqrt(HONESTY_RUNS),
         remark=f"{len(values)} of {HONESTY_RUNS} estimates valid; the 95 % interval of an honest covariance",
     )  # fmt: skip
 
@@ -240,13 +234,11 @@ def _closed_loop_rows(seed: int) -> list[Row]:
     times = [search_time_s(k * math.pi / 4.0 + 0.2, 60.0, random_stream(seed, f"search {k}")) for k in range(8)]
     return [
         Row(
-            quantity="radial error after 3 periods from 8 mdeg off, Ka, 30 dB-Hz, slow target", source="required",
-            paper=2.0, ours=rms / MDEG, unit="mdeg rms", tolerance=0.0, bound="<=",
-            remark="an antenna without wind: what the estimator itself leaves",
+            "radial error after 3 periods from 8 mdeg off, Ka, 30 dB-Hz, slow target", "required", 2.0, rms / MDEG,
+            "mdeg rms", 0.0, bound="<=", remark="an antenna without wind: what the estimator itself leaves",
         ),
         Row(
-            quantity="acquisition from 3 beamwidths off, X, slowest of 8 directions", source="required", paper=30.0,
-            ours=max(times), unit="s", tolerance=0.0, bound="<=",
-            remark=f"spiral, receiver, monopulse and state table, 60 dB-Hz; fastest {min(times):.1f} s",
+            "acquisition from 3 beamwidths off, X, slowest of 8 directions", "required", 30.0, max(times), "s", 0.0,
+            bound="<=", remark=f"spiral, receiver, monopulse and state table, 60 dB-Hz; fastest {min(times):.1f} s",
         ),
     ]  # fmt: skip

@@ -103,18 +103,14 @@ def rows(seed: int = 1, *, executor: Executor | None = None) -> list[Row]:
 
 def _table_7_1() -> list[Row]:
     return [
+        # The author's error function is up to 2e-6 high; half a digit; never the cell itself.
         Row(
-            quantity=f"wrong cycle, nu = {ratio}, {snr_db} dB",
-            source="PI83 Table 7-1",
-            paper=printed,
-            ours=step_error_probability(ratio, 10.0 ** (0.1 * snr_db)),
-            unit="1",
-            # The author's error function is up to 2e-6 high; half a digit; never the cell itself.
-            tolerance=min(3e-6, 0.1 * printed + 5e-8),
+            f"wrong cycle, nu = {ratio}, {snr_db} dB", "PI83 Table 7-1", printed,
+            step_error_probability(ratio, 10.0 ** (0.1 * snr_db)), "1", min(3e-6, 0.1 * printed + 5e-8),
         )
         for ratio, column in TABLE_7_1.items()
         for snr_db, printed in column.items()
-    ]
+    ]  # fmt: skip
 
 
 def _table_8_1() -> list[Row]:
@@ -130,27 +126,19 @@ def _table_8_1() -> list[Row]:
 
 
 def _probability_row(carriers: int) -> Row:
+    # Half of the last printed digit.
     return Row(
-        quantity=f"K = {carriers}: probability of a wrong cycle in one step",
-        source="PI83 Table 8-1",
-        paper=P_EI[carriers],
-        ours=carrier_count_row(carriers, "CFT", variant="published").step_probability,
-        unit="1",
-        # Half of the last printed digit.
-        tolerance=5.1e-8,
-    )
+        f"K = {carriers}: probability of a wrong cycle in one step", "PI83 Table 8-1", P_EI[carriers],
+        carrier_count_row(carriers, "CFT", variant="published").step_probability, "1", 5.1e-8,
+    )  # fmt: skip
 
 
 def _ratio_row(system: str, carriers: int, printed: float) -> Row:
+    # The author computed in single precision: large ratios carry its relative error.
     return Row(
-        quantity=f"{system}, K = {carriers}: cycles per step",
-        source="PI83 Table 8-1",
-        paper=printed,
-        ours=carrier_count_row(carriers, system, variant="published").ratio,
-        unit="1",
-        # The author computed in single precision: large ratios carry its relative error.
-        tolerance=max(6e-4, _SINGLE_PRECISION * printed),
-    )
+        f"{system}, K = {carriers}: cycles per step", "PI83 Table 8-1", printed,
+        carrier_count_row(carriers, system, variant="published").ratio, "1", max(6e-4, _SINGLE_PRECISION * printed),
+    )  # fmt: skip
 
 
 def _snr_row(system: str, carriers: int, printed_db: float) -> Row:
@@ -160,15 +148,10 @@ def _snr_row(system: str, carriers: int, printed_db: float) -> Row:
     row = carrier_count_row(carriers, system, variant="corrected" if two else "published")
     ours = row.snr_db
     return Row(
-        quantity=f"{system}, K = {carriers}: power ratio",
-        source="PI83 Table 8-1",
-        paper=printed_db,
-        ours=ours,
-        unit="dB",
-        tolerance=0.1,
+        f"{system}, K = {carriers}: power ratio", "PI83 Table 8-1", printed_db, ours, "dB", 0.1,
         remark=f"(7-30) and (7-33) need {ours:.2f} dB; 110.0 is where the author's iteration stopped" if two else "",
         explained=two and printed_db == SOLVER_LIMIT_DB and _gives(row.ratio, ours, 1, 1),
-    )
+    )  # fmt: skip
 
 
 def _gives(ratio: float, snr_db: float, phases: int, steps: int) -> bool:
@@ -181,15 +164,10 @@ def _steps_row() -> Row:
     ours = carrier_count_row(8, "DFT")
     ratio = frequency_ratio(100e6, 1500.0, 6)
     return Row(
-        quantity="DFT, K = 8: power ratio for its K - 2 = 6 steps",
-        source="PI83 section 8.2",
-        paper=20.7,
-        ours=ours.snr_db,
-        unit="dB",
-        tolerance=0.1,
+        "DFT, K = 8: power ratio for its K - 2 = 6 steps", "PI83 section 8.2", 20.7, ours.snr_db, "dB", 0.1,
         remark=f"K carriers give K - 1 differences and K - 2 steps between them: nu = {ours.ratio:.3f}, not 4.888",
         explained=_gives(ratio, ours.snr_db, 2, 6),
-    )
+    )  # fmt: skip
 
 
 def _tables_8_2_and_8_3() -> list[Row]:
@@ -207,16 +185,7 @@ def _tables_8_2_and_8_3() -> list[Row]:
 
 
 def _power_row(quantity: str, source: str, paper: float, ours: float, remark: str = "", due: float = math.nan) -> Row:
-    return Row(
-        quantity=quantity,
-        source=source,
-        paper=paper,
-        ours=ours,
-        unit="W",
-        tolerance=1e-3 * paper,
-        remark=remark,
-        explained=as_due(ours, due, 1e-3),
-    )
+    return Row(quantity, source, paper, ours, "W", 1e-3 * paper, remark=remark, explained=as_due(ours, due, 1e-3))
 
 
 def _printed_frequency_rows() -> list[Row]:

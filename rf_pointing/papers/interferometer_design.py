@@ -10,12 +10,8 @@ Wrong cycles limit the power ratio R of each link.  The error of the unrounded l
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
-
-import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, required_power_w
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
@@ -31,7 +27,6 @@ _HIGHEST_HZ = {"CFT": 2.5e9, "DFT": 100e6}
 _FLOOR_DB = {"CFT": 10.0, "DFT": 10.0 + 10.0 * math.log10(2.0)}
 SOLVER_LIMIT_DB = 110.0
 """Where the author's iteration stopped: Table 8-1 prints it for two carriers."""
-Array = NDArray[np.float64]
 
 
 def lane_sigma(cycle_ratio: float, snr: float, step: str = "difference") -> float:
@@ -55,12 +50,6 @@ def step_error_probability(cycle_ratio: float, snr: float, step: str = "differen
     return math.erfc(1.0 / (2.0 * math.sqrt(2.0) * lane_sigma(cycle_ratio, snr, step)))
 
 
-def total_error_probability(cycle_ratio: float, snr: float, steps: int) -> float:
-    """Return the union bound of all steps, at most one (PI83 eq. 7-34)."""
-    require_between("steps", steps, 1, None)
-    return min(1.0, steps * step_error_probability(cycle_ratio, snr))
-
-
 def required_ratio(cycle_ratio: float, probability: float, step: str = "difference") -> float:
     """Return the power ratio R at which one step errs with `probability`.
 
@@ -70,27 +59,6 @@ def required_ratio(cycle_ratio: float, probability: float, step: str = "differen
     # Half a lane in units of the sigma that is exceeded with this probability, on both sides.
     allowed = 0.5 / -NormalDist().inv_cdf(0.5 * probability)
     return (lane_sigma(cycle_ratio, 1.0, step) / allowed) ** 2
-
-
-def chain_error_rate(
-    cycle_ratio: float, snr: float, carriers: int, trials: int, rng: np.random.Generator
-) -> tuple[float, float]:
-    """Return the measured rate of a wrong lane in any step of a K-carrier chain, and its standard
-    error.
-
-    Phase errors of variance 1/R per carrier (both links); a chain errs when any rounding does.
-    """
-    # Both links together: 1/(2R) each.
-    errors = rng.normal(0.0, 1.0 / math.sqrt(snr), (trials, carriers))
-    differences = errors[:, 1:] - errors[:, :1]
-    unrounded = (cycle_ratio * differences[:, :-1] - differences[:, 1:]) / (2.0 * math.pi)
-    rate = float(np.mean(_any_wrong(unrounded)))
-    # The floor keeps an error bar where no trial was wrong.
-    return rate, math.sqrt(max(rate * (1.0 - rate), 1.0 / trials) / trials)
-
-
-def _any_wrong(unrounded: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return np.asarray(np.any(np.abs(unrounded) > 0.5, axis=-1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,11 +87,6 @@ class SystemDesign:
     snr_ambiguity: float
     ripple_db: float
     phase_bias_rad: float
-
-    @property
-    def snr_required(self) -> float:
-        """The largest of the three power ratios."""
-        return max(self.snr_direction, self.snr_roll, self.snr_ambiguity)
 
 
 def minimum_difference_hz(range_m: float, ratio: float, speed_of_light_m_s: float = 3.0e8) -> tuple[float, float]:
@@ -239,11 +202,6 @@ class CarrierCountRow:
     snr_db: float
 
 
-def cycle_error_table(ratios: Sequence[float], snr_db: Sequence[float]) -> NDArray[np.float64]:
-    """Return p_ei (len(snr_db), len(ratios)) (PI83 Table 7-1)."""
-    return np.array([[step_error_probability(nu, 10.0 ** (0.1 * r)) for nu in ratios] for r in snr_db])
-
-
 def carrier_count_row(
     carriers: int, system: str, total_probability: float = 0.001, variant: str = CORRECTED
 ) -> CarrierCountRow:
@@ -267,12 +225,6 @@ def carrier_count_row(
     if published:
         snr_db = min(snr_db, SOLVER_LIMIT_DB)
     return CarrierCountRow(carriers=carriers, step_probability=probability, ratio=ratio, snr_db=snr_db)
-
-
-def carrier_count_table(system: str, variant: str = CORRECTED) -> list[CarrierCountRow]:
-    """Return Table 8-1 of one system up to 25 carriers."""
-    first = 2 if is_published(variant) or system == "CFT" else 3
-    return [carrier_count_row(k, system, variant=variant) for k in range(first, 26)]
 
 
 def link_powers_w(

@@ -6,10 +6,10 @@ The experiments: averaging in the tracker, honesty of its covariance, false lock
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import CommandPreprocessorParams, PositionLoopParams
 from rf_pointing.core import MDEG, MonopulseCluster, random_stream
+from rf_pointing.core.types import Array
 from rf_pointing.papers.monopulse_dropouts import AutotrackRadio, draw_dropouts, reacquisition_times_s
 from rf_pointing.papers.monopulse_loop import TICK_S, MonopulsePass, PlainRadio, fly
 from rf_pointing.papers.row import Row
@@ -24,8 +24,6 @@ from rf_pointing.rf import (
 )
 from rf_pointing.servo import dss13_plant
 from rf_pointing.tracking import LockWatch, LockWatchParams, MonopulseParams, MonopulseTracker
-
-Array = NDArray[np.float64]
 
 BEAM_RAD = HALF_POWER_BEAMWIDTH_RAD["Ka"]
 SAMPLE_S = 0.02
@@ -157,13 +155,13 @@ def _averaging_rows(seed: int) -> list[Row]:
     best = max(averaging_limit_db(f) for f in np.arange(5.0, 15.0, 0.1))
     return [
         Row(
-            quantity="averaging of N = 5 in the live tracker, white noise", source="BWG eq. (17)", paper=7.0,
-            ours=white, unit="dB", tolerance=0.35, remark=f"exact {averaging_limit_db(0.0):.2f} dB",
+            "averaging of N = 5 in the live tracker, white noise", "BWG eq. (17)", 7.0, white, "dB", 0.35,
+            remark=f"exact {averaging_limit_db(0.0):.2f} dB",
         ),
         Row(
-            quantity="the same, noise from 8 Hz to Nyquist", source="BWG Fig. 27", paper=17.0, ours=coloured, unit="dB",
-            tolerance=1.0, explained=abs(coloured - averaging_limit_db(8.0)) <= 0.35 and best < 17.0,
-            remark=f"the mean of 5 samples at 50 Hz gives exactly {averaging_limit_db(8.0):.2f} dB for such noise, and at "
+            "the same, noise from 8 Hz to Nyquist", "BWG Fig. 27", 17.0, coloured, "dB", 1.0,
+            explained=abs(coloured - averaging_limit_db(8.0)) <= 0.35 and best < 17.0, remark=
+            f"the mean of 5 samples at 50 Hz gives exactly {averaging_limit_db(8.0):.2f} dB for such noise, and at "
             f"most {best:.2f} dB for any cutoff; the published ratio of 50 is one simulated record",
         ),
     ]  # fmt: skip
@@ -173,8 +171,8 @@ def _honesty_row(seed: int) -> Row:
     rng = random_stream(seed, "monopulse honesty")
     values = monopulse_normalised_errors(LEVEL_DB_HZ, np.array([2.0, -1.0]) * MDEG, HONESTY_RUNS, rng)
     return Row(
-        quantity="monopulse: mean normalised squared error, 1000 runs, 45 dB-Hz", source="required", paper=1.0,
-        ours=float(np.mean(values)), unit="1", tolerance=1.96 / math.sqrt(HONESTY_RUNS),
+        "monopulse: mean normalised squared error, 1000 runs, 45 dB-Hz", "required", 1.0, float(np.mean(values)), "1",
+        1.96 / math.sqrt(HONESTY_RUNS),
         remark=f"{len(values)} of {HONESTY_RUNS} errors valid; C/N0 from the samples, 95 % interval",
     )  # fmt: skip
 
@@ -193,14 +191,13 @@ def _bandwidth_rows(seed: int) -> list[Row]:
     common = f"program track {program / MDEG:.2f} mdeg rms"
     return [
         Row(
-            quantity="elevation error, program track over monopulse, f_m = 0.04 Hz, no notch", source="BWG section III",
-            paper=2.0, ours=float(program / without), unit="1", tolerance=0.0, bound=">=",
+            "elevation error, program track over monopulse, f_m = 0.04 Hz, no notch", "BWG section III", 2.0,
+            float(program / without), "1", 0.0, bound=">=",
             remark=f"{common}, monopulse {without / MDEG:.3f}; our deviation is a constant time, theirs wobbles",
         ),
         Row(
-            quantity="the same, f_m = 0.3 Hz with the notch", source="BWG section IV-B", paper=10.0,
-            ours=float(program / with_notch), unit="1", tolerance=0.0, bound=">=",
-            remark=f"{common}, monopulse {with_notch / MDEG:.3f}, receiver noise at 45 dB-Hz included",
+            "the same, f_m = 0.3 Hz with the notch", "BWG section IV-B", 10.0, float(program / with_notch), "1", 0.0,
+            bound=">=", remark=f"{common}, monopulse {with_notch / MDEG:.3f}, receiver noise at 45 dB-Hz included",
         ),
     ]  # fmt: skip
 
@@ -211,8 +208,8 @@ def _wind_row(seed: int) -> Row:
     radio = PlainRadio(setup, WIND_HZ, LEVEL_DB_HZ)
     axes, radial = fly(setup, radio).rms_rad(setup.settle_s)
     return Row(
-        quantity="total radial error, Ka, 45 dB-Hz, wind 8 m/s, LEO pass", source="required", paper=2.0,
-        ours=radial / MDEG, unit="mdeg rms", tolerance=0.0, bound="<=",
+        "total radial error, Ka, 45 dB-Hz, wind 8 m/s, LEO pass", "required", 2.0, radial / MDEG, "mdeg rms", 0.0,
+        bound="<=",
         remark=f"f_m = {WIND_HZ} Hz, notch, friction, play and encoders on; cross-elevation {axes[0] / MDEG:.2f}, "
         f"elevation {axes[1] / MDEG:.2f} mdeg; k_p = 1: with the published 0.5 the encoder loop rings at 0.25 Hz in "
         f"the gusts{'; ' + radio.fault if radio.fault else ''}",
@@ -230,10 +227,7 @@ def _false_lock_rows(seed: int) -> list[Row]:
         ("sidelobe lock", *sidelobe_lock_s(random_stream(seed, "sidelobe"))),
     )
     return [
-        Row(
-            quantity=f"{name}: time to detect", source="required", paper=2.0, ours=after_s, unit="s", tolerance=0.0,
-            bound="<=", remark=fault,
-        )
+        Row(f"{name}: time to detect", "required", 2.0, after_s, "s", 0.0, bound="<=", remark=fault)
         for name, fault, after_s in cases
     ]  # fmt: skip
 
@@ -249,13 +243,13 @@ def _dropout_rows(seed: int) -> list[Row]:
     limit = min(CommandPreprocessorParams().acceleration_limit_rad_s2)
     return [
         Row(
-            quantity="random dropouts of 0.5-20 s reacquired, Ka, 45 dB-Hz, wind 8 m/s", source="required",
-            paper=DROPOUTS, ours=float(np.sum(np.isfinite(times))), unit="of 10", tolerance=0.0,
+            "random dropouts of 0.5-20 s reacquired, Ka, 45 dB-Hz, wind 8 m/s", "required", DROPOUTS,
+            float(np.sum(np.isfinite(times))), "of 10", 0.0,
             remark=f"slowest {np.max(times):.1f} s after the carrier is back, median {np.median(times):.1f} s",
         ),
         Row(
-            quantity="largest acceleration of the command over the pass", source="required", paper=math.degrees(limit),
-            ours=math.degrees(steepest), unit="deg/s^2", tolerance=1e-6, bound="<=",
+            "largest acceleration of the command over the pass", "required", math.degrees(limit),
+            math.degrees(steepest), "deg/s^2", 1e-6, bound="<=",
             remark=f"the preprocessor's limit; {100.0 * np.mean(log.transparent):.1f} % of the commands passed unchanged",
         ),
     ]  # fmt: skip

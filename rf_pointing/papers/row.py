@@ -9,7 +9,7 @@ WIDTH = 118
 HEAD = ("quantity", "source", "paper", "ours", "unit", "tolerance", "holds")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Row:
     """A published number, ours, and whether ours lies within the tolerance.
 

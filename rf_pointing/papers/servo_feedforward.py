@@ -1,16 +1,14 @@
 """Rows of BWG Sec. II: tracking with and without feedforward, and the closed-loop gain."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import PositionLoopParams
 from rf_pointing.core import MDEG
+from rf_pointing.core.types import Array
 from rf_pointing.papers.row import Row
 from rf_pointing.papers.servo_linear import COMMAND, RATE, closed_loop
 from rf_pointing.papers.servo_pass import PassSetup, fly
 from rf_pointing.servo import dss13_plant
-
-Array = NDArray[np.float64]
 
 PLAIN = PositionLoopParams(notch_enabled=False)
 NO_FEEDFORWARD = PLAIN.replace(feedforward_gain=0.0)
@@ -33,17 +31,12 @@ def _settled(error: Array) -> list[Row]:
     peaks = np.max(np.abs(error), axis=0) / MDEG
     return [
         Row(
-            quantity=f"LEO pass, feedforward, settled: {name} error (peak)",
-            source="BWG Sec. II",
-            paper=PAPER_MDEG[name],
-            ours=float(peaks[axis]),
-            unit="mdeg",
-            tolerance=0.0,
-            bound="<=",
+            f"LEO pass, feedforward, settled: {name} error (peak)", "BWG Sec. II", PAPER_MDEG[name],
+            float(peaks[axis]), "mdeg", 0.0, bound="<=",
             remark="a settled smooth pass is far better with any such plant; the paper's size belongs to the start",
         )
         for axis, name in ((1, "elevation"), (0, "cross-elevation"))
-    ]
+    ]  # fmt: skip
 
 
 def _start() -> list[Row]:
@@ -54,16 +47,12 @@ def _start() -> list[Row]:
     rms = np.sqrt(np.mean(fly(setup).beam_rad ** 2, axis=0)) / MDEG
     return [
         Row(
-            quantity=f"LEO pass, feedforward, from rest: {name} error (rms of the first {WINDOW_S:.0f} s)",
-            source="BWG Sec. II",
-            paper=PAPER_MDEG[name],
-            ours=float(rms[axis]),
-            unit="mdeg",
-            tolerance=START_TOLERANCE_MDEG[name],
+            f"LEO pass, feedforward, from rest: {name} error (rms of the first {WINDOW_S:.0f} s)", "BWG Sec. II",
+            PAPER_MDEG[name], float(rms[axis]), "mdeg", START_TOLERANCE_MDEG[name],
             remark="at rest at 8 deg elevation on a 1000-km orbit culminating at 70 deg; neither is given in the paper",
         )
         for axis, name in ((1, "elevation"), (0, "cross-elevation"))
-    ]
+    ]  # fmt: skip
 
 
 def _without(error: Array, with_it: Array) -> list[Row]:
@@ -74,28 +63,18 @@ def _without(error: Array, with_it: Array) -> list[Row]:
     peak, peak_with = np.max(np.abs(error), axis=0), np.max(np.abs(with_it), axis=0)
     rows = [
         Row(
-            quantity=f"LEO pass, no feedforward: {name} error over r''/k_i",
-            source="PI loop, steady form",
-            paper=1.0,
-            ours=float(peak[axis] / steady[axis]),
-            unit="1",
-            tolerance=0.03,
-            remark=f"{peak[axis] / MDEG:.2f} mdeg",
+            f"LEO pass, no feedforward: {name} error over r''/k_i", "PI loop, steady form", 1.0,
+            float(peak[axis] / steady[axis]), "1", 0.03, remark=f"{peak[axis] / MDEG:.2f} mdeg",
         )
         for axis, name in ((1, "elevation"), (0, "cross-elevation"))
-    ]
+    ]  # fmt: skip
     rows.append(
         Row(
-            quantity="LEO pass: error without over error with feedforward, elevation",
-            source="BWG Sec. II",
-            paper=10.0,
-            ours=float(peak[1] / peak_with[1]),
-            unit="1",
-            tolerance=0.0,
-            bound=">=",
+            "LEO pass: error without over error with feedforward, elevation", "BWG Sec. II", 10.0,
+            float(peak[1] / peak_with[1]), "1", 0.0, bound=">=",
             remark="the paper says 'much larger' and prints no number",
         )
-    )
+    )  # fmt: skip
     return rows
 
 
@@ -115,23 +94,12 @@ def _gain() -> list[Row]:
     peaks = [float(np.max(np.abs(gain[mode]))) for gain in gains]
     return [
         Row(
-            quantity="feedforward tracks better than no feedforward up to",
-            source="BWG Fig. 2",
-            paper=1.0,
-            ours=float(frequency[np.argmin(better)]),
-            unit="Hz",
-            tolerance=0.0,
-            bound=">=",
+            "feedforward tracks better than no feedforward up to", "BWG Fig. 2", 1.0,
+            float(frequency[np.argmin(better)]), "Hz", 0.0, bound=">=",
             remark=f"flat within 1 dB up to {flat[0]:.2f} Hz, without feedforward up to {flat[1]:.2f} Hz",
         ),
         Row(
-            quantity="resonance peak at 2.12 Hz, with over without feedforward",
-            source="BWG Fig. 2",
-            paper=1.0,
-            ours=peaks[0] / peaks[1],
-            unit="1",
-            tolerance=0.0,
-            bound=">=",
-            remark="'much higher'; no number in the paper",
+            "resonance peak at 2.12 Hz, with over without feedforward", "BWG Fig. 2", 1.0, peaks[0] / peaks[1], "1",
+            0.0, bound=">=", remark="'much higher'; no number in the paper",
         ),
-    ]
+    ]  # fmt: skip

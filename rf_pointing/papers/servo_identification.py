@@ -9,7 +9,6 @@ friction takes 0.0009 V; calm air (0.3 m/s; the article had 0 to 3.6 m/s).
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import AXES, random_stream
 from rf_pointing.identification import (
@@ -20,14 +19,13 @@ from rf_pointing.identification import (
     ResponseStudy,
     StraightCheck,
     modes_of,
-    study,
 )
+from rf_pointing.identification.study import study
 from rf_pointing.papers.bare_antenna import BareAntenna
 from rf_pointing.papers.row import Row
 from rf_pointing.servo import AntennaPlant, Wind, WindParams, dss13_plant
 from rf_pointing.simulation.closed_loop import ticks
 
-Array = NDArray[np.float64]
 Studies = dict[tuple[str, str], ResponseStudy]
 
 RATE_PER_VOLT_RAD_S = math.radians(0.08)
@@ -85,14 +83,10 @@ def _frequencies(studies: Studies) -> list[Row]:
             nearest = float(found[np.argmin(np.abs(found - frequency))])
             rows.append(
                 Row(
-                    quantity=f"mode frequency, {driven} to {shown}",
-                    source="DSS13-ID Table 1",
-                    paper=frequency,
-                    ours=nearest,
-                    unit="Hz",
-                    tolerance=0.02 * frequency,
+                    f"mode frequency, {driven} to {shown}", "DSS13-ID Table 1", frequency, nearest, "Hz",
+                    0.02 * frequency,
                 )
-            )
+            )  # fmt: skip
     return rows
 
 
@@ -132,13 +126,4 @@ def _errors(studies: Studies) -> list[Row]:
 
 
 def _error_row(quantity: str, source: str, paper: float, ours: float, remark: str) -> Row:
-    return Row(
-        quantity=quantity,
-        source=source,
-        paper=paper,
-        ours=100.0 * ours,
-        unit="%",
-        tolerance=0.0,
-        bound="<=",
-        remark=remark,
-    )
+    return Row(quantity, source, paper, 100.0 * ours, "%", 0.0, bound="<=", remark=remark)

@@ -9,7 +9,6 @@ import math
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import PositionLoopParams
 from rf_pointing.core import MDEG
@@ -17,8 +16,6 @@ from rf_pointing.papers.row import Row
 from rf_pointing.papers.servo_linear import peak_sensitivity, stability_limit_hz
 from rf_pointing.papers.servo_pass import PassSetup, fly
 from rf_pointing.servo import PlantParams, dss13_plant
-
-Array = NDArray[np.float64]
 
 PLAIN, NOTCH = PositionLoopParams(notch_enabled=False), PositionLoopParams()
 BETA = 0.33
@@ -76,16 +73,11 @@ def _limits() -> list[Row]:
     ]
     return [
         Row(
-            quantity=f"monopulse stability limit f_m, {name}",
-            source="BWG Fig. 6, 19, Sec. IV-C",
-            paper=paper,
-            ours=ours,
-            unit="Hz",
-            tolerance=tolerance,
+            f"monopulse stability limit f_m, {name}", "BWG Fig. 6, 19, Sec. IV-C", paper, ours, "Hz", tolerance,
             remark=remark,
         )
         for name, ours, paper, tolerance, remark in cases
-    ]
+    ]  # fmt: skip
 
 
 def _mistuning() -> list[Row]:
@@ -120,7 +112,7 @@ def _mistuning() -> list[Row]:
 
 
 def _gains() -> list[Row]:
-    """What notch and amplifier gain buy against f_m = 0.04 Hz without either (BWG Fig.
+    """Gain by notch and amplifier against f_m = 0.04 Hz without either (BWG Fig.
 
     20 against Fig.  8a).
     """
@@ -140,17 +132,13 @@ def _gains() -> list[Row]:
     ]
     return [
         Row(
-            quantity=f"error at f_m 0.04 Hz over error with {name}, elevation",
-            source="BWG Sec. IV-B, IV-C",
-            paper=paper,
-            ours=base / error,
-            unit="1",
-            tolerance=tolerance,
-            remark=f"{base:.2f} mdeg to {error:.3f} mdeg; Ms {peak_sensitivity(plant, loops, 1, f_m):.2f}. Paper 'about "
+            f"error at f_m 0.04 Hz over error with {name}, elevation", "BWG Sec. IV-B, IV-C", paper, base / error,
+            "1", tolerance, remark=
+            f"{base:.2f} mdeg to {error:.3f} mdeg; Ms {peak_sensitivity(plant, loops, 1, f_m):.2f}. Paper 'about "
             f"tenfold' at the edge of stability: at f_m 0.4 Hz Ms is {peak_sensitivity(plant, loops, 1, 0.4):.1f}",
         )
         for name, error, plant, loops, f_m, paper, tolerance in cases
-    ]
+    ]  # fmt: skip
 
 
 def _pinion() -> list[Row]:
@@ -176,15 +164,7 @@ def _pinion() -> list[Row]:
 
 def _pinion_row(quantity: str, paper: float, ours: float, tolerance: float, unit: str = "mdeg") -> Row:
     remark = "size of the target's deviation chosen so" if quantity.startswith("pinion 0 deg") else ""
-    return Row(
-        quantity=quantity,
-        source="BWG Table 1",
-        paper=paper,
-        ours=ours,
-        unit=unit,
-        tolerance=tolerance,
-        remark=remark,
-    )
+    return Row(quantity, "BWG Table 1", paper, ours, unit, tolerance, remark=remark)
 
 
 def _sampling() -> list[Row]:
@@ -193,22 +173,11 @@ def _sampling() -> list[Row]:
     open_loop = float(np.max(np.abs(motion.velocity_rad_s[:, 1]))) * LATE_S[1] / MDEG
     return [
         Row(
-            quantity="error with 10-Hz sampling and 0.1 s delay over error with 50 Hz",
-            source="BWG Fig. 12, Sec. III",
-            paper=1.0,
-            ours=slow / fast,
-            unit="1",
-            tolerance=0.05,
-            remark=f"f_m 0.04 Hz, elevation, {slow:.3f} and {fast:.3f} mdeg",
+            "error with 10-Hz sampling and 0.1 s delay over error with 50 Hz", "BWG Fig. 12, Sec. III", 1.0,
+            slow / fast, "1", 0.05, remark=f"f_m 0.04 Hz, elevation, {slow:.3f} and {fast:.3f} mdeg",
         ),
         Row(
-            quantity="error without monopulse over error with it, 10 Hz",
-            source="BWG Fig. 8",
-            paper=2.0,
-            ours=open_loop / slow,
-            unit="1",
-            tolerance=0.0,
-            bound=">=",
-            remark=f"deviation {open_loop:.2f} mdeg",
+            "error without monopulse over error with it, 10 Hz", "BWG Fig. 8", 2.0, open_loop / slow, "1", 0.0,
+            bound=">=", remark=f"deviation {open_loop:.2f} mdeg",
         ),
-    ]
+    ]  # fmt: skip

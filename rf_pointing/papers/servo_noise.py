@@ -25,36 +25,20 @@ def noise_rows(seed: int = 1) -> list[Row]:
     white = 10.0 * math.log10(averaging_gain(0.0))
     coloured = averaging_gain(CUT_OFF_HZ)
     return [
+        Row("SNR gained by averaging 5 samples, white noise", "BWG eq. 17, 18", 7.0, white, "dB", 0.05),
+        # r_s of such noise, integrated apart; a misprinted cut-off would be doubled.
         Row(
-            quantity="SNR gained by averaging 5 samples, white noise",
-            source="BWG eq. 17, 18",
-            paper=7.0,
-            ours=white,
-            unit="dB",
-            tolerance=0.05,
-        ),
-        Row(
-            quantity="SNR gained by averaging 5 samples, noise above 8 Hz",
-            source="BWG Fig. 27",
-            paper=17.0,
-            ours=10.0 * math.log10(coloured),
-            unit="dB",
-            tolerance=1.0,
-            remark=f"exact for noise flat from 8 to 25 Hz: r_s = {coloured:.1f}; flat noise gives the paper's simulated 50 "
+            "SNR gained by averaging 5 samples, noise above 8 Hz", "BWG Fig. 27", 17.0, 10.0 * math.log10(coloured),
+            "dB", 1.0, remark=
+            f"exact for noise flat from 8 to 25 Hz: r_s = {coloured:.1f}; flat noise gives the paper's simulated 50 "
             f"from {_cut_off_hz(50.0):.1f} Hz on, so its noise was not flat above 8 Hz",
-            # r_s of such noise, integrated apart; the cut-off is no misprint: it would be doubled.
             explained=as_due(coloured, 37.3, 5e-3) and _cut_off_hz(50.0) > 1.5 * CUT_OFF_HZ,
         ),
         Row(
-            quantity="noise power ratio r_s in the running loop, white noise at 20 dB",
-            source="BWG Fig. 28",
-            paper=4.7,
-            ours=_in_the_loop(seed),
-            unit="1",
-            tolerance=0.6,
-            remark="paper 6.7 dB; f_m 0.04 Hz, samples at 50 Hz, clusters at 10 Hz",
+            "noise power ratio r_s in the running loop, white noise at 20 dB", "BWG Fig. 28", 4.7, _in_the_loop(seed),
+            "1", 0.6, remark="paper 6.7 dB; f_m 0.04 Hz, samples at 50 Hz, clusters at 10 Hz",
         ),
-    ]
+    ]  # fmt: skip
 
 
 def averaging_gain(cut_off_hz: float) -> float:

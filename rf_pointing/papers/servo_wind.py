@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import (
     TUNED_RADIO_BANDWIDTH_HZ,
@@ -21,6 +20,7 @@ from rf_pointing.controllers import (
     load_lqg_designs,
 )
 from rf_pointing.core import MDEG
+from rf_pointing.core.types import Array
 from rf_pointing.papers.row import Row
 from rf_pointing.papers.servo_linear import WIND, closed_loop
 from rf_pointing.papers.servo_pass import Law, PassSetup, fly
@@ -37,7 +37,6 @@ from rf_pointing.papers.servo_sampled import (
 from rf_pointing.papers.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import WindParams, dss13_plant, wind_torque_n_m
 
-Array = NDArray[np.float64]
 Responses = tuple[LawResponse, LawResponse]
 
 PUBLISHED = PositionLoopParams(notch_enabled=False)
@@ -67,14 +66,10 @@ def _rejection() -> list[Row]:
     worst = float(np.max(np.abs(responses[0] / responses[1] - 1.0)[:, [0, 1], [0, 1]]))
     return [
         Row(
-            quantity="wind to beam, with over without feedforward, largest difference from 1",
-            source="BWG Sec. II",
-            paper=0.0,
-            ours=worst,
-            unit="1",
-            tolerance=1e-9,
+            "wind to beam, with over without feedforward, largest difference from 1", "BWG Sec. II", 0.0, worst, "1",
+            1e-9,
         )
-    ]
+    ]  # fmt: skip
 
 
 @cache
@@ -209,13 +204,6 @@ def _peak(qualities: list[LoopQuality]) -> float:
 def _row(quantity: str, ours: float, asked: float, unit: str, remark: str = "", miss: str = "") -> Row:
     missed = bool(miss) and ours > asked
     return Row(
-        quantity=quantity,
-        source="beyond the paper",
-        paper=asked,
-        ours=ours,
-        unit=unit,
-        tolerance=0.0,
-        bound="<=",
-        remark=miss if missed else remark,
+        quantity, "beyond the paper", asked, ours, unit, 0.0, bound="<=", remark=miss if missed else remark,
         explained=missed,
-    )
+    )  # fmt: skip

@@ -17,8 +17,8 @@ from rf_pointing.papers.sweeps import sweep
 from rf_pointing.papers.tripulse_attitude import attitude_rows, signal_rows
 from rf_pointing.papers.tripulse_noise import (
     ErrorStatistics,
-    beyond_rows,
     failed_element_errors,
+    future_rows,
     noise_rows,
     phase_error_errors,
     quantiser_errors,
@@ -47,7 +47,7 @@ def rows(seed: int = 1, *, executor: Executor | None = None) -> list[Row]:
         *_failure_rows(seed, executor),
         *signal_rows(seed),
         *attitude_rows(seed),
-        *beyond_rows(seed),
+        *future_rows(seed),
     ]
 
 
@@ -74,42 +74,22 @@ def _time_rows() -> list[Row]:
     cubic = (ARRAY.kd[0] * OFFSET_RAD * ARRAY.n_x / 4.0) ** 2 / 3.0
     return [
         Row(
-            quantity="time of one pulse, 37 dB-Hz per element, 16 x 16, 3 wavelengths, delta = 5.8e-5",
-            source="eq. (22)",
-            paper=80.0,
-            ours=integration_time_s(ARRAY, CN0_DB_HZ, SPECIFICATION) * 1e6,
-            unit="us",
-            tolerance=1.0,
+            "time of one pulse, 37 dB-Hz per element, 16 x 16, 3 wavelengths, delta = 5.8e-5", "eq. (22)", 80.0,
+            integration_time_s(ARRAY, CN0_DB_HZ, SPECIFICATION) * 1e6, "us", 1.0,
         ),
+        Row("3 delta of one projection", "4.2", LIMIT_DEG, 3.0 * sigma_deg, "deg", 1e-4),
         Row(
-            quantity="3 delta of one projection",
-            source="4.2",
-            paper=LIMIT_DEG,
-            ours=3.0 * sigma_deg,
-            unit="deg",
-            tolerance=1e-4,
-        ),
-        Row(
-            quantity="3 sigma of the total angle at delta = 5.8e-5, as 4.3 and 4.4 count it",
-            source="4.2",
-            paper=LIMIT_DEG,
-            ours=3.0 * math.sqrt(2.0) * sigma_deg,
-            unit="deg",
-            tolerance=1e-4,
+            "3 sigma of the total angle at delta = 5.8e-5, as 4.3 and 4.4 count it", "4.2", LIMIT_DEG,
+            3.0 * math.sqrt(2.0) * sigma_deg, "deg", 1e-4,
             remark="the 80 us hold for one projection; both together are sqrt(2) larger and would take 160 us",
             explained=abs(3.0 * math.sqrt(2.0) * sigma_deg - math.sqrt(2.0) * LIMIT_DEG) <= 1e-4,
         ),
         Row(
-            quantity="cubic over linear term of (11) at 0.1 deg",
-            source="4.1",
-            paper=2.0,
-            ours=100.0 * cubic,
-            unit="%",
-            tolerance=0.1,
+            "cubic over linear term of (11) at 0.1 deg", "4.1", 2.0, 100.0 * cubic, "%", 0.1,
             remark="(X N/4)^2 / 3 with X N/4 = 0.1316 rad, whose square is 1.7 %; the exact inversion needs neither",
             explained=abs(cubic - 0.1316**2 / 3.0) <= 1e-5,
         ),
-    ]
+    ]  # fmt: skip
 
 
 def _phase_rows(seed: int) -> list[Row]:
@@ -120,16 +100,10 @@ def _phase_rows(seed: int) -> list[Row]:
         case = phase_error_errors(params, FIVE_BITS_RAD, BORESIGHT, OFFSET, TRIALS, seed)
         found.append(
             Row(
-                quantity=f"3 sigma, 5-bit phases as uniform errors, {count * count} elements "
-                + ("(fails)" if count == 16 else "(meets)"),
-                source="4.3, Fig. 3",
-                paper=LIMIT_DEG,
-                ours=math.degrees(case.three_sigma_total_rad),
-                unit="deg",
-                tolerance=0.0,
-                bound=bound,
+                f"3 sigma, 5-bit phases as uniform errors, {count * count} elements {'(fails)' if count == 16 else '(meets)'}",
+                "4.3, Fig. 3", LIMIT_DEG, math.degrees(case.three_sigma_total_rad), "deg", 0.0, bound=bound,
             )
-        )
+        )  # fmt: skip
     rounding = ARRAY.replace(n_x=18, n_y=18, phase_bits=5)
     remarks = {
         False: "steering phases are odd in the element's place, so mirrored elements round to opposite errors that add "
@@ -147,37 +121,23 @@ def _phase_rows(seed: int) -> list[Row]:
         total = totals[common]
         found.append(
             Row(
-                quantity="3 sigma, real 5-bit rounding, 324 elements, steering to 8.6 deg"
+                "3 sigma, real 5-bit rounding, 324 elements, steering to 8.6 deg"
                 + (", a common phase added before rounding" if common else ""),
-                source="4.3, Fig. 3",
-                paper=LIMIT_DEG,
-                ours=total,
-                unit="deg",
-                tolerance=0.0,
-                bound="<=",
-                remark=remark,
+                "4.3, Fig. 3", LIMIT_DEG, total, "deg", 0.0, bound="<=", remark=remark,
                 explained=bool(remark) and as_due(total, math.sqrt(2.0) * independent, 0.1),
             )
-        )
+        )  # fmt: skip
     return found
 
 
 def _failure_rows(seed: int, executor: Executor | None) -> list[Row]:
     return [
         Row(
-            quantity="3 sigma with 38 of 256 elements dead, no noise, 20 000 trials",
-            source="4.4, Fig. 4",
-            paper=LIMIT_DEG,
-            ours=math.degrees(_failures(seed, 38).three_sigma_total_rad),
-            unit="deg",
-            tolerance=3e-4,
+            "3 sigma with 38 of 256 elements dead, no noise, 20 000 trials", "4.4, Fig. 4", LIMIT_DEG,
+            math.degrees(_failures(seed, 38).three_sigma_total_rad), "deg", 3e-4,
         ),
         Row(
-            quantity="share of dead elements at 3 sigma = 0.01 deg",
-            source="4.4, Fig. 4",
-            paper=15.0,
-            ours=100.0 * failed_share_at_limit(seed, executor),
-            unit="%",
-            tolerance=1.0,
+            "share of dead elements at 3 sigma = 0.01 deg", "4.4, Fig. 4", 15.0,
+            100.0 * failed_share_at_limit(seed, executor), "%", 1.0,
         ),
-    ]
+    ]  # fmt: skip

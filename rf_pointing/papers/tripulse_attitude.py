@@ -13,7 +13,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
 from rf_pointing.array_sensors.attitude.quaternion import (
@@ -39,9 +38,8 @@ from rf_pointing.array_sensors.tripulse.station_attitude import (
 from rf_pointing.array_sensors.tripulse.system import EpochParams, SimulatedTripulse, TripulseAttitude
 from rf_pointing.core import random_stream
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core.types import Array
 from rf_pointing.papers.row import Row
-
-Array = NDArray[np.float64]
 
 # The mean normalised error of 400 epochs is known to 0.12, and its tolerance is four times that.
 FRAMES = 400
@@ -119,47 +117,27 @@ def signal_rows(seed: int = 1) -> list[Row]:
     share = SPECIFICATION * math.sqrt(TripulseSignalParams().beam_time_s(1) / interleaved.beam_time_s(1))
     return [
         Row(
-            quantity="phase left by two reference tones under Doppler, acceleration and two clocks",
-            source="section 1 (canceled out exactly)",
-            paper=0.0,
-            ours=_phase_left_rad(seed),
-            unit="rad",
-            tolerance=1e-9,
+            "phase left by two reference tones under Doppler, acceleration and two clocks",
+            "section 1 (canceled out exactly)", 0.0, _phase_left_rad(seed), "rad", 1e-9,
+        ),
+        # 1600 values: four times 1.8 %.
+        Row(
+            "sigma of a projection from 80 us per beam, samples to estimate, two tones", "4.2", SPECIFICATION,
+            float(np.sqrt(np.mean(run.projection_errors**2))), "1", 0.07 * SPECIFICATION,
         ),
         Row(
-            quantity="sigma of a projection from 80 us per beam, samples to estimate, two tones",
-            source="4.2",
-            paper=SPECIFICATION,
-            ours=float(np.sqrt(np.mean(run.projection_errors**2))),
-            unit="1",
-            # 1600 values: four times 1.8 %.
-            tolerance=0.07 * SPECIFICATION,
+            "mean normalised squared attitude error of the two stations (3 expected)", "eq. (31)", 3.0,
+            _mean_score(run), "1", 4.0 * math.sqrt(6.0 / FRAMES),
         ),
         Row(
-            quantity="mean normalised squared attitude error of the two stations (3 expected)",
-            source="eq. (31)",
-            paper=3.0,
-            ours=_mean_score(run),
-            unit="1",
-            tolerance=4.0 * math.sqrt(6.0 / FRAMES),
+            "sigma of a projection, interleaved sum segments instead of reference tones", "section 1, eq. (18)",
+            share, float(np.sqrt(np.mean(alone.projection_errors**2))), "1", 0.07 * share,
         ),
         Row(
-            quantity="sigma of a projection, interleaved sum segments instead of reference tones",
-            source="section 1, eq. (18)",
-            paper=share,
-            ours=float(np.sqrt(np.mean(alone.projection_errors**2))),
-            unit="1",
-            tolerance=0.07 * share,
+            "mean normalised squared attitude error, interleaved (3 expected)", "eq. (31)", 3.0, _mean_score(alone),
+            "1", 4.0 * math.sqrt(6.0 / FRAMES),
         ),
-        Row(
-            quantity="mean normalised squared attitude error, interleaved (3 expected)",
-            source="eq. (31)",
-            paper=3.0,
-            ours=_mean_score(alone),
-            unit="1",
-            tolerance=4.0 * math.sqrt(6.0 / FRAMES),
-        ),
-    ]
+    ]  # fmt: skip
 
 
 def _mean_score(run: TripulseRun) -> float:
@@ -222,16 +200,12 @@ def _roll_pitch_rows(seed: int) -> list[Row]:
     near, far = (attitude_errors_rad(separation, SMALL, seed) for separation in (2.5, 10.0))
     return [
         Row(
-            quantity=f"{name} error at 10 deg of station separation over that at 2.5 deg",
-            source="5.4, Fig. 6",
-            paper=1.0,
-            ours=float(far[axis] / near[axis]),
-            unit="1",
-            tolerance=math.sqrt(2.0) * WITHIN,
+            f"{name} error at 10 deg of station separation over that at 2.5 deg", "5.4, Fig. 6", 1.0,
+            float(far[axis] / near[axis]), "1", math.sqrt(2.0) * WITHIN,
             remark="sigma / (sqrt(2) cos(sep/2)): 0.4 % more at 10 deg",
         )
         for axis, name in ((0, "roll"), (1, "pitch"))
-    ]
+    ]  # fmt: skip
 
 
 def _yaw_rows(seed: int) -> list[Row]:
@@ -243,22 +217,14 @@ def _yaw_rows(seed: int) -> list[Row]:
         closed_form = SMALL / (math.sqrt(2.0) * math.sin(math.radians(separation) / 2.0))
         found += [
             Row(
-                quantity=f"yaw error at {separation} deg, sigma = 1e-4, over (31)",
-                source="5.4, Fig. 6",
-                paper=1.0,
-                ours=small / theory,
-                unit="1",
-                tolerance=WITHIN,
+                f"yaw error at {separation} deg, sigma = 1e-4, over (31)", "5.4, Fig. 6", 1.0, small / theory, "1",
+                WITHIN,
             ),
             Row(
-                quantity=f"yaw of (31) at {separation} deg over sigma / (sqrt(2) sin(sep/2))",
-                source="eq. (31)",
-                paper=1.0,
-                ours=theory / closed_form,
-                unit="1",
-                tolerance=1e-9,
+                f"yaw of (31) at {separation} deg over sigma / (sqrt(2) sin(sep/2))", "eq. (31)", 1.0,
+                theory / closed_form, "1", 1e-9,
             ),
-        ]
+        ]  # fmt: skip
     for separation in SEPARATIONS_DEG:
         half = math.radians(separation) / 2.0
         errors = np.degrees(attitude_errors_rad(separation, SPECIFICATION, seed))
@@ -270,28 +236,19 @@ def _yaw_rows(seed: int) -> list[Row]:
             expected = math.degrees(SPECIFICATION / (math.sqrt(2.0) * slope))
             found.append(
                 Row(
-                    quantity=f"{name} error at {separation} deg and the specified sigma of 5.8e-5",
-                    source="4.2 and eq. (31)",
-                    paper=expected,
-                    ours=float(errors[axis]),
-                    unit="deg",
-                    tolerance=WITHIN * expected,
+                    f"{name} error at {separation} deg and the specified sigma of 5.8e-5", "4.2 and eq. (31)",
+                    expected, float(errors[axis]), "deg", WITHIN * expected,
                 )
-            )
+            )  # fmt: skip
     for separation in SEPARATIONS_DEG:
         ratio = float(attitude_errors_rad(separation, LARGE, seed)[2] / predicted_rad(separation, LARGE)[2])
         found.append(
             Row(
-                quantity=f"departure of the yaw error from (31) at {separation} deg, sigma = 0.05",
-                source="5.4, Fig. 6 (valid only for small errors)",
-                paper=10.0,
-                ours=100.0 * abs(ratio - 1.0),
-                unit="%",
-                tolerance=0.0,
-                bound=">=",
+                f"departure of the yaw error from (31) at {separation} deg, sigma = 0.05",
+                "5.4, Fig. 6 (valid only for small errors)", 10.0, 100.0 * abs(ratio - 1.0), "%", 0.0, bound=">=",
                 remark=f"measured over (31), which is of first order: {ratio:.3f}",
             )
-        )
+        )  # fmt: skip
     return found
 
 
@@ -303,14 +260,7 @@ def _method_rows(seed: int) -> list[Row]:
     fit = fit_rotation(reference, measured)
     difference = float(np.max(np.abs(bisector_rotation(reference, measured) - fit.rotation)))
     return [
-        Row(
-            quantity="bisector construction against SVD, two stations, largest element",
-            source="5.2",
-            paper=0.0,
-            ours=difference,
-            unit="1",
-            tolerance=1e-9,
-        ),
+        Row("bisector construction against SVD, two stations, largest element", "5.2", 0.0, difference, "1", 1e-9),
         _weights_row(rng),
         _pitch_row(),
     ]
@@ -327,16 +277,11 @@ def _weights_row(rng: np.random.Generator) -> Row:
     cost = np.sum(weights * np.sum(gaps**2, axis=-1), axis=-1)
     unweighted = float(np.sum(gaps**2) / np.sum(best.residuals**2))
     return Row(
-        quantity="mean cost (25), weights 1, 4, 25, of the printed H over the least cost",
-        source="5.2, H = sum t' t^T",
-        paper=1.0,
-        ours=float(np.mean(cost) / np.mean(best.cost)),
-        unit="1",
-        tolerance=1e-6,
-        remark=f"the weights of (25) belong inside H; the printed H minimises the unweighted cost: {unweighted:.3f} of the "
-        "weighted solution's",
-        explained=unweighted < 1.0,
-    )
+        "mean cost (25), weights 1, 4, 25, of the printed H over the least cost", "5.2, H = sum t' t^T", 1.0,
+        float(np.mean(cost) / np.mean(best.cost)), "1", 1e-6, remark=
+        f"the weights of (25) belong inside H; the printed H minimises the unweighted cost: {unweighted:.3f} of the "
+        "weighted solution's", explained=unweighted < 1.0,
+    )  # fmt: skip
 
 
 def _pitch_row() -> Row:
@@ -344,13 +289,9 @@ def _pitch_row() -> Row:
     turned = reference @ np.array([[1.0, 0.0, 1e-6], [0.0, 1.0, 0.0], [-1e-6, 0.0, 1.0]]).T
     beam = fit_rotation(reference, _unit(turned)).rotation @ np.array([0.0, 0.0, 1.0])
     return Row(
-        quantity="first component of the error of the beam p' = z per pitch error",
-        source="5.3, C_p(1,1)",
-        paper=1.0,
-        ours=float(beam[0]) / 1e-6,
-        unit="1",
-        tolerance=1e-3,
-    )
+        "first component of the error of the beam p' = z per pitch error", "5.3, C_p(1,1)", 1.0,
+        float(beam[0]) / 1e-6, "1", 1e-3,
+    )  # fmt: skip
 
 
 def _unit(vectors: Array) -> Array:

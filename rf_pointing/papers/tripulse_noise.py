@@ -24,6 +24,7 @@ from rf_pointing.array_sensors.tripulse.beams import (
 )
 from rf_pointing.array_sensors.tripulse.robust import posterior_projection_error, signal_matrix
 from rf_pointing.core import as_finite_array, random_stream, require_finite
+from rf_pointing.core.types import Array
 from rf_pointing.papers.row import Row
 from rf_pointing.papers.tripulse_theory import (
     allocate_pulses,
@@ -32,8 +33,6 @@ from rf_pointing.papers.tripulse_theory import (
     projection_variance,
     ratio_variance,
 )
-
-Array = NDArray[np.float64]
 
 CHUNK = 2000
 ARRAY = TripulseArrayParams()
@@ -226,17 +225,14 @@ def _figure_2_rows(seed: int) -> list[Row]:
             # Fig. 2 plots the printed (21), which is the total angle at boresight.
             theory = math.degrees(math.sqrt(polar_angle_variance_rad2(variance, 0.0, "published")))
             found.append(
+                # 1.4 % Monte Carlo error, and (17)'s terms gamma^2 and 1/SNR that (18) leaves
+                # out.
                 Row(
-                    quantity=f"rms total angle, {count * count} elements, element SNR {snr_db:.0f} dB",
-                    source="Fig. 2, eqs. (18), (21) at boresight",
-                    paper=theory,
-                    ours=math.degrees(math.hypot(float(case.sigma[0]), float(case.sigma[1]))),
-                    unit="deg",
-                    # 1.4 % Monte Carlo error, and (17)'s terms gamma^2 and 1/SNR that (18) leaves
-                    # out.
-                    tolerance=0.03 * theory,
+                    f"rms total angle, {count * count} elements, element SNR {snr_db:.0f} dB",
+                    "Fig. 2, eqs. (18), (21) at boresight", theory,
+                    math.degrees(math.hypot(float(case.sigma[0]), float(case.sigma[1]))), "deg", 0.03 * theory,
                 )
-            )
+            )  # fmt: skip
     return found
 
 
@@ -250,50 +246,29 @@ def _variance_rows(seed: int) -> list[Row]:
     printed, corrected, ratio = _second_order(seed)
     return [
         Row(
-            quantity="sigma_eps over theory, 256 elements, element SNR 0 dB",
-            source="eq. (18)",
-            paper=1.0,
-            ours=float(case.sigma[1]) / math.sqrt(variance),
-            unit="1",
-            tolerance=0.01,
+            "sigma_eps over theory, 256 elements, element SNR 0 dB", "eq. (18)", 1.0,
+            float(case.sigma[1]) / math.sqrt(variance), "1", 0.01,
         ),
         Row(
-            quantity="sigma_theta at theta = 20 deg over (21) as printed",
-            source="eq. (21), Fig. 2",
-            paper=1.0,
-            ours=case.theta_sigma_rad / published,
-            unit="1",
-            tolerance=0.01,
+            "sigma_theta at theta = 20 deg over (21) as printed", "eq. (21), Fig. 2", 1.0,
+            case.theta_sigma_rad / published, "1", 0.01,
             remark="(19) counts both projections, of which only the radial one moves theta; (21) is the total angle's",
             explained=abs(case.theta_sigma_rad / ours - 1.0) <= 0.01,
         ),
         Row(
-            quantity="sigma_theta at theta = 20 deg over sigma_T / cos(theta)",
-            source="eq. (21) corrected",
-            paper=1.0,
-            ours=case.theta_sigma_rad / ours,
-            unit="1",
-            tolerance=0.01,
+            "sigma_theta at theta = 20 deg over sigma_T / cos(theta)", "eq. (21) corrected", 1.0,
+            case.theta_sigma_rad / ours, "1", 0.01,
         ),
         Row(
-            quantity="var R at 12 dB and gamma = 1 over (17) as printed",
-            source="eq. (17)",
-            paper=1.0,
-            ours=ratio / printed,
-            unit="1",
-            tolerance=0.02,
+            "var R at 12 dB and gamma = 1 over (17) as printed", "eq. (17)", 1.0, ratio / printed, "1", 0.02,
             remark="by E|n|^4 = 2 sigma^4 the second coefficient is 1 + 2 gamma^2; the printed 1 - gamma^2 is 0 here",
             explained=abs(ratio / corrected - 1.0) <= 0.05,
         ),
         Row(
-            quantity="var R at 12 dB and gamma = 1 over (17) with 1 + 2 gamma^2",
-            source="eq. (17) corrected",
-            paper=1.0,
-            ours=ratio / corrected,
-            unit="1",
-            tolerance=0.05,
+            "var R at 12 dB and gamma = 1 over (17) with 1 + 2 gamma^2", "eq. (17) corrected", 1.0, ratio / corrected,
+            "1", 0.05,
         ),
-    ]
+    ]  # fmt: skip
 
 
 def _second_order(seed: int) -> tuple[float, float, float]:
@@ -305,33 +280,23 @@ def _second_order(seed: int) -> tuple[float, float, float]:
     return ratio_variance(snr, 1.0, "published"), ratio_variance(snr, 1.0), found
 
 
-def beyond_rows(seed: int = 1) -> list[Row]:
+def future_rows(seed: int = 1) -> list[Row]:
     """Return time-optimal pulses and the weak-signal estimator against the paper's methods."""
     best = allocate_pulses(ARRAY, CN0_DB_HZ, SPECIFICATION, (OFFSET_RAD, OFFSET_RAD))
     equal = equal_pulses(ARRAY, CN0_DB_HZ, SPECIFICATION, (OFFSET_RAD, OFFSET_RAD))
     plain, robust, prior = _widths_at_0_db(seed)
     return [
         Row(
-            quantity="total time of three pulses, optimal against equal, 0.1 deg on both axes",
-            source="ours; eq. (22)",
-            paper=equal.total_s * 1e6,
-            ours=best.total_s * 1e6,
-            unit="us",
-            tolerance=0.0,
-            bound="<=",
+            "total time of three pulses, optimal against equal, 0.1 deg on both axes", "ours; eq. (22)",
+            equal.total_s * 1e6, best.total_s * 1e6, "us", 0.0, bound="<=",
             remark=f"sum {best.sum_s * 1e6:.1f} us, each delta {best.delta_x_s * 1e6:.1f} us",
         ),
         Row(
-            quantity="half of the 16-84 % width at 0 dB in the sum beam, posterior against the plain ratio",
-            source="ours; eq. (9)",
-            paper=math.degrees(plain),
-            ours=math.degrees(robust),
-            unit="deg",
-            tolerance=0.0,
-            bound="<=",
+            "half of the 16-84 % width at 0 dB in the sum beam, posterior against the plain ratio", "ours; eq. (9)",
+            math.degrees(plain), math.degrees(robust), "deg", 0.0, bound="<=",
             remark=f"initial error {math.degrees(prior):.4f} deg (1 sigma), which the plain ratio makes worse",
         ),
-    ]
+    ]  # fmt: skip
 
 
 def _widths_at_0_db(seed: int) -> tuple[float, float, float]:

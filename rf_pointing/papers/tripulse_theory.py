@@ -1,4 +1,4 @@
-"""What noise does to Tripulse: variances (17), (18), (21), integration time (22), shortest pulses.
+"""Effect of noise on Tripulse: variances (17), (18), (21), integration time (22), shortest pulses.
 
 SNR is |S|^2 / sigma^2 with sigma^2 = N_0 W the *total* variance of a complex noise sample;
 gamma = |Delta / Sigma|.  `variant` is "published" for the printed formula, "corrected" for the one
@@ -16,14 +16,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
 from rf_pointing.array_sensors.tripulse.beams import closed_form_signals
 from rf_pointing.core import as_finite_array, require_between, require_choice, require_finite
+from rf_pointing.core.types import Array
 
 VARIANTS = ("corrected", "published")
-Array = NDArray[np.float64]
 LOWEST_SUM_SNR = 10.0**1.2
 """The sum pulse is kept at 12 dB or more: below, the expansion of the variance no longer describes
 the ratio."""
@@ -162,23 +162,6 @@ def equal_pulses(
     noise = 4.0 * allowed / (first + np.sqrt(first**2 + 8.0 * second * allowed))
     pulse_s = noise_s * max(LOWEST_SUM_SNR, float(np.max(1.0 / noise)))
     return _allocation(params, pulse_s, np.array([pulse_s, pulse_s]), noise_s, gamma)
-
-
-def interleaved_pattern(allocation: PulseAllocation, segment_s: float) -> str:
-    """Return segments of `segment_s` in an even mix, "S", "x" or "y" each, that last at least as
-    long as the pulses.
-    """
-    if not segment_s > 0.0:
-        raise ValueError(f"segment_s={segment_s} must be > 0")
-    durations = {"S": allocation.sum_s, "x": allocation.delta_x_s, "y": allocation.delta_y_s}
-    slots = []
-    for beam, duration_s in durations.items():
-        # A pulse that fills its segments to rounding must not cost one more.
-        count = math.ceil(duration_s / segment_s - 1e-9)
-        # Each beam at the middles of its equal shares of the cycle: sorting them gives the most
-        # even mix.
-        slots += [((index + 0.5) / count, beam) for index in range(count)]
-    return "".join(beam for _, beam in sorted(slots))
 
 
 def _requirement(

@@ -41,7 +41,11 @@ def test_every_name_is_there_documented_and_seen_by_a_type_checker(name: str) ->
         for alias in node.names
     }
     assert name in typed
-    own = {each: member for each, member in vars(made).items() if not each.startswith("_")} if inspect.isclass(made) else {}
+    own = (
+        {each: member for each, member in vars(made).items() if not each.startswith("_")}
+        if inspect.isclass(made)
+        else {}
+    )
     for each, member in own.items():
         if callable(member) or isinstance(member, property):
             assert inspect.getdoc(member), f"{name}.{each}"

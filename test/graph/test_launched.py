@@ -28,12 +28,12 @@ from rclpy.parameter import parameter_value_to_python
 from rf_pointing_msgs.action import TrackPass
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from test.ros.test_launching import FOLDER, given, launched
 
 from rf_pointing.ephemeris import tle_lines
 from rf_pointing.report import write_report
 from rf_pointing.ros.graph import NODES, STATION_NODES
 from rf_pointing.ros.recorder import Recorder
+from test.ros.test_launching import FOLDER, given, launched
 from test.simulation.night_plan import orbits, small_night
 
 from .conftest import ask, executable

@@ -13,7 +13,6 @@ from rf_pointing.array_sensors.interferometer.system import ArrayParams, Carrier
 from rf_pointing.papers.interferometer_simulation import (
     LISTING,
     TrialErrors,
-    carrier_range,
     require_gaussian_regime,
     run_trials,
 )
@@ -93,15 +92,3 @@ def test_rms_of_trials_is_taken_of_each_error() -> None:
         roll_rad=np.array([-6.0, 8.0]), wrong_lanes=0,
     )  # fmt: skip
     assert found.rms() == pytest.approx((math.sqrt(12.5), 5.0, 2.0, math.sqrt(50.0)))
-
-
-def test_a_carrier_gives_the_range_to_a_fraction_of_its_wave_where_out_and_back_are_equal() -> None:
-    wave = 2.0 * PLAN.speed_of_light_m_s / (PLAN.forward_hz + PLAN.return_hz)
-    # A path of 80 m in all, of 40.2 waves of both links: the phase is that of the fifth of a turn.
-    truth = 40.2 * wave
-    phases = np.zeros((PLAN.count, 1, 1))
-    phases[0] = 2.0 * np.pi * 0.2
-    for off in (-0.4, 0.0, 0.3):
-        fine, left = carrier_range(phases, [[truth + off * wave]], PLAN)
-        assert fine[0, 0] == pytest.approx(truth)
-        assert left[0, 0] == pytest.approx(off, abs=1e-9)

@@ -19,7 +19,6 @@ from rf_pointing.papers.tripulse_theory import (
     allocate_pulses,
     equal_pulses,
     integration_time_s,
-    interleaved_pattern,
     polar_angle_variance_rad2,
     projection_variance,
     ratio_variance,
@@ -171,13 +170,6 @@ def test_sum_pulse_is_kept_above_12_db() -> None:
     assert snr >= LOWEST_SUM_SNR * (1.0 - 1e-9)
 
 
-def test_pattern_mixes_the_beams_in_proportion() -> None:
-    pulses = PulseAllocation(sum_s=2e-5, delta_x_s=4e-5, delta_y_s=3.5e-5, sigma=np.zeros(2))
-    pattern = interleaved_pattern(pulses, 1e-5)
-    assert [pattern.count(beam) for beam in "Sxy"] == [2, 4, 4]
-    assert pattern.index("S") < pattern.index("x", 2)
-
-
 @pytest.mark.parametrize(
     ("cn0", "sigma", "error", "message"),
     [
@@ -190,43 +182,6 @@ def test_pattern_mixes_the_beams_in_proportion() -> None:
 def test_impossible_specifications_are_refused(cn0: float, sigma: float, error: list[float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         allocate_pulses(TripulseArrayParams(), cn0, sigma, error)
-
-
-def test_segments_without_length_are_refused() -> None:
-    pulses = PulseAllocation(sum_s=2e-5, delta_x_s=4e-5, delta_y_s=3.5e-5, sigma=np.zeros(2))
-    with pytest.raises(ValueError, match="segment_s"):
-        interleaved_pattern(pulses, 0.0)
-
-
-def test_beams_take_the_middles_of_equal_shares_of_a_cycle() -> None:
-    pulses = PulseAllocation(sum_s=2e-5, delta_x_s=3e-5, delta_y_s=3.1e-5, sigma=np.zeros(2))
-    # x at 1/6, 3/6, 5/6; S at 1/4, 3/4; y, of four segments, at 1/8, 3/8, 5/8, 7/8.
-    assert interleaved_pattern(pulses, 1e-5) == "yxSyxySxy"
-    assert pulses.total_s == pytest.approx(8.1e-5)
-
-
-def test_a_pulse_that_fills_its_segments_to_rounding_costs_none_more() -> None:
-    pulses = PulseAllocation(sum_s=0.1 + 0.2, delta_x_s=0.1, delta_y_s=0.3 + 1e-7, sigma=np.zeros(2))
-    pattern = interleaved_pattern(pulses, 0.1)
-    assert [pattern.count(beam) for beam in "Sxy"] == [3, 1, 4]
-
-
-@pytest.mark.parametrize("variant", ["corrected", "published"])
-def test_17_is_its_two_terms(variant: str) -> None:
-    second = 1.5 if variant == "corrected" else 0.75
-    assert ratio_variance(10.0, 0.5, variant) == pytest.approx(1.25 / 20.0 + second / 200.0)
-
-
-def test_17_with_unequal_noise_is_its_terms() -> None:
-    assert ratio_variance_unequal(0.1, 0.2, 0.5) == pytest.approx(0.5 * (0.25 * 0.12 + 0.2 * 1.1))
-
-
-def test_21_is_its_closed_forms() -> None:
-    assert polar_angle_variance_rad2(3.0, math.pi / 3.0) == pytest.approx(12.0)
-    assert polar_angle_variance_rad2(3.0, math.pi / 6.0, "published") == pytest.approx(12.0)
-    for theta in (-0.01, math.pi / 2.0 + 0.01):
-        with pytest.raises(ValueError, match="theta_rad"):
-            polar_angle_variance_rad2(3.0, theta)
 
 
 @pytest.mark.parametrize("name", ["sum_noise", "delta_noise"])

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.array_sensors.attitude.rotations import cross_matrix
 from rf_pointing.core import require_finite
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Larger than the rounding of a float32 sensor, smaller than any beam error that matters.
 DIRECTION_TOLERANCE = 1e-6
@@ -130,14 +129,6 @@ def attitude_covariance(
     # Symmetric, as its inverse.
     inverse = np.linalg.inv(normal)
     return np.asarray(inverse @ middle @ inverse)
-
-
-def beam_covariance(beam: ArrayLike, covariance_rad2: ArrayLike) -> Array:
-    """Return the covariance (..., 3, 3) of the beam error d x p for the unit vector `beam` (...,
-    3): eq. (33).
-    """
-    cross = cross_matrix(unit_directions("beam", beam))
-    return np.asarray(cross @ np.asarray(covariance_rad2, dtype=np.float64) @ np.swapaxes(cross, -1, -2))
 
 
 def unit_directions(name: str, value: ArrayLike) -> Array:

@@ -22,14 +22,14 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import (
     start_state,
     update,
 )
-from rf_pointing.array_sensors.attitude.quaternion import canonical, quaternion_from_matrix
+from rf_pointing.array_sensors.attitude.quaternion import canonical
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, rigid_inertia
-from rf_pointing.array_sensors.attitude.wahba import fit_rotation, unit_directions
+from rf_pointing.array_sensors.attitude.wahba import unit_directions
 from rf_pointing.array_sensors.doa.attitude_start import StartParams, best_of_bank, joined, remaining, start_bank
 from rf_pointing.array_sensors.doa.innovation_watch import InnovationWatch, WatchParams
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 LONGEST_START = 2000
 """Directions and passages of a start that is gone through again: 17 min of a direction a second."""
 EVERY_STATION = ""
@@ -254,31 +254,6 @@ class DoaAttitudeFilter:
         )
         return tuple(inside)
 
-    def start_from_directions(self, directions: list[StationDirection], rate_rad_s: Array) -> None:
-        """Begin again from two or more simultaneous directions (Wahba's problem).
-
-        There is nothing to converge.
-
-        Raises
-        ------
-        ValueError
-            If the directions are collinear or fewer than two (see `wahba.fit_rotation`);
-            nothing is changed then.
-        """
-        checked = [_checked(each) for each in directions]
-        fit = fit_rotation(
-            np.stack([each.reference for each in checked]),
-            np.stack([each.measured for each in checked]),
-            np.array([1.0 / float(np.trace(each.covariance_rad2)) for each in checked]),
-        )
-        rate = as_finite_array("rate_rad_s", rate_rad_s, (3,))
-        attitude = quaternion_from_matrix(fit.rotation.T)
-        bank = start_state(attitude[None], rate[None], self._start.attitude_rad, self._start.rate_rad_s, self._gate)
-        for each in checked:
-            bank = update(bank, each, self._gate)
-        names = tuple(dict.fromkeys(each.station for each in directions))
-        self._accept(DoaAttitudeState(t_s=self._state.t_s, bank=bank, heard_s=self._state.t_s, stations=names))
-
     def output(self) -> AttitudeEstimate:
         """Return the estimate at the filter's time, with its verdict."""
         best = best_of_bank(self._state.bank)
@@ -397,25 +372,25 @@ class DoaAttitudeFilter:
         state, params = self._state, self._params
         if state.heard_s is None:
             return ["no direction accepted yet"]
-        doubts = []
+        reasons = []
         if state.t_s - state.heard_s > params.silence_s:
-            doubts.append(f"no direction for {state.t_s - state.heard_s:.0f} s, must be <= {params.silence_s:.0f} s")
+            reasons.append(f"no direction for {state.t_s - state.heard_s:.0f} s, must be <= {params.silence_s:.0f} s")
         if best.refused[0] >= self._gate.doubt_after:
-            doubts.append(f"{int(best.refused[0])} directions in a row outside the gate: attitude in doubt")
-        doubts += [
+            reasons.append(f"{int(best.refused[0])} directions in a row outside the gate: attitude in doubt")
+        reasons += [
             f"{name}: {doubt}" if name else doubt
             for name, watch in state.watches.items()
-            for doubt in watch.doubts(self._watch)
+            for doubt in watch.reasons(self._watch)
         ]
         if len(state.stations) < params.stations:
-            doubts.append(f"{len(state.stations)} of {params.stations} stations received")
+            reasons.append(f"{len(state.stations)} of {params.stations} stations received")
         if len(state.bank.misfit) > 1:
-            doubts.append(f"{len(state.bank.misfit)} hypotheses of the start still open")
+            reasons.append(f"{len(state.bank.misfit)} hypotheses of the start still open")
         # Worst axis, not the mean: the turn about the line of sight is the one that is unknown.
         sigma = float(np.sqrt(np.linalg.eigvalsh(best.covariance[0, :3, :3])[-1]))
         if sigma > params.sigma_rad:
-            doubts.append(f"attitude sigma {sigma:.3g} rad must be <= {params.sigma_rad:g} rad")
-        return doubts
+            reasons.append(f"attitude sigma {sigma:.3g} rad must be <= {params.sigma_rad:g} rad")
+        return reasons
 
     def _accept(self, state: DoaAttitudeState) -> None:
         for name in ("quaternion", "rate_rad_s", "covariance"):
@@ -459,7 +434,7 @@ def _checked(direction: StationDirection) -> DirectionObservation:
     covariance = as_finite_array("covariance_rad2", direction.covariance_rad2, (3, 3))
     across = np.linalg.eigvalsh(0.5 * (covariance + covariance.T))
     # A direction's covariance has rank two.  Along the direction the variance is zero but for
-    # rounding; across it rounding is no variance.
+    # rounding; across it rounding is not variance.
     if across[0] < -1e-9 * across[2] or across[1] <= 1e-9 * across[2]:
         raise ValueError(f"covariance_rad2 has eigenvalues {across}, two of them must be > 0 and none negative")
     bias = None if direction.bias_rad is None else as_finite_array("bias_rad", direction.bias_rad, (3, 2))

@@ -7,13 +7,12 @@ receiving active dipole.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from rf_pointing.array_sensors.interferometer.frames import forward_angles, reverse_angles
+from rf_pointing.array_sensors.interferometer.frames import forward_angles
 from rf_pointing.array_sensors.interferometer.relative_pose import attitude_from_directions
-from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # Cosine or coupling below which the roll is rounding and not a measurement.
 _SINGULAR = 1e-9
 
@@ -66,32 +65,3 @@ def roll_from_polarisation(amplitudes: ArrayLike, direction: ArrayLike) -> Array
         raise ValueError("the z dipole's couplings vanish: elevation2 is +-90 deg or there is no signal")
     # A ratio of two couplings of the same dipole: its gain and its excitation cancel.
     return np.arctan2(-across_y, across_z)
-
-
-def elevation_from_polarisation(amplitudes: ArrayLike, direction: ArrayLike, gain: float = 1.0) -> Array:
-    """Return |elevation 2| (...) from the z dipole of known gain (PI83 eq. 3-50).
-
-    The sign cannot be seen.  Both printed forms are combined, cos b2 = hypot(v_y, v_z)/gain.
-    Raises ValueError if that exceeds one.
-    """
-    cosine = np.hypot(*tracking_frame_dipole(np.asarray(amplitudes)[..., 1], direction)) / gain
-    if np.any(cosine > 1.0 + _SINGULAR):
-        raise ValueError(f"z dipole shows cos(elevation2)={float(np.max(cosine)):.6g}, must be <= 1: gain or noise")
-    return np.arccos(np.minimum(cosine, 1.0))
-
-
-def y_dipole_components(
-    reverse: ArrayLike, roll_rad: ArrayLike, gain: float = 1.0, variant: str = CORRECTED
-) -> tuple[Array, Array]:
-    """Return u_y(0), u_z(0), the y dipole's field across the path (PI83 eqs. 3-45, 3-46).
-
-    The printed cos a2 terms follow T(-a2); eq. (2-2) and the listing need T(a2 - pi), which turns
-    their sign.
-    """
-    azimuth, elevation = reverse_angles(reverse)
-    roll = np.asarray(roll_rad, dtype=np.float64)
-    sign = 1.0 if is_published(variant) else -1.0
-    side = np.sin(elevation) * np.sin(azimuth)
-    across_y = sign * np.cos(roll) * np.cos(azimuth) - np.sin(roll) * side
-    across_z = sign * np.sin(roll) * np.cos(azimuth) + np.cos(roll) * side
-    return gain * across_y, gain * across_z

@@ -7,7 +7,7 @@ functions work on stacks (leading dimensions).
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.attitude.rotations import (
     cross_matrix,
@@ -17,8 +17,8 @@ from rf_pointing.array_sensors.attitude.rotations import (
     turn_from_quaternion,
 )
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # At elevation +-90 deg azimuth and roll are about one axis: refusing is better than an arbitrary
 # split.
 _GIMBAL_COSINE = 1e-9
@@ -115,17 +115,6 @@ def euler_from_attitude(attitude: ArrayLike, variant: str = CORRECTED) -> tuple[
     return azimuth, np.arctan2(-matrix[..., 0, 2], cosine), roll
 
 
-def target_axes(attitude: ArrayLike, variant: str = CORRECTED) -> Array:
-    """Return the passive spacecraft's axes in the active frame, (..., 3, 3), one axis per
-    last-dimension column.
-
-    The text after (2-1) says that the columns of A are these axes ("published"); with v_passive = A
-    v_active they are its rows.
-    """
-    matrix = np.asarray(attitude, dtype=np.float64)
-    return matrix if is_published(variant) else np.swapaxes(matrix, -1, -2)
-
-
 def direction_from_angles(azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> Array:
     """Return the unit vector (..., 3) = [cos b cos a, cos b sin a, -sin b] (PI83 eq. 3-26, listing
     PRC).
@@ -156,16 +145,7 @@ def rep103_from_spacecraft(position_m: ArrayLike, attitude: ArrayLike) -> tuple[
     """Return position and orientation by REP-103 (x forward, y left, z up) from position and A.
 
     The position (..., 3) is in the active body frame; the orientation (..., 3, 3) turns vectors of
-    the passive body frame into the active one, as a pose message means it.  The inverse is
-    `spacecraft_from_rep103`.
+    the passive body frame into the active one, as a pose message means it.
     """
     turned = np.swapaxes(np.asarray(attitude, dtype=np.float64), -1, -2)
     return np.asarray(position_m, dtype=np.float64) * _REP103, _REP103[:, None] * turned * _REP103
-
-
-def spacecraft_from_rep103(position_m: ArrayLike, orientation: ArrayLike) -> tuple[Array, Array]:
-    """Return position and A in the report's axes from a REP-103 pose.
-
-    Inverse of `rep103_from_spacecraft`.
-    """
-    return rep103_from_spacecraft(position_m, orientation)

@@ -1,4 +1,4 @@
-"""Relative pose of two spacecraft: one-way (position and A) and two-way (what each array sees).
+"""Relative pose of two spacecraft, and the attitude that both directions and the roll make.
 
 A = Tz(pi - a2) Ty(b2) Tx(roll) Ty(b1) Tz(a1), PI83 eq. (2-2); the direction back is eta = -A xi,
 eq. (4-14).
@@ -7,20 +7,19 @@ eq. (4-14).
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.attitude.quaternion import require_rotation
 from rf_pointing.array_sensors.interferometer.frames import (
     azimuth_rotation,
-    direction_from_angles,
     elevation_rotation,
     forward_angles,
     reverse_angles,
     roll_rotation,
 )
-from rf_pointing.core import as_finite_array, require_between, require_finite
+from rf_pointing.core import as_finite_array
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # Elevation 2 of +-90 deg: azimuth 2 and roll turn about one axis there.
 _POLE_COSINE = 1e-9
 
@@ -52,28 +51,6 @@ class RelativePose:
         return self.position_m / np.linalg.norm(self.position_m)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TwoWayPose:
-    """Range, direction seen by the active array (1) and by the passive array (2), and relative
-    roll.
-    """
-
-    range_m: float
-    azimuth1_rad: float
-    elevation1_rad: float
-    azimuth2_rad: float
-    elevation2_rad: float
-    roll_rad: float
-
-    def __post_init__(self) -> None:
-        for name in self.__slots__:
-            require_finite(name, getattr(self, name))
-        if self.range_m <= 0.0:
-            raise ValueError(f"range_m={self.range_m} must be > 0")
-        for name in ("elevation1_rad", "elevation2_rad"):
-            require_between(name, getattr(self, name), -np.pi / 2.0, np.pi / 2.0)
-
-
 def reverse_direction(direction: ArrayLike, attitude: ArrayLike) -> Array:
     """Return eta = -A xi (..., 3), the active array seen from the passive one (PI83 eq. 4-14)."""
     return np.asarray(-np.einsum("...ij,...j->...i", np.asarray(attitude), np.asarray(direction)))
@@ -86,7 +63,7 @@ def attitude_from_two_way(
     elevation2_rad: ArrayLike,
     roll_rad: ArrayLike,
 ) -> Array:
-    """Return A (..., 3, 3) (PI83 eq. 2-2, listing A2COMP); inverse of `two_way_from_attitude`."""
+    """Return A (..., 3, 3) (PI83 eq. 2-2, listing A2COMP)."""
     # pi - a2: facing each other, the passive array sees the active one at azimuth 180 deg.
     seen_by_passive = azimuth_rotation(np.pi - np.asarray(azimuth2_rad)) @ elevation_rotation(elevation2_rad)
     seen_by_active = elevation_rotation(elevation1_rad) @ azimuth_rotation(azimuth1_rad)
@@ -96,21 +73,6 @@ def attitude_from_two_way(
 def attitude_from_directions(forward: ArrayLike, reverse: ArrayLike, roll_rad: ArrayLike) -> Array:
     """Return A (..., 3, 3) from the unit vectors xi, eta (..., 3) and the relative roll."""
     return attitude_from_two_way(*forward_angles(forward), *reverse_angles(reverse), roll_rad)
-
-
-def two_way_from_attitude(
-    azimuth1_rad: ArrayLike, elevation1_rad: ArrayLike, attitude: ArrayLike
-) -> tuple[Array, Array, Array]:
-    """Return azimuth 2, elevation 2 and relative roll of A seen along (a1, b1).
-
-    Inverse of `attitude_from_two_way`.
-
-    Raises ValueError where the passive array sees the active one at elevation +-90 deg: roll is
-    undefined there.
-    """
-    forward = direction_from_angles(azimuth1_rad, elevation1_rad)
-    reverse = reverse_direction(forward, attitude)
-    return *reverse_angles(reverse), roll_from_directions(forward, reverse, attitude)
 
 
 def roll_from_directions(forward: ArrayLike, reverse: ArrayLike, attitude: ArrayLike) -> Array:
@@ -123,26 +85,3 @@ def roll_from_directions(forward: ArrayLike, reverse: ArrayLike, attitude: Array
     left = elevation_rotation(-elevation2) @ azimuth_rotation(azimuth2 - np.pi)
     middle = left @ np.asarray(attitude) @ azimuth_rotation(-azimuth1) @ elevation_rotation(-elevation1)
     return np.asarray(np.arctan2(middle[..., 1, 2], middle[..., 2, 2]))
-
-
-def two_way_from_pose(pose: RelativePose) -> TwoWayPose:
-    """Return what the two arrays see of `pose`; inverse of `pose_from_two_way`."""
-    azimuth1, elevation1 = forward_angles(pose.position_m)
-    azimuth2, elevation2, roll = two_way_from_attitude(azimuth1, elevation1, pose.attitude)
-    return TwoWayPose(
-        range_m=pose.range_m,
-        azimuth1_rad=float(azimuth1),
-        elevation1_rad=float(elevation1),
-        azimuth2_rad=float(azimuth2),
-        elevation2_rad=float(elevation2),
-        roll_rad=float(roll),
-    )
-
-
-def pose_from_two_way(seen: TwoWayPose) -> RelativePose:
-    """Return position and A of the two-way set; inverse of `two_way_from_pose`."""
-    forward = direction_from_angles(seen.azimuth1_rad, seen.elevation1_rad)
-    attitude = attitude_from_two_way(
-        seen.azimuth1_rad, seen.elevation1_rad, seen.azimuth2_rad, seen.elevation2_rad, seen.roll_rad
-    )
-    return RelativePose(position_m=seen.range_m * forward, attitude=attitude)

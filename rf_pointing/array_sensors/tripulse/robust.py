@@ -2,16 +2,13 @@
 
 One cycle of pulses is y = K (1, j tan u_x, j tan u_y) + noise with an unknown complex K and u = N
 kd eps/4.  With the delta signals turned by -j and every signal divided by its noise, y' = K v + n
-with a real vector v, so that all a set of cycles says about the direction is the real matrix M = Re
-sum y' y'^H, whatever the phase of each cycle was:
-
-* `total_least_squares_ratios`: the principal eigenvector of M, which is the maximum-likelihood
-  estimate.
-* `PosteriorEstimate`: mean and covariance of eps under exp(kappa v^T M v / |v|^2) times the
-  Gaussian prior of the initial attitude sensor.  Its variance is finite at every SNR, never above
-  the prior's.  kappa = SNR / (1 + SNR), the SNR of one cycle being learnt from M, is what remains
-  of the likelihood when every cycle's K is integrated out as a complex Gaussian; taking K as fitted
-  exactly (kappa = 1) would make many weak cycles look better than they are.
+with a real vector v, so that all a set of cycles says about the direction is the real matrix M =
+Re sum y' y'^H, whatever the phase of each cycle was.  `PosteriorEstimate` is the mean and
+covariance of eps under exp(kappa v^T M v / |v|^2) times the Gaussian prior of the initial
+attitude sensor.  Its variance is finite at every SNR, never above the prior's.  kappa = SNR / (1 +
+SNR), the SNR of one cycle being learnt from M, is what remains of the likelihood when every
+cycle's K is integrated out as a complex Gaussian; taking K as fitted exactly (kappa = 1) would
+make many weak cycles look better than they are.
 
 Not in TRIPULSE, which restricts itself to high SNR: the variance of the plain ratio is infinite.
 """
@@ -19,12 +16,11 @@ Not in TRIPULSE, which restricts itself to high SNR: the variance of the plain r
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
 from rf_pointing.core import as_finite_array, require_finite
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # 25 points over ten sigma resolve a Gaussian; six shrinking grids follow a posterior down to a
 # millionth of the prior.
@@ -33,8 +29,6 @@ GRID_SIGMAS = 5.0
 REFINEMENTS = 6
 # Grids of this many matrices fit into memory: 2000 x 25 x 25 values.
 CHUNK = 2000
-SMALLEST_PART = 1e-12
-"""Least part of the sum beam in the principal eigenvector, of unit length."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,21 +51,6 @@ def signal_matrix(signals: ArrayLike, noise_variances: ArrayLike) -> Array:
     require_finite("signals", s)
     real = s * np.array([1.0, -1j, -1j]) / np.sqrt(_noise(noise_variances))
     return np.asarray(np.einsum("...na,...nb->...ab", real, real.conj()).real)
-
-
-def total_least_squares_ratios(matrix: ArrayLike, noise_variances: ArrayLike) -> Array:
-    """Return the ratios (..., 2) of the principal eigenvector of M (..., 3, 3).
-
-    Raises
-    ------
-    ValueError : where the principal eigenvector has no part in the sum beam.
-    """
-    vector = np.linalg.eigh(np.asarray(matrix, dtype=np.float64))[1][..., -1]
-    scaled = vector * np.sqrt(_noise(noise_variances))
-    # A vector of unit length: what should be zero is 1e-17 or so, and would be divided by.
-    if np.any(np.abs(vector[..., 0]) < SMALLEST_PART):
-        raise ValueError("the signals have no part in the sum beam: the ratios are not defined")
-    return np.asarray(scaled[..., 1:] / scaled[..., :1])
 
 
 def posterior_projection_error(

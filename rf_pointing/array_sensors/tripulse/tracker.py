@@ -10,11 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter, require_finite
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,11 +43,6 @@ class TrackerState:
     covariance: Array
     misses: int
     lost: str
-
-    @property
-    def phasor(self) -> complex:
-        """A exp(j phi), the reference that a delta segment is divided by."""
-        return complex(self.estimate[0] * np.exp(1j * self.estimate[1]))
 
 
 def start(params: TrackerParams, t_s: float, value: complex, noise_variance: float) -> TrackerState:

@@ -4,7 +4,6 @@ import math
 from concurrent.futures import Executor
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.ground_stations import (
     largest_nadir_angle_rad,
@@ -14,13 +13,13 @@ from rf_pointing.array_sensors.attitude.ground_stations import (
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, period_s
 from rf_pointing.array_sensors.doa.array import CircularArrayParams
 from rf_pointing.array_sensors.doa.cramer_rao import cosine_sigma_rad, effective_snr, search_grid_rmse
+from rf_pointing.core.types import Array
 from rf_pointing.papers.doa_study.accuracy import accuracy_curve, threshold
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult
 from rf_pointing.papers.doa_study.directions import DirectionCase, polar_from_direction
 from rf_pointing.papers.doa_study.scene import ELEVATION_MIN_RAD, nadir_scene
 from rf_pointing.papers.row import Row
 
-Array = NDArray[np.float64]
 ARRAY = CircularArrayParams()
 STEP_DEG = 1.0
 FLOOR_DEG = float(search_grid_rmse(0.0, STEP_DEG))
@@ -72,32 +71,13 @@ def scene_rows() -> list[Row]:
     longest = float(np.max(np.sum(view.visible(ELEVATION_MIN_RAD), axis=0)))
     return [
         Row(
-            quantity="orbital period",
-            source="section 6",
-            paper=5000.0,
-            ours=period_s(orbit),
-            unit="s",
-            tolerance=100.0,
+            "orbital period", "section 6", 5000.0, period_s(orbit), "s", 100.0,
             remark="a circular orbit at 800 km takes 6052 s; 5000 s are the time simulated",
             explained=abs(period_s(orbit) - 6052.0) <= 1.0,
         ),
-        Row(
-            quantity="largest nadir angle of a station at 10 deg elevation",
-            source="section 4.2",
-            paper=62.0,
-            ours=nadir,
-            unit="deg",
-            tolerance=1.0,
-        ),
-        Row(
-            quantity="longest pass of our stations above 10 deg",
-            source="section 6",
-            paper=600.0,
-            ours=longest,
-            unit="s",
-            tolerance=60.0,
-        ),
-    ]
+        Row("largest nadir angle of a station at 10 deg elevation", "section 4.2", 62.0, nadir, "deg", 1.0),
+        Row("longest pass of our stations above 10 deg", "section 6", 600.0, longest, "s", 60.0),
+    ]  # fmt: skip
 
 
 def accuracy_rows(seed: int, executor: Executor | None = None) -> list[Row]:
@@ -120,16 +100,10 @@ def accuracy_rows(seed: int, executor: Executor | None = None) -> list[Row]:
     for level, share, bound in ((-10.0, 1e-3, "<="), (-12.0, 5e-3, ">="), (-14.0, 0.1, ">=")):
         found.append(
             Row(
-                quantity=f"share of estimates beyond 20 deg, L=100, {level:g} dB",
-                source="Table 1, its jump between -10 and -12 dB",
-                paper=share,
-                ours=outliers[level],
-                unit="1",
-                tolerance=0.0,
-                bound=bound,
-                remark=remark,
+                f"share of estimates beyond 20 deg, L=100, {level:g} dB", "Table 1, its jump between -10 and -12 dB",
+                share, outliers[level], "1", 0.0, bound=bound, remark=remark,
             )
-        )
+        )  # fmt: skip
     return found
 
 
@@ -157,16 +131,11 @@ def direction_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
             remark = _reason(angle, grid, paper, lowest, expected, pair)
             found.append(
                 Row(
-                    quantity=f"RMSE of {angle}, {case_name(snapshots, snr_db)}, 1-deg grid",
-                    source=table_of(snapshots, snr_db),
-                    paper=paper,
-                    ours=ours,
-                    unit="deg",
-                    tolerance=0.05 * paper,
-                    remark=f"{remark}; refined peak {peak:.3f} deg",
+                    f"RMSE of {angle}, {case_name(snapshots, snr_db)}, 1-deg grid", table_of(snapshots, snr_db),
+                    paper, ours, "deg", 0.05 * paper, remark=f"{remark}; refined peak {peak:.3f} deg",
                     explained=abs(ours / expected - 1.0) <= accuracy,
                 )
-            )
+            )  # fmt: skip
             if _above(grid.case):
                 name = case_name(snapshots, snr_db)
                 found.append(
@@ -233,4 +202,4 @@ def _reason(angle: str, grid: CaseResult, paper: float, least: float, theory: fl
 
 
 def _ratio(name: str, value: float, tolerance: float) -> Row:
-    return Row(quantity=name, source="theory", paper=1.0, ours=value, unit="1", tolerance=tolerance)
+    return Row(name, "theory", 1.0, value, "1", tolerance)

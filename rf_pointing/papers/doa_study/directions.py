@@ -3,8 +3,8 @@
 DOA eq. (1): s = (sin theta cos phi, sin theta sin phi, cos theta); theta from the array normal +z,
 phi from +x to +y.  The unit vector is the estimate.  At theta = 0 azimuth is undefined: phi is
 atan2(s_y, s_x), zero by definition on the normal itself.  `cross` = sin(theta) * (phi error) is the
-angle on the sky and stays regular.  The RMSE of phi itself follows the projected normal law
-(`azimuth_rmse_rad`): the Cramer-Rao bound where sin(theta) >> sigma, 180/sqrt(3) = 103.9 deg on the
+angle on the sky and stays regular.  The RMSE of phi itself follows the projected normal law: the
+Cramer-Rao bound where sin(theta) >> sigma, 180/sqrt(3) = 103.9 deg on the
 normal.
 
 Grid search (section 3.1): the step becomes a floor of step / sqrt(12) in both angles, 0.289 deg at
@@ -18,11 +18,10 @@ into that direction's frame.  The array is isotropic in azimuth, so this is the 
 would make, outliers included.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.attitude.multiplicative_filter import TABLE_Q
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
@@ -30,9 +29,8 @@ from rf_pointing.array_sensors.doa.cramer_rao import cosine_sigma_rad
 from rf_pointing.array_sensors.doa.music import estimate_directions, principal_eigenvectors
 from rf_pointing.array_sensors.doa.snapshots import draw_covariances
 from rf_pointing.core import require_between, wrap_rad
+from rf_pointing.core.types import Array, ComplexArray
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 GRID_RAD = np.radians(1.0)
 NEIGHBOURS = 250
 """Pool entries on each side in theta from which an error is drawn: 1.2 % of the pool."""
@@ -85,32 +83,6 @@ def polar_errors_rad(estimate: Array, truth: Array) -> tuple[Array, Array, Array
     theta, phi = polar_from_direction(truth)
     azimuth = wrap_rad(phi_estimate - phi)
     return theta_estimate - theta, azimuth, np.sin(theta) * azimuth
-
-
-def azimuth_rmse_rad(theta_rad: float, sigma_rad: float) -> float:
-    """Return the RMSE of phi when both direction cosines carry independent Gaussian errors
-    `sigma_rad`.
-
-    The azimuth of a displaced circular Gaussian has the projected normal density with k =
-    sin(theta) / sigma,
-
-        p(e) = exp(-k^2/2) / (2 pi) + k cos(e) / sqrt(2 pi) * exp(-k^2 sin(e)^2 / 2) * Phi(k
-        cos(e)).
-    """
-    from scipy.special import ndtr
-
-    require_between("sigma_rad", sigma_rad, 1e-12, None)
-    ratio = math.sin(theta_rad) / sigma_rad
-    # Twelve sigma: beyond it the density is below rounding, and the grid would be too coarse.
-    reach = math.pi if ratio < 12.0 else 12.0 / ratio
-    error, step = np.linspace(-reach, reach, 4001, retstep=True)
-    along = ratio * np.cos(error)
-    density = math.exp(-0.5 * ratio**2) / (2.0 * math.pi) + along / math.sqrt(2.0 * math.pi) * np.exp(
-        -0.5 * (ratio * np.sin(error)) ** 2
-    ) * ndtr(along)
-    weight = np.ones_like(error)
-    weight[[0, -1]] = 0.5
-    return math.sqrt(float(np.sum(weight * error**2 * density)) * float(step))
 
 
 def grid_search(

@@ -32,20 +32,14 @@ def attitude_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
         reason = _reason(grid, refined)
         for axis, paper in zip(AXES, printed[2:], strict=True):
             found.append(
+                # The stations and Q are not published; they move an axis by no more than this.
                 Row(
-                    quantity=f"RMSE of {axis}, {case_name(snapshots, snr_db)}, 1-deg grid",
-                    source=table_of(snapshots, snr_db),
-                    paper=paper,
-                    ours=getattr(grid, f"{axis}_deg"),
-                    unit="deg",
-                    tolerance=0.0,
-                    # The stations and Q are not published; they move an axis by no more than this.
-                    factor=SCENE_FACTOR,
-                    remark=f"refined peak {getattr(refined, f'{axis}_deg'):.3f} deg"
-                    + (f"; {reason}" if reason else ""),
+                    f"RMSE of {axis}, {case_name(snapshots, snr_db)}, 1-deg grid", table_of(snapshots, snr_db), paper,
+                    getattr(grid, f"{axis}_deg"), "deg", 0.0, factor=SCENE_FACTOR,
+                    remark=f"refined peak {getattr(refined, f'{axis}_deg'):.3f} deg{f'; {reason}' if reason else ''}",
                     explained=bool(reason),
                 )
-            )
+            )  # fmt: skip
         if (snapshots, snr_db) in FAIR:
             found += _fair_rows(grid, refined)
     return [*found, *_refinement_rows(tables)]
@@ -59,15 +53,10 @@ def convergence_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
     return [
         *_settling_rows(result, ""),
         Row(
-            quantity="time until the rate error stays below 0.1 deg/s",
-            source="section 6, Figs. 6 and 7",
-            paper=1000.0,
-            ours=settling_time_s(result.rate_history_deg_s, 0.1, 1),
-            unit="s",
-            tolerance=0.0,
-            bound="<=",
+            "time until the rate error stays below 0.1 deg/s", "section 6, Figs. 6 and 7", 1000.0,
+            settling_time_s(result.rate_history_deg_s, 0.1, 1), "s", 0.0, bound="<=",
         ),
-    ]
+    ]  # fmt: skip
 
 
 def _settling_rows(result: CaseResult, of: str) -> list[Row]:
@@ -77,16 +66,11 @@ def _settling_rows(result: CaseResult, of: str) -> list[Row]:
     cases = [("2 deg", 2.0, 1, 1350.0), (f"0.5 deg ({smooth}-s running mean)", 0.5, smooth, 1500.0)]
     return [
         Row(
-            quantity=f"time until the total error{of} stays below {name}",
-            source="section 6, Figs. 6 and 7",
-            paper=paper,
-            ours=settling_time_s(result.history_deg, limit, window),
-            unit="s",
-            tolerance=0.0,
-            bound="<=",
+            f"time until the total error{of} stays below {name}", "section 6, Figs. 6 and 7", paper,
+            settling_time_s(result.history_deg, limit, window), "s", 0.0, bound="<=",
         )
         for name, limit, window, paper in cases
-    ]
+    ]  # fmt: skip
 
 
 def filter_rows(inside: CaseResult, drawn: CaseResult, published: list[CaseResult]) -> list[Row]:
@@ -96,30 +80,21 @@ def filter_rows(inside: CaseResult, drawn: CaseResult, published: list[CaseResul
     grown = PRINTED_Q / TABLE_Q
     found = [
         Row(
-            quantity=f"RMSE of {axis}, printed filter, Q=1e-12, {case_name(100, 0.0)}, 1-deg grid",
-            source="Table 1",
-            paper=paper,
-            ours=getattr(ours_q, f"{axis}_deg"),
-            unit="deg",
-            tolerance=0.0,
-            factor=SCENE_FACTOR,
+            f"RMSE of {axis}, printed filter, Q=1e-12, {case_name(100, 0.0)}, 1-deg grid", "Table 1", paper,
+            getattr(ours_q, f"{axis}_deg"), "deg", 0.0, factor=SCENE_FACTOR,
         )
         for axis, paper in zip(AXES, PRINTED[100, 0.0][2:], strict=True)
-    ]
+    ]  # fmt: skip
     found += _settling_rows(ours_q, " of the printed filter, Q=1e-12,")
     found.append(
+        # Sigma grows at least as the fourth root and at most as the square root of Q.
         Row(
-            quantity=f"attitude sigma the printed filter predicts for itself with the printed Q={PRINTED_Q:g}",
-            source="section 5.2",
-            paper=max(PRINTED[100, 0.0][2:]),
-            ours=printed_q.sigma_deg,
-            unit="deg",
-            tolerance=0.1,
+            f"attitude sigma the printed filter predicts for itself with the printed Q={PRINTED_Q:g}", "section 5.2",
+            max(PRINTED[100, 0.0][2:]), printed_q.sigma_deg, "deg", 0.1,
             remark=f"contradicts the tables; with Q=1e-12 it predicts {ours_q.sigma_deg:.3f} deg",
-            # Sigma grows at least as the fourth root and at most as the square root of Q.
             explained=grown**0.25 <= printed_q.sigma_deg / ours_q.sigma_deg <= 1.25 * grown**0.5,
         )
-    )
+    )  # fmt: skip
     for name, ratio, tolerance in (
         ("theta RMSE", inside.theta_deg / drawn.theta_deg, 0.03),
         # The attitude of few trials scatters with their own transients.
@@ -127,14 +102,10 @@ def filter_rows(inside: CaseResult, drawn: CaseResult, published: list[CaseResul
     ):
         found.append(
             Row(
-                quantity=f"{name}: MUSIC inside the loop / errors from the pool, {trials} trials",
-                source="check of method",
-                paper=1.0,
-                ours=ratio,
-                unit="1",
-                tolerance=tolerance,
+                f"{name}: MUSIC inside the loop / errors from the pool, {trials} trials", "check of method", 1.0,
+                ratio, "1", tolerance,
             )
-        )
+        )  # fmt: skip
     return found
 
 
@@ -157,26 +128,16 @@ def _fair_rows(grid: CaseResult, refined: CaseResult) -> list[Row]:
     for name, result in (("1-deg grid", grid), ("refined", refined)):
         found.append(
             Row(
-                quantity=f"worst axis, {case_name(*case)}, {name}",
-                source="attainable range",
-                paper=limit,
-                ours=_worst(result),
-                unit="deg",
-                tolerance=0.0,
+                f"worst axis, {case_name(*case)}, {name}", "attainable range", limit, _worst(result), "deg", 0.0,
                 bound="<=",
             )
-        )
+        )  # fmt: skip
         found.append(
             Row(
-                quantity=f"RMSE of theta / worst axis, {case_name(*case)}, {name}",
-                source="attainable range",
-                paper=4.0,
-                ours=result.theta_deg / _worst(result),
-                unit="1",
-                tolerance=0.0,
-                bound=">=",
+                f"RMSE of theta / worst axis, {case_name(*case)}, {name}", "attainable range", 4.0,
+                result.theta_deg / _worst(result), "1", 0.0, bound=">=",
             )
-        )
+        )  # fmt: skip
     return found
 
 
@@ -186,15 +147,10 @@ def _refinement_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
         pair = [tables[DirectionCase(snapshots=100, snr_db=snr_db, refined=refined)] for refined in (False, True)]
         found.append(
             Row(
-                quantity=f"worst axis on the 1-deg grid / refined, {case_name(100, snr_db)}",
-                source="gain of refining",
-                paper=paper,
-                ours=_worst(pair[0]) / _worst(pair[1]),
-                unit="1",
-                tolerance=tolerance,
-                bound=bound,
+                f"worst axis on the 1-deg grid / refined, {case_name(100, snr_db)}", "gain of refining", paper,
+                _worst(pair[0]) / _worst(pair[1]), "1", tolerance, bound=bound,
             )
-        )
+        )  # fmt: skip
     return found
 
 

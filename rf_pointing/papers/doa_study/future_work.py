@@ -1,4 +1,4 @@
-"""What DOA leaves to future work, measured: consistency, any start, two sources, mutual coupling.
+"""Future work of DOA, measured: consistency, any start, two sources, mutual coupling.
 
 Consistency: e^T P^-1 e (NEES) has mean n for an n-dimensional Gaussian error of covariance P; its
 average over independent runs is chi-square with runs * n degrees of freedom, divided by runs
@@ -46,12 +46,10 @@ from rf_pointing.array_sensors.doa.several_sources import estimate_several
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SimulatedSatellite
 from rf_pointing.array_sensors.doa.snapshots import complex_normal, draw_snapshots
 from rf_pointing.core import random_stream, require_between, require_finite
+from rf_pointing.core.types import Array, ComplexArray
 from rf_pointing.papers.doa_study.directions import direction_from_polar, polar_basis
 from rf_pointing.papers.doa_study.scene import STEP_S, nadir_scene
 from rf_pointing.papers.row import Row
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MAX_ITERATIONS = 50
 STEP_TOLERANCE = 1e-10
@@ -336,7 +334,7 @@ def _observe(expected: Array, reference: Array, sigma: float, stream: np.random.
     return DirectionObservation(measured, covariance, np.broadcast_to(reference, measured.shape))
 
 
-def beyond_rows(seed: int) -> list[Row]:
+def future_rows(seed: int) -> list[Row]:
     """Return the measured numbers and their theory."""
     scores = mean_nees(RUNS, seed, duration_s=300.0)
     low, high = nees_band(6, RUNS)
@@ -345,40 +343,22 @@ def beyond_rows(seed: int) -> list[Row]:
     bare, matched, ratio = coupling_rmse_deg(400, seed)
     return [
         Row(
-            quantity=f"mean NEES of {RUNS} runs, multiplicative filter, 6 states",
-            source="theory",
-            paper=6.0,
-            ours=float(np.mean(scores)),
-            unit="1",
-            tolerance=0.5 * (high - low),
+            f"mean NEES of {RUNS} runs, multiplicative filter, 6 states", "theory", 6.0, float(np.mean(scores)), "1",
+            0.5 * (high - low),
             remark=f"95 % band {low:.2f} to {high:.2f}; {100.0 * inside:.0f} % of the instants lie inside",
         ),
         Row(
-            quantity="attitude error 30 s after the first hand-off, from random attitudes, worst of 2",
-            source="section 6 (0.5 deg in 1500 s)",
-            paper=0.5,
-            ours=float(np.max(any_start_error_deg(2, seed))),
-            unit="deg",
-            tolerance=0.0,
-            bound="<=",
+            "attitude error 30 s after the first hand-off, from random attitudes, worst of 2",
+            "section 6 (0.5 deg in 1500 s)", 0.5, float(np.max(any_start_error_deg(2, seed))), "deg", 0.0, bound="<=",
             remark="twelve starting turns about the first line of sight, the best kept; paper: from 50 deg",
         ),
         Row(
-            quantity="attitude from one instant of two stations / its predicted sigma, 0 dB, L=100",
-            source="section 7 (future work)",
-            paper=1.0,
-            ours=two_ratio,
-            unit="1",
-            tolerance=0.12,
-            remark=f"{two_deg:.3f} deg total at the first block, without any convergence",
+            "attitude from one instant of two stations / its predicted sigma, 0 dB, L=100", "section 7 (future work)",
+            1.0, two_ratio, "1", 0.12, remark=f"{two_deg:.3f} deg total at the first block, without any convergence",
         ),
         Row(
-            quantity="direction through a coupled, calibrated array / Cramer-Rao bound, 10 dB, L=100",
-            source="section 7 (future work)",
-            paper=1.0,
-            ours=ratio,
-            unit="1",
-            tolerance=0.1,
+            "direction through a coupled, calibrated array / Cramer-Rao bound, 10 dB, L=100",
+            "section 7 (future work)", 1.0, ratio, "1", 0.1,
             remark=f"uncalibrated {bare:.2f} deg, calibrated {matched:.3f} deg",
         ),
-    ]
+    ]  # fmt: skip

@@ -15,8 +15,6 @@ from rf_pointing.array_sensors.interferometer.frames import (
     roll_rotation,
     rotation_vector,
     small_rotation,
-    spacecraft_from_rep103,
-    target_axes,
 )
 
 ROUNDING = 1e-14
@@ -65,13 +63,6 @@ def test_euler_angles_at_the_pole_are_refused() -> None:
         euler_from_attitude(attitude_from_euler(0.2, np.pi / 2.0, 0.5))
 
 
-def test_target_axes_are_the_rows_not_the_columns_of_the_attitude() -> None:
-    attitude = attitude_from_euler(0.3, 0.0, 0.0)
-    heading = direction_from_angles(0.3, 0.0)
-    np.testing.assert_allclose(target_axes(attitude)[:, 0], heading, atol=ROUNDING)
-    np.testing.assert_allclose(target_axes(attitude, "published")[:, 0], heading * [1, -1, 1], atol=ROUNDING)
-
-
 def test_directions_return_from_their_angles(rng) -> None:
     azimuth, elevation = rng.uniform([-np.pi, -1.5], [np.pi, 1.5], (300, 2)).T
     direction = direction_from_angles(azimuth, elevation)
@@ -113,17 +104,3 @@ def test_rep103_pose_points_the_same_way_in_flipped_axes(worked_example) -> None
     # A point one metre ahead of the passive body, by both conventions.
     np.testing.assert_allclose(orientation @ [1, 0, 0], (attitude.T @ [1, 0, 0]) * [1, -1, -1], atol=ROUNDING)
     np.testing.assert_allclose(orientation @ [0, 1, 0], (attitude.T @ [0, -1, 0]) * [1, -1, -1], atol=ROUNDING)
-    for back, sent in zip(spacecraft_from_rep103(position, orientation), (100.0 * xi, attitude), strict=True):
-        np.testing.assert_allclose(back, sent, atol=ROUNDING)
-
-
-def test_axes_of_a_stack_of_attitudes_are_those_of_each(rng) -> None:
-    attitudes = attitude_from_euler(*rng.uniform(-1.0, 1.0, (3, 4)))
-    np.testing.assert_array_equal(target_axes(attitudes), [each.T for each in attitudes])
-    np.testing.assert_array_equal(target_axes(attitudes, "published"), attitudes)
-    positions = rng.normal(size=(4, 3))
-    places, turns = rep103_from_spacecraft(positions, attitudes)
-    for index in range(4):
-        place, turn = rep103_from_spacecraft(positions[index], attitudes[index])
-        np.testing.assert_array_equal(places[index], place)
-        np.testing.assert_array_equal(turns[index], turn)

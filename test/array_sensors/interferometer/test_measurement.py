@@ -10,17 +10,8 @@ from rf_pointing.array_sensors.interferometer.measurement import (
     phase_rate_sigma_rad_s,
     phase_variance,
 )
-from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams, signal_to_noise_ratios
-from rf_pointing.array_sensors.interferometer.reading import resolve_ranges
-from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan, two_way_ranges
-from rf_pointing.papers.interferometer_accuracy import (
-    range_covariance,
-    range_noise,
-    range_variance_from_nine,
-    two_way_phase_variance,
-    two_way_range_sigma,
-)
-from rf_pointing.papers.interferometer_simulation import simulate_phases
+from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
+from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan
 
 PLAN, LINK, RADIO, ARRAYS = CarrierPlan(speed_of_light_m_s=3.0e8), LinkParams(), RadioParams(), ArrayParams()
 
@@ -65,16 +56,10 @@ def test_a_complete_measurement_is_frozen() -> None:
         measurement().t_s = 2.0
 
 
-def noise_at_100_km():
-    snr = signal_to_noise_ratios(1e5, np.full((3, 3), 1e5), RADIO, PLAN, LINK)
-    return range_noise(*snr, PLAN)
-
-
 def test_phase_of_a_noisy_phasor_has_the_variance_of_half_the_inverse_ratio(rng) -> None:
     ratio = 1e3
     noise = (rng.normal(size=100_000) + 1j * rng.normal(size=100_000)) * np.sqrt(0.5 / ratio)
     assert np.var(np.angle(1.0 + noise)) == pytest.approx(phase_variance(ratio), rel=0.02)
-    assert two_way_phase_variance(ratio, ratio) == pytest.approx(1.0 / ratio)
 
 
 def test_frequency_of_a_noisy_tone_meets_the_cramer_rao_ratio(rng) -> None:
@@ -86,37 +71,6 @@ def test_frequency_of_a_noisy_tone_meets_the_cramer_rao_ratio(rng) -> None:
     assert np.std(slopes) == pytest.approx(expected, rel=0.04)
 
 
-def test_range_sigma_of_the_phase_sigma() -> None:
-    assert two_way_range_sigma(2.5e9, 0.185**2, 3.0e8) == pytest.approx(3.53e-3, abs=1e-5)
-
-
-def test_noise_at_100_km_is_one_millimetre_per_range_in_both_parts() -> None:
-    noise = noise_at_100_km()
-    assert np.sqrt(noise.common_m2) == pytest.approx(1.080e-3, rel=5e-3)
-    np.testing.assert_allclose(np.sqrt(noise.path_m2), 1.053e-3, rtol=5e-3)
-
-
-def test_distance_variance_counts_the_shared_forward_noise(rng) -> None:
-    noise = noise_at_100_km()
-    phases = simulate_phases([1e5, 0.0, 0.0], np.eye(3), ARRAYS, RADIO, PLAN, LINK, rng, 3000)
-    ranges = resolve_ranges(phases, PLAN).ranges_m
-    corrected = range_variance_from_nine(noise.common_m2, float(noise.path_m2[0, 0]))
-    assert np.sqrt(corrected) == pytest.approx(0.568e-3, rel=5e-3)
-    assert np.var(ranges.sum(axis=(1, 2)) / 18.0) == pytest.approx(corrected, rel=4.0 * np.sqrt(2.0 / 3000))
-    independent = (noise.common_m2 + noise.path_m2[0, 0]) / 36.0
-    assert corrected / independent == pytest.approx(5.0, rel=0.05)
-    measured = np.cov((ranges - two_way_ranges([1e5, 0.0, 0.0], np.eye(3), ARRAYS)).reshape(-1, 9).T)
-    np.testing.assert_allclose(measured, range_covariance(noise), atol=0.15 * noise.common_m2)
-
-
-def test_published_factor_is_the_slipped_decimal_of_one_36th() -> None:
-    assert range_variance_from_nine(0.0, 1.0, "published") == 0.278
-    assert range_variance_from_nine(0.0, 1.0) == pytest.approx(1.0 / 36.0)
-    assert range_variance_from_nine(0.5, 0.5) == pytest.approx(0.139, abs=1e-3)
-
-
 def test_a_link_without_signal_is_refused() -> None:
     with pytest.raises(ValueError, match=r"snr=0.0 must be > 0"):
         phase_variance([1.0, 0.0])
-    with pytest.raises(ValueError, match="frequency_hz"):
-        two_way_range_sigma(0.0, 1.0, 3e8)

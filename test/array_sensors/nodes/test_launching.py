@@ -5,9 +5,8 @@ from typing import Any
 import pytest
 
 pytest.importorskip("rclpy", reason="launch files need ROS 2", exc_type=ImportError)
-from test.ros.test_launching import FOLDER, given, launched
-
 from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, CLOCK
+from test.ros.test_launching import FOLDER, given, launched
 
 __all__ = ["given"]
 

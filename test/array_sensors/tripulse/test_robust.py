@@ -6,7 +6,6 @@ from rf_pointing.array_sensors.tripulse.beams import closed_form_signals, invert
 from rf_pointing.array_sensors.tripulse.robust import (
     posterior_projection_error,
     signal_matrix,
-    total_least_squares_ratios,
 )
 from rf_pointing.core import random_stream
 
@@ -22,36 +21,6 @@ def noisy(rng: np.random.Generator, error: np.ndarray, snr_db: float, cycles: in
     signals = closed_form_signals(PARAMS, error)[:, None, :] * turns
     noise = np.sqrt(variance / 2.0) * (rng.normal(size=signals.shape) + 1j * rng.normal(size=signals.shape))
     return signals + noise, variance * EQUAL
-
-
-def test_noise_free_eigenvector_is_the_exact_ratio_whatever_the_phases_and_noises() -> None:
-    rng = random_stream(1, "robust exact")
-    error = rng.uniform(-0.9, 0.9, size=(100, 2)) * PARAMS.unambiguous_projection
-    turns = np.exp(2j * np.pi * rng.uniform(size=(100, 3, 1)))
-    signals = closed_form_signals(PARAMS, error)[:, None, :] * turns
-    noises = np.array([1.0, 0.3, 2.0])
-    ratios = total_least_squares_ratios(signal_matrix(signals, noises), noises)
-    np.testing.assert_allclose(invert_ratios(PARAMS, ratios), error, atol=1e-11)
-
-
-def test_total_least_squares_is_unbiased_at_0_db_where_the_cross_product_ratio_loses_half() -> None:
-    rng, truth = random_stream(1, "robust bias"), np.array([8e-4, -5e-4])
-    signals, noises = noisy(rng, np.broadcast_to(truth, (300, 2)), 0.0, 2000)
-    found = invert_ratios(PARAMS, total_least_squares_ratios(signal_matrix(signals, noises), noises))
-    assert np.all(np.abs(np.mean(found, axis=0) - truth) < 4.0 * np.std(found, axis=0) / np.sqrt(300))
-    products = np.sum(signals[..., 1:] * signals[..., :1].conj(), axis=1)
-    powers = np.sum(np.abs(signals[..., :1]) ** 2, axis=1)
-    crossed = invert_ratios(PARAMS, np.imag(products / powers))
-    np.testing.assert_allclose(np.mean(crossed, axis=0), truth / 2.0, rtol=0.1)
-
-
-def test_at_20_db_it_equals_the_plain_ratio_and_its_theory() -> None:
-    rng = random_stream(1, "robust 20 dB")
-    error = np.broadcast_to([2e-4, 1e-4], (20_000, 2))
-    signals, noises = noisy(rng, error, 20.0, 1)
-    robust = invert_ratios(PARAMS, total_least_squares_ratios(signal_matrix(signals, noises), noises))
-    plain = invert_ratios(PARAMS, monopulse_ratios(signals[:, 0]))
-    np.testing.assert_allclose(np.std(robust, axis=0), np.std(plain, axis=0), rtol=0.01)
 
 
 @pytest.mark.parametrize(("snr_db", "cycles"), [(-10.0, 1), (0.0, 1), (10.0, 1), (0.0, 300), (20.0, 5)])
@@ -171,41 +140,3 @@ def test_what_says_nothing_leaves_the_prior_and_its_mean_of_zero() -> None:
     # As many cycles as their power: noise alone, from which nothing follows.
     noise = posterior_projection_error(PARAMS, np.diag([6.0, 1.0, 2.0]), 8, EQUAL, prior)
     np.testing.assert_allclose(noise.covariance, np.diag(prior**2), rtol=1e-2, atol=1e-12)
-
-
-def test_the_matrix_of_signals_turns_the_differences_and_divides_by_the_noise() -> None:
-    signals = np.array([[1.0 + 2.0j, 3.0j, -4.0], [2.0, 1.0 + 1.0j, 0.5j]])
-    noises = np.array([1.0, 4.0, 0.25])
-    first = np.array([1.0 + 2.0j, 3.0 / 2.0, 4.0j / 0.5])
-    second = np.array([2.0, (1.0 - 1.0j) / 2.0, 0.5 / 0.5])
-    expected = sum((each[:, None] * each.conj()).real for each in (first, second))
-    np.testing.assert_allclose(signal_matrix(signals, noises), expected, atol=1e-12)
-    for wrong in (np.ones(3), np.ones((2, 2)), np.ones((2, 3, 4))):
-        with pytest.raises(ValueError, match=r"must be \(\.\.\., cycles, 3\)"):
-            signal_matrix(wrong, noises)
-
-
-def test_ratios_of_the_eigenvector_are_scaled_back_by_the_noise() -> None:
-    """The signal (2, 3j, -1j) alone: ratios 1.5 and -0.5 whatever the noises are, one by one or in a stack."""
-    noises = np.array([1.0, 4.0, 0.25])
-    matrix = signal_matrix(np.array([[2.0, 3.0j, -1.0j]]), noises)
-    np.testing.assert_allclose(total_least_squares_ratios(matrix, noises), [1.5, -0.5], rtol=1e-9)
-    stack = np.array([[matrix, 2.0 * matrix], [3.0 * matrix, matrix]])
-    np.testing.assert_allclose(total_least_squares_ratios(stack, noises), np.full((2, 2, 2), [1.5, -0.5]), rtol=1e-9)
-
-
-def test_many_matrices_are_the_same_as_each_by_itself() -> None:
-    rng = random_stream(4, "many")
-    signals, noises = noisy(rng, PRIOR * rng.normal(size=(2003, 2)), 5.0, 1)
-    matrices = signal_matrix(signals, noises)
-    found = posterior_projection_error(PARAMS, matrices, 1, noises, PRIOR)
-    for k in (0, 1999, 2000, 2002):
-        one = posterior_projection_error(PARAMS, matrices[k], 1, noises, PRIOR)
-        np.testing.assert_allclose(found.projection_error[k], one.projection_error, rtol=1e-9, atol=1e-15)
-        np.testing.assert_allclose(found.covariance[k], one.covariance, rtol=1e-9, atol=1e-20)
-
-
-def test_signals_without_a_sum_have_no_ratios() -> None:
-    with pytest.raises(ValueError, match="no part in the sum beam"):
-        total_least_squares_ratios(np.diag([0.0, 2.0, 1.0]), EQUAL)
-    np.testing.assert_allclose(total_least_squares_ratios(np.diag([3.0, 2.0, 1.0]), EQUAL), [0.0, 0.0])

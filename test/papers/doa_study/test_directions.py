@@ -14,7 +14,6 @@ from rf_pointing.array_sensors.doa.music import estimate_directions
 from rf_pointing.array_sensors.doa.snapshots import draw_covariances
 from rf_pointing.papers.doa_study.directions import (
     DirectionCase,
-    azimuth_rmse_rad,
     direction_from_polar,
     draw_directions,
     error_pool,
@@ -61,20 +60,6 @@ def test_azimuth_errors_wrap_and_cross_error_is_an_angle_on_the_sky() -> None:
     assert float(polar) == pytest.approx(0.0, abs=1e-12)
     assert float(azimuth) == pytest.approx(0.02)
     assert float(cross) == pytest.approx(0.02 * np.sin(0.5))
-
-
-@pytest.mark.parametrize("theta_over_sigma", [0.0, 0.5, 2.0, 6.0, 40.0])
-def test_azimuth_rmse_is_that_of_a_displaced_gaussian(theta_over_sigma: float, stream: np.random.Generator) -> None:
-    sigma = 0.003
-    theta = np.arcsin(theta_over_sigma * sigma)
-    points = sigma * stream.standard_normal((400_000, 2)) + [theta_over_sigma * sigma, 0.0]
-    measured = np.sqrt(np.mean(np.arctan2(points[:, 1], points[:, 0]) ** 2))
-    assert azimuth_rmse_rad(theta, sigma) == pytest.approx(measured, rel=0.01)
-
-
-def test_azimuth_rmse_is_the_bound_far_out_and_104_degrees_on_the_normal() -> None:
-    assert azimuth_rmse_rad(0.7, 1e-3) == pytest.approx(1e-3 / np.sin(0.7), rel=1e-4)
-    assert np.degrees(azimuth_rmse_rad(0.0, 1e-3)) == pytest.approx(180 / np.sqrt(3), rel=1e-5)
 
 
 @pytest.fixture
@@ -142,15 +127,6 @@ def test_drawn_errors_have_the_law_of_music_at_that_direction(
     for first, second in zip(polar_errors_rad(drawn, truth), polar_errors_rad(real, truth), strict=True):
         assert np.sqrt(np.mean(first**2)) == pytest.approx(np.sqrt(np.mean(second**2)), rel=0.12)
         assert np.median(np.abs(first)) == pytest.approx(np.median(np.abs(second)), rel=0.12)
-
-
-def test_azimuth_rmse_on_the_normal_is_that_of_the_trapezoidal_rule() -> None:
-    """The mean of e^2 over a turn, pi^2 / 3, and the rule's own h^2 / 6 of 4000 steps."""
-    step = 2.0 * np.pi / 4000.0
-    assert azimuth_rmse_rad(0.0, 1e-3) == pytest.approx(np.sqrt(np.pi**2 / 3.0 + step**2 / 6.0), rel=1e-11)
-    assert azimuth_rmse_rad(0.4, 1.1e-12) == pytest.approx(1.1e-12 / np.sin(0.4), rel=1e-3)
-    with pytest.raises(ValueError, match="sigma_rad="):
-        azimuth_rmse_rad(0.4, 0.9e-12)
 
 
 def strong(theta_rad: float, phi_rad: float) -> np.ndarray:
