@@ -12,9 +12,7 @@ from importlib.metadata import entry_points
 
 from rf_pointing.drives.drive import Drive, Pair
 from rf_pointing.drives.params import DriveParams
-from rf_pointing.drives.polled import PolledDrive
 from rf_pointing.drives.protocols import WORDS
-from rf_pointing.drives.simulated_rotator import SimulatedRotator
 
 ENTRY_POINTS = "rf_pointing.drives"
 SIMULATED_ROTATOR = "simulated_rotator"
@@ -50,8 +48,12 @@ def make_drive(params: DriveParams, start_rad: Pair = (0.0, 0.0)) -> Drive:
         For a type or model that does not exist, or what the factory of an entry point refuses.
     """
     if params.type == SIMULATED_ROTATOR:
+        from rf_pointing.drives.simulated_rotator import SimulatedRotator
+
         return SimulatedRotator(params, start_rad)
     if params.type in WORDS:
+        from rf_pointing.drives.polled import PolledDrive
+
         return PolledDrive(WORDS[params.type](params.model), params)
     for point in entry_points(group=ENTRY_POINTS, name=params.type):
         factory = point.load()
