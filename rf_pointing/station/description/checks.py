@@ -6,7 +6,8 @@ from typing import Any
 
 from rf_pointing.core import Params, Sensor, leaves
 from rf_pointing.core.parameters import from_edge
-from rf_pointing.drives import DriveParams, known_types
+from rf_pointing.drives.params import DriveParams
+from rf_pointing.drives.registry import known_types, takes_positions
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
@@ -39,9 +40,10 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
     _check_tuning(content.tuning, "tuning", reader, nodes)
     rows = {f"drive.{name}": value for name, value in flat(content.drive or {}).items()}
     _check_names({"drive": DriveParams()}, rows, "drive", reader, strip="drive.")
-    kind, known = (content.drive or {}).get("type"), ("simulated", "topic", *known_types())
-    if kind is not None and kind not in known:
-        reader.note("drive.type", f"drive.type={kind!r} must be one of {', '.join(known)}")
+    kind = (content.drive or {}).get("type", "simulated")
+    if kind not in ("simulated", "topic") and not takes_positions(kind) and kind not in known_types():
+        known = ", ".join(("simulated", "topic", *known_types()))
+        reader.note("drive.type", f"drive.type={kind!r} must be one of {known}")
     if content.simulation is not None and "antenna_servo" in nodes:
         _check_errors(content.simulation.mount_errors, "simulation.mount_errors", reader)
     return mask

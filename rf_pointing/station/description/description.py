@@ -1,7 +1,6 @@
 """One station, described once: what every node, command and simulation takes its numbers from."""
 
 import dataclasses
-import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -125,6 +124,9 @@ class StationDescription:
 
         Masks and bias models from files count by their content, comments and order do not.
         """
+        # Imported here: OpenSSL takes 3.5 MB.
+        import hashlib
+
         content = dataclasses.asdict(self.content)
         content["mount"]["horizon_deg"] = leaves(self.mask)["azimuth_deg"][1], leaves(self.mask)["elevation_deg"][1]
         del content["mount"]["horizon_file"]
