@@ -236,7 +236,8 @@ print(json.dumps({{"files": [file for file in found if file], "kB": int(resident
         where = self.modules.get(module)
         if where is None:
             return module
-        for node in where.tree.body if where.is_package else ():
+        # Lazy packages name what they hand on below `if TYPE_CHECKING`.
+        for node in where.nodes if where.is_package else ():
             if isinstance(node, ast.ImportFrom) and node.module:
                 for alias in node.names:
                     if (alias.asname or alias.name) == name:

@@ -110,7 +110,7 @@ class Fit:
             summary(done.points, result),
             *self.remarks,
             *(f"not separable: {advice}" for advice in result.separation_advice()),
-            *(f"doubtful: {doubt}" for doubt in (*done.doubts, *calibration.doubts_of(result, done.points))),
+            *(f"doubtful: {doubt}" for doubt in (*done.warnings, *calibration.warnings_of(result, done.points))),
             *(f"left out: {note}" for note in done.notes),
         ])  # fmt: skip
 
@@ -126,7 +126,7 @@ class Fit:
         calibration.write_model(path, self.version)
         return write_calibration_report(
             report or path.parent / f"{path.stem}_report", self.points, self.result, name=self.version.name,
-            stages=self.done.stages, notes=[*self.done.notes, *self.done.doubts], remarks=self.remarks,
+            stages=self.done.stages, notes=[*self.done.notes, *self.done.warnings], remarks=self.remarks,
         )  # fmt: skip
 
     def write_points(self, path: str | Path) -> None:

@@ -81,7 +81,7 @@ def _entries(named: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 def _entry(text: str, least_peak_deg: float) -> tuple[str, int, float]:
     """Return name or number, priority and least peak of NAME, priority=N, peak=DEG."""
-    parts = [part.strip() for part in text.split(",")]
+    parts = text.split(",")
     # A name may hold commas; what has an equals sign is none.
     cut = next((k for k, part in enumerate(parts) if "=" in part and k > 0), len(parts))
     priority, peak_deg = 0, least_peak_deg
@@ -96,5 +96,5 @@ def _entry(text: str, least_peak_deg: float) -> tuple[str, int, float]:
                 raise ValueError(f"peak={value} must be a number from 0 to 90 deg")
             peak_deg = float(value)
         else:
-            raise ValueError(f"{part!r} is unknown: after the satellite come priority=N and peak=DEG")
-    return ",".join(parts[:cut]), priority, peak_deg
+            raise ValueError(f"{part.strip()!r} is unknown: after the satellite come priority=N and peak=DEG")
+    return ",".join(parts[:cut]).strip(), priority, peak_deg

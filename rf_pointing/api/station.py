@@ -351,8 +351,16 @@ class Station:
         log = simulate_pass(setup, window, math.floor(window.aos_t_s) - BEFORE_S, chosen)
         return SimulatedPass(one, chosen, log)
 
-    def track(self, *arguments: Any, **options: Any) -> Any:
-        """Track a pass with the live graph of this station (ROS): see `rf_pointing.api.live`."""
+    def track(self, one: StationPass, **options: Any) -> Any:
+        """Track a pass with the live graph of this station (ROS), record it and report on it.
+
+        Parameters
+        ----------
+        one : a pass of `passes`.
+        options : fields of `rf_pointing.api.requests.TrackRequest`, as sensor, speed, output.
+
+        Returns the `rf_pointing.api.live.TrackResult`: exit code, folder of the report, bag.
+        """
         # Not at the top: the rest of the front door does without ROS.
-        live = importlib.import_module("rf_pointing.api.live")
-        return live.track(self, *arguments, **options)
+        live, requests = (importlib.import_module(f"rf_pointing.api.{name}") for name in ("live", "requests"))
+        return live.track(requests.TrackRequest(station=self, target=one.target, chosen=one, **options))

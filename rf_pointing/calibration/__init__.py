@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from rf_pointing.core.lazy import lazily
 
 if TYPE_CHECKING:
-    from rf_pointing.calibration.acceptance_passes import ShadowRules, ShadowScore, Verdict
+    from rf_pointing.calibration.acceptance_passes import AcceptanceRules, AcceptanceScore, Verdict
     from rf_pointing.calibration.bias_model import BiasModel
     from rf_pointing.calibration.campaign import (
         Campaign,
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from rf_pointing.calibration.model_file import ModelVersion, read_model, write_model
     from rf_pointing.calibration.model_store import ModelStore
     from rf_pointing.calibration.observations import Observations, require_derivatives
-    from rf_pointing.calibration.outlying_passes import doubts_of, measured_pass_priors
+    from rf_pointing.calibration.outlying_passes import measured_pass_priors, warnings_of
     from rf_pointing.calibration.pass_errors import PassPriors
-    from rf_pointing.calibration.pipeline import Known, Processed, RawPasses, TrackedPass, select_observations
+    from rf_pointing.calibration.pipeline import PriorKnowledge, Processed, RawPasses, TrackedPass, select_observations
     from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, split_passes
     from rf_pointing.calibration.reference import ReferenceTrack
     from rf_pointing.calibration.tdm import read_tdm, write_tdm

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShadowRules(Params):
+class AcceptanceRules(Params):
     """When a verdict is given, and which one a candidate needs to be accepted."""
 
     fewest_passes: int = parameter(3, "passes before a verdict", low=2, high=1000)
@@ -42,12 +42,12 @@ class Verdict:
 
 
 @dataclass(eq=False)
-class ShadowScore:
+class AcceptanceScore:
     """Running score of `candidate` against `active`."""
 
     active: BiasModel
     candidate: BiasModel
-    rules: ShadowRules
+    rules: AcceptanceRules
     # Rows of each pass, and the sums of the squared misses of both models over them.
     _sums: dict[int, Array] = field(default_factory=dict)
 

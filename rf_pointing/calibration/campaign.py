@@ -282,8 +282,8 @@ def _information(terms: tuple[str, ...], candidate: CandidatePass, pass_priors: 
     data = replace(data, temperature_k=np.full(len(data), REFERENCE_TEMPERATURE_K))
     problem = FitProblem(data, terms, held_at_zero(terms), {}, pass_priors, "printed")
     one = np.ones(len(data))
-    triangle, _ = problem.triangle(np.zeros(len(terms)), one.astype(bool), one)
-    return triangle.factor[:, :-1]
+    equations, _ = problem.equations(np.zeros(len(terms)), one.astype(bool), one)
+    return equations.factor[:, :-1]
 
 
 def _updated(covariance: Array, rows: Array) -> Array:

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.thinning import Table, Thinned
+from rf_pointing.calibration.thinning import PiecewiseRows, Thinned
 
 Array = NDArray[np.float64]
 
@@ -99,14 +99,14 @@ def noise_of(points: Thinned, elevation_rad: Array) -> tuple[Array, Chosen]:
     level = _sums(place, points.freedom * points.variance[:, 1]) / _sums(place, points.freedom)
     azimuth = _split(place, points.variance[:, 0], points.freedom, np.cos(elevation_rad) ** -2.0)
     variance = np.stack([azimuth, level[place]], axis=1)
-    of_pass = Table.of(np.flatnonzero(np.diff(points.passes, prepend=-1) != 0), len(points.t_s))
+    of_pass = PiecewiseRows.of(np.flatnonzero(np.diff(points.passes, prepend=-1) != 0), len(points.t_s))
     straight = np.ones(len(place), dtype=bool)
     for channel, expected in zip(points.variance.T, variance.T, strict=False):
         straight &= _excess(channel / np.maximum(expected, _LEAST_VARIANCE), points.freedom, of_pass) <= _BENT_SIGMA
     return np.sqrt(variance / points.counts[:, np.newaxis]), straight
 
 
-def _excess(ratio: Array, freedom: Array, of_pass: Table) -> Array:
+def _excess(ratio: Array, freedom: Array, of_pass: PiecewiseRows) -> Array:
     """Return by how many sigma each variance (n,), over that expected, exceeds the usual one.
 
     The cube root of a chi-square is nearly normal (Wilson and Hilferty).

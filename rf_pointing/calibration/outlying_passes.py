@@ -151,7 +151,7 @@ class _Equations:
         return np.asarray(self.products[:, : self.own, : self.own] + np.diag(size**-2.0))
 
 
-def doubts_of(fit: FitResult, points: Observations) -> tuple[str, ...]:
+def warnings_of(fit: FitResult, points: Observations) -> tuple[str, ...]:
     """Return one sentence for each reason to doubt `fit`: lost passes, a sigma that is small."""
     return (*_lost_passes(fit, points), *_small_sigma(fit, points))
 

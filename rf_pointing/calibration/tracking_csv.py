@@ -21,7 +21,7 @@ from rf_pointing.core import from_degrees, to_degrees
 from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole, write_whole
 
 Array = NDArray[np.float64]
-Table = tuple[Mapping[str, str], Mapping[str, Array]]
+CsvTable = tuple[Mapping[str, str], Mapping[str, Array]]
 
 _MOST_OF_A_NAME = 1000
 _NOTES = ("station", "band", "target")
@@ -181,7 +181,7 @@ def _head_and_lines(points: Observations) -> tuple[str, str]:
     return head, "".join(",".join(map(repr, row)) + "\n" for row in rows)
 
 
-def _read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> Table:
+def _read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> CsvTable:
     """Return notes and columns (n,) of a table that has all `notes` and all `needed` columns."""
     # A column that is neither is an error, or one with a typing error would go unnoticed.
     source = Path(path)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from rf_pointing.drives.drive import Drive, Pair
 from rf_pointing.drives.params import DriveParams
-from rf_pointing.drives.protocols import WORDS
+from rf_pointing.drives.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -26,7 +26,7 @@ SIMULATED = ("simulated", SIMULATED_ROTATOR)
 
 def known_types() -> list[str]:
     """Return the names of the drives that `make_drive` can make here."""
-    return [SIMULATED_ROTATOR, *WORDS, *_factories()]
+    return [SIMULATED_ROTATOR, *PROTOCOLS, *_factories()]
 
 
 def _factories() -> "Mapping[str, EntryPoint]":
@@ -38,14 +38,14 @@ def _factories() -> "Mapping[str, EntryPoint]":
 
 def takes_positions(kind: str) -> bool:
     """Whether a drive of this package takes positions; one of an entry point says so itself."""
-    return kind == SIMULATED_ROTATOR or kind in WORDS
+    return kind == SIMULATED_ROTATOR or kind in PROTOCOLS
 
 
 def simulated(params: DriveParams) -> DriveParams:
     """Return the drive of a simulation of the antenna: no simulation connects to a device."""
-    if params.type not in WORDS:
+    if params.type not in PROTOCOLS:
         return params if params.type == SIMULATED_ROTATOR else params.replace(type="simulated")
-    protocol = tuple(math.radians(step) for step in WORDS[params.type](params.model).resolution_deg)
+    protocol = tuple(math.radians(step) for step in PROTOCOLS[params.type](params.model).resolution_deg)
     steps = tuple(own or theirs for own, theirs in zip(params.rotator.resolution_rad, protocol, strict=True))
     return params.replace(type=SIMULATED_ROTATOR, rotator=params.rotator.replace(resolution_rad=steps))
 
@@ -62,10 +62,10 @@ def make_drive(params: DriveParams, start_rad: Pair = (0.0, 0.0)) -> Drive:
         from rf_pointing.drives.simulated_rotator import SimulatedRotator
 
         return SimulatedRotator(params, start_rad)
-    if params.type in WORDS:
+    if params.type in PROTOCOLS:
         from rf_pointing.drives.polled import PolledDrive
 
-        return PolledDrive(WORDS[params.type](params.model), params)
+        return PolledDrive(PROTOCOLS[params.type](params.model), params)
     if point := _factories().get(params.type):
         made: Drive = point.load()(params)
         return made

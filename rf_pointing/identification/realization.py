@@ -53,9 +53,9 @@ def observer_markov(inputs: ArrayLike, outputs: ArrayLike, order: int) -> Observ
         raise ValueError(f"inputs have rms {scale_u} and outputs {scale_y}: both must be > 0")
     rows = np.vstack([_regressors(a / scale_u, b / scale_y, order) for a, b in zip(u, y, strict=True)])
     target = np.concatenate([b[order:] for b in y]) / scale_y
-    # The triangle carries the whole least-squares problem in as many rows as unknowns.
-    triangle: Array = np.asarray(np.linalg.qr(np.column_stack([rows, target]), mode="r"))
-    solution, _, rank, singular = np.linalg.lstsq(triangle[:-1, :-1], triangle[:-1, -1], rcond=1e-13)
+    # The triangular factor carries the whole least-squares problem in as many rows as unknowns.
+    reduced: Array = np.asarray(np.linalg.qr(np.column_stack([rows, target]), mode="r"))
+    solution, _, rank, singular = np.linalg.lstsq(reduced[:-1, :-1], reduced[:-1, -1], rcond=1e-13)
     if rank < rows.shape[1]:
         raise ValueError(f"order={order} needs {rows.shape[1]} independent regressors, the data excite {rank}")
     ratio = scale_y / scale_u

@@ -22,7 +22,7 @@ from rf_pointing_msgs.srv import SelectTarget
 from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import Trigger
 
-from rf_pointing.calibration import ShadowRules
+from rf_pointing.calibration import AcceptanceRules
 from rf_pointing.ros import convert
 from rf_pointing.ros.convert_calibration import fit_to_result, model_to_message, no_model_to_message
 from rf_pointing.ros.graph import TEMPERATURE
@@ -42,7 +42,7 @@ class BiasCalibrator(StationNode):
     def __init__(self) -> None:
         super().__init__("bias_calibrator")
         self.parameters.declare("calibrator", CalibratorParams())
-        self.parameters.declare("shadow", ShadowRules(), live=True)
+        self.parameters.declare("shadow", AcceptanceRules(), live=True)
         self.parameters.declare("orbit", ORBIT, live=True)
         self.parameters.on_change(self._retune)
         self.calibrator: Calibrator | None = None

@@ -4,10 +4,9 @@
 
 Subscribes: antenna_status, tracking_status, joint_states, target, passes, pass_profiles,
 pass_certificate, schedule, executive_status, station_in_use, /diagnostics of its namespace.
-Requests: the services and actions of the other nodes, as every other client; limits, horizon and
-offsets by get_parameters of pointing_controller and ephemeris_publisher.
-Parameters: page.* (address, port, token, reports), command_key_file (signs the calls of
-antenna_servo).
+Requests: the services and actions of the other nodes, as every other client; get_parameters of
+pointing_controller and ephemeris_publisher.
+Parameters: page.* (address, port, token, reports), command_key_file (signs the calls).
 
 The page moves nothing by itself.  A pass that it has started goes on without it.
 """
@@ -24,7 +23,7 @@ from sensor_msgs.msg import JointState
 from rf_pointing.ros import convert, station_view
 from rf_pointing.ros.command_key import CommandKeyParams
 from rf_pointing.ros.convert_planning import profile_from_message
-from rf_pointing.ros.diagnostics import LEVELS, OK, WARN, Health
+from rf_pointing.ros.diagnostics import LEVELS
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS, OPERATOR_PAGE, SCHEDULE, STATION_IN_USE
 from rf_pointing.ros.lifecycle import LifecycleParams
@@ -34,7 +33,7 @@ from rf_pointing.ros.qos import IN_USE, LATCHED, STATUS, STREAM
 from rf_pointing.ros.repeated_call import ParametersOf
 from rf_pointing.station.clients.board import LONGEST_TEXT, READ, Board, PageParams
 from rf_pointing.tracking.sensors import load_trackers
-from rf_pointing.web.page_server import PageServer, read_token
+from rf_pointing.web.page_server import PageServer, read_token, report
 
 PARAMETERS_S = 5.0
 """Wall time between two requests for the limits in force."""
@@ -87,7 +86,7 @@ class OperatorPage(ManagedNode):
         token, path = read_token(params.token_file, self.lock.path.with_suffix(".token"))
         self._server = PageServer(params, token)
         self._at_cleanup.callback(self._close)
-        self.diagnostics.add("page", self._health)
+        self.diagnostics.add_report("page", lambda: report(self._server))
         self.get_logger().info(f"operator's page at {self._server.address}; the token of commands is in {path}")
 
     def _close(self) -> None:
@@ -145,14 +144,6 @@ class OperatorPage(ManagedNode):
         if name == "track":
             arguments = {**arguments, "target_pass": self._newest["passes"].passes[arguments["target_pass"]]}
         self._sender.send(number, name, arguments)
-
-    def _health(self) -> Health:
-        if self._server is None:
-            return Health(WARN, "not served")
-        app = self._server.app
-        values = {"viewers": app.viewers, "slow_viewers_dropped": app.dropped, "commands": app.commands,
-                  "requests_refused": app.refused}  # fmt: skip
-        return Health(OK, f"{self._server.address}, {app.viewers} viewers", values)
 
 
 def main() -> None:

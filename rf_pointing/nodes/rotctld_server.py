@@ -25,7 +25,6 @@ from trajectory_msgs.msg import JointTrajectory
 from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, Inquiry, RotctldServer, ServerParams, StationView
 from rf_pointing.ros import convert, convert_calibration
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
-from rf_pointing.ros.diagnostics import OK, WARN, Health
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS
 from rf_pointing.ros.main_loop import run
@@ -75,12 +74,11 @@ class RotctldServerNode(StationNode):
         self._commands = self.publisher(JointTrajectory, "joint_trajectory", COMMAND)
         self._key = CommandKey(value("key"), self.resolve_topic_name("joint_trajectory"))
         self._latest = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
-        status, tracking = convert.antenna_status_from_message, ours.TrackingStatus
-        self.listen(ours.AntennaStatus, "antenna_status", lambda m: steering.note_antenna(status(m)), STATUS)
-        self.listen(tracking, "tracking_status", lambda m: steering.note_tracking(m.target, m.commands_sent), STREAM)
+        self.listen(ours.AntennaStatus, "antenna_status", self._on_antenna, STATUS)
+        self.listen(ours.TrackingStatus, "tracking_status", self._on_tracking, STREAM)
         self.listen(ours.ExecutiveStatus, EXECUTIVE_STATUS, lambda m: steering.note_executive(m.state), STATUS)
         self.listen(ours.PointingModel, "pointing_model", self._on_model, LATCHED)
-        self.diagnostics.add("clients", self._health)
+        self.diagnostics.add_report("clients", lambda: steering.report(self._server))
 
     def activate(self) -> None:
         params = self.parameters.value("server")
@@ -124,6 +122,12 @@ class RotctldServerNode(StationNode):
             self._key.sign(command, self.get_fully_qualified_name())
             self._commands.publish(command)
 
+    def _on_antenna(self, m: ours.AntennaStatus) -> None:
+        self._steering.note_antenna(m.mode, m.fault, m.commander, m.commands_rejected, m.last_rejection)
+
+    def _on_tracking(self, message: ours.TrackingStatus) -> None:
+        self._steering.note_tracking(message.target, message.commands_sent)
+
     def _on_model(self, message: ours.PointingModel) -> None:
         self._follower.model = convert_calibration.model_from_message(message)
 
@@ -137,16 +141,6 @@ class RotctldServerNode(StationNode):
 
     def _ended(self, number: int, _name: str, _succeeded: bool, result: dict[str, Any]) -> None:
         self._steering.ended(number, result["message"], result["seconds_tracked"])
-
-    def _health(self) -> Health:
-        if self._server is None:
-            return Health(OK, "not served")
-        counts, sky = self._server.counts, self._known.sky
-        values = {"port": self._server.port, "clients": len(counts.connected), "steering": self._steering.client,
-                  "refused lines": counts.refused_lines, "last refused": counts.last_refusal,
-                  "refused clients": counts.refused_clients, "satellites": len(sky.elements) if sky else 0}  # fmt: skip
-        trouble, words = self._steering.state()
-        return Health(WARN if trouble else OK, words, values)
 
 
 def main() -> None:

@@ -1,8 +1,8 @@
-"""Expected and actual state of every attribute of every device.
+"""Expected and actual state of the attributes of devices.
 
 An attribute is named `device.attribute`, as in `antenna.mode`.  Whatever is published about it sets
-the actual value: status messages, responses, an operator.  Sending a directive sets the expected
-one.  Only values and their stamps count, so messages may be lost, repeated or arrive out of order.
+the actual value: status messages, responses, an operator.  Only values and their stamps count, so
+messages may be lost, repeated or arrive out of order.
 """
 
 import math
@@ -87,21 +87,16 @@ class Observed:
 
 
 class ExpectedState:
-    """Expected and actual state of the devices."""
+    """The newest value of every attribute, against which conditions are held."""
 
     def __init__(self) -> None:
         self._actual: dict[str, Observed] = {}
-        self._expected: dict[str, tuple[Condition, float]] = {}
 
     def observe(self, attribute: str, value: Value, t_s: float) -> None:
         """Take a value with its stamp; an older one than the present changes nothing."""
         present = self._actual.get(attribute)
         if present is None or t_s >= present.t_s:
             self._actual[attribute] = Observed(value, t_s)
-
-    def expect(self, condition: Condition, t_s: float) -> None:
-        """Expect this of its attribute from `t_s` on, in place of what was expected before."""
-        self._expected[condition.attribute] = (condition, t_s)
 
     def actual(self, attribute: str) -> Observed | None:
         """Return the newest value, None if nothing was ever published."""
@@ -141,11 +136,6 @@ class ExpectedState:
     def attributes(self) -> dict[str, Observed]:
         """Return every attribute with its newest value."""
         return dict(self._actual)
-
-    def differences(self, now_s: float) -> dict[str, str]:
-        """Return attribute and reason of every expectation that the actual state does not meet."""
-        found = {name: self.reason_not_met(wanted, now_s) for name, (wanted, _) in self._expected.items()}
-        return {name: reason for name, reason in found.items() if reason}
 
 
 def _shown(value: Any) -> str:

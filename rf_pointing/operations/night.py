@@ -73,7 +73,7 @@ class Night:
         self.state_name, self.reason = NightState.IDLE, ""
         self.records: list[PassRecord] = []
         self.journal: list[JournalEntry] = []
-        """What has happened since it was last cleared."""
+        """Entries since the journal was last cleared."""
         self.begun_s = self.ended_s = math.nan
         self.taken: set[str] = set()
         """Ids of passes that another antenna tracks."""

@@ -15,7 +15,7 @@ CAUSES_S = 600.0
 """Alarms that were raised this long before a pass count among its causes."""
 _COUNTED = "tracking.seconds_tracked", "tracking.seconds_lost", "tracking.mean_loss"
 _PASSING = "executor", "held_s", "counted"
-"""What changes all the time would be written all the time."""
+"""Fields that are not kept: they change all the time, and each change would write the file."""
 
 
 @dataclass(frozen=True, slots=True)

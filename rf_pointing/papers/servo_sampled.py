@@ -96,36 +96,36 @@ class AxisResponse:
         model = linear_model(_varied(plant, name, variation))
         kept = [i for i, state in enumerate(model.state_names) if name in state]
         block = np.ix_(kept, kept)
-        self._a, self._command = model.a[block], model.b_command[kept][:, [axis]]
-        self._wind = model.b_wind[kept][:, [axis]]
-        self._outputs = np.vstack([model.encoder[axis, kept], model.beam[axis, kept]])
-        self._step = discretise(self._a, self._command, SAMPLE_S)
+        self.a, self.command = model.a[block], model.b_command[kept][:, [axis]]
+        self.wind = model.b_wind[kept][:, [axis]]
+        self.outputs = np.vstack([model.encoder[axis, kept], model.beam[axis, kept]])
+        self.step = discretise(self.a, self.command, SAMPLE_S)
         self.frequency_hz = _grid()
 
     @cached_property
     def from_command(self) -> ComplexArray:
         """Response (f, 2) of encoder and beam to the rate command."""
         z: ComplexArray = np.asarray(np.exp(2j * np.pi * self.frequency_hz * SAMPLE_S))
-        return self._solve(z, self._step[:, :-1], self._step[:, -1:])
+        return self._solve(z, self.step[:, :-1], self.step[:, -1:])
 
     @cached_property
     def from_wind(self) -> ComplexArray:
         """Response (f, 2) of encoder and beam to wind acceleration."""
         s: ComplexArray = np.asarray(2j * np.pi * self.frequency_hz, dtype=np.complex128)
-        return self._solve(s, self._a, self._wind)
+        return self._solve(s, self.a, self.wind)
 
     def closed_radius(self, law: LawMatrices) -> float:
         """Return the spectral radius of the encoder loop under a law from error to rate (a, b, c,
         d).
         """
-        a, b, c = self._step[:, :-1], self._step[:, -1:], self._outputs[:1]
+        a, b, c = self.step[:, :-1], self.step[:, -1:], self.outputs[:1]
         la, lb, lc, ld = law
         closed = np.block([[a - b @ ld @ c, b @ lc], [-lb @ c, la]])
         return float(np.max(np.abs(np.linalg.eigvals(closed))))
 
     def _solve(self, points: ComplexArray, a: Array, b: Array) -> ComplexArray:
         solved = np.linalg.solve(points[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128))
-        return np.asarray((self._outputs @ solved)[:, :, 0])
+        return np.asarray((self.outputs @ solved)[:, :, 0])
 
 
 class LawResponse:
@@ -161,7 +161,7 @@ def loop_quality(
     gusts = davenport_psd(frequency, wind_m_s, 0.005)
     rms = math.sqrt(float(np.trapezoid(np.abs(error) ** 2 * gusts, frequency)))
     peaks = float(np.max(np.abs(sensitivity))), float(np.max(np.abs(radio)))
-    stable = response.closed_radius(law.matrices) < 1.0 and (radio_loop is None or _encircles_not(around))
+    stable = response.closed_radius(law.matrices) < 1.0 and (radio_loop is None or encircles_not(around))
     return LoopQuality(rms, *peaks, stable)
 
 
@@ -172,7 +172,7 @@ def davenport_psd(frequency_hz: Array, mean_speed_m_s: float, drag_coefficient: 
     return psd
 
 
-def _encircles_not(loop: ComplexArray) -> bool:
+def encircles_not(loop: ComplexArray) -> bool:
     """Whether the Nyquist curve of a loop with one integrator leaves -1 alone: 1 + L then turns by
     a quarter.
     """

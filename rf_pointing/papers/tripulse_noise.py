@@ -281,7 +281,7 @@ def _second_order(seed: int) -> tuple[float, float, float]:
     return ratio_variance(snr, 1.0, "published"), ratio_variance(snr, 1.0), found
 
 
-def beyond_rows(seed: int = 1) -> list[Row]:
+def future_rows(seed: int = 1) -> list[Row]:
     """Return time-optimal pulses and the weak-signal estimator against the paper's methods."""
     best = allocate_pulses(ARRAY, CN0_DB_HZ, SPECIFICATION, (OFFSET_RAD, OFFSET_RAD))
     equal = equal_pulses(ARRAY, CN0_DB_HZ, SPECIFICATION, (OFFSET_RAD, OFFSET_RAD))

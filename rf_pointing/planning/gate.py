@@ -103,8 +103,8 @@ class Gate:
             return Decision(high_wind)
         sun = None if kind in TO_SAFETY else sun_rad
         # Most trajectories are far from every limit: one comparison instead of one per point.
-        suspects = [] if velocities is None and self._all_clear(positions, sun) else positions.tolist()
-        for index, (azimuth, elevation) in enumerate(suspects):
+        doubtful_rad = [] if velocities is None and self._all_clear(positions, sun) else positions.tolist()
+        for index, (azimuth, elevation) in enumerate(doubtful_rad):
             reason = self.position(azimuth, elevation, encoder_rad, sun)
             if not reason and velocities is not None:
                 reason = self._rates(azimuth, elevation, velocities[index].tolist(), encoder_rad)

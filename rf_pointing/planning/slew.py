@@ -120,11 +120,11 @@ class AxisSlew(NamedTuple):
         if self.first_s == 0.0:
             return position, velocity
         braked = np.minimum(times, self.first_s)
-        against = math.copysign(up, self.first_rad_s)
+        opposed = math.copysign(up, self.first_rad_s)
         early = times < self.first_s
         return (
-            np.where(early, self.start_rad + self.first_rad_s * braked - 0.5 * against * braked**2, position),
-            np.where(early, self.first_rad_s - against * braked, velocity),
+            np.where(early, self.start_rad + self.first_rad_s * braked - 0.5 * opposed * braked**2, position),
+            np.where(early, self.first_rad_s - opposed * braked, velocity),
         )
 
 

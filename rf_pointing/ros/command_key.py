@@ -10,9 +10,7 @@ nothing is signed, and any commander with a name is taken.
 """
 
 import fcntl
-import hmac
 import os
-import secrets
 import stat
 import struct
 import time
@@ -61,7 +59,7 @@ class CommandKey:
     def check(self, message: JointTrajectory) -> str:
         """Return the name of the sender; ValueError for a command of anybody without the key."""
         name, _, signature = message.header.frame_id.partition(" ")
-        if self._key and not hmac.compare_digest(signature.encode(), self._signature(message, name).encode()):
+        if self._key and not _same(signature, self._signature(message, name)):
             self.foreign, self._last_s = self.foreign + 1, time.monotonic()
             self._last = (
                 f"conflict: a command in the name of {name or 'nobody'} is not signed with the key of this antenna "
@@ -79,7 +77,7 @@ class CommandKey:
         """Refuse a call of anybody without the key, and one that is old or sent again."""
         if not self._key:
             return
-        if not hmac.compare_digest(call.signature.encode(), self._call_signature(call).encode()):
+        if not _same(call.signature, self._call_signature(call)):
             raise ValueError(
                 f"a call in the name of {call.caller or 'nobody'} is not signed with the key of this antenna ({self.path})"
             )
@@ -125,7 +123,16 @@ class CommandKey:
         return self._digest([head, _counted(call.service), _counted(call.caller), bytes(call.request)])
 
     def _digest(self, signed: list[bytes]) -> str:
+        # Imported here, as below: an antenna without a key needs no OpenSSL, which takes 3.5 MB.
+        import hmac
+
         return hmac.new(self._key, b"".join(signed), "sha256").hexdigest()[:SHOWN_DIGITS]
+
+
+def _same(one: str, other: str) -> bool:
+    import hmac
+
+    return hmac.compare_digest(one.encode(), other.encode())
 
 
 def _counted(word: str) -> bytes:
@@ -146,6 +153,8 @@ def _key_of(path: Path) -> bytes:
         fcntl.flock(file, fcntl.LOCK_EX)
         text = file.read(4 * KEY_BYTES).strip()
         if not text:
+            import secrets
+
             text = secrets.token_hex(KEY_BYTES).encode()
             file.write(text + b"\n")
     try:

@@ -65,7 +65,8 @@ class ParametersOf:
         if len(values) != len(self._names):
             return None
         read = zip(self._names, map(parameter_value_to_python, values), strict=True)
-        return {name: value for name, value in read if value is not None}
+        plain = (bool, int, float, str)
+        return {name: value if isinstance(value, plain) else tuple(value) for name, value in read if value is not None}
 
     def close(self) -> None:
         """Destroy the client."""

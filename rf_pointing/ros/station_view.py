@@ -129,3 +129,25 @@ def certificate_values(message: ours.PassCertificate) -> dict[str, Any]:
     values = planning.certificate_values(certificate)
     chosen = next((each for each in values.pop("branches") if each["chosen"]), None)
     return {**values, "label": certificate.chosen.label if certificate.chosen else "", "chosen": chosen}
+
+
+def pass_line(row: dict[str, Any]) -> str:
+    """Return one pass in a line, with its state where it is one of the schedule."""
+    more = f"  {row['priority']:>4} {row['state']:<8} {row['id']}: {row['reason']}" if "id" in row else ""
+    return f"{row['aos_utc'][:19]} {row['los_utc'][11:19]} {row['peak_deg']:6.2f} deg  {row['target']:<24}{more}"
+
+
+def status_text(values: dict[str, Any]) -> str:
+    """Return what the station does in a line, with a line for the fault and each alarm."""
+    doing = f"{values['pass']} {'; '.join(values['blocks'])}" if values["pass"] else values["doing"] or "nothing"
+    lines = [
+        f"{values['utc'][:19]}  antenna {values['antenna']} az {values['azimuth_deg']:.2f} el {values['elevation_deg']:.2f} deg"
+        f"  {values['tracking'] or 'no controller'} {values['target']}  executive {values['executive']}: {doing}"
+    ]
+    lines += [f"  fault: {values['fault']}"] * bool(values["fault"])
+    lines += [
+        f"  {('', 'warning', 'ERROR')[each['level']]} {each['name']}: {each['message']}"
+        + (" (acknowledged)" if each["acknowledged"] else "")
+        for each in values["alarms"]
+    ]
+    return "\n".join(lines)

@@ -51,7 +51,7 @@ class TopicDrive(Drive):
         )  # fmt: skip
         self._set_points = self._node.create_publisher(JointState, "drive/set_point", STREAM)
         self._enabled = self._node.create_publisher(Bool, "drive/enable", LATCHED)
-        self._node.create_subscription(JointState, "drive/state", self._on_state, STREAM, raw=True)
+        self._node.create_subscription(JointState, "drive/state", self.take_state, STREAM, raw=True)
         self._executor = SingleThreadedExecutor(context=beside.context)
         self._executor.add_node(self._node)
         self.problem = "no message on drive/state yet"
@@ -89,7 +89,8 @@ class TopicDrive(Drive):
         message.header.frame_id = frame_in(self._node.get_namespace(), BASE)
         self._set_points.publish(message)
 
-    def _on_state(self, payload: bytes) -> None:
+    def take_state(self, payload: bytes) -> None:
+        """Take a message of drive/state; one that cannot be used is counted."""
         # Turned by the periodic work of the antenna's node, which nothing that arrives may end.
         try:
             require_length(payload, STATE_BYTES)

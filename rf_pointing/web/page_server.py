@@ -34,6 +34,7 @@ from aiohttp import web
 
 from rf_pointing.ros.main_loop import open_private
 from rf_pointing.station.clients.board import PageParams
+from rf_pointing.station.pointing.status import Level, Report
 
 FILES = Path(__file__).with_name("page")
 """Folder of the page itself; it is installed with the package."""
@@ -115,7 +116,7 @@ def read_token(given: str, own: Path) -> tuple[str, Path]:
     return token, path
 
 
-class Board:
+class NewestSections:
     """The newest sections; a viewer takes those that it has not seen.
 
     Nothing is queued for a viewer: one that is slow finds the newest of each section, so frames are
@@ -123,18 +124,19 @@ class Board:
     """
 
     def __init__(self) -> None:
-        self._texts: dict[str, str] = {}
-        self._versions: dict[str, int] = {}
-        self._changed = asyncio.Event()
+        self._texts: dict[str, tuple[int, str]] = {}
+        self._count = 0
+        self.changed = asyncio.Event()
+        """It is set by the next `put`."""
 
     def put(self, sections: Mapping[str, str]) -> None:
-        """Take sections as JSON texts; wake the viewers when one has changed."""
+        """Take sections as JSON texts, and wake the viewers."""
         for name, text in sections.items():
-            if self._texts.get(name) != text:
-                self._texts[name] = text
-                self._versions[name] = self._versions.get(name, 0) + 1
-        self._changed.set()
-        self._changed = asyncio.Event()
+            if self._texts.get(name, (0, ""))[1] != text:
+                self._count += 1
+                self._texts[name] = self._count, text
+        self.changed.set()
+        self.changed = asyncio.Event()
 
     def clear(self) -> None:
         """Forget what is shown: it is older than a viewer who comes now may believe."""
@@ -142,20 +144,16 @@ class Board:
 
     def news(self, seen: dict[str, int]) -> str:
         """Return the sections newer than those `seen`, "" for none, and note them there."""
-        names = [name for name in self._texts if seen.get(name) != self._versions[name]]
-        seen.update((name, self._versions[name]) for name in names)
-        return "{" + ",".join(f'"{name}":{self._texts[name]}' for name in names) + "}" if names else ""
-
-    async def wait(self) -> None:
-        """Wait until sections are put."""
-        await self._changed.wait()
+        news = {name: text for name, (count, text) in self._texts.items() if seen.get(name) != count}
+        seen.update((name, self._texts[name][0]) for name in news)
+        return "{" + ",".join(f'"{name}":{text}' for name, text in news.items()) + "}" if news else ""
 
 
 class PageApp:
     """The handlers of the page, and what they share: board, token, counters."""
 
     def __init__(self, params: PageParams, token: str) -> None:
-        self.board = Board()
+        self.board = NewestSections()
         self.transports: list[asyncio.Transport] = []
         """One for each viewer."""
         self.commands = self.refused = 0
@@ -251,8 +249,9 @@ class PageApp:
     async def _send(self, socket: web.WebSocketResponse) -> None:
         seen: dict[str, int] = {}
         while not socket.closed:
-            text = self.board.news(seen)
-            if text:
+            # Before the look: what is put while a viewer takes its news is news again.
+            changed = self.board.changed
+            if text := self.board.news(seen):
                 try:
                     await asyncio.wait_for(socket.send_str(text), SLOW_S)
                 except TimeoutError:
@@ -260,7 +259,7 @@ class PageApp:
                     return
                 except ConnectionError:
                     return
-            await self.board.wait()
+            await changed.wait()
 
     # Commands
 
@@ -387,6 +386,17 @@ class PageServer:
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(5.0)
         self._loop.close()
+
+
+def report(server: PageServer | None) -> Report:
+    """Return who looks at the page, and what became of their requests."""
+    if server is None:
+        return Report(Level.WARN, "not served", {})
+    app = server.app
+    values: dict[str, object] = {
+        "viewers": app.viewers, "slow_viewers_dropped": app.dropped, "commands": app.commands, "requests_refused": app.refused
+    }  # fmt: skip
+    return Report(Level.OK, f"{server.address}, {app.viewers} viewers", values)
 
 
 def shown(value: Any) -> Any:

@@ -9,12 +9,12 @@ import pytest
 from rf_pointing.calibration import (
     FitOptions,
     PassPriors,
-    doubts_of,
     fit_bias_model,
     held_at_zero,
     measured_pass_priors,
+    outlying_passes,
+    warnings_of,
 )
-from rf_pointing.calibration import outlying_passes as doubts
 from rf_pointing.calibration.outlying_passes import pass_correlation, size_ratios, without_pass
 from rf_pointing.calibration.pass_errors import pass_partials
 
@@ -71,17 +71,17 @@ def test_a_perfect_orbit_costs_next_to_nothing(campaign, planted, noise_rad, lar
 def test_a_white_sigma_is_doubted_when_the_orbit_is_off_and_only_then(campaign, planted, random):
     clean = campaign(planted, passes=PASSES)
     data = shifted(clean, random.normal(size=(PASSES, 3)) * [300.0, 0.0, 0.0])
-    assert doubts_of(fit_with(clean, None), clean) == ()
+    assert warnings_of(fit_with(clean, None), clean) == ()
     assert pass_correlation(fit_with(clean, None), clean) == pytest.approx(1.0, abs=0.2)
-    assert "the orbit of each pass is off" in doubts_of(fit_with(data, None), data)[0]
+    assert "the orbit of each pass is off" in warnings_of(fit_with(data, None), data)[0]
 
 
 def test_priors_that_are_too_narrow_are_doubted_by_name(campaign, planted, random):
     data = shifted(campaign(planted, passes=PASSES), random.normal(size=(PASSES, 3)) * [300.0, 0.0, 0.0])
     told = PassPriors(along_track_m=60.0, cross_track_m=60.0, radial_m=60.0)
-    (doubt,) = doubts_of(fit_with(data, told), data)
+    (doubt,) = warnings_of(fit_with(data, told), data)
     assert doubt.startswith("along_track_m of the passes is ")
-    assert doubts_of(fit_with(data, told.replace(along_track_m=300.0)), data) == ()
+    assert warnings_of(fit_with(data, told.replace(along_track_m=300.0)), data) == ()
 
 
 def test_a_pass_that_was_edited_out_whole_is_named(campaign, planted):
@@ -89,7 +89,7 @@ def test_a_pass_that_was_edited_out_whole_is_named(campaign, planted):
     observed = data.observed_azimuth_rad.copy()
     observed[data.pass_id == 5] += 0.03
     late = replace(data, observed_azimuth_rad=observed)
-    assert "pass 5 was edited out whole" in doubts_of(fit_with(late, None), late)[0]
+    assert "pass 5 was edited out whole" in warnings_of(fit_with(late, None), late)[0]
 
 
 def test_the_search_is_bounded(campaign, planted):
@@ -203,7 +203,7 @@ def test_the_search_begins_with_the_first_priors_and_ends_when_they_stay(monkeyp
         asked.append(priors.along_track_m)
         return priors
 
-    monkeypatch.setattr(doubts, "likely_sizes", lambda priors, _start: np.sqrt(priors.sigma * 100.0))
+    monkeypatch.setattr(outlying_passes, "likely_sizes", lambda priors, _start: np.sqrt(priors.sigma * 100.0))
     start, first = PassPriors(along_track_m=1000.0), PassPriors(along_track_m=200.0)
     found = measured_pass_priors(fit, start, first)
     expected = 100.0 * 2.0 ** (0.5 ** np.arange(5.0))

@@ -15,7 +15,6 @@ import pytest
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
 from rf_pointing_msgs.msg import AntennaStatus, PassCertificate, TrackingStatus
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from rf_pointing.core import angular_distance_rad, azel_from_unit_vector
 from rf_pointing.ephemeris import TopocentricTrack, tle_lines
@@ -25,7 +24,7 @@ from rf_pointing.station.description import read_station
 from test.conftest import within
 from test.graph.real_station import satellite_over
 
-from .conftest import ask, live_graph
+from .conftest import free_port, live_graph
 
 pytestmark = pytest.mark.graph
 
@@ -52,15 +51,11 @@ class Watched:
         )
         elements = folder / "two.tle"
         elements.write_text("".join("\n".join((one.name, *tle_lines(one))) + "\n" for one in (other, self.overhead)))
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = probe.getsockname()[1]
+        self.port = free_port()
         live.node.create_subscription(JointState, "joint_states", self._on_joints, STREAM)
         live.node.create_subscription(AntennaStatus, "antenna_status", lambda m: setattr(self, "antenna", m), STATUS)
         live.node.create_subscription(TrackingStatus, "tracking_status", lambda m: setattr(self, "tracking", m), STREAM)
-        live.node.create_subscription(
-            PassCertificate, "pass_certificate", lambda m: setattr(self, "certificate", m), LATCHED
-        )
+        live.node.create_subscription(PassCertificate, "pass_certificate", self._on_certificate, LATCHED)
         self.processes = live.start(
             NODES,
             "/**:\n  ros__parameters: {station: leo_3m7}\n"
@@ -82,6 +77,9 @@ class Watched:
                 return not _line(client).startswith("RPRT") and bool(self.joints)
         except OSError:
             return False
+
+    def _on_certificate(self, message: PassCertificate) -> None:
+        self.certificate = message
 
     def _on_joints(self, message: JointState) -> None:
         self.joints.append((seconds_from_stamp(message.header.stamp), *message.position))
@@ -155,9 +153,6 @@ def test_debians_rotctl_commands_reads_stops_and_parks_the_antenna(station: Watc
     azimuth, elevation = map(float, station.rotctl("p").split())
     assert (azimuth, elevation) == pytest.approx((350.0, 45.0), abs=0.02)
     assert "LEO 3.7 m" in station.rotctl("_")
-    assert "not implemented" in station.rotctl("M", "2", "20")
-    assert "not implemented" in station.rotctl("R", "1")
-    assert "nvalid parameter" in station.rotctl("P", "10", "200")
 
     # A stop in the middle of a slew: the axes rest within a second, far from the goal.
     assert station.rotctl("P", "120", "45") == ""
@@ -176,24 +171,6 @@ def test_debians_rotctl_commands_reads_stops_and_parks_the_antenna(station: Watc
     # What a client has parked, a client's next point releases.
     assert station.rotctl("P", "340", "50") == ""
     station.live.spin_until(lambda: abs(station.joints[-1][1] + math.radians(20.0)) < 1e-2, "azimuth -20 deg")
-
-
-def test_nothing_that_is_no_whole_line_with_two_numbers_moves_the_antenna(station: Watched) -> None:
-    station.spin(1.0)
-    where = station.joints[-1][1:]
-    for hostile in (b"P nan nan\n", b"P inf 3\n", b"P 10\n", b"P 90 50", b"P 90 " + b"5" * 1_000_000 + b"\n",
-                    bytes(range(256)).replace(b"K", b"").replace(b"S", b"") * 20):  # fmt: skip
-        with socket.create_connection(("127.0.0.1", station.port), 5.0) as client:
-            client.sendall(hostile)
-            client.shutdown(socket.SHUT_WR)
-            try:
-                while client.recv(65536):
-                    pass
-            except ConnectionResetError:
-                pass
-    station.spin(1.0)
-    assert station.joints[-1][1:] == pytest.approx(where, abs=SWING_RAD)
-    assert "azimuth 'nan' is not a number" in station.log()
 
 
 def test_an_unknown_track_through_north_is_followed_between_its_points_without_unwinding(station: Watched) -> None:
@@ -265,12 +242,3 @@ def test_the_points_of_a_known_satellite_become_its_pass_and_end_with_their_clie
     assert rms(stairs) > 0.1
     station.live.spin_until(lambda: station.tracking.target == "", "the end of a pass whose client has gone")
     assert "has been silent for" in station.log()
-
-
-def test_a_latched_fault_is_told_and_refuses_every_point(station: Watched) -> None:
-    ask(station.live, Trigger, "antenna_servo/stop", Trigger.Request())
-    station.live.spin_until(lambda: station.antenna.fault != "", "the fault")
-    station.spin(0.5)
-    assert "ejected" in station.rotctl("P", "10", "45")
-    assert station.rotctl("p").count("\n") == 2
-    assert "a fault is latched (stop was requested); reset it first" in station.log()

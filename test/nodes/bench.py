@@ -132,6 +132,10 @@ class Bench:
             for door in doors:
                 door(message if isinstance(message, bytes) else serialize_message(message))
 
+    def inputs(self) -> list[tuple[str, Any]]:
+        """Return topic and message type of every subscription of the node."""
+        return [(each.topic_name, each.msg_type) for each in self.node.subscriptions]
+
     def call(self, name: str, request: Any = None) -> Any:
         """Call a service of the node, by default a Trigger; return its response."""
         full = self.node.resolve_service_name(name)

@@ -138,10 +138,9 @@ def test_second_directive_waits_for_the_response_to_the_first_and_takes_live_val
     executor.respond(1, True, "", 2.5)
     executor.step(3.0)
     assert sent[1:] == [(2, "a", {"value": 12.5})]
-    assert executor.progress("one") == 0.5
 
 
-def test_rejected_directive_stops_its_block_until_it_is_resumed() -> None:
+def test_rejected_directive_stops_its_block() -> None:
     executor, sent, expected_state = two()
     expected_state.observe("weather.temperature", 12.5, 0.0)
     executor.step(0.0)
@@ -149,10 +148,6 @@ def test_rejected_directive_stops_its_block_until_it_is_resumed() -> None:
     executor.step(2.0)
     assert (executor.runs["one"].state, len(sent)) == (BlockState.ANOMALY, 1)
     assert executor.runs["one"].reason == "station/do was rejected: mode is stowed"
-    executor.resume(3.0, "one")
-    executor.step(3.0)
-    executor.step(3.1)
-    assert [name for _, name, _ in sent] == ["station/do", "station/do"]
 
 
 def test_state_from_before_the_directive_does_not_count() -> None:
@@ -196,27 +191,10 @@ def test_killed_executor_sends_nothing_by_itself_and_knows_where_it_was() -> Non
         restored.restore({"procedure": "other", "blocks": {}}, 0.0)
 
 
-def test_pause_holds_the_next_directive_back_and_resume_sends_it_once() -> None:
-    executor, sent, expected_state = two()
+def test_operator_skips_a_block_that_may_be_skipped() -> None:
+    executor, _, expected_state = two()
     expected_state.observe("weather.temperature", 12.5, 0.0)
     executor.step(0.0)
-    executor.pause(0.5)
-    executor.respond(1, True, "", 1.0)
-    executor.step(2.0)
-    assert len(sent) == 1
-    executor.resume(3.0)
-    executor.step(3.0)
-    executor.step(4.0)
-    assert [name for _, name, _ in sent] == ["station/do", "a"]
-
-
-def test_operator_skips_a_directive_and_a_block_that_may_be_skipped() -> None:
-    executor, sent, expected_state = two()
-    expected_state.observe("weather.temperature", 12.5, 0.0)
-    executor.step(0.0)
-    executor.skip_directive(1.0, "one")
-    executor.step(1.0)
-    assert [name for _, name, _ in sent] == ["station/do", "a"]
     executor.skip(2.0, "one")
     assert executor.succeeded
     with pytest.raises(ValueError, match="must not be skipped"):
@@ -287,6 +265,10 @@ class Run:
         for t_s in times_s:
             self.executor.step(t_s)
         return self.state("one")
+
+    def restart(self, t_s: float) -> None:
+        self.executor.restore(json.loads(json.dumps(self.executor.state())), t_s)
+        self.executor.resume(t_s)
 
     def state(self, name: str) -> str:
         return str(self.executor.runs[name].state)
@@ -391,13 +373,12 @@ def test_a_directive_whose_condition_does_not_hold_is_left_out_and_needs_nothing
     one = Run("  one: {timeout_s: 5, directives: [{send: a, when: {m.n: 1}, expect: {x.y: 1}}, {send: b}]}")
     one.expected_state.observe("m.n", 2, 3.0)
     assert one.step(3.0) == "executing"
-    assert (one.sent, one.executor.progress("one")) == ([], 0.5)
+    assert one.sent == []
     one.step(4.0)
     assert one.sent == [(1, "b")]
     one.executor.respond(1, True, "", 4.0)
     assert one.step(4.0) == "completed"
     assert (3.0, "one", "a", "left out") in one.events()
-    assert one.executor.progress("one") == 1.0
 
 
 def test_after_a_directive_that_is_left_out_the_block_has_its_whole_time() -> None:
@@ -408,10 +389,9 @@ def test_after_a_directive_that_is_left_out_the_block_has_its_whole_time() -> No
     assert one.step(13.25) == "anomaly"
 
 
-def test_sending_expects_the_state_and_notes_the_arguments() -> None:
+def test_sending_notes_the_arguments() -> None:
     one = Run("  one: {directives: [{send: station/do, with: {what: '${w}'}, expect: {x.y: 1}}]}", "{w: 5}")
     one.step(2.0)
-    assert one.expected_state.differences(2.0) == {"x.y": "x.y is unknown, must be: x.y is 1"}
     assert [(e.event, e.detail) for e in one.executor.journal] == [("executing", ""), ("sent", "what=5")]
 
 
@@ -420,12 +400,6 @@ def test_a_live_value_that_is_not_known_is_an_anomaly_and_nothing_leaves() -> No
     assert one.step(0.0) == "anomaly"
     assert (one.reason(), one.sent) == ("station/do: what: p.q is not known yet", [])
     assert one.step(1.0) == "anomaly"
-    # Nothing was sent: resumed, it begins at its beginning.
-    one.expected_state.observe("p.q", 4, 2.0)
-    one.executor.resume(2.0, "one")
-    assert one.state("one") == "inactive"
-    assert one.step(2.0) == "executing"
-    assert one.sent == [(1, "station/do")]
 
 
 def test_a_late_response_to_a_directive_that_failed_completes_nothing_by_itself() -> None:
@@ -437,9 +411,6 @@ def test_a_late_response_to_a_directive_that_failed_completes_nothing_by_itself(
     one.expected_state.observe("x.y", 1, 11.0)
     assert one.step(11.5) == "anomaly"
     assert one.sent == [(1, "a")]
-    one.executor.resume(12.0, "one")
-    one.step(12.0)
-    assert one.sent == [(1, "a"), (2, "b")]
 
 
 def test_an_anomaly_whose_state_shows_late_is_completed_and_its_reason_is_gone() -> None:
@@ -459,7 +430,6 @@ def test_a_block_without_directives_that_failed_does_not_complete_by_itself() ->
     assert one.step(0.0, 2.5) == "anomaly"
     one.expected_state.observe("x.y", 1, 3.0)
     assert one.step(3.0) == "anomaly"
-    assert one.executor.progress("one") == 1.0
 
 
 def test_a_block_before_that_fails_holds_up_what_follows_unless_it_is_optional() -> None:
@@ -482,9 +452,8 @@ def test_a_report_of_failure_counts_once_for_an_accepted_directive_of_a_block_at
     one.executor.respond(1, True, "", 1.0)
     one.executor.fail(1, "broke", 1.5)
     assert (one.state("one"), one.reason()) == ("anomaly", "broke")
-    one.executor.resume(2.0, "one")
     one.executor.fail(1, "broke again", 2.5)
-    assert one.state("one") == "executing"
+    assert one.reason() == "broke"
     assert (1.5, "one", "", "anomaly") in one.events()
 
 
@@ -504,67 +473,14 @@ def test_a_rejection_after_a_block_was_skipped_changes_nothing() -> None:
     one.executor.respond(1, False, "no", 1.0)
     assert one.state("one") == "skipped"
     assert one.events()[-2:] == [(0.5, "one", "", "skipped"), (1.0, "", "", "unexpected response")]
-    assert one.executor.progress("one") == 1.0
 
 
-def test_one_block_is_paused_and_resumed_and_the_other_goes_on() -> None:
-    one = Run(TWO_SENDS + "\n  two: {directives: [{send: c}, {send: d}]}")
-    one.step(0.0)
-    one.executor.pause(0.5, "one")
-    assert not one.executor.paused
-    for number in (1, 2):
-        one.executor.respond(number, True, "", 1.0)
-    one.step(1.0)
-    assert [name for _, name in one.sent] == ["a", "c", "d"]
-    one.executor.resume(2.0, "two")
-    one.step(2.0)
-    assert len(one.sent) == 3
-    one.executor.resume(3.0, "one")
-    one.step(3.0)
-    assert [name for _, name in one.sent] == ["a", "c", "d", "b"]
-    assert [row for row in one.events() if row[3] in ("pause", "resume")] == [
-        (0.5, "one", "", "pause"), (2.0, "two", "", "resume"), (3.0, "one", "", "resume")
-    ]  # fmt: skip
-
-
-def test_while_all_is_paused_nothing_begins_and_a_pause_is_no_end() -> None:
-    one = Run("  one: {directives: [{send: a}]}\n  two: {after: [one], directives: [{send: b}]}")
-    one.executor.pause(0.0)
-    assert one.step(0.0) == "inactive"
-    one.executor.resume(1.0)
-    one.step(1.0)
-    one.executor.pause(1.5)
-    assert one.state("one") == "paused"
-    assert not one.executor.finished
-    one.executor.resume(2.0)
-    one.executor.respond(1, True, "", 2.0)
-    one.step(2.0)
-    assert [name for _, name in one.sent] == ["a", "b"]
-
-
-def test_resuming_all_does_not_send_again_what_has_failed() -> None:
-    one = Run(TWO_SENDS)
-    one.step(0.0)
-    one.executor.respond(1, False, "no", 1.0)
-    one.executor.resume(2.0)
-    assert one.step(2.0) == "anomaly"
-    assert len(one.sent) == 1
-    one.executor.resume(3.0, "one")
-    assert one.reason() == ""
-    # Nothing is sent that was answered: it begins anew, with its whole time.
-    one.step(3.0)
-    assert one.sent == [(1, "a"), (2, "a")]
-    assert one.step(13.0) == "executing"
-    assert one.step(13.25) == "anomaly"
-
-
-def test_resumed_after_its_second_directive_has_failed_only_that_is_sent_again() -> None:
+def test_restarted_at_its_second_directive_only_that_is_sent_again() -> None:
     one = Run(TWO_SENDS)
     one.step(0.0)
     one.executor.respond(1, True, "", 1.0)
-    one.step(1.0, 12.0)
-    assert (one.state("one"), one.reason()) == ("anomaly", "b: no response for 10 s")
-    one.executor.resume(20.0, "one")
+    one.step(1.0, 2.0)
+    one.restart(20.0)
     assert one.step(20.0) == "executing"
     assert one.sent == [(1, "a"), (2, "b"), (3, "b")]
     # The first answer to it comes too late to be that of the second attempt.
@@ -576,59 +492,14 @@ def test_resumed_after_its_second_directive_has_failed_only_that_is_sent_again()
 
 
 @pytest.mark.parametrize(("seen_s", "sends"), [(0.5, 2), (1.0, 1)])
-def test_resumed_a_directive_whose_state_shows_since_it_was_sent_is_not_sent_again(seen_s: float, sends: int) -> None:
+def test_restarted_a_directive_whose_state_shows_since_it_was_sent_is_not_sent_again(seen_s: float, sends: int) -> None:
     one = Run("  one: {timeout_s: 5, directives: [{send: a, expect: {x.y: 1}}]}")
-    one.step(1.0, 7.0)
-    assert one.state("one") == "anomaly"
+    one.step(1.0, 2.0)
     one.expected_state.observe("x.y", 1, seen_s)
-    one.executor.resume(8.0, "one")
+    one.restart(8.0)
     one.step(8.0)
     assert len(one.sent) == sends
     assert one.state("one") == ("completed" if sends == 1 else "executing")
-
-
-def test_skipping_a_directive_counts_it_as_answered_and_forgets_its_response() -> None:
-    one = Run(TWO_SENDS)
-    one.step(0.0)
-    one.executor.respond(1, False, "no", 1.0)
-    one.executor.skip_directive(2.0, "one")
-    assert (one.state("one"), one.reason(), one.executor.progress("one")) == ("executing", "", 0.5)
-    assert (2.0, "one", "a", "skipped") in one.events()
-    one.step(3.0)
-    assert one.sent == [(1, "a"), (2, "b")]
-    one.executor.skip_directive(4.0, "one")
-    one.executor.respond(2, True, "", 4.5)
-    assert one.events()[-1] == (4.5, "", "", "unexpected response")
-    with pytest.raises(ValueError, match="one has no directive that may be skipped"):
-        one.executor.skip_directive(5.0, "one")
-    # What it was to reach is still waited for, from the skip on.
-    one.expected_state.observe("x.y", 1, 3.5)
-    assert one.step(14.0) == "executing"
-    assert one.step(14.25) == "anomaly"
-    one.expected_state.observe("x.y", 1, 14.5)
-    assert one.step(14.5) == "completed"
-
-
-def test_a_directive_of_a_block_that_must_not_be_skipped_is_not_skipped() -> None:
-    one = Run("  one: {directives: [{send: a}]}")
-    one.step(0.0)
-    with pytest.raises(ValueError, match="one has no directive that may be skipped"):
-        one.executor.skip_directive(1.0, "one")
-    assert one.executor.progress("one") == 0.0
-
-
-def test_stopped_it_sends_nothing_more_and_is_finished() -> None:
-    one = Run(TWO_SENDS)
-    one.step(0.0)
-    one.executor.respond(1, True, "", 1.0)
-    assert not one.executor.finished
-    one.executor.stop(1.5)
-    one.step(2.0)
-    assert one.sent == [(1, "a")]
-    assert one.executor.finished
-    assert not one.executor.succeeded
-    assert one.events()[-1] == (1.5, "", "", "stopped")
-    assert one.executor.state()["stopped"] is True
 
 
 def test_the_state_holds_where_every_block_is_and_a_restored_one_goes_on_there() -> None:
@@ -639,7 +510,7 @@ def test_the_state_holds_where_every_block_is_and_a_restored_one_goes_on_there()
     one.step(101.0)
     one.executor.respond(2, False, "no", 102.0)
     assert one.executor.state() == {
-        "procedure": "r", "parameters": {"w": 5}, "zero_s": 100.0, "stopped": False, "blocks": {
+        "procedure": "r", "parameters": {"w": 5}, "zero_s": 100.0, "blocks": {
             "one": {"state": "executing", "answered": 1, "sent_s": [100.0, 101.0], "reason": ""},
             "two": {"state": "anomaly", "answered": 0, "sent_s": [100.0], "reason": "c was rejected: no"},
             "three": {"state": "inactive", "answered": 0, "sent_s": [], "reason": ""},
@@ -678,17 +549,6 @@ def test_a_restored_block_whose_directives_are_answered_waits_from_the_restart_f
             assert again.sent == []
         else:
             assert again.step(600.0) == "paused"
-
-
-def test_a_stopped_procedure_stays_stopped_over_a_restart() -> None:
-    one = Run(TWO_SENDS)
-    one.executor.stop(0.0)
-    again = Run(TWO_SENDS)
-    again.executor.restore(one.executor.state(), 1.0)
-    again.executor.resume(1.0)
-    again.step(1.0)
-    assert again.sent == []
-    assert again.executor.finished
 
 
 def test_windows_count_from_time_zero_unless_another_is_given() -> None:

@@ -103,13 +103,3 @@ def test_the_present_value_is_shown_in_words() -> None:
     assert expected_state.shown(condition) == "a.b=''"
     expected_state.observe("a.b", "no", 2.0)
     assert expected_state.shown(condition) == "a.b=no"
-
-
-def test_the_last_expectation_of_an_attribute_replaces_the_one_before() -> None:
-    expected_state = ExpectedState()
-    for wanted in (1, 2):
-        expected_state.expect(Condition(attribute="a.b", test="is", wanted=wanted), 0.0)
-    expected_state.observe("a.b", 2, 0.0)
-    assert expected_state.differences(1.0) == {}
-    expected_state.observe("a.b", 1, 1.0)
-    assert expected_state.differences(1.0) == {"a.b": "a.b=1, must be: a.b is 2"}

@@ -67,12 +67,11 @@ def test_conditions_hold_for_what_they_name_and_nothing_else(test: str, wanted: 
 
 def test_old_values_and_late_messages_do_not_count() -> None:
     expected_state, condition = ExpectedState(), Condition(attribute="a.b", test="is", wanted=1, max_age_s=2.0)
-    expected_state.expect(condition, 0.0)
-    assert expected_state.differences(0.0) == {"a.b": "a.b is unknown, must be: a.b is 1"}
+    assert expected_state.reason_not_met(condition, 0.0) == "a.b is unknown, must be: a.b is 1"
     expected_state.observe("a.b", 1, 10.0)
     expected_state.observe("a.b", 0, 9.0)
-    assert not expected_state.differences(11.0)
-    assert expected_state.differences(12.5) == {"a.b": "a.b is 2.5 s old, must be <= 2 s"}
+    assert expected_state.reason_not_met(condition, 11.0) == ""
+    assert expected_state.reason_not_met(condition, 12.5) == "a.b is 2.5 s old, must be <= 2 s"
     assert "since the directive" in expected_state.reason_not_met(condition, 11.0, since_s=10.5)
 
 

@@ -70,24 +70,6 @@ def response(a: Array, b: Array, c: Array, d: Array | float, z: complex) -> comp
     return complex((c @ np.linalg.solve(z * np.eye(len(a)) - a, b) + d).item())
 
 
-def test_the_plant_of_the_design_is_the_drive_behind_notch_and_section() -> None:
-    a, b, c = module._design_plant(BANDWIDTH, GAIN, SAMPLE_S, WEIGHTS)
-    for frequency_hz in (0.1, 1.7, 2.32, 9.0):
-        z = np.exp(2j * math.pi * frequency_hz * SAMPLE_S)
-        notch, section = (response(*section_matrices(part, SAMPLE_S), z) for part in (WEIGHTS.notch, WEIGHTS.shaping))
-        # The gain enters where the rate is integrated.
-        assert response(a, b, c, 0.0, z) == pytest.approx(response(*drive(), z) * notch * section, rel=1e-9, abs=1e-12)
-
-
-def test_a_disturbance_is_a_constant_rate_at_the_entry_of_the_drive() -> None:
-    a, b, c = module._with_disturbance(np.eye(6), np.full((6, 1), 2.0), np.full((1, 6), 3.0), GAIN, BANDWIDTH, SAMPLE_S)
-    rate = (1.0 - math.exp(-BANDWIDTH * SAMPLE_S)) / BANDWIDTH
-    np.testing.assert_allclose(a[:, 6], [GAIN * (SAMPLE_S - rate), BANDWIDTH * rate, 0.0, 0.0, 0.0, 0.0, 1.0])
-    np.testing.assert_array_equal(a[:6, :6], np.eye(6))
-    assert not np.any(a[6, :6])
-    assert (b[:, 0].tolist(), c[0].tolist()) == ([2.0] * 6 + [0.0], [3.0] * 6 + [0.0])
-
-
 def test_the_regulator_weighs_the_angle_and_cancels_the_disturbance(design: LqgDesign) -> None:
     a, b = design.a[:6, :6], design.b[:6]
     price = np.diag([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -179,14 +161,6 @@ def test_sampling_times_from_a_tenth_of_a_millisecond_to_a_second_are_taken(monk
         with pytest.raises(ValueError, match="sample_s="):
             design_lqg(*drive(), sample_s, WEIGHTS)
     assert asked == [1e-4, 1.0]
-
-
-def test_a_model_of_more_gain_leaves_less_margin(design: LqgDesign) -> None:
-    a, b, c, d = drive()
-    law = design.a, design.b, design.c
-    strong = control.ss(a, b, 2.5 * c, d, SAMPLE_S)
-    _, left_db, _ = module._margins(strong, law, design.state_gain, design.observer_gain, WEIGHTS, SAMPLE_S)
-    assert left_db == pytest.approx(design.gain_margin_db - 20.0 * math.log10(2.5), abs=1e-3)
 
 
 def test_a_loop_that_is_unstable_on_the_model_is_refused_with_its_radius() -> None:

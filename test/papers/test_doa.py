@@ -179,7 +179,7 @@ def test_the_command_runs_two_trials_of_seed_one_from_pools_unless_told_otherwis
         return rows
 
     parts = ("scene_rows", "accuracy_rows", "direction_rows", "attitude_rows", "convergence_rows", "filter_rows",
-             "beyond_rows")  # fmt: skip
+             "future_rows")  # fmt: skip
     monkeypatch.setattr(doa, "run", record)
     for name in parts:
         monkeypatch.setattr(doa, name, part(name))
@@ -190,6 +190,6 @@ def test_the_command_runs_two_trials_of_seed_one_from_pools_unless_told_otherwis
     assert (printed.trials, printed.seed, printed.published) == (2, 1, True)
     assert (printed.start_s, printed.duration_s, printed.settled_s) == (0.0, 3000.0, 2000.0)
     assert [(len(task.cases), task.trials, task.seed, task.music_inside) for task in rows] == [(13, 2, 1, False)] * 2
-    assert (given["accuracy_rows"], given["beyond_rows"]) == ((1, None), (1,))
+    assert (given["accuracy_rows"], given["future_rows"]) == ((1, None), (1,))
     assert run_tables(1, 2).other_way.case == CHECKED
     assert [task.music_inside for task in seen[len(rows) + 2 :]] == [True, False, False, False]

@@ -1,9 +1,5 @@
 """The headless servo: same as the parts it is made of, alone or many at a time."""
 
-from collections.abc import Callable, Iterable
-from contextlib import nullcontext
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -95,20 +91,3 @@ def test_without_a_number_of_workers_a_machine_of_one_core_runs_them_itself(
 def test_too_many_workers_are_refused() -> None:
     with pytest.raises(ValueError, match="workers=257 must be <= 256"):
         servo_monte_carlo(setup(ticks=3), [1], workers=257)
-
-
-@pytest.mark.parametrize(("runs", "share"), [(6, 2), (7, 3)])
-def test_every_worker_gets_one_share_of_the_runs(runs: int, share: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    shares: list[int] = []
-
-    def spread(work: Callable[[ServoRunSetup], object], cases: Iterable[ServoRunSetup], chunksize: int) -> list[object]:
-        shares.append(chunksize)
-        return [work(case) for case in cases]
-
-    monkeypatch.setattr(
-        headless_servo, "processes", lambda count: nullcontext(SimpleNamespace(map=spread)) if count == 3 else None
-    )
-    monkeypatch.setattr(headless_servo, "_statistics", lambda case: [case.seed, -case.seed])
-    found = servo_monte_carlo(setup(ticks=3), range(2, 2 + runs), workers=3)
-    assert found.tolist() == [[seed, -seed] for seed in range(2, 2 + runs)]
-    assert shares == [share]

@@ -1,6 +1,7 @@
 """The loss that a certificate predicts is the loss that the simulated antenna then has, direct and over the top."""
 
 import math
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from rf_pointing.ephemeris import TopocentricTrack, find_elements, first_pass_ab
 from rf_pointing.papers.keyhole import KeyholeRun, fly
 from rf_pointing.papers.keyhole_passes import KeyholeCase, high_passes, station_mount
 from rf_pointing.station.antenna.mount import MountParams
+from test.papers.recorded import DATA, check_numbers
 
 SAME_S, SAME_BELOW_S, SAME_DB_S = 0.03, 0.15, 1.0
 """Largest differences; time below half power is counted in steps of 0.1 s here and 0.02 s there."""
@@ -24,6 +26,16 @@ def flown(day: float, least_deg: float, beam_deg: float, over: bool, mount: Moun
     run = fly(KeyholeCase(track=track, window=window, beamwidth_rad=math.radians(beam_deg), over=over, mount=mount))
     assert run is not None
     assert run.over == over
+    found = (
+        run.aos_t_s,
+        run.peak_rad,
+        run.beamwidth_rad,
+        run.keyhole_s,
+        *astuple(run.predicted),
+        *astuple(run.simulated),
+    )
+    name = f"keyhole: day {day:g}, {beam_deg:g} deg{', over' * over}{', mount' * (mount != MountParams())}"
+    check_numbers(DATA / "numbers.csv", name, found, 1e-3)
     return run
 
 
@@ -58,3 +70,15 @@ def test_the_passes_of_the_monte_carlo_are_distinct_and_high() -> None:
     assert len({(c.window.name, c.station, c.window.aos_t_s) for c in cases}) == 6
     assert len({c.window.name for c in cases}) >= 4
     assert np.min([c.window.peak_elevation_rad for c in cases]) >= math.radians(75.0)
+    found = [
+        (
+            c.window.aos_t_s,
+            c.window.peak_elevation_rad,
+            c.beamwidth_rad,
+            c.calibrated.offset_rad(1.0, 0.7, 0.01, 0.01, 1e-4, 1e-4),
+        )
+        for c in cases
+    ]
+    check_numbers(
+        DATA / "numbers.csv", "keyhole: high passes", [float(x) for one in found for x in (*one[:3], *one[3])], 1e-6
+    )

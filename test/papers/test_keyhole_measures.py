@@ -5,11 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.core import random_stream
-from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, first_pass_above, site, verification_elements
 from rf_pointing.papers.keyhole import Loss
-from rf_pointing.papers.keyhole_passes import KeyholeCase, _generated, _perigee_m, station_mount
+from rf_pointing.papers.keyhole_passes import KeyholeCase, station_mount
 from rf_pointing.station.antenna.mount import MountParams
 
 BEAM_RAD = math.radians(0.5)
@@ -66,14 +64,3 @@ def test_the_mount_of_the_station_is_that_of_satcal_table_1() -> None:
     known = station_mount().model().coefficients
     assert {name: math.degrees(known[name]) for name in degrees} == pytest.approx(degrees)
     assert (known["azimuth_velocity_lag"], known["elevation_velocity_lag"]) == (-1.022, -1.907)
-
-
-def test_generated_orbits_are_low_circular_and_steep() -> None:
-    random = random_stream(4, "orbits")
-    for number in range(50):
-        orbit = _generated(number, random)
-        axis_m = (EARTH_MU_M3_S2 / orbit.mean_motion_rad_s**2) ** (1.0 / 3.0)
-        assert 350e3 <= axis_m - EARTH_RADIUS_M <= 1300e3
-        assert _perigee_m(orbit) == pytest.approx(0.999 * axis_m - EARTH_RADIUS_M)
-        assert 40.0 <= math.degrees(orbit.inclination_rad) <= 110.0
-        assert orbit.catalogue_number == number + 1

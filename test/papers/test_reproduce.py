@@ -121,22 +121,6 @@ def test_options_without_meaning_are_refused(
     assert message in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("ours", "holds"), [(0.0, False), (0.39, False), (0.41, True), (2.4, True), (2.6, False), (float("nan"), False)]
-)
-def test_factor_bounds_ours_on_both_sides(ours: float, holds: bool) -> None:
-    row = Row(quantity="one", source="here", paper=1.0, ours=ours, unit="1", tolerance=0.0, factor=2.5)
-    assert row.holds is holds
-
-
-@pytest.mark.parametrize(
-    "changes", [{"factor": 0.5}, {"factor": 2.0, "bound": "<="}, {"factor": 2.0, "tolerance": 0.1}]
-)
-def test_factor_without_meaning_is_refused(changes: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match="factor="):
-        Row(**{"quantity": "one", "source": "here", "paper": 1.0, "ours": 1.0, "unit": "1", "tolerance": 0.0} | changes)
-
-
 def test_no_row_is_explained_without_a_criterion() -> None:
     folder = Path(papers.__file__).parent
     found = [

@@ -12,18 +12,15 @@ from rf_pointing.papers import servo_linear
 from rf_pointing.papers.servo_linear import (
     COMMAND,
     DEVIATION,
-    RATE,
     WIND,
     ClosedLoop,
     closed_loop,
-    peak_sensitivity,
     respond,
     stability_limit_hz,
 )
 from rf_pointing.servo import dss13_plant
 from rf_pointing.servo.linear_model import linear_model
 
-Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 LOOPS = (
     PositionLoopParams(proportional_gain=0.7, feedforward_gain=0.8, notch_damping=0.15),
@@ -89,58 +86,9 @@ def test_a_loop_is_stable_with_its_poles_left_of_the_axis_or_at_zero(pole: float
     assert ClosedLoop(one, np.zeros((1, 8)), one, one, one).stable() is stable
 
 
-@pytest.mark.parametrize("axis", [0, 1])
-def test_the_limit_is_scanned_in_steps_of_2_percent_and_bisected_20_times(
-    axis: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # Between the halves of the twentieth bisection.
-    limit_hz = 0.005 * 1.02 ** (50.0 + 700_001.75 / 2**20)
-    tried: list[float] = []
-
-    def planted(plant: object, loops: object, bandwidth_hz: tuple[float, float]) -> SimpleNamespace:
-        assert (plant, loops) == ("plant", "loops")
-        assert bandwidth_hz[1 - axis] == 0.0
-        tried.append(bandwidth_hz[axis])
-        return SimpleNamespace(stable=lambda: bandwidth_hz[axis] < limit_hz)
-
-    monkeypatch.setattr(servo_linear, "closed_loop", planted)
-    found = stability_limit_hz("plant", "loops", axis)
-    assert tried[:51] == pytest.approx([0.005 * 1.02**k for k in range(51)])
-    assert len(tried) == 52 + 20
-    assert found == pytest.approx(0.005 * 1.02 ** (50.0 + 700_001.0 / 2**20), rel=1e-9)
-
-
 def test_a_loop_that_is_never_unstable_has_the_limit_of_3_hz(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(servo_linear, "closed_loop", lambda *_: SimpleNamespace(stable=lambda: True))
     assert stability_limit_hz("plant", "loops", 0) == 3.0
-
-
-def test_peak_sensitivity_is_that_of_integrator_and_inner_loop_from_1_mhz_to_20_hz(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """The inner loop lags by a first-order filter: |S| in closed form."""
-    points: list[Array] = []
-
-    def response(frequency_hz: Array, output: object, inputs: slice) -> ComplexArray:
-        assert output == "beam"
-        points.append(frequency_hz)
-        s = 2j * np.pi * frequency_hz
-        # What comes from the command lacks 0.3 s, which comes from its rate.
-        own = [np.full(len(s), 0.3 + 0j)] * 2 if inputs == RATE else [1.0 / (1.0 + t * s) - 0.3 * s for t in (2.0, 0.5)]
-        return np.array([[[one, 5.0], [7.0, other]] for one, other in zip(*own, strict=True)])
-
-    def planted(plant: object, loops: object) -> SimpleNamespace:
-        assert (plant, loops) == ("plant", "loops")
-        return SimpleNamespace(response=response, beam="beam")
-
-    monkeypatch.setattr(servo_linear, "closed_loop", planted)
-    for axis, lag_s in enumerate((2.0, 0.5)):
-        found = peak_sensitivity("plant", "loops", axis, 0.4)
-        s = 2j * np.pi * np.geomspace(1e-3, 20.0, 4000)
-        rate = 2.0 * math.pi * 0.4
-        assert found == pytest.approx(np.max(np.abs(s * (1.0 + lag_s * s) / (s * (1.0 + lag_s * s) + rate))), rel=1e-12)
-    for grid in points:
-        assert (len(grid), grid[0], grid[-1]) == (4000, pytest.approx(1e-3), pytest.approx(20.0))
 
 
 def test_a_response_is_exact_for_inputs_that_run_straight_between_their_samples() -> None:

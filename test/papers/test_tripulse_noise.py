@@ -1,26 +1,19 @@
 import functools
 import math
 from concurrent.futures import ThreadPoolExecutor
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.doa.snapshots import complex_normal
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, element_weights
 from rf_pointing.array_sensors.tripulse.beams import (
     beam_signals,
-    closed_form_signals,
     invert_ratios,
     monopulse_ratios,
-    polar_angles_rad,
 )
 from rf_pointing.core import random_stream
-from rf_pointing.papers import tripulse_noise
 from rf_pointing.papers.sweeps import sweep
 from rf_pointing.papers.tripulse_noise import (
-    _element_beams,
-    _variance_rows,
     failed_element_errors,
     noise_errors,
     phase_error_errors,
@@ -121,59 +114,3 @@ def test_impossible_noise_and_trials_are_refused() -> None:
         phase_error_errors(PARAMS, math.nan, [0.0, 0.0], OFFSET, 10)
     with pytest.raises(ValueError, match="trials=1"):
         noise_errors(PARAMS, 1.0, [0.0, 0.0], OFFSET, 1)
-
-
-def test_two_trials_are_enough_and_statistics_are_those_of_the_trials() -> None:
-    found = noise_errors(PARAMS, 1.0, [0.05, 0.02], OFFSET, 2, seed=4)
-    assert found.trials == 2
-    rng = random_stream(4, f"tripulse noise {PARAMS} 1.0")
-    signals = closed_form_signals(PARAMS, OFFSET) + complex_normal(rng, (2, 3))
-    estimate = invert_ratios(PARAMS, monopulse_ratios(signals))
-    np.testing.assert_allclose(found.mean, np.mean(estimate, axis=0) - OFFSET, rtol=1e-9)
-    np.testing.assert_allclose(found.sigma, 0.5 * np.abs(estimate[1] - estimate[0]), rtol=1e-9)
-    theta, _ = polar_angles_rad(np.array([0.05, 0.02]) + estimate)
-    assert found.theta_sigma_rad == pytest.approx(0.5 * abs(theta[1] - theta[0]))
-
-
-def test_dead_elements_are_taken_out_of_every_beam_in_chunks_of_trials() -> None:
-    params = TripulseArrayParams(n_x=4, n_y=6)
-    count, few = 3, 2005
-    found = failed_element_errors(params, count, [0.02, -0.01], OFFSET, few, seed=2)
-    rng = random_stream(2, f"tripulse failures {params} {count}")
-    failed = np.concatenate([random_failures(rng, params, count, part) for part in (2000, 5)])
-    weights = element_weights(params, [0.02, -0.01], failed=failed)
-    estimate = invert_ratios(params, monopulse_ratios(beam_signals(params, weights, np.array([0.02, -0.01]) + OFFSET)))
-    np.testing.assert_allclose(found.mean, np.mean(estimate, axis=0) - OFFSET, rtol=1e-6)
-    np.testing.assert_allclose(found.sigma, np.std(estimate, axis=0), rtol=1e-6)
-
-
-@pytest.mark.parametrize(("beyond", "holds"), [(0.0, True), (0.045, True), (0.055, False), (-0.055, False)])
-def test_the_printed_17_is_explained_while_the_corrected_one_is_found_within_5_percent(
-    monkeypatch: pytest.MonkeyPatch, beyond: float, holds: bool
-) -> None:
-    monkeypatch.setattr(tripulse_noise, "TRIALS", 50)
-    monkeypatch.setattr(tripulse_noise, "_second_order", lambda _seed: (2.0, 4.0, 4.0 * (1.0 + beyond)))
-    printed, corrected = _variance_rows(1)[-2:]
-    assert (printed.ours, corrected.ours) == pytest.approx((2.0 * (1.0 + beyond), 1.0 + beyond))
-    assert printed.explained is holds
-
-
-@pytest.mark.parametrize(("beyond", "holds"), [(0.009, True), (0.011, False), (-0.011, False)])
-def test_the_printed_21_is_explained_while_the_corrected_one_is_found_within_1_percent(
-    monkeypatch: pytest.MonkeyPatch, beyond: float, holds: bool
-) -> None:
-    right_rad = math.sqrt(projection_variance(PARAMS, 1.0)[0]) / math.cos(math.radians(20.0))
-    found = SimpleNamespace(theta_sigma_rad=right_rad * (1.0 + beyond), sigma=np.ones(2))
-    monkeypatch.setattr(tripulse_noise, "noise_errors", lambda *_: found)
-    monkeypatch.setattr(tripulse_noise, "_second_order", lambda _seed: (1.0, 1.0, 1.0))
-    _, printed, corrected = _variance_rows(1)[:3]
-    assert corrected.ours == pytest.approx(1.0 + beyond)
-    assert printed.explained is holds
-
-
-def test_what_the_elements_add_to_the_beams_sums_to_the_beams() -> None:
-    params, steering = TripulseArrayParams(n_x=6, n_y=4), np.array([0.031, -0.017])
-    added = np.sum(_element_beams(params, steering, OFFSET), axis=0).view(np.complex128)
-    np.testing.assert_allclose(
-        added, beam_signals(params, element_weights(params, steering), steering + OFFSET), atol=1e-12
-    )

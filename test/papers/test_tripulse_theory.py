@@ -184,24 +184,6 @@ def test_impossible_specifications_are_refused(cn0: float, sigma: float, error: 
         allocate_pulses(TripulseArrayParams(), cn0, sigma, error)
 
 
-@pytest.mark.parametrize("variant", ["corrected", "published"])
-def test_17_is_its_two_terms(variant: str) -> None:
-    second = 1.5 if variant == "corrected" else 0.75
-    assert ratio_variance(10.0, 0.5, variant) == pytest.approx(1.25 / 20.0 + second / 200.0)
-
-
-def test_17_with_unequal_noise_is_its_terms() -> None:
-    assert ratio_variance_unequal(0.1, 0.2, 0.5) == pytest.approx(0.5 * (0.25 * 0.12 + 0.2 * 1.1))
-
-
-def test_21_is_its_closed_forms() -> None:
-    assert polar_angle_variance_rad2(3.0, math.pi / 3.0) == pytest.approx(12.0)
-    assert polar_angle_variance_rad2(3.0, math.pi / 6.0, "published") == pytest.approx(12.0)
-    for theta in (-0.01, math.pi / 2.0 + 0.01):
-        with pytest.raises(ValueError, match="theta_rad"):
-            polar_angle_variance_rad2(3.0, theta)
-
-
 @pytest.mark.parametrize("name", ["sum_noise", "delta_noise"])
 def test_noise_that_is_not_positive_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match=f"{name}=0.0"):

@@ -46,7 +46,7 @@ class WatchParams(Params):
 class InnovationWatch:
     """Weighted sums over the directions so far, one of each for every memory.
 
-    `with_direction` adds a direction, `doubts` tests the sums, `bias_covariance` is what the mean
+    `with_direction` adds a direction, `reasons` tests the sums, `bias_covariance` is what the mean
     adds to the covariance of the attitude.
     """
 
@@ -80,7 +80,7 @@ class InnovationWatch:
             spread=matrix_keep**2 * self.spread + information,
         )
 
-    def doubts(self, params: WatchParams) -> list[str]:
+    def reasons(self, params: WatchParams) -> list[str]:
         """Return in words what contradicts the filter's covariance, from the memory that shows it
         best.
         """

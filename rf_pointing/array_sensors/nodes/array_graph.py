@@ -203,7 +203,7 @@ class ArrayGraph:
 
     def wait_until(self, condition: Callable[[], bool], what: str) -> None:
         """Spin until `condition`; TimeoutError naming `what` after the patience of the graph."""
-        self._nodes.wait_until(condition, f"{self.namespace}: {what}")
+        self._nodes.waiting.until(condition, f"{self.namespace}: {what} not seen")
 
     def check(self) -> None:
         """NotStartedError if a process has ended."""

@@ -79,7 +79,7 @@ def write_array_report(bag: Path | str, output_dir: Path | str) -> list[ArrayErr
         series = _READ[what](path, namespace)
         name, title = namespace.strip("/").replace("/", "_") or "root", f"{namespace}/{what}"
         picture = folder / f"{name}_{what}.png"
-        measured = _errors(title, series)
+        measured = array_errors(title, series)
         _DRAW[what](series, picture, _heading(title, measured))
         figures[picture] = title
         errors += measured
@@ -112,7 +112,7 @@ def _heading(title: str, errors: Sequence[ArrayErrors]) -> str:
     return ", ".join(found) + (" (3 is expected)" if len(found) > 1 else "")
 
 
-def _errors(sensor: str, series: ArraySeries) -> list[ArrayErrors]:
+def array_errors(sensor: str, series: ArraySeries) -> list[ArrayErrors]:
     found = []
     if series.position_m is not None:
         nees = series.nees(0, series.position_error_m)

@@ -103,7 +103,7 @@ def read_attitude_series(bag: Path, namespace: str) -> ArraySeries:
         covariance=np.array([estimates[stamp].covariance for stamp in stamps]).reshape(-1, 3, 3),
         valid=np.array([estimates[stamp].valid for stamp in stamps]),
         reasons=tuple(message.reason for message in estimates.values() if not message.valid),
-        hand_offs=_hand_offs(received, stamps[0]),
+        hand_offs=hand_offs(received, stamps[0]),
     )
 
 
@@ -129,7 +129,7 @@ def read_pose_series(bag: Path, namespace: str) -> ArraySeries:
     )
 
 
-def _hand_offs(received: Messages, first: int) -> tuple[tuple[float, str], ...]:
+def hand_offs(received: Messages, first: int) -> tuple[tuple[float, str], ...]:
     """Return when another station begins to be received, and its name."""
     stamps = sorted(received)
     # Stations take turns block by block: one is new when two whole turns have passed without it.

@@ -336,7 +336,7 @@ def _observe(expected: Array, reference: Array, sigma: float, stream: np.random.
     return DirectionObservation(measured, covariance, np.broadcast_to(reference, measured.shape))
 
 
-def beyond_rows(seed: int) -> list[Row]:
+def future_rows(seed: int) -> list[Row]:
     """Return the measured numbers and their theory."""
     scores = mean_nees(RUNS, seed, duration_s=300.0)
     low, high = nees_band(6, RUNS)

@@ -15,12 +15,12 @@ from typing import Any
 
 from rf_pointing import __version__, calibration
 from rf_pointing.calibration import (
+    AcceptanceRules,
     FitResult,
     ModelVersion,
     ObservationJournal,
     PassPriors,
     SectorRule,
-    ShadowRules,
 )
 from rf_pointing.core import MDEG, JointReading, Params, PointingError, parameter
 from rf_pointing.station.campaign.log import CalibrationLog
@@ -67,7 +67,7 @@ def journal_of(folder: str, station: str, band: str) -> ObservationJournal:
 class Calibrator:
     """The models (`keeper`) and the observations (`log`); ValueError for a file that is refused."""
 
-    def __init__(self, params: CalibratorParams, rules: ShadowRules) -> None:
+    def __init__(self, params: CalibratorParams, rules: AcceptanceRules) -> None:
         start = calibration.read_model(params.model_file) if params.model_file else None
         self.keeper = ModelKeeper(params.station, params.band, params.folder, start, rules)
         kept = params.folder and params.keep_observations
@@ -96,7 +96,7 @@ class Calibrator:
         name = name or self.keeper.free_name(f"fit-{now_s:.0f}")
         file = ModelVersion.from_fit(fit, name=name, software=f"rf_pointing {__version__}", created_t_s=now_s)
         self.keeper.propose(file)
-        return fit, file, calibration.doubts_of(fit, self.log.observations())
+        return fit, file, calibration.warnings_of(fit, self.log.observations())
 
     def accept(self, now_s: float) -> str:
         """Put the candidate in force (`ModelKeeper.accept`); return what it was, in words."""

@@ -15,17 +15,17 @@ from rf_pointing.calibration import (
     BiasModel,
     FitOptions,
     FitResult,
-    Known,
     ModelVersion,
     Observations,
     PassPriors,
+    PriorKnowledge,
     RawPasses,
     SectorRule,
     StageReport,
     TrackedPass,
     systematic_errors,
 )
-from rf_pointing.calibration.systematic_errors import Suspect
+from rf_pointing.calibration.systematic_errors import SystematicError
 from rf_pointing.core import MDEG
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
@@ -45,7 +45,7 @@ FEWEST_HELD_OUT = 4
 
 @dataclass(frozen=True, kw_only=True)
 class FitRequest:
-    """What is fitted, for which antenna, and what is known besides the data.
+    """Data and terms of a fit, their antenna, and prior knowledge.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class Fitted:
     points: Observations
     stages: list[StageReport]
     notes: list[str]
-    doubts: list[str]
+    warnings: list[str]
     kept: tuple[str, ...] = ()
 
 
@@ -136,7 +136,7 @@ class OfflineFit:
         """
         request, passes = self._request, self._data.passes
         model = request.known.model if request.known else BiasModel.zero()
-        known, late = Known(model=model, form=request.form), dict[int, Suspect]()
+        known, late = PriorKnowledge(model=model, form=request.form), dict[int, SystematicError]()
         every, stages, notes = self._collected(known, late)
         notes += dict.fromkeys(note for one in passes for note in one.raw.notes)
         _refuse_wrong([systematic_errors.wrong_north(every, request.convergence_rad)])
@@ -162,13 +162,15 @@ class OfflineFit:
             result = self._fit_of_all(every, before)
             if judged and np.all(np.abs(result.values - before.values) < SETTLED * result.sigma):
                 break
-        doubts = [*self._doubtful(result, every), *self._orbit_doubts(result)]
+        warnings = [*self._doubtful(result, every), *self._orbit_warnings(result)]
         full, kept = result, tuple[str, ...]()
         if request.select:
             result, kept = self._fit_of_chosen(every, full.pass_priors, full)
-        return Fitted(result, full, every, stages, [*notes, *(one.text for one in late.values())], doubts, kept)
+        return Fitted(result, full, every, stages, [*notes, *(one.text for one in late.values())], warnings, kept)
 
-    def _collected(self, known: Known, out: Collection[int]) -> tuple[Observations, list[StageReport], list[str]]:
+    def _collected(
+        self, known: PriorKnowledge, out: Collection[int]
+    ) -> tuple[Observations, list[StageReport], list[str]]:
         """Return all points but those of the passes `out`, and what the pipeline reports."""
         parts = [self._data.points] if self._data.points is not None else []
         stages: list[StageReport] = []
@@ -190,7 +192,7 @@ class OfflineFit:
 
     def _measures_orbit(self, points: Observations) -> bool:
         """Return whether the sizes of the orbit errors are to be measured and can be."""
-        # Without ranges a displacement in metres is no angle.
+        # Without ranges a displacement in metres gives no angle.
         ranges = points.range_m is not None and points.range_rate_m_s is not None
         return self._request.orbit_prior_m is None and ranges
 
@@ -256,7 +258,7 @@ class OfflineFit:
             _refuse_wrong(found)
         return [one.text for one in found if one is not None]
 
-    def _orbit_doubts(self, result: FitResult) -> list[str]:
+    def _orbit_warnings(self, result: FitResult) -> list[str]:
         """Return what doubts orbit errors that were measured from the same passes.
 
         They agree with these passes by construction. The age of the elements and the number of the
@@ -264,41 +266,41 @@ class OfflineFit:
         """
         if self._request.orbit_prior_m is not None or result.pass_priors is None:
             return []
-        doubts = []
+        warnings = []
         if result.passes < FEWEST_FOR_SIZES:
-            doubts.append(
+            warnings.append(
                 f"the orbit errors are measured from {result.passes} passes, which know their size to "
                 f"{100.0 / np.sqrt(2.0 * result.passes):.0f} %: sigma may be too small by as much"
             )
         elements, passes = self._request.elements, self._data.passes
         if not elements or not passes:
-            return doubts
+            return warnings
         ages_s = [float(one.raw.t_s[0]) - find_elements(elements, one.raw.target).epoch_t_s for one in passes]
         expected = np.sqrt(np.mean([np.square(ElementUncertainty().sigmas_m(age)) for age in ages_s], axis=0))
         sizes = dict(zip(result.pass_priors.names, result.pass_priors.sigma.tolist(), strict=True))
         for name, size in zip(("along_track_m", "cross_track_m", "radial_m"), expected.tolist(), strict=True):
             if name in sizes and sizes[name] > AGE_FACTOR * size:
-                doubts.append(
+                warnings.append(
                     f"{name} of the passes is {sizes[name]:.0f}, {sizes[name] / size:.1f} times that of elements up to "
                     f"{max(map(abs, ages_s)) / DAY_S:.1f} days old: targets, clock or elements are wrong"
                 )
-        return doubts
+        return warnings
 
 
-def _refuse_wrong(found: Sequence[Suspect | None]) -> None:
+def _refuse_wrong(found: Sequence[SystematicError | None]) -> None:
     """Raise ValueError for the systematic errors with which a fit would be wrong."""
     wrong = [one.text for one in found if one is not None and one.refuse]
     if wrong:
         raise ValueError(f"no model is fitted: {'; '.join(wrong)}")
 
 
-def _known_after(result: FitResult, before: Known) -> Known:
+def _known_after(result: FitResult, before: PriorKnowledge) -> PriorKnowledge:
     """Return what a fit tells of model, orbit errors and noise, for the next round."""
     scale = before.sigma_scale
     if result.noise is not None:
         azimuth, elevation = (float(np.sqrt(one.factor)) for one in result.noise)
         scale = (scale[0] * azimuth, scale[1] * elevation)
-    return Known(
+    return PriorKnowledge(
         model=result.model, form=before.form, errors={one.pass_id: one for one in result.pass_errors}, sigma_scale=scale
     )
 

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import JointReading, JointTrajectory, Params, Sensor, parameter
 from rf_pointing.core.whole_file import read_whole
-from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, StationView, direction_rad
+from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, RotctldServer, StationView, direction_rad
 from rf_pointing.operations.dictionary import TABLES, DirectiveRow, read_directives
 from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.clients.points import Follower, KnownSatellites, Match, MatchParams, identify, on_track
-from rf_pointing.station.pointing.status import AntennaStatus
+from rf_pointing.station.pointing.status import Level, Report
 from rf_pointing.tracking.sensors import SENSOR_CHOICES
 
 PERIOD_S = 0.1
@@ -49,7 +49,7 @@ class SteeringParams(Params):
 
 
 def steering_rows() -> dict[str, DirectiveRow]:
-    """Return what `Steering` asks of the other nodes, by name."""
+    """Return what `Steering` sends to the other nodes, by name."""
     shipped = read_directives(read_whole(TABLES / "directives.yaml"))
     names = ("park", "release", "stop_pass", "select_target", "track")
     return {name: shipped[name] for name in names} | {"go_to": replace(shipped["unwind"], name="go_to")}
@@ -94,7 +94,6 @@ class Steering:
         self.follower, self._known, self.view = follower, known, view
         self._node, self._send, self._heard_s, self._inform, self._warn = node, send, heard_s, inform, warn
         self.client = ""
-        """Who steers or has steered last."""
         self._t_s = self._wall_s = 0.0
         self._axes: JointReading | None = None
         self._mode, self._fault, self._antenna_wall_s, self._rejected = "", "", -math.inf, 0
@@ -118,19 +117,17 @@ class Steering:
         rates = [0 if abs(rate) < MOVING_RAD_S else int(math.copysign(1, rate)) for rate in axes.velocity_rad_s]
         self.view.moving = rates[0], rates[1]
 
-    def note_antenna(self, status: AntennaStatus) -> None:
-        """Take the status of the antenna."""
-        more, self._rejected = status.commands_rejected > self._rejected, status.commands_rejected
-        self._mode, self._fault, self._antenna_wall_s = status.mode, status.fault, self._wall_s
-        if status.mode not in (AntennaMode.PARKED, AntennaMode.PARKING):
+    def note_antenna(self, mode: str, fault: str, commander: str, rejected: int, last_rejection: str) -> None:
+        """Take the status of the antenna, which has refused so many commands."""
+        more, self._rejected = rejected > self._rejected, rejected
+        self._mode, self._fault, self._antenna_wall_s = mode, fault, self._wall_s
+        if mode not in (AntennaMode.PARKED, AntennaMode.PARKING):
             self._parked_here = False
-        if self.follower.azimuth_rad is None:
-            return
-        if status.commander == self._node:
+        if self.follower.azimuth_rad is not None and commander == self._node:
             self._refusal = ""
-        elif more:
-            self._warn("the points are not followed", status.last_rejection)
-            self._refusal = status.last_rejection
+        elif self.follower.azimuth_rad is not None and more:
+            self._warn("the points are not followed", last_rejection)
+            self._refusal = last_rejection
 
     def note_tracking(self, target: str, commands_sent: int) -> None:
         """Take the status of the pointing controller; `target` is "" between passes."""
@@ -144,14 +141,22 @@ class Steering:
         """Take the state of the executive."""
         self._executive = state
 
-    def state(self) -> tuple[bool, str]:
-        """Return whether an operator should look, and why, or what the antenna does for clients."""
-        trouble = self._known.problem or self._refusal
+    def report(self, server: RotctldServer | None) -> Report:
+        """Return what the antenna does for clients, and what became of them at the port."""
+        if server is None:
+            return Report(Level.OK, "not served", {})
+        counts, sky = server.counts, self._known.sky
+        values = {
+            "port": server.port, "clients": len(counts.connected), "steering": self.client,
+            "refused lines": counts.refused_lines, "last refused": counts.last_refusal,
+            "refused clients": counts.refused_clients, "satellites": len(sky.elements) if sky else 0,
+        }  # fmt: skip
+        if trouble := self._known.problem or self._refusal:
+            return Report(Level.WARN, trouble, values)
         if self._match is not None and self._certified:
-            doing = f"tracks {self._match.name}"
-        else:
-            doing = "follows points" if self.follower.azimuth_rad is not None else "holds" if self.client else "waits"
-        return bool(trouble), trouble or doing
+            return Report(Level.OK, f"tracks {self._match.name}", values)
+        follows = self.follower.azimuth_rad is not None
+        return Report(Level.OK, "follows points" if follows else "holds" if self.client else "waits", values)
 
     @property
     def in_pass(self) -> bool:

@@ -186,7 +186,7 @@ def station_executive(_: Band) -> Derived:
 
 def bias_calibrator(of: Band) -> Derived:
     """The bias model of a station and band."""
-    from rf_pointing.calibration.acceptance_passes import ShadowRules
+    from rf_pointing.calibration.acceptance_passes import AcceptanceRules
     from rf_pointing.station.campaign.calibrator import ORBIT, CalibratorParams
 
     h = of.beamwidth_deg
@@ -197,7 +197,7 @@ def bias_calibrator(of: Band) -> Derived:
         "model_file": Value(of.model_file, "bands.*.bias_model"),
         "largest_error_deg": tuned(min(largest, 5.0), "0.1 h" if largest <= 5.0 else "5 deg, less than 0.1 h"),
     }
-    sets = {"calibrator": CalibratorParams(), "shadow": ShadowRules(), "orbit": ORBIT}
+    sets = {"calibrator": CalibratorParams(), "shadow": AcceptanceRules(), "orbit": ORBIT}
     return Derived(sets, {"calibrator": rows}, ("calibrator.", "shadow.", "orbit."))
 
 

@@ -102,15 +102,3 @@ def test_a_covariance_is_symmetric_and_not_negative_to_a_billionth_of_its_larges
     np.testing.assert_array_equal(require_covariance("c", np.zeros((2, 2)), 2), np.zeros((2, 2)))
     with pytest.raises(ValueError, match="c has shape"):
         require_covariance("c", np.eye(3), 2)
-
-
-def test_reports_hold_arrays_whatever_they_are_given() -> None:
-    attitude = AttitudeReport(**{**SOUND, "quaternion": [0, 0, 0.6, 0.8], "covariance_rad2": np.eye(3).tolist()})
-    rate = RateReport(t_s=2.0, rate_rad_s=[1, 2, 3], covariance_rad2_s2=np.eye(3).tolist())
-    for found in (attitude.quaternion, attitude.covariance_rad2, rate.rate_rad_s, rate.covariance_rad2_s2):
-        assert isinstance(found, np.ndarray)
-    np.testing.assert_allclose(attitude.quaternion, [0.0, 0.0, 0.6, 0.8])
-    assert (attitude.t_s, attitude.valid, attitude.reason, rate.t_s) == (1.0, True, "", 2.0)
-    np.testing.assert_array_equal(rate.rate_rad_s, [1.0, 2.0, 3.0])
-    told = AttitudeReport(**{**SOUND, "valid": False, "reason": "one station"})
-    assert (told.valid, told.reason) == (False, "one station")

@@ -171,34 +171,6 @@ def test_a_station_stands_on_the_sphere_at_its_latitude_and_longitude() -> None:
     np.testing.assert_allclose(station.position_m, EARTH_RADIUS_M * up, rtol=1e-12)
 
 
-def test_places_of_several_stations_have_a_slope_each_even_where_up_is_the_axis_itself() -> None:
-    class Pole:
-        name, position_m, zenith = "pole", np.array([0.0, 0.0, 6.4e6]), np.array([0.0, 0.0, 1.0])
-
-    other = GroundStation(name="x", latitude_rad=0.6, longitude_rad=-2.2)
-    both = place_slopes(ORBIT, [Pole(), other], 500.0)
-    assert both.shape == (2, 3, 2)
-    np.testing.assert_allclose(both[1], place_slopes(ORBIT, [other], 500.0)[0], rtol=1e-12)
-    point = orbit_point(ORBIT, 500.0)
-    away = Pole.position_m - point.position_m
-    across = np.eye(3) - np.outer(away, away) / (away @ away)
-    # North and east are any two level directions there: their squares sum up to those of both axes.
-    level = point.frame @ across[:, :2] / np.linalg.norm(away)
-    np.testing.assert_allclose(both[0] @ both[0].T, level @ level.T, rtol=1e-9, atol=1e-24)
-
-
-def test_stacks_of_times_are_those_of_each() -> None:
-    stations = stations_along_track(ORBIT, 0.0)
-    times = np.array([[100.0, 400.0, 900.0], [1500.0, 2000.0, 2600.0]])
-    many = view_stations(ORBIT, stations, times)
-    assert many.reference.shape == (2, 3, 8, 3)
-    for index in np.ndindex(2, 3):
-        one = view_stations(ORBIT, stations, times[index])
-        np.testing.assert_allclose(many.reference[index], one.reference, atol=1e-12)
-        np.testing.assert_allclose(many.elevation_rad[index], one.elevation_rad, atol=1e-9)
-        np.testing.assert_allclose(many.range_m[index], one.range_m, rtol=1e-12)
-
-
 def test_the_nadir_angle_is_that_of_the_sphere_at_any_height() -> None:
     for altitude_m, elevation in ((500e3, 0.0), (1200e3, 0.4)):
         orbit = SunSynchronousOrbitParams(altitude_m=altitude_m)

@@ -12,7 +12,6 @@ from rf_pointing.array_sensors.attitude.ground_stations import stations_along_tr
 from rf_pointing.array_sensors.attitude.multiplicative_filter import (
     TABLE_Q,
     AttitudeState,
-    Biases,
     DirectionObservation,
     GateParams,
     ProcessNoiseParams,
@@ -27,7 +26,6 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import (
 )
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, orbit_point
 from rf_pointing.array_sensors.attitude.quaternion import (
-    conjugate,
     multiply,
     quaternion_from_rotation_vector,
     quaternion_to_matrix,
@@ -36,9 +34,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 from rf_pointing.array_sensors.attitude.rigid_body import (
     KnownTorque,
     SatelliteParams,
-    gravity_gradient_n_m,
     propagate,
-    rate_slope_rad_s2,
     rigid_inertia,
 )
 from rf_pointing.array_sensors.attitude.rotations import cosine_slopes, cross_matrix, tangent_rows
@@ -305,22 +301,6 @@ def test_mean_nees_of_100_runs_lies_in_its_95_percent_band(torque_n_m: float, cl
     assert np.mean(scores) == pytest.approx(6.0, abs=0.3)
 
 
-def test_batch_updates_as_its_members_do(stream: np.random.Generator) -> None:
-    q, w = unit(stream, 4, 4), 1e-3 * stream.standard_normal((4, 3))
-    measured, reference = unit(stream, 4, 3), unit(stream, 4, 3)
-    together = update(
-        start_state(q, w, 0.5, 0.01, GATE), DirectionObservation(measured, across(measured, 0.01), reference), GATE
-    )
-    for k in range(4):
-        alone = update(
-            start_state(q[k], w[k], 0.5, 0.01, GATE),
-            DirectionObservation(measured[k], across(measured[k], 0.01), reference[k]),
-            GATE,
-        )
-        assert float(rotation_angle_between_rad(together.quaternion[k], alone.quaternion)) < 1e-12
-        assert together.covariance[k] == pytest.approx(alone.covariance, abs=1e-14)
-
-
 def test_certainty_on_both_sides_is_refused_and_not_divided_by() -> None:
     state = start_state(np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), 0.01, 1e-4, GATE)
     sure = replace(state, covariance=np.zeros((6, 6)))
@@ -329,170 +309,12 @@ def test_certainty_on_both_sides_is_refused_and_not_divided_by() -> None:
         update(sure, seen, GATE)
 
 
-def correlated(stream: np.random.Generator, count: int, attitude_rad: float = 0.02) -> tuple[AttitudeState, np.ndarray]:
-    """Return a state with `count` constants, everything correlated, and the covariance of all of it."""
-    root = (
-        stream.standard_normal((6 + count, 6 + count)) * np.r_[[attitude_rad] * 3, [1e-4] * 3, np.ones(count)][:, None]
-    )
-    joint = root @ root.T / (6 + count)
-    biases = Biases(0.3 * stream.standard_normal(count), joint[6:, 6:], joint[:6, 6:])
-    state = AttitudeState(
-        unit(stream, 4), 2e-2 * stream.standard_normal(3), joint[:6, :6], np.array(3), np.array(1.5), biases
-    )
-    return state, joint
-
-
-def joined(state: AttitudeState) -> np.ndarray:
-    assert state.biases is not None
-    return np.block(
-        [[state.covariance, state.biases.correlation], [state.biases.correlation.T, state.biases.covariance]]
-    )
-
-
-def test_a_prediction_is_that_of_attitude_rate_and_constants_as_one_linear_system(stream: np.random.Generator) -> None:
-    """x' = A x with the torque's three constants as inputs of the rate: I + A t + (A t)^2 / 2 on all of it."""
-    state, joint = correlated(stream, 7)
-    noise, dt_s = ProcessNoiseParams(attitude_rad2_s=1e-7, rate_rad2_s3=3e-9, torque_n_m=5e-3), 0.5
-    moved = predict(INERTIA, noise, state, KNOWN, ORBIT_RATE, dt_s)
-    torque = 5e-3 * state.biases.estimate[2:5]
-    pushed = replace(KNOWN, control_n_m=KNOWN.control_n_m + torque)
-    q, w = propagate(INERTIA, state.quaternion, state.rate_rad_s, pushed, ORBIT_RATE, dt_s)
-    assert (moved.quaternion, moved.rate_rad_s) == (pytest.approx(q), pytest.approx(w))
-    rotation = quaternion_to_matrix(state.quaternion)
-    system = np.zeros((13, 13))
-    system[:3, :3] = -cross_matrix(ORBIT_RATE)
-    system[:3, 3:6] = 0.5 * (rotation + quaternion_to_matrix(q))
-    step = 1e-6
-    for axis in range(3):
-        # A turn of the orbital axes is one of the body's, and both change the gravity's torque.
-        turn = quaternion_from_rotation_vector(step * np.eye(3)[axis])
-        ends = [
-            gravity_gradient_n_m(INERTIA, quaternion_to_matrix(multiply(each, state.quaternion)), ORBIT_RATE)
-            for each in (turn, conjugate(turn))
-        ]
-        system[3:6, axis] = INERTIA.inverse @ (ends[0] - ends[1]) / (2.0 * step)
-        rates = [
-            rate_slope_rad_s2(
-                INERTIA, state.rate_rad_s + sign * step * np.eye(3)[axis], np.zeros(3), KNOWN.wheel_momentum_n_m_s
-            )
-            for sign in (1.0, -1.0)
-        ]
-        system[3:6, 3 + axis] = (rates[0] - rates[1]) / (2.0 * step)
-    system[3:6, 8:11] = 5e-3 * INERTIA.inverse
-    walked = system * dt_s
-    transition = np.eye(13) + walked + walked @ walked / 2.0
-    expected = transition @ joint @ transition.T
-    expected[:6, :6] += dt_s * np.diag([1e-7] * 3 + [3e-9] * 3)
-    scale = np.sqrt(np.diag(expected))
-    np.testing.assert_allclose(joined(moved) / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-9)
-    assert moved.biases.estimate == pytest.approx(state.biases.estimate)
-    assert (int(moved.refused), float(moved.misfit)) == (3, 1.5)
-
-
-@pytest.mark.parametrize("in_doubt", [False, True])
-def test_an_update_is_that_of_attitude_rate_and_constants_as_one_linear_system(
-    stream: np.random.Generator, in_doubt: bool
-) -> None:
-    """What the direction misses by, as a function of all of it, by differences; then the plain Kalman update."""
-    state, joint = correlated(stream, 7, 1e-4)
-    measured, step = raised(np.array([0.3, -0.5])), 1e-5
-    turn = quaternion_to_matrix(quaternion_from_rotation_vector(1e-3 * stream.standard_normal(3)))
-    reference = turn @ quaternion_to_matrix(state.quaternion) @ measured
-    by_sensor = cosine_slopes(measured) @ (1e-4 * stream.standard_normal((2, 2)))
-    by_place = 2e-4 * stream.standard_normal((3, 2))
-    by_place -= np.outer(reference, reference @ by_place)
-    spread = np.array([[3.0, 0.5], [0.5, 1.0]]) * 5e-9
-    rows = tangent_rows(measured)
-    seen = DirectionObservation(measured, rows.T @ spread @ rows, reference, by_sensor, by_place)
-    z, claimed, across_reference = innovation(state, seen)
-
-    def missed(change: np.ndarray) -> np.ndarray:
-        """Return what is left of z when attitude and constants are off by `change` (6 + 7)."""
-        rotation = quaternion_to_matrix(multiply(quaternion_from_rotation_vector(change[:3]), state.quaternion))
-        constants = state.biases.estimate + change[6:]
-        direction = measured - by_sensor @ constants[:2]
-        known = reference + by_place @ constants[5:]
-        gap = rotation_between(rotation @ direction / np.linalg.norm(direction), known / np.linalg.norm(known))
-        return across_reference @ gap
-
-    slope = np.array([(missed(-step * e) - missed(step * e)) / (2.0 * step) for e in np.eye(13)]).T
-    assert z == pytest.approx(missed(np.zeros(13)), abs=3e-6)
-    # The miss is 1e-3 rad: its square is what a linear slope leaves out.
-    expected = slope @ joint @ slope.T
-    noise = claimed - expected
-    assert np.linalg.eigvalsh(noise) == pytest.approx(np.linalg.eigvalsh(spread), rel=0.03)
-    crossed = joint @ slope.T
-    squared = z @ np.linalg.solve(claimed, z)
-    gate = GateParams(largest=max(4.0, 2.0 * squared))
-    after = update(state, seen, gate, in_doubt=in_doubt)
-    gain = crossed @ np.linalg.inv(claimed)
-    scale = np.sqrt(np.diag(joint))
-    np.testing.assert_allclose(
-        joined(after) / np.outer(scale, scale), (joint - gain @ crossed.T) / np.outer(scale, scale), atol=1e-3
-    )
-    change = attitude_error(state, after.quaternion, after.rate_rad_s)
-    assert np.r_[change, after.biases.estimate - state.biases.estimate] / scale == pytest.approx(
-        gain @ z / scale, abs=0.05
-    )
-    assert float(after.misfit) == pytest.approx(1.5 + squared)
-    assert int(after.refused) == 0
-    # Outside a narrower gate it is left out, but for its count and the gate's worth of misfit.
-    assert squared > 4.0
-    kept = update(state, seen, GateParams(largest=4.0), in_doubt=in_doubt)
-    np.testing.assert_allclose(joined(kept), joint, rtol=1e-12, atol=1e-18)
-    assert (int(kept.refused), float(kept.misfit)) == (4, pytest.approx(5.5))
-    doubting = update(replace(state, refused=np.array(8)), seen, GateParams(largest=4.0), in_doubt=in_doubt)
-    assert (float(doubting.covariance[0, 0]) != float(joint[0, 0])) is in_doubt
-    assert int(doubting.refused) == 9
-
-
 def test_noise_of_a_step_is_refused_outside_its_range() -> None:
     assert process_noise_from_q(1e-3, dt_s=10.0).rate_rad2_s3 == pytest.approx(1e-4)
     assert process_noise_from_q(0.0, dt_s=1e-6).attitude_rad2_s == 0.0
     for q, dt_s, words in ((1.1e-3, 0.25, "q="), (1e-9, 11.0, "dt_s="), (1e-9, 0.9e-6, "dt_s=")):
         with pytest.raises(ValueError, match=words):
             process_noise_from_q(q, dt_s)
-
-
-def test_a_batch_with_constants_of_references_moves_and_learns_as_its_members_do(stream: np.random.Generator) -> None:
-    """Two by two filters, constants met one by one: they begin unknown, in every member alike."""
-    lead, noise = (2, 2), ProcessNoiseParams(torque_n_m=2e-4)
-    quaternions, rates = unit(stream, *lead, 4), 1e-2 * stream.standard_normal((*lead, 3))
-    seen = []
-    for count in (1, 3, 2):
-        reference = unit(stream, *lead, 3)
-        by_place = 0.01 * np.cross(reference[..., None, :], stream.standard_normal((*lead, count, 3))).swapaxes(-1, -2)
-        turned = quaternion_to_matrix(quaternions).swapaxes(-1, -2) @ reference[..., None]
-        measured = turned[..., 0] * np.sign(turned[..., 2:, 0])
-        seen.append((measured, across(measured, 0.01), reference, by_place))
-
-    def run(pick: tuple[int, ...]) -> AttitudeState:
-        state = start_state(quaternions[pick], rates[pick], 0.5, 0.01, GATE)
-        for measured, covariance, reference, by_place in seen:
-            state = predict(INERTIA, noise, state, KNOWN, ORBIT_RATE, 0.25)
-            direction = DirectionObservation(
-                measured[pick],
-                covariance[pick],
-                reference[pick],
-                bias_rad=0.01 * cosine_slopes(measured[pick]),
-                reference_bias_rad=by_place[pick],
-            )
-            state = update(state, direction, GATE)
-        return state
-
-    together = run(())
-    assert together.biases is not None
-    assert together.biases.estimate.shape == (2, 2, 8)
-    assert together.biases.correlation.shape == (2, 2, 6, 8)
-    for index in np.ndindex(*lead):
-        alone = run(index)
-        assert alone.biases is not None
-        assert float(rotation_angle_between_rad(together.quaternion[index], alone.quaternion)) < 1e-7
-        np.testing.assert_allclose(together.rate_rad_s[index], alone.rate_rad_s, atol=1e-9)
-        np.testing.assert_allclose(together.covariance[index], alone.covariance, rtol=1e-6, atol=1e-12)
-        for name in ("estimate", "covariance", "correlation"):
-            many, one = (getattr(biases, name) for biases in (together.biases, alone.biases))
-            np.testing.assert_allclose(many[index], one, rtol=1e-6, atol=1e-9, err_msg=name)
 
 
 def test_a_torque_that_is_known_to_be_none_needs_no_constants(stream: np.random.Generator) -> None:

@@ -67,16 +67,6 @@ def test_orbit_inside_the_atmosphere_is_refused() -> None:
         SunSynchronousOrbitParams(altitude_m=50e3)
 
 
-def test_a_stack_of_times_gives_the_points_of_each() -> None:
-    times = 1.7e9 + np.array([[0.0, 300.0, 2000.0], [3100.0, 4000.0, 5900.0]])
-    many = orbit_point(ORBIT, times)
-    for index in np.ndindex(2, 3):
-        one = ORBIT.point(times[index])
-        np.testing.assert_allclose(many.position_m[index], one.position_m, atol=1e-6)
-        np.testing.assert_allclose(many.frame[index], one.frame, atol=1e-12)
-        np.testing.assert_allclose(many.frame_rate_rad_s[index], one.frame_rate_rad_s, rtol=1e-9, atol=1e-15)
-
-
 @pytest.mark.parametrize("tilt", [0.3, 1.7])
 def test_the_frame_of_a_circular_orbit_is_that_of_three_plain_turns(tilt: float) -> None:
     """Along the orbit, about the line of nodes, about the axis of the Earth."""

@@ -4,7 +4,6 @@ Snapshots and known torques become attitude and rate; what does not fit together
 """
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,7 @@ import pytest
 
 from rf_pointing.array_sensors.attitude.ground_stations import (
     GroundStation,
-    place_slopes,
     stations_along_track,
-    view_stations,
 )
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
@@ -458,106 +455,9 @@ def test_between_two_torques_each_holds_from_its_own_time_on(lived: list[DoaMome
     np.testing.assert_allclose(first.rate.rate_rad_s, second.rate.rate_rad_s, atol=1e-9)
 
 
-def test_what_clock_and_places_add_to_the_references_are_their_slopes_times_their_sigmas() -> None:
-    """One column for the clock, then two for each station in the order in which they were first heard."""
-    first, second = STATIONS[1], STATIONS[2]
-    assert chain(time_sigma_s=0.0)._reference_biases((first.name,), START_S) is None
-    running = chain(time_sigma_s=0.4, place_sigma_m=300.0)
-    alone = running._reference_biases((second.name,), START_S)
-    assert alone is not None
-    assert alone.shape == (1, 3, 3)
-    both = running._reference_biases((first.name, second.name), START_S)
-    assert both is not None
-    assert both.shape == (2, 3, 5)
-    step_s = 0.01
-    ends = [view_stations(ORBIT, [first, second], START_S + shift).reference for shift in (-step_s, step_s)]
-    np.testing.assert_allclose(both[..., 0], 0.4 * (ends[1] - ends[0]) / (2.0 * step_s), rtol=1e-4, atol=1e-9)
-    slopes = 300.0 * place_slopes(ORBIT, [first, second], START_S)
-    np.testing.assert_allclose(both[1, :, 1:3], slopes[1], rtol=1e-9)
-    np.testing.assert_allclose(both[0, :, 3:5], slopes[0], rtol=1e-9)
-    assert not both[0, :, 1:3].any()
-    assert not both[1, :, 3:5].any()
-    np.testing.assert_allclose(alone[0], both[1, :, :3], rtol=1e-9)
-    exact_clock = chain(time_sigma_s=0.0, place_sigma_m=300.0)._reference_biases((first.name,), START_S)
-    assert exact_clock is not None
-    np.testing.assert_allclose(exact_clock[0], slopes[0], rtol=1e-9)
-    # A filter that starts anew counts them anew.
-    running._started(START_S)
-    again = running._reference_biases((first.name,), START_S)
-    assert again is not None
-    assert again.shape == (1, 3, 3)
-
-
-def test_a_station_nearer_to_a_known_one_than_its_direction_is_sure_counts_as_that_one() -> None:
-    base = STATIONS[1]
-    near, far = (
-        replace(base, name=name, latitude_rad=base.latitude_rad + off) for name, off in (("near", 2e-3), ("far", 2e-2))
-    )
-    running = chain([base, near, far], distinct_sigmas=4.0)
-    reference = view_stations(ORBIT, [base, near, far], START_S).reference
-    apart = np.linalg.norm(reference[1] - reference[0])
-
-    def sites(sigma: float, received: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
-        # The larger of two; of each half the trace is the variance.
-        found = [SimpleNamespace(covariance_rad2=np.diag([s**2, s**2, 0.0])) for s in (0.1 * sigma, sigma)]
-        return running._sites(received, found, names, START_S)
-
-    for share, site in ((0.99, "near"), (1.01, base.name)):
-        assert sites(share * apart / 4.0, (base.name,), ("near", "far")) == (site, "far")
-    wide = 1.01 * apart / 4.0
-    assert sites(wide, (base.name, "near"), ("near",)) == ("near",)
-    assert sites(wide, (), ("near", base.name)) == ("near", "near")
-
-
-def test_torques_hold_from_their_time_to_the_next_and_those_before_are_forgotten() -> None:
-    running = chain(torque_age_max_s=1.5)
-    known = [KnownTorque(**{**vars_of(NO_TORQUE), "control_n_m": np.full(3, float(k))}) for k in range(4)]
-    for k, each in enumerate(known):
-        running.take_torque(HeldTorque(t_s=START_S + k, known=each), START_S + k)
-    assert running._pieces(START_S + 2.0, START_S + 2.0) == []
-    assert running._pieces(START_S + 0.5, START_S + 2.0) == [(START_S + 1.0, known[0]), (START_S + 2.0, known[1])]
-    assert running._pieces(START_S + 1.0, START_S + 3.25) == [
-        (START_S + 2.0, known[1]), (START_S + 3.0, known[2]), (START_S + 3.25, known[3]),
-    ]  # fmt: skip
-    # That of the filter's own time is in force; the one before it is gone.
-    with pytest.raises(ValueError, match="no torque is known at"):
-        running._pieces(START_S + 0.5, START_S + 2.0)
-    assert running._pieces(START_S + 3.0, START_S + 4.5) == [(START_S + 4.5, known[3])]
-    with pytest.raises(ValueError, match=r"is 1\.51 s old, must be <= 1\.5 s"):
-        running._pieces(START_S + 3.0, START_S + 4.51)
-
-
-def vars_of(torque: KnownTorque) -> dict[str, np.ndarray]:
-    return {name: getattr(torque, name) for name in ("control_n_m", "wheel_momentum_n_m_s", "wheel_momentum_rate_n_m")}
-
-
-def test_contact_is_as_old_as_the_last_direction_inside_the_gate(lived: list[DoaMoment]) -> None:
-    running = chain()
-    run(running, lived[:30])
-    assert running._filter is not None
-    assert running._filter.state.heard_s == START_S + 29.0
-    elsewhere = moments(33, roll_rad=-0.5, yaw_rad=-2.4)[30:]
-    run(running, elsewhere)
-    assert running._filter.state.heard_s == START_S + 29.0
-    assert running._filter.refused == 3
-
-
 def test_elements_and_gains_that_the_array_has_not_are_refused_before_the_first_block() -> None:
     with pytest.raises(ValueError, match="excluded='99' must be numbers from 0 to 11"):
         chain(estimator=DoaEstimatorParams(excluded="99"))
     other = ArrayResponse(gain=np.ones(10, complex), coupling=np.zeros(5, complex))
     with pytest.raises(ValueError, match="response has 10 gains, must be elements=12"):
         chain(response=other)
-
-
-def test_stations_of_one_channel_are_received_through_an_array_of_nearly_known_phases() -> None:
-    lived = moments(30, access="together")
-    estimator = DoaEstimatorParams(phase_sigma_rad=0.005)
-    running = chain(estimator=estimator)
-    found = run(running, lived)
-    assert not any(report.refused for report in found[5:])
-    assert running._filter is not None
-    # The two constants of the array are estimated along.
-    assert running._filter.state.bank.biases is not None
-    variances = np.diagonal(running._filter.state.bank.biases.covariance, axis1=-2, axis2=-1)
-    assert np.all(variances[..., :2] < 1.0)

@@ -336,45 +336,6 @@ def test_one_direction_of_a_channel_of_three_stations_starts_a_bank_for_each() -
         assert np.sum(np.linalg.norm(turned - station.reference, axis=1) < 1e-6) == 12
 
 
-@pytest.mark.parametrize(
-    ("variances", "sound"),
-    [
-        ([1.0, 1.1e-9, 0.0], True),
-        ([1.0, 0.9e-9, 0.0], False),
-        ([1.0, 1.0, -0.9e-9], True),
-        ([1.0, 1.0, -1.1e-9], False),
-        ([0.0, 0.0, 0.0], False),
-    ],
-)
-def test_a_direction_needs_two_variances_above_a_billionth_of_the_largest(variances: list[float], sound: bool) -> None:
-    towards = np.array([0.0, 0.0, 1.0])
-    seen = StationDirection(
-        station="ahead", measured=towards, covariance_rad2=1e-5 * np.diag(variances), reference=towards
-    )
-    if sound:
-        assert attitude_filter._checked(seen).covariance_rad2[0, 0] == 1e-5
-    else:
-        with pytest.raises(ValueError, match=r"two of them must be > 0 and none negative"):
-            attitude_filter._checked(seen)
-
-
-def test_constants_of_a_direction_are_two_of_the_array_and_any_number_of_its_reference() -> None:
-    sound = replace(AHEAD, bias_rad=np.ones((3, 2)), reference_bias_rad=np.ones((3, 4)))
-    checked = attitude_filter._checked(sound)
-    assert checked.bias_rad is not None
-    assert checked.reference_bias_rad is not None
-    assert (checked.bias_rad.shape, checked.reference_bias_rad.shape) == ((3, 2), (3, 4))
-    plain = attitude_filter._checked(AHEAD)
-    assert (plain.bias_rad, plain.reference_bias_rad) == (None, None)
-    for changes, words in (
-        ({"bias_rad": np.ones((3, 3))}, "bias_rad has shape"),
-        ({"bias_rad": np.full((3, 2), np.nan)}, "bias_rad"),
-        ({"reference_bias_rad": np.ones((2, 4))}, "reference_bias_rad has shape"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            attitude_filter._checked(replace(AHEAD, **changes))
-
-
 def test_the_first_direction_is_contact_and_later_ones_only_inside_the_gate() -> None:
     running = doa_filter()
     started(running, quaternion_to_matrix(TRUTH).T @ ORBIT_RATE)

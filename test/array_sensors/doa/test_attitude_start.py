@@ -28,7 +28,6 @@ from rf_pointing.array_sensors.doa.attitude_start import (
     StartParams,
     aligned_start,
     best_of_bank,
-    joined,
     remaining,
     start_bank,
 )
@@ -98,23 +97,6 @@ def test_bank_converges_from_any_attitude_within_30_seconds_of_the_first_hand_of
     assert np.degrees(np.linalg.norm(error[3:])) < 0.01
 
 
-def test_banks_of_many_filters_are_those_of_each_one(stream: np.random.Generator) -> None:
-    guesses, measured, reference = unit(stream, 5, 4), unit(stream, 5, 3), unit(stream, 3)
-    first = [seen(each, reference) for each in measured]
-    together = DirectionObservation(
-        measured, np.stack([each.covariance_rad2 for each in first]), np.broadcast_to(reference, (5, 3))
-    )
-    banks = start_bank(START, GATE, guesses, np.zeros((5, 3)), together)
-    assert banks.quaternion.shape == (5, START.hypotheses, 4)
-    banks = replace(banks, misfit=stream.uniform(size=banks.misfit.shape))
-    best = best_of_bank(banks)
-    for k, each in enumerate(first):
-        alone = start_bank(START, GATE, guesses[k], np.zeros(3), each)
-        np.testing.assert_allclose(np.abs(np.sum(alone.quaternion * banks.quaternion[k], axis=-1)), 1.0, atol=1e-12)
-        chosen = best_of_bank(replace(alone, misfit=banks.misfit[k]))
-        assert float(rotation_angle_between_rad(chosen.quaternion[0], best.quaternion[k, 0])) < 1e-7
-
-
 def members(turns_rad: list[float], misfits: list[float]) -> AttitudeState:
     """Return a bank turned about x, with sigmas of 0.1 rad and 0.01 rad/s."""
     quaternions = quaternion_from_rotation_vector(np.outer(turns_rad, [1.0, 0.0, 0.0]))
@@ -136,31 +118,3 @@ def test_a_difference_of_the_rates_counts_as_one_of_the_attitudes_does() -> None
     bank = members([0.0, 0.0, 0.0], [1.0, 2.0, 3.0])
     bank = replace(bank, rate_rad_s=np.array([[0.0, 0.0, 0.0], [0.0, 0.024, 0.0], [0.0, 0.0, -0.025]]))
     assert remaining(StartParams(), bank).misfit.tolist() == [1.0, 3.0]
-
-
-def test_banks_are_joined_member_by_member() -> None:
-    first, second = members([0.0, 0.3], [1.0, 2.0]), members([0.6], [3.0])
-    second = replace(second, refused=np.array([4]), covariance=2.0 * second.covariance)
-    both = joined([first, second])
-    assert both.misfit.tolist() == [1.0, 2.0, 3.0]
-    assert both.refused.tolist() == [GATE.doubt_after, GATE.doubt_after, 4]
-    np.testing.assert_array_equal(both.quaternion, [*first.quaternion, *second.quaternion])
-    np.testing.assert_array_equal(both.covariance, [*first.covariance, *second.covariance])
-    assert both.rate_rad_s.shape == (3, 3)
-    assert both.biases is None
-
-
-def test_members_of_a_bank_start_with_the_stated_uncertainty_and_the_rate_of_the_guess(
-    stream: np.random.Generator,
-) -> None:
-    params = StartParams(attitude_rad=0.2, rate_rad_s=0.03, hypotheses=5)
-    measured, reference, rate = unit(stream, 3), unit(stream, 3), np.array([0.01, -0.02, 0.03])
-    bank = start_bank(params, GATE, unit(stream, 4), rate, seen(measured, reference))
-    np.testing.assert_allclose(bank.covariance, np.tile(np.diag([0.04] * 3 + [9e-4] * 3), (5, 1, 1)))
-    np.testing.assert_array_equal(bank.rate_rad_s, np.tile(rate, (5, 1)))
-    for k, quaternion in enumerate(bank.quaternion):
-        np.testing.assert_allclose(quaternion_to_matrix(quaternion) @ measured, reference, atol=1e-12)
-        between = float(rotation_angle_between_rad(quaternion, bank.quaternion[0]))
-        assert between == pytest.approx(2.0 * np.pi / 5.0 * min(k, 5 - k), abs=1e-7)
-    alone = aligned_start(params, GATE, bank.quaternion[0], rate, seen(measured, reference))
-    np.testing.assert_allclose(alone.covariance, bank.covariance[0])

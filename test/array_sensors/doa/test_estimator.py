@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams, steering
+from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
 from rf_pointing.array_sensors.doa.array_source import ArraySource, ArraySourceParams, SnapshotBlock
-from rf_pointing.array_sensors.doa.covariance import Eigen
-from rf_pointing.array_sensors.doa.cramer_rao import direction_bound_rad2
 from rf_pointing.array_sensors.doa.estimator import DoaEstimator, DoaEstimatorParams
 from rf_pointing.papers.doa_study.directions import direction_from_polar, polar_basis
 
@@ -152,43 +150,6 @@ def test_uncertain_phases_and_several_sources_do_not_go_together() -> None:
     assert all(each.valid for each in DoaEstimator(ARRAY, DoaEstimatorParams(sources=2)).estimate(block))
 
 
-@pytest.mark.parametrize("sources", [1, 2])
-@pytest.mark.parametrize("excluded", ["", "2,7"])
-def test_power_noise_covariance_and_bias_of_an_estimate_are_those_written_out(sources: int, excluded: str) -> None:
-    """Noise from the eigenvalues that are left, powers by least squares, the bound at them, carried to the sphere."""
-    response = ArrayResponse(
-        gain=np.exp(0.4j * np.arange(12)) * np.linspace(0.8, 1.2, 12),
-        coupling=np.array([0.1j, 0.05, 0.0, 0.0, 0.0, 0.0]),
-    )
-    sigma = 0.01
-    estimator = DoaEstimator(
-        ARRAY, DoaEstimatorParams(sources=sources, excluded=excluded, phase_sigma_rad=sigma), response=response
-    )
-    (block,) = blocks([3.0, 6.0][:sources], [0.4, 0.9][:sources], [0.5, 3.0][:sources], 1, response=response)
-    found = estimator.estimate(block)
-    assert len(found) == sources
-    used = [k for k in range(12) if str(k) not in excluded.split(",")]
-    heard = block.snapshots[used]
-    covariance = heard @ heard.conj().T / 100
-    values = np.linalg.eigvalsh(covariance)[::-1]
-    noise = np.mean(values[sources:]) * 100 / (100 - sources)
-    matrix = response.matrix[used]
-    directions = np.array([each.direction for each in found])
-    inverse = np.linalg.pinv(matrix @ steering(ARRAY, directions).T)
-    powers = np.diag(inverse @ (covariance - noise * np.eye(len(used))) @ inverse.conj().T).real / noise
-    bound = direction_bound_rad2(ARRAY, directions, np.diag(powers).astype(complex), 100, matrix)
-    for k, each in enumerate(found):
-        assert each.snr_db == pytest.approx(10.0 * np.log10(powers[k]))
-        cosines = bound[np.ix_([k, k + sources], [k, k + sources])]
-        assert each.effective_snr == pytest.approx(2.0 / (2.0 * np.pi) ** 2 / np.trace(cosines))
-        x, y, z = each.direction
-        slopes = np.array([[1.0, 0.0], [0.0, 1.0], [-x / z, -y / z]])
-        np.testing.assert_allclose(each.covariance_rad2, slopes @ cosines @ slopes.T, rtol=1e-9)
-        np.testing.assert_allclose(each.bias_rad, sigma * np.sqrt(2.0 / len(used)) / (2.0 * np.pi) * slopes, rtol=1e-9)
-        assert each.valid, each.reason
-        assert each.t_s == block.t_s
-
-
 def test_bounds_of_the_verdict_are_where_they_are_stated() -> None:
     (block,) = blocks([0.0], [0.7], [1.0], 1)
     (found,) = DoaEstimator(ARRAY, DoaEstimatorParams()).estimate(block)
@@ -207,20 +168,3 @@ def test_bounds_of_the_verdict_are_where_they_are_stated() -> None:
         DoaEstimator(ARRAY, DoaEstimatorParams(), response=ten)
     with pytest.raises(ValueError, match="snapshots of 11 elements, must be 12"):
         DoaEstimator(ARRAY, DoaEstimatorParams()).estimate(SnapshotBlock(t_s=0.0, snapshots=block.snapshots[1:]))
-
-
-@pytest.mark.parametrize(("share", "sound"), [(1.1e-12, True), (0.9e-12, False)])
-def test_noise_must_be_above_a_trillionth_of_the_strongest_signal(share: float, sound: bool) -> None:
-    estimator, count = DoaEstimator(ARRAY, DoaEstimatorParams()), 100
-    steered = steering(ARRAY, direction_from_polar(0.4, 0.5))[:, None]
-    # The noise of the eigenvalues left is a hundredth more than their mean.
-    left = share * (count - 1) / count
-    found = Eigen(np.array([1.0] + [left] * 11), np.eye(12, dtype=complex))
-    covariance = steered @ steered.conj().T / 12.0
-    if sound:
-        noise, powers = estimator._powers(covariance, found, steered, count)
-        assert noise == pytest.approx(share)
-        assert powers[0, 0].real == pytest.approx(1.0 / 12.0)
-    else:
-        with pytest.raises(ValueError, match="no noise to judge by"):
-            estimator._powers(covariance, found, steered, count)

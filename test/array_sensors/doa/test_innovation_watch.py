@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 from rf_pointing.array_sensors.attitude.rotations import tangent_rows
 from rf_pointing.array_sensors.doa.innovation_watch import InnovationWatch, WatchParams
@@ -66,44 +65,6 @@ def test_the_weights_are_those_of_a_memory_that_fades() -> None:
     watch = watched(1, count, np.zeros(3))[-1]
     np.testing.assert_allclose(watch.weight, (1.0 - keep**count) / (1.0 - keep))
     np.testing.assert_allclose(watch.weight2, (1.0 - keep ** (2 * count)) / (1.0 - keep**2))
-
-
-def test_sums_tests_and_bias_are_those_written_out_over_all_directions() -> None:
-    """Each memory by itself, its weights from the newest direction back; one direction lies outside the gate."""
-    stream, params, gate = np.random.default_rng(17), WatchParams(directions=(7.0, 40.0), false_alarm=1e-3), 9.0
-    watch, taken = InnovationWatch(), []
-    for number in range(25):
-        towards = stream.standard_normal(3)
-        rows = tangent_rows(towards / np.linalg.norm(towards))
-        root = np.tril(stream.uniform(0.5, 1.5, (2, 2)))
-        z = rows @ np.array([0.9, -0.3, 0.2]) + root @ stream.standard_normal(2) + (20.0 if number == 11 else 0.0)
-        taken.append((z, root @ root.T, rows))
-        watch = watch.with_direction(params, *taken[-1], gate)
-    squares, chances, biases = [], [], []
-    for memory in params.directions:
-        weights = (1.0 - 1.0 / memory) ** np.arange(24, -1, -1)
-        mean_square, common, spread, size = 0.0, np.zeros(3), np.zeros((3, 3)), np.zeros((3, 3))
-        for weight, (z, covariance, rows) in zip(weights, taken, strict=True):
-            inverse = np.linalg.inv(covariance)
-            mean_square += weight * min(z @ inverse @ z, gate)
-            if z @ inverse @ z <= gate:
-                common += weight * rows.T @ inverse @ z
-                spread += weight**2 * rows.T @ inverse @ rows
-                size += weight * rows.T @ inverse @ rows
-        freedom = 2.0 * np.sum(weights) ** 2 / np.sum(weights**2)
-        chances.append(chi2.sf(mean_square / np.sum(weights) * freedom / 2.0, freedom))
-        squares.append(common @ np.linalg.solve(spread, common))
-        biases.append(np.linalg.solve(size, common))
-    best = int(np.argmax(squares))
-    assert squares[best] > chi2.isf(0.05, 3)
-    expected = (1.0 - chi2.isf(0.05, 3) / squares[best]) * np.outer(biases[best], biases[best])
-    np.testing.assert_allclose(watch.bias_covariance(), expected, rtol=1e-9)
-    # Just beside its own chance each test says the opposite.
-    for words, chance in (("mean squared", min(chances)), ("common mean", chi2.sf(max(squares), 3))):
-        assert chance < 0.05
-        for share in (0.95, 1.05):
-            doubts = watch.doubts(WatchParams(directions=params.directions, false_alarm=float(share * chance)))
-            assert any(words in each for each in doubts) is (share > 1.0)
 
 
 def test_a_handful_of_directions_proves_nothing() -> None:

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from rf_pointing.array_sensors.doa import music
-from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering, steering_taylor
+from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
 from rf_pointing.array_sensors.doa.cramer_rao import effective_snr, polar_sigma_rad
 from rf_pointing.array_sensors.doa.music import (
-    _log_fraction,
-    _newton_step,
     estimate_directions,
     lattice,
     refine_peaks,
@@ -116,70 +114,6 @@ def test_unusable_covariance_is_refused(bad: np.ndarray) -> None:
         estimate_directions(ARRAY, bad.astype(complex))
 
 
-@pytest.mark.parametrize("calibrated", [False, True])
-def test_slope_and_curvature_of_the_fraction_are_its_derivatives_by_the_direction_cosines(
-    stream: np.random.Generator, calibrated: bool
-) -> None:
-    """log |V^H C a|^2 / |C a|^2 of two signal vectors, by differences of the steering vectors."""
-    array = CircularArrayParams(elements=9, radius_m=0.13, wavelength_m=0.12)
-    vectors = np.linalg.qr(complex_normal(stream, (4, 9, 2)))[0]
-    response = np.eye(9) + 0.2 * complex_normal(stream, (9, 9)) if calibrated else None
-    points = directions(stream, 4, 1.0)
-
-    def fraction(cosines: np.ndarray) -> np.ndarray:
-        a = steering(array, np.column_stack([cosines, np.sqrt(1.0 - np.sum(cosines**2, axis=1))]))
-        heard = a if response is None else a @ response.T
-        onto = np.einsum("nmk,nm->nk", vectors.conj(), heard)
-        return np.sum(np.abs(onto) ** 2, axis=1) / np.sum(np.abs(heard) ** 2, axis=1)
-
-    numerator = vectors.conj().swapaxes(-1, -2)
-    found, slope, curve = _log_fraction(
-        array, steering_taylor(array), numerator if response is None else numerator @ response, points, response
-    )
-    flat, step = points[:, :2], 1e-4
-    np.testing.assert_allclose(found, fraction(flat), rtol=1e-12)
-    moves = step * np.eye(2)
-    here = np.log(fraction(flat))
-    for i, first in enumerate(moves):
-        ends = [np.log(fraction(flat + sign * first)) for sign in (1.0, -1.0)]
-        np.testing.assert_allclose(slope[:, i], (ends[0] - ends[1]) / (2.0 * step), rtol=1e-4, atol=1e-3)
-        np.testing.assert_allclose(curve[:, i, i], (ends[0] - 2.0 * here + ends[1]) / step**2, rtol=1e-3, atol=0.05)
-        for j, second in enumerate(moves):
-            if i != j:
-                corners = [
-                    np.log(fraction(flat + a * first + b * second)) * a * b for a in (1.0, -1.0) for b in (1.0, -1.0)
-                ]
-                np.testing.assert_allclose(curve[:, i, j], sum(corners) / (4.0 * step**2), rtol=1e-3, atol=0.05)
-
-
-def test_a_step_climbs_by_the_size_of_each_curvature_and_no_farther_than_its_limit(
-    stream: np.random.Generator,
-) -> None:
-    """Peaks, valleys and saddles: along each axis of the Hessian the slope over the curvature's size, on the sphere."""
-    count, limit = 40, 0.05
-    points = directions(stream, count, 1.5)
-    gradient = stream.standard_normal((count, 2))
-    hessian = 30.0 * stream.standard_normal((count, 2, 2))
-    hessian = hessian + hessian.swapaxes(1, 2)
-    found, length = _newton_step(points, gradient, hessian, limit)
-    kinds = set()
-    for k, direction in enumerate(points):
-        basis = np.linalg.svd(direction[None])[2][1:]
-        lifted_slope, lifted_curve = np.append(gradient[k], 0.0), np.zeros((3, 3))
-        lifted_curve[:2, :2] = hessian[k]
-        curve = basis @ lifted_curve @ basis.T - float(direction @ lifted_slope) * np.eye(2)
-        values, axes = np.linalg.eigh(curve)
-        kinds.add(tuple(values > 0.0))
-        step = basis.T @ (axes @ ((axes.T @ (basis @ lifted_slope)) / np.abs(values)))
-        size = np.linalg.norm(step)
-        moved = direction + step * min(1.0, limit / size)
-        moved[2] = abs(moved[2])
-        np.testing.assert_allclose(found[k], moved / np.linalg.norm(moved), atol=1e-9)
-        assert length[k] == pytest.approx(min(size, limit))
-    assert kinds == {(False, False), (False, True), (True, True)}
-    assert 0 < np.sum(length < limit) < count
-
-
 def test_the_lattice_fills_the_unit_circle_of_cosines_evenly() -> None:
     points = lattice(0.25)
     expected = {(u / 4.0, v / 4.0) for u in range(-4, 5) for v in range(-4, 5) if u * u + v * v <= 16}
@@ -209,10 +143,3 @@ def test_a_start_that_has_not_arrived_is_flagged(stream: np.random.Generator, mo
     assert refine_peaks(ARRAY, signal, starts).converged.tolist() == [True, True, True]
     monkeypatch.setattr(music, "MAX_ITERATIONS", 1)
     assert refine_peaks(ARRAY, signal, starts).converged.tolist() == [True, False, True]
-
-
-def test_on_flat_ground_a_step_is_as_long_as_the_least_curvature_lets_it() -> None:
-    """A curvature of 1e-6 over the square of the longest step is the least that counts."""
-    for limit in (0.05, 0.2):
-        _, length = _newton_step(np.array([[0.0, 0.0, 1.0]]), np.array([[3e-9, 4e-9]]), np.zeros((1, 2, 2)), limit)
-        assert length[0] == pytest.approx(5e-9 * limit**2 / 1e-6)

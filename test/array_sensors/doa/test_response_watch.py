@@ -1,18 +1,15 @@
 """The watch over the array is silent on a known response and finds one that is not as known."""
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
 from rf_pointing.array_sensors.doa.array_source import ArraySource, ArraySourceParams
-from rf_pointing.array_sensors.doa.covariance import Eigen
 from rf_pointing.array_sensors.doa.estimator import DoaEstimator, DoaEstimatorParams
 from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
-from rf_pointing.array_sensors.doa.response_watch import ResponseMisfit, ResponseWatch, response_misfit
+from rf_pointing.array_sensors.doa.response_watch import ResponseMisfit, ResponseWatch
 
 ARRAY, PARAMS = CircularArrayParams(), WatchParams()
 TOWARDS = np.array([[0.1, 0.2, np.sqrt(0.95)], [-0.5, 0.3, np.sqrt(0.66)]])
@@ -93,71 +90,6 @@ def test_two_sources_with_one_maximum_leave_another_that_noise_does_not_make(apa
     # Chi-square of 16 degrees exceeds 39.3 with 1e-3.
     one = ResponseMisfit(squared=1.0, noise_rad2=0.02, freedom=16)
     assert one.by_chance(0.1, 1e-3) == pytest.approx(39.25 * (1.15 * 0.02 + 0.01), rel=0.002)
-
-
-@pytest.mark.parametrize("sources", [1, 2])
-def test_misfit_of_one_direction_is_that_written_out(sources: int) -> None:
-    """What of the response lies outside the signals, and the variance of it by each signal's eigenvalue."""
-    stream, count, noise = np.random.default_rng(9), 40, 0.8
-    signals = stream.standard_normal((12, sources, 2)) @ [1.0, 1j]
-    covariance = 3.0 * signals @ signals.conj().T + noise * np.eye(12)
-    values, vectors = np.linalg.eigh(covariance)
-    found = Eigen(values[::-1], vectors[:, ::-1])
-    steered = signals[:, 0] + 0.2 * (stream.standard_normal((12, 2)) @ [1.0, 1j])
-    ours = response_misfit(found, sources, 7.0 * steered, noise, count)
-    unit = steered * np.sqrt(12.0) / np.linalg.norm(steered)
-    outside, variance = unit.copy(), 0.0
-    for k in range(sources):
-        vector, value = vectors[:, -1 - k], values[-1 - k]
-        along = vector.conj() @ unit
-        outside = outside - along * vector
-        variance += abs(along) ** 2 * noise * value / (value - noise) ** 2 / (2.0 * count)
-    assert ours.noise_rad2 == pytest.approx(variance)
-    if sources == 1:
-        across = [np.imag(o / (u / abs(u))) for o, u in zip(outside, unit, strict=True)]
-        assert (ours.squared, ours.freedom) == (pytest.approx(np.sum(np.square(across))), 9)
-    else:
-        assert (ours.squared, ours.freedom) == (pytest.approx(np.sum(np.abs(outside) ** 2)), 18)
-    # A signal that is not above the noise is taken as just above it.
-    weak = Eigen(np.r_[np.full(sources, noise), found.values[sources:]], found.vectors)
-    raised = response_misfit(weak, sources, steered, noise, count)
-    power = np.sum(np.abs(found.vectors[:, :sources].conj().T @ unit) ** 2)
-    assert raised.noise_rad2 == pytest.approx(power * 1.001 / noise / 0.001**2 * noise / (2.0 * count))
-
-
-def test_sums_of_the_watch_and_its_verdict_are_those_written_out() -> None:
-    """Every memory by itself, from the newest direction back; the verdict turns round at its own limit."""
-    stream, params = np.random.default_rng(4), WatchParams(directions=(6.0, 30.0), false_alarm=1e-3)
-    watch, taken = ResponseWatch(), []
-    for _ in range(20):
-        freedom, noise = int(stream.integers(5, 10)), float(stream.uniform(1e-4, 3e-4))
-        taken.append(ResponseMisfit(squared=1.5 * noise * stream.chisquare(freedom), noise_rad2=noise, freedom=freedom))
-        watch = watch.with_direction(params, taken[-1])
-
-    def excess(share: float, phase_sigma_rad: float) -> float:
-        """Return by how much the worst memory is beyond its limit with the squares of all directions times `share`."""
-        worst = -np.inf
-        for memory in params.directions:
-            weights = (1.0 - 1.0 / memory) ** np.arange(19, -1, -1)
-            squared = share * sum(w * m.squared for w, m in zip(weights, taken, strict=True))
-            due = sum(w * m.freedom * m.noise_rad2 for w, m in zip(weights, taken, strict=True))
-            spread = sum(2.0 * w**2 * m.freedom * m.noise_rad2**2 for w, m in zip(weights, taken, strict=True))
-            freedom = sum(w * m.freedom for w, m in zip(weights, taken, strict=True))
-            degrees = 2.0 * due**2 / spread
-            known = phase_sigma_rad**2 * chi2.isf(1e-3, 9.0) / 9.0 * freedom
-            worst = max(worst, squared / (chi2.isf(1e-3, degrees) / degrees * (1.15 * due + known)))
-        return float(worst)
-
-    for phase_sigma_rad in (0.0, 0.01):
-        at_limit = 1.0 / excess(1.0, phase_sigma_rad)
-        for share in (0.999, 1.001):
-            other = ResponseWatch()
-            for each in taken:
-                other = other.with_direction(params, replace(each, squared=share * at_limit * each.squared))
-            assert bool(other.doubt(params, phase_sigma_rad, 9)) is (share > 1.0)
-    assert watch.freedom == pytest.approx(
-        [sum((1.0 - 1.0 / m) ** (19 - k) * taken[k].freedom for k in range(20)) for m in params.directions]
-    )
 
 
 def test_the_size_that_is_named_is_the_excess_over_the_noise_per_element() -> None:

@@ -6,8 +6,7 @@ import pytest
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
 from rf_pointing.array_sensors.doa.covariance import count_sources, sample_covariance
 from rf_pointing.array_sensors.doa.cramer_rao import direction_bound_rad2
-from rf_pointing.array_sensors.doa.music import steered_lattice
-from rf_pointing.array_sensors.doa.several_sources import _lattice_maxima, estimate_several
+from rf_pointing.array_sensors.doa.several_sources import estimate_several
 from rf_pointing.array_sensors.doa.snapshots import draw_snapshots
 from rf_pointing.papers.doa_study.directions import direction_from_polar
 
@@ -78,34 +77,6 @@ def test_without_noise_the_count_is_not_made_from_rounding(sources: int, stream:
     a = steering(ARRAY, TWO[:sources]).T
     waves = stream.normal(size=(20, sources, 100)) + 1j * stream.normal(size=(20, sources, 100))
     assert np.all(count_sources(sample_covariance(a @ waves), 100) == sources)
-
-
-def test_starts_are_the_points_that_none_of_their_eight_neighbours_exceeds(stream: np.random.Generator) -> None:
-    signal, _ = np.linalg.qr(stream.normal(size=(12, 3)) + 1j * stream.normal(size=(12, 3)))
-    spacing = 0.15
-    points, received = steered_lattice(ARRAY, spacing)
-    share = np.linalg.norm(received @ signal.conj(), axis=1) ** 2 / np.linalg.norm(received, axis=1) ** 2
-    apart = np.max(np.abs(points[:, None, :2] - points[None, :, :2]), axis=-1)
-    highest = [bool(np.all(share[k] >= share[apart[k] < 1.5 * spacing])) for k in range(len(points))]
-    found = _lattice_maxima(ARRAY, signal, spacing, None)
-    np.testing.assert_allclose(found, points[highest], atol=1e-12)
-    assert 3 < len(found) < len(points) / 4
-
-
-def test_starts_of_a_calibrated_array_are_the_maxima_of_the_share_that_its_elements_receive(
-    stream: np.random.Generator,
-) -> None:
-    """Elements of very different gain: what they receive of a direction depends on it, and divides out."""
-    response = np.diag(np.linspace(0.2, 2.0, 12)) + 0.3 * stream.normal(size=(12, 12))
-    signal, _ = np.linalg.qr(stream.normal(size=(12, 2)) + 1j * stream.normal(size=(12, 2)))
-    spacing = 0.15
-    points, ideal = steered_lattice(ARRAY, spacing)
-    received = ideal @ response.T
-    share = np.linalg.norm(received @ signal.conj(), axis=1) ** 2 / np.linalg.norm(received, axis=1) ** 2
-    apart = np.max(np.abs(points[:, None, :2] - points[None, :, :2]), axis=-1)
-    highest = [bool(np.all(share[k] >= share[apart[k] < 1.5 * spacing])) for k in range(len(points))]
-    found = _lattice_maxima(ARRAY, signal, spacing, response)
-    np.testing.assert_allclose(found, points[highest], atol=1e-12)
 
 
 def test_what_is_found_comes_with_its_share_of_the_signals_best_first() -> None:

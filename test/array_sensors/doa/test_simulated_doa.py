@@ -1,6 +1,5 @@
 """The simulated satellite over its stations: start, torques, steps, and which stations its array hears."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ from rf_pointing.array_sensors.attitude.ground_stations import stations_along_tr
 from rf_pointing.array_sensors.attitude.multiplicative_filter import ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_roll_pitch_yaw, quaternion_to_matrix
-from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, propagate, rigid_inertia
+from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams, rigid_inertia
 from rf_pointing.array_sensors.doa.array import CircularArrayParams
 from rf_pointing.array_sensors.doa.array_source import ArraySourceParams
 from rf_pointing.array_sensors.doa.simulated_doa import DoaScenarioParams, SimulatedDoa
@@ -54,37 +53,6 @@ def test_the_torque_that_nobody_knows_acts_beside_the_one_that_is_reported() -> 
         )
     gained = 0.25 * 1e-3 * rigid_inertia(BODY).inverse @ np.ones(3)
     np.testing.assert_allclose(rates[1e-3] - rates[0.0], gained, rtol=1e-3)
-
-
-def test_the_unknown_torque_is_drawn_once_with_its_sigma() -> None:
-    noise = replace(SILENT, torque_n_m=2e-5)
-    drawn = np.array([simulated(noise, seed)._unknown_n_m for seed in range(200)])
-    # 600 numbers: 2.9 % each.
-    assert np.std(drawn) == pytest.approx(2e-5, rel=0.12)
-    shifted = simulated(noise, 7, unknown_torque_n_m=1e-4)._unknown_n_m
-    np.testing.assert_allclose(shifted, drawn[7] + 1e-4, rtol=1e-9)
-
-
-@pytest.mark.parametrize(("elapsed_s", "count"), [(0.25, 1), (0.265625, 2), (0.5, 2), (1.0, 4), (1.125, 5)])
-def test_a_long_step_is_made_of_equal_ones_of_a_quarter_of_a_second_at_most(elapsed_s: float, count: int) -> None:
-    """Each with the rate of the orbital frame in its middle."""
-    satellite = simulated(roll_rad=0.3, pitch_rad=-0.2, yaw_rad=1.1, unknown_torque_n_m=1e-4)
-    first = satellite.step(START_S)
-    held = first.torque.known
-    pushed = KnownTorque(
-        control_n_m=held.control_n_m + 1e-4,
-        wheel_momentum_n_m_s=held.wheel_momentum_n_m_s,
-        wheel_momentum_rate_n_m=held.wheel_momentum_rate_n_m,
-    )
-    quaternion, rate, length_s = first.truth.quaternion, first.truth.rate_rad_s, elapsed_s / count
-    for index in range(count):
-        frame_rate = ORBIT.point(START_S + (index + 0.5) * length_s).frame_rate_rad_s
-        quaternion, rate = propagate(rigid_inertia(BODY), quaternion, rate, pushed, frame_rate, length_s)
-    truth = satellite.step(START_S + elapsed_s).truth
-    # Steps of another length, or of a frame rate half a step away, differ by more.
-    np.testing.assert_allclose(truth.quaternion, quaternion, atol=1e-12)
-    np.testing.assert_allclose(truth.rate_rad_s, rate, rtol=1e-9, atol=1e-14)
-    assert truth.t_s == pytest.approx(START_S + elapsed_s, abs=1e-6)
 
 
 def test_stations_take_turns_or_send_together() -> None:

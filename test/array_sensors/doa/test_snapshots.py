@@ -7,7 +7,6 @@ from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
 from rf_pointing.array_sensors.doa.covariance import sample_covariance
 from rf_pointing.array_sensors.doa.music import estimate_directions
 from rf_pointing.array_sensors.doa.snapshots import (
-    _wishart_root,
     complex_normal,
     draw_covariances,
     draw_snapshots,
@@ -88,24 +87,6 @@ def test_correlated_constant_modulus_sources_are_refused(stream: np.random.Gener
 def test_no_snapshots_are_refused(stream: np.random.Generator) -> None:
     with pytest.raises(ValueError, match="snapshots=0 must be >= 1"):
         draw_covariances(ARRAY, SOURCE[None], 1.0, 0, stream)
-
-
-@pytest.mark.parametrize("degrees", [0, 3, 11, 12, 13, 40])
-def test_noise_drawn_by_its_triangle_has_the_law_of_its_snapshots(degrees: int, stream: np.random.Generator) -> None:
-    """Of a complex Wishart matrix of n degrees the trace has the law Gamma(M n), and each corner's minor its own mean."""
-    root = _wishart_root(4000, 12, degrees, stream)
-    drawn = root @ root.conj().swapaxes(1, 2)
-    trace = np.einsum("nii->n", drawn).real
-    # Four standard errors of mean and variance.
-    assert np.mean(trace) == pytest.approx(12.0 * degrees, abs=4.0 * np.sqrt(12.0 * degrees / 4000) + 1e-9)
-    if degrees:
-        assert np.var(trace) == pytest.approx(12.0 * degrees, rel=4.0 * np.sqrt(2.0 / 4000) + 0.01)
-        corner = np.mean(drawn[:, :2, :2], axis=0)
-        np.testing.assert_allclose(corner, degrees * np.eye(2), atol=5.0 * np.sqrt(degrees / 4000))
-        # The minor of two rows: n (n - 1).
-        minor = np.linalg.det(drawn[:, 10:, 10:]).real
-        spread = 6.0 * np.std(minor) / np.sqrt(4000) + 1e-9
-        assert np.mean(minor) == pytest.approx(degrees * (degrees - 1.0), abs=spread)
 
 
 def test_sources_of_no_power_and_negative_parts_of_rounding_are_taken_as_zero(stream: np.random.Generator) -> None:

@@ -65,17 +65,6 @@ def test_singular_geometry_and_impossible_amplitudes_are_refused(worked_example)
         roll_from_polarisation(np.array([[1.0, 0.0], [0.0, 0.0]]), xi)
 
 
-def test_fields_across_a_stack_of_paths_are_those_across_each(poses) -> None:
-    directions, attitudes = (each[:4].reshape(2, 2, *each.shape[1:]) for each in poses)
-    amplitudes = coupling_amplitudes(directions, attitudes)
-    found = tracking_frame_dipole(amplitudes[..., 0], directions)
-    rolls = roll_from_polarisation(amplitudes, directions)
-    for index in np.ndindex(2, 2):
-        one = tracking_frame_dipole(amplitudes[index][:, 0], directions[index])
-        np.testing.assert_allclose([each[index] for each in found], one, rtol=1e-9, atol=1e-12)
-        assert rolls[index] == pytest.approx(float(roll_from_polarisation(amplitudes[index], directions[index])))
-
-
 def test_dipoles_are_read_unless_the_path_is_along_one_of_them() -> None:
     for azimuth, elevation in ((np.pi / 2.0, 0.2), (0.3, np.pi / 2.0), (0.3, -np.pi / 2.0)):
         with pytest.raises(ValueError, match=r"azimuth1 or elevation1 is \+-90 deg"):

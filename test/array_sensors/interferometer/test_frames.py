@@ -104,13 +104,3 @@ def test_rep103_pose_points_the_same_way_in_flipped_axes(worked_example) -> None
     # A point one metre ahead of the passive body, by both conventions.
     np.testing.assert_allclose(orientation @ [1, 0, 0], (attitude.T @ [1, 0, 0]) * [1, -1, -1], atol=ROUNDING)
     np.testing.assert_allclose(orientation @ [0, 1, 0], (attitude.T @ [0, -1, 0]) * [1, -1, -1], atol=ROUNDING)
-
-
-def test_axes_of_a_stack_of_attitudes_are_those_of_each(rng) -> None:
-    attitudes = attitude_from_euler(*rng.uniform(-1.0, 1.0, (3, 4)))
-    positions = rng.normal(size=(4, 3))
-    places, turns = rep103_from_spacecraft(positions, attitudes)
-    for index in range(4):
-        place, turn = rep103_from_spacecraft(positions[index], attitudes[index])
-        np.testing.assert_array_equal(places[index], place)
-        np.testing.assert_array_equal(turns[index], turn)

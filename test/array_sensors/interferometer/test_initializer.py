@@ -118,15 +118,3 @@ def test_directions_outside_the_unit_circle_are_put_on_its_edge() -> None:
     root3 = np.sqrt(3.0)
     to_elements = np.array([-0.1, 0.5 * root3 / 2.0 + 0.05, -0.5 * root3 / 2.0 + 0.05])
     np.testing.assert_allclose(direction_cosines(3.0 * to_elements, 3.0), [0.5, -0.1, 0.74], atol=1e-12)
-
-
-def test_a_stack_of_ranges_gives_the_geometries_of_each(poses) -> None:
-    directions, attitudes = (each[:6].reshape(2, 3, *each.shape[1:]) for each in poses)
-    ranges = two_way_ranges(300.0 * directions, attitudes, UNEQUAL_ARRAYS)
-    couplings = coupling_amplitudes(directions, attitudes)
-    found, excess = initialize(ranges, couplings, UNEQUAL_ARRAYS), aperture_excess(ranges, UNEQUAL_ARRAYS)
-    for index in np.ndindex(2, 3):
-        one = initialize(ranges[index], couplings[index], UNEQUAL_ARRAYS)
-        for name in ("range_m", "forward", "reverse", "roll_rad", "position_m", "attitude"):
-            np.testing.assert_allclose(getattr(found, name)[index], getattr(one, name), rtol=1e-9, atol=1e-12)
-        np.testing.assert_allclose([each[index] for each in excess], aperture_excess(ranges[index], UNEQUAL_ARRAYS))

@@ -5,9 +5,7 @@ from scipy.stats import chi2
 from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler
 from rf_pointing.array_sensors.interferometer.measurement_model import (
     TrackedMotion,
-    displaced,
     local_difference,
-    local_gradient,
 )
 from rf_pointing.array_sensors.interferometer.motion import RelativeMotion, moved
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
@@ -119,43 +117,6 @@ def test_prediction_moves_and_grows() -> None:
     assert np.all(np.linalg.eigvalsh(later.covariance[:12, :12]) > 0.0)
 
 
-def test_linearising_at_a_given_motion_corrects_a_prediction_that_is_degrees_off() -> None:
-    system = InterferometerSystem()
-    truth = drawn_truth(random_stream(4, "truth"))
-    source = InterferometerSource(system, RadioParams(), LinkParams(), 4)
-    reading = read_ranges(source.measure(0.0, truth), system, NO_FLOOR)
-    geometry, factors = coarse_geometry(reading, None, system, SequenceParams(iterations=8))
-    snapshot = refine(geometry, factors, reading, system, False)
-    turned = RelativeMotion(
-        position_m=truth.position_m,
-        velocity_m_s=truth.velocity_m_s,
-        attitude=attitude_from_euler(0.08, -0.06, 0.1) @ truth.attitude,
-        rate_rad_s=truth.rate_rad_s,
-    )
-    covariance = np.diag(np.r_[[1.0, 500.0, 500.0], [0.5] * 3, [0.2] * 3, [2e-3] * 3, np.zeros(24)] ** 2)
-    prior = FilterState(
-        t_s=0.0,
-        tracked=TrackedMotion(motion=turned, excitation=np.ones(2)),
-        hardware=np.zeros(22),
-        covariance=covariance,
-    )
-    around = TrackedMotion(
-        motion=RelativeMotion(
-            position_m=snapshot.tracked.motion.position_m,
-            velocity_m_s=turned.velocity_m_s,
-            attitude=snapshot.tracked.motion.attitude,
-            rate_rad_s=turned.rate_rad_s,
-        ),
-        excitation=np.ones(2),
-    )
-    errors = []
-    for linearised in (None, around):
-        state = update(prior, reading, system, linearised).state
-        off = local_difference(TrackedMotion(motion=truth, excitation=np.ones(2)), state.tracked)[:12]
-        errors.append(off @ np.linalg.solve(state.covariance[:12, :12], off))
-    assert errors[1] < 40.0 < errors[0]
-
-
 def test_prediction_back_in_time_is_refused() -> None:
     _, state, _ = run(InterferometerSystem(), 2, 1)
     with pytest.raises(ValueError, match=r"t_s=-1.0 must be >= the state's t_s=0.0"):
@@ -201,38 +162,3 @@ def test_excitation_factors_start_unknown_only_where_they_are_tracked() -> None:
         np.testing.assert_array_equal(first.covariance, np.diag(pose))
         assert first.t_s == 1.5
         assert not np.any(first.hardware)
-
-
-def test_an_update_is_that_of_the_joint_linear_problem_of_motion_and_hardware() -> None:
-    """Prior and reading as one weighted least-squares problem of 36 unknowns, solved by its normal equations."""
-    system = InterferometerSystem()
-    _, state, _ = run(system, 5, 2)
-    source = InterferometerSource(system, RadioParams(hardware_phase_rad=0.002), LinkParams(), 5)
-    later = predict(state, state.t_s + 2.0, STEADY)
-    spread = np.diag(np.r_[np.full(14, 1e-12), np.full(22, 1e-8)])
-    prior = FilterState(
-        t_s=later.t_s,
-        tracked=later.tracked,
-        hardware=1e-4 * np.arange(22.0),
-        covariance=later.covariance + spread,
-    )
-    reading = read_ranges(
-        source.measure(later.t_s, moved(drawn_truth(random_stream(5, "truth")), 4.0)), system, NO_FLOOR
-    )
-    around = displaced(later.tracked, 1e-3 * np.ones(14))
-    change = local_difference(around, later.tracked)
-    found = update(prior, reading, system, around)
-    expected, gradient = local_gradient(later.tracked, change, reading, system)
-    whole = np.hstack([gradient, np.eye(22)])
-    gap = reading.vector - expected + gradient @ change - prior.hardware
-    information = np.linalg.inv(prior.covariance) + whole.T @ np.linalg.solve(reading.noise, whole)
-    step = np.linalg.solve(information, whole.T @ np.linalg.solve(reading.noise, gap))
-    sigma = np.sqrt(np.diag(np.linalg.inv(information)))
-    moved_by = local_difference(found.state.tracked, prior.tracked)
-    assert np.max(np.abs((moved_by - step[:14]) / sigma[:14])) < 1e-3
-    assert np.max(np.abs((found.state.hardware - prior.hardware - step[14:]) / sigma[14:])) < 1e-3
-    np.testing.assert_allclose(np.sqrt(np.diag(found.state.covariance)), sigma, rtol=1e-3)
-    spread_of_gap = whole @ prior.covariance @ whole.T + reading.noise
-    assert found.chi_square == pytest.approx(gap @ np.linalg.inv(spread_of_gap) @ gap, rel=1e-5)
-    assert found.degrees_of_freedom == 22
-    assert found.state.t_s == later.t_s

@@ -19,7 +19,6 @@ from rf_pointing.array_sensors.interferometer.reading import (
     RATES,
     ErrorFloor,
     PathMotion,
-    _Slots,
     rate_weights,
     read_ranges,
     resolve_ranges,
@@ -217,131 +216,6 @@ def test_a_measurement_of_another_schedule_is_refused(far) -> None:
     assert (RANGES.stop, RATES.stop) == (9, 18)
 
 
-@pytest.fixture(params=["ascending", "nested"])
-def slots(request, far, rng):
-    """Return the slots of a measurement whose power ratios differ in all slots and paths, and the system."""
-    system = InterferometerSystem(schedule=Schedule(order=request.param))
-    measured = InterferometerSource(system, RadioParams(), LinkParams(), 5).measure(0.0, far.motion)
-    uneven = dataclasses.replace(
-        measured,
-        snr_forward=rng.uniform(50.0, 500.0, measured.snr_forward.shape),
-        snr_return=rng.uniform(50.0, 500.0, measured.snr_return.shape),
-    )
-    return _Slots(uneven, system, 0.03), uneven, system
-
-
-def lanes_per_phase(plan: CarrierPlan) -> np.ndarray:
-    """Return by how many lanes an unrounded lane moves per radian of each carrier's phase, (K - 2, K), from moved phases."""
-    far_from_a_step = phases_of(2000.0, np.full((1, 1), 2000.0))
-    step = 1e-5
-    moved = [
-        resolve_ranges(far_from_a_step + sign * step * np.eye(plan.count)[:, :, None, None], PLAN).lane_residuals
-        for sign in (-1.0, 1.0)
-    ]
-    return ((moved[1] - moved[0])[..., 0, 0] / (2.0 * step)).T
-
-
-def test_sigma_of_a_lane_is_that_of_all_phases_and_of_the_motion_that_moved_them(slots, rng) -> None:
-    """Every slot's noise, every carrier's hardware phase, one rate and one acceleration of a path: summed one by one."""
-    taken, measured, system = slots
-    rate, acceleration = rng.uniform(1e-4, 1e-3, 9), rng.uniform(1e-5, 1e-4, 9)
-    found = taken.lane_sigma(0.02, rate, acceleration)
-    plan, times = system.plan, system.schedule.offsets_s(system.plan)
-    carriers = system.schedule.carriers(plan)
-    slope = lanes_per_phase(plan)
-    visits = np.array([np.sum(carriers == carrier) for carrier in range(plan.count)])
-    by_slot = slope[:, carriers] / visits[carriers]
-    radians_per_metre = np.pi * (plan.forward_carriers_hz + plan.return_carriers_hz)[carriers] / plan.speed_of_light_m_s
-    expected = np.zeros((plan.count - 2, 3, 3))
-    for i in range(3):
-        for j in range(3):
-            noise = 0.5 / measured.snr_forward + 0.5 / measured.snr_return[:, i, j] + 0.03**2
-            expected[:, i, j] = (
-                by_slot**2 @ noise
-                + 0.02**2 * np.sum(slope**2, axis=1)
-                + rate[3 * i + j] * (by_slot @ (radians_per_metre * times)) ** 2
-                + acceleration[3 * i + j] * (by_slot @ (radians_per_metre * times**2 / 2.0)) ** 2
-            )
-    np.testing.assert_allclose(found, np.sqrt(expected), rtol=1e-6)
-
-
-def test_noise_of_the_fine_ranges_is_that_of_the_first_and_the_last_carrier(slots) -> None:
-    taken, measured, system = slots
-    carriers = system.schedule.carriers(system.plan)
-    metres = system.plan.speed_of_light_m_s / (2.0 * np.pi * system.plan.offsets_hz[-1])
-    expected = np.zeros((9, 9))
-    for carrier in (0, system.plan.count - 1):
-        these = carriers == carrier
-        back = np.mean((0.5 / measured.snr_return + 0.03**2)[these], axis=0) / np.sum(these)
-        expected += np.diag(back.ravel()) + np.mean(0.5 / measured.snr_forward[these]) / np.sum(these)
-    np.testing.assert_allclose(taken.range_noise(), metres**2 * expected, rtol=1e-9)
-
-
-def test_rate_and_acceleration_are_a_straight_line_through_the_phase_rates_with_its_covariance(slots) -> None:
-    taken, measured, system = slots
-    times, plan = system.schedule.offsets_s(system.plan), system.plan
-    carriers = system.schedule.carriers(plan)
-    metres = plan.speed_of_light_m_s / np.pi / (plan.forward_carriers_hz + plan.return_carriers_hz)[carriers]
-    shown = metres[:, None] * measured.phase_rate_rad_s.reshape(len(times), 9)
-    line = np.linalg.pinv(np.stack([np.ones_like(times), times], axis=1))
-    rates, rate_noise, slopes, slope_noise = taken.path_motion()
-    np.testing.assert_allclose([rates.ravel(), slopes.ravel()], line @ shown, rtol=1e-9, atol=1e-12)
-    per_slot = (metres * np.sqrt(12.0) / system.schedule.dwell_s) ** 2
-    back = 0.5 / measured.snr_return.reshape(len(times), 9) + 0.03**2
-    for found, weights in ((rate_noise, line[0]), (slope_noise, line[1])):
-        scaled = weights**2 * per_slot
-        np.testing.assert_allclose(found, np.diag(scaled @ back) + scaled @ (0.5 / measured.snr_forward), rtol=1e-9)
-
-
-def test_the_bend_of_all_paths_is_where_the_phases_fit_whole_lanes_best(far, rng) -> None:
-    """Residuals of the lanes, weighed by their covariance, and the prior: least on a fine grid of accelerations."""
-    system = InterferometerSystem()
-    plan = system.plan
-    measured = InterferometerSource(system, RadioParams(), LinkParams(), 5).measure(0.0, far.motion)
-    taken = _Slots(measured, system, 0.3)
-    rates = expected_path_rates_m_s(far, system)
-    phases, _ = taken.at_epoch(rates, expected_path_accelerations_m_s2(far, system) - 0.021)
-    # Nearly the same on all paths: they change their lanes together, as far away.
-    phases = phases[:, :1, :1] + 0.0001 * rng.normal(size=phases.shape)
-    prior = 0.05**2 * np.ones((9, 9)) + np.diag(np.linspace(0.004, 0.009, 9) ** 2)
-    best, after, margin = taken.bend(phases, prior)
-
-    carriers, times = system.schedule.carriers(plan), system.schedule.offsets_s(plan)
-    mean_square_s2 = np.array([np.mean(times[carriers == carrier] ** 2) for carrier in range(plan.count)])
-    turned = (
-        0.5 * mean_square_s2 * np.pi * (plan.forward_carriers_hz + plan.return_carriers_hz) / plan.speed_of_light_m_s
-    )
-    slope = lanes_per_phase(plan)
-    noise = np.zeros(plan.count)
-    for carrier in range(plan.count):
-        these = carriers == carrier
-        back = np.mean(0.5 / measured.snr_return[these] + 0.3**2) / 9.0
-        noise[carrier] = (np.mean(0.5 / measured.snr_forward[these]) + back) / np.sum(these)
-    weight = np.linalg.inv(slope * noise @ slope.T)
-    variance = np.mean(prior)
-    tried = np.linspace(-4.0, 4.0, 2001) * np.sqrt(variance)
-    resolved = resolve_ranges(phases - (tried[:, None] * turned)[..., None, None], plan)
-    off = np.mean(resolved.lane_residuals, axis=(2, 3))
-    cost = np.einsum("nk,kl,nl->n", off, weight, off) + tried**2 / variance
-    # With the same lanes the cost is a parabola: three points give where its least is, and how much.
-    same = np.all(resolved.lanes[1:] == resolved.lanes[:-1], axis=(1, 2, 3))
-    rising, bending = 0.5 * (cost[2:] - cost[:-2]), cost[2:] - 2.0 * cost[1:-1] + cost[:-2]
-    least = np.r_[np.inf, np.where(same[1:] & same[:-1], cost[1:-1] - 0.5 * rising**2 / bending, np.inf), np.inf]
-    least[np.r_[True, np.abs(rising) > bending, True]] = np.inf
-    first = int(np.argmin(least))
-    vertex = tried[first] - (tried[1] - tried[0]) * rising[first - 1] / bending[first - 1]
-    assert best == pytest.approx(vertex, rel=1e-6)
-    assert best == pytest.approx(0.021, abs=0.01)
-    # Of the sets of lanes in which most ranges are others.
-    others = np.mean(np.abs(resolved.ranges_m - resolved.ranges_m[first]) > 0.5 * plan.ambiguities_m[-1], axis=(1, 2))
-    assert margin == pytest.approx(np.min(least[others > 0.5]) - least[first], rel=1e-6)
-    assert margin < 100.0
-    # What is left: the prior, and a measurement of the mean of all paths.
-    information = (lambda s: s @ weight @ s)(slope @ turned)
-    expected = np.linalg.inv(np.linalg.inv(prior) + information / 81.0 * np.ones((9, 9)))
-    np.testing.assert_allclose(after, expected, rtol=1e-6, atol=1e-12)
-
-
 @pytest.mark.parametrize("share", [0.98, 1.02])
 def test_ranges_below_zero_are_told_from_the_longest_down_to_half_a_lane_of_the_first_step(share: float) -> None:
     two_way = -share * PLAN.ambiguities_m[0] / (2.0 * PLAN.ratio)
@@ -357,19 +231,3 @@ def test_weights_of_the_links_are_those_of_their_frequencies() -> None:
     plan = CarrierPlan(count=3, ratio=2.0, forward_hz=3e9, return_hz=2e9)
     forward, back = rate_weights(InterferometerSystem(plan=plan, schedule=Schedule(order="ascending")))
     assert (forward, back) == (pytest.approx(1.2, abs=1e-6), pytest.approx(0.8, abs=1e-6))
-
-
-def test_standalone_ranges_are_corrected_by_the_measured_rates_and_know_their_errors(far) -> None:
-    system = InterferometerSystem(schedule=Schedule(order="ascending"))
-    measured = InterferometerSource(system, RadioParams(), LinkParams(), 5).measure(0.0, far.motion)
-    hint = PathMotion(
-        rates_m_s=expected_path_rates_m_s(far, system) + 0.01,
-        accelerations_m_s2=expected_path_accelerations_m_s2(far, system),
-    )
-    reading = read_ranges(measured, system, ErrorFloor(), hint)
-    ranges, spread = reading.standalone_ranges()
-    moved = reading.vector[RATES] - hint.rates_m_s.ravel()
-    np.testing.assert_allclose(ranges.ravel(), reading.vector[RANGES] - reading.lever_s * moved, rtol=1e-12)
-    total = reading.noise + np.diag(reading.hardware)
-    np.testing.assert_allclose(spread, total[RANGES, RANGES] + reading.lever_s**2 * total[RATES, RATES], rtol=1e-12)
-    assert reading.lever_s > 5.0

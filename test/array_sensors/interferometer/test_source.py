@@ -7,7 +7,6 @@ from rf_pointing.array_sensors.interferometer.motion import RelativeMotion
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
 from rf_pointing.array_sensors.interferometer.source import InterferometerSource
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem, Schedule, path_lengths
-from rf_pointing.core import random_stream
 from rf_pointing.papers.interferometer_simulation import carrier_phases
 
 SYSTEM = InterferometerSystem(schedule=Schedule(order="ascending"))
@@ -108,51 +107,6 @@ def test_undefined_input_is_refused() -> None:
         source().measure(float("inf"), motion())
     with pytest.raises(ValueError, match="reflection"):
         source().measure(0.0, motion(attitude=np.diag([1.0, 1.0, -1.0])))
-
-
-def test_hardware_errors_are_the_first_numbers_of_a_stream_of_their_own() -> None:
-    """Phases of every carrier and path, rates of every path, four couplings: in this order, whatever else is drawn."""
-    radio = LOUD.replace(hardware_phase_rad=0.05, hardware_rate_rad_s=0.3, hardware_coupling=0.02)
-    drawn = random_stream(3, "interferometer hardware")
-    phases, rates, couplings = (drawn.normal(size=size) for size in ((9, 3, 3), (3, 3), (2, 2)))
-    nested = InterferometerSystem(schedule=Schedule(order="nested"))
-    for system in (SYSTEM, nested):
-        biased = source(radio, system=system).measure(1.0, motion())
-        clean = source(system=system).measure(1.0, motion())
-        shown = np.angle(np.exp(1j * (biased.phase_rad - clean.phase_rad)))
-        np.testing.assert_allclose(shown, 0.05 * phases[system.schedule.carriers(system.plan)], atol=1e-9)
-        np.testing.assert_allclose(
-            biased.phase_rate_rad_s - clean.phase_rate_rad_s, np.broadcast_to(0.3 * rates, shown.shape), atol=1e-6
-        )
-        np.testing.assert_allclose(biased.amplitudes - clean.amplitudes, 0.02 * couplings, atol=1e-12)
-
-
-def test_noise_is_as_large_as_the_measurement_says_on_phases_rates_and_couplings() -> None:
-    """Forward noise on all paths of a slot alike, return noise on each; a rate by sqrt(12) over the dwell; a floor."""
-    system = InterferometerSystem(schedule=Schedule(order="simultaneous", dwell_s=0.2))
-    radio = RadioParams(forward_power_w=1e-6, return_power_w=1e-6, phase_noise_rad=0.02)
-    noisy, clean = source(radio, system=system), source(system=system)
-    truth = clean.measure(0.0, motion())
-    taken = [noisy.measure(0.0, motion()) for _ in range(400)]
-    first = taken[0]
-    assert np.all(first.locked)
-    forward = 0.5 / first.snr_forward
-    back = 0.5 / first.snr_return + 0.02**2
-    expected = np.array([np.diag(back[k].ravel()) + forward[k] for k in range(9)])
-    assert 0.2 < np.mean(forward) / np.mean(back) < 5.0
-    for offs, scale in (
-        (np.array([np.angle(np.exp(1j * (each.phase_rad - truth.phase_rad))) for each in taken]), 1.0),
-        (np.array([each.phase_rate_rad_s - truth.phase_rate_rad_s for each in taken]), 12.0 / 0.2**2),
-    ):
-        flat = offs.reshape(400, 9, 9)
-        found = np.einsum("nka,nkb->kab", flat, flat) / 400.0
-        # Nine slots of 400: the common part to 4 %, each variance to 2.5 %; four times that.
-        assert np.mean(found / scale / expected * np.eye(9)) * 9.0 == pytest.approx(1.0, abs=0.1)
-        shared = ~np.eye(9, dtype=bool)
-        assert np.mean(found[:, shared]) / scale == pytest.approx(np.mean(expected[:, shared]), rel=0.2)
-    couplings = np.array([each.amplitudes - truth.amplitudes for each in taken])
-    assert np.std(couplings) == pytest.approx(first.amplitude_sigma, rel=0.1)
-    assert first.amplitude_sigma > 0.02
 
 
 def test_a_loop_that_lost_lock_does_not_change_the_noise_that_follows() -> None:

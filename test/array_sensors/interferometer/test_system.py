@@ -167,21 +167,6 @@ def test_the_reverse_direction_has_the_arrays_exchanged_and_the_same_delay() -> 
     assert (swapped.radius_active_m, swapped.radius_passive_m, swapped.transponder_delay_m) == (1.3, 0.7, 4.0)
 
 
-def test_rates_accelerations_and_gradients_of_a_stack_are_those_of_each(poses) -> None:
-    directions, attitudes = (each[:6].reshape(2, 3, *each.shape[1:]) for each in poses)
-    positions, velocities, rates = 4.0 * directions, 0.3 * attitudes[..., 0], 0.2 * attitudes[..., 1]
-    moving = [
-        path(positions, velocities, attitudes, rates, UNEQUAL) for path in (path_rates_m_s, path_accelerations_m_s2)
-    ]
-    slopes = two_way_gradients(positions, attitudes, UNEQUAL)
-    for index in np.ndindex(2, 3):
-        one = (positions[index], velocities[index], attitudes[index], rates[index], UNEQUAL)
-        np.testing.assert_allclose(moving[0][index], path_rates_m_s(*one), rtol=1e-9, atol=1e-12)
-        np.testing.assert_allclose(moving[1][index], path_accelerations_m_s2(*one), rtol=1e-9, atol=1e-12)
-        for many, single in zip(slopes, two_way_gradients(one[0], one[2], UNEQUAL), strict=True):
-            np.testing.assert_allclose(many[index], single, rtol=1e-9, atol=1e-12)
-
-
 def test_waves_are_whole_turns_over_their_wavelengths() -> None:
     plan = CarrierPlan(count=4, forward_hz=3e9, return_hz=2e9, speed_of_light_m_s=3e8, ratio=10.0)
     offsets = np.array([0.0, 1250.0, 12500.0, 125000.0])
@@ -189,18 +174,3 @@ def test_waves_are_whole_turns_over_their_wavelengths() -> None:
     np.testing.assert_allclose(plan.forward_wave_rad_m, 2.0 * np.pi * (3e9 + offsets) / 3e8, rtol=1e-12)
     np.testing.assert_allclose(plan.return_wave_rad_m, 2.0 * np.pi * (2e9 + offsets) / 3e8, rtol=1e-12)
     np.testing.assert_allclose(plan.ambiguities_m, [240e3, 24e3, 2.4e3], rtol=1e-12)
-
-
-@pytest.mark.parametrize("order", ["simultaneous", "ascending", "nested"])
-def test_levers_are_those_of_the_mean_times_of_the_outer_carriers(order: str) -> None:
-    """(f_TK <t^n>_K - f_T1 <t^n>_1) / f_K1, once for the rate and half of it for the acceleration."""
-    schedule = Schedule(order=order, dwell_s=0.3)
-    carriers, times = schedule.carriers(PLAN), schedule.offsets_s(PLAN)
-    outer = [times[carriers == carrier] for carrier in (0, 8)]
-    f = [2.5e9, 2.5e9 + PLAN.offsets_hz[-1]]
-    for found, power, share in (
-        (range_rate_lever_s(schedule, PLAN), 1, 1.0),
-        (range_acceleration_lever_s2(schedule, PLAN), 2, 0.5),
-    ):
-        expected = share * (f[1] * np.mean(outer[1] ** power) - f[0] * np.mean(outer[0] ** power)) / PLAN.offsets_hz[-1]
-        assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)

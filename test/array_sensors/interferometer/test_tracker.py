@@ -7,9 +7,8 @@ from scipy.stats import chi2
 
 from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler, rotation_vector
 from rf_pointing.array_sensors.interferometer.motion import DockingApproach, RelativeMotion, moved
-from rf_pointing.array_sensors.interferometer.radio import LOWEST_SNR, LinkParams, RadioParams, required_power_w
+from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams, required_power_w
 from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams
-from rf_pointing.array_sensors.interferometer.reading import read_ranges
 from rf_pointing.array_sensors.interferometer.source import InterferometerSource
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 from rf_pointing.array_sensors.interferometer.tracker import InterferometerTracker, TrackerParams, TrackerState
@@ -347,54 +346,6 @@ def test_a_link_may_be_six_decibels_off_at_acquisition_either_way(link: str) -> 
         assert output.status == status, output.reason
         if status == "acquiring":
             assert output.reason.startswith(f"power of the {link} link is {over_db:+.1f} dB from that at 50")
-
-
-def test_loops_need_lock_and_the_lowest_ratio_of_powers() -> None:
-    measured = source().measure(0.0, drifting())
-    locked = measured.locked.copy()
-    locked[2, 0, 1] = locked[9, 2, 2] = False
-    with pytest.raises(ValueError, match="2 loops without lock, first: slot 2, path A1-P2"):
-        TRACKER._check_loops(dataclasses.replace(measured, locked=locked))
-    for name in ("snr_forward", "snr_return"):
-        values = getattr(measured, name).copy()
-        values.flat[5] = LOWEST_SNR
-        TRACKER._check_loops(dataclasses.replace(measured, **{name: values}))
-        values.flat[5] = 0.99 * LOWEST_SNR
-        with pytest.raises(ValueError, match=rf"{name[4:]} link snr=9\.9 must be >= 10"):
-            TRACKER._check_loops(dataclasses.replace(measured, **{name: values}))
-
-
-def test_a_reading_is_doubted_beyond_each_of_its_limits() -> None:
-    reading = read_ranges(source().measure(0.0, drifting()), SYSTEM, TRACKER.floor)
-    params = TRACKER.params
-    sound = dataclasses.replace(
-        reading,
-        visit_agreement=params.visit_agreement,
-        worst_lane=params.lane_guard,
-        lane_deviation=params.gate_sigma,
-    )
-    assert TRACKER._doubt(sound) == ""
-    for changes, words in (
-        ({"visit_agreement": params.visit_agreement - 1e-3}, "repeated phases agree to 0.699, must be >= 0.7"),
-        ({"worst_lane": params.lane_guard + 1e-3}, "lane residual 0.351 must be <= 0.35"),
-        ({"lane_deviation": params.gate_sigma + 1e-2}, "a lane is 5.01 sigma from a whole number"),
-    ):
-        assert TRACKER._doubt(dataclasses.replace(sound, **changes)).startswith(words)
-
-
-def test_lanes_must_be_sure_at_acquisition_and_other_lanes_excluded() -> None:
-    measured = source().measure(0.0, drifting())
-    floor = TRACKER.floor.replace(phase_rad=0.02)
-    reading = read_ranges(measured, SYSTEM, floor)
-    for share, status in ((1.01, "tracking"), (0.99, "acquiring")):
-        params = TRACKER.params.replace(widest_lane_sigma=share * reading.lane_sigma)
-        tracker = dataclasses.replace(TRACKER, params=params, floor=floor)
-        _, output = tracker.step(TrackerState(), measured)
-        assert output.status == status
-    assert output.reason.startswith("links too weak: a lane has sigma ")
-    # A prediction makes up for it.
-    predicted = TRACKER.step(TrackerState(), measured)[0].filter
-    assert tracker._reading(predicted, measured).lane_sigma > 0.0
 
 
 @pytest.mark.parametrize("side", ["active", "passive"])

@@ -16,21 +16,16 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_from_roll_pitch_yaw,
     quaternion_from_rotation_vector,
 )
-from rf_pointing.array_sensors.report import page
 from rf_pointing.array_sensors.report.page import (
-    ArrayErrors,
-    _counted,
-    _errors,
-    _heading,
-    _rows,
+    array_errors,
     report_array_sensors,
     write_array_report,
 )
 from rf_pointing.array_sensors.report.pictures import draw_attitude, draw_pose
 from rf_pointing.array_sensors.report.series import (
     ArraySeries,
-    _hand_offs,
     array_sensors,
+    hand_offs,
     read_attitude_series,
     read_pose_series,
 )
@@ -228,7 +223,7 @@ def test_stations_that_take_turns_are_handed_over_once_each(first: int) -> None:
     in_turn = [[names[(k + first) % len(names)]] for k, names in enumerate(in_view)]
     for heard in (in_turn, in_view):
         received = {k * 10**9: SimpleNamespace(transmitters=names) for k, names in enumerate(heard)}
-        found = _hand_offs(received, 0)
+        found = hand_offs(received, 0)
         assert [name for _, name in found] == ["north", "pole"]
         assert np.all(np.abs(np.array([time_s for time_s, _ in found]) - [41.0, 121.0]) <= 1.0)
 
@@ -236,7 +231,7 @@ def test_stations_that_take_turns_are_handed_over_once_each(first: int) -> None:
 def test_station_that_returns_is_handed_over_again() -> None:
     names = ["south"] * 10 + ["north"] * 10 + ["south"] * 10
     received = {index * 10**9: SimpleNamespace(transmitters=[name]) for index, name in enumerate(names)}
-    assert _hand_offs(received, 0) == ((10.0, "north"), (20.0, "south"))
+    assert hand_offs(received, 0) == ((10.0, "north"), (20.0, "south"))
 
 
 def test_report_of_a_pose_has_its_picture_numbers_and_page(pose_bag: Path, tmp_path: Path) -> None:
@@ -285,7 +280,7 @@ def drawn_series(valid: np.ndarray, positions: bool = True) -> tuple[ArraySeries
 def test_errors_of_a_report_are_those_of_the_valid_epochs_in_its_units(positions: bool) -> None:
     valid = np.arange(30) % 4 != 0
     series, drawn = drawn_series(valid, positions)
-    lines = _errors("/sat/pose", series)
+    lines = array_errors("/sat/pose", series)
     assert [(each.quantity, each.unit) for each in lines] == ([("position", "m")] if positions else []) + [
         ("attitude", "deg")
     ]
@@ -303,33 +298,12 @@ def test_errors_of_a_report_are_those_of_the_valid_epochs_in_its_units(positions
         assert line.inside == pytest.approx(np.mean(np.abs(errors) <= 3.0 * sigma))
         nees = [e @ np.linalg.solve(c, e) for e, c in zip(errors, covariance, strict=True)]
         assert line.nees == pytest.approx(np.mean(nees), rel=1e-6)
-    (row,) = _rows(lines[-1:])
-    assert row == ["/sat/pose", "attitude, deg", 30, 22, *line.rms, *line.claimed, 100.0 * line.inside, line.nees]
 
 
 def test_a_sensor_that_was_never_valid_has_no_errors_and_says_so() -> None:
     series, _ = drawn_series(np.zeros(5, dtype=bool), positions=False)
-    (line,) = _errors("/sat/attitude", series)
+    (line,) = array_errors("/sat/attitude", series)
     assert (line.epochs, line.valid, line.rms, line.claimed, line.inside, line.nees) == (5, 0, None, None, None, None)
-    assert _rows([line]) == [["/sat/attitude", "attitude, deg", 5, 0, *[None] * 8]]
-    assert _heading("/sat/attitude", [line]) == "/sat/attitude: 0 of 5 epochs valid"
-
-
-def test_the_heading_names_valid_epochs_and_the_nees_of_every_quantity() -> None:
-    lines = [
-        ArrayErrors(
-            sensor="a", quantity=quantity, unit="m", epochs=9, valid=8, rms=None, claimed=None, inside=None, nees=nees
-        )
-        for quantity, nees in (("position", 2.5), ("attitude", 3.25))
-    ]
-    assert _heading("a", lines) == (
-        "a: 8 of 9 epochs valid, NEES of the position 2.50, NEES of the attitude 3.25 (3 is expected)"
-    )
-
-
-def test_reasons_that_differ_in_numbers_only_are_counted_together_the_most_frequent_first() -> None:
-    reasons = ["no lock", "sigma 0.1 rad", "sigma 2e-3 rad", "late by 3 s", "sigma 7 rad", "late by 4.5 s"]
-    assert list(_counted(reasons).items()) == [("sigma 0.1 rad", 3), ("late by 3 s", 2), ("no lock", 1)]
 
 
 def test_a_bag_without_array_sensors_gets_no_page_of_them(tmp_path: Path, attitude_bag: Path, bag_of: Any) -> None:
@@ -343,20 +317,20 @@ def test_a_station_heard_for_the_first_time_is_handed_over_once_the_first_turns_
     for first, found in ((3, ()), (4, ((4.0, "north"),)), (5, ((5.0, "north"),)), (7, ((7.0, "north"),))):
         names = ["south"] * first + ["north"] * 10
         received = {index * 10**9: SimpleNamespace(transmitters=[name]) for index, name in enumerate(names)}
-        assert _hand_offs(received, 0) == found
+        assert hand_offs(received, 0) == found
 
 
 def test_a_station_that_pauses_for_two_turns_is_not_new_and_after_more_it_is() -> None:
     for pause, found in ((4, ()), (5, ((11.0, "south"),))):
         names = ["north", "south"] * 3 + ["north"] * (pause - 1) + ["south"] + ["north", "south"] * 3
         received = {(index + 2) * 10**9: SimpleNamespace(transmitters=[name]) for index, name in enumerate(names)}
-        assert _hand_offs(received, 10**9) == found
+        assert hand_offs(received, 10**9) == found
 
 
 def test_several_stations_of_one_block_are_handed_over_together() -> None:
     blocks = [["south"]] * 9 + [["pole", "north"]] * 3
     received = {index * 10**9: SimpleNamespace(transmitters=names) for index, names in enumerate(blocks)}
-    assert _hand_offs(received, 2 * 10**9) == ((7.0, "north, pole"),)
+    assert hand_offs(received, 2 * 10**9) == ((7.0, "north, pole"),)
 
 
 def test_a_summary_is_readable_line_by_line(attitude_bag: Path, tmp_path: Path) -> None:
@@ -374,52 +348,7 @@ def test_a_position_needs_its_truth_and_a_truth_its_position() -> None:
             _ = replace(series, **{missing: None}).position_error_m
 
 
-def test_every_sensor_has_a_picture_of_its_namespace_and_its_own_rows_and_reasons(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    attitude, _ = drawn_series(np.arange(6) > 1, positions=False)
-    pose, _ = drawn_series(np.ones(5, dtype=bool))
-    drawn: list[tuple[str, str]] = []
-
-    def draw(_series: ArraySeries, path: Path, title: str) -> None:
-        path.write_bytes(b"picture")
-        drawn.append((path.name, title))
-
-    read = {"attitude": lambda *_: replace(attitude, reasons=("late", "late")), "relative_pose": lambda *_: pose}
-    monkeypatch.setattr(page, "array_sensors", lambda _: {"": "attitude", "/a/b": "relative_pose"})
-    monkeypatch.setattr(page, "_READ", read)
-    monkeypatch.setattr(page, "_DRAW", dict.fromkeys(read, draw))
-    folder = tmp_path / "deep" / "folder"
-    for _ in range(2):
-        errors = write_array_report("some/bag", folder)
-    assert [name for name, _ in drawn[:2]] == ["root_attitude.png", "a_b_relative_pose.png"]
-    assert drawn[0][1].startswith("/attitude: 4 of 6 epochs valid, NEES of the attitude ")
-    assert drawn[1][1].startswith("/a/b/relative_pose: 5 of 5 epochs valid, NEES of the position ")
-    assert [(each.sensor, each.quantity) for each in errors] == [
-        ("/attitude", "attitude"),
-        ("/a/b/relative_pose", "position"),
-        ("/a/b/relative_pose", "attitude"),
-    ]
-    summary = json.loads((folder / "array_summary.json").read_text())
-    assert summary["reasons"] == {"/attitude": {"late": 2}, "/a/b/relative_pose": {}}
-    assert (summary["bag"], len(summary["errors"])) == ("some/bag", 3)
-    html = (folder / "array_report.html").read_text()
-    assert "Array sensors of bag" in html
-    assert "/attitude: epochs without a valid estimate" in html
-    assert "/a/b/relative_pose: epochs without a valid estimate" not in html
-
-
 def test_a_bag_of_the_antenna_alone_leaves_no_folder(tmp_path: Path, bag_of: Any) -> None:
     bag = bag_of({"/sat/attitude": "rf_pointing_msgs/msg/Attitude"}, lambda _: {}, 1)
     assert report_array_sensors(bag, tmp_path / "report") is None
     assert not (tmp_path / "report").exists()
-
-
-def test_a_share_within_three_deviations_counts_those_at_its_edge() -> None:
-    series, _ = drawn_series(np.ones(4, dtype=bool), positions=False)
-    sigma = series.rotation_sigma_rad
-    line = page._line(
-        "a", "attitude", "rad", series, 3.0 * sigma * [1.0, -1.0, 1.0 + 1e-9], sigma, np.array([1.0, 2.0, 3.0, 6.0])
-    )
-    assert (line.inside, line.nees) == (pytest.approx(2.0 / 3.0), 3.0)
-    np.testing.assert_allclose(line.claimed, np.median(sigma, axis=0))

@@ -114,27 +114,6 @@ def test_weights_are_those_of_each_element_by_itself(bits: int) -> None:
     assert np.count_nonzero(only_named) == 23
 
 
-def test_phase_errors_that_are_no_numbers_and_masks_of_another_array_are_refused() -> None:
-    array = TripulseArrayParams(n_x=4, n_y=6)
-    spoiled = np.zeros((4, 6))
-    spoiled[1, 1] = np.nan
-    with pytest.raises(ValueError, match="phase_errors_rad"):
-        element_weights(array, [0.0, 0.0], phase_errors_rad=spoiled)
-    with pytest.raises(ValueError, match=r"failed has shape \(6, 4\), must be \(\.\.\., 4, 6\)"):
-        element_weights(array, [0.0, 0.0], failed=np.zeros((6, 4), dtype=bool))
-    with pytest.raises(ValueError, match="steering"):
-        element_weights(array, [0.0, np.inf])
-    one_dead_array = np.zeros((2, 4, 6), dtype=bool)
-    one_dead_array[1] = True
-    with pytest.raises(ValueError, match="failed marks all 24 elements"):
-        element_weights(array, [0.0, 0.0], failed=one_dead_array)
-    with pytest.raises(ValueError, match="failed marks all 4 elements"):
-        TripulseArrayParams(n_x=2, n_y=2, failed="1:1,1:2,2:1,2:2")
-    for name in ("n_x", "n_y"):
-        with pytest.raises(ValueError, match=f"{name}=7 must be even"):
-            TripulseArrayParams(**{name: 7})
-
-
 @pytest.mark.parametrize("word", ["1:2:3", "3", "3:", ":3", "-1:2", "1.0:2", "1:x"])
 def test_a_dead_element_that_is_no_pair_is_refused(word: str) -> None:
     with pytest.raises(ValueError, match="must be pairs such as 3:16, separated by commas"):
@@ -165,12 +144,3 @@ def test_a_number_of_bits_below_zero_is_refused() -> None:
     with pytest.raises(ValueError, match="bits=-1 must be >= 0"):
         quantised_phase_rad(0.3, -1)
     np.testing.assert_allclose(quantised_phase_rad([1.5, 1.6, -1.6], 1), [0.0, np.pi, -np.pi])
-
-
-def test_weights_of_many_directions_are_those_of_each() -> None:
-    array = TripulseArrayParams(n_x=4, n_y=6, phase_bits=3)
-    steering = np.array([[[0.1, 0.2], [-0.3, 0.05]], [[0.0, 0.4], [0.2, -0.1]], [[0.3, 0.3], [0.01, 0.02]]])
-    found = element_weights(array, steering)
-    assert found.shape == (3, 2, 4, 6)
-    for index in np.ndindex(3, 2):
-        np.testing.assert_allclose(found[index], element_weights(array, steering[index]), rtol=1e-12)

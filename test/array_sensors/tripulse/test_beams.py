@@ -13,7 +13,6 @@ from rf_pointing.array_sensors.tripulse.beams import (
     invert_with_weights,
     monopulse_ratios,
     polar_angles_rad,
-    quadrant_signals,
     ratio_and_slope,
 )
 from rf_pointing.core import random_stream
@@ -174,53 +173,6 @@ def test_a_tapered_aperture_is_inverted_up_to_one_and_a_half_periods_and_refused
         ratios = monopulse_ratios(beam_signals(params, weights, beyond))
         with pytest.raises(ValueError, match="lie outside the unambiguous region of this aperture"):
             invert_with_weights(params, weights, [0.0, 0.0], ratios)
-
-
-def test_signals_of_the_quadrants_are_the_sums_of_their_elements() -> None:
-    """1 to 4: low x and low y, high x, both high, high y; each with its own phase towards the direction."""
-    params = TripulseArrayParams(n_x=2, n_y=4, spacing_x_wavelengths=0.7, spacing_y_wavelengths=1.1)
-    weights = random_stream(5, "quadrants").normal(size=(2, 4, 2)) @ [1.0, 1j]
-    t_x, t_y = 0.23, -0.31
-
-    def element(m: int, n: int) -> complex:
-        x, y = m - 0.5, n - 1.5
-        return complex(weights[m, n] * np.exp(-2j * np.pi * (0.7 * x * t_x + 1.1 * y * t_y)))
-
-    expected = [element(m, n) + element(m, n + 1) for m, n in ((0, 0), (1, 0), (1, 2), (0, 2))]
-    np.testing.assert_allclose(quadrant_signals(params, weights, [t_x, t_y]), expected, atol=EXACT)
-    q1, q2, q3, q4 = expected
-    beams = [q1 + q2 + q3 + q4, q1 - q2 - q3 + q4, q1 + q2 - q3 - q4]
-    np.testing.assert_allclose(beam_signals(params, weights, [t_x, t_y]), beams, atol=EXACT)
-    signs = beam_signs(params)
-    fields = np.array([[element(m, n) for n in range(4)] for m in range(2)])
-    np.testing.assert_allclose(np.sum(signs * fields, axis=(1, 2)), beams, atol=EXACT)
-
-
-def test_what_is_no_number_is_refused_by_its_name() -> None:
-    params = TripulseArrayParams(n_x=4, n_y=4)
-    weights = element_weights(params, [0.0, 0.0])
-    with pytest.raises(ValueError, match="direction"):
-        beam_signals(params, weights, [0.0, np.nan])
-    with pytest.raises(ValueError, match="projection_error"):
-        closed_form_signals(params, [np.inf, 0.0])
-    with pytest.raises(ValueError, match="ratios"):
-        invert_ratios(params, [np.nan, 0.0])
-    with pytest.raises(ValueError, match="time_convention"):
-        monopulse_ratios([1.0, 0.0, 0.0], "exp(jwt)")
-
-
-def test_inversions_of_a_stack_are_those_of_its_members() -> None:
-    params = TripulseArrayParams(n_x=6, n_y=10, taper_edge=0.4)
-    weights, steering = element_weights(params, [0.1, -0.2]), np.array([0.1, -0.2])
-    error = random_stream(6, "stack").uniform(-0.7, 0.7, size=(2, 3, 2)) * params.unambiguous_projection
-    ratios = monopulse_ratios(beam_signals(params, weights, steering + error))
-    assert ratios.shape == (2, 3, 2)
-    np.testing.assert_allclose(invert_with_weights(params, weights, steering, ratios), error, atol=EXACT)
-    together, slopes = ratio_and_slope(params, weights, steering + error)
-    for index in np.ndindex(2, 3):
-        ratio, slope = ratio_and_slope(params, weights, steering + error[index])
-        np.testing.assert_allclose(together[index], ratio, rtol=1e-9)
-        np.testing.assert_allclose(slopes[index], slope, rtol=1e-9, atol=1e-9)
 
 
 def test_a_direction_may_lie_in_the_plane_of_the_array() -> None:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from rf_pointing.array_sensors.tripulse.channels import (
-    channel_values,
     channelise,
     detect_with_references,
     find_shift_hz,
@@ -165,18 +164,6 @@ def test_a_jump_of_both_references_by_more_than_two_radians_is_a_lost_lock(step_
     np.testing.assert_allclose(found.phase_rad[[0, 8, 9, 20]], [0.0, 0.0, 0.5 * step_rad, 0.5 * step_rad], atol=1e-12)
 
 
-def test_averages_of_a_segment_are_those_of_the_samples_turned_back_by_shift_and_channel() -> None:
-    signal = TripulseSignalParams()
-    rng = random_stream(6, "averages")
-    samples = rng.normal(size=(signal.samples, 2)) @ np.array([1.0, 1j])
-    found = channel_values(signal, samples, 1234.5, (-2, 0, 1))
-    time_s = np.arange(signal.samples) / signal.sample_rate_hz
-    for column, channel in enumerate((-2, 0, 1)):
-        # The bank of tones begins anew in each segment, which a whole number of turns allows.
-        turned = samples * np.exp(-2j * np.pi * (1234.5 + channel * signal.tone_separation_hz) * time_s)
-        np.testing.assert_allclose(found[:, column], turned.reshape(signal.segments, -1).mean(axis=1), atol=1e-9)
-
-
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.6])
 def test_a_search_reaches_less_than_half_of_the_tone_spacing(share: float) -> None:
     signal = TripulseSignalParams()
@@ -193,16 +180,6 @@ def test_a_line_beside_one_reference_does_not_pass_for_both(side: float) -> None
     assert find_shift_hz(signal, composite(signal, -12e3, beams) + stray, LARGEST_HZ) == pytest.approx(-12e3, abs=500.0)
 
 
-@pytest.mark.parametrize("scheme", ["two_tone", "interleaved"])
-def test_a_search_over_less_than_one_line_of_the_spectrum_looks_one_to_either_side(scheme: str) -> None:
-    """8192 points of 4 MHz, padded: lines of 488.28 Hz."""
-    signal = TripulseSignalParams(scheme=scheme)
-    line_hz = 4e6 / 8192
-    for shift_hz, found_hz in ((-450.0, -line_hz), (0.0, 0.0), (450.0, line_hz), (3000.0, line_hz)):
-        samples = composite(signal, shift_hz, np.array([2.0, 0.1j, 0.1j]))
-        assert find_shift_hz(signal, samples, 0.5) == pytest.approx(found_hz, abs=1e-6)
-
-
 def test_a_search_finds_the_line_at_its_end_and_none_beyond() -> None:
     signal = TripulseSignalParams(scheme="interleaved")
     line_hz = 4e6 / 8192
@@ -210,33 +187,3 @@ def test_a_search_finds_the_line_at_its_end_and_none_beyond() -> None:
         for sign in (-1.0, 1.0):
             samples = composite(signal, sign * 10.0 * line_hz, np.array([1.0, 0.0, 0.0]))
             assert find_shift_hz(signal, samples, largest_hz) == pytest.approx(sign * found * line_hz)
-
-
-def test_a_frame_is_refused_for_a_single_sample_that_is_no_number() -> None:
-    signal = TripulseSignalParams()
-    samples = composite(signal, 0.0, np.ones(3)) + noise(signal, 1e-4)
-    for spoiled in (np.inf, 1j * np.nan):
-        bad = samples.copy()
-        bad[17] = spoiled
-        with pytest.raises(ValueError, match="samples must be finite"):
-            channelise(signal, bad, LARGEST_HZ)
-    with pytest.raises(ValueError, match=r"samples has shape \(959,\), must be \(960,\)"):
-        channelise(signal, samples[1:], LARGEST_HZ)
-
-
-def test_an_interleaved_frame_keeps_the_shift_of_the_spectrum() -> None:
-    """Its segments of other beams would spoil the products of neighbours."""
-    signal = TripulseSignalParams(scheme="interleaved", pattern="SxSy")
-    samples = composite(signal, 777.0, np.array([1.0, 0.1j, 0.1j])) + noise(signal, 1e-6)
-    found = channelise(signal, samples, LARGEST_HZ)
-    assert found.shift_hz == find_shift_hz(signal, samples, LARGEST_HZ)
-
-
-def test_the_half_phase_starts_at_half_the_phase_of_the_product() -> None:
-    found = reference_phase(np.exp(0.3j) * np.ones(4), 2.0 * np.exp(0.5j) * np.ones(4), 1e-6)
-    np.testing.assert_allclose(found.phase_rad, 0.4, atol=1e-12)
-    assert found.lost == ""
-    values, _ = detect_with_references(
-        2.0 * np.exp(1.1j) * np.ones(4), np.exp(0.3j) * np.ones(4), np.exp(0.5j) * np.ones(4), 1e-6
-    )
-    np.testing.assert_allclose(values, 2.0 * np.exp(0.7j), atol=1e-12)

@@ -140,26 +140,3 @@ def test_what_says_nothing_leaves_the_prior_and_its_mean_of_zero() -> None:
     # As many cycles as their power: noise alone, from which nothing follows.
     noise = posterior_projection_error(PARAMS, np.diag([6.0, 1.0, 2.0]), 8, EQUAL, prior)
     np.testing.assert_allclose(noise.covariance, np.diag(prior**2), rtol=1e-2, atol=1e-12)
-
-
-def test_the_matrix_of_signals_turns_the_differences_and_divides_by_the_noise() -> None:
-    signals = np.array([[1.0 + 2.0j, 3.0j, -4.0], [2.0, 1.0 + 1.0j, 0.5j]])
-    noises = np.array([1.0, 4.0, 0.25])
-    first = np.array([1.0 + 2.0j, 3.0 / 2.0, 4.0j / 0.5])
-    second = np.array([2.0, (1.0 - 1.0j) / 2.0, 0.5 / 0.5])
-    expected = sum((each[:, None] * each.conj()).real for each in (first, second))
-    np.testing.assert_allclose(signal_matrix(signals, noises), expected, atol=1e-12)
-    for wrong in (np.ones(3), np.ones((2, 2)), np.ones((2, 3, 4))):
-        with pytest.raises(ValueError, match=r"must be \(\.\.\., cycles, 3\)"):
-            signal_matrix(wrong, noises)
-
-
-def test_many_matrices_are_the_same_as_each_by_itself() -> None:
-    rng = random_stream(4, "many")
-    signals, noises = noisy(rng, PRIOR * rng.normal(size=(2003, 2)), 5.0, 1)
-    matrices = signal_matrix(signals, noises)
-    found = posterior_projection_error(PARAMS, matrices, 1, noises, PRIOR)
-    for k in (0, 1999, 2000, 2002):
-        one = posterior_projection_error(PARAMS, matrices[k], 1, noises, PRIOR)
-        np.testing.assert_allclose(found.projection_error[k], one.projection_error, rtol=1e-9, atol=1e-15)
-        np.testing.assert_allclose(found.covariance[k], one.covariance, rtol=1e-9, atol=1e-20)

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rf_pointing.array_sensors.doa.snapshots import complex_normal
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, element_weights
 from rf_pointing.array_sensors.tripulse.beams import beam_signals
 from rf_pointing.array_sensors.tripulse.channels import channel_values
@@ -147,74 +146,11 @@ def test_phases_wander_as_the_linewidths_of_both_clocks_say(satellite_hz: float,
     assert np.mean(squares) == pytest.approx(expected, rel=0.12)
 
 
-def test_phases_of_the_quadrants_are_fixed_and_as_large_as_stated() -> None:
-    """One phase for each quarter of the elements, the same in every frame; another seed has others."""
-    drawn = []
-    for seed in range(40):
-        found = TripulseSource(ARRAY, SIGNAL, TripulseSourceParams(quadrant_phase_rad=0.1), seed=seed)._phase_errors_rad
-        quarters = found.reshape(2, 8, 2, 8)
-        assert np.ptp(quarters, axis=(1, 3)).max() == 0.0
-        drawn += quarters[:, 0, :, 0].ravel().tolist()
-    assert len(set(drawn)) == 160
-    assert np.std(drawn) == pytest.approx(0.1, rel=0.2)
-
-
 def test_a_station_is_served_from_the_lowest_elevation_on() -> None:
     lowest = TripulseSourceParams().elevation_min_rad
     source().step(0.0, TRUE, [line(elevation_rad=lowest + 1e-9)])
     with pytest.raises(ValueError, match="sees the satellite at elevation_rad"):
         source().step(0.0, TRUE, [line(elevation_rad=lowest - 1e-9)])
-
-
-class Drawn:
-    """A generator whose draws are known: a quarter of the way up, a cubic walk, a ramp of noise."""
-
-    def __init__(self) -> None:
-        self.widths: list[float] = []
-
-    def uniform(self, low: float, high: float) -> float:
-        return low + 0.25 * (high - low)
-
-    def normal(self, *, scale: float, size: int) -> np.ndarray:
-        self.widths.append(scale)
-        return scale * np.linspace(-1.0, 2.0, size) ** 3
-
-    def standard_normal(self, size: tuple[int, ...]) -> np.ndarray:
-        return np.linspace(-1.0, 3.0, int(np.prod(size))).reshape(size)
-
-
-@pytest.mark.parametrize("scheme", ["two_tone", "interleaved"])
-def test_a_frame_is_the_sum_of_its_tones_with_the_phases_of_travel_and_clocks(scheme: str) -> None:
-    """Written out: 2 pi (f - f_t) t - 2 pi f rho' t / c + (f / f_t) phi_satellite - phi_station + its start."""
-    signal = TripulseSignalParams(scheme=scheme, carrier_hz=2e9)
-    params = TripulseSourceParams(
-        element_carrier_to_noise_db_hz=40.0,
-        reference_carrier_to_noise_db_hz=60.0,
-        satellite_linewidth_hz=2000.0,
-        station_linewidth_hz=500.0,
-    )
-    sender, drawn = TripulseSource(ARRAY, signal, params, seed=3), Drawn()
-    sender._stream = drawn  # type: ignore[assignment]
-    station = StationLine(name="a", direction=line().direction, range_rate_m_s=3000.0, elevation_rad=0.7)
-    (frame,) = sender.step(0.0, TRUE, [station])
-    time_s = np.arange(signal.samples) / 4e6
-    walk = np.cumsum(np.linspace(-1.0, 2.0, signal.samples) ** 3)
-    satellite, receiver = (np.sqrt(2.0 * np.pi * width / 4e6) * walk for width in (2000.0, 500.0))
-    assert drawn.widths == pytest.approx([np.sqrt(np.pi * 1e-3), np.sqrt(np.pi * 2.5e-4)])
-
-    def tone(offset_hz: float) -> np.ndarray:
-        f_hz = 2e9 + offset_hz
-        travel = 2.0 * np.pi * f_hz * 3000.0 / 299792458.0 * time_s
-        phase = 2.0 * np.pi * offset_hz * time_s - travel + f_hz / 2e9 * satellite - receiver + 0.5 * np.pi
-        return np.exp(1j * phase)
-
-    beams = beam_signals(ARRAY, element_weights(ARRAY, [0.05, -0.03]), (TRUE @ station.direction)[:2]).conj()
-    expected = 100.0 * np.repeat(beams[segment_beams(signal)], signal.samples_per_segment) * tone(0.0)
-    if scheme == "two_tone":
-        expected = expected + 1000.0 * (tone(-4e5) + tone(4e5))
-    expected = expected + np.sqrt(4e6) * complex_normal(Drawn(), (signal.samples,))  # type: ignore[arg-type]
-    np.testing.assert_allclose(frame.samples, expected, rtol=1e-6, atol=1e-3)
-    assert (frame.t_s, frame.station, frame.sequence) == (0.0, "a", 1)
 
 
 @pytest.mark.parametrize(
@@ -255,18 +191,3 @@ def test_a_refused_step_is_no_step() -> None:
         running.step(0.5, TRUE, [line()])
     with pytest.raises(ValueError, match="t_s"):
         running.step(np.nan, TRUE, [line()])
-
-
-def test_a_saved_state_is_not_changed_by_what_follows() -> None:
-    running = source()
-    running.step(0.0, TRUE, [line()])
-    state = running.state
-    running.steer(TRUE)
-    expected = running.step(1.0, TRUE, [line()])
-    for _ in range(2):
-        running.restore(state)
-        assert running.state.t_s == 0.0
-        np.testing.assert_allclose(running.step(0.5, TRUE, [line()])[0].steering, [0.05, -0.03])
-    running.restore(state)
-    running.steer(TRUE)
-    np.testing.assert_array_equal(running.step(1.0, TRUE, [line()])[0].samples, expected[0].samples)

@@ -12,7 +12,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_to_matrix,
     quaternion_to_rotation_vector,
 )
-from rf_pointing.array_sensors.attitude.wahba import attitude_covariance, fit_rotation
+from rf_pointing.array_sensors.attitude.wahba import fit_rotation
 from rf_pointing.array_sensors.tripulse.station_attitude import (
     StationAttitudeEstimator,
     StationAttitudeParams,
@@ -269,43 +269,6 @@ def test_observations_that_would_poison_the_fit_are_refused(changes: dict[str, o
         dataclasses.replace(good, **changes)
 
 
-def test_an_attitude_that_is_refused_says_how_many_observations_were_left_over() -> None:
-    rng = random_stream(3, "refused")
-    seen = observations(np.eye(3), 10.0, rng, list(REFERENCES))
-    wrong = dataclasses.replace(seen[0], projections=seen[0].projections + 0.05)
-    for used, freedom in (([wrong, *seen[1:]], 3), ([wrong, seen[1]], 1), (seen[:1], 0)):
-        found = filled(used).estimate(10.0)
-        assert not found.valid
-        assert found.degrees_of_freedom == freedom
-        assert found.t_s == 10.0
-        np.testing.assert_array_equal(found.covariance_rad2, np.pi**2 * np.eye(3))
-        np.testing.assert_array_equal(found.covariance_array_rad2, np.pi**2 * np.eye(3))
-    assert filled(seen).estimate(10.0).degrees_of_freedom == 3
-
-
-def test_an_observation_is_made_of_arrays_and_of_a_direction_whatever_it_is_given() -> None:
-    given = {
-        "t_s": 1.0,
-        "station": "usingen",
-        "projections": [0.1, 0.2],
-        "covariance": [[2e-9, 0], [0, 1e-9]],
-        "reference": [0, 0.6, 0.8],
-    }
-    seen = StationObservation(**given)
-    for name in ("projections", "covariance", "reference"):
-        assert isinstance(getattr(seen, name), np.ndarray)
-        np.testing.assert_array_equal(getattr(seen, name), given[name])
-    for change, words in (
-        ({"t_s": np.nan}, "t_s"),
-        ({"projections": [0.1, 0.2, 0.3]}, "projections has shape"),
-        ({"covariance": [1e-9, 1e-9]}, "covariance has shape"),
-        ({"covariance": np.zeros((2, 2))}, "singular covariance"),
-        ({"reference": [0.0, 0.6, 0.9]}, "reference"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            StationObservation(**{**given, **change})
-
-
 @pytest.mark.parametrize(("age_s", "used"), [(0.0, True), (2.0, True), (2.001, False), (-0.001, False)])
 def test_an_observation_is_used_from_its_time_until_it_is_two_seconds_old(age_s: float, used: bool) -> None:
     found = filled(observations(np.eye(3), 10.0, random_stream(3, "age"), ["usingen", "hartebeesthoek"])).estimate(
@@ -327,32 +290,6 @@ def test_the_residual_is_the_normalised_miss_of_the_projections() -> None:
     )
 
 
-def test_covariances_of_directions_are_carried_by_their_slopes_and_refused_if_no_numbers() -> None:
-    projections = np.array([[0.3, -0.4], [-0.1, 0.2]])
-    spread = 1e-8 * np.array([[[2.0, 0.5], [0.5, 1.0]], [[1.0, -0.3], [-0.3, 3.0]]])
-    step, expected = 1e-6, []
-    for place, each in zip(projections, spread, strict=True):
-        slope = np.stack(
-            [
-                (directions_from_projections(place + step * e) - directions_from_projections(place - step * e))
-                / 2
-                / step
-                for e in np.eye(2)
-            ],
-            axis=1,
-        )
-        expected.append(slope @ each @ slope.T)
-    np.testing.assert_allclose(direction_covariances(projections, spread), expected, rtol=1e-6, atol=1e-16)
-    spoiled = spread.copy()
-    spoiled[1, 0, 0] = np.nan
-    with pytest.raises(ValueError, match=r"covariances=[^z]* must be finite"):
-        direction_covariances(projections, spoiled)
-    with pytest.raises(ValueError, match=r"covariances has shape \(2, 3, 3\), must be \(\.\.\., 2, 2\)"):
-        direction_covariances(projections, np.zeros((2, 3, 3)))
-    with pytest.raises(ValueError, match=r"projections has shape \(3,\), must be \(\.\.\., 2\)"):
-        directions_from_projections([0.1, 0.2, 0.3])
-
-
 def test_an_error_that_all_stations_share_turns_the_attitude_by_its_own_slope() -> None:
     """Every projection is moved alike along x, then along y; the fit turns, and the turns are the covariance."""
     projections = np.array([[0.05, -0.12], [-0.2, 0.07], [0.11, 0.3]])
@@ -367,60 +304,6 @@ def test_an_error_that_all_stations_share_turns_the_attitude_by_its_own_slope() 
         turns.append(Rotation.from_matrix(ends[0] @ ends[1].T).as_rotvec() / (2.0 * step))
     expected = sigma**2 * sum(np.outer(turn, turn) for turn in turns)
     np.testing.assert_allclose(shared_covariance(measured, sigma, weights), expected, rtol=1e-4, atol=1e-12)
-
-
-def test_an_estimate_is_the_weighted_fit_with_its_residual_covariance_and_mean_time() -> None:
-    """Written out from the functions of the fit: weights of half the trace, chi-square of the projections, both errors."""
-    rng, params = random_stream(5, "written out"), StationAttitudeParams(shared_sigma=2e-4)
-    rotation = Rotation.from_rotvec([0.01, -0.02, 0.4]).as_matrix()
-    estimator, seen = StationAttitudeEstimator(params), []
-    for number, (name, reference) in enumerate(REFERENCES.items()):
-        root = SIGMA * rng.normal(size=(2, 2))
-        covariance = root @ root.T + 0.1 * SIGMA**2 * np.eye(2)
-        place = (rotation @ reference)[:2] + rng.multivariate_normal(np.zeros(2), covariance)
-        seen.append(
-            StationObservation(
-                t_s=10.0 + 0.1 * number, station=name, projections=place, covariance=covariance, reference=reference
-            )
-        )
-        estimator.observe(seen[-1])
-    found = estimator.estimate(11.0)
-    assert found.valid, found.reason
-    places = np.array([each.projections for each in seen])
-    spreads = direction_covariances(places, np.array([each.covariance for each in seen]))
-    weights = np.array([2.0 / np.trace(each) for each in spreads])
-    measured = directions_from_projections(places)
-    fit = fit_rotation(np.array([each.reference for each in seen]), measured, weights).rotation
-    np.testing.assert_allclose(quaternion_to_matrix(found.quaternion), fit.T, atol=1e-12)
-    gaps = places - (np.array([each.reference for each in seen]) @ fit.T)[:, :2]
-    residual = sum(gap @ np.linalg.solve(each.covariance, gap) for gap, each in zip(gaps, seen, strict=True))
-    assert found.residual == pytest.approx(residual)
-    assert found.degrees_of_freedom == 3
-    covariance = attitude_covariance(measured, spreads, weights) + shared_covariance(measured, 2e-4, weights)
-    np.testing.assert_allclose(found.covariance_array_rad2, covariance, rtol=1e-9)
-    np.testing.assert_allclose(found.covariance_rad2, fit.T @ covariance @ fit, rtol=1e-9, atol=1e-20)
-    assert found.t_s == pytest.approx(10.1)
-    assert found.stations == tuple(REFERENCES)
-    # An observation as old as allowed counts, an older one and one of the future do not.
-    assert len(estimator.estimate(12.0).stations) == 3
-    assert estimator.estimate(12.05).stations == ("hartebeesthoek", "kourou")
-    late = estimator.estimate(12.15)
-    assert not late.valid
-    assert late.degrees_of_freedom == 0
-    np.testing.assert_allclose(late.covariance_rad2, np.pi**2 * np.eye(3))
-    assert not estimator.estimate(10.05).valid
-
-
-def test_frames_of_stacks_of_pairs_are_those_of_each_pair() -> None:
-    rng = random_stream(7, "stacks")
-    reference = directions(rng, 6)
-    turn = Rotation.from_rotvec([0.3, -0.2, 0.9])
-    measured = turn.apply(reference.reshape(-1, 3)).reshape(6, 2, 3)
-    for shape in ((6,), (2, 3), (6, 1)):
-        found = bisector_rotation(reference.reshape(*shape, 2, 3), measured.reshape(*shape, 2, 3))
-        assert found.shape == (*shape, 3, 3)
-        np.testing.assert_allclose(found, np.broadcast_to(turn.as_matrix(), found.shape), atol=1e-9)
-    np.testing.assert_allclose(bisector_rotation(reference[0], measured[0]), turn.as_matrix(), atol=1e-9)
 
 
 def test_pairs_are_as_close_as_they_are_allowed_to_be() -> None:
@@ -438,22 +321,6 @@ def test_before_the_first_fit_the_array_is_said_to_stand_in_the_axes_of_the_refe
     assert (found.residual, found.stations, found.t_s) == (0.0, ("usingen",), 1.0)
     with pytest.raises(ValueError, match="t_s"):
         estimator.estimate(np.nan)
-
-
-def test_what_is_reported_and_saved_is_a_copy() -> None:
-    turned = Rotation.from_rotvec([0.0, 0.0, 0.4]).as_matrix().T
-    estimator = filled(observations(turned, 1.0, random_stream(1, "copy"), ["usingen", "hartebeesthoek"]))
-    first = estimator.estimate(1.0)
-    kept = first.quaternion.copy()
-    state = estimator.state
-    first.quaternion[:] = 0.0
-    lost = estimator.estimate(9.0)
-    np.testing.assert_array_equal(lost.quaternion, kept)
-    lost.quaternion[:] = 0.0
-    np.testing.assert_array_equal(estimator.estimate(9.0).quaternion, kept)
-    estimator.restore(state)
-    state.quaternion[:] = 0.0
-    np.testing.assert_array_equal(estimator.estimate(9.0).quaternion, kept)
 
 
 def test_a_residual_is_refused_from_the_chi_square_of_the_false_alarm_on() -> None:
@@ -478,13 +345,6 @@ def test_stations_are_told_apart_from_the_least_separation_on() -> None:
     assert filled(seen, separation_min_rad=0.999 * angle).estimate(1.0).valid
     found = filled(seen, separation_min_rad=1.001 * angle).estimate(1.0)
     assert found.reason.startswith("stations are collinear: 0.17")
-
-
-def test_a_report_of_the_same_time_is_refused_and_that_of_another_station_is_not() -> None:
-    seen = observations(np.eye(3), 1.0, random_stream(1, "same"), ["usingen", "hartebeesthoek"])
-    estimator = filled(seen)
-    with pytest.raises(ValueError, match=r"t_s=1\.0 of station usingen must be > 1\.0"):
-        estimator.observe(seen[0])
 
 
 def test_a_direction_is_taken_down_to_a_thousandth_above_the_plane_of_the_array() -> None:

@@ -128,29 +128,3 @@ def test_an_epoch_waits_as_long_as_it_may_in_the_time_of_the_frames(epochs) -> N
     assert (late.t_s, late.valid) == (START_S, False)
     closed = running.take(replace(first, t_s=START_S + 9.0), START_S + 60.0)
     assert [each.t_s for each in closed] == [START_S + 2.0, START_S + 2.25]
-
-
-def test_a_report_is_what_was_found_with_the_mean_of_the_covariance_and_its_transpose(epochs) -> None:
-    (found,) = take_all(epochs[0][1])
-    lopsided = replace(found, covariance_rad2=np.diag([1.0, 2.0, 3.0]) + np.eye(3, k=1) * 0.2 + np.eye(3, k=-1) * 0.4)
-    report = attitude_report(replace(lopsided, valid=False, reason="told so", t_s=7.0))
-    np.testing.assert_allclose(report.covariance_rad2, [[1.0, 0.3, 0.0], [0.3, 2.0, 0.3], [0.0, 0.3, 3.0]], rtol=1e-12)
-    np.testing.assert_allclose(report.quaternion, found.quaternion, atol=1e-12)
-    assert (report.t_s, report.valid, report.reason) == (7.0, False, "told so")
-
-
-def test_frames_are_sent_to_each_station_with_its_own_line_of_sight() -> None:
-    sender = SimulatedTripulse(ARRAY, SIGNAL, TripulseSourceParams(), ORBIT, WobbleParams(), STATIONS, 3)
-    sent = sender.step(START_S)
-    assert [frame.station for frame in sent.frames] == [station.name for station in STATIONS]
-    for frame, line, reference in zip(
-        sent.frames, sender._lines_of_sight(sent.moment), sent.moment.view.reference, strict=True
-    ):
-        assert frame.t_s == START_S
-        np.testing.assert_allclose(frame.steering, reference[:2], atol=1e-12)
-        np.testing.assert_array_equal(line.direction, reference)
-    rates, elevations = sent.moment.range_rate_m_s, sent.moment.view.elevation_rad
-    lines = sender._lines_of_sight(sent.moment)
-    assert [line.range_rate_m_s for line in lines] == pytest.approx(rates)
-    assert [line.elevation_rad for line in lines] == pytest.approx(elevations)
-    assert rates[0] != rates[1]

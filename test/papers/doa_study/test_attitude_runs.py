@@ -24,19 +24,13 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, rigid_inertia
 from rf_pointing.array_sensors.attitude.rotations import cross_matrix
 from rf_pointing.papers.doa_study.attitude_runs import (
-    ARRAY,
-    START,
     PublishedState,
     RunTask,
-    _Batch,
-    _PublishedBatch,
-    _with_scalar,
     published_predict,
     published_update,
     run,
 )
-from rf_pointing.papers.doa_study.directions import DirectionCase, direction_from_polar, error_pool
-from rf_pointing.papers.doa_study.scene import STEP_S, Scene, nadir_scene
+from rf_pointing.papers.doa_study.directions import DirectionCase
 
 INERTIA = rigid_inertia(SatelliteParams())
 NONE = KnownTorque(control_n_m=np.zeros(3), wheel_momentum_n_m_s=np.zeros(3), wheel_momentum_rate_n_m=np.zeros(3))
@@ -170,67 +164,3 @@ def test_no_trial_is_refused_and_averages_may_begin_at_once() -> None:
     for trials, settled_s, name in ((0, 0.0, "trials=0 must be >= 1"), (1, -0.1, "settled_s=-0.1 must be >= 0")):
         with pytest.raises(ValueError, match=name):
             run(replace(task, trials=trials, settled_s=settled_s))
-
-
-def test_the_scalar_part_is_the_positive_root_and_the_nearer_quaternion_takes_the_change() -> None:
-    vector, change = np.array([0.3, -0.2, 0.1]), np.array([0.05, 0.1, -0.1])
-    scalar = np.sqrt(1.0 - vector @ vector)
-    expected = vector + change
-    for sign in (1.0, -1.0):
-        found = _with_scalar(sign * np.append(vector, scalar), change)
-        assert found == pytest.approx([*expected, np.sqrt(1.0 - expected @ expected)])
-    # On a half turn there is no nearer one; beyond it the vector is scaled back.
-    assert _with_scalar(np.array([0.6, 0.0, 0.8, 0.0]), np.array([0.0, 0.0, 0.1]))[:3] == pytest.approx(
-        np.array([0.6, 0.0, 0.9]) / np.sqrt(1.17)
-    )
-
-
-def batch(start_s: float = 310.0, duration_s: float = 40.0) -> tuple[_Batch, Scene]:
-    """Return a filter batch on a scene whose second station rises with step 37."""
-    made, stream = nadir_scene(duration_s, start_s), np.random.default_rng(1)
-    scene = replace(made, station=np.where(np.arange(len(made.t_s)) < 37, 4, 5))
-    task = RunTask(cases=(CLEAR, GRID), trials=2, seed=1)
-    pools = [error_pool(ARRAY, CLEAR, scene.reference[:20], stream)] * 2
-    return _Batch(task, scene, pools), scene
-
-
-def test_the_best_start_is_chosen_some_time_after_the_second_station_rose() -> None:
-    made, _ = batch()
-    assert made._choose == 37 + round(START.settle_s / STEP_S)
-
-
-@pytest.mark.parametrize("published", [False, True])
-def test_errors_are_those_of_the_estimate_against_the_truth(published: bool) -> None:
-    made, scene = batch()
-    turn, rate = np.array([0.1, -0.2, 0.3]), np.array([1e-3, 2e-3, -3e-3])
-    quaternion = np.tile(quaternion_from_rotation_vector(turn), (4, 1))
-    rates = np.tile(scene.frame_rate[5] + rate, (4, 1))
-    filters: _Batch | _PublishedBatch = made
-    if published:
-        task = RunTask(cases=(CLEAR, GRID), trials=2, seed=1, published=True)
-        pool = error_pool(ARRAY, CLEAR, scene.reference[:20], np.random.default_rng(1))
-        filters = _PublishedBatch(task, scene, [pool, pool])
-        # In doubt by as much as the start is wrong: half a degree a second, and half of 50 deg in the vector part.
-        sigma = np.sqrt(np.diagonal(filters._state.covariance[3]))
-        assert np.degrees(sigma) == pytest.approx([0.5] * 3 + [25.0] * 3)
-        filters._state = PublishedState(rates, quaternion, np.tile(np.diag([1.0, 2, 3, 4, 5, 6]), (4, 1, 1)))
-        assert filters.spread_rad2() == pytest.approx(np.tile([16.0, 20.0, 24.0], (4, 1)))
-    else:
-        made._state = start_state(quaternion[:, None], rates[:, None], 0.02, 1e-3, GateParams())
-        assert filters.spread_rad2().reshape(4, 3) == pytest.approx(np.full((4, 3), 4e-4))
-    assert filters.error_rad().reshape(4, 3) == pytest.approx(np.tile(turn, (4, 1)))
-    assert filters.rate_error_rad_s(5).reshape(4, 3) == pytest.approx(np.tile(rate, (4, 1)), rel=1e-6)
-
-
-def test_covariances_grow_as_the_bound_down_to_a_tenth_in_cosine_and_by_the_step_of_the_grid() -> None:
-    made, _ = batch()
-    sigma = made._sigma[0]
-    for theta, cosine in ((0.5, np.cos(0.5)), (np.arccos(0.12), 0.12), (1.56, 0.1)):
-        towards = np.tile(direction_from_polar(theta, 0.0), (4, 1))
-        found = made._covariance(towards)
-        for covariance, floor in ((found[0], 0.0), (found[2], np.radians(1.0) ** 2 / 12.0)):
-            # At phi = 0: e_theta = (cos, 0, -sin), e_phi = y.
-            along = np.array([np.cos(theta), 0.0, -np.sin(theta)])
-            assert along @ covariance @ along == pytest.approx((sigma / cosine) ** 2 + floor)
-            assert covariance[1, 1] == pytest.approx(sigma**2 + floor * np.sin(theta) ** 2)
-            assert np.trace(covariance) == pytest.approx(along @ covariance @ along + covariance[1, 1])

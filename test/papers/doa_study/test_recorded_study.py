@@ -87,7 +87,7 @@ def doa_beyond() -> list[Row]:
         two_source_attitude_ratio=lambda trials, seed: (0.3, mark(trials, seed)),
         coupling_rmse_deg=lambda trials, seed: (2.0, 0.3, mark(trials, seed)),
     ):
-        return beyond.beyond_rows(2)
+        return beyond.future_rows(2)
 
 
 def doa_accuracy() -> list[Row]:
@@ -220,13 +220,6 @@ RUNS: dict[str, Callable[[], ArrayLike]] = {
     "printed filter, uneven scene": lambda: uneven_filters(True),
     "pool": pool_of_errors,
     "scene": scene,
-    "outliers": lambda: [
-        direction_rows._outlier_rms_deg("theta", directions.direction_from_polar(np.array([theta, 0.4]), 2.0))
-        for theta in (0.0, 0.3, 0.7, 1.1)
-    ],
-    "azimuth law": lambda: [
-        directions.azimuth_rmse_rad(theta, 0.01) for theta in (0.0, 0.012, 0.05, 0.119, 0.121, 1.0)
-    ],
     "accuracy": lambda: astuple(accuracy.accuracy_curve(40, (2.0,), estimates=200, seed=6)[0]),
 }
 

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rf_pointing.papers.orbit import batch
-from rf_pointing.papers.orbit.batch import Arc, _pseudo_inverse, fit_orbit
+from rf_pointing.papers.orbit.batch import Arc, fit_orbit
 from rf_pointing.papers.orbit.measurements import Elements, look
 from rf_pointing.papers.orbit.motion import Gravity, Site, propagate, propagate_together
 
@@ -54,41 +54,6 @@ def test_six_measurements_of_two_instants_determine_an_orbit() -> None:
     found = fit_orbit(EPOCH, START + 0.1 * OFF, arcs([-140.0, 60.0]), GRAVITY)
     assert np.linalg.norm((found.state - START)[:3]) < 1.0
     assert max(float(np.max(np.abs(each))) for each in found.residuals) < 0.1
-
-
-def unit_columns(last: Array) -> Array:
-    """Return columns of which the first five are axes, each of another size."""
-    return np.column_stack([np.eye(8)[:, :5], last]) * np.array([3.0, 0.2, 1.0, 40.0, 5.0, 0.01])
-
-
-@pytest.mark.parametrize(
-    ("share", "names"), [(0.09, "y, z rate"), (0.115, "x, y, z rate"), (0.8, "x, y, z rate"), (0.0, "y, z rate")]
-)
-def test_elements_are_named_that_have_more_than_a_tenth_of_what_cannot_be_separated(share: float, names: str) -> None:
-    last = share * np.eye(8)[0] + math.sqrt(1.0 - share**2) * np.eye(8)[1]
-    with pytest.raises(ValueError, match=f"cannot separate {names} of the orbit"):
-        _pseudo_inverse(unit_columns(last))
-
-
-@pytest.mark.parametrize(("angle_rad", "separated"), [(1.6e-11, False), (1.9e-11, False), (2.1e-11, True)])
-def test_two_columns_are_one_below_half_their_angle_in_units_of_the_largest(angle_rad: float, separated: bool) -> None:
-    """Singular values of two unit columns at a small angle d: sqrt 2 and d / sqrt 2."""
-    last = np.eye(8)[4] + angle_rad * np.eye(8)[6]
-    if separated:
-        _, _, condition = _pseudo_inverse(unit_columns(last))
-        assert condition == pytest.approx(2.0 / angle_rad, rel=1e-3)
-    else:
-        with pytest.raises(ValueError, match="cannot separate y rate, z rate of the orbit"):
-            _pseudo_inverse(unit_columns(last))
-
-
-def test_inverse_and_covariance_are_those_of_the_normal_equations(random: np.random.Generator) -> None:
-    matrix = random.normal(size=(9, 6)) * np.array([1.0, 1e3, 1e-3, 1.0, 5.0, 0.1])
-    inverse, covariance, condition = _pseudo_inverse(matrix)
-    assert covariance == pytest.approx(np.linalg.inv(matrix.T @ matrix), rel=1e-6)
-    assert inverse == pytest.approx(covariance @ matrix.T, rel=1e-6)
-    scaled = matrix / np.linalg.norm(matrix, axis=0)
-    assert condition == pytest.approx(np.linalg.cond(scaled), rel=1e-9)
 
 
 def test_an_arc_is_one_row_of_finite_times_of_a_known_kind() -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rf_pointing.calibration import BiasModel, ModelVersion, Observations, ShadowRules, read_model
+from rf_pointing.calibration import AcceptanceRules, BiasModel, ModelVersion, Observations, read_model
 from rf_pointing.core import JointReading, PointingError, Target
 from rf_pointing.station.campaign.calibrator import ORBIT, SECTORS, Calibrator, CalibratorParams, Campaign, journal_of
 from rf_pointing.station.description import STATIONS
@@ -23,7 +23,7 @@ PLANTED = BiasModel.zero().replace(azimuth_offset=2e-3, elevation_offset=-1.5e-3
 
 
 def made(accept: str = "better", **given: Any) -> Calibrator:
-    one = Calibrator(CalibratorParams(station=STATION, band=BAND, **given), ShadowRules(accept=accept))
+    one = Calibrator(CalibratorParams(station=STATION, band=BAND, **given), AcceptanceRules(accept=accept))
     one.keeper.begin(NOW_S)
     return one
 
@@ -43,13 +43,17 @@ def commissioned() -> ModelVersion:
     return dataclasses.replace(model, station=STATION, band=BAND, valid_from_t_s=NOW_S - 1.0)
 
 
+def target(t_s: float) -> Target:
+    return Target(
+        t_s=t_s, name="bird", azimuth_rad=1.0, elevation_rad=0.5, azimuth_rate_rad_s=0.0, elevation_rate_rad_s=0.0,
+        azimuth_acceleration_rad_s2=0.0, elevation_acceleration_rad_s2=0.0, range_m=1e6, range_rate_m_s=0.0,
+        refraction_rad=0.0,
+    )  # fmt: skip
+
+
 def observe(one: Calibrator, t_s: float = NOW_S) -> None:
-    for at_s in (t_s - 1.0, t_s + 1.0):
-        one.log.take_target(Target(
-            t_s=at_s, name="bird", azimuth_rad=1.0, elevation_rad=0.5, azimuth_rate_rad_s=0.0, elevation_rate_rad_s=0.0,
-            azimuth_acceleration_rad_s2=0.0, elevation_acceleration_rad_s2=0.0, range_m=1e6, range_rate_m_s=0.0,
-            refraction_rad=0.0,
-        ))  # fmt: skip
+    for late_s in (-1.0, 1.0):
+        one.log.take_target(target(t_s + late_s))
     reading = JointReading(t_s=t_s, position_rad=np.array([1.0, 0.5]), velocity_rad_s=np.zeros(2))
     error = PointingError(t_s=t_s, sensor="monopulse", cross_elevation_rad=1e-5, elevation_rad=-2e-5)
     one.take_error(error, reading)

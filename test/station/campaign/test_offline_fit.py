@@ -109,7 +109,7 @@ def test_late_time_tags_are_refused_unless_the_station_recorded_them_or_its_cloc
             fit(data, terms=terms)
         return
     done = fit(data, terms=terms, time_error_s=stated_s)
-    assert any("the time tags are 0.500 s late" in doubt for doubt in done.doubts) == (stated_s is None)
+    assert any("the time tags are 0.500 s late" in doubt for doubt in done.warnings) == (stated_s is None)
     lags = [done.result.coefficients[name] for name in terms[2:]]
     assert lags == pytest.approx([-0.5, -0.5], abs=0.01)
 
@@ -120,7 +120,9 @@ def test_orbit_errors_beyond_those_of_young_elements_are_doubtful() -> None:
     late = dataclasses.replace(rows, t_s=rows.t_s - rows.t_s[0] + begins_s)
     far = displaced(late, np.random.default_rng(4).normal(0.0, 9000.0, 12))
     done = fit(FitData(far, passes()), terms=OFFSETS)
-    assert any(re.search(r"along_track_m of the passes is \d+, .* times that of elements", one) for one in done.doubts)
+    assert any(
+        re.search(r"along_track_m of the passes is \d+, .* times that of elements", one) for one in done.warnings
+    )
 
 
 def test_data_of_another_station_or_band_are_refused_and_so_are_empty_sectors() -> None:

@@ -4,32 +4,25 @@ A simulated antenna has a clock and a receiver of its own, and time is held unti
 An antenna with a drive runs in real time; what its receiver publishes is recorded.
 """
 
-import argparse
 import math
 import signal
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 import rclpy
+import yaml
 from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 
-from rf_pointing.commands.options import say, station_of
-from rf_pointing.commands.track_options import (
-    bag_folder,
-    in_real_time,
-    nodes_of,
-    notes,
-    parameter_files,
-    parameters,
-)
-from rf_pointing.ephemeris import Pass
-from rf_pointing.ros.graph import NODES, TOPICS, topics_of
+from rf_pointing.ros.graph import NODES, TOPICS, Topic, topics_of
 from rf_pointing.ros.main_loop import make_executor, settle_garbage
 from rf_pointing.ros.managed_graph import ManagedGraph, NotStartedError
 from rf_pointing.ros.recorder import Recorder
+from rf_pointing.ros.waiting import Waiting
 
 PATIENCE_S = 120.0
 """Wall time that one step of the bring-up may take; a process that has ended is noticed at once."""
@@ -37,16 +30,27 @@ PATIENCE_S = 120.0
 SETTLE_S = 0.2
 """Publishers and subscribers that the graph knows still need a moment to match each other."""
 SAY_EVERY_S = 60.0
-EVENT_S = 0.02
-"""Longest wait for one event where an answer is awaited."""
 FOLLOW_S = 0.1
-"""The same where a pass or a night is followed to its end."""
+"""Longest wait for one event where a pass or a night is followed to its end."""
 LOOK_PERIOD_S = 0.2
 """Time between two checks that every node still runs."""
 PUNCTUAL = ("simulation_clock", "antenna_servo")
 """These have priority in real time."""
 # All nodes wake at once every 0.1 s; only the servo's 50 Hz cannot wait some milliseconds.
 CLOCK = NODES[:1]
+
+
+def say(program: str, text: str) -> None:
+    """Report to the user on stderr; stdout is for data."""
+    print(f"{program}: {text}", file=sys.stderr, flush=True)
+
+
+def parameter_file(folder: Path, given: Mapping[str, Mapping[str, Any]]) -> Path:
+    """Write the parameters `given` by node into a folder, and return the file."""
+    written = folder / "run.yaml"
+    sections = {f"/**/{node}": {"ros__parameters": dict(values)} for node, values in given.items()}
+    written.write_text(yaml.safe_dump(sections, sort_keys=False))
+    return written
 
 
 class InterruptedRunError(Exception):
@@ -58,15 +62,16 @@ class GraphRun:
 
     graph: ManagedGraph | None = None
 
-    def __init__(self, program: str, namespace: str) -> None:
-        self.node = rclpy.create_node(program, namespace=namespace)
-        self.stopping = False
+    def __init__(self, program: str, namespace: str, *, name: str = "", patience_s: float = PATIENCE_S) -> None:
+        self.node = rclpy.create_node(name or program, namespace=namespace)
+        self.namespace, self.stopping = namespace, False
         """Whether the user has requested the end of the run."""
         self._program, self._executor = program, make_executor()
         self._executor.add_node(self.node)
+        self.waiting = Waiting(self.spin, patience_s, self.check)
 
     def say(self, text: str) -> None:
-        """Report to the user on stderr; stdout is for data."""
+        """Report to the user on stderr."""
         say(self._program, text)
 
     def interrupt(self, *_: object) -> None:
@@ -82,16 +87,23 @@ class GraphRun:
         if self.graph is not None:
             self.graph.check()
 
+    def until(self, condition: Callable[[], Any], what: str) -> None:
+        """Wait for `condition`; NotStartedError when the user stops the run."""
+
+        def seen() -> bool:
+            if self.stopping:
+                raise NotStartedError("interrupted")
+            return bool(condition())
+
+        self.waiting.until(seen, f"{what} not seen")
+
     def send(self, client: ActionClient, goal: Any, owner: str, feedback: Callable[[Any], None] | None = None) -> Any:
-        """Send a goal and return its handle; NotStartedError if it is refused."""
-        future, deadline_s = client.send_goal_async(goal, feedback_callback=feedback), time.monotonic() + PATIENCE_S
-        while not future.done():
-            if time.monotonic() > deadline_s:
-                raise TimeoutError(f"an answer of {owner} not seen within {PATIENCE_S:.0f} s")
-            self.spin(EVENT_S)
-        if not future.result().accepted:
-            raise NotStartedError(f"the goal was refused: {owner} is not active, or has another one")
-        return future.result()
+        """Send a goal and return its handle; NotStartedError with the reason if it is refused."""
+        handle = self.waiting.answer(client.send_goal_async(goal, feedback_callback=feedback), owner)
+        if not handle.accepted:
+            reason = self.graph.complaint(owner) if self.graph else f"{owner} is not active, or has another one"
+            raise NotStartedError(f"the goal was refused: {reason}")
+        return handle
 
     def result(self, handle: Any) -> Any:
         """Return the result of an accepted goal, which is cancelled when the user stops the run."""
@@ -115,25 +127,52 @@ class GraphRun:
         self.node.destroy_node()
 
 
-class StationRun(GraphRun):
-    """The station of the options in their namespace, with its recording.
+@dataclass(frozen=True, kw_only=True)
+class RunSetup:
+    """Which nodes of a station run, with which parameters, and what is recorded of them.
 
-    `options` are those of `track`; simulated time begins shortly before `window`, the first pass.
+    `punctual` gives clock and servo priority; a real antenna is started at `begin_s` (UTC, s since
+    1970) for what is `awaited`.
     """
+
+    program: str
+    namespace: str
+    nodes: tuple[str, ...]
+    simulated: bool
+    parameter_files: tuple[Path, ...]
+    logs: Path
+    bag: Path
+    notes: Mapping[str, str]
+    punctual: bool = False
+    reset_fault: bool = False
+    begin_s: float = 0.0
+    awaited: str = ""
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """What is recorded."""
+        return TOPICS if self.simulated else topics_of(self.nodes)
+
+
+class StationRun(GraphRun):
+    """The nodes of a setup in their namespace, with their recording."""
 
     graph: ManagedGraph
 
-    def __init__(self, program: str, options: argparse.Namespace, window: Pass, output: Path) -> None:
-        super().__init__(program, options.namespace)
-        self._begun, self._reset = False, options.reset_fault
-        self.real, self._nodes = not station_of(options).simulated, nodes_of(options)
-        on_time = PUNCTUAL if in_real_time(options) else ()
-        files = parameter_files(options, parameters(options, window, output), output)
+    def __init__(self, setup: RunSetup) -> None:
+        super().__init__(setup.program, setup.namespace)
+        self._setup, self._begun = setup, False
+        on_time = PUNCTUAL if setup.punctual else ()
         self.graph = ManagedGraph(
-            self.node, options.namespace, files, output / "logs", self.spin, patience_s=PATIENCE_S, on_time=on_time
+            self.node,
+            setup.namespace,
+            setup.parameter_files,
+            setup.logs,
+            self.spin,
+            patience_s=PATIENCE_S,
+            on_time=on_time,
         )
-        topics = topics_of(self._nodes) if self.real else TOPICS
-        self._recorder = Recorder(self.node, options.namespace, bag_folder(options, output), topics, notes(options))
+        self._recorder = Recorder(self.node, setup.namespace, setup.bag, setup.topics, setup.notes)
 
     def spin(self, timeout_s: float) -> None:
         """Handle one event, or wait for one; InterruptedRunError if stopped before time runs."""
@@ -144,32 +183,33 @@ class StationRun(GraphRun):
     def bring_up(self, *actions: ActionClient) -> None:
         """Start and activate all nodes, until all topics and `actions` match.
 
-        Simulated time is held meanwhile; a real antenna stands where it is.
+        Simulated time is held meanwhile; a real antenna is started in time for its first pass, and
+        stands where it is.
         """
+        nodes, simulated = self._setup.nodes, self._setup.simulated
+        if not simulated:
+            self.wait_for(self._setup.begin_s, f"{self._setup.awaited} is waited for; the antenna is started")
         began_s = time.monotonic()
-        self.graph.start(self._nodes, simulated_time=not self.real)
+        self.graph.start(nodes, simulated_time=simulated)
         # The clock first: while the others start, its held time reaches them.
-        others = [name for name in self._nodes if name not in CLOCK]
-        if not self.real:
+        others = [name for name in nodes if name not in CLOCK]
+        if simulated:
             self.graph.configure(CLOCK)
         self.graph.configure(others)
         self.graph.activate(others)
-        self.graph.wait_until(lambda: all(client.server_is_ready() for client in actions), "the actions")
-        self.graph.wait_until(lambda: not self._recorder.unmatched(), "every topic")
-        self.graph.wait(SETTLE_S)
-        self.say(f"{len(self._nodes)} nodes matched and active in {time.monotonic() - began_s:.1f} s")
-        if self._reset:
-            self.say(f"reset of a latched fault: {self.call('antenna_servo/reset_fault').message}")
+        self.waiting.until(lambda: all(client.server_is_ready() for client in actions), "the actions not seen")
+        self.waiting.until(lambda: not self._recorder.unmatched(), "every topic not seen")
+        self.waiting.pause(SETTLE_S)
+        self.say(f"{len(nodes)} nodes matched and active in {time.monotonic() - began_s:.1f} s")
+        if self._setup.reset_fault:
+            self.say(f"reset of a latched fault: {self.request('antenna_servo/reset_fault').message}")
             # The controller refuses a pass until it has received that the fault is gone.
-            self.graph.wait(SETTLE_S)
+            self.waiting.pause(SETTLE_S)
 
-    def call(self, name: str) -> Trigger.Response:
+    def request(self, name: str) -> Trigger.Response:
         """Call a service of a node that takes no argument, and return its answer."""
-        client = self.node.create_client(Trigger, name)
-        self.graph.wait_until(client.service_is_ready, name)
-        future = client.call_async(Trigger.Request())
-        self.graph.wait_until(future.done, f"an answer of {name}")
-        return future.result()
+        answer: Trigger.Response = self.waiting.call(self.node, Trigger, name, Trigger.Request())
+        return answer
 
     def wait_for(self, t_s: float, what: str) -> None:
         """Let real time go on until `t_s` (UTC, s since 1970), and report once a minute."""
@@ -182,7 +222,7 @@ class StationRun(GraphRun):
 
     def run_time(self) -> None:
         """Start simulated time; real time does not wait."""
-        if not self.real:
+        if self._setup.simulated:
             self.graph.change(CLOCK, "activate")
         self._begun = True
         # Collections of the recorder's process delay what it receives.
@@ -190,16 +230,8 @@ class StationRun(GraphRun):
 
     def hold_time(self) -> None:
         """Stop simulated time; a real antenna stands where the last pass has left it."""
-        if not self.real:
+        if self._setup.simulated:
             self.graph.change(CLOCK, "deactivate")
-
-    def send(self, client: ActionClient, goal: Any, owner: str, feedback: Callable[[Any], None] | None = None) -> Any:
-        """Send a goal and return its handle; NotStartedError with the reason if it is refused."""
-        future = client.send_goal_async(goal, feedback_callback=feedback)
-        self.graph.wait_until(future.done, f"an answer of {owner}")
-        if not future.result().accepted:
-            raise NotStartedError(f"the goal was refused: {self.graph.complaint(owner)}")
-        return future.result()
 
     def close(self) -> None:
         """End the run, close the bag and report what it lacks."""
@@ -228,8 +260,7 @@ def run_to_end(program: str, make: Callable[[], RunType], work: Callable[[RunTyp
         say(program, str(error))
         rclpy.try_shutdown()
         return 2
-    for sign in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(sign, run.interrupt)
+    handlers = {sign: signal.signal(sign, run.interrupt) for sign in (signal.SIGINT, signal.SIGTERM)}
     code = 1
     try:
         code = work(run)
@@ -241,4 +272,6 @@ def run_to_end(program: str, make: Callable[[], RunType], work: Callable[[RunTyp
     finally:
         run.close()
         rclpy.try_shutdown()
+        for sign, handler in handlers.items():
+            signal.signal(sign, handler)
     return code

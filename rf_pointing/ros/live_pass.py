@@ -1,50 +1,47 @@
-"""A pass as an operator sees it: its certificate, one line while it lasts, its outcome.
-
-The line is redrawn in place on a terminal, or repeated every ten seconds in a log.
-"""
+"""A pass as an operator sees it: its certificate, one line while it lasts, its outcome."""
 
 import math
 import sys
 import time
-from typing import Any, TextIO
+from collections.abc import Callable
+from typing import Any
 
 from rclpy.action import ActionClient
 from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import PassCertificate
 
-from rf_pointing.commands.station_run import EVENT_S, GraphRun
+from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import certificate_lines
 from rf_pointing.ros import convert_planning
 from rf_pointing.ros.qos import LATCHED
 from rf_pointing.ros.stamps import seconds_from_stamp
+from rf_pointing.ros.station_run import GraphRun, StationRun
 
+LOG_PERIOD_S = 10.0
 CERTIFICATE_S = 40.0
-"""How long to wait for the certificate of an accepted goal, or for the word that there is none."""
+"""How long to wait until an accepted goal is certified or refused."""
 BAR = 24
 """Characters of the progress bar."""
 
 
-class ProgressLine:
-    """Shows the feedback of a track_pass goal in one line."""
+class LiveLine:
+    """One line on stderr: redrawn in place on a terminal, repeated every ten seconds in a log."""
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-        self._live = stream.isatty()
-        self._next_s = 0.0
+    def __init__(self, period_s: float) -> None:
+        self._period_s, self._next_s = period_s if sys.stderr.isatty() else LOG_PERIOD_S, 0.0
 
-    def show(self, feedback: TrackPass.Feedback) -> None:
-        """Draw the line, five times a second on a terminal, every ten seconds otherwise."""
+    def show(self, text: Callable[[], str]) -> None:
+        """Draw the line if it is time."""
         if time.monotonic() < self._next_s:
             return
-        self._next_s = time.monotonic() + (0.2 if self._live else 10.0)
-        line = describe(feedback)
-        self._stream.write(f"\r\x1b[2K{line}" if self._live else f"{line}\n")
-        self._stream.flush()
+        self._next_s = time.monotonic() + self._period_s
+        sys.stderr.write(f"\r\x1b[2K{text()}" if sys.stderr.isatty() else f"{text()}\n")
+        sys.stderr.flush()
 
     def end(self) -> None:
         """Leave the line as it is and go on below it."""
-        if self._live:
-            self._stream.write("\n")
+        if sys.stderr.isatty():
+            sys.stderr.write("\n")
 
 
 def describe(feedback: TrackPass.Feedback) -> str:
@@ -76,7 +73,7 @@ class LivePass:
     """One pass of the controller in the namespace of `run`."""
 
     def __init__(self, run: GraphRun) -> None:
-        self._run, self._progress = run, ProgressLine(sys.stderr)
+        self._run, self._line = run, LiveLine(0.2)
         self.client = ActionClient(run.node, TrackPass, "track_pass")
         self._certificate: PassCertificate | None = None
         run.node.create_subscription(PassCertificate, "pass_certificate", self._note_certificate, LATCHED)
@@ -85,28 +82,34 @@ class LivePass:
         """Send the goal, print the certificate, and return the handle of the goal."""
         # A running station has kept the certificate of another pass.
         self._certificate = None
-        handle = self._run.send(self.client, goal, "pointing_controller", lambda m: self._progress.show(m.feedback))
-        self._show_certificate(handle)
+        show = self._line.show
+        handle = self._run.send(self.client, goal, "pointing_controller", lambda m: show(lambda: describe(m.feedback)))
+        ended = handle.get_result_async()
+        # In a run of its own, simulated time is still held meanwhile.
+        self._run.waiting.until(
+            lambda: self._certificate is not None or ended.done(),
+            "pointing_controller neither certified nor refused the pass",
+            CERTIFICATE_S,
+        )
+        if self._certificate is not None:
+            for line in certificate_lines(convert_planning.certificate_from_message(self._certificate)):
+                print(line, file=sys.stderr)
         return handle
 
     def result(self, handle: Any) -> TrackPass.Result:
         """Wait for the end of the pass, and return what it gave."""
         found: TrackPass.Result = self._run.result(handle)
-        self._progress.end()
+        self._line.end()
         return found
 
     def _note_certificate(self, message: PassCertificate) -> None:
         self._certificate = message
 
-    def _show_certificate(self, handle: Any) -> None:
-        """Print the certificate of the accepted goal; simulated time is still held meanwhile."""
-        deadline_s, ended = time.monotonic() + CERTIFICATE_S, handle.get_result_async()
-        while self._certificate is None and not ended.done() and time.monotonic() < deadline_s:
-            self._run.check()
-            self._run.spin(EVENT_S)
-        if self._certificate is None and not ended.done():
-            raise TimeoutError(f"pointing_controller neither certified nor refused the pass in {CERTIFICATE_S:.0f} s")
-        if self._certificate is None:
-            return
-        for line in certificate_lines(convert_planning.certificate_from_message(self._certificate)):
-            print(line, file=sys.stderr)
+
+def track_pass(run: StationRun, window: Pass, sensor: str) -> TrackPass.Result:
+    """Bring the graph up, track the pass, and return what it gave."""
+    live = LivePass(run)
+    run.bring_up(live.client)
+    handle = live.begin(TrackPass.Goal(target_pass=convert_planning.pass_to_message(window), sensor=sensor))
+    run.run_time()
+    return live.result(handle)

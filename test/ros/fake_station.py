@@ -1,4 +1,5 @@
-"""A station without processes: one node whose messages, services and actions a test sets, on its own wall clock."""
+"""A station without processes or a network: one node whose messages, services and actions a test sets, on a wall clock
+that goes on where somebody waits."""
 
 import signal
 from collections.abc import Callable
@@ -10,7 +11,16 @@ import pytest
 import rclpy
 from rcl_interfaces.srv import GetParameters
 
-from rf_pointing.commands import live_pass, station, station_run
+from rf_pointing.ros import (
+    campaign_run,
+    experiment_run,
+    live_pass,
+    managed_graph,
+    repeated_call,
+    station_client,
+    station_run,
+    waiting,
+)
 from rf_pointing.ros.managed_graph import NotStartedError
 
 BEGIN_S = 1000.0
@@ -36,6 +46,12 @@ class Wall:
     def passed_s(self) -> float:
         return self.now_s - BEGIN_S
 
+    def rule(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Give every client this time."""
+        for module in (managed_graph, repeated_call, waiting, station_run, live_pass, station_client):
+            monkeypatch.setattr(module, "time", self)
+        monkeypatch.setattr(experiment_run, "time", self)
+
 
 class Answer:
     """A future that is done at a time of the wall."""
@@ -56,12 +72,13 @@ class Answer:
 class FakeStation:
     """What is outside the program: everything takes 0.05 s unless a test changes it.
 
-    `services` maps a name to what answers its requests, `results` an action to its result (None:
-    the goal is refused), `events` are pairs of a time after the begin and what happens then.
+    `services` maps a name to what answers its requests, `results` an action to its result (None: the goal is refused;
+    a list: one goal after the other), `events` are pairs of a time after the begin and what happens then.  `log` has
+    calls, goals and steps of the processes in their order.
     """
 
-    def __init__(self, wall: Wall) -> None:
-        self.wall, self.ready_s, self.answer_s, self.result_s = wall, 0.05, 0.05, 1.0
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.wall, self.ready_s, self.answer_s, self.result_s = Wall(), 0.05, 0.05, 1.0
         self.services: dict[str, Callable[[Any], Any]] = {
             "antenna_servo/get_parameters": lambda _: GetParameters.Response()
         }
@@ -69,24 +86,49 @@ class FakeStation:
         self.events: list[tuple[float, Callable[[], None]]] = []
         self.calls: list[tuple[str, Any]] = []
         self.goals: list[tuple[str, Any]] = []
+        self.log: list[Any] = []
         self.topics: dict[str, tuple[Any, Callable[[Any], None], Any]] = {}
-        self.feedback: Callable[[Any], None] | None = None
+        self.publishers: dict[str, int] = {}
+        self.warnings: list[str] = []
+        self.feedback: Callable[[Any], None] = lambda _: None
         self.cancelled_s: list[float] = []
-        self.handlers: dict[int, Callable[..., None]] = {}
+        self.handlers: dict[int, Any] = {}
         self.life: list[str] = []
         self.name = self.namespace = ""
+        self.graph: Any = None
+        self.recorder = SimpleNamespace(
+            ready_s=0.0, given=(), closed=False, result=SimpleNamespace(problem="", lost=())
+        )
         self._nodes: list[Any] = []
         self._spins = 0
-        self.graphs: list[FakeGraph] = []
-        self.recorders: list[FakeRecorder] = []
-        self.recorder: Any = None
+        self.wall.rule(monkeypatch)
+        for module in (live_pass, station_client, campaign_run, experiment_run):
+            monkeypatch.setattr(module, "ActionClient", self.action_client)
+        library = SimpleNamespace(
+            init=lambda **_: self.life.append("begun"), try_shutdown=lambda: self.life.append("over"),
+            create_node=self.create_node, signals=rclpy.signals,
+        )  # fmt: skip
+        monkeypatch.setattr(station_run, "rclpy", library)
+        monkeypatch.setattr(station_run, "make_executor", lambda: self)
+        monkeypatch.setattr(station_run, "settle_garbage", lambda: None)
+        kept = {name: getattr(signal, name) for name in ("SIGINT", "SIGTERM")}
+        monkeypatch.setattr(station_run, "signal", SimpleNamespace(**kept, signal=self._handle))
+        for module in (station_run, experiment_run):
+            monkeypatch.setattr(module, "ManagedGraph", self._begin)
+        for module in (station_run, station_client):
+            monkeypatch.setattr(module, "Recorder", self._record)
 
     def publish(self, at_s: float, topic: str, message: Any) -> None:
         """Publish a message at a time after the begin."""
         self.at(at_s, lambda: self.topics[topic][1](message))
 
-    def at(self, after_s: float, happens: Callable[[], None]) -> None:
+    def at(self, after_s: float, happens: Callable[[], Any]) -> None:
         self.events.append((BEGIN_S + after_s, happens))
+
+    def _handle(self, sign: int, handler: Any) -> Any:
+        before = self.handlers.get(sign, "of before")
+        self.handlers[sign] = handler
+        return before
 
     # rclpy and its executor
 
@@ -117,6 +159,12 @@ class FakeStation:
     def create_subscription(self, kind: Any, name: str, callback: Callable[[Any], None], qos: Any) -> None:
         self.topics[name] = kind, callback, qos
 
+    def count_publishers(self, topic: str) -> int:
+        return self.publishers.get(topic, 0)
+
+    def get_logger(self) -> Any:
+        return SimpleNamespace(warning=lambda text, **_: self.warnings.append(text))
+
     def resolve_service_name(self, name: str) -> str:
         return f"{self.namespace}/{name}"
 
@@ -131,6 +179,7 @@ class FakeStation:
             assert self.offered(), f"{name} is called before it is there"
             assert isinstance(request, kind.Request)
             self.calls.append((name, request))
+            self.log.append(name)
             return Answer(self.wall, self.wall.now_s + self.answer_s, self.services[name](request))
 
         return SimpleNamespace(service_is_ready=lambda: name in self.services and self.offered(), call_async=call_async)
@@ -139,8 +188,9 @@ class FakeStation:
         def send_goal_async(goal: Any, feedback_callback: Any = None) -> Answer:
             assert self.offered(), f"{name} gets a goal before it is there"
             self.goals.append((name, goal))
+            self.log.append(name)
             self.feedback = feedback_callback
-            result = self.results[name]
+            result = self.results[name].pop(0) if isinstance(self.results[name], list) else self.results[name]
             sent_s = self.wall.now_s + self.answer_s
             handle = SimpleNamespace(
                 accepted=result is not None,
@@ -153,69 +203,44 @@ class FakeStation:
             server_is_ready=lambda: name in self.results and self.offered(), send_goal_async=send_goal_async
         )
 
+    # What a run starts
 
-def make_station(monkeypatch: pytest.MonkeyPatch) -> FakeStation:
-    """Put a station in the place of the network, the clock and the signals."""
-    wall = Wall()
-    fake = FakeStation(wall)
-    for module in (station, station_run, live_pass):
-        monkeypatch.setattr(module, "time", wall)
-    for module in (station, live_pass):
-        monkeypatch.setattr(module, "ActionClient", fake.action_client)
-    library = SimpleNamespace(
-        init=lambda **_: fake.life.append("begun"), try_shutdown=lambda: fake.life.append("over"),
-        create_node=fake.create_node, signals=rclpy.signals,
-    )  # fmt: skip
-    monkeypatch.setattr(station_run, "rclpy", library)
-    monkeypatch.setattr(station_run, "make_executor", lambda: fake)
-    kept = {name: getattr(signal, name) for name in ("SIGINT", "SIGTERM")}
-    monkeypatch.setattr(station_run, "signal", SimpleNamespace(**kept, signal=fake.handlers.__setitem__))
-    return fake
+    def _begin(self, _node: Any, namespace: str, files: Any, logs: Path, _spin: Any, **given: Any) -> Any:
+        self.graph = FakeGraph(self, namespace, list(files), logs, given)
+        return self.graph
+
+    def _record(self, _node: Any, namespace: str, path: Path, topics: Any = None, notes: Any = None) -> Any:
+        self.recorder.given = namespace, path, topics, notes
+        path.mkdir(parents=True)
+
+        def close() -> Any:
+            self.recorder.closed = True
+            self.log.append("bag closed")
+            return SimpleNamespace(path=path, **vars(self.recorder.result))
+
+        unmatched = lambda: [] if self.wall.passed_s >= self.recorder.ready_s else ["antenna_status"]  # noqa: E731
+        return SimpleNamespace(unmatched=unmatched, close=close)
 
 
 class FakeGraph:
-    """The processes of a run, as `ManagedGraph`: `steps` are what was done with them, each with its time."""
+    """The processes of a run, as `ManagedGraph`; what is done with them is in the log of the station."""
 
-    made: list["FakeGraph"]
-
-    def __init__(
-        self, _node: Any, namespace: str, files: list[Path], logs: Path, spin: Any, *, patience_s: float, on_time: Any
-    ) -> None:
-        self.namespace, self.files, self.logs, self.patience_s, self.on_time = (
-            namespace,
-            files,
-            logs,
-            patience_s,
-            on_time,
-        )
-        self.steps: list[tuple[Any, ...]] = []
+    def __init__(self, station: FakeStation, namespace: str, files: list[Path], logs: Path, given: Any) -> None:
+        self.namespace, self.files, self.logs, self.on_time = namespace, files, logs, given.get("on_time", ())
+        self._log = station.log
         self.checks, self.ended = 0, ""
-        self._spin = spin
-        self.made.append(self)
 
-    def start(self, names: Any, simulated_time: bool) -> None:
-        self.steps.append(("start", tuple(names), simulated_time))
+    def start(self, names: Any, simulated_time: bool = True) -> None:
+        self._log.append(("start", tuple(names), simulated_time))
 
     def configure(self, names: Any) -> None:
-        self.steps.append(("configure", tuple(names)))
+        self._log.append(("configure", tuple(names)))
 
     def activate(self, names: Any) -> None:
-        self.steps.append(("activate", tuple(names)))
+        self._log.append(("activate", tuple(names)))
 
     def change(self, names: Any, transition: str) -> None:
-        self.steps.append((transition, tuple(names)))
-
-    def wait(self, duration_s: float) -> None:
-        self._spin(duration_s)
-        self.steps.append(("wait", duration_s))
-
-    def wait_until(self, condition: Callable[[], bool], what: str) -> None:
-        for _ in range(1000):
-            if condition():
-                self.steps.append(("until", what))
-                return
-            self._spin(0.02)
-        raise TimeoutError(f"{what} not seen")
+        self._log.append((transition, tuple(names)))
 
     def check(self) -> None:
         self.checks += 1
@@ -226,36 +251,10 @@ class FakeGraph:
         return f"the last line of {name}"
 
     def stop(self) -> None:
-        self.steps.append(("stop",))
+        self._log.append("stop")
 
 
-class FakeRecorder:
-    """A recorder whose topics are all matched `ready_s` after the begin, and which ends with `result`."""
-
-    made: list["FakeRecorder"]
-    wall: Wall
-    ready_s = 0.0
-    result: Any = SimpleNamespace(problem="", lost=())
-
-    def __init__(self, _node: Any, namespace: str, path: Path, topics: Any, notes: dict[str, str]) -> None:
-        self.namespace, self.path, self.topics, self.notes, self.closed = namespace, path, topics, notes, False
-        self.made.append(self)
-
-    def unmatched(self) -> list[str]:
-        return [] if self.wall.passed_s >= self.ready_s else ["antenna_status"]
-
-    def close(self) -> Any:
-        self.closed = True
-        return self.result
-
-
-def make_run(monkeypatch: pytest.MonkeyPatch) -> FakeStation:
-    """Put fakes in the place of everything that a run of a whole station starts."""
-    fake = make_station(monkeypatch)
-    graph, recorder = type("Graph", (FakeGraph,), {"made": []}), type("Bag", (FakeRecorder,), {"made": []})
-    recorder.wall = fake.wall
-    fake.graphs, fake.recorders, fake.recorder = graph.made, recorder.made, recorder
-    monkeypatch.setattr(station_run, "ManagedGraph", graph)
-    monkeypatch.setattr(station_run, "Recorder", recorder)
-    monkeypatch.setattr(station_run, "settle_garbage", lambda: fake.life.append("settled"))
-    return fake
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> FakeStation:
+    """Return a station in the place of the network, the processes, the clock and the signals."""
+    return FakeStation(monkeypatch)
