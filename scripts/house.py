@@ -70,7 +70,8 @@ EIGHT_NODES = (
 )  # fmt: skip
 """Nodes of a simulated antenna."""
 ASSEMBLY = ("api/", "commands/", "ros/", "station/")
-"""Rooms that put the parts together; what the others compute is not on the way of a word."""
+COMPUTING = ("station/derive/",)
+"""Rooms that put the parts together, and of these what computes; that is not on a word's way."""
 NODE_LINES = 150
 COLUMNS = 100
 EXAMPLES = ("simulate_pass", "first_steps")
@@ -379,10 +380,17 @@ def follow_word(root: Path) -> dict[str, list[str]]:
     word, folder = "".join(["280", "57"]), str(root / PACKAGE) + os.sep
     found: dict[str, set[str]] = {"files": set(), "functions": set(), "climbs": set()}
 
+    importing = 0
+
     def note(frame: Any, event: str, result: object) -> None:
+        nonlocal importing
         code = frame.f_code
         file = code.co_filename.removeprefix(folder)
-        if event not in ("call", "return") or not file.startswith(ASSEMBLY) or code.co_name.startswith("<"):
+        if code.co_name == "<module>":
+            importing += {"call": 1, "return": -1}.get(event, 0)
+        if importing or event not in ("call", "return") or code.co_name.startswith("<"):
+            return
+        if not file.startswith(ASSEMBLY) or file.startswith(COMPUTING):
             return
         if event == "call":
             found["files"].add(file)

@@ -1,5 +1,6 @@
 """What an import costs: eight nodes run on a station's computer, and each loads what it needs."""
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -56,6 +57,6 @@ def test_no_export_has_the_name_of_a_module_of_its_package(path: Path) -> None:
     """Python binds a loaded module to its name: an export of that name would be the one or the other."""
     if "lazily(" not in path.read_text():
         return
-    exports = {word.strip(" ,()") for line in path.read_text().splitlines() if line.startswith("    ")
-               for word in line.partition("import ")[2].split(",") or [line]}  # fmt: skip
+    imports = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)]
+    exports = {name.name for node in imports for name in node.names}
     assert not exports & {each.stem for each in path.parent.glob("*.py")}

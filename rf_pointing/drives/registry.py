@@ -11,7 +11,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from rf_pointing.drives.drive import Drive, Pair
+from rf_pointing.core.types import Pair
+from rf_pointing.drives.drive import Drive
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.protocols import PROTOCOLS
 

@@ -160,7 +160,7 @@ NEAREST = "no such parameter of antenna_servo; did you mean wrap_file?"
 def test_a_node_refuses_an_unknown_name_with_the_nearest(started: Callable[..., Started]) -> None:
     subject = started(AntennaServo, "-p", "wrap_fil:=x")
     assert subject.node.on_configure(UNCONFIGURED) == TransitionCallbackReturn.FAILURE
-    assert subject.node._reason == f"wrap_fil: {NEAREST}"
+    assert subject.node.parameters.reasons == [f"wrap_fil: {NEAREST}"]
     subject.dump()
     (result,) = subject.answer(subject.client.set_parameters([Parameter("wrapfile", value="x")])).results
     assert (result.successful, result.reason) == (False, f"wrapfile: {NEAREST}")

@@ -9,9 +9,13 @@ from rf_pointing_msgs.msg import Attitude
 from rf_pointing_msgs.srv import SelectTarget
 from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
 
+from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.ephemeris import ElementUncertainty, find_elements, sky_uncertainty, verification_elements
+from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 
+CBERS = find_elements(verification_elements(), "28057")
 NOW_S = 1_151_384_500.0
 """In the first pass of CBERS-2."""
 
@@ -30,7 +34,15 @@ def test_passes_profiles_and_targets_are_published_with_their_stamps(make: Calla
     bench.run(1.0)
     targets = bench.sent["target"]
     assert [seconds_from_stamp(each.header.stamp) - NOW_S for each in targets] == [2.25, 2.5, 2.75, 3.0]
-    assert {(each.target, len(each.covariance)) for each in targets} == {("CBERS 2", 4)}
+    looks, target = load_track(SourceParams()).sample([NOW_S + 3.0]), targets[-1]
+    assert (target.target, target.element_age) == ("CBERS 2", pytest.approx(NOW_S + 3.0 - CBERS.epoch_t_s, abs=1e-3))
+    assert target.azimuth == pytest.approx(looks.azimuth_rad[0], abs=1e-9)
+    assert target.doppler_factor == pytest.approx(1.0 - looks.range_rate_m_s[0] / SPEED_OF_LIGHT_M_S, abs=1e-12)
+    assert target.light_time == pytest.approx(looks.range_m[0] / SPEED_OF_LIGHT_M_S, rel=1e-9)
+    assert target.refraction == pytest.approx(looks.elevation_rad[0] - looks.true_elevation_rad[0], abs=1e-9)
+    sky = sky_uncertainty(load_track(SourceParams()), NOW_S + 3.0, ElementUncertainty())
+    assert list(target.covariance) == pytest.approx(sky.covariance_rad2.ravel().tolist(), rel=1e-6)
+    assert target.along_track_sigma > target.cross_track_sigma > 0.0
     bench.wait(passes.passes[0].los.sec + 30.0 - bench.t_s)
     bench.run(1.0)
     assert len(targets) == 4
@@ -47,8 +59,10 @@ def test_a_target_is_selected_by_name_start_and_peak_and_a_refusal_has_its_reaso
     assert answer.passes[0].aos.sec > start_s
     assert min(each.peak_elevation for each in answer.passes) >= 0.2
     assert bench.node.get_parameter("source.hold").value is False
+    for body in ("Moon", "3C 84"):
+        assert bench.call("~/select_target", SelectTarget.Request(target=body)).passes[0].target == body
     refused = bench.call("~/select_target", SelectTarget.Request(target="nobody"))
-    assert (refused.success, "nobody" in refused.message, len(bench.sent["passes"])) == (False, True, 2)
+    assert (refused.success, "nobody" in refused.message, len(bench.sent["passes"])) == (False, True, 4)
 
 
 def test_measured_weather_and_attitude_are_used_and_read_back_where_they_are_wanted(make: Callable[..., Any]) -> None:

@@ -18,7 +18,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import (
@@ -31,6 +30,7 @@ from rf_pointing.core import (
     parameter,
     unit_vector_from_azel,
 )
+from rf_pointing.core.types import TURN, Array, Pair
 from rf_pointing.ephemeris import CatalogueSky, Site
 from rf_pointing.ephemeris.look_angles import angles_and_rates
 from rf_pointing.ephemeris.source import load_catalogue
@@ -39,9 +39,6 @@ from rf_pointing.planning import AxisLimits, HorizonMask, choose_turns
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.prediction import axis_motion
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
-TURN = 2.0 * math.pi
 AHEAD_S = 0.1 * np.arange(1, 11)
 # Three steps of the coarsest client with decimals; less is its rounding and no motion.
 MOVES_RAD = math.radians(0.03)
