@@ -7,7 +7,6 @@ group `rf_pointing.trackers`; what it publishes as `pointing_error` is then used
 
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
 
 from rf_pointing.core import Mode, Sensor
 from rf_pointing.tracking.scan import Scan
@@ -111,6 +110,8 @@ def load_trackers() -> None:
 
     Not done on import: a tracker's own module imports this one.
     """
+    from importlib.metadata import entry_points
+
     for point in entry_points(group=ENTRY_POINTS):
         register(point.load())
 
