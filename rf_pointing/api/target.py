@@ -55,7 +55,7 @@ class Target:
         return current_elements(self.location)
 
     def source(self, site: Site) -> SourceParams:
-        """Return what a node is told about this target, seen from `site`."""
+        """Return what a node is given of this target, seen from `site`."""
         return SourceParams(
             elements=self.location, satellite=self.satellite, site=site,
             interpolation=self.interpolation, interpolation_degree=self.interpolation_degree,

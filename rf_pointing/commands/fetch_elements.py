@@ -55,7 +55,7 @@ def show(outcome: Outcome, now_s: float) -> None:
 
 
 def request_from(argv: list[str] | None = None) -> FetchRequest:
-    """Return what a command line asks for."""
+    """Return what a command line requests."""
     parser = argparse.ArgumentParser(prog=PROGRAM, description="Fetch elements and keep them as files.")
     add = parser.add_argument
     add("addresses", nargs="*", metavar="URL", help="http(s) address (default: all that are kept)")

@@ -107,7 +107,7 @@ def _quoted(name: str) -> str:
 
 
 def request_from(argv: list[str] | None = None) -> NewStation:
-    """Return what a command line asks for."""
+    """Return what a command line requests."""
     parser = argparse.ArgumentParser(prog="new_station", description="Print a station description to begin with.")
     add = parser.add_argument
     add("--name", required=True, help="name of the station")

@@ -110,7 +110,7 @@ def advice(request: CampaignRequest, candidates: list[CandidatePass]) -> int:
 
 
 def request_from(argv: list[str] | None = None) -> CampaignRequest:
-    """Return what a command line asks for."""
+    """Return what a command line requests."""
     parser = argparse.ArgumentParser(prog=PROGRAM, description="Plan a calibration campaign.")
     add = parser.add_argument
     add("--elements", metavar="FILE|DIR|URL", default="", help=f"{ELEMENTS_HELP} (default: verification set of sgp4)")
