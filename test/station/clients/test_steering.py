@@ -492,7 +492,7 @@ def test_a_satellite_that_cannot_be_tracked_is_followed_by_its_points_for_120_s(
     elif reason == "ended":
         known.answer("track")
         known.steering.ended(known.number, "refused", 0.0)
-    told = any("BIRD is not tracked as a pass, its points are followed" in line for line in known.log)
+    told = any("BIRD is not tracked, its points are followed" in line for line in known.log)
     assert told is (reason != "ended")
     assert (known.step() is None) is (reason == "no goal"), "20 s later the points are old"
     again_s = known.t_s + 120.0
