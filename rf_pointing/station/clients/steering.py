@@ -255,7 +255,6 @@ class Steering:
     def _stop(self) -> Steps:
         """End whatever moves, in a controlled way."""
         self._forget()
-        self._place_due = False
         if self._target or self._goal:
             yield "stop_pass", {}
             return 0
