@@ -134,6 +134,11 @@ def test_a_dump_gives_the_same_node_back(
         name: as_plain(value) for name, value in dumped.items()
     }
     if station:
+        # The numbers of the description are in force, as `ros2 param get` reads them back.
+        wanted = read_station(station).parameters(second.node.get_name())
+        assert {name: as_plain(dumped[name]) for name in wanted} == {
+            name: as_plain(each) for name, each in wanted.items()
+        }
         # A simulation without ROS takes the same file.
         read_station(station).check_file(
             second.node.get_name(), read_parameter_files([file])[second.node.get_name()].values
