@@ -241,13 +241,14 @@ class Steering:
 
     def _point_of_pass(self) -> Steps:
         """Take a point during a pass; points off its track end it."""
-        assert self._match is not None
+        sky, match = self._known.sky, self._match
+        assert sky is not None
+        assert match is not None
         times, directions = self.follower.points.history
-        sky, row = self._known.sky, self._match.row
-        mine = sky is not None and on_track(sky, row, float(times[-1]), directions[-1], self._match_params)
+        mine = on_track(sky, match.row, float(times[-1]), directions[-1], self._match_params)
         self._strays = 0 if mine else self._strays + 1
         if self._strays >= STRAYS:
-            self._inform(f"the client has left the track of {self._match.name}")
+            self._inform(f"the client has left the track of {match.name}")
             self._strays, self._place_due = 0, True
             yield "stop_pass", {}
         return 0

@@ -378,6 +378,13 @@ def test_a_place_sent_again_moves_nothing_within_5_mdeg_unless_it_was_not_reache
         assert codes == [code]
         desk.wait(5.0)
     assert desk.log == ["P refused: high wind"]
+    # A motion has left it.
+    desk.fly()
+    desk.command()
+    desk.wait(5.0)
+    desk.asked.clear()
+    assert desk.point(100.5) == []
+    desk.answer("go_to")
 
 
 def test_points_that_the_antenna_refuses_are_refused_until_it_obeys(desk: Desk) -> None:
