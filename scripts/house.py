@@ -70,10 +70,13 @@ EIGHT_NODES = (
 )  # fmt: skip
 """Nodes of a simulated antenna."""
 ASSEMBLY = ("api/", "commands/", "ros/", "station/")
-"""Rooms that put the parts together; what the others compute is not on the way of a word."""
+COMPUTING = ("station/derive/",)
+"""Rooms that put the parts together, and of these what computes; that is not on a word's way."""
 NODE_LINES = 150
 COLUMNS = 100
 EXAMPLES = ("simulate_pass", "first_steps")
+BY_NAME = {"delattr", "getattr", "hasattr", "object", "patch", "setattr"}
+"""Calls that take the name of an attribute as a string."""
 OF_NAMED_TUPLES = {"_asdict", "_fields", "_make", "_replace"}
 """Public in spite of their underscore."""
 CONTROLLER_SETS = {"AutotrackParams", "ConscanParams", "SpiralParams"}
@@ -379,10 +382,16 @@ def follow_word(root: Path) -> dict[str, list[str]]:
     word, folder = "".join(["280", "57"]), str(root / PACKAGE) + os.sep
     found: dict[str, set[str]] = {"files": set(), "functions": set(), "climbs": set()}
 
+    beside = 0
+
     def note(frame: Any, event: str, result: object) -> None:
+        nonlocal beside
         code = frame.f_code
         file = code.co_filename.removeprefix(folder)
-        if event not in ("call", "return") or not file.startswith(ASSEMBLY) or code.co_name.startswith("<"):
+        # What a lazy import runs, and what is computed, is not on the way, nor is what they call.
+        if code.co_name == "<module>" or file.startswith(COMPUTING):
+            beside += {"call": 1, "return": -1}.get(event, 0)
+        if beside or event not in ("call", "return") or code.co_name.startswith("<") or not file.startswith(ASSEMBLY):
             return
         if event == "call":
             found["files"].add(file)
@@ -660,7 +669,7 @@ def examples(source: Source) -> list[Row]:
 def private_names(source: Source) -> list[Row]:
     """Uses of `_names` in the tests that the test module does not define itself.
 
-    As an attribute, in an import, or as the string that `setattr` and `patch` take.
+    As an attribute, in an import, or as the string of a call of `BY_NAME`.
     """
     found, tests = [], []
     for module in source.tests:
@@ -695,16 +704,16 @@ def _defined(nodes: Iterable[ast.AST]) -> set[str]:
 
 
 def _private(node: ast.AST) -> Iterator[str]:
-    """Yield the private name that a node of the syntax tree uses."""
-    name = ""
+    """Yield the private names that a node of the syntax tree uses."""
+    names = []
     if isinstance(node, ast.Attribute):
-        name = node.attr
+        names = [node.attr]
     elif isinstance(node, ast.alias):
-        name = node.name
-    elif isinstance(node, ast.Constant) and isinstance(node.value, str) and re.fullmatch(r"[\w.]+", node.value):
-        name = node.value.split(".")[-1]
-    if re.match(r"_[A-Za-z]", name):
-        yield name
+        names = [node.name]
+    elif isinstance(node, ast.Call) and _last(node.func) in BY_NAME:
+        strings = (each.value for each in node.args if isinstance(each, ast.Constant))
+        names = [value.split(".")[-1] for value in strings if isinstance(value, str)]
+    yield from (name for name in names if re.match(r"_[A-Za-z]", name))
 
 
 def prose(source: Source) -> list[Row]:

@@ -27,7 +27,6 @@ from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES
 from rf_pointing.ros.live_pass import outcome_line, track_pass
 from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end, say
-from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, fit_of_kept
 from rf_pointing.tracking.conscan_estimate import ConscanParams
@@ -80,8 +79,8 @@ class Flight:
 def prepare_track(request: TrackRequest) -> Flight:
     """Choose the pass and write the files of its run; ValueError for what cannot be flown."""
     check_files(request)
-    window, scan = request.one.window, request.scan
-    if warning := request.one.warning:
+    window, scan = request.window, request.scan
+    if warning := request.stale_warning:
         say("track", warning)
     stem = f"{request.target.satellite}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
     output = output_folder(request, stem)
@@ -270,11 +269,13 @@ def check_files(request: RunRequest) -> None:
 
     What a user writes is in force, or refused.
     """
-    own = _own_parameters(request, Path())
+    if problem := request.target.problem:
+        say("elements", problem)
+    own = _parameters(request, Path(), Path())
     for node, said in request.said.items():
         if node not in (*nodes_of(request), "**"):
             raise ValueError(f"params-file: {node} is no node; there are {', '.join(nodes_of(request))}")
-        given = {"station", "band", *own.get(node, {})} if node in OF_STATION else {"start_s", "speed", "tick_s"}
+        given = own.get(node, {}) if node in OF_STATION else {"start_s", "speed", "tick_s"}
         if twice := sorted(said.values.keys() & given):
             raise ValueError(f"params-file: {node} {', '.join(twice)}: given by the command line, see --help")
         try:
@@ -320,12 +321,6 @@ def _write_station(request: RunRequest, output: Path, scan: ConscanParams | None
 
 def _parameters(request: RunRequest, station: Path, output: Path) -> dict[str, dict[str, Any]]:
     """Return the parameters of every node that takes the station description."""
-    own, common = _own_parameters(request, output), {"station": str(station.resolve()), "band": request.station.band}
-    return {node: common | own.get(node, {}) for node in OF_STATION if node in nodes_of(request)}
-
-
-def _own_parameters(request: RunRequest, output: Path) -> dict[str, dict[str, Any]]:
-    """Return what the request says to each node."""
     # The kept file and not its address: a run has the elements that it was planned with.
     target, file = request.target, request.target.file
     source = {
@@ -336,11 +331,10 @@ def _own_parameters(request: RunRequest, output: Path) -> dict[str, dict[str, An
     }
     error_s = request.ephemeris_error_s
     truth = {} if error_s is None else {"source.along_track_offset_s": error_s}
-    # A real antenna remembers its fault and the turn of its cables from run to run.
-    kept: dict[str, Any] = dict(state_files(state_folder(), request.namespace))
+    kept: dict[str, Any] = dict(request.state_files)
     if request.station.simulated:
         kept = {"antenna.seed": _seed(request), "command_key_file": str((output / "command.key").resolve())}
-    return {
+    own: dict[str, dict[str, Any]] = {
         "ephemeris_publisher": source,
         "rf_receiver": {**source, **truth, "signal.seed": _seed(request)},
         "array_receiver": {"receiver.seed": _seed(request)},
@@ -354,3 +348,5 @@ def _own_parameters(request: RunRequest, output: Path) -> dict[str, dict[str, An
             "calibrator.keep_observations": request.keep_observations,
         },
     }
+    common = {"station": str(station.resolve()), "band": request.station.band}
+    return {node: common | own.get(node, {}) for node in OF_STATION if node in nodes_of(request)}

@@ -13,17 +13,17 @@ from pathlib import Path
 
 import numpy as np
 
-from rf_pointing.api.passes import StationPass
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.core import AXES, MDEG, require_between
 from rf_pointing.core.dates import DAY_S, parse_utc, utc_text
 from rf_pointing.core.parameters import NodeParameters, read_parameter_files
-from rf_pointing.ephemeris import Elements, Pass, first_pass_above
-from rf_pointing.ephemeris.solar import SolarDirection, SunParams
-from rf_pointing.ephemeris.source import read_source
+from rf_pointing.ephemeris import Elements, ElementUncertainty, Pass, first_pass_above, stale_warning
+from rf_pointing.ephemeris.solar import SolarDirection
+from rf_pointing.ephemeris.source import SourceParams, read_source
 from rf_pointing.identification import ExcitationParams
 from rf_pointing.planning import Gate, choose_turns
+from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.antenna.simulated_antenna import SimulationParams
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.plan import beacons
@@ -111,6 +111,11 @@ class RunRequest:
         """Whether the servo ticks one by one, rather than five ticks at once."""
         return not self.station.simulated or 0.0 < self.factor <= REAL_TIME_SPEED
 
+    @property
+    def state_files(self) -> dict[str, str]:
+        """Parameters with the files in which a real antenna keeps fault and turn over its runs."""
+        return state_files(state_folder(), self.namespace)
+
     @cached_property
     def said(self) -> dict[str, NodeParameters]:
         """What the parameter files say, by node."""
@@ -131,7 +136,7 @@ class RunRequest:
         # The start position belongs to the run, so a parameter file may set it.
         servo = self.said.get("antenna_servo", NodeParameters("antenna_servo", {}))
         start = servo.group("antenna", SimulationParams()).start_rad
-        sun = SolarDirection(SunParams(site=self.station.site)).at(window.aos_t_s)
+        sun = SolarDirection(params.sun).at(window.aos_t_s)
         times = [SLEW_TIME_S - SETTLE_S]
         # A pass over the top may begin on the other side; only the certificate knows whether it
         # does.
@@ -157,7 +162,7 @@ class TrackRequest(RunRequest):
     conscan for which radius and period are chosen (None: the station's scan).
     """
 
-    chosen: StationPass | None = None
+    chosen: Pass | None = None
     min_peak_deg: float = 40.0
     mask_deg: float | None = None
     scan_sigma_mdeg: float | None = None
@@ -171,7 +176,7 @@ class TrackRequest(RunRequest):
             raise ValueError(f"scan-sigma={self.scan_sigma_mdeg} mdeg must be > 0 and finite")
 
     @cached_property
-    def one(self) -> StationPass:
+    def window(self) -> Pass:
         """The pass to track; ValueError if satellite, station and time do not give one."""
         if self.chosen is not None:
             return self.chosen
@@ -180,8 +185,14 @@ class TrackRequest(RunRequest):
             start_s = self.target.first_t_s if station.simulated else time.time()
         lowest_rad = station.lowest_rad if self.mask_deg is None else math.radians(self.mask_deg)
         above, peak_rad = station.controller.mask.above(lowest_rad), math.radians(self.min_peak_deg)
-        window = first_pass_above(station.track_of(self.target), start_s, peak_rad, above, SEARCH_S)
-        return StationPass.of_window(window, self.target, station, start_s)
+        return first_pass_above(station.track_of(self.target), start_s, peak_rad, above, SEARCH_S)
+
+    @property
+    def stale_warning(self) -> str:
+        """What stale elements cost at the pass, in beamwidths; "" for fresh ones."""
+        beamwidth_rad = self.station.controller.machine.half_power_beamwidth_rad
+        track, stale_s = self.station.track_of(self.target), SourceParams().stale_days * DAY_S
+        return stale_warning(track, self.window.tca_t_s, stale_s, ElementUncertainty(), beamwidth_rad)
 
     @cached_property
     def scan(self) -> ConscanParams | None:
@@ -190,7 +201,7 @@ class TrackRequest(RunRequest):
             return None
         params, track = self.station.controller, self.station.track_of(self.target)
         # The link is weakest at the horizon, where the range is longest.
-        farthest_m = max(float(track.target_at(t_s).range_m) for t_s in (self.one.aos_t_s, self.one.los_t_s))
+        farthest_m = max(float(track.target_at(t_s).range_m) for t_s in (self.window.aos_t_s, self.window.los_t_s))
         limits = ScanDesignParams(longest_period_s=LONGEST_TURN_S)
         level_db_hz = params.link.level_db_hz(farthest_m)
         return scan_for_accuracy(params.conscan, limits, level_db_hz, self.scan_sigma_mdeg * MDEG)

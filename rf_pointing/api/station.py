@@ -363,4 +363,4 @@ class Station:
         """
         # Not at the top: the rest of the front door does without ROS.
         live, requests = (importlib.import_module(f"rf_pointing.api.{name}") for name in ("live", "requests"))
-        return live.track(requests.TrackRequest(station=self, target=one.target, chosen=one, **options))
+        return live.track(requests.TrackRequest(station=self, target=one.target, chosen=one.window, **options))

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.calibration import taylor
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Temperature at which the thermal terms vanish (ISA sea level).
 REFERENCE_TEMPERATURE_K = 288.15

@@ -30,6 +30,7 @@ from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.core import Params, parameter, require_between
+from rf_pointing.core.types import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,7 +67,6 @@ class CandidatePass:
         )
 
 
-Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 Plan = tuple[list[int], Counts, float | None]
 

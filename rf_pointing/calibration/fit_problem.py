@@ -26,8 +26,8 @@ from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassErrors, PassPriors, lags_of, middles_of_passes, pass_partials
 from rf_pointing.calibration.terms import Partial, terms_by_name
 from rf_pointing.core import wrap_rad
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 Pair = tuple[Array, Array]
 # Lags that count as equal: at orbit errors of 1 km and 1 s they change the shift by < 0.1 mdeg.
 _SAME_LAG_S = 0.01

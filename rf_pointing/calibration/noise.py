@@ -28,8 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.thinning import PiecewiseRows, Thinned
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 Chosen = NDArray[np.bool_]
 

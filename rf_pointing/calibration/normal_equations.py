@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.terms import ALL_TERMS
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 # At one elevation the exact fit went to angles of 2.5 deg, and good terms 29 sigma off.

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import as_finite_array, to_degrees, wrap_rad
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Difference on the sky of observed and true direction above which the data must be wrong.
 LARGEST_BIAS_RAD = 0.2

@@ -17,13 +17,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Elements a few days old; a start that is too small finds errors too small to be seen, and stays.
 MEASURABLE_FROM = PassPriors.of_orbit(1000.0) or PassPriors(along_track_m=1000.0)

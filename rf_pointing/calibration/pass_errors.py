@@ -18,13 +18,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.core import Params, azel_from_unit_vector, parameter, wrap_rad
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 _EARTH_RADIUS_M = 6.371e6
 _GRAVITY_M3_S2 = 3.986004418e14

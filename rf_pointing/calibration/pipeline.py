@@ -28,8 +28,7 @@ from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, requi
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.thinning import Thinned, find_outliers, smooth, thin
 from rf_pointing.core import wrap_rad
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # A perfect simulation scatters by nothing; a sigma of zero would divide by zero in the fit.
 _LEAST_SIGMA_RAD = 1e-6

@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.core import wrap_rad
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Two on each side: a median of five takes two wrong time tags in a row.
 _NEIGHBOURS = 2

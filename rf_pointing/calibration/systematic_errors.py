@@ -17,7 +17,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.fit_problem import FitProblem
 from rf_pointing.calibration.fit_result import FitResult
@@ -27,8 +26,7 @@ from rf_pointing.calibration.pass_errors import PassPriors, site_partials
 from rf_pointing.calibration.pipeline import TrackedPass
 from rf_pointing.core import wrap_rad
 from rf_pointing.core.refraction import RadioRefraction
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # A suspect must be this many sigma off, and as large as this to matter.
 _SURE_SIGMA = 5.0

@@ -41,8 +41,7 @@ from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.core import wrap_rad
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Terms that enter and leave in turn would go on for ever.
 _MOST_STEPS = 100

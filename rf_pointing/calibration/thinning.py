@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
+
 Places = NDArray[np.int64]
 Chosen = NDArray[np.bool_]
 

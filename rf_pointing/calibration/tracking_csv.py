@@ -13,14 +13,13 @@ from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.raw_tracking import RawTracking
 from rf_pointing.core import from_degrees, to_degrees
+from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole, write_whole
 
-Array = NDArray[np.float64]
 CsvTable = tuple[Mapping[str, str], Mapping[str, Array]]
 
 _MOST_OF_A_NAME = 1000

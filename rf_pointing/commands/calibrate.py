@@ -14,7 +14,8 @@ import sys
 
 from rf_pointing.api import live
 from rf_pointing.api.requests import CALIBRATION_START, DEFAULT_MODELS, CalibrateRequest
-from rf_pointing.commands.options import ELEMENTS_HELP, add_station_options, ending_with_reason, target_from
+from rf_pointing.api.target import Target
+from rf_pointing.commands.options import ELEMENTS_HELP, add_station_options, ending_with_reason
 from rf_pointing.commands.track_options import add_run_options, run_fields
 from rf_pointing.core.modes import Sensor
 from rf_pointing.tracking.sensors import SENSORS
@@ -47,7 +48,7 @@ def request_of(argv: list[str] | None = None) -> CalibrateRequest:
     given = parser.parse_args(argv)
     return CalibrateRequest(
         **run_fields(vars(given)),
-        target=target_from(given.elements, ""),
+        target=Target(location=given.elements, satellite=""),
         longest_s=given.longest,
         fewest=given.fewest,
         shadow=given.shadow,

@@ -80,14 +80,18 @@ def target_from(location: str, satellite: str, interpolation: Sequence[str] = ("
 
     Raises ValueError for a degree that is no whole number, and for an address without elements.
     """
-    method, degree = interpolation
-    if not degree.isdecimal():
-        raise ValueError(f"interpolation={method} {degree!r}: the degree must be a whole number")
-    target = Target(
-        location=location, satellite=satellite, interpolation=method.upper(), interpolation_degree=int(degree)
-    )
+    method, degree = interpolation_of(interpolation)
+    target = Target(location=location, satellite=satellite, interpolation=method, interpolation_degree=degree)
     say_if("elements", target.problem)
     return target
+
+
+def interpolation_of(words: Sequence[str]) -> tuple[str, int]:
+    """Return method and degree of --interpolation."""
+    method, degree = words
+    if not degree.isdecimal():
+        raise ValueError(f"interpolation={method} {degree!r}: the degree must be a whole number")
+    return method.upper(), int(degree)
 
 
 ELEMENTS_HELP = "elements: a file, a folder, or an http(s) address, which is requested at most every 2 h"

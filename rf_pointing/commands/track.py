@@ -14,7 +14,8 @@ from pathlib import Path
 
 from rf_pointing.api import live
 from rf_pointing.api.requests import DEFAULT_MODELS, TrackRequest
-from rf_pointing.commands.options import add_target_options, between, ending_with_reason, target_from
+from rf_pointing.api.target import Target
+from rf_pointing.commands.options import add_target_options, between, ending_with_reason, interpolation_of
 from rf_pointing.commands.track_options import add_run_options, run_fields
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
@@ -41,9 +42,12 @@ def request_of(argv: list[str] | None = None) -> TrackRequest:
     )
     add("--record", metavar="DIR", help="bag directory (default: OUTPUT/bag)")
     given = parser.parse_args(argv)
+    method, degree = interpolation_of(given.interpolation)
     return TrackRequest(
         **run_fields(vars(given)),
-        target=target_from(given.elements, given.satellite, given.interpolation),
+        target=Target(
+            location=given.elements, satellite=given.satellite, interpolation=method, interpolation_degree=degree
+        ),
         min_peak_deg=given.min_peak,
         mask_deg=given.mask,
         scan_sigma_mdeg=given.scan_sigma,

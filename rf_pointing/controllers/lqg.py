@@ -18,14 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers.filters import LawMatrices, SectionParams, before_sections, notch_section
 from rf_pointing.controllers.position_law import LawState, PositionLaw
 from rf_pointing.core import AXES, Params, parameter
+from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import parse_json, read_whole
-
-Array = NDArray[np.float64]
 
 MATRICES = ("a", "b", "c", "state_gain", "observer_gain", "model_a", "model_b", "model_c", "model_d")
 FORMAT = "rf_pointing LQG designs 1"

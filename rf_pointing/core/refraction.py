@@ -19,12 +19,10 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core.checks import require_finite
 from rf_pointing.core.parameters import Params, parameter
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 _EARTH_RADIUS_M = 6.371e6
 # Scale height of dry air per kelvin, R/(M g): it gives the zenith delay of 2.28 mm/hPa that the

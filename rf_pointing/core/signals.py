@@ -11,13 +11,10 @@ from bisect import bisect_left
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core.checks import as_finite_array, require_between, require_finite
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 # Joint names, in the order of every two-axis array.
 AXES = ("azimuth", "elevation")

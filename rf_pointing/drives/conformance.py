@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rf_pointing.core import AXES, Motion
-from rf_pointing.drives.drive import POSITION, Drive, DriveReading, Pair
+from rf_pointing.core.types import Pair
+from rf_pointing.drives.drive import POSITION, Drive, DriveReading
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.rotator import LONGEST_LATENCY_S, Rotator
 

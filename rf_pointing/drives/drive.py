@@ -8,7 +8,8 @@ them.  Angles are those of the device, in the order azimuth, elevation.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-Pair = tuple[float, float]
+from rf_pointing.core.types import Pair
+
 POSITION, RATE = "position", "rate"
 
 

@@ -11,8 +11,9 @@ counted by name in `losses`.
 import math
 from collections import Counter, deque
 
+from rf_pointing.core.types import Pair
 from rf_pointing.drives.drive import POSITION as POSITION_SET_POINTS
-from rf_pointing.drives.drive import Capabilities, Drive, DriveReading, Pair
+from rf_pointing.drives.drive import Capabilities, Drive, DriveReading
 from rf_pointing.drives.link import Link, Opening, link_name
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.protocols import (

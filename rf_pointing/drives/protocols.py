@@ -14,7 +14,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-Pair = tuple[float, float]
+from rf_pointing.core.types import Pair
+
 POSITION, DONE, REFUSED, LIMITS, ALARM, STATUS, NOISE = (
     "position", "done", "refused", "limits", "alarm", "status", "noise",
 )  # fmt: skip

@@ -10,7 +10,8 @@ A package of one's own registers a factory in its setup.cfg, which takes `DriveP
 import math
 from importlib.metadata import entry_points
 
-from rf_pointing.drives.drive import Drive, Pair
+from rf_pointing.core.types import Pair
+from rf_pointing.drives.drive import Drive
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.polled import PolledDrive
 from rf_pointing.drives.protocols import PROTOCOLS

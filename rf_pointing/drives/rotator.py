@@ -20,10 +20,10 @@ from collections import deque
 from dataclasses import dataclass
 
 from rf_pointing.core import Motion, nearest_turn_rad
-from rf_pointing.drives.drive import Drive, DriveReading, Pair
+from rf_pointing.core.types import TURN, Pair
+from rf_pointing.drives.drive import Drive, DriveReading
 from rf_pointing.drives.params import RotatorParams
 
-TURN = 2.0 * math.pi
 RATE_WINDOW_S = 1.0
 """Time over which the rate of a device without tachometers is measured, at least two readings."""
 LONGEST_LATENCY_S = 3.0

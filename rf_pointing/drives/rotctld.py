@@ -23,7 +23,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.drives.protocols import LIMIT_NAMES, LONGEST_LINE, Pair
+from rf_pointing.core.types import Pair
+from rf_pointing.drives.protocols import LIMIT_NAMES, LONGEST_LINE
 
 INVALID, NOT_IMPLEMENTED, TIMED_OUT, IO_ERROR, REJECTED = -1, -4, -5, -6, -9
 """Codes of `RPRT_ERRORS` that this side gives."""

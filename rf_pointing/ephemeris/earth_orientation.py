@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core.dates import DAY_S, utc_text
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.time_scales import leap_seconds
-
-Array = NDArray[np.float64]
 
 _ARCSEC = math.radians(1.0 / 3600.0)
 _MJD_OF_POSIX_EPOCH = 40587

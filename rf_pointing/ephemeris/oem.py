@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 
 import erfa
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import require_choice
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.core.dates import DAY_S, from_utc_text, to_utc_text, utc_text
 from rf_pointing.core.kvn import key_and_value
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
@@ -36,8 +36,6 @@ from rf_pointing.ephemeris.time_scales import (
     utc_from_tai_s,
 )
 from rf_pointing.ephemeris.track import TargetSource
-
-Array = NDArray[np.float64]
 
 METHODS = ("HERMITE", "LAGRANGE", "LINEAR")
 _SCALES = ("UTC", "TAI", "TT", "GPS", "TDB")

@@ -13,14 +13,12 @@ zero).
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import Params, parameter, require_between
+from rf_pointing.core.types import Array, ComplexArray
 from rf_pointing.identification.model import StateSpace
 from rf_pointing.identification.realization import balanced_reduction, observer_markov, realize, system_markov
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)

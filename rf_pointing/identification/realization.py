@@ -18,12 +18,12 @@ kept, and joined again, so only the stable part is reduced.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import require_between
+from rf_pointing.core.types import Array
 from rf_pointing.identification.model import StateSpace
 
-Array = NDArray[np.float64]
 # Share of the largest singular value that counts as zero: rounding leaves up to 1e-14.
 RANK_TOLERANCE = 1e-12
 

@@ -65,7 +65,7 @@ class AntennaServo(StationNode):
         antenna = self._on_drive(params) if real else SimulatedAntenna(memory.start(params))
         self._identification.configure(antenna)
         self._server = AntennaServer(self, value("key"), self._identification)
-        operation = self._operation = AntennaOperation(antenna, memory, value("").wrap_file, self._server)
+        operation = self._operation = AntennaOperation(antenna, memory, value("").wrap_file)
         self._server.serve(operation, lambda: int(value("loops").table.max_points))
         if real and params.safety.wind.watched:
             self._server.take_wind()
@@ -91,12 +91,16 @@ class AntennaServo(StationNode):
         return antenna
 
     def activate(self) -> None:
-        self._operation.start(self.now_s())
+        now_s = self.now_s()
+        self._server.send(self._operation.start(now_s), now_s)
         self._schedule = self.every(self._operation.tick_s, self._tick)
 
     def _tick(self, t_s: float) -> None:
-        schedule = self._schedule
-        self._operation.tick(t_s, self.now_s(), time.perf_counter(), schedule.jumped_s, schedule.stalled_s)
+        jumped_s, stalled_s = self._schedule.jumped_s, self._schedule.stalled_s
+        if stalled_s:
+            self.get_logger().error(f"this process stalled for {stalled_s:.1f} s: stopped until the next command")
+        tick = self._operation.tick(t_s, self.now_s(), time.perf_counter(), jumped_s, stalled_s)
+        self._server.send(tick, t_s)
 
     def deactivate(self) -> None:
         self._operation.stop()

@@ -13,6 +13,7 @@ from enum import StrEnum
 from typing import Any
 
 from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL
+from rf_pointing.core.types import Pair
 from rf_pointing.operations.alarms import Alarm, AlarmBook
 from rf_pointing.operations.executor import BlockState, Executor, JournalEntry
 from rf_pointing.operations.expected_state import ExpectedState
@@ -21,7 +22,6 @@ from rf_pointing.operations.procedure import Directive, Procedure
 from rf_pointing.operations.recovery import Recovery, RecoveryTable
 from rf_pointing.operations.schedule import Entry, PassState, Schedule
 
-Pair = tuple[float, float]
 Send = Callable[[int, str, dict[str, Any]], None]
 """Sends the directive of this name; its number comes back with the response.  Must not block."""
 REPLAN_S = 60.0

@@ -17,10 +17,10 @@ from enum import StrEnum
 from typing import Any
 
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.types import Pair
 from rf_pointing.planning import AxisLimits, AxisRates, Candidate, reasons_against, turns_within
 from rf_pointing.planning.schedule import schedule
 
-Pair = tuple[float, float]
 Path = tuple[float, float, float, float]
 
 

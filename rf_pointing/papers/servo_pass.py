@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import (
     LqgDesign,
@@ -21,12 +20,12 @@ from rf_pointing.controllers import (
     TrackerIntegratorParams,
 )
 from rf_pointing.core import random_stream
+from rf_pointing.core.types import Array
 from rf_pointing.papers.bare_antenna import BareAntenna, LawsOnCommand
 from rf_pointing.papers.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
 from rf_pointing.simulation.closed_loop import ticks
 
-Array = NDArray[np.float64]
 Law = PositionLoopParams | tuple[LqgDesign, LqgLoopParams]
 
 TICK_S = 0.02

@@ -24,6 +24,7 @@ from rf_pointing.array_sensors.tripulse.beams import (
 )
 from rf_pointing.array_sensors.tripulse.robust import posterior_projection_error, signal_matrix
 from rf_pointing.core import as_finite_array, random_stream, require_finite
+from rf_pointing.core.types import Array
 from rf_pointing.papers.row import Row
 from rf_pointing.papers.tripulse_theory import (
     allocate_pulses,
@@ -32,8 +33,6 @@ from rf_pointing.papers.tripulse_theory import (
     projection_variance,
     ratio_variance,
 )
-
-Array = NDArray[np.float64]
 
 CHUNK = 2000
 ARRAY = TripulseArrayParams()

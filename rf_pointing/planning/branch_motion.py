@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rf_pointing.core.types import Array
 from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, Gain, cross
 from rf_pointing.planning.limits import AxisLimits, AxisRates, MachineParams
 from rf_pointing.planning.over_the_top import cross_over, plunged, unplunged
 
-Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]
 # What axes stand ahead of a beam: position, velocity, acceleration (n, 2) from times (n,), rates
 # and accelerations (n, 2).

@@ -20,20 +20,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core.pass_outcome import PassOutcome
+from rf_pointing.core.types import TURN, Array, Pair
 from rf_pointing.planning.branch_motion import BranchMotion, Lag, branch_motions, no_lag
 from rf_pointing.planning.crossing import Crossing, CrossingLoss, Gain
 from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask, angle_between
 from rf_pointing.planning.limits import AxisLimits, MachineParams
 from rf_pointing.planning.profile import PassProfile
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 # Time of a slew between two positions of the axes by the free way, and why no way is free.
 Slew = Callable[[Pair, Pair], tuple[float, str]]
-TURN = 2.0 * math.pi
 # A pass keeps so much more than the Sun's zone, for the loop's corrections and the mount's lags.
 SUN_CLEARANCE_RAD = math.radians(0.05)
 

@@ -10,16 +10,11 @@ ends.
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rf_pointing.core import AXES, Params, parameter, require_choice, require_finite
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask
 from rf_pointing.planning.limits import AxisLimits, AxisRates
 from rf_pointing.planning.slew import HALTING_SHARES, PathFinder
-
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 
 # The words that a motion may be called by, on the wire too.
 MOTIONS = ("track", "slew", "preset", "unwind", "park", "stow", "scan", "flip", "calibration", "manual")

@@ -12,13 +12,13 @@ from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
+from rf_pointing.core.types import TURN
 from rf_pointing.core.whole_file import parse_json, read_whole, write_whole
 
 # Who commanded last is part of a fault's record.
 KEPT_COMMANDS = 5
 # When a command came, from whom, and the azimuth and elevation (rad) at its end.
 Command = tuple[float, str, float, float]
-TURN = 2.0 * math.pi
 # A killed process leaves the file behind by a second of motion, and brakes let an axis run out.
 TOLERANCE_RAD = math.radians(10.0)
 # A file write takes milliseconds: once in half a degree, far inside the tolerance.

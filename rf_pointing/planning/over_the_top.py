@@ -18,8 +18,8 @@ at the zenith is lost; t_a and t_b are those of the least loss.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rf_pointing.core.types import TURN, Array
 from rf_pointing.planning.crossing import (
     MARGIN_S,
     AxisMotionLimits,
@@ -30,9 +30,7 @@ from rf_pointing.planning.crossing import (
 )
 from rf_pointing.planning.forbidden_sky import angle_between
 
-Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]
-TURN = 2.0 * math.pi
 # Bounds the search for departure and return, each from the zenith.
 LONGEST_S = 240.0
 # On a logarithmic grid: near the zenith seconds count, far from it minutes.

@@ -16,8 +16,8 @@ import math
 from dataclasses import dataclass
 
 from rf_pointing.core import AXES
+from rf_pointing.core.types import Pair
 
-Pair = tuple[float, float]
 JUMP = 1.5
 STEPS = 2.0
 RUNNING_S = 1.0

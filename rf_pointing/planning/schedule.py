@@ -21,12 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core.types import TURN, Array, Pair
 from rf_pointing.planning.limits import AxisLimits, AxisRates
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-Pair = tuple[float, float]
-TURN = 2.0 * math.pi
 # What a pass counts however low it is.  With much more a day of short passes near the horizon would
 # beat every high one, with nothing a low pass of another satellite would never be wanted.
 _COUNT_WORTH = 0.2

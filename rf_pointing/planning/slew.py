@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.planning.forbidden_sky import EARTH_RATE_RAD_S, ForbiddenSky, angle_between
 from rf_pointing.planning.limits import AxisRates
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 # Shares of the stopping distance v^2 / 2a after a quarter, half and all of the time to stop.
 HALTING_SHARES = (0.4375, 0.75, 1.0)
 # The command preprocessor brakes with less than the limit, another antenna may use all of it.  The

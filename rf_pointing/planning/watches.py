@@ -23,8 +23,8 @@ from collections import deque
 from dataclasses import dataclass
 
 from rf_pointing.core import AXES, Params, parameter
+from rf_pointing.core.types import Pair
 
-Pair = tuple[float, float]
 # A rate that changes by so many times what the drive can give in a tick is a wrong reading.
 JUMP = 3.0
 # A runaway has gained this share of the limit one sample before it has gained all of it.

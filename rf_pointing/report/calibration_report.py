@@ -19,11 +19,10 @@ from rf_pointing.calibration import (
 from rf_pointing.calibration.coverage import on_the_sky
 from rf_pointing.core import MDEG
 from rf_pointing.core.dates import to_utc_text
+from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import write_whole
 from rf_pointing.report.html import Cell, render
 from rf_pointing.report.picture_style import AXIS_COLOURS, LIMIT_COLOUR, figure, legend_above
-
-Array = NDArray[np.float64]
 
 AXIS_NAMES = ("cross-elevation", "elevation")
 THIN_COLOUR = "#f4c9b8"

@@ -6,15 +6,14 @@ The verdict is that of the flight where the truth is known, else the controller'
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL, PassOutcome
+from rf_pointing.core.types import IntArray
 from rf_pointing.report.analysis import Analysis
 from rf_pointing.report.recording import Pass
 from rf_pointing.report.summary import OutcomeNumbers, Verdict
 from rf_pointing.report.topics import TopicData
 
-Ints = NDArray[np.int64]
 # Nothing says why the pass ended: the controller was killed, or the recording is cut short.
 CUT_SHORT = "the recording ends before the loss of signal"
 # The prefix that the controller gives to what the antenna publishes.
@@ -81,7 +80,7 @@ def _flown(analysis: Analysis, begin_ns: int, end_ns: int) -> PassOutcome | None
     return flown + PassOutcome.unseen(missing_s) if missing_s > 2.0 * step_s else flown
 
 
-def _counted(status: TopicData, rows: Ints) -> PassOutcome | None:
+def _counted(status: TopicData, rows: IntArray) -> PassOutcome | None:
     """Return what the controller counted by the later of these rows, None without a count."""
     tracked, lost, loss = (status[name][rows] for name in ("seconds_tracked", "seconds_lost", "mean_loss"))
     best = int(np.argmax(tracked + lost))

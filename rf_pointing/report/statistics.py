@@ -6,11 +6,11 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import AXES, MDEG
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.modes import Sensor
+from rf_pointing.core.types import Array, IntArray
 from rf_pointing.report.analysis import Analysis, ErrorSeries, Interval, Timeline, statistics_of, tracking_modes
 from rf_pointing.report.outcome import verdict
 from rf_pointing.report.recording import Pass, Recording
@@ -33,8 +33,6 @@ from rf_pointing.report.summary import (
 from rf_pointing.report.topics import TopicData
 from rf_pointing.report.traffic import latencies, topic_traffic
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 # Over a shorter span the steps of the encoders dominate.
 _ACCELERATION_SPAN_S = 0.5
 
@@ -161,7 +159,7 @@ def _missing(recording: Recording, errors: ErrorSeries | None) -> list[str]:
     return missing
 
 
-def link_series(recording: Recording) -> tuple[str, Ints, Floats] | None:
+def link_series(recording: Recording) -> tuple[str, IntArray, Array] | None:
     """Return source, stamps and finite C/N0 in dB-Hz of the best topic that has it."""
     # Best first: the receiver measures more often than the controller reports.
     for name in (Sensor.MONOPULSE, "carrier_power", "tracking_status"):
@@ -216,12 +214,12 @@ class AxisMotion:
     def __init__(self, joints: TopicData) -> None:
         assert joints.stamp_ns is not None
         self.stamp_ns, index = np.unique(joints.stamp_ns, return_index=True)
-        self.rate_rad_s: Floats = joints["velocity"][index]
+        self.rate_rad_s: Array = joints["velocity"][index]
         step_s = float(np.median(np.diff(self.stamp_ns))) * 1e-9 if len(self.stamp_ns) > 1 else np.inf
         span = max(1, round(_ACCELERATION_SPAN_S / step_s))
         elapsed_s = (self.stamp_ns[span:] - self.stamp_ns[:-span]) * 1e-9
-        self.acceleration_rad_s2: Floats = (self.rate_rad_s[span:] - self.rate_rad_s[:-span]) / elapsed_s[:, None]
-        self.acceleration_stamp_ns: Ints = (self.stamp_ns[span:] + self.stamp_ns[:-span]) // 2
+        self.acceleration_rad_s2: Array = (self.rate_rad_s[span:] - self.rate_rad_s[:-span]) / elapsed_s[:, None]
+        self.acceleration_stamp_ns: IntArray = (self.stamp_ns[span:] + self.stamp_ns[:-span]) // 2
 
 
 def axis_motion(recording: Recording) -> AxisMotion | None:

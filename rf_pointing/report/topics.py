@@ -19,8 +19,8 @@ from rosbags.typesys.store import Typestore
 
 from rf_pointing.core import AXES
 from rf_pointing.core.modes import Sensor
+from rf_pointing.core.types import IntArray
 
-Ints = NDArray[np.int64]
 Head = tuple[int, ...]
 _IDL_SEPARATOR = "=" * 80 + "\n"
 
@@ -34,9 +34,9 @@ class TopicData:
 
     topic: str
     type_name: str
-    log_time_ns: Ints
-    stamp_ns: Ints | None
-    sequence: Ints | None
+    log_time_ns: IntArray
+    stamp_ns: IntArray | None
+    sequence: IntArray | None
     columns: dict[str, NDArray[Any]]
 
     def __len__(self) -> int:
@@ -150,7 +150,7 @@ def _certificate_row(message: Any) -> Row:
     return message.target, *times, chosen is not None, *numbers, getattr(message, "least_share", 0.0)
 
 
-_ERROR = _own("PointingError", "sensor", "valid", "reason", "cross_elevation", "elevation", "carrier_to_noise")
+_ERROR = _own("PointingError", "cross_elevation", "elevation", "carrier_to_noise", "sensor", "valid", "reason")
 
 TOPICS: dict[str, TopicLayout] = {
     "clock": TopicLayout("rosgraph_msgs/msg/Clock", (), lambda _: ()),

@@ -12,11 +12,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 PERIOD_S = 0.1
 """Time between two directions of an array, and length of the block that each is made of."""
 SNAPSHOTS = 32

@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import CarrierPower, MonopulseCluster, Params, as_finite_array, parameter, require_between
+from rf_pointing.core.types import ComplexArray
 from rf_pointing.rf.beam import Beam
 from rf_pointing.rf.disturbances import InterferenceParams, interference_volts
 from rf_pointing.rf.feed import MonopulseFeed
 from rf_pointing.rf.noise import BOLTZMANN_J_K
-
-ComplexArray = NDArray[np.complex128]
 
 # Orders of the beam's motion within a cluster that are removed as motion: steady, vibrating.
 STEADY, VIBRATING = 1, 3

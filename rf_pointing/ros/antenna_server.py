@@ -1,4 +1,4 @@
-"""Topics and services of an antenna in operation (the port of `AntennaOperation`).
+"""Topics and services of an antenna in operation.
 
 They are those of `antenna_servo`, and last until cleanup.
 """
@@ -15,7 +15,6 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing import core
 from rf_pointing.ros import convert
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.diagnostics import Health
@@ -25,9 +24,9 @@ from rf_pointing.ros.leased_services import LeasedServices
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
-from rf_pointing.station.antenna.operation import AntennaOperation
+from rf_pointing.station.antenna.modes import OPERATED
+from rf_pointing.station.antenna.operation import AntennaOperation, Tick
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
-from rf_pointing.station.pointing.status import AntennaStatus as Status
 
 HEAD_BYTES = 4096
 POINT_BYTES = 112
@@ -54,8 +53,8 @@ class AntennaServer:
             most_bytes=lambda: HEAD_BYTES + POINT_BYTES * longest_command(),
         )  # fmt: skip
         node.serve_action(Trigger, "~/stop", self._stop)
-        for act in (antenna.reset_fault, antenna.pause, antenna.resume, antenna.park, antenna.stow, antenna.disable):
-            self.leased.serve(Trigger, act.__name__, partial(_do, act.__name__, act))
+        for name in OPERATED:
+            self.leased.serve(Trigger, name, partial(_do, name, getattr(antenna, name)))
         self.leased.serve(GoTo, "go_to", lambda r: _do("go_to", partial(antenna.go_to, (r.azimuth, r.elevation)), r))
         self.leased.serve(StowInFault, "stow_in_fault", self._stow_in_fault)
         node.diagnostics.add_report("drive", lambda: operation.drive_report(node.now_s()))
@@ -75,10 +74,11 @@ class AntennaServer:
             commander = self._key.check(message)
             self.leased.note(commander, issued_s)
             command = convert.trajectory_from_message(message)
+            refused = self._operation.take(command, commander, issued_s, self._node.now_s())
         except ValueError as error:
-            self.rejected(self._operation.antenna.reject(str(error)))
-        else:
-            self._operation.take(command, commander, issued_s, self._node.now_s())
+            refused = self._operation.antenna.reject(str(error))
+        if refused:
+            self._node.log_once("command rejected", refused)
 
     def _on_wind(self, message: Vector3Stamped) -> None:
         age_s = self._node.now_s() - seconds_from_stamp(message.header.stamp)
@@ -102,30 +102,22 @@ class AntennaServer:
         found = self._key.health(self._node.get_publishers_info_by_topic("joint_trajectory"))
         return Health(found.level, found.message, {**found.values, **self.leased.values()})
 
-    # The port of the operation
-
-    def joints(self, reading: core.JointReading) -> None:
-        self._joints.publish(convert.joints_to_message(reading))
-
-    def boresight(self, boresight: core.Boresight) -> None:
-        self._boresight.publish(convert.boresight_to_message(boresight))
-
-    def status(self, status: Status, lateness_s: float) -> None:
-        message = convert.antenna_status_to_message(status)
-        message.tick_lateness = lateness_s
-        self._status.publish(message)
-
-    def ticked(self, t_s: float) -> None:
+    def send(self, tick: Tick, t_s: float) -> None:
+        """Publish what a tick has given."""
+        if tick.reading is not None:
+            self._joints.publish(convert.joints_to_message(tick.reading))
+        if tick.boresight is not None:
+            self._boresight.publish(convert.boresight_to_message(tick.boresight))
         self._identification.tick(t_s)
-
-    def fault_changed(self) -> None:
-        self._node.diagnostics.publish()
-
-    def rejected(self, reason: str) -> None:
-        self._node.log_once("command rejected", reason)
-
-    def error(self, words: str) -> None:
-        self._node.get_logger().error(words)
+        if tick.status is not None:
+            message = convert.antenna_status_to_message(tick.status)
+            message.tick_lateness = self._operation.lateness_s
+            self._status.publish(message)
+        if tick.fault is not None:
+            # An operator waits for it.
+            self._node.diagnostics.publish()
+        for reason in tick.refused:
+            self._node.log_once("command rejected", reason)
 
 
 def _do(name: str, act: Callable[[], str], _request: Any) -> str:

@@ -229,6 +229,28 @@ def open_private(path: Path, flags: int) -> int:
     return opened
 
 
+def secret_in(path: Path, make: Callable[[], str] | None = None) -> str:
+    """Return the text of a file that its owner alone may read; an empty one gets that of `make`.
+
+    ValueError, which begins with the path, for a file that others may read, and for none.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        opened = open_private(path, os.O_RDWR)
+    except (OSError, RuntimeError) as error:
+        raise ValueError(f"{path} cannot be used: {error}") from error
+    with os.fdopen(opened, "r+", encoding="ascii", errors="replace") as file:
+        if stat.S_IMODE(os.fstat(opened).st_mode) & 0o077:
+            raise ValueError(f"{path} can be read by others: chmod 600 it, and replace what is in it")
+        # Two nodes that start at once: the first of them makes it.
+        fcntl.flock(file, fcntl.LOCK_EX)
+        text = file.read(1024).strip()
+        if not text and make is not None:
+            text = make()
+            file.write(f"{text}\n")
+    return text
+
+
 def _domain() -> str:
     return os.environ.get("ROS_DOMAIN_ID", "0")
 

@@ -31,7 +31,6 @@ from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.status import TrackingStatus
 from rf_pointing.tracking import MonopulseTracker, power_tracker
 
-Pair = tuple[float, float]
 TICK_S = 0.02
 PERIOD_TICKS = 5
 EXECUTIVE_S = 0.5

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.core import PointingError, Sensor
 from rf_pointing.core.parameters import read_parameter_files
+from rf_pointing.core.types import Array
 from rf_pointing.drives import make_drive, simulated, takes_positions
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.ephemeris.source import load_track
@@ -33,7 +33,6 @@ from rf_pointing.tracking import MonopulseTracker
 from rf_pointing.tracking.power_tracker import CarrierTracker, PowerTracker, PowerTrackerParams
 from rf_pointing.tracking.sensors import load_trackers
 
-Array = NDArray[np.float64]
 EARLY_TARGET_S = 5.0
 """How long before acquisition of signal the first target is, still below the horizon."""
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import MU
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 MAX_ITERATIONS = 25
 LOSS = -0.25 / MU  # -mu u^2 / h^2 from the columns 2 mu u / h
 STEP_TOLERANCE2 = 2e-3**2  # square of a step in beamwidths; what is left after it is below 1e-5

@@ -15,9 +15,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MU, Params, parameter
+from rf_pointing.core.types import Array
 from rf_pointing.tracking.beam_fit import (
     BeamDesign,
     LikelihoodFit,
@@ -32,7 +32,6 @@ from rf_pointing.tracking.beam_fit import (
 )
 from rf_pointing.tracking.scan import ONCE_A_ROUND, LoopRate, Pattern, ScanParams
 
-Array = NDArray[np.float64]
 SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
 # Mean power in sigmas of one sample below which errors come out too small: each sample's weight is
 # made of its own noise.  It is that of C/N0 times integration time of about 10.5 dB.

@@ -14,13 +14,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, Params, PointingError, parameter
+from rf_pointing.core.types import Array, ComplexArray
 from rf_pointing.tracking.scan import ScanParams
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 LARGEST_PROBE_BEAMWIDTHS = 0.1
 # Between two errors; after a longer one everything begins again.
 LONGEST_GAP_S = 1.0

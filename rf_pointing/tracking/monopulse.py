@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MonopulseCluster, Params, PointingError, Sensor, parameter
+from rf_pointing.core.types import Array, ComplexArray
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 CURVES = ("tanh", "straight")
 UNITY = np.eye(2)
 # The feed is ill calibrated if one axis acts so much less than the other.

@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import MDEG, Params, as_finite_array, parameter
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Below this speed a geostationary target has no track, so no direction across it.
 SLOWEST_RAD_S = 1e-9

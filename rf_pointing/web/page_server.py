@@ -19,7 +19,6 @@ import logging
 import math
 import os
 import secrets
-import stat
 import threading
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from concurrent.futures import Future
@@ -32,7 +31,7 @@ from urllib.parse import quote, urlsplit
 
 from aiohttp import web
 
-from rf_pointing.ros.main_loop import open_private
+from rf_pointing.ros.main_loop import secret_in
 from rf_pointing.station.clients.board import PageParams
 from rf_pointing.station.pointing.status import Level, Report
 
@@ -99,18 +98,7 @@ def read_token(given: str, own: Path) -> tuple[str, Path]:
     path = Path(given).expanduser() if given else own
     if given and not path.is_file():
         raise ValueError(f"token_file={path} does not exist")
-    try:
-        opened = open_private(path, os.O_RDWR)
-    except RuntimeError as error:
-        raise ValueError(str(error)) from error
-    with os.fdopen(opened, "r+", encoding="ascii", errors="replace") as file:
-        mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
-        if mode & 0o077:
-            raise ValueError(f"{path} has mode {mode:o}, must be readable by its owner alone: chmod 600 {path}")
-        token = file.read(1024).strip()
-        if not token and not given:
-            token = secrets.token_urlsafe(24)
-            file.write(f"{token}\n")
+    token = secret_in(path, None if given else lambda: secrets.token_urlsafe(24))
     if len(token) < SHORTEST_TOKEN or not token.isascii() or not token.isprintable():
         raise ValueError(f"the token in {path} has {len(token)} characters, must be >= {SHORTEST_TOKEN} of plain ASCII")
     return token, path

@@ -46,7 +46,7 @@ def request(line: str) -> Any:
 
 def setup_of(line: str, tmp_path: Path) -> Any:
     found = request(line)
-    return live.run_setup("track", found, found.one.window, tmp_path, found.scan)
+    return live.run_setup("track", found, found.window, tmp_path, found.scan)
 
 
 def parameters(line: str, tmp_path: Path) -> dict[str, dict[str, Any]]:
@@ -95,7 +95,7 @@ def test_what_is_not_given_has_its_default_in_every_node(tmp_path: Path) -> None
     assert given["ephemeris_publisher"]["source.elements"] == ""
     assert "source.along_track_offset_s" not in given["rf_receiver"]
     found = request("")
-    start_s = np.floor(found.one.window.aos_t_s) - 150.0
+    start_s = np.floor(found.window.aos_t_s) - 150.0
     # Floats, as the clock declares them.
     assert given["simulation_clock"] == {"start_s": start_s, "speed": 0.0, "tick_s": 0.1}
     assert read_station(tmp_path / "station.yaml").digest == read_station("dss13").digest
@@ -182,7 +182,7 @@ def test_a_folder_is_new_or_has_no_bag(tmp_path: Path) -> None:
     assert [live.output_folder(deep, "run") for _ in range(2)] == [Path("a/b")] * 2
     elsewhere = request("--output old --record mine")
     assert live.output_folder(elsewhere, "run") == Path("old")
-    assert live.run_setup("track", elsewhere, elsewhere.one.window, Path("old")).bag == Path("mine")
+    assert live.run_setup("track", elsewhere, elsewhere.window, Path("old")).bag == Path("mine")
     # Every run without a folder gets one of its own.
     assert [str(live.output_folder(request(""), "run")) for _ in range(2)] == ["runs/run-01", "runs/run-02"]
 

@@ -230,35 +230,33 @@ def test_a_request_made_of_a_request_is_the_same(band: str, sensor: str) -> None
 
 
 def test_the_default_is_the_first_pass_of_cbers_2_above_40_degrees() -> None:
-    window = request("").one.window
+    window = request("").window
     assert window.name == "CBERS 2"
     assert math.degrees(window.peak_elevation_rad) == pytest.approx(44.31, abs=0.01)
     assert window.aos_t_s == pytest.approx(1_151_384_323.8, abs=0.1)
-    assert request("--start 2006-06-27T06:00:00").one.window.aos_t_s > window.los_t_s
+    assert request("--start 2006-06-27T06:00:00").window.aos_t_s > window.los_t_s
 
 
 def test_a_file_of_elements_is_used() -> None:
     Path("x.tle").write_text("MY BIRD\n" + "\n".join(tle_lines(find_elements(verification_elements(), "28057"))))
-    assert (
-        TrackRequest(station=DSS13, target=Target(location="x.tle", satellite="MY BIRD")).one.window.name == "MY BIRD"
-    )
+    assert TrackRequest(station=DSS13, target=Target(location="x.tle", satellite="MY BIRD")).window.name == "MY BIRD"
 
 
 def test_a_pass_that_was_chosen_is_the_one() -> None:
     one = DSS13.passes(elements("CBERS 2"), days=2, min_peak_deg=40.0)[0]
-    assert TrackRequest(station=DSS13, target=one.target, chosen=one).one is one
+    assert TrackRequest(station=DSS13, target=one.target, chosen=one.window).window is one.window
 
 
 def test_elements_that_are_stale_are_reported_with_the_pass() -> None:
     """Two days after their epoch; those of the first pass are 10 h old."""
-    assert request("").one.warning == ""
-    assert request("--start 2006-07-01T00:00:00").one.warning.startswith("elements of CBERS 2 are stale: 4.")
+    assert request("").stale_warning == ""
+    assert request("--start 2006-07-01T00:00:00").stale_warning.startswith("elements of CBERS 2 are stale: 4.")
 
 
 def test_a_pass_begins_above_the_horizon_of_the_station(tmp_path: Path) -> None:
     rows = [[0, 0], [60, 0], [120, 0], [147, 12], [170, 0], [250, 0], [310, 0]]
-    plain = request("").one.window
-    cut = request(changed(tmp_path, {"mount.horizon_deg": [[float(a), float(b)] for a, b in rows]})).one.window
+    plain = request("").window
+    cut = request(changed(tmp_path, {"mount.horizon_deg": [[float(a), float(b)] for a, b in rows]})).window
     assert plain.aos_t_s + 60.0 < cut.aos_t_s < plain.tca_t_s
     hill_deg = np.interp(math.degrees(cut.aos_azimuth_rad), [120.0, 147.0, 170.0], [0.0, 12.0, 0.0])
     assert math.degrees(cut.aos_elevation_rad) == pytest.approx(hill_deg + 1.0, abs=1e-3), "a degree clear of the hill"
@@ -268,9 +266,9 @@ def test_a_pass_begins_above_the_horizon_of_the_station(tmp_path: Path) -> None:
 def test_a_pass_of_a_real_antenna_is_that_of_the_present(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(requests.time, "time", lambda: parse_utc(EPOCH))
     real = changed(tmp_path, REAL)
-    assert request(real).one.window.aos_t_s == pytest.approx(1_151_384_323.8, abs=0.1)
+    assert request(real).window.aos_t_s == pytest.approx(1_151_384_323.8, abs=0.1)
     later = request(f"{real} --start 2006-06-27T06:00:00")
-    assert later.one.window.aos_t_s > parse_utc("2006-06-27T06:00:00")
+    assert later.window.aos_t_s > parse_utc("2006-06-27T06:00:00")
     with pytest.raises(ValueError, match="was 0 s ago"):
         request(f"{real} --start 2006-06-27T03:59:59.6")
 
@@ -346,8 +344,8 @@ def test_the_slew_to_a_pass_is_that_of_the_slower_axis_at_its_rate(
 def test_a_near_pass_is_given_the_time_of_any_and_a_far_one_its_slew() -> None:
     """The first pass of 26 June begins 175 s of slewing away."""
     near, far = request(""), request("--start 2006-06-26T00:00:00")
-    assert near.before_pass_s(near.one.window) == 150.0
-    assert 205.0 <= far.before_pass_s(far.one.window) < 300.0
+    assert near.before_pass_s(near.window) == 150.0
+    assert 205.0 <= far.before_pass_s(far.window) < 300.0
 
 
 @pytest.mark.parametrize(("changes", "needed_s"), [({}, 250.0), ({"mount.elevation.command_rate_deg_s": 0.3}, 315.0)])

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from rf_pointing.commands import check_drive
+from rf_pointing.core.types import Pair
 from rf_pointing.drives import DriveParams, LinkParams, RotatorParams, SimulatedRotator
 from rf_pointing.drives.conformance import ConformanceCheck, Line
-from rf_pointing.drives.drive import RATE, Capabilities, Drive, DriveReading, Pair
+from rf_pointing.drives.drive import RATE, Capabilities, Drive, DriveReading
 from test.drives.benches import BOTH_AXES, TICK_S, Bench
 from test.drives.simulators import Easycomm
 

@@ -87,7 +87,7 @@ def side_by_side(tmp_path_factory: pytest.TempPathFactory) -> dict[str, SimpleNa
 def core_log(line: tuple[str, ...], seed: int = 1) -> PassLog:
     """Return the pass of a command line as the core simulates it."""
     request = track.request_of([*line])
-    window = request.one.window
+    window = request.window
     satellite = {"source.satellite": request.target.satellite}
     changes = {
         "ephemeris_publisher": satellite,

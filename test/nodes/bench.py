@@ -10,6 +10,7 @@ rclpy; nothing inside the node is touched.
 """
 
 import json
+import math
 import sys
 import time
 from collections import defaultdict
@@ -51,7 +52,7 @@ class Bench:
         """Full names of the nodes that the graph shows as publishers of a topic."""
         self.log: list[tuple[str, str]] = []
         self._replace(patch)
-        words = [word for name, value in given.items() for word in ("-p", f"{name}:={json.dumps(value)}")]
+        words = [word for name, value in given.items() for word in ("-p", f"{name}:={_yaml(value)}")]
         rclpy.init(
             args=["--ros-args", "-r", f"__ns:={namespace}", *words], domain_id=domain,
             signal_handler_options=SignalHandlerOptions.NO,
@@ -157,6 +158,10 @@ class Bench:
         """Return the names of the checks on /diagnostics."""
         self.node.diagnostics.publish()
         return {each.name.partition(": ")[2] for each in self.sent["/diagnostics"][-1].status}
+
+
+def _yaml(value: Any) -> str:
+    return ".nan" if isinstance(value, float) and math.isnan(value) else json.dumps(value)
 
 
 class _OnBench:

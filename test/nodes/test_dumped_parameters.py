@@ -134,6 +134,11 @@ def test_a_dump_gives_the_same_node_back(
         name: as_plain(value) for name, value in dumped.items()
     }
     if station:
+        # The numbers of the description are in force, as `ros2 param get` reads them back.
+        wanted = read_station(station).parameters(second.node.get_name())
+        assert {name: as_plain(dumped[name]) for name in wanted} == {
+            name: as_plain(each) for name, each in wanted.items()
+        }
         # A simulation without ROS takes the same file.
         read_station(station).check_file(
             second.node.get_name(), read_parameter_files([file])[second.node.get_name()].values
@@ -160,7 +165,7 @@ NEAREST = "no such parameter of antenna_servo; did you mean wrap_file?"
 def test_a_node_refuses_an_unknown_name_with_the_nearest(started: Callable[..., Started]) -> None:
     subject = started(AntennaServo, "-p", "wrap_fil:=x")
     assert subject.node.on_configure(UNCONFIGURED) == TransitionCallbackReturn.FAILURE
-    assert subject.node._reason == f"wrap_fil: {NEAREST}"
+    assert subject.node.parameters.reasons == [f"wrap_fil: {NEAREST}"]
     subject.dump()
     (result,) = subject.answer(subject.client.set_parameters([Parameter("wrapfile", value="x")])).results
     assert (result.successful, result.reason) == (False, f"wrapfile: {NEAREST}")

@@ -103,7 +103,7 @@ def test_a_key_file_that_others_can_read_or_that_holds_no_key_is_refused(tmp_pat
     shown, short, link = (tmp_path / name for name in ("shown", "short", "link"))
     key_at(shown)
     shown.chmod(0o640)
-    with pytest.raises(ValueError, match="shown can be read by others; chmod 600"):
+    with pytest.raises(ValueError, match="shown can be read by others: chmod 600"):
         key_at(shown)
     short.touch(0o600)
     key_at(short)

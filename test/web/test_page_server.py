@@ -320,7 +320,7 @@ def test_a_token_is_made_once_for_this_user_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("content", "mode", "words"),
-    [("short", 0o600, "has 5 characters, must be >= 16"), (TOKEN, 0o644, "must be readable by its owner alone: chmod 600"),
+    [("short", 0o600, "has 5 characters, must be >= 16"), (TOKEN, 0o644, "can be read by others: chmod 600"),
      ("", 0o600, "has 0 characters"), ("\u20ac" * 20, 0o600, "plain ASCII")],
 )  # fmt: skip
 def test_a_token_that_is_no_secret_is_refused(tmp_path: Path, content: str, mode: int, words: str) -> None:

@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.array_sensors.attitude.orbits import Orbit, SunSynchronousOrbitParams, orbit_point
 from rf_pointing.core import Params, parameter, require_between
 from rf_pointing.core.constants import EARTH_RADIUS_M
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import Site
 
-Array = NDArray[np.float64]
 # A name becomes a ROS namespace, whose grammar allows no more.
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 

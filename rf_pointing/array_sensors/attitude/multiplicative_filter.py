@@ -48,12 +48,12 @@ from rf_pointing.array_sensors.attitude.rotations import (
     tangent_rows,
 )
 from rf_pointing.core import Params, parameter, require_between
+from rf_pointing.core.types import Array
 
 PRINTED_Q = 1e-9
 # With the printed q the filter itself predicts an error of degrees; this one gives tables of the
 # size that DOA prints.
 TABLE_Q = 1e-12
-Array = NDArray[np.float64]
 
 # Biases of the sensor first, then those of the torque, then those of the references.
 _SENSOR, _TORQUE = slice(0, 2), slice(2, 5)

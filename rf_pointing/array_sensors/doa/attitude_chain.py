@@ -31,8 +31,8 @@ from rf_pointing.array_sensors.doa.estimator import DirectionEstimate, DoaEstima
 from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 from rf_pointing.array_sensors.doa.response_watch import ResponseWatch
 from rf_pointing.core import Params, as_finite_array, parameter, require_between
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 MERGED = "one of the maxima has no signal: two of the channel's stations have one between them"
 
 

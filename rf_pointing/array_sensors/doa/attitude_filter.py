@@ -28,8 +28,8 @@ from rf_pointing.array_sensors.attitude.wahba import unit_directions
 from rf_pointing.array_sensors.doa.attitude_start import StartParams, best_of_bank, joined, remaining, start_bank
 from rf_pointing.array_sensors.doa.innovation_watch import InnovationWatch, WatchParams
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 LONGEST_START = 2000
 """Directions and passages of a start that is gone through again: 17 min of a direction a second."""
 EVERY_STATION = ""

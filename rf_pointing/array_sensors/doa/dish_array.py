@@ -23,6 +23,7 @@ from rf_pointing.array_sensors.doa.covariance import sample_covariance
 from rf_pointing.array_sensors.doa.estimator import DirectionEstimate, DoaEstimator, DoaEstimatorParams
 from rf_pointing.array_sensors.doa.music import lattice, principal_eigenvectors
 from rf_pointing.core import PointingError, Sensor, random_stream
+from rf_pointing.core.types import Array
 from rf_pointing.rf.dish_array import (
     BETWEEN,
     LATTICE,
@@ -36,7 +37,6 @@ from rf_pointing.rf.dish_array import (
     offset_from_direction,
 )
 
-Array = NDArray[np.float64]
 FIT_SIGMAS = 8.0
 """Largest misfit, about chi squared of the patches; a separate lobe exceeds it."""
 

@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.rotations import cosine_slopes
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams, phase_radius_rad, steering
@@ -22,10 +21,7 @@ from rf_pointing.array_sensors.doa.music import estimate_directions
 from rf_pointing.array_sensors.doa.response_watch import ResponseMisfit, response_misfit
 from rf_pointing.array_sensors.doa.several_sources import estimate_several
 from rf_pointing.core import Params, parameter
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-
+from rf_pointing.core.types import Array, ComplexArray
 
 # 0.04 deg of bias, below what the attitude filter claims after some minutes.
 LARGEST_MIXED_PHASE_RAD = 0.01

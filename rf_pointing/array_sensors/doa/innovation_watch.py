@@ -16,11 +16,10 @@ b = (sum w^k E^T S^-1 E)^-1 h is its size.
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # The largest axis counts: a single station shows nothing of the turn about itself.
 OBSERVED = 1e-6
 # Fewest directions: with a handful neither sum is chi-square yet.

@@ -20,7 +20,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.interferometer.measurement import InterferometerMeasurement, phase_variance
 from rf_pointing.array_sensors.interferometer.system import (
@@ -31,8 +31,8 @@ from rf_pointing.array_sensors.interferometer.system import (
 )
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # Steps of a search must not jump over the lane that is right.
 _LANES_APART = 0.1
 # Rows of the reading's vector; the measurement model and the snapshot index with them.

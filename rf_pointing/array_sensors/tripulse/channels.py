@@ -14,12 +14,9 @@ either sign: a loss is reported and never bridged.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams, segment_beams
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 # Zero padding of the spectrum: the line is found to an eighth of a bin, the segments refine it.
 PADDING = 8

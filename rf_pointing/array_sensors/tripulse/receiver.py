@@ -34,9 +34,7 @@ from rf_pointing.array_sensors.tripulse.signal import (
 )
 from rf_pointing.array_sensors.tripulse.tracker import TrackerParams, predict, start, update
 from rf_pointing.core import Params, parameter
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -46,12 +46,10 @@ from rf_pointing.array_sensors.doa.several_sources import estimate_several
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SimulatedSatellite
 from rf_pointing.array_sensors.doa.snapshots import complex_normal, draw_snapshots
 from rf_pointing.core import random_stream, require_between, require_finite
+from rf_pointing.core.types import Array, ComplexArray
 from rf_pointing.papers.doa_study.directions import direction_from_polar, polar_basis
 from rf_pointing.papers.doa_study.scene import STEP_S, nadir_scene
 from rf_pointing.papers.row import Row
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MAX_ITERATIONS = 50
 STEP_TOLERANCE = 1e-10

@@ -13,13 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import as_finite_array, require_between, require_choice, unit_vector_from_azel, wrap_rad
+from rf_pointing.core.types import Array
 from rf_pointing.papers.orbit.measurements import KINDS, measured, partials
 from rf_pointing.papers.orbit.motion import Disturbances, Gravity, Site, Trajectory, propagate, to_inertial
-
-Array = NDArray[np.float64]
 
 _FEWEST, _SWEEPS, _DEGREE = 10, 4, 3
 

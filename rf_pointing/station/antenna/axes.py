@@ -10,17 +10,15 @@ import math
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams, TrajectoryBuffer, TrajectorySample
 from rf_pointing.core import JointTrajectory, Motion
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.planning import CornerPath
 from rf_pointing.servo import PlantParams
 from rf_pointing.station.antenna.loops import AxisLoops, LoopParams
 from rf_pointing.station.antenna.safety import AntennaSafety
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 Corners = tuple[Pair, ...]
 # Brakes may be set below this without shaking the structure.
 MOVING_RAD_S = math.radians(0.1)

@@ -12,10 +12,10 @@ know and acts on their answers.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrajectorySample
 from rf_pointing.core import AXES, JointReading, JointTrajectory
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.servo import PlantParams
 from rf_pointing.station.antenna.axes import NEW_PATH_RAD, AntennaAxes, Hardware, pair
@@ -24,8 +24,6 @@ from rf_pointing.station.antenna.modes import AntennaMode, AntennaModes, MotionS
 from rf_pointing.station.antenna.safety import AntennaSafety, SafetyParams
 from rf_pointing.station.pointing.status import AntennaStatus
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 SAME_S = 1e-9
 _ON_THE_WAY = {
     Request.PARK: AntennaMode.PARKING,

@@ -11,9 +11,9 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import AXES, Boresight, JointReading, JointTrajectory
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, Rotator
 from rf_pointing.planning import PositionLimits, PositionWatch
 from rf_pointing.servo import PlantParams
@@ -26,8 +26,6 @@ from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 from rf_pointing.station.pointing.status import AntennaStatus
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 CONNECT_S = 5.0
 """Longest wait for the first reading of a device."""
 LOOK_S = 0.01

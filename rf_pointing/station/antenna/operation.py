@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Any, Protocol
+from typing import Any
 
 from rf_pointing.core import AXES, Boresight, JointReading, JointTrajectory, Params, parameter
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
@@ -44,16 +44,19 @@ class ServoNodeParams(Params):
     enable_fault_injection: bool = parameter(False, "whether ~/inject_fault is offered")
 
 
-class Port(Protocol):
-    """Outside world of an antenna in operation."""
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """What a tick has given: readings, and news for the operator.
 
-    def joints(self, reading: JointReading) -> None: ...
-    def boresight(self, boresight: Boresight) -> None: ...
-    def status(self, status: AntennaStatus, lateness_s: float) -> None: ...
-    def ticked(self, t_s: float) -> None: ...
-    def fault_changed(self) -> None: ...
-    def rejected(self, reason: str) -> None: ...
-    def error(self, words: str) -> None: ...
+    `status` is None between two of them, `fault` where it has not changed; `refused` are commands
+    that waited for this tick.
+    """
+
+    reading: JointReading | None
+    boresight: Boresight | None = None
+    status: AntennaStatus | None = None
+    fault: str | None = None
+    refused: tuple[str, ...] = ()
 
 
 class AntennaOperation:
@@ -62,20 +65,19 @@ class AntennaOperation:
     Raises ValueError for files that cannot be written.
     """
 
-    def __init__(
-        self, antenna: SimulatedAntenna | DriveAntenna, memory: AntennaMemory, wrap_file: str, port: Port
-    ) -> None:
-        self.antenna = antenna
-        self._memory, self._port = memory, port
+    def __init__(self, antenna: SimulatedAntenna | DriveAntenna, memory: AntennaMemory, wrap_file: str) -> None:
+        self.antenna, self._memory = antenna, memory
         self._turn = TurnMemory(wrap_file, antenna)
         self.tick_s = antenna.params.tick_s
         self._status_every = max(1, round(STATUS_PERIOD_S / self.tick_s))
         self._statuses, self._fault = 0, ""
         self._tick_wall_s: float | None = None
-        self._lateness_s, self._ticked_s = 0.0, math.inf
+        self._ticked_s = math.inf
+        self.lateness_s = 0.0
+        """Wall time between the last two ticks beyond the period."""
         self._early: deque[tuple[float, JointTrajectory, str]] = deque(maxlen=WAITING)
 
-    def start(self, t_s: float) -> None:
+    def start(self, t_s: float) -> Tick:
         """Release the brakes and hold, or rest as before a restart; ValueError for a lost drive."""
         antenna = self.antenna
         if isinstance(antenna, DriveAntenna):
@@ -86,8 +88,7 @@ class AntennaOperation:
         self._memory.restore(antenna)
         self._tick_wall_s, self._ticked_s = None, t_s
         self._early.clear()
-        self._port.joints(antenna.reading(t_s))
-        self._port.status(antenna.status(t_s), self._lateness_s)
+        return Tick(antenna.reading(t_s), status=antenna.status(t_s))
 
     def stop(self) -> None:
         """Stop under control and set the brakes."""
@@ -106,51 +107,44 @@ class AntennaOperation:
         self.antenna.stop(reason)
         self._memory.keep(self.antenna, self.antenna.t_s)
 
-    def tick(self, t_s: float, now_s: float, wall_s: float, jumped_s: float = 0.0, stalled_s: float = 0.0) -> None:
+    def tick(self, t_s: float, now_s: float, wall_s: float, jumped_s: float = 0.0, stalled_s: float = 0.0) -> Tick:
         """Do the tick at `t_s`; `now_s` is the clock that was read, `wall_s` a steady one."""
-        antenna, port = self.antenna, self._port
+        antenna = self.antenna
         if jumped_s:
             # Every time in the command table means another direction now.
             antenna.stop(f"the clock jumped by {jumped_s:+.2f} s")
         elif stalled_s:
             antenna.stop("")
-            port.error(f"this process stalled for {stalled_s:.1f} s: stopped until the next command")
         # At another speed than 1 the wall time between two ticks is another than the period.
         if self._tick_wall_s is not None:
-            self._lateness_s = wall_s - self._tick_wall_s - self.tick_s
+            self.lateness_s = wall_s - self._tick_wall_s - self.tick_s
         self._tick_wall_s, self._ticked_s = wall_s, t_s
         reading, boresight = antenna.step(t_s)
-        if reading is not None:
-            port.joints(reading)
-        if boresight is not None:
-            port.boresight(boresight)
-        port.ticked(t_s)
-        fault = antenna.safety.latch.text
+        fault, status = antenna.safety.latch.text, None
         news, self._fault = fault != self._fault, fault
         if news or round(t_s / self.tick_s) % self._status_every == 0:
             self._memory.keep(antenna, t_s)
-            port.status(antenna.status(t_s), self._lateness_s)
+            status = antenna.status(t_s)
             self._statuses += 1
             if self._statuses % WRAP_EVERY == 0:
                 self._turn.keep()
-        if news:
-            port.fault_changed()
+        refused = []
         while self._early and self._early[0][0] <= t_s:
             _, command, commander = self._early.popleft()
-            self._accept(command, commander, now_s)
+            refused.append(antenna.accept(command, now_s, commander))
+        return Tick(reading, boresight, status, fault if news else None, tuple(filter(None, refused)))
 
-    def take(self, command: JointTrajectory, commander: str, issued_s: float, now_s: float) -> None:
-        """Take a command; one issued at an instant between tick and clock waits for its tick."""
+    def take(self, command: JointTrajectory, commander: str, issued_s: float, now_s: float) -> str:
+        """Take a command; return "" or why it is refused.
+
+        One issued at an instant between tick and clock waits for its tick.
+        """
         # Which of clock and command arrives first is chance; taken at once the same run would give
         # another pass.
         if self._ticked_s < issued_s <= now_s:
             self._early.append((issued_s, command, commander))
-        else:
-            self._accept(command, commander, now_s)
-
-    def _accept(self, command: JointTrajectory, commander: str, now_s: float) -> None:
-        if refused := self.antenna.accept(command, now_s, commander):
-            self._port.rejected(refused)
+            return ""
+        return self.antenna.accept(command, now_s, commander)
 
     def note_wind(self, speed_m_s: float, age_s: float) -> None:
         """Take the speed of the wind, unless it is so old that it counts as silence."""

@@ -7,11 +7,9 @@ it when it arrives, and so must every tick of the motion that follows from it.
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.planning import (
     Authority,
@@ -31,8 +29,6 @@ from rf_pointing.planning import (
 )
 from rf_pointing.station.antenna.modes import AntennaMode
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 COMMAND_PERIOD_S = 0.1
 LATE_S = 0.1
 """A command this late gets a warning; commands reach a second ahead, so it is not a fault."""

@@ -12,7 +12,6 @@ from collections.abc import Collection
 from dataclasses import fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import (
     BiasModel,
@@ -28,11 +27,11 @@ from rf_pointing.calibration import (
 )
 from rf_pointing.core import MDEG, JointReading, Motion, PointingError, Target, nearest_turn_rad
 from rf_pointing.core.signals import TimeBuffer
+from rf_pointing.core.types import Array
 from rf_pointing.planning import plunged
 from rf_pointing.station.pointing.prediction import TargetBuffer
 from rf_pointing.tracking.sensors import SENSORS
 
-Array = NDArray[np.float64]
 # How far a term may have moved from the present model; acceleration lags are hardly known at all.
 PRIOR_SIGMA = {"rad": math.radians(0.2), "rad/K": math.radians(0.02), "s": 0.5, "s^2": 10.0}
 PASS_GAP_S = 120.0

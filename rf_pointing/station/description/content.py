@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rf_pointing.core import parameter
+from rf_pointing.core.types import Pair
 from rf_pointing.tracking.sensors import SENSORS
 
 VERSION = 1
-Pair = tuple[float, float]
 Open = dict[str, Any]
 """A section whose keys somebody else declares: a drive, the tuning of the nodes."""
 

@@ -20,12 +20,11 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import AXES, JointReading, Params, angular_distance_rad, parameter
 from rf_pointing.core.signals import TimeBuffer
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # Share of `frozen_rad` that an encoder may toggle by and still keep its angle.
 TOGGLE_SHARE = 0.25
 # Share of the window: a gust pushes the axes off and lets them come back within it.

@@ -11,18 +11,17 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, LagHistory, LagState
 from rf_pointing.core import JointReading, JointTrajectory, Motion
 from rf_pointing.core.signals import BeamPosition, TimeBuffer
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import Pass
 from rf_pointing.station.pointing.corrections import PointingCorrections, added
 from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.station.pointing.plan import PassPlan
 from rf_pointing.station.pointing.prediction import Prediction, TargetBuffer, time_key
 
-Array = NDArray[np.float64]
 # Age of a reading from which the motion of the axes is not known.
 STALE_S = 1.0
 # Factor on the fastest stated rate of the mount: loops overshoot, and gusts push.

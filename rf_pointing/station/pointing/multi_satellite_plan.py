@@ -14,6 +14,7 @@ from enum import StrEnum
 
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core.types import Pair
 from rf_pointing.ephemeris import (
     CataloguePass,
     Elements,
@@ -34,8 +35,6 @@ from rf_pointing.planning import (
 )
 from rf_pointing.planning.schedule import schedule
 from rf_pointing.station.pointing.certificates import PlanningRules, SolarTable, planned_certificate
-
-Pair = tuple[float, float]
 
 
 class Fate(StrEnum):

@@ -16,14 +16,13 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import PointingError
 from rf_pointing.core.pass_outcome import PassOutcome, error_of_power_rad, is_held
+from rf_pointing.core.types import Array
 from rf_pointing.station.pointing.antenna_watch import AxisState
 from rf_pointing.tracking.sensors import NO_SENSOR, SENSORS
 
-Array = NDArray[np.float64]
 # One second of two sensors that report ten times a second.
 KEPT_LEVELS = 20
 

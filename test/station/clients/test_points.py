@@ -113,19 +113,6 @@ def test_three_points_no_more_than_the_interval_apart_are_a_motion(times: list[f
     assert points.moving is moving
 
 
-def test_points_that_stand_still_are_a_place_and_a_jump_begins_anew() -> None:
-    points = ClientPoints(FollowParams())
-    for t_s in range(8):
-        assert not points.add(T_S + t_s, 1.0, 0.5)
-    assert not points.moving
-    for t_s in range(8, 16):
-        points.add(T_S + t_s, *through_north(T_S + t_s - 8))
-    assert points.moving
-    assert points.add(T_S + 16, 3.0, 0.3)
-    assert not points.moving
-    assert len(points.history[0]) == 1
-
-
 @pytest.mark.parametrize(
     ("steps_deg", "moving"), [((0.0, 0.0, 0.02), False), ((0.0, 0.0, 0.06), True), ((0.0, 0.06, 0.06), True)]
 )
@@ -135,21 +122,6 @@ def test_one_point_alone_may_show_that_a_place_is_left(steps_deg: tuple[float, .
     for t_s, step_deg in enumerate(steps_deg):
         points.add(T_S + t_s, 1.0, 0.5 + math.radians(step_deg))
     assert points.moving is moving
-
-
-def test_the_rest_of_a_motion_decides_the_turn() -> None:
-    limits = AxisLimits(azimuth_min_rad=math.radians(-270.0), azimuth_max_rad=math.radians(270.0))
-    points = ClientPoints(FollowParams())
-    for t_s in T_S + np.arange(-200.0, -195.0):
-        points.add(float(t_s), *through_north(float(t_s)))
-    low, high = azimuth_still_to_come(points.motion(np.array([T_S - 195.0]), 4.9))
-    # From the west through north to the east: the azimuth rises by nearly half a turn.
-    assert math.degrees(high - low) == pytest.approx(168.0, abs=3.0)
-    turn = turn_for(limits, (low, high), math.radians(250.0))
-    assert limits.azimuth_min_rad <= low + turn
-    assert high + turn <= limits.azimuth_max_rad
-    short = AxisLimits(azimuth_min_rad=0.0, azimuth_max_rad=math.radians(100.0))
-    assert turn_for(short, (math.radians(-80.0), math.radians(90.0)), 0.0) == 0.0
 
 
 def circling(rate: float, t_s: float, elevation: float = 0.3) -> tuple[float, float]:
@@ -215,6 +187,8 @@ def test_a_point_jumps_beyond_five_degrees_of_a_motion_and_ten_of_a_place(
     assert points.moving is moving
     azimuth, _ = circling(rate, T_S + 6.0)
     assert points.add(T_S + 6.0, azimuth + math.radians(step_deg * (1.0 if moving else 2.0)), 0.0) is jumps
+    # A jump begins anew.
+    assert len(points.history[0]) == (1 if jumps else 7)
 
 
 def test_a_point_that_is_sent_twice_replaces_the_first_and_forty_are_kept() -> None:
