@@ -1,4 +1,4 @@
-"""What an executive hears of its antenna and its partners, and what it shows of the night."""
+"""Messages of an executive: those of its antenna and its partners, and those of the night."""
 
 import time
 from collections.abc import Iterable
