@@ -21,7 +21,8 @@ from rf_pointing.api.target import Target
 from rf_pointing.core import MDEG, Params, Sensor
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass, tle_lines
-from rf_pointing.identification import Recording, study
+from rf_pointing.identification import Recording
+from rf_pointing.identification.study import study
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES

@@ -183,9 +183,10 @@ class StationDescription:
         A number of the description may be repeated, as `ros2 param dump` does.
         """
         require_known(node, values)
-        given = reference(node).names | self.parameters(node, band)
+        # "**" names every node, and no number of one.
+        given = {} if node == "**" else reference(node).names | self.parameters(node, band)
         for name, value in values.items():
-            if (key := owner(node, name)) and not same_value(given[name], value):
+            if given and (key := owner(node, name)) and not same_value(given[name], value):
                 raise ValueError(f"{node}: {name} is given by the station description: {key}")
 
     def write(self, path: Path, changes: Mapping[str, Any]) -> None:
