@@ -113,7 +113,7 @@ def test_a_token_in_the_address_is_none() -> None:
         ('{"name": 1}', 400, "name must be a text"),
         ('{"name": "park", "arguments": []}', 400, "arguments an object"),
         ('{"name": "park", "more": 1}', 400, "an object of name and arguments"),
-        ('{"name": "set", "arguments": {"value": NaN}}', 400, "NaN is no number"),
+        ('{"name": "set", "arguments": {"value": NaN}}', 400, "NaN is not a number"),
         (b'{"name": "\xff"}', 400, "decode"),
         ("[" * (LONGEST_BODY - 1), 400, "nested too deeply|no JSON"),
         ("x" * (LONGEST_BODY + 1), 413, "Maximum request body size"),
