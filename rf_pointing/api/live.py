@@ -2,7 +2,7 @@
 
 `track`, `calibrate` and `identify` bring up the nodes of a station, each a process of its own, and
 return when all of them have ended.  Each result has a `code`: 0 done, 1 not reached, 2 not started.
-Refusals are ValueErrors, before anything is started.
+What is refused raises ValueError, before anything is started.
 """
 
 import math
@@ -39,7 +39,7 @@ LIGHT_WIND_M_S = 0.3
 
 @dataclass(frozen=True)
 class TrackResult:
-    """What a pass gave: `outcome` is None where it was not started."""
+    """Result of a pass: `outcome` is None where it was not started."""
 
     code: int
     window: Pass
@@ -272,7 +272,7 @@ def check_files(request: RunRequest) -> None:
     own = _parameters(request, Path(), Path())
     for node, said in request.said.items():
         if node not in (*nodes_of(request), "**"):
-            raise ValueError(f"params-file: {node} is no node; there are {', '.join(nodes_of(request))}")
+            raise ValueError(f"params-file: {node} is not a node; there are {', '.join(nodes_of(request))}")
         given = own.get(node, {}) if node in OF_STATION else {"start_s", "speed", "tick_s"}
         if twice := sorted(said.values.keys() & given):
             raise ValueError(f"params-file: {node} {', '.join(twice)}: given by the command line, see --help")

@@ -1,4 +1,4 @@
-"""What an operator asks of a live station: complete and checked before anything is started.
+"""Requests of an operator to a live station: complete and checked before anything is started.
 
 A request is made from a command line or from the arguments of `rp.Station`.  It knows what follows
 from it: the source of the target, the pass, the scan, the time before the pass.  Errors are
@@ -115,7 +115,7 @@ class RunRequest:
 
     @cached_property
     def said(self) -> dict[str, NodeParameters]:
-        """What the parameter files say, by node."""
+        """Values of the parameter files, by node."""
         return read_parameter_files(self.parameter_files)
 
     def before_pass_s(self, window: Pass) -> float:
@@ -186,7 +186,7 @@ class TrackRequest(RunRequest):
 
     @property
     def stale_warning(self) -> str:
-        """What stale elements cost at the pass, in beamwidths; "" for fresh ones."""
+        """Error of stale elements at the pass, in beamwidths; "" for fresh ones."""
         beamwidth_rad = self.station.controller.machine.half_power_beamwidth_rad
         track, stale_s = self.station.track_of(self.target), SourceParams().stale_days * DAY_S
         return stale_warning(track, self.window.tca_t_s, stale_s, ElementUncertainty(), beamwidth_rad)

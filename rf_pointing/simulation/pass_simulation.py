@@ -101,7 +101,7 @@ class StationSetup:
         self.band = self.station.default_band if band is None else band
         self._tracker, self.array = tracker, array
         self.changes: dict[str, dict[str, object]] = defaultdict(dict)
-        """What files and experiment put over the description, by node and dotted name."""
+        """Values that files and experiment put over the description, by node and dotted name."""
         for node, given in read_parameter_files(files).items():
             self.station.check_file(node, given.values, self.band)
             self.changes[node] |= given.values

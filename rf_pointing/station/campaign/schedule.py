@@ -67,7 +67,7 @@ class CampaignParams(Params):
 
 @dataclass(frozen=True, eq=False)
 class CalibrationSchedule:
-    """What is tracked: `windows` for the fit (none when the sky is full), then `shadow`."""
+    """Passes to track: `windows` for the fit (none when the sky is full), then `shadow`."""
 
     elements: list[Elements]
     campaign: Campaign

@@ -205,7 +205,7 @@ class StationDescription:
         path.write_text(yaml.serialize(root, Dumper=yaml.SafeDumper))
 
     def remarks(self, band: str | None = None) -> Iterator[str]:
-        """Yield what is no problem, and what a user of this station should know."""
+        """Yield remarks that a user of this station should know, besides its problems."""
         numbers = Band(self.content, self._band(band))
         low, high = self.content.mount.azimuth.travel_deg
         if high - low < 360.0:
@@ -217,7 +217,7 @@ class StationDescription:
         if not numbers.section.bias_model:
             yield f"bands.{numbers.name}: there is no bias model; errors of the mount are not corrected"
         if not self.content.wind.anemometer:
-            yield "wind.anemometer: there is none; wind does not stow the antenna"
+            yield "wind.anemometer: the station has none; wind does not stow the antenna"
         if self.content.sun.radius_deg == 0.0:
             yield "sun.radius_deg: the beam may look into the Sun"
         share = numbers.step_deg / numbers.beamwidth_deg
@@ -275,7 +275,7 @@ def shipped_stations() -> tuple[str, ...]:
 def require_known(node: str, names: Iterable[str]) -> None:
     """Raise ValueError for a node, or a parameter of it, that does not exist; "**" is any node."""
     if node not in (*NODES, "**"):
-        raise ValueError(f"{node} is no node of a station{nearest(node, NODES)}")
+        raise ValueError(f"{node} is not a node of a station{nearest(node, NODES)}")
     known = {name for each in (NODES if node == "**" else [node]) for name in reference(each).every_name}
     known.update(OF_EVERY_NODE)
     for name in names:
