@@ -1,5 +1,11 @@
-"""Build rules of the ament_python package; every executable is listed in `EXECUTABLES`."""
+"""Build rules of the ament_python package; every executable is listed in `EXECUTABLES`.
 
+An install into a prefix of ROS (`setup.cfg`, colcon) has each of them in lib/rf_pointing, where
+`ros2 run` finds them.  Any other one, as `pip install`, puts the one command `rf-pointing` on the
+PATH: their names are too common for it.
+"""
+
+import sys
 from glob import glob
 
 from setuptools import find_packages, setup
@@ -67,6 +73,10 @@ LIBRARIES = [
 """What `pip install .` brings: the core without ROS.  requirements/ pins the versions that are
 tested; the oldest are those of Ubuntu 24.04."""
 
+EVERY = [f"{name} = {PACKAGE}.{room}.{name}:main" for room, names in EXECUTABLES.items() for name in names]
+# colcon and bloom call these two; pip makes a wheel.
+INTO_ROS = bool({"develop", "install"} & set(sys.argv))
+
 setup(
     name=PACKAGE,
     version="0.1.0",
@@ -100,9 +110,8 @@ setup(
     },
     zip_safe=False,
     entry_points={
-        "console_scripts": [
-            f"{name} = {PACKAGE}.{room}.{name}:main" for room, names in EXECUTABLES.items() for name in names
-        ],
+        "console_scripts": EVERY if INTO_ROS else [f"rf-pointing = {PACKAGE}.__main__:main"],
+        f"{PACKAGE}.executables": EVERY,
         f"{PACKAGE}.reports": [f"array_sensors = {PACKAGE}.array_sensors.report.page:report_array_sensors"],
     },
 )

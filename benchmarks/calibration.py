@@ -20,8 +20,8 @@ import numpy as np  # noqa: E402
 from rf_pointing.calibration import (  # noqa: E402
     BiasModel,
     FitOptions,
-    Known,
     Observations,
+    PriorKnowledge,
     RawPasses,
     RawTracking,
     ReferenceTrack,
@@ -107,7 +107,7 @@ def one_campaign(seed: int, references: list[ReferenceTrack]) -> float:
             good=np.ones(len(times), dtype=bool),
         )
         passes.append(TrackedPass(raw, reference))
-    together = RawPasses(passes, 0).process(Known(model=BiasModel.zero(), form="printed")).points
+    together = RawPasses(passes, 0).process(PriorKnowledge(model=BiasModel.zero(), form="printed")).points
     result = fit_bias_model(together, terms=TERMS, held=held_at_zero(TERMS), pass_priors=ORBIT_PRIORS)
     truth = np.array([MODEL.coefficients[name] for name in TERMS])
     return float(np.max(np.abs(result.values - truth) / result.sigma))

@@ -26,10 +26,10 @@ from scipy.signal import lfilter  # noqa: E402
 from scipy.stats import binomtest  # noqa: E402
 
 from rf_pointing.calibration import TERM_NAMES, TERMS, BiasModel, FitResult, RawTracking, ReferenceTrack, TrackedPass  # noqa: E402
-from rf_pointing.commands import fit_bias_model  # noqa: E402
 from rf_pointing.core import MDEG, azel_from_unit_vector, random_stream, unit_vector_from_azel, wrap_rad  # noqa: E402
 from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes, site  # noqa: E402
 from rf_pointing.station.campaign import recorded_input  # noqa: E402
+from rf_pointing.station.campaign.offline_fit import FitData, FitRequest, OfflineFit  # noqa: E402
 from rf_pointing.station.description.description import read_station  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -234,7 +234,7 @@ def run_trials(case: Case, trials: int, campaigns: int, seed: int) -> Outcome:
     """Simulate and fit; the campaigns take turns."""
     geometry = [campaign(number, case.rate_hz) for number in range(campaigns)]
     # The clock of the trials is right: some of the planted mounts lag alike in both axes.
-    options = fit_bias_model.arguments(["trial.csv", "--station", "dss13", "--time-error", "0", "--select"])
+    request = FitRequest(station=STATION.name, band=BAND, site=STATION.site, time_error_s=0.0, select=True)
     full, chosen, kept, truths, seconds, refused = [], [], [], [], [], list[str]()
     for trial in range(trials):
         random = random_stream(seed + trial, f"trials {case.name}")
@@ -242,7 +242,7 @@ def run_trials(case: Case, trials: int, campaigns: int, seed: int) -> Outcome:
         passes = [TrackedPass(measured(one, mount, case, random), one.reference) for one in geometry[trial % campaigns]]
         start = time.process_time()
         try:
-            done = fit_bias_model.fitted_files(options, (None, passes), None)
+            done = OfflineFit(request, FitData(None, passes)).run()
         except ValueError as error:
             refused.append(str(error))
             continue

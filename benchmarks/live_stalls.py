@@ -33,7 +33,6 @@ from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import Boresight, TrackingStatus
 
 from rf_pointing.core import angular_distance_rad
-from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.core.pass_outcome import PassOutcome
 from rf_pointing.ephemeris import (
     Pass,
@@ -44,12 +43,11 @@ from rf_pointing.ephemeris import (
     tle_lines,
     verification_elements,
 )
-from rf_pointing.ephemeris.source import SourceParams, load_track
+from rf_pointing.ephemeris.source import load_track
 from rf_pointing.ros.main_loop import make_executor
 from rf_pointing.ros.managed_graph import NodeProcesses
 from rf_pointing.ros.qos import SAMPLES, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
-from rf_pointing.station.antenna.receiver import SignalParams
 from rf_pointing.station.description import read_station
 
 STATION, SATELLITE, NAMESPACE = "leo_3m7", "FLYER", "/stalls"
@@ -174,10 +172,10 @@ class LivePass:
         elements.write_text("\n".join((SATELLITE, *tle_lines(rising_earlier(time.time())))) + "\n")
         source = {"source.elements": str(elements), "source.satellite": SATELLITE}
         station = read_station(STATION)
-        receiver = NodeParameters("rf_receiver", station.parameters("rf_receiver", station.content.default_band))
-        truth = receiver.group("source", SourceParams()).replace(elements=str(elements), satellite=SATELLITE)
+        receiver = station.sets("rf_receiver")
+        truth = receiver["source"].replace(elements=str(elements), satellite=SATELLITE)
         self._truth = load_track(truth)
-        self._width_rad = receiver.group("signal", SignalParams()).beam.half_power_beamwidth_rad
+        self._width_rad = receiver["signal"].beam.half_power_beamwidth_rad
         there = self._truth.target_at(time.time() + 15.0)
         key = {"command_key_file": str(folder / "command.key")}
         start = {

@@ -20,10 +20,7 @@ import numpy as np
 from ephemeris import EPOCH_T_S, synthetic_catalogue
 from planning import as_omm
 
-from rf_pointing.commands.options import station_of
-from rf_pointing.commands.plan_passes import antenna_of
-from rf_pointing.commands.plan_passes import arguments as plan_arguments
-from rf_pointing.commands.plan_passes_many import json_text, plan_many, row_values
+import rf_pointing as rp
 from rf_pointing.core.dates import utc_text
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.operations.schedule import PassState
@@ -40,18 +37,11 @@ def schedule_of(station: str, folder: Path, hours: float, satellites: int) -> tu
     low = [one for one in synthetic_catalogue(10 * satellites) if one.name.startswith("low")][:satellites]
     elements = folder / "elements.json"
     elements.write_text(json.dumps([as_omm(one) for one in low]))
-    listed = folder / "list.txt"
-    listed.write_text("".join(f"{one.catalogue_number}, priority={k % 3}, peak=10\n" for k, one in enumerate(low)))
-    options = plan_arguments([
-        "--station", station, "--elements", str(elements), "--satellites", str(listed), "--hours", str(hours),
-        "--start", utc_text(EPOCH_T_S), "--gap", "10",
-    ])  # fmt: skip
-    rules, start_rad = antenna_of(options)
-    plan = plan_many(options, rules, start_rad)
-    beamwidth_rad = rules.machine.half_power_beamwidth_rad
-    return json_text(
-        plan, [row_values(item, beamwidth_rad) for item in plan.passes], station_of(options).name
-    ), elements
+    targets = [
+        rp.elements(elements, satellite=one.catalogue_number, priority=k % 3, min_peak_deg=10.0)
+        for k, one in enumerate(low)
+    ]
+    return rp.Station(station).plan(targets, start_t_s=EPOCH_T_S, hours=hours, gap_s=10.0).to_json(), elements
 
 
 def random_faults(count: int, seed: int, start_s: float, hours: float, kinds: tuple[str, ...]) -> list[NightFault]:

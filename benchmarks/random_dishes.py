@@ -113,18 +113,25 @@ def time_to_find_s(
     lying one (0.3 of the rate) until it has lied by it; everything else is found within 0.1 s, a runaway within 0.25 s.
     """
     setup = StationSetup(station, changes={"antenna_servo": {"antenna.seed": seed, **(changes or {})}})
-    antenna, values = setup.antenna(), setup.node("antenna_servo").values
-    rate = math.radians(0.3 * values["loops.preprocessor.rate_limit_deg_s"][0])
+    antenna, sets = setup.antenna(), setup.sets("antenna_servo")
+    rate, watch = 0.3 * sets["loops"].preprocessor.rate_limit_rad_s[0], sets["safety"].watch
     clock = _Moving(antenna, rate)
     clock.run(MOTION_S)
     if antenna.safety.latch.text:
         raise ValueError(f"{station.name}: {antenna.safety.latch.text}")
-    frozen, drift = (math.radians(values[f"safety.watch.{name}_deg"]) for name in ("frozen", "drift"))
-    jump = 2.0 * math.radians(values["safety.watch.jump_deg"])
-    runaway = -math.radians(values["plant.azimuth.rate_limit_deg_s"])
-    lie = max(rate, 1.5 * drift / values.get("safety.watch.window_s", 0.16))
-    value = {"encoder_jump": jump, "encoder_lie": lie, "runaway": runaway}.get(kind, 0.0)
-    bound = {"encoder_frozen": frozen / rate + 0.1, "encoder_lie": drift / lie + 0.1, "runaway": 0.25}.get(kind, 0.1)
+    lie = max(rate, 1.5 * watch.drift_rad / watch.window_s)
+    values = {
+        "encoder_jump": 2.0 * watch.jump_rad,
+        "encoder_lie": lie,
+        "runaway": -sets["plant"].azimuth.rate_limit_rad_s,
+    }
+    value = values.get(kind, 0.0)
+    bounds = {
+        "encoder_frozen": watch.frozen_rad / rate + 0.1,
+        "encoder_lie": watch.drift_rad / lie + 0.1,
+        "runaway": 0.25,
+    }
+    bound = bounds.get(kind, 0.1)
     antenna.injected.inject(kind, value)
     return clock.run(PATIENCE_S + bound, until_fault=True), bound
 

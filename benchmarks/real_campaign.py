@@ -29,12 +29,11 @@ from rotator_pass import SecondClient, start_rotctld
 
 from rf_pointing.calibration import read_model
 from rf_pointing.core import Boresight
-from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.ephemeris import TopocentricTrack, tle_lines
 from rf_pointing.ephemeris.source import read_source
 from rf_pointing.ros import convert
 from rf_pointing.ros.qos import LATCHED, STREAM
-from rf_pointing.station.antenna.receiver import SignalParams, SimulatedReceiver
+from rf_pointing.station.antenna.receiver import SimulatedReceiver
 from rf_pointing.station.description import read_station
 
 NAMESPACE = "/real_campaign"
@@ -51,8 +50,7 @@ class OwnReceiver(Node):
         super().__init__("own_receiver", namespace=NAMESPACE)
         self._given, self._site = read_source(str(elements)).elements, read_station(station).site
         self._receiver: SimulatedReceiver | None = None
-        values = read_station(station).parameters("rf_receiver", "S")
-        self._signal = NodeParameters("rf_receiver", values).group("signal", SignalParams())
+        self._signal = read_station(station).sets("rf_receiver", "S")["signal"]
         self._power = self.create_publisher(CarrierPower, "carrier_power", STREAM)
         self.create_subscription(PassList, "passes", self._on_passes, LATCHED)
         self._client, self._sent, self.stopping = SecondClient(port), 0, False

@@ -110,13 +110,13 @@ def missed_beamwidths(setup: StationSetup, window: Pass) -> float:
     log = simulate_pass(setup, window, window.aos_t_s - LEAD_S, "program")
     late = np.array(log.t_s) > window.aos_t_s + SETTLE_S
     rms_rad = math.sqrt(float(np.mean(np.sum(log.errors_rad()[late] ** 2, axis=1))))
-    beamwidth_deg = setup.node("pointing_controller").values["machine.half_power_beamwidth_deg"]
+    beamwidth_deg = math.degrees(setup.sets("pointing_controller")["machine"].half_power_beamwidth_rad)
     return math.degrees(rms_rad) / float(beamwidth_deg)
 
 
 def log_of(described: StationSetup) -> CalibrationLog:
     """Return the log of a campaign, as the calibrator of the station has it."""
-    largest_deg = described.node("bias_calibrator").values["calibrator.largest_error_deg"]
+    largest_deg = math.degrees(described.sets("bias_calibrator")["calibrator"].largest_error_rad)
     return CalibrationLog(
         described.station.name, described.band, SPACING_S, SIGMA_RAD, scan_spacing_s=SCAN_SPACING_S,
         largest_error_rad=math.radians(largest_deg), settle_s=SETTLE_S,

@@ -7,7 +7,6 @@ node's figures are left out and named.
 
 import argparse
 import importlib.util
-import math
 import os
 import sys
 import time
@@ -90,27 +89,52 @@ def tick() -> bool:
     return tick_lines("antenna", lambda k: antenna.step(TICK_S * k), lambda k: antenna.accept(ramp(k), TICK_S * k))
 
 
-def node_tick() -> bool:
-    """The same in the node, with its messages and publishers."""
+def node_lines() -> bool:
+    """Return whether the node, with its messages and publishers, keeps the same; print what a message costs."""
     if importlib.util.find_spec("rclpy") is None:
         print("50-Hz tick of the node: rclpy is not installed")
         return True
     import rclpy
+    from rclpy.serialization import serialize_message
+    from rf_pointing_msgs.msg import Target
 
     from rf_pointing.nodes.antenna_servo import AntennaServo
+    from rf_pointing.ros import convert
+    from rf_pointing.ros.lifecycle import Schedule
+    from rf_pointing.ros.qos import STREAM
 
-    rclpy.init(args=["--ros-args", "-r", "__ns:=/benchmark", "-p", "wind.mean_speed_m_s:=8.0"])
-    node = AntennaServo()
+    class Ticked(AntennaServo):
+        """Ticks when it is called, at its own time."""
+
+        t_s = 1.2e9
+
+        def now_s(self) -> float:
+            return self.t_s
+
+        def every(self, period_s: float, callback: Callable[[float], None]) -> Schedule:
+            self.tick = callback
+            return Schedule(self.t_s, period_s)
+
+    rclpy.init(args=["--ros-args", "-r", "__ns:=/benchmark"])
+    node = Ticked()
     try:
         node.trigger_configure()
         node.trigger_activate()
-        start = math.ceil(node.now_s())
-        node.destroy_timer(node._active_timers[-1])
-        return tick_lines(
-            "node",
-            lambda k: node._tick(start + TICK_S * k),
-            lambda k: node._antenna.accept(ramp(k, start), start + TICK_S * k),
-        )
+        node.listen(Target, "target", str, STREAM)
+        doors = {each.topic_name.rpartition("/")[2]: each.callback for each in node.subscriptions}
+
+        def message(k: int) -> bytes:
+            return bytes(serialize_message(convert.trajectory_to_message(ramp(k, 1.2e9), 1.2e9 + TICK_S * k)))
+
+        def step(k: int) -> None:
+            node.t_s = 1.2e9 + TICK_S * k
+            node.tick(node.t_s)
+
+        kept = tick_lines("node", step, lambda k: doors["joint_trajectory"](message(k)))
+        target, count = bytes(serialize_message(Target(covariance=[0.0] * 9))), 2000
+        spent = seconds(lambda: [doors["target"](target) for _ in range(count)])
+        line("  a Target through the door of messages", 1e6 * spent / count, None, "us")
+        return kept
     finally:
         node.destroy_node()
         rclpy.try_shutdown()
@@ -151,7 +175,7 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=40)
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
-    kept = [closed_loop(), tick(), node_tick(), monte_carlo(options.runs, options.workers)]
+    kept = [closed_loop(), tick(), node_lines(), monte_carlo(options.runs, options.workers)]
     return 0 if all(kept) else 1
 
 

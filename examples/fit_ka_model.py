@@ -23,7 +23,6 @@ from rf_pointing.calibration import (
 from rf_pointing.core import MDEG, random_stream
 from rf_pointing.core.dates import from_utc_text
 from rf_pointing.simulation import StationSetup
-from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.description import STATIONS
 
 ARCS, POINTS, STEP_S = 38, 43, 8.0
@@ -35,7 +34,7 @@ LAGS = tuple(name for name in TERM_NAMES if name.endswith("_lag"))
 def observations() -> Observations:
     """Return what the station would have observed."""
     setup = StationSetup("dss13", "Ka")
-    mount = setup.node("antenna_servo").group("mount", MountParams()).model()
+    mount = setup.sets("antenna_servo")["mount"].model()
     random, count = random_stream(1, "Ka model"), ARCS * POINTS
     arc, step = np.divmod(np.arange(count), POINTS)
     since_s = STEP_S * step

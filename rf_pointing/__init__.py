@@ -1,5 +1,56 @@
-"""Ground-station antenna pointing: a ROS-free numeric core, and in `nodes` the ROS 2 graph around
-it.
+"""Ground-station antenna pointing: `import rf_pointing as rp`.
+
+A numeric core without ROS, and in `nodes` the ROS 2 graph around it.  The names below are the
+public surface; each is loaded when it is first used.  docs/api.md shows them at work.
 """
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rf_pointing.api.calibration import Fit, fit
+    from rf_pointing.api.look import Look
+    from rf_pointing.api.passes import PassCertificate, StationPass
+    from rf_pointing.api.plan import Plan
+    from rf_pointing.api.recording import Recording
+    from rf_pointing.api.simulated import SimulatedPass
+    from rf_pointing.api.station import Station
+    from rf_pointing.api.target import Target, catalogue, elements
+    from rf_pointing.calibration.bias_model import BiasModel
+    from rf_pointing.calibration.model_file import ModelVersion, read_model
+    from rf_pointing.calibration.observations import Observations
+
 __version__ = "0.1.0"
+_HOMES = {
+    "BiasModel": "calibration.bias_model",
+    "Fit": "api.calibration",
+    "Look": "api.look",
+    "ModelVersion": "calibration.model_file",
+    "Observations": "calibration.observations",
+    "PassCertificate": "api.passes",
+    "Plan": "api.plan",
+    "Recording": "api.recording",
+    "SimulatedPass": "api.simulated",
+    "Station": "api.station",
+    "StationPass": "api.passes",
+    "Target": "api.target",
+    "catalogue": "api.target",
+    "elements": "api.target",
+    "fit": "api.calibration",
+    "read_model": "calibration.model_file",
+}
+"""Every public name, and the module that it is loaded from."""
+__all__ = [
+    "BiasModel", "Fit", "Look", "ModelVersion", "Observations", "PassCertificate", "Plan", "Recording",
+    "SimulatedPass", "Station", "StationPass", "Target", "catalogue", "elements", "fit", "read_model",
+]  # fmt: skip
+
+if not TYPE_CHECKING:
+    # A type checker reads the imports above, and refuses a wrong name.
+    def __getattr__(name: str) -> Any:
+        if name not in _HOMES:
+            raise AttributeError(f"module 'rf_pointing' has no attribute {name!r}")
+        return getattr(importlib.import_module(f"rf_pointing.{_HOMES[name]}"), name)
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *_HOMES})

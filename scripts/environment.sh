@@ -94,7 +94,7 @@ enter_wheel_environment() {
   need "command -v g++ && command -v make" g++ make
   need "command -v cmake" cmake
   once wheels "$(digest "$ROOT"/requirements/*.txt <(environment_python))" \
-    "building the Python environment from pinned wheels (a few minutes, once)" replace_wheel_environment
+    "building the Python environment from pinned wheels (about two minutes, once)" replace_wheel_environment
   export VIRTUAL_ENV=$STATE/env PATH=$STATE/env/bin:$PATH
   # Setting these here spares every process the bootstrap that would start Python a second time to set them.
   LD_LIBRARY_PATH=$(printf '%s:' "$STATE"/env/lib "$STATE"/env/lib/python3.*/site-packages/ros_*.libs)${LD_LIBRARY_PATH:-}

@@ -41,10 +41,10 @@ WITHOUT_STATION = ("simulation_clock", OPERATOR_PAGE)
 ON_A_DRIVE: dict[str, Any] = {"drive.type": "simulated_rotator", "wind.anemometer": True}
 STATIONS: tuple[tuple[str, dict[str, Any]], ...] = (("dss13", {}), ("dss13", ON_A_DRIVE), ("rotator_2m", {}))
 DRIVE_TOPICS = (("publish", "drive/set_point"), ("publish", "drive/enable"), ("subscribe", "drive/state"))
-"""Of a drive of the type `topic`, which waits for its driver's first message."""
+"""Topics of a drive of the type `topic`, which waits for its driver's first message."""
 OPERATOR = "operator"
 GRAPH_WITHIN_S = 30.0
-"""What is made and what is freed reaches the graph through discovery, a moment later."""
+"""Discovery brings what is made and what is freed into the graph a moment later."""
 RULES = {"topic": ("publish", "subscribe"), "service": ("reply", "request"), "action": ("execute", "call")}
 """Who offers is named first."""
 

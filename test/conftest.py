@@ -1,10 +1,11 @@
-"""What every test may ask for: one seeded generator, and a ROS domain that no other session on this machine uses."""
+"""Fixtures of every test: one seeded generator, limits in wall time, a ROS domain of the session's own."""
 
 import fcntl
 import importlib
 import importlib.util
 import os
 import tempfile
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -60,6 +61,36 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def random() -> np.random.Generator:
     """Return the seeded generator of a test; every test starts it afresh."""
     return np.random.Generator(np.random.PCG64(20060627))
+
+
+IDLE_LOOPS, IDLE_S = 320_000, 0.008
+"""Loops of `slowness`'s work, and their wall time on an idle core of the machine of the limits."""
+TOO_SLOW = 8.0
+"""Slowness at which a limit in wall time says nothing about the code any more."""
+
+
+def slowness() -> float:
+    """Return how many times slower than an idle one this machine is at the moment, at least 1."""
+    # Split by sleeps: who wakes has to wait for the others that want the core, as a test does.
+    began_s = time.perf_counter()
+    for _ in range(10):
+        sum(number * number for number in range(IDLE_LOOPS))
+        time.sleep(0.001)
+    return max(1.0, (time.perf_counter() - began_s) / (10.0 * (IDLE_S + 0.001)))
+
+
+def within(taken_s: float, limit_s: float) -> bool:
+    """Return whether a wall time keeps a limit, which grows with the slowness of the machine.
+
+    The limit is that of an idle machine.  Where it is missed and the machine is too slow for any
+    limit, the test is skipped.
+    """
+    if taken_s < limit_s:
+        return True
+    if (slower := slowness()) > TOO_SLOW:
+        pytest.skip(f"this machine is too slow for this test: {slower:.0f} times slower than an idle one at the moment, "
+            f"and {limit_s:g} s of wall time became {taken_s:.1f} s")  # fmt: skip
+    return taken_s < limit_s * slower
 
 
 def import_type_support() -> None:
@@ -134,3 +165,21 @@ def default_context(ros_domain: int) -> Iterator[None]:
     rclpy.init(domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
     yield
     rclpy.try_shutdown()
+
+
+@pytest.fixture
+def make_bench(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
+    """Yield a maker of nodes on a bench (`test/nodes/bench.py`), one after the other."""
+    from test.nodes.bench import Bench
+
+    made: list[Any] = []
+
+    def make(node_type: Any, **given: Any) -> Any:
+        if made:
+            made.pop().close()
+        made.append(Bench(node_type, monkeypatch, ros_domain, **given))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()

@@ -1,8 +1,10 @@
 """The documents agree with the tree: links lead somewhere, indexes are complete, examples print what they state."""
 
+import argparse
 import ast
 import importlib
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -165,3 +167,120 @@ def test_python_in_a_page_imports_names_that_exist(page: Path) -> None:
 def test_glossary_is_in_alphabetical_order() -> None:
     terms = re.findall(r"^\*\*(.+?)\*\*", (DOCS / "glossary.md").read_text(), re.MULTILINE)
     assert terms == sorted(terms, key=str.casefold)
+
+
+CONTINUED = re.compile(r"\\\n\s*")
+OPERATORS = {"|", "||", "&&", "&", ";", ">", ">>", "2>"}
+PLACEHOLDERS = {"N": "1", "SEED": "1", "FOLDER": "tracking"}
+WRAPPERS = {"scripts/track": "track", "scripts/calibrate": "calibrate"}
+RUNNERS = (("scripts/run",), ("ros2", "run", "rf_pointing"), ("rf-pointing",))
+
+
+def executables() -> dict[str, str]:
+    """Return the module of every executable, from setup.py."""
+    text = (ROOT / "setup.py").read_text()
+    (table,) = re.findall(r"^EXECUTABLES = (\{.*?^\})", text, re.MULTILINE | re.DOTALL)
+    return {name: f"rf_pointing.{room}.{name}" for room, names in ast.literal_eval(table).items() for name in names}
+
+
+def command_lines(page: Path) -> Iterator[list[str]]:
+    """Yield the words of every command of the code blocks and code spans of a page, without what the shell takes."""
+    text = page.read_text()
+    blocks = [CONTINUED.sub(" ", block[:-3].partition("\n")[2]) for block in CODE.findall(text)]
+    rest = CONTINUED.sub(" ", CODE.sub("", text))
+    lines = [line for block in blocks for line in block.splitlines()]
+    for line in [*lines, *SPAN.findall(rest), *re.findall(r"^ {4,}(\S.*)$", rest, re.MULTILINE)]:
+        try:
+            words = shlex.split(line, comments=True)
+        except ValueError:
+            # A line of another language: a quote that is not closed.
+            continue
+        command: list[str] = []
+        for word in [*words, ";"]:
+            if word in OPERATORS:
+                if command:
+                    yield command
+                command = []
+            elif command or not re.fullmatch(r"[A-Z_]+=.*", word):
+                command.append(PLACEHOLDERS.get(word, word).strip("[]"))
+
+
+def program_of(command: list[str]) -> tuple[str, list[str]]:
+    """Return name and arguments of a program of ours, or "" for another command."""
+    for runner in RUNNERS:
+        if tuple(command[: len(runner)]) == runner and len(command) > len(runner):
+            return command[len(runner)], command[len(runner) + 1 :]
+    return WRAPPERS.get(command[0], ""), command[1:]
+
+
+class _ParsedError(BaseException):
+    """Ends a program once its arguments are parsed."""
+
+
+def parse(name: str, arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the program parse its arguments, and nothing more; SystemExit for what it refuses."""
+    original = argparse.ArgumentParser.parse_args
+
+    def parsed(parser: argparse.ArgumentParser, *given: object, **named: object) -> None:
+        original(parser, *given, **named)
+        raise _ParsedError
+
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parsed)
+    monkeypatch.setattr(sys, "argv", [name, *arguments])
+    with pytest.raises(_ParsedError):
+        importlib.import_module(executables()[name]).main()
+
+
+OURS = [(page, *program_of(command)) for page in PAGES for command in command_lines(page)]
+
+
+@pytest.mark.parametrize(
+    ("page", "name", "arguments"),
+    [pytest.param(*each, id=f"{shown(each[0])}: {shlex.join(each[1:2] + tuple(each[2]))}")
+     for each in OURS if each[1] not in ("", "NAME")],
+)  # fmt: skip
+def test_a_command_line_is_one_that_its_program_takes(
+    page: Path,
+    name: str,
+    arguments: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert name in executables(), page
+    if ".nodes." in executables()[name] or arguments == ["--help"]:
+        return
+    pytest.importorskip("rclpy", reason="commands need ROS 2", exc_type=ImportError)
+    monkeypatch.chdir(tmp_path)
+    try:
+        parse(name, arguments, monkeypatch)
+    except SystemExit:
+        pytest.fail(capsys.readouterr().err)
+
+
+def test_a_command_line_with_an_unknown_option_is_found(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    pytest.importorskip("rclpy", reason="commands need ROS 2", exc_type=ImportError)
+    (page := tmp_path / "page.md").write_text(
+        "```\nX=1 scripts/run plan_passes \\\n  --params-file a.yaml > b  # c\n```\n"
+    )
+    ((name, arguments),) = [program_of(command) for command in command_lines(page) if command[0] != "b"]
+    assert (name, arguments) == ("plan_passes", ["--params-file", "a.yaml"])
+    with pytest.raises(SystemExit):
+        parse(name, arguments, monkeypatch)
+    assert "unrecognized arguments: --params-file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("page", PAGES, ids=shown)
+def test_options_of_a_script_are_in_the_script(page: Path) -> None:
+    missing = []
+    for command in command_lines(page):
+        if command[0] == "scripts/house":
+            command = ["scripts/run-python", "scripts/house.py", *command[1:]]
+        if command[0] != "scripts/run-python" or not command[1:] or not command[1].endswith(".py"):
+            continue
+        source = (ROOT / command[1]).read_text()
+        options = [word for word in command[2:] if word.startswith("--")]
+        missing += [f"{command[1]} {option}" for option in options if f'"{option}"' not in source]
+    assert not missing

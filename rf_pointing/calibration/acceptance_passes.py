@@ -8,17 +8,15 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.core import Params, parameter, wrap_rad
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShadowRules(Params):
+class AcceptanceRules(Params):
     """When a verdict is given, and which one a candidate needs to be accepted."""
 
     fewest_passes: int = parameter(3, "passes before a verdict", low=2, high=1000)
@@ -42,12 +40,12 @@ class Verdict:
 
 
 @dataclass(eq=False)
-class ShadowScore:
+class AcceptanceScore:
     """Running score of `candidate` against `active`."""
 
     active: BiasModel
     candidate: BiasModel
-    rules: ShadowRules
+    rules: AcceptanceRules
     # Rows of each pass, and the sums of the squared misses of both models over them.
     _sums: dict[int, Array] = field(default_factory=dict)
 

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.calibration import taylor
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Temperature at which the thermal terms vanish (ISA sea level).
 REFERENCE_TEMPERATURE_K = 288.15
@@ -18,7 +17,7 @@ REFERENCE_TEMPERATURE_K = 288.15
 
 @dataclass(frozen=True)
 class _Angles(ABC):
-    """What both forms have in common, so that each term is written once for both."""
+    """Common part of both forms: each term is written once for both."""
 
     azimuth: Array
     elevation: Array
@@ -139,4 +138,4 @@ class SeriesAngles(_Angles):
 
 
 Angles = ArrayAngles | SeriesAngles
-"""What a term is evaluated on."""
+"""Argument of a term: angles as arrays, or as series."""

@@ -15,15 +15,14 @@ from types import MappingProxyType
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.calibration import taylor
 from rf_pointing.calibration.angles import REFERENCE_TEMPERATURE_K, Angles, ArrayAngles, SeriesAngles
 from rf_pointing.calibration.mount import Skew, axes_from_sky, sky_from_axes
 from rf_pointing.calibration.terms import TERM_NAMES, Term, terms_by_name
 from rf_pointing.core import angular_distance_rad, require_between
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 _DEGREE = math.radians(1.0)
 # `remove` stops when two iterations agree this well (per axis, rates per second).

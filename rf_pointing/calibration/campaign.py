@@ -30,6 +30,7 @@ from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.core import Params, parameter, require_between
+from rf_pointing.core.types import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,7 +67,6 @@ class CandidatePass:
         )
 
 
-Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 Plan = tuple[list[int], Counts, float | None]
 
@@ -87,7 +87,7 @@ class Slew(Params):
     )
 
     def check_together(self) -> None:
-        """Refuse a travel that is no pair or less than a turn."""
+        """Refuse a travel that is not a pair, or is less than a turn."""
         if self.travel_rad and (len(self.travel_rad) != 2 or self.travel_rad[1] - self.travel_rad[0] < _TURN):
             raise ValueError(f"travel_rad={self.travel_rad} must be two ends at least a turn apart")
 
@@ -282,8 +282,8 @@ def _information(terms: tuple[str, ...], candidate: CandidatePass, pass_priors: 
     data = replace(data, temperature_k=np.full(len(data), REFERENCE_TEMPERATURE_K))
     problem = FitProblem(data, terms, held_at_zero(terms), {}, pass_priors, "printed")
     one = np.ones(len(data))
-    triangle, _ = problem.triangle(np.zeros(len(terms)), one.astype(bool), one)
-    return triangle.factor[:, :-1]
+    equations, _ = problem.equations(np.zeros(len(terms)), one.astype(bool), one)
+    return equations.factor[:, :-1]
 
 
 def _updated(covariance: Array, rows: Array) -> Array:

@@ -27,8 +27,7 @@ from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.terms import TERM_NAMES, terms_by_name
 from rf_pointing.core import Params, parameter
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # A step of a millionth of sigma: below it rounding, not the data, moves the terms.
 _CONVERGED_SIGMA = 1e-6
@@ -38,7 +37,7 @@ _MOST_ROUNDS = 40
 _MOST_EDITED = 0.33
 # Rejected observations may return in these rounds; later ones only remove, and so must end.
 _FREE_ROUNDS = 8
-# Of a normal distribution.
+# Ratio of sigma to the median of the absolute values, for a normal distribution.
 _MEDIAN_TO_SIGMA = 1.4826
 # Fewer passes give a matrix of scores that says more about these passes than about their errors.
 _FEWEST_SANDWICH_PASSES = 5
@@ -129,7 +128,7 @@ def _iterate(problem: FitProblem, options: FitOptions, start: FitResult | None) 
     values = problem.start()
     if start is not None:
         values = np.array([start.coefficients[name] for name in problem.names])
-        # Of other points nothing is known of which will be edited.
+        # The edited points of the start are known only where the fit has the same points.
         used = start.used if len(start.used) == len(used) else used
     for number in range(1, _MOST_ROUNDS + 1):
         now = problem.solve(values, used, weight)

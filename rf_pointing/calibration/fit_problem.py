@@ -15,21 +15,21 @@ from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.fit_result import FitResult, Prior
 from rf_pointing.calibration.noise import NoiseScale, noise_scale
 from rf_pointing.calibration.normal_equations import (
+    NormalEquations,
     PassHeads,
     Solution,
-    Triangle,
     eliminate,
-    pass_triangles,
+    pass_equations,
     require_determined,
 )
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassErrors, PassPriors, lags_of, middles_of_passes, pass_partials
 from rf_pointing.calibration.terms import Partial, terms_by_name
 from rf_pointing.core import wrap_rad
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 Pair = tuple[Array, Array]
-# Of 1 km and a second: 10 ms change the shift by less than 0.1 mdeg.
+# Lags that count as equal: at orbit errors of 1 km and 1 s they change the shift by < 0.1 mdeg.
 _SAME_LAG_S = 0.01
 Places = NDArray[np.int64]
 
@@ -112,28 +112,30 @@ class FitProblem:
         """Return the values of the first linearisation: those of the priors, else zero."""
         return np.array([self.priors[name].value if name in self.priors else 0.0 for name in self.names])
 
-    def triangle(self, values: Array, used: NDArray[np.bool_], weight: Array) -> tuple[Triangle, PassHeads | None]:
+    def equations(
+        self, values: Array, used: NDArray[np.bool_], weight: Array
+    ) -> tuple[NormalEquations, PassHeads | None]:
         """Return the triangle of the equations linearised about `values`, and the passes' rows."""
-        triangle = Triangle(self.names)
+        equations = NormalEquations(self.names)
         right = self._right(values)
         # Pass errors act on both axes, so the blocks can no longer be reduced each by itself.
         if self.pass_priors is not None:
-            heads, common = eliminate(*self._pass_triangles(used, right, weight), self.pass_priors.sigma)
-            triangle.add_triangle(common, 2 * int(np.sum(used)))
-            return triangle, heads
+            heads, common = eliminate(*self._pass_equations(used, right, weight), self.pass_priors.sigma)
+            equations.add_equations(common, 2 * int(np.sum(used)))
+            return equations, heads
         root = np.sqrt(weight)
-        triangle.add_blocks(
+        equations.add_blocks(
             (block.rows(axis_right, root / sigma)[used], block.columns)
             for block, axis_right, sigma in zip(self.blocks, right, self.sigmas, strict=True)
         )
-        return triangle, None
+        return equations, None
 
     def solve(self, values: Array, used: NDArray[np.bool_], weight: Array) -> Round:
         """Return the solution linearised about `values`, from the `used` rows and `weight`."""
-        triangle, heads = self.triangle(values, used, weight)
+        equations, heads = self.equations(values, used, weight)
         for name, prior in self.priors.items():
-            triangle.add_prior(name, prior.value, prior.sigma)
-        solution = triangle.solve()
+            equations.add_prior(name, prior.value, prior.sigma)
+        solution = equations.solve()
         # Full rank is not enough: a sigma of degrees has made the linearisation itself wrong.
         require_determined(self.names, solution.covariance, known=self.priors)
         offsets = self._pass_offsets(heads, solution)
@@ -158,7 +160,7 @@ class FitProblem:
 
     def pass_rows(self, last: Round) -> tuple[Places, Array]:
         """Return the passes and the triangles of their rows at the solution, without any prior."""
-        return self._pass_triangles(last.used, self._right(last.solution.values), last.weight)
+        return self._pass_equations(last.used, self._right(last.solution.values), last.weight)
 
     def factor_with(self, fit: FitResult, more: Array) -> Array:
         """Return the triangle of the equations about `fit`, priors included, with more unknowns.
@@ -175,7 +177,7 @@ class FitProblem:
         if self.pass_priors is not None:
             own = np.concatenate(self._own()[0]) * self._scale(weight)
             rows = np.concatenate([own, rows], axis=1)[chosen]
-            _, rows = eliminate(*pass_triangles(rows, np.tile(self.passes[1], 2)[chosen]), self.pass_priors.sigma)
+            _, rows = eliminate(*pass_equations(rows, np.tile(self.passes[1], 2)[chosen]), self.pass_priors.sigma)
         else:
             rows = rows[chosen]
         known = np.zeros((len(self.priors), rows.shape[1]))
@@ -254,11 +256,11 @@ class FitProblem:
     def _scale(self, weight: Array) -> Array:
         return (np.sqrt(weight) / self.sigmas).reshape(-1, 1)
 
-    def _pass_triangles(self, used: NDArray[np.bool_], right: Array, weight: Array) -> tuple[Places, Array]:
+    def _pass_equations(self, used: NDArray[np.bool_], right: Array, weight: Array) -> tuple[Places, Array]:
         scaled = np.concatenate(self._own()[0]) * self._scale(weight)
         rows = np.concatenate([scaled, self._all_rows(right, weight)], axis=1)
         chosen = np.tile(used, 2)
-        return pass_triangles(rows[chosen], np.tile(self.passes[1], 2)[chosen])
+        return pass_equations(rows[chosen], np.tile(self.passes[1], 2)[chosen])
 
     def _pass_offsets(self, heads: PassHeads | None, solution: Solution) -> Array:
         if heads is None:
@@ -274,7 +276,7 @@ class FitProblem:
         if self.pass_priors is None:
             raise ValueError("pass_priors=None: the fit has no pass errors")
         lags = (0.0, 0.0)
-        # The printed form is linear: a product of lag and orbit error is none of its terms.
+        # The printed form is linear: it has no term for a product of lag and orbit error.
         if not self.linear and self._last is not None:
             lags = lags_of({**self.held, **dict(zip(self.names, self._last[0].tolist(), strict=True))})
         known = self._own_at

@@ -12,9 +12,7 @@ from rf_pointing.calibration.noise import NoiseScale
 from rf_pointing.calibration.normal_equations import advice_for
 from rf_pointing.calibration.pass_errors import PassErrors, PassPriors
 from rf_pointing.core import require_finite
-
-Array = NDArray[np.float64]
-
+from rf_pointing.core.types import Array
 
 # Correlation above which two fitted terms are reported as poorly separated.
 HIGH_CORRELATION = 0.95

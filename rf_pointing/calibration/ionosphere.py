@@ -10,11 +10,9 @@ The phase gradient along the ground bends the ray by  dE = -I'(E) (1 / rho + 1 /
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 _EARTH_RADIUS_M = 6.371e6
 # Height of the densest part of the F layer, the usual one for a thin shell.

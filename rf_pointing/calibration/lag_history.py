@@ -15,12 +15,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
+from rf_pointing.core.types import Array, Pair
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 Averages = tuple[float, float, float, float]
 VELOCITY = ("azimuth_velocity_lag", "elevation_velocity_lag")
 ACCELERATION = ("azimuth_acceleration_lag", "elevation_acceleration_lag")

@@ -12,16 +12,14 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.terms import ALL_TERMS
 from rf_pointing.core import require_choice, require_finite
 from rf_pointing.core.dates import from_utc_text, to_utc_text
+from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import parse_json, parse_yaml, read_whole, write_whole
-
-Array = NDArray[np.float64]
 
 FORMAT = "rf_pointing/bias_model/1"
 # Eigenvalues of a singular correlation matrix come out at minus a rounding.

@@ -23,7 +23,7 @@ class ModelStore:
     def add(self, version: ModelVersion) -> None:
         """Keep a new version, not yet active.
 
-        Raises ValueError for another station or band, a name that is taken, one that is no file
+        Raises ValueError for another station or band, a name that is taken, one that is not a file
         name.
         """
         version.check_for(self.station, self.band, version.valid_from_t_s)
@@ -50,7 +50,7 @@ class ModelStore:
         return self.read(history[-1]) if history else None
 
     def active_at(self, t_s: float) -> ModelVersion | None:
-        """Return the newest accepted version that is valid at `t_s`, None if there is none."""
+        """Return the newest accepted version that is valid at `t_s`, or None."""
         accepted = (self.read(name) for name in reversed(self._history()))
         return next((version for version in accepted if version.is_valid_at(t_s)), None)
 

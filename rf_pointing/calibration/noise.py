@@ -27,9 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.calibration.thinning import Table, Thinned
-
-Array = NDArray[np.float64]
+from rf_pointing.calibration.thinning import PiecewiseRows, Thinned
+from rf_pointing.core.types import Array
 
 Chosen = NDArray[np.bool_]
 
@@ -42,7 +41,7 @@ _ROUNDS = 8
 # Correlations below are noise of the estimate; the sum stops at the first of them.
 _SIGNIFICANT = 2.0
 _MOST_LAGS = 60
-# Of a perfect simulation, which scatters by nothing; the square of it is a number too.
+# Least variance, for a simulation without scatter; its square is still above the smallest float.
 _LEAST_VARIANCE = 1e-150
 
 
@@ -99,14 +98,14 @@ def noise_of(points: Thinned, elevation_rad: Array) -> tuple[Array, Chosen]:
     level = _sums(place, points.freedom * points.variance[:, 1]) / _sums(place, points.freedom)
     azimuth = _split(place, points.variance[:, 0], points.freedom, np.cos(elevation_rad) ** -2.0)
     variance = np.stack([azimuth, level[place]], axis=1)
-    of_pass = Table.of(np.flatnonzero(np.diff(points.passes, prepend=-1) != 0), len(points.t_s))
+    of_pass = PiecewiseRows.of(np.flatnonzero(np.diff(points.passes, prepend=-1) != 0), len(points.t_s))
     straight = np.ones(len(place), dtype=bool)
     for channel, expected in zip(points.variance.T, variance.T, strict=False):
         straight &= _excess(channel / np.maximum(expected, _LEAST_VARIANCE), points.freedom, of_pass) <= _BENT_SIGMA
     return np.sqrt(variance / points.counts[:, np.newaxis]), straight
 
 
-def _excess(ratio: Array, freedom: Array, of_pass: Table) -> Array:
+def _excess(ratio: Array, freedom: Array, of_pass: PiecewiseRows) -> Array:
     """Return by how many sigma each variance (n,), over that expected, exceeds the usual one.
 
     The cube root of a chi-square is nearly normal (Wilson and Hilferty).

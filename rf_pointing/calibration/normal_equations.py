@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.terms import ALL_TERMS
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 # At one elevation the exact fit went to angles of 2.5 deg, and good terms 29 sigma off.
@@ -54,7 +54,7 @@ class Solution:
 
 
 @dataclass
-class Triangle:
+class NormalEquations:
     """The square-root state: `factor` [R | z] of all rows so far, and how many they were."""
 
     names: tuple[str, ...]
@@ -70,18 +70,18 @@ class Triangle:
         Each block is reduced by itself first.  The arrays are used as work space.
         """
         # Most terms act on one axis: two QRs of half the columns are half the work of one of all.
-        reduced = [(triangle_of(rows), columns, len(rows)) for rows, columns in blocks]
+        reduced = [(equations_of(rows), columns, len(rows)) for rows, columns in blocks]
         stacked = np.zeros((sum(len(part) for part, _, _ in reduced), len(self.names) + 1), order="F")
         start = 0
         for part, columns, _ in reduced:
             here = stacked[start : start + len(part)]
             here[:, columns], here[:, -1] = part[:, :-1], part[:, -1]
             start += len(part)
-        self.add_triangle(stacked, sum(count for _, _, count in reduced))
+        self.add_equations(stacked, sum(count for _, _, count in reduced))
 
-    def add_triangle(self, rows: Array, count: int) -> None:
+    def add_equations(self, rows: Array, count: int) -> None:
         """Fold in rows (m, k + 1), matrix and right side, that stand for `count` equations."""
-        self.factor = triangle_of(np.concatenate([self.factor, rows]) if len(self.factor) else rows)
+        self.factor = equations_of(np.concatenate([self.factor, rows]) if len(self.factor) else rows)
         self.rows += count
 
     def add_prior(self, name: str, value: float, sigma: float) -> None:
@@ -90,7 +90,7 @@ class Triangle:
             raise ValueError(f"prior sigma of {name}={sigma} must be > 0")
         row = np.zeros((1, len(self.names) + 1))
         row[0, self.names.index(name)], row[0, -1] = 1.0 / sigma, value / sigma
-        self.add_triangle(row, 1)
+        self.add_equations(row, 1)
 
     def solve(self) -> Solution:
         """Return the solution; raises ValueError naming the terms the data cannot separate."""
@@ -151,7 +151,7 @@ class PassHeads:
         return np.asarray(np.sqrt(variance))
 
 
-def pass_triangles(rows: Array, passes: Places) -> tuple[Places, Array]:
+def pass_equations(rows: Array, passes: Places) -> tuple[Places, Array]:
     """Return the passes, ascending, and the triangle (g, w, w) of the rows (n, w) of each."""
     numbers, group, lengths = np.unique(passes, return_inverse=True, return_counts=True)
     order = np.argsort(group, kind="stable")
@@ -159,7 +159,7 @@ def pass_triangles(rows: Array, passes: Places) -> tuple[Places, Array]:
     rank = np.arange(len(rows)) - np.repeat(first, lengths)
     # Passes of about one length are reduced together: a QR for each costs mostly its call.
     size_class = np.ceil(np.log2(lengths)).astype(np.int64)
-    triangles = np.zeros((len(numbers), rows.shape[1], rows.shape[1]))
+    factors = np.zeros((len(numbers), rows.shape[1], rows.shape[1]))
     for size in np.unique(size_class):
         members = np.flatnonzero(size_class == size)
         chosen = size_class[group[order]] == size
@@ -167,21 +167,21 @@ def pass_triangles(rows: Array, passes: Places) -> tuple[Places, Array]:
         stack = np.zeros((len(members), int(np.max(lengths[members])), rows.shape[1]))
         stack[np.searchsorted(members, group[order][chosen]), rank[chosen]] = rows[order[chosen]]
         reduced = np.asarray(np.linalg.qr(stack, mode="r"))
-        triangles[members, : reduced.shape[1]] = reduced
-    return numbers, triangles
+        factors[members, : reduced.shape[1]] = reduced
+    return numbers, factors
 
 
-def eliminate(numbers: Places, triangles: Array, prior_sigma: Array) -> tuple[PassHeads, Array]:
+def eliminate(numbers: Places, factors: Array, prior_sigma: Array) -> tuple[PassHeads, Array]:
     """Return the rows of the passes' own parameters, and rows (m, k + 1) free of them.
 
-    The columns of the `triangles` are the pass's own partials, the common ones and the right side.
+    The columns of the `factors` are the pass's own partials, the common ones and the right side.
     """
     own = len(prior_sigma)
-    prior = np.zeros((len(numbers), own, triangles.shape[2]))
+    prior = np.zeros((len(numbers), own, factors.shape[2]))
     prior[:, np.arange(own), np.arange(own)] = 1.0 / prior_sigma
-    reduced = np.asarray(np.linalg.qr(np.concatenate([prior, triangles], axis=1), mode="r"))
+    reduced = np.asarray(np.linalg.qr(np.concatenate([prior, factors], axis=1), mode="r"))
     heads = reduced[:, :own]
-    rest = reduced[:, own:, own:].reshape(-1, triangles.shape[2] - own)
+    rest = reduced[:, own:, own:].reshape(-1, factors.shape[2] - own)
     return PassHeads(numbers, heads[:, :, :own], heads[:, :, own:-1], heads[:, :, -1]), rest
 
 
@@ -204,7 +204,7 @@ def advice_for(names: Sequence[str]) -> str:
     return "; ".join(wanted) if wanted else "a prior on one of them"
 
 
-def triangle_of(rows: Array) -> Array:
+def equations_of(rows: Array) -> Array:
     """Return R (min(n, m), m) of the QR factors of `rows` (n, m), which serves as work space."""
     # LAPACK is called directly: numpy's wrapper costs more than the work for a few hundred rows.
     height, width = min(rows.shape), rows.shape[1]
@@ -227,10 +227,10 @@ def _upper(height: int, width: int) -> Array:
     return np.asfortranarray(np.triu(np.ones((height, width))))
 
 
-def _inverse_of(triangle: Array) -> Array:
+def _inverse_of(factor: Array) -> Array:
     """Return the inverse, infinite where a diagonal element is exactly zero."""
-    inverse, info = _lapack().dtrtri(triangle)
-    return cast(Array, inverse) if info == 0 else np.full_like(triangle, np.inf)
+    inverse, info = _lapack().dtrtri(factor)
+    return cast(Array, inverse) if info == 0 else np.full_like(factor, np.inf)
 
 
 def _null_space_message(names: Sequence[str], directions: Array, scale: Array) -> str:

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import as_finite_array, to_degrees, wrap_rad
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Difference on the sky of observed and true direction above which the data must be wrong.
 LARGEST_BIAS_RAD = 0.2
@@ -187,7 +186,7 @@ def _check_angles(data: Observations) -> None:
     turn = float(np.median(data.residual_azimuth_rad))
     spread = float(np.median(np.abs(wrap_rad(data.residual_azimuth_rad - turn))))
     reason = f"rad must be <= {LARGEST_BIAS_RAD}; swapped columns, another station or degrees?"
-    # One bad row among good ones is no other north.
+    # One bad row among good ones is not another north.
     if spread < _TURNED_SPREAD_RAD and abs(turn) > LARGEST_BIAS_RAD:
         reason = f"rad must be <= {LARGEST_BIAS_RAD}: {north_text(turn)}"
     _refuse_where(distance > LARGEST_BIAS_RAD, "observed minus true direction", distance, reason)

@@ -1,4 +1,4 @@
-"""What makes a fit doubtful, and how large the orbit errors of its passes are.
+"""Passes that make a fit doubtful, and the size of the orbit errors of its passes.
 
 With the errors v_g of the passes g estimated under a prior of size s, and their posterior sigma
 p_g,
@@ -17,13 +17,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.fit_result import FitResult
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Elements a few days old; a start that is too small finds errors too small to be seen, and stays.
 MEASURABLE_FROM = PassPriors.of_orbit(1000.0) or PassPriors(along_track_m=1000.0)
@@ -108,7 +106,7 @@ class _Equations:
         if fit.pass_rows is None:
             raise ValueError("pass_priors=None: the fit has no pass errors")
         own, known = len(start.names), [fit.priors.get(name) for name in fit.names]
-        # Of the products, not of the triangles: sizes need few digits, and this takes a tenth.
+        # Products instead of triangular factors: sizes need few digits, and this takes a tenth.
         products = np.swapaxes(fit.pass_rows, 1, 2) @ fit.pass_rows
         length = np.sqrt(np.maximum(np.einsum("gii->i", products), 1e-300))
         length[:own] = 1.0 / start.sigma
@@ -151,7 +149,7 @@ class _Equations:
         return np.asarray(self.products[:, : self.own, : self.own] + np.diag(size**-2.0))
 
 
-def doubts_of(fit: FitResult, points: Observations) -> tuple[str, ...]:
+def warnings_of(fit: FitResult, points: Observations) -> tuple[str, ...]:
     """Return one sentence for each reason to doubt `fit`: lost passes, a sigma that is small."""
     return (*_lost_passes(fit, points), *_small_sigma(fit, points))
 

@@ -18,17 +18,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.core import Params, azel_from_unit_vector, parameter, wrap_rad
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 _EARTH_RADIUS_M = 6.371e6
 _GRAVITY_M3_S2 = 3.986004418e14
-# Of a revolution in 105 min.
+# Angular rate of a revolution in 105 min.
 LOW_ORBIT_RATE_RAD_S = 1e-3
 _TURN_PER_STEP_RAD = 0.05
 
@@ -278,7 +276,7 @@ def displaced(track: ReferenceTrack, errors: PassErrors) -> ReferenceTrack:
         for share, axis in zip(shares.get(name, ()), sight.track_axes, strict=False):
             moved = moved + value * share[:, np.newaxis] * axis
     azimuth, elevation = azel_from_unit_vector(moved)
-    # Of a dish over the top the same direction is another pair of axis angles.
+    # Over the top, a dish reaches the same direction with another pair of axis angles.
     over = motion[1] > 0.5 * np.pi
     azimuth, elevation = np.where(over, azimuth + np.pi, azimuth), np.where(over, np.pi - elevation, elevation)
     late_s = errors.values.get("clock_s", 0.0)

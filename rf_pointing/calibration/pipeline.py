@@ -28,8 +28,7 @@ from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, requi
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.thinning import Thinned, find_outliers, smooth, thin
 from rf_pointing.core import wrap_rad
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # A perfect simulation scatters by nothing; a sigma of zero would divide by zero in the fit.
 _LEAST_SIGMA_RAD = 1e-6
@@ -44,8 +43,8 @@ _MOTION = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Known:
-    """What is known of the antenna and of the orbits before the data are processed.
+class PriorKnowledge:
+    """Prior knowledge of the antenna and of the orbits, before the data are processed.
 
     `form` is that of the fit: of skew axes with long lags the two differ by 20 mdeg at 84 deg.
     `errors` are those of the passes by number; `sigma_scale` are the factors of sigma in azimuth
@@ -149,7 +148,7 @@ class RawPasses:
         self._tracks = _joined([one.track for one in used])
         self._passes = np.repeat(list(self._numbers), [len(one.track.t_s) for one in used])
 
-    def process(self, known: Known) -> Processed:
+    def process(self, known: PriorKnowledge) -> Processed:
         """Return the points of all passes.
 
         What is `known` is taken off before the means and put back on the points.
@@ -184,7 +183,7 @@ class RawPasses:
         empty = sorted(set(self._numbers) - set(points.passes.tolist()))
         return Processed(points, reports, (*self._lost, *(f"pass {number}: too few samples" for number in empty)))
 
-    def _known_rad(self, known: Known, tracks: Mapping[str, Array], paths: Sequence[ReferenceTrack]) -> Array:
+    def _known_rad(self, known: PriorKnowledge, tracks: Mapping[str, Array], paths: Sequence[ReferenceTrack]) -> Array:
         """Return the known part (2, n) of observed minus reference angles."""
         path = _joined(paths)
         moved = wrap_rad(path["azimuth_rad"] - tracks["azimuth_rad"]), path["elevation_rad"] - tracks["elevation_rad"]
@@ -194,7 +193,7 @@ class RawPasses:
         self, smoothed: Thinned, paths: Mapping[int, ReferenceTrack]
     ) -> tuple[Thinned, dict[str, Array], Array]:
         """Return the points along a line, the target's motion at them, and their sigma (2, n)."""
-        # A single point is no pass, and has no motion.
+        # A single point is not a pass, and has no motion.
         _, place, counts = np.unique(smoothed.passes, return_inverse=True, return_counts=True)
         smoothed = smoothed.select(counts[place] > 1, "alone in a pass")
         if len(smoothed.t_s) == 0:
@@ -205,7 +204,7 @@ class RawPasses:
         left = {name: value[straight] for name, value in tracks.items()}
         return smoothed.select(straight, "not along a line"), left, np.maximum(sigma[straight].T, _LEAST_SIGMA_RAD)
 
-    def _points(self, smoothed: Thinned, tracks: dict[str, Array], sigma: Array, known: Known) -> Observations:
+    def _points(self, smoothed: Thinned, tracks: dict[str, Array], sigma: Array, known: PriorKnowledge) -> Observations:
         # The true motion is that with the errors known so far, about which they are linear; their
         # linear part is put back, for the fit finds whole errors and not their changes.
         shift = known.bias_rad(tracks) + _error_shift_rad(known, tracks, smoothed.passes)
@@ -239,7 +238,7 @@ def _displaced(one: TrackedPass, errors: PassErrors | None) -> ReferenceTrack:
     return one.reference if errors is None else displaced(one.reference, errors)
 
 
-def _error_shift_rad(known: Known, tracks: Mapping[str, Array], passes: NDArray[np.int64]) -> Array:
+def _error_shift_rad(known: PriorKnowledge, tracks: Mapping[str, Array], passes: NDArray[np.int64]) -> Array:
     """Return the shifts (2, n) of the angles that are linear in the errors of the passes."""
     errors = known.errors
     if not errors:

@@ -8,13 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.core import wrap_rad
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Two on each side: a median of five takes two wrong time tags in a row.
 _NEIGHBOURS = 2
 _JUMP_STEPS = 2.5
-# Of the sky: no mount is off by so much, and no wrong unit by less.
+# Great circle on the sky: no mount is off by so much, and no wrong unit by less.
 _ANOTHER_UNIT_RAD = 0.2
 # Half a radian within a point; 80 deg of elevation at a height of 800 km.
 _FASTEST_RAD_S = 0.05
@@ -65,13 +64,13 @@ class RawTracking:
     @property
     def over(self) -> NDArray[np.bool_]:
         """Return where (n,) the dish is over the top: its axis is beyond 90 deg."""
-        # Angles beyond half a turn are none of an elevation axis, but those of another unit.
+        # An elevation axis never reaches half a turn: beyond it the angle has another unit.
         return np.asarray((self.elevation_rad > 0.5 * np.pi) & (self.elevation_rad <= np.pi))
 
 
 @dataclass(frozen=True, kw_only=True)
 class StageReport:
-    """What one stage of the pipeline did: rows in, rows out, and why rows were dropped."""
+    """Result of one stage of the pipeline: rows in, rows out, and why rows were dropped."""
 
     stage: str
     before: int
@@ -87,7 +86,7 @@ class StageReport:
 
 
 def split_passes(raw: RawTracking, gap_s: float) -> list[RawTracking]:
-    """Return the samples between gaps longer than `gap_s`; one wrong time tag is no gap.
+    """Return the samples between gaps longer than `gap_s`; one wrong time tag is not a gap.
 
     Orbit errors belong to one pass: a day of passes in one file must not share them.  A pass is
     also cut where the dish goes over the top: beyond 90 deg the angles are those of another side.
@@ -99,7 +98,7 @@ def split_passes(raw: RawTracking, gap_s: float) -> list[RawTracking]:
     padded = np.pad(raw.t_s[rows], _NEIGHBOURS, mode="edge")
     usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1), axis=1)
     over = raw.over[rows]
-    # One wrong angle is no other side.
+    # One wrong angle is not another side.
     padded_over = np.pad(over.astype(np.float64), _NEIGHBOURS, mode="edge")
     side = np.median(np.lib.stride_tricks.sliding_window_view(padded_over, 2 * _NEIGHBOURS + 1), axis=1)
     cuts = rows[np.flatnonzero((np.abs(np.diff(usual)) > gap_s) | (np.diff(side) != 0.0)) + 1]

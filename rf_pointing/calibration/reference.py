@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import as_finite_array
 from rf_pointing.core.hermite import quintic_coefficients
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

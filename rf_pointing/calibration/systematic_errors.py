@@ -3,7 +3,7 @@
 A wrong site, refraction applied twice and a wrong clock look like a mount: the fit absorbs most of
 them, and its residuals and sigmas look fine.  Each leaves a trace of its own:
 
-* refraction R(E) is no sum of 1, cos E and sin E below 20 deg of elevation;
+* refraction R(E) is not a sum of 1, cos E and sin E below 20 deg of elevation;
 * an antenna at another place sees every pass displaced by the same metres;
 * a late pass is displaced along its track, by kilometres where the others are within metres;
 * time tags that are late in all passes move both axes by one time, and the ranges with them;
@@ -17,7 +17,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.fit_problem import FitProblem
 from rf_pointing.calibration.fit_result import FitResult
@@ -27,8 +26,7 @@ from rf_pointing.calibration.pass_errors import PassPriors, site_partials
 from rf_pointing.calibration.pipeline import TrackedPass
 from rf_pointing.core import wrap_rad
 from rf_pointing.core.refraction import RadioRefraction
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # A suspect must be this many sigma off, and as large as this to matter.
 _SURE_SIGMA = 5.0
@@ -40,14 +38,14 @@ _EQUAL_SIGMA, _EQUAL_SHARE, _EQUAL_S = 3.0, 0.01, 0.01
 # A mount's azimuth is surveyed to a fraction of a degree; declination and convergence are larger.
 _LARGEST_NORTH_RAD = np.radians(2.0)
 _TURNED_SPREAD_RAD = np.radians(1.0)
-# Of a median of absolute values; the others must be known well enough to judge one by them.
+# Ratio of sigma to a median of absolute values, and the fewest others that can judge one value.
 _MEDIAN_TO_SIGMA, _FEWEST_OTHERS = 1.4826, 4
 _LEAST_LATE_S, _FARTHEST, _JUDGED = 0.015, 3, 1.5
 _FEWEST_RANGED = 20
 
 
 @dataclass(frozen=True)
-class Suspect:
+class SystematicError:
     """A systematic error: `size` and `sigma` in `unit`, a sentence, whether to refuse the fit."""
 
     kind: str
@@ -58,7 +56,7 @@ class Suspect:
     refuse: bool
 
 
-def refraction_and_site(fit: FitResult, points: Observations, refraction: RadioRefraction) -> Suspect | None:
+def refraction_and_site(fit: FitResult, points: Observations, refraction: RadioRefraction) -> SystematicError | None:
     """Return the wrong refraction or the wrong site that explains the residuals best, if any does.
 
     `refraction` is that of the station's air; it has been added to the reference or not.
@@ -74,7 +72,7 @@ def refraction_and_site(fit: FitResult, points: Observations, refraction: RadioR
     return _refraction(estimate) if kind == "refraction" else _site(estimate)
 
 
-def common_clock(fit: FitResult, known: Mapping[str, float]) -> Suspect | None:
+def common_clock(fit: FitResult, known: Mapping[str, float]) -> SystematicError | None:
     """Return the clock error that both lags of `fit` show alike, beyond the lags in `known`."""
     lags = ("azimuth_velocity_lag", "elevation_velocity_lag")
     if any(name not in fit.names for name in lags):
@@ -85,11 +83,11 @@ def common_clock(fit: FitResult, known: Mapping[str, float]) -> Suspect | None:
     apart = float(np.sqrt(np.array([1.0, -1.0]) @ covariance @ [1.0, -1.0]))
     weight = np.linalg.solve(covariance, np.ones(2))
     size, sigma = float(weight @ moved / np.sum(weight)), float(np.sum(weight) ** -0.5)
-    # A delay of 0.5 s is no pure lag: its third order and the means of 10 s leave some ms.
+    # A delay of 0.5 s is not a pure lag: its third order and the means of 10 s leave some ms.
     equal = abs(moved[0] - moved[1]) < _EQUAL_SIGMA * apart + _EQUAL_SHARE * abs(size)
     if not equal or abs(size) < max(_LEAST_CLOCK_S, _SURE_SIGMA * sigma):
         return None
-    return Suspect(
+    return SystematicError(
         "clock", -size, sigma, "s",
         f"both axes lag by the same {size:+.3f} +/- {sigma:.3f} s in all passes: the time tags are "
         f"{_late(-size)}, or the mount delays both axes alike, which angles do not tell apart",
@@ -97,7 +95,7 @@ def common_clock(fit: FitResult, known: Mapping[str, float]) -> Suspect | None:
     )  # fmt: skip
 
 
-def clock_by_ranges(passes: Sequence[TrackedPass]) -> Suspect | None:
+def clock_by_ranges(passes: Sequence[TrackedPass]) -> SystematicError | None:
     """Return the clock error that the measured ranges of all passes have in common, if any.
 
     A range is wrong by its rate times the clock error, whatever the mount does; along-track errors
@@ -117,24 +115,24 @@ def clock_by_ranges(passes: Sequence[TrackedPass]) -> Suspect | None:
     size, sigma = float(np.mean(late)), float(np.std(late, ddof=1) / np.sqrt(len(late)))
     if abs(size) < max(_LEAST_CLOCK_S, _SURE_SIGMA * sigma):
         return None
-    return Suspect(
+    return SystematicError(
         "clock", size, sigma, "s",
         f"the ranges of all passes are {_late(size)} (+/- {sigma:.3f} s): the time tags are wrong, and the lags with them",
         refuse=True,
     )  # fmt: skip
 
 
-def wrong_north(points: Observations, convergence_rad: float) -> Suspect | None:
+def wrong_north(points: Observations, convergence_rad: float) -> SystematicError | None:
     """Return the turn of all azimuths that no mount has; `convergence_rad` is that of the grid."""
     size, sigma = _turn(points)
     if abs(size) < _LARGEST_NORTH_RAD or sigma > _TURNED_SPREAD_RAD:
         return None
-    return Suspect(
+    return SystematicError(
         "north", float(np.degrees(size)), float(np.degrees(sigma)), "deg", _north(size, convergence_rad), True
     )
 
 
-def north_doubt(fit: FitResult, convergence_rad: float) -> Suspect | None:
+def north_doubt(fit: FitResult, convergence_rad: float) -> SystematicError | None:
     """Return an azimuth offset that is the convergence of the grid within its sigma."""
     if "azimuth_offset" not in fit.names:
         return None
@@ -144,10 +142,10 @@ def north_doubt(fit: FitResult, convergence_rad: float) -> Suspect | None:
     ):
         return None
     text = _north(size, convergence_rad) + "; the term azimuth_offset takes it off"
-    return Suspect("north", float(np.degrees(size)), float(np.degrees(sigma)), "deg", text, refuse=False)
+    return SystematicError("north", float(np.degrees(size)), float(np.degrees(sigma)), "deg", text, refuse=False)
 
 
-def late_passes(fit: FitResult, points: Observations) -> dict[int, Suspect]:
+def late_passes(fit: FitResult, points: Observations) -> dict[int, SystematicError]:
     """Return the passes that are displaced along their track far more than the others are."""
     if fit.pass_priors is None or len(fit.pass_errors) <= _FEWEST_OTHERS:
         return {}
@@ -171,7 +169,7 @@ def late_passes(fit: FitResult, points: Observations) -> dict[int, Suspect]:
         late = -along / speed
         what = "" if by_clock else f", or its target {abs(along) / 1e3:.2f} km off along the track"
         text = f"pass {number} is {_late(late)} where the others are within {usual / speed:.3f} s{what}"
-        found[number] = Suspect("late pass", late, sigma / speed, "s", text, refuse=False)
+        found[number] = SystematicError("late pass", late, sigma / speed, "s", text, refuse=False)
     return found
 
 
@@ -204,7 +202,7 @@ def _estimates(fit: FitResult, points: Observations, columns: Mapping[str, Array
     return found
 
 
-def _refraction(estimate: _Estimate) -> Suspect | None:
+def _refraction(estimate: _Estimate) -> SystematicError | None:
     size, sigma = float(estimate.values[0]), float(estimate.sigma[0])
     if abs(size) < _LEAST_REFRACTION:
         return None
@@ -215,10 +213,10 @@ def _refraction(estimate: _Estimate) -> Suspect | None:
         cause = "was it removed from the angles already (--refraction-removed)?"
     cause = cause if wrong else "give --weather"
     text = f"the angles contain {size:+.2f} +/- {sigma:.2f} of the refraction more than the reference: {cause}"
-    return Suspect("refraction", size, sigma, "of the refraction", text, refuse=wrong)
+    return SystematicError("refraction", size, sigma, "of the refraction", text, refuse=wrong)
 
 
-def _site(estimate: _Estimate) -> Suspect | None:
+def _site(estimate: _Estimate) -> SystematicError | None:
     east, north, up = estimate.values.tolist()
     size = float(np.linalg.norm(estimate.values))
     sigma = float(np.sqrt(np.sum((estimate.values * estimate.sigma) ** 2))) / size
@@ -228,7 +226,7 @@ def _site(estimate: _Estimate) -> Suspect | None:
         f"the antenna is {size:.0f} +/- {sigma:.0f} m away from the site given: {east:+.0f} m east, {north:+.0f} m north, "
         f"{up:+.0f} m up of it"
     )
-    return Suspect("site", size, sigma, "m", text, refuse=True)
+    return SystematicError("site", size, sigma, "m", text, refuse=True)
 
 
 def _turn(points: Observations) -> tuple[float, float]:

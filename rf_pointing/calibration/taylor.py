@@ -8,9 +8,8 @@ accelerations of the joints are exact, not finite differences.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 def from_derivatives(*derivatives: Array | float) -> Array:

@@ -36,17 +36,16 @@ from scipy.special import ndtr
 from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_problem import FitProblem
 from rf_pointing.calibration.fit_result import FitResult
-from rf_pointing.calibration.normal_equations import Triangle
+from rf_pointing.calibration.normal_equations import NormalEquations
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.pass_errors import PassPriors
 from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.core import wrap_rad
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Terms that enter and leave in turn would go on for ever.
 _MOST_STEPS = 100
-# Of the longest column: a shorter one is rounding (the sine of pi is 1e-16).
+# Share of the longest column below which one is rounding (the sine of pi is 1e-16).
 _NOTHING = 1e-13
 # Criteria this close are equal: chi squared is a difference of sums whose rounding may reach 1e-6.
 _SAME_BIC = 1e-4
@@ -54,11 +53,11 @@ _SAME_BIC = 1e-4
 _UNLIKELY = 14.0
 # Terms by which a subset differs from the chosen one: more have no weight.
 _MOST_CHANGED = 4
-# Of the usual sizes of terms.
+# Prior sizes that are tried, as factors of the usual size of a term.
 _SIZES = (0.3, 0.6, 1.2)
-# A sigma over what it is without another term: beyond it that one is no matter of choice.
+# Where another term raises a sigma by more than this factor, the data cannot choose that term.
 _MOST_NARROWED = 8.0
-# Of an interval: to a millionth of a sigma.
+# Halvings of an interval: to a millionth of a sigma.
 _HALVINGS = 30
 
 
@@ -72,7 +71,7 @@ class HeldOut:
 
 
 @dataclass(frozen=True, eq=False)
-class Selection:
+class TermSelection:
     """The chosen terms, in the order of the candidates.
 
     `widening` (k,) is the factor by which the uncertainty of the choice widens their sigma.  The
@@ -91,10 +90,10 @@ def select_terms(
     held: Mapping[str, float] | None = None,
     pass_priors: PassPriors | None = None,
     about: FitResult | None = None,
-) -> Selection:
+) -> TermSelection:
     """Return the `candidates` that the data support; the others count as zero.
 
-    Terms that are no candidates have the values in `held`, zero without it.  The equations are
+    Terms that are not candidates have the values in `held`, zero without it.  The equations are
     those of the printed form, or linear `about` a fit of all candidates.  Raises ValueError for
     unknown names and a search that has not settled.
     """
@@ -137,7 +136,7 @@ def held_out_passes(
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    triangle: Triangle
+    equations: NormalEquations
     scale: float
 
     @classmethod
@@ -149,24 +148,24 @@ class _Search:
         pass_priors: PassPriors | None,
         about: FitResult | None,
     ) -> "_Search":
-        # Products of terms are no terms: a lag of 0.5 s alone looks as 0.12 s^2 more otherwise.
+        # Products of terms are not terms: a lag of 0.5 s alone looks as 0.12 s^2 more otherwise.
         form = "printed" if about is None else about.form
         problem = FitProblem(data, names, {**held_at_zero(names), **held}, {}, pass_priors, form)
         everything, one = np.ones(len(data), dtype=bool), np.ones(len(data))
         values = np.array([0.0 if about is None else about.coefficients[name] for name in names])
-        triangle, _ = problem.triangle(values, everything, one)
-        full = cls(triangle, 1.0)
+        equations, _ = problem.equations(values, everything, one)
+        full = cls(equations, 1.0)
         # Where sigma is stated too small, any term would lower chi-square by enough.
-        freedom = max(triangle.rows - len(names), 1)
-        return cls(triangle, max(1.0, full.solve(names)[0] / freedom))
+        freedom = max(equations.rows - len(names), 1)
+        return cls(equations, max(1.0, full.solve(names)[0] / freedom))
 
     def solve(self, chosen: Collection[str]) -> tuple[float, Array, Array]:
         """Return the least sum of squares with these terms, their values and covariance.
 
         Inseparable terms do no harm here: they share what they explain.
         """
-        columns = [column for column, name in enumerate(self.triangle.names) if name in chosen]
-        matrix, right = self.triangle.factor[:, columns], self.triangle.factor[:, -1]
+        columns = [column for column, name in enumerate(self.equations.names) if name in chosen]
+        matrix, right = self.equations.factor[:, columns], self.equations.factor[:, -1]
         if not columns:
             return float(right @ right), np.zeros(0), np.zeros((0, 0))
         lengths = np.linalg.norm(matrix, axis=0)
@@ -179,7 +178,7 @@ class _Search:
 
     def bic(self, chosen: Collection[str]) -> float:
         """Return the criterion of a set of terms."""
-        return self.solve(chosen)[0] / self.scale + len(chosen) * float(np.log(self.triangle.rows))
+        return self.solve(chosen)[0] / self.scale + len(chosen) * float(np.log(self.equations.rows))
 
     def best_move(self, chosen: frozenset[str], bic: float) -> tuple[str, float] | None:
         """Return the removal that lowers the BIC, else the best addition that does, else None."""
@@ -187,22 +186,22 @@ class _Search:
         removals = [(self.bic(chosen - {name}), name) for name in chosen]
         if removals and min(removals)[0] < bic:
             return _least(removals)
-        additions = [(self.bic(chosen | {name}), name) for name in self.triangle.names if name not in chosen]
+        additions = [(self.bic(chosen | {name}), name) for name in self.equations.names if name not in chosen]
         if additions and min(additions)[0] < bic - _SAME_BIC:
             return _least(additions)
         return None
 
-    def selection(self, names: tuple[str, ...]) -> Selection:
+    def selection(self, names: tuple[str, ...]) -> TermSelection:
         """Return the chosen terms, those that they depend on, and what widens their sigma."""
         kept = self._needed(names)
-        names = tuple(name for name in self.triangle.names if name in names or name in kept)
+        names = tuple(name for name in self.equations.names if name in names or name in kept)
         mixture = self._mixture(names, kept)
         narrow, wide = (mixture.holding(math.erf(k / math.sqrt(2.0))) / k for k in (1.0, 2.0))
-        return Selection(names, np.maximum(0.5 * (narrow + wide), 1.0), tuple(n for n in names if n in kept))
+        return TermSelection(names, np.maximum(0.5 * (narrow + wide), 1.0), tuple(n for n in names if n in kept))
 
     def _needed(self, names: tuple[str, ...]) -> frozenset[str]:
         """Return the absent terms without which the sigma of a fitted one is far too small."""
-        every, kept = self.triangle.names, frozenset[str]()
+        every, kept = self.equations.names, frozenset[str]()
         while True:
             fitted = [name for name in every if name in names or name in kept]
             sigma, found = self._sigma(fitted), []
@@ -210,7 +209,7 @@ class _Search:
                 among = [name for name in every if name in fitted or name == absent]
                 own = np.array([name != absent for name in among])
                 with_it, usual = self._sigma(among), np.array([term.size for term in terms_by_name(among)])
-                # A fit that leaves a term to a guess is none: there the choice is what tells it.
+                # Ignore fits that do not constrain every term better than its prior.
                 if fitted and np.all(with_it < usual):
                     found.append((float(np.max(with_it[own] / sigma)), absent))
             ratio, name = max(found, default=(0.0, ""))
@@ -224,7 +223,7 @@ class _Search:
 
     def _mixture(self, names: tuple[str, ...], kept: frozenset[str]) -> "_Mixture":
         """Return how the terms `names` spread over the subsets near theirs that have the `kept`."""
-        every = self.triangle.names
+        every = self.equations.names
         free = [place for place, name in enumerate(every) if name not in kept]
         changes = [some for count in range(_MOST_CHANGED + 1) for some in combinations(free, count)]
         member = np.tile([name in names for name in every], (len(changes), 1))
@@ -249,8 +248,8 @@ class _Search:
 
         They are zero of terms that are not in a subset.  Terms are of a `share` of the usual sizes.
         """
-        sizes = share * np.array([term.size for term in terms_by_name(self.triangle.names)])
-        matrix, right = self.triangle.factor[:, :-1] * sizes, self.triangle.factor[:, -1]
+        sizes = share * np.array([term.size for term in terms_by_name(self.equations.names)])
+        matrix, right = self.equations.factor[:, :-1] * sizes, self.equations.factor[:, -1]
         system, along = np.eye(len(sizes)) + matrix.T @ matrix / self.scale, matrix.T @ right / self.scale
         above = np.full(len(member), right @ right / self.scale)
         values, sigma = np.zeros(member.shape), np.zeros(member.shape)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
+
 Places = NDArray[np.int64]
 Chosen = NDArray[np.bool_]
 
@@ -61,7 +62,7 @@ class Thinned:
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class PiecewiseRows:
     """Rows of unequal length as a table (p, n) that is filled up.
 
     Everything that is done to a piece is done to all at once: a loop over the pieces took most of
@@ -73,7 +74,7 @@ class Table:
     present: Chosen
 
     @classmethod
-    def of(cls, first: Places, count: int) -> "Table":
+    def of(cls, first: Places, count: int) -> "PiecewiseRows":
         """Return the table of `count` samples whose pieces begin at `first`."""
         lengths = np.diff(first, append=count)
         row = np.repeat(np.arange(len(first)), lengths)
@@ -113,11 +114,11 @@ def find_outliers(t_s: Array, passes: Places, residuals: Mapping[str, Array]) ->
     """
     # By pieces: the antenna's own bias is part of the residuals and changes through the pass.
     keep, dropped = np.ones(len(t_s), dtype=bool), {}
-    pieces = Table.of(_pieces(t_s, passes, _PIECE_S), len(t_s))
+    pieces = PiecewiseRows.of(_pieces(t_s, passes, _PIECE_S), len(t_s))
     # Scaled to -1..1: powers of seconds since 1970 have no common digits left.
     place = np.asarray(pieces.filled(2.0 * np.mod(t_s, _PIECE_S) / _PIECE_S - 1.0), dtype=np.float64)
     basis = np.stack([np.ones_like(place), place, place**2], axis=-1)
-    of_pass = Table.of(np.flatnonzero(np.diff(passes, prepend=-1) != 0), len(t_s))
+    of_pass = PiecewiseRows.of(np.flatnonzero(np.diff(passes, prepend=-1) != 0), len(t_s))
     for name, residual in residuals.items():
         wrong = _beyond(pieces, basis, residual, _gross(of_pass, residual))
         dropped[f"{name} beyond {_OUTLIER_SIGMA:g} sigma"] = int(np.sum(keep & wrong))
@@ -125,7 +126,7 @@ def find_outliers(t_s: Array, passes: Places, residuals: Mapping[str, Array]) ->
     return keep, dropped
 
 
-def _gross(of_pass: Table, residual: Array) -> Chosen:
+def _gross(of_pass: PiecewiseRows, residual: Array) -> Chosen:
     # A running median first: one error of degrees would bend the parabola that is to find it.
     lengths = np.sum(of_pass.present, axis=1)[of_pass.row]
     reach = np.arange(-_GROSS_NEIGHBOURS, _GROSS_NEIGHBOURS + 1)
@@ -140,7 +141,7 @@ def _gross(of_pass: Table, residual: Array) -> Chosen:
     return np.asarray(far & (lengths > 2 * _GROSS_NEIGHBOURS))
 
 
-def _beyond(pieces: Table, basis: Array, residual: Array, gross: Chosen) -> Chosen:
+def _beyond(pieces: PiecewiseRows, basis: Array, residual: Array, gross: Chosen) -> Chosen:
     """Return which samples (n,) are gross or lie off the parabola of their piece."""
     values = np.asarray(pieces.filled(residual), dtype=np.float64)
     wrong = ~pieces.present | np.asarray(pieces.filled(gross), dtype=bool)
@@ -172,7 +173,7 @@ def thin(t_s: Array, passes: Places, residuals: Array) -> Thinned:
     Raises ValueError if no second has enough samples.
     """
     starts = np.diff(passes, prepend=-1) != 0
-    of_pass = Table.of(np.flatnonzero(starts), len(t_s))
+    of_pass = PiecewiseRows.of(np.flatnonzero(starts), len(t_s))
     step = of_pass.medians(np.diff(t_s, append=np.inf))[of_pass.row]
     slow = step * _THIN_FEWEST > 1.01 * _THIN_S
     first = np.union1d(_pieces(t_s, passes, _THIN_S), np.flatnonzero(slow))

@@ -13,15 +13,14 @@ from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.raw_tracking import RawTracking
 from rf_pointing.core import from_degrees, to_degrees
+from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole, write_whole
 
-Array = NDArray[np.float64]
-Table = tuple[Mapping[str, str], Mapping[str, Array]]
+CsvTable = tuple[Mapping[str, str], Mapping[str, Array]]
 
 _MOST_OF_A_NAME = 1000
 _NOTES = ("station", "band", "target")
@@ -181,7 +180,7 @@ def _head_and_lines(points: Observations) -> tuple[str, str]:
     return head, "".join(",".join(map(repr, row)) + "\n" for row in rows)
 
 
-def _read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> Table:
+def _read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> CsvTable:
     """Return notes and columns (n,) of a table that has all `notes` and all `needed` columns."""
     # A column that is neither is an error, or one with a typing error would go unnoticed.
     source = Path(path)

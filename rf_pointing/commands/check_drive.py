@@ -20,7 +20,7 @@ from rf_pointing.core.parameters import NodeParameters, read_parameter_files
 from rf_pointing.drives import DriveParams, make_drive
 from rf_pointing.drives.conformance import ConformanceCheck, Line
 from rf_pointing.station.description import read_station
-from rf_pointing.station.description.derivation import require_known
+from rf_pointing.station.description.description import require_known
 
 PROGRAM = "check_drive"
 

@@ -12,8 +12,10 @@ from collections.abc import Iterable
 
 from rf_pointing.commands.options import ending_with_reason
 from rf_pointing.core import parameter_unit
-from rf_pointing.station.description import StationDescription, read_station, shipped_stations, urdf
-from rf_pointing.station.description.derivation import Band, Value, described_parameters
+from rf_pointing.station.derive.band import Band, Value
+from rf_pointing.station.derive.nodes import described_parameters
+from rf_pointing.station.description import StationDescription, read_station, shipped_stations
+from rf_pointing.station.description.urdf import urdf
 
 WIDE = 84
 

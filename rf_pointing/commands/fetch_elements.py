@@ -1,311 +1,32 @@
 """Executable `fetch_elements`: elements of http(s) addresses, kept as files that stay usable.
 
-Requests elements that have changed (ETag, If-Modified-Since), and not more often than the source
-allows.  Only a whole answer with elements replaces the kept file; an error, a web page, half a file
-or no answer leaves it as it is.  Without an address the kept ones are requested again.
+Without an address the kept ones are requested again.  `ephemeris/fetching.py` says what is
+requested when, and what replaces a kept file.
 Exit code 0: as fresh as the source allows; 1: an older file is kept; 2: there are no elements.
 """
 
 import argparse
-import fcntl
-import functools
-import hashlib
 import json
-import queue
-import statistics
 import sys
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
-from email.utils import parsedate_to_datetime
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
-from urllib.parse import urlsplit
 
 from rf_pointing.commands.options import between, ending_with_reason, say
 from rf_pointing.core.dates import utc_text
-from rf_pointing.core.whole_file import KeptState, write_whole
-from rf_pointing.ephemeris import read_elements, read_oem
-from rf_pointing.ephemeris.element_files import cache_folder, is_address, kept_file
+from rf_pointing.ephemeris.element_files import cache_folder
+from rf_pointing.ephemeris.fetching import HOUR_S, Outcome, age_text, fetched, kept_elements
 
-HOUR_S = 3600.0
-DEFAULT_RULE_S = 2.0 * HOUR_S
-RULES_S = {"celestrak.org": 2.0 * HOUR_S, "celestrak.com": 2.0 * HOUR_S, "space-track.org": HOUR_S}
-"""Shortest time between two requests for the same data that a source allows.
-
-Sources: celestrak.org/usage-policy.php (GP data change every 2 h; clients that request more often
-are blocked) and space-track.org/documentation (GP: once an hour).
-"""
-UNREACHED_S = 60.0
-"""A server that was not reached got no request: it may be tried again after this time."""
-LONGEST_WAIT_S = 24.0 * HOUR_S
-"""Longest Retry-After that is obeyed; longer ones are slips of the server."""
-MOST_BYTES = 256 * 2**20
-FEWEST_SHARE = 0.5
-"""A new file with fewer objects than this share of the kept one's is taken for half a file."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Record:
-    """What is remembered of one address; times in UTC s since 1970, 0 for never."""
-
-    address: str
-    requested_t_s: float = 0.0
-    interval_s: float = 0.0
-    """Time between two requests when it was requested last."""
-    hold_t_s: float = 0.0
-    """Not requested before this time: the server wants to be left alone, or was not reached."""
-    fresh_t_s: float = 0.0
-    """When the source last confirmed the kept file, with a new one or with 304."""
-    etag: str = ""
-    last_modified: str = ""
-    digest: str = ""
-    """SHA-256 of the kept file as it was written."""
-    objects: int = 0
-    epochs_t_s: tuple[float, float, float] | None = None
-    """Oldest, median and newest epoch; None for an ephemeris."""
-    problem: str = ""
-    """Why the newest answer was not taken."""
-
-    def again_t_s(self, every_s: float) -> float:
-        """Return when the address may be requested again."""
-        return max(self.requested_t_s + every_s, self.hold_t_s)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Outcome:
-    """What `refresh` did: `state` is new, unchanged, not due, kept (with the problem) or none."""
-
-    state: str
-    file: Path
-    record: Record
-
-    @property
-    def problem(self) -> str:
-        """Why there are no elements, or only older ones; "" else."""
-        return self.record.problem
-
-
-class NotTakenError(Exception):
-    """An answer that is no elements; `reached` tells whether the server got the request."""
-
-    def __init__(self, reason: str, *, reached: bool = True, wait_s: float = 0.0) -> None:
-        super().__init__(reason)
-        self.reached, self.wait_s = reached, wait_s
-
-
-def refresh(
-    address: str, folder: Path, now_s: float, *, every_s: float | None = None, timeout_s: float = 60.0
-) -> Outcome:
-    """Bring the kept file of `address` up to date where the source's rule allows a request.
-
-    Parameters
-    ----------
-    now_s : UTC in s since 1970.
-    every_s : time between two requests; None for the source's rule, below which it must not be.
-    timeout_s : longest time for the whole answer, however steadily its bytes arrive.
-    """
-    every_s = allowed_interval_s(address, every_s)
-    file = kept_file(address, folder)
-    state = KeptState(str(file.with_name(f".{file.name}.json")))
-    with _alone(file):
-        record = _recovered(state, address)
-        kept = _digest(file)
-        # A clock that was set back must not block an address for as long.
-        if now_s < record.again_t_s(every_s) <= now_s + max(every_s, LONGEST_WAIT_S):
-            return Outcome(state=_kept_state(record, kept, "not due"), file=file, record=record)
-        # Before it is sent: a process that is killed while it waits must not send another at once.
-        requested = replace(record, requested_t_s=now_s, interval_s=every_s, hold_t_s=0.0)
-        state.keep(asdict(requested))
-        try:
-            # Of a file that is gone or was changed by hand, "not modified" would say nothing.
-            whole = bool(kept) and kept == record.digest
-            answer = _get(requested if whole else replace(requested, etag="", last_modified=""), timeout_s)
-            if answer is None:
-                done, name = replace(requested, fresh_t_s=now_s, problem=""), "unchanged"
-            else:
-                done, name = _taken(answer, requested, file, now_s), "new"
-        except NotTakenError as error:
-            # A server that was not reached got no request.
-            requested_t_s, wait_s = (now_s, error.wait_s) if error.reached else (record.requested_t_s, UNREACHED_S)
-            hold_t_s = now_s + min(wait_s, LONGEST_WAIT_S)
-            done = replace(requested, requested_t_s=requested_t_s, hold_t_s=hold_t_s, problem=str(error))
-            name = _kept_state(done, kept, "kept")
-        state.keep(asdict(done))
-        if state.problem:
-            raise ValueError(state.problem)
-        return Outcome(state=name, file=file, record=done)
-
-
-def allowed_interval_s(address: str, every_s: float | None) -> float:
-    """Return the time between two requests; ValueError for one below the rule of the source."""
-    host = (urlsplit(address).hostname or "").casefold()
-    rule_s = next((rule for name, rule in RULES_S.items() if host == name or host.endswith(f".{name}")), None)
-    if every_s is None:
-        return DEFAULT_RULE_S if rule_s is None else rule_s
-    if rule_s is not None and every_s < rule_s:
-        raise ValueError(f"every={every_s / HOUR_S:g} h must be >= {rule_s / HOUR_S:g} h, the rule of {host}")
-    return every_s
-
-
-def kept_records(folder: Path) -> list[Record]:
-    """Return what is remembered of every address of the folder, in order of address."""
-    found = [_recovered(KeptState(str(path)), "") for path in folder.glob(".*.elements.json")]
-    return sorted((record for record in found if record.address), key=lambda record: record.address)
-
-
-@functools.cache
-def current_elements(address: str) -> None:
-    """Bring the kept elements of an address up to date, once a process; say what went wrong."""
-    found = refresh(address, cache_folder(), time.time())
-    if found.state == "none":
-        raise ValueError(f"elements={address!r}: {found.problem}")
-    if found.problem:
-        age = _age(time.time() - found.record.fresh_t_s)
-        say("elements", f"{found.problem}; the elements that were confirmed {age} ago are used")
-
-
-@contextmanager
-def _alone(file: Path) -> Iterator[None]:
-    """Let one process at a time request a file; the lock goes with the process."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with file.with_name(f".{file.name}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
-
-
-def _recovered(state: KeptState, address: str) -> Record:
-    try:
-        return Record(**{"address": address, **state.recover()})
-    except (ValueError, TypeError):
-        # Without its record an address is requested once more; the kept elements stay.
-        return Record(address=address)
-
-
-def _digest(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
-
-
-def _kept_state(record: Record, kept: str, name: str) -> str:
-    return (name if not record.problem else "kept") if kept else "none"
+PROGRAM = "fetch_elements"
 
 
 @dataclass(frozen=True)
-class _Answer:
-    body: bytes
-    etag: str
-    last_modified: str
-    of_known_length: bool
+class FetchRequest:
+    """What `find` has to bring at a time (UTC in s since 1970), and whether JSON is printed."""
 
-
-def _get(record: Record, timeout_s: float) -> _Answer | None:
-    """Return the answer, None when nothing has changed; NotTakenError for everything else."""
-    found: queue.SimpleQueue[_Answer | NotTakenError | None] = queue.SimpleQueue()
-
-    def work() -> None:
-        try:
-            found.put(_request(record, timeout_s))
-        except NotTakenError as error:
-            found.put(error)
-
-    # The timeouts of an HTTP client are those of one read: a byte a second would keep it for hours.
-    threading.Thread(target=work, daemon=True).start()
-    try:
-        answer = found.get(timeout=timeout_s)
-    except queue.Empty:
-        raise NotTakenError(f"{record.address} has not answered in full after {timeout_s:g} s") from None
-    if isinstance(answer, NotTakenError):
-        raise answer
-    return answer
-
-
-def _request(record: Record, timeout_s: float) -> _Answer | None:
-    import requests
-
-    wanted = {"User-Agent": "rf_pointing", "If-None-Match": record.etag, "If-Modified-Since": record.last_modified}
-    headers = {name: value for name, value in wanted.items() if value}
-    try:
-        with requests.get(record.address, headers=headers, stream=True, timeout=timeout_s) as response:
-            status, found = response.status_code, response.headers
-            if status == 304 and len(headers) > 1:
-                return None
-            if status != 200:
-                wait_s = _retry_after_s(found.get("Retry-After", ""))
-                raise NotTakenError(f"{response.url} answered {status} {response.reason}", wait_s=wait_s)
-            body = bytearray()
-            for part in response.iter_content(2**16):
-                body += part
-                if len(body) > MOST_BYTES:
-                    raise NotTakenError(f"{response.url} sent {len(body)} bytes, must be <= {MOST_BYTES}")
-            known = "Content-Length" in found or found.get("Transfer-Encoding", "") == "chunked"
-            return _Answer(bytes(body), found.get("ETag", ""), found.get("Last-Modified", ""), known)
-    except requests.RequestException as error:
-        raise _not_taken(record.address, error, timeout_s) from error
-
-
-def _not_taken(address: str, error: Any, timeout_s: float) -> NotTakenError:
-    """Return what a failed request means to the user, and whether the server had it."""
-    from requests import exceptions
-    from urllib3.exceptions import NewConnectionError
-
-    reason = getattr(error.args[0] if error.args else None, "reason", None)
-    if isinstance(error, (exceptions.ConnectTimeout, exceptions.SSLError, exceptions.ProxyError)) or isinstance(
-        reason, NewConnectionError
-    ):
-        return NotTakenError(f"{address} cannot be reached: {str(reason or error).rsplit(': ', 1)[-1]}", reached=False)
-    if isinstance(error, exceptions.Timeout):
-        return NotTakenError(f"{address} has not answered after {timeout_s:g} s")
-    if isinstance(error, (exceptions.ChunkedEncodingError, exceptions.ConnectionError)):
-        return NotTakenError(f"{address} broke off: {error}")
-    return NotTakenError(f"{address}: {error}")
-
-
-def _retry_after_s(text: str) -> float:
-    """Return the seconds of a Retry-After header, which may be a number or a date; 0 for none."""
-    if text.isdecimal():
-        return float(text)
-    try:
-        return max(0.0, parsedate_to_datetime(text).timestamp() - time.time())
-    except ValueError:
-        return 0.0
-
-
-def _taken(answer: _Answer, requested: Record, file: Path, now_s: float) -> Record:
-    """Replace the kept file by an answer that holds elements; NotTakenError leaves it alone."""
-    try:
-        text = answer.body.decode("utf-8-sig")
-        found = _record_of(text, requested)
-    except ValueError as error:
-        start = " ".join(answer.body[:60].decode("utf-8", "replace").split())
-        what = "a web page" if start.casefold().startswith(("<!doctype html", "<html")) else "no whole set of elements"
-        raise NotTakenError(f"{requested.address} answered {what} ({start!r}): {error}") from error
-    # A connection that ends early looks like a whole answer when no length was promised.
-    if not answer.of_known_length and text.lstrip()[:1] not in "[{<" and not text.endswith(("\n", "\r")):
-        raise NotTakenError(f"{requested.address} ended in the middle of a line: {text[-40:].splitlines()[-1]!r}")
-    if file.is_file() and found.objects < FEWEST_SHARE * requested.objects:
-        raise NotTakenError(
-            f"{requested.address} holds {found.objects} objects, fewer than half of the {requested.objects} that are "
-            f"kept; delete {file} to take them"
-        )
-    write_whole(file, text)
-    return replace(
-        found, fresh_t_s=now_s, etag=answer.etag, last_modified=answer.last_modified, digest=_digest(file), problem=""
-    )
-
-
-def _record_of(text: str, requested: Record) -> Record:
-    if text.lstrip().startswith("CCSDS_OEM_VERS"):
-        return replace(requested, objects=len({segment.object_id for segment in read_oem(text)}), epochs_t_s=None)
-    elements = read_elements(text)
-    epochs = sorted(one.epoch_t_s for one in elements)
-    objects = len({one.catalogue_number for one in elements})
-    return replace(requested, objects=objects, epochs_t_s=(epochs[0], statistics.median(epochs), epochs[-1]))
-
-
-def _age(seconds: float) -> str:
-    return f"{seconds / HOUR_S:.1f} h" if abs(seconds) < 48.0 * HOUR_S else f"{seconds / (24.0 * HOUR_S):.1f} d"
+    find: Callable[[float], list[Outcome]]
+    json: bool
 
 
 def values(outcome: Outcome, now_s: float) -> dict[str, Any]:
@@ -326,16 +47,16 @@ def show(outcome: Outcome, now_s: float) -> None:
     if outcome.problem:
         print(f"  problem: {outcome.problem}")
     if outcome.state != "none":
-        print(f"  {record.objects} objects, confirmed {_age(now_s - record.fresh_t_s)} ago, in {outcome.file}")
+        print(f"  {record.objects} objects, confirmed {age_text(now_s - record.fresh_t_s)} ago, in {outcome.file}")
     if record.epochs_t_s and outcome.state != "none":
-        oldest, median, newest = (_age(now_s - t_s) for t_s in record.epochs_t_s)
+        oldest, median, newest = (age_text(now_s - t_s) for t_s in record.epochs_t_s)
         print(f"  age of the elements: newest {newest}, median {median}, oldest {oldest}")
     print(f"  may be requested again at {utc_text(record.again_t_s(record.interval_s))}")
 
 
-def arguments(argv: list[str] | None = None) -> argparse.Namespace:
-    """Return the parsed command line."""
-    parser = argparse.ArgumentParser(prog="fetch_elements", description="Fetch elements and keep them as files.")
+def request_from(argv: list[str] | None = None) -> FetchRequest:
+    """Return what a command line asks for."""
+    parser = argparse.ArgumentParser(prog=PROGRAM, description="Fetch elements and keep them as files.")
     add = parser.add_argument
     add("addresses", nargs="*", metavar="URL", help="http(s) address (default: all that are kept)")
     add("--cache", metavar="DIR", default="", help="folder of the files, which --elements takes like any folder "
@@ -345,37 +66,26 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     add("--timeout", metavar="S", type=between(0.1, 3600.0), default=60.0, help="for a whole answer (default: 60)")
     add("--list", action="store_true", help="tell what is kept and how old it is; send no request")
     add("--json", action="store_true", help="print JSON")
-    return parser.parse_args(argv)
-
-
-def fetched(options: argparse.Namespace, now_s: float) -> list[Outcome]:
-    """Return what became of every address; ValueError when there is none."""
+    options = parser.parse_args(argv)
     folder, addresses = cache_folder(options.cache), options.addresses
-    for address in addresses:
-        if not is_address(address):
-            raise ValueError(f"address {address!r} must begin with http:// or https://")
-    if not addresses or options.list:
-        records = [record for record in kept_records(folder) if record.address in (addresses or [record.address])]
-        if not records:
-            raise ValueError(f"{folder} keeps no elements{' of these addresses' if addresses else ''}: give an address")
-        if options.list:
-            rows = [(record, kept_file(record.address, folder)) for record in records]
-            return [Outcome(state=_kept_state(r, _digest(file), "kept"), file=file, record=r) for r, file in rows]
-        addresses = [record.address for record in records]
+    if options.list:
+        return FetchRequest(lambda _now_s: kept_elements(addresses, folder), options.json)
     every_s = None if options.every is None else options.every * HOUR_S
-    return [refresh(one, folder, now_s, every_s=every_s, timeout_s=options.timeout) for one in addresses]
+    return FetchRequest(
+        lambda now_s: fetched(addresses, folder, now_s, every_s=every_s, timeout_s=options.timeout), options.json
+    )
 
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing fetch_elements`."""
-    options, now_s = arguments(argv), time.time()
-    with ending_with_reason("fetch_elements"):
-        outcomes = fetched(options, now_s)
-    if options.json:
+    request, now_s = request_from(argv), time.time()
+    with ending_with_reason(PROGRAM):
+        outcomes = request.find(now_s)
+    if request.json:
         print(json.dumps([values(one, now_s) for one in outcomes], indent=1))
     for outcome in outcomes:
-        if not options.json:
+        if not request.json:
             show(outcome, now_s)
         if outcome.problem:
-            say("fetch_elements", outcome.problem)
+            say(PROGRAM, outcome.problem)
     sys.exit(2 if any(o.state == "none" for o in outcomes) else int(any(o.problem for o in outcomes)))

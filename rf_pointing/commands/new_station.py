@@ -5,6 +5,7 @@ The options fill in what they say; the mount is that of a small antenna until yo
 
 import argparse
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 from rf_pointing.commands.options import ending_with_reason
@@ -49,8 +50,64 @@ drive: {type: simulated}            # your rotator or control unit: docs/own_ant
 """
 
 
-def arguments(argv: list[str] | None = None) -> argparse.Namespace:
-    """Return the parsed command line."""
+@dataclass(frozen=True, kw_only=True)
+class NewStation:
+    """What the options say of a station, as they were written."""
+
+    name: str
+    latitude: str
+    longitude: str
+    height: str
+    diameter: str | None
+    bands: list[str]
+    beamwidth: str | None
+
+    def description(self) -> str:
+        """Return the text of the description; ValueError with every problem."""
+        unknown = [name for name in self.bands if name not in FREQUENCIES_MHZ]
+        problems = [f"bands={name!r} must be one of {', '.join(FREQUENCIES_MHZ)}" for name in unknown]
+        if self.diameter is None and self.beamwidth is None:
+            problems.append(
+                "an antenna needs its diameter (--diameter), or one without a dish its beamwidth (--beamwidth)"
+            )
+        text = self._text([name for name in self.bands if name not in unknown])
+        try:
+            station_from(Path("new station"), text)
+        except StationError as error:
+            # A line of a file that nobody has seen means nothing; a missing band was named above.
+            problems += [reason for _, reason in error.problems if not unknown or not reason.startswith("bands")]
+        if problems:
+            raise ValueError("\n".join(problems))
+        return text
+
+    def _text(self, bands: list[str]) -> str:
+        width = "" if self.beamwidth is None else f"\n    half_power_beamwidth_deg: {self.beamwidth}"
+        usual = BandSection(frequency_mhz=1e3).sensors
+        sections = [
+            f"""  {name}:
+    frequency_mhz: {FREQUENCIES_MHZ[name]}{width}
+    sensors: [{", ".join(usual)}]   # the default first; monopulse for such a feed; [] for program track
+    # system_noise_k: 120.0
+    # bias_model: my_model.yaml     # none until you have calibrated one"""
+            for name in bands
+        ]
+        dish = "" if self.diameter is None else f"\ndish: {{diameter_m: {self.diameter}}}\n"
+        return (
+            f"# yaml-language-server: $schema={STATIONS / SCHEMA}\n"
+            "# Degrees, metres and seconds; `check_station` prints what follows from these numbers.\n"
+            f"version: 1\nname: {_quoted(self.name)}\n"
+            f"site: {{latitude_deg: {self.latitude}, longitude_deg: {self.longitude}, height_m: {self.height}}}\n"
+            f"{dish}\nbands:\n" + "\n".join(sections) + "\n" + MOUNT
+        )
+
+
+def _quoted(name: str) -> str:
+    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
+def request_from(argv: list[str] | None = None) -> NewStation:
+    """Return what a command line asks for."""
     parser = argparse.ArgumentParser(prog="new_station", description="Print a station description to begin with.")
     add = parser.add_argument
     add("--name", required=True, help="name of the station")
@@ -60,58 +117,15 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     add("--diameter", metavar="M", help="diameter of the dish; without one the bands need their beamwidths")
     add("--bands", default="S", metavar="NAME[,NAME]", help=f"bands, of {', '.join(FREQUENCIES_MHZ)} (default: S)")
     add("--beamwidth", metavar="DEG", help="half-power beamwidth of every band, for an antenna without a dish")
-    return parser.parse_args(argv)
-
-
-def description_of(options: argparse.Namespace) -> str:
-    """Return the text of the description; ValueError with every problem."""
-    bands = [name.strip() for name in options.bands.split(",") if name.strip()]
-    unknown = [name for name in bands if name not in FREQUENCIES_MHZ]
-    problems = [f"bands={name!r} must be one of {', '.join(FREQUENCIES_MHZ)}" for name in unknown]
-    if options.diameter is None and options.beamwidth is None:
-        problems.append("an antenna needs its diameter (--diameter), or one without a dish its beamwidth (--beamwidth)")
-    text = _text(options, [name for name in bands if name not in unknown])
-    try:
-        station_from(Path("new station"), text)
-    except StationError as error:
-        # A line means nothing to a user who has not seen the file; a missing band was named above.
-        problems += [reason for _, reason in error.problems if not unknown or not reason.startswith("bands")]
-    if problems:
-        raise ValueError("\n".join(problems))
-    return text
-
-
-def _text(options: argparse.Namespace, bands: list[str]) -> str:
-    width = "" if options.beamwidth is None else f"\n    half_power_beamwidth_deg: {options.beamwidth}"
-    usual = BandSection(frequency_mhz=1e3).sensors
-    sections = [
-        f"""  {name}:
-    frequency_mhz: {FREQUENCIES_MHZ[name]}{width}
-    sensors: [{", ".join(usual)}]   # the default first; monopulse for such a feed; [] for program track
-    # system_noise_k: 120.0
-    # bias_model: my_model.yaml     # none until you have calibrated one"""
-        for name in bands
-    ]
-    dish = "" if options.diameter is None else f"\ndish: {{diameter_m: {options.diameter}}}\n"
-    return (
-        f"# yaml-language-server: $schema={STATIONS / SCHEMA}\n"
-        "# Degrees, metres and seconds; `check_station` prints what follows from these numbers.\n"
-        f"version: 1\nname: {_quoted(options.name)}\n"
-        f"site: {{latitude_deg: {options.latitude}, longitude_deg: {options.longitude}, height_m: {options.height}}}\n"
-        f"{dish}\nbands:\n" + "\n".join(sections) + "\n" + MOUNT
-    )
-
-
-def _quoted(name: str) -> str:
-    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
+    options = vars(parser.parse_args(argv))
+    bands = [name.strip() for name in options.pop("bands").split(",") if name.strip()]
+    return NewStation(bands=bands, **options)
 
 
 def main(argv: list[str] | None = None) -> None:
     """Print the description."""
-    options = arguments(argv)
     with ending_with_reason("new_station"):
-        sys.stdout.write(description_of(options))
+        sys.stdout.write(request_from(argv).description())
 
 
 if __name__ == "__main__":

@@ -1,16 +1,12 @@
 """The options that several executables share, and the argparse types of their numbers."""
 
 import argparse
-import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 
-from rf_pointing.core.dates import parse_utc
-from rf_pointing.ephemeris.element_files import is_address
-from rf_pointing.ephemeris.source import SourceParams, first_time_s
-from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station, shipped_stations
+from rf_pointing.api.target import Target
+from rf_pointing.station.description import DEFAULT_STATION, shipped_stations
 
 
 def say(program: str, text: str) -> None:
@@ -79,14 +75,23 @@ def _namespace(text: str) -> str:
     return name
 
 
-def elements_of(options: argparse.Namespace) -> str:
-    """Return where the elements are: a file, a folder, or an address that has been requested."""
-    if is_address(options.elements):
-        # Not at the top: `fetch_elements` has its own options from here.
-        from rf_pointing.commands.fetch_elements import current_elements
+def target_from(location: str, satellite: str, interpolation: Sequence[str] = ("", "7")) -> Target:
+    """Return what --elements, --satellite and --interpolation name; say if an address failed.
 
-        current_elements(options.elements)
-    return str(options.elements)
+    Raises ValueError for a degree that is no whole number, and for an address without elements.
+    """
+    method, degree = interpolation_of(interpolation)
+    target = Target(location=location, satellite=satellite, interpolation=method, interpolation_degree=degree)
+    say_if("elements", target.problem)
+    return target
+
+
+def interpolation_of(words: Sequence[str]) -> tuple[str, int]:
+    """Return method and degree of --interpolation."""
+    method, degree = words
+    if not degree.isdecimal():
+        raise ValueError(f"interpolation={method} {degree!r}: the degree must be a whole number")
+    return method.upper(), int(degree)
 
 
 ELEMENTS_HELP = "elements: a file, a folder, or an http(s) address, which is requested at most every 2 h"
@@ -100,33 +105,6 @@ def add_station_options(parser: argparse.ArgumentParser) -> None:
     add("--band", metavar="NAME", help="band of the station (default: the station's)")
 
 
-def station_of(options: argparse.Namespace) -> StationDescription:
-    """Return the station; StationError lists all problems of its file."""
-    return _read(options.station)
-
-
-@cache
-def _read(name: str) -> StationDescription:
-    return read_station(name)
-
-
-def band_of(options: argparse.Namespace) -> str:
-    """Return the band in use; ValueError if the station has none of this name."""
-    station = station_of(options)
-    band: str = options.band or station.default_band
-    if band not in station.bands:
-        raise ValueError(f"band={band!r} of {station.name} must be one of {', '.join(station.bands)}")
-    return band
-
-
-def lowest_rad(options: argparse.Namespace) -> float:
-    """Return the elevation at which passes begin and end."""
-    given = options.mask
-    if given is None:
-        given = station_of(options).parameters("ephemeris_publisher", band_of(options))["publisher.mask_deg"]
-    return math.radians(given)
-
-
 def add_target_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of station, satellite, start and mask to a command line."""
     add = parser.add_argument
@@ -138,19 +116,3 @@ def add_target_options(parser: argparse.ArgumentParser) -> None:
     add("--start", metavar="UTC", help="look for passes after this time (default: the elements' epoch)")
     add("--mask", type=between(0.0, 89.0), metavar="DEG",
         help="elevation of AOS and LOS (default: the station's)")  # fmt: skip
-
-
-def source_of(options: argparse.Namespace) -> SourceParams:
-    """Return the satellite and the site."""
-    method, degree = options.interpolation
-    if not degree.isdecimal():
-        raise ValueError(f"interpolation={method} {degree!r}: the degree must be a whole number")
-    return SourceParams(
-        elements=elements_of(options), satellite=options.satellite, site=station_of(options).site,
-        interpolation=method.upper(), interpolation_degree=int(degree),
-    )  # fmt: skip
-
-
-def start_of(options: argparse.Namespace) -> float:
-    """Return the time after which passes are looked for, UTC in s since 1970."""
-    return parse_utc(options.start) if options.start else first_time_s(source_of(options))

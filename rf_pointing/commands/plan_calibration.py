@@ -8,32 +8,110 @@ filled; 1: planned, sectors stay thin; 2: refused.
 import argparse
 import math
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from rf_pointing import calibration
+from rf_pointing.api.station import Station
 from rf_pointing.calibration import CandidatePass, PassPriors, SectorRule, Slew
-from rf_pointing.commands.options import (
-    ELEMENTS_HELP,
-    add_station_options,
-    elements_of,
-    ending_with_reason,
-    say,
-    station_of,
-)
+from rf_pointing.commands.options import ELEMENTS_HELP, add_station_options, ending_with_reason, say, target_from
 from rf_pointing.core import MDEG, require_between
 from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.ephemeris import verification_elements
 from rf_pointing.ephemeris.source import read_source
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs
 
+PROGRAM = "plan_calibration"
 HOUR_S = 3600.0
+MAX_AGE_S = 14.0 * 86400.0
 
 
-def arguments(argv: list[str] | None = None) -> argparse.Namespace:
-    """Return the parsed command line."""
-    parser = argparse.ArgumentParser(prog="plan_calibration", description="Plan a calibration campaign.")
+@dataclass(frozen=True, kw_only=True)
+class CampaignRequest:
+    """What could be tracked when, and what is planned of it: the sky, or terms to `improve`."""
+
+    station: Station
+    elements: str
+    beacons: bool
+    start: str
+    hours: float
+    rules: ArcRules
+    slew: Slew
+    fewest: int
+    improve: list[str]
+    model: Path | None
+    count: int
+    orbit_prior_m: float
+
+    def candidates(self) -> list[CandidatePass]:
+        """Return what could be tracked; ValueError where nothing could."""
+        require_between("hours", self.hours, 0.01, 24.0 * 28.0)
+        start_s, span_s = parse_utc(self.start), self.hours * HOUR_S
+        if self.beacons:
+            elements = beacons(start_s)
+        elif self.elements:
+            target_from(self.elements, "")
+            elements = read_source(self.elements).elements
+        else:
+            elements = verification_elements()
+        # The greatest age over the campaign counts: older elements are wrong by kilometres.
+        fresh = [one for one in elements if abs(start_s + 0.5 * span_s - one.epoch_t_s) < MAX_AGE_S - 0.5 * span_s]
+        if not fresh:
+            raise ValueError(f"none of {len(elements)} elements is within 14 days of start={self.start}")
+        found, refused = candidate_arcs(fresh, self.station.site, start_s, span_s, self.rules)
+        for reason in refused:
+            say(PROGRAM, f"left out: {reason}")
+        if not found:
+            raise ValueError(f"no target rises above {math.degrees(self.rules.lowest_rad):.0f} deg in {self.hours:g} h")
+        return found
+
+
+def campaign(request: CampaignRequest, candidates: list[CandidatePass]) -> int:
+    """Print the campaign; return the exit code."""
+    rule = SectorRule(fewest=request.fewest, most=max(30, request.fewest))
+    plan = calibration.plan_campaign(candidates, rule, request.slew)
+    for one in plan.passes:
+        peak = math.degrees(float(np.max(one.track.elevation_rad)))
+        print(f"{utc_text(one.start_t_s)}  {one.end_t_s - one.start_t_s:6.0f} s  peak {peak:4.1f} deg  {one.name}")
+    filled = rule.count - len(plan.coverage.thin)
+    print(f"{len(plan.passes)} of {len(candidates)} candidates fill {filled} of {rule.count} sectors")
+    if plan.full_at_t_s is not None:
+        after_h = (plan.full_at_t_s - parse_utc(request.start)) / HOUR_S
+        print(f"all filled at {utc_text(plan.full_at_t_s)}, {after_h:.2f} h after the start")
+        return 0
+    for sector in plan.coverage.thin:
+        print(f"thin: {rule.name(sector)} has {plan.coverage.counts[sector]} of {rule.fewest}")
+    return 1
+
+
+def advice(request: CampaignRequest, candidates: list[CandidatePass]) -> int:
+    """Print the passes that help most; return the exit code."""
+    if request.model:
+        file = calibration.read_model(request.model)
+        file.check_for(request.station.name, file.band, file.valid_from_t_s)
+        terms, covariance = file.fitted, file.covariance
+    else:
+        # Of a station that was never calibrated no term is known, not even those that are to be
+        # improved.
+        terms = tuple(dict.fromkeys((*calibration.TERM_NAMES, *request.improve)))
+        covariance = calibration.uninformed_covariance(terms)
+    before = dict(zip(terms, np.sqrt(np.diag(covariance)), strict=True))
+    found = calibration.next_best_passes(
+        terms, covariance, candidates, chosen=request.improve, count=request.count,
+        pass_priors=PassPriors.of_orbit(request.orbit_prior_m), slew=request.slew,
+    )  # fmt: skip
+    for one in found:
+        after = dict(zip(terms, one.sigma, strict=True))
+        sigma = ", ".join(f"{name} {after[name] / before[name]:.3f}" for name in request.improve)
+        print(f"{utc_text(one.start_t_s)}  {one.name}: sigma times {one.factor:.3f}; since the start: {sigma}")
+    return 0
+
+
+def request_from(argv: list[str] | None = None) -> CampaignRequest:
+    """Return what a command line asks for."""
+    parser = argparse.ArgumentParser(prog=PROGRAM, description="Plan a calibration campaign.")
     add = parser.add_argument
     add("--elements", metavar="FILE|DIR|URL", default="", help=f"{ELEMENTS_HELP} (default: verification set of sgp4)")
     add("--beacons", action="store_true", help="the simulated sky of `calibrate` instead of a catalogue")
@@ -52,78 +130,18 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     add("--count", type=int, default=5, help="how many passes to advise (default: 5)")
     add("--orbit-prior", type=float, default=200.0, metavar="M",
         help="orbit error of each pass that the next fit allows for (default: 200; 0: none)")  # fmt: skip
-    return parser.parse_args(argv)
-
-
-def candidates_of(options: argparse.Namespace) -> list[CandidatePass]:
-    """Return what could be tracked."""
-    require_between("hours", options.hours, 0.01, 24.0 * 28.0)
-    start_s = parse_utc(options.start)
-    if options.beacons:
-        elements = beacons(start_s)
-    elif options.elements:
-        elements = read_source(elements_of(options)).elements
-    else:
-        elements = verification_elements()
-    span_s = options.hours * HOUR_S
-    # The greatest age over the campaign counts: older elements are wrong by kilometres.
-    fresh = [one for one in elements if abs(start_s + 0.5 * span_s - one.epoch_t_s) < 14.0 * 86400.0 - 0.5 * span_s]
-    if not fresh:
-        raise ValueError(f"none of {len(elements)} elements is within 14 days of start={options.start}")
-    rules = ArcRules(arcs_s=tuple(options.arc), spacing_s=options.spacing, sigma_rad=options.sigma * MDEG)
-    found, refused = candidate_arcs(fresh, station_of(options).site, start_s, span_s, rules)
-    for reason in refused:
-        say("plan_calibration", f"left out: {reason}")
-    if not found:
-        raise ValueError(f"no target rises above {math.degrees(rules.lowest_rad):.0f} deg in {options.hours:g} h")
-    return found
-
-
-def campaign(options: argparse.Namespace, candidates: list[CandidatePass]) -> int:
-    """Print the campaign; return the exit code."""
-    rule = SectorRule(fewest=options.fewest, most=max(30, options.fewest))
-    plan = calibration.plan_campaign(candidates, rule, Slew(settle_s=options.settle))
-    for one in plan.passes:
-        peak = math.degrees(float(np.max(one.track.elevation_rad)))
-        print(f"{utc_text(one.start_t_s)}  {one.end_t_s - one.start_t_s:6.0f} s  peak {peak:4.1f} deg  {one.name}")
-    filled = rule.count - len(plan.coverage.thin)
-    print(f"{len(plan.passes)} of {len(candidates)} candidates fill {filled} of {rule.count} sectors")
-    if plan.full_at_t_s is not None:
-        print(f"all filled at {utc_text(plan.full_at_t_s)}, {(plan.full_at_t_s - parse_utc(options.start)) / HOUR_S:.2f} h "
-              "after the start")  # fmt: skip
-        return 0
-    for sector in plan.coverage.thin:
-        print(f"thin: {rule.name(sector)} has {plan.coverage.counts[sector]} of {rule.fewest}")
-    return 1
-
-
-def advice(options: argparse.Namespace, candidates: list[CandidatePass]) -> int:
-    """Print the passes that help most; return the exit code."""
-    if options.model:
-        file = calibration.read_model(options.model)
-        file.check_for(station_of(options).name, file.band, file.valid_from_t_s)
-        terms, covariance = file.fitted, file.covariance
-    else:
-        # Of a station that was never calibrated no term is known, not even those that are to be
-        # improved.
-        terms = tuple(dict.fromkeys((*calibration.TERM_NAMES, *options.improve)))
-        covariance = calibration.uninformed_covariance(terms)
-    orbit = PassPriors.of_orbit(options.orbit_prior)
-    before = dict(zip(terms, np.sqrt(np.diag(covariance)), strict=True))
-    found = calibration.next_best_passes(
-        terms, covariance, candidates, chosen=options.improve, count=options.count, pass_priors=orbit,
-        slew=Slew(settle_s=options.settle),
+    options = parser.parse_args(argv)
+    return CampaignRequest(
+        station=Station(options.station, options.band), elements=options.elements, beacons=options.beacons,
+        start=options.start, hours=options.hours, slew=Slew(settle_s=options.settle), fewest=options.fewest,
+        rules=ArcRules(arcs_s=tuple(options.arc), spacing_s=options.spacing, sigma_rad=options.sigma * MDEG),
+        improve=options.improve, model=options.model, count=options.count, orbit_prior_m=options.orbit_prior,
     )  # fmt: skip
-    for one in found:
-        after = dict(zip(terms, one.sigma, strict=True))
-        sigma = ", ".join(f"{name} {after[name] / before[name]:.3f}" for name in options.improve)
-        print(f"{utc_text(one.start_t_s)}  {one.name}: sigma times {one.factor:.3f}; since the start: {sigma}")
-    return 0
 
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing plan_calibration`."""
-    options = arguments(argv)
-    with ending_with_reason("plan_calibration"):
-        candidates = candidates_of(options)
-        sys.exit(advice(options, candidates) if options.improve else campaign(options, candidates))
+    with ending_with_reason(PROGRAM):
+        request = request_from(argv)
+        candidates = request.candidates()
+        sys.exit(advice(request, candidates) if request.improve else campaign(request, candidates))

@@ -1,99 +1,106 @@
 """Executable `plan_passes`: the coming passes of one satellite, or of many for one antenna.
 
 One satellite: every pass with its certificate, printed, drawn, or as JSON.  Many (`--satellites`,
-or `--all` of the elements): which passes the antenna tracks, which yield to which, and why; see
-`plan_passes_many`.  No graph is needed.
+or `--all` of the elements): which passes the antenna tracks, which yield to which, and why.  No
+graph is needed.
 """
 
 import argparse
-import dataclasses
 import json
-import math
 import os
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rf_pointing import __version__, planning
-from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.commands.options import (
-    add_target_options,
-    band_of,
-    between,
-    ending_with_reason,
-    lowest_rad,
-    say,
-    say_if,
-    source_of,
-    start_of,
-    station_of,
-)
-from rf_pointing.commands.plan_passes_many import plan_many, report
-from rf_pointing.core import to_degrees
-from rf_pointing.core.dates import DAY_S, utc_text
-from rf_pointing.core.parameters import NodeParameters
+from rf_pointing.api.passes import draw_certificates
+from rf_pointing.api.satellite_list import satellites
+from rf_pointing.api.station import Station
+from rf_pointing.api.target import Target, every_satellite
+from rf_pointing.commands.options import add_target_options, between, ending_with_reason, say, say_if, target_from
+from rf_pointing.core.dates import parse_utc
 from rf_pointing.core.whole_file import write_whole
-from rf_pointing.ephemeris import ElementUncertainty, oem_text, stale_warning
-from rf_pointing.ephemeris.source import load_target, load_track
-from rf_pointing.station.antenna.simulated_antenna import SimulationParams
-from rf_pointing.station.pointing.certificates import PlannedPass, PlanningRules, plan_passes
-from rf_pointing.station.pointing.params import PointingParams
+
+PROGRAM = "plan_passes"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanRequest:
+    """One `target`, or the `targets` of a plan of many, and the files that are written."""
+
+    station: Station
+    target: Target
+    targets: list[Target] | None
+    span: dict[str, Any]
+    """Start, length and mask, as the methods of a station take them."""
+    min_peak_deg: float
+    gap_s: float
+    json: bool
+    csv: str | None
+    ics: str | None
+    oem: str | None
+    picture: str | None
 
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing plan_passes`."""
-    options = arguments(argv)
     try:
-        with ending_with_reason("plan_passes"):
-            _main(options)
+        with ending_with_reason(PROGRAM):
+            request = request_from(argv)
+            if request.targets is None:
+                plan_one(request)
+            else:
+                plan_many(request, request.targets)
     except BrokenPipeError:
         # `plan_passes | head` has seen enough; Python must not complain about it at its end either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _main(options: argparse.Namespace) -> None:
-    rules, start_rad = antenna_of(options)
-    if options.all or options.satellites:
-        if options.oem:
-            raise ValueError("--oem is of one satellite: give neither --satellites nor --all")
-        report(options, plan_many(options, rules, start_rad), rules)
-        return
-    for name in ("csv", "ics"):
-        if getattr(options, name):
-            raise ValueError(f"--{name} is of a plan of many satellites: give --satellites or --all")
-    track = load_track(source_of(options))
-    planned = plan_passes(track, start_of(options), options.hours * 3600.0, start_rad, rules, lowest_rad(options))
-    wanted = [item for item in planned if item.window.peak_elevation_rad >= math.radians(options.min_peak)]
-    if options.json:
-        values = [{"pass": pass_values(item), **planning.certificate_values(item.certificate)} for item in wanted]
-        print(json.dumps(values, indent=1))
+def plan_one(request: PlanRequest) -> None:
+    """Print the passes of one satellite with their certificates, and write its files."""
+    station, target = request.station, request.target
+    start_t_s = target.first_t_s if request.span["start_t_s"] is None else request.span["start_t_s"]
+    span = request.span | {"start_t_s": start_t_s}
+    found = station.certificates(station.passes(target, **span))
+    wanted = [each for each in found if each.one.peak_elevation_deg >= request.min_peak_deg]
+    if request.json:
+        print(json.dumps([each.values() for each in wanted], indent=1))
     else:
-        show(wanted)
+        print("".join(f"{each}\n\n" for each in wanted) or "no pass\n", end="")
     if wanted:
-        beamwidth_rad, stale_s = rules.machine.half_power_beamwidth_rad, source_of(options).stale_days * DAY_S
-        last_s = wanted[-1].window.tca_t_s
-        say_if("plan_passes", stale_warning(track, last_s, stale_s, ElementUncertainty(), beamwidth_rad))
-    if options.oem:
-        source, start_s = source_of(options), start_of(options)
-        wanted_id = getattr(load_target(source), "international_designator", "") or source.satellite
-        text = oem_text(
-            track.target, wanted_id, start_s, start_s + options.hours * 3600.0,
-            originator=f"rf_pointing {__version__}", created_t_s=time.time(),
-        )  # fmt: skip
-        write_whole(Path(options.oem), text)
-        say("plan_passes", options.oem)
-    if options.picture:
-        from rf_pointing.report.plan_picture import draw_plan
-
-        draw_plan(wanted, rules.limits, rules.mask, Path(options.picture))
-        say("plan_passes", options.picture)
+        say_if(PROGRAM, wanted[-1].one.warning)
+    if request.oem:
+        text = target.to_oem(start_t_s=start_t_s, duration_s=request.span["hours"] * 3600.0, created_t_s=time.time())
+        write_whole(Path(request.oem), text)
+        say(PROGRAM, request.oem)
+    if request.picture:
+        draw_certificates(wanted, station, request.picture)
+        say(PROGRAM, request.picture)
 
 
-def arguments(argv: list[str] | None = None) -> argparse.Namespace:
-    """Return the parsed command line."""
+def plan_many(request: PlanRequest, targets: list[Target]) -> None:
+    """Print the plan of many satellites, and write its files."""
+    plan = request.station.plan(targets, gap_s=request.gap_s, **request.span)
+    print(plan.to_json() if request.json else plan)
+    for name, reason in plan.day.unsearched:
+        say(PROGRAM, f"{name.name} was not searched: {reason}")
+    say_if(PROGRAM, plan.warning())
+    if request.csv:
+        write_whole(Path(request.csv), plan.to_csv())
+        say(PROGRAM, request.csv)
+    if request.ics:
+        write_whole(Path(request.ics), plan.to_calendar())
+        say(PROGRAM, request.ics)
+    if request.picture:
+        plan.draw(request.picture)
+        say(PROGRAM, request.picture)
+
+
+def request_from(argv: list[str] | None = None) -> PlanRequest:
+    """Return what a command line asks for; ValueError for what is missing or contradicts itself."""
     what = "Plan the coming passes of a satellite, or of many satellites for one antenna, with certificates."
-    parser = argparse.ArgumentParser(prog="plan_passes", description=what)
+    parser = argparse.ArgumentParser(prog=PROGRAM, description=what)
     add_target_options(parser)
     many = parser.add_mutually_exclusive_group()
     many.add_argument("--satellites", nargs="+", metavar="NAME|NUMBER|FILE", help="plan these satellites together; a "
@@ -110,46 +117,25 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     add("--ics", metavar="FILE", help="write the tracked passes of many satellites as a calendar")
     add("--oem", metavar="FILE", help="write the satellite's motion over these hours as a CCSDS OEM")
     add("--picture", metavar="FILE", help="draw the plan into this PNG")
-    return parser.parse_args(argv)
-
-
-def antenna_of(options: argparse.Namespace) -> tuple[PlanningRules, tuple[float, float]]:
-    """Return the antenna that passes are planned for, and where it parks."""
-    station, band = station_of(options), band_of(options)
-    controller = NodeParameters("pointing_controller", station.parameters("pointing_controller", band))
-    servo = NodeParameters("antenna_servo", station.parameters("antenna_servo", band))
-    file = Path(options.model) if options.model else station.bias_model_file(band)
-    rules = PlanningRules(
-        model=read_model(file).model if file else BiasModel.zero(),
-        machine=controller.group("machine", planning.MachineParams()),
-        limits=controller.group("limits", planning.AxisLimits()),
-        mask=controller.group("mask", planning.HorizonMask()),
-        gate=controller.group("gate", planning.GateParams()),
-        lag_averaging_s=controller.group("pointing", PointingParams()).lag_averaging_s,
-    )
-    return rules, servo.group("antenna", SimulationParams()).start_rad
-
-
-def pass_values(item: PlannedPass) -> dict[str, Any]:
-    """Return one pass as plain values: UTC, degrees, azimuths continuous from AOS."""
-    window, values = item.window, dataclasses.asdict(item.window)
-    times = {f"{name}_utc": utc_text(values.pop(f"{name}_t_s")) for name in ("aos", "tca", "los")}
-    sky = dict(to_degrees(name, value) for name, value in values.items())
-    sun_deg = math.degrees(float(item.profile.sun_angle_rad().min()))
-    north, duration_s = window.crosses_north, window.duration_s
-    return {**times, "duration_s": duration_s, **sky, "crosses_north": north, "sun_angle_deg": sun_deg}
-
-
-def show(planned: list[PlannedPass]) -> None:
-    """Print every pass with its certificate."""
-    for item in planned:
-        window, values = item.window, pass_values(item)
-        north = " through north" if window.crosses_north else ""
-        times = ", ".join(f"{name.upper()} {values[f'{name}_utc']}" for name in ("aos", "tca", "los"))
-        print(f"{window.name}: {times}, {window.duration_s:.0f} s\n"
-              f"  peak {values['peak_elevation_deg']:.2f} deg, azimuth {values['aos_azimuth_deg']:.1f} to "
-              f"{values['los_azimuth_deg']:.1f} deg{north}, rates {values['peak_azimuth_rate_deg_s']:.3g} "
-              f"{values['peak_elevation_rate_deg_s']:.3g} deg/s, Sun {values['sun_angle_deg']:.1f} deg away")  # fmt: skip
-        print("\n".join(planning.certificate_lines(item.certificate)), end="\n\n")
-    if not planned:
-        print("no pass")
+    options = parser.parse_args(argv)
+    station = Station(options.station, options.band, model=options.model or None)
+    # A model that cannot be read is reported before the elements are.
+    _ = station.rules
+    together = options.all or bool(options.satellites)
+    if together and options.oem:
+        raise ValueError("--oem is of one satellite: give neither --satellites nor --all")
+    for name in ("csv", "ics"):
+        if not together and getattr(options, name):
+            raise ValueError(f"--{name} is of a plan of many satellites: give --satellites or --all")
+    target = target_from(options.elements, options.satellite, options.interpolation)
+    targets = None
+    if options.all:
+        targets = every_satellite(options.elements, options.min_peak)
+    elif options.satellites:
+        targets = satellites(options.elements, options.satellites, min_peak_deg=options.min_peak)
+    return PlanRequest(
+        station=station, target=target, targets=targets, min_peak_deg=options.min_peak, gap_s=options.gap,
+        span={"start_t_s": parse_utc(options.start) if options.start else None, "hours": options.hours,
+              "mask_deg": options.mask},
+        json=options.json, csv=options.csv, ics=options.ics, oem=options.oem, picture=options.picture,
+    )  # fmt: skip

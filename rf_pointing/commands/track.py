@@ -9,76 +9,54 @@ not be started.
 """
 
 import argparse
-import math
 import sys
 from pathlib import Path
 
-from rf_pointing_msgs.action import TrackPass
-
-from rf_pointing.commands import track_options
-from rf_pointing.commands.live_pass import LivePass, outcome_line
-from rf_pointing.commands.options import band_of, ending_with_reason, say, station_of
-from rf_pointing.commands.station_run import StationRun, run_to_end
-from rf_pointing.core import MDEG
-from rf_pointing.core.dates import utc_text
-from rf_pointing.ephemeris import Pass
-from rf_pointing.ros import convert_planning
+from rf_pointing.api import live
+from rf_pointing.api.requests import DEFAULT_MODELS, TrackRequest
+from rf_pointing.api.target import Target
+from rf_pointing.commands.options import add_target_options, between, ending_with_reason, interpolation_of
+from rf_pointing.commands.track_options import add_run_options, run_fields
+from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
 
-class PassRun(StationRun):
-    """One pass, with its certificate before anything moves."""
-
-    def __init__(self, options: argparse.Namespace, window: Pass, output: Path) -> None:
-        super().__init__("track", options, window, output)
-        self._sensor, self._window = track_options.sensor_of(options), window
-        self._begin_s = window.aos_t_s - track_options.before_pass_s(options, window)
-        self._live = LivePass(self)
-
-    def track(self) -> TrackPass.Result:
-        """Bring the graph up, track the pass, and return the result."""
-        if self.real:
-            self.wait_for(self._begin_s, f"{self._window.name} is waited for; the antenna is started")
-        self.bring_up(self._live.client)
-        goal = TrackPass.Goal(target_pass=convert_planning.pass_to_message(self._window), sensor=self._sensor)
-        handle = self._live.begin(goal)
-        self.run_time()
-        return self._live.result(handle)
+def request_of(argv: list[str] | None = None) -> TrackRequest:
+    """Return what a command line asks for; ValueError with the reason where it cannot be."""
+    load_trackers()
+    parser = argparse.ArgumentParser(
+        prog="track", description="Track one satellite pass with a station, simulated or real."
+    )
+    add_target_options(parser)
+    add = parser.add_argument
+    add("--min-peak", type=between(0.0, 90.0), default=40.0, help="least peak elevation in deg (default: 40)")
+    add("--sensor", choices=tuple(SENSOR_CHOICES), help="(default: that of the station's band)")
+    add("--scan-sigma", metavar="MDEG", type=float, help="accuracy of conscan per axis at the pass's weakest "
+        "carrier: chooses radius and period (default: the station's)")  # fmt: skip
+    add_run_options(
+        parser,
+        models=f"folder of accepted pointing models (default: {DEFAULT_MODELS}); empty or none in it: the station's "
+        "bias model",
+        ephemeris_error="time by which the satellite is ahead of its elements (default: the station's, "
+        "simulation.along_track_offset_s)",
+        output="folder of the report (default: runs/SATELLITE-AOS)",
+    )
+    add("--record", metavar="DIR", help="bag directory (default: OUTPUT/bag)")
+    given = parser.parse_args(argv)
+    method, degree = interpolation_of(given.interpolation)
+    return TrackRequest(
+        **run_fields(vars(given)),
+        target=Target(
+            location=given.elements, satellite=given.satellite, interpolation=method, interpolation_degree=degree
+        ),
+        min_peak_deg=given.min_peak,
+        mask_deg=given.mask,
+        scan_sigma_mdeg=given.scan_sigma,
+        record=Path(given.record) if given.record else None,
+    )
 
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing track`."""
-    options = track_options.arguments(argv)
     with ending_with_reason("track"):
-        track_options.check_time(options)
-        sensor = track_options.sensor_of(options)
-        track_options.check_files(options)
-        window = track_options.choose_pass(options)
-        scan = track_options.chosen_scan(options, window)
-        output = track_options.output_folder(options, track_options.run_stem(options, window))
-    place, peak_deg = f"{station_of(options).name}, {band_of(options)} band", math.degrees(window.peak_elevation_rad)
-    say("track", f"{window.name} over {place}, {sensor}: AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
-        f"peak {peak_deg:.1f} deg")  # fmt: skip
-    if scan is not None:
-        say("track", f"scan of {scan.radius_rad / MDEG:.2f} mdeg in {scan.period_s:.1f} s, an estimate over "
-            f"{scan.window_samples * scan.sample_s:.1f} s")  # fmt: skip
-    sys.exit(execute(options, window, output))
-
-
-def execute(options: argparse.Namespace, window: Pass, output: Path) -> int:
-    """Run the pass and write the report; return the exit code."""
-    results: list[TrackPass.Result] = []
-
-    def work(run: PassRun) -> int:
-        results.append(run.track())
-        return 0 if results[0].success else 1
-
-    code = run_to_end("track", lambda: PassRun(options, window, output), work)
-    for result in results:
-        # Imported late: the libraries of the report take time that the bring-up has not.
-        from rf_pointing.report import write_report
-
-        bag = track_options.bag_folder(options, output)
-        write_report(bag, output)
-        say("track", f"report {output / 'report.html'}, bag {bag}")
-        say("track", outcome_line(result))
-    return code
+        ready = live.prepare_track(request_of(argv))
+    sys.exit(ready.fly().code)

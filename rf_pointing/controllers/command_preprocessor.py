@@ -16,11 +16,10 @@ import math
 from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import Params, as_finite_array, as_finite_pair, parameter, require_between
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # A chase brakes with less than the limit: the rest corrects what the target's own acceleration
 # takes away.

@@ -17,12 +17,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter, require_between, require_finite
+from rf_pointing.core.types import Array, Pair
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 LawMatrices = tuple[Array, Array, Array, Array]
 """State space a (n, n), b (n, 1), c (1, n), d (1, 1): x(k+1) = a x + b e, u = c x + d e."""
 

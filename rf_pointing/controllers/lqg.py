@@ -18,14 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers.filters import LawMatrices, SectionParams, before_sections, notch_section
 from rf_pointing.controllers.position_law import LawState, PositionLaw
 from rf_pointing.core import AXES, Params, parameter
+from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import parse_json, read_whole
-
-Array = NDArray[np.float64]
 
 MATRICES = ("a", "b", "c", "state_gain", "observer_gain", "model_a", "model_b", "model_c", "model_d")
 FORMAT = "rf_pointing LQG designs 1"
@@ -148,7 +146,7 @@ def load_lqg_designs(path: Path | None = None) -> tuple[LqgDesign, LqgDesign]:
 
 @dataclass(frozen=True, kw_only=True)
 class LqgLoopParams(Params):
-    """What may be changed while the law runs; the law itself is the design."""
+    """Parameters that may change while the law runs; the law itself is the design."""
 
     feedforward_gain: float = parameter(1.0, "share of the command's rate fed forward", low=0.0, high=1.2)
     feedforward_band_hz: float = parameter(10.0, "low-pass of the feedforward", low=0.1, high=100.0)
@@ -158,7 +156,7 @@ class LqgLoopParams(Params):
 
 @dataclass(slots=True, kw_only=True)
 class LqgLoopState(LawState):
-    """What every law remembers, the estimate (7,) and the regulator's output."""
+    """State of every law, the estimate (7,) and the regulator's output."""
 
     estimate: Array
     regulator_rad_s: float = 0.0

@@ -17,7 +17,7 @@ from rf_pointing.core import Params, parameter, require_between, require_finite
 
 @dataclass(frozen=True, kw_only=True)
 class OscillationDetectorParams(Params):
-    """What counts as an oscillation."""
+    """Limits from which on a motion counts as an oscillation."""
 
     threshold_rad: float = parameter(math.radians(0.02), "smallest peak of a swing that counts", low=1e-7, high=0.1)
     high_pass_hz: float = parameter(0.05, "slower error is tracking error, not oscillation", low=1e-4, high=10.0)
@@ -83,7 +83,7 @@ class OscillationDetector:
 
     @property
     def reason(self) -> str:
-        """Frequency and size of the oscillation, "" if there is none."""
+        """Frequency and size of the oscillation, "" without one."""
         return self._state.reason
 
     def retune(self, params: OscillationDetectorParams) -> None:

@@ -1,4 +1,4 @@
-"""What every position law has around its feedback: the filters, the feedforward, the rate limit.
+"""Parts of every position law around its feedback: the filters, the feedforward, the rate limit.
 
     u = N(s) [ S(s) feedback + k_f F(s) r' ]
 

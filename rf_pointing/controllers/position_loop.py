@@ -77,7 +77,7 @@ class PositionLoopParams(Params):
 
 @dataclass(slots=True, kw_only=True)
 class PositionLoopState(LawState):
-    """What every law remembers, and the integral (rad s)."""
+    """State of every law, and the integral (rad s)."""
 
     integral_rad_s: float = 0.0
 
@@ -93,7 +93,7 @@ class PositionLoop(PositionLaw[PositionLoopParams, PositionLoopState]):
         """Take new parameters without a jump of the command; all of them or, with ValueError, none.
 
         The integral is shifted so that k_p e + k_i int(e) stays what it was, plus what the
-        feedforward no longer gives; with k_i = 0 there is none to shift.
+        feedforward no longer gives; with k_i = 0 nothing is shifted.
         """
         # The notch may be refused after the section was changed: both are tried before either is
         # taken.

@@ -20,11 +20,10 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 @dataclass(frozen=True, kw_only=True)

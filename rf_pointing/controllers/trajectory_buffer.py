@@ -9,11 +9,9 @@ is "dry": the position reached, at rest.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import JointTrajectory, Motion, Params, Quintic, parameter, require_finite
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 TABLE, EXTRAPOLATED, EARLY, DRY = "table", "extrapolated", "early", "dry"
 

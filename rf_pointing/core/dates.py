@@ -43,7 +43,7 @@ def minute_and_second(text: str) -> tuple[float, float]:
     try:
         whole = datetime(int(year), int(month or 1), int(day or 1), int(hour), int(minute), tzinfo=UTC)
     except ValueError as error:
-        raise ValueError(f"date={text!r} is no time: {error}") from None
+        raise ValueError(f"date={text!r} is not a time: {error}") from None
     if ordinal is None:
         return whole.timestamp(), float(second)
     require_day_of_year(text, int(year), int(ordinal))

@@ -6,9 +6,9 @@ Exact for polynomials of degree five; works on scalars and on arrays of axes ali
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 class Motion(NamedTuple):

@@ -6,7 +6,7 @@ from enum import StrEnum
 class Mode(StrEnum):
     """Modes of the state table (`tracking/autotrack.py`); the values travel in `tracking_status`.
 
-    While a sensor tracks, the mode bears its name; that of a registered tracker is no member.
+    While a sensor tracks, the mode bears its name; that of a registered tracker is not a member.
     """
 
     IDLE = "idle"

@@ -237,7 +237,7 @@ def _check_range(name: str, value: Any, low: float | None, high: float | None) -
 
 
 class NodeParameters:
-    """What the files say to one node: dotted names and values, as on the edge (degrees)."""
+    """Values that files give one node, by dotted names, as on the edge (degrees)."""
 
     def __init__(self, node: str, values: Mapping[str, Any]) -> None:
         self.node, self.values = node, dict(values)

@@ -77,7 +77,7 @@ class PassOutcome:
     def of(cls, error_rad: ArrayLike, beamwidth_rad: ArrayLike, step_s: float) -> Self:
         """Return the outcome of samples (n,) of the error, each of which stands for `step_s`.
 
-        A sample that is no number is lost: nobody knows where the beam was.
+        A sample that is not a number is lost: nobody knows where the beam was.
         """
         error, width = np.broadcast_arrays(np.atleast_1d(error_rad), np.atleast_1d(beamwidth_rad))
         held = is_held(error, width)

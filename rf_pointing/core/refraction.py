@@ -19,12 +19,10 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core.checks import require_finite
 from rf_pointing.core.parameters import Params, parameter
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 _EARTH_RADIUS_M = 6.371e6
 # Scale height of dry air per kelvin, R/(M g): it gives the zenith delay of 2.28 mm/hPa that the
@@ -47,7 +45,7 @@ _MAX_ITERATIONS = 60
 _FITTED_RAD = np.radians(np.concatenate([np.linspace(0.0, 3.0, 40), np.linspace(3.5, 85.0, 60)]))
 # Above this sine relative errors count: 0.1 % at the horizon is as good as at 45 deg.
 _LEAST_SINE = 0.02
-# Of the integral along one ray.
+# Nodes of the integral along one ray.
 _NODES = 200
 
 

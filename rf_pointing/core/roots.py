@@ -7,9 +7,8 @@ of a node's start.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Bisection of any interval of floats ends after 60; what takes more has met a NaN.
 _MAX_ITERATIONS = 200

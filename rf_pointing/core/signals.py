@@ -11,19 +11,16 @@ from bisect import bisect_left
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core.checks import as_finite_array, require_between, require_finite
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 # Joint names, in the order of every two-axis array.
 AXES = ("azimuth", "elevation")
-# Of a `TimeBuffer`.
+# Time that a `TimeBuffer` keeps.
 KEPT_S = 2.0
-# No mount turns so far from its encoders' zero: such a reading is no angle.
+# No mount turns so far from its encoders' zero: such a reading is not an angle.
 FARTHEST_RAD = 10.0 * 2.0 * math.pi
 
 

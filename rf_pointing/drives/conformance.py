@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rf_pointing.core import AXES, Motion
-from rf_pointing.drives.drive import POSITION, Drive, DriveReading, Pair
+from rf_pointing.core.types import Pair
+from rf_pointing.drives.drive import POSITION, Drive, DriveReading
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.rotator import LONGEST_LATENCY_S, Rotator
 
@@ -216,7 +217,7 @@ class ConformanceCheck:
         finally:
             self._drive.go_to = keep  # type: ignore[method-assign]
         most = max((each[1] + self._params.rotator.zero_rad[1] for each in sent), default=math.nan)
-        # NaN, nothing sent, is no pass.
+        # NaN, nothing sent, is not a pass.
         good = start[1] < most <= high[1] + SAME_RAD
         text = f"a set point beyond {math.degrees(high[1]):.1f} deg is cut to {math.degrees(most):.1f} deg"
         return Line("limits", good, text)

@@ -1,4 +1,4 @@
-"""What a control unit needs of an antenna's drive, whatever protocol it has.
+"""Interface between a control unit and an antenna's drive, whatever its protocol.
 
 A drive never waits: `step` does what is due at a time that the caller gives, once a control tick,
 and returns the newest reading.  Set points are taken at once and sent when the device can take
@@ -8,13 +8,14 @@ them.  Angles are those of the device, in the order azimuth, elevation.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-Pair = tuple[float, float]
+from rf_pointing.core.types import Pair
+
 POSITION, RATE = "position", "rate"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Capabilities:
-    """What a drive takes, and how finely and how fast it moves.
+    """Set points that a drive takes, and how finely and how fast it moves.
 
     `set_points` is "position" or "rate"; `resolution_rad` one step of set points and encoders;
     `rate_rad_s` the largest rates; `travel_rad` the lower and the upper ends (azimuth, elevation)
@@ -37,7 +38,7 @@ class Capabilities:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveReading:
-    """What the device measured within +-`within_s` of `t_s`, in the clock of `Drive.step`.
+    """Measurement of the device within +-`within_s` of `t_s`, in the clock of `Drive.step`.
 
     `rate_rad_s` is None without tachometers, `temperature_k` without a thermometer; `alarm` is the
     device's own reason not to move, "" for none; `at_limit` the axes at a limit switch.

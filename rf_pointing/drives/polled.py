@@ -11,11 +11,23 @@ counted by name in `losses`.
 import math
 from collections import Counter, deque
 
+from rf_pointing.core.types import Pair
 from rf_pointing.drives.drive import POSITION as POSITION_SET_POINTS
-from rf_pointing.drives.drive import Capabilities, Drive, DriveReading, Pair
+from rf_pointing.drives.drive import Capabilities, Drive, DriveReading
 from rf_pointing.drives.link import Link, Opening, link_name
 from rf_pointing.drives.params import DriveParams
-from rf_pointing.drives.protocols import ALARM, DONE, LIMITS, NOISE, POSITION, REFUSED, STATUS, Answer, Request, Words
+from rf_pointing.drives.protocols import (
+    ALARM,
+    DONE,
+    LIMITS,
+    NOISE,
+    POSITION,
+    REFUSED,
+    STATUS,
+    Answer,
+    DeviceProtocol,
+    Request,
+)
 
 ALSO_S = 1.0
 STOP_AGAIN_S = 1.0
@@ -29,9 +41,9 @@ class PolledDrive(Drive):
 
     _set_point: Pair | None
 
-    def __init__(self, words: Words, params: DriveParams) -> None:
-        self._words, self._params, self._timing = words, params.rotator, params.link
-        self._link_params, self._where = params.link, f"{words.name} at {link_name(params.link)}"
+    def __init__(self, protocol: DeviceProtocol, params: DriveParams) -> None:
+        self._protocol, self._params, self._timing = protocol, params.rotator, params.link
+        self._link_params, self._where = params.link, f"{protocol.name} at {link_name(params.link)}"
         self.losses: Counter[str] = Counter()
         self.problem = f"{self._where} is not connected yet"
         self._link: Link | None = None
@@ -51,9 +63,9 @@ class PolledDrive(Drive):
 
     def _state_capabilities(self, travel_rad: tuple[Pair, Pair] | None) -> None:
         """State what is known of the device now; it may say more once it is connected."""
-        rotator, words = self._params, self._words
-        self._resolution_deg = words.resolution_deg
-        steps = zip(rotator.resolution_rad, words.resolution_deg, strict=True)
+        rotator, protocol = self._params, self._protocol
+        self._resolution_deg = protocol.resolution_deg
+        steps = zip(rotator.resolution_rad, protocol.resolution_deg, strict=True)
         first, second = (own or math.radians(theirs) for own, theirs in steps)
         self.capabilities = Capabilities(
             set_points=POSITION_SET_POINTS,
@@ -63,7 +75,7 @@ class PolledDrive(Drive):
             latency_s=rotator.latency_s,
             travel_rad=travel_rad,
             one_turn=rotator.reads_one_turn,
-            has_elevation=words.has_elevation,
+            has_elevation=protocol.has_elevation,
         )
 
     def step(self, t_s: float) -> DriveReading | None:
@@ -99,7 +111,7 @@ class PolledDrive(Drive):
 
     def _try_last_stop(self, link: Link) -> None:
         try:
-            link.write(self._words.stop().data)
+            link.write(self._protocol.stop().data)
         except OSError:
             self.losses["stop at the end"] += 1
 
@@ -113,7 +125,7 @@ class PolledDrive(Drive):
     def _connect(self, t_s: float) -> None:
         if self._opening is None:
             if t_s >= self._retry_s:
-                self._opening = Opening(self._link_params, self._words.baud)
+                self._opening = Opening(self._link_params, self._protocol.baud)
             return
         try:
             link = self._opening.result()
@@ -126,7 +138,7 @@ class PolledDrive(Drive):
         self._opening, self._link, self._pending = None, link, None
         self._buffer.clear()
         self._stop_first()
-        self._queue = deque(self._words.greeting())
+        self._queue = deque(self._protocol.greeting())
         self._known_s, self._also_s, self._asked_s = t_s, t_s, math.inf
         self._poll_s = t_s - self._timing.poll_period_s
 
@@ -157,12 +169,12 @@ class PolledDrive(Drive):
 
     def _exchange(self, link: Link, t_s: float) -> None:
         self._buffer += link.read()
-        for answer in self._words.take(self._buffer):
+        for answer in self._protocol.take(self._buffer):
             self._take(answer, t_s)
         if self._pending is not None and t_s - self._pending[1] > self._timing.answer_s:
             self.losses[f"answer to {self._pending[0].name}"] += 1
             self._pending = None
-        # From its first request on: a tick that came late is no silence of the device.
+        # From its first request on: a tick that came late is not silence of the device.
         if t_s - max(self._known_s, self._asked_s - self._timing.poll_period_s) > self._timing.lost_s:
             refused = f", last answer: {self._refused}" if self._refused else ""
             self._lose(t_s, f"no position for {t_s - self._known_s:.1f} s{refused}")
@@ -188,20 +200,20 @@ class PolledDrive(Drive):
         """Return what is to be sent now: a stop before a set point before what is only read."""
         if self._stop_due:
             self._stop_due, self._stop_s = False, t_s
-            return self._words.stop()
+            return self._protocol.stop()
         # A controller may need its greeting's answer to understand the set point.
         if self._queue:
             return self._queue.popleft()
         if self._set_point is not None and self._reading is not None:
             angles, self._set_point = self._set_point, None
-            return self._words.go_to(*(math.degrees(angle) for angle in angles))
+            return self._protocol.go_to(*(math.degrees(angle) for angle in angles))
         if t_s - self._poll_s >= self._timing.poll_period_s - 1e-6:
             self._poll_s = t_s
             self._asked_s = min(self._asked_s, t_s)
             if t_s - self._also_s >= ALSO_S:
                 self._also_s = t_s
-                self._queue.extend(self._words.also())
-            return self._words.ask()
+                self._queue.extend(self._protocol.also())
+            return self._protocol.ask()
         return None
 
     def _take(self, answer: Answer, t_s: float) -> None:
@@ -238,7 +250,7 @@ class PolledDrive(Drive):
             status=self._refused,
         )
         self.problem, self._wait_s = "", self._timing.first_retry_s
-        if self._words.resolution_deg != self._resolution_deg:
+        if self._protocol.resolution_deg != self._resolution_deg:
             self._state_capabilities(self.capabilities.travel_rad)
         if self._stopped and before is not None and t_s - self._stop_s > STOP_AGAIN_S:
             steps = zip(self._reading.position_rad, before.position_rad, self.capabilities.resolution_rad, strict=True)

@@ -14,7 +14,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-Pair = tuple[float, float]
+from rf_pointing.core.types import Pair
+
 POSITION, DONE, REFUSED, LIMITS, ALARM, STATUS, NOISE = (
     "position", "done", "refused", "limits", "alarm", "status", "noise",
 )  # fmt: skip
@@ -41,7 +42,7 @@ class Answer:
     angles_deg: tuple[float, ...] = ()
 
 
-class Words:
+class DeviceProtocol:
     """The words of one kind of controller; a subclass gives the requests and reads the answers."""
 
     name = ""
@@ -100,7 +101,7 @@ def _noise(text: bytes) -> Answer:
 
 
 LIMIT_NAMES = ("Minimum Azimuth", "Maximum Azimuth", "Minimum Elevation", "Maximum Elevation")
-"""What rotctld calls the ends of the travel in its extended form."""
+"""Names of the ends of the travel in rotctld's extended form."""
 RPRT_ERRORS = {
     -1: "invalid parameter",
     -2: "invalid configuration",
@@ -114,7 +115,7 @@ RPRT_ERRORS = {
 """Codes of rotctld and what they mean, for its client here and for its server."""
 
 
-class HamlibWords(Words):
+class HamlibProtocol(DeviceProtocol):
     """Hamlib's rotctld; every line of its extended protocol names what it is."""
 
     name = "rotctld"
@@ -165,7 +166,7 @@ class HamlibWords(Words):
             yield Answer(DONE, block)
 
 
-class Gs232Words(Words):
+class Gs232Protocol(DeviceProtocol):
     """Yaesu GS-232A and GS-232B and what copies them; whole degrees, three digits."""
 
     name = "GS-232"
@@ -192,7 +193,7 @@ class Gs232Words(Words):
             yield _noise(line)
 
 
-class EasycommWords(Words):
+class EasycommProtocol(DeviceProtocol):
     """Easycomm II; III adds the error register."""
 
     name = "Easycomm"
@@ -228,7 +229,7 @@ class EasycommWords(Words):
             yield _noise(line)
 
 
-class SpidWords(Words):
+class SpidProtocol(DeviceProtocol):
     """SPID Rot1Prog (azimuth alone), Rot2Prog and MD-01, which answers set points too."""
 
     _STATUS, _STOP, _SET = 0x1F, 0x0F, 0x2F
@@ -301,12 +302,12 @@ class SpidWords(Words):
         return bytes([cls.START, *first, pulses[0], *second, pulses[1], command, cls.END])
 
 
-def _easycomm(model: str) -> Words:
-    return EasycommWords(int(_dialect("easycomm", model or "2", ("2", "3"))))
+def _easycomm(model: str) -> DeviceProtocol:
+    return EasycommProtocol(int(_dialect("easycomm", model or "2", ("2", "3"))))
 
 
-def _spid(model: str) -> Words:
-    return SpidWords(_dialect("spid", model or "rot2", ("rot1", "rot2", "md01")))
+def _spid(model: str) -> DeviceProtocol:
+    return SpidProtocol(_dialect("spid", model or "rot2", ("rot1", "rot2", "md01")))
 
 
 def _dialect(type_: str, model: str, known: tuple[str, ...]) -> str:
@@ -315,9 +316,9 @@ def _dialect(type_: str, model: str, known: tuple[str, ...]) -> str:
     return model
 
 
-WORDS: dict[str, Callable[[str], Words]] = {
-    "hamlib": lambda _: HamlibWords(),
-    "gs232": lambda _: Gs232Words(),
+PROTOCOLS: dict[str, Callable[[str], DeviceProtocol]] = {
+    "hamlib": lambda _: HamlibProtocol(),
+    "gs232": lambda _: Gs232Protocol(),
     "easycomm": _easycomm,
     "spid": _spid,
 }

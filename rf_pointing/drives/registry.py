@@ -10,10 +10,11 @@ A package of one's own registers a factory in its setup.cfg, which takes `DriveP
 import math
 from importlib.metadata import entry_points
 
-from rf_pointing.drives.drive import Drive, Pair
+from rf_pointing.core.types import Pair
+from rf_pointing.drives.drive import Drive
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.polled import PolledDrive
-from rf_pointing.drives.protocols import WORDS
+from rf_pointing.drives.protocols import PROTOCOLS
 from rf_pointing.drives.simulated_rotator import SimulatedRotator
 
 ENTRY_POINTS = "rf_pointing.drives"
@@ -24,19 +25,19 @@ SIMULATED = ("simulated", SIMULATED_ROTATOR)
 
 def known_types() -> list[str]:
     """Return the names of the drives that `make_drive` can make here."""
-    return [SIMULATED_ROTATOR, *WORDS, *(point.name for point in entry_points(group=ENTRY_POINTS))]
+    return [SIMULATED_ROTATOR, *PROTOCOLS, *(point.name for point in entry_points(group=ENTRY_POINTS))]
 
 
 def takes_positions(kind: str) -> bool:
     """Whether a drive of this package takes positions; one of an entry point says so itself."""
-    return kind == SIMULATED_ROTATOR or kind in WORDS
+    return kind == SIMULATED_ROTATOR or kind in PROTOCOLS
 
 
 def simulated(params: DriveParams) -> DriveParams:
     """Return the drive of a simulation of the antenna: no simulation connects to a device."""
-    if params.type not in WORDS:
+    if params.type not in PROTOCOLS:
         return params if params.type == SIMULATED_ROTATOR else params.replace(type="simulated")
-    protocol = tuple(math.radians(step) for step in WORDS[params.type](params.model).resolution_deg)
+    protocol = tuple(math.radians(step) for step in PROTOCOLS[params.type](params.model).resolution_deg)
     steps = tuple(own or theirs for own, theirs in zip(params.rotator.resolution_rad, protocol, strict=True))
     return params.replace(type=SIMULATED_ROTATOR, rotator=params.rotator.replace(resolution_rad=steps))
 
@@ -51,8 +52,8 @@ def make_drive(params: DriveParams, start_rad: Pair = (0.0, 0.0)) -> Drive:
     """
     if params.type == SIMULATED_ROTATOR:
         return SimulatedRotator(params, start_rad)
-    if params.type in WORDS:
-        return PolledDrive(WORDS[params.type](params.model), params)
+    if params.type in PROTOCOLS:
+        return PolledDrive(PROTOCOLS[params.type](params.model), params)
     for point in entry_points(group=ENTRY_POINTS, name=params.type):
         factory = point.load()
         made: Drive = factory(params)

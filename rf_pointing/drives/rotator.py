@@ -20,10 +20,10 @@ from collections import deque
 from dataclasses import dataclass
 
 from rf_pointing.core import Motion, nearest_turn_rad
-from rf_pointing.drives.drive import Drive, DriveReading, Pair
+from rf_pointing.core.types import TURN, Pair
+from rf_pointing.drives.drive import Drive, DriveReading
 from rf_pointing.drives.params import RotatorParams
 
-TURN = 2.0 * math.pi
 RATE_WINDOW_S = 1.0
 """Time over which the rate of a device without tachometers is measured, at least two readings."""
 LONGEST_LATENCY_S = 3.0
@@ -38,7 +38,7 @@ SAME_RAD = 1e-9
 
 @dataclass(slots=True)
 class MoveCounts:
-    """What a relay has done (azimuth, elevation): set points sent, starts, changes of direction."""
+    """Counts of a relay (azimuth, elevation): set points sent, starts, changes of direction."""
 
     commands: int = 0
     starts: tuple[int, int] = (0, 0)
@@ -118,7 +118,7 @@ class Rotator:
 
     @property
     def rate_rad_s(self) -> Pair:
-        """Rates over the last second; changes of a single step are no motion."""
+        """Rates over the last second; changes of a single step are not motion."""
         if self.reading is not None and self.reading.rate_rad_s is not None:
             return self.reading.rate_rad_s
         if len(self._history) < 2:
@@ -265,7 +265,7 @@ class Rotator:
         if back:
             enough = half + self.params.dead_band_rad[axis]
         if slow and (back or state.direction == 0.0):
-            # The noise of a tracking loop is no motion: a motion lasts.
+            # The noise of a tracking loop is not motion: a motion lasts.
             if abs(off) < half - SAME_RAD:
                 state.back_since_s = None
                 return None

@@ -23,7 +23,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.drives.protocols import LIMIT_NAMES, LONGEST_LINE, Pair
+from rf_pointing.core.types import Pair
+from rf_pointing.drives.protocols import LIMIT_NAMES, LONGEST_LINE
 
 INVALID, NOT_IMPLEMENTED, TIMED_OUT, IO_ERROR, REJECTED = -1, -4, -5, -6, -9
 """Codes of `RPRT_ERRORS` that this side gives."""
@@ -137,7 +138,7 @@ def _order(line: bytes) -> Order | None:
     if not text or text.startswith("#"):
         return None
     if not text.isascii() or not text.isprintable():
-        return Order("", code=INVALID, reason="a line holds bytes that are no text")
+        return Order("", code=INVALID, reason="a line holds bytes that are not text")
     separator = {"+": "\n", ";": ";", "|": "|", ",": ","}.get(text[0], "")
     word, *arguments = text[1 if separator else 0 :].split() or [""]
     if word.startswith("\\"):
@@ -145,7 +146,7 @@ def _order(line: bytes) -> Order | None:
     elif len(word) == 1:
         name, count = _COMMANDS.get(word, (word, None))
     else:
-        return Order("", separator=separator, code=INVALID, reason=f"{_shown(word)} is no command")
+        return Order("", separator=separator, code=INVALID, reason=f"{_shown(word)} is not a command")
     written = " ".join(arguments)
     if count is None:
         reason = f"command {_shown(name)} is not known"
@@ -163,13 +164,13 @@ def _order(line: bytes) -> Order | None:
 
 
 def _angles(arguments: list[str]) -> tuple[str, tuple[float, ...]]:
-    """Return why the arguments are no direction ("" if they are one), and the angles in deg."""
+    """Return why the arguments are not a direction ("" if they are one), and the angles in deg."""
     values = []
     bounds = (("azimuth", AZIMUTH_DEG), ("elevation", ELEVATION_DEG))
     for text, (name, (low, high)) in zip(arguments, bounds, strict=True):
         # float() reads "nan", "inf" and "1_0", too.
         if not _NUMBER.fullmatch(text):
-            return f"{name} {_shown(text)} is no number", ()
+            return f"{name} {_shown(text)} is not a number", ()
         value = float(text)
         if not low <= value <= high:
             return f"{name} {_shown(text)} must be {low:g} to {high:g} deg", ()
@@ -183,7 +184,7 @@ def _shown(text: str) -> str:
 
 @dataclass(slots=True)
 class StationView:
-    """What clients may read; the station replaces the values as it learns them.
+    """Values that clients may read; the station replaces the values as it learns them.
 
     `position_deg` is the direction of the beam on any turn and either side of the zenith, None
     while it is not known.
@@ -260,7 +261,7 @@ class Inquiry:
 
 @dataclass(slots=True)
 class ServerCounts:
-    """What has happened at the port since it was opened."""
+    """Counts of the port since it was opened."""
 
     clients: int = 0
     refused_clients: int = 0

@@ -6,7 +6,8 @@
 import math
 from collections import Counter, deque
 
-from rf_pointing.drives.drive import POSITION, Capabilities, Drive, DriveReading, Pair
+from rf_pointing.core.types import Pair
+from rf_pointing.drives.drive import POSITION, Capabilities, Drive, DriveReading
 from rf_pointing.drives.params import DriveParams, RotatorParams
 
 

@@ -21,6 +21,7 @@ from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.roots import roots_between
+from rf_pointing.core.types import Array, BoolArray
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.grid_passes import MARGIN, GridPasses, SampledSky, passes_on_grid
@@ -31,8 +32,6 @@ from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.state_vector import StateVector
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, leap_seconds
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 _CIRCULAR_STEP_RAD, _ECCENTRIC_STEP_RAD = 0.45, 0.25
 # Largest eccentricity of the long step: the series of an eccentric orbit around its perigee
 # converges slower.
@@ -141,7 +140,7 @@ class CatalogueSky:
         self._site, self._orientation = site, IersEarthOrientation()
         self._records = [_record(one, t_s) for one in self.elements]
 
-    def directions(self, t_s: Array, rows: Sequence[int] | None = None) -> tuple[Array, Flags]:
+    def directions(self, t_s: Array, rows: Sequence[int] | None = None) -> tuple[Array, BoolArray]:
         """Return unit vectors (objects, times, 3) east, north, up, and which objects are known."""
         records = self._records if rows is None else [self._records[row] for row in rows]
         if not records:

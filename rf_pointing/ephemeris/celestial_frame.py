@@ -12,14 +12,12 @@ from typing import Any
 
 import erfa
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core.dates import DAY_S
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, dot, turned_about_z
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, TT_MINUS_TAI_S, leap_seconds
-
-Array = NDArray[np.float64]
 
 # Rate of the Earth rotation angle per second of UT1 (IERS Conventions 2010, equation 5.15).
 EARTH_RATE_RAD_S = 1.00273781191135448 * 2.0 * math.pi / DAY_S

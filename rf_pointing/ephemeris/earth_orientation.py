@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core.dates import DAY_S, utc_text
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.time_scales import leap_seconds
-
-Array = NDArray[np.float64]
 
 _ARCSEC = math.radians(1.0 / 3600.0)
 _MJD_OF_POSIX_EPOCH = 40587
@@ -40,7 +39,7 @@ PREDICTED_DAYS = 1000
 _LATEST_DAYS = 20 * 365
 _RATE_DAYS, _POLE_DAYS, _POLE_MEMORY_DAYS = 90, 6 * 365, 60.0
 _POLE_PERIODS_DAYS = (365.2422, 433.0)
-# Of fixed values: UT1 - UTC stays within 0.9 s of zero, the pole within 10 m of its mean.
+# Sigmas of fixed values: UT1 - UTC stays within 0.9 s of zero, the pole within 10 m of its mean.
 _FIXED_SIGMAS = 0.5, 0.18 * _ARCSEC
 
 

@@ -41,7 +41,7 @@ def kept_file(address: str, folder: Path) -> Path:
 
 
 def element_files(location: str) -> list[Path]:
-    """Return the files behind a file, folder or address; ValueError when there is none."""
+    """Return the files behind a file, folder or address; ValueError without one."""
     if is_address(location):
         kept = kept_file(location, cache_folder())
         if not kept.is_file():
@@ -61,7 +61,7 @@ def element_files(location: str) -> list[Path]:
 
 
 def version_of(location: str) -> tuple[tuple[str, int, int], ...]:
-    """Return what changes when the elements at `location` do, empty while there are none."""
+    """Return what changes when the elements at `location` do, empty while it has no elements."""
     try:
         status = [(str(path), path.stat()) for path in element_files(location)] if location else []
     except (ValueError, OSError):

@@ -51,7 +51,7 @@ _TURN_DEG = (-360.0, 360.0)
 
 def read_elements(text: str) -> list[Elements]:
     """Return all elements in TLE, 3LE or OMM (JSON, XML, CSV, KVN) text; none is an error."""
-    # Windows editors put a byte order mark in front, which is no blank.
+    # Windows editors put a byte order mark in front, which is not a blank.
     content = text.removeprefix("\ufeff").strip()
     found = _reader(content)(content)
     if not found:

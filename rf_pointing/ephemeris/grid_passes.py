@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core.roots import roots_between
+from rf_pointing.core.types import Array, BoolArray
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 _TOLERANCE_S = 1e-3
 _COARSE_S = 60.0
@@ -116,11 +115,11 @@ class GridPasses(NamedTuple):
     aos_s: Array
     tca_s: Array
     los_s: Array
-    rises_before: Flags
-    sets_after: Flags
+    rises_before: BoolArray
+    sets_after: BoolArray
 
 
-def passes_on_grid(sky: SampledSky, searched: Flags, duration_s: float, sine_mask: float) -> GridPasses:
+def passes_on_grid(sky: SampledSky, searched: BoolArray, duration_s: float, sine_mask: float) -> GridPasses:
     """Return the stays above the mask of the `searched` objects in `duration_s` from the start."""
     sines = sky.sines
     end_s = sky.start_s + duration_s
@@ -141,7 +140,7 @@ def passes_on_grid(sky: SampledSky, searched: Flags, duration_s: float, sine_mas
 
 
 def _turning_points(
-    sky: SampledSky, sines: Array, searched: Flags, end_s: float, sine_mask: float, sign: float
+    sky: SampledSky, sines: Array, searched: BoolArray, end_s: float, sine_mask: float, sign: float
 ) -> tuple[Index, Array]:
     """Return rows and times of maxima (sign 1) or minima (-1) that may cross the mask."""
     inside = slice(MARGIN, sines.shape[1] - MARGIN)
@@ -163,18 +162,18 @@ def _turning_points(
     return row, _or_end(sky, row, sky.turning_times(row, low_s, high_s, sign), end_s, sign)
 
 
-def _turning_nodes(values: Array, *, ends: bool) -> Flags:
+def _turning_nodes(values: Array, *, ends: bool) -> BoolArray:
     """Return which columns are higher than their neighbours; the `ends` need only one lower."""
     here = values[:, MARGIN : values.shape[1] - MARGIN]
     left, right = values[:, MARGIN - 1 : -MARGIN - 1], values[:, MARGIN + 1 : values.shape[1] - MARGIN + 1]
-    turning: Flags = (here >= left) & (here > right)
+    turning: BoolArray = (here >= left) & (here > right)
     if ends:
         turning[:, 0] |= here[:, 0] > right[:, 0]
         turning[:, -1] |= here[:, -1] >= left[:, -1]
     return turning
 
 
-def _may_reach(sky: SampledSky, row: Index, t_s: Array, moved_m: Array, sine_mask: float, sign: float) -> Flags:
+def _may_reach(sky: SampledSky, row: Index, t_s: Array, moved_m: Array, sine_mask: float, sign: float) -> BoolArray:
     """Return whether the elevation can cross the mask within `moved_m` of motion."""
     position = sky.position_m(row, t_s)
     distance = np.sqrt(np.einsum("nc,nc->n", position, position))
@@ -213,7 +212,7 @@ def _bracket_nodes(sky: SampledSky, sines: Array, row: Index, tca_s: Array, sine
 
 def _crossings(
     sky: SampledSky, row: Index, outside_s: Array, tca_s: Array, sine_mask: float, end_s: float
-) -> tuple[Array, Flags]:
+) -> tuple[Array, BoolArray]:
     """Return where each object crosses the mask on the way to its peak, or where it is cut off."""
     cut = ~np.isfinite(outside_s)
     crossing = np.full(len(row), end_s)

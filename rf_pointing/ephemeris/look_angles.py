@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, combined, cross, dot, norm, root
 
 SENSES = {"receive": 1.0, "transmit": -1.0, "none": 0.0}
@@ -105,7 +105,6 @@ def _unit(r: Vector, v: Vector, a: Vector) -> tuple[Vector, Vector, Vector]:
     return unit, unit1, combined((inverse, a), (2.0 * inverse1, v), (inverse2, r))
 
 
-Array = NDArray[np.float64]
 # Azimuth is undefined at the zenith; a millimetre added in quadrature keeps its rates finite.
 _LEAST_HORIZONTAL_M = 1e-3
 

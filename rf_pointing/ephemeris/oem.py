@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 
 import erfa
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import require_choice
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.core.dates import DAY_S, from_utc_text, to_utc_text, utc_text
 from rf_pointing.core.kvn import key_and_value
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
@@ -37,8 +37,6 @@ from rf_pointing.ephemeris.time_scales import (
 )
 from rf_pointing.ephemeris.track import TargetSource
 
-Array = NDArray[np.float64]
-
 METHODS = ("HERMITE", "LAGRANGE", "LINEAR")
 _SCALES = ("UTC", "TAI", "TT", "GPS", "TDB")
 _REQUIRED = ("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME")
@@ -51,8 +49,7 @@ _MAX_DEGREE = 15
 _LEAST_DEGREE = {"HERMITE": 3, "LAGRANGE": 1, "LINEAR": 1}
 # Twice as far as the Earth holds a satellite; states in metres taken for km would lie beyond it.
 _FARTHEST_M = 3e9
-# Speeds over that of escape which are no satellite's, with room for what turning axes add to
-# them.
+# No satellite moves at so many times the speed of escape; turning axes may add to it.
 _FASTEST_ESCAPES = 3.0
 
 
@@ -125,7 +122,7 @@ def oem_text(
         For a body of the sky, and for times that the target does not know.
     """
     if target.at_infinity or target.name.casefold() in ("sun", "moon"):
-        raise ValueError(f"{target.name} is no satellite: an OEM holds the states of an orbit")
+        raise ValueError(f"{target.name} is not a satellite: an OEM holds the states of an orbit")
     count = max(math.ceil((end_t_s - start_t_s) / WRITTEN_STEP_S), 1) + 1
     times = np.round(np.linspace(start_t_s, end_t_s, count), 6)
     inertial = target.motion_at(times)
@@ -209,7 +206,7 @@ def _tai_of_line(state: _State, scale: str) -> float:
 
 
 def _require_near_the_earth(states: list[_State], values: Array) -> None:
-    """Refuse states that are no satellite's: those of another unit than km and km/s."""
+    """Refuse states that no satellite has: they are not in km and km/s."""
     distance, speed = (np.linalg.norm(part, axis=1) for part in (values[:, :3], values[:, 3:]))
     # States in ITRF carry the turning of the axes in their velocity.
     turning = EARTH_RATE_RAD_S * distance

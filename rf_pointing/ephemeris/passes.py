@@ -12,19 +12,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import require_between
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.roots import roots_between
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.look_angles import LookAngles
 from rf_pointing.ephemeris.track import TopocentricTrack
 
-Array = NDArray[np.float64]
 # Lowest elevation (n,) at azimuths (n,) on any turn.
 Horizon = Callable[[Array], Array]
 
-# A stay of less than 30 s between two turning points is no pass anyone would track.
+# A stay of less than 30 s between two turning points is not a pass that anyone would track.
 _STEP_S = 30.0
 _TIME_TOLERANCE_S = 1e-4
 _PROFILE_STEP_S = 1.0

@@ -66,8 +66,8 @@ def orbital_axes(motion: StateVector) -> tuple[Vector, Vector, Vector]:
     """Return the axes of F_o in the components of an inertial motion."""
     momentum = cross(motion.position, motion.velocity)
     down = combined((-1.0 / norm(motion.position), motion.position))
-    against = combined((-1.0 / norm(momentum), momentum))
-    return cross(against, down), against, down
+    opposite = combined((-1.0 / norm(momentum), momentum))
+    return cross(opposite, down), opposite, down
 
 
 def orbital_rate_rad_s(motion: StateVector) -> Vector:

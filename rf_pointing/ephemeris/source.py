@@ -143,7 +143,7 @@ def first_time_s(params: SourceParams) -> float:
 
 @dataclass(frozen=True)
 class SourceContents:
-    """What a file or the files of a folder hold, by the name of the file or folder."""
+    """Elements of a file or of the files of a folder, by the name of the file or folder."""
 
     name: str
     elements: list[Elements]

@@ -34,7 +34,7 @@ class TargetSource(Protocol):
 
     @property
     def orientation(self) -> EarthOrientationSource | None:
-        """What turned the motion into Earth-fixed axes, None for one that is given in them."""
+        """Orientation by which motion became Earth-fixed, None if it was given in them."""
 
     @property
     def spans_t_s(self) -> tuple[tuple[float, float], ...]:
@@ -188,7 +188,7 @@ class TopocentricTrack:
 
     def _look(self, t_s: Any) -> dict[str, Any]:
         """Return the fields of `LookAngles` at `t_s`, floats or arrays like it."""
-        # Of the shape of the times, float or array.
+        # Zero in the shape of the times, float or array.
         still = 0.0 * t_s
         at_s = t_s if self.hold_t_s is None else still + self.hold_t_s
         enu, range_m, range_rate_m_s = self.relative_motion_at(at_s)

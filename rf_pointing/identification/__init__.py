@@ -1,20 +1,17 @@
-"""What the antenna is like, from its own motion: excitation, OKID/ERA, reduction, validation."""
+"""Models of the antenna from its own motion: excitation, OKID/ERA, reduction, validation."""
 
-from rf_pointing.identification.experiment import ExcitationParams, IdentificationExperiment, Recording, SampleCollector
-from rf_pointing.identification.model import StateSpace, modes_of
-from rf_pointing.identification.study import STRAIGHT, CrossCheck, ResponseStudy, StraightCheck, save_models, study
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "STRAIGHT",
-    "CrossCheck",
-    "ExcitationParams",
-    "IdentificationExperiment",
-    "Recording",
-    "ResponseStudy",
-    "SampleCollector",
-    "StateSpace",
-    "StraightCheck",
-    "modes_of",
-    "save_models",
-    "study",
-]
+from rf_pointing.core.lazy import lazily
+
+if TYPE_CHECKING:
+    from rf_pointing.identification.experiment import (
+        ExcitationParams,
+        IdentificationExperiment,
+        Recording,
+        SampleCollector,
+    )
+    from rf_pointing.identification.model import StateSpace, modes_of
+    from rf_pointing.identification.study import STRAIGHT, CrossCheck, ResponseStudy, StraightCheck, save_models
+
+__getattr__ = lazily(__name__, __file__)

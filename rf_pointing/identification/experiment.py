@@ -18,11 +18,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import AXES, Params, as_finite_array, parameter, require_between, require_choice
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,14 +13,12 @@ zero).
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import Params, parameter, require_between
+from rf_pointing.core.types import Array, ComplexArray
 from rf_pointing.identification.model import StateSpace
 from rf_pointing.identification.realization import balanced_reduction, observer_markov, realize, system_markov
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,13 +78,13 @@ def restore_integrator(model: PoleResidue, below_hz: float = 0.03) -> PoleResidu
 def refit_residues(model: PoleResidue, inputs: ArrayLike, outputs: ArrayLike) -> PoleResidue:
     """Return the model with residues and direct term fitted to sequences (sequences, samples).
 
-    Each sequence has its own start of every mode, which is no part of the model.  High-pass both
+    Each sequence has its own start of every mode, which is not part of the model.  High-pass both
     sides first: the integrated wind and an unmeasured small rate at the input would otherwise set
     the gain of the integrator.
     """
     u, y = np.atleast_2d(inputs).astype(np.float64), np.atleast_2d(outputs).astype(np.float64)
     # Every sequence has the same length, hence the same free motions.  They are projected out:
-    # their weights are no part of the model.
+    # their weights are not part of the model.
     free = np.linalg.qr(_free_motions(model, u.shape[1]))[0]
     unknowns = len(model.poles) + 1
     normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
@@ -188,7 +186,7 @@ def identify(inputs: ArrayLike, outputs: ArrayLike, sample_s: float, params: Ide
     if params.high_pass_hz > 0.0:
         u, y = (high_pass(data, sample_s, params.high_pass_hz, params.settle_s) for data in (inputs, outputs))
     else:
-        # A drift of the integrator from wind is no response to the input.
+        # A drift of the integrator from wind is not a response to the input.
         u, y = (scipy.signal.detrend(np.atleast_2d(data), axis=1) for data in (inputs, outputs))
     observer = observer_markov(u, y, params.observer_order)
     markov = system_markov(observer, params.markov_count)

@@ -18,13 +18,13 @@ kept, and joined again, so only the stable part is reduced.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import require_between
+from rf_pointing.core.types import Array
 from rf_pointing.identification.model import StateSpace
 
-Array = NDArray[np.float64]
-# Of the largest singular value: rounding leaves up to 1e-14 of an exact zero.
+# Share of the largest singular value that counts as zero: rounding leaves up to 1e-14.
 RANK_TOLERANCE = 1e-12
 
 
@@ -53,9 +53,9 @@ def observer_markov(inputs: ArrayLike, outputs: ArrayLike, order: int) -> Observ
         raise ValueError(f"inputs have rms {scale_u} and outputs {scale_y}: both must be > 0")
     rows = np.vstack([_regressors(a / scale_u, b / scale_y, order) for a, b in zip(u, y, strict=True)])
     target = np.concatenate([b[order:] for b in y]) / scale_y
-    # The triangle carries the whole least-squares problem in as many rows as unknowns.
-    triangle: Array = np.asarray(np.linalg.qr(np.column_stack([rows, target]), mode="r"))
-    solution, _, rank, singular = np.linalg.lstsq(triangle[:-1, :-1], triangle[:-1, -1], rcond=1e-13)
+    # The triangular factor carries the whole least-squares problem in as many rows as unknowns.
+    reduced: Array = np.asarray(np.linalg.qr(np.column_stack([rows, target]), mode="r"))
+    solution, _, rank, singular = np.linalg.lstsq(reduced[:-1, :-1], reduced[:-1, -1], rcond=1e-13)
     if rank < rows.shape[1]:
         raise ValueError(f"order={order} needs {rows.shape[1]} independent regressors, the data excite {rank}")
     ratio = scale_y / scale_u
@@ -119,7 +119,7 @@ def realize(markov: Array, order: int, sample_s: float) -> Realization:
 
 
 _EDGE = 1e-9
-# Of the largest Hankel singular value: roots of Gramians have the root of their rounding, 1.5e-8.
+# Share of the largest Hankel singular value: roots of Gramians keep 1.5e-8 of rounding.
 _REDUCED_RANK_TOLERANCE = 1e-7
 
 

@@ -16,15 +16,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import require_between
 from rf_pointing.identification.experiment import Recording
 from rf_pointing.identification.identify import IdentificationParams, Identified, identify
 from rf_pointing.identification.model import StateSpace
 from rf_pointing.identification.spectra import FrequencyResponse, frequency_response
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,67 +10,30 @@ runs in the shadow, and it is accepted only if it was better there (shadow.accep
 Parameters: calibrator.* (models, station, band, spacing and noise of the observations), shadow.*
 (when a verdict is given, and which one is needed), orbit.* (errors of the reference orbit that the
 fit estimates with every pass).
-
-With `calibrator.folder` every observation is on the disk before the next one is taken, one file and
-one set of models for each station and band: a killed node continues where it was.
 """
 
-from dataclasses import dataclass
+import time
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rf_pointing_msgs.action import FitModel, RunCampaign
-from rf_pointing_msgs.msg import PointingError, PointingModel, Target, TrackingStatus
+from rclpy.action import ActionClient, ActionServer, GoalResponse
+from rf_pointing_msgs.action import FitModel, RunCampaign, TrackPass
+from rf_pointing_msgs.msg import Pass, PointingError, PointingModel, Target, TrackingStatus
+from rf_pointing_msgs.srv import SelectTarget
 from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import Trigger
 
-from rf_pointing import __version__, calibration
-from rf_pointing.calibration import ModelVersion, ObservationJournal, PassPriors, SectorRule, ShadowRules
-from rf_pointing.core import MDEG, Params, parameter
-from rf_pointing.ros import convert, convert_calibration
-from rf_pointing.ros.campaign_runner import CampaignRunner
-from rf_pointing.ros.diagnostics import OK, WARN, Health
+from rf_pointing.calibration import AcceptanceRules
+from rf_pointing.ros import convert
+from rf_pointing.ros.convert_calibration import fit_to_result, model_to_message, no_model_to_message
 from rf_pointing.ros.graph import TEMPERATURE
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import RESULT_TIMEOUT_S, conclude
+from rf_pointing.ros.one_goal import OneGoal
 from rf_pointing.ros.qos import LATCHED, STREAM
-from rf_pointing.ros.stamps import stamp_from_seconds
+from rf_pointing.ros.repeated_call import RepeatedCall
+from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.station_node import StationNode
-from rf_pointing.station.campaign.log import CalibrationLog
-from rf_pointing.station.campaign.model_keeper import ModelKeeper, campaign_folder
-
-SECTORS = SectorRule()
-CAMPAIGN_TURN_S = 0.02
-
-
-@dataclass(frozen=True, kw_only=True)
-class CalibratorParams(Params):
-    """Where the models live and how observations are taken."""
-
-    folder: str = parameter("", "folder of models and observations; empty: none are kept after the node ends")
-    keep_observations: bool = parameter(True, "whether observations are kept in the folder as well")
-    model_file: str = parameter("", "model in force before one is accepted; empty: no correction")
-    station: str = parameter("Goldstone DSS-13", "station that the model must belong to")
-    band: str = parameter("X", "band that the model must belong to")
-    spacing_s: float = parameter(1.0, "time between two observations", low=0.1, high=600.0)
-    scan_spacing_s: float = parameter(
-        8.0, "the same while the beam scans: estimates from the same window differ little", low=0.1, high=600.0
-    )
-    sigma_rad: float = parameter(
-        2.0 * MDEG, "standard deviation of one observation on the sky, added to the sensor's own", low=1e-7, high=0.01
-    )
-    largest_error_rad: float = parameter(
-        6.0 * MDEG, "sensed error above which nothing is observed: a tenth of a beamwidth", low=1e-7, high=0.1
-    )
-    settle_s: float = parameter(
-        0.0, "time with a valid sensor before the first observation of a pass", low=0.0, high=600.0
-    )
-
-
-def journal_of(folder: str, station: str, band: str) -> ObservationJournal:
-    """Return the observations that are kept in `folder` for a station and band."""
-    # One journal for each of them: a fit of mixed observations would be of no antenna.
-    return ObservationJournal(campaign_folder(folder, station, band) / "observations.csv", station, band)
+from rf_pointing.station.campaign.calibrator import ORBIT, Calibrator, CalibratorParams, Campaign
 
 
 class BiasCalibrator(StationNode):
@@ -79,192 +42,102 @@ class BiasCalibrator(StationNode):
     def __init__(self) -> None:
         super().__init__("bias_calibrator")
         self.parameters.declare("calibrator", CalibratorParams())
-        self.parameters.declare("shadow", ShadowRules(), live=True)
-        self.parameters.declare("orbit", PassPriors(along_track_m=100.0, cross_track_m=60.0, radial_m=30.0), live=True)
+        self.parameters.declare("shadow", AcceptanceRules(), live=True)
+        self.parameters.declare("orbit", ORBIT, live=True)
         self.parameters.on_change(self._retune)
-        self._keeper: ModelKeeper | None = None
-        self._log: CalibrationLog | None = None
-        self._campaign: Any = None
-        self._shown, self._reason = -1, ""
-        self._runner = CampaignRunner(self)
-        self._actions = [
-            ActionServer(
-                self, RunCampaign, "~/run_campaign", self._conclude, goal_callback=self._on_goal,
-                handle_accepted_callback=self._on_campaign, cancel_callback=self._on_cancel, result_timeout=RESULT_TIMEOUT_S,
-            ),
-            ActionServer(
-                self, FitModel, "~/fit_model", self._on_fit, goal_callback=self._on_fit_goal,
-                result_timeout=RESULT_TIMEOUT_S,
-            ),
-        ]  # fmt: skip
+        self.calibrator: Calibrator | None = None
+        self._campaign: Campaign | None = None
+        self._shown = -1
+        self._select = self.create_client(SelectTarget, "ephemeris_publisher/select_target")
+        self._track = ActionClient(self, TrackPass, "track_pass")
+        result = lambda refusal: RunCampaign.Result(**self.calibrator.outcome(self._campaign, refusal))  # noqa: E731
+        self._goal = OneGoal(self, RunCampaign, "~/run_campaign", self._begin, result, self._cancel)
+        self._fits = ActionServer(
+            self, FitModel, "~/fit_model", self._on_fit, result_timeout=RESULT_TIMEOUT_S,
+            goal_callback=lambda _: GoalResponse.ACCEPT if self.active else GoalResponse.REJECT,
+        )  # fmt: skip
 
     def configure(self) -> None:
-        params: CalibratorParams = self.parameters.value("calibrator")
-        start = calibration.read_model(params.model_file) if params.model_file else None
-        self._keeper = ModelKeeper(params.station, params.band, params.folder, start, self.parameters.value("shadow"))
-        journal = None
-        if params.folder and params.keep_observations:
-            journal = journal_of(params.folder, params.station, params.band)
-        self._log = CalibrationLog(
-            params.station, params.band, params.spacing_s, params.sigma_rad, scan_spacing_s=params.scan_spacing_s,
-            largest_error_rad=params.largest_error_rad, settle_s=params.settle_s, journal=journal,
-        )  # fmt: skip
+        self.calibrator = own = Calibrator(self.parameters.value("calibrator"), self.parameters.value("shadow"))
         self._models = self.stream(PointingModel, "pointing_model", LATCHED)
-        self.listen(Target, "target", lambda m: self._log.take_target(convert.target_from_message(m)), STREAM)
+        self.listen(Target, "target", lambda m: own.log.take_target(convert.target_from_message(m)), STREAM)
         self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         self.listen(PointingError, "pointing_error", self._on_error, STREAM)
-        status_of = convert.scan_centre_from_message
-        self.listen(TrackingStatus, "tracking_status", lambda m: self._log.take_status(*status_of(m)), STREAM)
-        self.serve_action(Trigger, "~/accept", self._accept)
-        self.serve_action(Trigger, "~/reject", lambda _: f"{self._keeper.reject()} is dropped")
-        self.serve_action(Trigger, "~/rollback", self._roll_back)
-        self.listen(Temperature, TEMPERATURE, self._on_temperature, STREAM)
-        self.diagnostics.add("model", self._health)
-
-    def _on_temperature(self, message: Temperature) -> None:
-        self._keeper.temperature_k = convert.temperature_from_message(message)
+        status = convert.scan_centre_from_message
+        self.listen(TrackingStatus, "tracking_status", lambda m: own.log.take_status(*status(m)), STREAM)
+        self.serve_action(Trigger, "~/accept", lambda _: self._publish(own.accept(self.now_s())))
+        self.serve_action(Trigger, "~/reject", lambda _: f"{own.keeper.reject()} is dropped")
+        self.serve_action(Trigger, "~/rollback", lambda _: self._publish(own.roll_back()))
+        kelvin = convert.temperature_from_message
+        self.listen(Temperature, TEMPERATURE, lambda m: setattr(own.keeper, "temperature_k", kelvin(m)), STREAM)
+        self.diagnostics.add_report("model", own.health)
 
     def activate(self) -> None:
-        self._keeper.begin(self.now_s())
-        self._publish()
+        self.calibrator.keeper.begin(self.now_s())
+        if self.calibrator.keeper.active is not None:
+            self._publish()
 
     def deactivate(self) -> None:
-        self._runner.cancel()
+        self._cancel()
         # The last chance for observations that the disk did not take before.
-        self._log.write_waiting()
+        self.calibrator.log.write_waiting()
 
     def turn(self) -> float:
         """Continue the campaign, and end its goal when it is over."""
-        if self._campaign is None:
+        if not self._goal.lasts:
             return super().turn()
-        self._runner.poll()
-        if len(self._log) != self._shown:
-            self._shown = len(self._log)
-            self._campaign.publish_feedback(self._progress())
-        if not self._runner.busy:
-            goal, self._campaign = self._campaign, None
-            goal.execute()
-        return CAMPAIGN_TURN_S
+        self._campaign.poll(time.monotonic())
+        if len(self.calibrator.log) != self._shown:
+            self._shown = len(self.calibrator.log)
+            self._goal.report(RunCampaign.Feedback(**self.calibrator.progress(self._campaign)))
+        if self._campaign.over:
+            self._goal.finish()
+        return 0.02
 
-    def _publish(self) -> None:
-        # Latched: a controller that starts later receives the model too.
-        file = self._keeper.active
-        if file is not None:
-            message = convert_calibration.model_to_message(file)
-            message.header.stamp = stamp_from_seconds(self.now_s())
-            self._models.publish(message)
+    def _publish(self, text: str = "") -> str:
+        """Publish the model in force, and return the answer to who has asked for it."""
+        file, station = self.calibrator.keeper.active, self.parameters.value("calibrator").station
+        message = no_model_to_message(station) if file is None else model_to_message(file)
+        message.header.stamp = stamp_from_seconds(self.now_s())
+        self._models.publish(message)
+        return text
 
     def _on_error(self, message: PointingError) -> None:
-        if not self.active:
-            return
-        error = convert.error_from_message(message)
-        # The encoders read next to the error's stamp, not the newest: at 1 deg/s a period is 100
-        # mdeg.
-        reading = self._joints.take(error.t_s)
-        if reading is not None:
-            self._log.take_joints(reading)
-        row = self._log.take_error(error)
-        if row is not None:
-            self._keeper.observe(row)
+        if self.active:
+            error = convert.error_from_message(message)
+            # Not the newest encoders: at 1 deg/s a period is 100 mdeg.
+            self.calibrator.take_error(error, self._joints.take(error.t_s))
 
-    # One campaign at a time: there is one antenna.
-    def _on_goal(self, _request: RunCampaign.Goal) -> GoalResponse:
-        return GoalResponse.ACCEPT if self.active and self._campaign is None else GoalResponse.REJECT
+    def _begin(self, request: RunCampaign.Goal) -> None:
+        if not self._select.service_is_ready() or not self._track.server_is_ready():
+            raise ValueError("ephemeris_publisher and pointing_controller must be running in this namespace")
+        log = self.calibrator.log
+        offer = lambda each, sensor: self._track.send_goal_async(TrackPass.Goal(target_pass=each, sensor=sensor))  # noqa: E731
+        self._campaign = Campaign(request.passes, request.sensor, log, self._call, offer)
+        if not request.resume:
+            log.begin_anew(f"{self.now_s():.0f}")
 
-    def _on_campaign(self, goal: Any) -> None:
-        self._reason = ""
-        try:
-            self._runner.start(goal.request.passes, goal.request.sensor, self._log)
-            if not goal.request.resume:
-                self._log.begin_anew(f"{self.now_s():.0f}")
-        except ValueError as error:
-            # Executed at once, so that the client receives the reason as a result: a rejection has
-            # no text.
-            self._reason = str(error)
-            goal.execute()
-            return
-        self._campaign = goal
+    def _call(self, wanted: Pass) -> RepeatedCall:
+        # A pass may rise two hours before the piece of it that is wanted.
+        start = stamp_from_seconds(seconds_from_stamp(wanted.aos) - 7200.0)
+        return RepeatedCall(self._select, SelectTarget.Request(target=wanted.target, start=start))
 
-    def _on_cancel(self, _goal: Any) -> CancelResponse:
-        self._runner.cancel()
-        return CancelResponse.ACCEPT
-
-    def _conclude(self, goal: Any) -> RunCampaign.Result:
-        runner, verdict = self._runner, self._keeper.verdict()
-        result = RunCampaign.Result(
-            observations=len(self._log),
-            sectors_filled=self._sectors_filled(),
-            message=self._reason,
-            verdict=verdict.word if verdict else "",
-        )
-        if not self._reason:
-            wanted = len(goal.request.passes)
-            result.passes_observed = runner.observed
-            result.success, result.fault = runner.observed == wanted and not runner.fault, runner.fault
-            stopped = (
-                [f"stopped by a fault in pass {runner.number} of {wanted}: {runner.fault}"] if runner.fault else []
-            )
-            lines = [f"{runner.observed} of {wanted} passes observed, {result.observations} observations"]
-            if verdict is not None:
-                lines.append(f"{self._keeper.candidate.name} is {self._keeper.verdict_text()}")
-            result.message = "; ".join([*stopped, *lines, *runner.failures])
-        return conclude(goal, result)
-
-    def _progress(self) -> RunCampaign.Feedback:
-        runner = self._runner
-        return RunCampaign.Feedback(
-            pass_number=runner.number, target=runner.target, observations=len(self._log),
-            sectors_filled=self._sectors_filled(), progress=(runner.number - 1) / max(runner.count, 1),
-        )  # fmt: skip
-
-    def _sectors_filled(self) -> int:
-        return SECTORS.count - len(self._log.coverage(SECTORS).thin)
-
-    def _on_fit_goal(self, _request: FitModel.Goal) -> GoalResponse:
-        return GoalResponse.ACCEPT if self.active else GoalResponse.REJECT
+    def _cancel(self) -> None:
+        if self._campaign is not None:
+            self._campaign.cancel()
 
     def _on_fit(self, goal: Any) -> FitModel.Result:
-        request, now_s = goal.request, self.now_s()
         goal.publish_feedback(FitModel.Feedback(stage="fit"))
+        terms, name, orbit = goal.request.terms, goal.request.name, self.parameters.value("orbit")
         try:
-            orbit = self.parameters.value("orbit")
-            fit = self._log.fit(self._keeper.model, terms=tuple(request.terms), pass_priors=orbit)
-            name = request.name or self._keeper.free_name(f"fit-{now_s:.0f}")
-            file = ModelVersion.from_fit(fit, name=name, software=f"rf_pointing {__version__}", created_t_s=now_s)
-            self._keeper.propose(file)
+            result = fit_to_result(*self.calibrator.fit(terms, name, orbit, self.now_s()))
         except ValueError as error:
-            goal.abort()
-            return FitModel.Result(message=str(error))
-        goal.succeed()
-        return convert_calibration.fit_to_result(fit, file, calibration.doubts_of(fit, self._log.observations()))
-
-    def _accept(self, _request: Trigger.Request) -> str:
-        verdict = self._keeper.verdict_text()
-        file = self._keeper.accept(self.now_s())
-        self._publish()
-        return f"{file.name} is in force; it was {verdict}"
-
-    def _roll_back(self, _request: Trigger.Request) -> str:
-        file = self._keeper.roll_back()
-        if file is None:
-            self._models.publish(convert_calibration.no_model_to_message(self.parameters.value("calibrator").station))
-        self._publish()
-        return f"{file.name if file else 'no model'} is in force again"
+            result = FitModel.Result(message=str(error))
+        return conclude(goal, result)
 
     def _retune(self) -> None:
-        if self._keeper is not None:
-            self._keeper.retune(self.parameters.value("shadow"))
-
-    def _health(self) -> Health:
-        keeper = self._keeper
-        values = {
-            "observations": len(self._log),
-            "candidate": keeper.candidate.name if keeper.candidate else "",
-            "shadow": keeper.verdict_text(),
-        }
-        missing = "" if keeper.active else "no model: commands are not corrected"
-        problems = "; ".join(filter(None, (self._log.problem, missing)))
-        return Health(WARN, problems, values) if problems else Health(OK, keeper.active.name, values)
+        if self.calibrator is not None:
+            self.calibrator.keeper.retune(self.parameters.value("shadow"))
 
 
 def main() -> None:

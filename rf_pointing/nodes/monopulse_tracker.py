@@ -6,27 +6,18 @@ Parameters: monopulse.*, calibration.*, calibration_file (empty: the ideal feed;
 configuration if it exists, written after every calibration scan).
 """
 
-from dataclasses import dataclass
-
 from rf_pointing_msgs.msg import Monopulse, PointingError, TrackingStatus
 from sensor_msgs.msg import JointState
 
-from rf_pointing.core import Params, parameter
 from rf_pointing.ros import convert
 from rf_pointing.ros.diagnostics import OK, WARN, Health
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.ros.streams import checked_message
+from rf_pointing.station.parameters import FileParams
 from rf_pointing.tracking import MonopulseParams, MonopulseScanParams
 from rf_pointing.tracking.cluster_tracker import ClusterTracker
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileParams(Params):
-    """Where the calibration is kept."""
-
-    calibration_file: str = parameter("", "file of the feed's calibration; empty: none")
 
 
 class MonopulseTrackerNode(StationNode):

@@ -7,9 +7,9 @@ real offset from its elements included), signal.* (link, beam, feed, noise).
 
 from rf_pointing_msgs.msg import Boresight, CarrierPower, Monopulse, PassList, PointingError
 
+from rf_pointing.ephemeris.element_updates import ElementUpdates
 from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.ros import convert
-from rf_pointing.ros.element_updates import ElementUpdates
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, SAMPLES, STREAM
 from rf_pointing.ros.station_node import StationNode

@@ -12,7 +12,6 @@ that of the joints: errors of the mount, some tenths of a degree at most, are no
 """
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 from rclpy.qos import QoSProfile
@@ -27,7 +26,6 @@ except ImportError:
     # ROS without tf2: nobody there can use a transform.
     TFMessage = None
 
-from rf_pointing.core import Params, parameter
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.planning import PassProfile
 from rf_pointing.ros import convert, convert_planning
@@ -38,28 +36,15 @@ from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.ros.streams import frame_in
-from rf_pointing.station.description import urdf
-from rf_pointing.station.description.derivation import Band
-from rf_pointing.station.description.urdf import BASE, BEAM, size_m
+from rf_pointing.station.derive.band import Band
+from rf_pointing.station.description.urdf import BASE, BEAM, size_m, urdf
+from rf_pointing.station.parameters import ViewParams
 
 TF_PERIOD_S = 0.05
 """Of robot_state_publisher as well, by default."""
 TF = QoSProfile(depth=100)
 SIZES = 3.0
 """Radius of the sphere of directions, in diameters of the antenna."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ViewParams(Params):
-    """What is drawn, and how often."""
-
-    publish_tf: bool = parameter(
-        True, "whether robot_description and the joints' transforms are published; false for robot_state_publisher"
-    )
-    radius_m: float = parameter(
-        0.0, "radius of the sphere on which directions are drawn; 0: three diameters of the antenna", low=0.0, high=1e5
-    )
-    period_s: float = parameter(0.2, "time between two drawings of beam, target and Sun", low=0.2, high=10.0)
 
 
 class StationDescriptionNode(StationNode):

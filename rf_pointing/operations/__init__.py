@@ -5,22 +5,15 @@ procedure is a network of blocks of directives; a directive counts as done when 
 the expected state, never when its response arrives.
 """
 
-from rf_pointing.operations.alarms import AlarmParams
-from rf_pointing.operations.executor import BlockState, Executor, JournalEntry
-from rf_pointing.operations.expected_state import Condition, Situation
-from rf_pointing.operations.procedure import Block, Directive, Procedure, read_procedure
-from rf_pointing.operations.schedule import BetweenParams
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "AlarmParams",
-    "BetweenParams",
-    "Block",
-    "BlockState",
-    "Condition",
-    "Directive",
-    "Executor",
-    "JournalEntry",
-    "Procedure",
-    "Situation",
-    "read_procedure",
-]
+from rf_pointing.core.lazy import lazily
+
+if TYPE_CHECKING:
+    from rf_pointing.operations.alarms import AlarmParams
+    from rf_pointing.operations.executor import BlockState, Executor, JournalEntry
+    from rf_pointing.operations.expected_state import Condition, ExpectedState
+    from rf_pointing.operations.procedure import Block, Directive, Procedure, read_procedure
+    from rf_pointing.operations.schedule import BetweenParams
+
+__getattr__ = lazily(__name__, __file__)

@@ -1,10 +1,10 @@
-"""What can be sent: the dictionary of directives, and the tables that a station may change.
+"""Directives that can be sent, in a dictionary, and the tables that a station may change.
 
 A directive is a service or an action by name and type, a parameter of a node, or something that the
 executive does itself.  Names are relative to the namespace of the antenna.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,11 +67,6 @@ class Tables:
     directives: Mapping[str, DirectiveRow]
     procedure: Procedure
     recovery: RecoveryTable
-
-    @property
-    def names(self) -> Mapping[str, Collection[str]]:
-        """The arguments of each directive by its name."""
-        return {name: row.takes for name, row in self.directives.items()}
 
 
 def read_tables(thresholds: AlarmParams, directives: str = "", procedure: str = "", recovery: str = "") -> Tables:

@@ -17,7 +17,7 @@ from enum import StrEnum
 from graphlib import TopologicalSorter
 from typing import Any
 
-from rf_pointing.operations.expected_state import Situation
+from rf_pointing.operations.expected_state import ExpectedState
 from rf_pointing.operations.procedure import Block, Directive, Procedure
 
 
@@ -75,14 +75,19 @@ class Executor:
     """
 
     def __init__(
-        self, procedure: Procedure, parameters: Mapping[str, Any], situation: Situation, send: Send, zero_s: float = 0.0
+        self,
+        procedure: Procedure,
+        parameters: Mapping[str, Any],
+        expected_state: ExpectedState,
+        send: Send,
+        zero_s: float = 0.0,
     ) -> None:
         self.parameters = procedure.with_parameters(parameters)
         self.procedure = procedure.with_timeouts(self.parameters)
-        self.situation, self.zero_s, self._send = situation, zero_s, send
+        self.expected_state, self.zero_s, self._send = expected_state, zero_s, send
         self.runs = {name: BlockRun() for name in procedure.blocks}
         self.journal: list[JournalEntry] = []
-        self.paused = self.stopped = False
+        self.paused = False
         self._order = tuple(TopologicalSorter({n: b.after for n, b in procedure.blocks.items()}).static_order())
         self._sent: dict[int, str] = {}
         self._accepted: dict[int, str] = {}
@@ -96,21 +101,16 @@ class Executor:
     @property
     def finished(self) -> bool:
         """Whether nothing more can happen without an operator."""
-        if self.stopped or self.succeeded:
+        if self.succeeded:
             return True
         active = (BlockState.EXECUTING, BlockState.PAUSED)
         return not any(run.state in active or self._may_begin(name) for name, run in self.runs.items())
-
-    def progress(self, name: str) -> float:
-        """Return the share of a block's directives that were answered, 1 for one that is done."""
-        run, total = self.runs[name], len(self.procedure.blocks[name].directives)
-        return 1.0 if run.state in DONE or not total else run.answered / total
 
     def step(self, now_s: float) -> None:
         """Begin, go on with and complete what can be at `now_s`."""
         # In the order of the network, so that a block begins in the step in which the last one
         # before it is completed.
-        for name in () if self.stopped else self._order:
+        for name in self._order:
             block, run = self.procedure.blocks[name], self.runs[name]
             if run.state == BlockState.INACTIVE and not self.paused and self._may_begin(name):
                 self._begin(block, run, now_s)
@@ -143,26 +143,13 @@ class Executor:
 
     # Controls
 
-    def pause(self, now_s: float, name: str = "") -> None:
-        """Send nothing more, of one block or of all, until `resume`."""
-        self._note(now_s, name, "", "pause")
-        if not name:
-            self.paused = True
-        for each in [name] if name else self.runs:
-            if self.runs[each].state == BlockState.EXECUTING:
-                self.runs[each].state = BlockState.PAUSED
-
-    def resume(self, now_s: float, name: str = "") -> None:
-        """Go on after a pause, a restart or an anomaly; the directive that failed is sent again."""
-        self._note(now_s, name, "", "resume")
-        if not name:
-            self.paused = False
-        for each in [name] if name else self.runs:
-            run = self.runs[each]
-            if run.state == BlockState.PAUSED and run.reason != _RESTARTED:
-                run.state = BlockState.EXECUTING
-            elif run.state == BlockState.PAUSED or (name and run.state == BlockState.ANOMALY):
-                self._retry(self.procedure.blocks[each], run, now_s)
+    def resume(self, now_s: float) -> None:
+        """Go on after a restart: what was sent and does not show is sent again."""
+        self._note(now_s, "", "", "resume")
+        self.paused = False
+        for name, run in self.runs.items():
+            if run.state == BlockState.PAUSED:
+                self._retry(self.procedure.blocks[name], run, now_s)
 
     def skip(self, now_s: float, name: str) -> None:
         """Leave a block out; ValueError if it may not be."""
@@ -172,23 +159,6 @@ class Executor:
         self._forget(name)
         self._note(now_s, name, "", "skipped")
 
-    def skip_directive(self, now_s: float, name: str) -> None:
-        """Count the present directive of a block as answered, whatever became of it."""
-        block, run = self.procedure.blocks[name], self.runs[name]
-        if not block.skippable or run.answered >= len(block.directives):
-            raise ValueError(f"{name} has no directive that may be skipped")
-        self._forget(name)
-        self._note(now_s, name, block.directives[run.answered].name, "skipped")
-        del run.sent_s[run.answered :]
-        run.sent_s.append(now_s)
-        run.answered += 1
-        run.settled_s, run.state, run.reason = now_s, BlockState.EXECUTING, ""
-
-    def stop(self, now_s: float) -> None:
-        """Send nothing more; what runs at the devices goes on there."""
-        self.stopped = True
-        self._note(now_s, "", "", "stopped")
-
     # State
 
     def state(self) -> dict[str, Any]:
@@ -197,7 +167,6 @@ class Executor:
             "procedure": self.procedure.name,
             "parameters": self.parameters,
             "zero_s": self.zero_s,
-            "stopped": self.stopped,
             "blocks": {
                 name: {"state": str(run.state), "answered": run.answered, "sent_s": run.sent_s, "reason": run.reason}
                 for name, run in self.runs.items()
@@ -211,7 +180,6 @@ class Executor:
         """
         if state.get("procedure") != self.procedure.name or set(state.get("blocks", ())) != set(self.runs):
             raise ValueError(f"the state is that of {state.get('procedure')!r}, must be of {self.procedure.name!r}")
-        self.stopped = bool(state["stopped"])
         for name, kept in state["blocks"].items():
             run = self.runs[name]
             run.state, run.reason = BlockState(kept["state"]), str(kept["reason"])
@@ -259,7 +227,7 @@ class Executor:
         elif not (reasons := self._missing(block, run, now_s)):
             self._complete(block, run, now_s)
         elif block.fails and not self._unmet(block.fails, now_s, max([run.settled_s, *run.sent_s])):
-            self._fail(block.name, " and ".join(map(self.situation.shown, block.fails)), now_s)
+            self._fail(block.name, " and ".join(map(self.expected_state.shown, block.fails)), now_s)
         elif now_s - run.settled_s > block.timeout_s:
             self._fail(block.name, f"not shown: {reasons}", now_s)
 
@@ -272,12 +240,10 @@ class Executor:
             run.settled_s = now_s
             return
         try:
-            arguments = directive.filled(self.parameters, self.situation)
+            arguments = directive.filled(self.parameters, self.expected_state)
         except ValueError as error:
             self._fail(block.name, str(error), now_s)
             return
-        for condition in directive.expected:
-            self.situation.expect(condition, now_s)
         self._number += 1
         self._sent[self._number] = block.name
         run.sent_s.append(now_s)
@@ -319,7 +285,9 @@ class Executor:
         return "; ".join(filter(None, [*shown, self._unmet(block.then, now_s, last_s)]))
 
     def _unmet(self, conditions: tuple[Any, ...], now_s: float, since_s: float = -math.inf) -> str:
-        return "; ".join(filter(None, (self.situation.against(each, now_s, since_s) for each in conditions)))
+        return "; ".join(
+            filter(None, (self.expected_state.reason_not_met(each, now_s, since_s) for each in conditions))
+        )
 
     def _fail(self, name: str, reason: str, now_s: float) -> None:
         self.runs[name].state, self.runs[name].reason = BlockState.ANOMALY, reason

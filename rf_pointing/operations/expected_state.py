@@ -1,8 +1,8 @@
-"""The situation: what is expected of every attribute of every device, and what it actually is.
+"""Expected and actual state of the attributes of devices.
 
 An attribute is named `device.attribute`, as in `antenna.mode`.  Whatever is published about it sets
-the actual value: status messages, responses, an operator.  Sending a directive sets the expected
-one.  Only values and their stamps count, so messages may be lost, repeated or arrive out of order.
+the actual value: status messages, responses, an operator.  Only values and their stamps count, so
+messages may be lost, repeated or arrive out of order.
 """
 
 import math
@@ -86,12 +86,11 @@ class Observed:
     t_s: float
 
 
-class Situation:
-    """Expected and actual state of the devices."""
+class ExpectedState:
+    """The newest value of every attribute, against which conditions are held."""
 
     def __init__(self) -> None:
         self._actual: dict[str, Observed] = {}
-        self._expected: dict[str, tuple[Condition, float]] = {}
 
     def observe(self, attribute: str, value: Value, t_s: float) -> None:
         """Take a value with its stamp; an older one than the present changes nothing."""
@@ -99,15 +98,21 @@ class Situation:
         if present is None or t_s >= present.t_s:
             self._actual[attribute] = Observed(value, t_s)
 
-    def expect(self, condition: Condition, t_s: float) -> None:
-        """Expect this of its attribute from `t_s` on, in place of what was expected before."""
-        self._expected[condition.attribute] = (condition, t_s)
-
     def actual(self, attribute: str) -> Observed | None:
         """Return the newest value, None if nothing was ever published."""
         return self._actual.get(attribute)
 
-    def against(self, condition: Condition, now_s: float, since_s: float = -math.inf) -> str:
+    def value(self, attribute: str) -> Value | None:
+        """Return the newest value itself, None if nothing was ever published."""
+        seen = self._actual.get(attribute)
+        return None if seen is None else seen.value
+
+    def is_fresh(self, attribute: str, now_s: float, oldest_s: float) -> bool:
+        """Return whether an attribute was published at most `oldest_s` ago."""
+        seen = self._actual.get(attribute)
+        return seen is not None and now_s - seen.t_s <= oldest_s
+
+    def reason_not_met(self, condition: Condition, now_s: float, since_s: float = -math.inf) -> str:
         """Return why a condition does not hold at `now_s`, "" if it does.
 
         Values from before `since_s` do not count: what is to be shown is shown afterwards.
@@ -131,15 +136,6 @@ class Situation:
     def attributes(self) -> dict[str, Observed]:
         """Return every attribute with its newest value."""
         return dict(self._actual)
-
-    def forget(self, attribute: str) -> None:
-        """Take an attribute out, as that of a device which is no longer there."""
-        self._actual.pop(attribute, None)
-
-    def differences(self, now_s: float) -> dict[str, str]:
-        """Return attribute and reason of every expectation that the actual state does not meet."""
-        found = {name: self.against(wanted, now_s) for name, (wanted, _) in self._expected.items()}
-        return {name: reason for name, reason in found.items() if reason}
 
 
 def _shown(value: Any) -> str:

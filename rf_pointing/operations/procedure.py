@@ -31,7 +31,7 @@ from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 from rf_pointing.core.whole_file import parse_yaml
-from rf_pointing.operations.expected_state import Condition, Situation, read_conditions
+from rf_pointing.operations.expected_state import Condition, ExpectedState, read_conditions
 
 _PLACE = re.compile(r"^\$\{([A-Za-z_][\w.]*)\}$")
 _PROCEDURE_KEYS = {"version", "name", "parameters", "blocks"}
@@ -39,7 +39,7 @@ _BLOCK_KEYS = {"after", "before", "directives", "then", "fails", "window_s", "ti
 _DIRECTIVE_KEYS = {"send", "with", "expect", "when"}
 TIMEOUT_S = 60.0
 LARGEST_FILE = 1_000_000
-"""Characters of a procedure: more is no procedure."""
+"""Longest text of a procedure, in characters."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,10 +51,11 @@ class Directive:
     expected: tuple[Condition, ...]
     when: tuple[Condition, ...] = ()
 
-    def filled(self, parameters: Mapping[str, Any], situation: Situation) -> dict[str, Any]:
+    def filled(self, parameters: Mapping[str, Any], expected_state: ExpectedState) -> dict[str, Any]:
         """Return the arguments with every place-holder replaced; ValueError for an unknown one."""
         return {
-            key: _filled(f"{self.name}: {key}", value, parameters, situation) for key, value in self.arguments.items()
+            key: _filled(f"{self.name}: {key}", value, parameters, expected_state)
+            for key, value in self.arguments.items()
         }
 
 
@@ -206,13 +207,13 @@ def _window(name: str, given: Any) -> tuple[float, float]:
     return first_s, last_s
 
 
-def _filled(where: str, value: Any, parameters: Mapping[str, Any], situation: Situation) -> Any:
+def _filled(where: str, value: Any, parameters: Mapping[str, Any], expected_state: ExpectedState) -> Any:
     place = _PLACE.match(value) if isinstance(value, str) else None
     if place is None:
         return value
     if place[1] in parameters:
         return parameters[place[1]]
-    seen = situation.actual(place[1])
+    seen = expected_state.actual(place[1])
     if seen is None:
         raise ValueError(f"{where}: {place[1]} is not known yet")
     return seen.value

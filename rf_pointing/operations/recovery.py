@@ -30,7 +30,7 @@ from typing import Any
 from rf_pointing.core import leaves
 from rf_pointing.core.whole_file import parse_yaml
 from rf_pointing.operations.alarms import ERROR, WARNING, AlarmBook, AlarmParams
-from rf_pointing.operations.expected_state import Condition, Situation, read_conditions
+from rf_pointing.operations.expected_state import Condition, ExpectedState, read_conditions
 from rf_pointing.operations.procedure import Procedure, procedure_from
 
 EFFECTS = ("continue", "wait", "weather", "stop")
@@ -125,7 +125,7 @@ def _cause(name: str, given: dict[str, Any], actions: Collection[str], known: Ma
     try:
         re.compile(pattern := str(values.get("not_by_itself", "")))
     except re.error as error:
-        raise ValueError(f"causes.{name}.not_by_itself={pattern!r} is no regular expression: {error}") from error
+        raise ValueError(f"causes.{name}.not_by_itself={pattern!r} is not a regular expression: {error}") from error
     when = read_conditions(f"causes.{name}.when", values.get("when"))
     if not when:
         raise ValueError(f"causes.{name}.when must have at least one condition")
@@ -182,14 +182,14 @@ class Ongoing:
 
 @dataclass(slots=True)
 class Recovery:
-    """Watches the situation by the table, keeps the alarms, and says which action is due."""
+    """Watches the devices by the table, keeps the alarms, and says which action is due."""
 
     table: RecoveryTable
-    situation: Situation
+    expected_state: ExpectedState
     book: AlarmBook
     ongoing: dict[str, Ongoing] = field(default_factory=dict)
     _gone: dict[str, tuple[int, float, float]] = field(default_factory=dict)
-    """Of causes that have gone: how often and when something was tried, and when they went."""
+    """Causes that have gone: number and time of the trials, and when the cause went."""
 
     def step(self, now_s: float) -> None:
         """Find what is there now, raise and clear the alarms."""
@@ -221,7 +221,7 @@ class Recovery:
         return Ongoing(cause, device, now_s, tried=tried, tried_s=tried_s)
 
     def due(self, now_s: float) -> tuple[str, str] | None:
-        """Return the name of the cause and the action to try now, None when there is none."""
+        """Return the name of the cause and the action to try now, or None."""
         for one in self.ongoing.values():
             if one.raised and one.by_itself and now_s - one.tried_s >= one.cause.every_s:
                 return one.name, one.cause.do[one.tried % len(one.cause.do)]
@@ -243,17 +243,17 @@ class Recovery:
         if not marked:
             return [""]
         endings = tuple(f".{each}" for each in marked)
-        return sorted({name.partition(".")[0] for name in self.situation.attributes() if name.endswith(endings)})
+        return sorted({name.partition(".")[0] for name in self.expected_state.attributes() if name.endswith(endings)})
 
     def _holds(self, cause: Cause, device: str, now_s: float) -> bool:
-        return not any(self.situation.against(_of(each, device), now_s) for each in cause.when)
+        return not any(self.expected_state.reason_not_met(_of(each, device), now_s) for each in cause.when)
 
     def _text(self, cause: Cause, device: str) -> str:
         def shown(match: re.Match[str]) -> str:
             name = match[1]
             if name == "device":
                 return device
-            seen = self.situation.actual(name.replace("*", device, 1))
+            seen = self.expected_state.actual(name.replace("*", device, 1))
             if seen is None:
                 return "unknown"
             return f"{seen.value:.4g}" if isinstance(seen.value, float) else str(seen.value)

@@ -17,14 +17,15 @@ from enum import StrEnum
 from typing import Any
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.planning import AxisLimits, AxisRates, Candidate, reasons_against, schedule, turns_within
+from rf_pointing.core.types import Pair
+from rf_pointing.planning import AxisLimits, AxisRates, Candidate, reasons_against, turns_within
+from rf_pointing.planning.schedule import schedule
 
-Pair = tuple[float, float]
 Path = tuple[float, float, float, float]
 
 
 class PassState(StrEnum):
-    """What has become of a pass."""
+    """State of a pass in the schedule."""
 
     WAITING = "waiting"
     ACTIVE = "active"
@@ -88,7 +89,7 @@ class Entry:
 
 @dataclass(frozen=True, kw_only=True)
 class BetweenParams(Params):
-    """What the antenna does between two passes, and how late a pass is still begun."""
+    """Rest of the antenna between two passes, and how late a pass is still begun."""
 
     lead_s: float = parameter(60.0, "a pass is prepared this long before its slew must begin", low=0.0, high=3600.0)
     gap_s: float = parameter(5.0, "between the end of a pass and the slew to the next one", low=0.0, high=3600.0)

@@ -16,11 +16,11 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import MDEG, MonopulseCluster, random_stream
+from rf_pointing.core.types import TURN, Array
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.papers.autotrack_cases import (
@@ -43,7 +43,6 @@ from rf_pointing.simulation import PassLog
 from rf_pointing.station.antenna.receiver import Reception
 from rf_pointing.tracking import MonopulseParams, MonopulseTracker
 
-Array = NDArray[np.float64]
 AVERAGING_S = 100.0
 # Clusters in the first 10 s of monopulse still contain the pull-in.
 LOOP_SETTLED_S = 10.0
@@ -56,7 +55,6 @@ FLIP_S, AFTER_S = 40.0, 6.0
 FLIPS = (("Ka", 5), ("X", 3))
 LONG_PASSES = 2
 LONG_MASK_DEG, LONG_S = 5.0, 600.0
-TURN = 2.0 * math.pi
 SETTLED_S = 25.0
 # Few, because each is a flight of the whole station; the row is the 95th percentile of them.
 RUNS = 12

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import read_model
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
@@ -22,7 +22,6 @@ from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.antenna.receiver import Reception
 from rf_pointing.station.description import read_station
 
-Array = NDArray[np.float64]
 Changes = Mapping[str, Mapping[str, object]]
 # The simulated clock starts before the pass, as that of the graph does.
 LEAD_S = 5.0

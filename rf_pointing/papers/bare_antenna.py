@@ -4,13 +4,10 @@
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from rf_pointing.core.types import Array
 from rf_pointing.servo import AntennaPlant, Wind
 from rf_pointing.station.antenna.loops import AnyLaw, law_rates
 
-Array = NDArray[np.float64]
 Command = tuple[Array, Array, Array]
 """Position (rad), velocity (rad/s) and acceleration (rad/s^2) of azimuth and elevation, each (2,).
 """

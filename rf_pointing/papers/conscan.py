@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MU, random_stream, require_between
+from rf_pointing.core.types import Array
 from rf_pointing.papers.conscan_cases import (
     BEAM_KA_RAD,
     BEAM_X_RAD,
@@ -28,8 +28,6 @@ from rf_pointing.tracking.conscan_design import (
     conscan_slope,
     design_scan,
 )
-
-Array = NDArray[np.float64]
 
 LEVELS_DB_HZ = (25.0, 30.0, 35.0, 40.0)
 ERRORS_MDEG = (0.0, 3.0, 6.0)

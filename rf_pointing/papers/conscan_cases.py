@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MU, Sensor, random_stream
+from rf_pointing.core.types import Array
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver
 from rf_pointing.rf import ReceiverParams as RxParams
 from rf_pointing.tracking import (
@@ -28,8 +28,6 @@ from rf_pointing.tracking import (
 from rf_pointing.tracking.beam_fit import PowerWindow, beam_design, fit_beam
 from rf_pointing.tracking.conscan import ConscanTracker
 from rf_pointing.tracking.conscan_estimate import ConscanParams, linear_rows
-
-Array = NDArray[np.float64]
 
 BEAM_KA_RAD = HALF_POWER_BEAMWIDTH_RAD["Ka"]
 BEAM_X_RAD = HALF_POWER_BEAMWIDTH_RAD["X"]

@@ -15,13 +15,11 @@ from typing import Any
 
 import control
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers.filters import section_matrices
 from rf_pointing.controllers.lqg import FORMAT, MATRICES, LqgDesign, LqgWeights
 from rf_pointing.core import as_finite_array, require_between
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 _NOTCH, _SHAPING = slice(2, 4), slice(4, 6)
 _LOW = (3, 5)

@@ -16,7 +16,7 @@ from rf_pointing.papers.doa_study.attitude_runs import CaseResult, RunTask, run
 from rf_pointing.papers.doa_study.direction_rows import accuracy_rows, direction_rows, scene_rows
 from rf_pointing.papers.doa_study.directions import DirectionCase
 from rf_pointing.papers.doa_study.filter_rows import attitude_rows, convergence_rows, filter_rows
-from rf_pointing.papers.doa_study.future_work import beyond_rows
+from rf_pointing.papers.doa_study.future_work import future_rows
 from rf_pointing.papers.row import Row
 from rf_pointing.papers.sweeps import sweep
 
@@ -56,7 +56,7 @@ def rows(seed: int = 1, *, trials: int = 2, executor: Executor | None = None, mu
         *attitude_rows(tables.rows),
         *convergence_rows(tables.rows),
         *filter_rows(inside, drawn, tables.published),
-        *beyond_rows(seed),
+        *future_rows(seed),
     ]
 
 

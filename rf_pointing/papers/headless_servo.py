@@ -10,16 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import PositionLoop, PositionLoopParams
 from rf_pointing.core import as_finite_array, random_stream, require_between
+from rf_pointing.core.types import Array
 from rf_pointing.papers.bare_antenna import BareAntenna, LawsOnCommand
 from rf_pointing.papers.sweeps import processes
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
 from rf_pointing.simulation.closed_loop import ticks
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

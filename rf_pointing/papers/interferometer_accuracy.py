@@ -8,14 +8,12 @@ the array's z and y axes.  Roll: 1/(g^T g) per unit variance of one coupling.
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.interferometer.sequence import direction_step, range_step
 from rf_pointing.array_sensors.interferometer.system import ArrayParams
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
 from rf_pointing.core import require_between
-
-Array = NDArray[np.float64]
 
 
 def direction_variance(off_boresight_rad: float, radius_m: float = 1.0, variant: str = CORRECTED) -> float:

@@ -7,7 +7,6 @@ Also the direction estimator that PI83 tried first: nine separate ranges instead
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.interferometer.coupling import coupling_amplitudes
 from rf_pointing.array_sensors.interferometer.frames import (
@@ -26,6 +25,7 @@ from rf_pointing.array_sensors.interferometer.sequence import (
     turned_direction,
 )
 from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan, two_way_ranges
+from rf_pointing.core.types import Array
 from rf_pointing.papers.interferometer_accuracy import (
     direction_variance_from_gradients,
     range_variance_from_gradients,
@@ -45,7 +45,6 @@ from rf_pointing.papers.row import Row, as_due
 
 _AHEAD = np.array([1.0, 0.0, 0.0])
 _DOUBLE_DB = 10.0 * math.log10(2.0)
-Array = NDArray[np.float64]
 _RANGE_M = 1e4
 _DITHER_RAD = 0.01
 _PASSES = 20

@@ -13,9 +13,6 @@ import math
 from dataclasses import dataclass
 from statistics import NormalDist
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, required_power_w
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
 from rf_pointing.core import Params, parameter, require_between, require_choice
@@ -30,7 +27,6 @@ _HIGHEST_HZ = {"CFT": 2.5e9, "DFT": 100e6}
 _FLOOR_DB = {"CFT": 10.0, "DFT": 10.0 + 10.0 * math.log10(2.0)}
 SOLVER_LIMIT_DB = 110.0
 """Where the author's iteration stopped: Table 8-1 prints it for two carriers."""
-Array = NDArray[np.float64]
 
 
 def lane_sigma(cycle_ratio: float, snr: float, step: str = "difference") -> float:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.interferometer.coupling import coupling_amplitudes
 from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler, direction_from_angles
@@ -33,10 +33,10 @@ from rf_pointing.array_sensors.interferometer.sequence import SequenceParams, tr
 from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan, path_lengths, two_way_ranges
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, PUBLISHED
 from rf_pointing.core import random_stream, require_between, wrap_rad
+from rf_pointing.core.types import Array
 from rf_pointing.papers.row import Row, as_due
 from rf_pointing.papers.sweeps import sweep
 
-Array = NDArray[np.float64]
 # The listing's 0.72 m would accept a wrong lane of 0.736 m with 16 mm of noise.
 _WRONG_LANE_FRACTION = 0.5
 LISTING = SequenceParams(range_estimator=PUBLISHED, reverse_attitude=PUBLISHED)

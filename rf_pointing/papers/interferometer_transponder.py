@@ -7,12 +7,11 @@ signal which a nonlinear reflector or a repeater returns (eqs. 5-38 to 5-51).
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, noise_power_w, received_power_w
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, PUBLISHED, is_published
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 def mixed_snr(snr1: ArrayLike, snr2: ArrayLike, variant: str = CORRECTED) -> Array:

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import JointReading, angular_distance_rad, gaussian_loss_db
+from rf_pointing.core.types import Array
 from rf_pointing.papers.keyhole_passes import AVERAGING_S, KeyholeCase
 from rf_pointing.planning import GateParams, MachineParams
 from rf_pointing.planning.over_the_top import plunged
@@ -21,7 +21,6 @@ from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams, PointingParams
 
-Array = NDArray[np.float64]
 HALF_POWER_DB, DEEPEST_DB = 3.0, 60.0
 BEFORE_S, AFTER_S = 30.0, 15.0
 """How long before and after the crossing a pass is flown: the lags of the mount build up before."""

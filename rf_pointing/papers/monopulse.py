@@ -6,10 +6,10 @@ The experiments: averaging in the tracker, honesty of its covariance, false lock
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import CommandPreprocessorParams, PositionLoopParams
 from rf_pointing.core import MDEG, MonopulseCluster, random_stream
+from rf_pointing.core.types import Array
 from rf_pointing.papers.monopulse_dropouts import AutotrackRadio, draw_dropouts, reacquisition_times_s
 from rf_pointing.papers.monopulse_loop import TICK_S, MonopulsePass, PlainRadio, fly
 from rf_pointing.papers.row import Row
@@ -24,8 +24,6 @@ from rf_pointing.rf import (
 )
 from rf_pointing.servo import dss13_plant
 from rf_pointing.tracking import LockWatch, LockWatchParams, MonopulseParams, MonopulseTracker
-
-Array = NDArray[np.float64]
 
 BEAM_RAD = HALF_POWER_BEAMWIDTH_RAD["Ka"]
 SAMPLE_S = 0.02

@@ -8,10 +8,10 @@ value: offset = trim + (last - trim) e^(-t/3 s).
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
 from rf_pointing.core import MDEG, PointingError, Sensor, random_stream
+from rf_pointing.core.types import Array
 from rf_pointing.papers.monopulse_loop import CLUSTER, TICK_S, MonopulsePass, ka_receiver
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, DropoutParams, Dropouts
 from rf_pointing.tracking import (
@@ -28,8 +28,6 @@ from rf_pointing.tracking import (
     TrimParams,
 )
 from rf_pointing.tracking.trim import Trim
-
-Array = NDArray[np.float64]
 
 BEAM_RAD = HALF_POWER_BEAMWIDTH_RAD["Ka"]
 # Long against the antenna's response, short against a pass: the command stays smooth without

@@ -21,14 +21,13 @@ from rf_pointing.controllers import (
     TrackerIntegratorParams,
 )
 from rf_pointing.core import AXES, random_stream
+from rf_pointing.core.types import Array
 from rf_pointing.papers.bare_antenna import BareAntenna, LawsOnCommand
 from rf_pointing.papers.servo_trajectory import LowOrbitPass, MotionTable
 from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver, ReceiverParams
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
 from rf_pointing.simulation.closed_loop import ticks
 from rf_pointing.tracking import LockWatch, LockWatchParams, MonopulseParams, MonopulseTracker
-
-Array = NDArray[np.float64]
 
 TICK_S = 0.02
 CLUSTER = 5
@@ -37,7 +36,7 @@ KA = BeamParams.for_band("Ka")
 
 @dataclass(frozen=True, kw_only=True)
 class MonopulsePass:
-    """What a pass is made of; `late_s` is how far the satellite runs behind the ephemeris."""
+    """Parts of a pass; `late_s` is how far the satellite runs behind the ephemeris."""
 
     plant: PlantParams = field(default_factory=dss13_plant)
     loop: PositionLoopParams = field(default_factory=PositionLoopParams)
@@ -75,7 +74,7 @@ class PassLog:
 
 
 class Radio(Protocol):
-    """What the pass needs of the radio side; `stop` ends the pass."""
+    """Radio side of the pass; `stop` ends the pass."""
 
     stop: bool
 

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import Observations, terms_by_name
 from rf_pointing.core import random_stream
+from rf_pointing.core.types import Array
 from rf_pointing.papers.orbit.measurements import Look, look, measured
 from rf_pointing.papers.orbit.motion import Gravity, propagate
 from rf_pointing.papers.row import Row, as_due
@@ -39,11 +39,10 @@ RADAR_SIGMA_DEG = 0.0057
 """Angular accuracy of the PCMC radars (SATCAL 4.2), taken as the noise of a point."""
 _TABLE_5 = {"PCMC-1": (-0.49, 0.17, 0.023, 0.016), "PCMC-2": (0.73, 0.05, 0.033, 0.011)}
 """Mean of azimuth and elevation uncorrected, rms of both corrected, degrees."""
-Array = NDArray[np.float64]
 _CAMPAIGN_DAYS, _CAMPAIGN_SIGMA_DEG = 30.0, 0.01
 _RADAR_PASSES = (0, 3, 6, 8)
-"""Of the nine passes over Sriharikota in 2.5 days: two each side, peaking at 35, 40, 62 and 39
-deg."""
+"""Four of the nine passes over Sriharikota in 2.5 days: two on each side, peaking at 35, 40, 62 and
+39 deg."""
 
 
 def coefficient_rows(source: str, runs: Runs, remark: str) -> list[Row]:
@@ -97,7 +96,7 @@ def honesty_rows(source: str, runs: Runs, white: Runs | None) -> list[Row]:
         Row(
             "largest sigma of a lag over the smallest planted lag", f"{source}, our limit", 0.05,
             float(np.max(sigma[~angles]) / np.min(np.abs(runs.truth[~angles]))), "1", 0.0, bound="<=",
-            remark="a timing error common to all passes is no part of this sigma: it is the lags",
+            remark="a timing error common to all passes is not part of this sigma: it is the lags",
         ),
     ]  # fmt: skip
 

@@ -24,6 +24,7 @@ from rf_pointing.calibration import (
     select_observations,
 )
 from rf_pointing.calibration.pass_errors import shift_by
+from rf_pointing.core.types import Array
 from rf_pointing.papers.orbit.measurements import Elements, Look, visits
 from rf_pointing.papers.orbit.motion import Gravity, Site
 
@@ -108,7 +109,6 @@ IRS_P3_APRIL = Elements(
 )
 """Table 6, corrected data, at `APRIL_T_S`."""
 APRIL_T_S = datetime(1996, 4, 2, tzinfo=UTC).timestamp()
-Array = NDArray[np.float64]
 _ORBIT_RATE_RAD_S = 2.0 * np.pi / 6080.0
 # 28 m up, 174 m along and 92 m across: together the 200 m rms of the reference orbit.
 _ELLIPSE_M, _AHEAD_M, _ACROSS_M = 40.0, 165.0, 92.0

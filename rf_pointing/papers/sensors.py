@@ -12,15 +12,14 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MU
+from rf_pointing.core.types import Array
 from rf_pointing.papers.autotrack_cases import RADIO_MODES, Case, command_accelerations_rad_s2, fly, low_orbit_pass
 from rf_pointing.papers.row import Row
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
 from rf_pointing.simulation import PassLog
 
-Array = NDArray[np.float64]
 BANDS = ("S", "X", "Ka")
 SENSORS = ("monopulse", "conscan", "steptrack", "auto")
 REQUIRED_MDEG = {"S": 28.0, "X": 8.0, "Ka": 2.0}

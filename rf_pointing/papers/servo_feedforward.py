@@ -1,16 +1,14 @@
 """Rows of BWG Sec. II: tracking with and without feedforward, and the closed-loop gain."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import PositionLoopParams
 from rf_pointing.core import MDEG
+from rf_pointing.core.types import Array
 from rf_pointing.papers.row import Row
 from rf_pointing.papers.servo_linear import COMMAND, RATE, closed_loop
 from rf_pointing.papers.servo_pass import PassSetup, fly
 from rf_pointing.servo import dss13_plant
-
-Array = NDArray[np.float64]
 
 PLAIN = PositionLoopParams(notch_enabled=False)
 NO_FEEDFORWARD = PLAIN.replace(feedforward_gain=0.0)

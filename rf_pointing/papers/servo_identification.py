@@ -9,7 +9,6 @@ friction takes 0.0009 V; calm air (0.3 m/s; the article had 0 to 3.6 m/s).
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import AXES, random_stream
 from rf_pointing.identification import (
@@ -20,14 +19,13 @@ from rf_pointing.identification import (
     ResponseStudy,
     StraightCheck,
     modes_of,
-    study,
 )
+from rf_pointing.identification.study import study
 from rf_pointing.papers.bare_antenna import BareAntenna
 from rf_pointing.papers.row import Row
 from rf_pointing.servo import AntennaPlant, Wind, WindParams, dss13_plant
 from rf_pointing.simulation.closed_loop import ticks
 
-Array = NDArray[np.float64]
 Studies = dict[tuple[str, str], ResponseStudy]
 
 RATE_PER_VOLT_RAD_S = math.radians(0.08)

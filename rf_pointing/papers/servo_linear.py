@@ -11,13 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import PositionLoopParams
-from rf_pointing.servo import PlantParams, discretise, linear_model
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.servo import PlantParams, discretise
+from rf_pointing.servo.linear_model import linear_model
 
 COMMAND, RATE, WIND, DEVIATION = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8)
 INPUTS = 8

@@ -9,7 +9,6 @@ import math
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import PositionLoopParams
 from rf_pointing.core import MDEG
@@ -17,8 +16,6 @@ from rf_pointing.papers.row import Row
 from rf_pointing.papers.servo_linear import peak_sensitivity, stability_limit_hz
 from rf_pointing.papers.servo_pass import PassSetup, fly
 from rf_pointing.servo import PlantParams, dss13_plant
-
-Array = NDArray[np.float64]
 
 PLAIN, NOTCH = PositionLoopParams(notch_enabled=False), PositionLoopParams()
 BETA = 0.33
@@ -115,7 +112,7 @@ def _mistuning() -> list[Row]:
 
 
 def _gains() -> list[Row]:
-    """What notch and amplifier gain buy against f_m = 0.04 Hz without either (BWG Fig.
+    """Gain by notch and amplifier against f_m = 0.04 Hz without either (BWG Fig.
 
     20 against Fig.  8a).
     """

@@ -26,7 +26,7 @@ def noise_rows(seed: int = 1) -> list[Row]:
     coloured = averaging_gain(CUT_OFF_HZ)
     return [
         Row("SNR gained by averaging 5 samples, white noise", "BWG eq. 17, 18", 7.0, white, "dB", 0.05),
-        # r_s of such noise, integrated apart; the cut-off is no misprint: it would be doubled.
+        # r_s of such noise, integrated apart; a misprinted cut-off would be doubled.
         Row(
             "SNR gained by averaging 5 samples, noise above 8 Hz", "BWG Fig. 27", 17.0, 10.0 * math.log10(coloured),
             "dB", 1.0, remark=

@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import (
     LqgDesign,
@@ -21,12 +20,12 @@ from rf_pointing.controllers import (
     TrackerIntegratorParams,
 )
 from rf_pointing.core import random_stream
+from rf_pointing.core.types import Array
 from rf_pointing.papers.bare_antenna import BareAntenna, LawsOnCommand
 from rf_pointing.papers.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
 from rf_pointing.simulation.closed_loop import ticks
 
-Array = NDArray[np.float64]
 Law = PositionLoopParams | tuple[LqgDesign, LqgLoopParams]
 
 TICK_S = 0.02
@@ -34,7 +33,7 @@ TICK_S = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class PassSetup:
-    """What a run is made of; `late_s` is how far the target's azimuth and elevation run behind the
+    """Parts of a run; `late_s` is how far the target's azimuth and elevation run behind the
     ephemeris.
 
     `cluster` is the number of latest radio samples that are averaged, 0 or 1 for none, `mean_of`

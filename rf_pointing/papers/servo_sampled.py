@@ -14,14 +14,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import LawMatrices, LqgDesign, PositionLoopParams
-from rf_pointing.servo import PlantParams, discretise, linear_model
+from rf_pointing.core.types import Array, ComplexArray
+from rf_pointing.servo import PlantParams, discretise
+from rf_pointing.servo.linear_model import linear_model
 from rf_pointing.servo.wind import GUST_LENGTH_M
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 SAMPLE_S = 0.02
 RADIO_PERIOD_S = 0.1

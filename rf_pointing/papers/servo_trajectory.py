@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 _MU_M3_S2 = 3.986004418e14
 _EARTH_M = 6.371e6

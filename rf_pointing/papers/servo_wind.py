@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import (
     TUNED_RADIO_BANDWIDTH_HZ,
@@ -21,6 +20,7 @@ from rf_pointing.controllers import (
     load_lqg_designs,
 )
 from rf_pointing.core import MDEG
+from rf_pointing.core.types import Array
 from rf_pointing.papers.row import Row
 from rf_pointing.papers.servo_linear import WIND, closed_loop
 from rf_pointing.papers.servo_pass import Law, PassSetup, fly
@@ -37,7 +37,6 @@ from rf_pointing.papers.servo_sampled import (
 from rf_pointing.papers.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import WindParams, dss13_plant, wind_torque_n_m
 
-Array = NDArray[np.float64]
 Responses = tuple[LawResponse, LawResponse]
 
 PUBLISHED = PositionLoopParams(notch_enabled=False)

@@ -17,8 +17,8 @@ from rf_pointing.papers.sweeps import sweep
 from rf_pointing.papers.tripulse_attitude import attitude_rows, signal_rows
 from rf_pointing.papers.tripulse_noise import (
     ErrorStatistics,
-    beyond_rows,
     failed_element_errors,
+    future_rows,
     noise_rows,
     phase_error_errors,
     quantiser_errors,
@@ -47,7 +47,7 @@ def rows(seed: int = 1, *, executor: Executor | None = None) -> list[Row]:
         *_failure_rows(seed, executor),
         *signal_rows(seed),
         *attitude_rows(seed),
-        *beyond_rows(seed),
+        *future_rows(seed),
     ]
 
 

@@ -13,7 +13,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
 from rf_pointing.array_sensors.attitude.quaternion import (
@@ -39,9 +38,8 @@ from rf_pointing.array_sensors.tripulse.station_attitude import (
 from rf_pointing.array_sensors.tripulse.system import EpochParams, SimulatedTripulse, TripulseAttitude
 from rf_pointing.core import random_stream
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core.types import Array
 from rf_pointing.papers.row import Row
-
-Array = NDArray[np.float64]
 
 # The mean normalised error of 400 epochs is known to 0.12, and its tolerance is four times that.
 FRAMES = 400

@@ -24,6 +24,7 @@ from rf_pointing.array_sensors.tripulse.beams import (
 )
 from rf_pointing.array_sensors.tripulse.robust import posterior_projection_error, signal_matrix
 from rf_pointing.core import as_finite_array, random_stream, require_finite
+from rf_pointing.core.types import Array
 from rf_pointing.papers.row import Row
 from rf_pointing.papers.tripulse_theory import (
     allocate_pulses,
@@ -32,8 +33,6 @@ from rf_pointing.papers.tripulse_theory import (
     projection_variance,
     ratio_variance,
 )
-
-Array = NDArray[np.float64]
 
 CHUNK = 2000
 ARRAY = TripulseArrayParams()
@@ -281,7 +280,7 @@ def _second_order(seed: int) -> tuple[float, float, float]:
     return ratio_variance(snr, 1.0, "published"), ratio_variance(snr, 1.0), found
 
 
-def beyond_rows(seed: int = 1) -> list[Row]:
+def future_rows(seed: int = 1) -> list[Row]:
     """Return time-optimal pulses and the weak-signal estimator against the paper's methods."""
     best = allocate_pulses(ARRAY, CN0_DB_HZ, SPECIFICATION, (OFFSET_RAD, OFFSET_RAD))
     equal = equal_pulses(ARRAY, CN0_DB_HZ, SPECIFICATION, (OFFSET_RAD, OFFSET_RAD))

@@ -1,4 +1,4 @@
-"""What noise does to Tripulse: variances (17), (18), (21), integration time (22), shortest pulses.
+"""Effect of noise on Tripulse: variances (17), (18), (21), integration time (22), shortest pulses.
 
 SNR is |S|^2 / sigma^2 with sigma^2 = N_0 W the *total* variance of a complex noise sample;
 gamma = |Delta / Sigma|.  `variant` is "published" for the printed formula, "corrected" for the one
@@ -16,14 +16,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
 from rf_pointing.array_sensors.tripulse.beams import closed_form_signals
 from rf_pointing.core import as_finite_array, require_between, require_choice, require_finite
+from rf_pointing.core.types import Array
 
 VARIANTS = ("corrected", "published")
-Array = NDArray[np.float64]
 LOWEST_SUM_SNR = 10.0**1.2
 """The sum pulse is kept at 12 dB or more: below, the expansion of the variance no longer describes
 the ratio."""

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rf_pointing.core.types import Array
 from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, Gain, cross
 from rf_pointing.planning.limits import AxisLimits, AxisRates, MachineParams
 from rf_pointing.planning.over_the_top import cross_over, plunged, unplunged
 
-Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]
 # What axes stand ahead of a beam: position, velocity, acceleration (n, 2) from times (n,), rates
 # and accelerations (n, 2).
@@ -58,7 +57,7 @@ def branch_motions(
     found = []
     for plunge, motion in sides.items():
         # Over the top the whole pass lies beyond the zenith: an end of travel there rules the
-        # branch out and is no reason for a detour.
+        # branch out and is not a reason for a detour.
         most_rad = math.inf if plunge else limits.elevation_max_rad
         within = partial(cross, t_s, *motion, gain=gain)
         crossing, axes = _planned(t_s, motion, motion, machine.planned, most_rad, lag, within)

@@ -20,27 +20,24 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core.pass_outcome import PassOutcome
+from rf_pointing.core.types import TURN, Array, Pair
 from rf_pointing.planning.branch_motion import BranchMotion, Lag, branch_motions, no_lag
 from rf_pointing.planning.crossing import Crossing, CrossingLoss, Gain
 from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask, angle_between
 from rf_pointing.planning.limits import AxisLimits, MachineParams
 from rf_pointing.planning.profile import PassProfile
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
-# Time of a slew between two positions of the axes by the way that is free, and why there is none.
+# Time of a slew between two positions of the axes by the free way, and why no way is free.
 Slew = Callable[[Pair, Pair], tuple[float, str]]
-TURN = 2.0 * math.pi
 # A pass keeps so much more than the Sun's zone, for the loop's corrections and the mount's lags.
 SUN_CLEARANCE_RAD = math.radians(0.05)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorCost:
-    """What a sensor costs on any branch of a pass.
+    """Cost of a sensor on any branch of a pass.
 
     `acquisition_s` is the expected time until it holds the target, `power` the mean power over that
     on the axis while it does.  A crossing that takes longer than `memory_s` costs it the target:
@@ -193,7 +190,7 @@ def _turns(azimuth: Array, limits: AxisLimits) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class _Certifier:
-    """What all branches of one pass have in common."""
+    """Common data of all branches of one pass."""
 
     profile: PassProfile
     sky: ForbiddenSky
@@ -267,7 +264,7 @@ class _Certifier:
     def _too_little(self, lost_s: float, late_s: float, left_s: float) -> tuple[str, ...]:
         """Return why too little of the pass would be received, () when it is enough."""
         if self.issued_t_s > float(self.profile.t_s[0]):
-            # Of a pass that is going on every second counts, however few are left.
+            # Every second of a pass that is going on counts, however few are left.
             if late_s < left_s:
                 return ()
             return (f"the slew to the pass takes {late_s:.0f} s, {left_s:.0f} s of it are left",)

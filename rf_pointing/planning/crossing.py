@@ -18,12 +18,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core.pass_outcome import HALF_POWER, SIDELOBE_POWER, pointing_loss_db
+from rf_pointing.core.types import Array
 from rf_pointing.planning.forbidden_sky import angle_between
 
-Array = NDArray[np.float64]
 # Power received relative to the beam's peak at angles (n,) from its axis.
 Gain = Callable[[Array], Array]
 
@@ -228,7 +227,7 @@ def _elevations(path: _Path, azimuth: Array) -> list[Array]:
 
 @dataclass(frozen=True, slots=True)
 class CrossingLoss:
-    """What a crossing costs of a pass from `begin_s` on, by `core.pass_outcome`.
+    """Loss of a pass by a crossing from `begin_s` on, by `core.pass_outcome`.
 
     Seconds off the target, seconds below half power, seconds of signal lost (the integral of
     1 - g), and the deepest loss in dB.

@@ -11,15 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.types import TURN, Array, Pair
 
-Array = NDArray[np.float64]
-TURN = 2.0 * math.pi
 # How fast the Sun moves over the sky at most.
 EARTH_RATE_RAD_S = 2.0 * math.pi / 86400.0
-Pair = tuple[float, float]
 # Finer than a zone about the Sun.
 STEP_RAD = math.radians(0.25)
 # A motion along the edge of a zone must not be stopped by the last bits of its own position.

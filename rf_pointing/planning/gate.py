@@ -10,16 +10,11 @@ ends.
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rf_pointing.core import AXES, Params, parameter, require_choice, require_finite
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask
 from rf_pointing.planning.limits import AxisLimits, AxisRates
 from rf_pointing.planning.slew import HALTING_SHARES, PathFinder
-
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 
 # The words that a motion may be called by, on the wire too.
 MOTIONS = ("track", "slew", "preset", "unwind", "park", "stow", "scan", "flip", "calibration", "manual")
@@ -49,7 +44,7 @@ class GateParams(Params):
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What the safety gate decides: the `reason` why a motion may not be made, with the excess.
+    """Decision of the safety gate: the `reason` why a motion may not be made, with the excess.
 
     A motion without a reason against it may carry a `warning` of a limit nearby.  `way` holds the
     corners (n, 2) by which a slew must go, empty for the straight path.
@@ -103,8 +98,8 @@ class Gate:
             return Decision(high_wind)
         sun = None if kind in TO_SAFETY else sun_rad
         # Most trajectories are far from every limit: one comparison instead of one per point.
-        suspects = [] if velocities is None and self._all_clear(positions, sun) else positions.tolist()
-        for index, (azimuth, elevation) in enumerate(suspects):
+        doubtful_rad = [] if velocities is None and self._all_clear(positions, sun) else positions.tolist()
+        for index, (azimuth, elevation) in enumerate(doubtful_rad):
             reason = self.position(azimuth, elevation, encoder_rad, sun)
             if not reason and velocities is not None:
                 reason = self._rates(azimuth, elevation, velocities[index].tolist(), encoder_rad)
@@ -122,7 +117,7 @@ class Gate:
         return within and self._sky.clear(least[1], most[1], sun_rad)
 
     def slew(self, encoder_rad: Pair, goal_rad: Pair, sun_rad: Pair | None = None) -> tuple[float, str]:
-        """Return the time from rest to rest by a free path, and "" or why there is none."""
+        """Return the time from rest to rest by a free path, and "" or why no path is free."""
         found = self._paths.find(encoder_rad, goal_rad, sun_rad)
         corners = [goal_rad] if isinstance(found, str) else found
         # Without a free path the straight time is still the best guess for a certificate's table.

@@ -1,4 +1,4 @@
-"""What keeps the antenna still until somebody acts: authority, latched faults, unknown turns.
+"""Interlocks that hold the antenna until somebody acts: authority, latched faults, unknown turns.
 
 One commander has the authority at a time.  A fault stays until somebody resets it.  The whole turns
 of the azimuth, which an absolute encoder of one turn cannot know, are kept over a restart: at the
@@ -12,13 +12,13 @@ from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
+from rf_pointing.core.types import TURN
 from rf_pointing.core.whole_file import parse_json, read_whole, write_whole
 
 # Who commanded last is part of a fault's record.
 KEPT_COMMANDS = 5
 # When a command came, from whom, and the azimuth and elevation (rad) at its end.
 Command = tuple[float, str, float, float]
-TURN = 2.0 * math.pi
 # A killed process leaves the file behind by a second of motion, and brakes let an axis run out.
 TOLERANCE_RAD = math.radians(10.0)
 # A file write takes milliseconds: once in half a degree, far inside the tolerance.
@@ -51,7 +51,7 @@ class Authority:
 
 @dataclass(frozen=True, slots=True)
 class LatchedFault:
-    """What happened, when, and the last commands before it."""
+    """A fault, its time, and the last commands before it."""
 
     text: str
     t_s: float
@@ -75,7 +75,7 @@ class FaultLatch:
 
     @property
     def text(self) -> str:
-        """The latched fault, "" when there is none."""
+        """The latched fault, or ""."""
         return self.fault.text if self.fault else ""
 
     def note_command(self, command: Command) -> None:
@@ -122,7 +122,7 @@ class WrapCount:
             if not math.isfinite(kept):
                 raise ValueError("azimuth_rad is not finite")
             if abs(kept) > FARTHEST_RAD:
-                raise ValueError(f"azimuth_rad={kept} is no azimuth of an antenna")
+                raise ValueError(f"azimuth_rad={kept} is not an azimuth of an antenna")
         except (ValueError, KeyError, TypeError, OverflowError, OSError) as error:
             return folded, f"wrap file {self._path.name} cannot be read ({error}): look at the cables, then reset"
         # The nearest turn to what was kept; the tolerance below says whether to believe it.

@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 from rf_pointing.core import AXES, Params, parameter, require_finite
 from rf_pointing.core.pass_outcome import LEAST_SHARE
-
-Pair = tuple[float, float]
+from rf_pointing.core.types import Pair
 
 SAME_RAD = 1e-9
 

@@ -18,8 +18,8 @@ at the zenith is lost; t_a and t_b are those of the least loss.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rf_pointing.core.types import TURN, Array
 from rf_pointing.planning.crossing import (
     MARGIN_S,
     AxisMotionLimits,
@@ -30,9 +30,7 @@ from rf_pointing.planning.crossing import (
 )
 from rf_pointing.planning.forbidden_sky import angle_between
 
-Array = NDArray[np.float64]
 Triple = tuple[Array, Array, Array]
-TURN = 2.0 * math.pi
 # Bounds the search for departure and return, each from the zenith.
 LONGEST_S = 240.0
 # On a logarithmic grid: near the zenith seconds count, far from it minutes.
@@ -94,7 +92,7 @@ class _Sides:
         self.target = _between(first[0], self.second[0])
         over = np.column_stack([self.target[:, 0] - self.half_turn_rad, math.pi - self.target[:, 1]])
         self.before, self.after = first[0] - self.target, self.second[0] - over
-        """What the errors of the mount put between axes (n, 2) and target on either side."""
+        """Offsets (n, 2) of the axes from the target by the errors of the mount, on either side."""
         self._kernel = smoothing_kernel(SMOOTHING_S, self.step_s)
 
     def lost_s(self, start: int, end: int) -> float:

@@ -16,19 +16,19 @@ import math
 from dataclasses import dataclass
 
 from rf_pointing.core import AXES
+from rf_pointing.core.types import Pair
 
-Pair = tuple[float, float]
 JUMP = 1.5
 STEPS = 2.0
 RUNNING_S = 1.0
 """Between two set points of a motion a device may stand so long."""
 FAR_STEPS = 2.1
-"""A set point one step ahead and one step of read-back behind it are no standstill."""
+"""Two steps between set point and read-back are normal, not a stall."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionLimits:
-    """What the device does by itself, per axis."""
+    """Limits of the device's own motion, per axis."""
 
     resolution_rad: Pair
     rate_rad_s: Pair

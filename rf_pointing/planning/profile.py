@@ -8,12 +8,11 @@ and acceleration, and turned back into angles.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import angular_distance_rad, as_finite_array, unit_vector_from_azel
 from rf_pointing.core.hermite import quintic_coefficients
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 STEP_S = 0.1
 # A pass of 83 min.  Longer ones are of high orbits, the Moon and the Sun.
 MOST_STEPS = 50_000

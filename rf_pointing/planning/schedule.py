@@ -21,16 +21,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rf_pointing.core.types import TURN, Array, Pair
 from rf_pointing.planning.limits import AxisLimits, AxisRates
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-Pair = tuple[float, float]
-TURN = 2.0 * math.pi
 # What a pass counts however low it is.  With much more a day of short passes near the horizon would
 # beat every high one, with nothing a low pass of another satellite would never be wanted.
 _COUNT_WORTH = 0.2
-# Of two equally good plans the one that turns less: a whole day of turning counts less than a pass.
+# Turning decides between equally good plans: a whole day of it counts less than a pass.
 _TURNING_WORTH = 1e-6
 
 
@@ -50,7 +48,7 @@ class Candidate:
 
     @property
     def worth(self) -> float:
-        """What the pass counts among those of its priority."""
+        """Worth of the pass among those of its priority."""
         return _COUNT_WORTH + math.sin(self.peak_rad)
 
 
@@ -160,7 +158,7 @@ def _best_chain(
         window = window[level[window] == needed[first]]
         rest = rested.get(int(needed[first]))
         if rest is not None:
-            # What is worth less than a plan that is at rest is no way to a better one.
+            # A partial plan worth less than one that already rests cannot become the best.
             window = np.append(window[best[window] > best[rest] - _TURNING_WORTH * longest_s], rest)
         for node in range(first, last) if len(window) else ():
             turning = turn_s(axes, to_rad[window], from_rad[node])
@@ -213,7 +211,7 @@ class _Reasons:
         return self._turning(one)
 
     def _turning(self, one: Candidate) -> str:
-        """Return from and to what there is no time to turn."""
+        """Return the two passes between which the antenna cannot slew in time."""
         held = [pair for pair in self._tracked if pair[0].priority >= one.priority]
         before = [pair for pair in held if pair[0].los_t_s <= one.aos_t_s]
         after = [pair for pair in held if pair[0].aos_t_s >= one.los_t_s]

@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.planning.forbidden_sky import EARTH_RATE_RAD_S, ForbiddenSky, angle_between
 from rf_pointing.planning.limits import AxisRates
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 # Shares of the stopping distance v^2 / 2a after a quarter, half and all of the time to stop.
 HALTING_SHARES = (0.4375, 0.75, 1.0)
 # The command preprocessor brakes with less than the limit, another antenna may use all of it.  The
@@ -36,7 +35,7 @@ CHORD_RAD = math.radians(0.01)
 CLEARANCE_RAD = math.radians(0.5)
 # From the Sun's zone for axes that run after a target: another drive takes another way.
 CHASE_RAD = math.radians(0.1)
-# But not more than the target itself keeps, less this.
+# Part of the distance that the target itself keeps which a slew may use up.
 TARGET_RAD = math.radians(0.02)
 # Elevations to try in addition to the obvious ones.
 HEIGHTS = 12
@@ -122,11 +121,11 @@ class AxisSlew(NamedTuple):
         if self.first_s == 0.0:
             return position, velocity
         braked = np.minimum(times, self.first_s)
-        against = math.copysign(up, self.first_rad_s)
+        opposed = math.copysign(up, self.first_rad_s)
         early = times < self.first_s
         return (
-            np.where(early, self.start_rad + self.first_rad_s * braked - 0.5 * against * braked**2, position),
-            np.where(early, self.first_rad_s - against * braked, velocity),
+            np.where(early, self.start_rad + self.first_rad_s * braked - 0.5 * opposed * braked**2, position),
+            np.where(early, self.first_rad_s - opposed * braked, velocity),
         )
 
 
@@ -161,7 +160,7 @@ class PathFinder:
         self._sky, self._axes, self._travel = sky, axes, travel_rad
 
     def find(self, start: Pair, end: Pair, sun: Pair | None) -> list[Pair] | str:
-        """Return the corners of a free path, the end included, or why there is none."""
+        """Return the corners of a free path, the end included, or why no path is free."""
         straight = self._barred(start, [end], sun)
         if not straight:
             return [end]
@@ -313,7 +312,7 @@ class _FreeColumns:
         return []
 
     def _components(self, low: Array, high: Array) -> NDArray[np.int64]:
-        """Return which pieces (2, n) are connected, by a number; -1 where there is none."""
+        """Return which pieces (2, n) are connected, by a number; -1 where there is no piece."""
         index = np.arange(low.size).reshape(low.shape)
         rows, columns = [], []
         for here in (0, 1):

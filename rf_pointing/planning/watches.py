@@ -23,8 +23,8 @@ from collections import deque
 from dataclasses import dataclass
 
 from rf_pointing.core import AXES, Params, parameter
+from rf_pointing.core.types import Pair
 
-Pair = tuple[float, float]
 # A rate that changes by so many times what the drive can give in a tick is a wrong reading.
 JUMP = 3.0
 # A runaway has gained this share of the limit one sample before it has gained all of it.
@@ -35,7 +35,7 @@ MEAN_S = 600.0
 
 @dataclass(frozen=True, kw_only=True)
 class AxisWatchParams(Params):
-    """What differences between encoder and tachometer are no longer the machine's own."""
+    """Differences between encoder and tachometer from which on an axis is at fault."""
 
     jump_rad: float = parameter(math.radians(0.03), "encoder off its prediction in one tick", low=1e-6, high=1.0)
     bridged_samples: int = parameter(3, "samples in a row that are bridged", low=0, high=50)
@@ -88,7 +88,7 @@ class AxisWatch:
 
     @property
     def cause(self) -> str:
-        """What is still wrong by the last window alone, "" once the sensors agree again."""
+        """Fault that the last window alone still shows, "" once the sensors agree again."""
         found = []
         for name, axis in zip(AXES, self._axes, strict=True):
             shown = list(axis.shown)
@@ -134,7 +134,7 @@ class AxisWatch:
 
 @dataclass(frozen=True, kw_only=True)
 class DriveWatchParams(Params):
-    """What is known of both drives, and how far one may differ from it."""
+    """Known response of both drives, and how far one may differ from it."""
 
     bandwidth_hz: float = parameter(20.0 / (2.0 * math.pi), "bandwidth of the rate loops", low=0.01, high=100.0)
     acceleration_limit_rad_s2: float = parameter(
@@ -147,7 +147,9 @@ class DriveWatchParams(Params):
         math.radians(1.5), "largest steady acceleration by the wind", low=0.0, high=10.0
     )
     disturbance_time_s: float = parameter(0.3, "time in which it becomes known", low=0.02, high=60.0)
-    slack_rad_s2: float = parameter(math.radians(0.3), "unexplained acceleration that is no fault", low=0.0, high=10.0)
+    slack_rad_s2: float = parameter(
+        math.radians(0.3), "unexplained acceleration that is not a fault", low=0.0, high=10.0
+    )
     gained_rad_s: float = parameter(
         math.radians(0.02), "rate gained without a command that is a runaway; twice it at first", low=1e-6, high=1.0
     )
@@ -207,7 +209,7 @@ class DriveWatch:
         drive.rate, drive.samples = rate, drive.samples + 1
         if before is None:
             return False
-        # Twice in a row: one wrong reading of the tachometer is no runaway.
+        # Twice in a row: one wrong reading of the tachometer is not a runaway.
         fast, drive.fast = drive.fast, self._fast(before, rate, command)
         up, down = drive.gained
         if abs(rate - before) < self._jump:
@@ -289,7 +291,7 @@ class WindWatch:
         return self._sums[1] / (len(self._minutes) // 2) if self._minutes else 0.0
 
     def take(self, t_s: float, speed_m_s: float) -> None:
-        """Note a reading; one that is no finite speed is no reading."""
+        """Note a reading; one that is not a finite speed is not a reading."""
         if not (math.isfinite(speed_m_s) and 0.0 <= speed_m_s < 150.0):
             return
         # Time went back: a simulation began again, and its old readings mean nothing.

@@ -1,4 +1,4 @@
-"""What is derived from a recording once: modes, errors, the tracked pass, and the acquisition.
+"""Quantities derived from a recording once: modes, errors, the tracked pass, and the acquisition.
 
     error = target - beam
     alone = error + offset                                          (program track alone)
@@ -17,13 +17,11 @@ from numpy.typing import NDArray
 from rf_pointing.core import MDEG
 from rf_pointing.core.modes import Mode
 from rf_pointing.core.pass_outcome import is_held, pointing_loss_db, received_power
+from rf_pointing.core.types import Array, IntArray
 from rf_pointing.report.recording import Pass, Recording
 from rf_pointing.report.summary import Acquisition, ErrorStatistics, Spread, reduced
 from rf_pointing.report.topics import TopicData
 from rf_pointing.tracking.sensors import SENSORS
-
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 
 def tracking_modes() -> tuple[str, ...]:
@@ -50,21 +48,21 @@ class Interval:
 class Timeline:
     """Status of the controller in order of its stamps; a mode holds from one stamp to the next."""
 
-    stamp_ns: Ints
+    stamp_ns: IntArray
     columns: dict[str, NDArray[Any]]
 
-    def mode_at(self, stamp_ns: Ints) -> NDArray[np.str_]:
+    def mode_at(self, stamp_ns: IntArray) -> NDArray[np.str_]:
         """Return the mode at each stamp, "" before the first status."""
         # Before the first status nothing is known, not the mode of that status.
         modes = self._held("mode", stamp_ns)
         return np.where(stamp_ns < self.stamp_ns[0], "", modes)
 
-    def beamwidth_rad_at(self, stamp_ns: Ints) -> Floats:
+    def beamwidth_rad_at(self, stamp_ns: IntArray) -> Array:
         """Return the half-power beamwidth at each stamp; NaN where the controller gave none."""
         width = self._held("beamwidth", stamp_ns).astype(np.float64)
         return np.where(width > 0.0, width, np.nan)
 
-    def offset_rad_at(self, stamp_ns: Ints) -> Floats:
+    def offset_rad_at(self, stamp_ns: IntArray) -> Array:
         """Return the interpolated tracking offset (n, 2) in cross-elevation and elevation."""
         # Stamps differ from the first one by seconds: the difference keeps nanoseconds in a float.
         at, known = ((s - self.stamp_ns[0]) * 1e-9 for s in (stamp_ns, self.stamp_ns))
@@ -84,11 +82,11 @@ class Timeline:
             for i, start, end in zip(starts, edges[:-1], edges[1:], strict=True)
         ]
 
-    def is_tracking_at(self, stamp_ns: Ints) -> NDArray[np.bool_]:
+    def is_tracking_at(self, stamp_ns: IntArray) -> NDArray[np.bool_]:
         """Return whether the beam was meant to be on the target at each stamp."""
         return np.isin(self.mode_at(stamp_ns), tracking_modes())
 
-    def _held(self, column: str, stamp_ns: Ints) -> NDArray[Any]:
+    def _held(self, column: str, stamp_ns: IntArray) -> NDArray[Any]:
         index = np.searchsorted(self.stamp_ns, stamp_ns, side="right") - 1
         return self.columns[column][np.maximum(index, 0)]
 
@@ -112,20 +110,20 @@ class ErrorSeries:
     """
 
     source: str
-    stamp_ns: Ints
-    error_rad: Floats
-    alone_rad: Floats
+    stamp_ns: IntArray
+    error_rad: Array
+    alone_rad: Array
     mode: NDArray[np.str_]
-    beamwidth_rad: Floats
+    beamwidth_rad: Array
     dropped: int
 
     @property
-    def radial_rad(self) -> Floats:
+    def radial_rad(self) -> Array:
         """Angle between target and beam."""
         return np.hypot(self.error_rad[:, 0], self.error_rad[:, 1])
 
     @property
-    def loss_db(self) -> Floats:
+    def loss_db(self) -> Array:
         """Pointing loss, positive."""
         return pointing_loss_db(received_power(self.radial_rad, self.beamwidth_rad))
 
@@ -139,7 +137,7 @@ def error_series(recording: Recording, modes: Timeline | None) -> ErrorSeries | 
     return None
 
 
-def _series(source: str, stamp_ns: Ints, data: TopicData, modes: Timeline | None) -> ErrorSeries:
+def _series(source: str, stamp_ns: IntArray, data: TopicData, modes: Timeline | None) -> ErrorSeries:
     error_rad = np.stack([data["cross_elevation"], data["elevation"]], axis=-1)
     valid, finite = data["valid"], np.all(np.isfinite(error_rad), axis=1)
     # By stamp, not by reception: errors of several sensors overtake each other.
@@ -157,7 +155,7 @@ def _series(source: str, stamp_ns: Ints, data: TopicData, modes: Timeline | None
     return ErrorSeries(source, stamp_ns, error_rad, alone, mode, width, dropped=int(np.sum(valid & ~finite)))
 
 
-def statistics_of(error_rad: Floats, beamwidth_rad: Floats) -> ErrorStatistics:
+def statistics_of(error_rad: Array, beamwidth_rad: Array) -> ErrorStatistics:
     """Return the statistics of errors (n, 2) seen by beams (n,), all null when n is 0."""
     radial = np.hypot(error_rad[:, 0], error_rad[:, 1])
     power = received_power(radial, beamwidth_rad)
@@ -175,7 +173,7 @@ def statistics_of(error_rad: Floats, beamwidth_rad: Floats) -> ErrorStatistics:
     )
 
 
-def _spread(error_rad: Floats) -> Spread:
+def _spread(error_rad: Array) -> Spread:
     if len(error_rad) == 0:
         return Spread()
     magnitude = np.abs(error_rad) / MDEG

@@ -1,4 +1,4 @@
-"""The report of a calibration: one HTML file with numbers, pictures, tables and doubts."""
+"""The report of a calibration: one HTML file with numbers, pictures, tables and warnings."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,16 +14,15 @@ from rf_pointing.calibration import (
     Observations,
     SectorRule,
     StageReport,
-    doubts_of,
+    warnings_of,
 )
 from rf_pointing.calibration.coverage import on_the_sky
 from rf_pointing.core import MDEG
 from rf_pointing.core.dates import to_utc_text
+from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import write_whole
 from rf_pointing.report.html import Cell, render
 from rf_pointing.report.picture_style import AXIS_COLOURS, LIMIT_COLOUR, figure, legend_above
-
-Array = NDArray[np.float64]
 
 AXIS_NAMES = ("cross-elevation", "elevation")
 THIN_COLOUR = "#f4c9b8"
@@ -52,11 +51,11 @@ def write_calibration_report(
     place.mkdir(parents=True, exist_ok=True)
     rule = SectorRule()
     coverage = rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
-    doubts = [*notes, *doubts_of(fit, points), *fit.separation_advice()]
+    warnings = [*notes, *warnings_of(fit, points), *fit.separation_advice()]
     if coverage.thin:
         thin = ", ".join(f"{rule.name(k)} ({coverage.counts[k]})" for k in coverage.thin[:6])
         more = f" and {len(coverage.thin) - 6} more" if len(coverage.thin) > 6 else ""
-        doubts.append(f"sectors with fewer than {rule.fewest} observations: {thin}{more}")
+        warnings.append(f"sectors with fewer than {rule.fewest} observations: {thin}{more}")
     draw_coverage(points, fit.used, rule, place / "coverage.png")
     draw_residuals(points, fit, place / "residuals.png")
     draw_histogram(points, fit, place / "histogram.png")
@@ -73,7 +72,7 @@ def write_calibration_report(
         sectors=rule.count,
         filled=rule.count - len(coverage.thin),
         remarks=remarks,
-        doubts=doubts,
+        warnings=warnings,
         coefficients=_coefficients(fit),
         stages=[
             (i.stage, i.before, i.after, ", ".join(f"{n} {why}" for why, n in i.dropped.items() if n), i.note)
@@ -180,7 +179,7 @@ def draw_residuals(points: Observations, fit: FitResult, path: Path) -> None:
                 axes.axhline(0.0, color="#888888", lw=0.7)
                 if row == 1:
                     axes.set_xlabel(label)
-            # Of the used rows only: one outlier of degrees would flatten all others to a line.
+            # Used rows only: one outlier of degrees would flatten all others to a line.
             limit = 1.15 * float(np.max(np.abs(values[:, fit.used]))) / MDEG
             grid[row][0].set(ylabel=f"{name}, mdeg on the sky", ylim=(-limit, limit))
         legend_above(grid[0][0])

@@ -22,7 +22,7 @@ MOST_SUNS = 24
 FEW_PATHS = 12
 """Up to so many paths have the time of their rise on them."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Of the priorities, the highest first; lower ones share the last."""
+"""Colours of the priorities, the highest first; lower ones share the last."""
 YIELDS_COLOUR = "#c9ccd1"
 BARRED_COLOUR = "#8a1c1c"
 ROW_IN = 0.2

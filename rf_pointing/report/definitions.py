@@ -1,4 +1,4 @@
-"""What a bag stores about its topics: definitions of their types, and quality of service.
+"""Descriptions of its topics that a bag stores: definitions of their types, and quality of service.
 
 A bag has, for every topic, the full text of its type and the type's RIHS01 hash, so that it can be
 read where the package is not installed.  Our own types keep their comments (units and signs).
@@ -78,7 +78,7 @@ def _package_texts(folder: Path) -> dict[str, str]:
     manifest = folder / "package.xml"
     files = sorted((folder / "msg").glob("*.msg"))
     if not manifest.is_file() or not files:
-        raise ValueError(f"folder={folder} is no interface package: it needs package.xml and msg/*.msg")
+        raise ValueError(f"folder={folder} is not an interface package: it needs package.xml and msg/*.msg")
     package = (ElementTree.parse(manifest).findtext("name") or "").strip()
     return {f"{package}/msg/{path.stem}": path.read_text(encoding="utf-8") for path in files}
 

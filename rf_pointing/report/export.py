@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.core import AXES
 from rf_pointing.core.whole_file import write_whole
-from rf_pointing.report.recording import Recording, read_recording
+from rf_pointing.report.recording import Recording
 from rf_pointing.report.topics import TopicData
 
 Columns = dict[str, NDArray[Any]]
@@ -143,24 +143,9 @@ class ColumnMeaning:
     type_name: str
 
 
-def table(path: Path | str, topic: str = "tracking_status", *, namespace: str | None = None) -> Any:
-    """Return a topic of a recording as a table: one line of a notebook.
-
-    A pandas DataFrame where pandas is installed, indexed by the stamp (UTC); else a dict of numpy
-    arrays (n,) with the same columns.
-
-    Raises
-    ------
-    ValueError
-        What `read_recording` raises; a topic that the recording does not have.
-    """
-    columns, _ = _columns(read_recording(path, namespace=namespace), topic)
-    try:
-        import pandas
-    except ImportError:
-        return columns
-    index = pandas.to_datetime(columns["stamp_ns"], unit="ns", utc=True)
-    return pandas.DataFrame(columns, index=index.rename("utc"))
+def topic_table(recording: Recording, topic: str) -> Columns:
+    """Return a topic of a recording as columns (n,); ValueError for one that it does not have."""
+    return _columns(recording, topic)[0]
 
 
 def data_dictionary(recording: Recording) -> list[ColumnMeaning]:

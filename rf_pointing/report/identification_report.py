@@ -1,4 +1,4 @@
-"""What an identification leaves in a folder: recordings, models, pictures, table of errors."""
+"""Files of an identification in one folder: recordings, models, pictures, table of errors."""
 
 import json
 from collections.abc import Mapping, Sequence

@@ -28,7 +28,7 @@ _FOOTER_BYTES = 37
 HOLE_BYTES = 400
 """So many zeros in a row are a lost block of the disk; the longest covariance has 288."""
 CHUNK_ERRORS = (ReaderError, RuntimeError, ValueError, OSError, zstd.ZstdError)
-"""What libraries raise for a chunk that does not decompress."""
+"""Errors that libraries raise for a chunk that does not decompress."""
 Record = tuple[int, int, bytes]
 
 
@@ -209,7 +209,7 @@ def _records(file: BinaryIO) -> Iterator[Record]:
     file.seek(start)
     while len(head := file.read(_HEAD)) == _HEAD:
         opcode, length = struct.unpack("<BQ", head)
-        # Opcode 0 is no record: a file system that crashed leaves blocks of zeros.  A damaged
+        # Opcode 0 is not a record: a file system that crashed leaves blocks of zeros.  A damaged
         # length may be more than the memory holds.
         if opcode == 0 or length > size - file.tell():
             return

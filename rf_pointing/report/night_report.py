@@ -13,7 +13,7 @@ from typing import Any
 
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.whole_file import write_whole
-from rf_pointing.operations.night import PassRecord
+from rf_pointing.operations.pass_work import PassRecord
 from rf_pointing.report.html import render
 
 STALE_H = 48.0

@@ -1,4 +1,4 @@
-"""What a recorded pass gave, by the definition of `core/pass_outcome.py`, and its prediction.
+"""Outcome of a recorded pass by the definition of `core/pass_outcome.py`, and its prediction.
 
 Three answers to the same questions: as flown (from the true error, which only a simulation knows),
 as the controller counted it (from axes, sensor and carrier), and as the certificate predicted it.
@@ -6,15 +6,14 @@ The verdict is that of the flight where the truth is known, else the controller'
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL, PassOutcome
+from rf_pointing.core.types import IntArray
 from rf_pointing.report.analysis import Analysis
 from rf_pointing.report.recording import Pass
 from rf_pointing.report.summary import OutcomeNumbers, Verdict
 from rf_pointing.report.topics import TopicData
 
-Ints = NDArray[np.int64]
 # Nothing says why the pass ended: the controller was killed, or the recording is cut short.
 CUT_SHORT = "the recording ends before the loss of signal"
 # The prefix that the controller gives to what the antenna publishes.
@@ -77,11 +76,11 @@ def _flown(analysis: Analysis, begin_ns: int, end_ns: int) -> PassOutcome | None
         return None
     flown = PassOutcome.of(errors.radial_rad[inside], width, step_s)
     missing_s = (end_ns - begin_ns) * 1e-9 - flown.duration_s
-    # A sample more or less at the ends is no gap.
+    # A sample more or less at the ends is not a gap.
     return flown + PassOutcome.unseen(missing_s) if missing_s > 2.0 * step_s else flown
 
 
-def _counted(status: TopicData, rows: Ints) -> PassOutcome | None:
+def _counted(status: TopicData, rows: IntArray) -> PassOutcome | None:
     """Return what the controller counted by the later of these rows, None without a count."""
     tracked, lost, loss = (status[name][rows] for name in ("seconds_tracked", "seconds_lost", "mean_loss"))
     best = int(np.argmax(tracked + lost))
@@ -96,7 +95,7 @@ def _predicted(analysis: Analysis, found: Pass) -> tuple[OutcomeNumbers | None, 
     data = analysis.recording.get("pass_certificate")
     if data is None or data.stamp_ns is None:
         return None, LEAST_SHARE
-    # Of several the last one before the loss of signal: that of the goal which was tracked.
+    # The last certificate before the loss of signal is that of the goal which was tracked.
     mine = np.flatnonzero(
         (data["target"] == found.target) & (data["los"] > found.aos_ns) & (data["aos"] < found.los_ns)
     )

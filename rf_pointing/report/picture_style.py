@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import azel_from_unit_vector, unit_vector_from_azel
 from rf_pointing.core.modes import Mode
+from rf_pointing.core.types import Array, IntArray
 from rf_pointing.report.analysis import Analysis
 from rf_pointing.tracking.sensors import SENSORS
 
@@ -26,7 +26,7 @@ MODE_COLOURS: dict[str, str] = {
 }
 """Colour by mode of the controller; that of a sensor's own mode is one of the sensor's traits."""
 OTHER_MODE_COLOUR = "#4a4a4a"
-"""Of the modes without a colour of their own."""
+"""Colour of the modes without one of their own."""
 AXIS_COLOURS = ("#0072b2", "#d55e00")
 """Azimuth (or cross-elevation) and elevation."""
 ALONE_COLOUR = "#8a8a8a"
@@ -48,8 +48,6 @@ _STYLE: Any = {
     "legend.fontsize": 9.0,
     "lines.linewidth": 1.2,
 }
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def mode_colour(mode: str) -> str:
@@ -80,7 +78,7 @@ def sky_axes(axes: Any) -> None:
     axes.set_thetagrids(range(0, 360, 45), ["N", "NE", "E", "SE", "S", "SW", "W", "NW"])
 
 
-def sky_place(azimuth_rad: Floats, elevation_rad: Floats) -> tuple[Floats, Floats]:
+def sky_place(azimuth_rad: Array, elevation_rad: Array) -> tuple[Array, Array]:
     """Return angle and zenith distance in degrees, also of elevations beyond the zenith."""
     # By way of the vector: past the zenith the antenna looks to the other side.
     theta, elevation = azel_from_unit_vector(unit_vector_from_azel(azimuth_rad, elevation_rad))
@@ -137,12 +135,12 @@ class TimeAxis:
         self.origin_ns = known.aos_ns if known is not None else min(first, default=0)
         self.label = f"minutes from {'acquisition of signal' if known is not None else 'the start of the recording'}"
 
-    def minutes(self, stamp_ns: Ints) -> Floats:
+    def minutes(self, stamp_ns: IntArray) -> Array:
         """Return stamps as minutes."""
         return (np.asarray(stamp_ns) - self.origin_ns) / 60e9
 
 
-def mode_runs(analysis: Analysis, stamp_ns: Ints) -> Iterator[tuple[str, slice, bool]]:
+def mode_runs(analysis: Analysis, stamp_ns: IntArray) -> Iterator[tuple[str, slice, bool]]:
     """Give mode, samples, and whether the mode comes for the first time, for each stretch.
 
     Stretches share their border sample, so that lines along them have no gaps; stamps must be in
@@ -157,7 +155,7 @@ def mode_runs(analysis: Analysis, stamp_ns: Ints) -> Iterator[tuple[str, slice, 
             seen.add(span.mode)
 
 
-def per_second(stamp_ns: Ints, values: Floats) -> tuple[Ints, Floats, Floats]:
+def per_second(stamp_ns: IntArray, values: Array) -> tuple[IntArray, Array, Array]:
     """Return middle stamp, mean and maximum of the finite `values` in each second that has any."""
     # NaN means "not known" in a column; it must not spoil its second.
     good = np.isfinite(values)

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import AXES, MDEG
 from rf_pointing.core.modes import Mode
 from rf_pointing.core.pass_outcome import SIDELOBE_DB, pointing_loss_db, received_power
+from rf_pointing.core.types import Array
 from rf_pointing.report.analysis import Analysis, ErrorSeries, tracking_modes
 from rf_pointing.report.picture_style import (
     ALONE_COLOUR,
@@ -34,7 +34,6 @@ from rf_pointing.report.picture_style import (
 from rf_pointing.report.statistics import axis_motion, link_series
 from rf_pointing.report.traffic import latencies
 
-Floats = NDArray[np.float64]
 # Half the width of a drawing of errors that are all zero.
 _SMALLEST_MDEG = 1e-3
 # More are not visible, and take seconds to draw.
@@ -73,7 +72,7 @@ def _strong(
     axes: Any,
     time: TimeAxis,
     errors: ErrorSeries,
-    values: Floats,
+    values: Array,
     colour: str,
     label: str | None,
     width: float,
@@ -85,7 +84,7 @@ def _strong(
         axes.plot(time.minutes(stamps), np.sqrt(mean_square), color=colour, lw=width, label=label)
 
 
-def _decades(radial: Floats, alone: Floats, beamwidth_mdeg: float) -> tuple[float, float]:
+def _decades(radial: Array, alone: Array, beamwidth_mdeg: float) -> tuple[float, float]:
     """Return the range of the drawing: that of the tracking modes and of the beam."""
     # A slew's degrees would squeeze the rest.
     tracking = np.isfinite(alone) if np.any(np.isfinite(alone)) else np.isfinite(radial)
@@ -157,7 +156,7 @@ def draw_beam(analysis: Analysis, path: Path) -> None:
         _draw_middle(middle, errors.error_rad[settled] / MDEG, half, analysis.acquired_ns is not None)
 
 
-def _draw_middle(axes: Any, error_mdeg: Floats, half_mdeg: float, acquired: bool) -> None:
+def _draw_middle(axes: Any, error_mdeg: Array, half_mdeg: float, acquired: bool) -> None:
     axes.plot(error_mdeg[:, 0], error_mdeg[:, 1], ".", color=mode_colour(Mode.MONOPULSE), ms=1.5, alpha=0.4)
     rms = np.sqrt(np.mean(np.square(error_mdeg), axis=0)) if len(error_mdeg) else np.zeros(2)
     _ellipse(axes, rms[0], rms[1], LIMIT_COLOUR, "-", f"rms {rms[0]:.2f}, {rms[1]:.2f} mdeg")

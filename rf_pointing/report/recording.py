@@ -227,7 +227,7 @@ def namespaces(topics: Iterable[str]) -> list[str]:
     found = set()
     for topic in topics:
         name = next((known for known in _LONGEST_FIRST if topic.endswith(f"/{known}")), None)
-        # The global clock of an ordinary simulation is no sign of an antenna.
+        # The global clock of an ordinary simulation is not a sign of an antenna.
         if name is not None and topic != "/clock":
             found.add(topic.removesuffix(f"/{name}"))
     return sorted(found)

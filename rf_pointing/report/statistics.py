@@ -6,11 +6,11 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import AXES, MDEG
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.modes import Sensor
+from rf_pointing.core.types import Array, IntArray
 from rf_pointing.report.analysis import Analysis, ErrorSeries, Interval, Timeline, statistics_of, tracking_modes
 from rf_pointing.report.outcome import verdict
 from rf_pointing.report.recording import Pass, Recording
@@ -33,8 +33,6 @@ from rf_pointing.report.summary import (
 from rf_pointing.report.topics import TopicData
 from rf_pointing.report.traffic import latencies, topic_traffic
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 # Over a shorter span the steps of the encoders dominate.
 _ACCELERATION_SPAN_S = 0.5
 
@@ -106,7 +104,7 @@ def _pass_info(item: Pass) -> PassInfo:
 
 
 def _headline(errors: ErrorSeries | None, acquired_ns: int | None, lost: int) -> Headline:
-    # The search is no fault of the loop, so the headline begins when the loop has settled.
+    # The search is not a fault of the loop, so the headline begins when the loop has settled.
     over = "tracking" if acquired_ns is None else "after acquisition"
     if errors is None:
         return Headline(over=over, messages_lost=lost)
@@ -161,7 +159,7 @@ def _missing(recording: Recording, errors: ErrorSeries | None) -> list[str]:
     return missing
 
 
-def link_series(recording: Recording) -> tuple[str, Ints, Floats] | None:
+def link_series(recording: Recording) -> tuple[str, IntArray, Array] | None:
     """Return source, stamps and finite C/N0 in dB-Hz of the best topic that has it."""
     # Best first: the receiver measures more often than the controller reports.
     for name in (Sensor.MONOPULSE, "carrier_power", "tracking_status"):
@@ -216,12 +214,12 @@ class AxisMotion:
     def __init__(self, joints: TopicData) -> None:
         assert joints.stamp_ns is not None
         self.stamp_ns, index = np.unique(joints.stamp_ns, return_index=True)
-        self.rate_rad_s: Floats = joints["velocity"][index]
+        self.rate_rad_s: Array = joints["velocity"][index]
         step_s = float(np.median(np.diff(self.stamp_ns))) * 1e-9 if len(self.stamp_ns) > 1 else np.inf
         span = max(1, round(_ACCELERATION_SPAN_S / step_s))
         elapsed_s = (self.stamp_ns[span:] - self.stamp_ns[:-span]) * 1e-9
-        self.acceleration_rad_s2: Floats = (self.rate_rad_s[span:] - self.rate_rad_s[:-span]) / elapsed_s[:, None]
-        self.acceleration_stamp_ns: Ints = (self.stamp_ns[span:] + self.stamp_ns[:-span]) // 2
+        self.acceleration_rad_s2: Array = (self.rate_rad_s[span:] - self.rate_rad_s[:-span]) / elapsed_s[:, None]
+        self.acceleration_stamp_ns: IntArray = (self.stamp_ns[span:] + self.stamp_ns[:-span]) // 2
 
 
 def axis_motion(recording: Recording) -> AxisMotion | None:
@@ -236,7 +234,7 @@ def servo(recording: Recording) -> Servo:
     lateness = antenna["tick_lateness"] * 1e3 if antenna is not None else np.zeros(0)
     # By the recorder's clock: the stamps are exact whatever the servo does.
     period = np.diff(joints.log_time_ns) * 1e-6 if joints is not None else np.zeros(0)
-    # Of the median period: the recorder does not know the nominal one.
+    # Gaps are counted in median periods: the recorder does not know the nominal one.
     deviation = np.abs(period - np.median(period)) if len(period) else period
     faults = dict.fromkeys(str(text) for text in antenna["fault"] if text) if antenna is not None else {}
     return Servo(

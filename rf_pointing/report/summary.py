@@ -19,7 +19,7 @@ Number = float | None
 
 
 def reduced(function: Callable[..., Any], values: NDArray[np.floating[Any]]) -> Number:
-    """Return `function` of the finite `values`, None where there are none."""
+    """Return `function` of the finite `values`, or None without one."""
     finite = values[np.isfinite(values)]
     return float(function(finite)) if len(finite) else None
 
@@ -31,7 +31,7 @@ def percentile_99(values: NDArray[np.floating[Any]]) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class BagInfo:
-    """What was read; `speed` is simulation time per wall time."""
+    """Data that were read; `speed` is simulation time per wall time."""
 
     path: str
     namespace: str
@@ -294,7 +294,7 @@ def _plain(value: Any) -> Any:
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
-    # NaN is no JSON; most readers refuse a file that has one.
+    # NaN is not JSON; most readers refuse a file that has one.
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value

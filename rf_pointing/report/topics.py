@@ -1,4 +1,4 @@
-"""What a report reads of each topic of an antenna, and the messages of one topic as arrays.
+"""Columns that a report reads of each topic of an antenna, and the messages of one topic as arrays.
 
 A column is a name and the attribute of the message it comes from; no other attribute is read.
 """
@@ -19,8 +19,8 @@ from rosbags.typesys.store import Typestore
 
 from rf_pointing.core import AXES
 from rf_pointing.core.modes import Sensor
+from rf_pointing.core.types import IntArray
 
-Ints = NDArray[np.int64]
 Head = tuple[int, ...]
 _IDL_SEPARATOR = "=" * 80 + "\n"
 
@@ -34,9 +34,9 @@ class TopicData:
 
     topic: str
     type_name: str
-    log_time_ns: Ints
-    stamp_ns: Ints | None
-    sequence: Ints | None
+    log_time_ns: IntArray
+    stamp_ns: IntArray | None
+    sequence: IntArray | None
     columns: dict[str, NDArray[Any]]
 
     def __len__(self) -> int:

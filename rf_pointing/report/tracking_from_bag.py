@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration import RawTracking, ReferenceTrack, split_passes
+from rf_pointing.core.types import Array
 from rf_pointing.report.recording import Recording, read_recording
 from rf_pointing.report.topics import TopicData
 from rf_pointing.tracking.sensors import SENSORS, load_trackers
-
-Array = NDArray[np.float64]
 
 PASS_GAP_S = 120.0
 FEWEST_SAMPLES = 30

@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core.modes import Sensor
+from rf_pointing.core.types import IntArray
 from rf_pointing.report.recording import Recording
 from rf_pointing.report.summary import Latency, TopicTraffic, percentile_99, reduced
 from rf_pointing.report.topics import TOPICS, TopicData
 
-Ints = NDArray[np.int64]
 # A longer gap is a pause of the publisher, not a loss.
 _PAUSE_PERIODS = 10
 # Stamps are kept on whole microseconds.
@@ -64,9 +63,9 @@ def _by_sensor(name: str, data: TopicData) -> list[tuple[str | None, TopicData]]
 
 def _traffic(name: str, sensor: str | None, data: TopicData, not_recorded: int) -> TopicTraffic:
     periodic = TOPICS[name].periodic
-    # A repeated stamp (the clock while time is held) is no step.
+    # A repeated stamp (the clock while time is held) is not a step.
     stamps = np.unique(data.stamp_ns) if data.stamp_ns is not None else np.zeros(0, dtype=np.int64)
-    steps: Ints = stamps[1:] - stamps[:-1]
+    steps: IntArray = stamps[1:] - stamps[:-1]
     # The measured period: a receiver or a scan may have been set to another one.
     period_ns = float(np.median(steps)) if periodic and len(steps) else None
     lost, counted_by, restarts = _losses(data, steps, period_ns)
@@ -86,7 +85,7 @@ def _traffic(name: str, sensor: str | None, data: TopicData, not_recorded: int) 
     )
 
 
-def _losses(data: TopicData, steps: Ints, period_ns: float | None) -> tuple[int | None, str | None, int]:
+def _losses(data: TopicData, steps: IntArray, period_ns: float | None) -> tuple[int | None, str | None, int]:
     if data.sequence is not None:
         # In order of reception: the numbers of one publisher never fall but at a restart.
         jumps = np.diff(data.sequence)
@@ -113,7 +112,7 @@ def latencies(recording: Recording) -> list[Latency]:
     return rows
 
 
-def _transit_ns(cause: TopicData, effect: TopicData) -> Ints:
+def _transit_ns(cause: TopicData, effect: TopicData) -> IntArray:
     """Reception of each effect after that of the cause with the same stamp.
 
     Without equal stamps, the last cause received before the effect counts, if it is less than a
@@ -136,18 +135,18 @@ def _transit_ns(cause: TopicData, effect: TopicData) -> Ints:
     return (effect.log_time_ns - logs[index])[linked]
 
 
-def _reaction_ns(cause: TopicData, effect: TopicData) -> Ints:
+def _reaction_ns(cause: TopicData, effect: TopicData) -> IntArray:
     """Return the time from each cause to the reception of the first effect, without pauses."""
     logs = np.sort(effect.log_time_ns)
     index = np.searchsorted(logs, cause.log_time_ns, side="right")
     answered = index < len(logs)
     waited = logs[index[answered]] - cause.log_time_ns[answered]
-    # A pause of the publisher is no slow reaction.
+    # A pause of the publisher is not a slow reaction.
     usual = float(np.median(logs[1:] - logs[:-1])) if len(logs) > 1 else np.inf
     return waited[waited < _PAUSE_PERIODS * usual]
 
 
-def _latency(hop: Hop, difference_ns: Ints) -> Latency:
+def _latency(hop: Hop, difference_ns: IntArray) -> Latency:
     milliseconds = difference_ns * 1e-6
     return Latency(
         cause=hop.cause,

@@ -12,15 +12,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 PERIOD_S = 0.1
 """Time between two directions of an array, and length of the block that each is made of."""
 SNAPSHOTS = 32
-"""Of a block; they fill its time, so each holds the noise of 320 Hz."""
+"""Snapshots of a block; they fill its time, so each holds the noise of 320 Hz."""
 SEPARATION = 36.0
 """Least kappa (1 - rho) of a valid direction, against the direction that is most like it."""
 MAIN_LOBE = 3.0
@@ -30,7 +29,7 @@ LATTICE = 0.25
 BETWEEN = 0.01
 """By how much a lobe may be higher than at the lattice: (LATTICE / sqrt 2)^2 / 4 = 0.008."""
 LEAST_EFFECTIVE_SNR = 60.0
-"""Of a valid direction, kappa = L S^2 / (1 + S), S the SNR of all patches of a block of L."""
+"""Least kappa = L S^2 / (1 + S) of a valid direction, S the SNR of all patches of a block of L."""
 # Below this separation its sine is itself to the last digit.
 SMALL_RAD = 1e-9
 

@@ -1,15 +1,13 @@
-"""What spoils a carrier: dropouts, the spin of the spacecraft, and an interference line near it."""
+"""Disturbances of a carrier: dropouts, spin of the spacecraft, and an interference line near it."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import Params, parameter
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.roots import bracketed_root
+from rf_pointing.core.types import ComplexArray
 from rf_pointing.rf.beam import BeamParams, normalised_voltage
 
-ComplexArray = NDArray[np.complex128]
 # Squint and width are in beamwidths, the same for every beam: one stands for all in the cache.
 ANY_BEAMWIDTH_RAD = 1e-3
 # Squint over the width of the four beams.  Beyond 0.6 the sum splits into four peaks; there the
@@ -41,7 +41,7 @@ class FeedVoltages(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class MonopulseFeedParams(Params):
-    """What the feed and its comparator do; pairs are cross-elevation, elevation."""
+    """Gains and errors of the feed and its comparator; pairs are cross-elevation, elevation."""
 
     slope: float = parameter(1.57, "h d(difference/sum)/dx on the axis, per half-power beamwidth", low=0.1, high=2.5)
     difference_gain_db: tuple[float, float] = parameter(

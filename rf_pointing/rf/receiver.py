@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import CarrierPower, MonopulseCluster, Params, as_finite_array, parameter, require_between
+from rf_pointing.core.types import ComplexArray
 from rf_pointing.rf.beam import Beam
 from rf_pointing.rf.disturbances import InterferenceParams, interference_volts
 from rf_pointing.rf.feed import MonopulseFeed
 from rf_pointing.rf.noise import BOLTZMANN_J_K
 
-ComplexArray = NDArray[np.complex128]
-
-# Orders of the beam's motion within a cluster that are no noise: steady, and with vibration.
+# Orders of the beam's motion within a cluster that are removed as motion: steady, vibrating.
 STEADY, VIBRATING = 1, 3
 # Clusters of which the lower quartile of the noise counts: a beam that sweeps across its nulls, as
 # in a search, may spoil three quarters of them.  After the fewest, chance does not double it.

@@ -9,26 +9,23 @@ A command that is sent again is refused by its stamps, a call by its signature. 
 nothing is signed, and any commander with a name is taken.
 """
 
-import fcntl
 import hmac
-import os
+import re
 import secrets
-import stat
 import struct
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rf_pointing_msgs.srv import SignedCall
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.core import Params, parameter
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.ros.graph import ROTCTLD
-from rf_pointing.ros.main_loop import open_private
+from rf_pointing.ros.main_loop import secret_in
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.station.parameters import CommandKeyParams
 
 KEY_BYTES, SHOWN_DIGITS = 32, 32
 # How long after a foreign command /diagnostics shows the conflict as an error.
@@ -36,15 +33,6 @@ SHOWN_S = 10.0
 # Age of a call by the clocks of both computers; a longer one lets clocks differ, and keeps more
 # signatures.
 CALL_S = 10.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class CommandKeyParams(Params):
-    """Where the key of the commands is."""
-
-    command_key_file: str = parameter(
-        "", "file with the key that signs commands and calls; made if missing; empty: not signed"
-    )
 
 
 class CommandKey:
@@ -145,25 +133,11 @@ def _counted(word: str) -> bytes:
 def _key_of(path: Path) -> bytes:
     """Return the key in a file, which is made with one if it is missing."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        opened = open_private(path, os.O_RDWR)
-    except (OSError, RuntimeError) as error:
-        raise ValueError(f"command_key_file={path} cannot be used: {error}") from error
-    with os.fdopen(opened, "r+b") as file:
-        if stat.S_IMODE(os.fstat(opened).st_mode) & 0o077:
-            raise ValueError(f"command_key_file={path} can be read by others; chmod 600 it and make a new key")
-        # Both nodes start at once: the first of them makes the key.
-        fcntl.flock(file, fcntl.LOCK_EX)
-        text = file.read(4 * KEY_BYTES).strip()
-        if not text:
-            text = secrets.token_hex(KEY_BYTES).encode()
-            file.write(text + b"\n")
-    try:
-        key = bytes.fromhex(text.decode())
-    except ValueError:
-        key = b""
-    if len(key) != KEY_BYTES:
+        text = secret_in(path, lambda: secrets.token_hex(KEY_BYTES))
+    except ValueError as error:
+        raise ValueError(f"command_key_file={error}") from error
+    if not re.fullmatch(rf"[0-9a-fA-F]{{{2 * KEY_BYTES}}}", text):
         raise ValueError(
             f"command_key_file={path} must hold {2 * KEY_BYTES} hexadecimal digits; delete it for a new key"
         )
-    return key
+    return bytes.fromhex(text)

@@ -27,14 +27,14 @@ def model_from_message(message: PointingModel) -> BiasModel:
     return BiasModel(dict(zip(message.terms, message.values, strict=True)))
 
 
-def fit_to_result(fit: FitResult, file: ModelVersion, doubts: tuple[str, ...]) -> FitModel.Result:
+def fit_to_result(fit: FitResult, file: ModelVersion, warnings: tuple[str, ...]) -> FitModel.Result:
     rms = fit.rms_rad()
     return FitModel.Result(
         success=True,
         message=(
             f"{file.name}: {file.observations} observations of {file.passes} passes, residual rms {rms[0] / MDEG:.2f} mdeg "
             f"cross-elevation, {rms[1] / MDEG:.2f} mdeg elevation; it runs in the shadow until it is accepted"
-            + "".join(f"; doubtful: {doubt}" for doubt in doubts)
+            + "".join(f"; doubtful: {doubt}" for doubt in warnings)
         ),
         model=model_to_message(file),
         observations=file.observations,

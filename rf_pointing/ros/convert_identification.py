@@ -1,16 +1,13 @@
 """Messages of the identification action from and to the core's values, as pairs (see `convert`)."""
 
-import numpy as np
-from numpy.typing import NDArray
 from rf_pointing_msgs import msg as ours
 from rf_pointing_msgs.action import Identify
 
 from rf_pointing.core import as_finite_array
+from rf_pointing.core.types import Array
 from rf_pointing.identification import ExcitationParams
 from rf_pointing.ros.convert import pair
 from rf_pointing.ros.stamps import stamp_from_seconds
-
-Array = NDArray[np.float64]
 
 
 def manual_rate_to_message(

@@ -10,6 +10,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from rf_pointing.ros.qos import STREAM
+from rf_pointing.station.pointing.status import Report
 
 OK, WARN, ERROR = LEVELS = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 QUIET_S, SHORTEST_S, MOST_EVENTS = 60.0, 1.0, 200
@@ -65,6 +66,10 @@ class Diagnostics:
     def add(self, name: str, check: Callable[[], Health]) -> None:
         """Register `check` as the subcomponent `name`."""
         self._checks[name] = check
+
+    def add_report(self, name: str, check: Callable[[], Report]) -> None:
+        """Register the check of a part that knows nothing of ROS."""
+        self._checks[name] = lambda: Health(LEVELS[(found := check()).level], found.message, found.values)
 
     def publish(self) -> None:
         """Run the checks and publish them now."""

@@ -23,6 +23,7 @@ from rf_pointing.ros.stamps import stamp_from_seconds
 SUCCEEDED = 4
 """Status of a goal that has succeeded, as action_msgs/GoalStatus has it."""
 Responded = Callable[[int, bool, str], None]
+Answered = Callable[[int, bool, str, Any], None]
 Ended = Callable[[int, str, bool, dict[str, Any]], None]
 
 
@@ -61,15 +62,19 @@ def plain_fields(message: Any) -> dict[str, Any]:
 
 
 class DirectiveSender:
-    """The clients of one dictionary; `responded` and `ended` take what comes back."""
+    """The clients of one dictionary; `responded` and `ended` take what comes back.
+
+    `answered` takes the answers of services with their whole messages, in place of `responded`.
+    """
 
     def __init__(
         self, node: Node, rows: Mapping[str, DirectiveRow], own: Mapping[str, Callable[..., str]],
-        responded: Responded, ended: Ended, key: CommandKeyParams,
+        responded: Responded, ended: Ended, key: CommandKeyParams, answered: Answered | None = None,
     ) -> None:  # fmt: skip
         self._node, self._rows, self._own = node, rows, own
         self._caller = Caller(node, CommandKey(key))
         self._responded, self._ended = responded, ended
+        self._answers = answered or (lambda number, accepted, text, _: responded(number, accepted, text))
         self._clients: dict[str, Any] = {}
         self._waiting: list[tuple[Any, Callable[[Any], None]]] = []
         for row in rows.values():
@@ -149,7 +154,8 @@ class DirectiveSender:
             self._responded(number, answer.result.successful, answer.result.reason)
             return
         # A service without `success` can only say that it was received.
-        self._responded(number, bool(getattr(answer, "success", True)), str(getattr(answer, "message", "")))
+        success, text = bool(getattr(answer, "success", True)), str(getattr(answer, "message", ""))
+        self._answers(number, success, text, answer)
 
     def _offered(self, number: int, name: str, handle: Any) -> None:
         self._responded(number, handle.accepted, "" if handle.accepted else "the goal was refused")

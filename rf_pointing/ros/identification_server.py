@@ -6,14 +6,13 @@ in the same controlled stop.  Publishes: manual_rate (one message per control ti
 
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rf_pointing_msgs.action import Identify
 from rf_pointing_msgs.msg import ManualRate
 
 from rf_pointing.core import AXES, random_stream
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.ros import convert_identification as convert
-from rf_pointing.ros.managed import RESULT_TIMEOUT_S, ManagedNode, conclude
+from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import EXPERIMENT
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 
@@ -31,9 +30,9 @@ class IdentificationServer:
         self._experiment: IdentificationExperiment | None = None
         self._reason = ""
         self._published = 0
-        self._action = ActionServer(
-            node, Identify, "identify", self._conclude, goal_callback=self._on_goal,
-            handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel, result_timeout=RESULT_TIMEOUT_S,
+        node.serve_goals(
+            Identify, "identify", accepts=lambda _: self._goal is None and self._antenna is not None,
+            begin=self._begin, cancel=self._cancel, result=self._result,
         )  # fmt: skip
 
     def configure(self, antenna: SimulatedAntenna) -> None:
@@ -66,10 +65,7 @@ class IdentificationServer:
         if goal is not None:
             goal.execute()
 
-    def _on_goal(self, _request: Identify.Goal) -> GoalResponse:
-        return GoalResponse.ACCEPT if self._goal is None and self._antenna is not None else GoalResponse.REJECT
-
-    def _on_accepted(self, goal: Any) -> None:
+    def _begin(self, goal: Any) -> None:
         """Start the experiment; the goal is executed when it has ended."""
         self._published, self._experiment = 0, None
         try:
@@ -92,15 +88,14 @@ class IdentificationServer:
         travel = self._antenna.axes.travel_rad[number]
         return IdentificationExperiment(params, request.axis, request.sequences, start_rad, travel, random)
 
-    def _on_cancel(self, _goal: Any) -> CancelResponse:
+    def _cancel(self) -> None:
         if self._experiment is not None:
             self._experiment.abort("the goal was cancelled")
-        return CancelResponse.ACCEPT
 
-    def _conclude(self, goal: Any) -> Identify.Result:
+    def _result(self) -> Identify.Result:
         experiment, self._experiment = self._experiment, None
         result = Identify.Result(message=self._reason)
         if experiment is not None:
             result.message, result.samples_taken = experiment.abort_reason, experiment.samples_taken
             result.success = not experiment.abort_reason
-        return conclude(goal, result)
+        return result

@@ -50,10 +50,10 @@ class _Input:
     node_s: float = 0.0
 
 
-class Hearing:
+class InputWatchdog:
     """Receives from the neighbours of `node`; `deaf` is why it must start again, "" for nothing."""
 
-    def __init__(self, node: Any, steady_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, node: Any, steady_s: Callable[[], float] = lambda: time.monotonic()) -> None:
         self._node, self._steady_s = node, steady_s
         self._own = node.get_fully_qualified_name()
         self._neighbours: dict[str, _Neighbour] = {}

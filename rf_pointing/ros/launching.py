@@ -17,7 +17,8 @@ from rf_pointing.core import Sensor
 from rf_pointing.ros.graph import ARRAY_NODES, DESCRIPTION, EXECUTIVE, OPERATOR_PAGE, ROTCTLD
 from rf_pointing.ros.main_loop import DRIVE_PRIORITY
 from rf_pointing.station.antenna.memory import state_files, state_folder
-from rf_pointing.station.description import StationDescription, read_station, urdf
+from rf_pointing.station.description import StationDescription, read_station
+from rf_pointing.station.description.urdf import urdf
 
 RESPAWN_DELAY_S = 0.5
 # The publisher predicts the target, and the simulated receiver receives it.

@@ -77,8 +77,8 @@ def run(node_type: Callable[[], Any]) -> None:
     executor = make_executor()
     executor.add_node(node)
     settle_garbage()
-    failure = _work(node, executor, signals)
-    deaf = node.hearing.deaf
+    failure = work(node, executor, signals)
+    deaf = node.input_watchdog.deaf
     executor.shutdown()
     node.destroy_node()
     node.lock.release()
@@ -105,14 +105,14 @@ def take_priority(realtime: int) -> str:
         return f"{words}, nor is nice {NICER}; rtprio in /etc/security/limits.conf allows it"
 
 
-def _work(node: Any, executor: Any, signals: Sequence[int]) -> str:
+def work(node: Any, executor: Any, signals: Sequence[int]) -> str:
     """Work until a signal; return "" or by which error the node has ended."""
     failure = ""
     # Not `spin`: between two events the node does its own work and the signals are seen.
     while not signals and not failure:
-        if node.hearing.deaf:
+        if node.input_watchdog.deaf:
             # No fault: what moves is stopped, and goes on with the new process.
-            node.get_logger().fatal(f"the node ends, and must be started again: {node.hearing.deaf}")
+            node.get_logger().fatal(f"the node ends, and must be started again: {node.input_watchdog.deaf}")
             break
         try:
             node.bring_up()
@@ -227,6 +227,28 @@ def open_private(path: Path, flags: int) -> int:
         os.close(opened)
         raise RuntimeError(f"{path} must be a file of user {os.getuid()} without another name")
     return opened
+
+
+def secret_in(path: Path, make: Callable[[], str] | None = None) -> str:
+    """Return the text of a file that its owner alone may read; an empty one gets that of `make`.
+
+    ValueError, which begins with the path, for a file that others may read, and for none.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        opened = open_private(path, os.O_RDWR)
+    except (OSError, RuntimeError) as error:
+        raise ValueError(f"{path} cannot be used: {error}") from error
+    with os.fdopen(opened, "r+", encoding="ascii", errors="replace") as file:
+        if stat.S_IMODE(os.fstat(opened).st_mode) & 0o077:
+            raise ValueError(f"{path} can be read by others: chmod 600 it, and replace what is in it")
+        # Two nodes that start at once: the first of them makes it.
+        fcntl.flock(file, fcntl.LOCK_EX)
+        text = file.read(1024).strip()
+        if not text and make is not None:
+            text = make()
+            file.write(f"{text}\n")
+    return text
 
 
 def _domain() -> str:

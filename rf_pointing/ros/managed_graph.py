@@ -21,13 +21,13 @@ from rclpy.node import Node
 
 from rf_pointing.ros.main_loop import DEAF, last_holder
 from rf_pointing.ros.repeated_call import AGAIN_S, RepeatedCall
+from rf_pointing.ros.waiting import Waiting
 
 ACTIVATION_S = 5.0
 """How long a refused activation is repeated: the held time reaches one node after the other."""
 ACTIVATION_PERIOD_S = 0.1
-LOOK_S = 0.02
 NICENESS = 10
-"""Of nodes in the background, so that those on time go first."""
+"""Niceness of nodes in the background, so that those on time go first."""
 _PR_SET_PDEATHSIG = 1
 _ENDINGS = ((signal.SIGINT, 4.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
 """Signals that end a process, in this order, each with the wall time in s that it may take."""
@@ -135,27 +135,26 @@ TRANSITIONS = {
 """The transition that is called, and the state in which a node is after it."""
 
 
+class NotStartedError(Exception):
+    """The graph could not be brought up, or a process of it ended."""
+
+
 class LifecycleClient:
-    """Calls change_state of the nodes of one namespace.
+    """Calls change_state of the nodes of one namespace."""
 
-    `spin(timeout_s)` must run the executor of `node` once; `alive` raises when waiting is in vain.
-    """
-
-    def __init__(self, node: Node, namespace: str, spin: Callable[[float], None], alive: Callable[[], None]) -> None:
-        self._node, self._namespace, self._spin, self._alive = node, namespace, spin, alive
+    def __init__(self, node: Node, namespace: str, waiting: Waiting) -> None:
+        self._node, self._namespace, self._waiting = node, namespace, waiting
         self._clients: dict[str, Any] = {}
         self._looks: dict[str, Any] = {}
 
-    def wait_for(self, names: Sequence[str], timeout_s: float) -> None:
+    def wait_for(self, names: Sequence[str]) -> None:
         """Wait until every node offers its lifecycle service."""
         for name in names:
             self._clients[name] = self._node.create_client(ChangeState, f"{self._namespace}/{name}/change_state")
             self._looks[name] = self._node.create_client(GetState, f"{self._namespace}/{name}/get_state")
-        self._until_none(
-            lambda: [name for name in names if not self._clients[name].service_is_ready()], "appear", timeout_s
-        )
+        self._until_none(lambda: [name for name in names if not self._clients[name].service_is_ready()], "appear")
 
-    def change(self, names: Sequence[str], transition: str, timeout_s: float) -> list[str]:
+    def change(self, names: Sequence[str], transition: str, patience_s: float | None = None) -> list[str]:
         """Take all nodes through `transition` at once; return those that refused."""
         # All at once: each transition takes a node tens of milliseconds, and discovery more.
         wanted, reached = TRANSITIONS[transition]
@@ -166,7 +165,7 @@ class LifecycleClient:
         self._until_none(
             lambda: [name for name in names if not waiting[name].done() and not states[name].done()],
             transition,
-            timeout_s,
+            patience_s,
         )
 
         def succeeded(name: str) -> bool:
@@ -176,17 +175,8 @@ class LifecycleClient:
 
         return [name for name in names if not succeeded(name)]
 
-    def _until_none(self, late: Callable[[], list[str]], what: str, timeout_s: float) -> None:
-        deadline_s = time.monotonic() + timeout_s
-        while names := late():
-            self._alive()
-            if time.monotonic() > deadline_s:
-                raise TimeoutError(f"{', '.join(names)} did not {what} within {timeout_s:.0f} s")
-            self._spin(LOOK_S)
-
-
-class NotStartedError(Exception):
-    """The graph could not be brought up, or a process of it ended."""
+    def _until_none(self, late: Callable[[], list[str]], what: str, patience_s: float | None = None) -> None:
+        self._waiting.until(lambda: not late(), lambda: f"{', '.join(late())} did not {what}", patience_s)
 
 
 class ManagedGraph(NodeProcesses):
@@ -207,31 +197,31 @@ class ManagedGraph(NodeProcesses):
         patience_s: float,
         on_time: Sequence[str] = (),
     ) -> None:
-        self._spin, self._patience_s = spin, patience_s
         super().__init__(namespace, parameter_files, logs, on_time)
-        self._lifecycle = LifecycleClient(node, namespace, spin, self.check)
+        self.waiting = Waiting(spin, patience_s, self.check)
+        self._lifecycle = LifecycleClient(node, namespace, self.waiting)
 
     def configure(self, names: Sequence[str]) -> None:
         """Wait until the nodes run, and configure them."""
         # Another graph's nodes of the same names offer the same services; only the holder of the
         # name is ours.
-        self.wait_until(lambda: not self.nameless(names), ", ".join(names))
-        self._lifecycle.wait_for(names, self._patience_s)
+        self.waiting.until(lambda: not self.nameless(names), f"{', '.join(names)} not seen")
+        self._lifecycle.wait_for(names)
         self.change(names, "configure")
 
     def activate(self, names: Sequence[str]) -> None:
         """Activate the nodes; those that refuse get the request again for `ACTIVATION_S`."""
         deadline_s = time.monotonic() + ACTIVATION_S
         while time.monotonic() < deadline_s:
-            names = self._lifecycle.change(names, "activate", self._patience_s)
+            names = self._lifecycle.change(names, "activate")
             if not names:
                 return
-            self.wait(ACTIVATION_PERIOD_S)
+            self.waiting.pause(ACTIVATION_PERIOD_S)
         self.change(names, "activate")
 
     def change(self, names: Sequence[str], transition: str) -> None:
         """Take all through one transition at once; NotStartedError states why a node refuses."""
-        refused = self._lifecycle.change(names, transition, self._patience_s)
+        refused = self._lifecycle.change(names, transition)
         if refused:
             reasons = "; ".join(f"{name}: {self.complaint(name)}" for name in refused)
             raise NotStartedError(f"could not {transition} {reasons}")
@@ -244,18 +234,3 @@ class ManagedGraph(NodeProcesses):
         if ended := self.ended():
             # The log of the process has the reason; its exit code has not.
             raise NotStartedError("; ".join(f"{name} ended: {self.complaint(name)}" for name in ended))
-
-    def wait(self, duration_s: float) -> None:
-        """Spin for a while of wall time."""
-        deadline_s = time.monotonic() + duration_s
-        while time.monotonic() < deadline_s:
-            self._spin(LOOK_S)
-
-    def wait_until(self, condition: Callable[[], bool], what: str) -> None:
-        """Spin until `condition`; TimeoutError with `what` is missing when it takes too long."""
-        deadline_s = time.monotonic() + self._patience_s
-        while not condition():
-            self.check()
-            if time.monotonic() > deadline_s:
-                raise TimeoutError(f"{what} not seen within {self._patience_s:.0f} s")
-            self._spin(LOOK_S)

@@ -5,7 +5,12 @@ the service within 0.1 s: that happens to callers that have just started, and on
 """
 
 import time
+from collections.abc import Sequence
 from typing import Any
+
+from rcl_interfaces.srv import GetParameters
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 
 AGAIN_S = 5.0
 
@@ -42,3 +47,30 @@ class RepeatedCall:
         for each in late:
             self._client.remove_pending_request(each)
         return next((each.result() for each in self._futures if each not in late), None)
+
+
+class ParametersOf:
+    """Parameters of another node by name, read every `period_s` of wall time until `close`."""
+
+    def __init__(self, node: Node, owner: str, names: Sequence[str], period_s: float) -> None:
+        self._node, self._names, self._period_s = node, names, period_s
+        self._client = node.create_client(GetParameters, f"{owner}/get_parameters")
+        self._call = self._called(0.0)
+
+    def take(self) -> dict[str, Any] | None:
+        """Return what has arrived since the last look, without parameters that are not set."""
+        if not self._call.done():
+            return None
+        values, self._call = self._call.result().values, self._called(self._period_s)
+        if len(values) != len(self._names):
+            return None
+        read = zip(self._names, map(parameter_value_to_python, values), strict=True)
+        plain = (bool, int, float, str)
+        return {name: value if isinstance(value, plain) else tuple(value) for name, value in read if value is not None}
+
+    def close(self) -> None:
+        """Destroy the client."""
+        self._node.destroy_client(self._client)
+
+    def _called(self, after_s: float) -> RepeatedCall:
+        return RepeatedCall(self._client, GetParameters.Request(names=self._names), after_s)

@@ -4,30 +4,21 @@ The client `station` prints these values and the operator's page shows them.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from rf_pointing_msgs import msg as ours
 
+from rf_pointing import planning
 from rf_pointing.core.dates import utc_text
-from rf_pointing.planning import HorizonMask, PassProfile, certificate_values
 from rf_pointing.ros import convert_planning
 from rf_pointing.ros.stamps import seconds_from_stamp
-
-PATH_POINTS = 90
-"""Of a pass on the sky plot."""
-MASK_STEP_DEG = 2.0
+from rf_pointing.station.clients.board import MOST_ROWS, degrees
 
 
 def stamp_text(stamp: Any) -> str:
     """Return a stamp as UTC text."""
     return utc_text(seconds_from_stamp(stamp))
-
-
-def degrees(values: Sequence[float], digits: int = 4) -> list[float]:
-    """Return angles or rates in degrees, rounded."""
-    return [round(math.degrees(float(value)), digits) for value in values]
 
 
 def status_values(
@@ -93,6 +84,22 @@ def target_values(target: ours.Target) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def live_values(newest: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what moves: of `antenna`, `tracking`, `executive`, `target`, `joints`."""
+    values: dict[str, Any] = {}
+    if "antenna" in newest:
+        tracking = newest.get("tracking", ours.TrackingStatus())
+        executive = newest.get("executive", ours.ExecutiveStatus(state="none"))
+        values |= status_values(newest["antenna"], tracking, executive) | moving_values(newest["antenna"], tracking)
+        # They are in the values of the executive.
+        del values["alarms"], values["blocks"]
+    if "joints" in newest:
+        values["encoder_deg"] = degrees(newest["joints"].position_rad)
+    if "target" in newest:
+        values["sky_target"] = target_values(newest["target"])
+    return values
+
+
 def executive_values(executive: ours.ExecutiveStatus) -> dict[str, Any]:
     """Return the executive with its alarms."""
     return {
@@ -106,26 +113,41 @@ def executive_values(executive: ours.ExecutiveStatus) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def certificate_section(message: ours.PassCertificate) -> dict[str, Any]:
+def passes_values(message: ours.PassList) -> dict[str, Any]:
+    """Return the coming passes of the selected target."""
+    return {"target": message.target, "rows": [window_values(each) for each in message.passes[:MOST_ROWS]]}
+
+
+def schedule_values(schedule: ours.Schedule) -> list[dict[str, Any]]:
+    """Return the passes of a schedule."""
+    return [entry_values(each) for each in schedule.passes[:MOST_ROWS]]
+
+
+def certificate_values(message: ours.PassCertificate) -> dict[str, Any]:
     """Return the certificate in the words of its file, with the chosen branch alone."""
     certificate = convert_planning.certificate_from_message(message)
-    values = certificate_values(certificate)
+    values = planning.certificate_values(certificate)
     chosen = next((each for each in values.pop("branches") if each["chosen"]), None)
     return {**values, "label": certificate.chosen.label if certificate.chosen else "", "chosen": chosen}
 
 
-def path_values(profile: PassProfile) -> dict[str, Any]:
-    """Return a pass as points of the sky, deg, at even times."""
-    step = max(1, math.ceil(len(profile.t_s) / PATH_POINTS))
-    rows = [*range(0, len(profile.t_s), step), len(profile.t_s) - 1]
-    return {
-        "target": profile.name, "aos_s": float(profile.t_s[0]), "los_s": float(profile.t_s[-1]),
-        "points_deg": [degrees(point, 2) for point in profile.position_rad[rows]],
-    }  # fmt: skip
+def pass_line(row: dict[str, Any]) -> str:
+    """Return one pass in a line, with its state where it is one of the schedule."""
+    more = f"  {row['priority']:>4} {row['state']:<8} {row['id']}: {row['reason']}" if "id" in row else ""
+    return f"{row['aos_utc'][:19]} {row['los_utc'][11:19]} {row['peak_deg']:6.2f} deg  {row['target']:<24}{more}"
 
 
-def mask_values(mask: HorizonMask) -> list[list[float]]:
-    """Return the horizon (azimuth, elevation) in deg around the whole turn."""
-    azimuths = np.arange(0.0, 360.0 + MASK_STEP_DEG, MASK_STEP_DEG)
-    heights = np.degrees(mask.lowest_all(np.radians(azimuths)))
-    return [[float(azimuth), round(float(height), 2)] for azimuth, height in zip(azimuths, heights, strict=True)]
+def status_text(values: dict[str, Any]) -> str:
+    """Return what the station does in a line, with a line for the fault and each alarm."""
+    doing = f"{values['pass']} {'; '.join(values['blocks'])}" if values["pass"] else values["doing"] or "nothing"
+    lines = [
+        f"{values['utc'][:19]}  antenna {values['antenna']} az {values['azimuth_deg']:.2f} el {values['elevation_deg']:.2f} deg"
+        f"  {values['tracking'] or 'no controller'} {values['target']}  executive {values['executive']}: {doing}"
+    ]
+    lines += [f"  fault: {values['fault']}"] * bool(values["fault"])
+    lines += [
+        f"  {('', 'warning', 'ERROR')[each['level']]} {each['name']}: {each['message']}"
+        + (" (acknowledged)" if each["acknowledged"] else "")
+        for each in values["alarms"]
+    ]
+    return "\n".join(lines)

@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from rf_pointing.core import AXES, JointReading
+from rf_pointing.core.types import Pair
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading
 from rf_pointing.drives.drive import POSITION, RATE
 from rf_pointing.ros.qos import LATCHED, STREAM
@@ -18,7 +19,6 @@ from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.streams import checked_message, frame_in, require_length
 from rf_pointing.station.description.urdf import BASE
 
-Pair = tuple[float, float]
 STATE_BYTES = 64 * 1024
 
 
@@ -45,15 +45,15 @@ class TopicDrive(Drive):
         self._reading: DriveReading | None = None
         self._refusal = ""
         # A node of its own: its executor is turned by `step`, also before the antenna's node runs.
-        self._node = Node(
+        self.node = Node(
             f"{beside.get_name()}_drive", namespace=beside.get_namespace(), context=beside.context,
             use_global_arguments=False, start_parameter_services=False,
         )  # fmt: skip
-        self._set_points = self._node.create_publisher(JointState, "drive/set_point", STREAM)
-        self._enabled = self._node.create_publisher(Bool, "drive/enable", LATCHED)
-        self._node.create_subscription(JointState, "drive/state", self._on_state, STREAM, raw=True)
+        self._set_points = self.node.create_publisher(JointState, "drive/set_point", STREAM)
+        self._enabled = self.node.create_publisher(Bool, "drive/enable", LATCHED)
+        self.node.create_subscription(JointState, "drive/state", self.take_state, STREAM, raw=True)
         self._executor = SingleThreadedExecutor(context=beside.context)
-        self._executor.add_node(self._node)
+        self._executor.add_node(self.node)
         self.problem = "no message on drive/state yet"
 
     def step(self, t_s: float) -> DriveReading | None:
@@ -81,15 +81,16 @@ class TopicDrive(Drive):
     def close(self) -> None:
         self.stop()
         self._executor.shutdown()
-        self._node.destroy_node()
+        self.node.destroy_node()
 
     def _publish(self, **values: list[float]) -> None:
         message = JointState(name=list(AXES), **values)
         message.header.stamp = stamp_from_seconds(self._t_s)
-        message.header.frame_id = frame_in(self._node.get_namespace(), BASE)
+        message.header.frame_id = frame_in(self.node.get_namespace(), BASE)
         self._set_points.publish(message)
 
-    def _on_state(self, payload: bytes) -> None:
+    def take_state(self, payload: bytes) -> None:
+        """Take a message of drive/state; one that cannot be used is counted."""
         # Turned by the periodic work of the antenna's node, which nothing that arrives may end.
         try:
             require_length(payload, STATE_BYTES)

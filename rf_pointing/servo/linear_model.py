@@ -13,12 +13,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import require_between
+from rf_pointing.core.types import Array
 from rf_pointing.servo.parameters import AxisParams, PlantParams
-
-Array = NDArray[np.float64]
 
 COMMAND, FRICTION, WIND, GEAR = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8)
 INPUTS = 8

@@ -109,7 +109,7 @@ class PlantParams(Params):
     substep_s: float = parameter(description="longest internal integration step", low=1e-5, high=0.05)
 
     def check_together(self) -> None:
-        """Refuse what is no axis, and cross residues that do not match its modes."""
+        """Refuse what is not an axis, and cross residues that do not match its modes."""
         for name, other in (("azimuth", "elevation"), ("elevation", "azimuth")):
             axis, cross = getattr(self, name), f"{name}_modes_in_{other}"
             if not isinstance(axis, AxisParams):

@@ -12,15 +12,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import as_finite_array, as_finite_pair, require_between
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.servo.drive import DriveConstants, axis_inputs, drive_constants, gear_correction
 from rf_pointing.servo.linear_model import INPUTS, LinearModel, discretise, linear_model
 from rf_pointing.servo.parameters import PlantParams
-
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 
 # Measured step lengths differ from tick to tick; on a grid few distinct matrices are needed, and
 # these are cached.
@@ -165,7 +163,7 @@ class AntennaPlant:
         state, size, (gear_az, gear_el) = self._state, self._size, self._gear
         x = state.x.tolist()
         if self._delayed:
-            # The dead time is no whole number of ticks: the command in force may change within a
+            # The dead time is not a whole number of ticks: the command in force may change within a
             # tick.
             command = self._delayed_commands()
         powered, braked, held = state.powered, state.braked, state.held_axis

@@ -22,11 +22,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter, require_between
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Gusts are renewed on a grid of their own, so that the wind of a seed does not depend on the
 # control period.

@@ -1,5 +1,10 @@
 """The whole station in one process, without ROS."""
 
-from rf_pointing.simulation.pass_simulation import PassLog, StationSetup, simulate_pass
+from typing import TYPE_CHECKING
 
-__all__ = ["PassLog", "StationSetup", "simulate_pass"]
+from rf_pointing.core.lazy import lazily
+
+if TYPE_CHECKING:
+    from rf_pointing.simulation.pass_simulation import PassLog, StationSetup, simulate_pass
+
+__getattr__ = lazily(__name__, __file__)

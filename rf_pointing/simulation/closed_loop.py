@@ -24,7 +24,7 @@ TARGET_LEAD_S = 2.0
 
 
 class TickedAntenna(Protocol[Output]):
-    """What the time loop can move."""
+    """An antenna that the time loop can move."""
 
     def step(self, k: int) -> Output:
         """Move through tick `k` and return what came of it."""

@@ -29,9 +29,8 @@ from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.status import TrackingStatus
-from rf_pointing.tracking import MonopulseParams, MonopulseTracker, power_tracker
+from rf_pointing.tracking import MonopulseTracker, power_tracker
 
-Pair = tuple[float, float]
 TICK_S = 0.02
 PERIOD_TICKS = 5
 EXECUTIVE_S = 0.5
@@ -57,7 +56,7 @@ COMMON = (
     "stale_elements",
     "full_disk",
 )
-"""What can go wrong with any station; a plant and a rotator have faults of their own."""
+"""Faults of any station; a plant and a rotator have faults of their own."""
 _NODES = {"controller_killed": "pointing_controller", "ephemeris_killed": "ephemeris_publisher",
           "tracker_killed": power_tracker.NODE, "receiver_killed": "rf_receiver", "servo_killed": "antenna_servo"}  # fmt: skip
 CAUSES = {
@@ -87,7 +86,7 @@ class NightFault:
 
 @dataclass(slots=True)
 class NightLog:
-    """What a night has shown besides the executive's own records."""
+    """Records of a night besides the executive's own."""
 
     faults: list[NightFault] = field(default_factory=list)
     messages: list[tuple[str, str, str]] = field(default_factory=list)
@@ -124,7 +123,7 @@ class NightSimulation:
         self._on: list[tuple[float, NightFault]] = []
         self.antenna, self.receiver = setup.antenna(), setup.receiver()
         self.controller: PointingController | None = setup.controller()
-        self._monopulse = MonopulseTracker(setup.node("monopulse_tracker").group("monopulse", MonopulseParams()))
+        self._monopulse = MonopulseTracker(setup.sets("monopulse_tracker")["monopulse"])
         self._carrier = setup.power_tracker()
         params = self.controller.params
         alarms = thresholds or AlarmParams()
@@ -146,9 +145,7 @@ class NightSimulation:
         self._free_gb, self._aged_h = 500.0, 0.0
         self._ticks = 0
         self._known: JointReading | None = None
-        self._least = setup.station.mask.above(
-            math.radians(setup.station.parameters("ephemeris_publisher", setup.band)["publisher.mask_deg"])
-        )
+        self._least = setup.station.mask.above(setup.sets("ephemeris_publisher")["publisher"].mask_rad)
 
     def run(self, until_s: float, on_hour: Callable[[float], object] = lambda _t_s: None) -> None:
         """Run the night from its start to its end, at most to `until_s`."""
@@ -338,14 +335,14 @@ class NightSimulation:
         return "accepted"
 
     def _select(self, arguments: dict[str, Any]) -> str:
-        source = self.setup.node("ephemeris_publisher").group("source", SourceParams())
+        source: SourceParams = self.setup.sets("ephemeris_publisher")["source"]
         source = source.replace(elements=self._elements, satellite=str(arguments["target"]))
         track = load_track(source)
         self._windows = passes_with_present(track, float(arguments["start"]), SEARCH_S, self._least)
         if not self._windows:
             raise ValueError(f"{track.name} has no pass")
         self._target = track
-        real = self.setup.node("rf_receiver").group("source", SourceParams())
+        real: SourceParams = self.setup.sets("rf_receiver")["source"]
         real = real.replace(elements=self._elements, satellite=str(arguments["target"]))
         self.receiver.tune(load_track(real))
         self._profiles()

@@ -4,33 +4,35 @@ The order within a tick is the order in which messages arrive in the graph: ante
 tracker; the controller acts every few ticks, on errors stamped before its own period.
 """
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.core import Params, PointingError, Sensor
-from rf_pointing.core.parameters import NodeParameters, read_parameter_files
+from rf_pointing.core import PointingError, Sensor
+from rf_pointing.core.parameters import read_parameter_files
+from rf_pointing.core.types import Array
 from rf_pointing.drives import make_drive, simulated, takes_positions
 from rf_pointing.ephemeris import Pass, TopocentricTrack
-from rf_pointing.ephemeris.source import SourceParams, load_track
+from rf_pointing.ephemeris.source import load_track
 from rf_pointing.planning import Certificate
 from rf_pointing.simulation.closed_loop import PointedAntenna, ticks
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
-from rf_pointing.station.antenna.receiver import Reception, SignalParams, SimulatedReceiver
+from rf_pointing.station.antenna.receiver import Reception, SimulatedReceiver
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulatedHardware
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
+from rf_pointing.station.description.description import require_known
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
-from rf_pointing.tracking import MonopulseParams, MonopulseTracker, power_tracker
+from rf_pointing.tracking import MonopulseTracker
 from rf_pointing.tracking.power_tracker import CarrierTracker, PowerTracker, PowerTrackerParams
 from rf_pointing.tracking.sensors import load_trackers
 
-Array = NDArray[np.float64]
 EARLY_TARGET_S = 5.0
 """How long before acquisition of signal the first target is, still below the horizon."""
 
@@ -98,22 +100,22 @@ class StationSetup:
         self.station = station if isinstance(station, StationDescription) else read_station(station)
         self.band = self.station.default_band if band is None else band
         self._tracker, self.array = tracker, array
-        self._nodes: dict[str, NodeParameters] = {}
+        self.changes: dict[str, dict[str, object]] = defaultdict(dict)
+        """What files and experiment put over the description, by node and dotted name."""
         for node, given in read_parameter_files(files).items():
             self.station.check_file(node, given.values, self.band)
-            self.node(node).values.update(given.values)
+            self.changes[node] |= given.values
         for node, values in (changes or {}).items():
-            self.node(node).values.update(values)
+            require_known(node, values)
+            self.changes[node] |= values
         chosen = self.station.bias_model_file(self.band) if model is None else model
         self.model = (
             chosen if isinstance(chosen, BiasModel) else read_model(chosen).model if chosen else BiasModel.zero()
         )
 
-    def node(self, name: str) -> NodeParameters:
-        """Return what description, files and changes say to one node."""
-        if name not in self._nodes:
-            self._nodes[name] = NodeParameters(name, self.station.parameters(name, self.band))
-        return self._nodes[name]
+    def sets(self, node: str) -> dict[str, Any]:
+        """Return the parameter sets of one node by their prefix: description, files and changes."""
+        return self.station.sets(node, self.band, self.changes[node])
 
     @property
     def sensor(self) -> str:
@@ -122,17 +124,14 @@ class StationSetup:
 
     def track(self) -> TopocentricTrack:
         """Return the target as the station predicts it."""
-        return load_track(self.node("ephemeris_publisher").group("source", SourceParams()))
-
-    def _sets(self, node: str, defaults: Mapping[str, Params]) -> dict[str, Params]:
-        return {name: self.node(node).group(name, values) for name, values in defaults.items()}
+        return load_track(self.sets("ephemeris_publisher")["source"])
 
     def antenna(self, hardware: SimulatedHardware | None = None) -> SimulatedAntenna | DriveAntenna:
         """Return the simulated antenna; a drive that takes positions is simulated as a rotator.
 
         `hardware` is that of an antenna whose control unit starts again.
         """
-        params = AntennaParams().replace(**self._sets("antenna_servo", AntennaParams().sets()))
+        params = AntennaParams(**self.sets("antenna_servo"))
         drive = simulated(params.drive)
         if not takes_positions(drive.type):
             return SimulatedAntenna(params, hardware)
@@ -140,13 +139,12 @@ class StationSetup:
 
     def receiver(self) -> SimulatedReceiver:
         """Return the simulated receiver, which receives the satellite where it really is."""
-        node = self.node("rf_receiver")
-        return SimulatedReceiver(node.group("signal", SignalParams()), load_track(node.group("source", SourceParams())))
+        sets = self.sets("rf_receiver")
+        return SimulatedReceiver(sets["signal"], load_track(sets["source"]))
 
     def controller(self) -> PointingController:
         """Return the pointing controller with its model."""
-        sets = self._sets("pointing_controller", ControllerParams().sets())
-        controller = PointingController(ControllerParams().replace(**sets))
+        controller = PointingController(ControllerParams(**self.sets("pointing_controller")))
         controller.take_model(self.model)
         return controller
 
@@ -154,8 +152,7 @@ class StationSetup:
         """Return the tracker of the carrier power."""
         if self._tracker is not None:
             return self._tracker
-        sets = self._sets(power_tracker.NODE, PowerTrackerParams().sets())
-        return PowerTracker(PowerTrackerParams().replace(**sets))
+        return PowerTracker(PowerTrackerParams(**self.sets("conscan_tracker")))
 
 
 def simulate_pass(
@@ -174,7 +171,7 @@ def simulate_pass(
     if sensor == Sensor.ARRAY and setup.array is None:
         raise ValueError("sensor=array needs an array: what measures the receptions with it is not given")
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
-    monopulse = MonopulseTracker(setup.node("monopulse_tracker").group("monopulse", MonopulseParams()))
+    monopulse = MonopulseTracker(setup.sets("monopulse_tracker")["monopulse"])
     carrier = setup.power_tracker()
     # Before the controller starts: its certificate begins at the axes' present angles.
     antenna.enable()

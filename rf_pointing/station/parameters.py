@@ -1,16 +1,65 @@
-"""The parameter sets of the nodes as a station description gives them, in radians, without ROS."""
+"""Parameter sets of single nodes, without ROS, and those of controller and antenna.
 
-from rf_pointing.core import with_leaves
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams
-from rf_pointing.station.description import StationDescription
-from rf_pointing.station.pointing.params import ControllerParams
+The sets of the station's parts are declared where they are used; `derive/nodes.py` puts together
+what each node has.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rf_pointing.core.parameters import Params, parameter
+
+if TYPE_CHECKING:
+    from rf_pointing.station.antenna.simulated_antenna import AntennaParams
+    from rf_pointing.station.description import StationDescription
+    from rf_pointing.station.pointing.params import ControllerParams
 
 
-def controller_params(station: StationDescription, band: str | None = None) -> ControllerParams:
+@dataclass(frozen=True, kw_only=True)
+class CommandKeyParams(Params):
+    """Where the key of the commands is."""
+
+    command_key_file: str = parameter(
+        "", "file with the key that signs commands and calls; made if missing; empty: not signed"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileParams(Params):
+    """Where the calibration is kept."""
+
+    calibration_file: str = parameter("", "file of the feed's calibration; empty: none")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReceiverSeed(Params):
+    """Seed, which differs from run to run."""
+
+    seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewParams(Params):
+    """What is drawn, and how often."""
+
+    publish_tf: bool = parameter(
+        True, "whether robot_description and the joints' transforms are published; false for robot_state_publisher"
+    )
+    radius_m: float = parameter(
+        0.0, "radius of the sphere on which directions are drawn; 0: three diameters of the antenna", low=0.0, high=1e5
+    )
+    period_s: float = parameter(0.2, "time between two drawings of beam, target and Sun", low=0.2, high=10.0)
+
+
+def controller_params(station: "StationDescription", band: str | None = None) -> "ControllerParams":
     """Return the parameter sets of the pointing controller; the default band if None."""
-    return with_leaves(ControllerParams(), station.parameters("pointing_controller", band))
+    from rf_pointing.station.pointing.params import ControllerParams
+
+    return ControllerParams(**station.sets("pointing_controller", band))
 
 
-def antenna_params(station: StationDescription, band: str | None = None) -> AntennaParams:
+def antenna_params(station: "StationDescription", band: str | None = None) -> "AntennaParams":
     """Return the parameter sets of the antenna's control unit; the default band if None."""
-    return with_leaves(AntennaParams(), station.parameters("antenna_servo", band))
+    from rf_pointing.station.antenna.simulated_antenna import AntennaParams
+
+    return AntennaParams(**station.sets("antenna_servo", band))

@@ -18,7 +18,7 @@ HALF_POWER_DB = 3.0
 
 
 class Request(StrEnum):
-    """What the pass wants of the table."""
+    """Request of the pass to the table."""
 
     IDLE = "idle"
     TRACK = "track"
@@ -83,7 +83,7 @@ class AutotrackParams(Params):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutotrackInputs:
-    """What is known at one tick.
+    """Inputs of one tick.
 
     `request` is idle, track or calibrate. `carrier_to_noise_db_hz` is the receiver's own, -inf for
     none or a stale one. `axis_db_hz` is the C/N0 that the link would give on the beam's axis, -inf
@@ -173,7 +173,7 @@ def _within_beam(params: AutotrackParams, state: AutotrackState, inputs: Autotra
 def _in_main_beam(params: AutotrackParams, state: AutotrackState, inputs: AutotrackInputs) -> bool:
     """Whether the C/N0 is near what the link gives, by the last completed search if there is one.
 
-    The peak of a search that goes on is no proof: it may be that of a sidelobe.
+    The peak of a search that goes on is not proof: it may be that of a sidelobe.
     """
     return inputs.carrier_to_noise_db_hz >= inputs.axis_db_hz + state.learned_db - params.beam_drop_db
 

@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import MU
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 MAX_ITERATIONS = 25
 LOSS = -0.25 / MU  # -mu u^2 / h^2 from the columns 2 mu u / h
 STEP_TOLERANCE2 = 2e-3**2  # square of a step in beamwidths; what is left after it is below 1e-5
 FRESH_STEP2 = 1e-2**2  # after a smaller step the information matrix of the step before still serves
 
 SMALLEST_INFORMATION = 1e-13
-"""Least eigenvalue of an information matrix, scaled to a diagonal of one, that is no zero.
+"""Least eigenvalue of an information matrix, scaled to a diagonal of one, that counts as not zero.
 
 Rounding makes 1e-15 of an exact zero, of either sign and different on every processor.  To invert
 first and judge the result afterwards would leave the verdict to it.  At 1e-13 the inverse is good

@@ -10,17 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from rf_pointing.core import JointReading, Mode, MonopulseCluster, PointingError
 from rf_pointing.core.signals import BeamPosition
+from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import parse_yaml, read_whole, write_whole
 from rf_pointing.tracking.monopulse import MonopulseCalibration, MonopulseParams, MonopulseTracker
 from rf_pointing.tracking.monopulse_scan import MonopulseCalibrator, MonopulseScanParams
 
 FORMAT = "rf_pointing/monopulse_calibration/1"
 FIELDS = ("response_real", "response_imaginary", "offset_real", "offset_imaginary")
-Array = NDArray[np.float64]
 # Clusters that wait for encoders and status; more than 2 s of them means that one is missing.
 MOST_WAITING = 20
 
@@ -48,7 +47,7 @@ def read_calibration(path: Path) -> MonopulseCalibration:
 
 @dataclass(frozen=True)
 class CalibrationOutcome:
-    """What came of the last calibration scan; `refused` if it could not be used."""
+    """Result of the last calibration scan; `refused` if it could not be used."""
 
     message: str = "ideal feed"
     refused: bool = False

@@ -10,14 +10,12 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import CarrierPower, Params, PointingError, Sensor, parameter
 from rf_pointing.tracking.beam_fit import PowerWindow
 from rf_pointing.tracking.conscan_estimate import ConscanParams, estimate_window
 from rf_pointing.tracking.lock_watch import ResponseSums
 
-Array = NDArray[np.float64]
 # The median of three: one bad sample among them does not decide.
 FEWEST_WITNESSES = 3
 # Faded count of pairs below which a response to the motion looks like the target's own.

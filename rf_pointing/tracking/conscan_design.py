@@ -12,7 +12,7 @@ from rf_pointing.core import MDEG, MU, Params, parameter
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 
 FEWEST_SAMPLES = 4
-# Of a number of samples that is whole but for the last bits.
+# Rounding of a number of samples that should be whole.
 ROUNDING = 1e-9
 # Halvings of a radius: 2^-60 is below the rounding of a float.
 BISECTIONS = 60
@@ -54,7 +54,7 @@ class ScanDesign(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class ScanDesignParams(Params):
-    """What a scan may cost and how long it may take."""
+    """Limits of a scan: its cost and its duration."""
 
     half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
     integration_s: float = parameter(1.0, "time of one carrier power sample", low=1e-3, high=60.0)

@@ -15,9 +15,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MU, Params, parameter
+from rf_pointing.core.types import Array
 from rf_pointing.tracking.beam_fit import (
     BeamDesign,
     LikelihoodFit,
@@ -32,17 +32,16 @@ from rf_pointing.tracking.beam_fit import (
 )
 from rf_pointing.tracking.scan import ONCE_A_ROUND, LoopRate, Pattern, ScanParams
 
-Array = NDArray[np.float64]
 SMALLEST_SPREAD = 0.05  # rms motion along the weaker axis, in scan radii
 # Mean power in sigmas of one sample below which errors come out too small: each sample's weight is
 # made of its own noise.  It is that of C/N0 times integration time of about 10.5 dB.
 LEAST_POWER_SIGMAS = 2.3
 # A spin close to the scan's period leaves a variance so large that nothing is measured.
 WORST_SPIN_INFLATION = 10.0
-# Of the misfit without the one sample that is to blame for it; no single one is for a power that
-# fades.
+# Reject one sample only if removing it reduces the misfit by this factor; a fading power has no
+# single sample to blame.
 LEFT_OVER = 0.5
-# Of the mean power: what the linear model is taken to give where it gives less, or nothing.
+# Least power of the linear model, as a share of the mean power.
 LEAST_LEVEL = 0.1
 
 

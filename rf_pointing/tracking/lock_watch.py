@@ -14,13 +14,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, Params, PointingError, parameter
+from rf_pointing.core.types import Array, ComplexArray
 from rf_pointing.tracking.scan import ScanParams
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 LARGEST_PROBE_BEAMWIDTHS = 0.1
 # Between two errors; after a longer one everything begins again.
 LONGEST_GAP_S = 1.0
@@ -34,7 +32,7 @@ SIGN_FLIP = "sign flip: the error grows while it is corrected, in {}"
 
 @dataclass(frozen=True, kw_only=True)
 class LockWatchParams(Params):
-    """What the right lock may show, its probe, and how sure a verdict must be."""
+    """Errors of a right lock, its probe, and how sure a verdict must be."""
 
     half_power_beamwidth_rad: float = parameter(65.0 * MDEG, "half-power beamwidth", low=1e-6, high=1.4)
     evidence: float = parameter(
@@ -221,7 +219,7 @@ MIRRORED = np.array([[response.mirrored] for response in RESPONSES])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LockWatchState:
-    """What the watch remembers.
+    """State of the watch.
 
     Filters; probability of each weather under each response, and evidence for each response; rows
     of time, error, beam, variance per axis; low clusters in a row.
@@ -241,7 +239,7 @@ class LockWatchState:
 # passes x at most once in e^x clusters on average.  Each response keeps its own probabilities of
 # every weather, so gusts that look like a flip in calm air do not once they have been learned.
 class LockWatch:
-    """Collects errors and beam positions; `add` returns the fault, empty if there is none."""
+    """Collects errors and beam positions; `add` returns the fault, or "" without one."""
 
     def __init__(self, params: LockWatchParams) -> None:
         self.params = params
@@ -273,7 +271,7 @@ class LockWatch:
         rows = (*recent, (error.t_s, sensed, beam, noise + floor**2))
         self.state = replace(self.state, rows=rows, low_clusters=low)
         self._weigh(error.t_s, sensed, beam, noise)
-        # A carrier that comes or goes within a cluster is no sidelobe.
+        # A carrier that comes or goes within a cluster is not a sidelobe.
         if low >= self.params.level_clusters:
             return level_fault
         likeliest = int(np.argmax(self.state.sums))

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MonopulseCluster, Params, PointingError, Sensor, parameter
+from rf_pointing.core.types import Array, ComplexArray
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 CURVES = ("tanh", "straight")
 UNITY = np.eye(2)
 # The feed is ill calibrated if one axis acts so much less than the other.
@@ -206,7 +205,7 @@ class MonopulseTracker:
     def _rejected(self, cluster: MonopulseCluster, reason: str) -> PointingError:
         """Return an invalid error; the C/N0 stays the receiver's, the carrier may be there."""
         times = np.asarray(cluster.t_s, dtype=np.float64).ravel()
-        # Broken samples are no loss of the carrier: the receiver's own C/N0 stands.
+        # Broken samples are not a loss of the carrier: the receiver's own C/N0 stands.
         known = times[np.isfinite(times)]
         low, high = LEVEL_RANGE_DB_HZ
         level_db_hz = cluster.carrier_to_noise_db_hz

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, MonopulseCluster, Params, parameter
+from rf_pointing.core.types import Array, ComplexArray
 from rf_pointing.tracking.beam_fit import beam_design, fit_beam, is_singular, least_spread_rad, rank_reason
 from rf_pointing.tracking.monopulse import (
     CURVES,
@@ -22,8 +22,6 @@ from rf_pointing.tracking.monopulse import (
 )
 from rf_pointing.tracking.scan import ScanParams
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 SMALLEST_SPREAD = 0.2  # rms motion of the beam along the weaker axis, in scan radii
 
 

@@ -10,15 +10,14 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import CarrierPower, JointReading, Params, PointingError, Sensor, parameter
 from rf_pointing.core.signals import BeamPosition, TimeBuffer
+from rf_pointing.core.types import Array
 from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimator, DelayParams
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams
 
-Array = NDArray[np.float64]
 # Sensors that are measured here, and the modes of the same names.
 # Node that runs it, by which a station description names its parameters.
 NODE = "conscan_tracker"

@@ -15,12 +15,11 @@ from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import MDEG, Params, parameter
+from rf_pointing.core.types import Array
 from rf_pointing.tracking.scan import Offset
 
-Array = NDArray[np.float64]
 # Newton's method for the angle of a length begins no more than 1/250 of a turn away: its error,
 # squared by every step, is below the rounding after three.
 POINTS_PER_TURN = 256

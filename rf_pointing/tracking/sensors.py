@@ -19,7 +19,7 @@ NO_SENSOR = "none"
 
 @dataclass(frozen=True, kw_only=True)
 class SensorTraits:
-    """What the station must know of one sensor; defaults: a tracker that always measures.
+    """Traits of one sensor that the station must know; defaults: a tracker that always measures.
 
     Attributes
     ----------

@@ -16,7 +16,7 @@ from rf_pointing.tracking.beam_fit import PowerWindow, beam_design, fit_beam
 from rf_pointing.tracking.scan import ONCE_A_ROUND, LoopRate, Offset, Pattern
 
 SMALLEST_SCATTER = 1e-12  # relative variance of a meter without noise; keeps the covariance positive
-# Of a round; one that never ends keeps no more.
+# Samples kept of one round, which may never end.
 MOST_SAMPLES = 10000
 # Right, above, left, below: each move leads to a neighbour, so it is short.
 POINTS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))

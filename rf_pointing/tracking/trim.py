@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import MDEG, Params, as_finite_array, parameter
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Below this speed a geostationary target has no track, so no direction across it.
 SLOWEST_RAD_S = 1e-9
@@ -38,7 +37,7 @@ class Trim(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class TrimParams(Params):
-    """What is assumed of the ephemeris before a measurement, and how fast it changes."""
+    """Ephemeris error assumed before a measurement, and how fast it changes."""
 
     along_track_s: float = parameter(0.15, "standard deviation of the time along the track", low=0.0, high=60.0)
     cross_track_m: float = parameter(300.0, "standard deviation across the track", low=0.0, high=1e6)

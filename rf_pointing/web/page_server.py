@@ -1,7 +1,7 @@
 """Web server of the operator's page: files, a live stream, commands with a token, reports.
 
-It knows no ROS.  What is shown arrives as sections of JSON (`PageServer.put`), each serialised once
-for all viewers.  What is requested leaves through `command`, whose future gets the answer.
+What is shown arrives as sections of JSON (`PageServer.put`), each serialised once for all viewers.
+What is requested waits in `requests`.
 
     GET  /           the page; /page.css, /page.js
     GET  /live       WebSocket: every message is an object of the sections that have changed
@@ -19,21 +19,21 @@ import logging
 import math
 import os
 import secrets
-import stat
 import threading
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
-from ipaddress import ip_address
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 from urllib.parse import quote, urlsplit
 
 from aiohttp import web
 
-from rf_pointing.core import Params, parameter
-from rf_pointing.ros.main_loop import open_private
+from rf_pointing.ros.main_loop import secret_in
+from rf_pointing.station.clients.board import PageParams
+from rf_pointing.station.pointing.status import Level, Report
 
 FILES = Path(__file__).with_name("page")
 """Folder of the page itself; it is installed with the package."""
@@ -60,6 +60,7 @@ REPORT_TYPES = {
     ".csv": "text/csv", ".txt": "text/plain",
 }  # fmt: skip
 REPORTS_SHOWN = 20
+REPORTS_S = 10.0
 REPORTS_SEARCHED = 5000
 """Folders that a search for reports looks into at most."""
 STRICT = (
@@ -72,38 +73,21 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "no-cache",
     "Cross-Origin-Resource-Policy": "same-origin", "X-Frame-Options": "DENY",
 }  # fmt: skip
-Answer = tuple[bool, str]
-Command = Callable[[str, Mapping[str, Any], str], "Future[Answer]"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class PageParams(Params):
-    """Where the page is, and who may command."""
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A command of a viewer, `who` by address."""
 
-    address: str = parameter("127.0.0.1", "address to bind to; any but loopback needs token_file")
-    port: int = parameter(8080, "TCP port; 0: any that is free", low=0, high=65535)
-    hosts: str = parameter("", "further host names under which the page is reached, separated by commas")
-    token_file: str = parameter("", "file (mode 600) with the token of commands; empty: one is made for this user")
-    reports: str = parameter("runs", "folder whose reports are offered; empty: none")
-    rate_hz: float = parameter(6.0, "how often what moves is sent to the viewers", low=1.0, high=20.0)
-    viewers: int = parameter(50, "viewers at one time", low=1, high=1000)
+    name: str
+    arguments: Mapping[str, Any]
+    who: str
+    answer: "Future[tuple[bool, str]]"
 
-    def check_together(self) -> None:
-        """Refuse an address that others can reach without a token that somebody has chosen."""
-        try:
-            address = ip_address(self.address)
-        except ValueError:
-            raise ValueError(f"address={self.address} must be an IP address, as 127.0.0.1") from None
-        if not address.is_loopback and not self.token_file:
-            raise ValueError(
-                f"address={self.address} can be reached by other computers: token_file='' must name the file of a token"
-            )
-
-    @property
-    def names(self) -> set[str]:
-        """The host names under which the page may be requested."""
-        own = {"localhost", "127.0.0.1", "::1", self.address}
-        return {name.lower() for name in (*own, *(each.strip() for each in self.hosts.split(","))) if name}
+    def reply(self, accepted: bool, text: str) -> None:
+        """Say whether it was accepted, in any thread; a viewer may have gone."""
+        if not self.answer.done():
+            self.answer.set_result((accepted, text))
 
 
 def read_token(given: str, own: Path) -> tuple[str, Path]:
@@ -114,24 +98,13 @@ def read_token(given: str, own: Path) -> tuple[str, Path]:
     path = Path(given).expanduser() if given else own
     if given and not path.is_file():
         raise ValueError(f"token_file={path} does not exist")
-    try:
-        opened = open_private(path, os.O_RDWR)
-    except RuntimeError as error:
-        raise ValueError(str(error)) from error
-    with os.fdopen(opened, "r+", encoding="ascii", errors="replace") as file:
-        mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
-        if mode & 0o077:
-            raise ValueError(f"{path} has mode {mode:o}, must be readable by its owner alone: chmod 600 {path}")
-        token = file.read(1024).strip()
-        if not token and not given:
-            token = secrets.token_urlsafe(24)
-            file.write(f"{token}\n")
+    token = secret_in(path, None if given else lambda: secrets.token_urlsafe(24))
     if len(token) < SHORTEST_TOKEN or not token.isascii() or not token.isprintable():
         raise ValueError(f"the token in {path} has {len(token)} characters, must be >= {SHORTEST_TOKEN} of plain ASCII")
     return token, path
 
 
-class Board:
+class NewestSections:
     """The newest sections; a viewer takes those that it has not seen.
 
     Nothing is queued for a viewer: one that is slow finds the newest of each section, so frames are
@@ -139,18 +112,19 @@ class Board:
     """
 
     def __init__(self) -> None:
-        self._texts: dict[str, str] = {}
-        self._versions: dict[str, int] = {}
-        self._changed = asyncio.Event()
+        self._texts: dict[str, tuple[int, str]] = {}
+        self._count = 0
+        self.changed = asyncio.Event()
+        """It is set by the next `put`."""
 
     def put(self, sections: Mapping[str, str]) -> None:
-        """Take sections as JSON texts; wake the viewers when one has changed."""
+        """Take sections as JSON texts, and wake the viewers."""
         for name, text in sections.items():
-            if self._texts.get(name) != text:
-                self._texts[name] = text
-                self._versions[name] = self._versions.get(name, 0) + 1
-        self._changed.set()
-        self._changed = asyncio.Event()
+            if self._texts.get(name, (0, ""))[1] != text:
+                self._count += 1
+                self._texts[name] = self._count, text
+        self.changed.set()
+        self.changed = asyncio.Event()
 
     def clear(self) -> None:
         """Forget what is shown: it is older than a viewer who comes now may believe."""
@@ -158,28 +132,25 @@ class Board:
 
     def news(self, seen: dict[str, int]) -> str:
         """Return the sections newer than those `seen`, "" for none, and note them there."""
-        names = [name for name in self._texts if seen.get(name) != self._versions[name]]
-        seen.update((name, self._versions[name]) for name in names)
-        return "{" + ",".join(f'"{name}":{self._texts[name]}' for name in names) + "}" if names else ""
-
-    async def wait(self) -> None:
-        """Wait until sections are put."""
-        await self._changed.wait()
+        news = {name: text for name, (count, text) in self._texts.items() if seen.get(name) != count}
+        seen.update((name, self._texts[name][0]) for name in news)
+        return "{" + ",".join(f'"{name}":{text}' for name, text in news.items()) + "}" if news else ""
 
 
 class PageApp:
     """The handlers of the page, and what they share: board, token, counters."""
 
-    def __init__(self, params: PageParams, token: str, command: Command) -> None:
-        self.board = Board()
+    def __init__(self, params: PageParams, token: str) -> None:
+        self.board = NewestSections()
         self.transports: list[asyncio.Transport] = []
         """One for each viewer."""
         self.commands = self.refused = 0
         self.dropped = 0
         """Viewers that were too slow."""
-        self._params, self._command = params, command
-        self._token = token.encode()
-        self._names = params.names
+        self.requests: SimpleQueue[Request] = SimpleQueue()
+        self._params, self._token = params, token.encode()
+        own = ("localhost", "127.0.0.1", "::1", params.address)
+        self._names = {name.strip().lower() for name in (*own, *params.hosts.split(",")) if name.strip()}
         self._waiting = 0
         self._reports = Path(params.reports).expanduser().resolve() if params.reports else None
         # In memory, under their names: no request is turned into a path.
@@ -246,6 +217,7 @@ class PageApp:
         transport.set_write_buffer_limits(high=BUFFER_BYTES)
         if not self.transports:
             self.board.clear()
+            self._searching = asyncio.ensure_future(self._show_reports())
         self.transports.append(transport)
         sender = asyncio.ensure_future(self._send(socket))
         try:
@@ -255,6 +227,8 @@ class PageApp:
             reader.cancel()
         finally:
             self.transports.remove(transport)
+            if not self.transports:
+                self._searching.cancel()
             sender.cancel()
             # One that takes nothing takes no farewell either.
             transport.abort()
@@ -263,8 +237,9 @@ class PageApp:
     async def _send(self, socket: web.WebSocketResponse) -> None:
         seen: dict[str, int] = {}
         while not socket.closed:
-            text = self.board.news(seen)
-            if text:
+            # Before the look: what is put while a viewer takes its news is news again.
+            changed = self.board.changed
+            if text := self.board.news(seen):
                 try:
                     await asyncio.wait_for(socket.send_str(text), SLOW_S)
                 except TimeoutError:
@@ -272,7 +247,7 @@ class PageApp:
                     return
                 except ConnectionError:
                     return
-            await self.board.wait()
+            await changed.wait()
 
     # Commands
 
@@ -292,8 +267,9 @@ class PageApp:
         self._waiting += 1
         self.commands += 1
         try:
-            answer = asyncio.wrap_future(self._command(name, arguments, str(request.remote)))
-            accepted, message = await asyncio.wait_for(answer, ANSWER_S)
+            wanted = Request(name, arguments, str(request.remote), Future())
+            self.requests.put(wanted)
+            accepted, message = await asyncio.wait_for(asyncio.wrap_future(wanted.answer), ANSWER_S)
         except TimeoutError:
             raise web.HTTPGatewayTimeout(text=f"{name}: no answer within {ANSWER_S:.0f} s") from None
         finally:
@@ -320,6 +296,12 @@ class PageApp:
             return None
         return path if inside else None
 
+    async def _show_reports(self) -> None:
+        while True:
+            # The folder is searched by another thread.
+            self.board.put({"reports": json.dumps(await asyncio.to_thread(self.reports))})
+            await asyncio.sleep(REPORTS_S)
+
     def reports(self) -> list[dict[str, Any]]:
         """Return the newest reports of the folder: title, kind, path and UTC s of the file."""
         if self._reports is None:
@@ -338,7 +320,7 @@ PAGE_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"
 class PageServer:
     """A `PageApp` on its address, in a thread of its own."""
 
-    def __init__(self, params: PageParams, token: str, command: Command) -> None:
+    def __init__(self, params: PageParams, token: str) -> None:
         self._params = params
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
@@ -346,7 +328,7 @@ class PageServer:
         # aiohttp would log what the middleware answers.
         logging.getLogger("aiohttp.server").setLevel(logging.CRITICAL)
         try:
-            self.app, self._runner, self.port = self._wait(self._start(token, command))
+            self.app, self._runner, self.port = self._wait(self._start(token))
         except OSError as error:
             self._end_loop()
             raise ValueError(f"{params.address}:{params.port} cannot be used: {error.strerror}") from error
@@ -362,13 +344,10 @@ class PageServer:
         texts = {name: json.dumps(shown(value), separators=(",", ":")) for name, value in sections.items()}
         self._loop.call_soon_threadsafe(self.app.board.put, texts)
 
-    def find_reports(self) -> None:
-        """Show the newest reports; the folder is searched by another thread."""
-        asyncio.run_coroutine_threadsafe(self._show_reports(), self._loop)
-
-    async def _show_reports(self) -> None:
-        found = await asyncio.to_thread(self.app.reports)
-        self.app.board.put({"reports": json.dumps(found)})
+    @property
+    def requests(self) -> "SimpleQueue[Request]":
+        """The commands of viewers that nobody has taken yet."""
+        return self.app.requests
 
     def close(self) -> None:
         """Close every connection and the port."""
@@ -376,8 +355,8 @@ class PageServer:
             self._wait(self._runner.cleanup())
         self._end_loop()
 
-    async def _start(self, token: str, command: Command) -> tuple[PageApp, web.AppRunner, int]:
-        app = PageApp(self._params, token, command)
+    async def _start(self, token: str) -> tuple[PageApp, web.AppRunner, int]:
+        app = PageApp(self._params, token)
         runner = web.AppRunner(app.application(), access_log=None, shutdown_timeout=0.5)
         await runner.setup()
         site = web.TCPSite(runner, self._params.address, self._params.port)
@@ -395,6 +374,17 @@ class PageServer:
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(5.0)
         self._loop.close()
+
+
+def report(server: PageServer | None) -> Report:
+    """Return who looks at the page, and what became of their requests."""
+    if server is None:
+        return Report(Level.WARN, "not served", {})
+    app = server.app
+    values: dict[str, object] = {
+        "viewers": app.viewers, "slow_viewers_dropped": app.dropped, "commands": app.commands, "requests_refused": app.refused
+    }  # fmt: skip
+    return Report(Level.OK, f"{server.address}, {app.viewers} viewers", values)
 
 
 def shown(value: Any) -> Any:

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from scipy.stats import ttest_rel
 
-from rf_pointing.calibration import BiasModel, ShadowRules, ShadowScore
+from rf_pointing.calibration import AcceptanceRules, AcceptanceScore, BiasModel
 
-RULES = ShadowRules()
+RULES = AcceptanceRules()
 
 
 def score_of(data, active, candidate):
-    score = ShadowScore(active, candidate, RULES)
+    score = AcceptanceScore(active, candidate, RULES)
     score.add(data)
     return score
 
@@ -51,7 +51,7 @@ def test_a_gain_that_is_the_same_in_every_pass_is_certain(campaign, table_1):
 def test_a_pass_in_pieces_scores_as_the_pass_at_once_and_a_copy_continues_identically(campaign, table_1):
     data = campaign(table_1, passes=4, form="rotation")
     whole = score_of(data, BiasModel.zero(), table_1)
-    pieces = ShadowScore(BiasModel.zero(), table_1, RULES)
+    pieces = AcceptanceScore(BiasModel.zero(), table_1, RULES)
     first, second = np.array_split(np.arange(len(data)), 2)
     pieces.add(data.select(first))
     copy = deepcopy(pieces)
@@ -63,14 +63,14 @@ def test_a_pass_in_pieces_scores_as_the_pass_at_once_and_a_copy_continues_identi
 
 def test_nothing_to_judge_is_an_error(table_1):
     with pytest.raises(ValueError, match="observations=0"):
-        ShadowScore(table_1, table_1, RULES).verdict()
+        AcceptanceScore(table_1, table_1, RULES).verdict()
 
 
 @pytest.mark.parametrize("passes", [2, 3, 7])
 def test_the_t_value_is_that_of_paired_samples_over_passes(campaign, table_1, passes):
     data = campaign(table_1, passes=passes, sigma_rad=3e-4, form="rotation")
     near = table_1.replace(elevation_offset=table_1.coefficients["elevation_offset"] + 2e-4)
-    score = ShadowScore(near, table_1, ShadowRules(fewest_passes=2))
+    score = AcceptanceScore(near, table_1, AcceptanceRules(fewest_passes=2))
     score.add(data)
     rms, squares = {}, {}
     for name, model in (("active", near), ("candidate", table_1)):

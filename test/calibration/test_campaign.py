@@ -18,7 +18,6 @@ from rf_pointing.calibration import (
     plan_campaign,
     uninformed_covariance,
 )
-from rf_pointing.calibration.campaign import _Table
 from rf_pointing.calibration.reference import ReferenceTrack
 from rf_pointing.calibration.terms import terms_by_name
 
@@ -244,10 +243,6 @@ def resting(name, start_t_s, end_t_s, *places):
     return CandidatePass(name=name, track=track, sigma_rad=2e-4)
 
 
-def table_of(*candidates, begun=(0, 0)):
-    return _Table(candidates, HALVES, SLOW, np.array(begun))
-
-
 def test_a_candidate_lasts_from_its_first_to_its_last_point():
     one = resting("one", 100.0, 250.0, EAST, EAST, WEST, WEST)
     assert (one.start_t_s, one.end_t_s) == (100.0, 250.0)
@@ -281,64 +276,6 @@ def test_two_passes_are_allowed_with_the_time_of_the_slew_between_them_in_either
     first, then = resting("a", 0.0, 100.0, EAST, WEST), resting("b", start_t_s, 400.0, EAST, WEST)
     assert SLOW.allows(first, then) is allowed
     assert SLOW.allows(then, first) is allowed
-
-
-def test_points_are_worth_what_is_missing():
-    table = table_of(resting("a", 0.0, 1.0, EAST, EAST))
-    more = np.array([[4, 4], [1, 0], [0, 9]])
-    assert table.gain(np.array([1, 5]), more).tolist() == [2, 1, 0]
-    assert table.gain(np.array([0, 0]), more).tolist() == [6, 1, 3]
-
-
-@pytest.mark.parametrize(
-    ("start_t_s", "points", "taken"),
-    [
-        # Ready at 100 + 75: both.
-        (175.0, (EAST, WEST), [0, 1]),
-        # Too early, and no better than what it would replace.
-        (174.0, (EAST, WEST), [0]),
-        (174.0, (EAST, WEST, WEST), [1]),
-        # Points beyond those required are worth nothing.
-        (174.0, (EAST, EAST, EAST, EAST), [1]),
-        (174.0, (EAST, WEST, EAST), [1]),
-    ],
-)
-def test_a_pass_replaces_those_it_overlaps_if_it_brings_more_of_what_is_missing(start_t_s, points, taken):
-    table = table_of(resting("a", 0.0, 100.0, WEST, WEST), resting("b", start_t_s, 400.0, *points))
-    found, filled, full = table.by_exchange()
-    counts = np.array([[0, 2], [points.count(EAST), points.count(WEST)]])
-    assert found == taken
-    assert filled.tolist() == counts[taken].sum(axis=0).tolist()
-    assert full is None
-
-
-def test_exchanging_ends_with_the_pass_that_fills_the_sky():
-    table = table_of(
-        resting("a", 0.0, 100.0, WEST, WEST, WEST), resting("b", 200.0, 300.0, EAST, EAST, EAST),
-        resting("c", 400.0, 500.0, EAST, EAST, EAST),
-    )  # fmt: skip
-    found, filled, full = table.by_exchange()
-    assert (found, filled.tolist(), full) == ([0, 1], [3, 3], 300.0)
-
-
-@pytest.mark.parametrize(("start_t_s", "plan"), [(195.0, ([1, 3], [3, 3], 500.0)), (194.0, ([1, 2], [1, 3], None))])
-def test_what_brings_most_per_second_until_its_end_is_next_if_the_antenna_can_be_there(start_t_s, plan):
-    """Three in 120 s before two in 100 s; then three in 380 s before one in 280 s."""
-    table = table_of(
-        resting("a", 0.0, 100.0, EAST, EAST), resting("b", 20.0, 120.0, WEST, WEST, WEST),
-        resting("c", 300.0, 400.0, EAST, (1.0, 0.1)), resting("d", start_t_s, 500.0, EAST, EAST, EAST),
-    )  # fmt: skip
-    found, filled, full = table.by_rate()
-    assert (found, filled.tolist(), full) == plan
-
-
-def test_the_poorest_of_the_passes_that_others_make_up_for_go_first():
-    table = table_of(
-        resting("rich", 0.0, 100.0, *[EAST] * 3, *[WEST] * 3), resting("a", 200.0, 300.0, *[EAST] * 3),
-        resting("b", 400.0, 500.0, *[WEST] * 3),
-    )  # fmt: skip
-    found, filled = table.without_needless([0, 1, 2], np.array([6, 6]))
-    assert (found, filled.tolist()) == ([0], [3, 3])
 
 
 def test_of_plans_that_do_not_fill_the_sky_the_one_that_brings_more_of_what_is_missing_is_taken():

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.calibration.coverage import Coverage, SectorRule, _spread_rank, on_the_sky, select_by_sector
+from rf_pointing.calibration.coverage import Coverage, SectorRule, on_the_sky, select_by_sector
 
 RULE = SectorRule()
 
@@ -78,20 +78,6 @@ def test_four_of_the_sectors_that_are_not_filled_are_named_and_the_others_counte
         coverage.require_full()
     named = "; ".join(f"{RULE.name(sector)} has {sector}" for sector in range(4))
     assert str(refused.value).endswith(f"< 25: {named}{more}")
-
-
-def test_ranks_spread_over_the_range_halve_its_gaps_again_and_again():
-    """The order of the bits turned round (van der Corput), without what is beyond the range."""
-    expected = {
-        1: [0],
-        2: [0, 1],
-        3: [0, 2, 1],
-        4: [0, 2, 1, 3],
-        5: [0, 3, 2, 4, 1],
-        8: [0, 4, 2, 6, 1, 5, 3, 7],
-        9: [0, 5, 3, 7, 2, 6, 4, 8, 1],
-    }
-    assert {count: _spread_rank(count).tolist() for count in expected} == expected
 
 
 def test_points_over_the_top_count_where_they_are_on_the_sky():

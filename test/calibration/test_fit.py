@@ -1,7 +1,6 @@
 """The fit gives planted terms back within its stated sigma, and refuses by name what the data cannot determine."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,20 +14,11 @@ from rf_pointing.calibration import (
     Prior,
     fit,
     fit_bias_model,
-    fit_problem,
     held_at_zero,
 )
-from rf_pointing.calibration.fit import (
-    _check_left,
-    excess_of,
-    huber_weights,
-    normalised_size,
-    sandwich_covariance,
-    within_limit,
-)
-from rf_pointing.calibration.noise import NoiseScale, _excess, _split, noise_scale, share_after_editing
+from rf_pointing.calibration.fit import excess_of, huber_weights, normalised_size, sandwich_covariance, within_limit
+from rf_pointing.calibration.noise import NoiseScale, noise_scale, share_after_editing
 from rf_pointing.calibration.pass_errors import lags_of, pass_partials
-from rf_pointing.calibration.thinning import Table
 
 TABLE_1_TERMS = tuple(n for n in TERM_NAMES if not n.endswith("acceleration_lag"))
 
@@ -354,37 +344,6 @@ def test_the_noise_of_hardly_any_degrees_of_freedom_is_bounded_by_a_tenth_of_the
     assert scale.uncertainty == pytest.approx(scale.factor * np.sqrt(0.1))
 
 
-def test_the_excess_of_a_variance_is_in_sigma_of_the_scatter_of_its_pass(random):
-    """A pass as its degrees of freedom say, and one of correlated noise that scatters ten times as much."""
-    freedom = np.full(4000, 450.0)
-    chi_square = random.chisquare(freedom[:2000]) / freedom[:2000]
-    ratio = np.concatenate([chi_square, (1.0 + 0.22 * random.standard_normal(2000)) ** 3])
-    excess = _excess(ratio, freedom, Table.of(np.array([0, 2000]), 4000))
-    for own in (excess[:2000], excess[2000:]):
-        assert np.mean(own) == pytest.approx(0.0, abs=0.1)
-        assert np.std(own) == pytest.approx(1.0, abs=0.1)
-
-
-@pytest.mark.parametrize(("even", "off"), [(0.0, 0.015), (1.0, 0.04)])
-def test_noise_of_high_points_is_not_taken_for_noise_that_is_even_in_azimuth(even, off, random):
-    """Of 400 passes up to 85 deg: an even noise that chance has made takes 4 % of the variance of the highest points."""
-    height = np.radians(np.concatenate([np.linspace(10.0, 85.0, 25), np.linspace(84.0, 10.0, 25)]))
-    secant2, place, freedom = np.tile(np.cos(height) ** -2.0, 400), np.repeat(np.arange(400), 50), np.full(20_000, 8.0)
-    actual = even + secant2
-    found = _split(place, actual * random.chisquare(8.0, 20_000) / 8.0, freedom, secant2) / actual
-    for rows in (secant2 > np.cos(np.radians(75.0)) ** -2.0, secant2 < np.cos(np.radians(20.0)) ** -2.0):
-        assert np.mean(found[rows]) == pytest.approx(1.0, abs=off)
-
-
-def test_noise_that_is_even_in_azimuth_is_found(random):
-    """A noise across that is the same at any height is no noise on the sky."""
-    height = np.radians(np.concatenate([np.linspace(10.0, 85.0, 25), np.linspace(84.0, 10.0, 25)]))
-    found = _split(
-        np.zeros(50, dtype=np.int64), random.chisquare(8.0, 50) / 8.0, np.full(50, 8.0), np.cos(height) ** -2.0
-    )
-    assert found == pytest.approx(np.ones(50), rel=0.4)
-
-
 def test_the_sandwich_is_the_scatter_of_the_fits_that_leave_one_pass_out(random):
     """Bell and McCaffrey's third correction is the delete-one-pass jackknife, exactly."""
     passes = [(number, random.normal(size=(8, 3)), random.normal(size=8)) for number in range(7)]
@@ -476,22 +435,6 @@ def test_a_fit_begins_with_the_points_that_a_fit_before_has_used(campaign, table
     assert np.all(fewer.used)
 
 
-@pytest.mark.parametrize("form", ["printed", "rotation"])
-def test_a_fit_that_starts_where_it_ends_takes_one_round(campaign, table_1, monkeypatch, form):
-    """The printed form is linear: it takes one from anywhere."""
-    data = campaign(table_1, form=form)
-    options = FitOptions(form=form, edit_sigma=0.0)
-    before = fit_bias_model(data, options=options)
-    monkeypatch.setattr(fit, "_MOST_ROUNDS", 1)
-    again = fit_bias_model(data, options=options, start=before)
-    assert np.max(np.abs(again.values - before.values) / before.sigma) < 1e-5
-    if form == "printed":
-        np.testing.assert_allclose(fit_bias_model(data, options=options).values, before.values, rtol=1e-9, atol=1e-12)
-    else:
-        with pytest.raises(ValueError, match="the fit has not settled after 1 rounds"):
-            fit_bias_model(data, options=options)
-
-
 def test_rejected_points_may_return_in_the_first_eight_rounds_only(campaign, table_1, monkeypatch):
     """Point 0 is rejected and taken back in turn; from the ninth round on it stays out."""
     data, allowed = campaign(table_1), []
@@ -507,27 +450,6 @@ def test_rejected_points_may_return_in_the_first_eight_rounds_only(campaign, tab
     assert allowed == [True] * 8 + [False] * (len(allowed) - 8)
     assert 9 < len(allowed) <= 11
     assert not found.used[0]
-
-
-def test_passes_of_which_most_is_rejected_are_named_the_worst_first():
-    lost = {3: 4, 5: 9, 8: 9, 11: 30, 12: 1, 14: 2}
-    used = SimpleNamespace(used=np.concatenate([np.arange(40) >= count for count in lost.values()]))
-
-    class Data(SimpleNamespace):
-        def __len__(self):
-            return len(self.pass_id)
-
-    data = Data(pass_id=np.repeat(list(lost), 40))
-    words = r"passes=6 are left after editing, must be >= fewest_passes=7: pass 11, 5, 8, 3 contradict"
-    with pytest.raises(ValueError, match=words):
-        _check_left(data, used, FitOptions(fewest_passes=7), backed=False)
-    _check_left(data, used, FitOptions(fewest_passes=7), backed=True)
-    _check_left(data, used, FitOptions(fewest_passes=6), backed=False)
-    data = Data(pass_id=np.arange(100) % 4)
-    _check_left(data, SimpleNamespace(used=np.arange(100) >= 32), FitOptions(), backed=True)
-    words = r"34 of 100 observations were edited out \(34 %\), most of them of pass 0, 1, 2, 3;"
-    with pytest.raises(ValueError, match=words):
-        _check_left(data, SimpleNamespace(used=np.arange(100) >= 34), FitOptions(), backed=True)
 
 
 def test_a_sandwich_measures_the_errors_itself_and_is_not_raised_by_the_noise(campaign, table_1):
@@ -654,26 +576,3 @@ def test_pairs_are_reported_from_the_threshold_on(campaign, table_1):
     assert told.separation_advice() == (
         "azimuth_offset and droop (correlation -0.969): add passes at low and at high elevation (above 60 deg)",
     )
-
-
-@pytest.mark.parametrize("lag_s", [-1.0, 1.0])
-def test_errors_of_the_passes_are_seen_anew_when_a_lag_has_moved_by_ten_milliseconds(
-    campaign, table_1, monkeypatch, lag_s
-):
-    """Of either axis, forward or back, since they were seen last."""
-    seen = []
-
-    def counted(data, names, lags):
-        seen.append(lags)
-        return pass_partials(data, names, lags)
-
-    monkeypatch.setattr(fit_problem, "pass_partials", counted)
-    names = ("azimuth_velocity_lag", "elevation_velocity_lag")
-    data = campaign(table_1, passes=3)
-    problem = fit_problem.FitProblem(data, names, held_at_zero(names), {}, PassPriors(clock_s=0.1), "rotation")
-    moves = ((0.0, 0.0), (0.009, -0.009), (-0.009, 0.009), (0.011, 0.0), (0.005, 0.008), (0.011, -0.011))
-    for azimuth, elevation in moves:
-        problem._modelled(np.array([lag_s + azimuth, 0.5 * lag_s + elevation]))
-        problem._own()
-    expected = [(lag_s + azimuth, 0.5 * lag_s + elevation) for azimuth, elevation in (moves[0], moves[3], moves[5])]
-    np.testing.assert_allclose(seen, expected, rtol=1e-12)

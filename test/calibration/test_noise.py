@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import nnls
 
 from rf_pointing.calibration import FitOptions, PassPriors, fit_bias_model
 from rf_pointing.calibration.fit import excess_of
-from rf_pointing.calibration.noise import NoiseScale, _excess, _split, noise_of, noise_scale
+from rf_pointing.calibration.noise import NoiseScale, noise_of, noise_scale
 from rf_pointing.calibration.noise import share_after_editing as share
 from rf_pointing.calibration.pass_errors import pass_partials
-from rf_pointing.calibration.thinning import Table, Thinned
+from rf_pointing.calibration.thinning import Thinned
 
 
 def written_out(residuals, influence, passes, lags):
@@ -110,65 +109,6 @@ def test_half_a_degree_of_freedom_is_used_down_to_a_tenth_of_the_data(taken, fac
     found = noise_scale(np.array([1.0, 2.0]), np.sqrt(np.array([[0.5 * taken], [0.5 * taken]])), np.array([3, 4]))
     assert found.factor == pytest.approx(factor)
     assert found.uncertainty == pytest.approx(factor)
-
-
-def split_by_hand(variance, freedom, secant2):
-    """Return a + b / cos^2 E of one pass, eight rounds of least squares without negative solutions.
-
-    A variance v scatters by 2 v^2 / freedom: a is there if it lowers chi-square by more than 4.
-    """
-    fitted = np.full(len(variance), freedom @ variance / np.sum(freedom))
-    for _ in range(8):
-        root = np.sqrt(freedom / 2.0) / fitted
-        matrix, right = np.stack([root, root * secant2], axis=1), root * variance
-        (pair, both), (flat, even), (steep, sloped) = (
-            nnls(matrix[:, chosen], right) for chosen in ([0, 1], [0], [1])
-        )  # fmt: skip
-        if np.all(pair > 0.0) and sloped**2 - both**2 > 4.0:
-            fitted = pair[0] + pair[1] * secant2
-        elif sloped**2 - even**2 < 4.0:
-            fitted = steep[0] * secant2
-        else:
-            fitted = np.full(len(variance), flat[0])
-    return fitted
-
-
-def test_the_noise_of_each_pass_is_split_as_least_squares_without_negative_parts(random):
-    """From noise across the sky alone to noise in azimuth alone; one pass is at one height."""
-    shares = np.append(np.linspace(0.0, 1.0, 41), 0.3)
-    place = np.repeat(np.arange(42), 40)
-    height = np.radians(np.tile(np.concatenate([np.linspace(12.0, 82.0, 20), np.linspace(80.0, 14.0, 20)]), 42))
-    height[place == 41] = 0.9
-    secant2, freedom = np.cos(height) ** -2.0, random.integers(3, 12, len(place)).astype(float)
-    actual = 1e-9 * (shares + (1.0 - shares) ** 3 * 0.5 * secant2.reshape(42, 40).T).T.ravel()
-    variance = actual * random.chisquare(freedom) / freedom
-    # The order of the rows does not matter.
-    order = random.permutation(len(place))
-    found = np.empty(len(place))
-    found[order] = _split(place[order], variance[order], freedom[order], secant2[order])
-    kinds = set()
-    for number in range(42):
-        own = place == number
-        expected = split_by_hand(variance[own], freedom[own], secant2[own])
-        np.testing.assert_allclose(found[own], expected, rtol=1e-6)
-        even, sloped = np.ptp(expected) < 1e-9 * expected[0], np.ptp(expected / secant2[own]) < 1e-9 * expected[0]
-        kinds.add("even" if even else "sloped" if sloped else "both")
-    assert kinds == {"even", "sloped", "both"}
-
-
-def test_the_excess_of_a_variance_is_over_the_scatter_of_its_own_pass(random):
-    """Cube roots over their median, over the larger of their scatter and that expected."""
-    lengths = [30, 45, 5]
-    freedom = random.integers(0, 9, 80).astype(float)
-    ratio = random.chisquare(6.0, 80) / 6.0 * np.repeat([1.0, 20.0, 3.0], lengths)
-    ratio[30:75] = 20.0 * (1.0 + 0.02 * random.standard_normal(45)) ** 3
-    found = _excess(ratio, freedom, Table.of(np.array([0, 30, 75]), 80))
-    for rows in np.split(np.arange(80), np.cumsum(lengths)[:-1]):
-        root = ratio[rows] ** (1.0 / 3.0)
-        apart = root / np.median(root) - 1.0
-        usual = np.sqrt(2.0 / (9.0 * np.maximum(freedom[rows], 1.0)))
-        expected = apart / np.maximum(1.4826 * np.median(np.abs(apart)), usual)
-        np.testing.assert_allclose(found[rows], expected, rtol=1e-9)
 
 
 def test_points_without_any_scatter_have_no_sigma_and_all_are_straight():

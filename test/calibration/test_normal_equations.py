@@ -2,14 +2,13 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration.normal_equations import (
-    Triangle,
+    NormalEquations,
     advice_for,
     eliminate,
-    pass_triangles,
+    equations_of,
+    pass_equations,
     require_determined,
-    triangle_of,
 )
-from rf_pointing.calibration.normal_equations import _null_space_message as null_space_message
 
 NAMES = ("azimuth_offset", "collimation", "droop")
 ALL = np.arange(3)
@@ -22,16 +21,16 @@ def rows_of(matrix, right):
 def test_triangle_keeps_all_inner_products(random):
     rows = random.normal(size=(50, 4))
     expected = rows.T @ rows
-    factor = triangle_of(np.asfortranarray(rows))
+    factor = equations_of(np.asfortranarray(rows))
     assert np.allclose(factor.T @ factor, expected, rtol=1e-12)
     assert np.array_equal(factor, np.triu(factor))
 
 
 def test_solution_covariance_and_condition_agree_with_numpy(random):
     matrix, right = random.normal(size=(60, 3)) * [1.0, 1e3, 1e-3], random.normal(size=60)
-    triangle = Triangle(NAMES)
-    triangle.add_blocks([(rows_of(matrix[:20], right[:20]), ALL), (rows_of(matrix[20:], right[20:]), ALL)])
-    found = triangle.solve()
+    equations = NormalEquations(NAMES)
+    equations.add_blocks([(rows_of(matrix[:20], right[:20]), ALL), (rows_of(matrix[20:], right[20:]), ALL)])
+    found = equations.solve()
     expected, square, _, _ = np.linalg.lstsq(matrix, right, rcond=None)
     assert found.values == pytest.approx(expected, rel=1e-10)
     assert np.allclose(found.covariance, np.linalg.inv(matrix.T @ matrix), rtol=1e-9)
@@ -41,57 +40,48 @@ def test_solution_covariance_and_condition_agree_with_numpy(random):
 
 def test_a_prior_is_one_more_equation(random):
     matrix, right = random.normal(size=(20, 3)), random.normal(size=20)
-    triangle = Triangle(NAMES)
-    triangle.add_blocks([(rows_of(matrix, right), ALL)])
-    triangle.add_prior("droop", 0.5, 0.1)
+    equations = NormalEquations(NAMES)
+    equations.add_blocks([(rows_of(matrix, right), ALL)])
+    equations.add_prior("droop", 0.5, 0.1)
     more = np.vstack([matrix, [0.0, 0.0, 10.0]])
     expected = np.linalg.lstsq(more, np.append(right, 5.0), rcond=None)[0]
-    assert triangle.solve().values == pytest.approx(expected, rel=1e-10)
+    assert equations.solve().values == pytest.approx(expected, rel=1e-10)
     with pytest.raises(ValueError, match="prior sigma of droop=0 must be > 0"):
-        triangle.add_prior("droop", 0.5, 0)
+        equations.add_prior("droop", 0.5, 0)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-11])
 def test_equal_columns_are_refused_by_their_names(random, tilt):
     matrix = random.normal(size=(30, 3))
     matrix[:, 2] = matrix[:, 0] + tilt * matrix[:, 1]
-    triangle = Triangle(NAMES)
-    triangle.add_blocks([(rows_of(matrix, random.normal(size=30)), ALL)])
+    equations = NormalEquations(NAMES)
+    equations.add_blocks([(rows_of(matrix, random.normal(size=30)), ALL)])
     with pytest.raises(ValueError, match=r"cannot separate azimuth_offset \+ droop"):
-        triangle.solve()
-
-
-def test_separate_pairs_are_named_apart_whichever_null_vectors_come_out(random):
-    names = ("tilt", "azimuth_offset", "droop", "collimation")
-    pairs = np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 1.0]]) / np.sqrt(2.0)
-    for angle in random.uniform(0.0, 2.0 * np.pi, 20):
-        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-        message = null_space_message(names, turn @ pairs, np.ones(4))
-        assert message.startswith("the data cannot separate tilt + droop; azimuth_offset + collimation: ")
+        equations.solve()
 
 
 def test_badly_scaled_but_separable_columns_are_solved(random):
     matrix = random.normal(size=(30, 3)) * [1.0, 1e-9, 1e9]
-    triangle = Triangle(NAMES)
-    triangle.add_blocks([(rows_of(matrix, matrix @ [1.0, 2e9, 3e-9]), ALL)])
-    assert triangle.solve().values == pytest.approx([1.0, 2e9, 3e-9], rel=1e-9)
+    equations = NormalEquations(NAMES)
+    equations.add_blocks([(rows_of(matrix, matrix @ [1.0, 2e9, 3e-9]), ALL)])
+    assert equations.solve().values == pytest.approx([1.0, 2e9, 3e-9], rel=1e-9)
 
 
 def test_an_unknown_that_no_equation_touches_is_named(random):
-    triangle = Triangle(NAMES)
-    triangle.add_blocks([(rows_of(random.normal(size=(30, 2)), random.normal(size=30)), np.array([0, 2]))])
+    equations = NormalEquations(NAMES)
+    equations.add_blocks([(rows_of(random.normal(size=(30, 2)), random.normal(size=30)), np.array([0, 2]))])
     with pytest.raises(ValueError, match="30 equations do not determine collimation"):
-        triangle.solve()
+        equations.solve()
 
 
 def test_each_pass_has_the_inner_products_of_its_own_rows_be_it_shorter_than_they_are_wide(random):
     passes = random.permutation(np.repeat([9, 4, 7, 2], [1, 3, 6, 40]))
     rows = random.normal(size=(len(passes), 5))
-    numbers, triangles = pass_triangles(rows, passes)
+    numbers, triangles = pass_equations(rows, passes)
     assert numbers.tolist() == [2, 4, 7, 9]
-    for number, triangle in zip(numbers, triangles, strict=True):
+    for number, equations in zip(numbers, triangles, strict=True):
         own = rows[passes == number]
-        np.testing.assert_allclose(triangle.T @ triangle, own.T @ own, atol=1e-12)
+        np.testing.assert_allclose(equations.T @ equations, own.T @ own, atol=1e-12)
 
 
 def test_columns_that_are_almost_but_not_quite_inseparable_are_solved(random):
@@ -100,20 +90,20 @@ def test_columns_that_are_almost_but_not_quite_inseparable_are_solved(random):
     matrix, _ = np.linalg.qr(random.normal(size=(40, 8)))
     matrix[:, 7] = matrix[:, 0] + 2.8e-9 * matrix[:, 7]
     truth = np.arange(1.0, 9.0)
-    triangle = Triangle(names)
-    triangle.add_blocks([(rows_of(matrix, matrix @ truth), np.arange(8))])
-    found = triangle.solve()
+    equations = NormalEquations(names)
+    equations.add_blocks([(rows_of(matrix, matrix @ truth), np.arange(8))])
+    found = equations.solve()
     assert 6e8 < found.condition < 8e8
     assert found.values[1:7] == pytest.approx(truth[1:7], rel=1e-6)
     assert found.values[0] + found.values[7] == pytest.approx(9.0, rel=1e-6)
 
 
 def test_equations_are_counted_with_the_priors(random):
-    triangle = Triangle(NAMES)
-    triangle.add_blocks([(rows_of(random.normal(size=(20, 3)), random.normal(size=20)), ALL)] * 2)
-    triangle.add_prior("droop", 0.5, 0.1)
-    triangle.add_triangle(random.normal(size=(2, 4)), 30)
-    assert triangle.rows == 71
+    equations = NormalEquations(NAMES)
+    equations.add_blocks([(rows_of(random.normal(size=(20, 3)), random.normal(size=20)), ALL)] * 2)
+    equations.add_prior("droop", 0.5, 0.1)
+    equations.add_equations(random.normal(size=(2, 4)), 30)
+    assert equations.rows == 71
 
 
 @pytest.mark.parametrize("own", [1, 3])
@@ -122,11 +112,11 @@ def test_parameters_of_the_passes_are_those_of_all_columns_at_once(random, own):
     passes = np.repeat([2, 5, 9], [6, 30, 14])
     matrix, right = random.normal(size=(50, own + 3)), random.normal(size=50)
     sigma = np.array([0.5, 2.0, 0.1])[:own]
-    numbers, triangles = pass_triangles(np.column_stack([matrix, right]), passes)
+    numbers, triangles = pass_equations(np.column_stack([matrix, right]), passes)
     heads, rest = eliminate(numbers, triangles, sigma)
-    triangle = Triangle(NAMES)
-    triangle.add_triangle(rest, 50)
-    solution = triangle.solve()
+    equations = NormalEquations(NAMES)
+    equations.add_equations(rest, 50)
+    solution = equations.solve()
     wide = np.zeros((50 + 3 * own, 3 * own + 3))
     wide[:50, 3 * own :] = matrix[:, own:]
     for k, number in enumerate((2, 5, 9)):
@@ -147,19 +137,19 @@ def test_parameters_of_the_passes_are_those_of_all_columns_at_once(random, own):
 def test_inseparable_columns_are_named_whatever_their_units(random, scales):
     matrix = random.normal(size=(30, 3))
     matrix[:, 2] = matrix[:, 0]
-    triangle = Triangle(NAMES)
-    triangle.add_blocks([(rows_of(matrix * scales, random.normal(size=30)), ALL)])
+    equations = NormalEquations(NAMES)
+    equations.add_blocks([(rows_of(matrix * scales, random.normal(size=30)), ALL)])
     with pytest.raises(ValueError, match=r"cannot separate azimuth_offset \+ droop: fix one"):
-        triangle.solve()
+        equations.solve()
 
 
 def test_fewer_equations_than_unknowns_determine_none_of_them(random):
-    triangle = Triangle(NAMES)
-    triangle.add_blocks([(rows_of(random.normal(size=(2, 3)), random.normal(size=2)), ALL)])
+    equations = NormalEquations(NAMES)
+    equations.add_blocks([(rows_of(random.normal(size=(2, 3)), random.normal(size=2)), ALL)])
     with pytest.raises(ValueError, match="2 equations do not determine azimuth_offset, collimation, droop: "):
-        triangle.solve()
-    triangle.add_prior("droop", 0.5, 0.1)
-    assert triangle.solve().residual_square == pytest.approx(0.0, abs=1e-20)
+        equations.solve()
+    equations.add_prior("droop", 0.5, 0.1)
+    assert equations.solve().residual_square == pytest.approx(0.0, abs=1e-20)
 
 
 @pytest.mark.parametrize(

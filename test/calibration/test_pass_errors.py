@@ -5,16 +5,12 @@ import pytest
 
 from rf_pointing.calibration import TERM_NAMES, FitOptions, Observations, PassPriors, fit_bias_model, held_at_zero
 from rf_pointing.calibration.pass_errors import (
-    PassErrors,
-    _ahead,
-    _displacements,
     motion_partials,
     pass_partials,
     shift_by,
     site_partials,
     track_axes,
 )
-from rf_pointing.calibration.pass_errors import displaced as move
 from rf_pointing.core import azel_from_unit_vector, unit_vector_from_azel, wrap_rad
 from test.calibration.conftest import fly_by
 
@@ -74,27 +70,6 @@ def test_partials_are_the_shift_of_a_displaced_satellite(campaign, table_1):
         shift = displaced(data, neighbouring(data, names[k], 10.0))
         assert 10.0 * azimuth[:, k] == pytest.approx(shift[0], abs=1e-9)
         assert 10.0 * elevation[:, k] == pytest.approx(shift[1], abs=1e-9)
-
-
-def test_errors_across_and_up_move_as_a_neighbouring_orbit_does():
-    """Clohessy and Wiltshire: s'' + 2 n r' = 0, r'' - 3 n^2 r - 2 n s' = 0, c'' + n^2 c = 0 for along, up and across."""
-    rate, step_s = 1.1e-3, 1.0
-    t_s = np.arange(-400.0, 400.0, step_s)
-    moved = _displacements(t_s, np.full(len(t_s), rate))
-    for name in ("radial_m", "radial_drift_m_s", "cross_track_m", "cross_track_drift_m_s"):
-        along, across, up = moved[name]
-        first = [np.gradient(part, step_s) for part in (along, up)]
-        second = [np.gradient(np.gradient(part, step_s), step_s)[2:-2] for part in (along, across, up)]
-        size = rate**2 * max(np.max(np.abs(part)) for part in moved[name])
-        np.testing.assert_allclose(second[0] + 2.0 * rate * first[1][2:-2], 0.0, atol=1e-5 * size)
-        np.testing.assert_allclose(second[1] + rate**2 * across[2:-2], 0.0, atol=1e-5 * size)
-        np.testing.assert_allclose(
-            second[2] - 3.0 * rate**2 * up[2:-2] - 2.0 * rate * first[0][2:-2], 0.0, atol=1e-5 * size
-        )
-        # A metre in the middle of the pass, or a metre a second there.
-        state = (up, across)["cross" in name]
-        middle = np.gradient(state, step_s) if "drift" in name else state
-        assert middle[400] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_clock_partials_are_the_rates(campaign, table_1):
@@ -190,19 +165,6 @@ def seen(fly, t_s):
     )  # fmt: skip
 
 
-def test_a_motion_of_constant_acceleration_is_ahead_exactly():
-    t_s = np.linspace(-50.0, 50.0, 11)
-    start, rate, bend = (0.7, 0.5), (3e-3, -2e-3), (4e-5, 6e-5)
-
-    def at(t):
-        angles = [start[k] + rate[k] * t + 0.5 * bend[k] * t**2 for k in (0, 1)]
-        return [*angles, *(rate[k] + bend[k] * t for k in (0, 1)), *(np.full(len(t), bend[k]) for k in (0, 1))]
-
-    for lag_s in (-2.0, 3.0):
-        for found, wanted in zip(_ahead(at(t_s), lag_s), at(t_s + lag_s)[:4], strict=True):
-            np.testing.assert_allclose(found, wanted, rtol=1e-12)
-
-
 @pytest.mark.parametrize("lags_s", [(0.5, -0.8), (-1.5, -1.5)])
 def test_lags_show_the_errors_of_a_pass_that_much_ahead(lags_s):
     """Against the closed form of the fly-by at the later times.
@@ -245,54 +207,6 @@ def test_metres_along_across_and_up_shift_a_target_as_vectors_do(campaign, table
     assert found[1] == pytest.approx(elevation, abs=1e-8)
     with pytest.raises(ValueError, match="range_rate_m_s=None"):
         shift_by(replace(data, range_rate_m_s=None), metres)
-
-
-@pytest.mark.parametrize(("miss_m", "finer"), [(900e3, False), (150e3, True)])
-def test_a_track_with_errors_of_its_pass_is_that_of_the_moved_target(track, miss_m, finer):
-    """Low passes keep their samples, high ones get so many that differences of them are derivatives."""
-    reference = track(5.0, miss_m=miss_m)
-    middle_t_s = reference.t_s[0] + 350.0
-    metres = {"along_track_m": 900.0, "cross_track_m": -400.0, "radial_drift_m_s": 0.5, "clock_s": 0.2}
-    found = move(reference, PassErrors(0, metres, {}, middle_t_s))
-    assert (len(found.t_s) > len(reference.t_s)) if finer else np.array_equal(found.t_s, reference.t_s)
-    assert (found.t_s[0], found.t_s[-1]) == (reference.t_s[0], reference.t_s[-1])
-    if finer:
-        turn = (reference.t_s[-1] - reference.t_s[0]) * np.max(np.abs(reference.azimuth_rate_rad_s))
-        assert len(found.t_s) == 2 + np.floor(turn / 0.05)
-    step_s = np.max(np.diff(found.t_s))
-    assert step_s * np.max(np.abs(reference.azimuth_rate_rad_s)) < (0.05 if finer else 0.1)
-    at = track(0.1, miss_m=miss_m).at(found.t_s)
-    data = Observations(
-        station="gs1", band="S", t_s=at.t_s, pass_id=np.zeros(len(at.t_s), dtype=int),
-        observed_azimuth_rad=at.azimuth_rad, observed_elevation_rad=at.elevation_rad,
-        sigma_azimuth_rad=np.ones(len(at.t_s)), sigma_elevation_rad=np.ones(len(at.t_s)), **at.truth(),
-    )  # fmt: skip
-    shares = _displacements(at.t_s - middle_t_s, np.sqrt(3.986004418e14 / radius_m(at) ** 3))
-    moved = at.range_m[:, np.newaxis] * unit_vector_from_azel(at.azimuth_rad, at.elevation_rad)
-    for name, value in metres.items():
-        for share, axis in zip(shares.get(name, ()), track_axes(data), strict=False):
-            moved = moved + value * share[:, np.newaxis] * axis
-    azimuth, elevation = azel_from_unit_vector(moved)
-    azimuth = at.azimuth_rad + wrap_rad(azimuth - at.azimuth_rad) + 0.2 * at.azimuth_rate_rad_s
-    elevation = elevation + 0.2 * at.elevation_rate_rad_s
-    np.testing.assert_allclose(found.azimuth_rad, azimuth, atol=3e-6)
-    np.testing.assert_allclose(found.elevation_rad, elevation, atol=3e-6)
-    np.testing.assert_allclose(found.range_m, np.linalg.norm(moved, axis=1), atol=0.5)
-    inner = slice(2, -2)
-    for name, value in (("azimuth", azimuth), ("elevation", elevation)):
-        own, before = getattr(found, f"{name}_rate_rad_s"), getattr(at, f"{name}_rate_rad_s")
-        change = np.gradient(value - getattr(at, f"{name}_rad"), found.t_s - found.t_s[0])
-        np.testing.assert_allclose((own - before)[inner], change[inner], atol=0.03 * np.max(np.abs(change)))
-        own, before = (getattr(one, f"{name}_acceleration_rad_s2") for one in (found, at))
-        bend = np.gradient(change, found.t_s - found.t_s[0])
-        np.testing.assert_allclose((own - before)[inner], bend[inner], atol=0.05 * np.max(np.abs(bend)))
-    farther = np.gradient(np.linalg.norm(moved, axis=1) - at.range_m, found.t_s - found.t_s[0])
-    np.testing.assert_allclose((found.range_rate_m_s - at.range_rate_m_s)[inner], farther[inner], atol=0.05)
-
-
-def radius_m(at):
-    """Return the distance of the target of a track from the centre of a spherical Earth."""
-    return np.hypot(6.371e6 + at.range_m * np.sin(at.elevation_rad), at.range_m * np.cos(at.elevation_rad))
 
 
 def test_an_error_and_its_drift_share_one_size_and_those_along_the_track_do_not():

@@ -9,7 +9,7 @@ from rf_pointing.calibration import (
     BiasModel,
     FitOptions,
     Ionosphere,
-    Known,
+    PriorKnowledge,
     RawPasses,
     SectorRule,
     TrackedPass,
@@ -26,7 +26,7 @@ NOISE_RAD = 20.0 * MDEG
 
 
 def process_pass(raw, reference, number, ionosphere, model):
-    known = Known(model=model, form="printed")
+    known = PriorKnowledge(model=model, form="printed")
     return RawPasses([TrackedPass(raw, reference, ionosphere)], number).process(known)
 
 
@@ -180,7 +180,7 @@ def test_noise_on_the_sky_costs_high_passes_no_more_azimuths_than_elevations(tra
     tracks = [track(5.0, miss, 0.7, 1e9 + 6000.0 * k) for k, miss in enumerate([40e3, 50e3, 60e3, 70e3])]
     raw = [on_the_sky(raw_pass(one, table_1, None, 1e-9), random) for one in tracks]
     passes = RawPasses([TrackedPass(one, place) for one, place in zip(raw, tracks, strict=True)], 0)
-    dropped = passes.process(Known(model=table_1, form="printed")).reports[1].dropped
+    dropped = passes.process(PriorKnowledge(model=table_1, form="printed")).reports[1].dropped
     assert dropped["azimuth_rad beyond 3 sigma"] < 1.5 * dropped["elevation_rad beyond 3 sigma"]
 
 
@@ -191,7 +191,7 @@ def test_noise_that_hangs_together_is_measured_between_points_and_costs_none(tra
         tracks = [track(5.0, miss, 0.7, 1e9 + 6000.0 * k) for k, miss in enumerate(np.linspace(350e3, 900e3, 6))]
         raw = [on_the_sky(raw_pass(one, table_1, None, 1e-9), random, correlated) for one in tracks]
         passes = RawPasses([TrackedPass(one, place) for one, place in zip(raw, tracks, strict=True)], 0)
-        points[kind] = passes.process(Known(model=table_1, form="printed")).points
+        points[kind] = passes.process(PriorKnowledge(model=table_1, form="printed")).points
     assert len(points["windy"]) > 0.98 * len(points["quiet"])
     options = FitOptions(scale_covariance=True)
     quiet, windy = (
@@ -235,13 +235,13 @@ def test_sigma_covers_the_truth_at_one_sample_a_second(track, raw_pass, random, 
         for reference in tracks:
             raw = on_the_sky(raw_pass(reference, truth, None, 1e-9), random, correlated)
             passes.append(TrackedPass(replace(raw, **{name: getattr(raw, name)[::8] for name in columns}), reference))
-        known = Known(model=BiasModel.zero(), form="printed")
+        known = PriorKnowledge(model=BiasModel.zero(), form="printed")
         for _ in range(3):
             points = RawPasses(passes, 0).process(known).points
             options = FitOptions(scale_covariance=True)
             fit = fit_bias_model(points, terms=terms, held=held_at_zero(terms), options=options)
             scale = tuple(s * np.sqrt(one.factor) for s, one in zip(known.sigma_scale, fit.noise, strict=True))
-            known = Known(model=fit.model, form="printed", sigma_scale=scale)
+            known = PriorKnowledge(model=fit.model, form="printed", sigma_scale=scale)
         pulls.append((fit.values - np.array([planted[name] for name in terms])) / fit.sigma)
     # Of 60 squares of a normal distribution; without the factor the correlated ones average 3.
     assert 0.5 < np.mean(np.square(pulls)) < 1.65
@@ -265,7 +265,7 @@ def test_passes_over_the_top_give_points_beyond_90_deg_from_which_the_terms_are_
         parts = split_passes(other if number % 2 else raw, 1200.0) if number < 5 else split_passes(raw, 1200.0)
         assert len(parts) == (2 if number == 5 else 1)
         passes += [TrackedPass(part, reference) for part in parts]
-    points = RawPasses(passes, 0).process(Known(model=table_1, form="printed")).points
+    points = RawPasses(passes, 0).process(PriorKnowledge(model=table_1, form="printed")).points
     over = points.true_elevation_rad > 0.5 * np.pi
     assert 0.3 < np.mean(over) < 0.6
     assert set(points.pass_id[over].tolist()) == {1, 3, 6}
@@ -294,7 +294,7 @@ def test_known_errors_of_a_pass_move_the_true_motion_and_not_the_whole_error_tha
     raw = raw_pass(displaced(reference, errors), table_1, None, 1.0 * MDEG)
     left = {}
     for name, known in (("blind", {}), ("known", {0: errors})):
-        given = Known(model=table_1, errors=known, sigma_scale=(2.0, 3.0) if known else (1.0, 1.0))
+        given = PriorKnowledge(model=table_1, errors=known, sigma_scale=(2.0, 3.0) if known else (1.0, 1.0))
         left[name] = RawPasses([TrackedPass(raw, reference, None)], 0).process(given).points
     shared = np.intersect1d(left["blind"].t_s, left["known"].t_s)
     assert len(shared) > 20
@@ -307,8 +307,8 @@ def test_known_errors_of_a_pass_move_the_true_motion_and_not_the_whole_error_tha
 
 def test_errors_of_the_passes_are_seen_with_the_lags_of_the_exact_form_only(table_1):
     model = table_1.replace(azimuth_velocity_lag=0.3, elevation_velocity_lag=-0.2)
-    assert Known(model=model).lags_s == (0.3, -0.2)
-    assert Known(model=model, form="printed").lags_s == (0.0, 0.0)
+    assert PriorKnowledge(model=model).lags_s == (0.3, -0.2)
+    assert PriorKnowledge(model=model, form="printed").lags_s == (0.0, 0.0)
 
 
 def test_a_pass_of_a_single_point_is_refused(track, raw_pass, table_1):
@@ -328,7 +328,7 @@ def test_what_the_passes_lost_together_is_reported_with_their_number(track, raw_
         raw = raw_pass(reference, table_1, None, NOISE_RAD)
         raw.good[:10] = False
         tracked.append(TrackedPass(raw, reference))
-    report = RawPasses(tracked, 0).process(Known(model=table_1, form="printed")).reports[0]
+    report = RawPasses(tracked, 0).process(PriorKnowledge(model=table_1, form="printed")).reports[0]
     assert (
         report.text()
         == f"validation: {6384 * passes} -> {6374 * passes} (dropped {10 * passes} flagged by the station){note}"
@@ -340,7 +340,7 @@ def test_what_is_known_is_in_the_form_of_the_fit(table_1, track):
     columns = track(20.0, miss_m=300e3).truth()
     columns = {name.removeprefix("true_"): value for name, value in columns.items()}
     motion = tuple(columns.values())[:6]
-    printed, exact = (Known(model=table_1, form=form).bias_rad(columns) for form in ("printed", "rotation"))
+    printed, exact = (PriorKnowledge(model=table_1, form=form).bias_rad(columns) for form in ("printed", "rotation"))
     np.testing.assert_allclose(printed, np.stack(table_1.offset_rad(*motion)), rtol=1e-12)
     np.testing.assert_allclose(exact, np.stack(table_1.apply(*motion)) - np.stack(motion[:2]), rtol=1e-12)
     assert np.max(np.abs(printed - exact)) > 1.0 * MDEG
@@ -358,7 +358,7 @@ def test_passes_keep_their_numbers_and_those_that_give_nothing_are_told(track, r
     raw = [raw_pass(reference, table_1, None, NOISE_RAD) for reference in references]
     raw[1], raw[2] = shortened(raw[1], [3000]), shortened(raw[2], [3000, 3001])
     passes = [TrackedPass(one, reference) for one, reference in zip(raw, references, strict=True)]
-    found = RawPasses(passes, 5).process(Known(model=table_1, form="printed"))
+    found = RawPasses(passes, 5).process(PriorKnowledge(model=table_1, form="printed"))
     assert found.points.passes.tolist() == [5, 8]
     assert found.notes == (
         "pass 6 of bird: validation: 6384 -> 1 (dropped 6383 flagged by the station)",
@@ -379,7 +379,7 @@ def test_channels_that_some_passes_do_not_have_judge_none_of_them(track, raw_pas
     bare = replace(bare, range_m=None)
     passes = [TrackedPass(one, reference) for one, reference in zip((full, bare), references, strict=True)]
     for given in (passes, passes[::-1]):
-        found = RawPasses(given, 0).process(Known(model=table_1, form="printed"))
+        found = RawPasses(given, 0).process(PriorKnowledge(model=table_1, form="printed"))
         assert list(found.reports[1].dropped) == [
             f"{name} beyond 3 sigma" for name in ("azimuth_rad", "elevation_rad", "range_rate_m_s")
         ]
@@ -434,7 +434,7 @@ def test_known_errors_of_one_pass_count_from_its_middle_and_leave_the_others_as_
     model = table_1.replace(azimuth_velocity_lag=0.0, elevation_velocity_lag=0.0)
     points = {}
     for name, known in (("blind", {}), ("known", {0: errors})):
-        points[name] = RawPasses(passes, 0).process(Known(model=model, errors=known)).points
+        points[name] = RawPasses(passes, 0).process(PriorKnowledge(model=model, errors=known)).points
     shared = np.intersect1d(points["blind"].t_s, points["known"].t_s)
     blind, known = (one.select(np.isin(one.t_s, shared)) for one in points.values())
     own = blind.pass_id == 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration.noise import noise_of
-from rf_pointing.calibration.thinning import Table, Thinned, find_outliers, medians, smooth, thin
+from rf_pointing.calibration.thinning import PiecewiseRows, Thinned, find_outliers, medians, smooth, thin
 
 START_S = 1.7e9
 MEDIAN_TO_SIGMA = 1.4826
@@ -144,7 +144,7 @@ def test_a_pass_needs_nine_samples_to_show_a_gross_error(count, found):
 def test_the_medians_of_rows_of_any_length_are_those_of_numpy(random):
     values = random.normal(size=40)
     first = np.array([0, 1, 3, 10, 30])
-    table = Table.of(first, 40)
+    table = PiecewiseRows.of(first, 40)
     expected = [float(np.median(part)) for part in np.split(values, first[1:])]
     np.testing.assert_allclose(table.medians(values), expected, rtol=1e-14)
     assert medians(np.array([[3.0, 5.0]]), np.array([[False, False]])).tolist() == [0.0]

@@ -257,21 +257,6 @@ def test_points_of_which_the_disk_takes_a_part_only_leave_the_file_as_it_was(dat
     assert first.path.read_bytes() == before
 
 
-def test_old_campaigns_are_numbered_until_their_names_are_all_taken(data, tmp_path, monkeypatch):
-    monkeypatch.setattr("rf_pointing.calibration.tracking_csv._MOST_OF_A_NAME", 4)
-    first = journal(tmp_path)
-    for name in ("observations-old.csv", "observations-old-2.csv", "observations-old-3.csv"):
-        first.append(data.select([0]))
-        first.points = data
-        assert first.set_aside("old").name == name
-        assert first.points is None
-        assert not first.path.exists()
-    first.append(data.select([0]))
-    with pytest.raises(ValueError, match=r"observations-old-\* are all taken; observations are never overwritten"):
-        first.set_aside("old")
-    assert first.path.exists()
-
-
 HEAD = ("# station: gs1", "# band: S", "# target: bird")
 
 

@@ -1,13 +1,10 @@
 """The options that the commands share: their ranges, what they mean, and how a command ends."""
 
 import argparse
-import math
 
 import pytest
 
-from rf_pointing.commands import fetch_elements, options
-from rf_pointing.core.dates import parse_utc
-from rf_pointing.ephemeris import find_elements, verification_elements
+from rf_pointing.commands import options
 
 
 def target_of(*line: str) -> argparse.Namespace:
@@ -80,26 +77,6 @@ def test_a_namespace_without_a_name_is_refused(text: str, complaint: str, capsys
     assert complaint in capsys.readouterr().err
 
 
-def test_an_address_is_fetched_and_a_file_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    fetched: list[str] = []
-    monkeypatch.setattr(fetch_elements, "current_elements", fetched.append)
-    for name in ("https://celestrak.org/x", "sky.tle", ""):
-        assert options.elements_of(argparse.Namespace(elements=name)) == name
-    assert fetched == ["https://celestrak.org/x"]
-
-
-def test_the_band_is_the_stations_unless_another_is_named() -> None:
-    assert options.band_of(target_of()) == "X"
-    assert options.band_of(target_of("--band", "Ka")) == "Ka"
-    with pytest.raises(ValueError, match="band='L' of Goldstone DSS-13 must be one of S, X, Ka"):
-        options.band_of(target_of("--band", "L"))
-
-
-@pytest.mark.parametrize(("line", "lowest_deg"), [([], 5.0), (["--mask", "0"], 0.0), (["--mask", "89"], 89.0)])
-def test_passes_begin_at_the_mask_of_the_station_or_of_the_user(line: list[str], lowest_deg: float) -> None:
-    assert math.degrees(options.lowest_rad(target_of(*line))) == pytest.approx(lowest_deg)
-
-
 @pytest.mark.parametrize("mask", ["-0.1", "89.1"])
 def test_a_mask_is_between_the_horizon_and_the_zenith(mask: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
@@ -107,18 +84,16 @@ def test_a_mask_is_between_the_horizon_and_the_zenith(mask: str, capsys: pytest.
     assert f"{mask} must be between 0 and 89" in capsys.readouterr().err
 
 
-def test_the_target_is_cbers_2_seen_from_the_station() -> None:
-    source = options.source_of(target_of())
-    assert (source.satellite, source.elements, source.interpolation) == ("28057", "", "")
-    assert source.interpolation_degree == 7
-    assert math.degrees(source.site.latitude_rad) == pytest.approx(35.24716, abs=1e-5)
-    other = options.source_of(target_of("--interpolation", "lagrange", "5", "--satellite", "MY BIRD"))
+def test_a_target_is_what_the_options_name() -> None:
+    given = target_of()
+    target = options.target_from(given.elements, given.satellite, given.interpolation)
+    assert (target.satellite, target.location, target.interpolation, target.interpolation_degree) == (
+        "28057",
+        "",
+        "",
+        7,
+    )
+    other = options.target_from("", "MY BIRD", ("lagrange", "5"))
     assert (other.satellite, other.interpolation, other.interpolation_degree) == ("MY BIRD", "LAGRANGE", 5)
     with pytest.raises(ValueError, match="interpolation=HERMITE 'x': the degree must be a whole number"):
-        options.source_of(target_of("--interpolation", "HERMITE", "x"))
-
-
-def test_passes_are_looked_for_from_the_epoch_of_the_elements_or_a_start() -> None:
-    epoch_t_s = find_elements(verification_elements(), "28057").epoch_t_s
-    assert options.start_of(target_of()) == pytest.approx(epoch_t_s)
-    assert options.start_of(target_of("--start", "2006-06-27T06:00:00")) == parse_utc("2006-06-27T06:00:00")
+        options.target_from("", "28057", ("HERMITE", "x"))

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams
-from rf_pointing.controllers.command_preprocessor import _stoppable_rate
 from rf_pointing.core import MDEG
 
 DT_S = 0.02
@@ -324,18 +323,6 @@ def test_a_target_passes_through_until_the_room_to_the_end_is_the_way_to_rest(sp
         shaper.step((-0.6 + room, 0.5), (-speed, 0.0), (0.0, 0.0), dt_s)
         assert shaper.state.transparent[0] is passed
     assert passes((0.0, 0.0, 0.0), -speed, dt_s, 0.6)
-
-
-@pytest.mark.parametrize("dt_s", [0.02, 0.3])
-def test_from_the_stoppable_rate_an_axis_comes_to_rest_just_there(random: np.random.Generator, dt_s: float) -> None:
-    for distance, rate in random.uniform((1e-4, -0.03), (0.2, 0.03), (200, 2)):
-        speed = _stoppable_rate(distance, rate, ACCELERATION, dt_s)
-        if speed > 0.0:
-            way = 0.5 * (rate + speed) * dt_s + stop_way(speed, ACCELERATION, dt_s)
-            assert way == pytest.approx(distance, rel=1e-9)
-        else:
-            assert 0.5 * rate * dt_s >= distance
-    assert _stoppable_rate(0.01, 0.03, ACCELERATION, 0.8) == 0.0
 
 
 def test_the_lower_end_of_the_travel_is_kept_as_the_upper_one() -> None:

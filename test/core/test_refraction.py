@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import quad
 
 from rf_pointing.core import MDEG
-from rf_pointing.core.refraction import RadioRefraction, _levelled
+from rf_pointing.core.refraction import RadioRefraction
 
 WEATHER = [
     RadioRefraction(pressure_hpa=pressure, temperature_k=temperature, relative_humidity=humidity)
@@ -174,30 +174,6 @@ def test_the_refractivity_is_that_of_the_recommendation(pressure: float, tempera
     assert weather.refractivity_wet == pytest.approx((72.0 + 3.75e5 / temperature) * e / temperature, rel=1e-12)
 
 
-@pytest.mark.parametrize("weather", WEATHER[1::5])
-def test_the_integral_along_a_ray_is_that_of_adaptive_quadrature(weather: RadioRefraction) -> None:
-    """Also of metres of height near the horizon, where n r - c would lose its digits: 1e-8 of the bending."""
-    elevations = np.radians([0.05, 0.7, 4.0, 30.0, 80.0])
-    wanted = [traced_bending_rad(weather, elevation) for elevation in elevations.tolist()]
-    np.testing.assert_allclose(weather._traced_bending(elevations), wanted, rtol=2e-7)
-
-
-@pytest.mark.parametrize(
-    "weather", [WEATHER[0], WEATHER[-1], RadioRefraction(temperature_k=315.0, relative_humidity=0.66)]
-)
-@pytest.mark.parametrize("degrees", [-0.6, -0.2, 0.3, 2.0, 14.0, 55.0, 88.0, 91.5, 130.0, 179.8, 180.3])
-def test_slope_and_curvature_of_the_bending_are_its_derivatives(weather: RadioRefraction, degrees: float) -> None:
-    """By differences of the bending itself, whose own digits leave 1e-5 of the curvature."""
-    here, step = math.radians(degrees), 1e-5
-    before, after = (weather._bending(here + by) for by in (-step, step))
-    bending, slope, curvature = weather._bending(here)
-    assert slope == pytest.approx((after[0] - before[0]) / (2.0 * step), rel=1e-5, abs=1e-9)
-    assert curvature == pytest.approx((after[1] - before[1]) / (2.0 * step), rel=1e-4, abs=1e-8)
-    for got, wanted in zip(weather._bending(np.array([here])), (bending, slope, curvature), strict=True):
-        assert got[0] == pytest.approx(wanted, rel=1e-12)
-    assert weather._bending(math.pi - here)[0] == pytest.approx(-bending, rel=1e-9)
-
-
 def test_the_rates_are_those_of_the_inverse_where_the_bending_curves_most() -> None:
     weather, step_s = RadioRefraction(), 1e-2
     for start, rate, bend in ((0.002, 0.01, 0.004), (0.01, -0.02, -0.003)):
@@ -205,38 +181,6 @@ def test_the_rates_are_those_of_the_inverse_where_the_bending_curves_most() -> N
         _, apparent_rate, apparent_bend = weather.apply_with_rates(start, rate, bend)
         assert apparent_rate == pytest.approx((path[2] - path[0]) / (2.0 * step_s), rel=1e-4)
         assert apparent_bend == pytest.approx((path[2] - 2.0 * path[1] + path[0]) / step_s**2, rel=2e-3)
-
-
-def test_below_the_horizon_the_bending_levels_off_at_half_of_the_way_to_the_pole_or_half_a_degree() -> None:
-    """The pole is where s + (p1 s + p0) / (s^2 + q1 s + q0) would come to zero along its slope."""
-    limited = 0
-    for weather in (*WEATHER, *(RadioRefraction(temperature_k=315.0, relative_humidity=h) for h in (0.6, 0.64, 0.67))):
-        _, p1, p0, q1, q0 = weather._coefficients
-        low, middle, high = (s + (p1 * s + p0) / (s * s + q1 * s + q0) for s in (-1e-6, 0.0, 1e-6))
-        share = 0.5 * middle / ((high - low) / 2e-6)
-        assert weather._level_rad == pytest.approx(min(math.radians(0.5), share), rel=1e-6)
-        limited += share < math.radians(0.5)
-        deepest = float(weather._bending(-1.0)[0])
-        assert deepest == pytest.approx(float(weather._bending(-2.0 * weather._level_rad)[0]), rel=1e-12)
-        assert 1.0 < weather._reach_rad / deepest < 1.02
-    assert 0 < limited < len(WEATHER)
-
-
-@pytest.mark.parametrize("x", [-3.0, -2.0, -1.7, -1.0, -0.3, -1e-9, 0.0, 0.4])
-def test_an_elevation_is_held_from_below_without_a_kink(x: float) -> None:
-    """From twice the depth below the horizon on, where it stays at the depth."""
-    depth, step = 0.3, 1e-5
-    here, around = _levelled(x * depth, depth), [_levelled(np.array(x * depth + by), depth) for by in (-step, step)]
-    for order in (0, 1):
-        slope = (around[1][order] - around[0][order]) / (2.0 * step)
-        assert here[order + 1] == pytest.approx(float(slope), abs=6e-5 * (1.0 + 3.0 * order) / depth)
-    if x >= 0.0:
-        assert here[0] == pytest.approx(x * depth, abs=1e-15)
-    elif x <= -2.0:
-        assert tuple(map(float, here)) == (-depth, 0.0, 0.0)
-    else:
-        t = 1.0 + 0.5 * x
-        assert here[0] == pytest.approx(depth * (2.0 * t**3 - t**4 - 1.0), abs=1e-12)
 
 
 @pytest.mark.parametrize("temperature", [310.0, 318.0])

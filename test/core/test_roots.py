@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.core.roots import _next_part, bracketed_root, roots_between
+from rf_pointing.core.roots import bracketed_root, roots_between
 
 
 @pytest.mark.parametrize(
@@ -77,31 +77,6 @@ def test_a_root_near_a_flat_end_does_not_creep(sign: float) -> None:
 
         bracketed_root(counted, low, high)
         assert len(calls) <= 40
-
-
-def test_the_next_step_is_inverse_quadratic_exactly_where_three_points_make_it_safe(
-    random: np.random.Generator,
-) -> None:
-    """Chandrupatla: with xi = (a - b) / (c - b) and phi likewise of the values, phi^2 < xi and (1 - phi)^2 < 1 - xi."""
-    xi, phi, height = random.uniform(0.02, 0.98, (3, 400))
-    b, c, fb = np.full(400, 0.3), np.full(400, 1.3), -height
-    a, fa, fc = b + xi, fb + phi, fb + 1.0
-    part = _next_part(a, b, c, fa, fb, fc)
-    safe = (phi**2 < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
-    assert 50 < np.count_nonzero(safe) < 350
-    np.testing.assert_array_equal(part[~safe], 0.5)
-    # Where the parabola x(f) through the three points crosses f = 0.
-    zero = (
-        a * fb * fc / ((fa - fb) * (fa - fc))
-        + b * fa * fc / ((fb - fa) * (fb - fc))
-        + c * fa * fb / ((fc - fa) * (fc - fb))
-    )
-    np.testing.assert_allclose(part[safe], ((zero - a) / (b - a))[safe], rtol=1e-9, atol=1e-12)
-
-
-def test_points_of_equal_values_are_halved() -> None:
-    one = np.array([0.0])
-    assert _next_part(one, one + 1.0, one + 2.0, one + 1.0, one - 1.0, one + 1.0) == [0.5]
 
 
 def counted(function):  # type: ignore[no-untyped-def]

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from rf_pointing.commands import check_drive
+from rf_pointing.core.types import Pair
 from rf_pointing.drives import DriveParams, LinkParams, RotatorParams, SimulatedRotator
 from rf_pointing.drives.conformance import ConformanceCheck, Line
-from rf_pointing.drives.drive import RATE, Capabilities, Drive, DriveReading, Pair
+from rf_pointing.drives.drive import RATE, Capabilities, Drive, DriveReading
 from test.drives.benches import BOTH_AXES, TICK_S, Bench
 from test.drives.simulators import Easycomm
 
@@ -38,43 +39,6 @@ def failed(bench: Bench) -> set[str]:
     names = {name for name, line in report(bench).items() if not line.passed}
     bench.close()
     return names
-
-
-def test_a_wrong_sign_crossed_axes_and_a_wrong_speed_are_found() -> None:
-    bench = Bench("easycomm 2")
-    go = bench.device._go
-    bench.device._go = lambda azimuth, elevation: go(240.0 - azimuth, elevation)
-    assert "azimuth sign" in failed(bench)
-    bench = Bench("easycomm 2")
-    bench.device._go = lambda azimuth, elevation, to=bench.device._go: to(
-        120.0 + elevation - 45.0, azimuth - 120.0 + 45.0
-    )
-    assert {"azimuth sign", "elevation sign"} <= failed(bench)
-    bench = Bench("easycomm 2", rate_rad_s=(math.radians(3.0),) * 2)
-    assert {"azimuth rate", "elevation rate"} <= failed(bench)
-
-
-def test_a_stop_that_does_nothing_is_found() -> None:
-    bench = Bench("easycomm 2")
-    bench.device._stop = lambda: None
-    bench.device.model.params = bench.device.model.params.replace(rate_rad_s=(math.radians(1.0),) * 2)
-    assert "azimuth stop" in failed(bench)
-
-
-def test_limits_that_do_not_cut_a_set_point_are_found() -> None:
-    """A rotator layer without limits: nothing that is sent may be beyond the travel, and something must be sent."""
-    bench = Bench("easycomm 2")
-    lines = report(bench)
-    assert "180.0 deg is cut to 180.0 deg" in lines["limits"].text
-    bench.close()
-    bench = Bench("easycomm 2")
-    check = ConformanceCheck(bench.drive, bench.params, lambda _: bench.tick(TICK_S) and bench.t_s)
-    check.still()
-    check._rotator.follow = lambda *_: None
-    assert not check._beyond().passed
-    check._rotator.follow = lambda *_: check._drive.go_to((1.0, 4.0))
-    assert not check._beyond().passed
-    bench.close()
 
 
 def test_a_device_outside_its_travel_does_not_move() -> None:
@@ -444,49 +408,6 @@ def test_a_drive_that_creeps_on_at_a_tenth_of_its_last_rate_fails(creep: float, 
     drive = RateDrive()
     drive.creep = creep
     assert failed_rates(drive) == fails
-
-
-def speed_line(readings: list[tuple[float, float]], resolution_rad: float = 1e-4, stated: float = 3.4) -> Line:
-    params = DriveParams(type="simulated_rotator", rotator=RotatorParams(rate_rad_s=(9.0, stated)))
-    drive = SimulatedRotator(params, (1.0, 0.5))
-    drive.capabilities = replace(drive.capabilities, resolution_rad=(9.0, resolution_rad))
-    check = ConformanceCheck(drive, params, lambda _: 0.0)
-    return check._speed(1, "elevation", readings, 10.0)
-
-
-def test_the_speed_is_measured_from_the_first_to_the_last_reading_of_the_middle_of_the_way() -> None:
-    """From 15 to 85 % of it, both ends left out: the device gains and loses speed there."""
-    line = speed_line([(0.0, 1.4), (1.0, 1.6), (2.0, 4.0), (3.0, 8.4), (4.0, 8.6), (5.0, 10.0)])
-    assert (line.name, line.passed) == ("elevation rate", True)
-    assert numbers(line) == pytest.approx([math.degrees(3.4), math.degrees(3.4)], abs=0.01)
-    line = speed_line([(0.0, 1.6), (2.0, 8.4)])
-    assert numbers(line)[0] == pytest.approx(math.degrees(3.4), abs=0.01)
-    assert speed_line([(0.0, 1.4), (1.0, 1.6), (2.0, 8.6)]).text == "the way is too short to measure it"
-
-
-@pytest.mark.parametrize(("off", "passed"), [(0.085, True), (0.115, False), (-0.085, True), (-0.115, False)])
-def test_a_speed_may_be_off_by_a_quarter_and_by_two_steps_over_the_time(off: float, passed: bool) -> None:
-    """Steps of 0.1 rad, 2 s: a tenth of a radian per second."""
-    stated = 2.0
-    measured = stated + math.copysign(0.25 * stated, off) + off
-    line = speed_line([(0.0, 2.0), (2.0, 2.0 + 2.0 * measured)], 0.1, stated)
-    assert line.passed is passed
-
-
-def test_the_report_takes_the_time_of_its_parts_and_no_more() -> None:
-    _, drive, _ = slow_report((-50.0, 20.0))
-    latency_s, command_s = 0.3, 2.0 * 0.4 + 0.1
-    expected_s = 3.0
-    for axis, (rate, start) in enumerate(((1.5, -50.0 + 100.0), (1.0, 20.0 - 5.0))):
-        there_s = command_s + 1.5 * 10.0 / rate + 3.0
-        half_s = command_s + 5.0 / rate + latency_s
-        stop_s = 1.5 + latency_s + 1.0
-        back_s = command_s + 1.5 * abs(drive.stops[axis][axis] - start) / rate + 3.0
-        expected_s += there_s + half_s + stop_s + back_s
-    # The set point beyond the travel, and the rest at the end.
-    expected_s += command_s + 3.0
-    # Each of the 16 parts ends with a tick of 0.02 s; a latency is measured to half a step.
-    assert drive._t_s == pytest.approx(expected_s, abs=0.2)
 
 
 def test_before_the_next_axis_a_drive_of_rates_is_held_at_rest_for_three_seconds() -> None:

@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from rf_pointing.drives import LinkParams
-from rf_pointing.drives.link import Link, Opening, SerialLink, TcpLink, link_name, open_link
+from rf_pointing.drives.link import Link, Opening, SerialLink
+from test.conftest import within
 
 
 @pytest.fixture
@@ -51,7 +52,7 @@ def test_reading_a_silent_serial_port_does_not_wait(terminal: tuple[int, str]) -
     link = SerialLink(port, 9600)
     begun_s = time.monotonic()
     assert [link.read() for _ in range(5)] == [b""] * 5
-    assert time.monotonic() - begun_s < 2.0
+    assert within(time.monotonic() - begun_s, 2.0)
     os.write(device, b"+0123+0045\r\n")
     assert until(link.read) == b"+0123+0045\r\n"
     link.close()
@@ -72,37 +73,6 @@ def test_a_serial_port_that_takes_no_more_is_a_lost_link(terminal: tuple[int, st
     # Full to the last byte: one more is not taken for sent.
     with pytest.raises(ConnectionError, match="takes no more"):
         fill(link, b"x")
-    link.close()
-
-
-@pytest.mark.parametrize(("own", "speed"), [(0, 1200), (19200, 19200)])
-def test_the_speed_is_the_protocols_unless_one_is_given(terminal: tuple[int, str], own: int, speed: int) -> None:
-    params = LinkParams(device=terminal[1], baud=own)
-    link = open_link(params, 1200)
-    assert isinstance(link, SerialLink)
-    assert link._port.baudrate == speed
-    link.close()
-    assert link_name(params) == terminal[1]
-    assert link_name(LinkParams(host="dish", port=4533)) == "dish:4533"
-
-
-def test_a_tcp_link_sends_at_once_reads_what_is_there_and_notices_the_end(server: socket.socket) -> None:
-    link = TcpLink("127.0.0.1", server.getsockname()[1])
-    assert link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
-    client, _ = server.accept()
-    assert not link._socket.getblocking()
-    begun_s = time.monotonic()
-    assert link.read() == b""
-    assert time.monotonic() - begun_s < 1.0
-    link.write(b"+p\n")
-    assert client.recv(10) == b"+p\n"
-    client.sendall(b"RPRT 0\n")
-    assert until(link.read) == b"RPRT 0\n"
-    with pytest.raises((ConnectionError, BlockingIOError)):
-        fill(link, b"x" * 100_000)
-    client.close()
-    with pytest.raises(ConnectionError):
-        until(link.read)
     link.close()
 
 

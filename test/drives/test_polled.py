@@ -13,7 +13,6 @@ from test.drives.simulators import Easycomm, Rotctld, Spid
 
 GOAL_DEG = (150.0, 60.0)
 GOAL_RAD = (math.radians(150.0), math.radians(60.0))
-STEP_DEG = 1.0
 
 
 @pytest.fixture
@@ -27,26 +26,6 @@ def bench() -> Iterator[Callable[..., Bench]]:
     yield make
     for each in made:
         each.close()
-
-
-@pytest.mark.parametrize("name", BOTH_AXES)
-def test_a_device_is_stopped_when_it_is_connected_goes_where_it_is_sent_and_stops(bench, name: str) -> None:
-    subject = bench(name)
-    assert subject.device.received[0] == subject.drive._words.stop().data.strip(b"\r\n")
-    subject.run(1.0)
-    assert subject.degrees == pytest.approx((120.0, 45.0), abs=0.01)
-    subject.drive.go_to(GOAL_RAD)
-    subject.run(2.0)
-    assert subject.device.model.moving
-    subject.drive.stop()
-    subject.run(1.0)
-    assert not subject.device.model.moving
-    assert subject.degrees[0] == pytest.approx(132.0, abs=3.0)
-    subject.drive.go_to(GOAL_RAD)
-    subject.run(6.0)
-    assert subject.degrees == pytest.approx(GOAL_DEG, abs=0.01)
-    assert not subject.drive.problem
-    assert not {key for key in subject.drive.losses if key != "late answer"}
 
 
 @pytest.mark.parametrize("name", BOTH_AXES)
@@ -214,39 +193,6 @@ def test_a_clock_that_goes_back_before_there_is_a_link_ends_nothing() -> None:
     drive.close()
 
 
-def test_an_answer_that_is_missing_is_counted_also_after_the_clock_went_back(bench) -> None:
-    subject = bench("gs232")
-    subject.run(1.0)
-    subject.device.silent = True
-    subject.run(1.0, lambda: subject.drive._pending is not None)
-    before = sum(count for name, count in subject.drive.losses.items() if name.startswith("answer"))
-    subject.t_s -= 30.0
-    waited_s = subject.run(
-        0.9, lambda: sum(c for n, c in subject.drive.losses.items() if n.startswith("answer")) > before
-    )
-    assert waited_s == pytest.approx(subject.params.link.answer_s, abs=0.1)
-
-
-def test_a_set_point_and_a_stop_leave_at_once_and_the_last_stop_before_the_link_closes(bench) -> None:
-    """None waits for the next tick of the node, whose period another task may stretch."""
-    subject = bench("easycomm 2")
-    subject.run(1.0, lambda: subject.drive._pending is None)
-    for command, words in ((lambda: subject.drive.go_to(GOAL_RAD), b"AZ150.0"), (subject.drive.stop, b"SA SE")):
-        before = len(subject.device.received)
-        subject.drive._pending = None
-        command()
-        subject.device.step(subject.t_s)
-        # The words of that command alone: a set point is not a stop and a way on.
-        (line,) = subject.device.received[before:]
-        assert line.startswith(words)
-    # A stop that the reading asks for and that no tick has sent yet.
-    subject.drive._stop_due = True
-    before = len(subject.device.received)
-    subject.drive.close()
-    subject.device.step(subject.t_s)
-    assert b"SA SE" in subject.device.received[before:]
-
-
 def test_before_its_first_tick_a_drive_has_nobody_to_send_to() -> None:
     drive = make_drive(DriveParams(type="hamlib", link=LinkParams(host="127.0.0.1", port=9)))
     drive.go_to(GOAL_RAD)
@@ -279,16 +225,6 @@ def test_what_is_commanded_while_the_link_opens_is_not_sent_and_closing_gives_th
     assert len(abandoned) == 1
 
 
-def test_a_link_that_is_gone_is_noticed_by_the_command_itself(bench) -> None:
-    subject = bench("easycomm 2")
-    subject.run(1.0)
-    subject.device.unplug()
-    subject.drive._pending = None
-    subject.drive.go_to(GOAL_RAD)
-    assert "the link is lost" in subject.drive.problem
-    assert subject.drive.losses["connection"] == 1
-
-
 def test_a_device_that_misses_the_first_stop_of_a_connection_is_stopped_again(bench) -> None:
     device = Easycomm()
     device.model.command(100.0, (math.radians(400.0), math.radians(45.0)))
@@ -298,24 +234,6 @@ def test_a_device_that_misses_the_first_stop_of_a_connection_is_stopped_again(be
     device.deaf = False
     assert device.model.moving
     assert subject.run(5.0, lambda: not device.model.moving) < 1.5
-
-
-@pytest.mark.parametrize(("name", "piece"), [("easycomm 2", b"AZ35"), ("spid rot2", b"\x57\x03")])
-def test_a_piece_of_an_answer_is_forgotten_with_its_connection(bench, name: str, piece: bytes) -> None:
-    """The end of an azimuth of before and the first answer of after make no azimuth."""
-    subject = bench(name)
-    subject.run(1.0)
-    subject.drive._buffer += piece
-    subject.device.silent = True
-    subject.run(5.0, lambda: bool(subject.drive.problem))
-    subject.device.silent = False
-    for _ in range(200):
-        subject.tick(0.05)
-        time.sleep(0.002)
-        if not subject.drive.problem:
-            break
-    assert not subject.drive.problem
-    assert subject.drive.losses["noise"] == 0
 
 
 class Script:
@@ -442,22 +360,3 @@ def test_a_position_that_nobody_has_requested_yet_is_of_its_arrival(monkeypatch:
     subject.at(10.0, b"AZ10.0 EL20.0\n")
     assert (subject.reading.t_s, subject.reading.within_s) == (10.0, 0.0)
     assert subject.drive.losses == {"late answer": 1}
-
-
-def test_a_stop_that_can_no_longer_be_sent_is_counted_once_and_the_link_is_closed_all_the_same(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    subject = Scripted(monkeypatch, "easycomm")
-    subject.at(9.98)
-    subject.at(10.0)
-    closed: list[bool] = []
-
-    def gone(_: bytes) -> None:
-        raise ConnectionError("gone")
-
-    subject.drive._stop_due, subject.link.write = True, gone
-    subject.link.close = lambda: closed.append(True)
-    subject.drive.close()
-    assert subject.drive.losses == {"stop at the end": 1}
-    assert closed == [True]
-    assert subject.drive.problem == "Easycomm at localhost:4533 is closed"

@@ -2,16 +2,16 @@
 
 import pytest
 
-from rf_pointing.drives.protocols import WORDS, Words
+from rf_pointing.drives.protocols import PROTOCOLS, DeviceProtocol
 
 NOISE = b"\x00\xff~{"
 
 
-def made(type_: str, model: str = "") -> Words:
-    return WORDS[type_](model)
+def made(type_: str, model: str = "") -> DeviceProtocol:
+    return PROTOCOLS[type_](model)
 
 
-def positions(words: Words, *chunks: bytes) -> list[tuple[float, ...]]:
+def positions(words: DeviceProtocol, *chunks: bytes) -> list[tuple[float, ...]]:
     buffer, found = bytearray(), []
     for chunk in chunks:
         buffer += chunk

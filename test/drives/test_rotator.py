@@ -11,12 +11,11 @@ from rf_pointing.drives import (
     DriveReading,
     LinkParams,
     Rotator,
-    RotatorModel,
     RotatorParams,
     SimulatedRotator,
 )
 from rf_pointing.drives.drive import POSITION, Capabilities, Drive
-from rf_pointing.drives.rotator import MoveCounts, _ahead
+from rf_pointing.drives.rotator import MoveCounts
 
 TICK_S = 0.02
 TRAVEL = {"travel_min_rad": (-math.pi, 0.0), "travel_max_rad": (1.5 * math.pi, math.pi)}
@@ -78,36 +77,6 @@ def test_the_mean_error_is_least_and_the_largest_is_half_a_step(
     assert track.rotator.latency_s == pytest.approx(latency_s, abs=0.1 + TICK_S)
     assert np.max(np.abs(np.mean(error, axis=0))) < 0.1 * abs(rate_deg_s) + 0.15 * half
     assert np.max(np.abs(error)) < 0.5 * resolution_deg + abs(rate_deg_s) * (0.25 + 0.1 + TICK_S)
-
-
-def culmination(t_s: float) -> tuple[list[float], list[float], list[float]]:
-    """Up to 40 deg and down again; the azimuth goes on."""
-    width_s = 120.0
-    phase = math.pi * t_s / width_s
-    elevation = [0.5 * math.sin(phase), 0.5 * math.cos(phase) * math.pi / width_s,
-                 -0.5 * math.sin(phase) * (math.pi / width_s) ** 2]  # fmt: skip
-    return [0.01 * t_s, elevation[0]], [0.01, elevation[1]], [0.0, elevation[2]]
-
-
-@pytest.mark.parametrize("dead_band_deg", [0.0, 2.0])
-def test_a_relay_rotator_turns_back_once_and_starts_once_a_step(dead_band_deg: float) -> None:
-    track = Track(1.0, dead_band_deg=dead_band_deg)
-    track.follow(lambda _: culmination(0.0), 10.0)
-    track.rotator.count_anew()
-    model, begun_s = track.drive.model, track.t_s
-    starts, model.reversals, model._direction = list(model.starts), [0, 0], [0.0, 0.0]
-    track.follow(lambda t_s: culmination(t_s - begun_s), 120.0)
-    counts = track.rotator.counts()
-    assert counts.reversals == (0, 1)
-    assert model.reversals == [0, 1]
-    assert counts.starts == pytest.approx([a - b for a, b in zip(model.starts, starts, strict=True)], abs=1)
-    assert counts.commands <= 2.0 * 120.0
-    step_deg = max(1.0, dead_band_deg)
-    assert counts.starts[0] <= math.degrees(1.2) / step_deg + 2
-    assert counts.starts[1] <= 2.0 * math.degrees(0.5) / step_deg + 2
-    # Another pass counts from here.
-    track.rotator.count_anew()
-    assert track.rotator.counts() == MoveCounts()
 
 
 def test_a_moving_target_gets_a_set_point_an_interval_whatever_the_ticks_round_to() -> None:
@@ -578,21 +547,6 @@ def test_after_a_stop_in_either_direction_the_first_motion_is_no_change_of_it() 
         assert rotator.counts() == MoveCounts(1, (1, 1), (0, 0)), (begin, end)
 
 
-@pytest.mark.parametrize(
-    ("rate", "acceleration", "lead_s", "there"),
-    [
-        (0.5, 0.0, 2.0, 3.0), (0.5, 0.25, 2.0, 3.5), (-0.5, -0.25, 2.0, 0.5), (0.0, 0.25, 2.0, 2.5),
-        # It slows down and rests after 4 s, 1 rad further: shorter and longer ahead than that.
-        (0.5, -0.125, 2.0, 2.75), (0.5, -0.125, 4.0, 3.0), (0.5, -0.125, 9.0, 3.0), (-0.5, 0.125, 9.0, 1.0),
-    ],
-)  # fmt: skip
-def test_ahead_a_motion_is_where_its_rate_and_its_change_lead_or_where_it_comes_to_rest(
-    rate: float, acceleration: float, lead_s: float, there: float
-) -> None:
-    motion = Motion(np.array([9.0, 2.0]), np.array([7.0, rate]), np.array([5.0, acceleration]))
-    assert _ahead(motion, 1, lead_s) == pytest.approx(there)
-
-
 def measured(goals: list[tuple[float, float]], rows: list[tuple[float, float]], **params: object) -> float:
     """The latency of an azimuth that was sent to goals and shows rows, each with its time; 0.1 s is stated."""
     usual = {"latency_s": 0.1, "rate_rad_s": (0.1, 0.1), "minimum_interval_s": 0.0}
@@ -632,27 +586,3 @@ def test_a_reading_that_is_not_trusted_is_replaced_in_place_and_rate() -> None:
     rotator.correct((0.7, 0.5))
     assert rotator.position_rad == (0.7, 0.5)
     assert rotator.rate_rad_s == pytest.approx((0.4, -0.2))
-
-
-def test_a_model_begins_at_time_zero_moves_on_to_a_stop_and_ends_where_its_travel_does() -> None:
-    params = RotatorParams(
-        rate_rad_s=(0.1, 0.05),
-        latency_s=0.0,
-        zero_rad=(0.3, -0.2),
-        travel_min_rad=(0.2, -0.5),
-        travel_max_rad=(2.0, 1.0),
-    )
-    model = RotatorModel(params, (1e-3, 1e-3), (0.5, 0.5))
-    model.command(0.0, (9.0, 9.0))
-    model.step(1.0)
-    assert model.position_rad == pytest.approx([0.6, 0.55])
-    # A stop acts at its time, not at that of the step before.
-    model.command(2.0, None)
-    model.step(5.0)
-    assert model.position_rad == pytest.approx([0.7, 0.6])
-    assert not model.moving
-    for goal, ends in ((9.0, [1.7, 1.2]), (-9.0, [-0.1, -0.3])):
-        model.command(5.0, (goal, goal))
-        model.step(99.0)
-        model._t_s = 5.0
-        assert model.position_rad == pytest.approx(ends)

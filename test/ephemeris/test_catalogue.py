@@ -21,8 +21,6 @@ from rf_pointing.ephemeris import (
     site,
     verification_elements,
 )
-from rf_pointing.ephemeris.catalogue import _LADDER_S, _chunks, _seen
-from rf_pointing.ephemeris.state_vector import StateVector
 
 START_T_S = 1151347200.0
 DAY_S = 86400.0
@@ -193,26 +191,6 @@ def test_a_search_of_a_day_keeps_two_days_from_a_leap_second(days: float, broken
         assert find_catalogue_passes([], goldstone, start_s, DAY_S, MASK_RAD).passes == ()
 
 
-@pytest.mark.parametrize("sense", [1.0, -1.0])
-def test_an_image_is_where_the_light_left_or_will_arrive(sense: float, random: np.random.Generator) -> None:
-    """The light-time equation solved by iteration; both ends move straight on meanwhile, the antenna with the Earth."""
-    place = site("Canberra DSS-43")
-    antenna, turning = np.array(place.position_m), np.array([0.0, 0.0, 7.2921158553e-5])
-    position = antenna + 1e6 * random.standard_normal((3, 4, 3))
-    velocity = 5e3 * random.standard_normal((3, 4, 3))
-    none = (0.0, 0.0, 0.0)
-    orbit = StateVector(tuple(np.moveaxis(position, -1, 0)), tuple(np.moveaxis(velocity, -1, 0)), none, none)
-    relative, moving = position - antenna, velocity - np.cross(turning, antenna)
-    tau_s = np.zeros((3, 4, 1))
-    for _ in range(8):
-        image = relative - sense * tau_s * moving
-        tau_s = np.linalg.norm(image, axis=-1, keepdims=True) / 299792458.0
-    # The second order in the light time is a few micrometres here, the first some 30 m.
-    np.testing.assert_allclose(_seen(orbit, place, sense), image, rtol=0.0, atol=2e-5)
-    assert 5.0 < np.max(np.abs(image - relative)) < 1000.0
-    np.testing.assert_array_equal(_seen(orbit, place, 0.0), relative)
-
-
 def test_a_pass_under_way_is_cut_off_at_the_start_and_the_end(cbers: Elements, goldstone: Site) -> None:
     (cut,) = find_catalogue_passes([cbers], goldstone, 1151384500.0, 300.0, MASK_RAD).passes
     assert (cut.aos_t_s, cut.los_t_s) == (1151384500.0, 1151384800.0)
@@ -341,28 +319,6 @@ def test_elements_are_searched_with_until_both_ends_are_within_fourteen_days(day
         start_s = orbit.epoch_t_s + (days - 0.5) * DAY_S if sense > 0.0 else orbit.epoch_t_s - days * DAY_S
         found = find_catalogue_passes([orbit], place, start_s, 0.5 * DAY_S, MASK_RAD)
         assert (found.unsearched == ()) == searched
-
-
-def test_objects_share_the_longest_grid_that_follows_them_at_their_perigee() -> None:
-    """Angular rate at perigee h / r^2 of a Kepler orbit; 0.45 rad a step, 0.25 if eccentric; chunks of 256."""
-    orbits = [*random_orbits(40), dataclasses.replace(random_orbits(1)[0], eccentricity=0.97, catalogue_number=99)]
-    place = [dataclasses.replace(orbits[1], catalogue_number=1000 + k) for k in range(600)]
-    chunks = list(_chunks([*orbits, *place], DAY_S))
-    sizes = [len(chunk) for chunk, _ in chunks]
-    assert max(sizes) == 256
-    assert sum(sizes) == 641
-    steps = {one.catalogue_number: step_s for chunk, step_s in chunks for one in chunk}
-    for one in [*orbits[:-1], place[-1]]:
-        axis_m = (EARTH_MU_M3_S2 / one.mean_motion_rad_s**2) ** (1.0 / 3.0)
-        perigee_m = axis_m * (1.0 - one.eccentricity)
-        rate = math.sqrt(EARTH_MU_M3_S2 * axis_m * (1.0 - one.eccentricity**2)) / perigee_m**2
-        longest_s = (0.45 if one.eccentricity < 0.05 else 0.25) / rate
-        wanted_s = max(step for step in _LADDER_S if step <= longest_s)
-        # A whole number of steps over the search.
-        assert steps[one.catalogue_number] == pytest.approx(DAY_S / math.ceil(DAY_S / wanted_s))
-    # One that is faster than any step of the ladder has the shortest.
-    assert [step_s for chunk, step_s in _chunks([orbits[-1]], DAY_S)] == [60.0]
-    assert len(set(steps.values())) > 3
 
 
 def test_angles_of_a_pass_of_the_catalogue_are_apparent_with_refraction_and_true_without(

@@ -20,8 +20,6 @@ from rf_pointing.ephemeris import (
 from rf_pointing.ephemeris.earth_orientation import (
     PREDICTED_DAYS,
     IersEarthOrientation,
-    _days,
-    _season_s,
     orientation_table,
     predicted,
     predicted_sigmas,
@@ -168,20 +166,6 @@ def test_the_measured_days_end_where_the_year_of_predictions_begins() -> None:
     assert table.span_t_s[1] - table.last_measured_t_s == pytest.approx(365.0 * DAY_S, abs=15.0 * DAY_S)
 
 
-def test_a_steady_rotation_with_its_seasons_is_foretold_exactly() -> None:
-    """UT2, which has no seasons, is a straight line here; the pole rests."""
-    t_s = 1.6e9 + DAY_S * np.arange(7.0 * 366.0)
-    ahead_days = np.array([1.0, 40.0, 365.0])
-
-    def rotation(times: np.ndarray) -> np.ndarray:
-        return -0.1 + 7e-4 * (times - t_s[0]) / DAY_S - _season_s(times)
-
-    ut1, x, y = predicted(t_s, (rotation(t_s), np.full(len(t_s), 3e-7), np.full(len(t_s), 1e-6)), ahead_days)
-    np.testing.assert_allclose(ut1, rotation(t_s[-1] + DAY_S * ahead_days), atol=1e-9)
-    np.testing.assert_allclose([x, y], [[3e-7] * 3, [1e-6] * 3], rtol=1e-6)
-    assert np.ptp(_season_s(t_s)) > 0.02
-
-
 def test_the_table_has_a_node_for_each_day_up_to_the_last_one_that_is_predicted() -> None:
     table = orientation_table()
     np.testing.assert_array_equal(np.diff(table.t_s), DAY_S)
@@ -189,31 +173,6 @@ def test_the_table_has_a_node_for_each_day_up_to_the_last_one_that_is_predicted(
     assert table.span_t_s[0] == table.t_s[0]
     assert all(len(values) == len(table.t_s) for values in table.values)
     assert [values.tolist() for values in table.values] == list(table.columns)
-
-
-def test_a_prediction_begins_where_the_measurements_end_and_forgets_it_in_two_months() -> None:
-    """The pole of two periods with a last value that is off them: nothing of it is left after years."""
-    days = np.arange(7.0 * 366.0)
-    t_s = 1.6e9 + DAY_S * days
-    wave = 1e-6 * (0.3 + np.cos(2.0 * np.pi * days / 433.0) + 0.5 * np.sin(2.0 * np.pi * days / 365.2422))
-    ut1 = 7e-4 * days - _season_s(t_s)
-    off = wave.copy()
-    off[-1] += 1e-8
-    soon, later = np.array([1e-6]), np.array([60.0, 900.0])
-    found = predicted(t_s, (ut1, off, wave), soon)
-    np.testing.assert_allclose([one[0] for one in found], [ut1[-1], off[-1], wave[-1]], rtol=1e-6)
-    _, moved, right = predicted(t_s, (ut1, off, wave), later)
-    np.testing.assert_allclose(
-        right,
-        1e-6
-        * (
-            0.3
-            + np.cos(2.0 * np.pi * (days[-1] + later) / 433.0)
-            + 0.5 * np.sin(2.0 * np.pi * (days[-1] + later) / 365.2422)
-        ),
-        rtol=1e-6,
-    )
-    np.testing.assert_allclose((moved - right) / 1e-8, np.exp(-later / 60.0), atol=0.02)
 
 
 def test_the_uncertainty_of_a_prediction_begins_at_zero_and_grows_until_it_is_that_of_a_held_value() -> None:
@@ -275,33 +234,6 @@ def test_between_its_days_the_table_is_interpolated_linearly() -> None:
             assert (earth.pole_x_rad, earth.pole_y_rad) == pytest.approx((x, y), abs=1e-15)
 
 
-def test_the_seasons_of_ut1_are_those_of_bulletin_a() -> None:
-    """UT2 - UT1 = 0.022 sin 2pi T - 0.012 cos 2pi T - 0.006 sin 4pi T + 0.007 cos 4pi T, T in Besselian years.
-
-    T = 2000.000 + (MJD - 51544.03) / 365.2422: 2000-01-01T00:43.
-    """
-    for years, wanted_s in (
-        (0.0, -0.012 + 0.007), (0.25, 0.022 - 0.007), (0.5, 0.012 + 0.007), (0.75, -0.022 - 0.007),
-        (6.125, (0.022 - 0.012) * math.sqrt(0.5) - 0.006),
-    ):  # fmt: skip
-        mjd = 51544.03 + 365.2422 * years
-        assert _season_s((mjd - 40587.0) * DAY_S) == pytest.approx(wanted_s, abs=1e-9)
-
-
-def test_the_rotation_is_continued_at_its_mean_rate_of_the_last_ninety_days() -> None:
-    """UT2 bends 90 days before the end: what was before does not count, what came since all does."""
-    days = np.arange(7.0 * 366.0)
-    t_s = 1.6e9 + DAY_S * days
-    bend = len(days) - 1 - 90
-    ut2 = np.where(days < bend, 5e-3 * (days - bend), 1e-3 * (days - bend))
-    steady = np.full(len(days), 1e-6)
-    ahead = np.array([1.0, 30.0, 700.0])
-    ut1, x, y = predicted(t_s, (ut2 - _season_s(t_s), steady, 2.0 * steady), ahead)
-    np.testing.assert_allclose(ut1 + _season_s(t_s[-1] + DAY_S * ahead), ut2[-1] + 1e-3 * ahead, rtol=0.0, atol=1e-9)
-    np.testing.assert_allclose(x, 1e-6, rtol=1e-6)
-    np.testing.assert_allclose(y, 2e-6, rtol=1e-6)
-
-
 def test_the_drift_of_the_pole_is_continued_and_only_the_last_six_years_count() -> None:
     days = np.arange(8.0 * 365.0)
     drift = 1e-10 * (days - days[-1]) + 2e-7
@@ -331,13 +263,3 @@ def test_the_last_measured_day_is_the_last_that_the_rapid_service_does_not_call_
     assert earth.ut1_minus_utc_s == pytest.approx(float(line[58:68]), abs=1e-7)
     assert earth.pole_x_rad == pytest.approx(float(line[18:27]) * ARCSEC, abs=1e-12)
     assert earth.pole_y_rad == pytest.approx(float(line[37:46]) * ARCSEC, abs=1e-12)
-
-
-@pytest.mark.parametrize(("texts", "taken"), [((b"5.0", b"6.0", b"7.0"), True), ((b"5.0", b"7.0"), False), ((), False)])
-def test_a_file_must_have_a_line_for_every_day_and_at_least_one(texts: tuple[bytes, ...], taken: bool) -> None:
-    lines = np.array([(text,) for text in texts], dtype=[("mjd", "S8")])
-    if taken:
-        assert _days("there", lines).tolist() == [5.0, 6.0, 7.0]
-    else:
-        with pytest.raises(ValueError, match="there does not have one line of 8 characters per day"):
-            _days("there", lines)

@@ -331,7 +331,7 @@ def test_a_written_message_is_read_back_as_the_orbit_that_it_was_written_from() 
 
 
 def test_a_body_of_the_sky_has_no_ephemeris_message() -> None:
-    with pytest.raises(ValueError, match="Sun is no satellite: an OEM holds the states of an orbit"):
+    with pytest.raises(ValueError, match="Sun is not a satellite: an OEM holds the states of an orbit"):
         oem_text(sun(), "Sun", 0.0, 60.0, originator="x", created_t_s=0.0)
 
 

@@ -30,7 +30,6 @@ from rf_pointing.ephemeris import (
 from rf_pointing.ephemeris.look_angles import LookAngles
 from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit
 from rf_pointing.ephemeris.state_vector import OFFSETS, motion_from_positions
-from rf_pointing.ephemeris.track import _inertial_motion_of
 from test.ephemeris.conftest import AssumedOrientation
 
 SKYFIELD_MDEG = 0.005
@@ -367,16 +366,6 @@ def test_a_fall_in_the_last_minutes_of_the_age_that_is_allowed_is_known(sooner_s
     close = Sgp4Orbit(falling, orientation, max_age_s=fall_s + 135.0 - sooner_s)
     assert close.spans_t_s[0][1] == pytest.approx(last_s, abs=0.2)
     assert "MINOTAUR R/B decays" in " ".join(close.warnings(falling.epoch_t_s))
-
-
-def test_an_antenna_moves_on_the_circle_of_its_latitude() -> None:
-    """Derivatives of R exp(i w t), to the jerk."""
-    place, rate = site("Canberra DSS-43"), 7.2921158553e-5
-    x, y, z = place.position_m
-    for order, found in enumerate(_inertial_motion_of(place, rate).derivatives()):
-        wanted = (1j * rate) ** order * complex(x, y)
-        assert complex(found[0], found[1]) == pytest.approx(wanted, rel=1e-12)
-        assert found[2] == (z if order == 0 else 0.0)
 
 
 def test_an_orbit_ends_on_both_sides_three_steps_of_its_differences_before_it_is_none() -> None:

@@ -30,6 +30,7 @@ from rf_pointing.ros.diagnostics import ERROR, WARN
 from rf_pointing.ros.main_loop import make_executor
 from rf_pointing.ros.qos import COMMAND, SERVICE, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
+from test.conftest import within
 from test.drives.rotctld import RealRotctld
 from test.faults.live_servo import RATE_RAD_S, START_RAD, WITH_HILL, Servo, on_rotctld, servo_yaml
 from test.graph.conftest import ask, live_graph
@@ -410,7 +411,7 @@ def test_a_servo_that_stalls_in_wall_time_follows_again_without_a_fault(in_wall_
         return servo.status.mode == "tracking" and abs(servo.joints[-1] - on_line) < math.radians(0.05)
 
     while not follows():
-        assert time.monotonic() - resumed_s < 5.0, servo.status
+        assert within(time.monotonic() - resumed_s, 5.0), servo.status
         assert servo.status.fault == ""
         servo.clock.run(0.1)
     print(f"stalled {stall_s} s, on the line again after {time.monotonic() - resumed_s:.1f} s")
@@ -434,7 +435,7 @@ def test_all_of_a_hundred_calls_at_once_are_answered_and_stop_in_time(in_wall_ti
     stopped = stop.call_async(Trigger.Request())
     while not stopped.done():
         servo.live.executor.spin_once(timeout_sec=0.001)
-        assert time.monotonic() - asked_s < 5.0
+        assert within(time.monotonic() - asked_s, 5.0)
     stop_s = time.monotonic() - asked_s
     servo.live.spin_until(lambda: all(answer.done() for answer in answers), "every answer")
     print(f"stop answered after {1e3 * stop_s:.0f} ms, all 100 after {time.monotonic() - begun_s:.2f} s")

@@ -17,7 +17,8 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 
-from rf_pointing.commands import track_options
+from rf_pointing.api.requests import SLEW_TIME_S
+from rf_pointing.commands import track
 from rf_pointing.core import MDEG
 from rf_pointing.report import read_recording
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
@@ -85,16 +86,16 @@ def side_by_side(tmp_path_factory: pytest.TempPathFactory) -> dict[str, SimpleNa
 
 def core_log(line: tuple[str, ...], seed: int = 1) -> PassLog:
     """Return the pass of a command line as the core simulates it."""
-    options = track_options.arguments([*line])
-    window = track_options.choose_pass(options)
-    satellite = {"source.satellite": options.satellite}
+    request = track.request_of([*line])
+    window = request.window
+    satellite = {"source.satellite": request.target.satellite}
     changes = {
         "ephemeris_publisher": satellite,
         "rf_receiver": {**satellite, "signal.seed": seed},
         "antenna_servo": {"antenna.seed": seed},
     }
     setup = StationSetup("dss13", "X", changes=changes)
-    return simulate_pass(setup, window, math.floor(window.aos_t_s) - track_options.SLEW_TIME_S, "monopulse")
+    return simulate_pass(setup, window, math.floor(window.aos_t_s) - SLEW_TIME_S, "monopulse")
 
 
 @pytest.fixture(scope="module")

@@ -15,16 +15,16 @@ import pytest
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
 from rf_pointing_msgs.msg import AntennaStatus, PassCertificate, TrackingStatus
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from rf_pointing.core import angular_distance_rad, azel_from_unit_vector
 from rf_pointing.ephemeris import TopocentricTrack, tle_lines
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.station.description import read_station
+from test.conftest import within
 from test.graph.real_station import satellite_over
 
-from .conftest import ask, live_graph
+from .conftest import free_port, live_graph
 
 pytestmark = pytest.mark.graph
 
@@ -51,15 +51,11 @@ class Watched:
         )
         elements = folder / "two.tle"
         elements.write_text("".join("\n".join((one.name, *tle_lines(one))) + "\n" for one in (other, self.overhead)))
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = probe.getsockname()[1]
+        self.port = free_port()
         live.node.create_subscription(JointState, "joint_states", self._on_joints, STREAM)
         live.node.create_subscription(AntennaStatus, "antenna_status", lambda m: setattr(self, "antenna", m), STATUS)
         live.node.create_subscription(TrackingStatus, "tracking_status", lambda m: setattr(self, "tracking", m), STREAM)
-        live.node.create_subscription(
-            PassCertificate, "pass_certificate", lambda m: setattr(self, "certificate", m), LATCHED
-        )
+        live.node.create_subscription(PassCertificate, "pass_certificate", self._on_certificate, LATCHED)
         self.processes = live.start(
             NODES,
             "/**:\n  ros__parameters: {station: leo_3m7}\n"
@@ -82,6 +78,9 @@ class Watched:
         except OSError:
             return False
 
+    def _on_certificate(self, message: PassCertificate) -> None:
+        self.certificate = message
+
     def _on_joints(self, message: JointState) -> None:
         self.joints.append((seconds_from_stamp(message.header.stamp), *message.position))
 
@@ -101,12 +100,11 @@ class Watched:
 
     def fly(self, client: socket.socket, direction: Direction, seconds: float) -> list[str]:
         """Send a point and read the position once a second, as Gpredict does; return the answers to the points."""
-        answers, self.sent = [], []
+        answers = []
         begun_s = time.time()
         while time.time() < begun_s + seconds:
             azimuth, elevation = map(math.degrees, direction(time.time()))
-            self.sent.append((time.time(), round(azimuth % 360.0, 2), round(elevation, 2)))
-            client.sendall(f"P {self.sent[-1][1]:.2f} {self.sent[-1][2]:.2f}\n".encode())
+            client.sendall(f"P {azimuth % 360.0:.2f} {elevation:.2f}\n".encode())
             answers.append(_line(client))
             client.sendall(b"p\n")
             read = float(_line(client)), float(_line(client))
@@ -115,15 +113,11 @@ class Watched:
             self.spin(1.0 - (time.time() - begun_s) % 1.0)
         return answers
 
-    def errors_deg(self, direction: Direction, begin_s: float, end_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return how far the axes, and the latest of the client's points, are from the target."""
+    def errors_deg(self, direction: Direction, begin_s: float, end_s: float) -> np.ndarray:
+        """Return how far the axes are from the target."""
         rows = np.array([row for row in self.joints if begin_s <= row[0] <= end_s])
         truth = np.array([direction(t_s) for t_s in rows[:, 0]])
-        sent = np.array(self.sent)
-        steps = np.radians(sent[np.searchsorted(sent[:, 0], rows[:, 0]) - 1, 1:])
-        axes = angular_distance_rad(rows[:, 1], rows[:, 2], truth[:, 0], truth[:, 1])
-        stairs = angular_distance_rad(steps[:, 0], steps[:, 1], truth[:, 0], truth[:, 1])
-        return np.degrees(axes), np.degrees(stairs)
+        return np.degrees(angular_distance_rad(rows[:, 1], rows[:, 2], truth[:, 0], truth[:, 1]))
 
 
 def _line(client: socket.socket) -> str:
@@ -154,9 +148,6 @@ def test_debians_rotctl_commands_reads_stops_and_parks_the_antenna(station: Watc
     azimuth, elevation = map(float, station.rotctl("p").split())
     assert (azimuth, elevation) == pytest.approx((350.0, 45.0), abs=0.02)
     assert "LEO 3.7 m" in station.rotctl("_")
-    assert "not implemented" in station.rotctl("M", "2", "20")
-    assert "not implemented" in station.rotctl("R", "1")
-    assert "nvalid parameter" in station.rotctl("P", "10", "200")
 
     # A stop in the middle of a slew: the axes rest within a second, far from the goal.
     assert station.rotctl("P", "120", "45") == ""
@@ -177,24 +168,6 @@ def test_debians_rotctl_commands_reads_stops_and_parks_the_antenna(station: Watc
     station.live.spin_until(lambda: abs(station.joints[-1][1] + math.radians(20.0)) < 1e-2, "azimuth -20 deg")
 
 
-def test_nothing_that_is_no_whole_line_with_two_numbers_moves_the_antenna(station: Watched) -> None:
-    station.spin(1.0)
-    where = station.joints[-1][1:]
-    for hostile in (b"P nan nan\n", b"P inf 3\n", b"P 10\n", b"P 90 50", b"P 90 " + b"5" * 1_000_000 + b"\n",
-                    bytes(range(256)).replace(b"K", b"").replace(b"S", b"") * 20):  # fmt: skip
-        with socket.create_connection(("127.0.0.1", station.port), 5.0) as client:
-            client.sendall(hostile)
-            client.shutdown(socket.SHUT_WR)
-            try:
-                while client.recv(65536):
-                    pass
-            except ConnectionResetError:
-                pass
-    station.spin(1.0)
-    assert station.joints[-1][1:] == pytest.approx(where, abs=SWING_RAD)
-    assert "azimuth 'nan' is no number" in station.log()
-
-
 def test_an_unknown_track_through_north_is_followed_between_its_points_without_unwinding(station: Watched) -> None:
     middle_s = time.time() + 18.0
 
@@ -212,15 +185,13 @@ def test_an_unknown_track_through_north_is_followed_between_its_points_without_u
             rival.sendall(b"P 200 50\np\n")
             assert _line(rival) == "RPRT -9"
     azimuths = np.degrees([row[1] for row in station.joints if row[0] > begun_s + SETTLED_S])
-    axes, stairs = station.errors_deg(direction, begun_s + SETTLED_S, ended_s - 1.0)
-    print(f"unknown track: axes {1e3 * rms(axes):.1f} mdeg rms, {1e3 * axes.max():.1f} largest; "
-          f"stairs {1e3 * rms(stairs):.0f} mdeg rms, {1e3 * stairs.max():.0f} largest")  # fmt: skip
+    axes = station.errors_deg(direction, begun_s + SETTLED_S, ended_s - 1.0)
+    print(f"unknown track: axes {1e3 * rms(axes):.1f} mdeg rms, {1e3 * axes.max():.1f} largest")
     assert azimuths[0] < -5.0
     assert azimuths[-1] > 15.0
     assert np.all(np.abs(azimuths) < 40.0), "no unwinding"
     assert rms(axes) < 0.03
     assert np.max(axes) < 0.1
-    assert rms(stairs) > 0.3
 
     # A client that is gone: the motion goes on for 3 s, then the axes hold.
     station.spin(5.0)
@@ -245,7 +216,7 @@ def test_the_points_of_a_known_satellite_become_its_pass_and_end_with_their_clie
         begun_s = time.time()
         answers = station.fly(client, of(sent), 8.0)
         while not (station.tracking.target and station.tracking.on_source):
-            assert time.time() < begun_s + 45.0, station.log()
+            assert within(time.time() - begun_s, 45.0), station.log()
             answers += station.fly(client, of(sent), 2.0)
         matched_s = time.time()
         assert station.tracking.target == "OVERHEAD"
@@ -254,22 +225,11 @@ def test_the_points_of_a_known_satellite_become_its_pass_and_end_with_their_clie
         ended_s = time.time()
         assert set(answers) == {"RPRT 0"}
         assert station.antenna.commander.endswith("pointing_controller")
-    axes, stairs = station.errors_deg(of(seen), max(matched_s, ended_s - 19.0), ended_s - 0.5)
-    print(f"known satellite: axes {1e3 * rms(axes):.1f} mdeg rms, {1e3 * axes.max():.1f} largest; "
-          f"stairs {1e3 * rms(stairs):.0f} mdeg rms, {1e3 * stairs.max():.0f} largest")  # fmt: skip
+    axes = station.errors_deg(of(seen), max(matched_s, ended_s - 19.0), ended_s - 0.5)
+    print(f"known satellite: axes {1e3 * rms(axes):.1f} mdeg rms, {1e3 * axes.max():.1f} largest")
     assert station.certificate.target == "OVERHEAD"
     assert station.certificate.accepted
     assert "the points are those of OVERHEAD (91000)" in station.log()
     assert rms(axes) < 0.01
-    assert rms(stairs) > 0.1
     station.live.spin_until(lambda: station.tracking.target == "", "the end of a pass whose client has gone")
     assert "has been silent for" in station.log()
-
-
-def test_a_latched_fault_is_told_and_refuses_every_point(station: Watched) -> None:
-    ask(station.live, Trigger, "antenna_servo/stop", Trigger.Request())
-    station.live.spin_until(lambda: station.antenna.fault != "", "the fault")
-    station.spin(0.5)
-    assert "ejected" in station.rotctl("P", "10", "45")
-    assert station.rotctl("p").count("\n") == 2
-    assert "a fault is latched (stop was requested); reset it first" in station.log()

@@ -10,7 +10,6 @@ from rf_pointing.identification import StateSpace, modes_of
 from rf_pointing.identification.identify import (
     IdentificationParams,
     PoleResidue,
-    _free_motions,
     high_pass,
     identify,
     refit_residues,
@@ -204,20 +203,6 @@ def test_a_pole_outside_the_unit_circle_is_left_out_of_the_model(planted: StateS
     # The observer saw all five.
     assert found.hankel[4] > 10.0 * found.hankel[5]
     assert found.condition > 1.0
-
-
-@pytest.mark.parametrize("slowest", [1.0, 0.995])
-def test_free_motions_are_a_constant_and_one_of_each_other_pole(slowest: float) -> None:
-    """None twice: an integrator's is the constant already."""
-    poles = np.array([slowest, 0.3, 0.9 + 0.2j, 0.9 - 0.2j])
-    motions = _free_motions(PoleResidue(poles, np.ones(4, dtype=np.complex128), 0.0, SAMPLE_S), 40)
-    assert motions.shape == (40, 4 if slowest == 1.0 else 5)
-    steps = np.arange(40)
-    wanted = [np.ones(40), *([] if slowest == 1.0 else [slowest**steps]), 0.3**steps]
-    wanted += [np.abs(0.9 + 0.2j) ** steps * wave(np.angle(0.9 + 0.2j) * steps) for wave in (np.cos, np.sin)]
-    basis = np.linalg.qr(motions)[0]
-    for motion in wanted:
-        np.testing.assert_allclose(basis @ (basis.T @ motion), motion, rtol=0.0, atol=1e-9)
 
 
 def test_far_above_its_corner_the_high_pass_changes_nothing() -> None:

@@ -6,24 +6,11 @@ Balanced reduction against the definition of the singular values and its own err
 import control
 import numpy as np
 import pytest
-import scipy.linalg
 
 from rf_pointing.identification import StateSpace, modes_of
-from rf_pointing.identification.realization import (
-    _balancing,
-    _split,
-    balanced_reduction,
-    observer_markov,
-    realize,
-    system_markov,
-)
+from rf_pointing.identification.realization import balanced_reduction, observer_markov, realize, system_markov
 
 SAMPLE_S = 0.02
-
-
-def hankel_singular_values(model: StateSpace) -> np.ndarray:
-    """Return those of the stable part, largest first."""
-    return _balancing(_split(model)[1])[2]
 
 
 def planted_markov(planted: StateSpace, count: int) -> np.ndarray:
@@ -123,31 +110,6 @@ def stable() -> StateSpace:
     return StateSpace(a, random.standard_normal((7, 1)), random.standard_normal((1, 7)), np.ones((1, 1)), 0.02)
 
 
-def test_hankel_singular_values_are_the_roots_of_the_gramian_product(stable: StateSpace) -> None:
-    reach = scipy.linalg.solve_discrete_lyapunov(stable.a, stable.b @ stable.b.T)
-    show = scipy.linalg.solve_discrete_lyapunov(stable.a.T, stable.c.T @ stable.c)
-    expected = np.sort(np.sqrt(np.linalg.eigvals(reach @ show).real))[::-1]
-    np.testing.assert_allclose(hankel_singular_values(stable), expected, rtol=1e-5)
-
-
-@pytest.mark.parametrize("order", [1, 3, 5])
-def test_error_stays_within_twice_the_sum_of_the_dropped_singular_values(stable: StateSpace, order: int) -> None:
-    reduced = balanced_reduction(stable, order)
-    error = np.max(np.abs(reduced.response(FREQUENCY_HZ) - stable.response(FREQUENCY_HZ)))
-    assert reduced.order == order
-    assert error <= 2.0 * np.sum(hankel_singular_values(stable)[order:]) * (1.0 + 1e-9)
-
-
-def test_the_integrator_survives_exactly_and_the_strong_mode_stays(planted: StateSpace) -> None:
-    reduced = balanced_reduction(planted, 3)
-    poles = np.linalg.eigvals(reduced.a)
-    assert np.min(np.abs(poles - 1.0)) < 1e-10
-    bound = 2.0 * np.sum(hankel_singular_values(planted)[2:])
-    error = np.abs(reduced.response(FREQUENCY_HZ) - planted.response(FREQUENCY_HZ))
-    assert np.max(error) <= bound * (1.0 + 1e-9)
-    assert bound < 0.11 * np.max(np.abs(planted.response(np.array([2.01]))))
-
-
 def test_full_order_changes_nothing(planted: StateSpace) -> None:
     same = balanced_reduction(planted, planted.order)
     np.testing.assert_allclose(same.response(FREQUENCY_HZ), planted.response(FREQUENCY_HZ), rtol=1e-6)
@@ -189,25 +151,6 @@ def test_a_constant_input_is_refused() -> None:
     for inputs, outputs in ((np.full(400, 2.0), wave), (wave, np.zeros(400))):
         with pytest.raises(ValueError, match=r"both must be > 0"):
             observer_markov(inputs, outputs, 5)
-
-
-def test_a_model_without_stable_part_has_no_singular_values() -> None:
-    """An integrator alone: its split leaves a rest of no state."""
-    integrator = StateSpace(np.eye(1), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), SAMPLE_S)
-    left, right, singular = _balancing(_split(integrator)[1])
-    assert (left.shape, right.shape, singular.shape) == ((0, 0), (0, 0), (0,))
-
-
-def test_a_model_in_any_coordinates_is_split_and_joined_again(planted: StateSpace) -> None:
-    """Turned axes couple the integrator with the modes: at full order nothing of the response may change."""
-    turn = np.random.default_rng(9).standard_normal((5, 5))
-    back = np.linalg.inv(turn)
-    mixed = StateSpace(back @ planted.a @ turn, back @ planted.b, planted.c @ turn, 0.3 * np.ones((1, 1)), SAMPLE_S)
-    edge, rest = _split(mixed)
-    assert (edge.order, rest.order) == (1, 4)
-    truth = planted.response(FREQUENCY_HZ) + 0.3
-    np.testing.assert_allclose(edge.response(FREQUENCY_HZ) + rest.response(FREQUENCY_HZ), truth, rtol=1e-6)
-    np.testing.assert_allclose(balanced_reduction(mixed, 5).response(FREQUENCY_HZ), truth, rtol=1e-6)
 
 
 def test_the_size_of_a_response_does_not_decide_its_order(planted: StateSpace) -> None:

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rf_pointing.identification import Recording, StateSpace, modes_of, save_models, study
+from rf_pointing.identification import Recording, StateSpace, modes_of, save_models
 from rf_pointing.identification.identify import IdentificationParams, identify
 from rf_pointing.identification.spectra import frequency_response
-from rf_pointing.identification.study import check_cross, check_straight
+from rf_pointing.identification.study import check_cross, check_straight, study
 
 from .conftest import MODES, SAMPLE_S
 

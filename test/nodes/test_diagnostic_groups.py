@@ -5,11 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
-from rclpy.signals import SignalHandlerOptions
 
 from rf_pointing.nodes.antenna_servo import AntennaServo
 from rf_pointing.nodes.bias_calibrator import BiasCalibrator
@@ -22,9 +19,9 @@ from rf_pointing.nodes.rf_receiver import RfReceiver
 from rf_pointing.nodes.simulation_clock import SimulationClock
 from rf_pointing.nodes.station_description import StationDescriptionNode
 from rf_pointing.nodes.station_executive import StationExecutive
-from rf_pointing.ros.diagnostics import MOST_EVENTS, EventLog
 from rf_pointing.ros.graph import DESCRIPTION, EXECUTIVE, NODES, OPERATOR_PAGE
 from rf_pointing.ros.managed import ManagedNode
+from test.nodes.bench import Bench
 
 ROOT = Path(__file__).parents[2]
 ANTENNA = "gs1"
@@ -32,7 +29,11 @@ KINDS: tuple[type[ManagedNode], ...] = (
     AntennaServo, BiasCalibrator, ConscanTrackerNode, EphemerisPublisher, MonopulseTrackerNode, OperatorPage,
     PointingControllerNode, RfReceiver, SimulationClock, StationDescriptionNode, StationExecutive,
 )  # fmt: skip
-FOLDERS = {StationExecutive: "executive.folder", BiasCalibrator: "calibrator.folder", OperatorPage: "page.reports"}
+FOLDERS: dict[Any, str] = {
+    StationExecutive: "executive.folder",
+    BiasCalibrator: "calibrator.folder",
+    OperatorPage: "page.reports",
+}
 """Of the nodes that use files, whatever they do."""
 KEY = re.compile(r"[a-z][a-z0-9_]*|(lost|refused|waited|abandoned) [a-z0-9_/ ]+")
 """A word of a script, or what became of the messages of a topic."""
@@ -45,23 +46,17 @@ def published(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> list
     folder = tmp_path_factory.mktemp("nodes")
     found: list[DiagnosticStatus] = []
     for kind in KINDS:
-        own = ["--ros-args", "-r", f"__ns:=/{ANTENNA}"]
-        if kind in FOLDERS:
-            own += ["-p", f"{FOLDERS[kind]}:={folder}"]
+        given = {FOLDERS[kind]: str(folder)} if kind in FOLDERS else {}
         if kind is OperatorPage:
-            own += ["-p", "page.port:=0"]
-        rclpy.init(args=own, domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
-        node = kind()
-        try:
-            outcome = node.on_configure(LifecycleState(state_id=1, label="unconfigured"))
-            assert outcome == TransitionCallbackReturn.SUCCESS, node._reason
-            node.diagnostics._publisher = type("", (), {"publish": lambda _, array: found.extend(array.status)})()
-            node.diagnostics.publish()
-        finally:
-            node.end()
-            node.lock.release()
-            node.destroy_node()
-            rclpy.shutdown()
+            given["page.port"] = 0
+        with pytest.MonkeyPatch.context() as patch:
+            bench = Bench(kind, patch, ros_domain, namespace=f"/{ANTENNA}", **given)
+            try:
+                assert bench.step("configure"), bench.health("state").message
+                bench.node.diagnostics.publish()
+                found += bench.sent["/diagnostics"][-1].status
+            finally:
+                bench.close()
     return found
 
 
@@ -139,21 +134,3 @@ def test_keys_are_words_and_numbers_with_a_fraction_have_a_unit(published: list[
         assert KEY.fullmatch(key), (name, key)
         if re.fullmatch(r"-?\d+\.\d+(e[+-]?\d+)?", value):
             assert UNIT.search(key), (name, key, value)
-
-
-def test_an_event_is_news_once_however_often_it_repeats() -> None:
-    log = EventLog()
-    times = [0.02 * i for i in range(10_000)]
-    assert [t for t in times if log.is_news("target ignored", f"stamp {t:.2f} s is in the past", t)] == [0.0]
-    # Something else about the same subject is another event, and so is the same after a silence.
-    assert log.is_news("target ignored", "azimuth must be finite", 201.0)
-    assert not log.is_news("target ignored", "stamp 5 s is in the past", 202.0)
-    assert log.is_news("target ignored", "stamp 5 s is in the past", 300.0)
-    assert log.is_news("joint_states ignored", "stamp 5 s is in the past", 300.0)
-
-
-def test_a_flood_of_different_events_is_a_line_a_second() -> None:
-    log = EventLog()
-    news = [log.is_news("target ignored", f"no such word {'x' * i}", 0.01 * i) for i in range(1000)]
-    assert sum(news) == 10
-    assert len(log._seen) <= MOST_EVENTS

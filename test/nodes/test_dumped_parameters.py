@@ -23,7 +23,7 @@ from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.simulation.pass_simulation import StationSetup
 from rf_pointing.station.description import STATIONS, read_station, shipped_stations
-from rf_pointing.station.description.derivation import OF_EVERY_NODE, require_known
+from rf_pointing.station.description.description import OF_EVERY_NODE, require_known
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 import parameter_page
@@ -160,7 +160,7 @@ NEAREST = "no such parameter of antenna_servo; did you mean wrap_file?"
 def test_a_node_refuses_an_unknown_name_with_the_nearest(started: Callable[..., Started]) -> None:
     subject = started(AntennaServo, "-p", "wrap_fil:=x")
     assert subject.node.on_configure(UNCONFIGURED) == TransitionCallbackReturn.FAILURE
-    assert subject.node._reason == f"wrap_fil: {NEAREST}"
+    assert subject.node.parameters.reasons == [f"wrap_fil: {NEAREST}"]
     subject.dump()
     (result,) = subject.answer(subject.client.set_parameters([Parameter("wrapfile", value="x")])).results
     assert (result.successful, result.reason) == (False, f"wrapfile: {NEAREST}")

@@ -1,62 +1,47 @@
 """The simulated receiver's node: it follows the selected satellite, and publishes while it is active."""
 
-from collections.abc import Iterator
-from types import SimpleNamespace
+from collections.abc import Callable
 from typing import Any
 
-import pytest
-from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
-from rclpy.parameter import Parameter
 from rf_pointing_msgs.msg import Boresight, PassList
 
-from rf_pointing.nodes import rf_receiver
+from rf_pointing.ephemeris.source import SourceParams, load_track
 from rf_pointing.nodes.rf_receiver import RfReceiver
-from rf_pointing.ros import convert
+from rf_pointing.ros.stamps import stamp_from_seconds
 
-ANY_STATE = LifecycleState(state_id=1, label="unconfigured")
-
-
-@pytest.fixture
-def receiver(default_context: None) -> Iterator[Any]:
-    """Yield a receiver that is not configured."""
-    node = RfReceiver()
-    yield node
-    node.end()
-    node.lock.release()
-    node.destroy_node()
+T_S = 1_151_384_600.0
+TOPICS = ("monopulse", "carrier_power", "sim/pointing_error")
 
 
-def test_a_receiver_tunes_to_the_selected_satellite_once(receiver: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert receiver.on_configure(ANY_STATE) == TransitionCallbackReturn.SUCCESS
-    assert {"sim/boresight", "passes"} <= {each.topic_name.lstrip("/") for each in receiver.subscriptions}
-    tuned: list[str] = []
-    monkeypatch.setattr(rf_receiver, "load_track", lambda source: source.satellite)
-    receiver._receiver = SimpleNamespace(target="BIRD", tune=tuned.append)
-    for target in ("", "BIRD", "25544"):
-        receiver._on_passes(PassList(target=target))
-    assert tuned == ["25544"]
+def fly(bench: Any, target: str = "28057") -> None:
+    """Let the antenna look at a satellite for a second."""
+    track = load_track(SourceParams(satellite=target))
+    for k in range(51):
+        aim = track.target_at(T_S + 0.02 * k)
+        message = Boresight(azimuth=aim.azimuth_rad, elevation=aim.elevation_rad)
+        message.header.stamp = stamp_from_seconds(aim.t_s)
+        bench.give("sim/boresight", message)
 
 
-def test_samples_are_published_while_the_node_is_active(receiver: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert receiver.on_configure(ANY_STATE) == TransitionCallbackReturn.SUCCESS
-    sent: dict[str, list[Any]] = {"cluster": [], "power": [], "truth": []}
-    receiver._monopulse, receiver._power, receiver._truth = (
-        SimpleNamespace(publish=rows.append) for rows in sent.values()
-    )
-    for name in ("boresight_from_message", "monopulse_to_message", "power_to_message", "error_to_message"):
-        monkeypatch.setattr(convert, name, lambda each: each)
-    receptions = [SimpleNamespace(cluster="c", power="p", truth="t"), None]
-    receiver._receiver = SimpleNamespace(take=lambda _boresight: receptions.pop())
-    receiver._on_boresight(Boresight())
-    assert len(receptions) == 2
-    receiver.on_activate(ANY_STATE)
-    receiver._on_boresight(Boresight())
-    assert sent == {"cluster": [], "power": [], "truth": []}
-    receiver._on_boresight(Boresight())
-    assert sent == {"cluster": ["c"], "power": ["p"], "truth": ["t"]}
+def test_samples_of_the_selected_satellite_are_published_while_the_node_is_active(
+    make_bench: Callable[..., Any],
+) -> None:
+    bench = make_bench(RfReceiver)
+    assert bench.step("configure")
+    fly(bench)
+    assert not any(bench.sent[topic] for topic in TOPICS)
+    assert bench.step("activate")
+    fly(bench)
+    assert [len(bench.sent[topic]) for topic in TOPICS] == [10, 10, 10]
+    error = bench.sent["sim/pointing_error"][-1]
+    assert max(abs(error.cross_elevation), abs(error.elevation)) < 1e-3
+    bench.give("passes", PassList(target=""), PassList(target="Moon"))
+    fly(bench, "28057")
+    other = bench.sent["sim/pointing_error"][-1]
+    assert max(abs(other.cross_elevation), abs(other.elevation)) > 1e-2
 
 
-def test_elements_that_were_never_fetched_refuse_the_configuration(receiver: Any) -> None:
-    receiver.set_parameters([Parameter("source.elements", value="https://example.invalid/never.tle")])
-    assert receiver.on_configure(ANY_STATE) == TransitionCallbackReturn.FAILURE
-    assert "never.tle" in receiver._reason
+def test_elements_that_were_never_fetched_refuse_the_configuration(make_bench: Callable[..., Any]) -> None:
+    bench = make_bench(RfReceiver, **{"source.elements": "https://example.invalid/never.tle"})
+    assert not bench.step("configure")
+    assert "never.tle" in bench.health("state").message

@@ -73,8 +73,8 @@ def test_a_procedure_of_a_station_may_send_what_it_has_added(tmp_path: Path) -> 
     procedure.write_text("version: 1\nname: p\nblocks: {one: {directives: [{send: lamp, with: {level: 3}}]}}")
     tables = read_tables(AlarmParams(), str(own), str(procedure))
     assert tables.procedure.name == "p"
-    assert tables.names["lamp"] == ("level",)
-    assert tables.names["unwind"] == ("azimuth", "elevation")
+    assert tables.directives["lamp"].takes == ("level",)
+    assert tables.directives["unwind"].takes == ("azimuth", "elevation")
     assert {"lamp", "park"} <= set(tables.directives)
     assert tables.recovery == read_tables(AlarmParams()).recovery
     with pytest.raises(ValueError, match=r"pass.yaml: one.directives\[0\]: send='lamp' must be one of"):

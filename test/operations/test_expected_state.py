@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rf_pointing.operations.expected_state import OLDEST_S, Condition, Situation, read_conditions
+from rf_pointing.operations.expected_state import OLDEST_S, Condition, ExpectedState, read_conditions
 
 
 @pytest.mark.parametrize(
@@ -66,42 +66,40 @@ def test_a_value_satisfies_a_test_or_does_not(test: str, wanted: object, value: 
 
 
 def test_the_newest_stamp_counts_and_of_one_stamp_the_last_value() -> None:
-    situation = Situation()
-    assert situation.actual("a.b") is None
+    expected_state = ExpectedState()
+    assert expected_state.actual("a.b") is None
     for value, t_s in ((1, 5.0), (2, 5.0), (3, 4.9)):
-        situation.observe("a.b", value, t_s)
-    seen = situation.actual("a.b")
+        expected_state.observe("a.b", value, t_s)
+    seen = expected_state.actual("a.b")
     assert (seen.value, seen.t_s) == (2, 5.0)
-    assert {name: each.value for name, each in situation.attributes().items()} == {"a.b": 2}
-    situation.forget("a.b")
-    situation.forget("never.there")
-    assert situation.attributes() == {}
+    assert {name: each.value for name, each in expected_state.attributes().items()} == {"a.b": 2}
+    assert (expected_state.value("a.b"), expected_state.value("c.d")) == (2, None)
+    fresh = [
+        expected_state.is_fresh(name, 10.0, oldest_s) for name, oldest_s in (("a.b", 5.0), ("a.b", 4.9), ("c.d", 99.0))
+    ]
+    assert fresh == [True, False, False]
 
 
 def test_a_value_counts_from_the_directive_on_and_up_to_its_age() -> None:
-    situation, condition = Situation(), Condition(attribute="a.b", test="is", wanted=1, max_age_s=2.0)
-    situation.observe("a.b", 1, 10.0)
-    assert situation.against(condition, 12.0, since_s=10.0) == ""
-    assert situation.against(condition, 12.25) == "a.b is 2.2 s old, must be <= 2 s"
-    assert situation.against(condition, 11.0, 10.25) == "a.b is not known since the directive, must be: a.b is 1"
-    assert situation.against(Condition(attribute="a.b", test="is", wanted=""), 11.0) == "a.b=1, must be: a.b is ''"
+    expected_state, condition = ExpectedState(), Condition(attribute="a.b", test="is", wanted=1, max_age_s=2.0)
+    expected_state.observe("a.b", 1, 10.0)
+    assert expected_state.reason_not_met(condition, 12.0, since_s=10.0) == ""
+    assert expected_state.reason_not_met(condition, 12.25) == "a.b is 2.2 s old, must be <= 2 s"
+    assert (
+        expected_state.reason_not_met(condition, 11.0, 10.25)
+        == "a.b is not known since the directive, must be: a.b is 1"
+    )
+    assert (
+        expected_state.reason_not_met(Condition(attribute="a.b", test="is", wanted=""), 11.0)
+        == "a.b=1, must be: a.b is ''"
+    )
 
 
 def test_the_present_value_is_shown_in_words() -> None:
-    situation = Situation()
+    expected_state = ExpectedState()
     condition = Condition(attribute="a.b", test="is", wanted=1)
-    assert situation.shown(condition) == "a.b=unknown"
-    situation.observe("a.b", "", 1.0)
-    assert situation.shown(condition) == "a.b=''"
-    situation.observe("a.b", "no", 2.0)
-    assert situation.shown(condition) == "a.b=no"
-
-
-def test_the_last_expectation_of_an_attribute_replaces_the_one_before() -> None:
-    situation = Situation()
-    for wanted in (1, 2):
-        situation.expect(Condition(attribute="a.b", test="is", wanted=wanted), 0.0)
-    situation.observe("a.b", 2, 0.0)
-    assert situation.differences(1.0) == {}
-    situation.observe("a.b", 1, 1.0)
-    assert situation.differences(1.0) == {"a.b": "a.b=1, must be: a.b is 2"}
+    assert expected_state.shown(condition) == "a.b=unknown"
+    expected_state.observe("a.b", "", 1.0)
+    assert expected_state.shown(condition) == "a.b=''"
+    expected_state.observe("a.b", "no", 2.0)
+    assert expected_state.shown(condition) == "a.b=no"

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rf_pointing.operations import Block, Condition, Directive, Situation, read_procedure
+from rf_pointing.operations import Block, Condition, Directive, ExpectedState, read_procedure
 from rf_pointing.operations.procedure import LARGEST_FILE
 
 DICTIONARY = {"antenna/park": (), "antenna/go": ("azimuth_deg", "elevation_deg")}
@@ -66,14 +66,13 @@ def test_conditions_hold_for_what_they_name_and_nothing_else(test: str, wanted: 
 
 
 def test_old_values_and_late_messages_do_not_count() -> None:
-    situation, condition = Situation(), Condition(attribute="a.b", test="is", wanted=1, max_age_s=2.0)
-    situation.expect(condition, 0.0)
-    assert situation.differences(0.0) == {"a.b": "a.b is unknown, must be: a.b is 1"}
-    situation.observe("a.b", 1, 10.0)
-    situation.observe("a.b", 0, 9.0)
-    assert not situation.differences(11.0)
-    assert situation.differences(12.5) == {"a.b": "a.b is 2.5 s old, must be <= 2 s"}
-    assert "since the directive" in situation.against(condition, 11.0, since_s=10.5)
+    expected_state, condition = ExpectedState(), Condition(attribute="a.b", test="is", wanted=1, max_age_s=2.0)
+    assert expected_state.reason_not_met(condition, 0.0) == "a.b is unknown, must be: a.b is 1"
+    expected_state.observe("a.b", 1, 10.0)
+    expected_state.observe("a.b", 0, 9.0)
+    assert expected_state.reason_not_met(condition, 11.0) == ""
+    assert expected_state.reason_not_met(condition, 12.5) == "a.b is 2.5 s old, must be <= 2 s"
+    assert "since the directive" in expected_state.reason_not_met(condition, 11.0, since_s=10.5)
 
 
 def read(block: str, parameters: str = "{az: 10}") -> Block:
@@ -162,15 +161,15 @@ def test_a_time_out_may_be_a_parameter_and_is_a_number_before_it_runs(value: obj
 
 
 def test_place_holders_become_parameters_before_live_values_and_texts_stay() -> None:
-    situation = Situation()
+    expected_state = ExpectedState()
     arguments = {"a": "${az}", "b": "${antenna.azimuth}", "c": "x${az}", "d": 3, "e": "${both.b}"}
     directive = Directive(name="go", arguments=arguments, expected=())
     given = {"az": 10, "both.b": "given"}
     with pytest.raises(ValueError, match="^go: b: antenna.azimuth is not known yet$"):
-        directive.filled(given, situation)
-    situation.observe("antenna.azimuth", 1.5, 0.0)
-    situation.observe("both.b", "seen", 0.0)
-    assert directive.filled(given, situation) == {"a": 10, "b": 1.5, "c": "x${az}", "d": 3, "e": "given"}
+        directive.filled(given, expected_state)
+    expected_state.observe("antenna.azimuth", 1.5, 0.0)
+    expected_state.observe("both.b", "seen", 0.0)
+    assert directive.filled(given, expected_state) == {"a": 10, "b": 1.5, "c": "x${az}", "d": 3, "e": "given"}
 
 
 def test_unknown_keys_of_a_file_are_named_with_all_that_are_known() -> None:

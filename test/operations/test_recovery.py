@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from rf_pointing.operations import AlarmParams, Condition, Situation
+from rf_pointing.operations import AlarmParams, Condition, ExpectedState
 from rf_pointing.operations.alarms import ERROR, WARNING, Alarm, AlarmBook
 from rf_pointing.operations.dictionary import TABLES, read_directives, read_tables
 from rf_pointing.operations.recovery import Cause, Recovery, read_table
@@ -80,16 +80,16 @@ def test_alarms_go_out_and_in_unchanged() -> None:
     assert isinstance(other.alarms["x"], Alarm)
 
 
-def recovery(**thresholds: Any) -> tuple[Recovery, Situation]:
-    situation = Situation()
-    return Recovery(read_table(TABLE, NAMES, AlarmParams(**thresholds)), situation, book()[0]), situation
+def recovery(**thresholds: Any) -> tuple[Recovery, ExpectedState]:
+    expected_state = ExpectedState()
+    return Recovery(read_table(TABLE, NAMES, AlarmParams(**thresholds)), expected_state, book()[0]), expected_state
 
 
 def test_an_action_is_tried_as_often_as_the_table_says_then_the_night_goes_on_its_last_way() -> None:
-    one, situation = recovery(fault_s=2.0)
+    one, expected_state = recovery(fault_s=2.0)
     tried = []
     for k in range(100):
-        situation.observe("a.fault", "drive", float(k))
+        expected_state.observe("a.fault", "drive", float(k))
         one.step(float(k))
         if due := one.due(float(k)):
             tried.append((float(k), due))
@@ -98,15 +98,15 @@ def test_an_action_is_tried_as_often_as_the_table_says_then_the_night_goes_on_it
     assert tried == [(2.0, ("fault", "reset")), (12.0, ("fault", "reset"))]
     assert one.effect() == ("stop", "fault drive")
     assert one.book.lasting[0].ask == "look"
-    situation.observe("a.fault", "", 101.0)
+    expected_state.observe("a.fault", "", 101.0)
     one.step(101.0)
     assert one.effect() == ("continue", "")
     assert not one.book.lasting
 
 
 def test_what_must_not_be_tried_is_asked_for_at_once() -> None:
-    one, situation = recovery(fault_s=0.0)
-    situation.observe("a.fault", "past the hard limit", 0.0)
+    one, expected_state = recovery(fault_s=0.0)
+    expected_state.observe("a.fault", "past the hard limit", 0.0)
     one.step(0.0)
     assert one.due(0.0) is None
     assert one.effect()[0] == "stop"
@@ -114,9 +114,9 @@ def test_what_must_not_be_tried_is_asked_for_at_once() -> None:
 
 
 def test_every_device_has_an_alarm_of_its_own() -> None:
-    one, situation = recovery(node_silent_s=5.0)
+    one, expected_state = recovery(node_silent_s=5.0)
     for name, silent_s in (("n1", 9.0), ("n2", 1.0), ("n3", 7.5)):
-        situation.observe(f"{name}.silent_s", silent_s, 0.0)
+        expected_state.observe(f"{name}.silent_s", silent_s, 0.0)
     one.step(0.0)
     assert [(each.name, each.message) for each in one.book.lasting] == [
         ("silent n1", "n1 for 9 s"), ("silent n3", "n3 for 7.5 s")
@@ -131,7 +131,7 @@ def test_every_device_has_an_alarm_of_its_own() -> None:
         ("do: [reset]", "do: [fly]", "causes.fault.do: fly must be one of reset"),
         ("night: wait", "night: sleep", "night='sleep' must be one of continue, wait, weather, stop"),
         ("tries: 2", "tries: -1", "tries=-1 must be a number >= 0"),
-        ("not_by_itself: hard", "not_by_itself: '('", "is no regular expression"),
+        ("not_by_itself: hard", "not_by_itself: '('", "is not a regular expression"),
         ("${fault_s}", "${fault}", "fault must be one of the thresholds node_silent_s"),
         ("ask: look", "asks: look", "unknown asks; known are"),
         ("level: warning", "level: 3", "level=3 must be one of warning, error"),
@@ -264,18 +264,18 @@ def test_thresholds_are_filled_in_wherever_they_stand() -> None:
 
 
 class Watched:
-    """A recovery of one or two causes, and the situation that it watches."""
+    """A recovery of one or two causes, and the expected_state that it watches."""
 
     def __init__(self, causes: str) -> None:
-        self.situation = Situation()
+        self.expected_state = ExpectedState()
         text = f"version: 1\nactions: {{reset: {{send: reset}}, go: {{send: go}}}}\ncauses:\n{causes}"
         self.told: list[tuple[str, str]] = []
         book = AlarmBook(lambda event, alarm: self.told.append((event, alarm.name)), 600.0)
-        self.recovery = Recovery(read_table(text, NAMES, AlarmParams()), self.situation, book)
+        self.recovery = Recovery(read_table(text, NAMES, AlarmParams()), self.expected_state, book)
 
     def see(self, t_s: float, **values: object) -> None:
         for name, value in values.items():
-            self.situation.observe(name.replace("__", "."), value, t_s)
+            self.expected_state.observe(name.replace("__", "."), value, t_s)
         self.recovery.step(t_s)
 
 
@@ -359,7 +359,7 @@ def test_devices_have_causes_of_their_own_by_the_whole_name_of_the_attribute() -
 
 def test_age_and_test_of_a_condition_stay_when_it_is_made_one_of_a_device() -> None:
     one = Watched("  x: {when: {'*.t': {below: 5, max_age_s: 30}}}")
-    one.situation.observe("b.t", 1.0, 0.0)
+    one.expected_state.observe("b.t", 1.0, 0.0)
     one.recovery.step(29.0)
     assert list(one.recovery.ongoing) == ["x b"]
     one.recovery.step(31.0)

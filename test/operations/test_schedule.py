@@ -336,27 +336,6 @@ def test_the_nearer_of_two_turns_decides_when_a_pass_can_be_joined() -> None:
     assert schedule.entry("a").turn[0][0] == pytest.approx(math.radians(-160.0))
 
 
-def test_after_the_present_pass_the_antenna_is_at_its_end_and_when_it_is_ended_early_where_it_is() -> None:
-    """A pass of a minute needs half of it: 30 s, of which 190 deg take 32.7 s and 10 deg take 2.7 s."""
-    for azimuth, fits in (((110.0, 120.0), True), ((-90.0, -80.0), False)):
-        schedule = schedule_of(a_pass("a", 1000.0), a_pass("b", 1600.0, los_s=1660.0, azimuth=azimuth))
-        schedule.replan(0.0, PARK)
-        entry = schedule.entry("a")
-        entry.state, entry.turn = PassState.ACTIVE, ((math.radians(10.0), 0.1), (math.radians(100.0), 0.1))
-        schedule.replan(1200.0, (math.radians(-80.0), 0.1))
-        assert (planned(schedule) == ["b"]) is fits
-        assert schedule._free(entry, (0.3, 0.4), 1200.0) == (1600.0, entry.turn[1])
-    urgent = a_pass("u", 1400.0, priority=9, azimuth=(40.0, 100.0))
-    schedule.add([urgent])
-    schedule.replan(1200.0, (0.3, 0.4))
-    end_s, place = schedule._free(entry, (0.3, 0.4), 1200.0)
-    assert end_s == pytest.approx(1400.0 - (60.0 / 6.0 + 1.0) - 5.0)
-    assert place == (0.3, 0.4)
-    entry.turn = None
-    schedule.remove(["u"])
-    assert schedule._free(entry, (0.3, 0.4), 1200.0) == (1600.0, (0.3, 0.4))
-
-
 def test_what_is_above_the_present_pass_does_not_wait_for_it_and_what_is_not_does() -> None:
     schedule = schedule_of(a_pass("a", 1000.0, priority=3))
     schedule.replan(900.0, PARK)

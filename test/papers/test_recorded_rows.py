@@ -100,7 +100,7 @@ def doa_tables() -> list[Row]:
         accuracy_rows=lambda *_: [],
         direction_rows=lambda _: [],
         scene_rows=list,
-        beyond_rows=lambda _: [],
+        future_rows=lambda _: [],
     ):
         return [*doa.rows(1, trials=3), *doa.rows(1, trials=60, music_inside=True)]
 

@@ -18,7 +18,8 @@ from rf_pointing.papers.servo_linear import (
     respond,
     stability_limit_hz,
 )
-from rf_pointing.servo import dss13_plant, linear_model
+from rf_pointing.servo import dss13_plant
+from rf_pointing.servo.linear_model import linear_model
 
 ComplexArray = NDArray[np.complex128]
 LOOPS = (

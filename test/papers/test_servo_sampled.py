@@ -15,7 +15,8 @@ from rf_pointing.papers.servo_sampled import (
     published_radio,
     station_radio,
 )
-from rf_pointing.servo import dss13_plant, linear_model
+from rf_pointing.servo import dss13_plant
+from rf_pointing.servo.linear_model import linear_model
 
 FREQUENCY_HZ = np.array([0.1, 0.4, 1.1, 3.0])
 

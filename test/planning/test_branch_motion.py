@@ -1,142 +1,23 @@
 """The motions through a pass: planned within what the lags of the mount leave, joined to the target's own path."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from rf_pointing.planning import AxisLimits, AxisRates, MachineParams
-from rf_pointing.planning.branch_motion import Triple, _joined, _planned, branch_motions, no_lag
-from rf_pointing.planning.crossing import AxisMotionLimits, Crossing
+from rf_pointing.planning import AxisLimits, MachineParams
+from rf_pointing.planning.branch_motion import Triple, branch_motions, no_lag
 from test.planning.test_crossing import LIMITS, beam
 from test.planning.test_over_the_top import sides
 
-Array = np.ndarray
 DEG = math.pi / 180.0
-MOST = AxisRates((0.04, 0.03), (0.02, 0.01))
-T_S = np.arange(12.0)
 # The crossing lies in rows 4 to 7.
-PART = slice(4, 8)
 
 
 def path(rate: float = 0.0) -> Triple:
     """A target whose own rates outside the crossing are no matter of it."""
     rows = np.arange(24.0).reshape(12, 2)
     return 1e-3 * rows, np.full((12, 2), rate), np.full((12, 2), rate)
-
-
-class Planner:
-    """Makes crossings at the limits, in one row of it, and notes what limits it was given."""
-
-    def __init__(self, share: float = 1.0, row: int = 1) -> None:
-        self.asked: list[AxisMotionLimits] = []
-        self.share, self.row = share, row
-
-    def __call__(self, limits: AxisMotionLimits) -> Crossing:
-        self.asked.append(limits)
-        rates, bends = np.zeros((4, 2)), np.zeros((4, 2))
-        rates[self.row], bends[self.row] = limits.rate_rad_s, limits.acceleration_rad_s2
-        position = np.full((4, 2), 0.1)
-        position[self.row, 1] = limits.elevation_max_rad
-        return Crossing(T_S[PART], position, self.share * rates, self.share * bends, np.zeros(4))
-
-    def shares(self) -> Array:
-        """What was asked for over the most: calls, rates and accelerations, axes."""
-        return np.array([[one.rate_rad_s, one.acceleration_rad_s2] for one in self.asked]) / np.array(MOST)
-
-
-def planned(
-    planner: Callable[[AxisMotionLimits], Crossing | None], rate_lag: Array, bend_lag: Array, lift_rad: float = 0.0
-) -> tuple[Crossing | None, Array]:
-    """Plan with lags in proportion to rate and acceleration, the axes `lift_rad` above the beam."""
-
-    def lag(_t_s: Array, rate: Array, bend: Array) -> Triple:
-        return np.full_like(rate, lift_rad) * [0.0, 1.0], rate_lag * rate, bend_lag * bend
-
-    return _planned(T_S, path(10.0), path(20.0), MOST, 1.5, lag, planner)
-
-
-@pytest.mark.parametrize("row", [0, 1, 3])
-def test_only_the_axes_that_lags_drag_over_their_limits_get_less_of_them(row: int) -> None:
-    planner = Planner(row=row)
-    planned(planner, np.array([0.25, 0.0]), np.array([0.0, 0.1]), -0.02)
-    np.testing.assert_allclose(planner.shares()[0], 1.0, rtol=1e-12)
-    np.testing.assert_allclose(planner.shares()[1:], [[[0.8, 1.0], [1.0, 1.0 / 1.1]]], rtol=1e-12)
-    assert [one.elevation_max_rad for one in planner.asked] == [1.5, 1.5], "they are lower than they may be"
-
-
-@pytest.mark.parametrize(
-    ("share", "lag", "calls"),
-    [
-        (1.0, 0.005, 1),  # a hundredth is allowed
-        (0.98, 0.015, 1),  # within the limits
-        (1.2, 0.0, 1),  # the target itself is too fast
-        (1.0, 0.02, 2),
-    ],
-)
-def test_a_crossing_is_planned_again_when_lags_cost_more_than_a_hundredth_of_the_limit(
-    share: float, lag: float, calls: int
-) -> None:
-    planner = Planner(share)
-    planned(planner, np.full(2, lag), np.full(2, lag))
-    assert len(planner.asked) == calls
-
-
-def test_axes_above_the_end_of_the_travel_are_planned_lower_by_as_much() -> None:
-    for lift_rad, tops in ((0.02, [1.5, 1.48]), (5e-7, [1.5]), (-0.02, [1.5])):
-        planner = Planner()
-        planned(planner, np.zeros(2), np.zeros(2), lift_rad)
-        assert [one.elevation_max_rad for one in planner.asked] == pytest.approx(tops)
-
-
-@pytest.mark.parametrize(
-    ("factor", "shares"),
-    [
-        # Each time the limit is lowered by what the axes are too fast, until less than half is left of it.
-        (2.0, [1.0, 1.0 / 2.0, 1.0 / 8.0]),
-        # Four rounds, then what was found is taken.
-        (1.1, [1.0, 1.1**-1, 1.1**-3, 1.1**-7]),
-    ],
-)
-def test_a_crossing_that_lags_never_fit_is_taken_after_four_rounds_or_half_of_the_limit(
-    factor: float, shares: list[float]
-) -> None:
-    """The slower the beam, the larger the lag: the azimuth axis always has to move so many times too fast."""
-    planner = Planner()
-
-    def lag(_t_s: Array, rate: Array, bend: Array) -> Triple:
-        extra = np.where(rate > 0.0, factor * np.array(MOST.rate_rad_s) - rate, 0.0) * [1.0, 0.0]
-        return np.zeros_like(rate), extra, np.zeros_like(bend)
-
-    found, _ = _planned(T_S, path(), path(), MOST, 1.5, lag, planner)
-    assert found is not None
-    np.testing.assert_allclose(planner.shares()[:, 0, 0], shares, rtol=1e-9)
-    np.testing.assert_allclose(planner.shares()[:, 0, 1], 1.0)
-
-
-def test_the_axes_stand_ahead_of_the_beam_all_the_way() -> None:
-    crossing, axes = planned(Planner(), np.zeros(2), np.zeros(2), -0.02)
-    assert crossing is not None
-    wanted = path()[0] - [0.0, 0.02]
-    wanted[PART] = crossing.position_rad - [0.0, 0.02]
-    np.testing.assert_allclose(axes, wanted, atol=1e-15)
-    nothing, axes = planned(lambda _limits: None, np.zeros(2), np.zeros(2), 0.3)
-    assert nothing is None
-    np.testing.assert_allclose(axes, path()[0] + [0.0, 0.3], atol=1e-15)
-
-
-def test_a_motion_with_a_crossing_is_one_side_before_it_and_the_other_after() -> None:
-    made = Planner()(LIMITS)
-    crossing = Crossing(
-        made.t_s, made.position_rad, made.velocity_rad_s, made.acceleration_rad_s2, np.zeros(4), 6.0, 6.2
-    )
-    joined = _joined(T_S, path(1.0), crossing, path(2.0))
-    inside = (crossing.position_rad, crossing.velocity_rad_s, crossing.acceleration_rad_s2)
-    for part, before, between, after, turn in zip(joined, path(1.0), inside, path(2.0), (6.2, 0.0, 0.0), strict=True):
-        np.testing.assert_array_equal(part[:4], before[:4])
-        np.testing.assert_array_equal(part[4:8], between)
-        np.testing.assert_array_equal(part[8:], after[8:] + np.array([turn, 0.0]))
 
 
 def test_a_dish_that_leans_may_go_over_from_either_side() -> None:

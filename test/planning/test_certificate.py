@@ -22,7 +22,6 @@ from rf_pointing.planning import (
     plunged,
     unplunged,
 )
-from rf_pointing.planning.certificate import _closest, _cost, _reasons_against, _turns
 
 DEG = math.pi / 180.0
 MACHINE = MachineParams()
@@ -219,15 +218,6 @@ def test_the_values_are_plain_json_in_degrees() -> None:
     assert values["machine"]["reserve"] == 0.05
 
 
-@pytest.mark.parametrize("span_deg", [10.0, 200.0, 530.0])
-def test_the_turns_are_all_those_with_some_of_the_pass_within_the_travel(span_deg: float) -> None:
-    limits = AxisLimits(azimuth_min_rad=-130.0 * DEG, azimuth_max_rad=350.0 * DEG)
-    for low_deg in np.arange(-1000.0, 1000.0, 33.0):
-        azimuth = np.array([low_deg, low_deg + span_deg]) * DEG
-        turns = [k for k in range(-5, 6) if low_deg + 360.0 * k <= 350.0 and low_deg + span_deg + 360.0 * k >= -130.0]
-        assert _turns(azimuth, limits) == turns
-
-
 def branch(**changes: object) -> Branch:
     """One that works, made by hand."""
     values: dict[str, object] = {
@@ -249,28 +239,6 @@ def with_branches(*branches: Branch, cn0: tuple[float, ...] = ()) -> Certificate
 
 
 @pytest.mark.parametrize(
-    ("better", "worse"),
-    [
-        ({"limit_margin_rad": 0.001, "lost_signal_s": 99.0}, {"reasons": ("no",)}),
-        ({"reasons": ("a", "b"), "limit_margin_rad": -0.1}, {"reasons": ("a",), "limit_margin_rad": -0.2}),
-        ({"reasons": ("a",), "limit_margin_rad": 0.1}, {"reasons": ("a", "b"), "limit_margin_rad": 0.2}),
-        ({"lost_signal_s": 1.0, "preposition_s": 900.0}, {"lost_signal_s": 1.1}),
-        ({"lost_signal_s": 1.0, "late_s": 2.0}, {"late_s": 3.1}),
-        ({"lost_signal_s": 1.04, "preposition_s": 40.0}, {"lost_signal_s": 1.0}),
-        ({"preposition_s": 100.0, "unwind_s": 50.0}, {"preposition_s": 10.0, "unwind_s": 141.0}),
-        ({"preposition_s": 40.999}, {}),
-    ],
-)
-def test_the_best_branch_works_loses_least_and_turns_least(better: dict, worse: dict) -> None:
-    assert _cost(branch(**better)) < _cost(branch(**worse))
-
-
-def test_equally_long_ways_are_no_better_than_each_other() -> None:
-    one, other = (branch(preposition_s=41.0 + extra, lost_signal_s=1.0 + 0.1 * extra) for extra in (0.0, 2e-7))
-    assert _cost(one) == _cost(other)
-
-
-@pytest.mark.parametrize(
     ("changes", "label"),
     [
         ({}, "direct, +1 turns"),
@@ -281,38 +249,6 @@ def test_equally_long_ways_are_no_better_than_each_other() -> None:
 )
 def test_a_branch_is_named_by_its_motion_and_its_turns(changes: dict, label: str) -> None:
     assert branch(**changes).label == label
-
-
-@pytest.mark.parametrize(
-    ("motion", "limit", "margin"),
-    [
-        ((-3.8, 2.0, 0.5, 1.0), "azimuth -220.0 deg", 220.0 * DEG - 3.8),
-        ((-1.0, 3.7, 0.5, 1.0), "azimuth 220.0 deg", 220.0 * DEG - 3.7),
-        ((-1.0, 2.0, 0.1, 1.0), "elevation 4.0 deg", 0.1 - 4.0 * DEG),
-        ((-1.0, 2.0, 0.5, 1.6), "elevation 89.5 deg", 89.5 * DEG - 1.6),
-    ],
-)
-def test_every_end_of_the_travel_can_be_the_closest(motion: tuple[float, ...], limit: str, margin: float) -> None:
-    assert _closest(AxisLimits(), *motion) == (limit, pytest.approx(margin))
-
-
-@pytest.mark.parametrize(
-    ("margin", "above", "sun", "words"),
-    [
-        (0.0, 0.0, 0.06 * DEG, []),
-        (-0.01, 0.01, 1.0, ["0.573 deg past the limit here"]),
-        (0.01, -0.01, 1.0, ["0.573 deg below the horizon mask"]),
-        (0.01, 0.01, 0.04 * DEG, ["1.040 deg from the Sun, must be >= 1.050 deg"]),
-        (-0.01, -0.01, -0.1 * DEG, ["past", "below", "0.900 deg from the Sun"]),
-    ],
-)
-def test_limits_horizon_and_sun_each_have_their_reason(
-    margin: float, above: float, sun: float, words: list[str]
-) -> None:
-    found = _reasons_against("here", margin, above, sun, MACHINE)
-    assert len(found) == len(words)
-    for reason, word in zip(found, words, strict=True):
-        assert word in reason
 
 
 def test_a_branch_has_the_ranges_and_peaks_of_what_is_left_of_the_pass() -> None:
@@ -361,12 +297,6 @@ def test_a_crossing_moves_with_its_branch_by_whole_turns() -> None:
         np.testing.assert_allclose(one.crossing.position_rad, part, atol=1e-12)
         assert one.start_rad[0] == pytest.approx(10.0 * DEG + 2.0 * math.pi * one.turns)
     assert seen == {-1, 0}
-
-
-def test_a_pass_beside_the_travel_has_the_nearest_turn() -> None:
-    narrow = AxisLimits(azimuth_min_rad=0.0, azimuth_max_rad=0.5)
-    assert _turns(np.array([1.0, 2.0]), narrow) == [0]
-    assert _turns(np.array([-5.0, -4.0]), narrow) == [1]
 
 
 def test_a_barred_way_to_the_start_is_a_reason_of_a_branch_within_the_travel() -> None:

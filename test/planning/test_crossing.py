@@ -15,7 +15,6 @@ from rf_pointing.planning.crossing import (
     AxisMotionLimits,
     Crossing,
     CrossingLoss,
-    _Path,
     cross,
     nearest_elevation,
     smoothing_kernel,
@@ -169,115 +168,6 @@ def test_a_triangle_of_error_has_the_loss_of_its_integrals() -> None:
 
 def test_without_a_crossing_nothing_is_lost() -> None:
     assert CrossingLoss.of(None, gain) == CrossingLoss(0.0, 0.0, 0.0, 0.0)
-
-
-def bent_path(side: float = 1.0, offset: float = 0.0) -> tuple[Array, Array]:
-    """A target of 0.4 deg/s that runs at 8 deg/s from 20 s to 25 s, then at 0.6 deg/s: azimuths and rates (n,)."""
-    t = np.arange(0.0, 80.0 + 0.5 * STEP_S, STEP_S)
-    rates = np.where(t < 20.0, 0.4, np.where(t < 25.0, 8.0, 0.6)) * DEG
-    azimuth = np.concatenate([[0.0], np.cumsum(rates[:-1])]) * STEP_S
-    return side * azimuth + offset, side * rates
-
-
-def bang_path(side: float = 1.0, seconds: float = 80.0) -> _Path:
-    azimuth, rates = bent_path(side, 3.0)
-    rows = round(seconds / STEP_S) + 1
-    still = np.full(len(azimuth), 0.5)
-    position, velocity = np.column_stack([azimuth, still])[:rows], np.column_stack([rates, 0.0 * still])[:rows]
-    return _Path(np.arange(rows) * STEP_S, position, velocity, LIMITS, side)
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize(("start_s", "leaves_deg_s"), [(15.0, 0.4), (22.0, 2.0)])
-def test_a_bang_runs_at_the_limits_until_the_target_is_met_at_its_own_rate(
-    side: float, start_s: float, leaves_deg_s: float
-) -> None:
-    """2 deg/s and 1 deg/s^2; a target that is too fast already is left at the axis's own rate."""
-    path, start = bang_path(side), round(start_s / STEP_S)
-    azimuth, end = path.bang(start, 250)
-    here = side * np.degrees(azimuth - azimuth[start])
-    up_s, down_s = 2.0 - leaves_deg_s, 2.0 - 0.6
-    # The target at the rate of the end, 0.6 deg/s, is met where both ways are as long.
-    target = side * np.degrees(path.position[:, 0] - path.position[start, 0])
-    lead = target[300] - 0.6 * (30.0 - start_s)
-    meets_s = (lead + 0.5 * up_s**2 + 0.5 * down_s**2) / (2.0 - 0.6)
-    assert end == start + math.ceil(meets_s / STEP_S)
-    t = STEP_S * np.arange(end - start + 1)
-    ramp = np.minimum(t, up_s)
-    out = leaves_deg_s * ramp + 0.5 * ramp**2 + 2.0 * (t - ramp) - 0.5 * np.maximum(t - (t[-1] - down_s), 0.0) ** 2
-    share = t / t[-1]
-    out -= (out[-1] - target[end]) * (3.0 * share**2 - 2.0 * share**3)
-    np.testing.assert_allclose(here[start : end + 1], out, atol=1e-9)
-    outside = np.r_[0:start, end + 1 : len(azimuth)]
-    np.testing.assert_array_equal(azimuth[outside], path.position[outside, 0])
-
-
-def test_a_bang_that_never_meets_the_target_runs_on_to_the_end_of_the_pass() -> None:
-    path = bang_path(seconds=40.0)
-    azimuth, end = path.bang(150, 250)
-    assert end == len(azimuth) - 1
-    assert np.degrees(azimuth[-1] - azimuth[150]) == pytest.approx(2.0 * 25.0 - 0.5 * 1.6**2)
-    assert np.degrees(np.diff(azimuth)[-14:]) / STEP_S == pytest.approx(2.0), "it does not brake"
-
-
-@pytest.mark.parametrize(("last", "end"), [(50, 140), (139, 140), (140, 141), (300, 301)])
-def test_a_bang_is_over_after_the_last_row_at_which_the_target_is_too_fast(last: int, end: int) -> None:
-    """A target that stands 4 deg further on: rise and fall of 2 s each take the axis just there."""
-    t = np.arange(0.0, 60.0, STEP_S)
-    still = np.zeros((len(t), 2))
-    path = _Path(t, still - [[1.0, 0.0]], still, LIMITS, 1.0)
-    path.position[101:, 0] += 3.999 * DEG
-    assert path.bang(100, last)[1] == end
-
-
-@pytest.mark.parametrize("away", [0, 3, 41, 700, 1100, 1300])
-def test_the_departure_of_least_loss_is_found_ever_finer(away: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From the row at which the limits are reached, 1000 to 2400 rows back or to the beginning, to two rows."""
-    t, position, velocity, acceleration = overhead(1.0)
-    fast = (np.abs(velocity[:, 0]) > LIMITS.rate_rad_s[0]) | (
-        np.abs(acceleration[:, 0]) > LIMITS.acceleration_rad_s2[0]
-    )
-    first, last = np.flatnonzero(fast)[[0, -1]].tolist()
-    tried: list[int] = []
-
-    def lost_s(_self: _Path, _azimuth: Array, start: int, end: int, _gain: object) -> float:
-        tried.append(start)
-        assert end > last
-        return float(abs(first - away - start))
-
-    monkeypatch.setattr(_Path, "lost_s", lost_s)
-    monkeypatch.setattr("rf_pointing.planning.crossing._finish", lambda _path, _azimuth, start, end, *_: (start, end))
-    start, end = cross(t, position, velocity, acceleration, LIMITS, beam(1.0))
-    assert abs(start - (first - away)) <= 2
-    assert tried[:32] == np.linspace(0, first, 32).astype(int).tolist()
-    assert min(tried) >= 0
-    assert max(tried) <= first
-    # Nine from a spacing before the best to one after it.
-    best, spacing = min(tried[:32], key=lambda row: abs(first - away - row)), max(np.diff(tried[:32]))
-    second = np.unique(np.linspace(max(0, best - spacing), min(first, best + spacing), 9).astype(int)).tolist()
-    assert tried[32 : 32 + len(second)] == second
-    assert len(tried) <= 32 + 3 * 9
-    path = _Path(t, position, velocity, LIMITS, 1.0)
-    assert end == path.bang(start, last)[1]
-
-
-def test_no_departure_is_earlier_than_four_minutes_before_the_limits(monkeypatch: pytest.MonkeyPatch) -> None:
-    t, position, velocity, acceleration = overhead(0.4, 0.5, 700.0)
-    fast = (np.abs(velocity[:, 0]) > LIMITS.rate_rad_s[0]) | (
-        np.abs(acceleration[:, 0]) > LIMITS.acceleration_rad_s2[0]
-    )
-    first = int(np.flatnonzero(fast)[0])
-    tried: list[int] = []
-
-    def lost_s(_self: _Path, _azimuth: Array, start: int, *_: object) -> float:
-        tried.append(start)
-        return float(start)
-
-    monkeypatch.setattr(_Path, "lost_s", lost_s)
-    monkeypatch.setattr("rf_pointing.planning.crossing._finish", lambda *_: None)
-    cross(t, position, velocity, acceleration, LIMITS, beam(1.0))
-    assert first - 2400 > 0
-    assert min(tried) == first - 2400
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 from rf_pointing.core import angular_distance_rad
 from rf_pointing.planning import HorizonMask
-from rf_pointing.planning.forbidden_sky import ForbiddenSky, _refined, angle_between
+from rf_pointing.planning.forbidden_sky import ForbiddenSky, angle_between
 
 MASK = HorizonMask(azimuth_rad=(0.5, 2.0, 5.0), elevation_rad=(0.1, 0.3, 0.05))
 
@@ -71,23 +71,6 @@ def test_angles_between_directions_are_those_of_their_vectors(random: np.random.
     assert angle_between(np.array([0.0, 0.0]), np.array([1e-9, 0.0])) == pytest.approx(1e-9, rel=1e-12)
     opposite = sky.sun_distance(0.3, 0.2, (0.3 + math.pi, -0.2))
     assert opposite == pytest.approx(math.pi)
-
-
-def test_chords_are_cut_where_they_cross_an_azimuth_and_into_even_pieces() -> None:
-    """Two lines of two chords: the first of 1 and 0.5 rad of azimuth, the other of less."""
-    lines = np.array([[[0.0, 0.0], [1.0, 0.2], [1.5, 0.2]], [[0.0, 0.1], [0.5, 0.1], [0.5, 0.4]]])
-    cut = _refined(lines, np.array([0.2, 1.4]), 0.45)
-    # Pieces of 1/3 and 1/2; the first line crosses 0.2 at 0.2 and 1.4 at 0.8 of the second, the other 0.2 at 0.4.
-    shares = [0.0, 0.2, 1.0 / 3.0, 0.4, 2.0 / 3.0, 1.0, 1.5, 1.8, 2.0]
-    wanted = np.stack(
-        [np.stack([np.interp(shares, [0.0, 1.0, 2.0], line[:, axis]) for axis in (0, 1)], axis=-1) for line in lines]
-    )
-    np.testing.assert_allclose(cut, wanted, atol=1e-12)
-    np.testing.assert_array_equal(_refined(lines[:, :1], np.array([0.2]), 0.1), lines[:, :1])
-    np.testing.assert_allclose(_refined(lines, np.array([]), math.inf), lines)
-    # Both axes count for the length of a piece.
-    tall = np.array([[[0.0, 0.0], [0.1, 0.9]]])
-    np.testing.assert_allclose(_refined(tall, np.array([]), 0.45)[0, :, 1], [0.0, 0.45, 0.9])
 
 
 SUN, RADIUS = (1.0, 0.6), 0.05

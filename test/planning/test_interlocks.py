@@ -108,7 +108,7 @@ def test_an_encoder_of_one_turn_is_folded_about_north_at_the_first_start(tmp_pat
     azimuth, doubt = WrapCount(tmp_path / "wrap.json").recover(math.radians(350.0))
     assert (round(math.degrees(azimuth), 9), doubt) == (-10.0, "")
     (tmp_path / "wrap.json").write_text('{"azimuth_rad": 50.1}')
-    assert "is no azimuth of an antenna" in WrapCount(tmp_path / "wrap.json").recover(0.0)[1]
+    assert "is not an azimuth of an antenna" in WrapCount(tmp_path / "wrap.json").recover(0.0)[1]
     (tmp_path / "wrap.json").write_text('{"azimuth_rad": -49.9}')
     assert "moved while off" in WrapCount(tmp_path / "wrap.json").recover(2.0)[1]
 

@@ -7,7 +7,7 @@ import pytest
 
 from rf_pointing.core import MDEG, angular_distance_rad
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, first_pass_above, site, verification_elements
-from rf_pointing.planning.profile import MOST_STEPS, PassProfile, _angles, _interpolated
+from rf_pointing.planning.profile import MOST_STEPS, PassProfile
 from rf_pointing.station.pointing.certificates import pass_profile
 
 
@@ -52,17 +52,6 @@ def test_a_piece_of_a_pass_is_the_propagators_motion_between_its_ends() -> None:
     apart = angular_distance_rad(*piece.position_rad.T, truth.azimuth_rad, truth.elevation_rad)
     assert np.max(apart) < 0.001 * MDEG
     assert np.max(np.abs(np.diff(piece.position_rad[:, 0]))) < math.pi
-
-
-def test_the_angles_of_a_straight_flight_have_the_rates_and_accelerations_of_their_differences() -> None:
-    """A point that flies straight: no direction of unit length, whose radial motion counts as well."""
-    step_s = 1e-3
-    t_s = np.arange(-1.0, 1.0, step_s)
-    rate = np.array([0.7, -0.4, 0.3])
-    place = np.array([1.0, 2.0, 1.5]) + t_s[:, None] * rate
-    angles, rates, bends = _angles(place, np.tile(rate, (len(t_s), 1)), np.zeros((len(t_s), 3)))
-    np.testing.assert_allclose(rates[1:-1], np.gradient(angles, step_s, axis=0)[1:-1], atol=1e-6)
-    np.testing.assert_allclose(bends[2:-2], np.gradient(rates, step_s, axis=0)[2:-2], atol=1e-6)
 
 
 def profile(**changes: object) -> PassProfile:
@@ -111,30 +100,6 @@ def table(t_s: np.ndarray, turn: float = 0.0) -> PassProfile:
     )  # fmt: skip
 
 
-def test_the_vector_of_a_motion_has_the_derivatives_of_its_differences() -> None:
-    t_s, step_s = np.array([-0.7, 0.1, 0.9]), 1e-3
-    here = table(t_s)._vectors()
-    before, after = (table(t_s + by)._vectors()[0] for by in (-step_s, step_s))
-    np.testing.assert_allclose(here[1], (after - before) / (2.0 * step_s), atol=1e-6)
-    np.testing.assert_allclose(here[2], (after - 2.0 * here[0] + before) / step_s**2, atol=1e-6)
-    for got, wanted in zip(_angles(*here), smooth(t_s), strict=True):
-        np.testing.assert_allclose(got, wanted, atol=1e-12)
-
-
-def test_between_its_rows_a_motion_is_the_quintic_of_the_rows_beside_it() -> None:
-    """A wave of 1.3 rad/s at rows 0.5 s apart: its sixth derivative over 46 080 leaves 2e-6, the next rows' 4e-5."""
-    knots, times = np.arange(0.0, 4.1, 0.5), np.linspace(0.0, 4.0, 161)
-
-    def wave(t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        phase, w = 1.3 * t_s[:, None] + [0.2, 1.1, 2.5], 1.3
-        return np.sin(phase), w * np.cos(phase), -(w**2) * np.sin(phase)
-
-    found = _interpolated(times, knots, wave(knots))
-    for got, wanted, left in zip(found, wave(times), (3e-6, 2e-5, 5e-4), strict=True):
-        np.testing.assert_allclose(got, wanted, atol=left)
-        np.testing.assert_allclose(got[::20], wanted[::20], atol=1e-9)
-
-
 @pytest.mark.parametrize("turn", [0.0, 2.0 * math.pi, -4.0 * math.pi])
 def test_a_finer_table_stays_on_the_turn_of_the_first(turn: float) -> None:
     fine = table(np.arange(0.0, 2.1, 0.25), turn).resampled()
@@ -180,10 +145,3 @@ def test_two_rows_make_a_profile_and_one_does_not() -> None:
     with pytest.raises(ValueError, match=r"range_m=-1\.0 must be > 0"):
         profile(range_m=[1e6, 3.0, -1.0])
     assert profile(range_m=[0.5] * 3).range_m[0] == 0.5
-
-
-def test_at_the_zenith_itself_all_rates_are_finite() -> None:
-    up, aside = np.array([[0.0, 0.0, 1.0]]), np.array([[0.01, 0.0, 0.0]])
-    for part in _angles(up, aside, np.zeros((1, 3))):
-        assert np.all(np.isfinite(part))
-    assert _angles(up, aside, np.zeros((1, 3)))[0][0, 1] == pytest.approx(0.5 * math.pi)

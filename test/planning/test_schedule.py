@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.planning import AxisLimits, AxisRates, Candidate, reasons_against, schedule, turns_within
-from rf_pointing.planning.schedule import turn_s
+from rf_pointing.planning import AxisLimits, AxisRates, Candidate, reasons_against, turns_within
+from rf_pointing.planning.schedule import schedule, turn_s
 
 AXES = AxisRates((math.radians(1.8), math.radians(1.2)), (math.radians(0.8), math.radians(0.5)))
 START = (0.0, (0.3, 1.2))

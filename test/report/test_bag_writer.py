@@ -208,24 +208,6 @@ def test_disk_that_is_full_at_the_last_write_keeps_what_reached_it(tmp_path: Pat
         assert reader.message_count == result.message_count
 
 
-def test_bag_that_cannot_even_be_closed_says_so(
-    tmp_path: Path, types: Definitions, maker: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    bag = BagWriter(tmp_path / "bag", types)
-    bag.register("/a", JOINTS)
-    bag.write("/a", 1, maker.serialized(JOINTS))
-    monkeypatch.setattr(Writer, "close", full)
-    monkeypatch.setattr("rf_pointing.report.bag_writer.complete", full)
-    monkeypatch.setattr("rf_pointing.report.bag_writer._write_metadata", full)
-    result = bag.close()
-    assert "not readable: [Errno 28] No space left on device" in result.problem
-    assert "metadata.yaml could not be written" in result.problem
-    assert [(item.topic, item.count) for item in result.lost] == [("/a", 1)]
-
-
 def test_a_rescued_bag_without_a_message_begins_at_zero_and_has_no_length(
     tmp_path: Path, types: Definitions, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -46,7 +46,7 @@ def test_unknown_type_is_named(types: Definitions) -> None:
 
 
 def test_folder_without_interfaces_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="is no interface package"):
+    with pytest.raises(ValueError, match="is not an interface package"):
         definitions(tmp_path)
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rf_pointing.report.html import _clock, number, render
+from rf_pointing.report.html import number, render
 
 
 @pytest.mark.parametrize(
@@ -22,11 +22,6 @@ from rf_pointing.report.html import _clock, number, render
 )
 def test_numbers_have_three_figures_and_no_powers_of_ten(value: float | None, shown: str) -> None:
     assert number(value) == shown
-
-
-@pytest.mark.parametrize("utc", ["2026-06-26T01:02:03.456Z", "2026-06-26T01:02:03Z"])
-def test_times_have_whole_seconds_and_no_letters(utc: str) -> None:
-    assert _clock(utc) == "2026-06-26 01:02:03"
 
 
 def page_of_table(head: tuple[str, ...], *rows: tuple[str | float | None, ...]) -> str:

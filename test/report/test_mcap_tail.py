@@ -1,6 +1,5 @@
 """Closing MCAP files that were cut short, and copying what is intact of damaged ones."""
 
-import io
 import shutil
 import struct
 from collections.abc import Iterator
@@ -12,7 +11,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
-from rf_pointing.report.mcap_tail import _records, complete, salvage
+from rf_pointing.report.mcap_tail import complete, salvage
 
 COUNT = 2_000
 
@@ -295,11 +294,3 @@ def test_a_file_with_a_damaged_begin_or_index_cannot_be_salvaged(marked: Path, t
     (tmp_path / "damaged.mcap").write_bytes(data)
     with pytest.raises(ValueError, match=r"begin as an MCAP file|summary of the file is damaged"):
         salvage(tmp_path / "damaged.mcap", tmp_path / "copy.mcap")
-
-
-@pytest.mark.parametrize(("kept", "whole"), [(5, 1), (4, 0), (0, 0)])
-def test_a_record_whose_length_goes_beyond_the_file_is_none(kept: int, whole: int) -> None:
-    first = struct.pack("<BQ", 3, 2) + b"ab"
-    second = struct.pack("<BQ", 4, 5) + bytes(range(kept))
-    found = list(_records(io.BytesIO(first + second)))
-    assert found == [(3, 0, b"ab"), (4, len(first), bytes(range(5)))][: 1 + whole]

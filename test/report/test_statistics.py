@@ -7,7 +7,6 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ import pytest
 from rf_pointing.report.analysis import analyse, timeline, tracked_pass
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.recording import Recording, read_recording
-from rf_pointing.report.statistics import AxisMotion, _bag, axis_motion, servo, summarize
+from rf_pointing.report.statistics import AxisMotion, axis_motion, servo, summarize
 from rf_pointing.report.summary import ErrorStatistics, Summary, to_json
 from rf_pointing.report.topics import TopicData
 
@@ -213,34 +212,6 @@ def test_tick_lateness_and_leads(summary: Summary) -> None:
     assert (summary.commands.lead_min_s, summary.commands.lead_median_s) == pytest.approx((0.8, 0.8))
     assert summary.commands.servo_lead_min_s == pytest.approx(0.7)
     assert (summary.commands.rejected, summary.commands.last_rejection) == (1, "stale stamp")
-
-
-class Rows(list[int]):
-    """Messages of a topic by the ns at which they were recorded, without stamps."""
-
-    stamp_ns = None
-
-    @property
-    def log_time_ns(self) -> np.ndarray:
-        return np.array(self)
-
-
-@pytest.mark.parametrize(
-    ("topics", "wall_s", "count"),
-    [
-        ([[5 * 10**9, 6 * 10**9, 9 * 10**9], [7 * 10**9], []], 4.0, 4),
-        ([[5 * 10**9, 6 * 10**9], [3 * 10**9]], 3.0, 3),
-        ([[], []], None, 0),
-        ([], None, 0),
-    ],
-)
-def test_a_recording_lasts_from_its_first_message_to_its_last(
-    topics: list[list[int]], wall_s: float | None, count: int
-) -> None:
-    named = {str(number): Rows(times) for number, times in enumerate(topics)}
-    recording = SimpleNamespace(topics=named, get=lambda _: None, path="bag", namespace="", others={}, notes={})
-    found = _bag(recording)
-    assert (found.wall_s, found.message_count, found.speed, found.start_utc) == (wall_s, count, None, None)
 
 
 def test_speed_and_pass_are_told(summary: Summary) -> None:

@@ -6,8 +6,7 @@ import pytest
 from rf_pointing.calibration import TrackedPass
 from rf_pointing.report import tracking_from_bag as module
 from rf_pointing.report.definitions import definitions
-from rf_pointing.report.topics import TopicData
-from rf_pointing.report.tracking_from_bag import _REFERENCE_COLUMNS, _stretches, tracking_from_bag
+from rf_pointing.report.tracking_from_bag import tracking_from_bag
 
 from .conftest import MDEG, MSG_DEFS, SyntheticRun
 
@@ -93,32 +92,6 @@ def test_what_is_no_recording_is_refused_by_its_path(tmp_path):
 def test_a_missing_topic_is_named(tmp_path, types):
     with pytest.raises(ValueError, match="holds no message of target"):
         tracking_from_bag(bag(tmp_path, types, left_out={"target"}), "gs1", "X")
-
-
-def targets(t_s, names, azimuth_rad):
-    """Messages of a target at these times, all else constant."""
-    columns = {name: np.full(len(t_s), 0.5) for name in _REFERENCE_COLUMNS.values()}
-    columns |= {"target": np.array(names), "azimuth": np.array(azimuth_rad)}
-    stamps = 1_700_000_000 * 10**9 + np.round(np.array(t_s) * 1e9).astype(np.int64)
-    return TopicData("/gs1/target", "", stamps, stamps, None, columns)
-
-
-def test_a_target_is_followed_for_as_long_as_its_name_and_without_a_gap_of_120_s():
-    times = [0.0, 110.0, 231.0, 232.0, 233.0, 234.0, 235.0, 235.0, 400.0]
-    names = ["A", "A", "A", "A", "B", "A", "A", "A", "A"]
-    found = _stretches(targets(times, names, np.linspace(6.0, 6.8, 9) % 6.4))
-    assert [(name, (track.t_s - 1_700_000_000.0).tolist()) for name, track in found] == [
-        ("A", [0.0, 110.0]), ("A", [231.0, 232.0]), ("A", [234.0, 235.0]),
-    ]  # fmt: skip
-    # Over north without a jump, each with its own message's angle.
-    assert found[0][1].azimuth_rad.tolist() == pytest.approx([6.0, 6.1])
-    assert found[2][1].azimuth_rad.tolist() == pytest.approx([0.1, 0.2])
-
-
-def test_messages_out_of_order_are_no_gap_and_lie_in_order_of_their_stamps():
-    ((name, track),) = _stretches(targets([0.0, 2.0, 1.0], ["A"] * 3, [6.2, 6.4 - 2 * np.pi, 6.3 - 2 * np.pi]))
-    assert (name, (track.t_s - 1_700_000_000.0).tolist()) == ("A", [0.0, 1.0, 2.0])
-    assert track.azimuth_rad.tolist() == pytest.approx([6.2, 6.3, 6.4])
 
 
 def test_errors_of_sensors_of_other_packages_are_known(tmp_path, types, monkeypatch):

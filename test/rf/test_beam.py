@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from scipy.special import j0, jv
+from scipy.special import j0
 
 from rf_pointing.core import MDEG, MU
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, Beam, BeamParams
-from rf_pointing.rf.beam import _u_per_beamwidth
 
 PATTERNS = ("gaussian", "uniform", "tapered")
 EXACT = 1e-12
@@ -99,11 +98,3 @@ def test_impossible_beams_are_refused(change: dict[str, object], message: str) -
 def test_unknown_band_is_refused_by_name() -> None:
     with pytest.raises(ValueError, match="band='Q' must be one of S, X, Ka"):
         BeamParams.for_band("Q")
-
-
-def test_half_power_of_the_uniform_aperture_is_where_airy_put_it() -> None:
-    """(2 J1(u) / u)^2 = 1/2 at 1.6163399, and twice that is a beamwidth."""
-    assert _u_per_beamwidth(1.0, 1) == pytest.approx(2.0 * 1.61633995, rel=1e-8)
-    # Without an edge a parabola has 8 J2(u) / u^2, half of whose power is at 1.9849 / 1.6163 of that.
-    half = brentq(lambda u: (8.0 * jv(2, u) / u**2) ** 2 - 0.5, 1.0, 3.0)
-    assert _u_per_beamwidth(0.0, 1) == pytest.approx(2.0 * half, rel=1e-10)

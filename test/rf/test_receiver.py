@@ -5,12 +5,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 from rf_pointing.core import MDEG, MonopulseCluster, random_stream
 from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver, ReceiverParams
 from rf_pointing.rf.noise import BOLTZMANN_J_K
-from rf_pointing.rf.receiver import ReceiverState, _mean_from_quartile, noise_variance
+from rf_pointing.rf.receiver import ReceiverState, noise_variance
 
 SAMPLE_S = 0.02
 BEAM = BeamParams.for_band("Ka")
@@ -34,12 +33,6 @@ def test_receiver_measures_its_own_carrier_to_noise(level_db_hz: float) -> None:
     measured = [take(receiver, k, level_db_hz).carrier_to_noise_db_hz for k in range(400)]
     # 400 clusters: the mean is known to 0.05 dB, the noise average settles within 0.3 dB.
     assert np.mean(measured[100:]) == pytest.approx(level_db_hz, abs=0.3)
-
-
-@pytest.mark.parametrize("freedom", [4.0, 8.0, 40.0])
-def test_the_mean_of_a_chi_squared_is_told_from_its_lower_quartile(freedom: float) -> None:
-    values = chi2.ppf((np.arange(4001) + 0.5) / 4001, freedom) / freedom
-    assert _mean_from_quartile(tuple(3.0 * values), freedom) == pytest.approx(3.0, rel=0.01)
 
 
 class Louder:

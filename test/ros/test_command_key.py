@@ -1,7 +1,6 @@
 """Only who has the key commands the antenna; every part of a command is signed."""
 
 import fcntl
-import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +13,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN
 
-TOPIC, NAME = "/gs1/joint_trajectory", "/gs1/pointing_controller"
+TOPIC, NAME, NOW_S = "/gs1/joint_trajectory", "/gs1/pointing_controller", 1_200_000_000.0
 
 
 def key_at(path: Path, topic: str = TOPIC) -> CommandKey:
@@ -28,15 +27,18 @@ def command() -> JointTrajectory:
     return message
 
 
+def signed(key: CommandKey) -> JointTrajectory:
+    message = command()
+    key.sign(message, NAME)
+    return message
+
+
 def test_the_first_of_both_nodes_makes_the_key_and_the_other_reads_it(tmp_path: Path) -> None:
     path = tmp_path / "gs1" / "command.key"
     sender, receiver = key_at(path), key_at(path)
     assert path.stat().st_mode & 0o777 == 0o600
     assert len(path.read_text()) == 65
-    message = command()
-    sender.sign(message, NAME)
-    assert receiver.check(message) == NAME
-    assert key_at(path).check(message) == NAME, "after a restart"
+    assert receiver.check(signed(sender)) == key_at(path).check(signed(sender)) == NAME
 
 
 CHANGES: dict[str, Callable[[JointTrajectory], object]] = {
@@ -58,173 +60,137 @@ CHANGES: dict[str, Callable[[JointTrajectory], object]] = {
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_a_changed_command_is_a_conflict(tmp_path: Path, change: str) -> None:
-    key, message = key_at(tmp_path / "key"), command()
-    key.sign(message, NAME)
+def test_a_changed_command_is_a_conflict_for_ten_seconds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: str
+) -> None:
+    now = [1000.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    key = key_at(tmp_path / "key")
+    message = signed(key)
     CHANGES[change](message)
     with pytest.raises(
         ValueError, match="conflict: a command in the name of /gs[12]/pointing_controller is not signed"
     ):
         key.check(message)
-    assert key.foreign == 1
-    assert key.health([]).level == ERROR
+    for seconds, level in ((9.9, ERROR), (0.2, OK)):
+        now[0] += seconds
+        health = key.health([])
+        assert (health.level, health.values["foreign_commands"], health.values["signed"]) == (level, 1, True)
 
 
-def test_the_key_of_another_antenna_or_topic_is_none(tmp_path: Path) -> None:
-    mine, message = key_at(tmp_path / "key"), command()
+def test_the_key_of_another_antenna_or_topic_is_refused(tmp_path: Path) -> None:
+    mine = key_at(tmp_path / "key")
     for other in (key_at(tmp_path / "other"), key_at(tmp_path / "key", "/gs2/joint_trajectory")):
-        other.sign(message, NAME)
         with pytest.raises(ValueError, match="not signed with the key of this antenna"):
-            mine.check(message)
+            mine.check(signed(other))
 
 
 def test_without_a_key_every_name_is_taken_and_a_second_publisher_is_shown() -> None:
-    key, message = CommandKey(CommandKeyParams(), TOPIC), command()
-    key.sign(message, NAME)
-    assert key.check(message) == message.header.frame_id == NAME
-    one, two = (SimpleNamespace(node_namespace=space, node_name="pointing_controller") for space in ("/gs1", "/"))
-    assert (key.health([]).level, key.health([one]).level) == (OK, OK)
-    health = key.health([one, two])
-    assert health.level == WARN
-    assert health.message == f"2 publishers of {TOPIC}: /gs1/pointing_controller, /pointing_controller"
+    key, nodes = CommandKey(CommandKeyParams(), TOPIC), ["/gs1/pointing_controller", "/gs1/rotctld_server", "/own"]
+    assert key.check(signed(key)) == signed(key).header.frame_id == NAME
+    parts = [name.rpartition("/") for name in nodes]
+    one, server, other = (SimpleNamespace(node_namespace=space, node_name=name) for space, _, name in parts)
+    for publishers, level, message in (
+        ([], OK, "no commander"), ([one], OK, "one commander"), ([one, server], OK, "one commander"),
+        ([one, other], WARN, f"2 publishers of {TOPIC}: /gs1/pointing_controller, /own"),
+    ):  # fmt: skip
+        health = key.health(publishers)
+        assert (health.level, health.message) == (level, message)
+    assert key.health([server, one]).values["publishers"] == "/gs1/pointing_controller, /gs1/rotctld_server"
 
 
-def test_a_key_that_others_can_read_or_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_a_key_file_that_others_can_read_or_that_holds_no_key_is_refused(tmp_path: Path) -> None:
     shown, short, link = (tmp_path / name for name in ("shown", "short", "link"))
     key_at(shown)
     shown.chmod(0o640)
-    with pytest.raises(ValueError, match="shown can be read by others; chmod 600"):
+    with pytest.raises(ValueError, match="shown can be read by others: chmod 600"):
         key_at(shown)
-    short.write_text("abc")
-    short.chmod(0o600)
-    with pytest.raises(ValueError, match="must hold 64 hexadecimal digits"):
-        key_at(short)
+    short.touch(0o600)
+    key_at(short)
+    assert len(short.read_text()) == 65, "an empty file gets a key"
+    short.write_text(f"  {short.read_text()}\n\n")
+    key_at(short)
+    for text in ("abc", short.read_text().strip() + "00"):
+        short.write_text(text)
+        with pytest.raises(ValueError, match="must hold 64 hexadecimal digits"):
+            key_at(short)
     link.symlink_to(tmp_path / "elsewhere")
     with pytest.raises(ValueError, match="link cannot be used"):
         key_at(link)
-    assert not os.path.exists(tmp_path / "elsewhere")
+    assert not (tmp_path / "elsewhere").exists()
 
 
-def call_at(key: CommandKey, stamp_s: float, monkeypatch: pytest.MonkeyPatch, body: int = 1) -> SignedCall.Request:
-    call = SignedCall.Request(service="/gs1/antenna_servo/park", caller=NAME, request=[0, body])
-    with monkeypatch.context() as then:
-        then.setattr(time, "time", lambda: stamp_s)
-        key.sign_call(call)
-    assert call.stamp.sec == int(stamp_s)
-    return call
+class Calls:
+    """Signed calls, on a clock of the test; the key is from 100 s before."""
+
+    def __init__(self, path: Path, patch: pytest.MonkeyPatch) -> None:
+        self.patch = patch
+        self.at(-100.0)
+        self.key = key_at(path)
+        self.at(0.0)
+
+    def at(self, seconds: float) -> None:
+        self.patch.setattr(time, "time", lambda: NOW_S + seconds)
+
+    def call(self, body: int = 1) -> SignedCall.Request:
+        call = SignedCall.Request(service="/gs1/antenna_servo/park", caller=NAME, request=[0, body])
+        self.key.sign_call(call)
+        return call
+
+
+@pytest.fixture
+def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Calls:
+    return Calls(tmp_path / "key", monkeypatch)
 
 
 @pytest.mark.parametrize(
     ("age_s", "words"), [(9.9, ""), (10.1, "is 10.1 s old"), (-9.9, ""), (-10.1, "is -10.1 s old")]
 )
-def test_a_call_is_taken_within_ten_seconds_of_its_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, age_s: float, words: str
-) -> None:
-    now_s = 1_200_000_000.0
-    monkeypatch.setattr(time, "time", lambda: now_s - 100.0)
-    key = key_at(tmp_path / "key")
-    call = call_at(key, now_s - age_s, monkeypatch)
-    monkeypatch.setattr(time, "time", lambda: now_s)
-    if words:
-        with pytest.raises(ValueError, match=f"the call of {NAME} {words}"):
-            key.check_call(call)
-    else:
-        key.check_call(call)
-        with pytest.raises(ValueError, match=f"the call of {NAME} was sent before"):
-            key.check_call(call)
+def test_a_call_is_taken_once_within_ten_seconds_of_its_time(calls: Calls, age_s: float, words: str) -> None:
+    calls.at(-age_s)
+    call, other = calls.call(), calls.call(2)
+    calls.at(0.0)
+    if not words:
+        calls.key.check_call(call)
+        calls.key.check_call(other)
+    for _ in range(2):
+        with pytest.raises(ValueError, match=f"the call of {NAME} {words or 'was sent before'}"):
+            calls.key.check_call(call)
 
 
-def test_calls_are_remembered_as_long_as_they_could_be_sent_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    now_s = 1_200_000_000.0
-    monkeypatch.setattr(time, "time", lambda: now_s - 100.0)
-    key = key_at(tmp_path / "key")
-    monkeypatch.setattr(time, "time", lambda: now_s)
-    first, second = (call_at(key, now_s, monkeypatch, body) for body in (1, 2))
-    key.check_call(first)
-    monkeypatch.setattr(time, "time", lambda: now_s + 9.0)
-    key.check_call(second)
-    for call in (first, second):
-        with pytest.raises(ValueError, match="was sent before"):
-            key.check_call(call)
-    assert len(key._taken) == 2
-    monkeypatch.setattr(time, "time", lambda: now_s + 10.5)
-    key.check_call(call_at(key, now_s + 10.0, monkeypatch))
-    assert len(key._taken) == 1
+def test_a_call_is_remembered_as_long_as_it_could_be_sent_again(calls: Calls) -> None:
+    call = calls.call()
+    for seconds in (0.0, 9.9):
+        calls.at(seconds)
+        calls.key.check_call(calls.call(2))
+    calls.at(0.0)
+    calls.key.check_call(call)
+    calls.at(9.9)
+    calls.key.check_call(calls.call(3))
+    with pytest.raises(ValueError, match="was sent before"):
+        calls.key.check_call(call)
 
 
 def test_a_call_of_before_the_start_is_refused_and_without_a_key_everything_is_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    calls: Calls, tmp_path: Path
 ) -> None:
-    now_s = 1_200_000_000.0
-    monkeypatch.setattr(time, "time", lambda: now_s)
-    key = key_at(tmp_path / "key")
+    calls.at(-101.0)
+    call = calls.call()
+    calls.at(-100.0)
     with pytest.raises(ValueError, match="was sent before"):
-        key.check_call(call_at(key, now_s - 1.0, monkeypatch))
-    call = call_at(key_at(tmp_path / "other"), now_s, monkeypatch)
+        calls.key.check_call(call)
     with pytest.raises(ValueError, match=f"a call in the name of {NAME} is not signed with the key"):
-        key.check_call(call)
-    assert key.signed
+        key_at(tmp_path / "other").check_call(call)
     none = CommandKey(CommandKeyParams())
     none.check_call(call)
-    assert not none.signed
-
-
-def test_a_conflict_is_an_error_for_ten_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [1000.0]
-    monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    key = key_at(tmp_path / "key")
-    assert key.health([]).level == OK
-    for _ in range(2):
-        with pytest.raises(ValueError, match="conflict"):
-            key.check(command())
-    now[0] += 9.9
-    health = key.health([])
-    assert (health.level, health.values["foreign_commands"], health.values["signed"]) == (ERROR, 2, True)
-    now[0] += 0.2
-    assert key.health([]).level == OK
-
-
-def test_one_commander_and_the_server_of_rotctld_are_no_conflict() -> None:
-    key = CommandKey(CommandKeyParams(), TOPIC)
-    one, server, other = (
-        SimpleNamespace(node_namespace="/gs1", node_name=name)
-        for name in ("pointing_controller", "rotctld_server", "own")
-    )
-    assert key.health([]).message == "no commander"
-    assert key.health([one, server]).message == "one commander"
-    assert key.health([one, server]).values["publishers"] == "/gs1/pointing_controller, /gs1/rotctld_server"
-    assert key.health([one, server, other]).level == WARN
-
-
-def test_the_longest_key_file_that_is_read_holds_a_key_and_white_space(tmp_path: Path) -> None:
-    path = tmp_path / "key"
-    key_at(path)
-    path.write_text(f"  {path.read_text()}\n\n")
-    key_at(path)
-    path.write_text(path.read_text().strip() + "00")
-    with pytest.raises(ValueError, match="must hold 64 hexadecimal digits"):
-        key_at(path)
-    path.write_text("")
-    key_at(path)
-    assert len(path.read_text()) == 65, "an empty file gets a key"
+    assert (calls.key.signed, none.signed) == (True, False)
 
 
 def test_of_two_nodes_that_start_at_once_the_second_waits_for_the_first_ones_key(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, first = tmp_path / "state" / "gs1" / "command.key", "ab" * 32
-    locks: list[int] = []
-
-    def waited(_file: object, how: int) -> None:
-        locks.append(how)
-        path.write_text(first)
-
-    monkeypatch.setattr(fcntl, "flock", waited)
+    monkeypatch.setattr(fcntl, "flock", lambda _file, how: path.write_text(first) if how == fcntl.LOCK_EX else None)
     second = key_at(path)
-    assert locks == [fcntl.LOCK_EX]
     assert path.read_text() == first
-    message = command()
-    second.sign(message, NAME)
-    assert key_at(path).check(message) == NAME
+    assert key_at(path).check(signed(second)) == NAME

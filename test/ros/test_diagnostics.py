@@ -6,52 +6,49 @@ from typing import Any
 from rclpy.clock import ClockType
 
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Diagnostics, EventLog, Health
+from rf_pointing.station.pointing.status import Level, Report
 
 
-class Caught:
-    """Stands for the publisher."""
-
-    def __init__(self) -> None:
-        self.arrays: list[Any] = []
-
-    def publish(self, array: Any) -> None:
-        self.arrays.append(array)
-
-
-def published(node: Any, **checks: Callable[[], Health]) -> list[Any]:
-    diagnostics = Diagnostics(node)
+def published(node: Any, **checks: Callable[[], Health]) -> Any:
+    """Return the array that is published of some checks."""
+    diagnostics, found = Diagnostics(node), list[Any]()
     for name, check in checks.items():
         diagnostics.add(name, check)
-    diagnostics._publisher = caught = Caught()
+    (publisher,) = (each for each in node.publishers if each.topic_name == "/diagnostics")
+    publisher.publish = found.append
     diagnostics.publish()
-    (array,) = caught.arrays
-    return list(array.status)
+    return found[0]
 
 
 def test_a_check_gives_a_status_with_name_level_message_and_values(make_node: Callable[..., Any]) -> None:
-    (status,) = published(make_node(), drive=lambda: Health(WARN, "at its limit", {"axis": "azimuth", "count": 3}))
-    assert status.name == "test/subject: drive"
-    assert status.hardware_id == "/test/subject"
+    node = make_node()
+    array = published(node, drive=lambda: Health(WARN, "at its limit", {"axis": "azimuth", "count": 3}))
+    (status,) = array.status
+    assert (status.name, status.hardware_id) == ("test/subject: drive", "/test/subject")
     assert (status.level, status.message) == (WARN, "at its limit")
     assert [(value.key, value.value) for value in status.values] == [("axis", "azimuth"), ("count", "3")]
+    assert abs(array.header.stamp.sec - node.get_clock().now().nanoseconds // 10**9) <= 1
+    (timer,) = node.timers
+    assert (timer.timer_period_ns, timer.clock.clock_type) == (1_000_000_000, ClockType.STEADY_TIME)
 
 
 def test_a_check_that_cannot_be_made_is_an_error_and_hides_no_other(make_node: Callable[..., Any]) -> None:
     def broken() -> Health:
         raise ValueError("t_s=3 is outside the elements")
 
-    first, second = published(make_node(), broken=broken, fine=Health)
+    first, second = published(make_node(), broken=broken, fine=Health).status
     assert (first.level, first.message) == (ERROR, "t_s=3 is outside the elements")
     assert (second.level, second.message) == (OK, "ok")
 
 
-def test_health_objects_share_no_values() -> None:
-    Health().values["x"] = 1
-    assert Health().values == {}
-
-
-def test_they_go_to_the_absolute_topic(make_node: Callable[..., Any]) -> None:
-    assert Diagnostics(make_node())._publisher.topic_name == "/diagnostics"
+def test_the_report_of_a_part_without_ros_is_one_of_the_checks(make_node: Callable[..., Any]) -> None:
+    node = make_node()
+    diagnostics, found = Diagnostics(node), list[Any]()
+    diagnostics.add_report("drive", lambda: Report(Level.WARN, "slow", {"rate": 1}))
+    next(each for each in node.publishers if each.topic_name == "/diagnostics").publish = found.append
+    diagnostics.publish()
+    (status,) = found[0].status
+    assert (status.level, status.message, status.values[0].value) == (WARN, "slow", "1")
 
 
 def test_an_event_is_news_once_whatever_its_numbers_until_a_minute_of_silence() -> None:
@@ -83,13 +80,3 @@ def test_the_longest_silent_of_two_hundred_events_is_forgotten() -> None:
     assert not events.is_news("subject 0", "x", 4.0)
     assert not events.is_news("subject 2", "x", 4.0)
     assert events.is_news("subject 1", "x", 4.0), "the one that was silent the longest"
-
-
-def test_they_are_published_each_second_with_the_time_of_the_node(make_node: Callable[..., Any]) -> None:
-    node = make_node()
-    diagnostics = Diagnostics(node)
-    assert diagnostics._timer.timer_period_ns == 1_000_000_000
-    assert diagnostics._timer.clock.clock_type == ClockType.STEADY_TIME
-    diagnostics._publisher = caught = Caught()
-    diagnostics.publish()
-    assert abs(caught.arrays[0].header.stamp.sec - node.get_clock().now().nanoseconds // 10**9) <= 1

@@ -12,7 +12,8 @@ import pytest
 
 import rf_pointing
 from rf_pointing.ros.graph import ARRAY_NODES, DESCRIPTION, NODES, STATION_NODES
-from rf_pointing.station.description import read_station, urdf
+from rf_pointing.station.description import read_station
+from rf_pointing.station.description.urdf import urdf
 
 FOLDER = Path(__file__).parents[2] / "launch"
 

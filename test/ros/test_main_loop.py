@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -11,9 +12,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import rclpy
 
 from rf_pointing.ros import main_loop
 from rf_pointing.ros.main_loop import InstanceLock, last_holder, open_private, private_folder, take_priority
+from rf_pointing.ros.managed import ManagedNode
 
 
 @pytest.fixture(autouse=True)
@@ -78,21 +81,25 @@ def test_locks_lie_in_the_user_s_runtime_directory_and_are_the_user_s_alone(tmp_
     assert lock.path.parent.stat().st_mode & 0o777 == 0o700
 
 
-def test_without_a_runtime_directory_locks_lie_in_the_temporary_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("fault", ["missing", "owner", "closed"])
+def test_without_a_runtime_directory_of_the_user_locks_lie_in_the_temporary_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str
 ) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "nowhere"))
-    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "temporary"))
     stat = os.stat
 
-    def no_session(path: str, **options: object) -> os.stat_result:
-        if str(path).startswith("/run/user"):
+    def found(path: Any, **options: Any) -> Any:
+        if Path(str(path)) not in (tmp_path, Path(f"/run/user/{os.getuid()}")):
+            return stat(path, **options)
+        if fault == "missing":
             raise FileNotFoundError(2, "none", path)
-        return stat(path, **options)
+        return SimpleNamespace(st_uid=os.getuid() + (fault == "owner"))
 
-    monkeypatch.setattr(os, "stat", no_session)
+    monkeypatch.setattr(os, "stat", found)
+    monkeypatch.setattr(os, "access", lambda _path, mode: mode == os.W_OK and fault != "closed")
     lock = InstanceLock(NAME)
-    assert lock.path.parent == tmp_path / f"rf_pointing-{os.getuid()}"
+    assert lock.path.parent == tmp_path / "temporary" / f"rf_pointing-{os.getuid()}"
     lock.release()
 
 
@@ -121,12 +128,6 @@ def test_a_folder_that_is_a_link_or_somebody_else_s_is_refused(tmp_path: Path, m
     monkeypatch.setattr(os, "getuid", lambda: 12345)
     with pytest.raises(RuntimeError, match="belongs to user [0-9]+, must belong to 12345"):
         private_folder(tmp_path / "elsewhere")
-
-
-def test_a_pipe_in_the_place_of_a_file_does_not_hold_a_node_up(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(RuntimeError, match="must be a file of user"):
-        open_private(tmp_path / "pipe", os.O_RDWR)
 
 
 def test_a_priority_that_is_not_permitted_is_told_and_nice_is_next(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -189,84 +190,70 @@ class Node:
     def __init__(self, deaf_after: int = 0, raises: tuple[str, ...] = ()) -> None:
         self.did: list[str] = []
         self.failure: Exception | None = None
-        self.raises, self.turns, self._deaf_after = raises, 0, deaf_after
+        self.raises, self.turns, self.deaf_after = raises, 0, deaf_after
         self.lock = SimpleNamespace(release=lambda: self.did.append("release"))
 
     @property
-    def hearing(self) -> Any:
-        deaf = bool(self._deaf_after) and self.turns >= self._deaf_after
+    def input_watchdog(self) -> Any:
+        deaf = bool(self.deaf_after) and self.turns >= self.deaf_after
         return SimpleNamespace(deaf="nothing has been received" if deaf else "")
 
-    def _do(self, name: str) -> None:
+    def do(self, name: str) -> None:
         self.did.append(name)
-        if name in self.raises:
-            raise RuntimeError(f"{name} has failed")
+        if name.partition(" ")[0] in self.raises:
+            raise RuntimeError(f"{name.partition(' ')[0]} has failed")
 
     def bring_up(self) -> None:
-        self._do("bring_up")
+        self.do("bring_up")
 
     def turn(self) -> float:
         self.turns += 1
         return 0.1 * self.turns
 
     def fail(self, reason: str) -> None:
-        self.did.append(f"fail {reason}")
-        if "fail" in self.raises:
-            raise RuntimeError("fail has failed")
+        self.do(f"fail {reason}")
 
     def end(self) -> None:
-        self._do("end")
+        self.do("end")
 
     def destroy_node(self) -> None:
-        self.did.append("destroy")
+        self.do("destroy")
 
     def survived(self, where: str, error: Exception) -> None:
-        self.did.append(f"survived {where}: {error}")
+        self.do(f"survived {where}: {error}")
 
     def get_logger(self) -> Any:
         return SimpleNamespace(fatal=lambda words: self.did.append(f"fatal {words.splitlines()[0]}"))
 
 
 class Executor:
-    """Spins without ROS; after `rounds` a signal has come."""
+    """Spins without ROS; after `rounds` a signal has come.  `failed` is a node whose periodic work raises."""
 
     def __init__(
-        self, signals: list[int], rounds: int, error: Exception | None = None, node: Node | None = None
+        self, signals: list[int], rounds: int, error: Exception | None = None, failed: Node | None = None
     ) -> None:
-        self._signals, self._rounds, self._error, self._node = signals, rounds, error, node
+        self.signals, self.rounds, self.error, self.failed = signals, rounds, error, failed
         self.waits: list[float] = []
 
     def spin_once(self, timeout_sec: float) -> None:
         self.waits.append(timeout_sec)
-        if len(self.waits) == self._rounds:
-            self._signals.append(2)
-        if self._error is not None:
-            if self._node is not None:
-                self._node.failure = self._error
-            raise self._error
-
-    def add_node(self, _node: Any) -> None:
-        pass
-
-    def shutdown(self) -> None:
-        pass
+        if len(self.waits) == self.rounds:
+            self.signals.append(2)
+        if self.error is not None:
+            if self.failed is not None:
+                self.failed.failure = self.error
+            raise self.error
 
 
-def test_a_signal_ends_the_loop_and_the_node_once() -> None:
-    signals: list[int] = []
-    node, executor = Node(), Executor(signals, 3)
-    assert main_loop._work(node, executor, signals) == ""
+def test_the_loop_turns_and_waits_until_a_signal_or_the_node_is_deaf() -> None:
+    node, executor = Node(), Executor(signals := [], 3)
+    assert main_loop.work(node, executor, signals) == ""
     assert executor.waits == pytest.approx([0.1, 0.2, 0.3])
     assert node.did == ["bring_up", "bring_up", "bring_up", "end"]
-
-
-def test_a_deaf_node_ends_without_a_fault() -> None:
-    signals: list[int] = []
-    node, executor = Node(deaf_after=2), Executor(signals, 9)
-    assert main_loop._work(node, executor, signals) == ""
+    node, executor = Node(deaf_after=2), Executor(signals := [], 9)
+    assert main_loop.work(node, executor, signals) == ""
     assert len(executor.waits) == 2
     assert node.did[-2].startswith("fatal the node ends, and must be started again: nothing has been received")
-    assert node.did[-1] == "end"
 
 
 @pytest.mark.parametrize(
@@ -278,83 +265,52 @@ def test_a_deaf_node_ends_without_a_fault() -> None:
     ],
 )
 def test_an_error_of_the_node_s_own_work_is_a_failure(raises: tuple[str, ...], failure: str, ends: list[str]) -> None:
-    signals: list[int] = []
     node = Node(raises=raises)
-    assert main_loop._work(node, Executor(signals, 1), signals) == failure
-    done = [each for each in node.did if not each.startswith(("fatal", "bring_up"))]
-    assert done == ends
+    assert main_loop.work(node, Executor(signals := [], 1), signals) == failure
+    assert [each for each in node.did if not each.startswith(("fatal", "bring_up"))] == ends
     assert f"fatal the node ends after a controlled stop, please report it: {failure}" in node.did
 
 
 def test_an_error_of_a_callback_is_survived_and_one_of_periodic_work_is_not() -> None:
-    signals: list[int] = []
     node = Node()
-    assert main_loop._work(node, Executor(signals, 2, ValueError("no time")), signals) == ""
+    assert main_loop.work(node, Executor(signals := [], 2, ValueError("no time")), signals) == ""
     assert node.did == ["bring_up", "survived a callback: no time"] * 2 + ["end"]
-    node, error = Node(), KeyError("gone")
-    executor = Executor(signals := [], 5, error, node)
-    assert main_loop._work(node, executor, signals) == "KeyError: 'gone'"
-    assert len(executor.waits) == 1
-    assert node.did[-2:] == ["fail KeyError: 'gone'", "end"]
+    node = Node()
+    executor = Executor(signals := [], 5, KeyError("gone"), node)
+    assert main_loop.work(node, executor, signals) == "KeyError: 'gone'"
+    assert (len(executor.waits), node.did[-2:]) == (1, ["fail KeyError: 'gone'", "end"])
 
 
-@pytest.mark.parametrize(("given", "code"), [({}, None), ({"deaf_after": 1}, 3), ({"raises": ("end",)}, 1)])
-def test_the_exit_code_of_a_node_says_how_it_ended(
-    monkeypatch: pytest.MonkeyPatch, given: dict[str, Any], code: int | None
+@pytest.mark.parametrize(("given", "code"), [("", None), ("deaf", 3), ("work", 1)])
+def test_the_exit_code_of_a_process_says_how_it_ended(
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch, given: str, code: int | None
 ) -> None:
-    done: list[str] = []
-    node, executor = Node(**given), Executor([], 0)
-    handlers: dict[int, Any] = {}
-    monkeypatch.setattr(sys, "argv", ["node", "--ros-args", "-p", "x:=1"])
-    monkeypatch.setattr(
-        main_loop.rclpy, "init", lambda **options: done.append(f"init {options['signal_handler_options']}")
-    )
-    monkeypatch.setattr(main_loop.rclpy, "try_shutdown", lambda: done.append("shutdown"))
-    monkeypatch.setattr(main_loop.signal, "signal", lambda number, handler: handlers.update({number: handler}))
-    monkeypatch.setattr(main_loop, "make_executor", lambda: executor)
-    monkeypatch.setattr(main_loop, "settle_garbage", lambda: done.append("settle"))
-    monkeypatch.setattr(executor, "add_node", lambda each: done.append("add" if each is node else "other"))
-    monkeypatch.setattr(executor, "shutdown", lambda: done.append("executor"))
-    spin = executor.spin_once
+    class Made(ManagedNode):
+        def __init__(self) -> None:
+            super().__init__("made")
 
-    def spun(timeout_sec: float) -> None:
-        spin(timeout_sec)
-        handlers[15](15, None)
+        def turn(self) -> float:
+            os.kill(os.getpid(), signal.SIGTERM)
+            if given == "deaf":
+                self.input_watchdog.deaf = "silent"
+            elif given:
+                raise KeyError(given)
+            return 0.01
 
-    monkeypatch.setattr(executor, "spin_once", spun)
-
-    def made() -> Node:
-        return node
-
-    made.__module__ = __name__
-    if code is None:
-        main_loop.run(made)
-    else:
-        with pytest.raises(SystemExit) as left:
-            main_loop.run(made)
-        assert left.value.code == code
-    assert set(handlers) == {2, 15}
-    assert done[1:] == ["add", "settle", "executor", "shutdown"]
-    assert node.did[-2:] == ["destroy", "release"]
-
-
-def test_a_node_that_refuses_its_start_ends_with_two_and_leaves_no_context(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    done: list[str] = []
-    monkeypatch.setattr(sys, "argv", ["node"])
-    monkeypatch.setattr(main_loop.rclpy, "init", lambda **_: done.append("init"))
-    monkeypatch.setattr(main_loop.rclpy, "try_shutdown", lambda: done.append("shutdown"))
-    monkeypatch.setattr(main_loop.signal, "signal", lambda *_: None)
-
-    def refuses() -> Any:
-        raise RuntimeError("the name is taken, at /tmp/rcl/node.c:217")
-
-    refuses.__module__ = __name__
-    with pytest.raises(SystemExit) as left:
-        main_loop.run(refuses)
-    assert (left.value.code, done) == (2, ["init", "shutdown"])
-    assert capsys.readouterr().err == "rf_pointing: not started: the name is taken\n"
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    monkeypatch.setattr(sys, "argv", ["node", "--ros-args", "-p", "lifecycle.autostart:=true"])
+    kept = signal.getsignal(signal.SIGTERM)
+    try:
+        if code is None:
+            main_loop.run(Made)
+        else:
+            with pytest.raises(SystemExit) as left:
+                main_loop.run(Made)
+            assert left.value.code == code
+    finally:
+        signal.signal(signal.SIGTERM, kept)
+    assert not rclpy.ok()
+    InstanceLock("/made").release()
 
 
 @pytest.mark.parametrize("word", ["-h", "--help"])
@@ -363,20 +319,9 @@ def test_help_is_given_beside_other_arguments(
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["node", "other", word])
     with pytest.raises(SystemExit) as left:
-        main_loop._take_arguments("what it does")
+        main_loop.run(Node)
     assert left.value.code == 0
-    assert capsys.readouterr().out.startswith("what it does\nusage: ")
-
-
-def test_arguments_of_ros_alone_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "argv", ["node", "--ros-args", "-r", "__ns:=/gs1"])
-    main_loop._take_arguments("what it does")
-
-
-@pytest.mark.parametrize("words", [{}, {"ROS_SECURITY_ENABLE": ""}, {"ROS_SECURITY_ENABLE": "false"}])
-def test_known_words_of_security_are_taken(words: dict[str, str]) -> None:
-    main_loop._check_security(words)
-    main_loop._check_security({"ROS_SECURITY_STRATEGY": "Permissive", "ROS_SECURITY_ENABLE": "true"})
+    assert capsys.readouterr().out.startswith(f"{__doc__}\nusage: ")
 
 
 def test_the_file_of_a_lock_holds_the_number_of_its_process_alone(tmp_path: Path) -> None:
@@ -400,50 +345,16 @@ def test_a_holder_without_a_number_is_unknown() -> None:
     lock.release()
 
 
-@pytest.mark.parametrize("fault", ["owner", "closed"])
-def test_a_runtime_directory_of_another_user_or_without_write_is_not_used(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str
-) -> None:
-    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "temporary"))
-    (tmp_path / "temporary").mkdir()
-    found = SimpleNamespace(st_uid=os.getuid() + (fault == "owner"))
-    with monkeypatch.context() as patch:
-        patch.setattr(main_loop.os, "stat", lambda _path: found)
-        patch.setattr(main_loop.os, "access", lambda _path, mode: mode == os.W_OK and fault == "owner")
-        folder = main_loop._runtime_folder()
-    assert folder == tmp_path / "temporary" / f"rf_pointing-{os.getuid()}"
-    with monkeypatch.context() as patch:
-        patch.setenv("XDG_RUNTIME_DIR", "")
-        patch.setattr(main_loop.os, "stat", lambda _path: SimpleNamespace(st_uid=os.getuid()))
-        patch.setattr(main_loop.os, "access", lambda _path, _mode: True)
-        assert main_loop._runtime_folder() == Path(f"/run/user/{os.getuid()}/rf_pointing")
-
-
-def test_a_file_of_a_node_is_not_inherited_by_its_children(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_of_a_node_are_closed_after_a_refusal_and_not_inherited_by_its_children(tmp_path: Path) -> None:
     opened = open_private(tmp_path / "file", os.O_RDWR)
     assert not os.get_inheritable(opened)
     os.close(opened)
     os.mkfifo(tmp_path / "pipe")
-    taken: list[int] = []
-    given_back: list[int] = []
-    take, give_back = os.open, os.close
-
-    def noted(*given: Any, **options: Any) -> int:
-        taken.append(take(*given, **options))
-        return taken[-1]
-
-    def ended(number: int) -> None:
-        given_back.append(number)
-        give_back(number)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(main_loop.os, "open", noted)
-        patch.setattr(main_loop.os, "close", ended)
-        private_folder(tmp_path / "folder")
-        with pytest.raises(RuntimeError, match="without another name"):
-            open_private(tmp_path / "pipe", os.O_RDWR)
-    assert len(taken) == 2
-    assert given_back == taken, "nothing stays open"
+    before = os.listdir("/proc/self/fd")
+    private_folder(tmp_path / "folder")
+    with pytest.raises(RuntimeError, match="must be a file of user [0-9]+ without another name"):
+        open_private(tmp_path / "pipe", os.O_RDWR)
+    assert os.listdir("/proc/self/fd") == before
 
 
 class Linked:

@@ -1,10 +1,11 @@
 """The processes of a graph, their lifecycle, and what ends them, without a network."""
 
-import ctypes
 import math
 import os
 import signal
 import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,10 +15,10 @@ import pytest
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 
-from rf_pointing.ros import managed_graph, repeated_call
+from rf_pointing.ros import managed_graph
 from rf_pointing.ros.main_loop import DEAF
 from rf_pointing.ros.managed_graph import ManagedGraph, NodeProcesses, NotStartedError
-from test.commands.fake_station import Answer, Wall
+from test.ros.fake_station import Answer, Wall
 
 
 class Process:
@@ -73,8 +74,7 @@ class Machine:
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
     machine = Machine()
-    for module in (managed_graph, repeated_call):
-        monkeypatch.setattr(module, "time", machine.wall)
+    machine.wall.rule(monkeypatch)
     fake = SimpleNamespace(
         Popen=machine.start, DEVNULL=subprocess.DEVNULL, STDOUT=subprocess.STDOUT,
         TimeoutExpired=subprocess.TimeoutExpired,
@@ -106,38 +106,50 @@ def test_every_executable_runs_in_its_namespace_with_all_parameter_files(machine
     assert machine["rf_receiver"].arguments[1:] == ["--ros-args", "-r", "__ns:=/gs1", *files, *autostart]
 
 
-@pytest.mark.parametrize(
-    ("on_time", "polite"),
-    [((), set()), (("antenna_servo",), {"receiver", "rf_receiver"}), (("receiver",), {"antenna_servo", "rf_receiver"})],
-)
-def test_what_is_not_on_time_runs_in_the_background(
-    machine: Machine, tmp_path: Path, on_time: tuple[str, ...], polite: set[str]
+SLEEPER = "#!/bin/sh\nexec sleep 60\n"
+
+
+@pytest.fixture
+def sleepers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Install executables that sleep, and return their names."""
+    names = ["antenna_servo", "rf_receiver"]
+    folder = tmp_path / "lib" / "rf_pointing"
+    folder.mkdir(parents=True)
+    for name in names:
+        (folder / name).write_text(SLEEPER)
+        (folder / name).chmod(0o755)
+    monkeypatch.setattr(managed_graph, "get_package_prefix", lambda _: str(tmp_path))
+    return names
+
+
+def test_what_is_not_on_time_runs_in_the_background_and_nothing_in_the_group_of_the_terminal(
+    sleepers: list[str], tmp_path: Path
 ) -> None:
-    NodeProcesses("/gs1", [], tmp_path, on_time).start(["antenna_servo", "rf_receiver", "array/receiver"])
-    background = {
-        each.arguments[0].rpartition("/")[2]
-        for each in machine.made
-        if each.options["preexec_fn"] is managed_graph._bind_in_the_background
-    }
-    assert background == polite
+    own = os.getpriority(os.PRIO_PROCESS, 0)
+    for on_time, niceness in (((), (0, 0)), (("antenna_servo",), (0, managed_graph.NICENESS))):
+        processes = NodeProcesses("/gs1", [], tmp_path, on_time)
+        processes.start(sleepers)
+        ids = [processes.process_id(name) for name in sleepers]
+        assert [os.getpriority(os.PRIO_PROCESS, each) for each in ids] == [min(own + more, 19) for more in niceness]
+        assert [os.getpgid(each) for each in ids] == ids, "Ctrl-C would reach it"
+        processes.stop()
 
 
-def test_a_node_is_bound_to_the_life_of_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C reaches its group no more, and it ends with its parent; in the background it is nicer."""
-    calls: list[tuple[Any, ...]] = []
-    library = SimpleNamespace(prctl=lambda *given: calls.append(("prctl", *given)))
-    fake = SimpleNamespace(
-        setpgid=lambda *given: calls.append(("setpgid", *given)), nice=lambda *given: calls.append(("nice", *given))
+def test_a_node_ends_with_the_process_that_has_started_it(sleepers: list[str], tmp_path: Path) -> None:
+    code = (
+        "import os, sys; from rf_pointing.ros import managed_graph as m; "
+        "m.get_package_prefix = lambda _: sys.argv[1]; from pathlib import Path; "
+        "nodes = m.NodeProcesses('/gs1', [], Path(sys.argv[1])); nodes.start(['antenna_servo']); "
+        "print(nodes.process_id('antenna_servo'), flush=True); os._exit(1)"
     )
-    monkeypatch.setattr(managed_graph, "os", fake)
-    monkeypatch.setattr(ctypes, "CDLL", lambda _: library)
-    monkeypatch.setattr(managed_graph.signal, "signal", lambda *given: calls.append(("signal", *given)))
-    bound = [("signal", signal.SIGINT, signal.SIG_DFL), ("setpgid", 0, 0), ("prctl", 1, signal.SIGTERM)]
-    managed_graph._bind_to_parent()
-    assert calls == bound
-    calls.clear()
-    managed_graph._bind_in_the_background()
-    assert calls == [*bound, ("nice", 10)]
+    started = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True, check=False
+    )
+    node = Path(f"/proc/{int(started.stdout)}/stat")
+    deadline_s = time.monotonic() + 30.0
+    while node.exists() and node.read_text().split()[2] != "Z":
+        assert time.monotonic() < deadline_s
+        os.sched_yield()
 
 
 def test_what_has_ended_and_what_holds_no_name_is_listed(machine: Machine, tmp_path: Path) -> None:
@@ -299,7 +311,7 @@ def test_a_process_that_ends_meanwhile_ends_the_wait_at_once(
         graph.configure(NODES)
     assert machine.wall.passed_s == pytest.approx(1.0, abs=0.1)
     with pytest.raises(NotStartedError, match="rf_receiver ended"):
-        graph.wait_until(lambda: False, "anything")
+        graph.waiting.until(lambda: False, "anything not seen")
 
 
 @pytest.mark.parametrize(
@@ -378,17 +390,10 @@ def test_a_deaf_node_of_a_real_antenna_keeps_real_time(machine: Machine, network
     assert "use_sim_time:=true" not in machine["antenna_servo"].arguments
 
 
-def test_priorities_of_a_graph_reach_its_processes(machine: Machine, network: Network, tmp_path: Path) -> None:
-    graph = ManagedGraph(network, "/gs1", [], tmp_path, network.spin, patience_s=20.0, on_time=["antenna_servo"])
-    graph.start(NODES)
-    assert machine["antenna_servo"].options["preexec_fn"] is managed_graph._bind_to_parent
-    assert machine["rf_receiver"].options["preexec_fn"] is managed_graph._bind_in_the_background
-
-
 def test_a_wait_spins_for_its_time(machine: Machine, network: Network, graph: ManagedGraph) -> None:
-    graph.wait(0.5)
+    graph.waiting.pause(0.5)
     assert machine.wall.passed_s == pytest.approx(0.5, abs=0.03)
     assert network.spins == pytest.approx(25, abs=1)
     begin = network.spins
-    graph.wait_until(lambda: network.spins > begin + 3, "spins")
+    graph.waiting.until(lambda: network.spins > begin + 3, "spins not seen")
     assert network.spins == begin + 4

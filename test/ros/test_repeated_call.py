@@ -1,16 +1,16 @@
-"""A call that may be made twice is made until an answer comes; a lost answer of a transition ends no start."""
+"""A call that may be made twice is made until an answer comes."""
 
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from lifecycle_msgs.msg import State
-from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from rf_pointing.ros import repeated_call
-from rf_pointing.ros.managed_graph import LifecycleClient
-from rf_pointing.ros.repeated_call import AGAIN_S, RepeatedCall
+from rf_pointing.ros.repeated_call import AGAIN_S, ParametersOf, RepeatedCall
+from test.nodes import bench
 
 
 class Time:
@@ -75,29 +75,17 @@ def test_a_service_that_is_not_offered_is_not_called(wall: Time) -> None:
     assert (call.done(), call.made, call.result()) == (True, True, "found")
 
 
-@pytest.mark.parametrize(
-    ("lost", "state", "refused"),
-    [
-        (False, State.PRIMARY_STATE_UNCONFIGURED, []),
-        (True, State.PRIMARY_STATE_INACTIVE, []),
-        (True, State.PRIMARY_STATE_UNCONFIGURED, ["rf_receiver"]),
-    ],
-)
-def test_where_the_answer_to_a_transition_is_lost_the_state_counts(
-    wall: Time, lost: bool, state: int, refused: list[str]
-) -> None:
-    answer = GetState.Response(current_state=State(id=state))
-    services = {
-        ChangeState: Service(answered=0 if lost else 1, answer=ChangeState.Response(success=True)),
-        GetState: Service(answered=1, answer=answer),
-    }
-    node: Any = SimpleNamespace(create_client=lambda kind, _name: services[kind])
-
-    def spin(_timeout_s: float) -> None:
-        wall.now_s += 0.5
-
-    client = LifecycleClient(node, "/gs1", spin, lambda: None)
-    client.wait_for(["rf_receiver"], 1.0)
-    assert client.change(["rf_receiver"], "configure", 60.0) == refused
-    assert len(services[ChangeState].calls) == 1
-    assert wall.now_s - 100.0 == pytest.approx(AGAIN_S if lost else 0.0, abs=1.5)
+def test_parameters_of_another_node_are_read_every_period(wall: Time) -> None:
+    service: Any = bench.Service()
+    node: Any = SimpleNamespace(create_client=lambda _kind, _name: service)
+    reader = ParametersOf(node, "pointing_controller", ["low", "unset", "mask"], 600.0)
+    assert reader.take() is None
+    values = [Parameter("x", value=value).get_parameter_value() for value in (0.5, None, [1.0, 2.0])]
+    assert service.answer(GetParameters.Response(values=values)).names == ["low", "unset", "mask"]
+    assert reader.take() == {"low": 0.5, "mask": (1.0, 2.0)}
+    for seconds, calls in ((599.9, 1), (0.2, 2)):
+        wall.now_s += seconds
+        assert (reader.take(), len(service.requests)) == (None, calls)
+    # A node that has another set of them says nothing.
+    service.answer(GetParameters.Response(values=values[:2]))
+    assert reader.take() is None

@@ -2,12 +2,12 @@
 
 import time
 from collections.abc import Callable, Iterator
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
 
 from rf_pointing.drives import DriveParams
 from rf_pointing.ros.qos import STREAM
@@ -20,14 +20,18 @@ USELESS = "state that cannot be used"
 
 
 class Bench:
-    """A drive whose outputs are lists."""
+    """A drive whose outputs are lists, at its first period."""
 
-    def __init__(self, node: Any, model: str) -> None:
-        self.drive: Any = TopicDrive(node, DriveParams(type="topic", model=model))
-        self.set_points: list[Any] = []
-        self.enabled: list[bool] = []
-        self.drive._set_points = SimpleNamespace(publish=self.set_points.append)
-        self.drive._enabled = SimpleNamespace(publish=lambda message: self.enabled.append(message.data))
+    def __init__(self, node: Any, model: str = "") -> None:
+        self.set_points, self.enabled = list[JointState](), list[bool]()
+        self.drive = TopicDrive(node, DriveParams(type="topic", model=model))
+        # The lists in place of a wire: what is sent by each publisher of the drive's own node.
+        for publisher in self.drive.node.publishers:
+            if publisher.msg_type is JointState:
+                publisher.publish = self.set_points.append
+            elif publisher.msg_type is Bool:
+                publisher.publish = lambda message: self.enabled.append(message.data)
+        self.drive.step(NOW_S)
 
     def state(
         self, names: tuple[str, ...] = NAMES, position: tuple[float, ...] = (1.0, 0.5), velocity: tuple[float, ...] = (),
@@ -35,42 +39,26 @@ class Bench:
     ) -> None:  # fmt: skip
         message = JointState(name=list(names), position=list(position), velocity=list(velocity))
         message.header.stamp = stamp_from_seconds(t_s)
-        self.drive._on_state(serialize_message(message))
+        self.drive.take_state(serialize_message(message))
 
 
 @pytest.fixture
-def make(make_node: Callable[..., Any]) -> Iterator[Callable[..., Bench]]:
-    """Yield a maker of drives."""
-    made: list[Bench] = []
-
-    def one(model: str = "") -> Bench:
-        made.append(Bench(make_node(f"antenna_servo{len(made)}"), model))
-        return made[-1]
-
-    yield one
-    for each in made:
-        each.drive.close()
+def bench(make_node: Callable[..., Any]) -> Iterator[Bench]:
+    made = Bench(make_node("antenna_servo"))
+    yield made
+    made.drive.close()
 
 
-@pytest.fixture
-def bench(make: Callable[..., Bench]) -> Bench:
-    """Return a drive at its first period."""
-    one = make()
-    one.drive.step(NOW_S)
-    return one
-
-
-def test_a_drive_takes_positions_unless_it_is_one_of_rates(
-    make: Callable[..., Bench], make_node: Callable[..., Any]
-) -> None:
-    params = DriveParams()
-    capabilities = make().drive.capabilities
+def test_a_drive_takes_positions_unless_it_is_one_of_rates(bench: Bench, make_node: Callable[..., Any]) -> None:
+    capabilities, params = bench.drive.capabilities, DriveParams()
     assert (capabilities.set_points, capabilities.has_brake) == ("position", True)
     assert capabilities.resolution_rad == tuple(step or 1e-4 for step in params.rotator.resolution_rad)
     assert capabilities.period_s == params.link.poll_period_s
-    assert make("rate").drive.capabilities.set_points == "rate"
+    rates = Bench(make_node("other_servo"), "rate")
+    assert rates.drive.capabilities.set_points == "rate"
+    rates.drive.close()
     with pytest.raises(ValueError, match="'torque'"):
-        make("torque")
+        Bench(make_node("third_servo"), "torque")
 
 
 def test_set_points_are_stamped_with_the_time_of_the_period(bench: Bench) -> None:
@@ -83,15 +71,11 @@ def test_set_points_are_stamped_with_the_time_of_the_period(bench: Bench) -> Non
     assert place.header.frame_id.startswith("test/")
 
 
-def test_the_brakes_are_set_by_a_stop_and_at_the_end(make: Callable[..., Bench]) -> None:
-    bench = make()
-    bench.drive.enable()
-    bench.drive.stop()
-    assert bench.enabled == [True, False]
-    bench.drive.enable()
-    bench.drive.close()
-    assert bench.enabled[2:] == [True, False]
-    bench.drive.close = lambda: None
+def test_the_brakes_are_set_by_a_stop_and_at_the_end(make_node: Callable[..., Any]) -> None:
+    bench = Bench(make_node("antenna_servo"))
+    for act in (bench.drive.enable, bench.drive.stop, bench.drive.enable, bench.drive.close):
+        act()
+    assert bench.enabled == [True, False, True, False]
 
 
 def test_a_state_is_read_by_the_names_of_its_joints(bench: Bench) -> None:
@@ -143,7 +127,7 @@ def test_a_state_longer_than_any_is_not_decoded(bench: Bench) -> None:
     others = tuple(f"joint {index}" for index in range(STATE_BYTES // 16))
     bench.state((*NAMES, *others), (1.0, 0.5, *[0.0] * len(others)))
     assert bench.drive.losses == {USELESS: 1}
-    bench.drive._on_state(bytes(5))
+    bench.drive.take_state(bytes(5))
     assert bench.drive.losses == {USELESS: 2}
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from rf_pointing.servo import discretise, dss13_plant, linear_model
-from rf_pointing.servo.linear_model import matrix_exponential
+from rf_pointing.servo import discretise, dss13_plant
+from rf_pointing.servo.linear_model import linear_model, matrix_exponential
 from rf_pointing.servo.presets import BENDING_FREQUENCY_HZ
 
 

@@ -8,7 +8,8 @@ import pytest
 import scipy.linalg
 
 from rf_pointing.core import MDEG, random_stream
-from rf_pointing.servo import AntennaPlant, PlantParams, dss13_plant, linear_model
+from rf_pointing.servo import AntennaPlant, PlantParams, dss13_plant
+from rf_pointing.servo.linear_model import linear_model
 
 CALM = (0.0, 0.0)
 

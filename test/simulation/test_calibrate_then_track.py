@@ -10,7 +10,6 @@ from rf_pointing.core import MDEG, random_stream
 from rf_pointing.ephemeris import TopocentricTrack, first_pass_above, site
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.simulation import StationSetup
-from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.campaign.log import CalibrationLog
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
 from rf_pointing.station.description import STATIONS
@@ -29,7 +28,7 @@ def rms_mdeg(misses: np.ndarray) -> float:
 def campaign() -> tuple:
     """Fly the campaign; return the station with the old model, the fit and the observations."""
     setup = StationSetup()
-    mount = setup.node("antenna_servo").group("mount", MountParams()).model()
+    mount = setup.sets("antenna_servo")["mount"].model()
     old = read_model(STATIONS / "bias_model_dss13_x.yaml").model
     random = random_stream(1, "c")
     station = KinematicStation(KinematicParams(), mount, old, random)

@@ -57,7 +57,7 @@ def make(plan: tuple[StationSetup, StationSetup, Path, list[Any]]) -> Make:
 
 def shown(night: NightSimulation) -> dict[str, Any]:
     """What the executive was shown."""
-    return {name: seen.value for name, seen in night.night.situation.attributes().items()}
+    return {name: seen.value for name, seen in night.night.expected_state.attributes().items()}
 
 
 def with_executive(night: NightSimulation, **attributes: Any) -> list[tuple[Any, ...]]:
@@ -81,7 +81,7 @@ def test_a_night_at_rest_shows_antenna_drive_nodes_disk_and_recorder(make: Make)
         "conscan_tracker.silent_s": 0.0, "rf_receiver.silent_s": 0.0, "antenna_servo.silent_s": 0.0,
         "disk.free_gb": 500.0, "recorder.state": "idle",
     }  # fmt: skip
-    assert {seen.t_s for seen in night.night.situation.attributes().values()} == {T0}
+    assert {seen.t_s for seen in night.night.expected_state.attributes().values()} == {T0}
 
 
 def test_what_is_not_read_is_not_shown(make: Make) -> None:
@@ -151,8 +151,8 @@ def test_what_is_killed_is_silent_since_it_was_seen_last_and_shows_nothing(make:
         night._look()
         nodes = ("pointing_controller", "ephemeris_publisher", "conscan_tracker", "rf_receiver", "antenna_servo")
         assert tuple(shown(night)[f"{node}.silent_s"] for node in nodes) == expected
-        assert (night.night.situation.actual("antenna.mode").t_s == T0 + t_s) is ("servo_killed" not in killed)
-        assert (night.night.situation.actual("drive.problem").t_s == T0 + t_s) is ("servo_killed" not in killed)
+        assert (night.night.expected_state.actual("antenna.mode").t_s == T0 + t_s) is ("servo_killed" not in killed)
+        assert (night.night.expected_state.actual("drive.problem").t_s == T0 + t_s) is ("servo_killed" not in killed)
 
 
 def test_the_controller_shows_its_status_once_it_has_one(make: Make) -> None:
@@ -746,7 +746,7 @@ def test_the_executive_gets_thresholds_rest_sensor_and_share_of_the_station(make
     assert night.night.book.quiet_s == 33.0
     (cause,) = [each for each in night.night.table.causes if each.name == "lost_node"]
     assert cause.when[0].wanted == 44.0
-    assert (night.night._sensor, night.night._least_share) == (night.setup.sensor, 0.6)
+    assert (night.night.sensor, night.night.least_share) == (night.setup.sensor, 0.6)
     assert list(night.night.schedule.entries) == ["90001", "90002"]
     night.night.book.notify("raised", Alarm("x", 1, "text", T0))
     assert night.log.messages == [("raised", "x", "text")]

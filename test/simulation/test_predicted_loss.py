@@ -16,7 +16,6 @@ from rf_pointing.array_sensors.doa.dish_array import DishArrayTracker, Simulated
 from rf_pointing.core.pass_outcome import PassOutcome
 from rf_pointing.ephemeris import first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements
-from rf_pointing.rf.dish_array import DishArrayParams
 from rf_pointing.simulation import StationSetup, simulate_pass
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "predicted_loss.py"
@@ -62,7 +61,7 @@ def test_an_array_costs_what_its_noise_does(level_db_hz: float) -> None:
         "pointing_controller": {"link.zenith_carrier_to_noise_db_hz": level_db_hz},
     }
     setup = StationSetup("rotator_2m", changes=changes)
-    array = setup.node("array_tracker").group("array", DishArrayParams())
+    array = setup.sets("array_tracker")["array"]
     source, tracker = SimulatedDishArray(array, 1), DishArrayTracker(array)
     setup.array = lambda reception: tracker.measure(source.receive(reception.truth))
     log = simulate_pass(setup, window, window.aos_t_s - 5.0, "array")

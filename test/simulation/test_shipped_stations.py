@@ -33,7 +33,7 @@ class Flight(NamedTuple):
 
     def mean_loss_db(self) -> float:
         """Return the loss of the mean power after the acquisition."""
-        width_rad = math.radians(self.setup.node("pointing_controller").values["machine.half_power_beamwidth_deg"])
+        width_rad = self.setup.sets("pointing_controller")["machine"].half_power_beamwidth_rad
         offset = np.hypot(*self.log.errors_rad()[self.acquired].T)
         return -10.0 * math.log10(float(np.mean(gaussian_gain(offset, width_rad))))
 

@@ -23,7 +23,7 @@ from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna, Simu
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.status import TrackingStatus
-from rf_pointing.tracking import MonopulseParams, MonopulseTracker
+from rf_pointing.tracking import MonopulseTracker
 
 BEAMWIDTH_RAD = math.radians(0.264)
 BEFORE_S, AFTER_S = 10.0, 24.0
@@ -66,10 +66,10 @@ class Flight:
         }
         self.setup = StationSetup("dss13", "S", changes={"antenna_servo": at_start})
         self.window, self.sensor = window, sensor
-        self.satellite = load_track(self.setup.node("rf_receiver").group("source", SourceParams()))
+        self.satellite = load_track(self.setup.sets("rf_receiver")["source"])
         self.track = self.setup.track()
         self.antenna, self.receiver = self.setup.antenna(), self.setup.receiver()
-        self.tracker = MonopulseTracker(self.setup.node("monopulse_tracker").group("monopulse", MonopulseParams()))
+        self.tracker = MonopulseTracker(self.setup.sets("monopulse_tracker")["monopulse"])
         self.antenna.enable()
         names = ("joints", "command", "target", "error", "boresight", "antenna")
         self.wires = {name: Wire(loss, name) for name in names}
@@ -160,7 +160,7 @@ def restarted(made: Flight, t_s: float) -> SimulatedAntenna:
     assert isinstance(stood, SimulatedHardware)
     stood.brake()
     at = {"antenna.start_azimuth_deg": math.degrees(here[0]), "antenna.start_elevation_deg": math.degrees(here[1])}
-    made.setup.node("antenna_servo").values.update(at)
+    made.setup.changes["antenna_servo"].update(at)
     new = made.setup.antenna(stood)
     assert isinstance(new, SimulatedAntenna)
     new.enable()

@@ -9,7 +9,7 @@ import pytest
 from rf_pointing.core import MDEG, JointReading, MonopulseCluster, random_stream
 from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver, ReceiverParams
 from rf_pointing.tracking import MonopulseParams, MonopulseScanParams
-from rf_pointing.tracking.cluster_tracker import MOST_WAITING, ClusterTracker, read_calibration, write_calibration
+from rf_pointing.tracking.cluster_tracker import ClusterTracker, read_calibration, write_calibration
 from rf_pointing.tracking.monopulse import MonopulseCalibration
 
 BEAM = BeamParams()
@@ -117,51 +117,6 @@ def test_bad_clusters_are_counted_with_their_reason() -> None:
     assert tracker.take_cluster(cluster()).valid
 
 
-def test_clusters_wait_for_the_encoders_and_each_is_used_once() -> None:
-    """Five clusters come before the encoder angles of their time; then all are placed, none twice."""
-    tracker = ClusterTracker(MonopulseParams(), MonopulseScanParams(), "")
-    receiver = Receiver(ReceiverParams(), Beam(BEAM), MonopulseFeed(FEED, BEAM), random_stream(3, "receiver"))
-
-    def know(t_s: float) -> None:
-        tracker.take_status(t_s, CENTRE, np.zeros(2), "calibrate")
-        tracker.take_joints(JointReading(t_s=t_s, position_rad=CENTRE, velocity_rad_s=np.zeros(2)))
-
-    know(0.0)
-    for k in range(1, 6):
-        tracker.take_cluster(receiver.cluster(0.1 * k + 0.01 * np.arange(-4, 1), np.zeros(5), np.zeros(5), 55.0, 0.02))
-        assert len(tracker._waiting) == k
-        assert tracker._calibrator.state.measures == ()
-    know(1.0)
-    tracker.take_cluster(receiver.cluster(0.9 + 0.01 * np.arange(-4, 1), np.zeros(5), np.zeros(5), 55.0, 0.02))
-    assert len(tracker._calibrator.state.measures) == 6
-    assert tracker._waiting == []
-    # Where encoder angles never come the oldest are given up.
-    for k in range(MOST_WAITING + 3):
-        tracker.take_cluster(
-            receiver.cluster(2.0 + 0.01 * k + 0.001 * np.arange(5), np.zeros(5), np.zeros(5), 55.0, 0.02)
-        )
-    assert len(tracker._waiting) == MOST_WAITING
-    assert tracker._waiting[0].t_s[0] == pytest.approx(2.03)
-
-
-def test_what_is_known_of_the_beam_in_one_scan_is_not_used_in_the_next() -> None:
-    """A cluster from between two scans has no place in either."""
-    tracker = ClusterTracker(MonopulseParams(), MonopulseScanParams(), "")
-    receiver = Receiver(ReceiverParams(), Beam(BEAM), MonopulseFeed(FEED, BEAM), random_stream(3, "receiver"))
-
-    def know(t_s: float, mode: str) -> None:
-        tracker.take_status(t_s, CENTRE, np.zeros(2), mode)
-        tracker.take_joints(JointReading(t_s=t_s, position_rad=CENTRE, velocity_rad_s=np.zeros(2)))
-
-    for t_s, mode in ((0.0, "calibrate"), (1.0, "calibrate"), (1.1, "coast"), (2.0, "calibrate"), (2.1, "calibrate")):
-        know(t_s, mode)
-    assert tracker.calibrating
-    for t_s, kept in ((1.5, 0), (2.05, 1)):
-        tracker.take_cluster(receiver.cluster(t_s + 0.01 * np.arange(-2, 3), np.zeros(5), np.zeros(5), 55.0, 0.02))
-        assert len(tracker._calibrator.state.measures) == kept
-    assert tracker._waiting == []
-
-
 def test_parameters_that_are_retuned_keep_a_calibration_that_was_learned_or_read(tmp_path: Path) -> None:
     mixed = MonopulseCalibration.ideal(H, 1.2)
     path = tmp_path / "feed.yaml"
@@ -192,21 +147,6 @@ def know(tracker: ClusterTracker, t_s: float, mode: str, away: np.ndarray | None
     joints = CENTRE if away is None else CENTRE + away / np.array([math.cos(CENTRE[1] + away[1]), 1.0])
     tracker.take_status(t_s, CENTRE, np.zeros(2), mode)
     tracker.take_joints(JointReading(t_s=t_s, position_rad=joints, velocity_rad_s=np.zeros(2)))
-
-
-def test_a_cluster_that_still_waits_as_a_scan_ends_is_not_used_in_the_next() -> None:
-    """Stamped 0.4 s ahead of encoders and status, which the next scan then knows."""
-    tracker = ClusterTracker(MonopulseParams(), MonopulseScanParams(), "")
-    know(tracker, 1.0, "calibrate")
-    tracker.take_cluster(cluster_at(1.5))
-    assert len(tracker._waiting) == 1
-    know(tracker, 1.2, "coast")
-    assert not tracker.calibrating
-    for t_s in (1.3, 1.8):
-        know(tracker, t_s, "calibrate")
-    tracker.take_cluster(cluster_at(1.7))
-    assert len(tracker._calibrator.state.measures) == 1
-    assert tracker._waiting == []
 
 
 def test_every_cluster_is_counted_as_valid_or_not_and_every_scan_once() -> None:

@@ -351,23 +351,6 @@ def test_evidence_fades_in_its_time_while_nothing_speaks_for_or_against_it() -> 
         np.testing.assert_allclose(watch.state.sums, np.array(told) * math.exp(-0.1 * k), rtol=1e-6, atol=1e-9)
 
 
-def test_what_is_known_of_the_weather_fades_to_what_is_usual() -> None:
-    """After a cluster that all explain alike only the likeliest weather of the noise is left to learn."""
-    params = LockWatchParams(half_power_beamwidth_rad=H, weather_s=3.0)
-    watch = LockWatch(params)
-    watch.add(sensed(10.0, 0j), 0.0, 0.0)
-    count = len(watch._usual)
-    sure = tuple([0.0] * (count - 1) + [1.0 - 1e-12 * (count - 1)])
-    sure = tuple(max(share, 1e-12) for share in sure)
-    watch.state = dataclasses.replace(watch.state, weather=(sure,) * 6)
-    watch.add(sensed(10.5, 0j), 0.0, 0.0)
-    stays = math.exp(-0.5 / 3.0)
-    for known in watch.state.weather:
-        assert sum(known) == pytest.approx(1.0)
-        assert known[-1] == pytest.approx(stays + (1.0 - stays) * watch._usual[-1], rel=1e-6)
-        np.testing.assert_allclose(known[:-1], (1.0 - stays) * watch._usual[:-1], rtol=1e-4)
-
-
 def test_evidence_and_weather_are_bayes_rule_over_every_weather_of_each_response() -> None:
     """Written out with a filter of its own for beam and error in each weather, by matrices."""
     params = LockWatchParams(

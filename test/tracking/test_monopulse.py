@@ -256,13 +256,6 @@ def test_what_no_direction_gives_is_a_quadrature_from_its_chi_squared_on(level_d
         assert error.reason.startswith("quadrature: chi squared 30 is above 30") or valid
 
 
-def test_beyond_the_straightened_curve_an_error_goes_on_in_a_line() -> None:
-    found, scale = tracker(valid_range_beamwidths=0.9), SLOPE / H
-    shape, stretch = found._straighten(np.array([0.9, -0.95]) / scale)
-    assert shape * scale == pytest.approx([math.atanh(0.9), -math.atanh(0.9) - 0.05])
-    assert stretch == pytest.approx([1.0 / (1.0 - 0.81)] * 2)
-
-
 @pytest.mark.parametrize(("quadrature", "valid"), [(2.6e-3, True), (2.9e-3, False)])
 def test_on_the_axis_the_floor_of_the_quadrature_is_that_of_a_ratio_of_one_per_cent(
     quadrature: float, valid: bool

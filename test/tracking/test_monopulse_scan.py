@@ -133,27 +133,6 @@ def test_copied_state_gives_the_same_calibration() -> None:
     assert twin.solve().calibration == calibrator.solve().calibration
 
 
-def test_the_fit_is_the_least_squares_of_clusters_weighted_by_their_noise() -> None:
-    """Three unknowns a channel, written out for noises that differ tenfold."""
-    rng = random_stream(8, "weights")
-    columns = np.column_stack([np.ones(30), rng.standard_normal((30, 2))])
-    truth = np.array([[0.1 + 0.2j, -0.1j], [1.0 + 0.3j, 0.2j], [0.1j, 0.9 - 0.2j]])
-    noise = 1e-4 * 10.0 ** rng.uniform(0.0, 1.0, 30)
-    scatter = rng.standard_normal((30, 2)) + 1j * rng.standard_normal((30, 2))
-    ratios = columns @ truth + np.sqrt(0.5 * noise)[:, None] * scatter
-    fit = MonopulseCalibrator(PARAMS)._fit(columns, ratios, noise)
-    spreads, misfit = [], 0.0
-    for channel in (0, 1):
-        root = 1.0 / np.sqrt(noise * (1.0 + np.abs(ratios) ** 2)[:, channel])
-        solved = np.linalg.lstsq(columns * root[:, None], ratios[:, channel] * root, rcond=None)[0]
-        assert fit.calibration.offset()[channel] == pytest.approx(solved[0], rel=1e-9)
-        np.testing.assert_allclose(fit.calibration.response_per_rad()[channel], solved[1:], rtol=1e-9)
-        misfit += np.sum(np.abs((ratios[:, channel] - columns @ solved) * root) ** 2)
-        spreads.append(np.diag(np.linalg.inv((columns * root[:, None]).T @ (columns * root[:, None])))[1:])
-    np.testing.assert_allclose(fit.response_sigma_per_rad, np.sqrt(np.mean(spreads, axis=0)), rtol=1e-9)
-    assert fit.chi_squared == pytest.approx(misfit / 54.0, rel=1e-9)
-
-
 def test_what_is_kept_of_a_cluster_is_its_ratios_and_how_noisy_they_are() -> None:
     """At 38 dB-Hz the noise of the sum counts: one more over the signal to noise of a sample."""
     sample, level = cluster(3.0, TARGET, 38.0, random_stream(6, "kept"), samples=7), 10.0**3.8

@@ -151,18 +151,3 @@ def test_a_search_of_two_hundred_turns_is_the_longest() -> None:
     assert SpiralParams(half_power_beamwidth_rad=beam, uncertainty_rad=radius / 3.0 * 0.999).turns < 200.0
     with pytest.raises(ValueError, match="turns of the spiral, must be <= 200"):
         SpiralParams(half_power_beamwidth_rad=beam, uncertainty_rad=radius / 3.0 * 1.01)
-
-
-@pytest.mark.parametrize("params", SPIRALS)
-def test_the_first_way_of_a_spiral_is_made_at_one_acceleration(params: SpiralParams) -> None:
-    """From rest: the length of the arc is half of the speed times the time, to the last digits that count."""
-    search = SpiralSearch(params)
-    growth = params.pitch_beamwidths * params.half_power_beamwidth_rad / (2.0 * math.pi)
-    for share in (0.2, 0.5, 0.95):
-        t_s = share * float(search._time[1])
-        x, y, x_rate, y_rate = search.offset(t_s)
-        phi = math.hypot(x, y) / growth
-        arc = 0.5 * growth * (phi * math.hypot(1.0, phi) + math.asinh(phi))
-        assert 0.0 < phi <= 2.0 * math.pi / 256.0
-        assert arc == pytest.approx(0.5 * math.hypot(x_rate, y_rate) * t_s, rel=1e-9)
-        assert math.atan2(y, x) == pytest.approx(phi, rel=1e-9)

@@ -1,3 +1,3 @@
-"""What the array sensors share: rotations, orbits, ground stations, rigid body, filters."""
+"""Common parts of the array sensors: rotations, orbits, ground stations, rigid body, filters."""
 
 __all__: list[str] = []

@@ -6,15 +6,14 @@ A stamp must not lie ahead of the clock: every later measurement would count as 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.quaternion import unit_quaternion
 from rf_pointing.core import as_finite_array, require_finite
+from rf_pointing.core.types import Array
 
 LARGEST_LEAD_S = 5.0
 """Simulation time reaches the nodes one by one, so a stamp may be ahead of a node's clock by some
 of its steps."""
-Array = NDArray[np.float64]
 # Relative to the largest element: a covariance that crossed the wire as float64 is symmetric only
 # to rounding.
 _ROUNDING = 1e-9

@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from rf_pointing.array_sensors.attitude.orbits import Orbit, SunSynchronousOrbitParams, orbit_point
 from rf_pointing.core import Params, parameter, require_between
 from rf_pointing.core.constants import EARTH_RADIUS_M
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import Site
 
-Array = NDArray[np.float64]
 # A name becomes a ROS namespace, whose grammar allows no more.
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -159,7 +159,7 @@ def stations_along_track(
 
 
 def require_names(what: str, names: tuple[str, ...]) -> None:
-    """Refuse names of stations that are no namespaces, or not different."""
+    """Refuse names of stations that are not namespaces, or not different."""
     for name in names:
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise ValueError(f"{what} has {name!r}, must be lower-case letters, digits and underscores")
@@ -183,7 +183,7 @@ class GroundNetworkParams(Params):
     )
 
     def check_together(self) -> None:
-        """Refuse names that are no namespaces, double names, and places without a name."""
+        """Refuse names that are not namespaces, double names, and places without a name."""
         require_names("names", self.names)
         for field in ("latitude_rad", "longitude_rad"):
             if len(getattr(self, field)) != len(self.names):

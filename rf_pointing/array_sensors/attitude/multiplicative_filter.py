@@ -15,7 +15,7 @@ Process noise: DOA adds Q = q E_6 every 250 ms to the rate (rad/s)^2 and to the 
 quaternion.  A rotation is twice the vector part, so per second that is 4 q / dt on the attitude and
 q / dt on the rate.
 
-A constant torque that the satellite does not know, and constant errors of the sensor, are no white
+A constant torque that the satellite does not know, and constant errors of the sensor, are not white
 noise: they are estimated along (`Biases`), because they bias the attitude by many claimed sigmas
 otherwise.
 """
@@ -48,20 +48,21 @@ from rf_pointing.array_sensors.attitude.rotations import (
     tangent_rows,
 )
 from rf_pointing.core import Params, parameter, require_between
+from rf_pointing.core.types import Array
 
 PRINTED_Q = 1e-9
 # With the printed q the filter itself predicts an error of degrees; this one gives tables of the
 # size that DOA prints.
 TABLE_Q = 1e-12
-Array = NDArray[np.float64]
 
-# Of the sensor first, then those of the torque, then those of the references.
+# Biases of the sensor first, then those of the torque, then those of the references.
 _SENSOR, _TORQUE = slice(0, 2), slice(2, 5)
 _BEFORE_REFERENCES = 5
 LARGEST_SQUARE = 1.0 - 1e-6
-"""Of the two cosines of a direction above the plane of the array."""
+"""Largest sum of squares of the two cosines of a direction above the plane of the array."""
 SMALLEST_DETERMINANT = 1e-12
-"""Of an innovation covariance scaled to a unit diagonal; rounding leaves 1e-16 of an exact zero."""
+"""Least determinant of an innovation covariance, scaled to a unit diagonal."""
+# Rounding leaves 1e-16 of an exact zero.
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.attitude.rotations import cross_product
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # Only the precession of the node needs it; the motion along the orbit is Keplerian.
 EARTH_J2 = 1.08262668e-3
 YEAR_S = 365.24219 * 86400.0

@@ -62,11 +62,11 @@ def pass_scene(params: PassSceneParams, orbit: Orbit, network: GroundNetworkPara
 
     Raises
     ------
-    ValueError : for a satellite, a file or a description that is not there, or a name that is no
-        namespace.
+    ValueError : for a satellite, a file or a description that is not there, or a name that is not
+        a namespace.
     """
     if params.satellite.casefold() in BODIES:
-        raise ValueError(f"satellite={params.satellite!r} is no satellite: it has no orbit around the Earth")
+        raise ValueError(f"satellite={params.satellite!r} is not a satellite: it has no orbit around the Earth")
     if params.satellite or params.elements:
         track = load_track(SourceParams(satellite=params.satellite, elements=params.elements))
         orbit = ElementOrbit(track.target)

@@ -9,12 +9,11 @@ the arithmetic is in `core.rotations`.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.attitude import rotations
 from rf_pointing.core import require_finite
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 UNIT_TOLERANCE = 1e-6
 """Largest accepted difference of a quaternion's norm from one."""

@@ -10,7 +10,6 @@ transpose of its matrix.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.rotations import (
     cross_matrix,
@@ -20,8 +19,7 @@ from rf_pointing.array_sensors.attitude.rotations import (
     quaternion_product,
 )
 from rf_pointing.core import Params, parameter
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 _ROUNDING = 1e-9
 

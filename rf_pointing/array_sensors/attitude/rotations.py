@@ -6,9 +6,8 @@ b) = C(a) C(b). Filters step these tens of thousands of times, so nothing here c
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 def cross_product(first: Array, second: Array) -> Array:

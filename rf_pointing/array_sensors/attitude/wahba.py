@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.array_sensors.attitude.rotations import cross_matrix
 from rf_pointing.core import require_finite
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # Larger than the rounding of a float32 sensor, smaller than any beam error that matters.
 DIRECTION_TOLERANCE = 1e-6

@@ -9,19 +9,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
 from rf_pointing.array_sensors.doa.snapshots import draw_snapshots
 from rf_pointing.core import Params, as_finite_array, parameter, random_stream, require_finite
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArraySourceParams(Params):
-    """What the simulated receivers deliver."""
+    """Signals of the simulated receivers."""
 
     snapshots: int = parameter(100, "snapshots per block, L", low=1, high=100000)
     waveform: str = parameter(

@@ -31,9 +31,9 @@ from rf_pointing.array_sensors.doa.estimator import DirectionEstimate, DoaEstima
 from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 from rf_pointing.array_sensors.doa.response_watch import ResponseWatch
 from rf_pointing.core import Params, as_finite_array, parameter, require_between
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
-MERGED = "one of the maxima is none of a signal: two of the channel's stations have one between them"
+MERGED = "one of the maxima has no signal: two of the channel's stations have one between them"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +76,7 @@ def match_directions(
 
 @dataclass(frozen=True, kw_only=True)
 class DoaChainParams(Params):
-    """What keeps the filter's inputs together."""
+    """Rules by which inputs of the filter belong together."""
 
     # The torque changes with the attitude error; held longer it would carry the filter off its
     # course.
@@ -201,7 +201,7 @@ class DoaAttitude:
         return DoaEstimator(self._array, params, response=self._response).estimate(heard.block)
 
     def _merged(self, found: list[DirectionEstimate]) -> bool:
-        """Return whether one of several directions is none of a signal.
+        """Return whether one of several directions has no signal.
 
         Two stations that are too near each other have one maximum between them; noise makes
         another one elsewhere, whose response lies outside the signals.
@@ -218,7 +218,7 @@ class DoaAttitude:
         for each in found:
             if each.effective_snr < least:
                 continue
-            # A false maximum now and then is none of the elements' doing; elements make one every
+            # A false maximum now and then is not caused by the elements, which make one every
             # time.
             largest = self._by_chance(each) if len(found) > 1 else np.inf
             misfit = replace(each.misfit, squared=min(each.misfit.squared, largest))
@@ -293,7 +293,7 @@ class DoaAttitude:
         return tuple(sites)
 
     def _carried_on(self, t_s: float) -> DoaAttitudeFilter:
-        """Return the filter at `t_s`, started there if there is none, it was silent for too long,
+        """Return the filter at `t_s`, started there if it has not begun, was silent for too long,
         or it is lost.
         """
         if self._filter is not None and t_s < self._filter.state.t_s:

@@ -28,8 +28,8 @@ from rf_pointing.array_sensors.attitude.wahba import unit_directions
 from rf_pointing.array_sensors.doa.attitude_start import StartParams, best_of_bank, joined, remaining, start_bank
 from rf_pointing.array_sensors.doa.innovation_watch import InnovationWatch, WatchParams
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 LONGEST_START = 2000
 """Directions and passages of a start that is gone through again: 17 min of a direction a second."""
 EVERY_STATION = ""
@@ -372,25 +372,25 @@ class DoaAttitudeFilter:
         state, params = self._state, self._params
         if state.heard_s is None:
             return ["no direction accepted yet"]
-        doubts = []
+        reasons = []
         if state.t_s - state.heard_s > params.silence_s:
-            doubts.append(f"no direction for {state.t_s - state.heard_s:.0f} s, must be <= {params.silence_s:.0f} s")
+            reasons.append(f"no direction for {state.t_s - state.heard_s:.0f} s, must be <= {params.silence_s:.0f} s")
         if best.refused[0] >= self._gate.doubt_after:
-            doubts.append(f"{int(best.refused[0])} directions in a row outside the gate: attitude in doubt")
-        doubts += [
+            reasons.append(f"{int(best.refused[0])} directions in a row outside the gate: attitude in doubt")
+        reasons += [
             f"{name}: {doubt}" if name else doubt
             for name, watch in state.watches.items()
-            for doubt in watch.doubts(self._watch)
+            for doubt in watch.reasons(self._watch)
         ]
         if len(state.stations) < params.stations:
-            doubts.append(f"{len(state.stations)} of {params.stations} stations received")
+            reasons.append(f"{len(state.stations)} of {params.stations} stations received")
         if len(state.bank.misfit) > 1:
-            doubts.append(f"{len(state.bank.misfit)} hypotheses of the start still open")
+            reasons.append(f"{len(state.bank.misfit)} hypotheses of the start still open")
         # Worst axis, not the mean: the turn about the line of sight is the one that is unknown.
         sigma = float(np.sqrt(np.linalg.eigvalsh(best.covariance[0, :3, :3])[-1]))
         if sigma > params.sigma_rad:
-            doubts.append(f"attitude sigma {sigma:.3g} rad must be <= {params.sigma_rad:g} rad")
-        return doubts
+            reasons.append(f"attitude sigma {sigma:.3g} rad must be <= {params.sigma_rad:g} rad")
+        return reasons
 
     def _accept(self, state: DoaAttitudeState) -> None:
         for name in ("quaternion", "rate_rad_s", "covariance"):
@@ -434,7 +434,7 @@ def _checked(direction: StationDirection) -> DirectionObservation:
     covariance = as_finite_array("covariance_rad2", direction.covariance_rad2, (3, 3))
     across = np.linalg.eigvalsh(0.5 * (covariance + covariance.T))
     # A direction's covariance has rank two.  Along the direction the variance is zero but for
-    # rounding; across it rounding is no variance.
+    # rounding; across it rounding is not variance.
     if across[0] < -1e-9 * across[2] or across[1] <= 1e-9 * across[2]:
         raise ValueError(f"covariance_rad2 has eigenvalues {across}, two of them must be > 0 and none negative")
     bias = None if direction.bias_rad is None else as_finite_array("bias_rad", direction.bias_rad, (3, 2))

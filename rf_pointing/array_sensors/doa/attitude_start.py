@@ -34,8 +34,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_to_matrix,
 )
 from rf_pointing.core import Params, parameter
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 AGREEING = 6.0
 """Squared normalised difference of two hypotheses that agree, of six components."""

@@ -16,13 +16,11 @@ off A.
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, phase_radius_rad, steering, steering_taylor
 from rf_pointing.core import require_between
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 SMALLEST_SEPARATION = 1e-9
 """Ratio of the singular values of the responses below which two directions are one."""
@@ -113,7 +111,7 @@ def direction_bound_rad2(
     weight = source_covariance @ received.conj().T @ np.linalg.solve(covariance, received) @ source_covariance
     information = 2.0 * snapshots * np.real((off.conj().T @ off) * np.tile(weight, (2, 2)).T)
     scale = np.sqrt(np.maximum(np.diag(information), 0.0))
-    # Scaled to a unit diagonal: sources of very different power are no reason to refuse.
+    # Scaled to a unit diagonal: sources of very different power are not a reason to refuse.
     if not np.all(scale > 0.0) or np.linalg.eigvalsh(information / np.outer(scale, scale))[0] < SMALLEST_INFORMATION:
         raise ValueError("directions cannot be separated: the information matrix is singular")
     return np.asarray(np.linalg.inv(information), dtype=np.float64)

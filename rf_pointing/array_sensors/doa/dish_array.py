@@ -23,6 +23,7 @@ from rf_pointing.array_sensors.doa.covariance import sample_covariance
 from rf_pointing.array_sensors.doa.estimator import DirectionEstimate, DoaEstimator, DoaEstimatorParams
 from rf_pointing.array_sensors.doa.music import lattice, principal_eigenvectors
 from rf_pointing.core import PointingError, Sensor, random_stream
+from rf_pointing.core.types import Array
 from rf_pointing.rf.dish_array import (
     BETWEEN,
     LATTICE,
@@ -36,9 +37,8 @@ from rf_pointing.rf.dish_array import (
     offset_from_direction,
 )
 
-Array = NDArray[np.float64]
 FIT_SIGMAS = 8.0
-"""Of the misfit, about chi squared of the patches; a lobe that is separate exceeds it."""
+"""Largest misfit, about chi squared of the patches; a separate lobe exceeds it."""
 
 
 def circle_of(array: DishArrayParams) -> CircularArrayParams:
@@ -88,7 +88,7 @@ class DishArrayTracker:
     def measure(self, block: SnapshotBlock) -> PointingError:
         """Return the pointing error in the middle of a block; an invalid one has its reason.
 
-        ValueError for a block that is none of this array.
+        ValueError for a block of another array.
         """
         (found,) = self._estimator.estimate(block)
         reason = found.reason or self._ambiguity(found, block)

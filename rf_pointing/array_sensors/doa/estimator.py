@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.rotations import cosine_slopes
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams, phase_radius_rad, steering
@@ -22,10 +21,7 @@ from rf_pointing.array_sensors.doa.music import estimate_directions
 from rf_pointing.array_sensors.doa.response_watch import ResponseMisfit, response_misfit
 from rf_pointing.array_sensors.doa.several_sources import estimate_several
 from rf_pointing.core import Params, parameter
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-
+from rf_pointing.core.types import Array, ComplexArray
 
 # 0.04 deg of bias, below what the attitude filter claims after some minutes.
 LARGEST_MIXED_PHASE_RAD = 0.01
@@ -161,7 +157,7 @@ class DoaEstimator:
     def _mixed(self) -> str:
         """Return why uncertain phases spoil several sources, or "".
 
-        Each source's bias depends on the others then, and is no constant of the array.
+        Each source's bias depends on the others then, and is not a constant of the array.
         """
         sigma = self.params.phase_sigma_rad
         if self.params.sources == 1 or sigma <= LARGEST_MIXED_PHASE_RAD:

@@ -18,9 +18,7 @@ from numpy.typing import NDArray
 from rf_pointing.array_sensors.attitude.rotations import tangent_rows
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, phase_radius_rad, steering, steering_taylor
 from rf_pointing.array_sensors.doa.covariance import eigen
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 # Far below the bound of any practical SNR; quadratic convergence makes the last digits cheap.
 STEP_TOLERANCE_RAD = 1e-8

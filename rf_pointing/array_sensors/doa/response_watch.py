@@ -15,15 +15,13 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.doa.covariance import Eigen
 from rf_pointing.array_sensors.doa.innovation_watch import FEWEST, WatchParams, chi_square_limit
+from rf_pointing.core.types import Array, ComplexArray
 
 MODEL_SHARE = 0.15
 """The null spectrum is of first order in 1 / (L SNR): 8 % too small at kappa = 60."""
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,14 +8,11 @@ where fewer than K separate maxima exist.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, phase_radius_rad
 from rf_pointing.array_sensors.doa.covariance import eigen
 from rf_pointing.array_sensors.doa.music import refine_peaks, steered_lattice
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

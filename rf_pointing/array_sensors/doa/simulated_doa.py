@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.ground_stations import GroundPlace, view_stations
 from rf_pointing.array_sensors.attitude.multiplicative_filter import ProcessNoiseParams
@@ -22,8 +21,8 @@ from rf_pointing.array_sensors.doa.array_source import ArraySource, ArraySourceP
 from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock, HeldTorque
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SatelliteTruth, SimulatedSatellite
 from rf_pointing.core import Params, parameter, random_stream
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # The step of DOA, so that truth and filter integrate alike however long the period of the blocks
 # is.
 _STEP_S = 0.25

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.multiplicative_filter import ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.quaternion import (
@@ -25,8 +24,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 )
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, propagate, rigid_inertia
 from rf_pointing.core import Params, parameter, random_stream, require_between, require_finite
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,13 +8,10 @@ for constant modulus, Gamma(L) for a Gaussian waveform.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
 from rf_pointing.core import require_between, require_choice
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 
 def complex_normal(stream: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:

@@ -7,12 +7,12 @@ receiving active dipole.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.interferometer.frames import forward_angles
 from rf_pointing.array_sensors.interferometer.relative_pose import attitude_from_directions
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # Cosine or coupling below which the roll is rounding and not a measurement.
 _SINGULAR = 1e-9
 

@@ -8,7 +8,6 @@ the active frame's fixed axes, as pose messages define it.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.attitude_report import require_arrived
 from rf_pointing.array_sensors.interferometer.frames import rep103_from_spacecraft
@@ -23,8 +22,8 @@ from rf_pointing.array_sensors.interferometer.tracker import (
     TrackerOutput,
     TrackerState,
 )
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # From the report's axes (x boresight, y right, z down) to REP-103: y and z change their sign.
 _FLIP = np.diag([1.0, -1.0, -1.0])
 

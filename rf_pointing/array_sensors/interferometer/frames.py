@@ -7,7 +7,7 @@ functions work on stacks (leading dimensions).
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.attitude.rotations import (
     cross_matrix,
@@ -17,8 +17,8 @@ from rf_pointing.array_sensors.attitude.rotations import (
     turn_from_quaternion,
 )
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # At elevation +-90 deg azimuth and roll are about one axis: refusing is better than an arbitrary
 # split.
 _GIMBAL_COSINE = 1e-9

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.interferometer.coupling import roll_from_polarisation
 from rf_pointing.array_sensors.interferometer.relative_pose import (
@@ -19,8 +19,7 @@ from rf_pointing.array_sensors.interferometer.relative_pose import (
     roll_from_directions,
 )
 from rf_pointing.array_sensors.interferometer.system import ArrayParams
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 def range_from_sum(ranges_m: ArrayLike, arrays: ArrayParams) -> Array:

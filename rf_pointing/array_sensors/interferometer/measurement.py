@@ -1,4 +1,4 @@
-"""What the receiver of the active spacecraft measures in one sequence, and its phase noise.
+"""Measurement of the active spacecraft's receiver in one sequence, and its phase noise.
 
 sigma_phi^2 = 1/(2R) per link (PI83 eq. 7-3), 1/(2RF) + 1/(2RR) for the way out and back.  Noise of
 the forward link is common to all nine paths.
@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import as_finite_array, require_finite
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.rotations import cross_product, tangent_rows
 from rf_pointing.array_sensors.interferometer.coupling import coupling_amplitudes
@@ -24,8 +23,8 @@ from rf_pointing.array_sensors.interferometer.system import (
     path_rates_m_s,
     two_way_ranges,
 )
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 SIZE = 14
 POSITION, VELOCITY, ATTITUDE, RATE = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 EXCITATION = slice(12, 14)

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.interferometer.frames import (
     attitude_from_euler,
@@ -18,8 +18,7 @@ from rf_pointing.array_sensors.interferometer.frames import (
 )
 from rf_pointing.array_sensors.interferometer.relative_pose import RelativePose
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

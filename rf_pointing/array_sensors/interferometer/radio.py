@@ -6,14 +6,14 @@ R = Pt Gt Gr/(Lp Pn), Lp = (4 pi rho f/c)^2, Pn = k T B F (PI83 eqs. 5-38 to 5-4
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.interferometer.measurement import phase_variance
 from rf_pointing.array_sensors.interferometer.system import CarrierPlan
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 LOWEST_SNR = 10.0
 """Power ratio below which phase noise is not Gaussian and loops lose lock (10 dB)."""
 

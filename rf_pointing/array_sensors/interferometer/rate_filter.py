@@ -11,7 +11,6 @@ differences.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.interferometer.measurement_model import (
     SIZE,
@@ -27,8 +26,8 @@ from rf_pointing.array_sensors.interferometer.reading import Reading
 from rf_pointing.array_sensors.interferometer.snapshot import Snapshot
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # The same reading updates the filter right after: its start must not count the reading twice.
 _POSE_INFLATION = 100.0
 HARDWARE = slice(SIZE, SIZE + 22)

@@ -20,7 +20,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.interferometer.measurement import InterferometerMeasurement, phase_variance
 from rf_pointing.array_sensors.interferometer.system import (
@@ -31,8 +31,8 @@ from rf_pointing.array_sensors.interferometer.system import (
 )
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_published
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # Steps of a search must not jump over the lane that is right.
 _LANES_APART = 0.1
 # Rows of the reading's vector; the measurement model and the snapshot index with them.
@@ -270,7 +270,7 @@ class _Slots:
         lanes_of[:, 0], lanes_of[steps, steps + 1], lanes_of[steps, steps + 2] = 1.0 - ratio, ratio, -1.0
         lanes_of /= 2.0 * np.pi
         forward, back = self._carrier_variance()
-        # Of the mean over the paths, which share the noise of the way out.
+        # Noise of the mean over the paths, which share that of the way out.
         weight = np.linalg.inv(lanes_of * (forward + np.mean(back, axis=(1, 2)) / 9.0) @ lanes_of.T)
         turned = 0.5 * self._moments[2] * self._mean_wave
         slope = lanes_of @ turned

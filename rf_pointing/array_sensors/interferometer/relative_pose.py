@@ -7,7 +7,7 @@ eq. (4-14).
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.attitude.quaternion import require_rotation
 from rf_pointing.array_sensors.interferometer.frames import (
@@ -18,8 +18,8 @@ from rf_pointing.array_sensors.interferometer.frames import (
     roll_rotation,
 )
 from rf_pointing.core import as_finite_array
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # Elevation 2 of +-90 deg: azimuth 2 and roll turn about one axis there.
 _POLE_COSINE = 1e-9
 

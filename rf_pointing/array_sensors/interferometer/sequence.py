@@ -12,7 +12,7 @@ variance of one measurement.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.interferometer.coupling import coupling_from_two_way
 from rf_pointing.array_sensors.interferometer.frames import small_rotation
@@ -20,9 +20,9 @@ from rf_pointing.array_sensors.interferometer.initializer import Geometry, range
 from rf_pointing.array_sensors.interferometer.system import ArrayParams, two_way_gradients, two_way_ranges
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, VARIANTS, is_published
 from rf_pointing.core import Params, parameter, wrap_rad
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
-# Of a matrix scaled to a unit diagonal; rounding leaves 1e-15 of an exact zero.
+# Least eigenvalue of a matrix scaled to a unit diagonal; rounding leaves 1e-15 of an exact zero.
 _SMALLEST_EIGENVALUE = 1e-12
 _SMALLEST_COUPLING = 1e-6
 _UNIT_EXCITATION = np.ones(2)

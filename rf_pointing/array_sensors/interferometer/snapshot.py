@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.interferometer.initializer import Geometry, aperture_excess, initialize
 from rf_pointing.array_sensors.interferometer.measurement_model import SIZE, TrackedMotion, displaced, local_gradient
@@ -18,8 +17,8 @@ from rf_pointing.array_sensors.interferometer.motion import RelativeMotion
 from rf_pointing.array_sensors.interferometer.reading import COUPLINGS, RANGES, RATES, Reading
 from rf_pointing.array_sensors.interferometer.sequence import SequenceParams, minimum_variance_step, track
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # Position and attitude among the fourteen local coordinates; one reading does not show the
 # velocities.
 _POSE = [0, 1, 2, 6, 7, 8]

@@ -28,8 +28,8 @@ from rf_pointing.array_sensors.interferometer.radio import (
 from rf_pointing.array_sensors.interferometer.relative_pose import reverse_direction
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem, path_lengths, path_rates_m_s
 from rf_pointing.core import random_stream, require_finite
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # Any rate a free-running loop may report; far outside of what a docking gives.
 _LOST_RATE_RAD_S = 1e3
 

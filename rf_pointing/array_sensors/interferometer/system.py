@@ -27,8 +27,8 @@ from rf_pointing.array_sensors.attitude.rotations import cross_product
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, VARIANTS, is_published
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 ORDERS = ("simultaneous", "ascending", "nested")
 
 

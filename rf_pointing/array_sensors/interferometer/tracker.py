@@ -20,7 +20,6 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.interferometer.initializer import Geometry, geometry_from_pose
 from rf_pointing.array_sensors.interferometer.measurement import InterferometerMeasurement
@@ -38,8 +37,8 @@ from rf_pointing.array_sensors.interferometer.sequence import SequenceParams
 from rf_pointing.array_sensors.interferometer.snapshot import Snapshot, chi_square_limit, coarse_geometry, refine
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 ACQUIRING, TRACKING, COASTING = "acquiring", "tracking", "coasting"
 
 

@@ -28,9 +28,9 @@ from rosgraph_msgs.msg import Clock
 from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.ros.graph import Topic
 from rf_pointing.ros.managed_graph import ManagedGraph
-from rf_pointing.ros.pacing import PacedStream, Pacer
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.station.clients.pacing import PacedStream, Pacer
 
 CLOCK = "simulation_clock"
 """Gives the time of a simulated graph where nothing else does."""
@@ -203,7 +203,7 @@ class ArrayGraph:
 
     def wait_until(self, condition: Callable[[], bool], what: str) -> None:
         """Spin until `condition`; TimeoutError naming `what` after the patience of the graph."""
-        self._nodes.wait_until(condition, f"{self.namespace}: {what}")
+        self._nodes.waiting.until(condition, f"{self.namespace}: {what} not seen")
 
     def check(self) -> None:
         """NotStartedError if a process has ended."""

@@ -5,26 +5,17 @@ Publishes: array_snapshots (10 Hz, complex samples of every patch).
 Parameters: array.* (from the station description), receiver.* (seed).
 """
 
-from dataclasses import dataclass
-
 from rf_pointing_msgs.msg import ArraySnapshots, PointingError
 
 from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock
 from rf_pointing.array_sensors.doa.dish_array import SimulatedDishArray
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.core import Params, parameter
 from rf_pointing.rf.dish_array import DishArrayParams
 from rf_pointing.ros.convert import error_from_message
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.station_node import StationNode
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReceiverSeed(Params):
-    """What differs from run to run."""
-
-    seed: int = parameter(1, "seed of every noise source", low=0, high=2**31 - 1)
+from rf_pointing.station.parameters import ReceiverSeed
 
 
 class ArrayReceiver(StationNode):

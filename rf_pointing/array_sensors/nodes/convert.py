@@ -29,10 +29,10 @@ from rf_pointing.array_sensors.interferometer.tracker import TrackerOutput
 from rf_pointing.array_sensors.tripulse.receiver import TripulseMeasurement
 from rf_pointing.array_sensors.tripulse.signal import TripulseFrame
 from rf_pointing.core import as_finite_array, require_between, require_finite
+from rf_pointing.core.types import Array
 from rf_pointing.ros.convert import ORBIT_FRAME as ORBIT_FRAME
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 
-Array = NDArray[np.float64]
 BODY_FRAME, ARRAY_FRAME, ACTIVE_FRAME = "body", "array", "active_body"
 _PATHS = (3, 3)
 _TORQUE_FIELDS = {

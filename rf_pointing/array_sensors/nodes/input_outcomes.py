@@ -1,4 +1,4 @@
-"""What became of the messages that a node received: used, invalid or rejected."""
+"""Counts of the messages that a node received: used, invalid or rejected."""
 
 from collections.abc import Callable
 
@@ -16,7 +16,7 @@ class InputOutcomes:
 
     def take(self, work: Callable[[], str]) -> None:
         """Do `work` for one message: it returns why its result is invalid, or raises to reject."""
-        # While the node is inactive, messages are no input.
+        # While the node is inactive, messages are not input.
         if not self.open:
             return
         try:

@@ -1,4 +1,4 @@
-"""What the launch files of the array sensors share; imported by launch files only."""
+"""Common part of the launch files of the array sensors; imported by launch files only."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -50,7 +50,7 @@ def report_array_sensors(bag: Path, folder: Path) -> Path | None:
     None when it holds none.  The executable `report` finds this function through the entry point
     group `rf_pointing.reports`.
     """
-    # A bag of the antenna is no error: every report writer is called for every bag.
+    # A bag of the antenna is not an error: every report writer is called for every bag.
     if not array_sensors(bag):
         return None
     write_array_report(bag, folder)

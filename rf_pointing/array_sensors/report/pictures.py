@@ -4,13 +4,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_to_roll_pitch_yaw
 from rf_pointing.array_sensors.report.series import ArraySeries
+from rf_pointing.core.types import Array
 from rf_pointing.report.picture_style import ALONE_COLOUR, AXIS_COLOURS, LIMIT_COLOUR, figure, legend_above
 
-Floats = NDArray[np.float64]
 _TRUE, _FOUND = LIMIT_COLOUR, AXIS_COLOURS[0]
 HAND_OFF_COLOUR = "#a6761d"
 _MDEG_BELOW_DEG = 0.03
@@ -62,7 +61,7 @@ def _columns(axes: Any, series: ArraySeries, first: int, what: str) -> None:
         legend_above(axes[0, place])
 
 
-def _position(series: ArraySeries) -> tuple[list[Floats], Floats, Floats, tuple[str, ...], tuple[str, str]]:
+def _position(series: ArraySeries) -> tuple[list[Array], Array, Array, tuple[str, ...], tuple[str, str]]:
     error, sigma = series.position_error_m, series.position_sigma_m
     assert series.true_position_m is not None
     assert series.position_m is not None
@@ -70,7 +69,7 @@ def _position(series: ArraySeries) -> tuple[list[Floats], Floats, Floats, tuple[
     return [series.true_position_m, series.position_m], error, sigma, names, ("m", "m")
 
 
-def _rotation(series: ArraySeries) -> tuple[list[Floats], Floats, Floats, tuple[str, ...], tuple[str, str]]:
+def _rotation(series: ArraySeries) -> tuple[list[Array], Array, Array, tuple[str, ...], tuple[str, str]]:
     quaternions = (series.true_quaternion, series.quaternion)
     # Unwrapped: a yaw through 180 deg would be drawn as a vertical line.
     values = [np.degrees(np.unwrap(quaternion_to_roll_pitch_yaw(q), axis=0)) for q in quaternions]
@@ -81,7 +80,7 @@ def _rotation(series: ArraySeries) -> tuple[list[Floats], Floats, Floats, tuple[
     return values, error, sigma, ("roll", "pitch", "yaw"), ("deg", unit)
 
 
-def _draw_values(axes: Any, series: ArraySeries, values: list[Floats]) -> None:
+def _draw_values(axes: Any, series: ArraySeries, values: list[Array]) -> None:
     valid = series.valid
     if not valid.all():
         axes.plot(series.t_s[~valid], values[1][~valid], ".", color=ALONE_COLOUR, ms=2.5, label="not valid")
@@ -90,7 +89,7 @@ def _draw_values(axes: Any, series: ArraySeries, values: list[Floats]) -> None:
     _limit(axes, np.concatenate([values[0], values[1][valid]]))
 
 
-def _draw_error(axes: Any, series: ArraySeries, error: Floats, sigma: Floats, unit: str) -> None:
+def _draw_error(axes: Any, series: ArraySeries, error: Array, sigma: Array, unit: str) -> None:
     valid = series.valid
     time, error, three_sigma = series.t_s[valid], error[valid], 3.0 * sigma[valid]
     axes.fill_between(time, -three_sigma, three_sigma, color=_FOUND, alpha=0.15, lw=0.0, label="3 sigma")
@@ -115,7 +114,7 @@ def _draw_error(axes: Any, series: ArraySeries, error: Floats, sigma: Floats, un
     axes.set_ylim(-reach, reach)
 
 
-def _limit(axes: Any, values: Floats) -> None:
+def _limit(axes: Any, values: Array) -> None:
     low, high = float(np.min(values)), float(np.max(values))
     margin = 0.08 * max(high - low, 1e-6)
     axes.set_ylim(low - margin, high + margin)

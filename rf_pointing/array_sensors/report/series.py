@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
 from rf_pointing.array_sensors.attitude.quaternion import conjugate, multiply, quaternion_to_rotation_vector
+from rf_pointing.core.types import Array
 from rf_pointing.report.bag_source import open_bag
 from rf_pointing.report.topics import types_of
 
-Floats = NDArray[np.float64]
 Messages = dict[int, Any]
 
 
@@ -31,17 +31,17 @@ class ArraySeries:
     with its name.
     """
 
-    t_s: Floats
-    true_position_m: Floats | None
-    position_m: Floats | None
-    true_quaternion: Floats
-    quaternion: Floats
-    covariance: Floats
+    t_s: Array
+    true_position_m: Array | None
+    position_m: Array | None
+    true_quaternion: Array
+    quaternion: Array
+    covariance: Array
     valid: NDArray[np.bool_]
     reasons: tuple[str, ...] = ()
     hand_offs: tuple[tuple[float, str], ...] = ()
 
-    def nees(self, first: int, errors: Floats) -> Floats:
+    def nees(self, first: int, errors: Array) -> Array:
         """Normalised squared error (n,) of `errors` (n, 3), whose covariance begins at row `first`;
         3 is expected.
         """
@@ -49,24 +49,24 @@ class ArraySeries:
         return np.asarray(np.einsum("ni,ni->n", errors, np.linalg.solve(block, errors[..., None])[..., 0]))
 
     @property
-    def rotation_error_rad(self) -> Floats:
+    def rotation_error_rad(self) -> Array:
         """Rotation vectors (n, 3) from true to estimated orientation, about the reference axes."""
         return quaternion_to_rotation_vector(multiply(self.quaternion, conjugate(self.true_quaternion)))
 
     @property
-    def rotation_sigma_rad(self) -> Floats:
+    def rotation_sigma_rad(self) -> Array:
         """Standard deviations (n, 3) of the rotation error."""
         return np.asarray(np.sqrt(np.diagonal(self.covariance[:, -3:, -3:], axis1=1, axis2=2)))
 
     @property
-    def position_error_m(self) -> Floats:
+    def position_error_m(self) -> Array:
         """Errors (n, 3) of the position; ValueError without positions."""
         if self.position_m is None or self.true_position_m is None:
             raise ValueError("an attitude sensor has no position")
         return self.position_m - self.true_position_m
 
     @property
-    def position_sigma_m(self) -> Floats:
+    def position_sigma_m(self) -> Array:
         """Standard deviations (n, 3) of the position error."""
         return np.asarray(np.sqrt(np.diagonal(self.covariance[:, :3, :3], axis1=1, axis2=2)))
 
@@ -176,7 +176,7 @@ def _common(estimates: Messages, truth: Messages, bag: Path) -> list[int]:
     return stamps
 
 
-def _seconds(stamps: list[int]) -> Floats:
+def _seconds(stamps: list[int]) -> Array:
     return np.array([(stamp - stamps[0]) / 1e9 for stamp in stamps])
 
 

@@ -13,9 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rf_pointing.core import Params, parameter, require_finite
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +40,7 @@ class TripulseArrayParams(Params):
             if getattr(self, name) % 2:
                 raise ValueError(f"{name}={getattr(self, name)} must be even")
         dead = self.dead_elements()
-        # An array without any beam is no measurement of attitude; zero weights would divide by zero
+        # An array without any beam measures no attitude; zero weights would divide by zero
         # later.
         if dead is not None and np.all(dead):
             raise ValueError(f"failed marks all {self.n_total} elements: the array has no beam")

@@ -15,19 +15,17 @@ takes the convention as an argument.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, centred_indices
 from rf_pointing.core import require_choice, require_finite
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 TIME_CONVENTIONS = ("exp(-jwt)", "exp(+jwt)")
 # A few steps are typical; thirty means that the ratios belong to no direction of this aperture.
 NEWTON_STEPS = 30
 PROJECTION_TOLERANCE = 1e-13
-# Of the healthy aperture's slope: an aperture half dead has delta beams that do not move with
+# Least slope as a share of a healthy aperture's: the delta beams of one half dead do not move with
 # direction.
 SMALLEST_SLOPE = 1e-6
 

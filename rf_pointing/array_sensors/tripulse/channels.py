@@ -14,12 +14,9 @@ either sign: a loss is reported and never bridged.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams, segment_beams
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 # Zero padding of the spectrum: the line is found to an eighth of a bin, the segments refine it.
 PADDING = 8
@@ -28,12 +25,12 @@ REFINEMENTS = 2
 QUIET = (-3, -2, 2, 3)
 """Channels without a tone, in tone separations from f_t."""
 LARGEST_STEP_RAD = 2.0
-"""Of the phase of r_1 r_2 between segments; noise and clocks move it by tenths, a slip of r_1 or
-r_2 by pi."""
+"""Largest step of the phase of r_1 r_2 between segments; noise and clocks move it by tenths, a slip
+of r_1 or r_2 by pi."""
 SMALLEST_AMPLITUDE = 0.3
-"""Of a reference in one segment against its median over the frame."""
+"""Least amplitude of a reference in one segment against its median over the frame."""
 SMALLEST_SNR = 10.0
-"""Of each reference in one segment: 10 dB, below which its phase cannot be followed."""
+"""Least SNR of each reference in one segment: 10 dB, below which its phase cannot be followed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

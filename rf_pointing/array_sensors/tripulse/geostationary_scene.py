@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.attitude.ground_stations import GroundPlace, StationView, view_stations
 from rf_pointing.array_sensors.attitude.orbits import Orbit, OrbitPoint, circular_frame
@@ -20,8 +20,7 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_to_matrix,
 )
 from rf_pointing.core import Params, parameter, require_finite
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 ORBIT_RADIUS_M = 42164172.0
 EARTH_RATE_RAD_S = 7.2921159e-5

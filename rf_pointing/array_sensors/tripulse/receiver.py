@@ -34,14 +34,12 @@ from rf_pointing.array_sensors.tripulse.signal import (
 )
 from rf_pointing.array_sensors.tripulse.tracker import TrackerParams, predict, start, update
 from rf_pointing.core import Params, parameter
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 
 @dataclass(frozen=True, kw_only=True)
 class TripulseReceiverParams(Params):
-    """What the receiver expects and when it believes a frame."""
+    """Expectations of the receiver, and when it believes a frame."""
 
     largest_shift_hz: float = parameter(5e4, "largest frequency shift searched", low=1.0, high=1e8)
     # Below 12 dB the ratio is biased by the noise of the sum beam, and its variance has no finite

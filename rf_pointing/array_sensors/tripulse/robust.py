@@ -16,12 +16,11 @@ Not in TRIPULSE, which restricts itself to high SNR: the variance of the plain r
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
 from rf_pointing.core import as_finite_array, require_finite
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 # 25 points over ten sigma resolve a Gaussian; six shrinking grids follow a posterior down to a
 # millionth of the prior.

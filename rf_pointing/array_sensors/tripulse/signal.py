@@ -20,7 +20,7 @@ SEGMENT_BEAMS = "Sxy"
 
 @dataclass(frozen=True, kw_only=True)
 class TripulseSignalParams(Params):
-    """What satellite and stations have agreed on; the defaults give each beam 80 microseconds."""
+    """Signal agreed on by satellite and stations; the defaults give each beam 80 microseconds."""
 
     scheme: str = parameter("two_tone", "phase reference of the beams", choices=("two_tone", "interleaved"))
     carrier_hz: float = parameter(12e9, "frequency of the tripulse tone f_t", low=1e8, high=1e11)

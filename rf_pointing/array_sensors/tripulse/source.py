@@ -31,9 +31,7 @@ from rf_pointing.core import (
     require_finite,
 )
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from rf_pointing.core.types import Array, ComplexArray
 
 
 @dataclass(frozen=True, kw_only=True)

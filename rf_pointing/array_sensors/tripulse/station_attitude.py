@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_matrix
 from rf_pointing.array_sensors.attitude.rotations import cosine_slopes, cross_matrix
@@ -26,12 +26,11 @@ from rf_pointing.array_sensors.attitude.wahba import (
     unit_directions,
 )
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 SMALLEST_HEIGHT = 1e-3
 SMALLEST_EIGENVALUE = 1e-12  # of the largest: rounding leaves 1e-16 of an exact zero, of either sign
-"""Of T_z: nearer to the plane of the array its error grows beyond every bound."""
+"""Least T_z: nearer to the plane of the array its error grows beyond every bound."""
 
 
 def bisector_rotation(

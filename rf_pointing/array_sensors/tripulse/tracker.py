@@ -10,11 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import Params, parameter, require_finite
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 @dataclass(frozen=True, kw_only=True)

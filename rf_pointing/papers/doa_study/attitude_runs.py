@@ -33,6 +33,7 @@ from rf_pointing.array_sensors.attitude.rotations import cross_matrix, matrix_fr
 from rf_pointing.array_sensors.doa.array import CircularArrayParams
 from rf_pointing.array_sensors.doa.attitude_start import StartParams, best_of_bank, start_bank
 from rf_pointing.core import random_stream, require_between
+from rf_pointing.core.types import Array
 from rf_pointing.papers.doa_study.directions import (
     GRID_RAD,
     DirectionCase,
@@ -46,7 +47,6 @@ from rf_pointing.papers.doa_study.directions import (
 )
 from rf_pointing.papers.doa_study.scene import STEP_S, Scene, nadir_scene
 
-Array = NDArray[np.float64]
 ARRAY = CircularArrayParams()
 GATE = GateParams()
 START = StartParams(hypotheses=6)
@@ -125,7 +125,7 @@ def _with_scalar(quaternion: Array, change: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunTask:
-    """What one worker does; a plain value, so that any executor can carry it.
+    """Work of one worker; a plain value, so that any executor can carry it.
 
     `pool` real MUSIC estimates stand behind each case, or, with `music_inside`, MUSIC runs at every
     step of every trial; cases that differ in the search only get the same estimates.  Averages

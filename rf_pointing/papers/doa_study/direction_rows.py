@@ -4,7 +4,6 @@ import math
 from concurrent.futures import Executor
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.ground_stations import (
     largest_nadir_angle_rad,
@@ -14,13 +13,13 @@ from rf_pointing.array_sensors.attitude.ground_stations import (
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, period_s
 from rf_pointing.array_sensors.doa.array import CircularArrayParams
 from rf_pointing.array_sensors.doa.cramer_rao import cosine_sigma_rad, effective_snr, search_grid_rmse
+from rf_pointing.core.types import Array
 from rf_pointing.papers.doa_study.accuracy import accuracy_curve, threshold
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult
 from rf_pointing.papers.doa_study.directions import DirectionCase, polar_from_direction
 from rf_pointing.papers.doa_study.scene import ELEVATION_MIN_RAD, nadir_scene
 from rf_pointing.papers.row import Row
 
-Array = NDArray[np.float64]
 ARRAY = CircularArrayParams()
 STEP_DEG = 1.0
 FLOOR_DEG = float(search_grid_rmse(0.0, STEP_DEG))

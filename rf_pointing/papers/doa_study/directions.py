@@ -21,7 +21,7 @@ would make, outliers included.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.attitude.multiplicative_filter import TABLE_Q
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
@@ -29,9 +29,8 @@ from rf_pointing.array_sensors.doa.cramer_rao import cosine_sigma_rad
 from rf_pointing.array_sensors.doa.music import estimate_directions, principal_eigenvectors
 from rf_pointing.array_sensors.doa.snapshots import draw_covariances
 from rf_pointing.core import require_between, wrap_rad
+from rf_pointing.core.types import Array, ComplexArray
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 GRID_RAD = np.radians(1.0)
 NEIGHBOURS = 250
 """Pool entries on each side in theta from which an error is drawn: 1.2 % of the pool."""

@@ -1,4 +1,4 @@
-"""What DOA leaves to future work, measured: consistency, any start, two sources, mutual coupling.
+"""Future work of DOA, measured: consistency, any start, two sources, mutual coupling.
 
 Consistency: e^T P^-1 e (NEES) has mean n for an n-dimensional Gaussian error of covariance P; its
 average over independent runs is chi-square with runs * n degrees of freedom, divided by runs
@@ -46,12 +46,10 @@ from rf_pointing.array_sensors.doa.several_sources import estimate_several
 from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SimulatedSatellite
 from rf_pointing.array_sensors.doa.snapshots import complex_normal, draw_snapshots
 from rf_pointing.core import random_stream, require_between, require_finite
+from rf_pointing.core.types import Array, ComplexArray
 from rf_pointing.papers.doa_study.directions import direction_from_polar, polar_basis
 from rf_pointing.papers.doa_study.scene import STEP_S, nadir_scene
 from rf_pointing.papers.row import Row
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MAX_ITERATIONS = 50
 STEP_TOLERANCE = 1e-10
@@ -336,7 +334,7 @@ def _observe(expected: Array, reference: Array, sigma: float, stream: np.random.
     return DirectionObservation(measured, covariance, np.broadcast_to(reference, measured.shape))
 
 
-def beyond_rows(seed: int) -> list[Row]:
+def future_rows(seed: int) -> list[Row]:
     """Return the measured numbers and their theory."""
     scores = mean_nees(RUNS, seed, duration_s=300.0)
     low, high = nees_band(6, RUNS)

@@ -20,8 +20,7 @@ from rf_pointing.array_sensors.attitude.rigid_body import (
     rigid_inertia,
 )
 from rf_pointing.core import require_between
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 STEP_S = 0.25
 ELEVATION_MIN_RAD = math.radians(10.0)

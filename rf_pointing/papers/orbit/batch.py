@@ -13,13 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import as_finite_array, require_between, require_choice, unit_vector_from_azel, wrap_rad
+from rf_pointing.core.types import Array
 from rf_pointing.papers.orbit.measurements import KINDS, measured, partials
 from rf_pointing.papers.orbit.motion import Disturbances, Gravity, Site, Trajectory, propagate, to_inertial
-
-Array = NDArray[np.float64]
 
 _FEWEST, _SWEEPS, _DEGREE = 10, 4, 3
 
@@ -27,7 +26,7 @@ _FEWEST, _SWEEPS, _DEGREE = 10, 4, 3
 _MAX_ITERATIONS = 30
 # In units of the state's own sigma: a smaller step changes nothing that the data can show.
 _CONVERGED_SIGMA = 1e-4
-# Of the scaled partials, so that metres and metres per second compare.
+# Rank by the scaled partials, so that metres and metres per second compare.
 _RANK_TOLERANCE = 1e-11
 _STATE_NAMES = ("x", "y", "z", "x rate", "y rate", "z rate")
 

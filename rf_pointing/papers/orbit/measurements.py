@@ -1,4 +1,4 @@
-"""What a station measures of a satellite, and the passes at which it can.
+"""Measurements of a satellite by a station, and the passes at which it has them.
 
 Azimuth, elevation, range and range rate, with derivatives and partials.  Geometric: no light time
 and no refraction, which `corrections` removes from real data beforehand.
@@ -12,11 +12,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.calibration import taylor
 from rf_pointing.core import Params, as_finite_array, parameter, require_between
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
+from rf_pointing.core.types import Array
 from rf_pointing.papers.orbit.motion import (
     EARTH_RATE_RAD_S,
     Gravity,
@@ -25,8 +26,6 @@ from rf_pointing.papers.orbit.motion import (
     to_earth_fixed,
     to_inertial,
 )
-
-Array = NDArray[np.float64]
 
 KINDS = ("azimuth_rad", "elevation_rad", "range_m", "range_rate_m_s")
 """The measured quantities, in the order of `measured` and `partials`."""

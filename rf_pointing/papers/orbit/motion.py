@@ -20,12 +20,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.core import Params, as_finite_array, parameter
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
-
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 EARTH_RATE_RAD_S = 7.292115855e-5
 """Sidereal turning rate with respect to the equinox of date (IAU 1982)."""
@@ -114,7 +113,7 @@ def _turned(vector: Array, angle_rad: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbances(Params):
-    """What acts on the satellite besides the Earth; nothing by default."""
+    """Forces on the satellite besides the Earth's; none by default."""
 
     ballistic_m2_kg: float = parameter(0.0, "drag coefficient times area over mass; 0: no drag", low=0.0, high=10.0)
     air_density_kg_m3: float = parameter(1.17e-14, "density of the air at the reference height", low=0.0, high=1e-6)

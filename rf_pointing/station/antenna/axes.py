@@ -10,17 +10,15 @@ import math
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams, TrajectoryBuffer, TrajectorySample
 from rf_pointing.core import JointTrajectory, Motion
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.planning import CornerPath
 from rf_pointing.servo import PlantParams
 from rf_pointing.station.antenna.loops import AxisLoops, LoopParams
 from rf_pointing.station.antenna.safety import AntennaSafety
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 Corners = tuple[Pair, ...]
 # Brakes may be set below this without shaking the structure.
 MOVING_RAD_S = math.radians(0.1)
@@ -34,13 +32,13 @@ NEW_PATH_RAD = math.radians(0.5)
 
 
 class Hardware(Protocol):
-    """What a control unit needs of drives, brakes and sensors, in the order azimuth, elevation.
+    """Drives, brakes and sensors of a control unit, in the order azimuth, elevation.
 
     `velocity_rad_s` (2,) are the tachometer rates and `switch_rad` (2,) the angles at the limit
     switches, which do not depend on the encoders; `at_stop` says which axis touches a hard stop.
     `encoders` and `anemometer_m_s` read a sensor, NaN from one that is silent; None is a station
     without an anemometer.  `move` gives the drives their rate commands (2,) for one tick, or, where
-    the drive `takes_positions`, the motion to follow (None: there is none); `brake` cuts the drives
+    the drive `takes_positions`, the motion to follow, or None; `brake` cuts the drives
     too, and `release_brake` leaves that of one axis set (-1: none).  `fault` is why the drives must
     be cut, "" if not, and `settled_rad` how near to its goal an axis comes to rest.
     """
@@ -67,7 +65,7 @@ class Hardware(Protocol):
 
 
 class SlewPath:
-    """What both axes follow: a commander's table, a goal of the antenna's own, or rest."""
+    """Path of both axes: a commander's table, a goal of the antenna's own, or rest."""
 
     def __init__(self, loops: LoopParams, start_rad: Pair, settled_rad: float) -> None:
         self.table = TrajectoryBuffer(loops.table)

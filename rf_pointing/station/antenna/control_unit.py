@@ -12,10 +12,10 @@ know and acts on their answers.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrajectorySample
 from rf_pointing.core import AXES, JointReading, JointTrajectory
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.servo import PlantParams
 from rf_pointing.station.antenna.axes import NEW_PATH_RAD, AntennaAxes, Hardware, pair
@@ -24,8 +24,6 @@ from rf_pointing.station.antenna.modes import AntennaMode, AntennaModes, MotionS
 from rf_pointing.station.antenna.safety import AntennaSafety, SafetyParams
 from rf_pointing.station.pointing.status import AntennaStatus
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 SAME_S = 1e-9
 _ON_THE_WAY = {
     Request.PARK: AntennaMode.PARKING,
@@ -102,7 +100,7 @@ class ControlUnit:
         return reason
 
     def _find_path(self, trajectory: JointTrajectory, now_s: float) -> str:
-        """Pass a command through the gate and note the path to it; return why there is none."""
+        """Pass a command through the gate and note the path to it; return why no path is free."""
         path, encoder_rad = self.axes.path, self.axes.encoder_rad
         positions = trajectory.position_rad
         # The gate of the controller does not bind a foreign commander; this one does.
@@ -113,7 +111,7 @@ class ControlUnit:
         return self._go_round(now_s, positions[0]) if path.leaves(trajectory, encoder_rad, following) else ""
 
     def _go_round(self, now_s: float, goal_rad: Array) -> str:
-        """Note the path to a far position (2,) where commands are; return why there is none."""
+        """Note the path to a far position (2,) where commands are; return why no path is free."""
         decision = self.safety.check("preset", now_s, pair(self.axes.encoder_rad), goal_rad[None, :])
         if decision.allowed:
             self.axes.path.go_round(decision.way)
@@ -128,7 +126,7 @@ class ControlUnit:
         """
         axes = self.axes
         self._held_axis = -1
-        # Watches begin anew: what they saw under the brakes is no motion.
+        # Watches begin anew: what they saw under the brakes is not motion.
         self.safety.release(pair(axes.hardware.switch_rad))
         axes.rate_command_rad_s = np.zeros(2)
         self._watch_sensors()
@@ -285,7 +283,7 @@ class ControlUnit:
         return ""
 
     def _find_path_back(self) -> str:
-        """Find the path from a pause back to where the commands are; return why there is none."""
+        """Find the path from a pause back to where the commands are; return why no path is free."""
         encoder_rad, path = self.axes.encoder_rad, self.axes.path
         if path.table.empty:
             return ""
@@ -448,7 +446,7 @@ class ControlUnit:
         self.modes.mode = AntennaMode.STOPPING
 
     def _followed(self, t_s: float) -> TrajectorySample | None:
-        """Return the commanded motion at `t_s`, None where there is none: then the goal is kept."""
+        """Return the commanded motion at `t_s`, or None: then the goal is kept."""
         if self.mode != AntennaMode.TRACKING:
             return None
         path = self.axes.path

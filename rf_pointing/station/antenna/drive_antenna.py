@@ -11,9 +11,9 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import AXES, Boresight, JointReading, JointTrajectory
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, Rotator
 from rf_pointing.planning import PositionLimits, PositionWatch
 from rf_pointing.servo import PlantParams
@@ -26,8 +26,6 @@ from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 from rf_pointing.station.pointing.status import AntennaStatus
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 CONNECT_S = 5.0
 """Longest wait for the first reading of a device."""
 LOOK_S = 0.01
@@ -59,7 +57,7 @@ class DriveHardware:
 
     def look(self, t_s: float) -> None:
         """Let the drive work at `t_s`, and check what it reads."""
-        # A look that came late is no silence of the device.
+        # A look that came late is not silence of the device.
         late_s, self._t_s = max(0.0, t_s - self._t_s), t_s
         rotator, before = self.rotator, self.rotator.position_rad
         known, was_lost = rotator.reading is not None, self._lost
@@ -107,7 +105,7 @@ class DriveHardware:
     @property
     def velocity_rad_s(self) -> Array:
         """Rates (2,) of the axes, measured over the last second where there is no tachometer."""
-        # Of a lost drive nothing is known, and its last rate is for ever.
+        # A lost drive has no known rate; the last one would persist.
         return np.zeros(2) if self._lost else np.array(self.rotator.rate_rad_s)
 
     @property
@@ -128,7 +126,7 @@ class DriveHardware:
         return self.rotator.estimate(self._t_s) if self.powered and not self._reason else self._encoder_rad
 
     def note_wind(self, speed_m_s: float) -> None:
-        """Take a reading of the station's anemometer, which is no part of the drive."""
+        """Take a reading of the station's anemometer, which is not part of the drive."""
         self._wind_m_s = speed_m_s
 
     def anemometer_m_s(self) -> float:
@@ -262,7 +260,7 @@ class DriveAntenna(ControlUnit):
         suited = detector.replace(
             threshold_rad=min(max(detector.threshold_rad, tooth), 0.1),
             gross_threshold_rad=min(max(detector.gross_threshold_rad, 2.0 * tooth), 1.0),
-            # A device slower than stated falls behind in a slew, which is no swing.
+            # A device slower than stated falls behind in a slew, which is not a swing.
             largest_rad=1.0,
         )
         return loops.replace(law=BY_DRIVE, oscillation=suited)
@@ -274,7 +272,7 @@ class DriveAntenna(ControlUnit):
         if not can.has_elevation:
             found[1] = -math.inf, math.inf
         for axis, (low, high) in enumerate(found):
-            # What a device states of a folded azimuth is no travel.
+            # What a device states of a folded azimuth is not travel.
             if can.travel_rad is not None and not (axis == 0 and (can.one_turn or rotator.takes_one_turn)):
                 zero = rotator.zero_rad[axis]
                 found[axis] = max(low, can.travel_rad[0][axis] + zero), min(high, can.travel_rad[1][axis] + zero)
@@ -322,6 +320,28 @@ def wait_for_drive(drive: Drive, now_s: Callable[[], float], patience_s: float =
         if time.monotonic() - begun_s > patience_s:
             raise ValueError(f"drive: {drive.problem or 'no position'}, waited {patience_s:.0f} s")
         time.sleep(LOOK_S)
+
+
+def connected_antenna(params: AntennaParams, drive: Drive, begun_s: float) -> DriveAntenna:
+    """Return the antenna on a drive once that has answered; a drive that cannot be used is closed.
+
+    Raises
+    ------
+    ValueError
+        For a drive that does not answer, or cannot do what the parameters require.
+    """
+    steady_s = time.monotonic()
+
+    def now_s() -> float:
+        # Simulated time does not go on while this waits.
+        return begun_s + time.monotonic() - steady_s
+
+    try:
+        wait_for_drive(drive, now_s)
+        return DriveAntenna(params, drive, now_s())
+    except ValueError:
+        drive.close()
+        raise
 
 
 def _limits(can: Capabilities, params: DriveParams) -> PositionLimits:

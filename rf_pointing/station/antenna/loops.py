@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import (
     CommandPreprocessorParams,
@@ -32,9 +31,10 @@ from rf_pointing.controllers import (
     load_lqg_designs,
 )
 from rf_pointing.core import AXES, Motion, Params, parameter
-from rf_pointing.servo import PlantParams, discretise, linear_model
+from rf_pointing.core.types import Array
+from rf_pointing.servo import PlantParams, discretise
+from rf_pointing.servo.linear_model import linear_model
 
-Array = NDArray[np.float64]
 Law = PositionLoopParams | LqgDesign
 AnyLaw = PositionLaw[Any, Any]
 

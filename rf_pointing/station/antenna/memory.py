@@ -1,8 +1,8 @@
-"""What a restarted control unit remembers of its antenna, from a state file.
+"""Memory of a restarted control unit, from a state file and a wrap file.
 
 The structure is where it was left, a latched fault is still latched, and an antenna that was
 parked, stowed or disabled keeps its brakes set until `resume`.  The file is written as the antenna
-moves, and before a change of fault or rest is published.
+moves, and before a change of fault or rest is published.  The wrap file keeps the azimuth's turn.
 """
 
 import math
@@ -11,12 +11,15 @@ from pathlib import Path
 
 from rf_pointing.core import AXES
 from rf_pointing.core.whole_file import KeptState
+from rf_pointing.planning import WrapCount
 from rf_pointing.station.antenna.control_unit import ControlUnit
+from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 
 MOVED_RAD = math.radians(0.5)
 """Motion after which the file is written anew: seldom, and far less than a turn of cables."""
+SAME_RAD = 1e-6
 AT_REST = (AntennaMode.PARKED, AntennaMode.STOWED, AntennaMode.DISABLED)
 SINCE = " (since before the restart)"
 
@@ -102,3 +105,44 @@ class AntennaMemory:
     def problem(self) -> str:
         """Why the file does not hold what it should, empty when it does."""
         return self._state.problem
+
+
+class TurnMemory:
+    """The wrap file of one antenna, which keeps the azimuth's turn; an empty name keeps nothing."""
+
+    def __init__(self, name: str, antenna: ControlUnit) -> None:
+        """Check the kept turn against the encoder, which counts all turns; a real one has one.
+
+        Raises ValueError for a file that cannot be written.
+        """
+        self._antenna, self._name = antenna, name
+        self._count, self.problem = WrapCount(Path(name)) if name else None, ""
+        one_turn = isinstance(antenna, DriveAntenna) and antenna.hardware.drive.capabilities.one_turn
+        if self._count is None:
+            if one_turn:
+                antenna.stop(
+                    "the drive reads the azimuth modulo 360 deg and no wrap_file keeps its turn: "
+                    "look at the cables, then reset"
+                )
+            return
+        azimuth_rad = float(antenna.axes.encoder_rad[0])
+        recovered_rad, doubt = self._count.recover(azimuth_rad)
+        if isinstance(antenna, DriveAntenna) and one_turn:
+            antenna.place(recovered_rad)
+        elif not doubt and abs(recovered_rad - azimuth_rad) > SAME_RAD:
+            doubt = "the wrap file names another turn than the encoder: look at the cables, then reset"
+        if doubt:
+            antenna.stop(doubt)
+        self.keep()
+        if self.problem:
+            raise ValueError(self.problem)
+
+    def keep(self) -> None:
+        """Write the turn; a full disk must not leave the antenna alone in its motion."""
+        if self._count is None or self._antenna.safety.latch.text:
+            return
+        try:
+            self._count.keep(float(self._antenna.axes.encoder_rad[0]))
+            self.problem = ""
+        except OSError as error:
+            self.problem = f"wrap_file={self._name} cannot be written: {error.strerror}"

@@ -38,7 +38,7 @@ class AntennaMode(StrEnum):
 
 
 class Request(StrEnum):
-    """What an operator or a commander may request."""
+    """Request of an operator or a commander."""
 
     COMMAND = auto()
     IDENTIFY = auto()
@@ -54,7 +54,7 @@ class Request(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModeTraits:
-    """What follows from a mode.
+    """Traits of a mode.
 
     `movable`: the position laws drive the axes, which may be sent to rest.  `motion`: what the
     safety gate calls the motion of this mode, "" where it need not pass.  `ends_in`: the mode at
@@ -117,7 +117,7 @@ class AntennaModes:
 
     @property
     def traits(self) -> ModeTraits:
-        """What follows from the present mode."""
+        """Traits of the present mode."""
         return MODES[self.mode]
 
     def reason_against(self, request: Request, now: MotionSnapshot) -> str:
@@ -183,7 +183,7 @@ class AntennaModes:
         """Take the mode after a motion that has ended; return whether the brakes are to be set."""
         if self.mode == AntennaMode.STOPPING:
             self.hold(now)
-        # A stopped command is no stopped antenna: parked means that the encoders have followed.
+        # A stopped command is not a stopped antenna: parked means that the encoders have followed.
         # `disabling` has no goal.
         if self.traits.ends_in is None or not (now.arrived or self.mode == AntennaMode.DISABLING):
             return False

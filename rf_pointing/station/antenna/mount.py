@@ -7,12 +7,11 @@ import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import TERMS, BiasModel
 from rf_pointing.core import Boresight, Params, parameter
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 RENEWAL_S = 0.5
 """Time between two steps of the inversion: a hundredth of the cost of inverting at every tick."""
 STEEP_RAD = math.radians(5.0)

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import (
     Boresight,
@@ -22,6 +21,7 @@ from rf_pointing.core import (
     random_stream,
     sky_offset_rad,
 )
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.rf import (
     AtmosphereParams,
@@ -41,7 +41,6 @@ from rf_pointing.rf import (
     spin_gain_db,
 )
 
-Array = NDArray[np.float64]
 BLOCK = 50
 """Look angles computed at once: a second of ticks in one vectorised call."""
 NO_LINE_DB_HZ = -40.0

@@ -1,4 +1,4 @@
-"""What protects an antenna: safety gate, watches, wind, authority, latched faults.
+"""Protection of an antenna: safety gate, watches, wind, authority, latched faults.
 
 The safety gate here is the last one before the drives.  It trusts no commander: a command must pass
 it when it arrives, and so must every tick of the motion that follows from it.
@@ -7,11 +7,9 @@ it when it arrives, and so must every tick of the motion that follows from it.
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.planning import (
     Authority,
@@ -31,11 +29,9 @@ from rf_pointing.planning import (
 )
 from rf_pointing.station.antenna.modes import AntennaMode
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 COMMAND_PERIOD_S = 0.1
 LATE_S = 0.1
-"""A command this late gets a warning; commands reach a second ahead, so it is no fault."""
+"""A command this late gets a warning; commands reach a second ahead, so it is not a fault."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +121,7 @@ class AntennaSafety:
         return self.gate.guard(kind, position, then, faster, self.sun.at(t_s))
 
     def warning(self, t_s: float, mode: AntennaMode, commanded: Pair) -> str:
-        """Return what is no fault yet: high wind without stow, a late command, a near limit."""
+        """Return what is not a fault yet: high wind without stow, a late command, a near limit."""
         if self.wind.reason and mode not in (AntennaMode.STOWING, AntennaMode.STOWED):
             return f"{self.wind.reason}: the antenna is not stowed ({mode})"
         # The period belongs to it: a command that is due now is not late.

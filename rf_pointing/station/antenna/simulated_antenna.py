@@ -8,9 +8,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import Boresight, JointReading, Params, parameter, random_stream, require_choice, require_finite
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.drives import DriveParams
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
 from rf_pointing.station.antenna.axes import Following
@@ -20,8 +20,6 @@ from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.mount import MountParams, SimulatedBeam
 from rf_pointing.station.antenna.safety import SafetyParams
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 LONGEST_STOP_S = 30.0
 SPIKE_TICKS = 2
 """Ticks that an injected spike lasts: short enough to be bridged, where a jump is not."""

@@ -12,7 +12,6 @@ from collections.abc import Collection
 from dataclasses import fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import (
     BiasModel,
@@ -28,11 +27,11 @@ from rf_pointing.calibration import (
 )
 from rf_pointing.core import MDEG, JointReading, Motion, PointingError, Target, nearest_turn_rad
 from rf_pointing.core.signals import TimeBuffer
+from rf_pointing.core.types import Array
 from rf_pointing.planning import plunged
 from rf_pointing.station.pointing.prediction import TargetBuffer
 from rf_pointing.tracking.sensors import SENSORS
 
-Array = NDArray[np.float64]
 # How far a term may have moved from the present model; acceleration lags are hardly known at all.
 PRIOR_SIGMA = {"rad": math.radians(0.2), "rad/K": math.radians(0.02), "s": 0.5, "s^2": 10.0}
 PASS_GAP_S = 120.0
@@ -44,7 +43,7 @@ SHOWN_REASONS = 3
 MOST_REASONS = 100
 BLOCK_ROWS = 256
 COLUMNS = tuple(each.name for each in fields(Observations) if each.name not in ("station", "band", "temperature_k"))
-"""Of an observation that is taken here; a temperature is none of them."""
+"""Columns of an observation that is taken here, without temperature."""
 
 
 def scans(name: str) -> bool:
@@ -221,7 +220,7 @@ class CalibrationLog:
         )
 
     def observations(self) -> Observations:
-        """Return all observations; ValueError when there are none."""
+        """Return all observations; ValueError without one."""
         parts = [] if self._points is None else [self._points]
         if self._filled:
             columns = dict(zip(COLUMNS, np.concatenate(self._blocks)[: self._filled].T.copy(), strict=True))
@@ -240,7 +239,7 @@ class CalibrationLog:
         return rule.coverage(points.true_azimuth_rad, points.true_elevation_rad)
 
     def _position(self, error: PointingError) -> tuple[Array | None, str]:
-        """Return the axis angles (2,) that an error belongs to, None and why there are none."""
+        """Return the axis angles (2,) that an error belongs to, or None and why."""
         if not error.valid:
             return None, f"not valid ({error.reason or error.sensor})"
         if scans(error.sensor):

@@ -10,12 +10,12 @@ import re
 from pathlib import Path
 
 from rf_pointing.calibration import (
+    AcceptanceRules,
+    AcceptanceScore,
     BiasModel,
     ModelStore,
     ModelVersion,
     Observations,
-    ShadowRules,
-    ShadowScore,
     Verdict,
 )
 from rf_pointing.core import MDEG
@@ -33,7 +33,9 @@ class ModelKeeper:
     `temperature_k` is that of the mount now, None while it is not known.
     """
 
-    def __init__(self, station: str, band: str, folder: str, start: ModelVersion | None, rules: ShadowRules) -> None:
+    def __init__(
+        self, station: str, band: str, folder: str, start: ModelVersion | None, rules: AcceptanceRules
+    ) -> None:
         self._station, self._band, self.rules = station, band, rules
         self._store = ModelStore(campaign_folder(folder, station, band) / "models", station, band) if folder else None
         self._start = start
@@ -41,7 +43,7 @@ class ModelKeeper:
         self.active: ModelVersion | None = None
         self.temperature_k: float | None = None
         self.candidate: ModelVersion | None = None
-        self._shadow: ShadowScore | None = None
+        self._score: AcceptanceScore | None = None
 
     @property
     def model(self) -> BiasModel:
@@ -51,11 +53,11 @@ class ModelKeeper:
         """
         return self.active.model.at_temperature(self.temperature_k) if self.active else BiasModel.zero()
 
-    def retune(self, rules: ShadowRules) -> None:
+    def retune(self, rules: AcceptanceRules) -> None:
         """Judge by other rules from now on; what was observed in the shadow still counts."""
         self.rules = rules
-        if self._shadow is not None:
-            self._shadow.rules = rules
+        if self._score is not None:
+            self._score.rules = rules
 
     def begin(self, t_s: float) -> None:
         """Put the newest accepted model that is valid at `t_s` in force, or else the start model.
@@ -76,20 +78,20 @@ class ModelKeeper:
         """Make `version` the candidate in place of an earlier one, and begin to score it."""
         version.check_for(self._station, self._band, version.valid_from_t_s)
         # A model that nobody can apply would end every pass: it never becomes a candidate.
-        shadow = ShadowScore(self.model, version.model.at_temperature(self.temperature_k), self.rules)
+        score = AcceptanceScore(self.model, version.model.at_temperature(self.temperature_k), self.rules)
         if self._store is not None:
             self._store.add(version)
-        self.candidate, self._shadow = version, shadow
+        self.candidate, self._score = version, score
 
     def observe(self, row: Observations) -> None:
         """Score the candidate and the active model on a new observation."""
-        if self._shadow is not None:
-            self._shadow.add(row)
+        if self._score is not None:
+            self._score.add(row)
 
     def verdict(self) -> Verdict | None:
         """Return the verdict on the candidate, None before its first observation."""
         try:
-            return self._shadow.verdict() if self._shadow else None
+            return self._score.verdict() if self._score else None
         except ValueError:
             return None
 
@@ -128,14 +130,14 @@ class ModelKeeper:
             self._keep_way_back(self._store, t_s)
             self._store.accept(self.candidate.name, t_s)
         self._before.append(self.active)
-        self.active, self.candidate, self._shadow = self.candidate, None, None
+        self.active, self.candidate, self._score = self.candidate, None, None
         return self.active
 
     def reject(self) -> str:
         """Drop the candidate and return its name; its file stays among the versions."""
         if self.candidate is None:
             raise ValueError("no model has been fitted")
-        name, self.candidate, self._shadow = self.candidate.name, None, None
+        name, self.candidate, self._score = self.candidate.name, None, None
         return name
 
     def roll_back(self) -> ModelVersion | None:
@@ -149,7 +151,7 @@ class ModelKeeper:
         # The candidate competes with the model in force, and that is another one now.
         if self.candidate is not None:
             model = self.candidate.model.at_temperature(self.temperature_k)
-            self._shadow = ShadowScore(self.model, model, self.rules)
+            self._score = AcceptanceScore(self.model, model, self.rules)
         return self.active
 
     def _keep_way_back(self, store: ModelStore, t_s: float) -> None:

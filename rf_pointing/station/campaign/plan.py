@@ -10,15 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import CandidatePass, ReferenceTrack
 from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import Elements, Pass, Site, TopocentricTrack, find_passes
-
-Array = NDArray[np.float64]
 
 # The pass is followed from lower than its points: the search needs time before the first one.
 LEAST_MASK_RAD = math.radians(1.0)

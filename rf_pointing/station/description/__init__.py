@@ -4,28 +4,21 @@
 `owner` says which key of the description gives one.
 """
 
-from rf_pointing.station.description.description import (
-    DEFAULT_STATION,
-    STATIONS,
-    StationDescription,
-    owner,
-    read_station,
-    same_value,
-    shipped_stations,
-    station_from,
-)
-from rf_pointing.station.description.reading import StationError
-from rf_pointing.station.description.urdf import urdf
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "DEFAULT_STATION",
-    "STATIONS",
-    "StationDescription",
-    "StationError",
-    "owner",
-    "read_station",
-    "same_value",
-    "shipped_stations",
-    "station_from",
-    "urdf",
-]
+from rf_pointing.core.lazy import lazily
+
+if TYPE_CHECKING:
+    from rf_pointing.station.description.description import (
+        DEFAULT_STATION,
+        STATIONS,
+        StationDescription,
+        owner,
+        read_station,
+        same_value,
+        shipped_stations,
+        station_from,
+    )
+    from rf_pointing.station.description.reading import StationError
+
+__getattr__ = lazily(__name__, __file__)

@@ -11,16 +11,10 @@ from rf_pointing.drives import DriveParams, known_types
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.antenna.mount import MountParams
+from rf_pointing.station.derive.array import level_of_array_db_hz
+from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
+from rf_pointing.station.derive.nodes import described_parameters, owner_of_name, reference
 from rf_pointing.station.description.content import ArraySection, AxisSection, BandSection, Content, MountSection
-from rf_pointing.station.description.derivation import (
-    BEAM_FACTOR_DEG,
-    NODES,
-    SPEED_OF_LIGHT_M_S,
-    array_level_db_hz,
-    described_parameters,
-    owner_of_name,
-    pass_elevation_deg,
-)
 from rf_pointing.station.description.reading import Reader, flat, nearest
 
 BEAMWIDTH_TOLERANCE = 0.2
@@ -229,7 +223,7 @@ def _check_array(section: ArraySection, frequency_mhz: float, reader: Reader) ->
     # A value that was refused has its own problem.
     if None in (section.elements, section.radius_m, section.phase_sigma_deg):
         return
-    if math.isinf(array_level_db_hz(section, SPEED_OF_LIGHT_M_S / (1e6 * frequency_mhz))):
+    if math.isinf(level_of_array_db_hz(section, SPEED_OF_LIGHT_M_S / (1e6 * frequency_mhz))):
         reader.note("array", f"array: {section.elements} patches on a circle of {section.radius_m} m, phases known to "
             f"{section.phase_sigma_deg} deg: at {frequency_mhz} MHz every direction is like another one")  # fmt: skip
 
@@ -249,16 +243,8 @@ def _check_tuning(values: Mapping[str, Any] | None, key: str, reader: Reader) ->
             reader.note(f"{key}.{name}", f"{key}.{name} is given by {owner}: change it there")
         else:
             wanted[name] = value
-    for node_sets in _sets_of(wanted):
-        _check_names(*node_sets, key, reader)
-
-
-def _sets_of(wanted: Mapping[str, Any]) -> list[tuple[dict[str, Params], dict[str, Any]]]:
-    known = described_parameters()
-    by_node: dict[str, dict[str, Any]] = {}
     for name, value in wanted.items():
-        by_node.setdefault(known[name][0], {})[name] = value
-    return [(NODES[node], values) for node, values in by_node.items() if node in NODES]
+        _check_names(reference(known[name][0]).defaults, {name: value}, key, reader)
 
 
 def _check_names(

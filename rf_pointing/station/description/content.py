@@ -2,17 +2,17 @@
 
 One declaration serves the reader of the file, its list of problems and the published JSON schema.
 Angles are in degrees, as a user writes them; the unit is the end of a key's name.  A key whose
-default is None is derived when it is not given (`derivation.py`).
+default is None is derived when it is not given (`station/derive`).
 """
 
 from dataclasses import dataclass, field
 from typing import Any
 
 from rf_pointing.core import parameter
+from rf_pointing.core.types import Pair
 from rf_pointing.tracking.sensors import SENSORS
 
 VERSION = 1
-Pair = tuple[float, float]
 Open = dict[str, Any]
 """A section whose keys somebody else declares: a drive, the tuning of the nodes."""
 

@@ -3,7 +3,7 @@
 import dataclasses
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
@@ -11,29 +11,25 @@ from typing import Any
 
 import yaml
 
-from rf_pointing.core import Sensor, leaves, with_leaves
-from rf_pointing.drives import SIMULATED
-from rf_pointing.ephemeris import Site
-from rf_pointing.planning import HorizonMask
+from rf_pointing.core.modes import Sensor
+from rf_pointing.core.parameters import leaves
+from rf_pointing.drives.registry import SIMULATED
+from rf_pointing.ephemeris.sites import Site
+from rf_pointing.planning.forbidden_sky import HorizonMask
+from rf_pointing.station.derive.band import Band, Derived, Value, site_of
+from rf_pointing.station.derive.nodes import NODES, reference
 from rf_pointing.station.description.checks import check
 from rf_pointing.station.description.content import Content
-from rf_pointing.station.description.derivation import (
-    NODES,
-    Band,
-    Value,
-    defaults_of,
-    derive,
-    names_of,
-    owner_of_name,
-    require_known,
-    site_of,
-)
 from rf_pointing.station.description.reading import Reader, StationError, flat, nearest
 from rf_pointing.tracking.sensors import SENSORS
 
 STATIONS = Path(__file__).parent / "stations"
 """Folder of the shipped descriptions; it is installed with the package."""
 DEFAULT_STATION = "dss13"
+OF_EVERY_NODE = (
+    "lifecycle.autostart", "lifecycle.realtime_priority", "station", "band", "use_sim_time",
+    "start_type_description_service",
+)  # fmt: skip
 # Parameters of before, and the key that took their place.
 _FORMER = {
     ("ephemeris_publisher", "source.station"): "site",
@@ -51,6 +47,7 @@ class StationDescription:
     content: Content
     mask: HorizonMask
     lines: Mapping[str, int] = field(repr=False)
+    _derived: dict[tuple[str, str], Derived] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def name(self) -> str:
@@ -136,9 +133,24 @@ class StationDescription:
             section["bias_model"] = model.read_text() if model else ""
         return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
+    def derived(self, node: str, band: str | None = None) -> Derived:
+        """Return the parameter sets of a node as they follow from the description."""
+        chosen = self._band(band)
+        if (node, chosen) not in self._derived:
+            model = self.bias_model_file(chosen)
+            numbers = Band(self.content, chosen, self.mask, str(model) if model else "")
+            tuning = (("tuning", self.content.tuning), (f"bands.{chosen}.tuning", numbers.section.tuning))
+            given = {
+                name: Value(value, f"{key}.{name}", "given")
+                for key, section in tuning
+                for name, value in flat(section).items()
+            }
+            self._derived[node, chosen] = dataclasses.replace(NODES[node](numbers), given=given)
+        return self._derived[node, chosen]
+
     def values(self, band: str | None = None) -> dict[str, Value]:
         """Return every given or derived parameter by its name, with its key and formula."""
-        return self._values[self._band(band)]
+        return {name: value for node in NODES for name, value in self.derived(node, band).values.items()}
 
     def parameters(self, node: str, band: str | None = None) -> dict[str, Any]:
         """Return the parameters of a node that the description gives or derives.
@@ -146,8 +158,22 @@ class StationDescription:
         Names are dotted, angles in degrees, as in a ROS parameter file.  A node that the
         description does not cover gets none.
         """
-        rows = ((name.removeprefix(f"{node}:"), given.value) for name, given in self.values(band).items())
-        return {name: value for name, value in rows if name in names_of(node)}
+        return {name: each.value for name, each in self.derived(node, band).values.items()} if node in NODES else {}
+
+    def sets(self, node: str, band: str | None = None, changes: Mapping[str, object] | None = None) -> dict[str, Any]:
+        """Return the parameter sets of a node by their prefix, in core units.
+
+        `changes` are values by dotted names, in degrees, over those of the description; ValueError
+        names node and parameter of one that is refused.
+        """
+        derived = self.derived(node, band)
+        if changes:
+            over = {name: Value(value, "") for name, value in changes.items()}
+            derived = dataclasses.replace(derived, given={**derived.given, **over})
+        try:
+            return {prefix: derived.set_of(prefix) for prefix in derived.defaults}
+        except ValueError as error:
+            raise ValueError(f"{node}: {error}") from error
 
     def check_file(self, node: str, values: Mapping[str, Any], band: str | None = None) -> None:
         """Raise ValueError for what a parameter file may not say: unknown names, other numbers.
@@ -155,7 +181,7 @@ class StationDescription:
         A number of the description may be repeated, as `ros2 param dump` does.
         """
         require_known(node, values)
-        given = defaults_of(node) | self.parameters(node, band)
+        given = reference(node).names | self.parameters(node, band)
         for name, value in values.items():
             if (key := owner(node, name)) and not same_value(given[name], value):
                 raise ValueError(f"{node}: {name} is given by the station description: {key}")
@@ -201,18 +227,6 @@ class StationDescription:
             raise ValueError(f"band={chosen!r} of {self.name} must be one of {', '.join(self.bands)}")
         return chosen
 
-    @cached_property
-    def _values(self) -> dict[str, dict[str, Value]]:
-        found = {}
-        for band, section in self.content.bands.items():
-            model = self.bias_model_file(band)
-            values = derive(self.content, band, self.mask, str(model) if model else "")
-            for key, tuning in (("tuning", self.content.tuning), (f"bands.{band}.tuning", section.tuning)):
-                for name, value in flat(tuning).items():
-                    values[name] = Value(value, f"{key}.{name}", "given")
-            found[band] = values
-        return found
-
 
 def read_station(name_or_path: str | Path) -> StationDescription:
     """Return the description of a shipped name or of a user's file.
@@ -242,7 +256,8 @@ def station_from(path: Path, text: str | None = None) -> StationDescription:
     mask = check(content, reader)
     reader.refuse()
     station = StationDescription(path, content, mask, reader.lines)
-    _check_sets(station, reader)
+    for node in NODES:
+        _check_sets(station, node, reader)
     reader.refuse()
     return station
 
@@ -252,6 +267,17 @@ def shipped_stations() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in STATIONS.glob("*.yaml") if not path.stem.startswith("bias_model")))
 
 
+def require_known(node: str, names: Iterable[str]) -> None:
+    """Raise ValueError for a node, or a parameter of it, that does not exist; "**" is any node."""
+    if node not in (*NODES, "**"):
+        raise ValueError(f"{node} is no node of a station{nearest(node, NODES)}")
+    known = {name for each in (NODES if node == "**" else [node]) for name in reference(each).every_name}
+    known.update(OF_EVERY_NODE)
+    for name in names:
+        if name not in known and not name.startswith("qos_overrides."):
+            raise ValueError(f"{node}: no such parameter {name}{nearest(name, known)}")
+
+
 @cache
 def owner(node: str, parameter: str) -> str:
     """Return the key of the description that gives this parameter, "" if it is the node's own.
@@ -259,9 +285,7 @@ def owner(node: str, parameter: str) -> str:
     A parameter of this name in a parameter file is refused with that key.  Former names are
     known too.
     """
-    if (node, parameter) in _FORMER:
-        return _FORMER[(node, parameter)]
-    return owner_of_name(parameter) if parameter in names_of(node) else ""
+    return _FORMER.get((node, parameter)) or (reference(node).owner(parameter) if node in NODES else "")
 
 
 def same_value(given: Any, value: Any) -> bool:
@@ -289,18 +313,16 @@ def _put(section: yaml.MappingNode, keys: Sequence[str], value: Any) -> None:
         section.value.append(row)
 
 
-def _check_sets(station: StationDescription, reader: Reader) -> None:
+def _check_sets(station: StationDescription, node: str, reader: Reader) -> None:
     """Note what a node would refuse in the derived values, by the node's own parameter sets."""
     for band in station.bands:
         try:
-            values = {node: station.parameters(node, band) for node in NODES}
+            derived = station.derived(node, band)
         except ValueError as error:
             reader.note("mount", f"band {band}: {error}")
             continue
-        for node, sets in NODES.items():
-            for prefix, defaults in sets.items():
-                chosen = {k.partition(".")[2]: v for k, v in values[node].items() if k.partition(".")[0] == prefix}
-                try:
-                    with_leaves(defaults, chosen)
-                except ValueError as error:
-                    reader.note(f"bands.{band}", f"band {band}, {node}: {prefix}.{error}")
+        for prefix in derived.defaults:
+            try:
+                derived.set_of(prefix)
+            except ValueError as error:
+                reader.note(f"bands.{band}", f"band {band}, {node}: {error}")

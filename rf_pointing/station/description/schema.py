@@ -16,8 +16,8 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 from rf_pointing.core import leaves, parameter_unit
 from rf_pointing.ephemeris import SITES
 from rf_pointing.station.antenna.mount import MountParams
+from rf_pointing.station.derive.nodes import described_parameters, owner_of_name
 from rf_pointing.station.description.content import Content
-from rf_pointing.station.description.derivation import described_parameters, owner_of_name
 
 SCHEMA = "station.schema.json"
 _KINDS = {float: "number", int: "integer", str: "string", bool: "boolean"}

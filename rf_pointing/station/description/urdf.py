@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from xml.etree import ElementTree
 
 from rf_pointing.core import AXES
-from rf_pointing.station.description.derivation import BEAM_FACTOR_DEG, Band
+from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, Band
 from rf_pointing.station.description.description import StationDescription
 
 BASE, AZIMUTH, ELEVATION, BEAM = FRAMES = ("base_link", "azimuth_link", "elevation_link", "beam")

@@ -20,15 +20,14 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import AXES, JointReading, Params, angular_distance_rad, parameter
 from rf_pointing.core.signals import TimeBuffer
+from rf_pointing.core.types import Array
 
-Array = NDArray[np.float64]
 # Share of `frozen_rad` that an encoder may toggle by and still keep its angle.
 TOGGLE_SHARE = 0.25
-# Of the window: a gust pushes the axes off and lets them come back within it.
+# Share of the window: a gust pushes the axes off and lets them come back within it.
 LEAVING_SHARE = 1.0 / 3.0
 SAME_S = 1e-4
 # Modes of `antenna_status` in which the axes do not follow commands, and why is known.
@@ -88,7 +87,7 @@ class AntennaWatch:
     _commands: TimeBuffer = field(default_factory=TimeBuffer)
     _distances: TimeBuffer = field(default_factory=TimeBuffer)
     _anchor: tuple[Array, Array, Array] | None = None
-    """Of each axis (2,): since when its encoder keeps its angle, that angle, the command then."""
+    """By axis (2,): since when its encoder keeps its angle, that angle, the command then."""
     _read_s: float = -math.inf
     """Time of the last reading that was judged."""
     _begun_s: float = 0.0

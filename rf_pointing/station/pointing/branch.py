@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.core import JointReading, JointTrajectory, Motion, Quintic
+from rf_pointing.core.types import Array
 from rf_pointing.planning import Branch, plunged, unplunged
 
-Array = NDArray[np.float64]
 # Over the top the elevation axis turns the other way for the same motion on the sky.
 MIRROR = np.array([1.0, -1.0])
 

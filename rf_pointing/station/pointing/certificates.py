@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, LagHistory, without_lags
 from rf_pointing.core import Motion, Params, gaussian_gain, parameter
 from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import write_whole
 from rf_pointing.ephemeris import Pass, Site, TopocentricTrack, find_passes, sun
 from rf_pointing.planning import (
@@ -34,7 +34,6 @@ from rf_pointing.planning.branch_motion import Lag, no_lag
 from rf_pointing.planning.certificate import Slew
 from rf_pointing.station.pointing.prediction import axis_motion
 
-Array = NDArray[np.float64]
 SAMPLE_S = 1.0
 SUN_STEP_S = 60.0
 # A geostationary "pass" lasts for days.

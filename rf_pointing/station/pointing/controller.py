@@ -42,7 +42,7 @@ from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, SensorTraits, 
 PLAN_PATIENCE_S = 10.0
 # Periods whose C/N0 is averaged: one alone is noisy, many would hide the loss of the carrier.
 LEVEL_PERIODS = 3.0
-# The lags of the mount have followed a slew after so many times of their averaging.
+# Averaging times after which the mount's lags have settled after a slew.
 LAG_TIMES = 2.0
 # A gap between two periods after which the axes have stopped.
 STALLED_S = 1.0
@@ -89,7 +89,7 @@ class PointingController:
 
     @property
     def missing(self) -> str:
-        """What the certificate of the pass in hand still waits for, "" for nothing."""
+        """Input that the certificate of the pass in hand still waits for, or ""."""
         if self._pass is None or self._turns_rad is not None or self._stopping:
             return ""
         if self._motion.axes is None:

@@ -1,4 +1,4 @@
-"""What is added to the target's direction: the learned ephemeris error, the loop, the scans.
+"""Corrections of the target's direction: the learned ephemeris error, the loop, the scans.
 
     offset = ephemeris correction + tracking correction + scan + transition
 
@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
 from rf_pointing.core import Mode, Motion, PointingError, Quintic
 from rf_pointing.core.signals import TimeBuffer
+from rf_pointing.core.types import Array
 from rf_pointing.planning import AxisRates
 from rf_pointing.station.pointing.scan_patterns import UNDERWAY_S, ScanPatterns, Scans
 from rf_pointing.tracking import AutotrackState, SkyMotion, TrimFilter, TrimParams, direction_rows
 from rf_pointing.tracking.sensors import SENSORS
 
-Array = NDArray[np.float64]
 # A transition of no distance still needs a few points of the trajectory.
 SHORTEST_TRANSITION_S = 0.5
 AT_REST = np.zeros(2)

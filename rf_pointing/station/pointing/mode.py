@@ -9,9 +9,9 @@ from collections import deque
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import Mode, PointingError, Sensor, require_choice
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import PassProfile
 from rf_pointing.rf import LinkParams
@@ -22,7 +22,6 @@ from rf_pointing.tracking.autotrack import Request
 from rf_pointing.tracking.lock_watch import SIDELOBE
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS, sensors_of
 
-Array = NDArray[np.float64]
 # Two seconds of one sensor, one of two: more than any period may use.
 KEPT_ERRORS = 20
 # Age from which an error is used: older than any of the period that ends, whether stamped at its

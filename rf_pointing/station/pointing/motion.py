@@ -1,4 +1,4 @@
-"""What is commanded ahead of time, and how far the axes are from it.
+"""Motion commanded ahead of time, and how far the axes are from it.
 
     axis angles = model(target) + corrections + scan + lead of what is added
 
@@ -11,21 +11,20 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel, LagHistory, LagState
 from rf_pointing.core import JointReading, JointTrajectory, Motion
 from rf_pointing.core.signals import BeamPosition, TimeBuffer
+from rf_pointing.core.types import Array
 from rf_pointing.ephemeris import Pass
 from rf_pointing.station.pointing.corrections import PointingCorrections, added
 from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.station.pointing.plan import PassPlan
 from rf_pointing.station.pointing.prediction import Prediction, TargetBuffer, time_key
 
-Array = NDArray[np.float64]
 # Age of a reading from which the motion of the axes is not known.
 STALE_S = 1.0
-# Of the fastest that is stated of the mount: loops overshoot, and gusts push.
+# Factor on the fastest stated rate of the mount: loops overshoot, and gusts push.
 BELIEVED_RATE = 2.0
 # Before this the motion of the axes has left no trace in the mount.
 REMEMBERED_S = 60.0
@@ -74,7 +73,7 @@ class CorrectionLag:
 
 @dataclass(frozen=True, slots=True)
 class MotionSnapshot:
-    """What the state table must know of target and axes at one instant.
+    """Target and axes at one instant, for the state table.
 
     Attributes
     ----------

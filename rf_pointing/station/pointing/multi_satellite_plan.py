@@ -14,6 +14,7 @@ from enum import StrEnum
 
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.core.types import Pair
 from rf_pointing.ephemeris import (
     CataloguePass,
     Elements,
@@ -30,16 +31,14 @@ from rf_pointing.planning import (
     HorizonMask,
     PassProfile,
     reasons_against,
-    schedule,
     turns_within,
 )
+from rf_pointing.planning.schedule import schedule
 from rf_pointing.station.pointing.certificates import PlanningRules, SolarTable, planned_certificate
-
-Pair = tuple[float, float]
 
 
 class Fate(StrEnum):
-    """What becomes of a pass."""
+    """Fate of a pass in the plan."""
 
     TRACKED = "tracked"
     YIELDS = "yields"

@@ -1,4 +1,4 @@
-"""What a pass has given so far, as far as axes, sensor and carrier tell the controller.
+"""Outcome of a pass so far, as far as axes, sensor and carrier tell the controller.
 
 The error of the beam is, in this order,
 
@@ -16,14 +16,13 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import PointingError
 from rf_pointing.core.pass_outcome import PassOutcome, error_of_power_rad, is_held
+from rf_pointing.core.types import Array
 from rf_pointing.station.pointing.antenna_watch import AxisState
 from rf_pointing.tracking.sensors import NO_SENSOR, SENSORS
 
-Array = NDArray[np.float64]
 # One second of two sensors that report ten times a second.
 KEPT_LEVELS = 20
 
@@ -56,7 +55,7 @@ class CarrierLevels:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeamEvidence:
-    """What is known of the beam in one period; None for what is not.
+    """Evidence of the beam in one period; None for what is not known.
 
     `sensed` is the valid error of the sensor that tracks.  `off_centre_rad` (2,) is how far the
     encoders are from the centre of the scan, cross-elevation and elevation.  `power` is that of the

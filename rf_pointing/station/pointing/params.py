@@ -92,3 +92,13 @@ class ControllerParams(Params):
     array: DishArrayParams = parameter(DishArrayParams(), "array on the dish, for the certificate")
     gate: GateParams = parameter(GateParams(), "safety gate")
     sun: SunParams = parameter(SunParams(), "site from which the Sun is computed")
+
+
+LIVE: dict[str, bool | tuple[str, ...]] = {
+    "axes": True,
+    "alarm": True,
+    "limits": True,
+    "autotrack": True,
+    "pointing": ("on_target_deg", "error_age_s", "stop_deceleration_deg_s2", "lag_averaging_s"),
+}
+"""Parameters that may change while the controller works, by edge names; timing may not."""

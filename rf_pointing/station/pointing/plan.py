@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.controllers import CommandPreprocessor, CommandPreprocessorParams
 from rf_pointing.core import JointReading, Motion
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.planning import (
@@ -32,8 +32,6 @@ from rf_pointing.station.pointing.branch import TrackingBranch
 from rf_pointing.station.pointing.certificates import PlanningRules, certificate_of
 from rf_pointing.station.pointing.prediction import axis_motion
 
-Array = NDArray[np.float64]
-Pair = tuple[float, float]
 # Times of a pass and of its profile differ by less: they may have been computed from other
 # elements.
 SAME_PASS_S = 30.0

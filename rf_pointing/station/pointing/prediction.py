@@ -15,14 +15,14 @@ import math
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rf_pointing.calibration import BiasModel, LagHistory, LagState, without_lags
 from rf_pointing.core import JointReading, Motion, Quintic, Target, nearest_turn_rad
+from rf_pointing.core.types import Array
 from rf_pointing.planning import PassProfile, plunged
 from rf_pointing.station.pointing.branch import TrackingBranch
 
-Array = NDArray[np.float64]
 # Samples of the target farther apart than this are not joined: a quintic over them would be a
 # guess.
 LARGEST_GAP_S = 2.5

@@ -8,11 +8,11 @@ then the track is swept in strips.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.controllers import TrackerIntegratorParams
 from rf_pointing.core import MU, Mode, Motion, random_stream
 from rf_pointing.core.pass_outcome import received_power
+from rf_pointing.core.types import Array
 from rf_pointing.planning import AxisRates, SensorCost
 from rf_pointing.rf.dish_array import DishArrayParams, direction_sigmas_rad
 from rf_pointing.tracking import (
@@ -28,7 +28,6 @@ from rf_pointing.tracking import (
 from rf_pointing.tracking.scan import Pattern, Scan, ScanParams
 from rf_pointing.tracking.sensors import SENSORS, SensorTraits
 
-Array = NDArray[np.float64]
 # A longer spiral would cost more of a pass than strips along the track.
 LONGEST_SPIRAL_S = 30.0
 # However sure the filter is: the target was not there.

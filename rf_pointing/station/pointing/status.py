@@ -1,12 +1,12 @@
-"""What the controller and the antenna publish about themselves."""
+"""Status that the controller and the antenna publish about themselves."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from rf_pointing.core.types import Array
 
 
 class Level(IntEnum):
@@ -15,6 +15,14 @@ class Level(IntEnum):
     OK = 0
     WARN = 1
     ERROR = 2
+
+
+class Report(NamedTuple):
+    """One check on /diagnostics: how bad things are, a sentence, and the numbers behind it."""
+
+    level: Level
+    message: str
+    values: dict[str, object]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +63,7 @@ class TrackingStatus:
 
     @property
     def offset_rad(self) -> Array:
-        """What is added to the prediction without the scans (2,): cross-elevation and elevation."""
+        """Offset added to the prediction, without the scans (2,): cross-elevation and elevation."""
         return np.array([self.cross_elevation_offset_rad, self.elevation_offset_rad])
 
 

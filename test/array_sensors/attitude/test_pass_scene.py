@@ -80,7 +80,7 @@ def test_without_a_satellite_the_circular_orbit_stays() -> None:
 @pytest.mark.parametrize(
     ("changes", "word"),
     [
-        ({"satellite": "Sun"}, "satellite='Sun' is no satellite"),
+        ({"satellite": "Sun"}, "satellite='Sun' is not a satellite"),
         ({"satellite": "99999"}, "99999"),
         ({"descriptions": ("dss13", "dss13")}, "must be different"),
         ({"descriptions": ("nowhere",)}, "nowhere"),

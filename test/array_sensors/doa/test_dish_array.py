@@ -139,7 +139,7 @@ def flown() -> tuple[StationSetup, PassLog, list[PointingError]]:
     # Far enough ahead of its elements for the ephemeris alone to miss it.
     changes = {"antenna_servo": start, "rf_receiver": {"source.along_track_offset_s": 6.0}}
     setup = StationSetup("rotator_2m", changes=changes)
-    array = setup.node("array_tracker").group("array", DishArrayParams())
+    array = setup.sets("array_tracker")["array"]
     source, tracker, errors = SimulatedDishArray(array, 1), DishArrayTracker(array), list[PointingError]()
 
     def measure(reception: Reception) -> PointingError:
@@ -168,7 +168,7 @@ def test_a_dish_tracks_a_pass_by_its_array_alone(
     rms = float(np.sqrt(np.mean(radial_deg[late] ** 2)))
     single = math.degrees(float(np.median([np.sqrt(0.5 * np.trace(e.covariance_rad2)) for e in errors if e.valid])))
     print(f"pointing error {rms:.3f} deg rms, one error by the bound {single:.3f} deg in each axis")
-    assert rms < 0.1 * setup.node("pointing_controller").values["machine.half_power_beamwidth_deg"]
+    assert rms < 0.1 * math.degrees(setup.sets("pointing_controller")["machine"].half_power_beamwidth_rad)
     assert rms < single * math.sqrt(2.0)
 
 

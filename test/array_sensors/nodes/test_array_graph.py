@@ -76,7 +76,8 @@ class Bench:
             self.calls.append(("wait", what, condition()))
 
         return SimpleNamespace(
-            **{name: called(name) for name in ("start", "configure", "activate", "stop", "check")}, wait_until=until
+            **{name: called(name) for name in ("start", "configure", "activate", "stop", "check")},
+            waiting=SimpleNamespace(until=until),
         )
 
     def graph(self, name: str, speed: float) -> ArrayGraph:
@@ -109,7 +110,7 @@ def test_a_graph_is_started_configured_and_activated_and_waits_for_every_topic(
         bench.calls.clear()
         graph.bring_up()
         assert bench.calls[:3] == [("start", nodes), ("configure", nodes), ("activate", nodes)]
-        assert bench.calls[3] == ("wait", f"/{name}: every topic", False)
+        assert bench.calls[3] == ("wait", f"/{name}: every topic not seen", False)
         topics = [topic.name for topic in ARRAY_SYSTEMS[name].topics]
         bench.publishers = {topic if topic.startswith("/") else f"/{name}/{topic}": 1 for topic in topics}
         graph.bring_up()

@@ -87,7 +87,7 @@ def doa_beyond() -> list[Row]:
         two_source_attitude_ratio=lambda trials, seed: (0.3, mark(trials, seed)),
         coupling_rmse_deg=lambda trials, seed: (2.0, 0.3, mark(trials, seed)),
     ):
-        return beyond.beyond_rows(2)
+        return beyond.future_rows(2)
 
 
 def doa_accuracy() -> list[Row]:

@@ -174,40 +174,6 @@ def test_the_latest_commands_before_a_fault_are_remembered_with_their_ends() -> 
     assert noted == [(clock.t_s, "controller", *table.position_rad[-1].tolist())]
 
 
-@pytest.mark.parametrize(("off_deg", "round_about"), [(0.49, 0), (0.51, 1)])
-def test_after_a_pause_the_axes_go_on_to_the_commands_near_or_far(off_deg: float, round_about: int) -> None:
-    clock = enabled()
-    assert clock.antenna.resume() != "", "nothing is paused"
-    assert clock.antenna.accept(ramp(clock.t_s, 9.0), clock.t_s) == ""
-    clock.run(0.5)
-    assert clock.antenna.pause() == ""
-    clock.run(1.0)
-    assert clock.antenna.mode == "paused"
-    goal = clock.antenna.axes.encoder_rad + np.radians([off_deg, 0.0])
-    table, asked, go_round = clock.antenna.axes.path.table, [], clock.antenna._go_round
-    sample = dataclasses.replace(table.at(clock.t_s), position_rad=goal)
-    table.at = lambda _t_s: sample  # type: ignore[method-assign]
-    clock.antenna._go_round = lambda *given: asked.append(given) or go_round(*given)  # type: ignore[method-assign]
-    assert clock.antenna.resume() == ""
-    assert (clock.antenna.mode, len(asked)) == ("tracking", round_about)
-
-
-def test_an_experiment_must_run_at_the_tick_and_within_the_slower_axis() -> None:
-    made = enabled().antenna
-    slow = min(made.axes.limits.rate_limit_rad_s)
-
-    @dataclasses.dataclass
-    class Experiment:
-        sample_s: float = made._tick_s
-        peak_rad_s: float = slow
-
-    assert made._unsuitable(Experiment()) == ""
-    assert made._unsuitable(Experiment(sample_s=made._tick_s + 0.5e-9)) == ""
-    for sample_s in (made._tick_s + 1e-6, made._tick_s - 1e-6):
-        assert made._unsuitable(Experiment(sample_s=sample_s)).endswith("must be 0.02, the control period")
-    assert "the rate limit" in made._unsuitable(Experiment(peak_rad_s=1.001 * slow))
-
-
 def test_the_wind_is_read_every_fifth_tick_and_a_station_without_an_anemometer_is_not_watched() -> None:
     clock, taken = enabled(), []
     clock.antenna.safety.wind.take = lambda t_s, speed: taken.append((round((t_s - START_S) / 0.02), speed))  # type: ignore[method-assign]
@@ -217,34 +183,6 @@ def test_the_wind_is_read_every_fifth_tick_and_a_station_without_an_anemometer_i
     clock.antenna.axes.hardware.anemometer_m_s = lambda: None  # type: ignore[method-assign]
     clock.run(0.5)
     assert len(taken) == 2
-
-
-def test_motion_is_over_within_what_the_hardware_reaches_and_a_held_axis_does_not_count() -> None:
-    made = enabled().antenna
-    made.axes.path.goal_rad = made.axes.encoder_rad + np.array([0.1, 0.0])
-    assert not made._motion().arrived
-    made._held_axis = 0
-    assert made._motion().arrived
-    assert made._without_held("azimuth encoder is silent; elevation jumped") == "elevation jumped"
-    made._held_axis = 1
-    assert not made._motion().arrived
-    assert made._without_held("azimuth encoder is silent; elevation jumped") == "azimuth encoder is silent"
-    made._held_axis = -1
-    assert made._without_held("azimuth encoder is silent") == "azimuth encoder is silent"
-
-
-def test_a_braked_axis_gets_no_rate() -> None:
-    clock = enabled()
-    assert clock.antenna.accept(ramp(clock.t_s, 3.0), clock.t_s) == ""
-    clock.run(1.0)
-    assert np.all(np.abs(clock.antenna.axes.rate_command_rad_s) > 1e-4)
-    clock.antenna._held_axis = 0
-    clock.run(0.02)
-    azimuth, elevation = clock.antenna.axes.rate_command_rad_s
-    assert azimuth == 0.0
-    assert abs(elevation) > 1e-4
-    clock.antenna.enable()
-    assert clock.antenna._held_axis == -1
 
 
 def test_an_enabled_antenna_begins_with_rates_of_zero_where_it_stands() -> None:

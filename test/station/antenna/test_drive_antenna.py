@@ -11,21 +11,17 @@ import pytest
 
 from rf_pointing.core import JointTrajectory
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, make_drive
-from rf_pointing.ephemeris import Pass, TopocentricTrack, first_pass_above
-from rf_pointing.ephemeris.source import SourceParams, load_elements
 from rf_pointing.planning import HorizonMask, WindWatchParams, WrapCount
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna, wait_for_drive
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.memory import AntennaMemory
 from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
-from test.drives.benches import BOTH_AXES, TICK_S
+from test.drives.benches import TICK_S
 from test.drives.simulators import Easycomm, Gs232
-from test.station.driven_antenna import MOTION, UNWATCHED, Driven, pass_path
+from test.station.driven_antenna import MOTION, UNWATCHED, Driven
 
 SERIAL = ["gs232", "easycomm 2", "spid rot2"]
-START_DEG = (-60.0, 45.0)
-LOST_S = 1.0
 
 
 @pytest.fixture
@@ -39,13 +35,6 @@ def driven() -> Iterator[Callable[..., Driven]]:
     yield make
     for each in made:
         each.close()
-
-
-@pytest.fixture(scope="module")
-def high_pass(track: TopocentricTrack) -> Pass:
-    """Return a pass through 88 deg or more."""
-    epoch_t_s = load_elements(SourceParams()).epoch_t_s
-    return first_pass_above(track, epoch_t_s, math.radians(88.0), math.radians(5.0), 6.0 * 86400.0)
 
 
 # Slews
@@ -76,58 +65,6 @@ def test_a_detour_over_a_hill_passes_its_corners_wherever_the_device_comes_to_re
 # Passes
 
 
-def fly(
-    subject: Driven, path: Callable, begin_s: float, first_s: float, seconds: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Go to the place of the pass at `first_s`, wait, and follow it; return errors and rates (n, 2) in degrees."""
-    subject.path = lambda t_s: path(t_s) if t_s >= begin_s + first_s else (path(begin_s + first_s)[0], np.zeros(2))
-    subject.run(begin_s + first_s + 3.0 - subject.t_s)
-    subject.antenna.hardware.rotator.count_anew()
-    model = subject.device.model
-    model.starts, model.reversals, model._direction = [0, 0], [0, 0], [0.0, 0.0]
-    before, errors, rates = len(subject.device.set_points), [], []
-    for _ in range(round(seconds / TICK_S)):
-        subject.tick()
-        position, rate = path(subject.t_s)
-        errors.append(subject.true_deg - np.degrees(position))
-        rates.append(np.degrees(rate))
-    assert subject.fault == ""
-    assert (len(subject.device.set_points) - before) / seconds <= 2.0
-    return np.array(errors), np.array(rates)
-
-
-@pytest.mark.parametrize("name", BOTH_AXES)
-def test_a_pass_is_held_to_half_a_step_and_half_an_interval(driven, track, window: Pass, name: str) -> None:
-    """60 s about culmination of a real LEO pass; the elevation turns once, the azimuth never."""
-    subject = driven(name)
-    begin_s = subject.t_s + 40.0 - (window.tca_t_s - window.aos_t_s - 30.0)
-    error, rate = fly(subject, pass_path(track, window, begin_s), begin_s, window.tca_t_s - window.aos_t_s - 30.0, 60.0)
-    bound = 0.5 * subject.device.resolution_deg + np.abs(rate) * 0.25
-    # What is known of the latency.  With coarse steps a start and a way back must last for an interval; what then is
-    # not due in the first half of the interval of the other axis waits for the second.
-    interval_s = subject.antenna.hardware.rotator.params.minimum_interval_s
-    late_s = 0.1 + TICK_S + (1.5 * interval_s if subject.device.resolution_deg >= 0.1 else 0.0)
-    beyond = np.abs(error) - (bound + np.abs(rate) * late_s + 1e-6)
-    worst = np.argmax(beyond, axis=0)
-    assert np.max(beyond) <= 0.0, (worst, beyond[worst], error[worst], rate[worst])
-    assert np.max(np.abs(np.mean(error, axis=0))) <= 0.25 * subject.device.resolution_deg + 0.05
-    assert subject.device.model.reversals == [0, 1]
-    counts = subject.antenna.hardware.rotator.counts()
-    print(f"{name}: largest {np.max(np.abs(error), axis=0).round(3)} deg, starts {counts.starts}")
-    assert counts.starts == pytest.approx(subject.device.model.starts, abs=2)
-
-
-def test_a_pass_through_the_zenith_goes_over_the_top(driven, track, high_pass: Pass) -> None:
-    subject = driven("gs232")
-    middle_s = high_pass.tca_t_s - high_pass.aos_t_s
-    begin_s = subject.t_s + 50.0 - (middle_s - 60.0)
-    path = pass_path(track, high_pass, begin_s, over_the_top=True)
-    # Only the half on its back: the azimuth of the plunge does not turn there by more than the mask of the zenith.
-    error, _ = fly(subject, path, begin_s, middle_s + 20.0, 60.0)
-    assert np.max(subject.true_deg[1]) > 90.0
-    assert np.max(np.abs(error[:, 1])) < 1.2
-
-
 def test_a_slew_is_one_motion_and_parks_where_it_should(driven) -> None:
     safety = UNWATCHED.replace(park_azimuth_rad=math.radians(100.0), park_elevation_rad=math.radians(80.0))
     subject = driven("gs232", safety=safety)
@@ -142,42 +79,6 @@ def test_a_slew_is_one_motion_and_parks_where_it_should(driven) -> None:
 
 
 # A device that is lost
-
-
-@pytest.mark.parametrize("name", BOTH_AXES)
-@pytest.mark.parametrize("fault", ["unplugged", "garbage", "silence"])
-def test_a_lost_device_latches_a_fault_within_a_second_and_nothing_goes_on_by_itself(
-    driven, name: str, fault: str
-) -> None:
-    subject = driven(name)
-    subject.move()
-    subject.run(3.0)
-    assert subject.mode == "tracking"
-    if fault == "unplugged":
-        subject.device.unplug()
-    elif fault == "garbage":
-        subject.device._answer = lambda _: b"\xff\x00garbage\r\n}{"
-    else:
-        subject.device.silent = True
-    took_s = subject.run(3.0, lambda: subject.mode == "fault")
-    print(f"{name}, {fault}: fault after {took_s:.2f} s: {subject.fault}")
-    assert took_s <= LOST_S + 2.0 * TICK_S
-    assert subject.fault.startswith("drive lost: ")
-    assert subject.reading is None, "joints of a lost drive are not published"
-    sent = len(subject.device.set_points)
-    assert "the cause is still there" in subject.antenna.reset_fault()
-    if fault == "silence":
-        subject.device.silent = False
-        assert subject.wait(20.0, lambda: subject.reading is not None)
-        subject.run(1.5)
-        assert subject.mode == "fault"
-        assert "fault latched" in subject.refused
-        assert not subject.device.model.moving
-        assert subject.antenna.reset_fault() == ""
-        assert subject.mode == "holding"
-        subject.path = None
-        subject.run(2.0)
-        assert len(subject.device.set_points) == sent, "a reset moves nothing"
 
 
 def test_five_seconds_of_silence_stop_the_device_when_it_answers_again(driven) -> None:

@@ -8,7 +8,6 @@ import pytest
 
 from rf_pointing.core import JointTrajectory
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
-from rf_pointing.identification import ExcitationParams, IdentificationExperiment
 from rf_pointing.planning import DriveWatchParams, Gate, GateParams, HorizonMask
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.gate import GUARD_RAD
@@ -193,20 +192,6 @@ def test_parking_goes_over_the_hill_too() -> None:
     assert station.antenna.mode == "parked"
     assert station.axes_deg == pytest.approx([120.0, 8.0], abs=0.05)
     assert station.deepest <= 0.0
-
-
-def test_an_identification_is_ended_before_the_hill(random: np.random.Generator) -> None:
-    """White noise of 0.3 deg/s wanders by degrees; the hill begins half a degree below."""
-    station = Station(75.0, 35.3)
-    shake = ExcitationParams(sample_s=TICK_S)
-    experiment = IdentificationExperiment(shake, "elevation", 4, 35.3 * DEG, (2.0 * DEG, 89.0 * DEG), random)
-    station.run(0.1)
-    assert station.antenna.identify(experiment) == ""
-    experiment._input = -np.abs(experiment._input) - 0.2 * DEG
-    station.run(20.0)
-    assert "manual would not come to rest in time" in experiment.abort_reason
-    assert station.antenna.mode == "holding"
-    assert station.deepest <= SERVO_RAD
 
 
 def test_a_commander_whose_commands_are_refused_holds_nobody_up() -> None:

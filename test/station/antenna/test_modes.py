@@ -8,7 +8,6 @@ from rf_pointing.core import MDEG
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.modes import MODES, AntennaMode
 from rf_pointing.station.antenna.safety import SafetyParams
-from rf_pointing.station.antenna.simulated_antenna import SimulatedHardware
 from test.station.stepped_antenna import SETTLING_S, STANDING, START_S, TICK_S, enabled, hold_at, ramp
 
 
@@ -83,18 +82,6 @@ def test_a_fault_that_cut_the_drives_is_not_reset_while_the_axes_still_turn() ->
     assert clock.antenna.reset_fault() == "the axes are still moving"
     clock.run(3.0)
     assert clock.antenna.reset_fault() == ""
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_an_antenna_is_parked_only_when_both_encoders_have_arrived(axis: int, side: float) -> None:
-    antenna = enabled().antenna
-    goal = antenna.axes.path.goal_rad
-    antenna.modes.mode = AntennaMode.PARKING
-    for share, mode in ((1.01, AntennaMode.PARKING), (0.99, AntennaMode.PARKED)):
-        antenna.axes.encoder_rad = goal + share * side * SimulatedHardware.settled_rad * np.eye(2)[axis]
-        antenna._settle(goal)
-        assert antenna.mode == mode
 
 
 @pytest.mark.parametrize("mode", [mode for mode, traits in MODES.items() if traits.ends_in or traits.at_rest])

@@ -8,10 +8,10 @@ import pytest
 
 from rf_pointing.calibration import TERMS, BiasModel
 from rf_pointing.core import MDEG, sky_offset_rad
-from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.station.antenna.mount import RENEWAL_S, MountError, MountParams, RateAverage
 from rf_pointing.station.description import read_station
+from rf_pointing.station.parameters import antenna_params
 
 CLAIMED_RAD = 0.03 * MDEG
 TICK_S = 0.02
@@ -20,11 +20,7 @@ TICK_S = 0.02
 @pytest.fixture(scope="module")
 def dss13() -> BiasModel:
     """Return the mount errors of the simulated station."""
-    return (
-        NodeParameters("antenna_servo", read_station("dss13").parameters("antenna_servo"))
-        .group("mount", MountParams())
-        .model()
-    )
+    return antenna_params(read_station("dss13")).mount.model()
 
 
 def axes_along(track: TopocentricTrack, window: Pass, model: BiasModel, start_s: float) -> tuple[np.ndarray, ...]:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import MDEG, Boresight, sky_offset_rad
-from rf_pointing.core.parameters import NodeParameters
 from rf_pointing.ephemeris import Pass, SatelliteAntennaParams, TopocentricTrack
 from rf_pointing.rf import (
     HALF_POWER_BEAMWIDTH_RAD,
@@ -53,8 +52,7 @@ def received(receiver: SimulatedReceiver, track: TopocentricTrack, start_s: floa
 def test_every_band_hears_through_its_own_beam_amplifier_and_sky(
     band: str, lna_k: float, dichroic_k: float, zenith_loss_db: float
 ) -> None:
-    given = read_station("dss13").parameters("rf_receiver", band)
-    signal = NodeParameters("rf_receiver", given).group("signal", SignalParams())
+    signal = read_station("dss13").sets("rf_receiver", band)["signal"]
     assert signal.beam.half_power_beamwidth_rad == pytest.approx(HALF_POWER_BEAMWIDTH_RAD[band])
     assert signal.noise == NoiseParams(lna_k=lna_k, dichroic_k=dichroic_k)
     assert signal.atmosphere == AtmosphereParams(zenith_loss_db=zenith_loss_db)

@@ -124,18 +124,6 @@ def test_an_observation_every_second_takes_less_than_a_megabyte_an_hour(track: T
     assert 3600 / 500 * (after - before) < 1e6
 
 
-def test_reasons_that_never_repeat_do_not_pile_up() -> None:
-    collected = log()
-    for number in range(3000):
-        report = PointingError(
-            t_s=float(number), sensor="monopulse", cross_elevation_rad=0.0, elevation_rad=0.0, valid=False,
-            reason="no carrier" if number % 3 else f"C/N0 {number} mdB-Hz",
-        )  # fmt: skip
-        collected.take_error(report)
-    assert collected.reasons().startswith("2000 errors: not valid (no carrier)")
-    assert len(collected._reasons) <= 100
-
-
 CIRCLE_RAD = 30.0 * MDEG
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel, ModelVersion, Observations, ShadowRules
+from rf_pointing.calibration import AcceptanceRules, BiasModel, ModelVersion, Observations
 from rf_pointing.core import MDEG
 from rf_pointing.station.campaign.model_keeper import ModelKeeper
 
@@ -34,7 +34,7 @@ def seen(pass_id: int, azimuth_offset_rad: float) -> Observations:
 
 
 def keeper(folder: str = "", start: ModelVersion | None = None, accept: str = "not worse") -> ModelKeeper:
-    made = ModelKeeper("gs1", "X", folder, start, ShadowRules(accept=accept))
+    made = ModelKeeper("gs1", "X", folder, start, AcceptanceRules(accept=accept))
     made.begin(NOW_S)
     return made
 
@@ -71,7 +71,7 @@ def test_a_candidate_that_does_worse_in_the_shadow_is_not_accepted():
 
 
 def test_by_default_a_candidate_must_have_been_better_in_the_shadow_to_be_accepted():
-    kept = ModelKeeper("gs1", "X", "", None, ShadowRules())
+    kept = ModelKeeper("gs1", "X", "", None, AcceptanceRules())
     kept.begin(NOW_S)
     kept.propose(model_file("new", 20.0 * MDEG))
     with pytest.raises(ValueError, match="not yet observed in shadow; it must be better after fewest_passes=3"):
@@ -91,7 +91,7 @@ def test_rules_can_change_while_a_candidate_is_in_the_shadow():
     kept.observe(seen(0, 0.0))
     with pytest.raises(ValueError, match="must be better"):
         kept.accept(NOW_S)
-    kept.retune(ShadowRules(accept="not worse"))
+    kept.retune(AcceptanceRules(accept="not worse"))
     assert kept.accept(NOW_S).name == "new"
 
 
@@ -109,7 +109,7 @@ def test_each_band_has_models_of_its_own(tmp_path):
     kept = keeper(str(tmp_path))
     kept.propose(model_file("new"))
     kept.accept(NOW_S)
-    other = ModelKeeper("gs1", "Ka", str(tmp_path), None, ShadowRules(accept="not worse"))
+    other = ModelKeeper("gs1", "Ka", str(tmp_path), None, AcceptanceRules(accept="not worse"))
     other.begin(NOW_S)
     assert other.active is None
     with pytest.raises(ValueError, match="is of band 'X', must be of 'Ka'"):
@@ -122,7 +122,7 @@ def test_a_start_model_of_another_station_and_an_expired_accepted_one_are_not_us
     kept = keeper(str(tmp_path))
     kept.propose(replace(model_file("short"), valid_until_t_s=NOW_S + 10.0))
     kept.accept(NOW_S)
-    later = ModelKeeper("gs1", "X", str(tmp_path), None, ShadowRules())
+    later = ModelKeeper("gs1", "X", str(tmp_path), None, AcceptanceRules())
     later.begin(NOW_S + 20.0)
     assert later.active is None
 

@@ -1,13 +1,12 @@
 """When an error becomes an observation and what stands in its row, on a target that moves evenly."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel, FitOptions, ObservationJournal, Observations, Prior, SectorRule
+from rf_pointing.calibration import BiasModel, FitOptions, Prior, SectorRule
 from rf_pointing.core import JointReading, PointingError, Target
 from rf_pointing.station.campaign import log as log_module
 from rf_pointing.station.campaign.log import CalibrationLog
@@ -97,37 +96,7 @@ def test_distances_are_those_at_the_time_in_whichever_order_the_targets_came() -
     assert collected.take_error(error(BEGIN_S + 0.2)).range_m[0] == pytest.approx(1e6 - 1000.0)
 
 
-def test_another_target_begins_a_pass_without_anything_of_the_last_one() -> None:
-    collected = collecting(settle_s=2.0)
-    assert [feed(collected, BEGIN_S + k) is not None for k in range(4)] == [False, False, True, True]
-    # Settled anew, with its own distances.
-    found = [feed(collected, BEGIN_S + 4.0 + k, "B") for k in range(3)]
-    assert [row is not None for row in found] == [False, False, True]
-    assert found[2].pass_id.tolist() == [1]
-    assert collected._ranges[0][0] == BEGIN_S + 3.5
-    assert not collected._target.covers(BEGIN_S + 3.0, BEGIN_S + 3.0)
-
-
 # When one is due
-
-
-@pytest.mark.parametrize(
-    ("gap_s", "counts", "new_pass"),
-    [(0.9, False, False), (1.0, True, False), (119.9, True, False), (120.1, True, True), (-1.0, True, True)],
-)
-def test_observations_keep_their_spacing_and_a_gap_begins_another_pass(
-    gap_s: float, counts: bool, new_pass: bool
-) -> None:
-    collected = collecting()
-    assert feed(collected, BEGIN_S).pass_id.tolist() == [0]
-    collected._target.clear()
-    row = feed(collected, BEGIN_S + gap_s)
-    assert (row is not None) == counts
-    if counts:
-        assert row.pass_id.tolist() == [int(new_pass)]
-        assert len(collected) == 2
-        later = feed(collected, BEGIN_S + gap_s + 1.0)
-        assert later.pass_id.tolist() == [int(new_pass)]
 
 
 def test_scans_have_a_spacing_of_their_own_that_is_never_the_shorter_one() -> None:
@@ -200,66 +169,13 @@ def test_an_error_counts_up_to_the_largest_and_not_beyond() -> None:
         assert collected.reasons() == ("no pointing error was received" if counts else said)
 
 
-def test_the_target_must_have_been_near_for_as_long_as_the_lags_need() -> None:
-    collected = collecting(spacing_s=0.1, settle_s=3.0, largest_error_rad=1e-3)
-    seconds = [k for k in range(10) if feed(collected, BEGIN_S + k, right=2e-3 if k == 4 else 1e-4)]
-    assert seconds == [3, 8, 9]
-    assert (
-        collected.reasons()
-        == "6 errors: less than 3 s on the target; 1 errors: target more than 57.3 mdeg from the beam"
-    )
-    # After two minutes without an error it begins anew, and after a clock that was set back.
-    for begin_s in (BEGIN_S + 9.0 + 119.0, BEGIN_S + 9.0 + 119.0 + 124.0, BEGIN_S):
-        collected._target.clear()
-        found = [feed(collected, begin_s + k) is not None for k in range(4)]
-        assert found == ([True] * 4 if begin_s == BEGIN_S + 128.0 else [False, False, False, True])
-
-
 # What is kept
-
-
-def test_every_observation_is_kept_as_it_was_taken() -> None:
-    collected = collecting()
-    rows = [feed(collected, BEGIN_S + k, "A" if k < 300 else "B") for k in range(600)]
-    assert len(collected) == 600
-    kept, whole = collected.observations(), Observations.concatenate(rows)
-    for name, column in vars(whole).items():
-        np.testing.assert_array_equal(getattr(kept, name), column, err_msg=name)
-    assert kept.passes.tolist() == [0, 1]
-    assert kept.pass_id.dtype == np.int64
-    # Joined once; what comes after it is joined to it.
-    assert collected.observations().t_s.tolist() == kept.t_s.tolist()
-    feed(collected, BEGIN_S + 600.0, "B")
-    assert len(collected) == 601
-    assert collected.observations().t_s.tolist() == [BEGIN_S + k for k in range(601)]
-    assert collected._waiting == [], "no journal to wait for"
 
 
 def test_nothing_observed_is_no_table() -> None:
     with pytest.raises(ValueError, match="0 parts"):
         collecting().observations()
     assert len(collecting()) == 0
-
-
-def test_what_is_in_the_journal_counts_and_the_next_pass_has_the_next_number(tmp_path: Path) -> None:
-    def opened() -> CalibrationLog:
-        return collecting(journal=ObservationJournal(tmp_path / "o.csv", "Mine", "X"))
-
-    first = opened()
-    for t_s in (BEGIN_S, BEGIN_S + 1.0, BEGIN_S + 200.0):
-        first._target.clear()
-        feed(first, t_s)
-    assert first.observations().pass_id.tolist() == [0, 0, 1]
-    again = opened()
-    assert len(again) == 3
-    assert feed(again, BEGIN_S + 201.0).pass_id.tolist() == [2]
-    assert again.observations().pass_id.tolist() == [0, 0, 1, 2]
-    assert again._waiting == []
-    # A new campaign counts its passes from 0, and is not held to the spacing of the old one.
-    again.begin_anew("old")
-    assert len(again) == 0
-    assert feed(again, BEGIN_S + 201.1).pass_id.tolist() == [0]
-    assert ObservationJournal(tmp_path / "o.csv", "Mine", "X").points is not None
 
 
 def test_sectors_of_the_sky_are_filled_by_true_directions() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from rf_pointing.calibration import SectorRule, Slew, plan_campaign
 from rf_pointing.ephemeris import TopocentricTrack, site, verification_elements
-from rf_pointing.station.campaign.plan import ArcRules, _arcs_of, beacons, candidate_arcs, window_of
+from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs, window_of
 
 START_S = 1.15e9
 STATION = site("Goldstone DSS-13")
@@ -94,71 +94,6 @@ def test_the_made_up_sky_has_450_satellites_on_30_planes_at_two_heights(sky):
         assert one.mean_anomaly_rad == pytest.approx(math.radians((24.0 * place + 8.0 * plane) % 360.0))
         assert (one.inclination_rad, one.eccentricity) == (math.radians(50.0), 0.001)
         assert (one.epoch_t_s, one.argument_of_perigee_rad, one.drag_per_earth_radius) == (START_S, 0.0, 0.0)
-
-
-class Rising:
-    """A track whose elevation is a triangle over time: up for 100 s from 0 deg to `peak_deg`, and down again."""
-
-    name = "TRIANGLE"
-
-    def __init__(self, peak_deg: float, fast_from_s: float = math.inf, fast_until_s: float = -math.inf) -> None:
-        self.peak_deg, self.fast_s = peak_deg, (fast_from_s, fast_until_s)
-
-    def sample(self, t_s: np.ndarray) -> SimpleNamespace:
-        t_s = np.asarray(t_s, dtype=np.float64)
-        elevation = np.radians(self.peak_deg) * (1.0 - np.abs(t_s - 100.0) / 100.0)
-        fast = (t_s >= self.fast_s[0]) & (t_s <= self.fast_s[1])
-        still = np.zeros_like(t_s)
-        return SimpleNamespace(
-            t_s=t_s, azimuth_rad=still, elevation_rad=elevation, azimuth_rate_rad_s=np.where(fast, -0.1, 0.01),
-            elevation_rate_rad_s=still, azimuth_acceleration_rad_s2=still, elevation_acceleration_rad_s2=still,
-            range_m=still + 1e6, range_rate_m_s=still,
-        )  # fmt: skip
-
-
-def arcs(track: Rising, **changes: object) -> list[tuple[float, float]]:
-    given: dict[str, object] = {"every_s": 10.0, "spacing_s": 2.0, "lowest_rad": math.radians(10.0), "sigma_rad": 1e-4}
-    rules = ArcRules(**(given | changes))
-    found = _arcs_of(track, 0.0, 200.0, rules)
-    for one in found:
-        assert (one.name, one.sigma_rad) == ("TRIANGLE", 1e-4)
-        np.testing.assert_allclose(np.diff(one.track.t_s), 2.0)
-    return [(one.start_t_s, one.end_t_s) for one in found]
-
-
-def test_a_whole_pass_is_what_is_above_the_lowest_and_below_the_highest_elevation():
-    """A triangle of 50 deg is above 9.9 deg from 20 to 180 s, above 40.1 deg from 80.2 to 119.8 s."""
-    assert arcs(Rising(50.0), lowest_rad=math.radians(9.9)) == [(20.0, 180.0)]
-    assert arcs(Rising(50.0), lowest_rad=math.radians(9.9), highest_rad=math.radians(40.1)) == [
-        (20.0, 80.0),
-        (120.0, 180.0),
-    ]
-    # In a grid of 10 s a pass of one instant is none; the grid is one of 30 s at most.
-    assert arcs(Rising(50.0), lowest_rad=math.radians(49.0)) == []
-    assert arcs(Rising(50.0), lowest_rad=math.radians(9.9), every_s=60.0) == [(30.0, 180.0)]
-    # What begins before or ends after the time is cut.
-    assert arcs(Rising(50.0), lowest_rad=0.0) == [(0.0, 200.0)]
-
-
-def test_pieces_begin_every_so_often_and_end_within_the_pass():
-    found = arcs(Rising(50.0), lowest_rad=math.radians(9.9), arcs_s=(60.0, 140.0), every_s=20.0)
-    assert found == [*((20.0 + 20.0 * k, 80.0 + 20.0 * k) for k in range(6)), (20.0, 160.0), (40.0, 180.0)]
-
-
-@pytest.mark.parametrize(
-    ("fast_s", "lead_s", "begins"),
-    [((101.0, 104.0), 0.0, [20.0, 40.0, 120.0]), ((101.0, 104.0), 18.0, [20.0, 40.0]),
-     ((80.0, 80.0), 0.0, [100.0, 120.0]), ((2.0, 6.0), 16.0, [20.0 + 20.0 * k for k in range(1, 6)]),
-     ((2.0, 6.0), 10.0, [20.0 + 20.0 * k for k in range(6)])],
-)  # fmt: skip
-def test_pieces_with_a_fast_azimuth_in_them_or_in_their_lead_are_left_out(fast_s, lead_s, begins):
-    found = arcs(
-        Rising(50.0, *fast_s), lowest_rad=math.radians(9.9), arcs_s=(60.0,), every_s=20.0, lead_s=lead_s,
-        fastest_rad_s=0.05,
-    )  # fmt: skip
-    assert [begin for begin, _ in found if begin < 121.0] == begins
-    # A whole pass is left as it is.
-    assert len(arcs(Rising(50.0, *fast_s), fastest_rad_s=0.05)) == 1
 
 
 def test_a_candidate_that_has_set_has_no_pass(sky, candidates):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel, Known, RawPasses, RawTracking, TrackedPass, write_observations
+from rf_pointing.calibration import BiasModel, PriorKnowledge, RawPasses, RawTracking, TrackedPass, write_observations
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, find_passes, site, verification_elements
@@ -38,7 +38,7 @@ def test_points_show_the_offset_against_the_elements(raw, tmp_path):
     (back,) = read_raw(tmp_path / "raw.csv", "X")
     assert not holds_points(tmp_path / "raw.csv")
     reference = reference_of(back, ELEMENTS, STATION, 14.0 * 86400.0)
-    found = RawPasses([TrackedPass(back, reference)], 3).process(Known(model=BiasModel.zero()))
+    found = RawPasses([TrackedPass(back, reference)], 3).process(PriorKnowledge(model=BiasModel.zero()))
     points = found.points
     assert found.notes == ()
     assert found.reports[0].before == len(raw)
@@ -68,7 +68,7 @@ def test_passes_without_points_are_named_and_none_at_all_is_refused(raw):
     reference = reference_of(raw, ELEMENTS, STATION, 14.0 * 86400.0)
     bad = RawTracking(**{**vars(raw), "good": np.zeros(len(raw), dtype=bool)})
     passes = [TrackedPass(one, reference) for one in (raw, bad)]
-    found = RawPasses(passes, 0).process(Known(model=BiasModel.zero()))
+    found = RawPasses(passes, 0).process(PriorKnowledge(model=BiasModel.zero()))
     assert set(found.points.pass_id.tolist()) == {0}
     assert "pass 1 of 28057" in found.notes[0]
     with pytest.raises(ValueError, match="no pass gives calibration points"):
@@ -80,7 +80,9 @@ def test_passes_at_different_rates_are_each_thinned_or_not(raw):
     columns = ("t_s", "azimuth_rad", "elevation_rad", "good")
     slow = replace(raw, **{name: getattr(raw, name)[::8] for name in columns})
     points = (
-        RawPasses([TrackedPass(one, reference) for one in (raw, slow)], 0).process(Known(model=BiasModel.zero())).points
+        RawPasses([TrackedPass(one, reference) for one in (raw, slow)], 0)
+        .process(PriorKnowledge(model=BiasModel.zero()))
+        .points
     )
     counts = np.bincount(points.pass_id)
     assert counts[1] == pytest.approx(counts[0], abs=2)
@@ -103,7 +105,7 @@ def test_a_day_of_passes_in_one_file_is_cut_at_the_gaps_and_one_wrong_time_cuts_
 
 def test_passes_of_several_files_are_numbered_from_file_to_file(raw, tmp_path):
     reference = reference_of(raw, ELEMENTS, STATION, 14.0 * 86400.0)
-    points = RawPasses([TrackedPass(raw, reference)], 0).process(Known(model=BiasModel.zero())).points
+    points = RawPasses([TrackedPass(raw, reference)], 0).process(PriorKnowledge(model=BiasModel.zero())).points
     half = len(points) // 2
     numbered = [np.where(np.arange(len(points)) < half, first, first + 2) for first in (3, 0, 5)]
     paths = [tmp_path / f"{k}.csv" for k in range(3)]
@@ -147,7 +149,7 @@ def test_a_reference_covers_its_samples_and_a_margin_but_no_wrong_time(raw):
 
 def test_points_whose_rates_are_no_derivatives_are_refused_with_their_file(raw, tmp_path):
     reference = reference_of(raw, ELEMENTS, STATION, 14.0 * 86400.0)
-    points = RawPasses([TrackedPass(raw, reference)], 0).process(Known(model=BiasModel.zero())).points
+    points = RawPasses([TrackedPass(raw, reference)], 0).process(PriorKnowledge(model=BiasModel.zero())).points
     write_observations(tmp_path / "turned.csv", replace(points, azimuth_rate_rad_s=-points.azimuth_rate_rad_s))
     with pytest.raises(ValueError, match=r"turned\.csv: .*azimuth_rate"):
         read_points([tmp_path / "turned.csv"])

@@ -248,38 +248,3 @@ def test_axes_are_on_source_after_so_many_periods_and_not_one_earlier() -> None:
         for k, off in enumerate((0.99, -0.99, 0.5, 0.5, 1.01, 0.0, 0.0, 0.0), start=1)
     ]
     assert found == [False, False, True, True, False, False, False, True]
-
-
-def test_a_new_pass_knows_no_commands_and_expects_a_slew() -> None:
-    watch = AntennaWatch(PARAMS.replace(settle_periods=1, window_s=3.0, reaction_s=0.5), TOLERANCE_RAD)
-    watch.restart(0.0)
-    assert stepped(watch, 1.0, np.zeros(2)).on_source
-    assert watch._settled
-    watch.restart(2.0)
-    assert not watch._settled
-    assert not watch._commands.times
-    # Windows of three seconds are held, with the reaction and two seconds more.
-    assert watch._commands.kept_s == watch._distances.kept_s == 5.5
-    reading = JointReading(t_s=2.1, position_rad=STANDING, velocity_rad_s=np.zeros(2))
-    state = watch.step(2.1, reading)
-    assert (state.error_rad, state.distance_rad, state.settle_count) == (None, 0.0, 0)
-    assert state.age_s == pytest.approx(0.0)
-
-
-@pytest.mark.parametrize(
-    ("mode", "doubt"), [("", ""), ("holding", ""), ("tracking", ""), ("parking", "the antenna is parking")]
-)
-def test_only_an_antenna_that_follows_is_judged(mode: str, doubt: str) -> None:
-    watch = AntennaWatch(PARAMS, TOLERANCE_RAD)
-    watch.restart(0.0)
-    watch.take_status(mode, "")
-    for k in range(1, 8):
-        state = stepped(watch, 0.1 * k, np.zeros(2))
-    assert (state.doubt, watch._settled) == (doubt, not doubt)
-    # Silence is told before the mode.
-    state = watch.step(9.0, JointReading(t_s=0.7, position_rad=STANDING, velocity_rad_s=np.zeros(2)))
-    assert state.doubt == "joint_states has been silent for 8.3 s"
-    assert not watch._settled
-    # A latched fault is the first of two reasons to end a pass.
-    watch.take_status(mode, "brake")
-    assert watch.step(99.0, None).fault == "antenna fault: brake"

@@ -134,13 +134,6 @@ def test_a_profile_has_two_rows_at_least_and_four_thousand_at_most(track: Topoce
     assert len(pass_profile(track, window, 0.1).t_s) == 4000
 
 
-@pytest.mark.parametrize(("span_s", "points"), [(10.0, 2), (60.0, 2), (61.0, 3), (600.0, 11)])
-def test_the_sun_is_computed_once_a_minute(track: TopocentricTrack, span_s: float, points: int) -> None:
-    table = SolarTable(track.site, track.refraction, 1_151_384_000.0, span_s)
-    assert len(table._minutes) == points
-    assert (table._minutes[0], table._minutes[-1]) == (1_151_384_000.0, 1_151_384_000.0 + span_s)
-
-
 def test_a_plunge_is_planned_unless_one_of_many_passes_cannot_have_it(track: TopocentricTrack, window: Pass) -> None:
     table = SolarTable(track.site, track.refraction, window.aos_t_s - 60.0, window.duration_s + 120.0)
     low, high = (dataclasses.replace(RULES, limits=AxisLimits(elevation_max_rad=x)) for x in (0.5 * math.pi, math.pi))

@@ -10,17 +10,11 @@ import pytest
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, PointingError
-from rf_pointing.ephemeris import Pass, SatelliteAntennaParams, TopocentricTrack
+from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.planning import AxisLimits
-from rf_pointing.planning.certificate_text import certificate_lines
 from rf_pointing.rf import LinkParams
-from rf_pointing.station.pointing.certificates import pass_profile
-from rf_pointing.station.pointing.controller import PLAN_PATIENCE_S, PointingController, _motion_of
-from rf_pointing.station.pointing.params import AlarmParams, ControllerParams
-from rf_pointing.station.pointing.scan_patterns import array_cost, sensor_cost
+from rf_pointing.station.pointing.controller import PLAN_PATIENCE_S, PointingController
 from rf_pointing.station.pointing.status import Level
-from rf_pointing.tracking import SkyMotion
-from rf_pointing.tracking.sensors import SENSORS
 
 Rig = Any
 MakeRig = Callable[..., Rig]
@@ -85,28 +79,6 @@ def test_a_pass_that_fits_no_turn_is_refused_at_the_start(make_controller: MakeC
 
 
 # No pass without a certificate
-
-
-def test_nothing_moves_until_axes_and_profile_are_known(make_controller: MakeController, window: Pass) -> None:
-    """They come in either order, some seconds late, and the pass goes on as if they had been there."""
-    for axes_s, profile_s in ((3.0, 7.0), (7.0, 3.0)):
-        controller, t_s = make_controller(), window.aos_t_s - 100.0
-        profiles = controller.plan._profiles
-        controller.plan.take_profiles([])
-        controller.start(t_s, window, "program")
-        for step in range(1, 100):
-            if step * 0.1 >= axes_s:
-                controller.take_joints(still(window.aos_azimuth_rad - 0.3, 1.0, t_s + 0.1 * step))
-            if step * 0.1 >= profile_s:
-                controller.plan.take_profiles(profiles)
-            trajectory, status = controller.step(t_s + 0.1 * step)
-            complete = step * 0.1 >= max(axes_s, profile_s)
-            assert (trajectory is not None) == complete == (controller.plan.certificate is not None)
-            missing = "" if complete else "joint_states" if step * 0.1 < axes_s else "pass_profiles"
-            assert missing in controller.missing
-            assert missing in status.alarm
-            assert (status.level > 0) == (not complete)
-            assert status.mode == ("slew" if complete else "idle")
 
 
 def test_a_piece_of_a_pass_has_a_certificate_of_its_own(make_controller: MakeController, window: Pass) -> None:
@@ -332,54 +304,6 @@ def test_the_error_of_the_sensor_in_use_is_shown_and_no_other(rig: MakeRig, wind
     assert abs(status.elevation_error_rad + 2e-5) > 1e-6
 
 
-LOST = AlarmParams(lost_warning_s=1.0, lost_error_s=20.0)
-
-
-@pytest.mark.parametrize(
-    ("lost_s", "level"), [(0.9, Level.OK), (1.1, Level.WARN), (19.9, Level.WARN), (20.1, Level.ERROR)]
-)
-def test_a_target_that_is_not_held_is_a_warning_and_then_an_error(
-    rig: MakeRig, window: Pass, lost_s: float, level: Level
-) -> None:
-    made = rig(alarm=LOST)
-    *_, (t_s, _, _) = made.run(window.aos_t_s, 25.0)
-    controller, axes = made.controller, made.controller.antenna.state
-    controller.statistics.held_t_s = t_s - lost_s
-    found = controller._alarm_of(t_s, window, axes)
-    assert found[0] == level
-    assert (f"the target has not been held for {lost_s:.1f} s: program_track" in found[1]) is (level > Level.OK)
-    # Counted from the beginning of the pass, or from when it was joined.
-    controller.statistics.held_t_s = -math.inf
-    controller.statistics.begun_t_s = t_s - lost_s
-    assert controller._alarm_of(t_s, window, axes)[0] == level
-    controller.statistics.begun_t_s = -math.inf
-    assert controller._alarm_of(window.aos_t_s + lost_s, window, axes)[0] == level
-    assert controller._alarm_of(window.aos_t_s - 1.0, window, axes) == (Level.OK, "")
-
-
-def test_what_is_wrong_comes_in_the_order_of_its_weight(rig: MakeRig, window: Pass) -> None:
-    made = rig()
-    *_, (t_s, _, _) = made.run(window.aos_t_s, 5.0)
-    controller, axes = made.controller, made.controller.antenna.state
-    assert controller._alarm_of(t_s, window, axes) == (Level.OK, "")
-    doubted = dataclasses.replace(axes, doubt="silent")
-    assert controller._alarm_of(t_s, window, doubted) == (Level.ERROR, "silent")
-    assert controller._alarm_of(t_s, window, dataclasses.replace(doubted, fault="frozen")) == (Level.ERROR, "frozen")
-    state = controller.state
-    for mode, level in (
-        ("search", Level.WARN), ("coast", Level.WARN), ("hand_back", Level.WARN), ("monopulse", Level.OK),
-    ):  # fmt: skip
-        controller._mode.state = dataclasses.replace(state, mode=mode, reason="why")
-        assert controller._alarm_of(t_s, window, axes) == (level, f"{mode}: why" if level else "")
-    controller._mode.state = state
-    # Targets are known 2 s ahead and commanded 1 s ahead.
-    held = controller.statistics
-    for late_s in (0.9, 1.4):
-        held.held_t_s = t_s + late_s
-        level, words = controller._alarm_of(t_s + late_s, window, axes)
-        assert (level, words[:20]) == ((Level.OK, "") if late_s < 1.0 else (Level.WARN, "no target for 0.4 s:"))
-
-
 def test_a_fault_of_the_antenna_is_shown_until_its_reset_and_one_of_the_watch_until_the_next_pass(
     make_controller: MakeController,
 ) -> None:
@@ -393,32 +317,6 @@ def test_a_fault_of_the_antenna_is_shown_until_its_reset_and_one_of_the_watch_un
         controller.take_antenna("holding", antenna)
         status = controller.step(10.0)[1]
         assert (status.level, status.alarm) == expected
-
-
-@pytest.mark.parametrize(
-    ("sensor", "level_db_hz", "used"),
-    [("program", 60.0, None), ("monopulse", 60.0, "monopulse"), ("auto", 36.1, "monopulse"), ("auto", 35.9, "conscan"),
-     ("conscan", 60.0, "conscan"), ("steptrack", 60.0, "steptrack")],
-)  # fmt: skip
-def test_the_certificate_counts_what_the_sensor_costs_for_which_the_link_is_enough(
-    make_controller: MakeController,
-    track: TopocentricTrack,
-    window: Pass,
-    sensor: str,
-    level_db_hz: float,
-    used: str | None,
-) -> None:
-    link = LinkParams(zenith_carrier_to_noise_db_hz=level_db_hz, reference_range_m=window.smallest_range_m)
-    controller, profile = make_controller(link=link), pass_profile(track, window)
-    found = controller._cost(sensor, window, profile)
-    rate = profile.velocity_rad_s[0]
-    motion = SkyMotion(float(rate[0] * math.cos(profile.position_rad[0, 1])), float(rate[1]), window.smallest_range_m)
-    params = controller.params
-    alone = sensor_cost(SENSORS[used] if used else None, controller._scans, params.trim, params.autotrack, motion)
-    levels = level_db_hz - 20.0 * np.log10(profile.range_m / window.smallest_range_m)
-    expected = dataclasses.replace(alone, carrier_to_noise_db_hz=found.carrier_to_noise_db_hz)
-    assert found == expected
-    assert found.carrier_to_noise_db_hz == pytest.approx((levels.min(), levels.max()))
 
 
 # What the link cannot give
@@ -440,39 +338,6 @@ def test_a_sensor_whose_gate_the_link_never_opens_is_refused_in_words(
     make_controller(link=silent).start(window.aos_t_s - 10.0, window, "program")
     unknown = dataclasses.replace(window, smallest_range_m=0.0)
     make_controller(link=silent).start(window.aos_t_s - 10.0, unknown, "monopulse")
-
-
-def test_the_satellite_s_antenna_is_in_the_certificate_the_refusal_and_the_expected_level(
-    make_controller: MakeController, rig: MakeRig, track: TopocentricTrack, window: Pass
-) -> None:
-    """Its beam of 60 deg looks to the nadir, 40 deg and more off the station."""
-    antenna = SatelliteAntennaParams(half_power_beamwidth_rad=math.radians(60.0))
-    turned = track.with_offsets(along_track_offset_s=0.0, cross_track_offset_rad=0.0, antenna=antenna)
-    profile, link = pass_profile(turned, window), LinkParams(zenith_carrier_to_noise_db_hz=50.0)
-    levels = 50.0 - 20.0 * np.log10(profile.range_m / link.reference_range_m) + profile.satellite_gain_db
-    controller = make_controller(link=link)
-    controller.plan.take_profiles([profile])
-    controller.take_joints(still(window.aos_azimuth_rad, window.aos_elevation_rad, window.aos_t_s - 10.0))
-    controller.start(window.aos_t_s - 10.0, window, "conscan")
-    certificate = controller.plan.certificate
-    assert certificate is not None
-    assert certificate.carrier_to_noise_db_hz == pytest.approx((levels.min(), levels.max()))
-    assert f"C/N0 {levels.min():.1f} to {levels.max():.1f} dB-Hz" in certificate_lines(certificate)[-1]
-    # The same link that is enough on the axis of the antenna is refused where the station is off it.
-    faint = link.replace(zenith_carrier_to_noise_db_hz=50.0 + 21.9 - levels.max())
-    made = make_controller(link=faint)
-    made.start(window.aos_t_s - 10.0, window, "conscan")
-    made = make_controller(link=faint)
-    made.plan.take_profiles([profile])
-    with pytest.raises(ValueError, match=r"conscan needs a carrier of 22.0 dB-Hz; the link gives at most 21.9"):
-        made.start(window.aos_t_s - 10.0, window, "conscan")
-    # What the state table compares the carrier with moves with the attitude that is published.
-    flown = rig("conscan", link=link)
-    flown.track = turned
-    list(flown.run(window.aos_t_s, 3.0))
-    now = turned.target_at(window.aos_t_s + 3.0)
-    expected = link.level_db_hz(now.range_m, now.satellite_gain_db)
-    assert flown.controller._mode.axis_db_hz == pytest.approx(expected, abs=0.01)
 
 
 def test_errors_of_an_unregistered_sensor_are_refused_with_its_name_and_keep_the_lock(
@@ -499,63 +364,6 @@ def test_errors_of_an_unregistered_sensor_are_refused_with_its_name_and_keep_the
 # From one pass to the next, and through stalls
 
 
-def test_a_second_pass_begins_with_nothing_of_the_first(rig: MakeRig, window: Pass) -> None:
-    made = rig("monopulse")
-    list(made.run(window.aos_t_s, 5.0, lambda t_s, _rig: [measured(t_s - 0.1)]))
-    controller = made.controller
-    assert (controller.busy, controller.stopping) == (True, False)
-    assert np.hypot(*controller.corrections.correction_rad(round(window.aos_t_s + 5.0, 6))) > 1e-7
-    assert controller.statistics.samples > 20
-    controller.stop("enough")
-    assert controller.stopping
-    t_s = round(window.aos_t_s + 5.1, 6)
-    _, status = made.period(t_s)
-    assert (status.mode, status.reason, controller.busy, controller.stopping) == ("idle", "enough", False, False)
-    assert controller.statistics.reason == "enough"
-    tracked_s = controller.statistics.outcome.tracked_s
-    assert tracked_s > 2.0
-    # What was measured between two passes is of neither.
-    controller.take_error(measured(t_s + 0.05))
-    controller.stop("nothing is tracked")
-    assert not controller.stopping
-    controller.start(t_s, window, "monopulse")
-    assert (controller.statistics.outcome.tracked_s, controller.statistics.samples) == (0.0, 0)
-    assert controller._levels.power(t_s + 1.0, t_s - 9.0, 60.0) is None
-    _, status = made.period(round(t_s + 0.1, 6))
-    assert (status.mode, status.on_source) == ("slew", False)
-    assert status.settle_count <= 1
-    np.testing.assert_array_equal(status.offset_rad, [0.0, 0.0])
-    assert status.carrier_to_noise_db_hz == 0.0
-    assert controller.awaits_error(round(t_s + 0.3, 6)) is False
-
-
-def test_new_timing_tolerance_limits_and_thresholds_count_from_the_next_period_on(rig: MakeRig, window: Pass) -> None:
-    made = rig()
-    list(made.run(window.aos_t_s, 3.0))
-    controller = made.controller
-    given = controller.params
-    controller.retune(
-        given.replace(
-            pointing=given.pointing.replace(horizon_s=0.6, on_target_rad=0.002, stop_deceleration_rad_s2=0.5),
-            axes=given.axes.replace(settle_periods=40),
-            autotrack=given.autotrack.replace(coast_s=9.0),
-            limits=AxisLimits(elevation_max_rad=1.5),
-            alarm=AlarmParams(lost_warning_s=3.0),
-        )
-    )
-    trajectory, status = made.period(round(window.aos_t_s + 3.1, 6))
-    assert len(trajectory.t_s) == 6
-    assert status.command_lead_s == 0.6
-    assert (controller.antenna.tolerance_rad, controller.antenna.params.settle_periods) == (0.002, 40)
-    assert (controller._mode.params.coast_s, controller._mode.timing.horizon_s) == (9.0, 0.6)
-    assert controller.plan.gate.limits.elevation_max_rad == 1.5
-    assert controller.params.alarm.lost_warning_s == 3.0
-    controller.stop("enough")
-    moving = made.latest.velocity_rad_s[0].copy()
-    halt, _ = made.period(round(window.aos_t_s + 3.2, 6))
-    np.testing.assert_allclose(halt.position_rad[0] - made.position_rad, moving * np.abs(moving) / 1.0, rtol=1e-3)
-
-
 def test_a_fault_of_the_antenna_refuses_a_pass_and_ends_one(rig: MakeRig, window: Pass) -> None:
     made = rig()
     *_, (t_s, _, _) = made.run(window.aos_t_s, 2.0)
@@ -574,53 +382,6 @@ def test_a_fault_of_the_antenna_refuses_a_pass_and_ends_one(rig: MakeRig, window
     made.controller.stop("stop was requested")
     made.controller.take_antenna("fault", "brake")
     assert made.period(round(t_s + 0.3, 6))[1].reason == "stop was requested"
-
-
-@pytest.mark.parametrize(("gap_s", "stalled"), [(0.9, False), (1.2, True)])
-def test_after_a_stall_of_a_second_the_axes_find_the_target_again(
-    rig: MakeRig, window: Pass, gap_s: float, stalled: bool
-) -> None:
-    made = rig()
-    *_, (t_s, _, before) = made.run(window.aos_t_s, 4.0)
-    assert before.mode == "program_track"
-    now_s = round(t_s + gap_s, 6)
-    _, status = made.period(now_s)
-    assert (status.mode == "program_track") is not stalled
-    if stalled:
-        assert made.controller._returning
-        assert f"the controller stalled for {gap_s:.1f} s" in made.controller.state.reason or status.mode == "slew"
-        rows = list(made.run(now_s, 3.0))
-        back_s = next(at_s for at_s, _, each in rows if each.mode == "program_track")
-        assert not made.controller._returning
-        # Errors are judged when the lags of the mount have followed.
-        averaging_s = made.controller.params.pointing.lag_averaging_s
-        assert made.controller.carrier._watched_s == pytest.approx(back_s + 2.0 * averaging_s, abs=0.11)
-
-
-def test_the_return_from_a_stall_waits_twice_the_lags_before_it_judges_a_lock(rig: MakeRig, window: Pass) -> None:
-    made = rig(pointing=ControllerParams().pointing.replace(lag_averaging_s=3.0))
-    list(made.run(window.aos_t_s, 4.0))
-    watched_s = made.controller.carrier._watched_s
-    made.controller._slew_again(window.aos_t_s + 4.0, "the controller stalled for 1.5 s")
-    assert made.controller.state.mode == "idle"
-    assert made.controller.state.reason == "the controller stalled for 1.5 s"
-    back_s = next(t_s for t_s, _, status in made.run(window.aos_t_s + 4.0, 5.0) if status.mode == "program_track")
-    assert made.controller.carrier._watched_s == pytest.approx(back_s + 6.0, abs=0.01) != watched_s
-
-
-def test_a_pause_of_the_antenna_is_told_when_it_is_over(rig: MakeRig, window: Pass) -> None:
-    made = rig()
-    *_, (t_s, _, _) = made.run(window.aos_t_s, 2.0)
-    made.controller.take_antenna("paused", "")
-    *_, (t_s, _, status) = made.run(t_s, 0.5)
-    assert (status.level, status.alarm) == (Level.ERROR, "the antenna is paused")
-    made.controller.take_antenna("tracking", "")
-    reasons: list[str] = []
-    interrupt = made.controller._mode.interrupt
-    made.controller._mode.interrupt = lambda at_s, reason: reasons.append(reason) or interrupt(at_s, reason)
-    *_, (t_s, _, status) = made.run(t_s, 1.0)
-    assert reasons == ["over: the antenna is paused"]
-    assert status.mode == "program_track"
 
 
 def test_a_pass_that_was_stopped_while_it_waited_gets_no_certificate(
@@ -647,35 +408,6 @@ def test_nothing_is_counted_before_the_pass_begins(rig: MakeRig, window: Pass) -
     assert outcome.duration_s > 1.5
 
 
-def test_the_carrier_tells_how_far_the_beam_is_off_where_no_sensor_does(rig: MakeRig, window: Pass) -> None:
-    """3 dB below the link's at the stamps that a period may use; what is reported now is not in it yet."""
-    link = LinkParams(zenith_carrier_to_noise_db_hz=60.0, reference_range_m=window.smallest_range_m)
-    made = rig("program", link=link)
-
-    def heard(t_s: float, _rig: Rig) -> list[PointingError]:
-        axis_db_hz = link.level_db_hz(made.track.target_at(t_s - 0.1).range_m)
-        late = measured(t_s - 0.1, carrier_to_noise_db_hz=axis_db_hz - 3.0)
-        return [late, measured(t_s, carrier_to_noise_db_hz=axis_db_hz - 30.0)]
-
-    powers: list[float | None] = []
-    power = made.controller._levels.power
-    made.controller._levels.power = lambda *given: powers.append(power(*given)) or powers[-1]  # type: ignore[func-returns-value]
-    list(made.run(window.aos_t_s, 3.0, heard))
-    # Four periods lie between the oldest and the newest report that count, one of the two halves of each.
-    assert powers[-1] is not None
-    assert 0.25 < powers[-1] < 0.51
-    assert made.controller.statistics.outcome.mean_loss_db > 1.0
-
-
-@pytest.mark.parametrize(
-    ("mode", "kind"),
-    [("calibrate", "calibration"), ("search", "scan"), ("conscan", "scan"), ("steptrack", "scan"), ("array", "track"),
-     ("monopulse", "track"), ("program_track", "track"), ("slew", "track"), ("coast", "track")],
-)  # fmt: skip
-def test_the_gate_knows_each_mode_as_a_kind_of_motion(mode: str, kind: str) -> None:
-    assert _motion_of(mode) == kind
-
-
 def test_a_zone_without_a_sun_leaves_the_clearance_for_a_model(make_controller: MakeController) -> None:
     controller = make_controller()
     machine = controller.params.machine
@@ -685,24 +417,3 @@ def test_a_zone_without_a_sun_leaves_the_clearance_for_a_model(make_controller: 
     assert controller.model_doubt == ""
     controller.take_model(BiasModel.zero().replace(elevation_offset=1.01 * clearance_rad))
     assert controller.model_doubt != ""
-
-
-def test_an_array_costs_what_its_loop_leaves_at_the_levels_of_the_pass(
-    make_controller: MakeController, track: TopocentricTrack, window: Pass
-) -> None:
-    link = LinkParams(zenith_carrier_to_noise_db_hz=50.0, reference_range_m=window.smallest_range_m)
-    controller, profile = make_controller(link=link), pass_profile(track, window)
-    found, params = controller._cost("array", window, profile), controller.params
-    rate = profile.velocity_rad_s[0]
-    motion = SkyMotion(float(rate[0] * math.cos(profile.position_rad[0, 1])), float(rate[1]), window.smallest_range_m)
-    program = sensor_cost(None, controller._scans, params.trim, params.autotrack, motion)
-    levels = controller.carrier.levels_db_hz(profile)
-    alone = array_cost(
-        params.array, params.integrator, params.autotrack, levels, params.spiral.half_power_beamwidth_rad, program
-    )
-    assert found == dataclasses.replace(alone, carrier_to_noise_db_hz=(min(levels), max(levels)))
-    # A pass that does not say how near it comes is taken to be 1000 km away.
-    unknown = controller._cost("program", dataclasses.replace(window, smallest_range_m=0.0), profile)
-    far = SkyMotion(motion.cross_elevation_rate_rad_s, motion.elevation_rate_rad_s, 1e6)
-    expected = sensor_cost(None, controller._scans, params.trim, params.autotrack, far)
-    assert unknown == dataclasses.replace(expected, carrier_to_noise_db_hz=unknown.carrier_to_noise_db_hz)

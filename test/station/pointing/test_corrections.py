@@ -426,24 +426,6 @@ def test_a_scan_teaches_the_filter_once_a_window_at_the_mean_time_of_its_samples
     np.testing.assert_allclose(moved - drifted, expected, rtol=0.02, atol=1e-9)
 
 
-def test_a_stare_teaches_the_filter_every_error_where_the_beam_was() -> None:
-    loop, alone = Loop(), TrimFilter(TrimParams())
-    loop.step("monopulse")
-    for k in range(30):
-        stamp_s = round(loop.t_s - PERIOD_S, 6)
-        beam, sensed = np.array([1.0, 0.1 * k]) * MDEG, np.array([2.0, -1.0]) * MDEG
-        if k > 0:
-            alone.update(stamp_s, beam + sensed, np.eye(2) * (0.2 * MDEG) ** 2, sky_at(stamp_s))
-        loop.step("monopulse", heard(stamp_s, *sensed), beam if k > 0 else None)
-    state = loop.offsets.filter.state
-    assert state.used == alone.state.used == 29
-    np.testing.assert_allclose(state.mean, alone.state.mean, rtol=1e-3, atol=1e-12)
-    # One that is older than what was learned is for the loop alone.
-    loop.offsets._used_s = -math.inf
-    loop.step("monopulse", heard(round(loop.t_s - 0.4, 6), 0.0, 0.0), np.zeros(2))
-    assert loop.offsets.filter.state.used == 29
-
-
 @pytest.mark.parametrize("valid", [True, False])
 def test_a_search_teaches_the_filter_the_place_of_the_strongest_carrier(valid: bool) -> None:
     """Where the beam was, to a quarter of a beamwidth; an error that is valid says more."""

@@ -115,16 +115,6 @@ def test_without_a_report_there_is_no_carrier() -> None:
     assert not made.state.carrier
 
 
-def test_where_the_beam_was_reaches_the_watch_as_right_and_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    made, t_s = locked()
-    taken: list[tuple[float, ...]] = []
-    monkeypatch.setattr(made._carrier._watch, "add", lambda _error, *given: taken.append(given) or "")
-    motion = replace(ON_TARGET, beam_rad=np.array([3e-4, -2e-4]), error_path=(5000e3, -1.0))
-    made._false_lock(report(t_s), motion)
-    # 40 dB-Hz at 5000 km, 1 dB of the satellite's antenna, and what the lock began with.
-    assert taken == [pytest.approx((3e-4, -2e-4, 39.0 + min(made.state.learned_db, made.state.lock_db)))]
-
-
 def test_the_newest_error_is_that_of_the_sensor_in_use_while_it_reports() -> None:
     errors = [report(3.0, "conscan"), report(2.0), report(1.0)]
     assert newest(errors, "monopulse") is errors[1]
@@ -316,79 +306,3 @@ def drop(made: TrackingMode, t_s: float, seconds: float, **changes: Any) -> list
         step(made, t_s)
         modes.append(str(made.state.mode))
     return modes
-
-
-def test_a_lock_whose_level_falls_far_below_the_link_is_a_sidelobe_from_the_third_report() -> None:
-    made, t_s = locked()
-    assert drop(made, t_s, 0.3) == ["monopulse", "monopulse", Mode.HOLD_OFF]
-    assert made.state.sidelobe
-    assert (made.state.false_locks, made._carrier.faults) == (1, 1)
-    assert "sidelobe" in made._carrier.last_fault
-    made.restart(t_s, "auto")
-    assert (made._carrier.faults, made._carrier.last_fault) == (0, "")
-
-
-def test_errors_before_the_trusted_time_and_twice_the_same_are_not_judged() -> None:
-    made, t_s = locked()
-    made._carrier.trust_until(t_s + 0.45)
-    # Those stamped 0.0 to 0.4 s later are not; the third of the others is the eighth.
-    assert drop(made, t_s, 0.8) == 7 * ["monopulse"] + [Mode.HOLD_OFF]
-    made, t_s = locked()
-    made._carrier.trust_until(t_s + 0.45)
-    made._carrier.trust_until(t_s - 5.0)
-    assert drop(made, t_s, 0.8) == 7 * ["monopulse"] + [Mode.HOLD_OFF]
-    made, t_s = locked()
-    made.errors.take(report(t_s, level_db_hz=45.0))
-    for late_s in (0.1, 0.2, 0.3, 0.4):
-        step(made, round(t_s + late_s, 6))
-    assert made.state.mode == "monopulse"
-    made._carrier.forget()
-    made._carrier.restart()
-    assert drop(made, round(t_s + 0.4, 6), 0.3)[-1] == Mode.HOLD_OFF
-
-
-def test_a_mode_that_changes_begins_the_judgement_of_its_lock_anew() -> None:
-    made, t_s = locked()
-    assert drop(made, t_s, 0.2) == ["monopulse", "monopulse"]
-    made._carrier.forget()
-    assert drop(made, round(t_s + 0.2, 6), 0.3) == ["monopulse", "monopulse", Mode.HOLD_OFF]
-
-
-def test_the_watch_judges_only_the_sensor_in_use_at_a_level_that_tells_and_with_a_known_beam() -> None:
-    made, t_s = locked()
-    motion = replace(ON_TARGET, path=(500e3, 0.0), beam_rad=np.zeros(2), error_path=(500e3, 0.0))
-    low = [report(t_s + 0.1 * k, level_db_hz=45.0) for k in range(6)]
-    for given, judged in (
-        (motion, True), (replace(motion, beam_rad=None), False), (replace(motion, error_path=None), False),
-    ):  # fmt: skip
-        made._carrier.restart()
-        found = [made._false_lock(each, given) for each in low]
-        assert any(found) is judged
-    made._carrier.restart()
-    assert not any(made._false_lock(replace(each, sensor="conscan"), motion) for each in low)
-    assert made._false_lock(None, motion) == ""
-    faint = [replace(each, carrier_to_noise_db_hz=17.9) for each in low]
-    assert not any(made._false_lock(each, motion) for each in faint)
-    assert any(made._false_lock(replace(each, carrier_to_noise_db_hz=18.0), motion) for each in low)
-    made.state = replace(made.state, mode=Mode.CONSCAN)
-    made._carrier.restart()
-    assert not any(made._false_lock(replace(each, sensor="conscan"), motion) for each in low)
-
-
-@pytest.mark.parametrize(
-    ("level_db_hz", "learned_db", "judged"), [(51.0, 0.0, False), (49.0, 0.0, True), (49.0, -5.0, False), (44.0, -5.0, True)]
-)  # fmt: skip
-def test_ten_decibels_below_what_the_link_really_gives_is_a_sidelobe(
-    level_db_hz: float, learned_db: float, judged: bool
-) -> None:
-    """Of 60 dB-Hz at 500 km, or the level of the last search against them."""
-    made, t_s = locked()
-    made.state = replace(made.state, learned_db=learned_db, lock_db=math.inf)
-    motion = replace(ON_TARGET, path=(500e3, 0.0), beam_rad=np.zeros(2), error_path=(500e3, 0.0))
-    found = [made._false_lock(report(t_s + 0.1 * k, level_db_hz=level_db_hz), motion) for k in range(6)]
-    assert any(found) is judged
-    # A lock that was taken over lower is judged from there.
-    made.state = replace(made.state, learned_db=learned_db, lock_db=learned_db - 3.0)
-    made._carrier.restart()
-    lower = [made._false_lock(report(t_s + 0.1 * k, level_db_hz=level_db_hz - 2.5), motion) for k in range(6)]
-    assert any(lower) is judged

@@ -14,7 +14,7 @@ from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.planning import AxisLimits, AxisRates, Gate, GateParams, HorizonMask, MachineParams, PassProfile
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.params import PointingParams
-from rf_pointing.station.pointing.plan import MEETING_S, SAME_PASS_S, Chased, PassPlan
+from rf_pointing.station.pointing.plan import SAME_PASS_S, Chased, PassPlan
 
 RATES = AxisRates((0.1, 0.05), (0.05, 0.02))
 OPEN = HorizonMask(azimuth_rad=(0.0,), elevation_rad=(-0.1,))
@@ -266,77 +266,6 @@ def test_axes_that_are_free_to_run_after_their_target_do_so_without_another_judg
 def test_without_a_certificate_nothing_keeps_axes_from_running_on(profile: PassProfile) -> None:
     made = planned(profile)
     assert made.meeting_rad(float(profile.t_s[5]), reading((0.0, 0.3)), joining=True) is None
-
-
-def blocked(profile: PassProfile, window: Pass) -> tuple[PassPlan, float, np.ndarray]:
-    """Return a plan, a time and the place of axes that a hill keeps from running after the target."""
-    made = joining(profile, window)
-    t_s = window.tca_t_s
-    target = target_rad(made, t_s)
-    side = float(np.sign(target_rad(made, t_s + 5.0)[0] - target[0]))
-    # The hill is behind the target: axes that come after it would run through.
-    middle = target[0] - 0.35 * side
-    edges = sorted((middle - 0.12, middle - 0.11, middle + 0.11, middle + 0.12))
-    height = float(target[1]) + 0.15
-    points = sorted(
-        (edge % (2.0 * math.pi), level) for edge, level in zip(edges, (-0.1, height, height, -0.1), strict=True)
-    )
-    hill = HorizonMask(
-        azimuth_rad=tuple(point[0] for point in points),
-        elevation_rad=tuple(point[1] for point in points),
-        clearance_rad=0.01,
-    )
-    made.mask = hill
-    made.gate = Gate(GateParams(), AxisLimits(), hill, made.machine.axes)
-    return made, t_s, target - np.array([0.7 * side, 0.0])
-
-
-def test_axes_that_a_hill_keeps_from_running_after_the_target_go_where_it_will_be_and_wait(
-    profile: PassProfile, window: Pass
-) -> None:
-    made, t_s, here = blocked(profile, window)
-    first = made.meeting_rad(t_s, at(here), joining=True)
-    assert first is not None
-    goal, until_s = made._meeting
-    assert goal is not None
-    # Over the hill first; then a place of the target's path, and there before the target by two seconds.
-    assert first[1] > here[1] + 0.1
-    np.testing.assert_allclose(goal, target_rad(made, until_s), atol=1e-9)
-    needed_s, barred = made.gate.slew((float(here[0]), float(here[1])), (float(goal[0]), float(goal[1])), None)
-    assert not barred
-    assert needed_s + MEETING_S <= until_s - t_s + 1e-9
-    assert until_s - t_s < needed_s + 3.0 * MEETING_S + 5.0
-    # From corner to corner they come to it.
-    for _ in range(8):
-        first = made.meeting_rad(t_s + 1.0, at(first), joining=True)
-        assert first is not None
-    np.testing.assert_allclose(first, goal)
-    assert made._meeting == (goal, until_s)
-
-
-@pytest.mark.parametrize("rate", [0.02, -0.02])
-def test_axes_that_move_stop_first_where_their_brakes_bring_them(
-    profile: PassProfile, window: Pass, rate: float
-) -> None:
-    made, t_s, here = blocked(profile, window)
-    acceleration = made.machine.axes.acceleration_rad_s2
-    axes = at(here, (0.0, rate))
-    found = made.meeting_rad(t_s, axes, joining=True)
-    goal, until_s = made._meeting
-    rest = here + np.array([0.0, 0.5 * rate * abs(rate) / acceleration[1]])
-    np.testing.assert_allclose(goal, rest, atol=1e-12)
-    np.testing.assert_allclose(found, rest, atol=1e-12)
-    assert until_s - t_s == pytest.approx(abs(rate) / acceleration[1] + 0.2, abs=1e-6)
-
-
-def test_axes_that_no_way_leads_on_stay_at_rest_and_look_again(
-    profile: PassProfile, window: Pass, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made, t_s, here = blocked(profile, window)
-    monkeypatch.setattr(made.gate, "slew", lambda *_given: (10.0, "barred"))
-    found = made.meeting_rad(t_s, at(here), joining=True)
-    np.testing.assert_allclose(found, here, atol=1e-12)
-    assert made._meeting[1] - t_s == pytest.approx(MEETING_S)
 
 
 def test_the_sun_of_the_plan_is_that_of_its_site(profile: PassProfile) -> None:

@@ -1,0 +1,1 @@
+"""The front door: what `import rf_pointing as rp` offers; docs/api.md describes it."""

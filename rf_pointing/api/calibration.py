@@ -1,0 +1,215 @@
+"""Fit a bias model to recordings, files or points, and keep it with its report."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+from rf_pointing import __version__, calibration
+from rf_pointing.api.station import Station
+from rf_pointing.calibration import BiasModel, FitResult, Ionosphere, ModelVersion, Observations, TrackedPass
+from rf_pointing.core import MDEG
+from rf_pointing.core.dates import DAY_S
+from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.ephemeris import Elements
+from rf_pointing.ephemeris.source import read_source
+from rf_pointing.station.campaign import recorded_input
+from rf_pointing.station.campaign.offline_fit import FitData, FitRequest, Fitted, OfflineFit, remarks, summary
+
+TABULAR = (".csv", ".tdm", ".kvn", ".txt")
+ELECTRONS_PER_TECU = 1e16
+
+
+@dataclass(frozen=True, kw_only=True)
+class DataFiles:
+    """Files of a fit, and what is known of the data in them.
+
+    Attributes
+    ----------
+    paths : rosbag2 recordings, CSV (points, or raw data of one pass), CCSDS TDM.
+    elements : of the targets of CSV and TDM, which need them.
+    max_age_s : greatest age of these elements.
+    refraction, time_error_s, ionosphere : air, lateness of the time tags, and ionosphere of the
+        raw data of CSV and TDM.
+    namespace : antenna, where a recording holds several.
+    largest_error_rad : samples of recordings with a larger sensed error are left out.
+    allow_damage : take the sound part of damaged recordings.
+    """
+
+    paths: Sequence[Path]
+    elements: Sequence[Elements] = ()
+    max_age_s: float = 14.0 * DAY_S
+    refraction: RadioRefraction | Literal["standard"] | None = "standard"
+    time_error_s: float | None = None
+    ionosphere: Ionosphere | None = None
+    namespace: str | None = None
+    largest_error_rad: float = 6.0 * MDEG
+    allow_damage: bool = False
+
+    def read(self, station: Station) -> FitData:
+        """Return the data of all files as those of a station; ValueError names what is wrong."""
+        tables = [path for path in self.paths if path.is_file() and path.suffix in TABULAR]
+        of_points = [path for path in tables if path.suffix == ".csv" and recorded_input.holds_points(path)]
+        points = recorded_input.read_points(of_points)
+        raw = [one for path in tables if path not in of_points for one in recorded_input.read_raw(path, station.band)]
+        if self.time_error_s:
+            raw = [replace(one, t_s=one.t_s - self.time_error_s) for one in raw]
+        passes = [TrackedPass(one, self._reference(one, station), self.ionosphere) for one in raw]
+        for path in self.paths:
+            if path not in tables:
+                passes += self._recorded(path, station)
+        return FitData(points, passes, recorded=len(tables) < len(self.paths))
+
+    def _reference(self, raw: calibration.RawTracking, station: Station) -> calibration.ReferenceTrack:
+        if not self.elements:
+            raise ValueError("elements: tracking data of CSV and TDM need --elements FILE for their reference")
+        return recorded_input.reference_of(raw, self.elements, station.site, self.max_age_s, self.refraction)
+
+    def _recorded(self, path: Path, station: Station) -> list[TrackedPass]:
+        # Reading a recording loads a ROS message library, which CSV and TDM do without.
+        from rf_pointing.report.tracking_from_bag import tracking_from_bag
+
+        recorded = tracking_from_bag(
+            path, station.name, station.band, namespace=self.namespace,
+            largest_error_rad=self.largest_error_rad, allow_damage=self.allow_damage,
+        )  # fmt: skip
+        return [TrackedPass(raw, reference, self.ionosphere) for raw, reference in recorded]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted bias model with its covariance, its points, and what a reader should know of it.
+
+    `print(fit)` shows the outcome, remarks, and what is doubtful; `write` keeps the model.
+    """
+
+    version: ModelVersion
+    done: Fitted = field(repr=False)
+    data: FitData = field(repr=False)
+    remarks: list[str] = field(repr=False)
+
+    @property
+    def model(self) -> BiasModel:
+        """The bias model; `Station(..., model=fit.model)` points with it."""
+        return self.version.model
+
+    @property
+    def result(self) -> FitResult:
+        """Estimates, covariance, correlation, residuals and rank."""
+        return self.done.result
+
+    @property
+    def points(self) -> Observations:
+        """The observations that were fitted."""
+        return self.done.points
+
+    def __str__(self) -> str:
+        done, result = self.done, self.result
+        return "\n".join([
+            summary(done.points, result),
+            *self.remarks,
+            *(f"not separable: {advice}" for advice in result.separation_advice()),
+            *(f"doubtful: {doubt}" for doubt in (*done.warnings, *calibration.warnings_of(result, done.points))),
+            *(f"left out: {note}" for note in done.notes),
+        ])  # fmt: skip
+
+    def write(self, path: str | Path, *, report: str | Path | None = None) -> Path:
+        """Write the model file and its report; return the page of the report.
+
+        `report` is its folder, by default next to the model.
+        """
+        # Matplotlib is loaded where a report is wanted.
+        from rf_pointing.report.calibration_report import write_calibration_report
+
+        path = Path(path)
+        calibration.write_model(path, self.version)
+        return write_calibration_report(
+            report or path.parent / f"{path.stem}_report", self.points, self.result, name=self.version.name,
+            stages=self.done.stages, notes=[*self.done.notes, *self.done.warnings], remarks=self.remarks,
+        )  # fmt: skip
+
+    def write_points(self, path: str | Path) -> None:
+        """Write the points of the fit as CSV."""
+        calibration.write_observations(Path(path), self.points)
+
+    def write_tdm(self, path: str | Path) -> None:
+        """Write the good samples of the raw data as a CCSDS TDM; ValueError without raw data."""
+        require_raw(self.data, path)
+        raw = [one.raw for one in self.data.passes]
+        calibration.write_tdm(Path(path), raw, originator=self.version.software, created_t_s=self.version.created_t_s)
+
+
+def require_raw(data: FitData, path: str | Path) -> None:
+    """Raise ValueError unless there are raw data to write to `path`."""
+    if not data.passes:
+        raise ValueError(f"tdm={path}: the files hold calibration points only, no raw data to write")
+
+
+def fit(
+    data: Observations | str | Path | Sequence[str | Path],
+    station: Station,
+    *,
+    elements: str | Path = "",
+    ionosphere_tecu: float | None = None,
+    carrier_hz: float | None = None,
+    terms: Sequence[str] = calibration.TERM_NAMES,
+    select: bool = False,
+    form: Literal["printed", "rotation"] = "rotation",
+    robust: bool = False,
+    orbit_prior_m: float | None = None,
+    time_error_s: float | None = None,
+    known: ModelVersion | None = None,
+    name: str = "",
+) -> Fit:
+    """Fit the bias model of a station and band.
+
+    Parameters
+    ----------
+    data : points (`Observations`), or files: rosbag2 recordings, CSV, CCSDS TDM.
+    station : the owner of the data.
+    elements : of the targets of raw CSV and TDM data: file, folder or address.
+    ionosphere_tecu, carrier_hz : vertical electron content (1e16 per m^2) and carrier frequency
+        during the raw data; none by default.
+    terms : the terms offered; `select` chooses among them by BIC.
+    form : of the model.  robust : Huber weights instead of squares.
+    orbit_prior_m : orbit error of each pass that the fit allows for; None: as large as they show.
+    time_error_s : lateness of the time tags of files that is known; None: unknown.
+    known : the best model known, the prior of every term.
+    name : version of the model; by default made from the data's time.
+
+    Raises
+    ------
+    ValueError
+        Data of another station, terms that the data cannot separate, a systematic error that would
+        spoil the model, or a file that cannot be read.
+
+    Examples
+    --------
+    >>> found = rp.fit(sorted(Path("runs").glob("*/bag")), rp.Station("my_dish.yaml"))
+    >>> print(found)
+    >>> found.write("my_model.yaml")
+    """
+    targets = list(read_source(str(elements)).elements) if elements else []
+    request = FitRequest(
+        station=station.name, band=station.band, site=station.site, elements=targets, terms=tuple(terms), select=select,
+        form=form, robust=robust, orbit_prior_m=orbit_prior_m, time_error_s=time_error_s, known=known,
+    )  # fmt: skip
+    if isinstance(data, Observations):
+        return fitted(request, FitData(data, []), name)
+    ionosphere = None
+    if ionosphere_tecu is not None and carrier_hz is not None:
+        ionosphere = Ionosphere(electrons_per_m2=ionosphere_tecu * ELECTRONS_PER_TECU, frequency_hz=carrier_hz)
+    paths = [Path(data)] if isinstance(data, str | Path) else [Path(each) for each in data]
+    files = DataFiles(paths=paths, elements=targets, time_error_s=time_error_s, ionosphere=ionosphere)
+    return fitted(request, files.read(station), name)
+
+
+def fitted(request: FitRequest, data: FitData, name: str = "", created_t_s: float | None = None) -> Fit:
+    """Return the fit of data that have been read."""
+    done = OfflineFit(request, data).run()
+    version = ModelVersion.from_fit(
+        done.result, name=name or f"fit-{done.result.last_t_s:.0f}", software=f"rf_pointing {__version__}",
+        created_t_s=time.time() if created_t_s is None else created_t_s,
+    )  # fmt: skip
+    return Fit(version, done, data, remarks(request, done))

@@ -1,0 +1,352 @@
+"""Runs on the live graph: what a request of `requests.py` starts, records and reports.
+
+`track`, `calibrate` and `identify` bring up the nodes of a station, each a process of its own, and
+return when all of them have ended.  Each result has a `code`: 0 done, 1 not reached, 2 not started.
+Refusals are ValueErrors, before anything is started.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rf_pointing_msgs.action import TrackPass
+
+from rf_pointing.api.requests import CalibrateRequest, IdentifyRequest, RunRequest, TrackRequest
+from rf_pointing.api.target import Target
+from rf_pointing.core import MDEG, Sensor, leaves
+from rf_pointing.core.dates import utc_text
+from rf_pointing.ephemeris import Pass, tle_lines
+from rf_pointing.identification import Recording, study
+from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
+from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
+from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES
+from rf_pointing.ros.live_pass import outcome_line, track_pass
+from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end, say
+from rf_pointing.station.campaign.calibrator import journal_of
+from rf_pointing.station.campaign.schedule import CalibrationSchedule, fit_of_kept
+from rf_pointing.tracking.conscan_estimate import ConscanParams
+
+SCAN_CHOICES = ("radius_deg", "period_s", "window_samples", "fewest_samples", "bandwidth_hz")
+OF_STATION = tuple(node.name for node in (*GRAPH, *ARRAY_GRAPH) if node.name != "simulation_clock")
+"""The nodes that take the station description."""
+LIGHT_WIND_M_S = 0.3
+
+
+@dataclass(frozen=True)
+class TrackResult:
+    """What a pass gave: `outcome` is None where it was not started."""
+
+    code: int
+    window: Pass
+    output: Path
+    bag: Path
+    outcome: TrackPass.Result | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flight:
+    """A pass that can be flown: its files are written, nothing is started yet."""
+
+    request: TrackRequest
+    window: Pass
+    output: Path
+    setup: RunSetup
+
+    def fly(self) -> TrackResult:
+        """Fly the pass, record it and report on it."""
+        results: list[TrackPass.Result] = []
+
+        def work(run: StationRun) -> int:
+            results.append(track_pass(run, self.window, self.request.sensor))
+            return 0 if results[0].success else 1
+
+        code = run_to_end("track", lambda: StationRun(self.setup), work)
+        for result in results:
+            # Imported late: the libraries of the report take time that the bring-up has not.
+            from rf_pointing.report import write_report
+
+            write_report(self.setup.bag, self.output)
+            say("track", f"report {self.output / 'report.html'}, bag {self.setup.bag}")
+            say("track", outcome_line(result))
+        return TrackResult(code, self.window, self.output, self.setup.bag, results[0] if results else None)
+
+
+def prepare_track(request: TrackRequest) -> Flight:
+    """Choose the pass and write the files of its run; ValueError for what cannot be flown."""
+    check_files(request)
+    window, scan = request.window, request.scan
+    if warning := request.stale_warning:
+        say("track", warning)
+    stem = f"{request.target.satellite}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
+    output = output_folder(request, stem)
+    setup = run_setup("track", request, window, output, scan)
+    say("track", f"{window.name} over {request.station.name}, {request.station.band} band, {request.sensor}: "
+        f"AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
+        f"peak {math.degrees(window.peak_elevation_rad):.1f} deg")  # fmt: skip
+    if scan is not None:
+        say("track", f"scan of {scan.radius_rad / MDEG:.2f} mdeg in {scan.period_s:.1f} s, an estimate over "
+            f"{scan.window_samples * scan.sample_s:.1f} s")  # fmt: skip
+    return Flight(request=request, window=window, output=output, setup=setup)
+
+
+def track(request: TrackRequest) -> TrackResult:
+    """Track one pass with the whole graph; record it and report on it."""
+    return prepare_track(request).fly()
+
+
+@dataclass(frozen=True)
+class CalibrateResult:
+    """How a calibration ended, and its report."""
+
+    code: int
+    outcome: CalibrationOutcome
+    report: Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """A campaign that can be run: its files are written, nothing is started yet."""
+
+    request: CalibrateRequest
+    schedule: CalibrationSchedule
+    output: Path
+    setup: RunSetup
+
+    def observe(self) -> CalibrateResult:
+        """Run campaign, fit and shadow, and report on them."""
+        request, station, outcome = self.request, self.request.station, CalibrationOutcome()
+
+        def make() -> CalibrationRun:
+            place = (station.description, station.band, request.models)
+            fit = partial(fit_of_kept, *place, request.orbit_prior_m)
+            return CalibrationRun(self.setup, self.schedule, request.sensor, fit, resume=request.resume)
+
+        def work(run: CalibrationRun) -> int:
+            nonlocal outcome
+            outcome = run.calibrate()
+            return 0 if outcome.settled else 1
+
+        code = run_to_end("calibrate", make, work)
+        from rf_pointing.report.calibration_report import write_calibration_report, write_campaign_report
+
+        journal = journal_of(request.models, station.name, station.band)
+        if not outcome.settled and journal.points is not None:
+            say("calibrate", f"the observations are kept in {journal.path}: calibrate --resume continues with them")
+        if outcome.fit is not None:
+            remarks = [f"In the shadow of the model in force: {outcome.shadow}"] if outcome.shadow else []
+            report = write_calibration_report(self.output, *outcome.fit, name=outcome.model, remarks=remarks)
+        else:
+            report = write_campaign_report(self.output, journal.points, outcome.why)
+        say("calibrate", f"report {report}")
+        if outcome.fault:
+            say("calibrate", f"NOT calibrated: {outcome.fault}")
+        return CalibrateResult(code, outcome, report)
+
+
+def prepare_calibration(request: CalibrateRequest) -> Calibration:
+    """Plan the campaign and write the files of its run; ValueError for what cannot be tracked."""
+    check_files(request)
+    schedule = request.schedule()
+    output = output_folder(request, f"calibration-{datetime.now(UTC):%Y%m%dT%H%M%S}")
+    elements, calibrator = output / "satellites.tle", output / "calibrator.yaml"
+    elements.write_text("\n".join(line for one in schedule.elements for line in (one.name, *tle_lines(one))) + "\n")
+    sections = {"/**/bias_calibrator": {"ros__parameters": request.campaign.calibrator_parameters()}}
+    calibrator.write_text(yaml.safe_dump(sections))
+    own = replace(
+        request,
+        # Any satellite will do: each pass selects its own at ephemeris_publisher.
+        target=Target(location=str(elements), satellite=str(schedule.elements[0].catalogue_number)),
+        parameter_files=(*request.parameter_files, calibrator),
+    )
+    setup = replace(
+        run_setup("calibrate", own, [*schedule.windows, *schedule.shadow][0], output), awaited="the first pass"
+    )
+    say("calibrate", str(schedule))
+    return Calibration(request=request, schedule=schedule, output=output, setup=setup)
+
+
+def calibrate(request: CalibrateRequest) -> CalibrateResult:
+    """Run a campaign, fit the model, judge it in the shadow, accept it if it is better."""
+    return prepare_calibration(request).observe()
+
+
+@dataclass(frozen=True)
+class IdentifyResult:
+    """The recordings of the axes, and the table of the errors of their models ("" for none)."""
+
+    code: int
+    recordings: Mapping[str, Recording]
+    table: str = ""
+
+
+def identify(request: IdentifyRequest) -> IdentifyResult:
+    """Shake the antenna axis by axis; leave models and pictures."""
+    from rf_pointing.report.identification_report import error_table, save_recordings, write_identification
+
+    params, output = request.excitation, request.output
+    output.mkdir(parents=True, exist_ok=True)
+    servo = {"station": str(request.station.description.path.resolve()), "band": request.station.band,
+             "wind.mean_speed_m_s": LIGHT_WIND_M_S, "antenna.tick_s": params.sample_s}  # fmt: skip
+    recordings: dict[str, Recording] = {}
+
+    def work(run: ExperimentRun) -> int:
+        try:
+            if request.simulated:
+                run.start_antenna(servo, request.parameter_files, output)
+            run.find_antenna()
+            recordings.update({axis: run.record(axis) for axis in request.axes})
+        except (EndedEarlyError, ValueError) as error:
+            run.say(str(error))
+            return 1
+        return 0
+
+    code = run_to_end(
+        "identify_antenna", lambda: ExperimentRun(request.namespace, request.sequences, request.seed, params), work
+    )
+    if code != 0:
+        return IdentifyResult(code, {})
+    save_recordings(output / "recordings.npz", recordings)
+    try:
+        studies = study(recordings, request.held_out)
+    except ValueError as error:
+        say("identify_antenna", f"no model: {error}")
+        return IdentifyResult(1, recordings)
+    text = f"{params.kind} input, {request.sequences} sequences of {params.samples}"
+    write_identification(output, studies, text)
+    say("identify_antenna", f"models {output / 'models.json'}, pictures and errors in the same folder")
+    return IdentifyResult(0, recordings, error_table(studies))
+
+
+# The setup of a run
+
+
+def nodes_of(request: RunRequest) -> tuple[str, ...]:
+    """Return the executables of a run, in the order of their start."""
+    array = ARRAY_NODES if Sensor.ARRAY in request.station.sensors else ()
+    # A real array has receivers of its own.
+    return (*NODES, *array) if request.station.simulated else (*DRIVE_NODES, *array[1:])
+
+
+def run_setup(
+    program: str, request: RunRequest, window: Pass, output: Path, scan: ConscanParams | None = None
+) -> RunSetup:
+    """Return the setup of a run whose first pass is `window`; its files are written to `output`."""
+    station, before_s = request.station, request.before_pass_s(window)
+    values = {"seed": str(_seed(request)), "speed": request.speed_text}
+    kind = values if station.simulated else {"drive": str(station.description.drive["type"])}
+    parameters = _parameters(request, _write_station(request, output, scan), output)
+    if station.simulated:
+        clock = {
+            "start_s": float(math.floor(window.aos_t_s) - before_s),
+            "speed": request.factor,
+            # At 10 Hz the servo makes up its ticks at once: 80 % less traffic of the clock.
+            "tick_s": 0.02 if request.in_real_time else 0.1,
+        }
+        parameters = {"simulation_clock": clock} | parameters
+    return RunSetup(
+        program=program,
+        namespace=request.namespace,
+        nodes=nodes_of(request),
+        simulated=station.simulated,
+        parameter_files=(parameter_file(output, parameters), *request.parameter_files),
+        logs=output / "logs",
+        bag=request.record or output / "bag",
+        notes={"station": station.name, "band": station.band, "sensor": request.sensor, **kind},
+        punctual=request.in_real_time,
+        reset_fault=request.reset_fault,
+        begin_s=window.aos_t_s - before_s,
+        awaited=window.name,
+    )
+
+
+def check_files(request: RunRequest) -> None:
+    """Raise ValueError for what a parameter file and the command line or the station both say.
+
+    What a user writes is in force, or refused.
+    """
+    if problem := request.target.problem:
+        say("elements", problem)
+    own = _parameters(request, Path(), Path())
+    for node, said in request.said.items():
+        if node not in (*nodes_of(request), "**"):
+            raise ValueError(f"params-file: {node} is no node; there are {', '.join(nodes_of(request))}")
+        given = own.get(node, {}) if node in OF_STATION else {"start_s", "speed", "tick_s"}
+        if twice := sorted(said.values.keys() & given):
+            raise ValueError(f"params-file: {node} {', '.join(twice)}: given by the command line, see --help")
+        try:
+            request.station.description.check_file(node, said.values, request.station.band)
+        except ValueError as error:
+            raise ValueError(f"params-file: {error}") from error
+
+
+def output_folder(request: RunRequest, stem: str) -> Path:
+    """Return the folder of a run, by default a new one; ValueError if it has a bag."""
+    if request.record and request.record.exists():
+        raise ValueError(f"record={request.record} exists already")
+    if request.output:
+        if (request.output / "bag").exists() and not request.record:
+            raise ValueError(f"output={request.output} holds a bag already")
+        request.output.mkdir(parents=True, exist_ok=True)
+        return request.output
+    # `mkdir` decides, not a look before it: two runs may start at the same time.
+    for number in range(1, 10000):
+        folder = Path("runs") / f"{stem}-{number:02d}"
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        return folder
+    raise ValueError(f"runs/{stem}-* are all taken")
+
+
+def _seed(request: RunRequest) -> int:
+    return 1 if request.seed is None else request.seed
+
+
+def _write_station(request: RunRequest, output: Path, scan: ConscanParams | None) -> Path:
+    """Write the station of a run, with what the request changes of it, into its folder."""
+    tuning = f"bands.{request.station.band}.tuning.conscan"
+    changes = {} if scan is None else {f"{tuning}.{name}": leaves(scan)[name][1] for name in SCAN_CHOICES}
+    if isinstance(request, TrackRequest) and request.mask_deg is not None:
+        changes["mount.pass_elevation_deg"] = request.mask_deg
+    written = output / "station.yaml"
+    request.station.description.write(written, changes)
+    return written
+
+
+def _parameters(request: RunRequest, station: Path, output: Path) -> dict[str, dict[str, Any]]:
+    """Return the parameters of every node that takes the station description."""
+    # The kept file and not its address: a run has the elements that it was planned with.
+    target, file = request.target, request.target.file
+    source = {
+        "source.satellite": target.satellite,
+        "source.elements": str(file.resolve()) if file else "",
+        "source.interpolation": target.interpolation,
+        "source.interpolation_degree": target.interpolation_degree,
+    }
+    error_s = request.ephemeris_error_s
+    truth = {} if error_s is None else {"source.along_track_offset_s": error_s}
+    kept: dict[str, Any] = dict(request.state_files)
+    if request.station.simulated:
+        kept = {"antenna.seed": _seed(request), "command_key_file": str((output / "command.key").resolve())}
+    own: dict[str, dict[str, Any]] = {
+        "ephemeris_publisher": source,
+        "rf_receiver": {**source, **truth, "signal.seed": _seed(request)},
+        "array_receiver": {"receiver.seed": _seed(request)},
+        "antenna_servo": kept,
+        "pointing_controller": {
+            "certificate_folder": str(output.resolve()),
+            "command_key_file": kept["command_key_file"],
+        },
+        "bias_calibrator": {
+            "calibrator.folder": str(Path(request.models).resolve()) if request.models else "",
+            "calibrator.keep_observations": request.keep_observations,
+        },
+    }
+    common = {"station": str(station.resolve()), "band": request.station.band}
+    return {node: common | own.get(node, {}) for node in OF_STATION if node in nodes_of(request)}

@@ -1,0 +1,292 @@
+"""What an operator asks of a live station: complete and checked before anything is started.
+
+A request is made from a command line or from the arguments of `rp.Station`.  It knows what follows
+from it: the source of the target, the pass, the scan, the time before the pass.  Errors are
+ValueErrors in the operator's words.
+"""
+
+import math
+import time
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from rf_pointing.api.station import Station
+from rf_pointing.api.target import Target
+from rf_pointing.core import AXES, MDEG, require_between
+from rf_pointing.core.dates import DAY_S, parse_utc, utc_text
+from rf_pointing.core.parameters import NodeParameters, read_parameter_files
+from rf_pointing.ephemeris import Elements, ElementUncertainty, Pass, first_pass_above, stale_warning
+from rf_pointing.ephemeris.solar import SolarDirection
+from rf_pointing.ephemeris.source import SourceParams, read_source
+from rf_pointing.identification import ExcitationParams
+from rf_pointing.planning import Gate, choose_turns
+from rf_pointing.station.antenna.memory import state_files, state_folder
+from rf_pointing.station.antenna.simulated_antenna import SimulationParams
+from rf_pointing.station.campaign.calibrator import journal_of
+from rf_pointing.station.campaign.plan import beacons
+from rf_pointing.station.campaign.schedule import CalibrationSchedule, CampaignParams, schedule_calibration
+from rf_pointing.tracking.conscan_design import ScanDesignParams, scan_for_accuracy
+from rf_pointing.tracking.conscan_estimate import ConscanParams
+
+DEFAULT_MODELS = "runs/models"
+"""Where `calibrate` leaves accepted models and `track` finds them."""
+REAL_TIME_SPEED = 3.0
+"""Up to this speed the clock ticks at the servo's 50 Hz, above it at the controller's 10 Hz."""
+LONGEST_TURN_S = 32.0
+"""Longest period of a chosen scan: over two periods the error must stay the same."""
+SLEW_TIME_S = 150.0
+"""Least time from the start of a run to acquisition."""
+SETTLE_S = 30.0
+"""From the end of a slew to acquisition."""
+SEARCH_S = 2.0 * DAY_S
+CALIBRATION_START = "2006-06-25T00:00:00"
+"""Before the passes that `track` chooses by default, for which the model shall be valid."""
+SHADOW_SPAN_S = 600.0
+"""Time in which a beacon is found for each pass in the shadow."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRequest:
+    """A run that starts the nodes of a station.
+
+    `speed` is a factor of real time, or "max" (default); it, the seed and the error of the
+    ephemeris belong to a simulated antenna, `reset_fault` to a real one.  `sensor` is by default
+    that of the band, `models` the folder of accepted models ("" for the station's own).
+    """
+
+    station: Station
+    target: Target = Target()
+    sensor: str = ""
+    start_s: float | None = None
+    speed: float | str | None = None
+    seed: int | None = None
+    ephemeris_error_s: float | None = None
+    reset_fault: bool = False
+    models: str = DEFAULT_MODELS
+    keep_observations: bool = False
+    namespace: str = "/gs1"
+    parameter_files: tuple[Path, ...] = ()
+    record: Path | None = None
+    output: Path | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.speed, float | int) and not 0.1 <= self.speed <= 1000.0:
+            raise ValueError(f"speed={self.speed} must be between 0.1 and 1000")
+        if self.ephemeris_error_s is not None:
+            require_between("ephemeris_error_s", self.ephemeris_error_s, -60.0, 60.0)
+        if not self.station.simulated:
+            self._check_real_time()
+        description, band = self.station.description, self.station.band
+        object.__setattr__(self, "sensor", description.chosen_sensor(self.sensor or description.sensor(band), band))
+
+    def _check_real_time(self) -> None:
+        """Refuse options of a simulation on a real drive, and a start in the past."""
+        real = (
+            f"drive.type={self.station.description.drive['type']} of {self.station.name} moves a device, in real time"
+        )
+        given = {"speed": self.speed and self.speed_text, "seed": self.seed, "ephemeris-error": self.ephemeris_error_s}
+        for name, value in given.items():
+            if value is not None:
+                raise ValueError(f"{name}={value}: {real}; it is for a simulated drive")
+        if self.start_s is not None and (late_s := time.time() - self.start_s) > 0.0:
+            raise ValueError(
+                f"start={utc_text(self.start_s)} was {late_s:.0f} s ago: {real}; the present is the default"
+            )
+
+    @property
+    def factor(self) -> float:
+        """The speed as `simulation_clock` takes it: 0 as fast as the machine can."""
+        return 0.0 if self.speed in (None, "max") else float(self.speed)
+
+    @property
+    def speed_text(self) -> str:
+        """The speed as a command line says it."""
+        return f"{self.factor:g}" if self.factor else "max"
+
+    @property
+    def in_real_time(self) -> bool:
+        """Whether the servo ticks one by one, rather than five ticks at once."""
+        return not self.station.simulated or 0.0 < self.factor <= REAL_TIME_SPEED
+
+    @property
+    def state_files(self) -> dict[str, str]:
+        """Parameters with the files in which a real antenna keeps fault and turn over its runs."""
+        return state_files(state_folder(), self.namespace)
+
+    @cached_property
+    def said(self) -> dict[str, NodeParameters]:
+        """What the parameter files say, by node."""
+        return read_parameter_files(self.parameter_files)
+
+    def before_pass_s(self, window: Pass) -> float:
+        """Return the whole seconds before acquisition: the slew from where the antenna may be."""
+        params = self.station.controller
+        limits, machine = params.limits, params.machine
+        if not self.station.simulated:
+            # A real antenna may be anywhere: the longest slew of the azimuth, or over the top.
+            travel_rad = (
+                limits.azimuth_max_rad - limits.azimuth_min_rad,
+                limits.elevation_max_rad - limits.elevation_min_rad,
+            )
+            slew_s = max(np.divide(travel_rad, machine.rate_limit_rad_s))
+            return float(math.ceil(max(SLEW_TIME_S, slew_s + SETTLE_S)))
+        # The start position belongs to the run, so a parameter file may set it.
+        servo = self.said.get("antenna_servo", NodeParameters("antenna_servo", {}))
+        start = servo.group("antenna", SimulationParams()).start_rad
+        sun = SolarDirection(params.sun).at(window.aos_t_s)
+        times = [SLEW_TIME_S - SETTLE_S]
+        # A pass over the top may begin on the other side; only the certificate knows whether it
+        # does.
+        for over in (False, True) if limits.elevation_max_rad > 0.5 * math.pi else (False,):
+            shift = math.pi if over else 0.0
+            elevation = math.pi - window.aos_elevation_rad if over else window.aos_elevation_rad
+            try:
+                turns = choose_turns(limits, window.azimuth_min_rad + shift, window.azimuth_max_rad + shift, start[0])
+            except ValueError:
+                # A pass that fits no turn is the certificate's to refuse, with its reasons.
+                continue
+            goal = (window.aos_azimuth_rad + shift + turns * 2.0 * math.pi, elevation)
+            times.append(Gate(params.gate, limits, params.mask, machine.axes).slew(start, goal, sun)[0])
+        return float(math.ceil(max(times) + SETTLE_S))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackRequest(RunRequest):
+    """One pass: the `chosen` one, or the first from `start_s` on that rises to `min_peak_deg`.
+
+    `start_s` is by default the epoch of the elements, for a real antenna the present; `mask_deg` is
+    the elevation of its begin and end (None: the station's), `scan_sigma_mdeg` the accuracy of
+    conscan for which radius and period are chosen (None: the station's scan).
+    """
+
+    chosen: Pass | None = None
+    min_peak_deg: float = 40.0
+    mask_deg: float | None = None
+    scan_sigma_mdeg: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_between("min_peak_deg", self.min_peak_deg, 0.0, 90.0)
+        if self.mask_deg is not None:
+            require_between("mask_deg", self.mask_deg, 0.0, 89.0)
+        if self.scan_sigma_mdeg is not None and not 0.0 < self.scan_sigma_mdeg < math.inf:
+            raise ValueError(f"scan-sigma={self.scan_sigma_mdeg} mdeg must be > 0 and finite")
+
+    @cached_property
+    def window(self) -> Pass:
+        """The pass to track; ValueError if satellite, station and time do not give one."""
+        if self.chosen is not None:
+            return self.chosen
+        station, start_s = self.station, self.start_s
+        if start_s is None:
+            start_s = self.target.first_t_s if station.simulated else time.time()
+        lowest_rad = station.lowest_rad if self.mask_deg is None else math.radians(self.mask_deg)
+        above, peak_rad = station.controller.mask.above(lowest_rad), math.radians(self.min_peak_deg)
+        return first_pass_above(station.track_of(self.target), start_s, peak_rad, above, SEARCH_S)
+
+    @property
+    def stale_warning(self) -> str:
+        """What stale elements cost at the pass, in beamwidths; "" for fresh ones."""
+        beamwidth_rad = self.station.controller.machine.half_power_beamwidth_rad
+        track, stale_s = self.station.track_of(self.target), SourceParams().stale_days * DAY_S
+        return stale_warning(track, self.window.tca_t_s, stale_s, ElementUncertainty(), beamwidth_rad)
+
+    @cached_property
+    def scan(self) -> ConscanParams | None:
+        """The scan for the requested accuracy at the weakest carrier, None without one."""
+        if self.scan_sigma_mdeg is None:
+            return None
+        params, track = self.station.controller, self.station.track_of(self.target)
+        # The link is weakest at the horizon, where the range is longest.
+        farthest_m = max(float(track.target_at(t_s).range_m) for t_s in (self.window.aos_t_s, self.window.los_t_s))
+        limits = ScanDesignParams(longest_period_s=LONGEST_TURN_S)
+        level_db_hz = params.link.level_db_hz(farthest_m)
+        return scan_for_accuracy(params.conscan, limits, level_db_hz, self.scan_sigma_mdeg * MDEG)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrateRequest(RunRequest):
+    """A campaign on all satellites at the location of `target`, of a simulated sky on beacons.
+
+    `longest_s` is by default 4800 s, for a real antenna a day.
+    """
+
+    longest_s: float | None = None
+    fewest: int = 25
+    shadow: int = 3
+    orbit_prior_m: float = 5.0
+    resume: bool = False
+    keep_observations: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        real = not self.station.simulated
+        if self.longest_s is None:
+            object.__setattr__(self, "longest_s", DAY_S if real else 4800.0)
+        if self.ephemeris_error_s is None and not real:
+            object.__setattr__(self, "ephemeris_error_s", 0.0)
+        _ = self.campaign
+        # Without a folder a kill would lose the campaign, and nothing could be resumed.
+        if not self.models:
+            raise ValueError("models='' must name a folder: a campaign keeps its observations there")
+        if real and not self.target.location:
+            raise ValueError(
+                "elements='' must name satellites: the beacons of a simulated sky are not in that of a real antenna"
+            )
+
+    @property
+    def campaign(self) -> CampaignParams:
+        """How much of the sky is observed, and how the model is judged."""
+        longest_s = self.longest_s or 0.0
+        return CampaignParams(
+            longest_s=longest_s, fewest=self.fewest, shadow=self.shadow, orbit_prior_m=self.orbit_prior_m,
+            # Satellites of the user's do not come every ten minutes.
+            shadow_span_s=longest_s if self.target.location else self.shadow * SHADOW_SPAN_S,
+        )  # fmt: skip
+
+    def schedule(self) -> CalibrationSchedule:
+        """Return the passes to track; ValueError when nothing can be tracked."""
+        start_s = self.start_s
+        if start_s is None:
+            start_s = parse_utc(CALIBRATION_START) if self.station.simulated else time.time()
+        # The beacons' epoch is the start: SGP4 elements are good for days, not for years.
+        place = self.target.file
+        elements: list[Elements] = read_source(str(place)).elements if place else beacons(start_s)
+        name, band = self.station.name, self.station.band
+        kept = journal_of(self.models, name, band).points if self.resume else None
+        if self.resume and kept is None:
+            raise ValueError(f"no observations of {name} in band {band} to resume from in {self.models}")
+        return schedule_calibration(self.station.description, elements, start_s, self.campaign, kept)
+
+
+IDLE_DEG_S = 1.84e-4
+"""Rate of the offset of 0.0023 V that the published antenna had at both inputs."""
+# It keeps the friction of the other axis constant.
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifyRequest:
+    """An experiment on each of `axes`; the last `held_out` of its sequences check the models.
+
+    `simulated` starts an antenna for it, in light wind.
+    """
+
+    station: Station
+    axes: tuple[str, ...] = AXES
+    sequences: int = 8
+    held_out: int = 4
+    seed: int = 1
+    excitation: ExcitationParams = field(
+        default_factory=lambda: ExcitationParams(idle_rate_rad_s=math.radians(IDLE_DEG_S))
+    )
+    simulated: bool = False
+    namespace: str = "/gs1"
+    parameter_files: tuple[Path, ...] = ()
+    output: Path = Path("runs/identification")
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.held_out < self.sequences:
+            raise ValueError(f"held_out={self.held_out} must be >= 1 and < sequences={self.sequences}")

@@ -1,0 +1,366 @@
+"""A station as an object: its description, one of its bands, and what it can do."""
+
+import dataclasses
+import importlib
+import math
+import time
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from rf_pointing.api.keywords import angle_rad, span_s, time_s
+from rf_pointing.api.look import Look
+from rf_pointing.api.passes import PassCertificate, StationPass
+from rf_pointing.api.plan import Plan
+from rf_pointing.api.simulated import SimulatedPass
+from rf_pointing.api.target import MAX_AGE_S, Target
+from rf_pointing.calibration import BiasModel, read_model
+from rf_pointing.ephemeris import Site, TopocentricTrack, find_passes
+from rf_pointing.planning import AxisLimits
+from rf_pointing.simulation import StationSetup, simulate_pass
+from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
+from rf_pointing.station.parameters import antenna_params, controller_params
+from rf_pointing.station.pointing.certificates import PlannedPass, PlanningRules, planned_certificate
+from rf_pointing.station.pointing.multi_satellite_plan import plan_day
+from rf_pointing.station.pointing.params import ControllerParams
+from rf_pointing.tracking.power_tracker import CarrierTracker
+
+BEFORE_S = 150.0
+"""A simulation begins so long before acquisition, for the slew."""
+
+
+class Station:
+    """One antenna as its description states it, in one band.
+
+    Parameters
+    ----------
+    station : your description file (YAML), or the name of a shipped one: dss13 (default), leo_3m7,
+        rotator_2m, vhf_uhf_yagi.
+    band : one of its bands; its default band if None.
+    model : bias model in place of the station's: a file, or `BiasModel.zero()` for none.
+
+    Raises
+    ------
+    ValueError
+        The description has problems (all are listed with file and line), or not this band.
+
+    Examples
+    --------
+    >>> station = rp.Station("leo_3m7")
+    >>> station.band, station.sensors
+    ('X', ('conscan', 'steptrack'))
+    """
+
+    def __init__(
+        self,
+        station: str | Path | StationDescription = DEFAULT_STATION,
+        band: str | None = None,
+        *,
+        model: BiasModel | str | Path | None = None,
+    ) -> None:
+        self.description = station if isinstance(station, StationDescription) else read_station(station)
+        self.band = self.description.default_band if band is None else band
+        if self.band not in self.bands:
+            raise ValueError(f"band={self.band!r} of {self.name} must be one of {', '.join(self.bands)}")
+        self._model = model
+
+    def __repr__(self) -> str:
+        return f"Station({self.name!r}, band={self.band!r})"
+
+    @property
+    def name(self) -> str:
+        """Name of the station; models and observations belong to it."""
+        return self.description.name
+
+    @property
+    def bands(self) -> tuple[str, ...]:
+        """Names of its bands, in the order of the file."""
+        return self.description.bands
+
+    @property
+    def site(self) -> Site:
+        """Where the antenna stands."""
+        return self.description.site
+
+    @property
+    def simulated(self) -> bool:
+        """Whether its drive is simulated; any other moves a device in real time."""
+        return self.description.simulated
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """What the band can track with, the default first; empty for program track alone."""
+        return self.description.sensors(self.band)
+
+    @cached_property
+    def controller(self) -> ControllerParams:
+        """Parameter sets of the pointing controller, in radians."""
+        return controller_params(self.description, self.band)
+
+    @property
+    def limits(self) -> AxisLimits:
+        """Travel of the axes, in radians."""
+        return self.controller.limits
+
+    @property
+    def beamwidth_deg(self) -> float:
+        """Half-power beamwidth of the band."""
+        return math.degrees(self.controller.machine.half_power_beamwidth_rad)
+
+    @cached_property
+    def model(self) -> BiasModel:
+        """The bias model in force: the one given, else the station's, else a perfect mount."""
+        chosen = self.description.bias_model_file(self.band) if self._model is None else self._model
+        if isinstance(chosen, BiasModel):
+            return chosen
+        return read_model(chosen).model if chosen else BiasModel.zero()
+
+    @cached_property
+    def rules(self) -> PlanningRules:
+        """The antenna that passes are planned for: its errors, axes, mask and safety gate."""
+        sets = self.controller
+        return PlanningRules(
+            model=self.model, machine=sets.machine, limits=sets.limits, mask=sets.mask, gate=sets.gate,
+            lag_averaging_s=sets.pointing.lag_averaging_s,
+        )  # fmt: skip
+
+    @cached_property
+    def start_rad(self) -> tuple[float, float]:
+        """Azimuth and elevation at which the antenna is taken to stand at first."""
+        return antenna_params(self.description, self.band).antenna.start_rad
+
+    @cached_property
+    def lowest_rad(self) -> float:
+        """Elevation at which passes begin and end unless one is given; the mask may be above it."""
+        values = self.description.parameters("ephemeris_publisher", self.band)
+        return math.radians(values["publisher.mask_deg"])
+
+    def track_of(self, target: Target) -> TopocentricTrack:
+        """Return the apparent motion of a target over the station, in radians."""
+        return target.track(self.site)
+
+    def look(self, target: Target, *, at: str | None = None, at_t_s: float | None = None) -> Look:
+        """Return where a target is at a time, and what the bias model adds to point there.
+
+        Parameters
+        ----------
+        at, at_t_s : the time, UTC text or s since 1970; one of them.
+
+        Examples
+        --------
+        >>> station.look(rp.elements("CBERS 2"), at="2006-06-27T05:05:00").elevation_deg
+        """
+        t_s = time_s("at", at, at_t_s)
+        if t_s is None:
+            raise ValueError("at: give the time, as at (UTC text) or at_t_s")
+        return Look.of(self.track_of(target), self.model, t_s)
+
+    def passes(
+        self,
+        target: Target,
+        *,
+        start: str | None = None,
+        start_t_s: float | None = None,
+        hours: float | None = None,
+        days: float | None = None,
+        mask_deg: float | None = None,
+        mask_rad: float | None = None,
+        min_peak_deg: float | None = None,
+        min_peak_rad: float | None = None,
+    ) -> list[StationPass]:
+        """Return the passes of a target above the horizon mask, in order of rise.
+
+        Parameters
+        ----------
+        target : what `rp.elements` returns.
+        start, start_t_s : begin of the search, UTC text or s since 1970; by default the epoch of
+            the elements.
+        hours, days : length of the search; 24 h by default.
+        mask_deg, mask_rad : elevation at which passes begin and end; by default the station's.
+        min_peak_deg, min_peak_rad : least peak of a pass; 0 by default.
+
+        Raises
+        ------
+        ValueError
+            A time outside the span of the elements, an angle given twice, or a span of length 0.
+
+        Examples
+        --------
+        >>> for one in station.passes(rp.elements("CBERS 2"), days=2, min_peak_deg=40.0):
+        ...     print(one.aos_utc, one.peak_elevation_deg)
+        """
+        begin_s = time_s("start", start, start_t_s)
+        begin_s = target.first_t_s if begin_s is None else begin_s
+        above = self.rules.mask.above(angle_rad("mask", mask_deg, mask_rad, self.lowest_rad))
+        least_rad = angle_rad("min_peak", min_peak_deg, min_peak_rad, 0.0)
+        found = find_passes(self.track_of(target), begin_s, span_s(hours, days), above)
+        return [
+            StationPass.of_window(window, target, self, begin_s)
+            for window in found
+            if window.peak_elevation_rad >= least_rad
+        ]
+
+    def certificate(
+        self,
+        one: StationPass,
+        *,
+        azimuth_deg: float | None = None,
+        azimuth_rad: float | None = None,
+        elevation_deg: float | None = None,
+        elevation_rad: float | None = None,
+    ) -> PassCertificate:
+        """Return what a pass requires of the antenna, and the way on which it would be tracked.
+
+        The antenna stands at these axis angles, by default where it starts, from the begin of the
+        search for the pass on.
+        """
+        standing_rad = (
+            angle_rad("azimuth", azimuth_deg, azimuth_rad, self.start_rad[0]),
+            angle_rad("elevation", elevation_deg, elevation_rad, self.start_rad[1]),
+        )
+        return self._certified(one, one.searched_from_t_s, standing_rad)
+
+    def certificates(self, passes: Sequence[StationPass]) -> list[PassCertificate]:
+        """Return the certificates of passes in a row, none left out.
+
+        Each slew begins where the pass before has left the axes, the first at the start position.
+        """
+        found: list[PassCertificate] = []
+        standing_rad = self.start_rad
+        free_t_s = passes[0].searched_from_t_s if passes else 0.0
+        for one in passes:
+            found.append(self._certified(one, free_t_s, standing_rad))
+            if (chosen := found[-1].chosen) is not None:
+                standing_rad, free_t_s = chosen.end_rad, one.los_t_s
+        return found
+
+    def _certified(self, one: StationPass, free_t_s: float, standing_rad: tuple[float, float]) -> PassCertificate:
+        track = self.track_of(one.target)
+        certificate, profile = planned_certificate(track, one.window, free_t_s, standing_rad, self.rules)
+        return PassCertificate(one, PlannedPass(window=one.window, profile=profile, certificate=certificate))
+
+    def plan(
+        self,
+        targets: Sequence[Target],
+        *,
+        start: str | None = None,
+        start_t_s: float | None = None,
+        hours: float | None = None,
+        days: float | None = None,
+        mask_deg: float | None = None,
+        mask_rad: float | None = None,
+        gap_s: float = 0.0,
+    ) -> Plan:
+        """Return which passes of these satellites the antenna tracks, and which yield and why.
+
+        Parameters
+        ----------
+        targets : satellites with mean elements; their `priority` and `min_peak_deg` count.
+        start, start_t_s : begin of the plan, UTC text or s since 1970; by default now, or the
+            newest epoch where the elements do not reach from now to the end of the plan.
+        hours, days : length of the plan; 24 h by default.
+        mask_deg, mask_rad : elevation at which passes begin and end; by default the station's.
+        gap_s : time between two passes besides the slew.
+
+        Raises
+        ------
+        ValueError
+            No target, one without mean elements, or what `passes` refuses.
+        """
+        wishes = [target.wish() for target in targets]
+        if not wishes:
+            raise ValueError("targets: give at least one satellite")
+        length_s, begin_s = span_s(hours, days), time_s("start", start, start_t_s)
+        if begin_s is None:
+            newest_s, now_s = max(wish.elements.epoch_t_s for wish in wishes), time.time()
+            begin_s = now_s if abs(now_s - newest_s) <= MAX_AGE_S - length_s else newest_s
+        least_rad = angle_rad("mask", mask_deg, mask_rad, self.lowest_rad)
+        day = plan_day(
+            wishes, self.site, begin_s, length_s, self.rules, self.start_rad, least_rad, gap_s=gap_s,
+            max_age_s=MAX_AGE_S,
+        )  # fmt: skip
+        return Plan(self, day)
+
+    def slew_s(
+        self,
+        *,
+        from_azimuth_deg: float | None = None,
+        from_azimuth_rad: float | None = None,
+        from_elevation_deg: float | None = None,
+        from_elevation_rad: float | None = None,
+        to_azimuth_deg: float | None = None,
+        to_azimuth_rad: float | None = None,
+        to_elevation_deg: float | None = None,
+        to_elevation_rad: float | None = None,
+    ) -> float:
+        """Return the time of a slew from rest to rest between two positions of the axes, in s."""
+        start = (
+            angle_rad("from_azimuth", from_azimuth_deg, from_azimuth_rad),
+            angle_rad("from_elevation", from_elevation_deg, from_elevation_rad),
+        )
+        goal = (
+            angle_rad("to_azimuth", to_azimuth_deg, to_azimuth_rad),
+            angle_rad("to_elevation", to_elevation_deg, to_elevation_rad),
+        )
+        return self.rules.machine.slew_s(start, goal)
+
+    def simulate(
+        self,
+        one: StationPass,
+        *,
+        sensor: str | None = None,
+        minutes: float | None = None,
+        seed: int = 1,
+        tracker: CarrierTracker | None = None,
+        changes: Mapping[str, Mapping[str, object]] | None = None,
+    ) -> SimulatedPass:
+        """Track a pass with the whole station simulated in this process, and return its log.
+
+        Parameters
+        ----------
+        one : a pass of `passes`.
+        sensor : monopulse, conscan, steptrack, program, auto; by default the station's.
+        minutes : only the first minutes of the pass; all of it by default.
+        seed : of every noise source.
+        tracker : a tracker of yours in place of the package's (examples/own_tracker.py).
+        changes : parameters by node and dotted name, over everything else:
+            `{"antenna_servo": {"wind.mean_speed_m_s": 15.0}}`.
+
+        Raises
+        ------
+        ValueError
+            A sensor that the band does not have, or a parameter that does not exist.
+        """
+        window = one.window
+        if minutes is not None:
+            window = dataclasses.replace(window, los_t_s=min(window.los_t_s, window.aos_t_s + 60.0 * minutes))
+        source = {
+            "source.elements": str(one.target.file or ""), "source.satellite": one.target.satellite,
+            "source.interpolation": one.target.interpolation,
+            "source.interpolation_degree": one.target.interpolation_degree,
+        }  # fmt: skip
+        own: dict[str, dict[str, object]] = {
+            "ephemeris_publisher": {**source}, "rf_receiver": {**source, "signal.seed": seed},
+            "antenna_servo": {"antenna.seed": seed},
+        }  # fmt: skip
+        for node, values in (changes or {}).items():
+            own[node] = own.get(node, {}) | dict(values)
+        setup = StationSetup(self.description, self.band, changes=own, model=self.model, tracker=tracker)
+        chosen = self.description.chosen_sensor(sensor or setup.sensor, self.band)
+        log = simulate_pass(setup, window, math.floor(window.aos_t_s) - BEFORE_S, chosen)
+        return SimulatedPass(one, chosen, log)
+
+    def track(self, one: StationPass, **options: Any) -> Any:
+        """Track a pass with the live graph of this station (ROS), record it and report on it.
+
+        Parameters
+        ----------
+        one : a pass of `passes`.
+        options : fields of `rf_pointing.api.requests.TrackRequest`, as sensor, speed, output.
+
+        Returns the `rf_pointing.api.live.TrackResult`: exit code, folder of the report, bag.
+        """
+        # Not at the top: the rest of the front door does without ROS.
+        live, requests = (importlib.import_module(f"rf_pointing.api.{name}") for name in ("live", "requests"))
+        return live.track(requests.TrackRequest(station=self, target=one.target, chosen=one.window, **options))

@@ -1,0 +1,134 @@
+"""The pass in work: how often it was tried, what was counted in each attempt, and its record."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from rf_pointing.core.pass_outcome import SIDELOBE_DB
+from rf_pointing.operations.alarms import AlarmBook
+from rf_pointing.operations.executor import BlockState, Executor
+from rf_pointing.operations.expected_state import ExpectedState
+from rf_pointing.operations.schedule import Entry, ScheduledPass
+
+CAUSES_S = 600.0
+"""Alarms that were raised this long before a pass count among its causes."""
+_COUNTED = "tracking.seconds_tracked", "tracking.seconds_lost", "tracking.mean_loss"
+_PASSING = "executor", "held_s", "counted"
+"""Fields that are not kept: they change all the time, and each change would write the file."""
+
+
+@dataclass(frozen=True, slots=True)
+class PassRecord:
+    """One pass of the report; times in UTC s, `causes` are what cost seconds."""
+
+    id: str
+    name: str
+    aos_t_s: float
+    los_t_s: float
+    state: str
+    reason: str
+    tracked_s: float
+    lost_s: float
+    loss_db: float
+    attempts: int
+    causes: tuple[str, ...]
+    element_age_h: float | None
+    recorded: bool
+    priority: int = 0
+
+
+@dataclass(slots=True)
+class PassWork:
+    """One pass from its beginning to its record; `number` is that of the present attempt."""
+
+    id: str
+    executor: Executor
+    begun_s: float
+    number: int = 1
+    failed_s: float | None = None
+    reasons: list[str] = field(default_factory=list)
+    received_s: float = 0.0
+    """Integral of the received power over the attempts before."""
+    tracked_s: float = 0.0
+    held_s: float | None = None
+    """When the target was held last."""
+    counted: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Seconds tracked and lost, and the mean loss in dB, as the controller counts them."""
+    following: bool = False
+    """Whether the controller has had the pass in this attempt."""
+    ending: str = ""
+    """Why the pass is being ended before its set."""
+
+    @property
+    def failed(self) -> str:
+        """Why the present attempt cannot succeed, "" if it can."""
+        blocks = self.executor.procedure.blocks
+        return next((run.reason for name, run in self.executor.runs.items()
+                     if run.state == BlockState.ANOMALY and not blocks[name].optional), "")  # fmt: skip
+
+    def follow(self, seen: ExpectedState, item: ScheduledPass, now_s: float) -> float:
+        """Take what the controller has counted; return for how long the target was not held."""
+        if self.ending:
+            return 0.0
+        busy, held = bool(seen.value("tracking.target")), seen.actual("tracking.held")
+        if held is not None and held.value and busy:
+            self.held_s = held.t_s
+        tracked_s, lost_s, loss_db = (float(seen.value(name) or 0.0) for name in _COUNTED)
+        # A controller that was killed begins at zero: what it had counted stays.
+        self.following = self.following or busy
+        if self.following and tracked_s + lost_s >= self.counted[0] + self.counted[1]:
+            self.counted = tracked_s, lost_s, loss_db
+        if not busy or not item.aos_t_s <= now_s <= item.los_t_s:
+            return 0.0
+        begun_s = max(self.begun_s, item.aos_t_s)
+        return max(0.0, now_s - (begun_s if self.held_s is None else max(begun_s, self.held_s)))
+
+    def count(self) -> None:
+        """Add what the controller has counted in this attempt."""
+        tracked_s, lost_s, loss_db = self.counted
+        self.counted = 0.0, 0.0, 0.0
+        self.tracked_s += tracked_s
+        self.received_s += (tracked_s + lost_s) * 10.0 ** (-0.1 * loss_db)
+
+    def give_outcome(self, entry: Entry) -> None:
+        """Set what was tracked and lost in all attempts."""
+        duration_s = entry.item.duration_s
+        entry.tracked_s = min(self.tracked_s, duration_s)
+        entry.lost_s = max(0.0, duration_s - entry.tracked_s)
+        received = max(self.received_s / duration_s, 10.0 ** (-0.1 * SIDELOBE_DB))
+        entry.loss_db = max(0.0, -10.0 * math.log10(min(1.0, received)))
+
+    def state(self) -> dict[str, Any]:
+        """Return the work as plain values; `PassWork(executor=..., **state)` takes them back."""
+        kept = {item.name: getattr(self, item.name) for item in fields(self) if item.name not in _PASSING}
+        return kept | {"executor": self.executor.state()}
+
+
+def record_of(entry: Entry, work: PassWork | None, book: AlarmBook, seen: ExpectedState) -> PassRecord:
+    """Return the record of a pass that has ended; `work` is None for one that has not begun."""
+    item, age_h, recorded = entry.item, None, False
+    from_s = item.aos_t_s - CAUSES_S
+    causes = [
+        f"{name}: {message}" for t_s, event, name, _, message in book.history
+        if event in ("raised", "worse") and from_s <= t_s <= item.los_t_s
+    ]  # fmt: skip
+    causes += [f"{a.name}: {a.message}" for a in book.lasting if a.raised_t_s < from_s]
+    if not math.isnan(item.element_age_s):
+        age_h = item.element_age_s / 3600.0
+    if work is not None:
+        causes += work.reasons
+        run, age = work.executor.runs.get("record"), seen.actual("elements.age_h")
+        recorded = run is not None and run.state == BlockState.COMPLETED
+        # As it was published in the pass, else as planned.
+        age_h = float(age.value) if age is not None and age.t_s >= work.begun_s else age_h
+    return PassRecord(
+        id=item.id, name=item.name or item.target, aos_t_s=item.aos_t_s, los_t_s=item.los_t_s, state=str(entry.state),
+        reason=entry.reason, tracked_s=entry.tracked_s, lost_s=entry.lost_s, loss_db=entry.loss_db,
+        attempts=work.number if work else 0, causes=tuple(dict.fromkeys(causes)), element_age_h=age_h, recorded=recorded,
+    )  # fmt: skip
+
+
+def record_from(row: Mapping[str, Any]) -> PassRecord:
+    """Return a record from plain values."""
+    return PassRecord(**{**row, "causes": tuple(row["causes"])})

@@ -1,0 +1,126 @@
+"""Topics and services of an antenna in operation.
+
+They are those of `antenna_servo`, and last until cleanup.
+"""
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from geometry_msgs.msg import Vector3Stamped
+from rf_pointing_msgs.msg import AntennaStatus, Boresight
+from rf_pointing_msgs.srv import GoTo, InjectFault, StowInFault
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from rf_pointing.ros import convert
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.diagnostics import Health
+from rf_pointing.ros.graph import WIND
+from rf_pointing.ros.identification_server import IdentificationServer
+from rf_pointing.ros.leased_services import LeasedServices
+from rf_pointing.ros.managed import ManagedNode
+from rf_pointing.ros.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
+from rf_pointing.ros.stamps import seconds_from_stamp
+from rf_pointing.station.antenna.operation import AntennaOperation, Tick
+from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
+
+HEAD_BYTES = 4096
+POINT_BYTES = 112
+"""Of a point of a command: four sequences of two numbers with their lengths, and its time."""
+
+
+class AntennaServer:
+    """Belongs to one node; `serve` connects it with the operation."""
+
+    def __init__(self, node: ManagedNode, key: CommandKeyParams, identification: IdentificationServer) -> None:
+        self._node, self._identification = node, identification
+        self._joints = node.publisher(JointState, "joint_states", STREAM)
+        self._boresight = node.stream(Boresight, "sim/boresight", SAMPLES)
+        self._status = node.stream(AntennaStatus, "antenna_status", STATUS)
+        self._key = CommandKey(key, node.resolve_topic_name("joint_trajectory"))
+        self.leased = LeasedServices(node, self._key)
+
+    def serve(self, operation: AntennaOperation, longest_command: Callable[[], int]) -> None:
+        """Take commands of at most `longest_command()` points, and requests."""
+        node, antenna = self._node, operation.antenna
+        self._operation = operation
+        node.listen(
+            JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT, refused=antenna.reject,
+            most_bytes=lambda: HEAD_BYTES + POINT_BYTES * longest_command(),
+        )  # fmt: skip
+        node.serve_action(Trigger, "~/stop", self._stop)
+        for act in (antenna.reset_fault, antenna.pause, antenna.resume, antenna.park, antenna.stow, antenna.disable):
+            self.leased.serve(Trigger, act.__name__, partial(_do, act.__name__, act))
+        self.leased.serve(GoTo, "go_to", lambda r: _do("go_to", partial(antenna.go_to, (r.azimuth, r.elevation)), r))
+        self.leased.serve(StowInFault, "stow_in_fault", self._stow_in_fault)
+        node.diagnostics.add_report("drive", lambda: operation.drive_report(node.now_s()))
+        node.diagnostics.add("commanders", self._commanders)
+
+    def take_wind(self) -> None:
+        """Take what the station's anemometer publishes."""
+        self._node.listen(Vector3Stamped, WIND, self._on_wind, STREAM)
+
+    def offer_faults(self) -> None:
+        """Let faults be injected into a simulated antenna."""
+        self._node.serve_action(InjectFault, "~/inject_fault", self._inject)
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        issued_s = seconds_from_stamp(message.header.stamp)
+        try:
+            commander = self._key.check(message)
+            self.leased.note(commander, issued_s)
+            command = convert.trajectory_from_message(message)
+            refused = self._operation.take(command, commander, issued_s, self._node.now_s())
+        except ValueError as error:
+            refused = self._operation.antenna.reject(str(error))
+        if refused:
+            self._node.log_once("command rejected", refused)
+
+    def _on_wind(self, message: Vector3Stamped) -> None:
+        age_s = self._node.now_s() - seconds_from_stamp(message.header.stamp)
+        self._operation.note_wind(math.hypot(message.vector.x, message.vector.y), age_s)
+
+    def _stop(self, _request: Trigger.Request) -> str:
+        self._operation.antenna.stop("stop was requested")
+        return "stopping; reset_fault allows motion again"
+
+    def _stow_in_fault(self, request: StowInFault.Request) -> str:
+        _do("", partial(self._operation.antenna.stow_in_fault, request.fault), request)
+        return "stowing the elevation; the azimuth is braked, and the fault stays latched"
+
+    def _inject(self, request: InjectFault.Request) -> str:
+        antenna = self._operation.antenna
+        assert isinstance(antenna, SimulatedAntenna)
+        antenna.injected.inject(request.fault, request.value)
+        return f"{request.fault} injected at {antenna.t_s:.3f}"
+
+    def _commanders(self) -> Health:
+        found = self._key.health(self._node.get_publishers_info_by_topic("joint_trajectory"))
+        return Health(found.level, found.message, {**found.values, **self.leased.values()})
+
+    def send(self, tick: Tick, t_s: float) -> None:
+        """Publish what a tick has given."""
+        if tick.reading is not None:
+            self._joints.publish(convert.joints_to_message(tick.reading))
+        if tick.boresight is not None:
+            self._boresight.publish(convert.boresight_to_message(tick.boresight))
+        self._identification.tick(t_s)
+        if tick.status is not None:
+            message = convert.antenna_status_to_message(tick.status)
+            message.tick_lateness = self._operation.lateness_s
+            self._status.publish(message)
+        if tick.fault is not None:
+            # An operator waits for it.
+            self._node.diagnostics.publish()
+        for reason in tick.refused:
+            self._node.log_once("command rejected", reason)
+
+
+def _do(name: str, act: Callable[[], str], _request: Any) -> str:
+    """Do what returns "" or why not."""
+    if refused := act():
+        raise ValueError(refused)
+    return f"{name} accepted"

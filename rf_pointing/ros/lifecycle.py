@@ -1,0 +1,253 @@
+"""The life of a node: parameters, transitions, periodic work, and why it refuses or has failed.
+
+If a parameter or a transition is refused, the node stays in its state; the reason is in the log and
+on /diagnostics.  With `lifecycle.autostart` a node configures and activates itself as soon as it
+knows the time.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+
+from rf_pointing.core import Params, parameter
+from rf_pointing.ros.diagnostics import ERROR, OK, Diagnostics, Health
+from rf_pointing.ros.main_loop import InstanceLock, take_priority
+from rf_pointing.ros.params import ParameterGroups
+from rf_pointing.ros.stamps import seconds_from_stamp
+
+
+@dataclass(frozen=True, kw_only=True)
+class LifecycleParams(Params):
+    """Who brings a node up."""
+
+    autostart: bool = parameter(False, "whether the node configures and activates itself, now and after a restart")
+    realtime_priority: int = parameter(0, "SCHED_FIFO priority of the process, 0: as it was started", low=0, high=98)
+
+
+class Schedule:
+    """The times at which periodic work is due: the whole multiples of `period_s` after `start_s`.
+
+    The work is done once for every instant of the grid, in order.  A gap of more than
+    `longest_gap_s` starts a new grid.  It is a jump of the clock, unless a steady clock has gone on
+    as far: then the process itself has stalled.
+    """
+
+    # A timer may fire late, or twice at one time when the clock moves in steps.  Whole multiples
+    # let two nodes of one period work at the same time.
+
+    def __init__(self, start_s: float, period_s: float, longest_gap_s: float = 0.5) -> None:
+        self._period_s = period_s
+        self._longest_gap_s = max(longest_gap_s, 2.0 * period_s)
+        self._origin_s, self._count = self._on_grid(start_s), 1
+        self._steady_s: float | None = None
+        self.jumped_s = self.stalled_s = 0.0
+
+    def due(self, now_s: float, steady_s: float | None = None) -> list[float]:
+        """Return the instants until `now_s` not returned yet.
+
+        `jumped_s` is not 0 after a jump, `stalled_s` after a stall.  `steady_s` is the time of a
+        clock that nobody sets, None where time is simulated.
+        """
+        self.jumped_s = self.stalled_s = 0.0
+        late_s = now_s - self._next_s
+        stood_s = 0.0 if steady_s is None or self._steady_s is None else steady_s - self._steady_s
+        self._steady_s = steady_s
+        if abs(late_s) > self._longest_gap_s:
+            if abs(late_s - stood_s) > self._longest_gap_s:
+                self.jumped_s = late_s - stood_s
+            else:
+                self.stalled_s = stood_s
+            self._origin_s, self._count = self._on_grid(now_s), 0
+        times = []
+        while self._next_s <= now_s + 1e-3 * self._period_s:
+            times.append(self._next_s)
+            self._count += 1
+        return times
+
+    def _on_grid(self, t_s: float) -> float:
+        return math.floor(t_s / self._period_s + 1e-4) * self._period_s
+
+    @property
+    def _next_s(self) -> float:
+        # Whole microseconds: that is what stamps can hold.
+        return round(self._origin_s + self._count * self._period_s, 6)
+
+
+class Lifecycle(LifecycleNode):
+    """A lifecycle node with parameter sets, diagnostics, and timers that run while it is active."""
+
+    LIFECYCLE = LifecycleParams()
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.lock = InstanceLock(self.get_fully_qualified_name())
+        self.parameters = ParameterGroups(self)
+        self.parameters.declare("lifecycle", self.LIFECYCLE)
+        self.brings_itself_up: bool = self.parameters.value("lifecycle").autostart
+        if refused := take_priority(self.parameters.value("lifecycle").realtime_priority):
+            self.get_logger().warning(refused)
+        self.diagnostics = Diagnostics(self)
+        self.diagnostics.add("state", self._state_health)
+        self._state_name, self._reason = "unconfigured", ""
+        self.failure: Exception | None = None
+        """The error by which periodic work has failed."""
+        self._at_deactivation, self._at_cleanup = ExitStack(), ExitStack()
+        # rclpy has no public way to guard the transitions of its own service.
+        self._change_state_of_rclpy = self._service_change_state.callback
+        self._service_change_state.callback = self._change_state_if_possible
+
+    # What a node overrides
+
+    def configure(self) -> None:
+        """Build the core and the topics; ValueError refuses the configuration with its message."""
+
+    def activate(self) -> None:
+        """Start timers; ValueError refuses the activation with its message."""
+
+    def deactivate(self) -> None:
+        """Bring what moves to a stop; timers are stopped by the base."""
+
+    def ready(self) -> bool:
+        """Return whether a node that brings itself up may be activated yet."""
+        return self.knows_time()
+
+    def turn(self) -> float:
+        """Do what is due between two events; return the longest wait in s for the next event."""
+        # A signal is noticed between two events, so the wait bounds the time to react to it.
+        return 0.2
+
+    def fail(self, reason: str) -> None:
+        """Bring what moves to a stop although the work has failed; called before `end`."""
+
+    # What a node uses
+
+    @property
+    def active(self) -> bool:
+        """Whether the node works: from the end of `activate` to that of `deactivate`."""
+        return self._state_name == "active"
+
+    def now_s(self) -> float:
+        """Return the node clock's time in seconds."""
+        return seconds_from_stamp(self.get_clock().now().to_msg())
+
+    def knows_time(self) -> bool:
+        """Return whether the node clock has a time: simulated time has to be received first."""
+        return not self.get_parameter("use_sim_time").value or self.get_clock().now().nanoseconds != 0
+
+    def every(self, period_s: float, callback: Callable[[float], None]) -> Schedule:
+        """Call `callback(t_s)` at every instant of a grid of node time until deactivation."""
+        schedule, simulated = Schedule(self.now_s(), period_s), self.get_parameter("use_sim_time").value
+
+        def fire() -> None:
+            try:
+                # More than one instant where timers fired late: each is done, none is skipped.
+                for t_s in schedule.due(self.now_s(), None if simulated else time.monotonic()):
+                    callback(t_s)
+            except Exception as error:
+                # Work that moves an antenna cannot be left out: the main loop ends this node.
+                self.failure = error
+                raise
+
+        self._at_deactivation.callback(self.destroy_timer, self.create_timer(period_s, fire))
+        return schedule
+
+    # What the main loop and rclpy call
+
+    def bring_up(self) -> None:
+        """Take the steps of `lifecycle.autostart` that are possible now; each is tried once."""
+        # A manager's requests can go to a killed node alone for as long as its services stay in the
+        # graph (20 s), and its discovery takes time: a node that acts itself is back within 3 s.
+        if not self.brings_itself_up:
+            return
+        if self._state_name == "unconfigured":
+            self.trigger_configure()
+        if self._state_name == "inactive" and not self.ready():
+            return
+        # Before the attempt: a node that refuses must not try again and again.
+        self.brings_itself_up = False
+        if self._state_name == "inactive":
+            self.trigger_activate()
+
+    def end(self) -> None:
+        """Deactivate if active; called once before the process ends."""
+        if self.active:
+            self.deactivate()
+            self._state_name = "finalized"
+        self._clear()
+
+    def set_parameters_atomically(self, parameter_list: Any) -> SetParametersResult:
+        """Set parameters, all or none; an unknown one is refused with the nearest name."""
+        # rclpy raises, and its service answers with a tuple of words.
+        for each in parameter_list:
+            if not self.has_parameter(each.name):
+                return SetParametersResult(successful=False, reason=self.parameters.unknown(each.name))
+        return super().set_parameters_atomically(parameter_list)
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.parameters.refuse_unknown()
+        try:
+            if self.parameters.reasons:
+                raise ValueError("; ".join(self.parameters.reasons))
+            self.configure()
+        except (ValueError, OSError) as error:
+            self._clear()
+            return self._refuse("configured", error)
+        self._state_name, self._reason, self.parameters.configured = "inactive", "", True
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        try:
+            if not self.knows_time():
+                raise ValueError("use_sim_time is set, but no time has been received on the clock topic")
+            self.activate()
+        except ValueError as error:
+            self._at_deactivation.close()
+            return self._refuse("activated", error)
+        self._state_name, self._reason = "active", ""
+        return super().on_activate(state)
+
+    def _refuse(self, what: str, error: Exception) -> TransitionCallbackReturn:
+        self._reason = str(error)
+        self.get_logger().error(f"not {what}: {error}")
+        return TransitionCallbackReturn.FAILURE
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.deactivate()
+        self._at_deactivation.close()
+        self._state_name = "inactive"
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self._clear()
+        self._state_name, self.parameters.configured = "unconfigured", False
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self.end()
+        self._state_name = "finalized"
+        return super().on_shutdown(state)
+
+    def _change_state_if_possible(self, request: Any, response: Any) -> Any:
+        # A second activation, for example, raises in rclpy, which would end the process.
+        try:
+            return self._change_state_of_rclpy(request, response)
+        except rclpy_implementation.RCLError:
+            wanted = request.transition.label or request.transition.id
+            self.get_logger().error(f"transition {wanted} refused: the node is {self._state_name}")
+            response.success = False
+            return response
+
+    def _clear(self) -> None:
+        self._at_deactivation.close()
+        self._at_cleanup.close()
+
+    def _state_health(self) -> Health:
+        reasons = "; ".join(self.parameters.reasons) or self._reason
+        return Health(ERROR if reasons else OK, reasons or self._state_name, {"state": self._state_name})

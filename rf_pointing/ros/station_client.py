@@ -1,0 +1,280 @@
+"""The operator's client of a running station: what it shows, and what it can be asked for.
+
+A request says what the station answers and returns whether it was granted.  What moves or resets
+the antenna is signed with its key, if this user can read it.
+"""
+
+import json
+import math
+import os
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.action import ActionClient
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rf_pointing_msgs.action import RunSchedule, TrackPass
+from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, PassList, Schedule, TrackingStatus
+from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Named
+from std_srvs.srv import Trigger
+
+from rf_pointing.core.dates import utc_text
+from rf_pointing.operations.pass_list import read_passes
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.graph import EXECUTIVE, EXECUTIVE_STATUS, SCHEDULE
+from rf_pointing.ros.leased_services import LEASED, OWNER, Caller
+from rf_pointing.ros.live_pass import LiveLine, LivePass, outcome_line
+from rf_pointing.ros.managed_graph import NotStartedError
+from rf_pointing.ros.qos import LATCHED, STATUS
+from rf_pointing.ros.recorder import Recorder
+from rf_pointing.ros.stamps import stamp_from_seconds
+from rf_pointing.ros.station_run import FOLLOW_S, GraphRun
+from rf_pointing.ros.station_view import entry_values, pass_line, stamp_text, status_text, status_values, window_values
+
+PATIENCE_S = 10.0
+"""Wall time to find the station, or to get an answer."""
+RESULT_S = 5.0
+"""After the end of a night until its result must have arrived."""
+LOOK_S = 1.5
+"""Wall time in which a part that is there is seen."""
+WATCH_S = 1.0
+NIGHT = {"pause": "pause", "resume": "resume", "stop": "stop", "abort": "abort", "skip": "skip", "ack": "acknowledge"}
+"""Services of the executive by the words that request them."""
+ABOUT_ONE = ("skip", "ack")
+"""Requests that name a pass or an alarm."""
+LOST = ("lost", "missed", "weather")
+"""States of the passes of a night that were not tracked."""
+TOPICS = {
+    SCHEDULE: (Schedule, LATCHED),
+    EXECUTIVE_STATUS: (ExecutiveStatus, STATUS),
+    "passes": (PassList, LATCHED),
+    "antenna_status": (AntennaStatus, STATUS),
+    # Volatile publishers do not match a request for kept messages.
+    "tracking_status": (TrackingStatus, 10),
+}
+
+
+class StationClient(GraphRun):
+    """A client node in the namespace of one antenna; `newest` are its messages by topic.
+
+    `key` is the file of the antenna's key, None for the one that antenna_servo names.
+    """
+
+    def __init__(self, namespace: str, key: Path | None = None) -> None:
+        # A name of its own: several operators may look at one station.
+        super().__init__("station", namespace, name=f"station_{os.getpid()}", patience_s=PATIENCE_S)
+        self._given_key, self.newest = key, dict[str, Any]()
+        for name, (kind, qos) in TOPICS.items():
+            self.node.create_subscription(kind, name, lambda m, name=name: self.newest.__setitem__(name, m), qos)
+
+    def until(self, condition: Callable[[], Any], what: str) -> None:
+        """Wait for `condition`; TimeoutError says what was not seen, and where."""
+        try:
+            super().until(condition, what)
+        except TimeoutError as error:
+            raise TimeoutError(f"{error} in {self.namespace}") from error
+
+    # What it shows
+
+    def show_passes(self, *, as_json: bool = False) -> bool:
+        """Print the schedule, or without one the coming passes of the present target."""
+        self._look(SCHEDULE)
+        rows = [entry_values(each) for each in self.newest[SCHEDULE].passes] if SCHEDULE in self.newest else []
+        if not rows:
+            self.until(lambda: "passes" in self.newest, "passes")
+            found = self.newest["passes"]
+            rows = [window_values(each) | {"target": found.target} for each in found.passes]
+        for text in [json.dumps(rows, indent=1)] if as_json else map(pass_line, rows):
+            print(text)
+        return True
+
+    def show_status(self, *, watch: bool = False, as_json: bool = False) -> bool:
+        """Print what the station does, with `watch` once a second; return whether all is well."""
+        self._look("antenna_status", "tracking_status", EXECUTIVE_STATUS)
+        if "antenna_status" not in self.newest:
+            raise TimeoutError(f"no antenna in {self.namespace}")
+        while True:
+            tracking = self.newest.get("tracking_status", TrackingStatus())
+            executive = self.newest.get(EXECUTIVE_STATUS, ExecutiveStatus(state="none"))
+            values = status_values(self.newest["antenna_status"], tracking, executive)
+            print(json.dumps(values) if as_json else status_text(values), flush=True)
+            if not watch or self.stopping:
+                return not values["fault"] and all(each["level"] != 2 for each in values["alarms"])
+            with suppress(TimeoutError):
+                self.waiting.until(lambda: self.stopping, "", WATCH_S)
+
+    def show_journal(self, *, count: int = 30) -> bool:
+        """Print the last lines of the executive's journal; NotStartedError if it is elsewhere."""
+        folder = Path(str(self._parameter(EXECUTIVE, "executive.folder"))).expanduser()
+        if not (path := folder / "journal.jsonl").is_file():
+            raise NotStartedError(f"no journal at {path} on this computer")
+        for line in path.read_text(encoding="utf-8").splitlines()[-count:]:
+            row = json.loads(line)
+            where = ".".join(filter(None, (row["block"], row["directive"])))
+            print(f"{row['utc']} {row['event']:<16} {where:<28} {row['detail']}")
+        return True
+
+    def _look(self, *names: str) -> None:
+        """Receive for a moment what is published; end early when all of `names` are there."""
+        with suppress(TimeoutError):
+            self.waiting.until(lambda: set(names) <= self.newest.keys(), "", LOOK_S)
+
+    # What it can be asked for
+
+    def ask(self, name: str) -> bool:
+        """Call a service of the station that takes no argument, as `antenna_servo/park`."""
+        return self._ask(Trigger, name, Trigger.Request())
+
+    def night(self, request: str, name: str = "") -> bool:
+        """Request one of `NIGHT` of the executive; "" names the present pass, or all alarms."""
+        service = f"{EXECUTIVE}/{NIGHT[request]}"
+        return self._ask(Named, service, Named.Request(name=name)) if request in ABOUT_ONE else self.ask(service)
+
+    def go(self, azimuth_rad: float, elevation_rad: float) -> bool:
+        """Turn the axes to a position; the turn of the cables counts."""
+        return self._ask(GoTo, f"{OWNER}/go_to", GoTo.Request(azimuth=azimuth_rad, elevation=elevation_rad))
+
+    def queue(self, text: str | None, remove: Sequence[str] = (), *, start: bool = False) -> bool:
+        """Give the passes of a file of plan_passes to the executive, and take others away.
+
+        With `start` the executive runs the schedule ("": the kept one), and is followed to its end.
+        """
+        if start:
+            return self._run_schedule(text or "")
+        request = ChangeSchedule.Request(add=text or "", remove=list(remove))
+        granted = self._ask(ChangeSchedule, f"{EXECUTIVE}/change_schedule", request)
+        if granted and (passes := read_passes(text, every=False) if text else []):
+            self.say(f"{len(passes)} passes from {utc_text(passes[0].aos_t_s)}")
+        return granted
+
+    def set_offset(self, along_track_s: float | None, cross_track_deg: float | None) -> bool:
+        """Set the target off its elements, both offsets in one step; return whether they are."""
+        wanted = {"along_track_offset_s": along_track_s, "cross_track_offset_deg": cross_track_deg}
+        given = {name: value for name, value in wanted.items() if value is not None}
+        rows = [
+            ParameterMessage(name=f"source.{name}", value=Parameter("", value=value).get_parameter_value())
+            for name, value in given.items()
+        ]
+        name = "ephemeris_publisher/set_parameters_atomically"
+        answer = self._call(SetParametersAtomically, name, SetParametersAtomically.Request(parameters=rows)).result
+        self.say(answer.reason or ", ".join(f"{name}={value}" for name, value in given.items()))
+        return bool(answer.successful)
+
+    def track(
+        self,
+        satellite: str,
+        sensor: str = "auto",
+        min_peak_rad: float = 0.0,
+        near_s: float | None = None,
+        output: Path | None = None,
+        *,
+        record: bool = True,
+    ) -> bool:
+        """Track the pass at or nearest to `near_s` (None: the next), with recording and report.
+
+        Return whether it was tracked.
+        """
+        self._look(EXECUTIVE_STATUS)
+        if EXECUTIVE_STATUS in self.newest and self.newest[EXECUTIVE_STATUS].state == "running":
+            raise NotStartedError("the executive runs a schedule: use queue, or night pause first")
+        stem = f"{satellite.replace('/', '_')}-{datetime.now(UTC):%Y%m%dT%H%M%S}"
+        folder = output or Path("runs") / stem
+        if (folder / "bag").exists():
+            raise NotStartedError(f"output={folder} holds a bag already")
+        goal = TrackPass.Goal(satellite=satellite, sensor=sensor, minimum_peak_elevation=min_peak_rad)
+        if near_s is not None:
+            goal.near = stamp_from_seconds(near_s)
+        live = LivePass(self)
+        self.until(live.client.server_is_ready, "track_pass")
+        recorder = Recorder(self.node, self.namespace, folder / "bag") if record else None
+        try:
+            result = live.result(live.begin(goal))
+        finally:
+            closed = recorder.close() if recorder is not None else None
+        window = result.target_pass
+        if not window.target:
+            # There was no pass to record.
+            shutil.rmtree(folder / "bag", ignore_errors=True)
+            raise NotStartedError(result.message)
+        self.say(f"{window.target}: AOS {stamp_text(window.aos)}, LOS {stamp_text(window.los)}, "
+                 f"peak {math.degrees(window.peak_elevation):.1f} deg")  # fmt: skip
+        if closed is not None:
+            if closed.problem:
+                self.say(f"recording stopped: {closed.problem}")
+            # Imported late: its libraries take time that the pass may not have.
+            from rf_pointing.report import write_report
+
+            write_report(closed.path, folder)
+            self.say(f"report {folder / 'report.html'}")
+        self.say(outcome_line(result))
+        return bool(result.success)
+
+    def _run_schedule(self, text: str) -> bool:
+        client, line = ActionClient(self.node, RunSchedule, "run_schedule"), LiveLine(1.0)
+        self.until(client.server_is_ready, "run_schedule")
+        goal = RunSchedule.Goal(schedule=text, resume=not text)
+        handle = self.send(client, goal, EXECUTIVE, lambda m: line.show(lambda: _night_line(m.feedback)))
+        result = self._end_of_night(handle)
+        if result is None:
+            states = [each.state for each in self.newest[SCHEDULE].passes]
+            lost = sum(state in LOST for state in states)
+            self.say(
+                f"the night has ended: {states.count('tracked')} tracked, {lost} not; the executive was started again "
+                "in it"
+            )
+            return not lost
+        self.say(result.message)
+        if result.report:
+            self.say(f"morning report {result.report}/night.html")
+        return bool(result.success)
+
+    def _end_of_night(self, handle: Any) -> RunSchedule.Result | None:
+        """Return the result; None if an executive that was started again has ended the night."""
+        ended, begun, idle_s = handle.get_result_async(), False, math.inf
+        while not ended.done():
+            self.spin(FOLLOW_S)
+            if self.stopping:
+                # The night goes on without its client; `station night stop` ends it.
+                raise NotStartedError("no longer followed; the night goes on")
+            state = self.newest[EXECUTIVE_STATUS].state if EXECUTIVE_STATUS in self.newest else "idle"
+            begun = begun or state != "idle"
+            idle_s = min(idle_s, time.monotonic()) if begun and state == "idle" else math.inf
+            if time.monotonic() - idle_s > RESULT_S:
+                return None
+        found: RunSchedule.Result = ended.result().result
+        return found
+
+    def _ask(self, kind: Any, name: str, request: Any) -> bool:
+        answer = self._call(kind, name, request)
+        self.say(answer.message)
+        return bool(answer.success)
+
+    def _call(self, kind: Any, name: str, request: Any) -> Any:
+        caller = Caller(self.node, CommandKey(CommandKeyParams(command_key_file=self._key() if name in LEASED else "")))
+        client = caller.client(kind, name)
+        self.until(client.service_is_ready, name)
+        future = client.call_async(caller.request(name, request))
+        self.until(future.done, f"an answer of {name}")
+        return future.result()
+
+    def _parameter(self, node: str, name: str) -> Any:
+        found = self._call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=[name]))
+        return parameter_value_to_python(found.values[0]) if found.values else None
+
+    def _key(self) -> str:
+        """Return the file of the antenna's key, "" where this user or computer has none."""
+        if self._given_key is not None:
+            return str(self._given_key)
+        path = self._parameter(OWNER, "command_key_file")
+        return path if path and Path(path).is_file() and Path(path).stat().st_uid == os.getuid() else ""
+
+
+def _night_line(feedback: RunSchedule.Feedback) -> str:
+    doing = f"{feedback.target}: {feedback.step}" if feedback.target else "between passes"
+    return f"{feedback.state}, {feedback.passes_done} done, {feedback.passes_left} left, {doing}"

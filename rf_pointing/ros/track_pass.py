@@ -1,0 +1,129 @@
+"""The action `track_pass`, and what the goals of the controller send (the port of `PassGoals`).
+
+Publishes: joint_trajectory, tracking_status, pass_certificate.  Calls
+ephemeris_publisher/select_target for a pass by satellite and time.
+"""
+
+import time
+from typing import Any
+
+from rf_pointing_msgs import msg as ours
+from rf_pointing_msgs.action import TrackPass
+from rf_pointing_msgs.srv import SelectTarget
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from rf_pointing.core import JointReading
+from rf_pointing.core import JointTrajectory as Trajectory
+from rf_pointing.ephemeris import Pass
+from rf_pointing.planning import Certificate
+from rf_pointing.ros import convert, convert_planning
+from rf_pointing.ros.command_key import CommandKey
+from rf_pointing.ros.graph import STATION_IN_USE
+from rf_pointing.ros.managed import ManagedNode
+from rf_pointing.ros.qos import COMMAND, IN_USE, LATCHED, STREAM
+from rf_pointing.ros.repeated_call import RepeatedCall
+from rf_pointing.ros.stamps import stamp_from_seconds
+from rf_pointing.ros.station_node import StationCensus, StationInUse
+from rf_pointing.station.clients.goals import PassGoal, PassGoals
+from rf_pointing.station.pointing.status import TrackingStatus
+
+
+class PassCall(RepeatedCall):
+    """A call of ephemeris_publisher/select_target."""
+
+    def passes(self) -> list[Pass]:
+        """Return the passes of the answer; ValueError says why there are none."""
+        answer: SelectTarget.Response = self.result()
+        if not answer.success:
+            raise ValueError(answer.message)
+        return [convert_planning.pass_from_message(each) for each in answer.passes]
+
+
+class TrackPassServer:
+    """Belongs to one node; `configure` connects it with the goals until cleanup."""
+
+    def __init__(self, node: ManagedNode) -> None:
+        self._node = node
+        self._goals: Any = None
+        self._handle: Any = None
+        self._ephemeris = node.create_client(SelectTarget, "ephemeris_publisher/select_target")
+        node.serve_goals(
+            TrackPass, "track_pass", accepts=self._accepts, begin=self._begin, cancel=lambda: self._goals.cancel(),
+            result=self._result,
+        )  # fmt: skip
+
+    def configure(self, goals: PassGoals, key: CommandKey) -> None:
+        """Serve these goals, and sign their commands."""
+        node, self._goals, self._key = self._node, goals, key
+        self._commands = node.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+        self._status = node.stream(ours.TrackingStatus, "tracking_status", STREAM)
+        self._certificates = node.stream(ours.PassCertificate, "pass_certificate", LATCHED)
+        self._joints = node.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM, steady=True)
+        self._census, self._message, self._sent = StationCensus(), ours.TrackingStatus(), 0
+        node.listen(StationInUse, STATION_IN_USE, self._census.note, IN_USE)
+
+    def _accepts(self, _request: TrackPass.Goal) -> bool:
+        if self._node.active and not self._goals.busy:
+            return True
+        self.error("goal refused: " + ("another pass is tracked" if self._node.active else "not active"))
+        return False
+
+    def _begin(self, handle: Any) -> None:
+        self._handle = handle
+        try:
+            goal = convert_planning.goal_from_message(handle.request)
+        except ValueError as error:
+            self._goals.reject(str(error))
+        else:
+            self._goals.begin(goal, self._node.now_s(), time.perf_counter())
+
+    def _window(self) -> ours.Pass:
+        window = self._goals.window
+        return ours.Pass() if window is None else convert_planning.pass_to_message(window)
+
+    def _result(self) -> TrackPass.Result:
+        return convert_planning.outcome_to_result(self._goals.outcome(), target_pass=self._window())
+
+    # The port of the goals
+
+    def joints(self, until_s: float) -> JointReading | None:
+        reading: JointReading | None = self._joints.take(until_s)
+        return reading
+
+    def difference(self) -> str:
+        return self._census.difference(self._node)
+
+    def find(self, goal: PassGoal, from_s: float) -> PassCall:
+        return PassCall(self._ephemeris, SelectTarget.Request(
+            target=goal.satellite, start=stamp_from_seconds(from_s),
+            minimum_peak_elevation=goal.minimum_peak_elevation_rad,
+        ))  # fmt: skip
+
+    def publish(self, t_s: float, trajectory: Trajectory | None, status: TrackingStatus) -> None:
+        if trajectory is not None:
+            command = convert.trajectory_to_message(trajectory, t_s)
+            self._key.sign(command, self._node.get_fully_qualified_name())
+            self._commands.publish(command)
+            self._sent += 1
+        self._message = convert.tracking_status_to_message(status)
+        self._message.commands_sent = self._sent
+        self._status.publish(self._message)
+
+    def show(self, certificate: Certificate) -> None:
+        self._certificates.publish(convert_planning.certificate_to_message(certificate))
+
+    def feed_back(self, progress: float) -> None:
+        feedback = TrackPass.Feedback(status=self._message, progress=progress, target_pass=self._window())
+        self._handle.publish_feedback(feedback)
+
+    def warn(self, alarm: str) -> None:
+        self._node.diagnostics.publish()
+        if alarm:
+            self._node.get_logger().warning(alarm)
+
+    def error(self, words: str) -> None:
+        self._node.get_logger().error(words)
+
+    def end_goal(self) -> None:
+        self._handle.execute()

@@ -1,0 +1,367 @@
+"""A bias model from points and raw passes: processed, fitted, and searched for systematic errors.
+
+Raw passes are processed until the terms stay: the points are means of what model and orbit errors
+leave over, and the noise of slow residuals is known after a fit only.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from rf_pointing import calibration
+from rf_pointing.calibration import (
+    BiasModel,
+    FitOptions,
+    FitResult,
+    ModelVersion,
+    Observations,
+    PassPriors,
+    PriorKnowledge,
+    RawPasses,
+    SectorRule,
+    StageReport,
+    TrackedPass,
+    systematic_errors,
+)
+from rf_pointing.calibration.systematic_errors import SystematicError
+from rf_pointing.core import MDEG
+from rf_pointing.core.dates import DAY_S
+from rf_pointing.core.refraction import RadioRefraction
+from rf_pointing.ephemeris import Elements, Site, find_elements
+from rf_pointing.ephemeris.uncertainty import ElementUncertainty
+from rf_pointing.station.campaign.log import priors_near
+
+# Rounds of pipeline and fit; in sigma, what the last one may still have moved a term.
+MOST_ROUNDS, SETTLED = 6, 0.05
+# Elements are three times worse than they should be in one of 400 sets.
+AGE_FACTOR = 3.0
+FEWEST_FOR_SIZES = 8
+# So few passes cannot judge one of them by the others.
+FEWEST_TIMED = 4
+FEWEST_HELD_OUT = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitRequest:
+    """Data and terms of a fit, their antenna, and prior knowledge.
+
+    Attributes
+    ----------
+    station, band, site : owner of the data; data of another one are refused.
+    terms : the terms offered; the others keep the values of `known`, or zero.
+    select : choose among them by BIC.  held_out : predict each pass by a fit without it.
+    form : of the model, "printed" or "rotation".  robust : Huber weights instead of squares.
+    orbit_prior_m : orbit error that the fit allows for in each pass, along, across and radially;
+        None: as large as the passes show it.
+    time_error_s : lateness of the time tags of files, known and taken off; None: unknown, and
+        equal lags of both axes are refused.
+    refraction : air of the data of files; None: their angles are free of it.
+    sectors : take 25 to 30 points of each sector of the sky; require_full : refuse empty sectors.
+    known : the best model known, the prior of every term.
+    elements : of the targets, () if they are not known.
+    """
+
+    station: str
+    band: str
+    site: Site
+    terms: tuple[str, ...] = calibration.TERM_NAMES
+    select: bool = False
+    held_out: bool = False
+    form: Literal["printed", "rotation"] = "rotation"
+    robust: bool = False
+    orbit_prior_m: float | None = None
+    time_error_s: float | None = None
+    refraction: RadioRefraction | Literal["standard"] | None = "standard"
+    sectors: bool = False
+    require_full: bool = False
+    known: ModelVersion | None = None
+    elements: Sequence[Elements] = ()
+
+    @property
+    def coefficients(self) -> dict[str, float]:
+        """The terms of the best model known; zero without one."""
+        return dict(self.known.model.coefficients) if self.known else dict.fromkeys(calibration.TERM_NAMES, 0.0)
+
+    @property
+    def convergence_rad(self) -> float:
+        """The angle from true to UTM grid north at the station."""
+        place, width = self.site, np.radians(6.0)
+        east = place.longitude_rad - width * (np.floor(place.longitude_rad / width) + 0.5)
+        return float(np.arctan(np.tan(east) * np.sin(place.latitude_rad)))
+
+
+@dataclass(frozen=True, eq=False)
+class FitData:
+    """Calibration points (None without any) and raw passes; `recorded` by the station itself.
+
+    The station's own recordings have one clock, one site and one refraction.
+    """
+
+    points: Observations | None
+    passes: Sequence[TrackedPass]
+    recorded: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fit, its points, the reports of the pipeline, what was left out, and what is doubtful.
+
+    `full` is the fit of all terms offered, None where only the chosen ones were fitted.  The data
+    do not show the terms `kept`, which the chosen ones depend on.
+    """
+
+    result: FitResult
+    full: FitResult | None
+    points: Observations
+    stages: list[StageReport]
+    notes: list[str]
+    warnings: list[str]
+    kept: tuple[str, ...] = ()
+
+
+class OfflineFit:
+    """One fit of one set of data; `run` gives it."""
+
+    def __init__(self, request: FitRequest, data: FitData) -> None:
+        self._request, self._data = request, data
+        first = int(np.max(data.points.pass_id)) + 1 if data.points is not None else 0
+        self._raw = RawPasses(data.passes, first) if data.passes else None
+
+    def run(self) -> Fitted:
+        """Return the fit.
+
+        Raises ValueError for data with a systematic error that the terms would take in.
+        """
+        request, passes = self._request, self._data.passes
+        model = request.known.model if request.known else BiasModel.zero()
+        known, late = PriorKnowledge(model=model, form=request.form), dict[int, SystematicError]()
+        every, stages, notes = self._collected(known, late)
+        notes += dict.fromkeys(note for one in passes for note in one.raw.notes)
+        _refuse_wrong([systematic_errors.wrong_north(every, request.convergence_rad)])
+        # Points alone are fitted once, and with `select` the terms need not be separable together.
+        if self._raw is None and request.select and not self._measures_orbit(every):
+            result, kept = self._fit_of_chosen(every, PassPriors.of_orbit(request.orbit_prior_m or 0.0), None)
+            return Fitted(result, None, every, stages, notes, [], kept)
+        result = self._fit_of_all(every, None)
+        judged = False
+        for _ in range(MOST_ROUNDS):
+            before, count = result, len(late)
+            # Without the latest pass another one may stand out, and no more once none does.
+            if not judged:
+                timed = result.pass_errors or len(every.passes) <= FEWEST_TIMED
+                # A clock of its own for each pass: only their differences count.
+                clocks = result if timed else self._fit_of(every, request.terms, PassPriors(clock_s=1.0))
+                late |= systematic_errors.late_passes(clocks, every)
+                judged = len(late) == count
+            if self._raw is None and judged:
+                break
+            known = _known_after(result, known)
+            every, stages, _ = self._collected(known, late)
+            result = self._fit_of_all(every, before)
+            if judged and np.all(np.abs(result.values - before.values) < SETTLED * result.sigma):
+                break
+        warnings = [*self._doubtful(result, every), *self._orbit_warnings(result)]
+        full, kept = result, tuple[str, ...]()
+        if request.select:
+            result, kept = self._fit_of_chosen(every, full.pass_priors, full)
+        return Fitted(result, full, every, stages, [*notes, *(one.text for one in late.values())], warnings, kept)
+
+    def _collected(
+        self, known: PriorKnowledge, out: Collection[int]
+    ) -> tuple[Observations, list[StageReport], list[str]]:
+        """Return all points but those of the passes `out`, and what the pipeline reports."""
+        parts = [self._data.points] if self._data.points is not None else []
+        stages: list[StageReport] = []
+        notes: list[str] = []
+        if self._raw is not None:
+            made = self._raw.process(known)
+            parts.append(made.points)
+            stages, notes = list(made.reports), list(made.notes)
+        together = Observations.concatenate(parts)
+        for name in ("station", "band"):
+            if (found := getattr(together, name)) != (wanted := getattr(self._request, name)):
+                raise ValueError(f"the data are of {name} {found!r}, must be of {wanted!r}")
+        together = together.select(~np.isin(together.pass_id, list(out)))
+        if self._request.sectors or self._request.require_full:
+            full = self._request.require_full
+            together, _, selection = calibration.select_observations([together], SectorRule(), require_full=full)
+            stages.append(selection)
+        return together, stages, notes
+
+    def _measures_orbit(self, points: Observations) -> bool:
+        """Return whether the sizes of the orbit errors are to be measured and can be."""
+        # Without ranges a displacement in metres gives no angle.
+        ranges = points.range_m is not None and points.range_rate_m_s is not None
+        return self._request.orbit_prior_m is None and ranges
+
+    def _fit_of_all(self, points: Observations, before: FitResult | None) -> FitResult:
+        """Return the fit of all terms offered, with the orbit errors given or measured.
+
+        `before` is a fit near it, from which fewer rounds are needed.
+        """
+        names = self._request.terms
+        if not self._measures_orbit(points):
+            return self._fit_of(points, names, PassPriors.of_orbit(self._request.orbit_prior_m or 0.0), before)
+        last = before
+
+        def fit(priors: PassPriors) -> FitResult:
+            nonlocal last
+            last = self._fit_of(points, names, priors, last)
+            return last
+
+        return fit(calibration.measured_pass_priors(fit, first=before.pass_priors if before else None))
+
+    def _fit_of_chosen(
+        self, points: Observations, orbit: PassPriors | None, full: FitResult | None
+    ) -> tuple[FitResult, tuple[str, ...]]:
+        """Return the fit of the terms that the data support, and which of them others need."""
+        names = self._request.terms
+        held = {name: value for name, value in self._request.coefficients.items() if name not in names}
+        chosen = calibration.select_terms(points, names, held=held, pass_priors=orbit, about=full)
+        result = self._fit_of(points, chosen.names, orbit)
+        return replace(result, covariance=result.covariance * np.outer(chosen.widening, chosen.widening)), chosen.kept
+
+    def _fit_of(
+        self, points: Observations, names: tuple[str, ...], orbit: PassPriors | None, start: FitResult | None = None
+    ) -> FitResult:
+        """Return the fit of `names`.
+
+        A term that was offered and not chosen is zero; one not offered keeps its known value.
+        """
+        request, offered = self._request, self._request.terms
+        base = BiasModel.zero().replace(**dict.fromkeys(offered, 0.0) | request.coefficients)
+        rest = {name: value for name, value in base.coefficients.items() if name not in names}
+        options = FitOptions(
+            form=request.form, scale_covariance=True,
+            huber_sigma=1.5 if request.robust else 0.0, edit_sigma=0.0 if request.robust else 3.0,
+        )  # fmt: skip
+        return calibration.fit_bias_model(
+            points, terms=names, held={name: 0.0 if name in offered else value for name, value in rest.items()},
+            priors=priors_near(base, names) if request.known else None, pass_priors=orbit, start=start, options=options,
+        )  # fmt: skip
+
+    def _doubtful(self, result: FitResult, points: Observations) -> list[str]:
+        """Return the systematic errors that the data show; ValueError where they spoil the fit."""
+        request = self._request
+        air = request.refraction
+        if not isinstance(air, RadioRefraction):
+            air = RadioRefraction.standard(request.site.altitude_m)
+        # What is wrong everywhere first: a wrong clock moves the passes as a wrong site would.
+        found = [systematic_errors.clock_by_ranges(self._data.passes)]
+        if request.time_error_s is None:
+            found.append(systematic_errors.common_clock(result, request.coefficients))
+        found.append(systematic_errors.refraction_and_site(result, points, air))
+        found.append(systematic_errors.north_doubt(result, request.convergence_rad))
+        if not self._data.recorded:
+            _refuse_wrong(found)
+        return [one.text for one in found if one is not None]
+
+    def _orbit_warnings(self, result: FitResult) -> list[str]:
+        """Return what doubts orbit errors that were measured from the same passes.
+
+        They agree with these passes by construction. The age of the elements and the number of the
+        passes are known without them.
+        """
+        if self._request.orbit_prior_m is not None or result.pass_priors is None:
+            return []
+        warnings = []
+        if result.passes < FEWEST_FOR_SIZES:
+            warnings.append(
+                f"the orbit errors are measured from {result.passes} passes, which know their size to "
+                f"{100.0 / np.sqrt(2.0 * result.passes):.0f} %: sigma may be too small by as much"
+            )
+        elements, passes = self._request.elements, self._data.passes
+        if not elements or not passes:
+            return warnings
+        ages_s = [float(one.raw.t_s[0]) - find_elements(elements, one.raw.target).epoch_t_s for one in passes]
+        expected = np.sqrt(np.mean([np.square(ElementUncertainty().sigmas_m(age)) for age in ages_s], axis=0))
+        sizes = dict(zip(result.pass_priors.names, result.pass_priors.sigma.tolist(), strict=True))
+        for name, size in zip(("along_track_m", "cross_track_m", "radial_m"), expected.tolist(), strict=True):
+            if name in sizes and sizes[name] > AGE_FACTOR * size:
+                warnings.append(
+                    f"{name} of the passes is {sizes[name]:.0f}, {sizes[name] / size:.1f} times that of elements up to "
+                    f"{max(map(abs, ages_s)) / DAY_S:.1f} days old: targets, clock or elements are wrong"
+                )
+        return warnings
+
+
+def _refuse_wrong(found: Sequence[SystematicError | None]) -> None:
+    """Raise ValueError for the systematic errors with which a fit would be wrong."""
+    wrong = [one.text for one in found if one is not None and one.refuse]
+    if wrong:
+        raise ValueError(f"no model is fitted: {'; '.join(wrong)}")
+
+
+def _known_after(result: FitResult, before: PriorKnowledge) -> PriorKnowledge:
+    """Return what a fit tells of model, orbit errors and noise, for the next round."""
+    scale = before.sigma_scale
+    if result.noise is not None:
+        azimuth, elevation = (float(np.sqrt(one.factor)) for one in result.noise)
+        scale = (scale[0] * azimuth, scale[1] * elevation)
+    return PriorKnowledge(
+        model=result.model, form=before.form, errors={one.pass_id: one for one in result.pass_errors}, sigma_scale=scale
+    )
+
+
+def remarks(request: FitRequest, done: Fitted) -> list[str]:
+    """Return what a reader should know of a fit: terms chosen, orbit errors, passes held out."""
+    return [*_choice_remarks(request, done), *_orbit_remarks(request, done.result), *_prediction_remarks(request, done)]
+
+
+def _choice_remarks(request: FitRequest, done: Fitted) -> list[str]:
+    """Return which of the offered terms the data support, and which not."""
+    if not request.select:
+        return []
+    seen = [name for name in done.result.names if name not in done.kept]
+    rest = [name for name in request.terms if name not in done.result.names]
+    needed = f"; not seen, but fitted since others depend on them: {', '.join(done.kept)}" if done.kept else ""
+    return [f"chosen by BIC: {', '.join(seen)}{needed}; not supported by the data, zero: {', '.join(rest) or 'none'}"]
+
+
+def _orbit_remarks(request: FitRequest, result: FitResult) -> list[str]:
+    """Return which errors of the orbit the sigma of `result` allows for."""
+    if result.pass_priors is not None:
+        sizes = ", ".join(
+            f"{size:.0f} m {name.removesuffix('_m').replace('_', '-')}"
+            for name, size in zip(result.pass_priors.names, result.pass_priors.sigma.tolist(), strict=True)
+        )
+        measured = " as the passes show them" if request.orbit_prior_m is None else ""
+        return [f"sigma allows for orbit errors of {sizes} in each pass{measured}"]
+    if request.orbit_prior_m is None:
+        return ["sigma is that of an exact reference: without range and range rate orbit errors cannot be estimated"]
+    return []
+
+
+def _prediction_remarks(request: FitRequest, done: Fitted) -> list[str]:
+    """Return how well fits without a pass predict it, with the result's terms and with all."""
+    if not request.held_out:
+        return []
+    points, result = done.points, done.result
+    if len(points.passes) < FEWEST_HELD_OUT:
+        raise ValueError(f"passes={len(points.passes)} must be >= {FEWEST_HELD_OUT} to hold one out and fit the others")
+    found = []
+    for words, names in (("these terms", result.names), ("all terms offered", request.terms)):
+        held = {name: value for name, value in result.coefficients.items() if name not in names}
+        if words == "these terms" or set(names) != set(result.names):
+            one = calibration.held_out_passes(points, names, held=held, pass_priors=result.pass_priors)
+            worst = int(np.argmax(one.rms_rad))
+            found.append(
+                f"passes held out are predicted to {one.total_rms_rad / MDEG:.2f} mdeg rms with {words}, the worst "
+                f"({one.pass_ids[worst]}) to {one.rms_rad[worst] / MDEG:.2f} mdeg"
+            )
+    return found
+
+
+def summary(points: Observations, result: FitResult) -> str:
+    """Return the outcome of a fit of these points in one line."""
+    rms = [value / MDEG for value in result.rms_rad()]
+    used = points.select(result.used)
+    rule = SectorRule()
+    full = rule.count - len(rule.coverage(used.true_azimuth_rad, used.true_elevation_rad).thin)
+    return (
+        f"{len(used)} observations of {result.passes} passes, {len(result.rejected)} edited out; residual rms {rms[0]:.2f} "
+        f"mdeg cross-elevation, {rms[1]:.2f} mdeg elevation; condition {result.condition:.0f}; {full} of {rule.count} "
+        f"sectors have {rule.fewest} observations"
+    )

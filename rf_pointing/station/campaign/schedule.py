@@ -1,0 +1,139 @@
+"""The passes of a calibration: first those that fill the sky, then those that judge the fit.
+
+The second ones are tracked with the new model in the shadow of the old one, after the campaign, on
+passes that the fit has not seen.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rf_pointing import calibration
+from rf_pointing.calibration import Campaign, FitResult, Observations, SectorRule
+from rf_pointing.core import MDEG, Params, parameter
+from rf_pointing.core.dates import utc_text
+from rf_pointing.ephemeris import Elements, Pass
+from rf_pointing.station.campaign.calibrator import journal_of
+from rf_pointing.station.campaign.log import CalibrationLog
+from rf_pointing.station.campaign.model_keeper import ModelKeeper
+from rf_pointing.station.campaign.plan import ArcRules, candidate_arcs, window_of
+from rf_pointing.station.description import StationDescription
+
+ARCS_S = (60.0, 120.0, 240.0)
+"""Lengths of the pieces of passes that the plan chooses from."""
+SHADOW_ARCS_S = (60.0,)
+LARGEST_SLEW_S = 180.0
+"""From the end of a pass, or from the start, to the first point of the next one."""
+SPACING_S = 0.5
+"""Time between two observations."""
+SIGMA_RAD = 2.0 * MDEG
+SETTLE_S = 25.0
+"""Valid errors before the first observation: the lags follow changes of rate over 10 s."""
+ACQUISITION_S = 45.0
+"""From the start of a pass until the search is over and the lags of the mount have settled."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignParams(Params):
+    """How much of the sky a calibration observes, and how its model is judged."""
+
+    longest_s: float = parameter(4800.0, "length of the campaign at most", low=60.0, high=86400.0)
+    fewest: int = parameter(25, "observations in each sector", low=1)
+    shadow: int = parameter(3, "passes with the new model in the shadow before it is accepted", low=2, high=20)
+    shadow_span_s: float = parameter(1800.0, "time in which the passes in the shadow are found", low=60.0, high=86400.0)
+    orbit_prior_m: float = parameter(
+        5.0, "error of the orbits that the fit allows for in each pass", low=0.01, high=1e6
+    )
+
+    def calibrator_parameters(self) -> dict[str, dict[str, float | int | str | bool]]:
+        """Return the parameters of `bias_calibrator` for this campaign, by their sets."""
+        return {
+            "orbit": {f"{name}_m": self.orbit_prior_m for name in ("along_track", "cross_track", "radial")},
+            "calibrator": {"spacing_s": SPACING_S, "settle_s": SETTLE_S},
+            "shadow": {"fewest_passes": self.shadow, "accept": "better"},
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationSchedule:
+    """What is tracked: `windows` for the fit (none when the sky is full), then `shadow`."""
+
+    elements: list[Elements]
+    campaign: Campaign
+    windows: list[Pass]
+    shadow: list[Pass]
+
+    def __str__(self) -> str:
+        coverage = self.campaign.coverage
+        filled = f"{coverage.rule.count - len(coverage.thin)} of {coverage.rule.count} sectors"
+        last = f"{len(self.shadow)} more in the shadow until {utc_text(self.shadow[-1].los_t_s)}"
+        if not self.windows:
+            return f"{filled} are full already; {last}"
+        first, end = utc_text(self.windows[0].aos_t_s), utc_text(self.windows[-1].los_t_s)
+        return f"{len(self.windows)} passes from {first} to {end} fill {filled}; {last}"
+
+
+def schedule_calibration(
+    station: StationDescription,
+    elements: list[Elements],
+    start_s: float,
+    params: CampaignParams,
+    kept: Observations | None = None,
+) -> CalibrationSchedule:
+    """Return the passes to track from `start_s` on, and after the last of the `kept` observations.
+
+    Raises ValueError when there are too few of them.
+    """
+    rule = SectorRule(fewest=params.fewest, most=max(30, params.fewest))
+    filled = rule.coverage(kept.true_azimuth_rad, kept.true_elevation_rad).counts if kept is not None else None
+    begin_s = max(start_s, float(np.max(kept.t_s)) if kept is not None else start_s) + LARGEST_SLEW_S
+    campaign = _planned(station, elements, begin_s, params.longest_s, ARCS_S, rule, filled)
+    if not campaign.passes and campaign.coverage.thin:
+        raise ValueError(f"longest={params.longest_s} s leaves no satellite to track")
+    windows = _windows_of(station, elements, campaign)
+    begin_s = (windows[-1].los_t_s if windows else begin_s) + LARGEST_SLEW_S
+    rest = _planned(station, elements, begin_s, params.shadow_span_s, SHADOW_ARCS_S, rule)
+    shadow = _windows_of(station, elements, rest)[: params.shadow]
+    if len(shadow) < params.shadow:
+        raise ValueError(f"shadow={params.shadow}: only {len(shadow)} passes can be tracked after the campaign")
+    return CalibrationSchedule(elements, campaign, windows, shadow)
+
+
+def _planned(
+    station: StationDescription,
+    elements: list[Elements],
+    begin_s: float,
+    span_s: float,
+    arcs_s: tuple[float, ...],
+    rule: SectorRule,
+    filled: NDArray[np.int64] | None = None,
+) -> Campaign:
+    """Return the campaign of pieces within `span_s` that fills what `filled` leaves thin."""
+    rules = ArcRules(
+        arcs_s=arcs_s, every_s=60.0, spacing_s=SPACING_S, lowest_rad=math.radians(11.0), lead_s=ACQUISITION_S
+    )
+    candidates, _ = candidate_arcs(elements, station.site, begin_s, span_s, rules)
+    low_deg, high_deg = station.content.mount.azimuth.travel_deg
+    slew = calibration.Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=(math.radians(low_deg), math.radians(high_deg)))
+    return calibration.plan_campaign(candidates, rule, slew, filled)
+
+
+def _windows_of(station: StationDescription, elements: list[Elements], campaign: Campaign) -> list[Pass]:
+    """Return the passes to track, each from its acquisition on."""
+    by_name = {one.name: one for one in elements}
+    return [window_of(one, by_name[one.name], station.site, ACQUISITION_S) for one in campaign.passes]
+
+
+def fit_of_kept(
+    station: StationDescription, band: str, folder: str, orbit_prior_m: float
+) -> tuple[Observations, FitResult]:
+    """Return the observations on the disk and the fit that the calibrator makes of them."""
+    journal = journal_of(folder, station.name, band)
+    log = CalibrationLog(station.name, band, SPACING_S, SIGMA_RAD, journal=journal)
+    points, file = log.observations(), station.bias_model_file(band)
+    start = calibration.read_model(file) if file else None
+    keeper = ModelKeeper(station.name, band, folder, start, calibration.ShadowRules())
+    keeper.begin(float(np.max(points.t_s)))
+    return points, log.fit(keeper.model, pass_priors=calibration.PassPriors.of_orbit(orbit_prior_m))

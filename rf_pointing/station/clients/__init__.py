@@ -1,0 +1,1 @@
+"""Brains of the nodes that are clients of a station, without ROS and stepped by time."""

@@ -1,0 +1,311 @@
+"""The executive without ROS: a night on what the nodes of one antenna publish.
+
+`NightWatch` is stepped by time.  Whatever the night is, it is in the state file before a directive
+leaves: a killed executive comes back with it, looks at the station, and goes on.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rf_pointing.core import AXES, Params, parameter
+from rf_pointing.core.dates import utc_text
+from rf_pointing.core.whole_file import KeptState, read_whole
+from rf_pointing.operations import AlarmParams, BetweenParams
+from rf_pointing.operations.alarms import Alarm
+from rf_pointing.operations.dictionary import read_tables
+from rf_pointing.operations.night import Night, NightState
+from rf_pointing.operations.pass_list import read_passes
+from rf_pointing.operations.schedule import Entry, PassState, Schedule, ScheduledPass
+from rf_pointing.station.clients.alarm_hooks import AlarmHooks, HookParams
+from rf_pointing.station.clients.night_folder import NightFolder, Recording
+from rf_pointing.station.description import StationDescription
+from rf_pointing.station.parameters import controller_params
+from rf_pointing.station.pointing.status import Level, Report
+from rf_pointing.tracking.sensors import SENSOR_CHOICES
+
+MOST_BYTES = 32 * 1024 * 1024
+CLAIMED = (PassState.WAITING, PassState.ACTIVE, PassState.TRACKED)
+BUSY = (PassState.ACTIVE, PassState.TRACKED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExecutiveParams(Params):
+    """What belongs to the executive itself."""
+
+    state_file: str = parameter("", "file that keeps the night over a restart; empty: not kept")
+    folder: str = parameter("runs/night", "folder of recordings, journal and morning report")
+    directives_file: str = parameter("", "further directives of the station (YAML); empty: the shipped ones")
+    procedure_file: str = parameter("", "procedure of a pass (YAML); empty: the shipped one")
+    recovery_file: str = parameter("", "recovery table (YAML); empty: the shipped one")
+    sensor: str = parameter("", "sensor of passes that name none; empty: the station's")
+    record: bool = parameter(True, "whether each pass is recorded and reported on")
+    partners: str = parameter("", "namespaces of the antennas that share the schedule, separated by commas")
+
+
+class NightWatch:
+    """Runs a `Night`; `wall_s` is that of a steady clock.  ValueError refuses the files of `own`.
+
+    `connect(rows, own actions, responded, ended)` returns the sender of directives, as
+    `ros.directives.DirectiveSender`; `record(bag, notes)` begins a recording of every topic;
+    `report(folder, messages, health)` writes the morning report; `tell(text, good)` logs.
+    """
+
+    def __init__(
+        self, own: ExecutiveParams, between: BetweenParams, alarms: AlarmParams, hooks: HookParams,
+        station: StationDescription, band: str, antenna: str, *, connect: Callable[..., Any],
+        record: Callable[[Path, Mapping[str, str]], Recording], report: Callable[..., None],
+        tell: Callable[[str, bool], None],
+    ) -> None:  # fmt: skip
+        if own.sensor and own.sensor not in SENSOR_CHOICES:
+            raise ValueError(f"executive.sensor={own.sensor} must be one of {', '.join(SENSOR_CHOICES)}")
+        self._own, self._alarms, self._write_report, self._tell = own, alarms, report, tell
+        self._notes = {"station": station.name, "band": band}
+        tables = read_tables(alarms, own.directives_file, own.procedure_file, own.recovery_file)
+        controller = controller_params(station, band)
+        self.folder = NightFolder(own.folder, record)
+        self.hooks = AlarmHooks(hooks, station.name)
+        actions = {"record": self._record, "end_record": self.folder.end_record, "report": self.folder.report}
+        self.sender = connect(tables.directives, actions, self._responded, self._ended)
+        self.night = Night(
+            Schedule(controller.limits, controller.machine.axes, between, antenna), tables.procedure, tables.recovery,
+            self.sender.send, quiet_s=alarms.quiet_s, sensor=own.sensor or station.sensor(band),
+            least_share=controller.machine.least_share, notify=self._notify, save=self._keep,
+        )  # fmt: skip
+        self._memory, self._ready_to_keep = KeptState(own.state_file), False
+        self._t_s = 0.0
+        self._alive_s: dict[str, float] = {}
+        self._healths: dict[str, dict[str, Any]] = {}
+        self._sent: Counter[str] = Counter()
+        self._report = ""
+        self._partners: dict[str, tuple[Mapping[str, str], float]] = {}
+        self._shown: Any = None
+
+    @property
+    def partners(self) -> list[str]:
+        """Namespaces of the antennas that share the schedule."""
+        return [name for each in self._own.partners.split(",") if (name := each.strip().strip("/"))]
+
+    def begin(self, now_s: float) -> None:
+        """Go on with the night of the state file, if there is one."""
+        self._t_s, kept = now_s, self._memory.recover()
+        if kept and self.night.finished:
+            self.night.restore(kept, now_s)
+            self._tell(f"the night goes on where it was: {self.night.state_name}", True)
+            if self.night.active_id:
+                # The pass that was tracked when the executive was killed.
+                try:
+                    self._record(self.night.active_id)
+                except (ValueError, OSError) as error:
+                    self._tell(f"the rest of the pass is not recorded: {error}", False)
+        # Only from here on: a state that was not taken over must not be replaced.
+        self._ready_to_keep = True
+
+    def end(self) -> None:
+        """Keep the night and end the recording."""
+        self._keep()
+        self.folder.end_record()
+
+    # What is known
+
+    def take_check(
+        self, node: str, check: str, level: int, message: str, values: Mapping[str, str], wall_s: float
+    ) -> None:
+        """Note one check of a node: a sign of life, and the health of devices and model."""
+        self._alive_s[node] = wall_s
+        if check == "device":
+            starts = (values.get(f"{axis}_starts") for axis in AXES)
+            self._healths["relays"] = {"starts": ", ".join(filter(None, starts))}
+            if node == "antenna_servo":
+                self._healths["drive"] = {"problem": message if level == 2 else ""}
+        if (node, check) == ("bias_calibrator", "model"):
+            self._healths["model"] = {"health": message, "level": level}
+
+    def take_partner(self, name: str, states: Mapping[str, str] | None, wall_s: float) -> None:
+        """Note a sign of life of a partner, and the states of its passes by id, if it sent them."""
+        known = self._partners.get(name, ({}, 0.0))[0]
+        self._partners[name] = known if states is None else states, wall_s
+
+    def _observe(self, t_s: float, wall_s: float) -> None:
+        """Note what no message carries: silence, disk, recorder."""
+        for name, seen_s in self._alive_s.items():
+            self.night.take(name, {"silent_s": wall_s - seen_s}, t_s)
+        for device, values in self._healths.items():
+            self.night.take(device, values, t_s)
+        try:
+            self.night.take("disk", {"free_gb": self.folder.free_gb}, t_s)
+        except OSError as error:
+            self.night.take("disk", {"free_gb": 0.0, "problem": str(error)}, t_s)
+        self.night.take("recorder", {"state": self.folder.recorder}, t_s)
+        self.night.take("executive", {"problem": self._memory.problem or self.folder.problem}, t_s)
+
+    def _share(self, t_s: float, wall_s: float) -> None:
+        """Leave to the partners what they have: all that they plan if they come first by name."""
+        taken: set[str] = set()
+        for name, (states, seen_s) in self._partners.items():
+            alive = wall_s - seen_s <= self._alarms.node_silent_s
+            first = name < self.night.schedule.antenna
+            theirs = (CLAIMED if first else BUSY) if alive else (PassState.TRACKED,)
+            taken |= {each for each, state in states.items() if state in theirs}
+        if taken != self.night.taken:
+            self.night.taken = taken
+            self.night.change(t_s)
+
+    # Work
+
+    def poll(self, now_s: float) -> None:
+        """Take the responses that have come back."""
+        self._t_s = now_s
+        self.sender.poll()
+
+    def step(self, t_s: float, wall_s: float) -> bool:
+        """Do what is due; return whether the night has just ended, with its morning report."""
+        self.poll(t_s)
+        self._observe(t_s, wall_s)
+        self._share(t_s, wall_s)
+        before = self.night.state_name
+        self.night.step(t_s)
+        if self.night.journal:
+            self.folder.write_journal(self.night.journal)
+            self.night.journal.clear()
+        if not self.night.finished or before == NightState.IDLE:
+            return False
+        self.folder.end_record()
+        self._report = self.folder.write_morning(t_s, self._write_morning)
+        if self._report:
+            self._tell(f"morning report {Path(self._report) / 'night.html'}", True)
+        return True
+
+    def _write_morning(self, folder: Path) -> None:
+        health = {**self._healths, "disk": {"free_gb": self.folder.free_gb}}
+        self._write_report(folder, sum(self._sent.values()), health)
+
+    def _responded(self, number: int, accepted: bool, text: str) -> None:
+        self.night.respond(number, accepted, text, self._t_s)
+
+    def _ended(self, number: int, name: str, succeeded: bool, result: Mapping[str, Any]) -> None:
+        message = str(result.get("message") or "")
+        self.night.take(name, {**result, "succeeded": succeeded}, self._t_s)
+        if name == "track":
+            refused = "" if succeeded or result.get("seconds_tracked") else message
+            self.night.take("track", {"refused": refused}, self._t_s)
+        if not succeeded:
+            self.night.fail(number, message or "it has failed", self._t_s)
+
+    def _notify(self, event: str, alarm: Alarm) -> None:
+        # Called while the night is stepped: what an operator receives never waits for a server.
+        self._sent[alarm.name] += 1
+        t_s = self._t_s if alarm.notified_t_s is None else alarm.notified_t_s
+        self.hooks.put(event, alarm.name, alarm.level, alarm.message, alarm.ask, utc_text(t_s))
+        self._tell(f"alarm {event}: {alarm.name}: {alarm.message}", event == "cleared")
+
+    def _keep(self) -> None:
+        if self._ready_to_keep:
+            self._memory.keep(self.night.state())
+
+    def _record(self, name: str) -> str:
+        if not self._own.record:
+            raise ValueError("executive.record is false")
+        return self.folder.record(name, self._alarms.disk_free_gb, self._notes)
+
+    # Requests
+
+    def request(self, name: str, now_s: float) -> str:
+        """Pause, resume, stop or abort the night; return the answer."""
+        getattr(self.night, name)(now_s)
+        return f"{name}: the executive is {self.night.state_name}"
+
+    def cancel(self, now_s: float) -> None:
+        """Abort the night, if it has not ended meanwhile."""
+        with suppress(ValueError):
+            self.night.abort(now_s)
+
+    def acknowledge(self, name: str, now_s: float) -> str:
+        """Acknowledge an alarm, or all with an empty name; return the answer."""
+        names = self.night.book.acknowledge(name, now_s)
+        self._keep()
+        return f"acknowledged: {', '.join(names) or 'no alarm lasts'}"
+
+    def change(self, add: str, remove: Sequence[str], now_s: float) -> str:
+        """Add the passes of a list or its file, and remove those of these ids."""
+        added, schedule = passes_of(add), self.night.schedule
+        for each in remove:
+            schedule.entry(each)
+        schedule.remove(remove)
+        schedule.add(added)
+        self.night.change(now_s)
+        return f"{len(added)} passes added, {len(remove)} removed; {len(schedule.entries)} in all"
+
+    def start(self, given: str, resume: bool, now_s: float) -> None:
+        """Begin a night with the passes of a list or its file, or take part in the present one."""
+        passes, night = passes_of(given), self.night
+        if not night.finished and not resume:
+            raise ValueError(f"the executive is {night.state_name}: resume, or abort first")
+        if night.finished and not resume:
+            night.schedule.entries.clear()
+        night.schedule.add(passes)
+        if not night.finished:
+            # The night goes on after a restart; the client takes part again.
+            night.change(now_s)
+            return
+        if not night.schedule.entries:
+            raise ValueError("schedule='' must name passes")
+        night.start(now_s)
+
+    # What is shown
+
+    def news(self) -> list[Entry] | None:
+        """Return the schedule if it has changed since this was called last."""
+        rows = self.night.schedule.state()
+        if rows == self._shown:
+            return None
+        self._shown = rows
+        return self.night.schedule.in_order
+
+    def result(self, refusal: str) -> dict[str, Any]:
+        """Return the result of the night, or of its refusal, by the fields of RunSchedule."""
+        if refusal:
+            return {"message": refusal}
+        states = Counter(record.state for record in self.night.records)
+        tracked = states[PassState.TRACKED]
+        lost = sum(states.values()) - tracked
+        return {"success": lost == 0, "passes_tracked": tracked, "passes_lost": lost, "report": self._report,
+                "message": f"{self.night.reason}: {tracked} tracked, {lost} not"}  # fmt: skip
+
+    def progress(self) -> dict[str, Any]:
+        """Return where the night is, by the fields of its feedback."""
+        night = self.night
+        states = Counter(each.state for each in night.schedule.entries.values())
+        entry = night.schedule.active
+        return {"state": str(night.state_name), "target": entry.item.name if entry else "",
+                "step": "; ".join(night.blocks()), "passes_done": len(night.records),
+                "passes_left": states[PassState.WAITING] + states[PassState.ACTIVE]}  # fmt: skip
+
+    def health(self) -> Report:
+        """Return state and reason, or what the disk or a server does not take."""
+        night = self.night
+        values: dict[str, object] = {
+            "pass": night.active_id, "passes": len(night.schedule.entries), "records": len(night.records),
+            "alarms_sent": self.hooks.sent, "alarms_not_sent": self.hooks.failed,
+        }  # fmt: skip
+        problem = self._memory.problem or self.folder.problem or self.hooks.problem
+        return Report(Level(bool(problem)), problem or f"{night.state_name}: {night.reason}".rstrip(": "), values)
+
+    def alarm_health(self) -> Report:
+        """Return the worst level that is not acknowledged, the alarms in words, and since when."""
+        lasting = self.night.book.lasting
+        level = max((each.level for each in lasting if not each.acknowledged), default=0)
+        words = "; ".join(f"{each.name}: {each.message}" for each in lasting)
+        return Report(
+            Level(level), words or "none", {each.name: f"raised {utc_text(each.raised_t_s)}" for each in lasting}
+        )
+
+
+def passes_of(given: str) -> list[ScheduledPass]:
+    """Return the passes of a list, whose text may be in the file that `given` names."""
+    if len(given) < 4096 and given.startswith("/") and "\n" not in given:
+        given = read_whole(Path(given), MOST_BYTES)
+    return read_passes(given, every=False) if given else []

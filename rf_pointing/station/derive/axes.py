@@ -1,0 +1,139 @@
+"""Axes, drive and zones: what the mount can do and where it may look, for every node alike."""
+
+from typing import Any
+
+from rf_pointing.core.parameters import leaves
+from rf_pointing.core.signals import AXES
+from rf_pointing.drives.params import DriveParams
+from rf_pointing.station.derive.band import Band, Rows, Value, nearest_within, rounded, site_of, tuned
+from rf_pointing.station.description.reading import flat
+
+
+def limits(of: Band) -> Rows:
+    """Travel that may be commanded."""
+    return {
+        f"{name}_{side}_deg": Value(angle, f"mount.{name}.travel_deg")
+        for name, axis in zip(AXES, of.axes, strict=True)
+        for side, angle in zip(("min", "max"), axis.travel_deg, strict=True)
+    }
+
+
+def commanded(of: Band) -> Rows:
+    """Largest commanded rates and accelerations."""
+    return {
+        "rate_limit_deg_s": Value(
+            of.rates_deg_s, "mount.*.command_rate_deg_s",
+            "0.9 of the drive's rate, all of it for one that takes positions, unless given",
+        ),
+        "acceleration_limit_deg_s2": Value(
+            of.accelerations_deg_s2, "mount.*.command_acceleration_deg_s2", "0.4 of the drive's acceleration, unless given"
+        ),
+    }  # fmt: skip
+
+
+def preprocessor(of: Band) -> Rows:
+    """Limits of every command in the control unit."""
+    rows = dict(commanded(of))
+    # The control unit stops what the controller would not command, a little outside of it.
+    for end, sign, name in ((0, -1.0, "min"), (1, 1.0, "max")):
+        travel = [axis.travel_deg[end] for axis in of.axes]
+        margin = [min(0.1, 0.5 * abs(stop[end] - angle)) for stop, angle in zip(of.stops_deg, travel, strict=True)]
+        ends = tuple(rounded(angle + sign * each, 9) for angle, each in zip(travel, margin, strict=True))
+        rows[f"travel_{name}_deg"] = tuned(ends, "0.1 deg outside the travel, at most half way to the stop")
+    return rows
+
+
+def rest(of: Band) -> Rows:
+    """Park and stow position."""
+    azimuth, elevation = (axis.travel_deg for axis in of.axes)
+    mount = of.content.mount
+    park = mount.park_deg or (nearest_within(0.0, azimuth), nearest_within(45.0, elevation))
+    stow = nearest_within(90.0, elevation) if mount.stow_elevation_deg is None else mount.stow_elevation_deg
+    return {
+        "park_azimuth_deg": Value(park[0], "mount.park_deg"),
+        "park_elevation_deg": Value(park[1], "mount.park_deg"),
+        "stow_elevation_deg": Value(stow, "mount.stow_elevation_deg"),
+    }
+
+
+def drive(of: Band) -> dict[str, Value]:
+    """The drive; one that takes positions moves as the mount says, unless its section says more."""
+    low, high = zip(*of.stops_deg, strict=True)
+    steps = tuple(axis.resolution_deg or 0.0 for axis in of.axes)
+    of_mount: dict[str, tuple[Any, str, str]] = {
+        "rate": (tuple(axis.rate_deg_s for axis in of.axes), "rate_deg_s", "the mount's"),
+        "resolution": (steps, "resolution_deg", "the mount's; 0: the protocol's"),
+        "travel_min": (low, "hard_stop_deg", "the mount's stops"),
+        "travel_max": (high, "hard_stop_deg", "the mount's stops"),
+    }
+    return (
+        {name: Value(value, f"drive.{name}") for name, (_, value) in leaves(DriveParams()).items()}
+        | {
+            f"rotator.{name}_deg{'_s' if name == 'rate' else ''}": Value(value, f"mount.*.{key}", formula)
+            for name, (value, key, formula) in of_mount.items()
+        }
+        | {name: Value(value, f"drive.{name}") for name, value in flat(of.content.drive).items()}
+    )
+
+
+def site(of: Band) -> Rows:
+    """Where the antenna stands."""
+    given = of.content.site
+    if isinstance(given, str):
+        place = {name: value for name, (_, value) in leaves(site_of(of.content)).items()}
+    else:
+        place = {"latitude_deg": given.latitude_deg, "longitude_deg": given.longitude_deg, "altitude_m": given.height_m}
+    return {name: Value(place[name], f"site.{name.replace('altitude', 'height')}") for name in place}
+
+
+def sun(of: Band) -> Rows:
+    """The Sun that the beam does not look into."""
+    return {"site": site(of), "watched": Value(of.content.sun.radius_deg > 0.0, "sun.radius_deg")}
+
+
+def mask(of: Band) -> Rows:
+    """The horizon."""
+    key = "mount.horizon_file" if of.content.mount.horizon_file else "mount.horizon_deg"
+    keys = {"clearance_deg": "mount.horizon_clearance_deg"}
+    return {name: Value(value, keys.get(name, key)) for name, (_, value) in leaves(of.mask).items()}
+
+
+def gate(of: Band) -> Rows:
+    """Margins of the safety gate."""
+    return {
+        "sun_radius_deg": sun_radius(of),
+        "transmit_elevation_deg": Value(of.content.mount.transmit_elevation_deg, "mount.transmit_elevation_deg"),
+        "hard_deg": tuned(min(max(0.25, 3.0 * of.step_deg), 28.0), "0.25 deg, at least three encoder steps"),
+    }
+
+
+def sun_radius(of: Band) -> Value:
+    """The zone of the sky around the Sun."""
+    return Value(of.content.sun.radius_deg, "sun.radius_deg")
+
+
+def wind_limits(of: Band) -> Rows:
+    """Wind from which the antenna is stowed."""
+    keys = {
+        "watched": "anemometer",
+        "stows": "stow",
+        "gust_limit_m_s": "gust_limit_m_s",
+        "mean_limit_m_s": "mean_limit_m_s",
+    }
+    return {name: Value(getattr(of.content.wind, key), f"wind.{key}") for name, key in keys.items()}
+
+
+def link(of: Band) -> Rows:
+    """Strength of the carrier to expect."""
+    section = of.section
+    return {
+        "zenith_carrier_to_noise_db_hz": Value(
+            section.zenith_carrier_to_noise_db_hz, "bands.*.zenith_carrier_to_noise_db_hz"
+        ),
+        "reference_range_m": Value(1e3 * section.reference_range_km, "bands.*.reference_range_km"),
+    }
+
+
+def lag_averaging(of: Band) -> Value:
+    """Time in which the lags of the mount build up."""
+    return Value(of.content.simulation.lag_averaging_s, "simulation.lag_averaging_s")

@@ -1,0 +1,65 @@
+"""The tracking loop of the controller, its tolerances, and what it expects of the beam's motion."""
+
+import math
+
+from rf_pointing.core.angles import MDEG
+from rf_pointing.station.derive.band import REFERENCE_M, Band, Rows, Value, rounded, tuned
+
+GUST_POWER = 2.5
+"""Growth with the diameter of what the encoders miss: 0.06 mdeg in 1 s at 34 m, 0.36 at 70 m."""
+# As the parameters of the watch hold them, to the last bit.
+GUSTS_DEG = tuple(math.degrees(each * MDEG) for each in (0.1, 0.2, 0.4, 0.8))
+VIBRATION_DEG = (0.0, math.degrees(0.2 * MDEG), 6e-4)
+
+
+def pointing(of: Band) -> Rows:
+    """Tolerances of the controller."""
+    h, dead_band = of.beamwidth_deg, rounded(1.1 * of.dead_band_deg)
+    return {
+        "on_target_deg": tuned(
+            min(max(0.05, 0.1 * h, 2.5 * of.step_deg, dead_band), 5.0),
+            "0.1 h, at least 0.05 deg, 2.5 encoder steps, and 1.1 times the dead band or smallest move of a rotator",
+        ),
+        "stop_deceleration_deg_s2": tuned(
+            rounded(0.625 * min(of.accelerations_deg_s2)), "0.625 of the smaller commanded acceleration"
+        ),
+    }
+
+
+def integrator(of: Band) -> Rows:
+    """The tracking loop."""
+    return {
+        "bandwidth_hz": tuned(0.2, "a fifth of the position loop's at most"),
+        "mean_of": tuned(5, "five errors"),
+        "offset_limit_deg": tuned(min(max(0.6, 1.5 * of.beamwidth_deg), 20.0), "1.5 h, from 0.6 to 20 deg"),
+        "acceleration_deg_s2": tuned(
+            0.25 * min(of.accelerations_deg_s2), "a quarter of the commanded acceleration"
+        ),
+        "sample_s": Value(of.content.receiver.power_period_s, "receiver.power_period_s"),
+    }  # fmt: skip
+
+
+def trim(of: Band) -> Rows:
+    """Filter of the ephemeris error."""
+    error = of.section.model_error_deg
+    return {
+        "bias_deg": Value(error, "bands.*.model_error_deg"),
+        "bias_walk_deg": tuned(0.02 * error, "0.02 of model_error_deg in 1 s"),
+    }
+
+
+def lock_watch(of: Band) -> Rows:
+    """What the encoders do not see of the beam: gusts that bend a large dish, their own steps."""
+    gusts = max(1.0, (of.wind_diameter_m / REFERENCE_M) ** GUST_POWER)
+    vibration = max(gusts, of.step_deg / math.sqrt(12.0) / VIBRATION_DEG[1])
+    return {
+        "half_power_beamwidth_deg": of.width,
+        "gust_deg": tuned(
+            tuple(each * gusts for each in GUSTS_DEG),
+            "0.0001 to 0.0008 deg, above 34 m with the power 2.5 of the diameter",
+        ),
+        "vibration_deg": tuned(
+            tuple(each * vibration for each in VIBRATION_DEG),
+            "0 to 0.0006 deg, above 34 m as the gusts, at least the rms of an encoder step",
+        ),
+    }

@@ -1,0 +1,276 @@
+"""The nodes of a station: the parameter sets of each, and what a description gives to them.
+
+Each function imports the sets of its own node only: a node takes no more of the station into its
+memory than it needs.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+
+from rf_pointing.core.modes import Sensor
+from rf_pointing.planning.forbidden_sky import HorizonMask
+from rf_pointing.station import parameters as own
+from rf_pointing.station.derive import axes, scans
+from rf_pointing.station.derive.band import (
+    Band,
+    Derived,
+    Rows,
+    Value,
+    nearest_within,
+    pass_elevation_deg,
+    rounded,
+    tuned,
+)
+from rf_pointing.station.description.content import (
+    VERSION,
+    ArraySection,
+    AxisSection,
+    BandSection,
+    Content,
+    DishSection,
+    MountSection,
+    SiteSection,
+)
+from rf_pointing.station.description.reading import flat
+
+
+def antenna_servo(of: Band) -> Derived:
+    """The antenna's control unit, and the truth of a simulated one."""
+    from rf_pointing.station.antenna.operation import ServoNodeParams
+    from rf_pointing.station.antenna.simulated_antenna import AntennaParams
+    from rf_pointing.station.derive import watches
+    from rf_pointing.station.derive.plants import plant_and_loops
+
+    simulation = of.content.simulation
+    plant, loops = plant_and_loops(of)
+    start = simulation.start_deg or (
+        nearest_within(0.0, of.axes[0].travel_deg), nearest_within(45.0, of.axes[1].travel_deg)
+    )  # fmt: skip
+    errors = (("simulation", simulation.mount_errors), (f"bands.{of.name}", of.section.mount_errors))
+    wind = {name: Value(getattr(simulation.wind, name), f"simulation.wind.{name}")
+            for name in ("mean_speed_m_s", "from_azimuth_deg")}  # fmt: skip
+    rows = {
+        "antenna": {
+            "start_azimuth_deg": Value(start[0], "simulation.start_deg"),
+            "start_elevation_deg": Value(start[1], "simulation.start_deg"),
+            "lag_averaging_s": axes.lag_averaging(of),
+        },
+        "drive": axes.drive(of),
+        "plant": plant,
+        "loops": loops,
+        "wind": wind | {"dish_diameter_m": Value(of.wind_diameter_m, "dish.diameter_m", "1 m without a dish")},
+        "mount": {
+            name: Value(value, f"{key}.mount_errors.{name}")
+            for key, given in errors
+            for name, value in flat(given).items()
+        },
+        "safety": {
+            **axes.rest(of),
+            "watch": watches.encoder_watch(of),
+            "drive": watches.drive_watch(of),
+            "wind": axes.wind_limits(of),
+            "gate": axes.gate(of),
+            "mask": axes.mask(of),
+            "sun": axes.sun(of),
+        },
+    }
+    trial = ("antenna.", "mount.", "wind.mean_speed_m_s", "wind.from_azimuth_deg")
+    return Derived(AntennaParams().sets(), rows, trial, (ServoNodeParams(), own.CommandKeyParams()))
+
+
+def pointing_controller(of: Band) -> Derived:
+    """The pointing controller."""
+    from rf_pointing.station.derive import array, loop, watches
+    from rf_pointing.station.pointing.certificates import StoreParams
+    from rf_pointing.station.pointing.params import ControllerParams
+
+    rows = {
+        "pointing": {**loop.pointing(of), "lag_averaging_s": axes.lag_averaging(of)},
+        "axes": watches.antenna_watch(of),
+        "limits": axes.limits(of),
+        "autotrack": array.thresholds(of),
+        "integrator": loop.integrator(of),
+        "spiral": scans.spiral(of),
+        "conscan": scans.conscan(of),
+        "machine": {
+            **axes.commanded(of), "half_power_beamwidth_deg": of.width, "sun_radius_deg": axes.sun_radius(of)
+        },
+        "mask": axes.mask(of),
+        "steptrack": scans.steptrack(of),
+        "calibration": {"half_power_beamwidth_deg": of.width},
+        "trim": loop.trim(of),
+        "watch": loop.lock_watch(of),
+        "link": axes.link(of),
+        "array": array.array(of),
+        "gate": axes.gate(of),
+        "sun": axes.sun(of),
+    }  # fmt: skip
+    # What remains a ROS parameter: the timing of the node, and the sensor of a pass.
+    timing = ("pointing.period_s", "pointing.transport_s", "pointing.horizon_s", "pointing.error_age_s")
+    return Derived(
+        ControllerParams().sets(), rows, (*timing, "autotrack.sensor"), (StoreParams(), own.CommandKeyParams())
+    )
+
+
+def ephemeris_publisher(of: Band) -> Derived:
+    """The target as the station predicts it; its passes and their horizon."""
+    from rf_pointing.ephemeris.source import SourceParams
+    from rf_pointing.ephemeris.uncertainty import ElementUncertainty
+    from rf_pointing.station.pointing.predicted_target import PublisherParams
+
+    begin = Value(pass_elevation_deg(of.content), "mount.pass_elevation_deg")
+    return Derived(
+        {"source": SourceParams(), "mask": HorizonMask(), "publisher": PublisherParams(),
+         "uncertainty": ElementUncertainty()},
+        {"source": {"site": axes.site(of)}, "mask": axes.mask(of), "publisher": {"mask_deg": begin}},
+        ("source.", "publisher.", "uncertainty."),
+    )  # fmt: skip
+
+
+def rf_receiver(of: Band) -> Derived:
+    """The simulated receiver, and where the satellite really is."""
+    from rf_pointing.ephemeris.source import SourceParams
+    from rf_pointing.station.antenna.receiver import SignalParams
+    from rf_pointing.station.derive.signal import signal
+
+    offset = Value(of.content.simulation.along_track_offset_s, "simulation.along_track_offset_s")
+    trial = ("dropouts", "spin.", "interference.", "sign_flip_after_s", "seed")
+    return Derived(
+        {"source": SourceParams(), "signal": SignalParams()},
+        {"source": {"site": axes.site(of), "along_track_offset_s": offset}, "signal": signal(of)},
+        ("source.", *(f"signal.{name}" for name in trial)),
+    )
+
+
+def monopulse_tracker(of: Band) -> Derived:
+    """The monopulse tracker."""
+    from rf_pointing.tracking import MonopulseParams, MonopulseScanParams
+
+    width: Rows = {"half_power_beamwidth_deg": of.width}
+    sets = {Sensor.MONOPULSE.value: MonopulseParams(), "calibration": MonopulseScanParams()}
+    return Derived(sets, dict.fromkeys(sets, width), root=(own.FileParams(),))
+
+
+def conscan_tracker(of: Band) -> Derived:
+    """The tracker of the carrier power."""
+    from rf_pointing.tracking.power_tracker import PowerTrackerParams
+
+    return Derived(PowerTrackerParams().sets(), {"conscan": scans.conscan(of), "steptrack": scans.steptrack(of)})
+
+
+def array_receiver(of: Band) -> Derived:
+    """The simulated array of patches on the dish."""
+    tracker = array_tracker(of)
+    return Derived({**tracker.defaults, "receiver": own.ReceiverSeed()}, tracker.rows, ("receiver.",))
+
+
+def array_tracker(of: Band) -> Derived:
+    """The array of patches on the dish."""
+    from rf_pointing.rf.dish_array import DishArrayParams
+    from rf_pointing.station.derive.array import array
+
+    return Derived({"array": DishArrayParams()}, {"array": array(of)})
+
+
+def station_executive(_: Band) -> Derived:
+    """A night without an operator."""
+    from rf_pointing.operations import AlarmParams, BetweenParams
+    from rf_pointing.station.clients.alarm_hooks import HookParams
+    from rf_pointing.station.clients.night_watch import ExecutiveParams
+
+    sets = {
+        "between": BetweenParams(), "alarms": AlarmParams(), "executive": ExecutiveParams(), "hooks": HookParams(),
+    }  # fmt: skip
+    return Derived(sets, own=("executive.", "hooks."), root=(own.CommandKeyParams(),))
+
+
+def bias_calibrator(of: Band) -> Derived:
+    """The bias model of a station and band."""
+    from rf_pointing.calibration.acceptance_passes import AcceptanceRules
+    from rf_pointing.station.campaign.calibrator import ORBIT, CalibratorParams
+
+    h = of.beamwidth_deg
+    largest = rounded(0.1 * h, 1 if h < 0.05 else 2)
+    rows = {
+        "station": Value(of.content.name, "name"),
+        "band": Value(of.name, "bands"),
+        "model_file": Value(of.model_file, "bands.*.bias_model"),
+        "largest_error_deg": tuned(min(largest, 5.0), "0.1 h" if largest <= 5.0 else "5 deg, less than 0.1 h"),
+    }
+    sets = {"calibrator": CalibratorParams(), "shadow": AcceptanceRules(), "orbit": ORBIT}
+    return Derived(sets, {"calibrator": rows}, ("calibrator.", "shadow.", "orbit."))
+
+
+def operator_page(_: Band) -> Derived:
+    """The page in a browser."""
+    from rf_pointing.station.clients.board import PageParams
+
+    return Derived({"page": PageParams()}, own=("page.",), root=(own.CommandKeyParams(),))
+
+
+def rotctld_server(_: Band) -> Derived:
+    """The server of rotctld's clients."""
+    from rf_pointing.drives.rotctld import ServerParams
+    from rf_pointing.station.clients.points import FollowParams, MatchParams
+    from rf_pointing.station.clients.steering import SteeringParams
+
+    sets = {"server": ServerParams(), "follow": FollowParams(), "match": MatchParams()}
+    return Derived(sets, own=tuple(sets), root=(SteeringParams(), own.CommandKeyParams()))
+
+
+def simulation_clock(_: Band) -> Derived:
+    """Simulation time."""
+    from rf_pointing.station.clients.pacing import ClockParams
+
+    return Derived({}, root=(ClockParams(),))
+
+
+def station_description(_: Band) -> Derived:
+    """What viewers show."""
+    return Derived({"view": own.ViewParams()}, own=("view.",))
+
+
+NODES: Mapping[str, Callable[[Band], Derived]] = {
+    each.__name__: each
+    for each in (
+        antenna_servo, pointing_controller, ephemeris_publisher, rf_receiver, monopulse_tracker, conscan_tracker,
+        array_receiver, array_tracker, station_executive, bias_calibrator, operator_page, rotctld_server,
+        simulation_clock, station_description,
+    )
+}  # fmt: skip
+"""What each node gets of a band, by the node's name."""
+
+
+@cache
+def reference(node: str) -> Derived:
+    """Return a node's sets for a small description with every section: who owns a parameter.
+
+    Raises KeyError for a node that does not exist.
+    """
+    axis = AxisSection(travel_deg=(0.0, 90.0), rate_deg_s=1.0)
+    content = Content(
+        version=VERSION,
+        name="",
+        site=SiteSection(latitude_deg=0.0, longitude_deg=0.0),
+        mount=MountSection(azimuth=axis, elevation=axis),
+        dish=DishSection(diameter_m=5.0),
+        array=ArraySection(),
+        bands={"X": BandSection(frequency_mhz=8450.0)},
+    )
+    return NODES[node](Band(content, "X"))
+
+
+@cache
+def described_parameters() -> dict[str, tuple[str, ...]]:
+    """Return the nodes that have a parameter, by its name."""
+    found: dict[str, tuple[str, ...]] = {}
+    for node in NODES:
+        for name in reference(node).names:
+            found[name] = (*found.get(name, ()), node)
+    return found
+
+
+@cache
+def owner_of_name(name: str) -> str:
+    """Return the key that gives a parameter; "" for one that is the node's own."""
+    return next((reference(node).owner(name) for node in described_parameters().get(name, ())), "")

@@ -1,0 +1,255 @@
+"""The target that is selected: where it is, when it passes, and what may change it meanwhile.
+
+Offsets, hold, refraction and the satellite's attitude may change at any time.  Newer elements come
+into force between two passes only.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rf_pointing import ephemeris
+from rf_pointing.core import Params, Target, parameter
+from rf_pointing.core.dates import DAY_S, utc_text
+from rf_pointing.ephemeris import (
+    ElementUncertainty,
+    Pass,
+    SatelliteAntennaParams,
+    SkyUncertainty,
+    TopocentricTrack,
+    stale_warning,
+)
+from rf_pointing.ephemeris.element_updates import ElementUpdates
+from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at
+from rf_pointing.planning import HorizonMask, PassProfile
+from rf_pointing.station.pointing.certificates import pass_profile
+from rf_pointing.station.pointing.status import Level, Report
+
+RENEWAL_S = 10.0
+"""How often the elements are looked at for newer ones, and the weather."""
+WEATHER_STEPS = {"temperature_k": 0.5, "pressure_hpa": 0.5, "relative_humidity": 0.02}
+"""Changes of the weather that matter: each is 0.2 % of the refraction or less."""
+WEATHER_AGE_S = 3600.0
+ATTITUDE_SHARE = 0.02
+"""Share of the satellite's beam by which its axis moves before it matters, 0.005 dB."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublisherParams(Params):
+    """How far ahead and how often the target is published, and which passes count."""
+
+    period_s: float = parameter(0.1, "time between two targets", low=0.02, high=10.0)
+    lead_s: float = parameter(2.0, "how far ahead of its time a target is published", low=0.0, high=60.0)
+    margin_s: float = parameter(5.0, "publishing begins before and ends after a pass by", low=0.0, high=600.0)
+    mask_rad: float = parameter(math.radians(5.0), "elevation at which a pass begins and ends", low=0.0, high=1.5)
+    span_s: float = parameter(86400.0, "how far ahead passes are looked for", low=60.0, high=2.6e6)
+    state_file: str = parameter("", "file that keeps target, offsets and hold over a restart; empty: not kept")
+
+
+class PredictedTarget:
+    """One target at a time; `show(passes, profiles)` gets those of each choice, None if unchanged.
+
+    Elements that were never fetched are fetched first.  Raises ValueError with the reason if the
+    target is unknown; `log_once(subject, words)` gets what may repeat with every target.
+    """
+
+    def __init__(
+        self, params: PublisherParams, source: SourceParams, mask: HorizonMask, uncertainty: ElementUncertainty,
+        show: Callable[[list[Pass] | None, list[PassProfile]], None],
+        log_once: Callable[[str, str], None] = lambda _subject, _words: None,
+    ) -> None:  # fmt: skip
+        self.params, self.uncertainty = params, uncertainty
+        self._horizon, self._show, self._log_once = mask.above(params.mask_rad), show, log_once
+        self._memory = TargetMemory(params.state_file, source)
+        self.source, self.peak_rad = self._memory.source, self._memory.peak_rad
+        self.updates = ElementUpdates(self.source.elements)
+        self.updates.require()
+        self.track = load_track(self.source, self._memory.hold_t_s)
+        self.passes: list[Pass] = []
+        self._no_pass = self._unknown = self._not_renewed = self._weather_problem = ""
+        self._weather: dict[str, float] = {}
+        self._weather_s = math.inf
+        self._attitude: SatelliteAntennaParams | None = None
+
+    def begin(self, now_s: float) -> str:
+        """Find the passes; return "" or why there is no pass, where another target may have one."""
+        try:
+            self._choose(self.track, now_s, self.peak_rad)
+        except ValueError as error:
+            self._no_pass = str(error)
+        return self._no_pass
+
+    def select(self, target: str, start_s: float, peak_rad: float) -> list[Pass]:
+        """Make `target` ("": the present one) the target, and return its passes from `start_s` on.
+
+        Raises ValueError for one that is unknown or does not pass above `peak_rad`: the present
+        target stays in force.
+        """
+        source, track = self.source, self.track
+        if target:
+            source = source.replace(satellite=target, hold=False)
+            track = load_track(source)
+        self._choose(track, start_s, peak_rad)
+        self.source = source
+        self._keep()
+        return self.passes
+
+    def target_at(self, now_s: float) -> tuple[Target, SkyUncertainty | None] | None:
+        """Return what is published at `now_s`, None between passes and while it is unknown."""
+        # Whole microseconds, as stamps are: the target is that of its own stamp.
+        t_s = round(now_s + self.params.lead_s, 6)
+        if not (self._near_a_pass(t_s, self.params.margin_s) and self.track.covers(t_s)):
+            return None
+        try:
+            target = self.track.target_at(t_s)
+        except ValueError as error:
+            # What is set while the node runs may need more than elements or an ephemeris can give.
+            self._unknown = str(error)
+            self._log_once("no target is published", str(error))
+            return None
+        self._unknown = ""
+        return target, self._sky(t_s)
+
+    def set(self, source: SourceParams, now_s: float) -> None:
+        """Bring offsets, hold, refraction and antenna into force."""
+        # A hold that is set again keeps its instant; only a new one begins now.
+        held_s = self.track.hold_t_s if self.track.hold_t_s is not None else now_s
+        self.track = self.track.with_offsets(
+            along_track_offset_s=source.along_track_offset_s,
+            cross_track_offset_rad=source.cross_track_offset_rad,
+            hold_t_s=held_s if source.hold else None,
+            refraction=refraction_at(source, self.track.site),
+            antenna=source.antenna,
+        )
+        self.source = source
+        self._keep()
+
+    def take_weather(self, name: str, value: float, now_s: float) -> None:
+        """Note a measured temperature_k, pressure_hpa or relative_humidity."""
+        self._weather[name], self._weather_s = value, now_s
+
+    def take_attitude(self, quaternion: tuple[float, float, float, float]) -> None:
+        """Note the satellite's measured attitude (`SatelliteAntennaParams.turned`)."""
+        self._attitude = self.source.antenna.turned(quaternion)
+
+    def renew(self, now_s: float) -> tuple[str, bool]:
+        """Bring weather, attitude and newer elements into force; return news, and if it is bad.
+
+        Elements come neither in a pass nor just before one, and not while the target is held.
+        """
+        self._use_weather(now_s)
+        self._use_attitude(now_s)
+        if not self.updates.changed() or self.source.hold:
+            return "", False
+        if self._near_a_pass(now_s, self.params.margin_s + self.params.lead_s + RENEWAL_S):
+            return "", False
+        # Tried once: a broken file is not read every ten seconds, the next one is.
+        self.updates.accept()
+        try:
+            self._choose(load_track(self.source), now_s, self.peak_rad)
+        except (ValueError, OSError) as error:
+            self._not_renewed = f"elements were not renewed: {error}"
+            return self._not_renewed, True
+        self._not_renewed = ""
+        return f"newer elements of {self.track.name} are in force", False
+
+    def health(self, now_s: float) -> Report:
+        """Return whether the target can be told, or what is doubtful, and the numbers behind it."""
+        age_s, sky = now_s - self._weather_s, self._sky(now_s)
+        old = f"the measured weather is {age_s / 3600.0:.1f} h old" if age_s > WEATHER_AGE_S else ""
+        problems = (self._no_pass, self._memory.problem, self.updates.problem, self._not_renewed, self._stale(now_s),
+                    self._weather_problem, old)  # fmt: skip
+        warnings = "; ".join(filter(None, (*self.track.warnings(now_s), *problems)))
+        values: dict[str, object] = {
+            "passes": len(self.passes),
+            "along_track_offset_s": self.track.along_track_offset_s,
+            "cross_track_offset_deg": math.degrees(self.track.cross_track_offset_rad),
+            "hold_since": "" if self.track.hold_t_s is None else utc_text(self.track.hold_t_s),
+        }
+        try:
+            sigma_rad = ephemeris.orientation_sigma_rad(self.track, now_s)
+            values["earth_orientation_sigma_deg"] = round(math.degrees(sigma_rad), 6)
+        except ValueError:
+            # The target's place is unknown now: `target_at` reports it when it is due.
+            pass
+        if sky is not None:
+            values |= {
+                "element_age_h": round(sky.age_s / 3600.0, 3),
+                "along_track_sigma_s": round(sky.along_track_s, 4),
+                "along_track_sigma_deg": round(math.degrees(sky.along_track_rad), 5),
+                "cross_track_sigma_deg": round(math.degrees(sky.cross_track_rad), 5),
+            }
+        if self._unknown:
+            return Report(Level.ERROR, self._unknown, values)
+        return Report(Level(bool(warnings)), warnings or self.track.name, values)
+
+    def _choose(self, track: TopocentricTrack, start_s: float, peak_rad: float) -> None:
+        """Make `track` the target, if it passes, and show its passes."""
+        span_s = self.params.span_s
+        found = ephemeris.passes_with_present(_moving(track), start_s, span_s, self._horizon)
+        passes = [window for window in found if window.peak_elevation_rad >= peak_rad]
+        if not passes:
+            peak, span = f"{math.degrees(peak_rad):.1f} deg", f"{span_s / 3600.0:.1f} h"
+            raise ValueError(f"{track.name} has no pass above {peak} in the {span} after {utc_text(start_s)}")
+        # Only now: a target without a pass must not replace the present one.
+        self.track, self.passes, self.peak_rad, self._no_pass = track, passes, peak_rad, ""
+        self._show(passes, self._profiles())
+
+    def _profiles(self) -> list[PassProfile]:
+        moving = _moving(self.track)
+        return [pass_profile(moving, window) for window in self.passes]
+
+    def _near_a_pass(self, t_s: float, margin_s: float) -> bool:
+        return any(window.aos_t_s - margin_s <= t_s <= window.los_t_s + margin_s for window in self.passes)
+
+    def _keep(self) -> None:
+        self._memory.keep(self.source, self.peak_rad, self.track.hold_t_s)
+
+    def _use_weather(self, now_s: float) -> None:
+        """Bring the measured weather into force where it has changed by enough to bend a ray."""
+        weather = self.source.weather
+        if all(abs(value - getattr(weather, name)) <= WEATHER_STEPS[name] for name, value in self._weather.items()):
+            return
+        try:
+            weather = weather.replace(**self._weather)
+        except ValueError as error:
+            self._weather_problem = f"measured weather is not used: {error}"
+            return
+        self._weather_problem = ""
+        self.set(self.source.replace(weather=weather), now_s)
+
+    def _use_attitude(self, now_s: float) -> None:
+        """Bring the measured attitude into force where the satellite's beam has moved enough."""
+        antenna, measured = self.source.antenna, self._attitude
+        if (
+            measured is None
+            or math.dist(measured.axis, antenna.axis) <= ATTITUDE_SHARE * antenna.half_power_beamwidth_rad
+        ):
+            return
+        self.set(self.source.replace(antenna=measured), now_s)
+        self._show(None, self._profiles())
+
+    def _stale(self, now_s: float) -> str:
+        """Return "" or how old the elements are at the closest approach of the next pass."""
+        t_s = next((window.tca_t_s for window in self.passes if window.los_t_s >= now_s), now_s)
+        try:
+            return stale_warning(self.track, t_s, self.source.stale_days * DAY_S, self.uncertainty)
+        except ValueError as error:
+            return str(error)
+
+    def _sky(self, t_s: float) -> SkyUncertainty | None:
+        """Return the uncertainty of the elements on the sky, None for a target without elements."""
+        if not isinstance(getattr(self.track.target, "elements", None), ephemeris.Elements):
+            return None
+        try:
+            return ephemeris.sky_uncertainty(self.track, t_s, self.uncertainty)
+        except ValueError as error:
+            self._log_once("uncertainty unknown", str(error))
+            return None
+
+
+def _moving(track: TopocentricTrack) -> TopocentricTrack:
+    """Return the track without its hold: a target that is held passes never, or always."""
+    return track.with_offsets(
+        along_track_offset_s=track.along_track_offset_s, cross_track_offset_rad=track.cross_track_offset_rad
+    )

@@ -1,0 +1,311 @@
+"""The executive without ROS: what it knows, shares, keeps, records and reports, and what it answers."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from rf_pointing.core.dates import utc_text
+from rf_pointing.operations import AlarmParams, BetweenParams
+from rf_pointing.operations.schedule import PassState
+from rf_pointing.station.clients import night_folder
+from rf_pointing.station.clients.alarm_hooks import HookParams
+from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch, passes_of
+from rf_pointing.station.description import read_station
+
+T_S, WALL_S = 1.8e9, 1000.0
+STATION = read_station("leo_3m7")
+
+
+class Bench:
+    """A watch of `antenna` whose directives go nowhere, and what it has told, recorded and reported."""
+
+    def __init__(self, folder: Path, antenna: str = "gs2", **own: Any) -> None:
+        self.told: list[tuple[str, bool]] = []
+        self.reports: list[Any] = []
+        self.alarms: list[tuple[Any, ...]] = []
+        self.folder, self.failure = folder / "night", ""
+        given = {"folder": str(self.folder), "record": False} | own
+        self.watch = NightWatch(
+            ExecutiveParams(**given), BetweenParams(), AlarmParams(), HookParams(), STATION, "X", antenna,
+            connect=self._connect, record=self._record, report=self._report, tell=lambda *told: self.told.append(told),
+        )  # fmt: skip
+        self.watch.hooks.put = lambda *alarm: self.alarms.append(alarm)
+        self.night = self.watch.night
+
+    def _connect(self, rows: Any, own: Any, responded: Any, ended: Any) -> Any:
+        self.rows, self.own, self.responded, self.ended = rows, own, responded, ended
+        return SimpleNamespace(send=lambda *_: None, poll=lambda: None, close=lambda: None)
+
+    def _record(self, bag: Path, notes: Any) -> Any:
+        self.recording = SimpleNamespace(problem="", close=lambda: SimpleNamespace(path=bag), notes=notes)
+        return self.recording
+
+    def _report(self, folder: Path, messages: int, health: Any) -> None:
+        if self.failure:
+            raise OSError(28, self.failure)
+        self.reports.append((folder, messages, health))
+
+    def known(self, attribute: str) -> Any:
+        return self.night.expected_state.value(attribute)
+
+    def start(self, *begins_s: float, resume: bool = False) -> None:
+        self.watch.start(listed(*begins_s), resume, T_S)
+
+    def step(self, later_s: float = 0.0) -> bool:
+        return self.watch.step(T_S + later_s, WALL_S + later_s)
+
+    def journal(self) -> list[dict[str, Any]]:
+        return [json.loads(row) for row in (self.folder / "journal.jsonl").read_text(encoding="utf-8").splitlines()]
+
+
+def listed(*begins_s: float) -> str:
+    """Return a list of passes of 300 s, named p0, p1, ... that rise so long from T_S."""
+    return json.dumps([
+        {"id": f"p{index}", "target": f"bird{index}", "aos_utc": utc_text(T_S + begin_s),
+         "los_utc": utc_text(T_S + begin_s + 300.0)}
+        for index, begin_s in enumerate(begins_s)
+    ])  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def disk(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the disk, of which `free` bytes are free (OSError if negative), and the `processes` that were begun."""
+    one = SimpleNamespace(free=5e9, processes=[])
+
+    def usage(_folder: Path) -> Any:
+        if one.free < 0.0:
+            raise OSError("the disk is gone")
+        return one
+
+    def begin(command: list[str], **_options: Any) -> Any:
+        one.processes.append(command[-1])
+        return SimpleNamespace(poll=lambda: 0)
+
+    monkeypatch.setattr(night_folder, "shutil", SimpleNamespace(disk_usage=usage))
+    monkeypatch.setattr(night_folder.subprocess, "Popen", begin)
+    return one
+
+
+@pytest.mark.parametrize(
+    ("mine", "other", "silent_s", "taken"),
+    [
+        ("gs1", "gs2", 0.0, {"b", "c"}), ("gs2", "gs1", 0.0, {"a", "b", "c"}), ("gs2", "gs1", 5.1, {"c"}),
+        ("gs2", "gs1", 5.0, {"a", "b", "c"}),
+    ],
+)  # fmt: skip
+def test_the_first_by_name_leaves_what_has_begun_the_second_all_and_the_living_one_takes_over(
+    tmp_path: Path, mine: str, other: str, silent_s: float, taken: set[str]
+) -> None:
+    one = Bench(tmp_path, mine, partners=f" /{other}/,, ")
+    assert one.watch.partners == [other]
+    one.watch.take_partner(other, {"a": "waiting", "b": "active", "c": "tracked", "d": "yields"}, WALL_S - 99.0)
+    one.watch.take_partner(other, None, WALL_S - silent_s)
+    one.step()
+    assert one.night.taken == taken
+
+
+def test_the_health_of_the_nodes_and_what_no_message_carries_is_known(tmp_path: Path, disk: Any) -> None:
+    one = Bench(tmp_path)
+    starts = {"azimuth_starts": "7", "elevation_starts": "9"}
+    one.watch.take_check("antenna_servo", "device", 2, "lost", starts, WALL_S - 4.0)
+    one.watch.take_check("bias_calibrator", "model", 1, "old", {}, WALL_S)
+    for check in ("model", "device"):
+        one.watch.take_check("rf_receiver", check, 2, "gone", starts, WALL_S)
+    one.step()
+    wanted = {
+        "antenna_servo.silent_s": 4.0, "drive.problem": "lost", "relays.starts": "7, 9", "model.health": "old",
+        "model.level": 1, "disk.free_gb": 5.0, "recorder.state": "idle", "executive.problem": "",
+    }  # fmt: skip
+    assert {name: one.known(name) for name in wanted} == wanted
+    one.watch.take_check("antenna_servo", "device", 1, "slow", {}, WALL_S)
+    one.step()
+    assert (one.known("drive.problem"), one.known("relays.starts")) == ("", "")
+    disk.free = -1.0
+    one.step()
+    assert (one.known("disk.free_gb"), one.known("disk.problem")) == (0.0, "the disk is gone")
+
+
+def test_a_night_ends_with_its_report_once_and_with_a_result(tmp_path: Path, disk: Any) -> None:
+    one = Bench(tmp_path)
+    assert not one.step(), "there is no night"
+    one.start(600.0)
+    assert not one.step()
+    assert [(row["utc"], row["event"]) for row in one.journal()][:1] == [(utc_text(T_S), "started")]
+    assert one.watch.request("abort", T_S) == "abort: the executive is stopping"
+    assert one.step()
+    assert not one.step()
+    ((folder, messages, health),) = one.reports
+    assert folder == one.folder / f"report-{utc_text(T_S)[:16].replace(':', '')}"
+    assert (messages, health["disk"]) == (len(one.alarms), {"free_gb": 5.0})
+    result = one.watch.result("")
+    assert (result["success"], result["report"]) == (True, str(folder))
+    one.watch.cancel(T_S)
+    one.failure = "No space left"
+    one.start(600.0)
+    one.watch.cancel(T_S)
+    assert one.step()
+    assert one.watch.result("")["report"] == ""
+    assert one.watch.health()[:2] == (1, f"report {folder} cannot be written: No space left")
+    disk.free = -1.0
+
+
+@pytest.mark.parametrize(
+    ("states", "tracked", "lost"), [("tracked tracked", 2, 0), ("tracked lost weather", 1, 2), ("", 0, 0)]
+)
+def test_the_result_counts_the_passes(tmp_path: Path, states: str, tracked: int, lost: int) -> None:
+    one = Bench(tmp_path)
+    one.night.records = [SimpleNamespace(state=PassState(state)) for state in states.split()]
+    result = one.watch.result("")
+    assert (result["passes_tracked"], result["passes_lost"], result["success"]) == (tracked, lost, lost == 0)
+    assert one.watch.result("no") == {"message": "no"}
+
+
+def test_a_list_replaces_the_schedule_unless_it_resumes_and_may_be_a_file(tmp_path: Path) -> None:
+    one = Bench(tmp_path)
+    with pytest.raises(ValueError, match="must name passes"):
+        one.watch.start("", False, T_S)
+    one.start(600.0, 1200.0)
+    with pytest.raises(ValueError, match="the executive is running: resume, or abort first"):
+        one.start(1800.0)
+    one.start(600.0, 1200.0, 1800.0, resume=True)
+    assert list(one.night.schedule.entries) == ["p0", "p1", "p2"]
+    one.watch.request("abort", T_S)
+    one.step()
+    one.watch.start("", True, T_S)
+    assert len(one.night.schedule.entries) == 3
+    one.watch.request("abort", T_S)
+    one.step()
+    (tmp_path / "list.json").write_text(listed(900.0))
+    one.watch.start(str(tmp_path / "list.json"), False, T_S)
+    assert list(one.night.schedule.entries) == ["p0"]
+    for given in ("/nowhere/list.csv", "/" + "a" * 4094):
+        with pytest.raises(OSError, match="long|No such"):
+            passes_of(given)
+
+
+def test_the_schedule_is_changed_while_it_runs_and_shown_once(tmp_path: Path) -> None:
+    one = Bench(tmp_path)
+    one.start(600.0, 1200.0)
+    assert [entry.item.id for entry in one.watch.news()] == ["p0", "p1"]
+    assert one.watch.news() is None
+    with pytest.raises(ValueError, match="'p7' is not in the schedule of 2"):
+        one.watch.change("", ["p0", "p7"], T_S)
+    assert one.watch.news() is None
+    added = listed(600.0, 1200.0, 1800.0)
+    assert one.watch.change(added, ["p1"], T_S) == "3 passes added, 1 removed; 3 in all"
+    assert len(one.watch.news()) == 3
+    entries = one.night.schedule.entries
+    entries["p0"].state, entries["p1"].state = PassState.ACTIVE, PassState.LOST
+    progress = one.watch.progress()
+    assert (progress["state"], progress["target"], progress["passes_left"]) == ("running", entries["p0"].item.name, 2)
+
+
+def test_an_end_of_a_directive_is_known_and_a_response_that_nobody_awaits_is_noted(tmp_path: Path) -> None:
+    one = Bench(tmp_path)
+    for succeeded, seconds, refused in ((True, 3.0, ""), (False, 0.0, "too fast"), (False, 3.0, "")):
+        one.ended(5, "track", succeeded, {"message": "too fast", "seconds_tracked": seconds})
+        assert (one.known("track.succeeded"), one.known("track.refused")) == (succeeded, refused)
+    one.ended(8, "calibrate", False, {"message": ""})
+    assert (one.known("calibrate.succeeded"), one.known("calibrate.refused")) == (False, None)
+    one.watch.poll(T_S + 1.0)
+    one.responded(4, True, "goes")
+    one.step()
+    assert (one.journal()[-1]["event"], one.journal()[-1]["utc"]) == ("unexpected response", utc_text(T_S + 1.0))
+
+
+def test_an_alarm_goes_to_the_hooks_warns_until_it_is_acknowledged_and_is_kept(tmp_path: Path) -> None:
+    one = Bench(tmp_path, state_file=str(tmp_path / "kept.json"))
+    assert one.watch.alarm_health()[:2] == (0, "none")
+    one.watch.begin(T_S)
+    one.night.book.raise_("disk", 1, "full", T_S, ask="delete")
+    one.night.book.raise_("wind", 2, "strong", T_S)
+    assert one.watch.alarm_health() == (
+        2,
+        "wind: strong; disk: full",
+        dict.fromkeys(("wind", "disk"), f"raised {utc_text(T_S)}"),
+    )
+    assert one.watch.acknowledge("wind", T_S) == "acknowledged: wind"
+    assert "wind" in (tmp_path / "kept.json").read_text()
+    assert one.watch.alarm_health().level == 1
+    for name in ("disk", "wind"):
+        one.night.book.clear(name, T_S + 2.0)
+    assert one.watch.acknowledge("", T_S) == "acknowledged: no alarm lasts"
+    utc, later = utc_text(T_S), utc_text(T_S + 2.0)
+    assert one.alarms == [
+        ("raised", "disk", 1, "full", "delete", utc), ("raised", "wind", 2, "strong", "", utc),
+        ("cleared", "disk", 1, "full", "delete", later), ("cleared", "wind", 2, "strong", "", later),
+    ]  # fmt: skip
+    assert one.told[-1] == ("alarm cleared: wind: strong", True)
+    assert one.told[0] == ("alarm raised: disk: full", False)
+
+
+def test_a_killed_executive_goes_on_with_the_night_that_it_kept_and_records_its_pass(tmp_path: Path, disk: Any) -> None:
+    own = {"state_file": str(tmp_path / "kept.json"), "record": True}
+    first = Bench(tmp_path, **own)
+    first.start(600.0)
+    # What was not taken over yet must not be replaced.
+    assert not (tmp_path / "kept.json").exists()
+    first.watch.begin(T_S)
+    place = {"mode": "holding", "azimuth": 0.0, "elevation": 0.5}
+    first.night.take("antenna", place, T_S + 599.0)
+    first.step(600.0)
+    assert first.night.active_id == "p0"
+    second = Bench(tmp_path, **own)
+    second.watch.begin(T_S + 601.0)
+    assert (second.night.active_id, second.recording.notes["pass"]) == ("p0", "p0")
+    assert second.told == [("the night goes on where it was: running", True)]
+    # A night in work is not replaced by its older state.
+    second.watch.request("pause", T_S + 602.0)
+    second.watch.end()
+    assert disk.processes == [str(second.folder / "passes" / "p0-01" / "bag")]
+    second.watch.begin(T_S + 603.0)
+    assert second.night.state_name == "paused"
+    disk.free = 0.0
+    third = Bench(tmp_path, **own)
+    third.watch.begin(T_S + 604.0)
+    assert third.told[-1] == ("the rest of the pass is not recorded: 0 GB are free, must be >= 2 GB", False)
+
+
+def test_each_attempt_at_a_pass_has_a_recording_and_a_report_of_its_own(tmp_path: Path, disk: Any) -> None:
+    one = Bench(tmp_path, record=True)
+    passes = one.folder / "passes"
+    assert one.own["record"]("p0") == str(passes / "p0-01")
+    one.step()
+    assert (one.known("recorder.state"), disk.processes) == ("recording", [])
+    one.recording.problem = "no space"
+    one.step()
+    assert one.known("recorder.state") == "failed"
+    assert one.own["record"]("p0") == str(passes / "p0-02")
+    assert one.own["end_record"]() == str(passes / "p0-02" / "bag")
+    assert one.own["end_record"]() == "nothing is recorded"
+    assert disk.processes == [str(passes / f"p0-0{number}" / "bag") for number in (1, 2)]
+    disk.free = 1.99e9
+    with pytest.raises(OSError, match="1.99 GB are free, must be >= 2 GB"):
+        one.own["record"]("p0")
+    with pytest.raises(ValueError, match="record is false"):
+        Bench(tmp_path).own["record"]("p0")
+
+
+def test_a_journal_that_cannot_be_written_is_a_warning_until_it_can(tmp_path: Path) -> None:
+    one = Bench(tmp_path)
+    one.start(600.0)
+    (one.folder / "journal.jsonl").mkdir()
+    one.step()
+    level, message, _ = one.watch.health()
+    assert (level, message.startswith(f"journal {one.folder / 'journal.jsonl'} cannot be written")) == (1, True)
+    (one.folder / "journal.jsonl").rmdir()
+    one.night.change(T_S)
+    one.step()
+    level, message, values = one.watch.health()
+    assert (level, message, values["passes"], values["records"]) == (0, "running", 1, 0)
+    assert [row["event"] for row in one.journal()] == ["schedule changed"]
+
+
+@pytest.mark.parametrize("given", ["program", ""])
+def test_a_sensor_of_the_night_is_one_or_that_of_the_station(tmp_path: Path, given: str) -> None:
+    assert Bench(tmp_path, sensor=given).night.sensor == (given or STATION.sensor("X"))
+    with pytest.raises(ValueError, match="executive.sensor=sextant must be one of"):
+        Bench(tmp_path, sensor="sextant")
