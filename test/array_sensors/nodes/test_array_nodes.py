@@ -115,7 +115,7 @@ def bench(default_context: None) -> Iterator[Bench]:
 
 def given(system: str, node: str) -> dict[str, Any]:
     """Return the parameters of a node in the file of its system."""
-    values = read_parameter_files([CONFIG / f"{system}.yaml"])[node].values
+    values = read_parameter_files([CONFIG / f"{system}.yaml"])[node]
     return {name.replace(".", "__"): value for name, value in values.items()}
 
 
