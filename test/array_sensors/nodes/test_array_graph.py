@@ -47,7 +47,7 @@ def test_stations_of_the_tripulse_graph_are_those_of_its_parameter_file() -> Non
     receivers = [node for node in ARRAY_SYSTEMS["tripulse"].nodes if "/" in node]
     stations = [receiver.split("/")[0] for receiver in receivers]
     for node in ("tripulse_source", "tripulse_attitude"):
-        assert sections[node].values["stations.names"] == stations
+        assert sections[node]["stations.names"] == stations
 
 
 class Bench:
@@ -183,7 +183,7 @@ def test_time_waits_for_the_estimates_that_lag_by_more_than_theirs_may(
 @pytest.mark.parametrize("name", ARRAY_SYSTEMS)
 def test_time_may_lead_by_two_periods_of_the_source_and_two_ticks(name: str) -> None:
     sections = read_parameter_files([ROOT / "config" / f"{name}.yaml"])
-    period_s = sections[f"{name}_source"].values["source.period_s"]
+    period_s = sections[f"{name}_source"]["source.period_s"]
     assert ARRAY_SYSTEMS[name].lag_s == 2.0 * period_s + 2.0 * array_graph.TICK_S
 
 
