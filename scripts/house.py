@@ -76,6 +76,8 @@ COMPUTING = ("station/derive/",)
 NODE_LINES = 150
 COLUMNS = 100
 EXAMPLES = ("simulate_pass", "first_steps")
+BY_NAME = {"delattr", "getattr", "hasattr", "object", "patch", "setattr"}
+"""Calls that take the name of an attribute as a string."""
 OF_NAMED_TUPLES = {"_asdict", "_fields", "_make", "_replace"}
 """Public in spite of their underscore."""
 CONTROLLER_SETS = {"AutotrackParams", "ConscanParams", "SpiralParams"}
@@ -352,9 +354,9 @@ def _lines(node: ast.ClassDef | ast.FunctionDef) -> int:
 def word_of_track(source: Source) -> list[Row]:
     """The way of the word after `--satellite` from `track`'s main to the start of the first node.
 
-    Files and functions: those of the assembly (`ASSEMBLY`) that run on the way, which a reader has
-    to visit.  Climbs: functions that return something which carries the word to their caller; it is
-    known by its identity, and found at most two levels deep.
+    Files and functions: those of the assembly (`ASSEMBLY`) that are called with something which
+    carries the word, which a reader has to visit.  Climbs: functions that return such a thing to
+    their caller.  The word is known by its identity, and found at most two levels deep.
     """
     with tempfile.TemporaryDirectory() as folder:
         measure = [sys.executable, __file__, "--root", str(source.root), "--word-of-track"]
@@ -381,22 +383,21 @@ def follow_word(root: Path) -> dict[str, list[str]]:
     word, folder = "".join(["280", "57"]), str(root / PACKAGE) + os.sep
     found: dict[str, set[str]] = {"files": set(), "functions": set(), "climbs": set()}
 
-    importing = 0
+    beside = 0
 
     def note(frame: Any, event: str, result: object) -> None:
-        nonlocal importing
+        nonlocal beside
         code = frame.f_code
         file = code.co_filename.removeprefix(folder)
-        if code.co_name == "<module>":
-            importing += {"call": 1, "return": -1}.get(event, 0)
-        if importing or event not in ("call", "return") or code.co_name.startswith("<"):
+        # What a lazy import runs, and what is computed, is not on the way, nor is what they call.
+        if code.co_name == "<module>" or file.startswith(COMPUTING):
+            beside += {"call": 1, "return": -1}.get(event, 0)
+        if beside or event not in ("call", "return") or code.co_name.startswith("<") or not file.startswith(ASSEMBLY):
             return
-        if not file.startswith(ASSEMBLY) or file.startswith(COMPUTING):
-            return
-        if event == "call":
+        if event == "call" and any(_carries(value, word) for value in frame.f_locals.values()):
             found["files"].add(file)
             found["functions"].add(f"{file} {code.co_qualname}")
-        elif _carries(result, word):
+        elif event == "return" and _carries(result, word):
             found["climbs"].add(f"{file} {code.co_qualname}")
 
     def arrived(*_arguments: object, **_named: object) -> None:
@@ -669,7 +670,7 @@ def examples(source: Source) -> list[Row]:
 def private_names(source: Source) -> list[Row]:
     """Uses of `_names` in the tests that the test module does not define itself.
 
-    As an attribute, in an import, or as the string that `setattr` and `patch` take.
+    As an attribute, in an import, or as the string of a call of `BY_NAME`.
     """
     found, tests = [], []
     for module in source.tests:
@@ -704,16 +705,16 @@ def _defined(nodes: Iterable[ast.AST]) -> set[str]:
 
 
 def _private(node: ast.AST) -> Iterator[str]:
-    """Yield the private name that a node of the syntax tree uses."""
-    name = ""
+    """Yield the private names that a node of the syntax tree uses."""
+    names = []
     if isinstance(node, ast.Attribute):
-        name = node.attr
+        names = [node.attr]
     elif isinstance(node, ast.alias):
-        name = node.name
-    elif isinstance(node, ast.Constant) and isinstance(node.value, str) and re.fullmatch(r"[\w.]+", node.value):
-        name = node.value.split(".")[-1]
-    if re.match(r"_[A-Za-z]", name):
-        yield name
+        names = [node.name]
+    elif isinstance(node, ast.Call) and _last(node.func) in BY_NAME:
+        strings = (each.value for each in node.args if isinstance(each, ast.Constant))
+        names = [value.split(".")[-1] for value in strings if isinstance(value, str)]
+    yield from (name for name in names if re.match(r"_[A-Za-z]", name))
 
 
 def prose(source: Source) -> list[Row]:

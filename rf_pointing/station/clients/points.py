@@ -47,7 +47,6 @@ SAME_S = 0.05
 KEPT_POINTS = 40
 # `angles_and_rates` takes metres; any distance beyond its least horizontal one will do.
 _DISTANCE = 1e6
-_ARC_POINTS = 60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,12 +216,11 @@ def azimuth_still_to_come(motion: Motion) -> Pair:
     if speed == 0.0:
         return float(azimuth), float(azimuth)
     ahead = across / speed
-    setting = math.atan2(float(up[2]), -float(ahead[2]))
-    angle = np.linspace(0.0, max(setting, 0.0), _ARC_POINTS)[:, None]
-    path, _ = azel_from_unit_vector(up * np.cos(angle) + ahead * np.sin(angle))
-    path = np.unwrap(path)
-    path += azimuth - path[0]
-    return float(path.min()), float(path.max())
+    setting = max(math.atan2(float(up[2]), -float(ahead[2])), 0.0)
+    set_azimuth, _ = azel_from_unit_vector(up * math.cos(setting) + ahead * math.sin(setting))
+    # It is half a turn at most, in the sense of the present motion.
+    way = math.copysign(math.remainder(float(set_azimuth) - azimuth, TURN), motion.velocity[0, 0])
+    return float(min(azimuth, azimuth + way)), float(max(azimuth, azimuth + way))
 
 
 def turn_for(limits: AxisLimits, azimuth_range_rad: Pair, encoder_rad: float) -> float:
