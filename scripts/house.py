@@ -37,6 +37,7 @@ OTHER_ROOMS = ("array_sensors", "papers")
 SMALL_LINES = 60
 SMALL_ON_PURPOSE: dict[str, str] = {
     "rf_pointing/calibration/ionosphere.py": "one physical model with its source, no step of the pipeline",
+    "rf_pointing/api/keywords.py": "the rule of the public surface: angles and times by a name with its unit",
     "rf_pointing/ros/recorder.py": "examples record with it, too",
 }
 """Small modules with one importer that stay, each with the reason."""
