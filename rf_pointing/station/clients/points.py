@@ -358,7 +358,6 @@ class KnownSatellites:
                 self.sky, self.problem = self._loading.result(), ""
             except (ValueError, OSError) as error:
                 self.problem = f"satellites cannot be identified: {error}"
-            self._loading = None
 
     def close(self) -> None:
         """Load nothing more."""
