@@ -265,10 +265,10 @@ class NightWatch:
         self._shown = rows
         return self.night.schedule.in_order
 
-    def result(self, refusal: str) -> dict[str, Any]:
-        """Return the result of the night, or of its refusal, by the fields of RunSchedule."""
-        if refusal:
-            return {"message": refusal}
+    def result(self, reason: str) -> dict[str, Any]:
+        """Return the result of the night, or of one refused for `reason`, by its fields."""
+        if reason:
+            return {"message": reason}
         states = Counter(record.state for record in self.night.records)
         tracked = states[PassState.TRACKED]
         lost = sum(states.values()) - tracked
