@@ -2,7 +2,7 @@
 
 `track`, `calibrate` and `identify` bring up the nodes of a station, each a process of its own, and
 return when all of them have ended.  Each result has a `code`: 0 done, 1 not reached, 2 not started.
-Refusals are ValueErrors, before anything is started.
+What cannot be done is a ValueError, before anything is started.
 """
 
 import math
@@ -139,7 +139,7 @@ class Calibration:
         if not outcome.settled and journal.points is not None:
             say("calibrate", f"the observations are kept in {journal.path}: calibrate --resume continues with them")
         if outcome.fit is not None:
-            remarks = [f"In the shadow of the model in force: {outcome.shadow}"] if outcome.shadow else []
+            remarks = [f"In the shadow of the model in force: {outcome.verdict}"] if outcome.verdict else []
             report = write_calibration_report(self.output, *outcome.fit, name=outcome.model, remarks=remarks)
         else:
             report = write_campaign_report(self.output, journal.points, outcome.why)
@@ -165,7 +165,8 @@ def prepare_calibration(request: CalibrateRequest) -> Calibration:
         parameter_files=(*request.parameter_files, calibrator),
     )
     setup = replace(
-        run_setup("calibrate", own, [*schedule.windows, *schedule.shadow][0], output), awaited="the first pass"
+        run_setup("calibrate", own, [*schedule.windows, *schedule.acceptance_passes][0], output),
+        awaited="the first pass",
     )
     say("calibrate", str(schedule))
     return Calibration(request=request, schedule=schedule, output=output, setup=setup)

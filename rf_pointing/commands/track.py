@@ -21,7 +21,7 @@ from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
 
 def request_of(argv: list[str] | None = None) -> TrackRequest:
-    """Return what a command line asks for; ValueError with the reason where it cannot be."""
+    """Return what a command line requests; ValueError with the reason where it cannot be."""
     load_trackers()
     parser = argparse.ArgumentParser(
         prog="track", description="Track one satellite pass with a station, simulated or real."
