@@ -1,4 +1,4 @@
-"""What the launch files share: arguments, and nodes that bring themselves up after every start.
+"""Common part of the launch files: arguments, and nodes that bring themselves up after every start.
 
 Imported by launch files only, so `launch` and `launch_ros` are needed nowhere else.
 """
