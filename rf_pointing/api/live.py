@@ -138,7 +138,7 @@ class Calibration:
         if not outcome.settled and journal.points is not None:
             say("calibrate", f"the observations are kept in {journal.path}: calibrate --resume continues with them")
         if outcome.fit is not None:
-            remarks = [f"In the shadow of the model in force: {outcome.shadow}"] if outcome.shadow else []
+            remarks = [f"In the shadow of the model in force: {outcome.verdict}"] if outcome.verdict else []
             report = write_calibration_report(self.output, *outcome.fit, name=outcome.model, remarks=remarks)
         else:
             report = write_campaign_report(self.output, journal.points, outcome.why)
@@ -164,7 +164,8 @@ def prepare_calibration(request: CalibrateRequest) -> Calibration:
         parameter_files=(*request.parameter_files, calibrator),
     )
     setup = replace(
-        run_setup("calibrate", own, [*schedule.windows, *schedule.shadow][0], output), awaited="the first pass"
+        run_setup("calibrate", own, [*schedule.windows, *schedule.acceptance_passes][0], output),
+        awaited="the first pass",
     )
     say("calibrate", str(schedule))
     return Calibration(request=request, schedule=schedule, output=output, setup=setup)

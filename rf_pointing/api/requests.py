@@ -207,12 +207,13 @@ class TrackRequest(RunRequest):
 class CalibrateRequest(RunRequest):
     """A campaign on all satellites at the location of `target`, of a simulated sky on beacons.
 
-    `longest_s` is by default 4800 s, for a real antenna a day.
+    `longest_s` is by default 4800 s, for a real antenna a day; `acceptance_passes` are tracked with
+    the new model in the shadow of the old one.
     """
 
     longest_s: float | None = None
     fewest: int = 25
-    shadow: int = 3
+    acceptance_passes: int = 3
     orbit_prior_m: float = 5.0
     resume: bool = False
     keep_observations: bool = True
@@ -238,9 +239,10 @@ class CalibrateRequest(RunRequest):
         """How much of the sky is observed, and how the model is judged."""
         longest_s = self.longest_s or 0.0
         return CampaignParams(
-            longest_s=longest_s, fewest=self.fewest, shadow=self.shadow, orbit_prior_m=self.orbit_prior_m,
+            longest_s=longest_s, fewest=self.fewest, acceptance_passes=self.acceptance_passes,
+            orbit_prior_m=self.orbit_prior_m,
             # Satellites of the user's do not come every ten minutes.
-            shadow_span_s=longest_s if self.target.location else self.shadow * SHADOW_SPAN_S,
+            acceptance_span_s=longest_s if self.target.location else self.acceptance_passes * SHADOW_SPAN_S,
         )  # fmt: skip
 
     def schedule(self) -> CalibrationSchedule:
