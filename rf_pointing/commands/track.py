@@ -30,7 +30,7 @@ def request_of(argv: list[str] | None = None) -> TrackRequest:
     add = parser.add_argument
     add("--min-peak", type=between(0.0, 90.0), default=40.0, help="least peak elevation in deg (default: 40)")
     add("--sensor", choices=tuple(SENSOR_CHOICES), help="(default: that of the station's band)")
-    add("--scan-sigma", metavar="MDEG", type=float, help="accuracy of conscan per axis at the pass's weakest "
+    add("--scan-sigma", metavar="MDEG", type=float, help="accuracy of the scan per axis at the pass's weakest "
         "carrier: chooses radius and period (default: the station's)")  # fmt: skip
     add_run_options(
         parser,

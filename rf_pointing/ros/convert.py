@@ -8,7 +8,7 @@ import math
 import re
 from array import array
 from collections.abc import Callable
-from typing import Any, TypeVar, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, get_origin, get_type_hints
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -20,9 +20,11 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 from rf_pointing import core
 from rf_pointing.core.constants import ZERO_CELSIUS_K
-from rf_pointing.ephemeris import SkyUncertainty
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
+
+if TYPE_CHECKING:
+    from rf_pointing.ephemeris import SkyUncertainty
 
 Signal = TypeVar("Signal")
 Message = TypeVar("Message")
@@ -92,7 +94,7 @@ antenna_status_to_message, antenna_status_from_message = pair(AntennaStatus, our
 tracking_status_to_message, _ = pair(TrackingStatus, ours.TrackingStatus, half_power_beamwidth_rad="beamwidth")
 
 
-def target_to_message(target: core.Target, uncertainty: SkyUncertainty | None = None) -> ours.Target:
+def target_to_message(target: core.Target, uncertainty: "SkyUncertainty | None" = None) -> ours.Target:
     """Return the target, with what the age of its elements means on the sky if that is known."""
     message = _target_to_message(target, light_time=target.light_time_s, doppler_factor=target.doppler_factor)
     if uncertainty is not None:

@@ -17,11 +17,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from rf_pointing.core import AXES, JointReading, Target
 from rf_pointing.core.angles import unit_vector_from_azel
+from rf_pointing.core.signals import BEAM, FRAMES
 from rf_pointing.ephemeris import Site
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.streams import frame_in
-from rf_pointing.station.description.urdf import AXIS, BEAM, FRAMES, ORIGIN_RPY
+from rf_pointing.station.description.urdf import AXIS, ORIGIN_RPY
 
 EARTH = "earth"
 """Earth-centred, Earth-fixed, of REP-105: the one frame that all antennas share."""

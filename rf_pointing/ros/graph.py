@@ -17,8 +17,9 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
+from rf_pointing.core.signals import BASE, BEAM
 from rf_pointing.ros.qos import COMMAND, EXPERIMENT, IN_USE, LATCHED, SAMPLES, STATUS, STREAM
-from rf_pointing.station.description.urdf import BASE, BEAM
+from rf_pointing.tracking.sensors import SENSORS
 
 
 @dataclass(frozen=True)
@@ -80,9 +81,11 @@ SATELLITE_ATTITUDE = "satellite_attitude"
 WIND, TEMPERATURE, PRESSURE, HUMIDITY = (f"weather/{name}" for name in ("wind", "temperature", "pressure", "humidity"))
 """Topics of a station's own instruments."""
 _POINTING_ERROR = Topic(
-    "pointing_error", ours.PointingError, STREAM, "10 Hz, conscan once a scan", allowed_lag_s=_ONE_CLUSTER_S,
+    "pointing_error", ours.PointingError, STREAM, "10 Hz, of a scan once a round", allowed_lag_s=_ONE_CLUSTER_S,
     frame=BEAM,
 )  # fmt: skip
+# An array on the dish has nodes of its own.
+_TRACKERS = dict.fromkeys(traits.node for traits in SENSORS.values() if not traits.own_level)
 _TARGET_MEANING = "direction, rates, range, Doppler, light time, refraction, covariance"
 
 # The clock waits for the topic that each node publishes last in a period.  What the
@@ -110,8 +113,7 @@ GRAPH = (
         ),
         simulated=True,
     ),
-    GraphNode("monopulse_tracker", (_POINTING_ERROR,)),
-    GraphNode("conscan_tracker", (_POINTING_ERROR,)),
+    *(GraphNode(name, (_POINTING_ERROR,)) for name in _TRACKERS),
     GraphNode("bias_calibrator", (Topic("pointing_model", ours.PointingModel, LATCHED, "latched"),)),
     GraphNode(
         "ephemeris_publisher",

@@ -30,7 +30,7 @@ from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking import MonopulseTracker
-from rf_pointing.tracking.power_tracker import CarrierTracker, PowerTracker, PowerTrackerParams
+from rf_pointing.tracking.power_tracker import NODE, CarrierTracker, PowerTracker, PowerTrackerParams
 from rf_pointing.tracking.sensors import load_trackers
 
 EARLY_TARGET_S = 5.0
@@ -152,7 +152,7 @@ class StationSetup:
         """Return the tracker of the carrier power."""
         if self._tracker is not None:
             return self._tracker
-        return PowerTracker(PowerTrackerParams(**self.sets("conscan_tracker")))
+        return PowerTracker(PowerTrackerParams(**self.sets(NODE)))
 
 
 def simulate_pass(

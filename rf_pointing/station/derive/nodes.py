@@ -261,10 +261,10 @@ def reference(node: str) -> Derived:
 
 
 @cache
-def described_parameters() -> dict[str, tuple[str, ...]]:
-    """Return the nodes that have a parameter, by its name."""
+def described_parameters(nodes: tuple[str, ...] = tuple(NODES)) -> dict[str, tuple[str, ...]]:
+    """Return which of the nodes have a parameter, by its name."""
     found: dict[str, tuple[str, ...]] = {}
-    for node in NODES:
+    for node in nodes:
         for name in reference(node).names:
             found[name] = (*found.get(name, ()), node)
     return found
