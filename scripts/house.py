@@ -353,9 +353,9 @@ def _lines(node: ast.ClassDef | ast.FunctionDef) -> int:
 def word_of_track(source: Source) -> list[Row]:
     """The way of the word after `--satellite` from `track`'s main to the start of the first node.
 
-    Files and functions: those of the assembly (`ASSEMBLY`) that run on the way, which a reader has
-    to visit.  Climbs: functions that return something which carries the word to their caller; it is
-    known by its identity, and found at most two levels deep.
+    Files and functions: those of the assembly (`ASSEMBLY`) that are called with something which
+    carries the word, which a reader has to visit.  Climbs: functions that return such a thing to
+    their caller.  The word is known by its identity, and found at most two levels deep.
     """
     with tempfile.TemporaryDirectory() as folder:
         measure = [sys.executable, __file__, "--root", str(source.root), "--word-of-track"]
@@ -393,10 +393,10 @@ def follow_word(root: Path) -> dict[str, list[str]]:
             beside += {"call": 1, "return": -1}.get(event, 0)
         if beside or event not in ("call", "return") or code.co_name.startswith("<") or not file.startswith(ASSEMBLY):
             return
-        if event == "call":
+        if event == "call" and any(_carries(value, word) for value in frame.f_locals.values()):
             found["files"].add(file)
             found["functions"].add(f"{file} {code.co_qualname}")
-        elif _carries(result, word):
+        elif event == "return" and _carries(result, word):
             found["climbs"].add(f"{file} {code.co_qualname}")
 
     def arrived(*_arguments: object, **_named: object) -> None:

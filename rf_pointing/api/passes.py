@@ -83,7 +83,7 @@ class StationPass:
 
     @property
     def warning(self) -> str:
-        """What stale elements cost at the closest approach, in beamwidths; "" for fresh ones."""
+        """Error of stale elements at the closest approach, in beamwidths; "" for fresh ones."""
         track, beamwidth_rad = self.target.track(self.station.site), math.radians(self.station.beamwidth_deg)
         return stale_warning(track, self.tca_t_s, STALE_S, ElementUncertainty(), beamwidth_rad)
 
@@ -94,7 +94,7 @@ STALE_S = SourceParams().stale_days * DAY_S
 
 @dataclass(frozen=True, eq=False)
 class PassCertificate:
-    """What a pass requires of the antenna: all ways to track it, and the one that is taken.
+    """Requirements of a pass on the antenna: all ways to track it, and the one that is taken.
 
     `print(certificate)` shows the table of the branches.  `planned` has its parts in radians.
     """

@@ -90,7 +90,7 @@ class Station:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """What the band can track with, the default first; empty for program track alone."""
+        """Sensors of the band, the default first; empty for program track alone."""
         return self.description.sensors(self.band)
 
     @cached_property

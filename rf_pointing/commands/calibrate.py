@@ -22,7 +22,7 @@ from rf_pointing.tracking.sensors import SENSORS
 
 
 def request_of(argv: list[str] | None = None) -> CalibrateRequest:
-    """Return what a command line asks for; ValueError with the reason where it cannot be."""
+    """Return the request of a command line; ValueError with the reason where it cannot be."""
     parser = argparse.ArgumentParser(
         prog="calibrate", description="Calibrate the pointing model of a station, simulated or real."
     )

@@ -9,8 +9,8 @@ from rf_pointing.ros.managed import ManagedNode
 class OneGoal:
     """An action that an active node serves.
 
-    `begin(request)` starts the work, and its ValueError or OSError refuses it.  `result(refusal)`
-    is that of the work, or of a refusal with that reason; `cancel()` ends the work early.
+    `begin(request)` starts the work, and its ValueError or OSError refuses it.  `result(reason)`
+    is that of the work, or of a goal refused with that reason; `cancel()` ends the work early.
     """
 
     def __init__(

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
@@ -231,9 +231,11 @@ class AnyNight(RuleBasedStateMachine):
         assert over - skipped <= set(station.states) <= over
 
 
+# Not shortened: hours of a night are stepped in each attempt.
 AnyNight.TestCase.settings = settings(
-    max_examples=20, stateful_step_count=12, deadline=None, suppress_health_check=list(HealthCheck)
-)
+    max_examples=20, stateful_step_count=12, deadline=None, suppress_health_check=list(HealthCheck),
+    phases=(Phase.explicit, Phase.reuse, Phase.generate),
+)  # fmt: skip
 TestAnyNight = AnyNight.TestCase
 
 

@@ -80,8 +80,8 @@ def test_a_command_with_the_token_reaches_the_station() -> None:
         ({"Authorization": "Bearer \u20ac"}, 401, "the token is wrong"),
         ({"Origin": "http://evil.example"}, 403, "may not use this one"),
         ({"Origin": "null"}, 403, "may not use this one"),
-        ({"Host": "evil.example:8080"}, 403, "none of page.hosts"),
-        ({"Host": "[::1"}, 403, "none of page.hosts"),
+        ({"Host": "evil.example:8080"}, 403, "not in page.hosts"),
+        ({"Host": "[::1"}, 403, "not in page.hosts"),
         ({"Content-Type": "text/plain"}, 415, "must be application/json"),
     ],
 )
@@ -107,13 +107,13 @@ def test_a_token_in_the_address_is_none() -> None:
 @pytest.mark.parametrize(
     ("body", "status", "words"),
     [
-        ("", 400, "no JSON"),
-        ("{", 400, "no JSON"),
+        ("", 400, "not JSON"),
+        ("{", 400, "not JSON"),
         ("[]", 400, "an object of name and arguments"),
         ('{"name": 1}', 400, "name must be a text"),
         ('{"name": "park", "arguments": []}', 400, "arguments an object"),
         ('{"name": "park", "more": 1}', 400, "an object of name and arguments"),
-        ('{"name": "set", "arguments": {"value": NaN}}', 400, "NaN is no number"),
+        ('{"name": "set", "arguments": {"value": NaN}}', 400, "NaN is not a number"),
         (b'{"name": "\xff"}', 400, "decode"),
         ("[" * (LONGEST_BODY - 1), 400, "nested too deeply|no JSON"),
         ("x" * (LONGEST_BODY + 1), 413, "Maximum request body size"),

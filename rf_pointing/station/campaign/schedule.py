@@ -10,8 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing import calibration
-from rf_pointing.calibration import Campaign, FitResult, Observations, SectorRule
+from rf_pointing.calibration import (
+    AcceptanceRules,
+    Campaign,
+    FitResult,
+    Observations,
+    PassPriors,
+    SectorRule,
+    Slew,
+    plan_campaign,
+    read_model,
+)
 from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Elements, Pass
@@ -58,7 +67,7 @@ class CampaignParams(Params):
 
 @dataclass(frozen=True, eq=False)
 class CalibrationSchedule:
-    """What is tracked: `windows` for the fit (none when the sky is full), then `shadow`."""
+    """Passes to track: `windows` for the fit (none when the sky is full), then `shadow`."""
 
     elements: list[Elements]
     campaign: Campaign
@@ -116,8 +125,8 @@ def _planned(
     )
     candidates, _ = candidate_arcs(elements, station.site, begin_s, span_s, rules)
     low_deg, high_deg = station.content.mount.azimuth.travel_deg
-    slew = calibration.Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=(math.radians(low_deg), math.radians(high_deg)))
-    return calibration.plan_campaign(candidates, rule, slew, filled)
+    slew = Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=(math.radians(low_deg), math.radians(high_deg)))
+    return plan_campaign(candidates, rule, slew, filled)
 
 
 def _windows_of(station: StationDescription, elements: list[Elements], campaign: Campaign) -> list[Pass]:
@@ -133,7 +142,7 @@ def fit_of_kept(
     journal = journal_of(folder, station.name, band)
     log = CalibrationLog(station.name, band, SPACING_S, SIGMA_RAD, journal=journal)
     points, file = log.observations(), station.bias_model_file(band)
-    start = calibration.read_model(file) if file else None
-    keeper = ModelKeeper(station.name, band, folder, start, calibration.ShadowRules())
+    start = read_model(file) if file else None
+    keeper = ModelKeeper(station.name, band, folder, start, AcceptanceRules())
     keeper.begin(float(np.max(points.t_s)))
-    return points, log.fit(keeper.model, pass_priors=calibration.PassPriors.of_orbit(orbit_prior_m))
+    return points, log.fit(keeper.model, pass_priors=PassPriors.of_orbit(orbit_prior_m))
