@@ -255,12 +255,6 @@ def test_nodes_are_heard_on_this_computer_alone_unless_the_user_decides(
             assert found == wanted
 
 
-def test_an_unknown_network_is_refused(given: dict[str, str]) -> None:
-    given["network"] = "everyone"
-    with pytest.raises(ValueError, match="network:=everyone must be loopback or environment"):
-        launched("simulated_station")
-
-
 @pytest.mark.parametrize("system", ["doa", "interferometer", "tripulse"])
 def test_an_array_sensor_has_a_clock_of_its_namespace(given: dict[str, str], system: str) -> None:
     nodes = launched(system)
@@ -285,11 +279,3 @@ def test_the_target_reaches_the_publisher_and_the_simulated_receiver(
     for name in wanted:
         values = parameters(nodes[name])
         assert (values["source.elements"], values["source.satellite"]) == (place, satellite)
-
-
-def test_only_a_station_s_own_nodes_get_its_description(given: dict[str, str]) -> None:
-    given |= {"page": "true"}
-    nodes = launched("simulated_station")
-    others = {"simulation_clock", "operator_page"}
-    for name in ("station", "band", "use_sim_time"):
-        assert those_with(nodes, name) == set(nodes) - others

@@ -14,7 +14,6 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.time import Time
 from std_msgs.msg import Header
 
-from rf_pointing.ros import lifecycle
 from rf_pointing.ros.lifecycle import Lifecycle, Schedule
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import ManagedNode
@@ -160,15 +159,6 @@ def test_a_node_brings_itself_up_once_when_it_is_ready(make_bench: Callable[...,
     assert bench.health("state").message == "unconfigured"
 
 
-def test_a_refused_configuration_is_not_tried_again(make_bench: Callable[..., Any]) -> None:
-    bench = make_bench(Subject, **{"lifecycle.autostart": True})
-    bench.node.refusal = ValueError("gain=9 must be <= 5")
-    bench.node.bring_up()
-    bench.node.refusal = None
-    bench.node.bring_up()
-    assert bench.health("state").message == "gain=9 must be <= 5"
-
-
 def test_simulated_time_is_waited_for(make_bench: Callable[..., Any]) -> None:
     bench = make_bench(Subject, use_sim_time=True)
     assert bench.step("configure")
@@ -178,25 +168,6 @@ def test_simulated_time_is_waited_for(make_bench: Callable[..., Any]) -> None:
     bench.node.get_clock().set_ros_time_override(Time(seconds=5, clock_type=bench.node.get_clock().clock_type))
     assert bench.step("activate")
     assert Lifecycle.now_s(bench.node) == 5.0
-
-
-def test_a_second_node_of_the_name_is_refused(bench: Any, make_bench: Callable[..., Any]) -> None:
-    with pytest.raises(RuntimeError, match="/managed_subject already runs in ROS domain"):
-        make_bench(Subject, beside=True)
-
-
-def test_an_unknown_parameter_is_refused_with_the_nearest_name(bench: Any) -> None:
-    refused = bench.change(**{"lifecycle.autostart": False, "lifecycle.autostrat": True})
-    assert "lifecycle.autostrat: no such parameter of managed_subject" in refused
-    assert "lifecycle.autostart" in refused
-
-
-def test_a_priority_that_is_not_permitted_is_a_warning_and_the_node_starts(
-    make_bench: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(lifecycle, "take_priority", lambda number: f"{number} is not permitted")
-    bench = make_bench(Subject, **{"lifecycle.realtime_priority": 20})
-    assert bench.log == [("warning", "20 is not permitted")]
 
 
 # Periodic work
@@ -213,14 +184,6 @@ def test_work_is_done_for_each_instant_and_a_stall_differs_from_a_jump(bench: An
     bench.t_s += 2.0
     bench.turn()
     assert bench.node.schedule.jumped_s == pytest.approx(1.9, abs=1e-6), "the steady clock did not go on"
-
-
-def test_work_that_raises_is_the_failure_of_the_node(bench: Any) -> None:
-    bench.up()
-    bench.node.every(0.1, lambda _t_s: 1 / 0)
-    with pytest.raises(ZeroDivisionError):
-        bench.run(0.1)
-    assert isinstance(bench.node.failure, ZeroDivisionError)
 
 
 @given(
@@ -267,19 +230,6 @@ def test_a_gap_is_made_up_or_else_a_stall_if_the_steady_clock_went_on_as_far_or_
     # The next period is a usual one.
     schedule.due(now_s + period_s, 100.0 + steady_s + period_s)
     assert schedule.jumped_s == schedule.stalled_s == 0.0
-
-
-def test_the_grid_does_not_drift() -> None:
-    schedule = Schedule(START_S, 0.1)
-    times = [t_s for k in range(1, 100_001) for t_s in schedule.due(START_S + 0.1 * k)]
-    assert (len(times), times[-1]) == (100_000, START_S + 10_000.0)
-
-
-@pytest.mark.parametrize(
-    ("start_s", "first_s"), [(0.0, 0.02), (0.019997, 0.02), (0.0199976, 0.02), (0.0199985, 0.04), (0.02, 0.04)]
-)
-def test_a_start_a_ten_thousandth_of_a_period_before_an_instant_is_that_instant(start_s: float, first_s: float) -> None:
-    assert Schedule(start_s, 0.02).due(0.05)[0] == first_s
 
 
 # The process

@@ -1,12 +1,9 @@
 """One node of a name per namespace and domain on a machine."""
 
-import gc
 import os
 import signal
 import subprocess
 import sys
-import tempfile
-import weakref
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +12,7 @@ import pytest
 import rclpy
 
 from rf_pointing.ros import main_loop
-from rf_pointing.ros.main_loop import InstanceLock, last_holder, open_private, private_folder, take_priority
+from rf_pointing.ros.main_loop import InstanceLock, last_holder, private_folder, take_priority
 from rf_pointing.ros.managed import ManagedNode
 
 
@@ -33,14 +30,6 @@ def test_a_second_holder_is_refused_with_the_first_ones_process() -> None:
         InstanceLock("/gs1/antenna_servo")
     lock.release()
     InstanceLock("/gs1/antenna_servo").release()
-
-
-def test_the_process_that_took_a_name_is_known_and_nobody_s_that_was_never_taken() -> None:
-    assert last_holder("/gs1/antenna_servo") is None
-    lock = InstanceLock("/gs1/antenna_servo")
-    assert last_holder("/gs1/antenna_servo") == os.getpid()
-    assert last_holder("/gs2/antenna_servo") is None
-    lock.release()
 
 
 def test_other_names_namespaces_and_domains_are_free(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,28 +68,6 @@ def test_locks_lie_in_the_user_s_runtime_directory_and_are_the_user_s_alone(tmp_
     lock.path.parent.chmod(0o777)
     InstanceLock(NAME).release()
     assert lock.path.parent.stat().st_mode & 0o777 == 0o700
-
-
-@pytest.mark.parametrize("fault", ["missing", "owner", "closed"])
-def test_without_a_runtime_directory_of_the_user_locks_lie_in_the_temporary_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str
-) -> None:
-    (tmp_path / "temporary").mkdir()
-    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "temporary"))
-    stat = os.stat
-
-    def found(path: Any, **options: Any) -> Any:
-        if Path(str(path)) not in (tmp_path, Path(f"/run/user/{os.getuid()}")):
-            return stat(path, **options)
-        if fault == "missing":
-            raise FileNotFoundError(2, "none", path)
-        return SimpleNamespace(st_uid=os.getuid() + (fault == "owner"))
-
-    monkeypatch.setattr(os, "stat", found)
-    monkeypatch.setattr(os, "access", lambda _path, mode: mode == os.W_OK and fault != "closed")
-    lock = InstanceLock(NAME)
-    assert lock.path.parent == tmp_path / "temporary" / f"rf_pointing-{os.getuid()}"
-    lock.release()
 
 
 def test_a_link_that_somebody_has_put_there_is_not_followed(tmp_path: Path) -> None:
@@ -147,16 +114,6 @@ def test_a_priority_that_is_not_permitted_is_told_and_nice_is_next(monkeypatch: 
     assert asked == [(os.PRIO_PROCESS, 0, -10)]
     monkeypatch.setattr(os, "setpriority", refuse)
     assert ", nor is nice -10" in take_priority(20)
-
-
-def test_a_priority_that_is_permitted_is_that_of_every_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    given: dict[int, tuple[int, int]] = {}
-    monkeypatch.setattr(
-        os, "sched_setscheduler", lambda who, how, param: given.update({who: (how, param.sched_priority)})
-    )
-    assert take_priority(20) == ""
-    assert os.getpid() in given
-    assert set(given.values()) == {(os.SCHED_FIFO, 20)}
 
 
 @pytest.mark.parametrize(
@@ -322,67 +279,3 @@ def test_help_is_given_beside_other_arguments(
         main_loop.run(Node)
     assert left.value.code == 0
     assert capsys.readouterr().out.startswith(f"{__doc__}\nusage: ")
-
-
-def test_the_file_of_a_lock_holds_the_number_of_its_process_alone(tmp_path: Path) -> None:
-    lock = InstanceLock(NAME)
-    lock.release()
-    lock.path.write_text("123456789012345")
-    lock = InstanceLock(NAME)
-    assert lock.path.read_text() == str(os.getpid()), "written at once, and nothing of the one before"
-    lock.release()
-    lock.path.write_text("")
-    assert last_holder(NAME) is None
-    lock.path.write_text("12345678901234567890")
-    assert last_holder(NAME) == 12345678901234567890
-
-
-def test_a_holder_without_a_number_is_unknown() -> None:
-    lock = InstanceLock(NAME)
-    lock.path.write_text("")
-    with pytest.raises(RuntimeError, match=r"\(process unknown\)$"):
-        InstanceLock(NAME)
-    lock.release()
-
-
-def test_files_of_a_node_are_closed_after_a_refusal_and_not_inherited_by_its_children(tmp_path: Path) -> None:
-    opened = open_private(tmp_path / "file", os.O_RDWR)
-    assert not os.get_inheritable(opened)
-    os.close(opened)
-    os.mkfifo(tmp_path / "pipe")
-    before = os.listdir("/proc/self/fd")
-    private_folder(tmp_path / "folder")
-    with pytest.raises(RuntimeError, match="must be a file of user [0-9]+ without another name"):
-        open_private(tmp_path / "pipe", os.O_RDWR)
-    assert os.listdir("/proc/self/fd") == before
-
-
-class Linked:
-    other: Any
-
-
-def test_what_was_imported_is_left_out_of_collections_but_garbage_is_not_kept() -> None:
-    gc.unfreeze()
-    gc.disable()
-    try:
-        first, second = Linked(), Linked()
-        first.other, second.other, seen = second, first, weakref.ref(first)
-        del first, second
-        main_loop.settle_garbage()
-        assert gc.get_freeze_count() > 1000
-        assert seen() is None
-    finally:
-        gc.unfreeze()
-        gc.enable()
-
-
-def test_a_node_has_the_executor_of_events_where_rclpy_has_it(
-    ros_context: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made = main_loop.make_executor(ros_context)
-    assert type(made).__name__ == "EventsExecutor"
-    made.shutdown()
-    monkeypatch.setitem(sys.modules, "rclpy.experimental.events_executor", None)
-    made = main_loop.make_executor(ros_context)
-    assert type(made).__name__ == "SingleThreadedExecutor"
-    made.shutdown()

@@ -10,7 +10,6 @@ import pytest
 from builtin_interfaces.msg import Time
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from lifecycle_msgs.srv import GetState
 from rclpy.serialization import serialize_message
 from rf_pointing_msgs.action import Identify
 from rf_pointing_msgs.msg import PointingError, Target
@@ -19,7 +18,7 @@ from std_srvs.srv import Trigger
 
 from rf_pointing.ros import convert
 from rf_pointing.ros.managed import ManagedNode, conclude
-from rf_pointing.ros.qos import LATCHED, STREAM
+from rf_pointing.ros.qos import STREAM
 
 WARN = b"\x01"
 
@@ -93,11 +92,6 @@ def test_another_exception_of_a_callback_is_counted_and_logged_once(bench: Any) 
     assert [level for level, words in bench.log if words.startswith("broken: AttributeError")] == ["error"]
 
 
-def test_a_refused_stream_is_logged_once_as_a_warning(bench: Any) -> None:
-    bench.give("error", b"1234", b"12345", b"123456")
-    assert [level for level, words in bench.log if words.startswith("error ignored: ")] == ["warning"]
-
-
 def test_only_the_newest_of_a_fast_stream_is_decoded_and_its_refusal_counted(bench: Any) -> None:
     latest = bench.node.listen_latest(PointingError, "fast", convert.error_from_message, STREAM)
     for length in range(12):
@@ -116,14 +110,6 @@ def test_lost_messages_of_a_numbered_stream_are_counted_and_those_of_bytes_are_n
     health = bench.health("inputs")
     assert (health.message, health.values["lost error"], "lost raw" in health.values) == ("3 messages lost", "3", False)
     assert raw[0] == serialize_message(PointingError(sensor="monopulse", sequence=1))
-
-
-@pytest.mark.parametrize(("qos", "most"), [(STREAM, 262_144), (LATCHED, 16_777_216)])
-def test_the_longest_message_is_that_of_a_stream_or_of_a_latched_list(bench: Any, qos: Any, most: int) -> None:
-    got: list[int] = []
-    bench.node.listen(PointingError, "long", lambda raw: got.append(len(raw)), qos, raw=True)
-    bench.give("long", bytes(most), bytes(most + 1))
-    assert got == [most]
 
 
 def test_a_steady_input_that_falls_silent_makes_the_node_deaf_whatever_its_messages(bench: Any) -> None:
@@ -161,12 +147,6 @@ def test_a_service_answers_with_its_message_or_its_error(bench: Any, act: Any, s
     assert (answer.success, answer.message.endswith(message)) == (success, True)
     bench.step("cleanup")
     assert "/managed_subject/act" not in [each.service_name for each in bench.node.services]
-
-
-def test_a_service_without_success_answers_too(bench: Any) -> None:
-    bench.node.serve(GetState, "~/state", lambda _request, _response: 1 / 0)
-    assert bench.call("~/state", GetState.Request()) == GetState.Response()
-    assert bench.health("inputs").values["errors"] == "1"
 
 
 def test_a_goal_is_accepted_begun_cancelled_and_concluded(bench: Any) -> None:

@@ -88,24 +88,6 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
 # Processes
 
 
-def test_every_executable_runs_in_its_namespace_with_all_parameter_files(machine: Machine, tmp_path: Path) -> None:
-    processes = NodeProcesses("/gs1", [Path("a.yaml"), Path("b.yaml")], tmp_path / "deep" / "logs")
-    processes.start(["simulation_clock", "array/receiver"])
-    files = ["--params-file", "a.yaml", "--params-file", "b.yaml"]
-    assert machine["simulation_clock"].arguments[1:] == ["--ros-args", "-r", "__ns:=/gs1", *files]
-    time = ["-r", "/clock:=/gs1/clock", "-p", "use_sim_time:=true"]
-    assert machine["receiver"].arguments[1:] == ["--ros-args", "-r", "__ns:=/gs1/array", *files, *time]
-    assert (tmp_path / "deep" / "logs" / "array.receiver.log").read_bytes() == b"starts\n"
-    assert processes.process_id("array/receiver") == machine["receiver"].pid
-    options = machine["receiver"].options
-    assert (options["stdin"], options["stderr"]) == (subprocess.DEVNULL, subprocess.STDOUT)
-    assert options["env"].items() >= {("OPENBLAS_NUM_THREADS", os.environ.get("OPENBLAS_NUM_THREADS", "1"))}
-    # A folder of logs that is there is used again.
-    processes.start(["rf_receiver"], simulated_time=False, autostart=True)
-    autostart = ["-p", "lifecycle.autostart:=true"]
-    assert machine["rf_receiver"].arguments[1:] == ["--ros-args", "-r", "__ns:=/gs1", *files, *autostart]
-
-
 SLEEPER = "#!/bin/sh\nexec sleep 60\n"
 
 
@@ -150,25 +132,6 @@ def test_a_node_ends_with_the_process_that_has_started_it(sleepers: list[str], t
     while node.exists() and node.read_text().split()[2] != "Z":
         assert time.monotonic() < deadline_s
         os.sched_yield()
-
-
-def test_what_has_ended_and_what_holds_no_name_is_listed(machine: Machine, tmp_path: Path) -> None:
-    processes = NodeProcesses("/gs1", [], tmp_path)
-    processes.start(["antenna_servo", "rf_receiver"])
-    assert processes.ended() == {}
-    machine["rf_receiver"].code = 2
-    assert processes.ended() == {"rf_receiver": 2}
-    machine.holders = {"/gs1/antenna_servo": machine["antenna_servo"].pid, "/gs1/rf_receiver": 1}
-    assert processes.nameless(["antenna_servo", "rf_receiver"]) == ["rf_receiver"], "another graph has this name"
-
-
-def test_a_complaint_is_the_last_line_of_the_log(machine: Machine, tmp_path: Path) -> None:
-    processes = NodeProcesses("/gs1", [], tmp_path)
-    log = tmp_path / "rf_receiver.log"
-    log.write_text("first\nsecond\nband=Q must be one of S, X\n\n")
-    assert processes.complaint("rf_receiver") == "band=Q must be one of S, X"
-    log.write_text("\n")
-    assert processes.complaint("rf_receiver") == "no message"
 
 
 def test_processes_end_by_the_mildest_signal_that_does_it(machine: Machine, tmp_path: Path) -> None:
@@ -272,23 +235,6 @@ def test_a_graph_is_configured_when_its_nodes_hold_their_names(
     assert [at_s for _, _, at_s in network.requests] == pytest.approx([5.0, 5.0], abs=0.1)
 
 
-def test_a_name_that_another_graph_keeps_ends_the_start(
-    machine: Machine, network: Network, graph: ManagedGraph
-) -> None:
-    machine.holders["/gs1/rf_receiver"] = 1
-    with pytest.raises(TimeoutError, match="antenna_servo, rf_receiver not seen within 20 s"):
-        graph.configure(NODES)
-    assert machine.wall.passed_s == pytest.approx(20.0, abs=0.1)
-    assert network.requests == []
-
-
-def test_services_that_do_not_appear_end_the_start(machine: Machine, network: Network, graph: ManagedGraph) -> None:
-    network.ready_s = math.inf
-    with pytest.raises(TimeoutError, match="antenna_servo, rf_receiver did not appear within 20 s"):
-        graph.configure(NODES)
-    assert machine.wall.passed_s == pytest.approx(20.0, abs=0.1)
-
-
 def test_a_node_that_refuses_is_named_with_its_reason(
     machine: Machine, network: Network, graph: ManagedGraph, tmp_path: Path
 ) -> None:
@@ -329,17 +275,6 @@ def test_where_an_answer_is_lost_the_state_of_the_node_counts(
         graph.configure(NODES)
 
 
-def test_an_answer_that_does_not_come_at_all_ends_the_change(
-    machine: Machine, network: Network, graph: ManagedGraph
-) -> None:
-    graph.configure(NODES)
-    network.answer_s = math.inf
-    begin_s = machine.wall.passed_s
-    with pytest.raises(TimeoutError, match="antenna_servo, rf_receiver did not deactivate within 20 s"):
-        graph.change(NODES, "deactivate")
-    assert machine.wall.passed_s - begin_s == pytest.approx(20.0, abs=0.1)
-
-
 def test_an_activation_is_repeated_for_the_nodes_that_refuse_it(
     machine: Machine, network: Network, graph: ManagedGraph
 ) -> None:
@@ -355,18 +290,6 @@ def test_an_activation_is_repeated_for_the_nodes_that_refuse_it(
     assert 4 * 0.05 + 3 * 0.1 <= machine.wall.passed_s - begin_s < 4 * 0.07 + 3 * 0.12
 
 
-def test_an_activation_that_is_refused_for_five_seconds_ends_the_start(
-    machine: Machine, network: Network, graph: ManagedGraph, tmp_path: Path
-) -> None:
-    graph.configure(NODES)
-    network.refusing = {"rf_receiver": math.inf}
-    complain(tmp_path, "rf_receiver", "no time yet")
-    begin_s = machine.wall.passed_s
-    with pytest.raises(NotStartedError, match="^could not activate rf_receiver: no time yet$"):
-        graph.activate(NODES)
-    assert machine.wall.passed_s - begin_s == pytest.approx(5.0, abs=0.3)
-
-
 def test_a_deaf_node_starts_again_and_activates_itself(machine: Machine, graph: ManagedGraph) -> None:
     graph.check()
     assert len(machine.made) == 2
@@ -380,20 +303,3 @@ def test_a_deaf_node_starts_again_and_activates_itself(machine: Machine, graph: 
     assert "use_sim_time:=true" in again.arguments
     graph.check()
     assert len(machine.made) == 3
-
-
-def test_a_deaf_node_of_a_real_antenna_keeps_real_time(machine: Machine, network: Network, tmp_path: Path) -> None:
-    graph = ManagedGraph(network, "/gs1", [], tmp_path, network.spin, patience_s=20.0)
-    graph.start(["antenna_servo"], simulated_time=False)
-    machine["antenna_servo"].code = DEAF
-    graph.check()
-    assert "use_sim_time:=true" not in machine["antenna_servo"].arguments
-
-
-def test_a_wait_spins_for_its_time(machine: Machine, network: Network, graph: ManagedGraph) -> None:
-    graph.waiting.pause(0.5)
-    assert machine.wall.passed_s == pytest.approx(0.5, abs=0.03)
-    assert network.spins == pytest.approx(25, abs=1)
-    begin = network.spins
-    graph.waiting.until(lambda: network.spins > begin + 3, "spins not seen")
-    assert network.spins == begin + 4

@@ -96,12 +96,6 @@ def test_given_values_reach_the_core_in_radians(make_node: MakeNode) -> None:
     assert axis.loop.gain == 7.0
 
 
-def test_values_that_fit_only_together_are_taken_together(make_node: MakeNode) -> None:
-    made = groups(make_node(given={"axis.low_deg": 60.0, "axis.high_deg": 80.0}))
-    assert made.reasons == []
-    assert made.value("axis").low_rad == pytest.approx(math.radians(60.0))
-
-
 @pytest.mark.parametrize(
     ("given", "words"),
     [
@@ -131,13 +125,6 @@ def test_unknown_keys_are_noted_and_standard_ones_are_not(make_node: MakeNode) -
     made = groups(make_node(given={"axis.hihg_deg": 1.0, "use_sim_time": False}))
     made.refuse_unknown()
     assert made.reasons == ["axis.hihg_deg: no such parameter of subject; did you mean axis.high_deg?"]
-
-
-def test_asking_twice_notes_an_unknown_key_once(make_node: MakeNode) -> None:
-    made = groups(make_node(given={"axis.hihg_deg": 1.0}))
-    made.refuse_unknown()
-    made.refuse_unknown()
-    assert len(made.reasons) == 1
 
 
 def test_a_change_reaches_core_and_listeners_once(make_node: MakeNode) -> None:
@@ -175,14 +162,6 @@ def test_a_refused_change_leaves_every_set_as_it_was(
     assert node.get_parameter("axis.loop.gain").value == 0.5
 
 
-def test_a_parameter_cannot_be_deleted(make_node: MakeNode) -> None:
-    node = make_node()
-    made = groups(node)
-    result = node.set_parameters_atomically([Parameter("axis.loop.gain", Parameter.Type.NOT_SET)])
-    assert not result.successful
-    assert unchanged(made)
-
-
 def test_a_change_spanning_two_sets_is_all_or_nothing(make_node: MakeNode) -> None:
     node = make_node()
     made = groups(node)
@@ -190,13 +169,6 @@ def test_a_change_spanning_two_sets_is_all_or_nothing(make_node: MakeNode) -> No
     changes = [Parameter("other.gain", value=9.0), Parameter("axis.low_deg", value=60.0)]
     assert not node.set_parameters_atomically(changes).successful
     assert made.value("other").gain == 0.5
-
-
-def test_a_set_without_a_prefix_uses_bare_names(make_node: MakeNode) -> None:
-    node = make_node(given={"gain": 3.0})
-    made = ParameterGroups(node)
-    made.declare("", Loop())
-    assert made.value("").gain == 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,12 +186,6 @@ def test_an_empty_array_is_one_of_doubles_and_can_be_filled(make_node: MakeNode)
     assert made.value("") == Periods()
     assert node.set_parameters([Parameter("periods_s", value=[2.0, 3.0])])[0].successful
     assert made.value("").periods_s == (2.0, 3.0)
-
-
-def test_an_empty_array_takes_what_a_file_gives(make_node: MakeNode) -> None:
-    made = ParameterGroups(make_node(given={"periods_s": [4.0]}))
-    made.declare("", Periods())
-    assert made.value("").periods_s == (4.0,)
 
 
 # Parameters of a configured node
@@ -262,11 +228,3 @@ def test_describing_a_parameter_says_when_it_is_read(make_node: MakeNode) -> Non
     assert said["kind"] == "one of a, b; read when the node is configured"
     assert said["low_deg"] == "read when the node is configured"
     assert (said["loop.gain"], said["high_deg"]) == ("", "")
-
-
-def test_the_node_itself_may_show_what_it_has_in_force(make_node: MakeNode) -> None:
-    node = make_node()
-    made = configured(node)
-    made.put("axis", Axis(kind="b"))
-    assert made.value("axis").kind == "b"
-    assert made.configured

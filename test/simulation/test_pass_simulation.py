@@ -2,10 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,10 +12,8 @@ from rf_pointing.core import MDEG
 from rf_pointing.ephemeris import Pass, first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
-from rf_pointing.simulation.closed_loop import PointedTick
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.pointing.controller import PointingController
-from rf_pointing.tracking import MonopulseParams
 from rf_pointing.tracking.power_tracker import PowerTracker
 
 SETTLED_S = 35.0
@@ -87,18 +82,6 @@ def test_the_pointing_model_moves_the_waiting_beam_by_the_mounts_errors(window: 
     assert np.hypot(*with_model.errors_rad()[waiting]) < np.hypot(*without.errors_rad()[waiting])
 
 
-def test_errors_can_be_chosen_by_mode() -> None:
-    log = PassLog(
-        t_s=[0.0, 0.1, 0.2],
-        cross_elevation_rad=[1.0, 2.0, 3.0],
-        elevation_rad=[4.0, 5.0, 6.0],
-        mode=["slew", "monopulse", "conscan"],
-    )
-    assert log.errors_rad().shape == (3, 2)
-    assert log.errors_rad("monopulse", "conscan").tolist() == [[2.0, 5.0], [3.0, 6.0]]
-    assert log.errors_rad("coast").shape == (0, 2)
-
-
 @pytest.mark.parametrize(
     ("node", "changes", "complaint"),
     [
@@ -124,133 +107,6 @@ def test_a_refused_parameter_names_node_and_key(
 
 
 # The parts, with stand-ins
-
-
-class Wired:
-    """A setup whose parts note what they are given, in the order in which they are."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, outputs: list[PointedTick], **options: Any) -> None:
-        self.log: list[tuple[Any, ...]] = []
-        self.receptions: dict[str, Any] = {}
-        self.modes = iter(["wait", *"abcdefgh"])
-        note = self._note
-        state = SimpleNamespace(mode="before")
-        plan = SimpleNamespace(take_profiles=note("profiles"), certificate="certificate")
-        self.controller_ = SimpleNamespace(
-            state=state, plan=plan, start=note("start"), take_error=note("error"), params=None
-        )
-        self.antenna_ = SimpleNamespace(enable=note("enable"), params=SimpleNamespace(tick_s=0.02))
-        self.carrier = SimpleNamespace(
-            take_status=note("status"), take_joints=note("joints"),
-            take_power=lambda power: [f"{power} 1", f"{power} 2"],
-        )  # fmt: skip
-        self.array = options.get("array")
-        self.sensor, self.band = "usual", "X"
-        self.station = SimpleNamespace(
-            chosen_sensor=lambda sensor, band: f"{sensor}{band}" if sensor != "array" else sensor
-        )
-        monkeypatch.setattr(
-            "rf_pointing.simulation.pass_simulation.MonopulseTracker",
-            lambda _: SimpleNamespace(measure=lambda cluster: f"of {cluster}"),
-        )
-        monkeypatch.setattr(
-            "rf_pointing.simulation.pass_simulation.pass_profile", lambda track, window: (track, window)
-        )
-
-        def pointed(*given: Any) -> Any:
-            self.log.append(("pointed", *given[2:]))
-            return SimpleNamespace(step=lambda k: (self.log.append(("tick", k)), outputs[k - 1])[1])
-
-        monkeypatch.setattr("rf_pointing.simulation.pass_simulation.PointedAntenna", pointed)
-
-    def _note(self, name: str) -> Callable[..., None]:
-        return lambda *given: self.log.append((name, *given))
-
-    def track(self) -> str:
-        return "track"
-
-    def antenna(self) -> Any:
-        return self.antenna_
-
-    def controller(self) -> Any:
-        return self.controller_
-
-    def power_tracker(self) -> Any:
-        return self.carrier
-
-    def receiver(self) -> Any:
-        return SimpleNamespace(take=lambda boresight: self.receptions.get(boresight))
-
-    def sets(self, _node: str) -> Any:
-        return {"monopulse": MonopulseParams()}
-
-
-def tick_of(k: int, mode: str = "", trajectory: float | None = None) -> PointedTick:
-    status = None
-    if mode:
-        status = SimpleNamespace(t_s=0.02 * k, scan_centre_rad="c", offset_rad="o", mode=mode, sensor="s")
-    path = None
-    if trajectory is not None:
-        path = SimpleNamespace(
-            t_s=np.array([trajectory, 9.0]), position_rad=np.array([[trajectory + 1.0, trajectory + 2.0], [9.0, 9.0]])
-        )
-    return PointedTick(0.02 * k, f"reading {k}", f"beam {k}", status, path)
-
-
-def reception(t_s: float) -> Any:
-    truth = SimpleNamespace(
-        t_s=t_s, cross_elevation_rad=t_s + 1.0, elevation_rad=t_s + 2.0, carrier_to_noise_db_hz=t_s + 3.0
-    )
-    return SimpleNamespace(cluster=f"cluster {t_s}", power=f"power {t_s}", truth=truth)
-
-
-def wired(monkeypatch: pytest.MonkeyPatch, **options: Any) -> Wired:
-    # 0.1 s of five ticks: all but the first one, which is before the start, and the last one.
-    outputs = [tick_of(1, "slew", 100.0), tick_of(2), tick_of(3, "conscan"), tick_of(4, "", 200.0)]
-    one = Wired(monkeypatch, outputs, **options)
-    one.receptions = {"beam 2": reception(10.0), "beam 3": reception(20.0)}
-    return one
-
-
-WINDOW = SimpleNamespace(aos_t_s=1000.05, los_t_s=1000.1)
-
-
-def test_parts_are_called_in_the_order_of_the_graph(monkeypatch: pytest.MonkeyPatch) -> None:
-    one, heard = wired(monkeypatch), []
-    log = simulate_pass(one, WINDOW, 1000.0, on_reception=heard.append)
-    assert one.log == [
-        ("enable",), ("pointed", "track", 1000.0, pytest.approx(995.05)), ("profiles", [("track", WINDOW)]),
-        ("start", 1000.0, WINDOW, "usualX"),
-        ("tick", 1), ("status", 0.02, "c", "o", "slew", "s"), ("joints", "reading 1"),
-        ("tick", 2), ("joints", "reading 2"), ("error", "of cluster 10.0"), ("error", "power 10.0 1"),
-        ("error", "power 10.0 2"),
-        ("tick", 3), ("status", pytest.approx(0.06), "c", "o", "conscan", "s"), ("joints", "reading 3"),
-        ("error", "of cluster 20.0"), ("error", "power 20.0 1"), ("error", "power 20.0 2"),
-        ("tick", 4), ("joints", "reading 4"),
-    ]  # fmt: skip
-    assert log == PassLog(
-        t_s=[10.0, 20.0], cross_elevation_rad=[11.0, 21.0], elevation_rad=[12.0, 22.0], mode=["slew", "conscan"],
-        carrier_to_noise_db_hz=[13.0, 23.0], command_t_s=[100.0, 200.0], command_rad=[(101.0, 102.0), (201.0, 202.0)],
-        certificate="certificate",
-    )  # fmt: skip
-    assert heard == list(one.receptions.values())
-
-
-def test_a_reception_before_the_first_period_has_the_mode_of_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = Wired(monkeypatch, [tick_of(1), tick_of(2), tick_of(3), tick_of(4)])
-    one.receptions = {"beam 1": reception(10.0)}
-    assert simulate_pass(one, WINDOW, 1000.0, "program").mode == ["before"]
-    assert [row for row in one.log if row[0] == "start"] == [("start", 1000.0, WINDOW, "programX")]
-
-
-def test_an_array_measures_every_reception_between_monopulse_and_power(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = wired(monkeypatch, array=lambda reception: f"array {reception.truth.t_s}")
-    simulate_pass(one, WINDOW, 1000.0, "array")
-    errors = [row[1] for row in one.log if row[0] == "error"]
-    assert errors[:4] == ["of cluster 10.0", "array 10.0", "power 10.0 1", "power 10.0 2"]
-    assert len(errors) == 8
-    with pytest.raises(ValueError, match="sensor=array needs an array"):
-        simulate_pass(wired(monkeypatch), WINDOW, 1000.0, "array")
 
 
 def test_a_setup_takes_the_station_then_files_then_changes_and_its_model(tmp_path: Path) -> None:
@@ -303,13 +159,3 @@ def test_a_rotator_is_simulated_as_one_and_begins_where_it_is_said_to() -> None:
     assert not isinstance(plant, DriveAntenna)
     # One whose control unit starts again keeps its hardware.
     assert StationSetup("dss13").antenna(plant.hardware).hardware is plant.hardware
-
-
-def test_a_setup_knows_the_trackers_of_other_packages_and_its_rotator_begins_at_time_zero(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    loaded, made = [], []
-    monkeypatch.setattr("rf_pointing.simulation.pass_simulation.load_trackers", lambda: loaded.append(True))
-    monkeypatch.setattr("rf_pointing.simulation.pass_simulation.DriveAntenna", lambda *given: made.append(given[2]))
-    StationSetup("rotator_2m").antenna()
-    assert (loaded, made) == ([True], [0.0])

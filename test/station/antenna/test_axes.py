@@ -1,14 +1,12 @@
 """What both axes follow: corners first, then a table or a goal, and when a table leads away from the present path."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
 from rf_pointing.core import JointTrajectory
-from rf_pointing.station.antenna.axes import SlewPath, pair
+from rf_pointing.station.antenna.axes import SlewPath
 from rf_pointing.station.antenna.loops import LoopParams
-from test.station.stepped_antenna import START_S, TICK_S, antenna
+from test.station.stepped_antenna import START_S, TICK_S
 
 HERE = (1.0, 0.7)
 FAR = (1.5, 0.9)
@@ -71,22 +69,6 @@ def test_a_corner_is_reached_where_the_drive_comes_to_rest(settled_deg: float, n
         np.testing.assert_array_equal(path.following[1].position, goal)
 
 
-def test_a_hold_forgets_table_corners_and_motion() -> None:
-    path = SlewPath(LoopParams(), HERE, 0.0)
-    path.go(FAR, ((1.2, 1.0),))
-    for _ in range(20):
-        path.step(None, HERE, TICK_S)
-    path.table.accept(table(START_S, FAR), START_S)
-    place = np.array([1.1, 0.8])
-    path.hold(place)
-    assert path.table.empty
-    place[0] = 9.0
-    motion = path.step(None, (1.1, 0.8), TICK_S)
-    np.testing.assert_array_equal(motion.position, [1.1, 0.8])
-    np.testing.assert_array_equal(motion.velocity, [0.0, 0.0])
-    np.testing.assert_array_equal(path.goal_rad, [1.1, 0.8])
-
-
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_a_table_leaves_the_path_half_a_degree_from_where_it_would_go_on(axis: int, way: float) -> None:
@@ -101,34 +83,3 @@ def test_a_table_leaves_the_path_half_a_degree_from_where_it_would_go_on(axis: i
         near_table = table(START_S + 0.2, tuple(np.array(FAR) + off))
         assert path.leaves(near_table, np.array(HERE), True) is leaves
         assert path.leaves(near_table, np.array(HERE), False)
-
-
-@pytest.mark.parametrize(
-    ("rate_deg_s", "rests"), [((0.0, 0.0), True), ((0.9e-3, -0.9e-3), True), ((0.0, -1.1e-3), False)]
-)
-def test_a_table_rests_at_its_end_below_a_thousandth_of_a_degree_a_second(
-    rate_deg_s: tuple[float, float], rests: bool
-) -> None:
-    path = SlewPath(LoopParams(), HERE, 0.0)
-    moving = table(START_S, FAR, (0.01, 0.01))
-    rates = moving.velocity_rad_s.copy()
-    rates[-1] = np.radians(rate_deg_s)
-    path.table.accept(dataclasses.replace(moving, velocity_rad_s=rates), START_S)
-    assert path.ends_at_rest(START_S + 0.2) is rests
-
-
-def test_the_travel_of_each_axis_is_its_lower_and_upper_end() -> None:
-    made = antenna().axes
-    limits = LoopParams().preprocessor
-    assert made.travel_rad == (
-        (limits.travel_min_rad[0], limits.travel_max_rad[0]), (limits.travel_min_rad[1], limits.travel_max_rad[1])
-    )  # fmt: skip
-    assert pair(np.array([0.1, 0.2])) == (0.1, 0.2)
-
-
-def test_rates_of_a_tenth_of_a_degree_a_second_are_motion() -> None:
-    made = antenna().axes
-    for rate_deg_s, moving in ((0.099, False), (-0.101, True)):
-        hardware = type("Hardware", (), {"velocity_rad_s": np.radians([0.0, rate_deg_s])})()
-        made.hardware = hardware
-        assert made.moving is moving

@@ -30,13 +30,6 @@ def test_a_command_beyond_the_travel_is_refused_with_the_limit_and_moves_nothing
     assert np.max(np.abs(np.array(clock.commanded) - STANDING)) < ENCODER_RAD
 
 
-def test_the_status_shows_how_long_the_commands_last() -> None:
-    clock = enabled()
-    assert clock.antenna.status(START_S).command_lead_s == 0.0
-    clock.antenna.accept(ramp(START_S, 1.0), START_S)
-    assert clock.antenna.status(START_S).command_lead_s == pytest.approx(1.0)
-
-
 def test_rejected_commands_change_nothing_but_the_count() -> None:
     """Two antennas of one seed, one of them pestered: bit for bit the same motion."""
     calm, pestered = enabled(wind=WindParams(mean_speed_m_s=8.0)), enabled(wind=WindParams(mean_speed_m_s=8.0))
@@ -113,33 +106,6 @@ def test_a_commander_that_repeats_a_goal_or_has_named_one_is_followed_to_its_end
     np.testing.assert_allclose(status.commanded_rad, STANDING + np.radians([-15.0, 0.0]), atol=1e-9)
 
 
-def test_bounds_of_the_table_change_while_it_runs() -> None:
-    clock = enabled()
-    loops = clock.antenna.axes.loops.params
-    clock.antenna.retune(clock.antenna.hardware.params, loops.replace(table=loops.table.replace(max_points=5)))
-    assert "must have <= 5" in clock.antenna.accept(ramp(START_S), START_S)
-
-
-def test_the_status_names_limits_reasons_and_why_nothing_is_transmitted() -> None:
-    made = antenna()
-    status = made.status(START_S)
-    limits = LoopParams().preprocessor
-    assert (status.mode, status.transmit_inhibit) == ("inactive", "the antenna is inactive")
-    np.testing.assert_array_equal(status.rate_limit_rad_s, limits.rate_limit_rad_s)
-    np.testing.assert_array_equal(status.acceleration_limit_rad_s2, limits.acceleration_limit_rad_s2)
-    np.testing.assert_array_equal(status.rate_command_rad_s, [0.0, 0.0])
-    assert (status.at_limit, status.commander, status.command_lead_s) == ((False, False), "", 0.0)
-    made.enable()
-    assert made.status(START_S).transmit_inhibit == ""
-    made.safety.gate = made.safety.gate_of(limits)
-    made.axes.encoder_rad = np.array([2.0, np.radians(9.0)])
-    assert "10.0" in made.status(START_S).transmit_inhibit
-    # The reading is a copy: what is published does not change with the axes.
-    reading = made.reading(START_S)
-    made.axes.encoder_rad[0] = 9.0
-    assert reading.position_rad[0] == 2.0
-
-
 def test_a_commander_holds_the_antenna_until_it_is_silent_or_the_antenna_moves_by_itself() -> None:
     for free in ("", "stop", "go"):
         clock = enabled()
@@ -162,35 +128,3 @@ def test_a_commander_holds_the_antenna_until_it_is_silent_or_the_antenna_moves_b
             here = clock.antenna.reading(clock.t_s).position_rad
             assert clock.antenna.accept(hold_at(clock.t_s + 0.1, here), clock.t_s, "panel") == ""
             assert clock.antenna.status(clock.t_s).commander == "panel"
-
-
-def test_the_latest_commands_before_a_fault_are_remembered_with_their_ends() -> None:
-    clock = enabled()
-    noted: list[object] = []
-    clock.antenna.safety.latch.note_command = noted.append  # type: ignore[method-assign]
-    table = ramp(clock.t_s)
-    assert clock.antenna.accept(table, clock.t_s, "controller") == ""
-    assert clock.antenna.accept(table, clock.t_s, "controller") == "duplicate of the latest message"
-    assert noted == [(clock.t_s, "controller", *table.position_rad[-1].tolist())]
-
-
-def test_the_wind_is_read_every_fifth_tick_and_a_station_without_an_anemometer_is_not_watched() -> None:
-    clock, taken = enabled(), []
-    clock.antenna.safety.wind.take = lambda t_s, speed: taken.append((round((t_s - START_S) / 0.02), speed))  # type: ignore[method-assign]
-    clock.antenna.axes.hardware.anemometer_m_s = lambda: 3.0  # type: ignore[method-assign]
-    clock.run(0.24)
-    assert taken == [(5, 3.0), (10, 3.0)]
-    clock.antenna.axes.hardware.anemometer_m_s = lambda: None  # type: ignore[method-assign]
-    clock.run(0.5)
-    assert len(taken) == 2
-
-
-def test_an_enabled_antenna_begins_with_rates_of_zero_where_it_stands() -> None:
-    clock = enabled()
-    clock.antenna.accept(ramp(clock.t_s, 3.0), clock.t_s)
-    clock.run(1.0)
-    clock.antenna.rest(clock.antenna.mode)
-    clock.antenna.enable()
-    np.testing.assert_array_equal(clock.antenna.axes.rate_command_rad_s, [0.0, 0.0])
-    np.testing.assert_array_equal(clock.antenna.status(clock.t_s).commanded_rad, clock.antenna.axes.encoder_rad)
-    assert clock.antenna.axes.path.table.empty

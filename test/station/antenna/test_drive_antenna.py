@@ -11,11 +11,10 @@ import pytest
 
 from rf_pointing.core import JointTrajectory
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, make_drive
-from rf_pointing.planning import HorizonMask, WindWatchParams, WrapCount
-from rf_pointing.station.antenna.drive_antenna import DriveAntenna, wait_for_drive
+from rf_pointing.planning import HorizonMask, WrapCount
+from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.memory import AntennaMemory
-from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 from test.drives.benches import TICK_S
 from test.drives.simulators import Easycomm, Gs232
@@ -175,38 +174,6 @@ def test_a_device_that_moves_without_a_command_is_stopped(driven, rate_deg_s: fl
 # Commands, as on the simulated antenna
 
 
-def hold_at(subject: Driven, azimuth_deg: float, elevation_deg: float, shift_s: float = 0.1) -> JointTrajectory:
-    zero = np.zeros((1, 2))
-    place = np.radians([[azimuth_deg, elevation_deg]])
-    return JointTrajectory(
-        t_s=np.array([subject.t_s + shift_s]), position_rad=place, velocity_rad_s=zero, acceleration_rad_s2=zero
-    )
-
-
-def test_commands_that_cannot_be_followed_move_nothing(driven) -> None:
-    safety = SafetyParams(mask=HorizonMask(azimuth_rad=(0.0, 1.5, 1.6, 2.0), elevation_rad=(0.0, 0.0, 1.2, 0.0)))
-    subject = driven("hamlib", safety=safety)
-    before = len(subject.device.set_points)
-    accept = subject.antenna.accept
-    assert "stale" in accept(hold_at(subject, -60.0, 50.0, -5.0), subject.t_s)
-    assert "future" in accept(hold_at(subject, -60.0, 50.0, 100.0), subject.t_s)
-    assert "past the limit 270.000 deg" in accept(hold_at(subject, 300.0, 50.0), subject.t_s)
-    assert "below the horizon mask" in accept(hold_at(subject, math.degrees(1.6), 30.0), subject.t_s)
-    subject.run(2.0)
-    assert len(subject.device.set_points) == before
-    assert subject.mode == "holding"
-
-
-def test_replayed_commands_and_a_second_commander_are_refused(driven) -> None:
-    subject = driven("hamlib")
-    subject.move()
-    subject.run(1.0)
-    good = subject.table()
-    subject.run(0.3)
-    assert "out of order" in subject.antenna.accept(good, subject.t_s, "test")
-    assert "conflict: test commands, panel is refused" in subject.antenna.accept(subject.table(), subject.t_s, "panel")
-
-
 def test_commands_that_stop_are_carried_on_for_a_second_and_end_in_a_stop(driven) -> None:
     subject = driven("hamlib")
     subject.move()
@@ -270,53 +237,6 @@ def test_the_hard_limit_stops_the_device(driven) -> None:
     assert not subject.device.model.moving
 
 
-def test_wind_of_a_topic_stows_and_its_silence_is_high_wind(driven) -> None:
-    windy = SafetyParams(wind=WindWatchParams(gust_limit_m_s=20.0, silence_s=2.0, release_s=0.5))
-    subject = driven("gs232", safety=windy)
-    subject.go(10.0, 45.0)
-    for _ in range(10):
-        subject.antenna.hardware.note_wind(5.0)
-        subject.run(1.0)
-    assert subject.mode in ("holding", "tracking")
-    for _ in range(5):
-        subject.antenna.hardware.note_wind(30.0)
-        subject.run(1.0)
-    assert subject.mode == "stowing"
-    assert "gust" in subject.antenna.safety.wind.reason
-
-    other = driven("gs232", safety=windy)
-    assert other.run(5.0, lambda: other.mode == "stowing") == pytest.approx(2.0 - 0.5, abs=0.3), "since the enabling"
-    assert other.antenna.safety.wind.reason == "anemometer has not been received: taken for high wind"
-
-
-def test_a_stow_that_is_switched_off_only_warns(driven) -> None:
-    subject = driven("gs232", safety=SafetyParams(wind=WindWatchParams(stows=False, silence_s=1.0)))
-    subject.run(5.0)
-    assert subject.mode == "holding"
-    assert "high wind: the antenna is not stowed" in subject.antenna.status(subject.t_s).warning
-
-
-def test_the_relays_of_a_pass_are_counted_in_the_status(driven) -> None:
-    subject = driven("gs232")
-    subject.go(30.0, 30.0)
-    subject.run(3.0)
-    status = subject.antenna.status(subject.t_s)
-    counts = subject.antenna.hardware.rotator.counts()
-    assert status.starts == counts.starts
-    assert min(status.starts) >= 1
-    assert status.reversals == (0, 0)
-    assert status.set_points == counts.commands >= 1
-
-
-def test_an_identification_needs_rates(driven) -> None:
-    subject = driven("hamlib")
-
-    class Experiment:
-        sample_s = TICK_S
-
-    assert "takes positions" in subject.antenna.identify(Experiment())
-
-
 # Start
 
 
@@ -330,24 +250,6 @@ def test_what_the_drive_cannot_do_is_refused_with_both_numbers() -> None:
         Driven("gs232", motion=MOTION.replace(rate_limit_rad_s=(0.1, math.radians(7.0))))
     with pytest.raises(ValueError, match="must be one of simulated, topic, simulated_rotator, hamlib, gs232"):
         make_drive(DriveParams(type="gs233"))
-
-
-def test_a_travel_that_ends_where_the_device_does_is_cut_there(driven) -> None:
-    """A description lets the laws move 0.1 deg beyond the travel of the mount, which a device may not reach."""
-    edge = math.radians(0.1)
-    travel = {"travel_min_rad": (-math.pi, 0.0), "travel_max_rad": (math.radians(270.0), math.radians(90.0))}
-    wider = MOTION.replace(
-        travel_min_rad=(-math.pi - edge, -edge), travel_max_rad=(math.radians(270.0) + edge, math.radians(90.0) + edge)
-    )
-    antenna = driven("gs232", motion=wider, **travel).antenna
-    assert antenna.axes.travel_rad == ((-math.pi, math.radians(270.0)), (0.0, math.radians(90.0)))
-
-
-def test_a_device_that_is_not_there_is_named() -> None:
-    drive = make_drive(DriveParams(type="gs232").replace(link=DriveParams().link.replace(device="/dev/nothing")))
-    times = iter(np.arange(0.0, 1e6, 0.02))
-    with pytest.raises(ValueError, match="drive: GS-232 at /dev/nothing: could not open port /dev/nothing"):
-        wait_for_drive(drive, lambda: float(next(times)), 0.2)
 
 
 def test_a_one_turn_azimuth_gets_its_turn_from_the_wrap_file_and_keeps_it(driven, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.controllers import CommandPreprocessorParams
-from rf_pointing.core import JointTrajectory, Motion
+from rf_pointing.core import Motion
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna, DriveHardware, suited_safety, wait_for_drive
 from rf_pointing.station.antenna.loops import BY_DRIVE, LoopParams
@@ -80,13 +80,6 @@ def antenna(
 # What it reads
 
 
-def test_a_device_counts_as_settled_within_a_step_and_a_tenth() -> None:
-    assert parts()[1].settled_rad == pytest.approx(1.1 * 0.2 * DEG)
-    # What is not commanded is not reached; fine steps are no finer than 0.02 deg.
-    assert parts(minimum_move_rad=(0.5 * DEG, 0.0))[1].settled_rad == pytest.approx(1.1 * 0.5 * DEG)
-    assert parts(RATES, minimum_move_rad=(0.5 * DEG, 0.0))[1].settled_rad == pytest.approx(0.02 * DEG)
-
-
 def test_a_device_is_lost_when_its_reading_is_older_than_the_link_or_two_periods_allow() -> None:
     lost_s = DriveParams().link.lost_s
     for can, longest_s in ((POSITIONS, lost_s), (dataclasses.replace(POSITIONS, period_s=3.0 * lost_s), 6.0 * lost_s)):
@@ -107,13 +100,6 @@ def test_a_device_is_lost_when_its_reading_is_older_than_the_link_or_two_periods
         assert hardware.fault == f"drive lost: no position from the drive for {longest_s + 5.02:.1f} s"
 
 
-def test_a_late_look_alone_loses_no_device() -> None:
-    _, hardware = parts()
-    hardware.look(0.0)
-    hardware.look(60.0)
-    assert hardware.current
-
-
 def test_without_a_reading_nothing_is_known() -> None:
     drive, hardware = parts()
     drive.next = None
@@ -124,26 +110,6 @@ def test_without_a_reading_nothing_is_known() -> None:
     drive.problem = "no such port"
     hardware.look(0.02)
     assert hardware.fault == "drive lost: no such port"
-
-
-def test_an_alarm_and_the_switches_of_a_device_are_told() -> None:
-    drive, hardware = parts()
-    drive.read(0.0, (20.0, 40.0), alarm="hot", at_limit=(False, True))
-    hardware.look(0.0)
-    assert (hardware.fault, hardware.at_stop, hardware.current) == ("drive: hot", (False, True), True)
-    drive.problem = "gone"
-    hardware.look(0.02)
-    assert hardware.fault == "drive lost: gone"
-
-
-def test_the_rates_of_a_lost_device_are_none() -> None:
-    drive, hardware = parts(RATES)
-    drive.read(0.0, (20.0, 40.0), rate_rad_s=(0.01, -0.02))
-    hardware.look(0.0)
-    np.testing.assert_array_equal(hardware.velocity_rad_s, [0.01, -0.02])
-    drive.problem = "gone"
-    hardware.look(0.02)
-    np.testing.assert_array_equal(hardware.velocity_rad_s, [0.0, 0.0])
 
 
 @pytest.mark.parametrize(
@@ -173,36 +139,6 @@ def test_a_device_of_one_turn_that_moved_while_it_was_lost_may_have_lost_its_tur
     assert hardware.fault == ""
 
 
-def test_the_first_reading_is_no_motion_of_a_lost_device() -> None:
-    drive, hardware = parts(dataclasses.replace(RATES, one_turn=True))
-    first, drive.next = drive.next, None
-    hardware.look(0.0)
-    drive.next = first
-    hardware.look(0.02)
-    assert hardware.fault == ""
-    assert hardware.encoders() == pytest.approx((20.0 * DEG, 40.0 * DEG))
-
-
-def test_a_reading_that_jumps_is_replaced_and_the_device_is_where_it_was() -> None:
-    drive, hardware = parts()
-    hardware.look(0.0)
-    drive.read(0.2, (60.0, 40.0))
-    hardware.look(0.2)
-    assert hardware.fault == ""
-    assert hardware.encoders() == pytest.approx((20.0 * DEG, 40.0 * DEG))
-    assert hardware.switch_rad == pytest.approx([20.0 * DEG, 40.0 * DEG])
-    drive.read(0.4, (60.0, 40.0))
-    hardware.look(0.4)
-    assert "azimuth encoder jumped" in hardware.fault
-    # Forgotten with the next release, which trusts what comes next.
-    hardware.release_brake()
-    assert hardware.fault == ""
-    drive.read(0.6, (100.0, 40.0))
-    hardware.look(0.6)
-    assert hardware.fault == ""
-    assert hardware.encoders() == pytest.approx((100.0 * DEG, 40.0 * DEG))
-
-
 def test_between_two_readings_a_powered_device_is_on_its_way_to_its_set_point() -> None:
     drive, hardware = parts(latency_s=0.0, minimum_interval_s=0.0)
     hardware.look(0.0)
@@ -225,38 +161,7 @@ def test_between_two_readings_a_powered_device_is_on_its_way_to_its_set_point() 
     assert drive.sent[sent:] == ["enable"]
 
 
-def test_a_drive_of_rates_gets_them_as_they_are_and_only_when_powered() -> None:
-    drive, hardware = parts(RATES)
-    hardware.look(0.0)
-    hardware.move(np.array([0.01, -0.02]))
-    assert drive.sent == []
-    hardware.release_brake()
-    hardware.move(np.array([0.01, -0.02]))
-    assert drive.sent == ["enable", (0.01, -0.02)]
-
-
-def test_wind_is_read_once() -> None:
-    _, hardware = parts()
-    assert math.isnan(hardware.anemometer_m_s())
-    hardware.note_wind(7.5)
-    assert hardware.anemometer_m_s() == 7.5
-    assert math.isnan(hardware.anemometer_m_s())
-
-
 # Its antenna
-
-
-def test_an_antenna_needs_a_first_reading() -> None:
-    drive = Told()
-    drive.next, drive.problem = None, "no such port"
-    with pytest.raises(ValueError, match="drive lost: no such port"):
-        DriveAntenna(AntennaParams(), drive, 0.0)
-
-
-def test_an_antenna_starts_where_its_device_is() -> None:
-    _, made = antenna()
-    assert made.axes.encoder_rad == pytest.approx([20.0 * DEG, 40.0 * DEG])
-    assert made.status(0.0).commanded_rad == pytest.approx([20.0 * DEG, 40.0 * DEG])
 
 
 def test_a_turn_from_outside_is_taken_at_rest() -> None:
@@ -302,71 +207,7 @@ def test_where_the_beam_points_is_told_of_a_device_that_knows_its_truth() -> Non
     np.testing.assert_allclose(found, -lag, rtol=0.2)
 
 
-def test_the_joints_of_a_lost_device_are_not_given() -> None:
-    drive, made = antenna()
-    reading, _ = made.step(0.02)
-    assert reading is not None
-    assert reading.position_rad == pytest.approx([20.0 * DEG, 40.0 * DEG])
-    drive.problem = "gone"
-    assert made.step(0.04)[0] is None
-
-
-def test_a_command_to_a_holding_antenna_counts_its_moves_anew() -> None:
-    _, made = antenna()
-    counted: list[float] = []
-    made.hardware.rotator.count_anew = lambda: counted.append(1)  # type: ignore[method-assign]
-    still = np.zeros((1, 2))
-
-    def command(t_s: float, place_deg: tuple[float, float]) -> str:
-        return made.accept(
-            JointTrajectory(
-                t_s=[t_s], position_rad=np.radians([place_deg]), velocity_rad_s=still, acceleration_rad_s2=still
-            ),
-            t_s - 0.1,
-        )
-
-    assert command(0.1, (21.0, 40.0)) != ""
-    made.enable()
-    assert command(0.2, (300.0, 40.0)) != ""
-    assert counted == []
-    assert command(0.3, (21.0, 40.0)) == ""
-    assert counted == [1]
-    assert made.mode == "tracking"
-    assert command(0.4, (21.5, 40.0)) == ""
-    assert counted == [1]
-
-
-def test_the_ends_of_an_antenna_stop_its_device_and_release_it() -> None:
-    drive, made = antenna()
-    made.enable()
-    made.step(0.02)
-    drive.problem = "gone"
-    made.deactivate()
-    assert (made.mode, drive.sent[-1], made.hardware.powered) == ("inactive", "stop", False)
-    assert made.hardware.fault == "drive lost: gone"
-    made.close()
-    assert drive.sent[-2:] == ["stop", "close"]
-
-
 # Its laws and limits
-
-
-def test_a_device_that_takes_positions_closes_the_loop_and_its_saw_tooth_is_no_oscillation() -> None:
-    """Of the axis with the larger one: two steps and half of what it runs in an interval."""
-    _, made = antenna(rotator=TRAVEL.replace(rate_rad_s=(6.0 * DEG, 3.0 * DEG), minimum_interval_s=0.5))
-    params = made.axes.loops.params
-    tooth = 2.0 * 0.1 * DEG + 0.5 * 6.0 * DEG * 0.5
-    assert params.law == BY_DRIVE
-    assert params.oscillation.threshold_rad == pytest.approx(tooth)
-    assert params.oscillation.gross_threshold_rad == pytest.approx(2.0 * tooth)
-    assert params.oscillation.largest_rad == 1.0
-    # What the laws were given is kept where it is larger; nothing is larger than 0.1 and 1 rad.
-    given = LoopParams().oscillation.replace(threshold_rad=0.09, gross_threshold_rad=0.3, largest_rad=0.5)
-    params = antenna(loops=LoopParams(preprocessor=MOTION, oscillation=given))[1].axes.loops.params
-    assert (params.oscillation.threshold_rad, params.oscillation.gross_threshold_rad) == (0.09, 0.3)
-    slow = TRAVEL.replace(rate_rad_s=(6.0 * DEG, 10.0 * DEG), minimum_interval_s=30.0)
-    params = antenna(rotator=slow)[1].axes.loops.params
-    assert (params.oscillation.threshold_rad, params.oscillation.gross_threshold_rad) == (0.1, 1.0)
 
 
 def test_a_device_that_takes_rates_keeps_the_laws_that_are_given() -> None:
@@ -409,21 +250,6 @@ def test_the_travel_is_what_laws_and_device_have_in_common(
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize("end", [0, 1])
-def test_laws_may_end_a_tenth_of_a_degree_beyond_the_device_and_no_further(axis: int, end: int) -> None:
-    travel = [list(MOTION.travel_min_rad), list(MOTION.travel_max_rad)]
-    for beyond_deg, taken in ((0.09999, True), (0.1003, False)):
-        cut = [list(each) for each in travel]
-        cut[end][axis] += (beyond_deg if end == 0 else -beyond_deg) * DEG
-        reach = TRAVEL.replace(travel_min_rad=tuple(cut[0]), travel_max_rad=tuple(cut[1]))
-        if taken:
-            assert antenna(rotator=reach)[1].axes.travel_rad[axis][end] == pytest.approx(cut[end][axis])
-        else:
-            with pytest.raises(ValueError, match=f"{('azimuth', 'elevation')[axis]} travel"):
-                antenna(rotator=reach)
-
-
-@pytest.mark.parametrize("axis", [0, 1])
 def test_laws_are_no_faster_than_the_device(axis: int) -> None:
     for rate_deg_s, taken in (((6.0, 3.0)[axis], True), ((6.0, 3.0)[axis] + 0.001, False)):
         rates = list(MOTION.rate_limit_rad_s)
@@ -459,19 +285,6 @@ def test_thresholds_are_above_the_steps_and_delays_of_a_drive() -> None:
     assert every.watch.jump_rad == every.watch.drift_rad == every.watch.frozen_rad == pytest.approx(4.0 * DEG)
     rest = found.replace(gate=SafetyParams().gate, watch=SafetyParams().watch, drive=SafetyParams().drive)
     assert rest == SafetyParams()
-
-
-def test_thresholds_have_ends_and_larger_ones_are_kept() -> None:
-    coarse = dataclasses.replace(RATES, resolution_rad=(0.9, 0.1), latency_s=3.0)
-    found = suited_safety(SafetyParams(), coarse, TICK_S)
-    assert (found.gate.hard_rad, found.drive.delay_s) == (0.5, 1.0)
-    assert (found.watch.jump_rad, found.watch.drift_rad, found.watch.frozen_rad) == (1.0, 1.0, 1.0)
-    given = SafetyParams()
-    given = given.replace(
-        gate=given.gate.replace(hard_rad=0.1), drive=given.drive.replace(delay_s=0.4),
-        watch=given.watch.replace(jump_rad=0.2, drift_rad=0.3, frozen_rad=0.15),
-    )  # fmt: skip
-    assert suited_safety(given, dataclasses.replace(RATES, latency_s=0.1), TICK_S) == given
 
 
 def test_a_device_is_waited_for_until_it_has_read_or_patience_ends() -> None:

@@ -185,28 +185,6 @@ def test_a_steady_motion_towards_the_sun_is_stopped_at_its_zone() -> None:
     assert 4.0 * DEG - GUARD_RAD < station.nearest < 5.5 * DEG
 
 
-def test_parking_goes_over_the_hill_too() -> None:
-    station = Station(40.0, 8.0, park_azimuth_rad=120.0 * DEG, park_elevation_rad=8.0 * DEG)
-    assert station.antenna.park() == ""
-    station.run(130.0)
-    assert station.antenna.mode == "parked"
-    assert station.axes_deg == pytest.approx([120.0, 8.0], abs=0.05)
-    assert station.deepest <= 0.0
-
-
-def test_a_commander_whose_commands_are_refused_holds_nobody_up() -> None:
-    station = Station(40.0, 10.0)
-    assert "below the horizon mask" in station.go(75.0, 10.0, 0.3)
-    assert station.antenna.status(station.t_s).commander == ""
-    still = station.antenna.accept(
-        JointTrajectory(
-            t_s=[station.t_s + 0.1], position_rad=np.array([[40.0, 10.0]]) * DEG, velocity_rad_s=np.zeros((1, 2)),
-            acceleration_rad_s2=np.zeros((1, 2)),
-        ), station.t_s, "controller",
-    )  # fmt: skip
-    assert still == ""
-
-
 def test_the_sun_is_renewed_and_what_is_not_known_is_said() -> None:
     solar = SolarDirection(SunParams())
     first, later = solar.at(START_S), solar.at(START_S + 9.0)

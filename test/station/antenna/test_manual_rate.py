@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.controllers import CommandPreprocessorParams
-from rf_pointing.core import MDEG, JointTrajectory, random_stream
+from rf_pointing.core import MDEG, random_stream
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
 from rf_pointing.servo import dss13_plant
 from rf_pointing.station.antenna.loops import LoopParams
@@ -39,11 +39,6 @@ def run(made: SimulatedAntenna, ticks: int, start: int = 0) -> int:
     for tick in range(start, start + ticks):
         made.step(round(1e9 + tick * TICK_S, 6))
     return start + ticks
-
-
-def hold_here(made: SimulatedAntenna, t_s: float) -> JointTrajectory:
-    zero, here = np.zeros((1, 2)), made.reading(t_s).position_rad[None]
-    return JointTrajectory(t_s=[t_s + 0.2], position_rad=here, velocity_rad_s=zero, acceleration_rad_s2=zero)
 
 
 def test_the_experiment_commands_the_rates_and_records_the_encoders() -> None:
@@ -82,14 +77,6 @@ def test_the_end_of_the_experiment_is_a_controlled_stop_without_a_jump() -> None
     np.testing.assert_allclose(made.reading(0.0).position_rad, rest, atol=2.0 * MDEG)
 
 
-def test_commands_are_rejected_while_it_runs() -> None:
-    made = antenna()
-    made.identify(experiment(made))
-    run(made, 10)
-    assert made.accept(hold_here(made, 1e9), 1e9) == "an identification drives the antenna"
-    assert made.mode == "manual_rate"
-
-
 @pytest.mark.parametrize(("reason", "after"), [("stop was requested", "fault"), ("", "holding")])
 def test_a_stop_aborts_it(reason: str, after: str) -> None:
     made = antenna()
@@ -122,28 +109,6 @@ def test_deactivation_ends_it_with_the_brakes_set() -> None:
     made.deactivate()
     assert made.mode == "inactive"
     assert running.abort_reason != ""
-
-
-def test_only_a_holding_antenna_can_be_identified() -> None:
-    made = SimulatedAntenna()
-    running = experiment(made)
-    assert made.identify(running) == "the antenna is inactive, must be holding"
-    made.enable()
-    made.stop("stop was requested")
-    assert made.identify(running) == "the antenna is stop was requested, must be holding"
-    assert running.samples_taken == 0
-
-
-def test_axes_that_still_slew_are_not_handed_to_an_experiment() -> None:
-    """One position commanded far away: the antenna holds it, and is on its way there."""
-    made = antenna()
-    zero = np.zeros((1, 2))
-    far = made.reading(1e9).position_rad[None] - 0.1
-    goal = JointTrajectory(t_s=[1e9 + 0.2], position_rad=far, velocity_rad_s=zero, acceleration_rad_s2=zero)
-    assert made.accept(goal, 1e9) == ""
-    run(made, 100)
-    assert made.mode == "holding"
-    assert made.identify(experiment(made)) == "the axes are still moving"
 
 
 def test_another_sampling_time_and_too_large_a_rate_are_refused() -> None:

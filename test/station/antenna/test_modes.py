@@ -8,7 +8,7 @@ from rf_pointing.core import MDEG
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.modes import MODES, AntennaMode
 from rf_pointing.station.antenna.safety import SafetyParams
-from test.station.stepped_antenna import SETTLING_S, STANDING, START_S, TICK_S, enabled, hold_at, ramp
+from test.station.stepped_antenna import SETTLING_S, STANDING, START_S, TICK_S, enabled, ramp
 
 
 def test_deactivation_stops_the_axes_under_control_before_it_sets_the_brakes() -> None:
@@ -49,16 +49,6 @@ def test_commands_that_stop_in_motion_end_in_a_controlled_stop_until_the_next_on
     assert (status.mode, status.warning) == ("tracking", "")
 
 
-def test_commands_that_end_at_rest_are_no_fault() -> None:
-    clock = enabled()
-    goal = STANDING + np.radians([0.2, 0.1])
-    clock.antenna.accept(hold_at(START_S + 0.1, goal), START_S)
-    clock.run(SETTLING_S)
-    assert clock.modes[-1] == "holding"
-    assert clock.antenna.status(clock.t_s).fault == ""
-    np.testing.assert_allclose(clock.position[-1], goal, atol=1.0 * MDEG)
-
-
 def test_a_latched_fault_refuses_commands_until_it_is_reset_at_rest() -> None:
     clock = enabled()
     clock.antenna.accept(ramp(START_S, 2.0), START_S)
@@ -91,19 +81,6 @@ def test_an_antenna_at_rest_or_on_its_way_there_takes_no_command(mode: AntennaMo
     refused = clock.antenna.accept(ramp(START_S, 2.0), START_S)
     assert refused == f"the antenna is {mode}; resume it first"
     assert clock.antenna.mode == mode
-
-
-def test_without_a_fault_there_is_nothing_to_reset() -> None:
-    assert enabled().antenna.reset_fault() == "no fault is latched"
-
-
-def test_a_stop_without_a_reason_leaves_no_fault() -> None:
-    clock = enabled()
-    clock.antenna.accept(ramp(START_S, 2.0), START_S)
-    clock.run(1.0)
-    clock.antenna.stop()
-    clock.run(5.0)
-    assert list(dict.fromkeys(clock.modes)) == ["tracking", "stopping", "holding"]
 
 
 def test_a_fault_outlasts_deactivation() -> None:

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from rf_pointing.core import JointReading, JointTrajectory
-from rf_pointing.planning import WrapCount
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.memory import SINCE, AntennaMemory
 from rf_pointing.station.antenna.operation import WRAP_EVERY, AntennaOperation, Tick
@@ -23,7 +22,7 @@ from rf_pointing.station.antenna.simulated_antenna import AntennaParams, Simulat
 from rf_pointing.station.pointing.status import AntennaStatus, Level
 from test.drives.simulators import Gs232
 from test.station.driven_antenna import MOTION, Driven
-from test.station.stepped_antenna import CALM, STANDING, START_S, TICK_S, hold_at, ramp
+from test.station.stepped_antenna import CALM, STANDING, START_S, TICK_S, ramp
 
 TICKS_A_STATUS = 5
 
@@ -158,13 +157,6 @@ TestAnyOrder = Machine.TestCase
 TestAnyOrder.settings = settings(max_examples=20, stateful_step_count=25, deadline=None)
 
 
-@pytest.mark.parametrize(("tick_s", "every"), [(0.02, 5), (0.08, 1), (0.04, 2)])
-def test_a_status_comes_each_tenth_of_a_second_or_with_each_tick(tick_s: float, every: int) -> None:
-    world = World(tick_s=tick_s).up()
-    world.tick(10 * every)
-    assert len(world.statuses) == pytest.approx(11, abs=1)
-
-
 @given(after_s=st.floats(0.0, 0.019), rate_rad_s=st.floats(-5e-3, 5e-3))
 @settings(max_examples=20, deadline=None)
 def test_the_same_pass_results_whether_clock_or_command_arrives_first(after_s: float, rate_rad_s: float) -> None:
@@ -184,16 +176,6 @@ def test_the_same_pass_results_whether_clock_or_command_arrives_first(after_s: f
         assert world.refused == []
         paths.append([reading.position_rad.tolist() for reading in world.sent_joints])
     assert paths[0] == paths[1]
-
-
-def test_commands_of_an_antenna_that_is_not_in_operation_wait_for_no_tick(world: World) -> None:
-    world.tick()
-    world.take(hold_at(world.t_s + 0.2, STANDING), world.t_s + 0.01, world.t_s + 0.015)
-    world.operation.stop()
-    world.take(hold_at(world.t_s + 0.2, STANDING), world.t_s + 0.01, world.t_s + 0.015)
-    assert len(world.refused) == 1
-    world.up().tick(3)
-    assert world.antenna.status(world.t_s).commands_accepted == 0, "a restart forgets what waits"
 
 
 @pytest.mark.parametrize(
@@ -266,15 +248,6 @@ def test_what_guards_the_antenna_changes_only_while_its_drives_are_disabled(worl
     world.operation.check(present, sets, active=True, holder="/pointing_controller")
 
 
-def test_other_laws_change_while_the_antenna_moves_and_impossible_ones_do_not(world: World) -> None:
-    present = LoopParams()
-    better = present.replace(azimuth=present.azimuth.replace(proportional_gain=7.0))
-    world.operation.check(present, {"plant": AntennaParams().plant, "loops": better}, active=True, holder="one")
-    lqg = present.replace(law="lqg", lqg_file="/nowhere.json")
-    with pytest.raises(ValueError, match="nowhere"):
-        world.operation.check(present, {"plant": AntennaParams().plant, "loops": lqg}, active=True, holder="")
-
-
 # The turn of the azimuth, and the end
 
 
@@ -299,18 +272,6 @@ def test_an_antenna_whose_disk_fails_goes_on_and_reports_both_files(tmp_path: Pa
     folder.unlink()
     world.tick(TICKS_A_STATUS * WRAP_EVERY)
     assert world.operation.memory_report()[:2] == (Level.OK, "kept")
-
-
-def test_a_turn_that_is_not_the_encoder_s_latches_a_fault(tmp_path: Path) -> None:
-    wrap = tmp_path / "wrap.json"
-    World(tmp_path).up().operation.stop()
-    assert json.loads(wrap.read_text())["azimuth_rad"] == pytest.approx(STANDING[0], abs=1e-5)
-    assert World(tmp_path).antenna.safety.latch.text == "", "the same turn"
-    WrapCount(wrap).keep(STANDING[0] + 2.0 * math.pi)
-    doubtful = World(tmp_path)
-    assert "the wrap file names another turn than the encoder" in doubtful.antenna.safety.latch.text
-    doubtful.up().tick(TICKS_A_STATUS * WRAP_EVERY)
-    assert json.loads(wrap.read_text())["azimuth_rad"] > 6.0, "a fault leaves the turn of before it in the file"
 
 
 @pytest.mark.parametrize("kept_deg", [370.0, None])
@@ -354,14 +315,6 @@ def test_a_lost_drive_refuses_the_start_and_its_report_says_so() -> None:
     with pytest.raises(ValueError, match="drive lost"):
         world.operation.start(driven.t_s)
     assert world.operation.device_report(driven.t_s).level == Level.ERROR
-
-
-@pytest.mark.parametrize(("share", "taken"), [(-0.1, True), (0.5, True), (1.0, True), (1.01, False)])
-def test_wind_counts_unless_it_is_older_than_silence(share: float, taken: bool) -> None:
-    driven = Driven("gs232")
-    silence_s = driven.antenna.safety.wind.params.silence_s
-    World(antenna=driven.antenna).operation.note_wind(5.0, share * silence_s)
-    assert (driven.antenna.hardware.anemometer_m_s() == 5.0) == taken
 
 
 def test_an_oscillating_axis_is_an_error_with_its_swings(world: World, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,7 @@ from rf_pointing.rf import (
     NoiseParams,
     SpinParams,
 )
-from rf_pointing.station.antenna.receiver import BLOCK, Reception, SignalParams, SimulatedReceiver
+from rf_pointing.station.antenna.receiver import Reception, SignalParams, SimulatedReceiver
 from rf_pointing.station.description import read_station
 from rf_pointing.tracking.beam_fit import spin_columns
 
@@ -58,19 +58,6 @@ def test_every_band_hears_through_its_own_beam_amplifier_and_sky(
     assert signal.atmosphere == AtmosphereParams(zenith_loss_db=zenith_loss_db)
 
 
-def test_looking_ahead_in_blocks_gives_the_directions_of_the_instants(track: TopocentricTrack, window: Pass) -> None:
-    start_s = math.floor(window.tca_t_s) + TICK_S
-    receptions = received(SimulatedReceiver(PARAMS, track), track, start_s, 5 * BLOCK)
-    assert len(receptions) == BLOCK
-    for reception in receptions:
-        t_s = reception.truth.t_s
-        k = round((t_s - start_s) / TICK_S)
-        pointed, target = beam(track, t_s, 8 * MDEG * math.sin(0.05 * k), -6 * MDEG), track.target_at(t_s)
-        right, up = sky_offset_rad(target.azimuth_rad, target.elevation_rad, pointed.azimuth_rad, pointed.elevation_rad)
-        assert reception.truth.cross_elevation_rad == pytest.approx(float(right), abs=SAME_RAD)
-        assert reception.truth.elevation_rad == pytest.approx(float(up), abs=SAME_RAD)
-
-
 def test_a_cluster_holds_the_samples_between_two_receptions(track: TopocentricTrack, window: Pass) -> None:
     start_s = math.floor(window.tca_t_s) + TICK_S
     first, second = received(SimulatedReceiver(PARAMS, track), track, start_s, 10)
@@ -89,30 +76,6 @@ def test_a_gap_and_a_step_back_change_the_directions_not_the_sense(track: Topoce
         pointed, target = beam(track, last.t_s, 8 * MDEG * math.sin(0.05 * k), -6 * MDEG), track.target_at(last.t_s)
         right, up = sky_offset_rad(target.azimuth_rad, target.elevation_rad, pointed.azimuth_rad, pointed.elevation_rad)
         assert (last.cross_elevation_rad, last.elevation_rad) == pytest.approx((float(right), float(up)), abs=SAME_RAD)
-
-
-def test_a_step_back_in_time_drops_the_begun_cluster(track: TopocentricTrack, window: Pass) -> None:
-    receiver, start_s = SimulatedReceiver(PARAMS, track), math.floor(window.tca_t_s) + TICK_S
-    assert received(receiver, track, start_s, 3) == []
-    assert received(receiver, track, start_s - 10.0, 4) == []
-    assert len(received(receiver, track, start_s - 10.0 + 4 * TICK_S, 1)) == 1
-
-
-@pytest.mark.parametrize("before", [1, 2, 4])
-def test_a_gap_in_a_cluster_starts_a_new_one(track: TopocentricTrack, window: Pass, before: int) -> None:
-    """Samples of two sides of a gap in one cluster would put the satellite where it never was."""
-    receiver, start_s = SimulatedReceiver(PARAMS, track), math.floor(window.tca_t_s) + TICK_S
-    assert received(receiver, track, start_s, before) == []
-    (reception,) = received(receiver, track, start_s + 3.0, 5)
-    np.testing.assert_allclose(reception.cluster.t_s, start_s + 3.0 + TICK_S * np.arange(5), atol=1e-6)
-    assert reception.truth.elevation_rad == pytest.approx(6 * MDEG, abs=0.01 * MDEG)
-
-
-def test_below_the_horizon_there_is_no_signal(track: TopocentricTrack, window: Pass) -> None:
-    reception = received(SimulatedReceiver(PARAMS, track), track, math.floor(window.aos_t_s) - 400.0 + TICK_S, 5)[0]
-    assert track.target_at(reception.truth.t_s).elevation_rad < 0.0
-    assert reception.truth.carrier_to_noise_db_hz == 0.0
-    assert reception.cluster.carrier_to_noise_db_hz < 25.0
 
 
 def test_off_the_axis_the_difference_grows_and_the_carrier_weakens(track: TopocentricTrack, window: Pass) -> None:
@@ -183,50 +146,6 @@ def test_an_interference_line_stands_in_the_differences_of_a_beam_on_the_target(
     level = weaker / math.sqrt(1.0 + weaker**2)
     assert ratios[0] == pytest.approx([0.7 * level, 0.4 * level], rel=0.05)
     assert max(ratios[1]) < 0.05
-
-
-class Counted:
-    """A track that notes how many instants it is asked for at a time."""
-
-    def __init__(self, track: TopocentricTrack) -> None:
-        self.track, self.name, self.asked = track, track.name, []
-
-    def sample(self, times: np.ndarray) -> object:
-        self.asked.append(len(times))
-        return self.track.sample(times)
-
-
-def test_look_angles_are_computed_once_a_block(track: TopocentricTrack, window: Pass) -> None:
-    """Also for boresights whose stamps are off by less than their tolerance of 10 us, and no further."""
-    start_s = math.floor(window.tca_t_s) + TICK_S
-    for off_s, blocks in ((0.0, 4), (6e-6, 4), (-6e-6, 4), (3e-5, 8)):
-        counted = Counted(track)
-        receiver = SimulatedReceiver(PARAMS, counted)
-        for k in range(200):
-            # The first cluster of each block is on time.
-            late_s = off_s if k % BLOCK >= 5 else 0.0
-            receiver.take(beam(track, start_s + k * TICK_S + late_s))
-        assert counted.asked == [BLOCK] * blocks
-
-
-def test_a_cluster_longer_than_a_block_is_computed_as_a_whole(track: TopocentricTrack, window: Pass) -> None:
-    start_s, counted = math.floor(window.tca_t_s / 2.0) * 2.0 + TICK_S, Counted(track)
-    receiver = SimulatedReceiver(PARAMS.replace(cluster_samples=100), counted)
-    (reception,) = received(receiver, track, start_s, 100)
-    assert counted.asked == [100]
-    assert reception.power.integration_s == pytest.approx(2.0, abs=1e-6)
-    assert len(reception.cluster.t_s) == 100
-
-
-def test_another_satellite_is_received_from_the_next_cluster_on(track: TopocentricTrack, window: Pass) -> None:
-    start_s = math.floor(window.tca_t_s) + TICK_S
-    receiver = SimulatedReceiver(PARAMS, track)
-    assert receiver.target == track.name
-    received(receiver, track, start_s, 5)
-    late = track.with_offsets(along_track_offset_s=2.0, cross_track_offset_rad=0.0)
-    receiver.tune(late)
-    (reception,) = received(receiver, late, start_s + 0.1, 5)
-    assert reception.truth.elevation_rad == pytest.approx(6 * MDEG, abs=0.1 * MDEG)
 
 
 def test_the_level_is_that_of_link_and_satellite_s_antenna_towards_the_station(

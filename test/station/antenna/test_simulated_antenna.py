@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.controllers import CommandPreprocessorParams, PositionLoopParams
+from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import MDEG
 from rf_pointing.servo import WindParams, dss13_plant
 from rf_pointing.station.antenna.loops import LoopParams
@@ -17,28 +17,10 @@ from test.station.stepped_antenna import (
     STANDING,
     START_S,
     TICK_S,
-    Clock,
-    antenna,
     enabled,
     hold_at,
     ramp,
 )
-
-
-def test_activation_does_not_move_the_antenna() -> None:
-    clock = Clock(antenna())
-    before = clock.antenna.reading(START_S).position_rad
-    clock.antenna.enable()
-    clock.run(5.0)
-    assert np.max(np.abs(np.array(clock.position) - before)) < ENCODER_RAD
-    assert set(clock.modes) == {"holding"}
-
-
-def test_wind_shakes_the_held_antenna_by_millidegrees_only() -> None:
-    clock = enabled(wind=WindParams(mean_speed_m_s=8.0))
-    clock.run(20.0)
-    moved = np.array(clock.position) - STANDING
-    assert 0.01 * MDEG < np.max(np.abs(moved)) < 5.0 * MDEG
 
 
 def test_a_steady_command_is_followed_within_a_millidegree() -> None:
@@ -64,11 +46,6 @@ def test_a_far_command_becomes_a_slew_within_the_limits() -> None:
     assert np.max(np.abs(rates)) <= limits.rate_limit_rad_s[0] * (1.0 + 1e-9)
     assert np.max(np.abs(np.diff(rates, axis=0))) / TICK_S <= limits.acceleration_limit_rad_s2[0] * (1.0 + 1e-6)
     np.testing.assert_allclose(clock.position[-1], STANDING + np.radians([20.0, -10.0]), atol=1.0 * MDEG)
-
-
-def test_an_impossible_set_of_loops_is_refused_as_a_whole() -> None:
-    with pytest.raises(ValueError, match="rate_limit_rad_s"):
-        LoopParams().preprocessor.replace(rate_limit_rad_s=(0.0, 0.01))
 
 
 def test_new_limits_hold_from_the_next_tick_on() -> None:
@@ -97,17 +74,6 @@ def test_one_seed_gives_one_run_and_another_seed_another() -> None:
         runs.append(np.array(clock.position))
     np.testing.assert_array_equal(runs[0], runs[1])
     assert not np.array_equal(runs[0], runs[2])
-
-
-def test_each_axis_has_its_own_loop() -> None:
-    """A late-binding closure would give both axes the last one's gains."""
-    dead = PositionLoopParams(proportional_gain=0.0, integral_gain=0.0, feedforward_gain=0.0)
-    clock = enabled(loops=LoopParams(azimuth=dead))
-    clock.antenna.accept(hold_at(START_S + 0.1, STANDING + np.radians([0.2, 0.2])), START_S)
-    clock.run(3.0)
-    azimuth, elevation = clock.position[-1] - STANDING
-    assert abs(azimuth) < ENCODER_RAD
-    assert abs(elevation - math.radians(0.2)) < 50.0 * MDEG
 
 
 def test_the_boresight_is_the_encoder_direction_without_the_mounts_errors() -> None:

@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rf_pointing.calibration import AcceptanceRules, BiasModel, ModelVersion, Observations, read_model
+from rf_pointing.calibration import AcceptanceRules, BiasModel, Observations
 from rf_pointing.core import JointReading, PointingError, Target
 from rf_pointing.station.campaign.calibrator import ORBIT, SECTORS, Calibrator, CalibratorParams, Campaign, journal_of
-from rf_pointing.station.description import STATIONS
 from test.calibration.conftest import one_pass
 
 NOW_S = 1_200_000_000.0
@@ -36,11 +35,6 @@ def rows(number: int, random: np.random.Generator) -> Observations:
 def filled(folder: Path, random: np.random.Generator, passes: int = 6) -> None:
     for number in range(passes):
         journal_of(str(folder), STATION, BAND).append(rows(number, random))
-
-
-def commissioned() -> ModelVersion:
-    model = read_model(STATIONS / "bias_model_dss13_x.yaml")
-    return dataclasses.replace(model, station=STATION, band=BAND, valid_from_t_s=NOW_S - 1.0)
 
 
 def target(t_s: float) -> Target:
@@ -90,18 +84,6 @@ def test_a_verdict_of_the_shadow_is_in_the_result_of_a_campaign(tmp_path: Path, 
     assert outcome["verdict"] == "better"
     assert "new is better after 4 passes in shadow" in outcome["message"]
     assert outcome["sectors_filled"] == SECTORS.count - len(one.log.coverage(SECTORS).thin) > 0
-
-
-def test_the_first_model_without_a_folder_is_rolled_back_to_none() -> None:
-    one = made("not worse")
-    one.keeper.propose(commissioned())
-    one.accept(NOW_S)
-    assert (one.roll_back(), one.keeper.active) == ("no model is in force again", None)
-
-
-def test_a_fit_of_too_few_observations_is_refused_with_their_number() -> None:
-    with pytest.raises(ValueError, match="^0 observations, must have at least 30"):
-        made().fit((), "", ORBIT, NOW_S)
 
 
 @pytest.mark.parametrize("keep", [True, False])
@@ -205,18 +187,3 @@ def test_a_cancel_stops_the_pass_in_work_and_begins_no_other() -> None:
     assert (campaign.over, campaign.number) == (True, 1)
     campaign.cancel()
     assert graph.cancels == 1
-
-
-@pytest.mark.parametrize(("waited_s", "given_up"), [(20.0, False), (20.1, True)])
-def test_an_answer_is_waited_for_twenty_seconds(waited_s: float, given_up: bool) -> None:
-    campaign = Graph({"a": "silent"}).campaign()
-    campaign.poll(100.0)
-    campaign.poll(100.0 + waited_s)
-    assert campaign.over is given_up
-
-
-def test_a_campaign_without_passes_is_refused() -> None:
-    with pytest.raises(ValueError, match="passes is empty, must name at least one pass"):
-        Graph({}).campaign()
-    outcome = made().outcome(None, "the reason")
-    assert (outcome["message"], "success" in outcome) == ("the reason", False)

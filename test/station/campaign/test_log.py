@@ -72,13 +72,6 @@ def test_planted_offsets_are_recovered_from_a_day_of_passes(
     assert len(set(collected.observations().pass_id.tolist())) == len(passes)
 
 
-def test_observations_keep_their_spacing(track: TopocentricTrack, window: Pass, random: np.random.Generator) -> None:
-    collected = log(spacing_s=10.0)
-    tracked(collected, track, window, BiasModel.zero(), random)
-    assert np.min(np.diff(collected.observations().t_s)) >= 10.0
-    assert len(collected) == pytest.approx(window.duration_s / 10.0, abs=4)
-
-
 def test_a_large_error_is_no_observation_and_the_lags_must_settle_again(track: TopocentricTrack, window: Pass) -> None:
     collected = CalibrationLog("s", "X", 0.5, 2.0 * MDEG, largest_error_rad=6.0 * MDEG, settle_s=10.0)
     start_s = window.tca_t_s
@@ -170,25 +163,6 @@ def test_planted_offset_is_recovered_from_scans_whose_encoders_circle_and_whose_
     assert np.max(np.abs([across, points.observed_elevation_rad - wanted_el])) < 2.0 * MDEG
     assert "errors: the beam scans" in collected.reasons()
     assert bool(np.all(points.true_elevation_rad > 0.5 * math.pi)) is over
-
-
-def test_reasons_of_a_pass_without_observations_are_counted(track: TopocentricTrack, window: Pass) -> None:
-    collected, t_s = log(), window.tca_t_s
-    assert collected.reasons() == "no pointing error was received"
-    for k in range(3):
-        collected.take_error(
-            PointingError(
-                t_s=t_s + k, sensor="conscan", cross_elevation_rad=0.0, elevation_rad=0.0, valid=k > 0, reason="r"
-            )
-        )
-    assert collected.reasons() == "2 errors: conscan does not track (mode unknown); 1 errors: not valid (r)"
-    collected.begin_pass()
-    assert collected.reasons() == "no pointing error was received"
-
-
-def test_too_few_observations_are_refused() -> None:
-    with pytest.raises(ValueError, match="0 observations, must have at least 30: track a pass with a sensor first"):
-        log().fit(BiasModel.zero())
 
 
 @pytest.mark.parametrize("why", ["invalid", "no joints", "old joints", "no target"])

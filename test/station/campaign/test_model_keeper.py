@@ -49,15 +49,6 @@ def test_a_candidate_is_in_force_only_when_accepted_and_rolled_back_to_the_start
     assert keeper(str(tmp_path)).active.name == "old"
 
 
-def test_without_a_folder_the_way_back_lasts_as_long_as_the_node():
-    kept = keeper()
-    with pytest.raises(ValueError, match="nothing to roll back to"):
-        kept.roll_back()
-    kept.propose(model_file("new"))
-    kept.accept(NOW_S)
-    assert kept.roll_back() is None
-
-
 def test_a_candidate_that_does_worse_in_the_shadow_is_not_accepted():
     kept = keeper(start=model_file("good", 20.0 * MDEG))
     kept.propose(model_file("bad"))
@@ -83,26 +74,6 @@ def test_by_default_a_candidate_must_have_been_better_in_the_shadow_to_be_accept
     kept.observe(seen(2, 20.0 * MDEG))
     assert kept.verdict_text().startswith("better after 3 passes")
     assert kept.accept(NOW_S).name == "new"
-
-
-def test_rules_can_change_while_a_candidate_is_in_the_shadow():
-    kept = keeper(accept="better")
-    kept.propose(model_file("new"))
-    kept.observe(seen(0, 0.0))
-    with pytest.raises(ValueError, match="must be better"):
-        kept.accept(NOW_S)
-    kept.retune(AcceptanceRules(accept="not worse"))
-    assert kept.accept(NOW_S).name == "new"
-
-
-def test_a_second_fit_at_the_same_simulated_time_gets_a_name_of_its_own(tmp_path):
-    kept = keeper(str(tmp_path))
-    assert kept.free_name("fit-1") == "fit-1"
-    for name in ("fit-1", "fit-1-2"):
-        assert kept.free_name("fit-1") == name
-        kept.propose(model_file(name))
-    assert kept.free_name("fit-1") == "fit-1-3"
-    assert keeper().free_name("fit-1") == "fit-1"
 
 
 def test_each_band_has_models_of_its_own(tmp_path):

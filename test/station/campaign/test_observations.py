@@ -79,23 +79,6 @@ def test_a_row_is_the_encoders_with_the_error_against_the_direct_or_the_other_an
     assert row.range_rate_m_s[0] == pytest.approx(-5e3 + 3.0)
 
 
-def test_the_accelerations_of_a_row_are_the_targets_at_its_sample() -> None:
-    collected = collecting()
-    collected.take_target(target(BEGIN_S))
-    collected.take_joints(JointReading(t_s=BEGIN_S, position_rad=PLACE, velocity_rad_s=RATE))
-    row = collected.take_error(error(BEGIN_S, covariance_rad2=np.zeros((2, 2))))
-    assert (row.azimuth_acceleration_rad_s2[0], row.elevation_acceleration_rad_s2[0]) == (1e-7, -2e-7)
-    assert row.sigma_elevation_rad[0] == pytest.approx(SIGMA_RAD)
-
-
-def test_distances_are_those_at_the_time_in_whichever_order_the_targets_came() -> None:
-    collected = collecting()
-    for since_s in (1.0, 0.0, 0.4):
-        collected.take_target(target(BEGIN_S + since_s))
-    collected.take_joints(JointReading(t_s=BEGIN_S + 0.2, position_rad=PLACE, velocity_rad_s=RATE))
-    assert collected.take_error(error(BEGIN_S + 0.2)).range_m[0] == pytest.approx(1e6 - 1000.0)
-
-
 # When one is due
 
 
@@ -110,18 +93,6 @@ def test_scans_have_a_spacing_of_their_own_that_is_never_the_shorter_one() -> No
         # Stamps of 2000 s are rounded to 0.2 ps.
         assert np.diff(taken) == pytest.approx([spacing_s] * (len(taken) - 1), abs=0.11)
         assert min(np.diff(taken)) > spacing_s - 0.01
-
-
-def test_encoders_a_tenth_of_a_second_old_or_early_still_count() -> None:
-    for away_s, counts in ((0.099, True), (-0.099, True), (0.102, False), (-0.102, False)):
-        collected = collecting()
-        for ahead_s in (-0.5, 0.5):
-            collected.take_target(target(BEGIN_S + ahead_s))
-        collected.take_joints(JointReading(t_s=BEGIN_S + away_s, position_rad=PLACE, velocity_rad_s=RATE))
-        assert (collected.take_error(error(BEGIN_S)) is not None) is counts
-        assert collected.reasons() == (
-            "no pointing error was received" if counts else "1 errors: no encoder angles within 0.1 s"
-        )
 
 
 @pytest.mark.parametrize(
@@ -152,30 +123,7 @@ def test_an_error_that_is_not_valid_names_its_reason_or_its_sensor() -> None:
     assert collected.reasons() == "1 errors: not valid (weak); 1 errors: not valid (monopulse)"
 
 
-def test_without_the_target_of_its_time_there_is_no_row() -> None:
-    collected = collecting()
-    collected.take_target(target(BEGIN_S))
-    collected.take_joints(JointReading(t_s=BEGIN_S + 1.0, position_rad=PLACE, velocity_rad_s=RATE))
-    assert collected.take_error(error(BEGIN_S + 1.0)) is None
-    assert collected.reasons() == "1 errors: no target is known at its time"
-
-
-def test_an_error_counts_up_to_the_largest_and_not_beyond() -> None:
-    """3 and 4 are 5."""
-    for right, up, counts in ((3e-4, -4e-4, True), (3.1e-4, -4e-4, False), (-3e-4, 4.1e-4, False)):
-        collected = collecting(largest_error_rad=5.0001e-4)
-        assert (feed(collected, BEGIN_S, right=right, up=up) is not None) is counts
-        said = "1 errors: target more than 28.6 mdeg from the beam"
-        assert collected.reasons() == ("no pointing error was received" if counts else said)
-
-
 # What is kept
-
-
-def test_nothing_observed_is_no_table() -> None:
-    with pytest.raises(ValueError, match="0 parts"):
-        collecting().observations()
-    assert len(collecting()) == 0
 
 
 def test_sectors_of_the_sky_are_filled_by_true_directions() -> None:
@@ -226,16 +174,3 @@ def test_a_fit_needs_thirty_observations_and_gets_its_terms_priors_and_held_valu
     assert some["held"]["droop"] == -0.002
     assert set(some["held"]) | set(some["terms"]) == set(present.coefficients)
     assert not set(some["held"]) & set(some["terms"])
-
-
-def test_a_term_that_the_present_model_does_not_have_begins_at_zero(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[dict[str, Any]] = []
-    monkeypatch.setattr(log_module, "fit_bias_model", lambda _points, **given: asked.append(given))
-    collected = collecting()
-    for k in range(30):
-        feed(collected, BEGIN_S + k)
-    extension = "azimuth_second_sine"
-    collected.fit(BiasModel.zero().replace(droop=0.001), terms=("droop", extension))
-    assert asked[0]["priors"][extension].value == 0.0
-    assert asked[0]["priors"]["droop"].value == 0.001
-    assert extension not in asked[0]["held"]

@@ -58,12 +58,6 @@ def test_the_weather_of_the_day_and_angles_free_of_refraction_move_the_reference
     assert hot.elevation_rad[low] - standard.elevation_rad[low] > 15.0 * MDEG
 
 
-def test_a_target_that_is_not_in_the_elements_is_named(raw):
-    other = RawTracking(**{**vars(raw), "target": "NOSUCH"})
-    with pytest.raises(ValueError, match="satellite='NOSUCH' is not among"):
-        reference_of(other, ELEMENTS, STATION, 14.0 * 86400.0)
-
-
 def test_passes_without_points_are_named_and_none_at_all_is_refused(raw):
     reference = reference_of(raw, ELEMENTS, STATION, 14.0 * 86400.0)
     bad = RawTracking(**{**vars(raw), "good": np.zeros(len(raw), dtype=bool)})
@@ -101,32 +95,6 @@ def test_a_day_of_passes_in_one_file_is_cut_at_the_gaps_and_one_wrong_time_cuts_
     parts = read_raw(tmp_path / "day.csv", "X")
     assert [len(part) for part in parts] == [len(raw), len(raw)]
     assert np.array_equal(parts[1].t_s, later.t_s)
-
-
-def test_passes_of_several_files_are_numbered_from_file_to_file(raw, tmp_path):
-    reference = reference_of(raw, ELEMENTS, STATION, 14.0 * 86400.0)
-    points = RawPasses([TrackedPass(raw, reference)], 0).process(PriorKnowledge(model=BiasModel.zero())).points
-    half = len(points) // 2
-    numbered = [np.where(np.arange(len(points)) < half, first, first + 2) for first in (3, 0, 5)]
-    paths = [tmp_path / f"{k}.csv" for k in range(3)]
-    for path, passes in zip(paths, numbered, strict=True):
-        write_observations(path, replace(points, pass_id=passes))
-    found = read_points(paths)
-    assert np.unique(found.pass_id).tolist() == [3, 5, 6, 8, 9, 11]
-    assert len(found) == 3 * len(points)
-    np.testing.assert_allclose(found.t_s, np.tile(points.t_s, 3), atol=1e-5)
-    assert read_points(paths[1:2]).pass_id.tolist() == numbered[1].tolist()
-    assert read_points([]) is None
-    assert all(holds_points(path) for path in paths)
-
-
-def test_the_header_tells_points_from_raw_data_behind_empty_lines_and_remarks(tmp_path):
-    for text, points in (
-        ("", False), ("# observed_azimuth_deg\n\nt_s,azimuth_deg\n", False),
-        ("\ufeff# a\n  \nt_s,observed_azimuth_deg\n", True), ("t_s\nobserved_azimuth_deg\n", False),
-    ):  # fmt: skip
-        (tmp_path / "x.csv").write_text(text, encoding="utf-8")
-        assert holds_points(tmp_path / "x.csv") is points
 
 
 def test_a_reference_covers_its_samples_and_a_margin_but_no_wrong_time(raw):

@@ -12,7 +12,6 @@ from rf_pointing.core.dates import parse_utc
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.campaign.schedule import (
-    LARGEST_SLEW_S,
     CampaignParams,
     fit_of_kept,
     schedule_calibration,
@@ -54,17 +53,6 @@ def points_of(one: CandidatePass, number: int) -> Observations:
     )  # fmt: skip
 
 
-def in_sector(points: Observations, sector: int) -> Observations:
-    """Return the points all at rest in the middle of one of the 36 sectors, a day per sector later."""
-    azimuth = np.radians(30.0 * (sector % 12) + 15.0)
-    elevation = np.radians(np.mean(((10, 30), (30, 60), (60, 80))[sector // 12]))
-    angles = {"azimuth_rad": np.full(len(points), azimuth), "elevation_rad": np.full(len(points), elevation)}
-    placed = {f"{kind}_{name}": value for kind in ("observed", "true") for name, value in angles.items()}
-    rates = {f"{axis}_{name}": np.zeros(len(points)) for axis in ("azimuth", "elevation")
-             for name in ("rate_rad_s", "acceleration_rad_s2")}  # fmt: skip
-    return replace(points, t_s=points.t_s + 100.0 * sector, pass_id=points.pass_id + sector, **placed, **rates)
-
-
 def kept_in(folder: Path, parts: list[Observations]) -> Observations:
     journal = journal_of(folder, "Goldstone DSS-13", "X")
     for part in parts:
@@ -97,15 +85,6 @@ def test_an_interrupted_campaign_goes_on_after_its_last_observation_where_the_sk
         seen = SectorRule(fewest=10).coverage(one.track.azimuth_rad, one.track.elevation_rad)
         assert any(seen.counts[sector] for sector in before.thin), "a piece that only fills what is full already"
     assert np.all(resumed.campaign.coverage.counts >= before.counts)
-
-
-def test_a_full_sky_needs_the_shadow_alone(station: Any, sky: list[Any], schedule: Any) -> None:
-    points = points_of(schedule.campaign.passes[0], 0).select(np.arange(10))
-    full = Observations.concatenate([in_sector(points, sector) for sector in range(36)])
-    found = schedule_calibration(station, sky, START_S, SMALL, full)
-    assert found.windows == []
-    assert found.acceptance_passes[0].aos_t_s > float(np.max(full.t_s)) + LARGEST_SLEW_S
-    assert str(found).startswith("36 of 36 sectors are full already; 3 more in the shadow")
 
 
 @pytest.mark.parametrize(
@@ -155,11 +134,3 @@ def test_the_fit_of_the_kept_observations_finds_a_planted_offset(station: Any, s
     points, fit = fit_of_kept(station, "X", str(tmp_path), 5.0)
     azimuth, elevation = fit.model.apply(*points.motion())
     assert np.degrees(np.abs(points.observed_elevation_rad - elevation)).max() < 1e-3
-
-
-def test_the_calibrator_takes_the_numbers_of_the_campaign() -> None:
-    assert CampaignParams(orbit_prior_m=7.0, acceptance_passes=4).calibrator_parameters() == {
-        "orbit": {"along_track_m": 7.0, "cross_track_m": 7.0, "radial_m": 7.0},
-        "calibrator": {"spacing_s": 0.5, "settle_s": 25.0},
-        "shadow": {"fewest_passes": 4, "accept": "better"},
-    }

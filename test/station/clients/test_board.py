@@ -10,15 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rf_pointing.core.dates import utc_text
-from rf_pointing.planning import HorizonMask, PassProfile
+from rf_pointing.planning import PassProfile
 from rf_pointing.station.clients.board import (
     READ,
     Board,
     PageParams,
-    checked_arguments,
-    command_rows,
-    degrees,
-    mask_values,
     path_values,
 )
 from rf_pointing.station.description import read_station
@@ -93,30 +89,6 @@ def test_a_wait_is_up_to_the_next_view_and_at_most_50_ms(pause_s: float) -> None
         assert not page.turn(0.4 / RATE_HZ)
 
 
-def test_the_age_of_what_is_shown_is_that_of_its_newest_message(page: Page) -> None:
-    assert page.shown()["live"] == {"age_s": {}, "viewers": 1}
-    page.board.seen("antenna")
-    page.turn(2.0)
-    page.board.keep("executive", {"state": "running"})
-    live = page.shown(0.26, antenna="tracking")["live"]
-    assert live == {"age_s": {"antenna": 2.3, "executive": 0.3}, "viewers": 1, "antenna": "tracking"}
-    assert page.shown(-5.0)["live"]["age_s"]["antenna"] == 0.0
-
-
-def test_sections_of_messages_are_shown_as_they_are(page: Page) -> None:
-    given_values = {"passes": {"target": "BIRD", "rows": []}, "schedule": [1], "certificate": {"name": "BIRD"}}
-    for name, values in given_values.items():
-        page.board.keep(name, values)
-    page.board.keep("station", {"name": "Dish", "band": "X"})
-    found = page.shown(1.0)
-    assert {name: found[name] for name in given_values} == given_values
-    assert (found["station"]["name"], found["station"]["namespace"], found["station"]["offsets"]) == (
-        "Dish",
-        "/gs1",
-        None,
-    )
-
-
 def test_nodes_are_shown_with_their_checks_and_their_silence(page: Page) -> None:
     for node, check, level, message in (
         ("/gs2/antenna_servo", "device", 0, "good"), ("/gs10/antenna_servo", "device", 0, "good"),
@@ -186,18 +158,6 @@ def test_a_path_has_45_to_91_points_at_even_times_and_both_ends(count: int) -> N
     assert points[[0, -1], 0] == pytest.approx([0.0, 1.234 * (count - 1)], abs=0.006)
 
 
-def test_the_horizon_goes_around_the_whole_turn_in_steps_of_2_deg() -> None:
-    mask = HorizonMask(azimuth_rad=(0.0, math.pi), elevation_rad=(math.radians(2.0), math.radians(8.0)))
-    azimuths, heights = np.array(mask_values(mask)).T
-    assert azimuths == pytest.approx(2.0 * np.arange(181))
-    assert heights == pytest.approx(np.degrees(mask.lowest_all(np.radians(azimuths))), abs=0.0051)
-
-
-def test_angles_are_rounded_to_a_tenth_of_a_millidegree() -> None:
-    assert degrees([math.radians(12.34567), math.radians(-0.00004)]) == [12.3457, -0.0]
-    assert degrees([math.radians(12.34567)], 2) == [12.35]
-
-
 # Commands
 
 
@@ -221,12 +181,6 @@ def test_a_command_that_makes_no_sense_is_refused_with_a_sentence(
     assert (accepted, page.sent) == (False, [])
     assert words in text
     assert page.shown()["events"][0]["text"] == f"{name}: {text}"
-
-
-def test_a_whole_number_is_an_offset_and_200_characters_are_a_name() -> None:
-    (value,) = checked_arguments(command_rows()["set_along_track"], {"value": 1}).values()
-    assert (value, type(value)) == (1.0, float)
-    assert checked_arguments(command_rows()["night_skip"], {"name": "x" * 200}) == {"name": "x" * 200}
 
 
 def test_commands_are_answered_by_their_numbers_and_shown_with_the_next_view(page: Page) -> None:

@@ -287,18 +287,6 @@ def test_a_goal_by_name_waits_for_the_ephemeris_with_its_periods_held(desk: Desk
     assert desk.world.of("period") == [desk.world.t_s + 0.1]
 
 
-@pytest.mark.parametrize("missing", ["joint_states", "pass_profiles"])
-def test_a_certificate_that_does_not_come_is_refused_although_time_is_held(desk: Desk, missing: str) -> None:
-    desk.world.moves = missing != "joint_states"
-    if missing == "pass_profiles":
-        desk.controller.plan.take_profiles([])
-    desk.begin()
-    desk.world.wall_s += PATIENCE_WALL_S + 1.0
-    desk.turn()
-    assert f"({missing}) has not arrived in 31 s" in desk.message
-    assert desk.world.of("command") == []
-
-
 # What is refused
 
 
@@ -316,45 +304,6 @@ def test_no_goal_starts_while_nodes_differ_or_a_model_lacks_its_temperature(desk
     desk.goals.take_temperature(298.15)
     desk.begin(goal)
     assert desk.goals.busy
-
-
-def test_nodes_that_differ_stop_a_pass_before_its_certificate(desk: Desk) -> None:
-    desk.world.moves = False
-    desk.begin()
-    desk.world.moves, desk.world.different = True, "rf_receiver on Other"
-    desk.turn()
-    assert "rf_receiver on Other" in desk.message
-    assert desk.world.of("command") == []
-
-
-def test_a_goal_that_cannot_be_read_has_no_pass(desk: Desk) -> None:
-    desk.begin()
-    desk.goals.stop("enough")
-    desk.period()
-    desk.goals.reject("give one of them")
-    assert (desk.goals.window, desk.message, desk.goals.report()[:2]) == (
-        None, "give one of them", (Level.ERROR, "give one of them"),
-    )  # fmt: skip
-
-
-def test_a_fault_is_the_outcome_of_the_goal_that_it_refuses(desk: Desk) -> None:
-    desk.controller.take_antenna("fault", "encoder frozen")
-    desk.begin()
-    outcome = desk.goals.outcome()
-    assert (outcome.success, outcome.fault, outcome.predicted_loss_db) == (False, "encoder frozen", -1.0)
-    assert "encoder frozen" in outcome.message
-
-
-def test_an_operator_is_informed_when_the_level_changes_and_not_of_each_word(desk: Desk) -> None:
-    desk.begin()
-    desk.period(20)
-    desk.world.moves = False
-    desk.period(60)
-    alarms = desk.world.of("alarm")
-    assert len(alarms) == 1
-    level, words, _ = desk.goals.report()
-    assert level == Level.ERROR
-    assert "joint_states" in words
 
 
 # Which pass, and which model
@@ -377,15 +326,6 @@ def test_the_pass_nearest_to_a_time_is_taken_if_it_is_within_an_hour(
             nearest_pass(passes, 1e9 + near_s)
     with pytest.raises(ValueError, match="has found no pass"):
         nearest_pass([], near_s)
-
-
-@given(now_s=st.floats(1e9, 2e9), ahead_s=st.floats(-1e5, 1e5))
-def test_passes_are_looked_for_within_an_hour_of_a_time_and_not_in_the_past(now_s: float, ahead_s: float) -> None:
-    assert PassGoal(satellite="BIRD").search_from_s(now_s) == 0.0
-    near_s = now_s + ahead_s
-    from_s = PassGoal(satellite="BIRD", near_t_s=near_s).search_from_s(now_s)
-    assert near_s - NEAR_S <= from_s <= max(near_s, now_s)
-    assert from_s >= now_s or near_s <= now_s
 
 
 @given(celsius=st.lists(st.floats(-40.0, 50.0), min_size=1, max_size=20))

@@ -9,7 +9,6 @@ import pytest
 
 from rf_pointing.core.dates import utc_text
 from rf_pointing.operations import AlarmParams, BetweenParams
-from rf_pointing.operations.schedule import PassState
 from rf_pointing.station.clients import night_folder
 from rf_pointing.station.clients.alarm_hooks import HookParams
 from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch, passes_of
@@ -107,27 +106,6 @@ def test_the_first_by_name_leaves_what_has_begun_the_second_all_and_the_living_o
     assert one.night.taken == taken
 
 
-def test_the_health_of_the_nodes_and_what_no_message_carries_is_known(tmp_path: Path, disk: Any) -> None:
-    one = Bench(tmp_path)
-    starts = {"azimuth_starts": "7", "elevation_starts": "9"}
-    one.watch.take_check("antenna_servo", "device", 2, "lost", starts, WALL_S - 4.0)
-    one.watch.take_check("bias_calibrator", "model", 1, "old", {}, WALL_S)
-    for check in ("model", "device"):
-        one.watch.take_check("rf_receiver", check, 2, "gone", starts, WALL_S)
-    one.step()
-    wanted = {
-        "antenna_servo.silent_s": 4.0, "drive.problem": "lost", "relays.starts": "7, 9", "model.health": "old",
-        "model.level": 1, "disk.free_gb": 5.0, "recorder.state": "idle", "executive.problem": "",
-    }  # fmt: skip
-    assert {name: one.known(name) for name in wanted} == wanted
-    one.watch.take_check("antenna_servo", "device", 1, "slow", {}, WALL_S)
-    one.step()
-    assert (one.known("drive.problem"), one.known("relays.starts")) == ("", "")
-    disk.free = -1.0
-    one.step()
-    assert (one.known("disk.free_gb"), one.known("disk.problem")) == (0.0, "the disk is gone")
-
-
 def test_a_night_ends_with_its_report_once_and_with_a_result(tmp_path: Path, disk: Any) -> None:
     one = Bench(tmp_path)
     assert not one.step(), "there is no night"
@@ -152,17 +130,6 @@ def test_a_night_ends_with_its_report_once_and_with_a_result(tmp_path: Path, dis
     disk.free = -1.0
 
 
-@pytest.mark.parametrize(
-    ("states", "tracked", "lost"), [("tracked tracked", 2, 0), ("tracked lost weather", 1, 2), ("", 0, 0)]
-)
-def test_the_result_counts_the_passes(tmp_path: Path, states: str, tracked: int, lost: int) -> None:
-    one = Bench(tmp_path)
-    one.night.records = [SimpleNamespace(state=PassState(state)) for state in states.split()]
-    result = one.watch.result("")
-    assert (result["passes_tracked"], result["passes_lost"], result["success"]) == (tracked, lost, lost == 0)
-    assert one.watch.result("no") == {"message": "no"}
-
-
 def test_a_list_replaces_the_schedule_unless_it_resumes_and_may_be_a_file(tmp_path: Path) -> None:
     one = Bench(tmp_path)
     with pytest.raises(ValueError, match="must name passes"):
@@ -184,36 +151,6 @@ def test_a_list_replaces_the_schedule_unless_it_resumes_and_may_be_a_file(tmp_pa
     for given in ("/nowhere/list.csv", "/" + "a" * 4094):
         with pytest.raises(OSError, match="long|No such"):
             passes_of(given)
-
-
-def test_the_schedule_is_changed_while_it_runs_and_shown_once(tmp_path: Path) -> None:
-    one = Bench(tmp_path)
-    one.start(600.0, 1200.0)
-    assert [entry.item.id for entry in one.watch.news()] == ["p0", "p1"]
-    assert one.watch.news() is None
-    with pytest.raises(ValueError, match="'p7' is not in the schedule of 2"):
-        one.watch.change("", ["p0", "p7"], T_S)
-    assert one.watch.news() is None
-    added = listed(600.0, 1200.0, 1800.0)
-    assert one.watch.change(added, ["p1"], T_S) == "3 passes added, 1 removed; 3 in all"
-    assert len(one.watch.news()) == 3
-    entries = one.night.schedule.entries
-    entries["p0"].state, entries["p1"].state = PassState.ACTIVE, PassState.LOST
-    progress = one.watch.progress()
-    assert (progress["state"], progress["target"], progress["passes_left"]) == ("running", entries["p0"].item.name, 2)
-
-
-def test_an_end_of_a_directive_is_known_and_a_response_that_nobody_awaits_is_noted(tmp_path: Path) -> None:
-    one = Bench(tmp_path)
-    for succeeded, seconds, refused in ((True, 3.0, ""), (False, 0.0, "too fast"), (False, 3.0, "")):
-        one.ended(5, "track", succeeded, {"message": "too fast", "seconds_tracked": seconds})
-        assert (one.known("track.succeeded"), one.known("track.refused")) == (succeeded, refused)
-    one.ended(8, "calibrate", False, {"message": ""})
-    assert (one.known("calibrate.succeeded"), one.known("calibrate.refused")) == (False, None)
-    one.watch.poll(T_S + 1.0)
-    one.responded(4, True, "goes")
-    one.step()
-    assert (one.journal()[-1]["event"], one.journal()[-1]["utc"]) == ("unexpected response", utc_text(T_S + 1.0))
 
 
 def test_an_alarm_goes_to_the_hooks_warns_until_it_is_acknowledged_and_is_kept(tmp_path: Path) -> None:
@@ -302,10 +239,3 @@ def test_a_journal_that_cannot_be_written_is_a_warning_until_it_can(tmp_path: Pa
     level, message, values = one.watch.health()
     assert (level, message, values["passes"], values["records"]) == (0, "running", 1, 0)
     assert [row["event"] for row in one.journal()] == ["schedule changed"]
-
-
-@pytest.mark.parametrize("given", ["program", ""])
-def test_a_sensor_of_the_night_is_one_or_that_of_the_station(tmp_path: Path, given: str) -> None:
-    assert Bench(tmp_path, sensor=given).night.sensor == (given or STATION.sensor("X"))
-    with pytest.raises(ValueError, match="executive.sensor=sextant must be one of"):
-        Bench(tmp_path, sensor="sextant")

@@ -104,29 +104,6 @@ def test_a_motion_through_north_has_one_turn_and_steady_rates() -> None:
     assert azimuths[0] < -0.3 < 0.3 < azimuths[-1]
 
 
-@pytest.mark.parametrize(
-    ("times", "moving"),
-    [([0.0], False), ([0.0, 1.0], False), ([0.0, 1.0, 2.0], True), ([0.0, 5.0, 10.0, 15.0], False),
-     ([0.0, 1.0, 2.0, 6.0], False), ([0.0, 1.0, 2.0, 2.01], True)],
-)  # fmt: skip
-def test_three_points_no_more_than_the_interval_apart_are_a_motion(times: list[float], moving: bool) -> None:
-    points = ClientPoints(FollowParams())
-    for t_s in times:
-        points.add(T_S + t_s, *through_north(T_S + t_s))
-    assert points.moving is moving
-
-
-@pytest.mark.parametrize(
-    ("steps_deg", "moving"), [((0.0, 0.0, 0.02), False), ((0.0, 0.0, 0.06), True), ((0.0, 0.06, 0.06), True)]
-)
-def test_one_point_alone_may_show_that_a_place_is_left(steps_deg: tuple[float, ...], moving: bool) -> None:
-    """Less than 0.03 deg is the rounding of a client."""
-    points = ClientPoints(FollowParams())
-    for t_s, step_deg in enumerate(steps_deg):
-        points.add(T_S + t_s, 1.0, 0.5 + math.radians(step_deg))
-    assert points.moving is moving
-
-
 def circling(rate: float, t_s: float, elevation: float = 0.3) -> tuple[float, float]:
     """A target that goes round at one elevation."""
     return 0.5 + rate * (t_s - T_S), elevation
@@ -151,34 +128,6 @@ def test_the_motion_has_place_rate_and_acceleration_of_the_target() -> None:
     np.testing.assert_allclose(motion.acceleration, 0.0, atol=2e-5)
 
 
-def test_three_points_go_straight_on_and_four_bend() -> None:
-    """On the horizon a straight line of the unit vector has an acceleration of the azimuth of 0."""
-
-    def speeding(t_s: float) -> tuple[float, float]:
-        return 0.5 + 0.002 * (t_s - T_S) ** 2, 0.0
-
-    for count, bend in ((3, 0.0), (4, 0.004), (6, 0.004)):
-        points = followed(T_S + np.arange(float(count)), speeding, blend_s=0.0)
-        motion = points.motion(np.array([T_S + count - 1.0]), 0.5)
-        assert motion.acceleration[0, 0] == pytest.approx(bend, abs=2e-4)
-
-
-def test_points_older_than_the_window_or_before_a_gap_say_nothing() -> None:
-    def turning(t_s: float) -> tuple[float, float]:
-        """Twice as fast from T_S on."""
-        return 0.5 + (0.002 if t_s < T_S else 0.004) * (t_s - T_S), 0.2
-
-    for times, fits in (
-        (T_S + np.arange(-10.0, 9.0), True),
-        (T_S + np.arange(-10.0, 8.0), False),
-        (T_S + np.array([-5.0, -4.0, -3.0, 0.2, 1.0, 2.0]), True),
-        (T_S + np.array([-5.0, -4.0, -2.7, 0.2, 1.0, 2.0]), False),
-    ):
-        points = followed(times, turning, blend_s=0.0)
-        rate = points.motion(np.array([times[-1]]), 0.5).velocity[0, 0]
-        assert bool(abs(rate - 0.004) < 1e-6) is fits
-
-
 @pytest.mark.parametrize(("step_deg", "jumps"), [(4.8, False), (-4.8, False), (5.2, True), (-5.2, True)])
 @pytest.mark.parametrize("moving", [True, False])
 def test_a_point_jumps_beyond_five_degrees_of_a_motion_and_ten_of_a_place(
@@ -192,20 +141,6 @@ def test_a_point_jumps_beyond_five_degrees_of_a_motion_and_ten_of_a_place(
     assert points.add(T_S + 6.0, azimuth + math.radians(step_deg * (1.0 if moving else 2.0)), 0.0) is jumps
     # A jump begins anew.
     assert len(points.history[0]) == (1 if jumps else 7)
-
-
-def test_a_point_that_is_sent_twice_replaces_the_first_and_forty_are_kept() -> None:
-    points = ClientPoints(FollowParams())
-    assert points.newest_s == -math.inf
-    assert points.history[1].shape == (0, 3)
-    for t_s, count in ((0.0, 1), (0.04, 1), (0.1, 2), (0.14, 2), (0.2, 3)):
-        points.add(T_S + t_s, 1.0, 0.5 + t_s)
-        assert len(points.history[0]) == count
-    np.testing.assert_allclose(points.history[0] - T_S, [0.04, 0.14, 0.2], atol=1e-6)
-    np.testing.assert_allclose(points.history[1][0], unit_vector_from_azel(1.0, 0.54), atol=1e-12)
-    for k in range(60):
-        points.add(T_S + 1.0 + k, 1.0, 0.7)
-    assert len(points.history[0]) == 40
 
 
 def test_the_step_of_a_point_is_spread_over_the_blend_with_its_own_rates() -> None:
@@ -243,30 +178,11 @@ def test_the_rest_of_a_pass_ends_half_a_turn_from_where_it_rose(
     assert found == pytest.approx(sorted((azimuth, rise + side * math.pi)), abs=1e-6)
 
 
-@pytest.mark.parametrize(("elevation", "rates"), [(0.5, (0.0, 0.0)), (0.5, (0.0, -0.01)), (-0.1, (0.01, -0.01))])
-def test_a_motion_that_rests_falls_or_has_set_stays_at_its_azimuth(
-    elevation: float, rates: tuple[float, float]
-) -> None:
-    assert azimuth_still_to_come(going(1.2, elevation, rates)) == pytest.approx((1.2, 1.2), abs=1e-9)
-
-
 @given(st.integers(-2, 1), st.floats(-3.0, 3.0), st.floats(0.0, 3.0))
 def test_a_mount_of_many_turns_goes_on_with_the_one_it_is_on(turns: int, low: float, length: float) -> None:
     wide = AxisLimits(azimuth_min_rad=-20.0, azimuth_max_rad=20.0)
     turn = 2.0 * math.pi * turns
     assert turn_for(wide, (low, low + length), low + 0.5 * length + turn) == pytest.approx(turn)
-
-
-@pytest.mark.parametrize(
-    ("range_deg", "turns"), [((-80.0, 90.0), 0), ((200.0, 420.0), -1), ((300.0, 500.0), -1), ((-500.0, -280.0), 1)]
-)
-def test_where_no_turn_holds_a_motion_the_one_with_the_most_of_it_is_taken(
-    range_deg: tuple[float, float], turns: int
-) -> None:
-    short = AxisLimits(azimuth_min_rad=math.radians(-100.0), azimuth_max_rad=math.radians(320.0))
-    limits = short if range_deg[1] - range_deg[0] > 180.0 else short.replace(azimuth_max_rad=math.radians(60.0))
-    low, high = (math.radians(each) for each in range_deg)
-    assert turn_for(limits, (low, high), 0.0) == pytest.approx(2.0 * math.pi * turns)
 
 
 def test_points_below_horizon_and_travel_are_raised() -> None:
@@ -373,21 +289,6 @@ def test_points_that_lie_otherwise_are_no_match(lead_s: float, aside_rad: float,
     assert identify(Drawn(0.0), FOUR, led(FOUR, lead_s, aside_rad), params) is None  # type: ignore[arg-type]
     near = led(FOUR, 4.7 if lead_s == 5.7 else 0.2)
     assert (identify(Drawn(0.0), FOUR, near, params) is not None) is (lead_s != 0.0)  # type: ignore[arg-type]
-
-
-def test_a_longer_way_is_sought_among_earlier_points() -> None:
-    times = T_S + np.arange(6.0)
-    params = NARROW.replace(motion_rad=0.0499)
-    assert identify(Drawn(0.0), times, led(times, 0.0), params) is not None  # type: ignore[arg-type]
-    assert identify(Drawn(0.0), times[1:], led(times[1:], 0.0), params) is None  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(("behind_s", "named"), [(1.09, False), (1.11, True)])
-def test_of_two_on_one_track_the_nearer_is_named_when_the_other_is_twice_as_far(behind_s: float, named: bool) -> None:
-    """Of points 10 mrad ahead of the first the second is 20.9 or 21.1 away: bound 2 * 10 mrad + 4 mrad / 4."""
-    found = identify(Drawn(behind_s, 0.0), FOUR, led(FOUR, 1.0), NARROW)  # type: ignore[arg-type]
-    assert (found is not None) is named
-    assert found is None or found.catalogue_number == 11
 
 
 def test_elements_that_cannot_be_read_are_a_problem_until_they_can(overhead: Elements, tmp_path: Path) -> None:

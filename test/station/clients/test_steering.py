@@ -13,8 +13,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, unit_vector_from_azel
 from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, Order, ServerCounts, StationView
-from rf_pointing.planning import AxisLimits
-from rf_pointing.station.clients.points import Follower, FollowParams, KnownSatellites, MatchParams
+from rf_pointing.station.clients.points import Follower, FollowParams, MatchParams
 from rf_pointing.station.clients.steering import Answer, Steering, SteeringParams, steering_rows
 from rf_pointing.station.description import read_station
 from rf_pointing.station.parameters import controller_params
@@ -24,7 +23,6 @@ CLIENT, RIVAL, NODE = "127.0.0.1:5001", "127.0.0.1:5002", "/gs1/rotctld_server"
 STATION = read_station("dss13")
 CONTROLLER = controller_params(STATION)
 """Travel -220 to 220 and 4 to 89.5 deg, acceleration 0.8 deg/s^2."""
-NO_SKY = KnownSatellites(STATION.site)
 RATE_DEG_S = 0.5
 
 
@@ -238,11 +236,6 @@ TestSteered = Steered.TestCase
 TestSteered.settings = settings(max_examples=60, stateful_step_count=30, deadline=None)
 
 
-def test_a_sensor_that_is_not_known_is_refused() -> None:
-    with pytest.raises(ValueError, match="sensor=sextant must be one of"):
-        Desk(sensor="sextant")
-
-
 # Places and motions
 
 LIMITS = CONTROLLER.limits
@@ -269,20 +262,6 @@ def test_the_beam_of_the_axes_at_a_place_is_that_place_on_the_nearest_turn(
         assert outside or abs(beam_deg[0] - encoder_deg) <= abs(other_deg - encoder_deg) + 1e-6
 
 
-@pytest.mark.parametrize(
-    ("travel_deg", "point_deg", "place_deg"),
-    [((650.0, 790.0), 0.0, 720.0), ((-790.0, -650.0), 0.0, -720.0), ((300.0, 400.0), 0.0, 360.0), ((-220.0, 220.0), 1.0, 1.0)],
-)  # fmt: skip
-def test_a_place_is_reached_on_any_turn_that_the_travel_holds(
-    travel_deg: tuple[float, float], point_deg: float, place_deg: float
-) -> None:
-    low, high = np.radians(travel_deg)
-    limits = AxisLimits(azimuth_min_rad=low, azimuth_max_rad=high, elevation_min_rad=0.07)
-    follower = Follower(CONTROLLER.replace(limits=limits), FollowParams())
-    follower.points.add(0.0, math.radians(point_deg), 0.5)
-    assert math.degrees(follower.place_rad(reading(100.0, 40.0))[0]) == pytest.approx(place_deg)
-
-
 @given(st.floats(-221.0, 221.0), st.floats(3.0, 90.0), st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0)))
 def test_axes_come_to_rest_after_v_squared_over_2a_or_at_the_end_of_their_travel(
     azimuth_deg: float, elevation_deg: float, rates_deg_s: tuple[float, float]
@@ -295,14 +274,6 @@ def test_axes_come_to_rest_after_v_squared_over_2a_or_at_the_end_of_their_travel
     # Beyond its travel an axis goes no farther.
     lowest, highest = np.minimum(now, np.degrees(LIMITS.lowest_rad)), np.maximum(now, np.degrees(LIMITS.highest_rad))
     assert np.all((rest >= lowest - 1e-9) & (rest <= highest + 1e-9))
-
-
-def test_where_the_model_has_no_inverse_the_axes_are_taken_for_the_beam() -> None:
-    follower, axes = Follower(CONTROLLER, FollowParams()), reading(10.0, 89.9, (20.0, 0.0))
-    follower.model = BiasModel.zero().replace(azimuth_velocity_lag=2.0, collimation=0.01)
-    with pytest.raises(ValueError, match="no axis angles reach it"):
-        follower.model.remove(*axes.position_rad, *axes.velocity_rad_s, 0.0, 0.0)
-    assert follower.beam_rad(axes) == pytest.approx(axes.position_rad)
 
 
 def test_three_points_are_followed_ahead_of_time_by_when_they_arrived(desk: Desk) -> None:
@@ -320,18 +291,6 @@ def test_three_points_are_followed_ahead_of_time_by_when_they_arrived(desk: Desk
     assert desk.t_s - desk.steering.follower.points.newest_s == pytest.approx(0.4, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("encoder_deg", "azimuth_deg", "first_deg"),
-    [(-100.0, 250.0, -108.95), (-150.0, 200.0, -158.95), (219.0, 218.6, -140.35), (219.0, 218.0, -140.95)],
-)
-def test_a_motion_has_the_turn_that_holds_the_rest_of_it(
-    desk: Desk, encoder_deg: float, azimuth_deg: float, first_deg: float
-) -> None:
-    desk.axes(encoder_deg, 40.0)
-    desk.fly(azimuth_deg=azimuth_deg)
-    assert math.degrees(desk.command().position_rad[0, 0]) == pytest.approx(first_deg, abs=0.01)
-
-
 def test_at_the_end_of_its_travel_the_azimuth_unwinds_and_goes_on(desk: Desk) -> None:
     desk.axes(218.0, 40.0)
     desk.fly(azimuth_deg=217.9)
@@ -344,27 +303,6 @@ def test_at_the_end_of_its_travel_the_azimuth_unwinds_and_goes_on(desk: Desk) ->
         desk.wait(1.0)
         desk.point(azimuth_deg + 0.5)
     assert "unwinding" in desk.log[-1]
-
-
-def test_outside_travel_and_horizon_the_axes_wait_at_the_edge_without_acceleration(desk: Desk) -> None:
-    desk.fly(elevation_deg=1.0)
-    command = desk.command()
-    assert np.degrees(command.position_rad[:, 1]) == pytest.approx(np.full(10, 4.1))
-    assert command.velocity_rad_s[:, 1] == pytest.approx(np.zeros(10), abs=1e-9)
-    assert command.acceleration_rad_s2[:, 1] == pytest.approx(np.zeros(10), abs=1e-12)
-    assert np.degrees(command.velocity_rad_s[:, 0]) == pytest.approx(np.full(10, 0.5), abs=1e-3)
-
-
-def test_where_no_other_turn_holds_the_rest_the_azimuth_ends_at_its_travel() -> None:
-    limits = LIMITS.replace(azimuth_min_rad=0.0, azimuth_max_rad=math.radians(102.5))
-    follower = Follower(CONTROLLER.replace(limits=limits), FollowParams())
-    for t_s in range(3):
-        follower.points.add(float(t_s), math.radians(100.0 + t_s), 0.7)
-    for t_s in (2.0, 2.1):
-        command = follower.command(t_s, reading(101.0, 40.0))
-        assert np.degrees(command.position_rad[:, 0]) == pytest.approx(np.minimum(100.0 + command.t_s, 102.5), abs=0.02)
-        assert command.velocity_rad_s[-1, 0] == pytest.approx(0.0, abs=1e-9)
-        assert not follower.unwinds
 
 
 def test_a_motion_without_new_points_ends_after_3_s_where_the_axes_can_stop(desk: Desk) -> None:
@@ -433,16 +371,6 @@ def test_clients_read_where_the_beam_is_until_the_antenna_is_silent_for_2_s(
     assert desk.order(name, *((100.0, 50.0) if name == "set_pos" else ())) == ([] if code is None else [code])
     desk.step()
     assert (desk.steering.view.position_deg is None) is (code is not None)
-
-
-def test_another_client_steers_after_10_s_of_silence_or_when_the_first_is_gone(desk: Desk) -> None:
-    desk.point(100.0, 50.0)
-    turns = ((9.9, RIVAL, [REJECTED]), (0.0, CLIENT, []), (9.9, RIVAL, [REJECTED]), (0.1, RIVAL, []))
-    for seconds, client, codes in turns:
-        desk.wait(seconds)
-        assert desk.point(100.0, 60.0 + seconds, client=client) == codes
-    del desk.heard[RIVAL]
-    assert desk.point(100.0, 70.0) == []
 
 
 def test_an_antenna_that_a_client_parked_is_released_by_the_next_place(desk: Desk) -> None:

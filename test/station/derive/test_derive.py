@@ -8,9 +8,7 @@ from typing import Any
 import pytest
 import yaml
 
-from rf_pointing.ephemeris import SITES
 from rf_pointing.rf.dish_array import DishArrayParams, least_level_db_hz
-from rf_pointing.station.derive.band import Value
 from rf_pointing.station.derive.nodes import owner_of_name
 from rf_pointing.station.description import station_from
 from rf_pointing.station.description.description import StationDescription, require_known
@@ -248,12 +246,6 @@ def test_a_description_gives_the_numbers_that_its_formulas_state(case: str) -> N
     }  # fmt: skip
 
 
-def test_every_beam_of_a_station_is_the_same_width() -> None:
-    prefixes = ("monopulse", "conscan", "steptrack", "calibration", "watch", "spiral", "machine", "signal.beam")
-    values = described(BAND={"half_power_beamwidth_deg": 0.8}).values()
-    assert {values[f"{prefix}.half_power_beamwidth_deg"].value for prefix in prefixes} == {0.8}
-
-
 def test_an_array_sees_what_its_patches_gain_against_the_dish() -> None:
     """27000 deg^2 / h^2 is 46.4 dBi at 0.785 deg; 8 patches of 5 dBi give 14.0 dBi."""
     section = {"elements": 8, "radius_m": 0.1, "element_gain_dbi": 5.0, "roll_deg": 10.0, "axis_cross_elevation_deg": 1.0,
@@ -271,46 +263,6 @@ def test_an_array_sees_what_its_patches_gain_against_the_dish() -> None:
     )
     assert values["autotrack.array_off_db_hz"] == float(f"{least:.3g}")
     assert values["autotrack.array_on_db_hz"] == float(f"{least + 2.0:.3g}")
-
-
-def test_a_station_without_an_array_says_nothing_of_one() -> None:
-    assert not [name for name in described().values() if "array" in name]
-
-
-@pytest.mark.parametrize("site", [None, "Goldstone DSS-13"])
-def test_the_place_of_a_station_is_where_the_sun_and_the_satellites_are_seen_from(site: str | None) -> None:
-    values = described(**({"site": site} if site else {})).values()
-    place = SITES[site] if site else None
-    expected = (
-        (math.degrees(place.latitude_rad), math.degrees(place.longitude_rad), place.altitude_m)
-        if place
-        else (48.1, 11.6, 520.0)
-    )
-    for prefix in ("source", "sun", "safety.sun"):
-        names = [f"{prefix}.site.{name}" for name in ("latitude_deg", "longitude_deg", "altitude_m")]
-        assert [values[name].value for name in names] == pytest.approx(expected, abs=1e-9)
-        assert [values[name].key for name in names] == ["site.latitude_deg", "site.longitude_deg", "site.height_m"]
-
-
-def test_the_key_of_each_number_is_where_a_user_changes_it(tmp_path: Path) -> None:
-    values = described().values()
-    assert values["mask.clearance_deg"].key == values["safety.mask.clearance_deg"].key == "mount.horizon_clearance_deg"
-    assert values["mask.elevation_deg"].key == "mount.horizon_deg"
-    assert values["plant.azimuth.rate_limit_deg_s"] == Value(pytest.approx(6.0), "mount.azimuth.rate_deg_s")
-    assert values["plant.elevation.encoder_bits"].key == "mount.elevation.encoder_bits"
-    inertia = values["plant.azimuth.inertia_kg_m2"]
-    assert (inertia.key, inertia.formula) == (
-        "tuning.plant.azimuth.inertia_kg_m2",
-        "stiff structure of 3 m (plants.py)",
-    )
-    assert values["plant.cross_mode_frequency_hz"].key == "tuning.plant.cross_mode_frequency_hz"
-    assert values["loops.azimuth.rate_limit_deg_s"].key == "mount.azimuth.rate_deg_s"
-    assert values["loops.elevation.proportional_gain"].key == "tuning.loops.elevation.proportional_gain"
-    (tmp_path / "m.txt").write_text("0 3\n")
-    mount = {"horizon_file": str(tmp_path / "m.txt"), "horizon_clearance_deg": 2.0}
-    surveyed = described(MOUNT=mount).values()
-    assert surveyed["safety.mask.elevation_deg"].key == "mount.horizon_file"
-    assert surveyed["mask.clearance_deg"].value == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(
@@ -351,11 +303,3 @@ def test_what_a_parameter_file_may_name(node: str, names: list[str], said: str) 
 )
 def test_a_trial_changes_what_only_the_simulation_knows(name: str, key: str) -> None:
     assert owner_of_name(name) == key
-
-
-def test_a_band_is_derived_alone() -> None:
-    station = described(bands={"S": {"frequency_mhz": 2200}, "X": {"frequency_mhz": 8400}})
-    for band, h in (("S", 2.99792), ("X", 0.785171)):
-        found = station.values(band)
-        assert found["conscan.half_power_beamwidth_deg"].value == pytest.approx(h, rel=2e-6)
-        assert (found["calibrator.band"].value, found["calibrator.model_file"].value) == (band, "")

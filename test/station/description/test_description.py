@@ -73,7 +73,6 @@ def test_a_station_is_simulated_unless_its_drive_is_a_device() -> None:
     assert made("bands:", "drive: {rotator: {latency_s: 0.3}}\nbands:").drive["type"] == "simulated"
 
 
-MASK = ("bands:", "  horizon_deg: [[0, 3]]\nbands:")
 REMARKS = {
     "mask": "mount: there is no horizon mask; the antenna may look at hills, houses and people",
     "model": "bands.S: there is no bias model; errors of the mount are not corrected",
@@ -136,12 +135,6 @@ def test_a_parameter_file_may_repeat_the_description_and_say_nothing_else_of_it(
         station.check_file("pointing_controller", {"limits.azimut_min_deg": 0.0})
 
 
-def test_a_tuple_and_a_list_of_the_same_numbers_are_the_same_value() -> None:
-    assert same_value((1.0, 2.0), [1.0, 2.0])
-    assert same_value([1.0, 2.0], (1.0, 2.0))
-    assert not same_value((1.0, 2.0), [1.0, 2.1])
-    assert not same_value((1.0,), 1.0)
-    assert same_value("X", "X")
 
 
 def test_a_description_is_written_anew_with_changes_and_with_its_files_by_whole_paths(tmp_path: Path) -> None:
@@ -179,8 +172,6 @@ def test_the_digest_is_that_of_the_models_content(tmp_path: Path) -> None:
     assert read_station(tmp_path / "t.yaml").digest != station.digest
 
 
-def test_bias_models_are_no_stations() -> None:
-    assert shipped_stations() == ("dss13", "leo_3m7", "rotator_2m", "vhf_uhf_yagi")
 
 
 def test_numbers_that_a_node_refuses_together_are_named_with_band_and_node(tmp_path: Path) -> None:

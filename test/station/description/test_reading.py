@@ -122,7 +122,6 @@ def test_a_problem_is_named_with_its_line(change: tuple[str, str], line: int, sa
     assert any(at == line and said in text for at, text in found), found
 
 
-ROUND = "[[0, 5], [90, 5], [180, 5], [270, 5]]"
 BOTH = "bands:"
 
 
@@ -132,64 +131,6 @@ def mask(points: str) -> tuple[str, str]:
 
 def elevation(text: str) -> tuple[str, str]:
     return ("rate_deg_s: 6}\nbands", f"rate_deg_s: 6, {text}}}\nbands")
-
-
-@pytest.mark.parametrize(
-    ("taken", "refused", "said"),
-    [
-        (mask(ROUND), mask(ROUND.replace("[90", "[91")), "point 2: 91 deg after the point before, must be <= 90"),
-        (mask(ROUND), mask(ROUND.replace("[270", "[269")), "point 1: 91 deg after the point before, must be <= 90"),
-        (mask("[[0, 5]]"), mask("[]"), "mount.horizon_deg=[] must have at least one point"),
-        (mask(ROUND.replace("[270, 5]", "[270, 5], [360, 5]")), mask(ROUND.replace("[270, 5]", "[270, 5], [361, 5]")),
-            "mount.horizon_deg[4][0]=361.0 must be <= 360.0"),
-        (mask("[[0, -11]]"), mask("[[0, -11.1]]"), "point 1: elevation -11.1 must be >= -11 and <= 85"),
-        (mask("[[0, 85]]"), mask("[[0, 85.1]]"), "point 1: elevation 85.1 must be >= -11 and <= 85"),
-        (mask("[[0, 5]]"), mask("[[-1, 5]]"), "point 1: azimuth -1.0 must be >= 0 and <= 360"),
-        (mask("[[0, 5]]"), (BOTH, "  horizon_deg: [[0, 5]]\n  horizon_file: m.txt\nbands:"),
-            "mount.horizon_file and mount.horizon_deg give the mask twice: leave one out"),
-        (mask("[[0, 5]]"), mask("[[x, 5]]"), "mount.horizon_deg[0][0]=x must be a number"),
-        (mask("[[0, 5]]"), mask("[7]"), "mount.horizon_deg[0] must be a list of 2 values"),
-        ((BOTH, "  park_deg: [270, 90]\nbands:"), (BOTH, "  park_deg: [271, 90]\nbands:"), "azimuth 271.0 must lie within"),
-        ((BOTH, "  park_deg: [-270, 0]\nbands:"), (BOTH, "  park_deg: [0, -1]\nbands:"), "elevation -1.0 must lie within"),
-        ((BOTH, "  stow_elevation_deg: 90\nbands:"), (BOTH, "  stow_elevation_deg: 91\nbands:"), "stow_elevation_deg=91.0"),
-        ((BOTH, "  stow_elevation_deg: 0\nbands:"), (BOTH, "  stow_elevation_deg: -1\nbands:"), "stow_elevation_deg=-1.0"),
-        ((BOTH, "  pass_elevation_deg: 0.1\nbands:"), (BOTH, "  pass_elevation_deg: 0.0\nbands:"), "must be > 0.0"),
-        (("[0, 90]", "[-11.4, 192]"), ("[0, 90]", "[-12.1, 192]"), "must lie within [-12, 192]"),
-        (("[0, 90]", "[0, 192]"), ("[0, 90]", "[0, 192.1]"), "must lie within [-12, 192]"),
-        (elevation("hard_stop_deg: [-1, 91]"), elevation("hard_stop_deg: [0, 91]"), "must lie outside travel_deg"),
-        (elevation("hard_stop_deg: [-1, 91]"), elevation("hard_stop_deg: [-1, 90]"), "must lie outside travel_deg"),
-        (elevation("resolution_deg: 0.1"), elevation("resolution_deg: 0.1, encoder_bits: 12"), "leave one out"),
-        (elevation("command_rate_deg_s: 6"), elevation("command_rate_deg_s: 6.1"), "must be <= 6.0, what the drive can do"),
-        (elevation("command_acceleration_deg_s2: 6"), elevation("command_acceleration_deg_s2: 6.1"), "must be <= 6.0"),
-        (elevation("acceleration_deg_s2: 3, command_acceleration_deg_s2: 3"),
-            elevation("acceleration_deg_s2: 3, command_acceleration_deg_s2: 3.1"), "must be <= 3.0, what the drive can do"),
-        (("8.2e3", "8.2e3, half_power_beamwidth_deg: 0.776"), ("8.2e3", "8.2e3, half_power_beamwidth_deg: 0.789"), "20 %"),
-        (("8.2e3", "8.2e3, half_power_beamwidth_deg: 0.528"), ("8.2e3", "8.2e3, half_power_beamwidth_deg: 0.515"), "20 %"),
-        (("8.2e3", "8.2e3, sensors: [conscan]"), ("8.2e3", "8.2e3, sensors: [conscan, conscan]"), "names a sensor twice"),
-        (("8.2e3", "8.2e3, sensors: [conscan]"), ("8.2e3", "8.2e3, sensors: [array]"), "the description has no section array"),
-        ((BOTH, "default_band: X\nbands:"), (BOTH, "default_band: Ka\nbands:"), "default_band='Ka' must be one of X"),
-        (("name: My dish", "name: Yours"), ("name: My dish", "name: ' '"), "name='' must not be empty"),
-        ((BOTH, "drive: {type: gs232}\nbands:"), (BOTH, "drive: {typ: gs232}\nbands:"), "drive.typ: no such key of drive"),
-        ((BOTH, "drive: {link: {port: 1}}\nbands:"), (BOTH, "drive: {link: {port: 0}}\nbands:"), "drive.link.port=0 must be"),
-    ],
-)  # fmt: skip
-def test_each_bound_of_a_description_is_where_it_says(
-    taken: tuple[str, str], refused: tuple[str, str], said: str, tmp_path: Path
-) -> None:
-    """What lies on it is taken, what lies beyond is the one problem that is named."""
-    (tmp_path / "m.txt").write_text("0 3\n")
-    station_from(tmp_path / "s.yaml", GOOD.replace(*taken))
-    found = problems(GOOD.replace(*refused), tmp_path)
-    assert len(found) == 1, found
-    assert said in found[0][1]
-
-
-def test_a_survey_that_repeats_its_first_point_at_360_deg_is_the_mask_without_it() -> None:
-    found = [
-        station_from(Path("s.yaml"), GOOD.replace(*mask(points))).parameters("pointing_controller")
-        for points in (ROUND, ROUND.replace("[270, 5]", "[270, 5], [360, 5]"))
-    ]
-    assert found[0]["mask.azimuth_deg"] == found[1]["mask.azimuth_deg"] == pytest.approx((0.0, 90.0, 180.0, 270.0))
 
 
 def test_all_problems_come_in_one_list_in_the_order_of_the_lines(tmp_path: Path) -> None:
@@ -210,30 +151,6 @@ def test_a_mask_file_is_read_and_its_bad_lines_are_named(tmp_path: Path) -> None
     said = [text for _, text in problems(text, tmp_path)]
     assert any("mask.txt:2: '80 nan'" in each for each in said)
     assert any("mask.txt:3: '160 5 6'" in each for each in said)
-
-
-@pytest.mark.parametrize(
-    ("row", "said"),
-    [
-        ("0 85", ""), ("0 85.1", "point 1 (line 2): elevation 85.1 must be >= -11 and <= 85"),
-        ("0 -11", ""), ("0 -11.1", "point 1 (line 2): elevation -11.1 must be >= -11 and <= 85"),
-        ("360 5", ""), ("360.1 5", "point 1 (line 2): azimuth 360.1 must be >= 0 and <= 360"),
-        ("0;5", ""), ("-0.1 5", "point 1 (line 2): azimuth -0.1 must be >= 0 and <= 360"),
-        ("0 5 # tree\n\n80,6\n160 7\n240 5\n320 5", ""),
-        ("0 5\n\n80 6\n80 7", "point 3 (line 5): azimuth 80.0 must be > 80.0, the one before"),
-        ("0 5 7", "m.txt:2: '0 5 7' must be azimuth and elevation in deg"),
-        ("0 nan", "m.txt:2: '0 nan' must be azimuth and elevation in deg"),
-        ("", "mount.horizon_file='m.txt' must have at least one point"),
-    ],
-)  # fmt: skip
-def test_each_row_of_a_mask_file_is_judged_with_its_line(row: str, said: str, tmp_path: Path) -> None:
-    (tmp_path / "m.txt").write_text(f"# survey\n{row}\n")
-    text = GOOD.replace("bands:", "  horizon_file: m.txt\nbands:")
-    if not said:
-        found = station_from(tmp_path / "s.yaml", text).parameters("pointing_controller")
-        assert len(found["mask.azimuth_deg"]) == row.count("\n") + (0 if "tree" in row else 1)
-        return
-    assert any(said in text for _, text in problems(text, tmp_path))
 
 
 def test_the_digest_follows_every_number_and_no_comment(tmp_path: Path) -> None:
@@ -267,15 +184,6 @@ def test_the_digest_follows_every_number_and_no_comment(tmp_path: Path) -> None:
 )
 def test_each_parameter_has_one_place(node: str, parameter: str, key: str) -> None:
     assert owner(node, parameter) == key
-
-
-def test_tuning_counts_in_every_node_and_the_band_wins() -> None:
-    text = GOOD.replace("bands:", "tuning: {spiral.rate_deg_s: 0.2, conscan: {period_s: 6.0}}\nbands:")
-    text = text.replace("8.2e3", "8.2e3, tuning: {spiral.rate_deg_s: 0.3}")
-    station = station_from(Path("s.yaml"), text)
-    assert station.parameters("pointing_controller")["spiral.rate_deg_s"] == 0.3
-    assert station.parameters("pointing_controller")["conscan.period_s"] == 6.0
-    assert station.parameters("conscan_tracker")["conscan.period_s"] == 6.0
 
 
 def test_a_name_that_is_neither_a_file_nor_shipped_is_refused() -> None:

@@ -37,36 +37,6 @@ def branch(*, plunge: bool = False, over: bool = True, turns: int = 0) -> Tracki
     return TrackingBranch(SimpleNamespace(turns=turns, plunge=plunge, crossing=crossing))  # type: ignore[arg-type]
 
 
-def test_without_a_branch_nothing_is_turned() -> None:
-    course = TrackingBranch()
-    assert course.direct
-    assert (course.turns_rad, course.turned_rad(OVER_S), course.planned_error_rad(OVER_S)) == (0.0, 0.0, 0.0)
-    assert not course.plunge_at(OVER_S)
-    assert not course.crossing(OVER_S)
-    assert course.ends_of_crossing(np.array([OVER_S])) is None
-    np.testing.assert_array_equal(course.axes_rad(OVER_S, np.array([0.3, 0.4])), [0.3, 0.4])
-
-
-def test_a_branch_knows_when_it_is_over_the_top_and_what_that_adds() -> None:
-    course = branch(turns=-1)
-    assert not course.direct
-    assert course.turns_rad == -2.0 * math.pi
-    for t_s, over in ((BEGIN_S - 1.0, False), (OVER_S - 0.01, False), (OVER_S, True), (END_S + 50.0, True)):
-        assert course.plunge_at(t_s) == over
-        assert course.turned_rad(t_s) == (2.0 * math.pi if over else 0.0)
-        assert branch(plunge=True).plunge_at(t_s) != over
-    # A crossing that stays on its side adds nothing.
-    assert branch(over=False).turned_rad(END_S) == 0.0
-    np.testing.assert_array_equal(course.signs(np.array([OVER_S - 1.0, OVER_S])), [[1.0, 1.0], [1.0, -1.0]])
-
-
-def test_the_planned_error_is_that_of_the_crossing_and_none_outside() -> None:
-    course = branch()
-    for t_s, inside in ((BEGIN_S - 0.1, False), (BEGIN_S, True), (103.3, True), (END_S, True), (END_S + 0.1, False)):
-        assert course.crossing(t_s) == inside
-        assert course.planned_error_rad(t_s) == pytest.approx(1e-3 * (t_s - BEGIN_S) if inside else 0.0)
-
-
 @pytest.mark.parametrize("plunge", [False, True])
 def test_the_axes_look_where_the_direct_angles_do_and_readings_come_back(plunge: bool) -> None:
     course = branch(plunge=plunge)

@@ -1,9 +1,7 @@
 """Planning a day: passes above the horizon, the time to their starts, lags along the motion that is really made."""
 
 import dataclasses
-import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,13 +12,10 @@ from rf_pointing.planning import AxisLimits, GateParams, HorizonMask, MachinePar
 from rf_pointing.station.antenna.mount import MountParams
 from rf_pointing.station.pointing.certificates import (
     PlanningRules,
-    SolarTable,
-    StoreParams,
     certificate_of,
     pass_profile,
     plan_passes,
     planned_certificate,
-    store_certificate,
 )
 
 DEG = math.pi / 180.0
@@ -87,27 +82,6 @@ def test_lags_of_the_mount_are_part_of_the_axes_path(track: TopocentricTrack, wi
     assert np.max(np.abs(moved)) > 0.3 * DEG
 
 
-def test_a_pass_is_tabulated_in_even_steps_no_longer_than_asked_for(track: TopocentricTrack, window: Pass) -> None:
-    for step_s in (0.7, 10.0):
-        times = pass_profile(track, window, step_s).t_s
-        assert (times[0], times[-1]) == (window.aos_t_s, window.los_t_s)
-        assert np.diff(times) == pytest.approx(window.duration_s / (len(times) - 1))
-        assert window.duration_s / (len(times) - 1) <= step_s < window.duration_s / (len(times) - 2)
-
-
-def test_a_certificate_is_kept_under_the_name_and_the_beginning_of_its_pass(
-    track: TopocentricTrack, window: Pass, tmp_path: Path
-) -> None:
-    found = certificate_of(pass_profile(track, window), RULES, window.aos_t_s, (2.5, 0.1))
-    found = dataclasses.replace(found, name="A/B 2", aos_t_s=1_151_384_000.0)
-    # 1 151 384 000 s after 1970 is 2006-06-27 04:53:20 UTC.
-    path = store_certificate(StoreParams(certificate_folder=str(tmp_path)), found)
-    assert path == tmp_path / "A_B_2-20060627T045320.json"
-    assert json.loads(path.read_text()) == json.loads(json.dumps(certificate_values(found)))
-    assert store_certificate(StoreParams(), found) is None
-    assert len(list(tmp_path.iterdir())) == 1
-
-
 def test_a_profile_is_the_track_and_the_sun_at_its_times(track: TopocentricTrack, window: Pass) -> None:
     found = pass_profile(track, window, 30.0)
     solar = TopocentricTrack(sun(), track.site, refraction=track.refraction)
@@ -126,21 +100,6 @@ def test_a_profile_is_the_track_and_the_sun_at_its_times(track: TopocentricTrack
         assert found.range_m[row] == pytest.approx(look.range_m, abs=1e-3)
         assert found.satellite_gain_db[row] == pytest.approx(look.satellite_gain_db)
     assert found.name == window.name
-
-
-def test_a_profile_has_two_rows_at_least_and_four_thousand_at_most(track: TopocentricTrack, window: Pass) -> None:
-    moment = dataclasses.replace(window, los_t_s=window.aos_t_s + 0.5)
-    assert len(pass_profile(track, moment).t_s) == 2
-    assert len(pass_profile(track, window, 0.1).t_s) == 4000
-
-
-def test_a_plunge_is_planned_unless_one_of_many_passes_cannot_have_it(track: TopocentricTrack, window: Pass) -> None:
-    table = SolarTable(track.site, track.refraction, window.aos_t_s - 60.0, window.duration_s + 120.0)
-    low, high = (dataclasses.replace(RULES, limits=AxisLimits(elevation_max_rad=x)) for x in (0.5 * math.pi, math.pi))
-    for rules, sun_table, plunge in ((low, None, True), (low, table, False), (high, table, True)):
-        found, fine = planned_certificate(track, window, window.aos_t_s - 60.0, (2.5, 0.1), rules, sun_table)
-        assert any(branch.plunge for branch in found.branches) is plunge
-        assert fine.t_s[1] - fine.t_s[0] == pytest.approx(0.1, rel=0.01)
 
 
 def test_the_next_pass_of_a_plan_begins_where_and_when_the_last_one_ends(track: TopocentricTrack) -> None:

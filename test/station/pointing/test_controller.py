@@ -12,7 +12,6 @@ from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, PointingError
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.planning import AxisLimits
-from rf_pointing.rf import LinkParams
 from rf_pointing.station.pointing.controller import PLAN_PATIENCE_S, PointingController
 from rf_pointing.station.pointing.status import Level
 
@@ -23,15 +22,6 @@ MakeController = Callable[..., PointingController]
 
 def still(azimuth_rad: float, elevation_rad: float, t_s: float = 0.0) -> JointReading:
     return JointReading(t_s=t_s, position_rad=[azimuth_rad, elevation_rad], velocity_rad_s=[0.0, 0.0])
-
-
-def test_nothing_is_commanded_without_a_pass(make_controller: MakeController) -> None:
-    controller = make_controller()
-    controller.take_joints(still(1.0, 1.0))
-    trajectory, status = controller.step(0.0)
-    assert trajectory is None
-    assert status.mode == "idle"
-    assert not controller.busy
 
 
 def test_a_model_that_turns_the_beam_out_of_what_the_axes_guard_is_doubted(make_controller: MakeController) -> None:
@@ -81,19 +71,6 @@ def test_a_pass_that_fits_no_turn_is_refused_at_the_start(make_controller: MakeC
 # No pass without a certificate
 
 
-def test_a_piece_of_a_pass_has_a_certificate_of_its_own(make_controller: MakeController, window: Pass) -> None:
-    """Campaigns track pieces of the passes that are predicted."""
-    controller, begin_s = make_controller(), window.aos_t_s + 200.0
-    piece = dataclasses.replace(window, aos_t_s=begin_s, los_t_s=begin_s + 105.0)
-    controller.take_joints(still(window.aos_azimuth_rad, 1.0))
-    controller.start(begin_s - 100.0, piece, "program")
-    certificate = controller.plan.certificate
-    assert certificate is not None
-    assert certificate.chosen is not None
-    assert controller.plan.profile is not None
-    assert (controller.plan.profile.t_s[0], controller.plan.profile.t_s[-1]) == (begin_s, begin_s + 105.0)
-
-
 @pytest.mark.parametrize("known", ["joint_states", "pass_profiles"])
 def test_a_pass_whose_certificate_cannot_be_made_is_refused_with_what_is_missing(
     make_controller: MakeController, window: Pass, known: str
@@ -116,24 +93,6 @@ def test_a_pass_whose_certificate_cannot_be_made_is_refused_with_what_is_missing
     assert controller.plan.certificate is None
 
 
-def test_a_pass_that_fits_no_turn_ends_when_the_axes_become_known(
-    make_controller: MakeController, window: Pass
-) -> None:
-    controller = make_controller(limits=AxisLimits(azimuth_min_rad=-1.0, azimuth_max_rad=1.0))
-    controller.start(window.aos_t_s - 10.0, window, "program")
-    controller.take_joints(still(0.0, 1.0))
-    _, status = controller.step(window.aos_t_s - 9.9)
-    assert "no branch works" in status.reason
-    assert not controller.busy
-
-
-def test_a_pass_above_the_elevation_limit_is_refused(make_controller: MakeController, window: Pass) -> None:
-    controller = make_controller(limits=AxisLimits(elevation_max_rad=math.radians(20.0)))
-    controller.take_joints(still(2.0, 0.5))
-    with pytest.raises(ValueError, match=r"no branch works; the nearest, .* would be lost"):
-        controller.start(window.aos_t_s, window, "program")
-
-
 # Refusals of a start
 
 
@@ -148,22 +107,7 @@ def test_a_second_pass_is_refused_while_one_is_tracked(rig: MakeRig, window: Pas
         made.controller.start(window.aos_t_s, window, "program")
 
 
-def test_an_unknown_sensor_is_refused(make_controller: MakeController, window: Pass) -> None:
-    with pytest.raises(
-        ValueError, match="sensor='radar' must be one of program, monopulse, conscan, steptrack, array, auto"
-    ):
-        make_controller().start(window.aos_t_s, window, "radar")
-
-
 # Ends of a pass
-
-
-def test_the_pass_ends_at_loss_of_signal(rig: MakeRig, window: Pass) -> None:
-    made = rig(start_s=window.los_t_s - 8.0, azimuth_rad=window.los_azimuth_rad)
-    assert made.controller.busy
-    reasons = [status.reason for t_s, _, status in made.run(window.los_t_s - 8.0, 8.2) if t_s >= window.los_t_s]
-    assert reasons[0] == "loss of signal"
-    assert made.controller.statistics.reason == "loss of signal"
 
 
 def test_beyond_its_prediction_the_axes_wait_at_rest_and_go_on_by_themselves(rig: MakeRig, window: Pass) -> None:
@@ -213,25 +157,6 @@ def test_a_rate_that_no_mount_has_does_not_end_the_joining_of_a_pass(
     assert list(made.run(begin_s + 0.1, 8.0))[-1][2].mode == "program_track"
 
 
-def test_the_way_to_the_target_is_judged_once_and_again_after_a_stall(
-    rig: MakeRig, window: Pass, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    begin_s, judged = window.tca_t_s, []
-    away_rad = 0.5 * (window.azimuth_min_rad + window.azimuth_max_rad) + 1.0
-    made = rig(start_s=begin_s, azimuth_rad=away_rad)
-    plan = made.controller.plan
-    chase = plan.gate.chase
-    monkeypatch.setattr(plan.gate, "chase", lambda *given: judged.append(given) or chase(*given))
-    for step in range(1, 6):
-        made.controller.take_joints(still(away_rad, window.aos_elevation_rad, begin_s + 0.1 * step))
-        _, status = made.controller.step(begin_s + 0.1 * step)
-    assert (status.mode, len(judged)) == ("slew", 1)
-    for late_s in (4.0, 4.1):
-        made.controller.take_joints(still(away_rad, window.aos_elevation_rad, begin_s + late_s))
-        _, status = made.controller.step(begin_s + late_s)
-    assert (status.mode, len(judged)) == ("slew", 2)
-
-
 # What is published
 
 
@@ -266,16 +191,6 @@ def test_the_status_is_what_target_axes_and_pass_give(rig: MakeRig, window: Pass
     assert status.axis_distance_rad == pytest.approx(math.hypot(right, off[1]), rel=0.01)
     assert status.cross_elevation_error_rad == pytest.approx(right, rel=0.01)
     assert (status.on_source, status.settle_count) == (False, 0)
-
-
-def test_without_a_pass_the_status_names_none(make_controller: MakeController) -> None:
-    controller = make_controller()
-    status = controller.step(50.0)[1]
-    assert (status.target, status.los_t_s, status.command_lead_s, status.axis_age_s) == ("", 0.0, 0.0, -1.0)
-    assert not status.on_source
-    np.testing.assert_array_equal(status.axis_error_rad, [0.0, 0.0])
-    controller.take_joints(still(1.0, 1.0, 50.0))
-    assert controller.step(50.3)[1].axis_age_s == pytest.approx(0.3)
 
 
 def measured(t_s: float, sensor: str = "monopulse", **changes: Any) -> PointingError:
@@ -322,24 +237,6 @@ def test_a_fault_of_the_antenna_is_shown_until_its_reset_and_one_of_the_watch_un
 # What the link cannot give
 
 
-def test_a_sensor_whose_gate_the_link_never_opens_is_refused_in_words(
-    make_controller: MakeController, window: Pass
-) -> None:
-    faint = LinkParams(zenith_carrier_to_noise_db_hz=30.0, reference_range_m=window.smallest_range_m)
-    with pytest.raises(
-        ValueError, match=r"sensor=monopulse needs a carrier of 36.0 dB-Hz; the link gives at most 30.0"
-    ):
-        make_controller(link=faint).start(window.aos_t_s - 10.0, window, "monopulse")
-    silent = faint.replace(zenith_carrier_to_noise_db_hz=12.0)
-    for sensor in ("conscan", "steptrack", "auto"):
-        make_controller(link=faint).start(window.aos_t_s - 10.0, window, sensor)
-        with pytest.raises(ValueError, match=rf"sensor={sensor} needs a carrier of 22.0 dB-Hz"):
-            make_controller(link=silent).start(window.aos_t_s - 10.0, window, sensor)
-    make_controller(link=silent).start(window.aos_t_s - 10.0, window, "program")
-    unknown = dataclasses.replace(window, smallest_range_m=0.0)
-    make_controller(link=silent).start(window.aos_t_s - 10.0, unknown, "monopulse")
-
-
 def test_errors_of_an_unregistered_sensor_are_refused_with_its_name_and_keep_the_lock(
     rig: MakeRig, window: Pass
 ) -> None:
@@ -382,38 +279,3 @@ def test_a_fault_of_the_antenna_refuses_a_pass_and_ends_one(rig: MakeRig, window
     made.controller.stop("stop was requested")
     made.controller.take_antenna("fault", "brake")
     assert made.period(round(t_s + 0.3, 6))[1].reason == "stop was requested"
-
-
-def test_a_pass_that_was_stopped_while_it_waited_gets_no_certificate(
-    make_controller: MakeController, window: Pass
-) -> None:
-    controller, t_s = make_controller(), window.aos_t_s - 100.0
-    controller.start(t_s, window, "program")
-    assert controller.missing.startswith("the position of the axes")
-    controller.stop("stop was requested")
-    assert controller.missing == ""
-    controller.take_joints(still(window.aos_azimuth_rad, 1.0, t_s))
-    trajectory, status = controller.step(t_s + 0.1)
-    assert trajectory is None
-    assert status.reason == "stop was requested"
-    assert controller.plan.certificate is None
-
-
-def test_nothing_is_counted_before_the_pass_begins(rig: MakeRig, window: Pass) -> None:
-    made = rig(start_s=window.aos_t_s - 3.0)
-    for t_s, _, status in made.run(window.aos_t_s - 3.0, 5.0):
-        outcome = made.controller.statistics.outcome
-        assert outcome.duration_s == pytest.approx(max(t_s - window.aos_t_s + 0.1, 0.0), abs=0.11)
-        assert (status.alarm == "") or t_s >= window.aos_t_s
-    assert outcome.duration_s > 1.5
-
-
-def test_a_zone_without_a_sun_leaves_the_clearance_for_a_model(make_controller: MakeController) -> None:
-    controller = make_controller()
-    machine = controller.params.machine
-    clearance_rad = controller.params.mask.clearance_rad
-    controller.retune(dataclasses.replace(controller.params, machine=machine.replace(sun_radius_rad=0.0)))
-    controller.take_model(BiasModel.zero().replace(elevation_offset=0.99 * clearance_rad))
-    assert controller.model_doubt == ""
-    controller.take_model(BiasModel.zero().replace(elevation_offset=1.01 * clearance_rad))
-    assert controller.model_doubt != ""

@@ -179,36 +179,6 @@ def test_near_the_zenith_a_scan_is_as_large_as_the_azimuth_axis_allows(mode: str
     np.testing.assert_allclose(first.velocity[0, 1], last.velocity[200, 1], atol=1e-4 * AXES.rate_rad_s[1])
 
 
-def test_a_scan_that_shrinks_on_the_way_to_the_zenith_has_the_rates_of_its_own_places() -> None:
-    sets = ControllerParams(conscan=CONSCAN.replace(radius_rad=30.0 * MDEG))
-    offsets = PointingCorrections(
-        TrackerIntegratorParams(), Scans(sets.spiral, sets.calibration.scan, None, sets), TrimParams()
-    )
-    offsets.restart(T_S)
-    offsets.update(T_S, "coast", AutotrackState(mode="conscan", carrier=True), None, None)
-    times = T_S + 20.0 + 0.02 * np.arange(400)
-    climb = math.radians(1.0)
-    elevation = math.radians(81.0) + climb * (times - times[0])
-    level = np.zeros_like(times)
-    sky = Motion(
-        np.column_stack([level, elevation]), np.column_stack([level, climb + level]), np.column_stack([level, level])
-    )
-    moved = offsets.add_scan(times, sky, AXES)
-    up, rate = moved.position[:, 1] - elevation, moved.velocity[:, 1] - climb
-    first, last = (float(np.ptp(part)) for part in np.split(up, 2))
-    assert last < 0.8 * first, "it shrinks"
-    slope = np.gradient(up, times)
-    middle = slice(2, -2)
-    np.testing.assert_allclose(rate[middle], slope[middle], atol=0.02 * float(np.max(np.abs(slope))))
-
-
-def test_trajectories_agree_where_they_overlap() -> None:
-    loop = Loop()
-    first = loop.run("search", 5.0)
-    second = loop.step("search")
-    np.testing.assert_allclose(second[:-1], first[1:], atol=ROUNDING_RAD)
-
-
 def test_a_coast_follows_the_ephemeris_error_that_was_learned() -> None:
     loop = Loop()
     loop.run("monopulse", 40.0, late)
@@ -223,13 +193,6 @@ def test_the_filter_moves_trim_and_residual_but_not_their_sum() -> None:
     same = loop.step("monopulse", None, None)
     assert loop.offsets.filter.state.used > 0
     np.testing.assert_allclose(same[0, :2], out[1, :2], atol=0.05 * MDEG)
-
-
-def test_the_error_of_the_period_in_which_the_mode_changes_is_not_integrated() -> None:
-    loop = Loop()
-    loop.step("monopulse", heard(loop.t_s, 9 * MDEG, 9 * MDEG), np.zeros(2))
-    loop.step("monopulse")
-    np.testing.assert_array_equal(loop.rows[-1], [0.0, 0.0])
 
 
 def test_one_error_is_used_once() -> None:
@@ -270,14 +233,6 @@ def test_a_search_hands_over_the_place_of_the_strongest_carrier(mode: str) -> No
     np.testing.assert_allclose(loop.offsets.correction_rad(loop.t_s), [10 * MDEG, -5 * MDEG], atol=0.2 * MDEG)
 
 
-def test_a_search_without_a_carrier_leaves_the_offset() -> None:
-    loop = Loop()
-    loop.run("monopulse", 12.0, beside(5.0, -3.0))
-    loop.run("search", 3.0)
-    loop.run("program_track", 12.0)
-    np.testing.assert_allclose(loop.rows[-1], [5 * MDEG, -3 * MDEG], atol=1.0 * MDEG)
-
-
 def test_the_conscan_circle_has_its_radius_and_period() -> None:
     loop = Loop()
     loop.run("conscan", CONSCAN.ramp_s + 0.5)
@@ -296,13 +251,6 @@ def test_the_probe_of_a_lock_is_circled_and_the_loop_does_not_fight_it() -> None
     np.testing.assert_allclose(np.hypot(*turn.T), PROBE.radius_rad, rtol=0.01)
     np.testing.assert_allclose(turn.mean(axis=0), [0.0, 0.0], atol=0.002 * MDEG)
     np.testing.assert_allclose(loop.offsets.correction_rad(loop.t_s), [0.0, 0.0], atol=0.002 * MDEG)
-
-
-def test_the_probe_ends_with_the_mode() -> None:
-    loop = Loop(PROBE)
-    loop.run("monopulse", 3.0)
-    loop.run("coast", 1.0)
-    np.testing.assert_allclose(loop.rows[-1], [0.0, 0.0], atol=ROUNDING_RAD)
 
 
 def test_a_new_pass_begins_without_an_offset_or_scan() -> None:
@@ -357,44 +305,12 @@ def test_it_starts_as_given_ends_at_rest_and_stays_within_the_acceleration(
     assert float(np.max(np.hypot(*acceleration.T))) <= 1.01 * ACCELERATION
 
 
-def test_nothing_left_over_is_nothing_added() -> None:
-    position, velocity = OffsetTransition().at(TIMES)
-    assert not position.any()
-    assert not velocity.any()
-    position, velocity = OffsetTransition().at(np.array([0.0, 0.1]))
-    assert not position.any()
-    assert not velocity.any()
-    assert OffsetTransition().end_s == -math.inf
-
-
-@pytest.mark.parametrize(("distance", "speed"), [(200.0, 150.0), (300.0, 0.0), (0.0, 100.0), (1000.0, 700.0)])
-def test_a_transition_lasts_as_long_as_its_bound_of_the_acceleration_says(distance: float, speed: float) -> None:
-    """4 v / T + 5.8 d / T^2, and half a second at least."""
-    offset, rate = np.array([0.6, -0.8]) * distance * MDEG, np.array([0.0, speed * MDEG])
-    made = OffsetTransition.within(100.0, offset, rate, ACCELERATION)
-    needed = 4.0 * speed * MDEG / made.duration_s + 5.8 * distance * MDEG / made.duration_s**2
-    assert needed == pytest.approx(ACCELERATION)
-    assert made.end_s == 100.0 + made.duration_s
-    assert OffsetTransition.within(100.0, 0.01 * offset, 0.01 * rate, ACCELERATION).duration_s == 0.5
-
-
 # Against the filter and the loop by themselves
 
 
 def sky_at(t_s: float) -> SkyMotion:
     right, up = sky_rates(climbing(np.array([t_s])))
     return SkyMotion(float(right[0]), float(up[0]), RANGE_M)
-
-
-def test_before_anything_is_known_nothing_is_added() -> None:
-    sets = ControllerParams()
-    made = PointingCorrections(
-        TrackerIntegratorParams(), Scans(sets.spiral, sets.calibration.scan, None, sets), TrimParams()
-    )
-    np.testing.assert_array_equal(made.correction_rad(0.0), [0.0, 0.0])
-    assert made.arrived_s == -math.inf
-    made.update(0.1, "program_track", AutotrackState(mode="conscan", carrier=True), None, None)
-    assert made.arrived_s == pytest.approx(0.1 + 0.5 + 0.5)
 
 
 def test_a_scan_teaches_the_filter_once_a_window_at_the_mean_time_of_its_samples() -> None:
@@ -426,70 +342,6 @@ def test_a_scan_teaches_the_filter_once_a_window_at_the_mean_time_of_its_samples
     np.testing.assert_allclose(moved - drifted, expected, rtol=0.02, atol=1e-9)
 
 
-@pytest.mark.parametrize("valid", [True, False])
-def test_a_search_teaches_the_filter_the_place_of_the_strongest_carrier(valid: bool) -> None:
-    """Where the beam was, to a quarter of a beamwidth; an error that is valid says more."""
-    loop, alone = Loop(), TrimFilter(TrimParams())
-    loop.run("search", 1.0)
-    stamp_s = round(loop.t_s - PERIOD_S, 6)
-    beam, sensed = np.array([12.0, -7.0]) * MDEG, np.array([2.0, 3.0]) * MDEG
-    error = heard(stamp_s, *sensed, valid=valid, reason="" if valid else "off the axis", carrier_to_noise_db_hz=45.0)
-    loop.step("search", error, beam)
-    loop.step("search", heard(round(loop.t_s - PERIOD_S, 6), 0.0, 0.0, carrier_to_noise_db_hz=44.0), np.zeros(2))
-    # Where the beam was is not known.
-    loop.step("search", heard(round(loop.t_s - PERIOD_S, 6), 0.0, 0.0, carrier_to_noise_db_hz=60.0), None)
-    loop.step("coast")
-    sigma = 0.25 * loop.offsets.half_power_beamwidth_rad
-    direction, covariance = (beam + sensed, np.eye(2) * (0.2 * MDEG) ** 2) if valid else (beam, np.eye(2) * sigma**2)
-    alone.update(stamp_s, direction, covariance, sky_at(stamp_s))
-    state = loop.offsets.filter.state
-    assert state.used == 1
-    np.testing.assert_allclose(state.mean, alone.state.mean, rtol=1e-3, atol=1e-12)
-    np.testing.assert_allclose(state.covariance, alone.state.covariance, rtol=1e-3, atol=1e-18)
-    # Until a sensor has looked at it that direction does not fade; the part of it that is the loop's stays.
-    rest = direction - direction_rows(sky_at(stamp_s)) @ state.mean
-    for _ in range(60):
-        loop.step("coast")
-    at_s = loop.t_s + PERIOD_S
-    expected = direction_rows(sky_at(at_s)) @ state.mean + rest
-    np.testing.assert_allclose(loop.offsets.correction_rad(at_s), expected, atol=1e-3 * MDEG)
-
-
-def test_a_search_that_ends_without_a_lock_leaves_what_is_known() -> None:
-    for mode in ("program_track", "hand_back", "calibrate"):
-        loop = Loop()
-        loop.run("search", 1.0)
-        loop.step("search", heard(round(loop.t_s - PERIOD_S, 6), 0.0, 0.0), np.array([20.0, 0.0]) * MDEG)
-        loop.step(mode)
-        assert loop.offsets.filter.state.used == 0
-
-
-def test_a_coast_forgets_within_three_seconds_what_the_filter_does_not_explain() -> None:
-    loop = Loop()
-    loop.run("monopulse", 2.0, beside(20.0, -9.0))
-    state = loop.offsets.filter.state
-    now_s = loop.t_s + PERIOD_S
-    loop.step("coast")
-    begin_s = loop.t_s + PERIOD_S
-    ephemeris = direction_rows(sky_at(begin_s)) @ loop.offsets.filter.state.mean
-    tracking = loop.offsets.correction_rad(begin_s) - ephemeris
-    assert now_s < begin_s
-    assert state.used > 0
-    assert np.hypot(*tracking) > 0.1 * MDEG
-    for _ in range(40):
-        loop.step("coast")
-    at_s = loop.t_s + PERIOD_S
-    left = loop.offsets.correction_rad(at_s) - direction_rows(sky_at(at_s)) @ loop.offsets.filter.state.mean
-    np.testing.assert_allclose(left, tracking * math.exp(-(at_s - begin_s) / 3.0), atol=2e-3 * MDEG)
-    # With a sensor again it is kept, and searched from.
-    held = loop.offsets.correction_rad(at_s) - direction_rows(sky_at(at_s)) @ loop.offsets.filter.state.mean
-    for mode in ("monopulse", "monopulse", "monopulse"):
-        loop.step(mode)
-    at_s = loop.t_s + PERIOD_S
-    left = loop.offsets.correction_rad(at_s) - direction_rows(sky_at(at_s)) @ loop.offsets.filter.state.mean
-    np.testing.assert_allclose(left, held, atol=0.05 * np.hypot(*held))
-
-
 def test_a_loop_that_loses_its_carrier_stands_from_the_next_command_on() -> None:
     """With errors once a second it would go on for a second."""
     for carrier in (True, False):
@@ -519,19 +371,3 @@ def test_the_rates_of_the_corrections_are_the_slopes_of_their_places() -> None:
         rate = motion.velocity - climbing(times).velocity
         assert float(np.max(np.abs(rate[1:-1]))) > 1e-6
         np.testing.assert_allclose(rate[2:-2], slope[2:-2], atol=2e-7)
-
-
-def test_the_axes_are_moved_by_what_is_added_on_this_side_and_on_the_other_by_what_turns_with_the_dish() -> None:
-    loop = Loop()
-    loop.run("monopulse", 20.0, beside(30.0, 50.0))
-    loop.step("monopulse")
-    here = climbing(np.array([loop.t_s + PERIOD_S]))
-    mean, cosine = loop.offsets.filter.state.mean, math.cos(here.position[0, 1])
-    added_rad = loop.offsets.correction_rad(loop.t_s + PERIOD_S)
-    rows = direction_rows(sky_at(loop.t_s + PERIOD_S))
-    tracking = added_rad - rows @ mean
-    this = loop.offsets.axis_offsets_rad(here, np.array([False]), RANGE_M)[0]
-    np.testing.assert_allclose(this * [cosine, 1.0], added_rad, atol=0.02 * MDEG)
-    other = loop.offsets.axis_offsets_rad(here, np.array([True]), RANGE_M)[0]
-    turned = rows @ (mean * [1.0, 1.0, 1.0, -1.0]) + tracking * [1.0, -1.0]
-    np.testing.assert_allclose(other * [cosine, 1.0], turned, atol=0.02 * MDEG)

@@ -16,12 +16,10 @@ from rf_pointing.station.pointing.mode import (
     CarrierWatch,
     SensedErrors,
     TrackingMode,
-    newest,
-    valid_sensors,
 )
 from rf_pointing.station.pointing.motion import MotionSnapshot
 from rf_pointing.station.pointing.params import PointingParams
-from rf_pointing.tracking import AutotrackParams, AutotrackState, LockWatchParams
+from rf_pointing.tracking import AutotrackParams, LockWatchParams
 
 LINK = LinkParams(zenith_carrier_to_noise_db_hz=60.0, reference_range_m=500e3)
 """40 dB-Hz at 5000 km."""
@@ -65,38 +63,6 @@ def test_a_pass_uses_the_sensors_of_its_choice_and_those_that_carry_their_level(
         assert errors.usable(1.2, 0.1, 0.5) == []
 
 
-def test_the_latest_twenty_errors_are_kept() -> None:
-    errors = SensedErrors()
-    errors.restart("auto")
-    for k in range(30):
-        errors.take(report(0.01 * k))
-    assert [each.t_s for each in errors.usable(1.0, 0.1, 9.0)] == pytest.approx([0.01 * k for k in range(29, 9, -1)])
-
-
-@pytest.mark.parametrize(
-    ("last_s", "mode", "awaited"),
-    [({"monopulse": 9.79}, "program_track", True), ({"monopulse": 9.81}, "program_track", False),
-     ({"monopulse": 9.52}, "monopulse", True), ({"monopulse": 9.49}, "monopulse", False), ({}, "monopulse", False),
-     # While the beam is scanned only the sensor of the scan counts.
-     ({"monopulse": 9.7, "conscan": 9.9}, "conscan", False), ({"monopulse": 9.9, "conscan": 9.7}, "conscan", True),
-     ({"monopulse": 9.9, "conscan": 9.7}, "monopulse", False), ({"monopulse": 9.8}, "monopulse", True)],
-)  # fmt: skip
-def test_a_report_is_awaited_from_the_second_period_without_one(
-    last_s: dict[str, float], mode: str, awaited: bool
-) -> None:
-    errors = SensedErrors()
-    errors.restart("auto")
-    for sensor, t_s in last_s.items():
-        errors.take(report(t_s, sensor))
-    # Half a nanosecond: sums of tenths are none.
-    assert errors.awaited(10.0 + 5e-10, mode, 0.1, 0.5) is awaited
-
-
-def test_a_report_of_a_sensor_that_nobody_registered_is_a_mistake_to_be_seen() -> None:
-    with pytest.raises(ValueError, match="sensor='radar' must be one of monopulse, conscan"):
-        tracking().errors.take(report(1.0, "radar"))
-
-
 def test_a_new_pass_knows_neither_errors_nor_evidence_of_the_one_before() -> None:
     made, t_s = locked()
     assert drop(made, t_s, 0.2) == ["monopulse", "monopulse"]
@@ -106,31 +72,6 @@ def test_a_new_pass_knows_neither_errors_nor_evidence_of_the_one_before() -> Non
     step(made, round(t_s + 0.2, 6))
     made.state = state
     assert drop(made, round(t_s + 0.2, 6), 0.3)[:2] == ["monopulse", "monopulse"]
-
-
-def test_without_a_report_there_is_no_carrier() -> None:
-    made = tracking()
-    for k in range(10):
-        step(made, 100.0 + 0.1 * k)
-    assert not made.state.carrier
-
-
-def test_the_newest_error_is_that_of_the_sensor_in_use_while_it_reports() -> None:
-    errors = [report(3.0, "conscan"), report(2.0), report(1.0)]
-    assert newest(errors, "monopulse") is errors[1]
-    assert newest(errors, "conscan") is newest(errors, "coast") is errors[0]
-    assert newest([], "monopulse") is None
-
-
-def test_an_estimate_may_be_used_and_a_scan_also_before_its_first() -> None:
-    weak: dict[str, Any] = {"valid": False, "reason": "weak"}
-    assert valid_sensors([]) == {"conscan", "steptrack"}
-    assert valid_sensors([report(2.0), report(1.0, **weak)]) == {"monopulse", "conscan", "steptrack"}
-    assert valid_sensors([report(2.0, **weak), report(1.0)]) == {"conscan", "steptrack"}
-    assert valid_sensors([report(2.0, "conscan", **weak)]) == {"steptrack"}
-    level_only = report(2.0, "conscan", covariance_rad2=np.zeros((2, 2)), **weak)
-    assert valid_sensors([level_only]) == {"conscan", "steptrack"}
-    assert valid_sensors([report(2.0, covariance_rad2=np.zeros((2, 2)), **weak)]) == {"conscan", "steptrack"}
 
 
 # The link
@@ -212,17 +153,6 @@ def step(made: TrackingMode, t_s: float, **changes: Any) -> None:
     made.advance(t_s, made.usable_errors(t_s), motion, **given)
 
 
-def test_a_pass_begins_idle_and_its_end_is_told_with_the_reason() -> None:
-    made, t_s = locked()
-    made.end(t_s, "loss of signal")
-    assert (made.state.mode, made.state.entered_s, made.state.reason) == (Mode.IDLE, t_s, "loss of signal")
-    made.restart(200.0, "program")
-    assert (made.state, made.sensor) == (AutotrackState(entered_s=200.0), "none")
-    made, t_s = locked()
-    step(made, t_s + 0.1, ended=True)
-    assert made.state.mode == Mode.IDLE
-
-
 def test_an_interruption_goes_back_to_the_slew_and_keeps_what_is_known_of_the_carrier() -> None:
     made, t_s = locked()
     made.interrupt(t_s, "stalled")
@@ -267,33 +197,6 @@ def test_a_calibration_needs_a_target_that_is_tracked_with_a_strong_carrier() ->
     # Requested once: when it is over the sensor takes over again.
     made.state = replace(made.state, mode=Mode.COAST, entered_s=t_s)
     step(made, t_s)
-    assert made.state.mode == "monopulse"
-
-
-def test_a_request_for_a_calibration_ends_with_the_pass() -> None:
-    made, t_s = locked()
-    assert made.calibrate() == ""
-    state = made.state
-    made.restart(t_s, "auto")
-    made.state = state
-    made.errors.take(report(round(t_s - 0.1, 6), level_db_hz=59.0))
-    step(made, t_s)
-    assert made.state.mode == "monopulse"
-
-
-def test_changed_thresholds_count_from_the_next_period_and_the_sensor_of_the_pass_stays() -> None:
-    made, t_s = locked(sensor="monopulse")
-    made.retune(AutotrackParams(sensor="none", monopulse_on_db_hz=61.0, monopulse_off_db_hz=60.0), PointingParams())
-    step(made, t_s)
-    assert not made.state.strong
-    assert made.sensor == "monopulse"
-    made, t_s = locked(sensor="monopulse")
-    made.retune(AutotrackParams(sensor="none"), PointingParams(error_age_s=0.05))
-    assert made.usable_errors(t_s) == []
-    made.retune(AutotrackParams(sensor="none"), PointingParams())
-    assert made.fresh_error(t_s) is not None
-    made.errors.take(report(t_s, level_db_hz=59.0))
-    step(made, round(t_s + 0.1, 6))
     assert made.state.mode == "monopulse"
 
 

@@ -3,7 +3,6 @@
 Offsets led against the mount's lags: the simulated mount's beam goes where the offset says.
 """
 
-import dataclasses
 import math
 from collections.abc import Callable
 from itertools import pairwise
@@ -12,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel
 from rf_pointing.core import MDEG, nearest_turn_rad
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.planning import AxisLimits
@@ -86,15 +84,6 @@ def test_the_pointing_model_in_force_is_added_to_the_command(
     )
 
 
-def test_predictions_of_another_satellite_are_ignored(rig: MakeRig, window: Pass) -> None:
-    made = rig()
-    list(made.run(window.aos_t_s, 2.0))
-    other = dataclasses.replace(made.track.target_at(window.aos_t_s + 4.2), name="OTHER", elevation_rad=1.2)
-    made.controller.take_target(other)
-    trajectory, _ = made.period(round(window.aos_t_s + 2.1, 6))
-    assert np.all(trajectory.position_rad[:, 1] < 0.2)
-
-
 def test_a_limit_reached_in_the_middle_of_the_pass_is_waited_at_until_it_is_gone(rig: MakeRig, window: Pass) -> None:
     made, limit_rad = rig(), math.radians(6.0)
     wide = made.controller.params.limits
@@ -115,17 +104,6 @@ def test_a_limit_reached_in_the_middle_of_the_pass_is_waited_at_until_it_is_gone
     *_, (_, _, status) = made.run(t_s, 20.0)
     assert (status.mode, status.held) == ("program_track", True)
     assert made.controller.statistics.outcome.lost_s < t_s - waited + 15.0
-
-
-def test_an_antenna_just_outside_its_limit_is_not_deadlocked(rig: MakeRig, window: Pass) -> None:
-    """It stands 0.0003 deg below the limit, on a rising pass: it tracks upwards and out of it."""
-    made = rig()
-    list(made.run(window.aos_t_s, 2.0))
-    limit_rad = float(made.latest.position_rad[0, 1]) + math.radians(0.0003)
-    made.controller.retune(made.controller.params.replace(limits=AxisLimits(elevation_min_rad=limit_rad)))
-    *_, (_, trajectory, _) = made.run(window.aos_t_s + 2.0, 2.0)
-    assert made.controller.busy
-    assert trajectory.position_rad[0, 1] > limit_rad
 
 
 def test_a_stop_commands_rest_where_the_axes_can_come_to_it(rig: MakeRig, window: Pass) -> None:
@@ -194,33 +172,4 @@ def test_its_derivatives_belong_to_it_and_the_coming_leads_are_those_that_come()
     np.testing.assert_allclose(np.diff(position, axis=0), steps, atol=0.02 * MDEG)
 
 
-@pytest.mark.parametrize(("averaging_s", "model"), [(0.0, MODEL), (AVERAGING_S, BiasModel.zero())])
-def test_without_lags_or_their_time_nothing_is_added(averaging_s: float, model: BiasModel) -> None:
-    times = PERIOD_S * np.arange(10)
-    for part in CorrectionLag(averaging_s).lead(times, rates_at(times), model):
-        assert not part.any()
-
-
-def test_a_new_pass_begins_at_rest() -> None:
-    lag, times = CorrectionLag(AVERAGING_S), PERIOD_S * np.arange(10)
-    for late_s in (0.0, 0.5, 1.0):
-        lag.lead(times + late_s, rates_at(times + late_s), MODEL)
-    lag.restart()
-    assert not lag.lead(times + 100.0, np.full((10, 2), math.radians(0.1)), MODEL).position[0].any()
-
-
 # What target and axes are, from one period to the next
-
-
-def test_a_lead_averages_over_the_time_that_is_set_from_the_next_call_on() -> None:
-    lag, times = CorrectionLag(0.0), PERIOD_S * np.arange(10)
-    assert not lag.lead(times, rates_at(times), MODEL).position.any()
-    lag.retune(AVERAGING_S)
-    found = lag.lead(times, rates_at(times), MODEL)
-    fresh = CorrectionLag(AVERAGING_S).lead(times, rates_at(times), MODEL)
-    assert fresh.position.any()
-    for part, wanted in zip(found, fresh, strict=True):
-        np.testing.assert_array_equal(part, wanted)
-    # Another model, another lag.
-    none = lag.lead(times, rates_at(times), BiasModel.zero())
-    assert not none.position.any()

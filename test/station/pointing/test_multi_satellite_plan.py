@@ -1,7 +1,6 @@
 """The plan of a day: certificates of all that is tracked, mask, Sun and travel, and reasons for the rest."""
 
 import dataclasses
-import itertools
 import math
 
 import numpy as np
@@ -77,17 +76,6 @@ def test_tracked_passes_have_certificates_that_follow_on_each_other(satellites: 
     assert not any(item.reason for item in tracked)
 
 
-def test_a_pass_that_is_barred_by_its_azimuths_has_no_certificate_either(satellites: list[Elements]) -> None:
-    plan = day(satellites, hours=24.0)
-    barred = [item for item in plan.passes if "fits no turn" in item.reason]
-    assert len(barred) > 3
-    for item in barred:
-        track = TopocentricTrack(item.window.elements, PLACE)
-        certificate, _ = planned_certificate(track, item.window, START_S - 3600.0, (0.0, 1.2), RULES)
-        assert certificate.chosen is None
-        assert "past the limit azimuth" in certificate.reason
-
-
 def test_a_hill_cuts_passes_where_the_search_of_one_satellite_does(satellites: list[Elements]) -> None:
     rules = dataclasses.replace(RULES, mask=HILL)
     plan = day(satellites, rules)
@@ -129,29 +117,6 @@ def test_a_keyhole_is_counted_and_bars_a_pass_of_a_slow_antenna(satellites: list
     barred = [item for item in plan.passes if "would be lost" in item.reason]
     assert barred
     assert all(item.fate is Fate.BARRED for item in barred)
-
-
-def test_an_object_that_never_sets_is_not_planned(satellites: list[Elements]) -> None:
-    still = dataclasses.replace(
-        satellites[0], inclination_rad=1e-4, eccentricity=1e-4, mean_motion_rad_s=2.0 * math.pi / 86164.1,
-        catalogue_number=99, name="GEO",
-    )  # fmt: skip
-    for node in np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False):
-        placed = dataclasses.replace(still, ascending_node_rad=float(node))
-        plan = day([placed])
-        if plan.passes:
-            break
-    (item,) = plan.passes
-    assert (item.fate, item.reason) == (Fate.BARRED, "is above the mask all the time")
-
-
-def test_peaks_that_are_not_wanted_are_left_out_and_a_gap_is_kept(satellites: list[Elements]) -> None:
-    wishes = [Wish(elements=one, min_peak_rad=math.radians(40.0)) for one in satellites]
-    plan = plan_day(wishes, PLACE, START_S, 43200.0, RULES, (0.0, 1.2), LEAST_RAD, gap_s=300.0)
-    assert plan.passes
-    assert all(item.window.peak_elevation_rad >= math.radians(40.0) for item in plan.passes)
-    tracked = [item.window for item in plan.passes if item.fate is Fate.TRACKED]
-    assert all(b.aos_t_s - a.los_t_s >= 300.0 for a, b in itertools.pairwise(tracked))
 
 
 def test_the_expected_error_is_that_of_the_elements_age(satellites: list[Elements]) -> None:

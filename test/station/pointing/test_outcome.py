@@ -77,31 +77,6 @@ def test_seconds_are_counted_once_and_a_gap_is_lost() -> None:
     assert tally.outcome.lost_s == pytest.approx(5.1 - 0.15 + 0.1)
 
 
-def test_held_is_told_with_its_last_time_and_the_count_with_its_first() -> None:
-    tally = PassStatistics()
-    assert (tally.held, tally.held_t_s, tally.begun_t_s) == (False, -math.inf, -math.inf)
-    for t_s, off, held in ((5.0, 0.0, True), (5.1, 0.1, True), (5.2, 3.0, False), (5.3, 0.0, True), (5.4, 3.0, False)):
-        tally.count(t_s, 0.1, off * WIDTH_RAD, WIDTH_RAD)
-        assert (tally.held, tally.begun_t_s) == (held, 5.0)
-    assert tally.held_t_s == 5.3
-    assert tally.outcome.duration_s == pytest.approx(0.5)
-    assert tally.outcome.tracked_s == pytest.approx(0.3)
-    # A clock that is set back counts nothing twice, and goes on from there.
-    tally.count(3.0, 0.1, 0.0, WIDTH_RAD)
-    assert tally.outcome.duration_s == pytest.approx(0.5)
-    tally.count(3.12, 0.1, 0.0, WIDTH_RAD)
-    assert tally.outcome.duration_s == pytest.approx(0.62)
-    assert tally.outcome.lost_s == pytest.approx(0.2)
-
-
-def test_a_carrier_above_that_of_the_link_is_no_more_than_all_of_it() -> None:
-    levels = CarrierLevels()
-    levels.take(error(t_s=1.0, carrier_to_noise_db_hz=63.0))
-    assert levels.power(1.0, 1.0, 60.0) == 1.0
-    levels.clear()
-    assert levels.power(1.0, 1.0, 60.0) is None
-
-
 def test_the_rms_is_that_of_the_valid_errors() -> None:
     tally = PassStatistics()
     assert tally.rms_rad == (0.0, 0.0)

@@ -8,7 +8,6 @@ import pytest
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading
-from rf_pointing.core.angles import angular_distance_rad
 from rf_pointing.ephemeris import SITES, Pass, TopocentricTrack
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.planning import AxisLimits, AxisRates, Gate, GateParams, HorizonMask, MachineParams, PassProfile
@@ -38,14 +37,6 @@ def running(rate: tuple[float, float], start: tuple[float, float] = (0.0, 0.5), 
 
 
 # Chases
-
-
-def test_a_target_between_two_rows_is_on_the_straight_line_and_outside_at_the_nearer_end() -> None:
-    path = Chased(np.array([0.0, 2.0, 4.0]), np.array([[0.0, 1.0], [1.0, 3.0], [5.0, 3.0]]))
-    np.testing.assert_allclose(
-        path.at(np.array([-1.0, 0.5, 3.0, 9.0])), [[0.0, 1.0], [0.25, 1.5], [3.0, 3.0], [5.0, 3.0]]
-    )
-    np.testing.assert_allclose(path.at(1.0), [0.5, 2.0])
 
 
 @pytest.mark.parametrize(
@@ -151,16 +142,6 @@ def choose(made: PassPlan, window: Pass, begin_s: float = -300.0) -> None:
     made.choose(window.aos_t_s + begin_s, window, here, BiasModel.zero())
 
 
-def test_a_pass_without_a_profile_has_no_certificate(profile: PassProfile, window: Pass) -> None:
-    made = planned(profile)
-    choose(made, window)
-    assert made.certificate is not None
-    made.take_profiles([])
-    with pytest.raises(ValueError, match="this pass of CBERS 2 has no profile"):
-        choose(made, window)
-    assert (made.certificate, made.profile) == (None, None)
-
-
 @pytest.mark.parametrize(("off_deg", "refused"), [(0.0, False), (0.3, False), (0.7, True), (-0.7, True)])
 def test_a_pass_under_another_sun_is_refused(profile: PassProfile, window: Pass, off_deg: float, refused: bool) -> None:
     """Half a degree is more than its parallax and refraction."""
@@ -220,68 +201,3 @@ def test_a_corner_is_passed_by_axes_that_rest_within_a_step_of_a_rotator(
     away = first + np.radians([away_deg, -away_deg])
     following = made.approach(1.0, reading((float(away[0]), float(away[1])), rates), goal)
     assert (following is None or not np.array_equal(following, first)) is passed
-
-
-def test_a_rotator_that_rests_further_off_passes_a_corner_where_it_counts_as_on_its_target() -> None:
-    made, goal = planned(mask=HILL), np.array([1.0, 0.3])
-    first = made.approach(0.0, reading((0.0, 0.3)), goal)
-    assert first is not None
-    away = reading((float(first[0]) + math.radians(2.9), float(first[1])))
-    np.testing.assert_array_equal(made.approach(1.0, away, goal), first)
-    made.retune(AxisLimits(), math.radians(3.0))
-    made.clear()
-    corner = made.approach(0.0, reading((0.0, 0.3)), goal)
-    np.testing.assert_array_equal(corner, first)
-    following = made.approach(1.0, away, goal)
-    assert following is None or not np.array_equal(following, first)
-
-
-def joining(profile: PassProfile, window: Pass, mask: HorizonMask | None = None) -> PassPlan:
-    made = planned(profile, mask=mask)
-    choose(made, window)
-    return made
-
-
-def target_rad(made: PassPlan, t_s: float) -> np.ndarray:
-    assert made.profile is not None
-    assert made.certificate is not None
-    branch = made.certificate.chosen
-    assert branch is not None
-    assert branch.axes_rad is not None
-    return Chased(made.profile.t_s, branch.axes_rad).at(t_s)
-
-
-def test_axes_that_are_free_to_run_after_their_target_do_so_without_another_judgement(
-    profile: PassProfile, window: Pass, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made, judged = joining(profile, window), []
-    t_s = window.tca_t_s
-    away = target_rad(made, t_s) + np.array([0.4, 0.2])
-    chase = Chased.chase_s
-    monkeypatch.setattr(Chased, "chase_s", lambda *given: judged.append(chase(*given)) or judged[-1])
-    for late_s in (0.0, 0.1, 5.0):
-        assert made.meeting_rad(t_s + late_s, at(away), joining=True) is None
-    assert len(judged) == 1
-    assert judged[0] > 5.0
-    # Still away when the chase should be over, they are judged again; so are axes that were stopped.
-    assert made.meeting_rad(t_s + judged[0] + 0.1, at(away), joining=True) is None
-    assert len(judged) == 2
-    made.rejoin()
-    made.meeting_rad(t_s + judged[0] + 0.2, at(away), joining=True)
-    assert len(judged) == 3
-    made.meeting_rad(t_s + judged[0] + 0.3, at(away), joining=False)
-    made.meeting_rad(t_s + judged[0] + 0.4, at(away), joining=True)
-    assert len(judged) == 4
-
-
-def test_without_a_certificate_nothing_keeps_axes_from_running_on(profile: PassProfile) -> None:
-    made = planned(profile)
-    assert made.meeting_rad(float(profile.t_s[5]), reading((0.0, 0.3)), joining=True) is None
-
-
-def test_the_sun_of_the_plan_is_that_of_its_site(profile: PassProfile) -> None:
-    made = planned(profile, sun=True)
-    t_s = float(profile.t_s[0])
-    found = made.sun.at(t_s)
-    assert found is not None
-    assert angular_distance_rad(*found, *profile.sun_rad[0]) < math.radians(0.1)

@@ -9,7 +9,6 @@ import pytest
 
 from rf_pointing.core import MDEG, MonopulseCluster, PointingError, sky_offset_rad
 from rf_pointing.ephemeris import Pass
-from rf_pointing.station.pointing.params import PointingParams
 from rf_pointing.tracking import MonopulseParams, MonopulseTracker
 
 STRONG_DB_HZ, WEAK_DB_HZ = 60.0, 5.0
@@ -109,33 +108,6 @@ def test_errors_of_the_wrong_sign_are_no_longer_followed(rig: MakeRig, window: P
         assert status.reason.startswith(("sign flip", "phase"))
 
 
-def test_stale_errors_are_not_used(rig: MakeRig, window: Pass) -> None:
-    """They neither move the trim nor count as a carrier."""
-    age_s = PointingParams().error_age_s + 0.05
-    made = acquired(rig, window)
-    list(made.run(window.aos_t_s + 4.0, 0.6))
-    for _, _, status in made.run(window.aos_t_s + 4.6, 2.0, lambda t_s, _: [error(t_s - age_s, 9 * MDEG, 9 * MDEG)]):
-        assert status.cross_elevation_offset_rad == pytest.approx(0.0, abs=ROUNDING_RAD)
-    assert status.mode == "coast"
-    assert status.carrier_to_noise_db_hz == 0.0
-
-
-def test_errors_of_later_periods_wait_for_their_period(rig: MakeRig, window: Pass) -> None:
-    """Whether an error stamped after the period comes early or in time makes no difference to the commands."""
-
-    def wave(t_s: float) -> PointingError:
-        stamp_s = round(t_s, 6)
-        return error(stamp_s, 4 * MDEG * math.sin(3.0 * stamp_s), 2 * MDEG * math.cos(2.0 * stamp_s))
-
-    start_s = round(window.aos_t_s + 4.0, 6)
-    in_time, early = acquired(rig, window), acquired(rig, window)
-    ahead = [wave(start_s + 0.04), wave(start_s + 0.14), wave(start_s + 0.24)]
-    punctual = in_time.run(start_s, 3.0, lambda t_s, _: [wave(t_s - 0.06)])
-    hasty = early.run(start_s, 3.0, lambda t_s, _: (ahead if t_s < start_s + 0.15 else []) + [wave(t_s + 0.24)])
-    for (t_s, ours, _), (_, theirs, _) in zip(hasty, punctual, strict=True):
-        np.testing.assert_array_equal(ours.position_rad, theirs.position_rad, err_msg=f"period at {t_s}")
-
-
 def test_a_lost_carrier_freezes_the_loop_at_once_and_the_coast_follows_what_was_learned(
     rig: MakeRig, window: Pass
 ) -> None:
@@ -212,34 +184,4 @@ def test_a_search_finds_a_target_two_beamwidths_off_and_monopulse_starts_where_i
     assert math.hypot(first_offset[0] - 95.0 * MDEG, first_offset[1] + 85.0 * MDEG) < 0.3 * BEAMWIDTH_RAD
 
 
-def test_a_search_with_conscan_coasts_back_to_where_the_carrier_was_strongest(rig: MakeRig, window: Pass) -> None:
-    made, beside = rig("conscan"), Offset(95.0 * MDEG, -85.0 * MDEG, "conscan")
-    coasted = None
-    for _, _, status in made.run(window.aos_t_s, 90.0, beside):
-        if status.mode == "coast":
-            coasted = (status.cross_elevation_offset_rad, status.elevation_offset_rad)
-        if status.mode == "conscan" and coasted is not None:
-            break
-    assert coasted is not None
-    # The spiral passes within 0.3 beamwidths of every direction, and a C/N0 comes every 15 mdeg along it.
-    assert math.hypot(coasted[0] - 95.0 * MDEG, coasted[1] + 85.0 * MDEG) < math.hypot(0.3 * BEAMWIDTH_RAD, 8.0 * MDEG)
-
-
 # Bookkeeping
-
-
-def test_time_without_a_valid_error_is_lost_time(rig: MakeRig, window: Pass) -> None:
-    made = acquired(rig, window)
-    before = made.controller.statistics.outcome
-    list(made.run(window.aos_t_s + 4.0, 1.0, lambda t_s, _: [error(t_s - 0.06, 3 * MDEG)]))
-    assert made.controller.statistics.outcome.tracked_s == pytest.approx(before.tracked_s + 1.0)
-    lost = {"carrier_to_noise_db_hz": WEAK_DB_HZ, "valid": False, "reason": "no lock"}
-    list(made.run(window.aos_t_s + 5.0, 1.0, lambda t_s, _: [error(t_s - 0.06, **lost)]))
-    # C/N0 is averaged over three periods: the first of them, and the age of an error, are still held.
-    assert made.controller.statistics.outcome.lost_s == pytest.approx(before.lost_s + 0.8, abs=0.11)
-
-
-def test_the_same_inputs_give_the_same_commands(rig: MakeRig, window: Pass) -> None:
-    beside = Offset(20.0 * MDEG, 10.0 * MDEG, "monopulse")
-    first, second = ([row[1].position_rad for row in rig("monopulse").run(window.aos_t_s, 10.0, beside)] for _ in "ab")
-    np.testing.assert_array_equal(first, second)

@@ -95,19 +95,6 @@ def test_a_target_that_does_not_pass_leaves_the_present_one_in_force() -> None:
     assert (one.target.passes, one.target.track, one.target.peak_rad, len(one.lists)) == (passes, track, 0.0, 1)
 
 
-def test_a_held_target_keeps_its_instant_and_its_passes_and_another_one_moves() -> None:
-    one = Bench()
-    passes = one.target.passes
-    one.set(hold=True)
-    one.set(NOW_S + 30.0, cross_track_offset_rad=0.001)
-    assert one.target.track.hold_t_s == NOW_S
-    first, second = (one.target.target_at(t_s)[0] for t_s in (passes[0].tca_t_s, passes[0].tca_t_s + 9.0))
-    assert (first.azimuth_rad, first.elevation_rad) == (second.azimuth_rad, second.elevation_rad)
-    assert len(one.target.select("", NOW_S, 0.0)) == len(passes)
-    one.target.select("CBERS 2", NOW_S, 0.0)
-    assert (one.target.source.hold, one.target.track.hold_t_s) == (False, None)
-
-
 def test_what_was_chosen_and_set_is_in_force_after_a_restart(tmp_path: Path) -> None:
     file = str(tmp_path / "target.json")
     one = Bench(state_file=file)
@@ -117,35 +104,6 @@ def test_what_was_chosen_and_set_is_in_force_after_a_restart(tmp_path: Path) -> 
     assert (again.peak_rad, again.track.hold_t_s, again.source) == (0.25, NOW_S, one.target.source)
     values = again.health(NOW_S)[2]
     assert (values["along_track_offset_s"], values["hold_since"][:19]) == (1.5, "2006-06-27T05:01:40")
-
-
-def test_health_has_the_age_and_the_error_of_the_elements_and_a_body_has_neither() -> None:
-    level, message, values = Bench().target.health(NOW_S)
-    sky = sky_uncertainty(load_track(SourceParams()), NOW_S, ElementUncertainty())
-    assert (level, message) == (0, "CBERS 2")
-    shown = ("element_age_h", "along_track_sigma_s", "along_track_sigma_deg", "cross_track_sigma_deg")
-    assert [values[name] for name in shown] == pytest.approx(
-        [
-            (NOW_S - CBERS.epoch_t_s) / 3600.0,
-            sky.along_track_s,
-            *np.degrees([sky.along_track_rad, sky.cross_track_rad]),
-        ],
-        abs=5e-4,
-    )
-    sun = Bench(SourceParams(satellite="Sun")).target
-    assert not set(shown) & set(sun.health(NOW_S)[2])
-    assert sun.target_at(sun.passes[0].tca_t_s)[1] is None
-
-
-@pytest.mark.parametrize(("margin_days", "stale"), [(-0.001, True), (0.001, False)])
-@pytest.mark.parametrize("which", [0, 1])
-def test_elements_are_stale_by_their_age_at_the_next_closest_approach(
-    margin_days: float, stale: bool, which: int
-) -> None:
-    one = Bench()
-    window = one.target.passes[which]
-    one.set(stale_days=(window.tca_t_s - CBERS.epoch_t_s) / 86400.0 + margin_days)
-    assert ("elements of CBERS 2 are stale" in one.problem(window.los_t_s)) is stale
 
 
 def test_beyond_the_table_of_the_earth_the_target_goes_on_and_health_states_the_error(tmp_path: Path) -> None:

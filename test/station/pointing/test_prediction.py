@@ -17,7 +17,7 @@ from rf_pointing.planning import plunged
 from rf_pointing.planning.profile import PassProfile
 from rf_pointing.station.antenna.mount import MountParams, RateAverage
 from rf_pointing.station.pointing.branch import TrackingBranch
-from rf_pointing.station.pointing.prediction import KEPT_S, LARGEST_GAP_S, Prediction, TargetBuffer, axis_motion
+from rf_pointing.station.pointing.prediction import KEPT_S, Prediction, TargetBuffer, axis_motion
 
 INTERPOLATION_RAD = 1e-10
 
@@ -66,15 +66,6 @@ def test_azimuth_stays_continuous_across_north(track: TopocentricTrack, window: 
     assert np.max(np.abs(np.diff(path))) < math.radians(0.1)
 
 
-def test_a_gap_that_is_too_long_is_not_covered(track: TopocentricTrack, window: Pass) -> None:
-    t_s = round(window.tca_t_s)
-    buffer = filled(track, np.array([t_s, t_s + 1.0, t_s + 1.0 + LARGEST_GAP_S + 0.01]))
-    assert buffer.covers(t_s, t_s + 1.0)
-    assert not buffer.covers(t_s + 0.5, t_s + 1.5)
-    with pytest.raises(ValueError, match="is outside the known motion of the target"):
-        buffer.at([t_s + 2.0])
-
-
 def test_nothing_is_known_outside_the_samples(track: TopocentricTrack, window: Pass) -> None:
     t_s = round(window.tca_t_s)
     empty, buffer = TargetBuffer(), filled(track, np.array([t_s, t_s + 0.1]))
@@ -89,26 +80,11 @@ def test_nothing_is_known_outside_the_samples(track: TopocentricTrack, window: P
     assert not buffer.covers(t_s, t_s)
 
 
-def test_a_later_sample_of_the_same_time_replaces_the_earlier(track: TopocentricTrack, window: Pass) -> None:
-    t_s = float(round(window.tca_t_s))
-    buffer = filled(track, np.array([t_s, t_s + 0.1]))
-    moved: Target = dataclasses.replace(track.target_at(t_s), elevation_rad=0.3)
-    buffer.add(moved)
-    assert buffer.at([t_s]).position[0, 1] == 0.3
-
-
 def test_late_samples_are_sorted_in(track: TopocentricTrack, window: Pass) -> None:
     times = round(window.tca_t_s) + np.arange(0.0, 2.01, 0.1)
     wanted = filled(track, times).at(times[:-1] + 0.05)
     shuffled = filled(track, np.concatenate([times[10:11], times[:10], times[11:]])).at(times[:-1] + 0.05)
     np.testing.assert_allclose(shuffled.position, wanted.position, atol=1e-13)
-
-
-def test_the_past_is_forgotten(track: TopocentricTrack, window: Pass) -> None:
-    times = round(window.tca_t_s) + np.arange(0.0, KEPT_S + 3.01, 0.1)
-    buffer = filled(track, times)
-    assert buffer.covers(times[-1] - KEPT_S + 0.1, times[-1])
-    assert not buffer.covers(times[0], times[0])
 
 
 def test_the_range_stays_in_step_with_the_samples_and_is_the_nearest_outside(
@@ -210,15 +186,6 @@ def test_every_period_gets_the_motion_computed_for_its_own_instants(
             np.testing.assert_allclose(part, direct, rtol=0.0, atol=SAME_RAD)
 
 
-def test_the_model_is_applied_to_the_targets_motion(track: TopocentricTrack, window: Pass, model: BiasModel) -> None:
-    t_s = round(window.tca_t_s, 1)
-    sky = targets_at(track, t_s, 1.0).at([t_s, t_s + 0.5])
-    for row in range(2):
-        azimuth, elevation = model.apply(*sky.position[row], *sky.velocity[row], *sky.acceleration[row])
-        motion = held(sky, model, float(sky.position[0, 0]))
-        np.testing.assert_allclose(motion.position[row], [azimuth, elevation], atol=1e-14)
-
-
 @pytest.mark.parametrize("turns", [-1, 0, 2])
 def test_the_azimuth_lies_on_the_turn_that_was_asked_for(track: TopocentricTrack, window: Pass, turns: int) -> None:
     t_s = round(window.tca_t_s, 1)
@@ -226,23 +193,6 @@ def test_the_azimuth_lies_on_the_turn_that_was_asked_for(track: TopocentricTrack
     motion = Prediction(PERIOD_S, StandingPlan()).at(np.array([t_s]), buffer, BiasModel.zero(), near_rad)
     wanted = track.target_at(t_s).azimuth_rad
     assert motion.position[0, 0] == pytest.approx(wanted + 2.0 * math.pi * turns, abs=SAME_RAD)
-
-
-def test_after_clear_a_new_model_is_used(track: TopocentricTrack, window: Pass, model: BiasModel) -> None:
-    t_s = round(window.tca_t_s, 1)
-    times, path, buffer = np.array([t_s]), Prediction(PERIOD_S, StandingPlan()), targets_at(track, t_s, 1.0)
-    before = path.at(times, buffer, BiasModel.zero(), math.pi)
-    assert np.array_equal(path.at(times, buffer, model, math.pi).position, before.position)
-    path.clear()
-    assert not np.allclose(path.at(times, buffer, model, math.pi).position, before.position, atol=1e-4)
-
-
-def test_instants_that_are_not_covered_are_refused(track: TopocentricTrack, window: Pass) -> None:
-    t_s = round(window.tca_t_s, 1)
-    with pytest.raises(ValueError, match="is outside the known motion"):
-        Prediction(PERIOD_S, StandingPlan()).at(
-            np.array([t_s + 5.0]), targets_at(track, t_s, 1.0), BiasModel.zero(), math.pi
-        )
 
 
 def test_lags_are_those_of_a_mount_that_makes_the_same_motion_from_rest(
@@ -317,18 +267,6 @@ LAG_TOLERANCE_RAD = 0.04 * float(np.max(np.abs(LAGS_S * RATE)))
 SIMPLE_S = 5000.0
 
 
-class CountingPlan(StandingPlan):
-    """Notes how many instants are computed at a time."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.computed: list[int] = []
-
-    def model_motion(self, t_s: float, sky: Motion, model: BiasModel) -> Motion:
-        self.computed.append(len(sky.position))
-        return super().model_motion(t_s, sky, model)
-
-
 def placed(t_s: float) -> np.ndarray:
     """A target that moves at `RATE`."""
     return np.array([2.0, 0.7]) + RATE * (t_s - SIMPLE_S)
@@ -389,44 +327,6 @@ def dragged(path: Prediction, begin_s: float, seconds: float, rate: np.ndarray) 
             mean.update(1e-3, rate)
 
 
-@pytest.mark.parametrize(("beyond_s", "more"), [(0.0, 0), (0.05, 0), (0.35, 3), (1.0, 10), (3.9, 20)])
-def test_a_block_reaches_as_far_as_the_target_is_known_and_two_seconds_at_most(beyond_s: float, more: int) -> None:
-    times = SIMPLE_S + PERIOD_S * np.arange(5)
-    buffer = straight(np.append(times, times[-1] + beyond_s))
-    if beyond_s > LARGEST_GAP_S:
-        buffer = straight(np.round(np.append(times, times[-1] + np.array([2.0, beyond_s])), 6))
-    plan = CountingPlan()
-    path = Prediction(PERIOD_S, plan)
-    for shift in range(more + 1):
-        later = np.round(times + PERIOD_S * shift, 6)
-        found = path.at(later, buffer, BiasModel.zero(), 2.0)
-        for part, wanted in zip(found, path_of(later), strict=True):
-            np.testing.assert_allclose(part, wanted, atol=1e-6)
-    assert plan.computed == [5 + more]
-    if more == 20:
-        path.at(np.round(later + PERIOD_S, 6), buffer, BiasModel.zero(), 2.0)
-        assert plan.computed == [25, 23], "the rest that is known"
-
-
-def test_where_the_axes_wait_is_computed_once_and_anew_after_a_clear() -> None:
-    plan = CountingPlan()
-    path, place = Prediction(PERIOD_S, plan), np.array([1.0, 0.6])
-    offset = BiasModel.zero().replace(azimuth_offset=0.01)
-    for count in (1, 4):
-        found = path.waiting(count, 0.0, place, BiasModel.zero(), 1.0 + 2.0 * math.pi)
-        np.testing.assert_allclose(found.position, np.tile([1.0 + 2.0 * math.pi, 0.6], (count, 1)), atol=1e-12)
-        assert found.velocity.shape == (count, 2)
-        assert not found.velocity.any()
-        assert not found.acceleration.any()
-    np.testing.assert_allclose(path.waiting(1, 0.0, place, offset, 1.0).position[0, 0], 1.0 + 2.0 * math.pi, atol=1e-12)
-    assert plan.computed == [1]
-    for forget in (path.clear, path.slew, path.restart):
-        forget()
-        near = path.waiting(1, 0.0, place, offset, 1.0).position[0]
-        np.testing.assert_allclose(near, offset.apply(1.0, 0.6, 0.0, 0.0, 0.0, 0.0), atol=1e-12)
-    assert plan.computed == [1] * 4
-
-
 def test_axes_that_move_before_a_pass_take_their_lags_into_it() -> None:
     """What the encoders show for 0.8 s, with the readings that came; a target that goes on at the same rate."""
     path = Prediction(PERIOD_S, StandingPlan(), AVERAGING_S)
@@ -455,34 +355,6 @@ def test_a_slew_forgets_the_lags_of_the_target_and_keeps_those_of_the_axes() -> 
     np.testing.assert_allclose(lags_at(path, SIMPLE_S - 5.0), 0.0, atol=1e-9)
     path.slew()
     np.testing.assert_allclose(lags_at(path, SIMPLE_S), before, atol=1e-12)
-
-
-@pytest.mark.parametrize("rate", [RATE, -2.0 * RATE])
-def test_what_axes_did_unseen_is_told_by_how_far_they_have_come(rate: np.ndarray) -> None:
-    """At most half a second is taken as one steady change; in more they went on as before, and stopped."""
-    for gap_s, moved_s in ((0.9, 0.0), (0.9, 0.4)):
-        path = Prediction(PERIOD_S, StandingPlan(), AVERAGING_S)
-        dragged(path, SIMPLE_S - 0.8 - gap_s, 0.8, rate)
-        stood = placed(SIMPLE_S - gap_s)
-        path.take_axes(read(SIMPLE_S, stood + rate * moved_s), LAGGING)
-        # The average of what stands still falls from the step before to the step after.
-        wanted = lags_of((0.8, rate), (moved_s + 0.05, rate), (gap_s - moved_s - 0.05, REST), *changing(REST))
-        np.testing.assert_allclose(lags_at(path, SIMPLE_S), wanted, atol=5.0 * LAG_TOLERANCE_RAD)
-    path = Prediction(PERIOD_S, StandingPlan(), AVERAGING_S)
-    dragged(path, SIMPLE_S - 1.2, 0.8, rate)
-    path.take_axes(read(SIMPLE_S, placed(SIMPLE_S), rate), LAGGING)
-    np.testing.assert_allclose(
-        lags_at(path, SIMPLE_S), lags_of((1.2, rate), *changing(rate)), atol=5.0 * LAG_TOLERANCE_RAD
-    )
-
-
-def test_without_an_average_or_lags_the_axes_are_not_watched() -> None:
-    for averaging_s, model in ((0.0, LAGGING), (AVERAGING_S, BiasModel.zero())):
-        path = Prediction(PERIOD_S, StandingPlan(), averaging_s)
-        for t_s in (SIMPLE_S, SIMPLE_S + 0.1):
-            path.take_axes(read(t_s, placed(t_s), RATE), model)
-        path.lag_averaging_s = AVERAGING_S
-        np.testing.assert_allclose(lags_at(path, SIMPLE_S), 0.0, atol=1e-9)
 
 
 KNOWN_S = np.round(SIMPLE_S - 2.0 + PERIOD_S * np.arange(21), 6)
@@ -516,35 +388,6 @@ def test_axes_on_the_path_followed_it_unless_they_were_seen_to_stand() -> None:
     np.testing.assert_allclose(joined(None, KNOWN_S, here, averaging_s=0.0), begun, atol=1e-9)
     np.testing.assert_allclose(joined(None, KNOWN_S[-2:], here), lags_of((0.2, RATE)), atol=LAG_TOLERANCE_RAD)
     assert np.all(np.abs(lags_of((0.2, RATE))) > 1e-5)
-
-
-@pytest.mark.parametrize(
-    ("off_deg", "on_path"), [((0.9, 0.9), True), ((-1.1, -0.2), False), ((0.2, 1.1), False), ((0.4, -0.95), True)]
-)
-def test_a_degree_beside_the_path_on_either_axis_is_still_on_it(off_deg: tuple[float, float], on_path: bool) -> None:
-    """Beside its last instant, which is the nearest where the path has only two."""
-    near = KNOWN_S[-2:]
-    # Axes that follow are ahead of the target by its lags.
-    place = placed(SIMPLE_S) + LAGS_S * RATE + np.radians(off_deg)
-    found = joined(None, near, read(SIMPLE_S, place, RATE))
-    assert bool(np.all(np.abs(found) > 1e-5)) is on_path
-
-
-def test_axes_that_stopped_on_the_path_stand_since_they_were_there() -> None:
-    """They are found where the target was 0.6 s ago."""
-    found = joined(None, KNOWN_S, read(SIMPLE_S, placed(SIMPLE_S - 0.6)))
-    wanted = lags_of((1.45, RATE), (0.55, REST), *changing(REST))
-    np.testing.assert_allclose(found, wanted, atol=5.0 * LAG_TOLERANCE_RAD)
-    assert np.max(np.abs(wanted - lags_of((2.1, RATE)))) > 8.0 * LAG_TOLERANCE_RAD
-
-
-def test_turns_of_the_branch_are_added_to_the_azimuth_that_is_asked_for() -> None:
-    plan = StandingPlan()
-    plan.course.turned_rad = lambda _t_s: 2.0 * math.pi  # type: ignore[method-assign]
-    times = SIMPLE_S + PERIOD_S * np.arange(2)
-    for near_rad in (2.0, 2.0 - 2.0 * math.pi):
-        found = Prediction(PERIOD_S, plan).at(times, straight(times), BiasModel.zero(), near_rad)
-        assert found.position[0, 0] == pytest.approx(near_rad + 2.0 * math.pi)
 
 
 @pytest.mark.parametrize("plunge", [False, True])

@@ -54,16 +54,6 @@ def cost(level_db_hz: float, **changes: float) -> float:
     return array_cost(ARRAY, loop, table, [level_db_hz] * 100, WIDTH_RAD, PROGRAM).power
 
 
-def test_a_weak_array_costs_more_until_it_has_no_carrier() -> None:
-    powers = [cost(level) for level in (80.0, 60.0, 50.0, 44.0)]
-    assert powers == sorted(powers, reverse=True)
-    # What is left are the phases that the calibration does not know.
-    assert powers[0] > 0.997
-    assert powers[-1] < 0.97
-    # 43.3 dB-Hz of the dish are the 29.3 dB-Hz of the array below which it has no direction.
-    assert cost(43.2) == PROGRAM.power < cost(43.4)
-
-
 def test_a_linear_loop_loses_what_its_noise_bandwidth_says() -> None:
     """a / (2 - a) of the variance of white noise, a = 2 pi f T, for a loop that is slow against its delay."""
     params = TrackerIntegratorParams(bandwidth_hz=0.02, offset_limit_rad=0.1, acceleration_rad_s2=1.0)
@@ -90,18 +80,6 @@ def sky(count: int = 1, bend: float = 0.0) -> SkyMotion:
     """The target's motion, its direction turning by `bend` from row to row."""
     angle = math.atan2(UP, RIGHT) + bend * np.arange(count)
     return SkyMotion(0.01 * np.cos(angle), 0.01 * np.sin(angle), np.full(count, RANGE_M))
-
-
-def test_a_circle_needs_its_rate_and_its_acceleration_and_its_memory_is_that_of_the_oldest_errors() -> None:
-    chosen, turn = scans(), 2.0 * math.pi / CONSCAN.period_s
-    for _ in range(2):
-        assert chosen.demand("conscan") == pytest.approx((6.0 * MDEG * turn, 6.0 * MDEG * turn**2), rel=1e-2)
-    assert chosen.demand("monopulse")[0] == pytest.approx(0.2 * MDEG * 2.0 * math.pi, rel=1e-2)
-    assert set(chosen.circles) == {Mode.CALIBRATE, "monopulse"}
-    assert set(scans(probe=None).circles) == {Mode.CALIBRATE}
-    assert chosen.age_s("conscan") == CONSCAN.age_s > 0.0
-    assert chosen.age_s("monopulse") == 0.0
-    assert chosen.memory_s == pytest.approx(2.0 + max(each.age_s for each in chosen.sensors.values()))
 
 
 @pytest.mark.parametrize(
@@ -131,15 +109,6 @@ def test_near_the_zenith_a_scan_is_as_large_as_the_azimuth_has_rate_and_accelera
     assert patterns.share(target, limits).tolist() == [1.0], "the way of a search must not change"
     patterns.begin("program_track", 100.0, TrimFilter(EARLY), None)
     assert patterns.running == ""
-
-
-def test_a_scan_is_its_circle_from_its_start_on() -> None:
-    patterns, times = ScanPatterns(scans()), np.array([99.0, 101.0, 107.3])
-    patterns.begin("conscan", 100.0, TrimFilter(EARLY), sky())
-    offset, rate = patterns.at(times, sky(3))
-    wanted = np.array([CONSCAN.pattern()(t_s - 100.0) for t_s in times])
-    np.testing.assert_allclose(np.hstack([offset, rate]), wanted, atol=1e-15)
-    assert np.hypot(*offset[2]) == pytest.approx(6.0 * MDEG)
 
 
 @pytest.mark.parametrize("bend", [0.0, 0.002])
@@ -243,19 +212,3 @@ def test_a_sensor_costs_its_search_on_average_and_the_loss_of_its_scan(name: str
     # The mean of 3000 is known to 2 %; the quantiles leave out the outermost twentieth.
     assert found.acquisition_s == pytest.approx(float(np.mean(taken)), rel=0.1)
     assert found.acquisition_s > 1.0
-
-
-def test_what_a_pattern_demands_of_the_axes_is_its_motion_across_the_line_of_sight() -> None:
-    """A pattern is right, up and their rates; one that is wider than high: 2 mdeg at 1 rad/s, 9 mdeg at 3 rad/s."""
-
-    class Wide:
-        def pattern(self) -> object:
-            return lambda t_s: (
-                2 * MDEG * math.sin(t_s), 9 * MDEG * math.sin(3.0 * t_s),
-                2 * MDEG * math.cos(t_s), 27 * MDEG * math.cos(3.0 * t_s),
-            )  # fmt: skip
-
-    sets = ControllerParams()
-    chosen = Scans(sets.spiral, sets.calibration.scan, None, sets)
-    chosen.circles["wide"] = Wide()  # type: ignore[assignment]
-    assert chosen.demand("wide") == pytest.approx((2 * MDEG, 2 * MDEG), rel=1e-2)

@@ -1,13 +1,11 @@
 """What is kept of the samples of a target: their order, their edges, and what a profile fills in behind them."""
 
-import math
-
 import numpy as np
 import pytest
 
 from rf_pointing.core import Target
 from rf_pointing.planning import PassProfile
-from rf_pointing.station.pointing.prediction import KEPT_S, LARGEST_GAP_S, TargetBuffer, time_key
+from rf_pointing.station.pointing.prediction import TargetBuffer
 
 START_S = 1000.0
 
@@ -38,60 +36,6 @@ def profile(times: np.ndarray, slope: tuple[float, float] = (0.02, -0.01)) -> Pa
     )  # fmt: skip
 
 
-def test_after_a_clear_nothing_of_the_old_target_is_left() -> None:
-    buffer = holding(0.0, 1.0, 2.0)
-    buffer.clear()
-    assert (buffer.received_until_s, buffer.known_until_s) == (-math.inf, -math.inf)
-    # Neither its turn of azimuth nor its distances and gains, which are matched by their order.
-    for k in range(2):
-        buffer.add(sample(START_S + k, azimuth_rad=8.0, range_m=5e6 + 1e5 * k, gain_db=-7.0 - k))
-    assert buffer.at([START_S]).position[0, 0] == 8.0
-    assert buffer.range_m(START_S + 0.5) == pytest.approx(5.05e6)
-    assert buffer.satellite_gain_db(START_S + 0.5) == pytest.approx(-7.5)
-
-
-def test_the_azimuth_is_on_the_turn_of_the_sample_before() -> None:
-    buffer = TargetBuffer()
-    buffer.add(sample(START_S, 6.2))
-    buffer.add(sample(START_S + 1.0, 0.1))
-    buffer.add(sample(START_S + 2.0, 0.3))
-    assert buffer.at(START_S + np.arange(3.0)).position[:, 0] == pytest.approx(
-        [6.2, 0.1 + 2.0 * math.pi, 0.3 + 2.0 * math.pi]
-    )
-
-
-def test_what_was_received_last_is_the_latest_time_of_a_message_and_not_of_a_profile() -> None:
-    buffer = holding(0.0, 1.0)
-    buffer.add(sample(START_S + 0.5))
-    assert buffer.received_until_s == START_S + 1.0
-    buffer.fill(profile(START_S + np.arange(9.0)), START_S + 1.0, START_S + 4.0, 1e6)
-    assert (buffer.received_until_s, buffer.known_until_s) == (START_S + 1.0, START_S + 4.0)
-
-
-def test_a_microsecond_is_one_time_and_three_are_two() -> None:
-    for off_s in (-0.8e-6, 0.8e-6):
-        buffer = holding(0.0, 1.0, 2.0)
-        buffer.add(sample(START_S + 1.0 + off_s, azimuth_rad=1.3, range_m=3e6, gain_db=-9.0))
-        assert buffer.range_m(START_S + 1.5) == pytest.approx(0.5 * (3e6 + 1.002e6))
-        assert buffer.range_m(START_S + 0.5) == pytest.approx(0.5 * (3e6 + 1e6))
-        assert buffer.satellite_gain_db(START_S + 1.0) == -9.0
-        assert buffer.at([START_S + 1.0]).position[0, 0] == 1.3
-    for off_s in (-3e-6, 3e-6):
-        buffer = holding(0.0, 1.0, 2.0)
-        buffer.add(sample(START_S + 1.0 + off_s, azimuth_rad=1.3, range_m=3e6, gain_db=-9.0))
-        assert buffer.range_m([START_S + 1.0, START_S + 1.0 + off_s]) == pytest.approx([1.001e6, 3e6])
-        assert buffer.at([START_S + 1.0]).position[0, 0] == 1.0
-
-
-def test_what_lies_a_microsecond_outside_is_covered_and_what_lies_further_is_not() -> None:
-    buffer = holding(0.0, 1.0, 2.0)
-    for off_s, covered in ((0.8e-6, True), (3e-6, False)):
-        assert buffer.covers(START_S - off_s, START_S + 1.0) is covered
-        assert buffer.covers(START_S + 1.0, START_S + 2.0 + off_s) is covered
-    at_the_edge = buffer.at([START_S - 0.8e-6, START_S + 2.0 + 0.8e-6]).position
-    np.testing.assert_array_equal(at_the_edge, [[1.0, 0.5], [1.0, 0.5]])
-
-
 @pytest.mark.parametrize(
     ("begin_s", "end_s", "covered"),
     [(0.0, 1.0, True), (0.2, 0.9, True), (1.0, 1.0, True), (0.5, 1.1, False), (1.1, 1.2, False), (3.9, 4.2, False),
@@ -99,18 +43,6 @@ def test_what_lies_a_microsecond_outside_is_covered_and_what_lies_further_is_not
 )  # fmt: skip
 def test_a_gap_is_not_covered_from_any_side(begin_s: float, end_s: float, covered: bool) -> None:
     assert holding(0.0, 1.0, 4.0, 5.0).covers(START_S + begin_s, START_S + end_s) is covered
-
-
-def test_the_longest_gap_itself_is_covered() -> None:
-    assert holding(0.0, LARGEST_GAP_S).covers(START_S + 1.0, START_S + 2.0)
-    assert not holding(0.0, LARGEST_GAP_S + 0.001).covers(START_S + 1.0, START_S + 2.0)
-
-
-def test_two_samples_are_kept_however_far_apart_and_no_third_that_is_old() -> None:
-    assert holding(0.0, 3.0 * KEPT_S).range_m(START_S) == 1e6
-    assert holding(0.0, 2.0 * KEPT_S, 2.0 * KEPT_S + 1.0).range_m(START_S) == 1.001e6
-    assert holding(0.0, 2.0, KEPT_S).range_m(START_S) == 1e6
-    assert holding(0.0, 2.0, KEPT_S + 0.1).range_m(START_S) == 1.001e6
 
 
 def test_a_quintic_meets_positions_rates_and_accelerations_of_both_samples() -> None:
@@ -178,17 +110,3 @@ def test_a_sample_outside_the_profile_does_not_move_it(ahead_s: float) -> None:
     shift = (0.5 - 0.02 * ahead_s) if 0.0 <= ahead_s <= 7.0 else 0.0
     # The row before, which is no mixture with the sample.
     assert buffer.at([begin_s - 1.0]).position[0, 0] == pytest.approx(2.0 + 0.1 + shift)
-
-
-def test_a_distance_that_goes_on_falling_ends_at_one_metre() -> None:
-    buffer = TargetBuffer()
-    for k, range_m in enumerate((3000.0, 2000.0)):
-        buffer.add(sample(START_S + k, range_m=range_m))
-    buffer.fill(profile(START_S + np.arange(9.0)), START_S + 1.0, START_S + 4.0, 1e6)
-    np.testing.assert_allclose(buffer.range_m(START_S + np.arange(2.0, 5.0)), [1000.0, 1.0, 1.0])
-
-
-def test_instants_are_compared_by_whole_milliseconds() -> None:
-    assert time_key(1.2344) == 1234
-    assert time_key(1.2346) == 1235
-    assert time_key(1_151_384_000.1 + 0.1) == time_key(1_151_384_000.2) == 1_151_384_000_200
