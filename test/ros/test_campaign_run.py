@@ -16,9 +16,7 @@ from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.graph import DRIVE_NODES, NODES
 from rf_pointing.ros.station_run import RunSetup
 from rf_pointing.station.description import read_station
-from test.ros.fake_station import BEGIN_S, FakeStation, fake
-
-__all__ = ["fake"]
+from test.ros.fake_station import BEGIN_S, FakeStation
 
 CAMPAIGN, FIT = "bias_calibrator/run_campaign", "bias_calibrator/fit_model"
 ACCEPT, REJECT = "bias_calibrator/accept", "bias_calibrator/reject"
@@ -148,16 +146,6 @@ def test_the_user_ends_campaign_or_shadow(
     assert run.calibrate() == outcome
     assert len(calibrator.cancelled_s) == 1
     assert calibrator.log[-1] == RUNS[1]
-
-
-def test_a_real_antenna_is_started_in_time_for_its_first_pass(
-    calibrator: FakeStation, make: Callable[..., CalibrationRun], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert make(real=True).calibrate().settled
-    assert capsys.readouterr().err.startswith(
-        "calibrate: in real time: the first pass is waited for; the antenna is started in 30 s\n"
-    )
-    assert not any(step in calibrator.log for step in RUNS)
 
 
 @pytest.mark.parametrize("terminal", [False, True])

@@ -1,6 +1,5 @@
 """Only who has the key commands the antenna; every part of a command is signed."""
 
-import fcntl
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -158,19 +157,6 @@ def test_a_call_is_taken_once_within_ten_seconds_of_its_time(calls: Calls, age_s
             calls.key.check_call(call)
 
 
-def test_a_call_is_remembered_as_long_as_it_could_be_sent_again(calls: Calls) -> None:
-    call = calls.call()
-    for seconds in (0.0, 9.9):
-        calls.at(seconds)
-        calls.key.check_call(calls.call(2))
-    calls.at(0.0)
-    calls.key.check_call(call)
-    calls.at(9.9)
-    calls.key.check_call(calls.call(3))
-    with pytest.raises(ValueError, match="was sent before"):
-        calls.key.check_call(call)
-
-
 def test_a_call_of_before_the_start_is_refused_and_without_a_key_everything_is_taken(
     calls: Calls, tmp_path: Path
 ) -> None:
@@ -184,13 +170,3 @@ def test_a_call_of_before_the_start_is_refused_and_without_a_key_everything_is_t
     none = CommandKey(CommandKeyParams())
     none.check_call(call)
     assert (calls.key.signed, none.signed) == (True, False)
-
-
-def test_of_two_nodes_that_start_at_once_the_second_waits_for_the_first_ones_key(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path, first = tmp_path / "state" / "gs1" / "command.key", "ab" * 32
-    monkeypatch.setattr(fcntl, "flock", lambda _file, how: path.write_text(first) if how == fcntl.LOCK_EX else None)
-    second = key_at(path)
-    assert path.read_text() == first
-    assert key_at(path).check(signed(second)) == NAME

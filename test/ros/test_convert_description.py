@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Time
 from visualization_msgs.msg import Marker
 
-from rf_pointing.core import JointReading, Target
+from rf_pointing.core import Target
 from rf_pointing.core.angles import unit_vector_from_azel
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.ros import convert_description as draw
@@ -41,8 +40,6 @@ def angles_from(direction: np.ndarray, rim: np.ndarray) -> np.ndarray:
     """Return the angles between a direction and the points of a circle around it."""
     along = rim @ direction / np.linalg.norm(rim, axis=1)
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(rim, direction), axis=1) / RADIUS_M, along))
-
-
 
 
 @pytest.mark.parametrize(("beamwidth_deg", "half_deg"), [(6.0, 3.0), (1.01, 0.505), (0.99, 0.5), (0.065, 0.5)])
@@ -130,5 +127,3 @@ def test_a_pass_is_a_line_over_the_sky_and_without_one_the_line_goes() -> None:
     gone = draw.pass_marker(None, FRAME, RADIUS_M)
     assert (gone.ns, gone.type, gone.action, len(gone.points)) == ("pass", Marker.LINE_STRIP, Marker.DELETE, 0)
     assert gone.scale.x == 0.0
-
-

@@ -6,7 +6,6 @@ from typing import Any
 from rclpy.clock import ClockType
 
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Diagnostics, EventLog, Health
-from rf_pointing.station.pointing.status import Level, Report
 
 
 def published(node: Any, **checks: Callable[[], Health]) -> Any:
@@ -41,16 +40,6 @@ def test_a_check_that_cannot_be_made_is_an_error_and_hides_no_other(make_node: C
     assert (second.level, second.message) == (OK, "ok")
 
 
-def test_the_report_of_a_part_without_ros_is_one_of_the_checks(make_node: Callable[..., Any]) -> None:
-    node = make_node()
-    diagnostics, found = Diagnostics(node), list[Any]()
-    diagnostics.add_report("drive", lambda: Report(Level.WARN, "slow", {"rate": 1}))
-    next(each for each in node.publishers if each.topic_name == "/diagnostics").publish = found.append
-    diagnostics.publish()
-    (status,) = found[0].status
-    assert (status.level, status.message, status.values[0].value) == (WARN, "slow", "1")
-
-
 def test_an_event_is_news_once_whatever_its_numbers_until_a_minute_of_silence() -> None:
     events = EventLog()
     assert events.is_news("input", "3 bytes are none", 0.0)
@@ -69,14 +58,3 @@ def test_a_subject_is_news_once_a_second_and_what_lasts_is_not_lost() -> None:
     assert not events.is_news("input", "a", 11.5)
     assert not events.is_news("input", "c", 11.9), "a repetition is no line, and moves nothing"
     assert events.is_news("input", "c", 12.0)
-
-
-def test_the_longest_silent_of_two_hundred_events_is_forgotten() -> None:
-    events = EventLog()
-    for number in range(200):
-        assert events.is_news(f"subject {number}", "x", 0.0)
-    assert not events.is_news("subject 0", "x", 2.0)
-    assert events.is_news("subject 200", "x", 2.0)
-    assert not events.is_news("subject 0", "x", 4.0)
-    assert not events.is_news("subject 2", "x", 4.0)
-    assert events.is_news("subject 1", "x", 4.0), "the one that was silent the longest"

@@ -1,7 +1,6 @@
 """Directives reach services, actions and parameters by name and type, and what comes back is their response."""
 
 from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,13 +9,13 @@ from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import ParameterType
 from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import Pass, PointingError
-from rf_pointing_msgs.srv import GoTo, SelectTarget, SignedCall
+from rf_pointing_msgs.srv import GoTo, SelectTarget
 from std_srvs.srv import Trigger
 
 from rf_pointing.operations.dictionary import DirectiveRow
 from rf_pointing.ros import directives
 from rf_pointing.ros.command_key import CommandKeyParams
-from rf_pointing.ros.directives import DirectiveSender, filled, plain_fields
+from rf_pointing.ros.directives import DirectiveSender, filled
 from test.nodes.bench import ActionClient, Service
 
 # The parser of interfaces that rclpy imports with its first message.
@@ -133,16 +132,6 @@ def test_whole_answers_of_services_are_taken_in_place_of_responses(
     assert graph.responses == [(1, False, "service antenna_servo/park is not offered")]
 
 
-def test_a_leased_service_is_called_with_the_key_of_the_station(
-    graph: Graph, make: Callable[..., DirectiveSender], tmp_path: Path
-) -> None:
-    make(key=str(tmp_path / "command.key")).send(1, "park", {})
-    (call,) = graph.clients["antenna_servo/signed"].requests
-    assert isinstance(call, SignedCall.Request)
-    assert (call.service, call.caller) == ("/gs1/antenna_servo/park", "/gs1/station_executive")
-    assert len(call.signature) == 32
-
-
 def test_a_parameter_is_set_at_its_node(graph: Graph, make: Callable[..., DirectiveSender]) -> None:
     sender, owner = make(), "pass/ephemeris_publisher/set_parameters_atomically"
     sender.send(3, "lead", {"value": 1.5})
@@ -200,19 +189,6 @@ def test_own_directives_and_wrong_arguments_are_answered_at_once(
     ]  # fmt: skip
 
 
-def test_closed_clients_are_destroyed_and_nothing_comes_back(
-    graph: Graph, make: Callable[..., DirectiveSender]
-) -> None:
-    sender = make()
-    sender.send(1, "park", {})
-    sender.close()
-    assert len(graph.destroyed) == len(graph.clients) - 1, "all but the client of the action"
-    graph.answer("antenna_servo/park", Trigger.Response(success=True))
-    sender.poll()
-    assert graph.responses == []
-    sender.close()
-
-
 def test_nested_fields_and_times_are_filled_from_plain_values() -> None:
     request = filled(SelectTarget.Request(), {"target": "ISS", "start": 1_151_384_000.25, "minimum_peak_elevation": 1})
     assert (request.target, request.minimum_peak_elevation) == ("ISS", 1.0)
@@ -238,10 +214,3 @@ def test_nested_fields_and_times_are_filled_from_plain_values() -> None:
 def test_a_value_of_another_type_is_refused_before_it_is_sent(message: Any, values: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         filled(message, values)
-
-
-def test_plain_fields_are_numbers_texts_and_truth_values() -> None:
-    fields = plain_fields(PointingError(sensor="monopulse", valid=True, sequence=3, cross_elevation=0.5))
-    wanted = {"sensor": "monopulse", "valid": True, "sequence": 3, "cross_elevation": 0.5}
-    assert {name: fields[name] for name in wanted} == wanted
-    assert not {"header", "covariance"} & set(fields)

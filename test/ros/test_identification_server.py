@@ -75,10 +75,6 @@ def test_a_refused_experiment_ends_at_once_with_the_reason(bench: Any, request_:
     assert bench.goal("identify", goal()).end == ""
 
 
-def test_without_an_antenna_there_is_no_experiment(make_bench: Callable[..., Any]) -> None:
-    assert make_bench(AntennaServo).goal("identify", goal()) is None
-
-
 def test_seed_and_axis_give_the_input(make_bench: Callable[..., Any]) -> None:
     def inputs(wanted: Identify.Goal) -> list[list[float]]:
         bench = make_bench(AntennaServo).up()

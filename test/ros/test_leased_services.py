@@ -67,12 +67,6 @@ def test_the_newest_stamp_holds_the_antenna_for_two_seconds(commands: list[tuple
     assert services.values()["lease"] == services.holder
 
 
-def test_without_a_key_nobody_has_the_antenna() -> None:
-    services = leased(Node(), signed=False)
-    services.note("one", NOW_S)
-    assert services.holder == ""
-
-
 def test_a_call_without_a_signature_is_refused_and_counted_while_there_is_a_commander() -> None:
     node, calls = Node(), list[Any]()
     services = leased(node)

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 import rclpy
-import yaml
 from std_srvs.srv import Trigger
 
 from rf_pointing.ros.graph import DRIVE_NODES, NODES, TOPICS, topics_of
@@ -19,12 +18,9 @@ from rf_pointing.ros.station_run import (
     InterruptedRunError,
     RunSetup,
     StationRun,
-    parameter_file,
     run_to_end,
 )
-from test.ros.fake_station import BEGIN_S, FakeStation, fake
-
-__all__ = ["fake"]
+from test.ros.fake_station import BEGIN_S, FakeStation
 
 CLOCK, OTHERS = NODES[:1], NODES[1:]
 
@@ -58,13 +54,6 @@ def test_a_run_has_its_nodes_its_files_and_its_recording(fake: FakeStation, setu
     # Only what runs is recorded of a real antenna; clock and servo go first in real time.
     assert fake.recorder.given[2] == topics_of(DRIVE_NODES) != TOPICS
     assert fake.graph.on_time == ("simulation_clock", "antenna_servo")
-
-
-def test_parameters_are_written_by_node(tmp_path: Path) -> None:
-    written = parameter_file(tmp_path, {"rf_receiver": {"source.satellite": "28057"}})
-    assert yaml.safe_load(written.read_text()) == {
-        "/**/rf_receiver": {"ros__parameters": {"source.satellite": "28057"}}
-    }
 
 
 def test_a_simulated_station_is_brought_up_behind_its_clock(
@@ -142,13 +131,6 @@ def test_a_process_that_has_ended_ends_every_wait(fake: FakeStation, run: Statio
             lasts()
 
 
-def test_an_answer_that_does_not_come_ends_the_wait_after_two_minutes(fake: FakeStation) -> None:
-    fake.ready_s, fake.answer_s, fake.results["track_pass"] = 0.0, math.inf, "result"
-    with pytest.raises(TimeoutError, match="an answer of pointing_controller not seen within 120 s"):
-        GraphRun("station", "/gs1").send(fake.action_client(None, None, "track_pass"), "goal", "pointing_controller")
-    assert fake.wall.passed_s == pytest.approx(120.0, abs=0.1)
-
-
 def test_at_the_end_the_nodes_go_first_then_the_bag_is_closed(
     fake: FakeStation, run: StationRun, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -188,16 +170,6 @@ def test_a_run_ends_with_its_code_and_in_order_and_leaves_the_signals_as_they_we
     assert capsys.readouterr().err == text
     assert fake.life == ["begun", "executor shut down", "destroyed", "over"]
     assert fake.handlers == {2: "of before", 15: "of before"}
-
-
-def test_a_signal_is_left_to_the_run(fake: FakeStation) -> None:
-    """Ctrl-C must cancel the goal and end the run in order, not end rclpy under it."""
-
-    def work(run: GraphRun) -> int:
-        fake.handlers[2](2, None)
-        return int(run.stopping)
-
-    assert run_to_end("track", lambda: GraphRun("track", "/gs1"), work) == 1
 
 
 def test_a_run_without_room_for_its_bag_ends_with_the_reason_and_nothing_left(

@@ -20,12 +20,9 @@ from rf_pointing.ros.streams import (
     FEW,
     KEPT,
     LARGEST,
-    FramedPublisher,
     InputCounter,
     Latest,
     SequencedPublisher,
-    frame_in,
-    require_length,
     require_plausible,
 )
 
@@ -114,19 +111,6 @@ def test_the_newest_100_messages_wait_and_bytes_without_a_stamp_do_not() -> None
     broken = Latest(JointState, convert.joints_from_message, reasons.append)
     broken.note(joints(4.0, 100.0)[:40])
     assert (broken.take(), reasons) == (None, ["40 bytes are no JointState"])
-
-
-def test_the_frame_of_an_antenna_is_below_its_namespace() -> None:
-    assert (frame_in("/gs1", "base"), frame_in("/", "base")) == ("gs1/base", "base")
-    sent: list[Any] = []
-    FramedPublisher(SimpleNamespace(publish=sent.append), "gs1/base").publish(Target())
-    assert sent[0].header.frame_id == "gs1/base"
-
-
-def test_a_message_has_at_most_the_bytes_of_its_topic() -> None:
-    require_length(bytes(10), 10)
-    with pytest.raises(ValueError, match="11 bytes, must be <= 10"):
-        require_length(bytes(11), 10)
 
 
 def numbers(message: Any, place: str = "") -> dict[str, tuple[Any, str, int | None]]:

@@ -12,7 +12,7 @@ from std_msgs.msg import Bool
 from rf_pointing.drives import DriveParams
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
-from rf_pointing.ros.topic_drive import STATE_BYTES, TopicDrive
+from rf_pointing.ros.topic_drive import TopicDrive
 
 NOW_S = 1.8e9
 NAMES = ("azimuth", "elevation")
@@ -71,13 +71,6 @@ def test_set_points_are_stamped_with_the_time_of_the_period(bench: Bench) -> Non
     assert place.header.frame_id.startswith("test/")
 
 
-def test_the_brakes_are_set_by_a_stop_and_at_the_end(make_node: Callable[..., Any]) -> None:
-    bench = Bench(make_node("antenna_servo"))
-    for act in (bench.drive.enable, bench.drive.stop, bench.drive.enable, bench.drive.close):
-        act()
-    assert bench.enabled == [True, False, True, False]
-
-
 def test_a_state_is_read_by_the_names_of_its_joints(bench: Bench) -> None:
     assert bench.drive.step(NOW_S) is None
     assert "no message on drive/state" in bench.drive.problem
@@ -121,14 +114,6 @@ def test_a_state_older_or_newer_than_the_loss_of_the_device_is_none(bench: Bench
     bench.state(t_s=NOW_S + lost_s)
     bench.drive.step(NOW_S + 2.0 * lost_s + 0.01)
     assert "no message on drive/state for" in bench.drive.problem
-
-
-def test_a_state_longer_than_any_is_not_decoded(bench: Bench) -> None:
-    others = tuple(f"joint {index}" for index in range(STATE_BYTES // 16))
-    bench.state((*NAMES, *others), (1.0, 0.5, *[0.0] * len(others)))
-    assert bench.drive.losses == {USELESS: 1}
-    bench.drive.take_state(bytes(5))
-    assert bench.drive.losses == {USELESS: 2}
 
 
 def test_the_state_of_a_vendors_node_arrives_with_the_periods(bench: Bench, make_node: Callable[..., Any]) -> None:

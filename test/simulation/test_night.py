@@ -28,7 +28,18 @@ def test_every_pass_is_tracked_without_an_operator_and_the_antenna_is_stowed(tmp
 
 # A servo that comes back is followed again by the pass in hand; the others end it.
 @pytest.mark.parametrize(
-    ("kind", "attempts"), [("controller_killed", 2), ("servo_killed", 1), ("drive_lost", 2), ("runaway", 2)]
+    ("kind", "attempts"),
+    [
+        ("controller_killed", 2),
+        ("servo_killed", 1),
+        ("drive_lost", 2),
+        ("runaway", 2),
+        ("encoder_frozen", 2),
+        ("link_drop", 1),
+        ("ephemeris_killed", 1),
+        ("full_disk", 1),
+        ("tracker_killed", 1),
+    ],
 )
 def test_fault_in_a_pass_is_an_alarm_and_a_cause_and_the_next_pass_is_tracked(
     tmp_path: Path, kind: str, attempts: int

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import JointReading, JointTrajectory, PointingError
-from rf_pointing.ephemeris import SITES, Pass, TopocentricTrack
-from rf_pointing.ephemeris.solar import SunParams
+from rf_pointing.ephemeris import Pass
 from rf_pointing.identification import ExcitationParams, IdentificationExperiment
 from rf_pointing.planning import Gate, HorizonMask
 from rf_pointing.planning.gate import MOTIONS
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna, SimulationParams
-from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 
 DEG = math.pi / 180.0
@@ -137,18 +135,3 @@ def test_a_pass_whose_start_cannot_be_reached_is_refused_with_the_reason(
     with pytest.raises(ValueError, match="no way to the start: .* below the horizon mask"):
         controller.start(window.aos_t_s - 60.0, window, "program")
     assert not controller.busy
-
-
-def test_a_pass_predicted_for_another_station_is_refused_by_its_sun(
-    make_controller: Callable[..., PointingController], window: Pass, track: TopocentricTrack
-) -> None:
-    controller = make_controller(sun=SunParams(site=SITES["Canberra DSS-43"]))
-    controller.plan.take_profiles([pass_profile(track, window)])
-    controller.take_joints(standing((120.0, 60.0)))
-    with pytest.raises(ValueError, match=r"the Sun of this site is .* another station"):
-        controller.start(window.aos_t_s - 100.0, window, "program")
-    right = make_controller()
-    right.plan.take_profiles([pass_profile(track, window)])
-    right.take_joints(standing((120.0, 60.0)))
-    right.start(window.aos_t_s - 100.0, window, "program")
-    assert right.plan.certificate is not None

@@ -6,12 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel, FitOptions, Prior, SectorRule
+from rf_pointing.calibration import SectorRule
 from rf_pointing.core import JointReading, PointingError, Target
-from rf_pointing.station.campaign import log as log_module
 from rf_pointing.station.campaign.log import CalibrationLog
 
-DEG = math.pi / 180.0
 BEGIN_S = 2000.0
 PLACE, RATE = np.array([3.0, 0.8]), np.array([0.002, -0.001])
 SIGMA_RAD = 3e-5
@@ -139,38 +137,3 @@ def test_sectors_of_the_sky_are_filled_by_true_directions() -> None:
 
 
 # The fit
-
-
-def test_a_fit_needs_thirty_observations_and_gets_its_terms_priors_and_held_values(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    asked: list[dict[str, Any]] = []
-    monkeypatch.setattr(log_module, "fit_bias_model", lambda points, **given: asked.append(given | {"points": points}))
-    collected = collecting()
-    for k in range(29):
-        feed(collected, BEGIN_S + k)
-    present = BiasModel.zero().replace(azimuth_offset=0.001, droop=-0.002, elevation_velocity_lag=0.3)
-    with pytest.raises(ValueError, match="29 observations, must have at least 30"):
-        collected.fit(present)
-    feed(collected, BEGIN_S + 29.0)
-    collected.fit(present)
-    collected.fit(
-        present, terms=("azimuth_offset", "elevation_velocity_lag", "elevation_acceleration_lag"), form="printed"
-    )
-    every, some = asked
-    assert len(every["points"]) == 30
-    assert every["terms"] == tuple(present.coefficients)
-    assert every["held"] == {}
-    assert every["pass_priors"] is None
-    assert every["options"] == FitOptions(form="rotation", scale_covariance=True)
-    assert every["priors"]["droop"] == Prior(-0.002, 0.2 * DEG)
-    assert set(every["priors"]) == set(present.coefficients)
-    assert some["options"].form == "printed"
-    assert some["priors"] == {
-        "azimuth_offset": Prior(0.001, 0.2 * DEG),
-        "elevation_velocity_lag": Prior(0.3, 0.5),
-        "elevation_acceleration_lag": Prior(0.0, 10.0),
-    }
-    assert some["held"]["droop"] == -0.002
-    assert set(some["held"]) | set(some["terms"]) == set(present.coefficients)
-    assert not set(some["held"]) & set(some["terms"])

@@ -88,34 +88,22 @@ def test_what_is_missing_or_of_another_kind_is_the_one_problem(
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"site": "Atlantis"}, "site='Atlantis' must be coordinates or one of "),
         ({"dish": ...}, "bands.X needs half_power_beamwidth_deg: there is no dish to derive it from"),
-        ({"bands": {}}, "bands must have at least one band"),
         ({"bands__X__sensors": ["array"], "array": CIRCLE}, "array: 5 patches on a circle of 0.12 m, phases known to 10.0"),
         ({"bands__X__tuning": {"mask.clearance_deg": 2.0}},
             "bands.X.tuning.mask.clearance_deg is given by mount.horizon_clearance_deg: change it there"),
-        ({"bands__X__tuning": {"conscan.radus_deg": 2.0}},
-            "bands.X.tuning.conscan.radus_deg: no parameter of that name; did you mean conscan.radius_deg?"),
-        ({"bands__X__tuning": {"conscan": {"radius_deg": 99.0}}}, "bands.X.tuning.conscan.radius_deg=99.0 must be <= "),
         ({"tuning": {"loops.azimuth.integral_gain": -1.0}}, "tuning.loops.azimuth.integral_gain=-1.0 must be >= "),
-        ({"tuning": {"antenna.seed": 2}}, "tuning.antenna.seed is a parameter of antenna_servo, not of the station"),
         ({"tuning": {"pointing.lag_averaging_s": 2.0}},
             "tuning.pointing.lag_averaging_s is given by simulation.lag_averaging_s: change it there"),
-        ({"bands__X__mount_errors": {"drop_deg": 1.0}},
-            "bands.X.mount_errors.drop_deg: no such key of bands.X.mount_errors; did you mean droop_deg?"),
         ({"simulation": {"mount_errors": {"droop_deg": 99.0}}}, "simulation.mount_errors.droop_deg=99.0 must be <= "),
         ({"drive": {"rotator": {"latency_s": -1.0}}}, "drive.rotator.latency_s=-1.0 must be >= 0.0"),
         ({"drive": {"rotator": {"latncy_s": 1.0}}}, "drive.rotator.latncy_s: no such key of drive; did you mean "),
-        ({"drive": {"type": "gs-232"}}, "drive.type='gs-232' must be one of simulated, topic, "),
         ({"mount__horizon_file": "empty.txt"}, "mount.horizon_file='empty.txt' must have at least one point"),
-        ({"mount__horizon_file": "bad.txt"}, "bad.txt:3: 'a b' must be azimuth and elevation in deg"),
         ({"mount__azimuth__travel_deg": [10, 10]}, "mount.azimuth.travel_deg=[10.0, 10.0] must rise"),
-        ({"mount__azimuth__hard_stop_deg": [-270, 280]}, "mount.azimuth.hard_stop_deg=[-270.0, 280.0] must lie outside"),
     ],
 )  # fmt: skip
 def test_each_contradiction_is_one_problem_in_these_words(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
     (tmp_path / "empty.txt").write_text("# nothing\n")
-    (tmp_path / "bad.txt").write_text("0 3\n\na b\n80 3\n160 3\n240 3\n320 3\n")
     (found,) = said(tmp_path, **changes)
     assert found.startswith(words)
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from rf_pointing.station.description import read_station, shipped_stations, station_from
-from rf_pointing.station.description.description import StationDescription, same_value
+from rf_pointing.station.description import read_station, station_from
+from rf_pointing.station.description.description import StationDescription
 
 TEXT = """\
 version: 1
@@ -135,8 +135,6 @@ def test_a_parameter_file_may_repeat_the_description_and_say_nothing_else_of_it(
         station.check_file("pointing_controller", {"limits.azimut_min_deg": 0.0})
 
 
-
-
 def test_a_description_is_written_anew_with_changes_and_with_its_files_by_whole_paths(tmp_path: Path) -> None:
     (tmp_path / "m.txt").write_text("0 3\n")
     (tmp_path / "s.yaml").write_text(TEXT.replace("wind:", "  horizon_file: m.txt\nwind:"))
@@ -170,8 +168,6 @@ def test_the_digest_is_that_of_the_models_content(tmp_path: Path) -> None:
     changed.write_text(model.read_text() + "# another\n")
     station.write(tmp_path / "t.yaml", {"bands.X.bias_model": str(changed)})
     assert read_station(tmp_path / "t.yaml").digest != station.digest
-
-
 
 
 def test_numbers_that_a_node_refuses_together_are_named_with_band_and_node(tmp_path: Path) -> None:

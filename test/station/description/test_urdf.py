@@ -102,8 +102,6 @@ def test_limits_are_those_of_the_description(name: str) -> None:
         assert float(str(limit.get("effort"))) > 0.0
 
 
-
-
 def shapes(name: str) -> dict[str, list[tuple[str, list[float]]]]:
     """Return kind and measures, centre and angles, of every shape of each link, in sizes of the antenna."""
     station = read_station(name)
@@ -117,8 +115,6 @@ def shapes(name: str) -> dict[str, list[tuple[str, list[float]]]]:
             rows.append((body.tag, [*lengths.tolist(), *numbers(origin.get("rpy"))]))  # type: ignore[union-attr]
         found[str(link.get("name"))] = rows
     return found
-
-
 
 
 @pytest.mark.parametrize("name", shipped_stations())
@@ -151,8 +147,6 @@ def test_shapes_lie_on_the_axis_that_turns_them_and_touch_each_other(name: str) 
 
 
 UPRIGHT, ALONG_X = [0.0, 0.0, 0.0], [0.0, 0.5 * math.pi, 0.0]
-
-
 
 
 @pytest.mark.parametrize("name", shipped_stations())
