@@ -134,6 +134,3 @@ def test_sectors_of_the_sky_are_filled_by_true_directions() -> None:
     assert counts.sum() == 1
     wanted = rule.coverage(np.array([PLACE[0]]), np.array([PLACE[1]])).counts
     np.testing.assert_array_equal(counts, wanted)
-
-
-# The fit

@@ -39,7 +39,6 @@ def described(**changes: Any) -> StationDescription:
 
 
 COARSE = {"AZIMUTH": {"resolution_deg": 0.4}, "ELEVATION": {"encoder_bits": 12}}
-COARSEST = {"AZIMUTH": {"resolution_deg": 1.9}, "ELEVATION": {"resolution_deg": 1.9}}
 WIDE = {"dish": None, "BAND": {"half_power_beamwidth_deg": 60.0, "frequency_mhz": 145.9}}
 CASES: Mapping[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "nothing but what must be said": ({}, {

@@ -122,17 +122,6 @@ def test_a_problem_is_named_with_its_line(change: tuple[str, str], line: int, sa
     assert any(at == line and said in text for at, text in found), found
 
 
-BOTH = "bands:"
-
-
-def mask(points: str) -> tuple[str, str]:
-    return (BOTH, f"  horizon_deg: {points}\nbands:")
-
-
-def elevation(text: str) -> tuple[str, str]:
-    return ("rate_deg_s: 6}\nbands", f"rate_deg_s: 6, {text}}}\nbands")
-
-
 def test_all_problems_come_in_one_list_in_the_order_of_the_lines(tmp_path: Path) -> None:
     text = GOOD.replace("48.1", "91").replace("[-270, 270]", "[270, -270]").replace("bands:", "bands: 7\nnoise:")
     found = problems(text, tmp_path)

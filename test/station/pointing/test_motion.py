@@ -170,6 +170,3 @@ def test_its_derivatives_belong_to_it_and_the_coming_leads_are_those_that_come()
     position, velocity = np.array([(m.position[0], m.velocity[0]) for m in found]).transpose(1, 0, 2)
     steps = 0.5 * PERIOD_S * (velocity[1:] + velocity[:-1])
     np.testing.assert_allclose(np.diff(position, axis=0), steps, atol=0.02 * MDEG)
-
-
-# What target and axes are, from one period to the next

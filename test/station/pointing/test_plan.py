@@ -23,10 +23,6 @@ def reading(position: tuple[float, float], rate: tuple[float, float] = (0.0, 0.0
     return JointReading(t_s=t_s, position_rad=list(position), velocity_rad_s=list(rate))
 
 
-def at(position: np.ndarray, rate: tuple[float, float] = (0.0, 0.0)) -> JointReading:
-    return reading((float(position[0]), float(position[1])), rate)
-
-
 def gate(mask: HorizonMask = OPEN) -> Gate:
     return Gate(GateParams(), AxisLimits(azimuth_min_rad=-4.0, azimuth_max_rad=4.0), mask, RATES)
 

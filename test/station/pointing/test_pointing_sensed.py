@@ -182,6 +182,3 @@ def test_a_search_finds_a_target_two_beamwidths_off_and_monopulse_starts_where_i
     assert status.cross_elevation_offset_rad == pytest.approx(95.0 * MDEG, abs=1.0 * MDEG)
     assert status.elevation_offset_rad == pytest.approx(-85.0 * MDEG, abs=1.0 * MDEG)
     assert math.hypot(first_offset[0] - 95.0 * MDEG, first_offset[1] + 85.0 * MDEG) < 0.3 * BEAMWIDTH_RAD
-
-
-# Bookkeeping

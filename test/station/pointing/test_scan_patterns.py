@@ -8,14 +8,12 @@ import pytest
 
 from rf_pointing.controllers import TrackerIntegrator, TrackerIntegratorParams
 from rf_pointing.core import MDEG, MU, Mode, Motion, random_stream
-from rf_pointing.planning import AxisRates, SensorCost
-from rf_pointing.rf.dish_array import DishArrayParams
+from rf_pointing.planning import AxisRates
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.scan_patterns import (
     UNDERWAY_S,
     ScanPatterns,
     Scans,
-    array_cost,
     loop_offsets_rad,
     sensor_cost,
 )
@@ -23,10 +21,6 @@ from rf_pointing.tracking import AutotrackParams, SkyMotion, SpiralParams, Spira
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.scan import ScanParams
 from rf_pointing.tracking.sensors import SENSORS
-
-WIDTH_RAD = 0.077
-PROGRAM = SensorCost(power=0.6)
-ARRAY = DishArrayParams()
 
 
 @pytest.mark.parametrize(
@@ -46,12 +40,6 @@ def test_the_loops_are_those_of_the_tracking_integrator(changes: dict[str, float
             offsets[k] = loop.at(t_s)[0]
         np.testing.assert_allclose(found[:, :, column], offsets, atol=1e-12)
         assert np.abs(offsets).max() > 1e-3
-
-
-def cost(level_db_hz: float, **changes: float) -> float:
-    table = AutotrackParams(array_gain_db=-14.0, array_on_db_hz=31.3, array_off_db_hz=29.3)
-    loop = TrackerIntegratorParams(bandwidth_hz=0.2, offset_limit_rad=0.1, **changes)
-    return array_cost(ARRAY, loop, table, [level_db_hz] * 100, WIDTH_RAD, PROGRAM).power
 
 
 def test_a_linear_loop_loses_what_its_noise_bandwidth_says() -> None:
