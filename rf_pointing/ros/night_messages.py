@@ -1,4 +1,4 @@
-"""Messages of an executive: those of its antenna and its partners, and those of the night."""
+"""Messages that an executive receives from antenna and partners, and those about its night."""
 
 import time
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""Files of a night: its journal, and a recording and a report of every pass."""
+"""Files of a night: its journal, a recording and a report of every pass."""
 
 import json
 import shutil

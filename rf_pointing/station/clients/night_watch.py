@@ -34,7 +34,7 @@ BUSY = (PassState.ACTIVE, PassState.TRACKED)
 
 @dataclass(frozen=True, kw_only=True)
 class ExecutiveParams(Params):
-    """Files, partners and sensor of the executive."""
+    """Parameters of the executive itself."""
 
     state_file: str = parameter("", "file that keeps the night over a restart; empty: not kept")
     folder: str = parameter("runs/night", "folder of recordings, journal and morning report")
