@@ -275,10 +275,10 @@ def check_files(request: RunRequest) -> None:
         if node not in (*nodes_of(request), "**"):
             raise ValueError(f"params-file: {node} is not a node; there are {', '.join(nodes_of(request))}")
         given = own.get(node, {}) if node in OF_STATION else {"start_s", "speed", "tick_s"}
-        if twice := sorted(said.values.keys() & given):
+        if twice := sorted(said.keys() & given):
             raise ValueError(f"params-file: {node} {', '.join(twice)}: given by the command line, see --help")
         try:
-            request.station.description.check_file(node, said.values, request.station.band)
+            request.station.description.check_file(node, said, request.station.band)
         except ValueError as error:
             raise ValueError(f"params-file: {error}") from error
 
