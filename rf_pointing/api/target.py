@@ -1,4 +1,4 @@
-"""What is tracked: a satellite of a file, folder, address or the verification set, or a body."""
+"""Targets: a satellite of a file, folder, address or the verification set, or a body."""
 
 import math
 import warnings
@@ -55,7 +55,7 @@ class Target:
         return current_elements(self.location)
 
     def source(self, site: Site) -> SourceParams:
-        """Return what a node is told about this target, seen from `site`."""
+        """Return the parameters of a node for this target, seen from `site`."""
         return SourceParams(
             elements=self.location, satellite=self.satellite, site=site,
             interpolation=self.interpolation, interpolation_degree=self.interpolation_degree,

@@ -36,7 +36,7 @@ from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
 @dataclass(frozen=True)
 class StationRequest:
-    """What is asked of the station in a namespace: a call that returns whether it was granted."""
+    """Request to the station in a namespace: a call that returns whether it was granted."""
 
     namespace: str
     key: Path | None
@@ -45,7 +45,7 @@ class StationRequest:
 
 
 def request_of(argv: list[str] | None = None) -> StationRequest:
-    """Return what a command line asks for."""
+    """Return the request of a command line."""
     load_trackers()
     parser = argparse.ArgumentParser(prog="station", description="Operate a running station.")
     add_namespace_option(parser)

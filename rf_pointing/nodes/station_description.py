@@ -42,7 +42,7 @@ from rf_pointing.station.description.urdf import size_m, urdf
 from rf_pointing.station.parameters import ViewParams
 
 TF_PERIOD_S = 0.05
-"""Of robot_state_publisher as well, by default."""
+"""Period of /tf, which is the default of robot_state_publisher as well."""
 TF = QoSProfile(depth=100)
 SIZES = 3.0
 """Radius of the sphere of directions, in diameters of the antenna."""

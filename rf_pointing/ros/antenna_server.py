@@ -30,7 +30,7 @@ from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 
 HEAD_BYTES = 4096
 POINT_BYTES = 112
-"""Of a point of a command: four sequences of two numbers with their lengths, and its time."""
+"""Length of a point of a command: its time, and four sequences of two numbers with lengths."""
 
 
 class AntennaServer:

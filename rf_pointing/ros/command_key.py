@@ -116,7 +116,7 @@ class CommandKey:
         return self._digest(signed)
 
     def _call_signature(self, call: SignedCall.Request) -> str:
-        # No command begins with this word: a signature of one is none of the other.
+        # No command begins with this word: so neither has a valid signature of the other.
         head = struct.pack("<4sqI", b"call", call.stamp.sec, call.stamp.nanosec)
         return self._digest([head, _counted(call.service), _counted(call.caller), bytes(call.request)])
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Signal = TypeVar("Signal")
 Message = TypeVar("Message")
 ORBIT_FRAME = "orbit"
-# Samples over a longer time are no measurement of a moving antenna.
+# Samples over a longer time do not measure a moving antenna.
 LONGEST_CLUSTER_S = 100.0
 # The leftmost match counts: `aos_t_s` loses `_t_s`, not only `_s`.
 _UNIT = re.compile(r"_(rad_s2|rad_s|rad2|rad|m_s|m|t_s|s|w|db_hz|db)$")
@@ -76,7 +76,7 @@ def _maker(blank: Any) -> Callable[[Any], Any]:
     # The wire has fixed arrays without shape: row-major.
     if isinstance(blank, np.ndarray):
         return lambda values: np.asarray(values, dtype=blank.dtype).ravel()
-    # Of any length: its own type is that of the wire.
+    # The length is any: its own type is that of the wire.
     return list if isinstance(blank, array) else type(blank)
 
 

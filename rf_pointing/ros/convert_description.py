@@ -1,4 +1,4 @@
-"""What viewers show of a station: transforms on /tf and markers, from the core's signals.
+"""Pictures of a station for viewers: transforms on /tf and markers, from the core's signals.
 
 Directions are drawn on a sphere around the intersection of the axes.
 """
@@ -101,7 +101,7 @@ def mask_marker(mask: HorizonMask, frame_id: str, radius_m: float) -> Marker:
 
 
 def pass_marker(profile: PassProfile | None, frame_id: str, radius_m: float) -> Marker:
-    """Return the way of a pass over the sky; without one, what removes the one before."""
+    """Return the marker of the pass's path, or one that deletes the previous path."""
     if profile is None:
         marker = _marker("pass", frame_id, Marker.LINE_STRIP, BLUE, 0.0)
         marker.action = Marker.DELETE

@@ -60,7 +60,7 @@ class LeasedServices:
 
     @property
     def holder(self) -> str:
-        """The signed commander that has the antenna, "" while there is none."""
+        """The signed commander that has the antenna, or ""."""
         return self._holder if abs(self._node.now_s() - self._stamp_s) <= LEASE_S else ""
 
     def values(self) -> dict[str, Any]:

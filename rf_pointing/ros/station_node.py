@@ -149,7 +149,7 @@ class ClockWatch:
 
 
 class StationCensus:
-    """What the nodes of this namespace run on, as far as they run."""
+    """Stations that the nodes of this namespace run on, as far as they run."""
 
     def __init__(self) -> None:
         self._seen: dict[str, StationInUse] = {}

@@ -34,7 +34,7 @@ class PassCall(RepeatedCall):
     """A call of ephemeris_publisher/select_target."""
 
     def passes(self) -> list[Pass]:
-        """Return the passes of the answer; ValueError says why there are none."""
+        """Return the passes of the answer; ValueError says why it has none."""
         answer: SelectTarget.Response = self.result()
         if not answer.success:
             raise ValueError(answer.message)

@@ -174,7 +174,7 @@ def test_without_ros_an_unknown_name_is_refused_too(tmp_path: Path, capsys: pyte
     for use in (lambda: StationSetup(files=[file]), lambda: check_drive.read_drive([file])):
         with pytest.raises(ValueError, match=r"antenna_servo: no such parameter drive.tpye; did you mean drive.type\?"):
             use()
-    with pytest.raises(ValueError, match=r"antena_servo is no node of a station; did you mean antenna_servo\?"):
+    with pytest.raises(ValueError, match=r"antena_servo is not a node of a station; did you mean antenna_servo\?"):
         require_known("antena_servo", [])
     station = tmp_path / "stations" / "dish.yaml"
     station.parent.mkdir()

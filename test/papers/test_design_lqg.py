@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from rf_pointing.controllers import LqgDesign, load_lqg_designs
 from rf_pointing.controllers.filters import section_matrices
 from rf_pointing.controllers.lqg import LqgWeights
-from rf_pointing.papers import design_lqg as module
 from rf_pointing.papers.design_lqg import as_mapping, controller_system, design_lqg, drive_of, save_lqg_designs
 
 Array = NDArray[np.float64]
@@ -144,23 +143,6 @@ def test_a_design_keeps_its_model_its_drive_and_its_weights(design: LqgDesign, t
     content = json.loads(text)
     assert content["azimuth"] == content["elevation"] == json.loads(json.dumps(as_mapping(design)))
     assert content["azimuth"]["weights"]["control_weight"] == 0.023
-
-
-def test_sampling_times_from_a_tenth_of_a_millisecond_to_a_second_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[float] = []
-
-    def noted(_a: Array, _b: Array, _c: Array, sample_s: float) -> None:
-        asked.append(sample_s)
-        raise KeyError
-
-    monkeypatch.setattr(module, "drive_of", noted)
-    for sample_s in (1e-4, 1.0):
-        with pytest.raises(KeyError):
-            design_lqg(*drive(), sample_s, WEIGHTS)
-    for sample_s in (0.99e-4, 1.01):
-        with pytest.raises(ValueError, match="sample_s="):
-            design_lqg(*drive(), sample_s, WEIGHTS)
-    assert asked == [1e-4, 1.0]
 
 
 def test_a_loop_that_is_unstable_on_the_model_is_refused_with_its_radius() -> None:

@@ -6,16 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.array_sensors.attitude.multiplicative_filter import PRINTED_Q, TABLE_Q
-from rf_pointing.papers import doa
-from rf_pointing.papers.doa import run_tables, table_cases
+from rf_pointing.papers.doa import table_cases
 from rf_pointing.papers.doa_study.accuracy import accuracy_curve
-from rf_pointing.papers.doa_study.attitude_runs import CaseResult, RunTask
-from rf_pointing.papers.doa_study.direction_rows import PRINTED, direction_rows, scene_rows
+from rf_pointing.papers.doa_study.attitude_runs import CaseResult
+from rf_pointing.papers.doa_study.direction_rows import PRINTED, direction_rows
 from rf_pointing.papers.doa_study.directions import DirectionCase
 from rf_pointing.papers.doa_study.filter_rows import attitude_rows, settling_time_s
-
-CHECKED = DirectionCase(snapshots=100, snr_db=0.0)
 
 
 def tables(
@@ -120,10 +116,6 @@ def test_trials_that_lock_wrongly_are_explained_by_outliers_at_the_start_only() 
     assert accepted(200, 0.17, 1.02) == [False] * 3
 
 
-def test_scene_rows_hold_or_explain() -> None:
-    assert all(row.accepted for row in scene_rows())
-
-
 def test_settling_time_is_the_last_crossing_of_the_running_mean_of_any_trial() -> None:
     history = np.ones((500, 2), dtype=np.float32)
     history[120:, 0] = 0.1
@@ -137,59 +129,3 @@ def test_executor_changes_where_not_what() -> None:
     here = accuracy_curve(50, (-2.0, 3.0), estimates=300, seed=5)
     with ThreadPoolExecutor(2) as pool:
         assert accuracy_curve(50, (-2.0, 3.0), estimates=300, seed=5, executor=pool) == here
-
-
-@pytest.mark.parametrize("music_inside", [False, True])
-def test_tables_are_shared_out_with_one_row_the_other_way_round(
-    monkeypatch: pytest.MonkeyPatch, music_inside: bool
-) -> None:
-    seen: list[RunTask] = []
-
-    def record(task: RunTask) -> list[CaseResult]:
-        seen.append(task)
-        return [tables(0.5, 0.1)[table_cases()[0]]] * len(task.cases)
-
-    monkeypatch.setattr("rf_pointing.papers.doa.run", record)
-    run_tables(1, 200, music_inside=music_inside)
-    other, printed, *rows = seen
-    assert (other.trials, other.music_inside) == (40, not music_inside)
-    assert printed.published
-    assert [case for task in rows for case in task.cases] == list(table_cases())
-    assert {(task.trials, task.music_inside, len(task.cases)) for task in rows} == {
-        (200, music_inside, 6),
-        (200, music_inside, 2),
-    }
-
-
-def test_the_command_runs_two_trials_of_seed_one_from_pools_unless_told_otherwise(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    seen: list[RunTask] = []
-    given: dict[str, tuple[object, ...]] = {}
-
-    def record(task: RunTask) -> list[CaseResult]:
-        seen.append(task)
-        return [replace(tables(0.5, 0.1)[CHECKED], case=case) for case in task.cases]
-
-    def part(name: str) -> object:
-        def rows(*words: object) -> list[object]:
-            given[name] = words
-            return [name]
-
-        return rows
-
-    parts = ("scene_rows", "accuracy_rows", "direction_rows", "attitude_rows", "convergence_rows", "filter_rows",
-             "future_rows")  # fmt: skip
-    monkeypatch.setattr(doa, "run", record)
-    for name in parts:
-        monkeypatch.setattr(doa, name, part(name))
-    assert doa.rows() == list(parts)
-    other, printed, *rows = seen
-    assert (other.cases, other.trials, other.seed, other.music_inside) == ((CHECKED,), 2, 2, True)
-    assert printed.cases == tuple(replace(CHECKED, refined=False, q=q) for q in (TABLE_Q, PRINTED_Q))
-    assert (printed.trials, printed.seed, printed.published) == (2, 1, True)
-    assert (printed.start_s, printed.duration_s, printed.settled_s) == (0.0, 3000.0, 2000.0)
-    assert [(len(task.cases), task.trials, task.seed, task.music_inside) for task in rows] == [(13, 2, 1, False)] * 2
-    assert (given["accuracy_rows"], given["future_rows"]) == ((1, None), (1,))
-    assert run_tables(1, 2).other_way.case == CHECKED
-    assert [task.music_inside for task in seen[len(rows) + 2 :]] == [True, False, False, False]

@@ -5,7 +5,6 @@ import pytest
 
 from rf_pointing.controllers import PositionLoop
 from rf_pointing.core import random_stream
-from rf_pointing.papers import headless_servo
 from rf_pointing.papers.headless_servo import ServoRun, ServoRunSetup, error_statistics, run_servo, servo_monte_carlo
 from rf_pointing.servo import AntennaPlant, PlantParams, WindParams, dss13_plant
 
@@ -69,23 +68,6 @@ def test_statistics_are_of_the_second_half_on_the_sky_each_command_against_the_b
     late = 1e-3 * np.array([5.0, 6.0, 7.0])
     assert found[0] == pytest.approx(np.sqrt(np.mean((late * np.cos(case.position_rad[5:, 1])) ** 2)))
     assert found[1] == pytest.approx(2.0 * np.sqrt(np.mean(late**2)))
-
-
-@pytest.mark.parametrize("tick_s", [1e-3, 0.1])
-def test_ticks_are_a_millisecond_to_a_tenth_of_a_second(tick_s: float) -> None:
-    assert setup(ticks=3, tick_s=tick_s).tick_s == tick_s
-    with pytest.raises(ValueError, match="tick_s="):
-        setup(ticks=3, tick_s=1.01 * tick_s if tick_s > 0.01 else 0.99 * tick_s)
-
-
-@pytest.mark.parametrize("cores", [1, None])
-def test_without_a_number_of_workers_a_machine_of_one_core_runs_them_itself(
-    cores: int | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("os.cpu_count", lambda: cores)
-    monkeypatch.setattr(headless_servo, "processes", None)
-    case = setup(ticks=10)
-    np.testing.assert_array_equal(servo_monte_carlo(case, [3]), servo_monte_carlo(case, [3], workers=1))
 
 
 def test_too_many_workers_are_refused() -> None:

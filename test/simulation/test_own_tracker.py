@@ -35,7 +35,7 @@ def example() -> Iterator[Any]:
 
 
 def test_a_registered_tracker_holds_the_beam(example: Any) -> None:
-    log = example.main()
+    log = example.main().log
     late = np.array(log.mode)[-600:]
     assert set(late.tolist()) == {"slope"}
     errors = log.errors_rad()[-600:]

@@ -226,7 +226,7 @@ def simulation_clock(_: Band) -> Derived:
 
 
 def station_description(_: Band) -> Derived:
-    """What viewers show."""
+    """Parameter set of what viewers show."""
     return Derived({"view": own.ViewParams()}, own=("view.",))
 
 
@@ -238,7 +238,7 @@ NODES: Mapping[str, Callable[[Band], Derived]] = {
         simulation_clock, station_description,
     )
 }  # fmt: skip
-"""What each node gets of a band, by the node's name."""
+"""Derivation of each node's parameters from a band, by the node's name."""
 
 
 @cache

@@ -183,9 +183,10 @@ class StationDescription:
         A number of the description may be repeated, as `ros2 param dump` does.
         """
         require_known(node, values)
-        given = reference(node).names | self.parameters(node, band)
+        # "**" names every node, and no number of one.
+        given = {} if node == "**" else reference(node).names | self.parameters(node, band)
         for name, value in values.items():
-            if (key := owner(node, name)) and not same_value(given[name], value):
+            if given and (key := owner(node, name)) and not same_value(given[name], value):
                 raise ValueError(f"{node}: {name} is given by the station description: {key}")
 
     def write(self, path: Path, changes: Mapping[str, Any]) -> None:
@@ -204,7 +205,7 @@ class StationDescription:
         path.write_text(yaml.serialize(root, Dumper=yaml.SafeDumper))
 
     def remarks(self, band: str | None = None) -> Iterator[str]:
-        """Yield what is no problem, and what a user of this station should know."""
+        """Yield remarks that a user of this station should know, besides its problems."""
         numbers = Band(self.content, self._band(band))
         low, high = self.content.mount.azimuth.travel_deg
         if high - low < 360.0:
@@ -216,7 +217,7 @@ class StationDescription:
         if not numbers.section.bias_model:
             yield f"bands.{numbers.name}: there is no bias model; errors of the mount are not corrected"
         if not self.content.wind.anemometer:
-            yield "wind.anemometer: there is none; wind does not stow the antenna"
+            yield "wind.anemometer: the station has none; wind does not stow the antenna"
         if self.content.sun.radius_deg == 0.0:
             yield "sun.radius_deg: the beam may look into the Sun"
         share = numbers.step_deg / numbers.beamwidth_deg
@@ -274,7 +275,7 @@ def shipped_stations() -> tuple[str, ...]:
 def require_known(node: str, names: Iterable[str]) -> None:
     """Raise ValueError for a node, or a parameter of it, that does not exist; "**" is any node."""
     if node not in (*NODES, "**"):
-        raise ValueError(f"{node} is no node of a station{nearest(node, NODES)}")
+        raise ValueError(f"{node} is not a node of a station{nearest(node, NODES)}")
     known = {name for each in (NODES if node == "**" else [node]) for name in reference(each).every_name}
     known.update(OF_EVERY_NODE)
     for name in names:

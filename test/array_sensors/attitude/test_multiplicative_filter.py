@@ -243,7 +243,7 @@ def test_carrying_back_undoes_the_motion(stream: np.random.Generator) -> None:
     np.testing.assert_allclose(state.rate_rad_s, begun.rate_rad_s, atol=1e-7)
 
 
-@pytest.mark.parametrize(("torque_n_m", "clock_s"), [(0.0, 0.0), (2e-5, 0.0), (2e-5, 0.5)])
+@pytest.mark.parametrize(("torque_n_m", "clock_s"), [(0.0, 0.0), (2e-5, 0.5)])
 def test_mean_nees_of_100_runs_lies_in_its_95_percent_band(torque_n_m: float, clock_s: float) -> None:
     """A pass and a hand-off, truth driven by the filter's process noise, a torque it does not know and an error of the
     clock.

@@ -1,19 +1,14 @@
-"""Rotations: against scipy and numpy, at half a turn, near zero, and in stacks that broadcast."""
+"""Rotations against numpy and as derivatives; `attitude.quaternion` is tested against scipy."""
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from rf_pointing.array_sensors.attitude.rotations import (
     cosine_slopes,
     cross_matrix,
     cross_product,
     matrix_from_quaternion,
-    quaternion_from_matrix,
-    quaternion_from_turn,
-    quaternion_product,
     tangent_rows,
-    turn_from_quaternion,
 )
 
 ROUNDING = 1e-15
@@ -37,33 +32,6 @@ def test_tangent_rows_complete_any_direction_to_a_right_handed_frame(quaternions
     frames = np.concatenate([directions[:, None, :], tangent_rows(directions)], axis=1)
     np.testing.assert_allclose(frames @ frames.swapaxes(1, 2), np.broadcast_to(np.eye(3), frames.shape), atol=1e-14)
     np.testing.assert_allclose(np.linalg.det(frames), 1.0, atol=1e-14)
-
-
-def test_product_and_matrix_are_scipys(quaternions: np.ndarray) -> None:
-    a, b = quaternions[:100], quaternions[100:]
-    expected = (Rotation(a) * Rotation(b)).as_matrix()
-    np.testing.assert_allclose(matrix_from_quaternion(quaternion_product(a, b)), expected, atol=4 * ROUNDING)
-
-
-def test_turns_are_scipys_and_lose_the_sign_of_the_quaternion(quaternions: np.ndarray) -> None:
-    turns = Rotation(quaternions).as_rotvec()
-    np.testing.assert_allclose(turn_from_quaternion(quaternions), turns, atol=1e-13)
-    np.testing.assert_array_equal(turn_from_quaternion(-quaternions), turn_from_quaternion(quaternions))
-    np.testing.assert_allclose(Rotation(quaternion_from_turn(turns)).as_rotvec(), turns, atol=1e-13)
-
-
-@pytest.mark.parametrize("axis", [[1.0, 0, 0], [0, -1.0, 0], [0.6, 0.0, -0.8], [-0.48, 0.6, 0.64]])
-@pytest.mark.parametrize("angle_rad", [np.pi, np.pi - 1e-9, np.pi + 1e-9, 1e-9, 0.0])
-def test_matrix_gives_its_quaternion_back_up_to_half_a_turn(axis: list[float], angle_rad: float) -> None:
-    matrix = matrix_from_quaternion(quaternion_from_turn(angle_rad * np.asarray(axis)))
-    again = matrix_from_quaternion(quaternion_from_matrix(matrix))
-    np.testing.assert_allclose(again, matrix, atol=4 * ROUNDING)
-
-
-@pytest.mark.parametrize("length_rad", [0.0, 1e-300, 1e-160, 1e-12, 1e-4, 3.0])
-def test_small_turns_keep_their_relative_precision(length_rad: float) -> None:
-    turn = length_rad * np.array([0.48, -0.6, 0.64])
-    np.testing.assert_allclose(turn_from_quaternion(quaternion_from_turn(turn)), turn, rtol=1e-13)
 
 
 def test_cosine_slopes_are_the_derivative_of_the_unit_vector() -> None:

@@ -16,13 +16,9 @@ from rf_pointing.array_sensors.doa.array import (
     steering,
     steering_taylor,
 )
-from rf_pointing.array_sensors.doa.covariance import sample_covariance
-from rf_pointing.array_sensors.doa.cramer_rao import direction_bound_rad2
-from rf_pointing.array_sensors.doa.music import estimate_directions
 from rf_pointing.array_sensors.doa.several_sources import estimate_several
-from rf_pointing.array_sensors.doa.snapshots import complex_normal, draw_snapshots
+from rf_pointing.array_sensors.doa.snapshots import complex_normal
 from rf_pointing.papers.doa_study.directions import direction_from_polar
-from rf_pointing.papers.doa_study.future_work import fit_response
 
 ARRAY = CircularArrayParams()
 COUPLING = np.array([0.25 * np.exp(1.1j), 0.12 * np.exp(-2j), 0.06 * np.exp(0.4j), 0.04, 0.02j, 0.02])
@@ -84,15 +80,6 @@ def response(stream: np.random.Generator) -> ArrayResponse:
     return ArrayResponse(gain=gain / gain[0], coupling=COUPLING)
 
 
-def covariances(stream: np.random.Generator, towards: np.ndarray, snr: float, matrix: np.ndarray) -> np.ndarray:
-    x = draw_snapshots(ARRAY, towards[:, None], np.array([[snr + 0j]]), 100, stream, response=matrix)
-    return sample_covariance(x)
-
-
-def scattered(stream: np.random.Generator, count: int) -> np.ndarray:
-    return direction_from_polar(stream.uniform(0.2, 1.0, count), stream.uniform(0, 2 * np.pi, count))
-
-
 def test_coupling_depends_on_the_distance_round_the_circle() -> None:
     c = coupling_matrix(12, COUPLING)
     assert c == pytest.approx(c.T)
@@ -100,55 +87,11 @@ def test_coupling_depends_on_the_distance_round_the_circle() -> None:
     assert (c[0, 0], c[0, 1], c[0, 11], c[3, 9]) == (1.0, COUPLING[0], COUPLING[0], COUPLING[5])
 
 
-def test_planted_response_comes_back_within_its_covariance(
-    response: ArrayResponse, stream: np.random.Generator
-) -> None:
-    towards = scattered(stream, 30)
-    fit = fit_response(ARRAY, towards, covariances(stream, towards, 1000.0, response.matrix))
-    error = np.concatenate([fit.response.gain[1:] - response.gain[1:], fit.response.coupling - response.coupling])
-    assert np.abs(error).max() < 0.01
-    assert np.sqrt(np.mean(np.abs(error) ** 2 / np.diag(fit.covariance).real)) == pytest.approx(1.0, abs=0.4)
-    assert (fit.rank, fit.covariance.shape) == (17, (17, 17))
-
-
-def test_exact_pilots_give_the_response_to_rounding(response: ArrayResponse, stream: np.random.Generator) -> None:
-    towards = scattered(stream, 8)
-    a = steering(ARRAY, towards) @ response.matrix.T
-    fit = fit_response(ARRAY, towards, a[:, :, None] * a[:, None, :].conj())
-    assert fit.response.matrix == pytest.approx(response.matrix, abs=1e-9)
-
-
-def test_calibration_takes_the_error_from_a_degree_to_the_bound(
-    response: ArrayResponse, stream: np.random.Generator
-) -> None:
-    pilots, truth = scattered(stream, 24), scattered(stream, 300)
-    fit = fit_response(ARRAY, pilots, covariances(stream, pilots, 1000.0, response.matrix))
-    received = covariances(stream, truth, 10.0, response.matrix)
-    bare = np.linalg.norm(estimate_directions(ARRAY, received).direction - truth, axis=1)
-    matched = estimate_directions(ARRAY, received, fit.response.matrix).direction - truth
-    power = np.array([[10.0 + 0j]])
-    bound = np.mean([np.trace(direction_bound_rad2(ARRAY, s[None], power, 100, response.matrix)) for s in truth])
-    assert np.degrees(np.sqrt(np.mean(bare**2))) > 0.5
-    assert np.sqrt(np.mean(np.sum(matched[:, :2] ** 2, axis=1)) / bound) == pytest.approx(1.0, abs=0.08)
-
-
 def test_several_sources_are_found_through_a_coupled_array(response: ArrayResponse) -> None:
     truth = direction_from_polar([0.5, 0.8], [0.3, 2.0])
     a = response.matrix @ steering(ARRAY, truth).T
     found = estimate_several(ARRAY, a @ a.conj().T + 0.01 * np.eye(12), 2, response.matrix)
     assert np.linalg.norm(found.direction[:, None] - truth[None], axis=-1).min(axis=0).max() < 1e-8
-
-
-def test_pilots_in_one_direction_are_refused_by_the_name_of_the_unknown(stream: np.random.Generator) -> None:
-    towards = direction_from_polar(np.zeros(24), 0.0)
-    with pytest.raises(ValueError, match=r"pilots do not determine (gain|coupling)\[\d+\]"):
-        fit_response(ARRAY, towards, covariances(stream, towards, 100.0, np.eye(12)))
-
-
-def test_one_pilot_is_refused(stream: np.random.Generator) -> None:
-    towards = scattered(stream, 1)
-    with pytest.raises(ValueError, match="pilots"):
-        fit_response(ARRAY, towards, covariances(stream, towards, 100.0, np.eye(12)))
 
 
 @pytest.mark.parametrize(

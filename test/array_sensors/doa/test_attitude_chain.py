@@ -156,7 +156,7 @@ def test_attitude_and_rate_agree_with_the_truth_from_any_start() -> None:
 
 
 # Roll, pitch and yaw in degrees; with the first the swapped pairing fits better for 44 s.
-@pytest.mark.parametrize("start_deg", [(15, -10, 40), (20, 10, -130), (-30, 10, 170), (0, 0, 0), (-20, -10, 60)])
+@pytest.mark.parametrize("start_deg", [(15, -10, 40), (-30, 10, 170)])
 def test_stations_of_one_channel_are_told_apart_by_their_motion(start_deg: tuple[float, float, float]) -> None:
     roll, pitch, yaw = np.radians(start_deg)
     lived = moments(100, access="together", roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw)

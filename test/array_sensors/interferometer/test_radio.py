@@ -1,5 +1,3 @@
-""" """
-
 import numpy as np
 import pytest
 
@@ -18,7 +16,6 @@ from rf_pointing.papers.interferometer_simulation import (
     simulate_phases,
 )
 
-DOUBLE_DB = 10.0 * np.log10(2.0)
 PLAN, LINK, RADIO, ARRAYS = CarrierPlan(speed_of_light_m_s=3.0e8), LinkParams(), RadioParams(), ArrayParams()
 
 

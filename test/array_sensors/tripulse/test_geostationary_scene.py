@@ -10,7 +10,6 @@ from rf_pointing.array_sensors.tripulse.geostationary_scene import (
     WobbleParams,
     geostationary_point,
     scene_moment,
-    wobble_quaternion,
 )
 
 ORBIT = GeostationaryParams()
@@ -100,22 +99,3 @@ def test_frame_rate_is_that_of_the_frame_in_inertial_axes() -> None:
     rate = geostationary_point(ORBIT, start_s).frame_rate_rad_s
     np.testing.assert_allclose(found, rate, atol=1e-11)
     np.testing.assert_allclose(rate, [0.0, -EARTH_RATE_RAD_S, 0.0], atol=1e-15)
-
-
-def test_the_orbit_passes_its_node_northward_at_the_given_time() -> None:
-    orbit = GeostationaryParams(longitude_rad=-1.2, inclination_rad=0.1, ascending_node_time_s=5000.0)
-    places = geostationary_point(orbit, np.array([4990.0, 5000.0, 5010.0, 5000.0 + DAY_S / 4.0])).position_m
-    assert places[0, 2] < 0.0 < places[2, 2]
-    expected = ORBIT_RADIUS_M * np.array([np.cos(-1.2), np.sin(-1.2), 0.0])
-    np.testing.assert_allclose(places[1], expected, atol=1e-3)
-    assert places[3, 2] == pytest.approx(ORBIT_RADIUS_M * np.sin(0.1))
-    with pytest.raises(ValueError, match="t_s"):
-        geostationary_point(orbit, np.nan)
-
-
-def test_the_axes_wobble_a_third_of_a_turn_apart() -> None:
-    wobble = WobbleParams(roll_rad=0.01, pitch_rad=-0.02, yaw_rad=0.3, amplitude_rad=0.001, period_s=100.0)
-    for t_s in (0.0, 13.0, 71.0):
-        phases = 2.0 * np.pi * np.array([t_s, t_s + 100.0 / 3.0, t_s + 200.0 / 3.0]) / 100.0
-        found = quaternion_to_roll_pitch_yaw(wobble_quaternion(wobble, t_s))
-        np.testing.assert_allclose(found, [0.01, -0.02, 0.3] + 0.001 * np.sin(phases), atol=1e-12)

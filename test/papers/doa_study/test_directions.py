@@ -169,13 +169,3 @@ def test_steps_and_limits_outside_their_range_are_refused(step_rad: float, limit
     if name == "step_rad":
         with pytest.raises(ValueError, match="step_rad="):
             nearest_node(direction_from_polar(0.1, 0.2), step_rad)
-
-
-def test_the_smallest_and_the_largest_step_are_searched() -> None:
-    small, large = 1.05e-4, 0.49
-    assert grid_search(ARRAY, strong(small, 0.3), small, small)[0] == pytest.approx([0.0, 0.0, 1.0], abs=2e-4)
-    assert grid_search(ARRAY, strong(large, large), large)[0] == pytest.approx(direction_from_polar(large, large))
-    assert nearest_node(direction_from_polar(1.4 * small, 0.0), small) == pytest.approx(
-        direction_from_polar(small, 0.0), rel=1e-9, abs=1e-12
-    )
-    assert nearest_node(direction_from_polar(0.6, 1.1), large) == pytest.approx(direction_from_polar(large, 2 * large))

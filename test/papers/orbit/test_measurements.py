@@ -1,5 +1,3 @@
-""" """
-
 import math
 
 import erfa
@@ -182,9 +180,3 @@ def test_azimuth_of_a_look_is_continuous_through_north():
     seen = look(times, propagate(EPOCH, ORBIT.state(), times, GRAVITY).states, SEA_LEVEL, GRAVITY)
     assert np.max(np.abs(np.diff(seen.azimuth_rad))) < math.pi
     assert np.ptp(seen.azimuth_rad) > 2.0 * math.pi
-
-
-def test_a_hyperbola_and_a_kepler_equation_that_does_not_end_are_refused(monkeypatch):
-    monkeypatch.setattr("rf_pointing.papers.orbit.measurements._KEPLER_ITERATIONS", 1)
-    with pytest.raises(ValueError, match="Kepler's equation needs more than 1 steps"):
-        ORBIT.replace(eccentricity=0.6, mean_anomaly_rad=1.0).state()
