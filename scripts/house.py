@@ -39,6 +39,10 @@ SMALL_ON_PURPOSE: dict[str, str] = {
     "rf_pointing/calibration/ionosphere.py": "one physical model with its source, no step of the pipeline",
     "rf_pointing/api/keywords.py": "the rule of the public surface: angles and times by a name with its unit",
     "rf_pointing/ros/recorder.py": "examples record with it, too",
+    "rf_pointing/api/look.py": "a public result with its own page",
+    "rf_pointing/report/meanings.py": "reads the message definitions, no table",
+    "rf_pointing/ros/convert_goals.py": "only conversions may name message fields",
+    "rf_pointing/station/derive/signal.py": "one block of the derivation, like its neighbours",
 }
 """Small modules with one importer that stay, each with the reason."""
 SENSORS = ("monopulse", "conscan", "steptrack")
@@ -354,9 +358,9 @@ def _lines(node: ast.ClassDef | ast.FunctionDef) -> int:
 def word_of_track(source: Source) -> list[Row]:
     """The way of the word after `--satellite` from `track`'s main to the start of the first node.
 
-    Files and functions: those of the assembly (`ASSEMBLY`) that are called with something which
-    carries the word, which a reader has to visit.  Climbs: functions that return such a thing to
-    their caller.  The word is known by its identity, and found at most two levels deep.
+    Walked: all that runs of the assembly (`ASSEMBLY`), which a reader may have to visit.  Carrying:
+    what of it is called with something that carries the word.  Climbs: functions that return such a
+    thing to their caller.  The word is known by its identity, and found at most two levels deep.
     """
     with tempfile.TemporaryDirectory() as folder:
         measure = [sys.executable, __file__, "--root", str(source.root), "--word-of-track"]
@@ -365,9 +369,11 @@ def word_of_track(source: Source) -> list[Row]:
         raise RuntimeError(f"the word of track could not be followed: {run.stderr[-2000:]}")
     found = json.loads(run.stdout)
     return [
-        Row("word_files", "files on the way of track's word to its target", len(found["files"]), found["files"]),
-        Row("word_climbs", "functions on the way that return it", len(found["climbs"]), found["climbs"]),
-        Row("word_functions", "functions on the way", len(found["functions"]), found["functions"]),
+        Row("walk_files", "files that run between track's word and its target", len(found["ran in"]), found["ran in"]),
+        Row("walk_functions", "functions that run between them", len(found["ran"]), found["ran"]),
+        Row("word_files", "files that the word is carried through", len(found["files"]), found["files"]),
+        Row("word_climbs", "functions that return it", len(found["climbs"]), found["climbs"]),
+        Row("word_functions", "functions that it is carried through", len(found["functions"]), found["functions"]),
     ]
 
 
@@ -381,7 +387,8 @@ def follow_word(root: Path) -> dict[str, list[str]]:
 
     # Joined when it runs, so that no constant is the same object.
     word, folder = "".join(["280", "57"]), str(root / PACKAGE) + os.sep
-    found: dict[str, set[str]] = {"files": set(), "functions": set(), "climbs": set()}
+    kinds = ("ran in", "ran", "files", "functions", "climbs")
+    found: dict[str, set[str]] = {kind: set() for kind in kinds}
 
     beside = 0
 
@@ -394,6 +401,9 @@ def follow_word(root: Path) -> dict[str, list[str]]:
             beside += {"call": 1, "return": -1}.get(event, 0)
         if beside or event not in ("call", "return") or code.co_name.startswith("<") or not file.startswith(ASSEMBLY):
             return
+        if event == "call":
+            found["ran in"].add(file)
+            found["ran"].add(f"{file} {code.co_qualname}")
         if event == "call" and any(_carries(value, word) for value in frame.f_locals.values()):
             found["files"].add(file)
             found["functions"].add(f"{file} {code.co_qualname}")

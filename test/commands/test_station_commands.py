@@ -1,4 +1,4 @@
-"""`new_station` prints what `check_station` takes; both name every problem at once."""
+"""What `check_station` and `new_station` promise besides their golden lines (test/data/command_lines/stations.txt)."""
 
 import difflib
 from pathlib import Path
@@ -80,25 +80,3 @@ def test_a_station_without_remarks_ends_with_its_numbers(monkeypatch: pytest.Mon
     lines = list(check_station.report(station, "X", everything=False))
     assert not any("to know" in line for line in lines)
     assert " = " in lines[-1]
-
-
-@pytest.mark.parametrize(
-    ("line", "problems"),
-    [
-        # One problem is named once: a band that is not known is no missing band as well.
-        (["--bands", "Q"], ["bands='Q' must be one of VHF, UHF, L, S, C, X, Ku, Ka"]),
-        (["--bands", "Q,S,Z"], ["bands='Q' must be", "bands='Z' must be"]),
-        (["--bands", ","], ["bands"]),
-        (["--latitude", "91"], ["site.latitude_deg=91.0 must be <= 90.0"]),
-    ],
-)
-def test_each_problem_of_a_new_station_is_a_line(
-    line: list[str], problems: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as ended:
-        new_station.main([*MINE, *line])
-    assert ended.value.code == 2
-    lines = capsys.readouterr().err.removeprefix("new_station: ").splitlines()
-    assert len(lines) == len(problems)
-    for text, problem in zip(lines, problems, strict=True):
-        assert text.startswith(problem)

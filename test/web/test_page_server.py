@@ -115,7 +115,7 @@ def test_a_token_in_the_address_is_none() -> None:
         ('{"name": "park", "more": 1}', 400, "an object of name and arguments"),
         ('{"name": "set", "arguments": {"value": NaN}}', 400, "NaN is not a number"),
         (b'{"name": "\xff"}', 400, "decode"),
-        ("[" * (LONGEST_BODY - 1), 400, "nested too deeply|no JSON"),
+        ("[" * (LONGEST_BODY - 1), 400, "nested too deeply|not JSON"),
         ("x" * (LONGEST_BODY + 1), 413, "Maximum request body size"),
         ("x" * 10_000_000, 413, "Maximum request body size"),
     ],
