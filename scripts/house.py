@@ -37,8 +37,8 @@ OTHER_ROOMS = ("array_sensors", "papers")
 SMALL_LINES = 60
 SMALL_ON_PURPOSE: dict[str, str] = {
     "rf_pointing/calibration/ionosphere.py": "one physical model with its source, no step of the pipeline",
+    "rf_pointing/api/keywords.py": "the rule of the public surface: angles and times by a name with its unit",
     "rf_pointing/ros/recorder.py": "examples record with it, too",
-    "rf_pointing/api/keywords.py": "one rule of the public surface: how an angle or a time is given",
     "rf_pointing/api/look.py": "a public result with its own page",
     "rf_pointing/report/meanings.py": "reads the message definitions, no table",
     "rf_pointing/ros/convert_goals.py": "only conversions may name message fields",

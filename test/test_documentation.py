@@ -152,7 +152,7 @@ def test_parameters_of_an_example_file_are_declared(page: Path, tmp_path: Path) 
             station_from(file, head + text)
             continue
         for node, given in read_parameter_files([file]).items():
-            assert not set(given.values) - declared[node], node
+            assert not set(given) - declared[node], node
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if "```python" in page.read_text()], ids=shown)

@@ -138,7 +138,7 @@ class Calibration:
         if not outcome.settled and journal.points is not None:
             say("calibrate", f"the observations are kept in {journal.path}: calibrate --resume continues with them")
         if outcome.fit is not None:
-            remarks = [f"In the shadow of the model in force: {outcome.shadow}"] if outcome.shadow else []
+            remarks = [f"In the shadow of the model in force: {outcome.verdict}"] if outcome.verdict else []
             report = write_calibration_report(self.output, *outcome.fit, name=outcome.model, remarks=remarks)
         else:
             report = write_campaign_report(self.output, journal.points, outcome.why)
@@ -164,7 +164,8 @@ def prepare_calibration(request: CalibrateRequest) -> Calibration:
         parameter_files=(*request.parameter_files, calibrator),
     )
     setup = replace(
-        run_setup("calibrate", own, [*schedule.windows, *schedule.shadow][0], output), awaited="the first pass"
+        run_setup("calibrate", own, [*schedule.windows, *schedule.acceptance_passes][0], output),
+        awaited="the first pass",
     )
     say("calibrate", str(schedule))
     return Calibration(request=request, schedule=schedule, output=output, setup=setup)
@@ -274,10 +275,10 @@ def check_files(request: RunRequest) -> None:
         if node not in (*nodes_of(request), "**"):
             raise ValueError(f"params-file: {node} is not a node; there are {', '.join(nodes_of(request))}")
         given = own.get(node, {}) if node in OF_STATION else {"start_s", "speed", "tick_s"}
-        if twice := sorted(said.values.keys() & given):
+        if twice := sorted(said.keys() & given):
             raise ValueError(f"params-file: {node} {', '.join(twice)}: given by the command line, see --help")
         try:
-            request.station.description.check_file(node, said.values, request.station.band)
+            request.station.description.check_file(node, said, request.station.band)
         except ValueError as error:
             raise ValueError(f"params-file: {error}") from error
 

@@ -10,6 +10,7 @@ import time
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,14 +18,13 @@ from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.core import AXES, MDEG, Params, require_between
 from rf_pointing.core.dates import DAY_S, parse_utc, utc_text
-from rf_pointing.core.parameters import NodeParameters, read_parameter_files
+from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.ephemeris import Elements, ElementUncertainty, Pass, first_pass_above, stale_warning
 from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.ephemeris.source import SourceParams, read_source
 from rf_pointing.identification import ExcitationParams
 from rf_pointing.planning import Gate, choose_turns
 from rf_pointing.station.antenna.memory import state_files, state_folder
-from rf_pointing.station.antenna.simulated_antenna import SimulationParams
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, CampaignParams, schedule_calibration
@@ -114,7 +114,7 @@ class RunRequest:
         return state_files(state_folder(), self.namespace)
 
     @cached_property
-    def said(self) -> dict[str, NodeParameters]:
+    def said(self) -> dict[str, dict[str, Any]]:
         """Values of the parameter files, by node."""
         return read_parameter_files(self.parameter_files)
 
@@ -131,8 +131,8 @@ class RunRequest:
             slew_s = max(np.divide(travel_rad, machine.rate_limit_rad_s))
             return float(math.ceil(max(SLEW_TIME_S, slew_s + SETTLE_S)))
         # The start position belongs to the run, so a parameter file may set it.
-        servo = self.said.get("antenna_servo", NodeParameters("antenna_servo", {}))
-        start = servo.group("antenna", SimulationParams()).start_rad
+        servo = self.station.description.sets("antenna_servo", self.station.band, self.said.get("antenna_servo"))
+        start = servo["antenna"].start_rad
         sun = SolarDirection(params.sun).at(window.aos_t_s)
         times = [SLEW_TIME_S - SETTLE_S]
         # A pass over the top may begin on the other side; only the certificate knows whether it
@@ -207,12 +207,13 @@ class TrackRequest(RunRequest):
 class CalibrateRequest(RunRequest):
     """A campaign on all satellites at the location of `target`, of a simulated sky on beacons.
 
-    `longest_s` is by default 4800 s, for a real antenna a day.
+    `longest_s` is by default 4800 s, for a real antenna a day; `acceptance_passes` are tracked with
+    the new model in the shadow of the old one.
     """
 
     longest_s: float | None = None
     fewest: int = 25
-    shadow: int = 3
+    acceptance_passes: int = 3
     orbit_prior_m: float = 5.0
     resume: bool = False
     keep_observations: bool = True
@@ -238,9 +239,10 @@ class CalibrateRequest(RunRequest):
         """How much of the sky is observed, and how the model is judged."""
         longest_s = self.longest_s or 0.0
         return CampaignParams(
-            longest_s=longest_s, fewest=self.fewest, shadow=self.shadow, orbit_prior_m=self.orbit_prior_m,
+            longest_s=longest_s, fewest=self.fewest, acceptance_passes=self.acceptance_passes,
+            orbit_prior_m=self.orbit_prior_m,
             # Satellites of the user's do not come every ten minutes.
-            shadow_span_s=longest_s if self.target.location else self.shadow * SHADOW_SPAN_S,
+            acceptance_span_s=longest_s if self.target.location else self.acceptance_passes * SHADOW_SPAN_S,
         )  # fmt: skip
 
     def schedule(self) -> CalibrationSchedule:

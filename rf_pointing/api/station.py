@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.api.keywords import angle_rad, span_s, time_s
-from rf_pointing.api.look import Look
-from rf_pointing.api.passes import PassCertificate, StationPass
+from rf_pointing.api.passes import Look, PassCertificate, StationPass
 from rf_pointing.api.plan import Plan
 from rf_pointing.api.simulated import SimulatedPass
 from rf_pointing.api.target import MAX_AGE_S, Target

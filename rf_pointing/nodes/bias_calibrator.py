@@ -95,7 +95,7 @@ class BiasCalibrator(StationNode):
         return 0.02
 
     def _publish(self, text: str = "") -> str:
-        """Publish the model in force, and return the answer to who requested it."""
+        """Publish the model in force, and return the answer to the client."""
         file, station = self.calibrator.keeper.active, self.parameters.value("calibrator").station
         message = no_model_to_message(station) if file is None else model_to_message(file)
         message.header.stamp = stamp_from_seconds(self.now_s())

@@ -14,7 +14,7 @@ import numpy as np
 
 from rf_pointing.controllers import PositionLoopParams
 from rf_pointing.core.types import Array, ComplexArray
-from rf_pointing.servo import PlantParams, discretise
+from rf_pointing.servo import PlantParams
 from rf_pointing.servo.linear_model import linear_model
 
 COMMAND, RATE, WIND, DEVIATION = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 8)
@@ -149,21 +149,3 @@ def peak_sensitivity(
     s = 2j * np.pi * frequency
     both = loop.response(frequency, loop.beam, COMMAND) + s[:, None, None] * loop.response(frequency, loop.beam, RATE)
     return float(np.max(np.abs(1.0 / (1.0 + both[:, axis, axis] * 2.0 * math.pi * f_m / s))))
-
-
-def respond(loop: ClosedLoop, inputs: Array, dt_s: float, outputs: Array, start: Array) -> Array:
-    """Return `outputs` @ state at each sample of `inputs` (n, 8), exact for inputs that run
-    straight in between.
-    """
-    size = len(loop.a)
-    ramp = np.zeros((size + INPUTS, size + INPUTS))
-    ramp[:size, :size], ramp[:size, size:] = loop.a, loop.b
-    drive = np.vstack([np.zeros((size, INPUTS)), np.eye(INPUTS)])
-    step = discretise(ramp, drive, dt_s)[:size]
-    slopes = np.diff(inputs, axis=0) / dt_s
-    state = start.copy()
-    rows = [outputs @ state]
-    for value, slope in zip(inputs[:-1], slopes, strict=True):
-        state = step @ np.concatenate([state, value, slope])
-        rows.append(outputs @ state)
-    return np.array(rows)

@@ -103,8 +103,8 @@ class StationSetup:
         self.changes: dict[str, dict[str, object]] = defaultdict(dict)
         """Values that files and experiment put over the description, by node and dotted name."""
         for node, given in read_parameter_files(files).items():
-            self.station.check_file(node, given.values, self.band)
-            self.changes[node] |= given.values
+            self.station.check_file(node, given, self.band)
+            self.changes[node] |= given
         for node, values in (changes or {}).items():
             require_known(node, values)
             self.changes[node] |= values

@@ -140,9 +140,7 @@ def test_a_dump_gives_the_same_node_back(
             name: as_plain(each) for name, each in wanted.items()
         }
         # A simulation without ROS takes the same file.
-        read_station(station).check_file(
-            second.node.get_name(), read_parameter_files([file])[second.node.get_name()].values
-        )
+        read_station(station).check_file(second.node.get_name(), read_parameter_files([file])[second.node.get_name()])
 
 
 def as_plain(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Every row of the conscan paper holds or carries its measured explanation."""
+"""The formulas of the sigma against each other: eqs. (20), (21), (23) and (25)."""
 
 import math
 

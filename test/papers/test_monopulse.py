@@ -1,4 +1,4 @@
-"""Every monopulse row holds or carries its measured explanation."""
+"""The stable false lock of a uniform aperture."""
 
 import numpy as np
 import pytest

@@ -15,7 +15,6 @@ from rf_pointing.papers.servo_linear import (
     WIND,
     ClosedLoop,
     closed_loop,
-    respond,
     stability_limit_hz,
 )
 from rf_pointing.servo import dss13_plant
@@ -89,14 +88,3 @@ def test_a_loop_is_stable_with_its_poles_left_of_the_axis_or_at_zero(pole: float
 def test_a_loop_that_is_never_unstable_has_the_limit_of_3_hz(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(servo_linear, "closed_loop", lambda *_: SimpleNamespace(stable=lambda: True))
     assert stability_limit_hz("plant", "loops", 0) == 3.0
-
-
-def test_a_response_is_exact_for_inputs_that_run_straight_between_their_samples() -> None:
-    a, b = np.array([[-2.0]]), np.arange(1.0, 9.0)[None]
-    t = 0.1 * np.arange(30)
-    inputs = np.zeros((30, 8))
-    inputs[:, 3], inputs[:, 6] = 1.0 + 3.0 * t, -t
-    found = respond(ClosedLoop(a, b, a, a, a), inputs, 0.1, np.array([[1.0], [-0.5]]), np.array([4.0]))
-    # x' = -2 x + 4 (1 + 3 t) - 7 t, from x = 4.
-    exact = 0.75 + 2.5 * t + 3.25 * np.exp(-2.0 * t)
-    np.testing.assert_allclose(found, np.column_stack([exact, -0.5 * exact]), rtol=1e-10)

@@ -1,4 +1,4 @@
-"""Averaging of a cluster: its closed form against a direct sum, and what counts as noise in the loop."""
+"""Averaging of a cluster: its closed form against a direct sum."""
 
 import math
 

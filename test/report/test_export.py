@@ -14,13 +14,14 @@ import pytest
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.export import (
     FORMATS,
+    SUFFIXES,
     ColumnMeaning,
     data_dictionary,
     export_recording,
     exported_topics,
+    meanings,
     topic_table,
 )
-from rf_pointing.report.meanings import SUFFIXES, meanings
 from rf_pointing.report.recording import Recording, read_recording
 from rf_pointing.report.topics import TOPICS
 

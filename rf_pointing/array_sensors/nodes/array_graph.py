@@ -145,7 +145,7 @@ class ArrayGraph:
         patience_s: float = 60.0,
     ) -> None:
         share = Path(get_package_share_directory("rf_pointing")) / "config" / f"{system.name}.yaml"
-        start_s = float(read_parameter_files([share])[CLOCK].values["start_s"])
+        start_s = float(read_parameter_files([share])[CLOCK]["start_s"])
         self.namespace = f"/{system.name}"
         self._node, self._system, self._spin_once = node, system, spin
         files = [share, *parameter_files]

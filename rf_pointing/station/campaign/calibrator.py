@@ -109,7 +109,7 @@ class Calibrator:
         return f"{file.name if file else 'no model'} is in force again"
 
     def outcome(self, campaign: "Campaign | None", reason: str) -> dict[str, Any]:
-        """Return the result of a campaign, or why it was refused, by the fields of RunCampaign."""
+        """Return the result of a campaign, or of one refused for `reason`, by its fields."""
         verdict, candidate, count = self.keeper.verdict(), self.keeper.candidate, len(self.log)
         found = {"observations": count, "sectors_filled": self._sectors_filled(), "message": reason,
                  "verdict": verdict.word if verdict else ""}  # fmt: skip

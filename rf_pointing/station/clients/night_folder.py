@@ -40,7 +40,7 @@ class NightFolder:
 
     @property
     def free_gb(self) -> float:
-        """Free space of the disk; OSError where the system does not report it."""
+        """Free space of the disk; OSError where it is unknown."""
         return shutil.disk_usage(self.path).free / 1e9
 
     @property

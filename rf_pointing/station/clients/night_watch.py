@@ -266,7 +266,7 @@ class NightWatch:
         return self.night.schedule.in_order
 
     def result(self, reason: str) -> dict[str, Any]:
-        """Return the result of the night, or why it was refused, by the fields of RunSchedule."""
+        """Return the result of the night, or of one refused for `reason`, by its fields."""
         if reason:
             return {"message": reason}
         states = Counter(record.state for record in self.night.records)

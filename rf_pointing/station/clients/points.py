@@ -308,7 +308,7 @@ class Follower:
         if not self._limits.azimuth_min_rad <= sky.position[-1, 0] <= self._limits.azimuth_max_rad:
             other = self._azimuth_for_the_rest(t_s, axes)
             self.unwinds = abs(other - self.azimuth_rad) > math.pi
-            sky = self.points.motion(times, other) if self.unwinds else sky
+            sky = self.points.motion(times, other)
         self.azimuth_rad = float(sky.position[0, 0])
         motion = self._on_axes(self._within(times, sky))
         return JointTrajectory(
@@ -358,7 +358,6 @@ class KnownSatellites:
                 self.sky, self.problem = self._loading.result(), ""
             except (ValueError, OSError) as error:
                 self.problem = f"satellites cannot be identified: {error}"
-            self._loading = None
 
     def close(self) -> None:
         """Load nothing more."""

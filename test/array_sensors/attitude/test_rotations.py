@@ -1,4 +1,4 @@
-"""Rotations: against scipy and numpy, at half a turn, near zero, and in stacks that broadcast."""
+"""Rotations against numpy and as derivatives; `attitude.quaternion` is tested against scipy."""
 
 import numpy as np
 import pytest

@@ -41,7 +41,7 @@ class Joined:
 
     def add(self, kind: type, system: str = "", node: str = "", namespace: str = "/", **given: Any) -> Any:
         """Return a node with the parameters of its system's file, configured."""
-        values = dict(read_parameter_files([CONFIG / f"{system}.yaml"])[node].values) if system else {}
+        values = dict(read_parameter_files([CONFIG / f"{system}.yaml"])[node]) if system else {}
         bench = self._make(kind, beside=True, namespace=namespace, t_s=START_S, **{**values, **given})
         assert bench.step("configure"), bench.health("state").message
         self._benches.append(bench)

@@ -265,7 +265,8 @@ def drawn_series(valid: np.ndarray, positions: bool = True) -> tuple[ArraySeries
     random, count = np.random.default_rng(3), len(valid)
     size = 6 if positions else 3
     roots = random.standard_normal((count, size, size)) * np.r_[[0.3] * 3, [2e-3] * 3][-size:, None]
-    errors = np.einsum("nij,nj->ni", roots, random.standard_normal((count, size)))
+    # Twice as large as claimed: many lie beyond three deviations.
+    errors = 2.0 * np.einsum("nij,nj->ni", roots, random.standard_normal((count, size)))
     true = np.array([truth_at(epoch) for epoch in range(count)])
     found = [multiply(quaternion_from_rotation_vector(turn), q) for turn, q in zip(errors[:, -3:], true, strict=True)]
     place = random.standard_normal((count, 3)) if positions else None

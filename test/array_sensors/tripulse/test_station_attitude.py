@@ -269,6 +269,14 @@ def test_observations_that_would_poison_the_fit_are_refused(changes: dict[str, o
         dataclasses.replace(good, **changes)
 
 
+def test_an_observation_of_plain_numbers_holds_arrays() -> None:
+    given = {"projections": [0.1, 0.2], "covariance": [[2e-9, 0.0], [0.0, 1e-9]], "reference": [0.0, 0.6, 0.8]}
+    seen = StationObservation(t_s=1.0, station="usingen", **given)
+    for name, values in given.items():
+        assert isinstance(getattr(seen, name), np.ndarray)
+        np.testing.assert_array_equal(getattr(seen, name), values)
+
+
 @pytest.mark.parametrize(("age_s", "used"), [(0.0, True), (2.0, True), (2.001, False), (-0.001, False)])
 def test_an_observation_is_used_from_its_time_until_it_is_two_seconds_old(age_s: float, used: bool) -> None:
     found = filled(observations(np.eye(3), 10.0, random_stream(3, "age"), ["usingen", "hartebeesthoek"])).estimate(

@@ -355,6 +355,18 @@ def test_outside_travel_and_horizon_the_axes_wait_at_the_edge_without_accelerati
     assert np.degrees(command.velocity_rad_s[:, 0]) == pytest.approx(np.full(10, 0.5), abs=1e-3)
 
 
+def test_where_no_other_turn_holds_the_rest_the_azimuth_ends_at_its_travel() -> None:
+    limits = LIMITS.replace(azimuth_min_rad=0.0, azimuth_max_rad=math.radians(102.5))
+    follower = Follower(CONTROLLER.replace(limits=limits), FollowParams())
+    for t_s in range(3):
+        follower.points.add(float(t_s), math.radians(100.0 + t_s), 0.7)
+    for t_s in (2.0, 2.1):
+        command = follower.command(t_s, reading(101.0, 40.0))
+        assert np.degrees(command.position_rad[:, 0]) == pytest.approx(np.minimum(100.0 + command.t_s, 102.5), abs=0.02)
+        assert command.velocity_rad_s[-1, 0] == pytest.approx(0.0, abs=1e-9)
+        assert not follower.unwinds
+
+
 def test_a_motion_without_new_points_ends_after_3_s_where_the_axes_can_stop(desk: Desk) -> None:
     desk.fly()
     desk.wait(3.0)
