@@ -89,7 +89,7 @@ setup(
         f"{PACKAGE}.controllers": ["*.json"],
         f"{PACKAGE}.web": ["page/*"],
         f"{PACKAGE}.operations": ["tables/*"],
-        f"{PACKAGE}.report": ["templates/*"],
+        f"{PACKAGE}.report": ["templates/*", "messages/*.msg"],
         f"{PACKAGE}.station.description": ["stations/*"],
     },
     data_files=[

@@ -12,41 +12,8 @@ from pathlib import Path
 
 import rclpy
 
-from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, ArrayGraph
+from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, record_system
 from rf_pointing.array_sensors.report.page import ArrayErrors, write_array_report
-from rf_pointing.ros.main_loop import make_executor
-from rf_pointing.ros.recorder import Recorder
-
-SPEEDS = {"tripulse": 20.0, "doa": 10.0, "interferometer": 20.0}
-
-
-def record(name: str, seconds: float, output: Path) -> Path:
-    """Run one system for `seconds` at its speed and return its bag."""
-    node = rclpy.create_node(f"{name}_example")
-    executor = make_executor()
-    executor.add_node(node)
-    system = ARRAY_SYSTEMS[name]
-
-    def spin(timeout_s: float) -> None:
-        executor.spin_once(timeout_sec=timeout_s)
-
-    recorder = Recorder(node, f"/{name}", output / f"{name}_bag", system.topics)
-    try:
-        with ArrayGraph(system, node, spin, output / "logs" / name, speed=SPEEDS[name]) as graph:
-            graph.bring_up()
-            graph.run_time()
-            end_s = graph.now_s + seconds * SPEEDS[name]
-            while graph.now_s < end_s:
-                graph.check()
-                graph.spin(0.05)
-    finally:
-        recorded = recorder.close()
-        executor.shutdown()
-        node.destroy_node()
-    print(
-        f"{name}: {recorded.message_count} messages in {recorded.path}{'; ' + recorded.problem if recorded.problem else ''}"
-    )
-    return recorded.path
 
 
 def summary(found: ArrayErrors) -> str:
@@ -74,8 +41,10 @@ def main() -> None:
     options.output.mkdir(parents=True)
     rclpy.init()
     for name in options.system or ARRAY_SYSTEMS:
-        bag = record(name, options.seconds, options.output)
-        for errors in write_array_report(bag, options.output / name):
+        recorded = record_system(name, options.seconds, options.output)
+        problem = f"; {recorded.problem}" if recorded.problem else ""
+        print(f"{name}: {recorded.message_count} messages in {recorded.path}{problem}")
+        for errors in write_array_report(recorded.path, options.output / name):
             print(summary(errors))
         print(options.output / name / "array_report.html")
     rclpy.shutdown()

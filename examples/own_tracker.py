@@ -4,11 +4,9 @@ from collections import deque
 
 import numpy as np
 
+import rf_pointing as rp
 from rf_pointing.core import MDEG, MU, CarrierPower, PointingError
 from rf_pointing.core.signals import BeamPosition
-from rf_pointing.ephemeris import first_pass_above
-from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
-from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 from rf_pointing.tracking.scan import CircleScan, ScanParams
 from rf_pointing.tracking.sensors import SensorTraits, register
 
@@ -44,13 +42,13 @@ class SlopeTracker(BeamPosition):
         )]  # fmt: skip
 
 
-def main() -> PassLog:
+def main() -> rp.SimulatedPass:
     """Register the tracker and track the part of a pass of CBERS-2 above 0.7 rad with it."""
     register(TRAITS)
-    window = first_pass_above(load_track(SourceParams()), load_elements(SourceParams()).epoch_t_s, 0.7, 0.7, 172800.0)
-    setup = StationSetup("dss13", "X", tracker=SlopeTracker())
-    log = simulate_pass(setup, window, window.aos_t_s - 150.0, TRAITS.name)
-    print(f"{np.sqrt(np.mean(log.errors_rad(TRAITS.name)[300:] ** 2)) / MDEG:.2f} mdeg rms per axis after 30 s of it")
+    station = rp.Station("dss13", band="X")
+    found = station.passes(rp.elements("CBERS 2"), days=2, mask_rad=0.7)[0]
+    log = station.simulate(found, sensor=TRAITS.name, tracker=SlopeTracker())
+    print(f"{np.sqrt(np.mean(log.errors_mdeg(TRAITS.name)[300:] ** 2)):.2f} mdeg rms per axis after 30 s of it")
     return log
 
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rf_pointing.api.calibration import Fit, fit
-    from rf_pointing.api.look import Look
-    from rf_pointing.api.passes import PassCertificate, StationPass
+    from rf_pointing.api.passes import Look, PassCertificate, StationPass
     from rf_pointing.api.plan import Plan
     from rf_pointing.api.recording import Recording
     from rf_pointing.api.simulated import SimulatedPass
@@ -24,7 +23,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "BiasModel": "calibration.bias_model",
     "Fit": "api.calibration",
-    "Look": "api.look",
+    "Look": "api.passes",
     "ModelVersion": "calibration.model_file",
     "Observations": "calibration.observations",
     "PassCertificate": "api.passes",

@@ -5,6 +5,7 @@ scripts/run-python scripts/api_page.py > docs/api.md
 
 import dataclasses
 import inspect
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,12 @@ import rf_pointing as rp
 
 HEAD = """# The front door
 
-`import rf_pointing as rp` is all that a program, a notebook or a script needs; it loads what is used
-when it is used, and needs no ROS except for `Station.track`. `help(rp.Station)` shows the same text.
+`import rf_pointing as rp` is all that a program, a notebook or a script needs; it loads what is
+used when it is used, and needs no ROS except for `Station.track`. `help(rp.Station)` shows the same
+text.
 
-* **Angles** are taken by keyword, in degrees (`min_peak_deg=40.0`) or in radians (`min_peak_rad=0.7`),
-  never both; every result says its unit in its name.
+* **Angles** are taken by keyword, in degrees (`min_peak_deg=40.0`) or in radians
+  (`min_peak_rad=0.7`), never both; every result says its unit in its name.
 * **Times** are UTC: text (`start="2006-06-27T04:00:00"`), or seconds since 1970 (`start_t_s=...`).
 * **Durations** say their unit: `hours=6.0`, `days=2`, `gap_s=30.0`.
 * What is wrong is a `ValueError` that names the value and what it must be.
@@ -56,13 +58,14 @@ def page() -> str:
 def section(name: str, made: Any) -> Iterator[str]:
     """Yield the lines of one name."""
     first, rest = parts(made)
-    yield f"### rp.{name}\n\n{first}\n"
+    yield f"### rp.{name}\n\n{textwrap.fill(first, 100)}\n"
     if rest:
         yield f"```text\n{rest}\n```\n"
     if not inspect.isclass(made) or not made.__module__.startswith("rf_pointing.api"):
         return
     if dataclasses.is_dataclass(made):
-        yield "Fields: " + ", ".join(f"`{item.name}`" for item in dataclasses.fields(made)) + ".\n"
+        listed = ", ".join(f"`{item.name}`" for item in dataclasses.fields(made))
+        yield textwrap.fill(f"Fields: {listed}.", 100) + "\n"
     members = [(each, member) for each, member in vars(made).items() if each[0] != "_" and inspect.getdoc(member)]
     members = [(each, member) for each, member in members if not isinstance(member, str | int | float | classmethod)]
     yield "| member | what it is |\n|---|---|"

@@ -37,7 +37,12 @@ OTHER_ROOMS = ("array_sensors", "papers")
 SMALL_LINES = 60
 SMALL_ON_PURPOSE: dict[str, str] = {
     "rf_pointing/calibration/ionosphere.py": "one physical model with its source, no step of the pipeline",
+    "rf_pointing/api/keywords.py": "the rule of the public surface: angles and times by a name with its unit",
     "rf_pointing/ros/recorder.py": "examples record with it, too",
+    "rf_pointing/api/look.py": "a public result with its own page",
+    "rf_pointing/report/meanings.py": "reads the message definitions, no table",
+    "rf_pointing/ros/convert_goals.py": "only conversions may name message fields",
+    "rf_pointing/station/derive/signal.py": "one block of the derivation, like its neighbours",
 }
 """Small modules with one importer that stay, each with the reason."""
 SENSORS = ("monopulse", "conscan", "steptrack")
@@ -75,6 +80,8 @@ COMPUTING = ("station/derive/",)
 NODE_LINES = 150
 COLUMNS = 100
 EXAMPLES = ("simulate_pass", "first_steps")
+BY_NAME = {"delattr", "getattr", "hasattr", "object", "patch", "setattr"}
+"""Calls that take the name of an attribute as a string."""
 OF_NAMED_TUPLES = {"_asdict", "_fields", "_make", "_replace"}
 """Public in spite of their underscore."""
 CONTROLLER_SETS = {"AutotrackParams", "ConscanParams", "SpiralParams"}
@@ -351,9 +358,9 @@ def _lines(node: ast.ClassDef | ast.FunctionDef) -> int:
 def word_of_track(source: Source) -> list[Row]:
     """The way of the word after `--satellite` from `track`'s main to the start of the first node.
 
-    Files and functions: those of the assembly (`ASSEMBLY`) that run on the way, which a reader has
-    to visit.  Climbs: functions that return something which carries the word to their caller; it is
-    known by its identity, and found at most two levels deep.
+    Walked: all that runs of the assembly (`ASSEMBLY`), which a reader may have to visit.  Carrying:
+    what of it is called with something that carries the word.  Climbs: functions that return such a
+    thing to their caller.  The word is known by its identity, and found at most two levels deep.
     """
     with tempfile.TemporaryDirectory() as folder:
         measure = [sys.executable, __file__, "--root", str(source.root), "--word-of-track"]
@@ -362,9 +369,11 @@ def word_of_track(source: Source) -> list[Row]:
         raise RuntimeError(f"the word of track could not be followed: {run.stderr[-2000:]}")
     found = json.loads(run.stdout)
     return [
-        Row("word_files", "files on the way of track's word to its target", len(found["files"]), found["files"]),
-        Row("word_climbs", "functions on the way that return it", len(found["climbs"]), found["climbs"]),
-        Row("word_functions", "functions on the way", len(found["functions"]), found["functions"]),
+        Row("walk_files", "files that run between track's word and its target", len(found["ran in"]), found["ran in"]),
+        Row("walk_functions", "functions that run between them", len(found["ran"]), found["ran"]),
+        Row("word_files", "files that the word is carried through", len(found["files"]), found["files"]),
+        Row("word_climbs", "functions that return it", len(found["climbs"]), found["climbs"]),
+        Row("word_functions", "functions that it is carried through", len(found["functions"]), found["functions"]),
     ]
 
 
@@ -378,24 +387,27 @@ def follow_word(root: Path) -> dict[str, list[str]]:
 
     # Joined when it runs, so that no constant is the same object.
     word, folder = "".join(["280", "57"]), str(root / PACKAGE) + os.sep
-    found: dict[str, set[str]] = {"files": set(), "functions": set(), "climbs": set()}
+    kinds = ("ran in", "ran", "files", "functions", "climbs")
+    found: dict[str, set[str]] = {kind: set() for kind in kinds}
 
-    importing = 0
+    beside = 0
 
     def note(frame: Any, event: str, result: object) -> None:
-        nonlocal importing
+        nonlocal beside
         code = frame.f_code
         file = code.co_filename.removeprefix(folder)
-        if code.co_name == "<module>":
-            importing += {"call": 1, "return": -1}.get(event, 0)
-        if importing or event not in ("call", "return") or code.co_name.startswith("<"):
-            return
-        if not file.startswith(ASSEMBLY) or file.startswith(COMPUTING):
+        # What a lazy import runs, and what is computed, is not on the way, nor is what they call.
+        if code.co_name == "<module>" or file.startswith(COMPUTING):
+            beside += {"call": 1, "return": -1}.get(event, 0)
+        if beside or event not in ("call", "return") or code.co_name.startswith("<") or not file.startswith(ASSEMBLY):
             return
         if event == "call":
+            found["ran in"].add(file)
+            found["ran"].add(f"{file} {code.co_qualname}")
+        if event == "call" and any(_carries(value, word) for value in frame.f_locals.values()):
             found["files"].add(file)
             found["functions"].add(f"{file} {code.co_qualname}")
-        elif _carries(result, word):
+        elif event == "return" and _carries(result, word):
             found["climbs"].add(f"{file} {code.co_qualname}")
 
     def arrived(*_arguments: object, **_named: object) -> None:
@@ -668,7 +680,7 @@ def examples(source: Source) -> list[Row]:
 def private_names(source: Source) -> list[Row]:
     """Uses of `_names` in the tests that the test module does not define itself.
 
-    As an attribute, in an import, or as the string that `setattr` and `patch` take.
+    As an attribute, in an import, or as the string of a call of `BY_NAME`.
     """
     found, tests = [], []
     for module in source.tests:
@@ -703,16 +715,16 @@ def _defined(nodes: Iterable[ast.AST]) -> set[str]:
 
 
 def _private(node: ast.AST) -> Iterator[str]:
-    """Yield the private name that a node of the syntax tree uses."""
-    name = ""
+    """Yield the private names that a node of the syntax tree uses."""
+    names = []
     if isinstance(node, ast.Attribute):
-        name = node.attr
+        names = [node.attr]
     elif isinstance(node, ast.alias):
-        name = node.name
-    elif isinstance(node, ast.Constant) and isinstance(node.value, str) and re.fullmatch(r"[\w.]+", node.value):
-        name = node.value.split(".")[-1]
-    if re.match(r"_[A-Za-z]", name):
-        yield name
+        names = [node.name]
+    elif isinstance(node, ast.Call) and _last(node.func) in BY_NAME:
+        strings = (each.value for each in node.args if isinstance(each, ast.Constant))
+        names = [value.split(".")[-1] for value in strings if isinstance(value, str)]
+    yield from (name for name in names if re.match(r"_[A-Za-z]", name))
 
 
 def prose(source: Source) -> list[Row]:

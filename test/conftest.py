@@ -169,13 +169,13 @@ def default_context(ros_domain: int) -> Iterator[None]:
 
 @pytest.fixture
 def make_bench(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
-    """Yield a maker of nodes on a bench (`test/nodes/bench.py`), one after the other."""
+    """Yield a maker of nodes on a bench (`test/nodes/bench.py`): one after the other, or `beside` the others."""
     from test.nodes.bench import Bench
 
     made: list[Any] = []
 
-    def make(node_type: Any, **given: Any) -> Any:
-        if made:
+    def make(node_type: Any, *, beside: bool = False, **given: Any) -> Any:
+        while made and not beside:
             made.pop().close()
         made.append(Bench(node_type, monkeypatch, ros_domain, **given))
         return made[-1]

@@ -26,7 +26,7 @@ def angle_rad(name: str, deg: float | None, rad: float | None, default_rad: floa
 def time_s(name: str, utc: str | None, t_s: float | None) -> float | None:
     """Return the time given as UTC text `{name}` or as `{name}_t_s`, None where neither is.
 
-    Times are UTC in s since 1970.  Raises ValueError for both, and for a text that is no time.
+    Times are UTC in s since 1970.  Raises ValueError for both, and for a text that is not a time.
     """
     if utc is not None and t_s is not None:
         raise ValueError(f"{name}={utc!r} and {name}_t_s={t_s}: give one of them")

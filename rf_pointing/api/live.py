@@ -2,7 +2,7 @@
 
 `track`, `calibrate` and `identify` bring up the nodes of a station, each a process of its own, and
 return when all of them have ended.  Each result has a `code`: 0 done, 1 not reached, 2 not started.
-Refusals are ValueErrors, before anything is started.
+What is refused raises ValueError, before anything is started.
 """
 
 import math
@@ -18,10 +18,11 @@ from rf_pointing_msgs.action import TrackPass
 
 from rf_pointing.api.requests import CalibrateRequest, IdentifyRequest, RunRequest, TrackRequest
 from rf_pointing.api.target import Target
-from rf_pointing.core import MDEG, Sensor, leaves
+from rf_pointing.core import MDEG, Params, Sensor
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass, tle_lines
-from rf_pointing.identification import Recording, study
+from rf_pointing.identification import Recording
+from rf_pointing.identification.study import study
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES
@@ -29,9 +30,8 @@ from rf_pointing.ros.live_pass import outcome_line, track_pass
 from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end, say
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, fit_of_kept
-from rf_pointing.tracking.conscan_estimate import ConscanParams
+from rf_pointing.tracking import scan_tuning
 
-SCAN_CHOICES = ("radius_deg", "period_s", "window_samples", "fewest_samples", "bandwidth_hz")
 OF_STATION = tuple(node.name for node in (*GRAPH, *ARRAY_GRAPH) if node.name != "simulation_clock")
 """The nodes that take the station description."""
 LIGHT_WIND_M_S = 0.3
@@ -39,7 +39,7 @@ LIGHT_WIND_M_S = 0.3
 
 @dataclass(frozen=True)
 class TrackResult:
-    """What a pass gave: `outcome` is None where it was not started."""
+    """Result of a pass: `outcome` is None where it was not started."""
 
     code: int
     window: Pass
@@ -138,7 +138,7 @@ class Calibration:
         if not outcome.settled and journal.points is not None:
             say("calibrate", f"the observations are kept in {journal.path}: calibrate --resume continues with them")
         if outcome.fit is not None:
-            remarks = [f"In the shadow of the model in force: {outcome.shadow}"] if outcome.shadow else []
+            remarks = [f"In the shadow of the model in force: {outcome.verdict}"] if outcome.verdict else []
             report = write_calibration_report(self.output, *outcome.fit, name=outcome.model, remarks=remarks)
         else:
             report = write_campaign_report(self.output, journal.points, outcome.why)
@@ -164,7 +164,8 @@ def prepare_calibration(request: CalibrateRequest) -> Calibration:
         parameter_files=(*request.parameter_files, calibrator),
     )
     setup = replace(
-        run_setup("calibrate", own, [*schedule.windows, *schedule.shadow][0], output), awaited="the first pass"
+        run_setup("calibrate", own, [*schedule.windows, *schedule.acceptance_passes][0], output),
+        awaited="the first pass",
     )
     say("calibrate", str(schedule))
     return Calibration(request=request, schedule=schedule, output=output, setup=setup)
@@ -232,9 +233,7 @@ def nodes_of(request: RunRequest) -> tuple[str, ...]:
     return (*NODES, *array) if request.station.simulated else (*DRIVE_NODES, *array[1:])
 
 
-def run_setup(
-    program: str, request: RunRequest, window: Pass, output: Path, scan: ConscanParams | None = None
-) -> RunSetup:
+def run_setup(program: str, request: RunRequest, window: Pass, output: Path, scan: Params | None = None) -> RunSetup:
     """Return the setup of a run whose first pass is `window`; its files are written to `output`."""
     station, before_s = request.station, request.before_pass_s(window)
     values = {"seed": str(_seed(request)), "speed": request.speed_text}
@@ -274,12 +273,12 @@ def check_files(request: RunRequest) -> None:
     own = _parameters(request, Path(), Path())
     for node, said in request.said.items():
         if node not in (*nodes_of(request), "**"):
-            raise ValueError(f"params-file: {node} is no node; there are {', '.join(nodes_of(request))}")
+            raise ValueError(f"params-file: {node} is not a node; there are {', '.join(nodes_of(request))}")
         given = own.get(node, {}) if node in OF_STATION else {"start_s", "speed", "tick_s"}
-        if twice := sorted(said.values.keys() & given):
+        if twice := sorted(said.keys() & given):
             raise ValueError(f"params-file: {node} {', '.join(twice)}: given by the command line, see --help")
         try:
-            request.station.description.check_file(node, said.values, request.station.band)
+            request.station.description.check_file(node, said, request.station.band)
         except ValueError as error:
             raise ValueError(f"params-file: {error}") from error
 
@@ -308,10 +307,10 @@ def _seed(request: RunRequest) -> int:
     return 1 if request.seed is None else request.seed
 
 
-def _write_station(request: RunRequest, output: Path, scan: ConscanParams | None) -> Path:
+def _write_station(request: RunRequest, output: Path, scan: Params | None) -> Path:
     """Write the station of a run, with what the request changes of it, into its folder."""
-    tuning = f"bands.{request.station.band}.tuning.conscan"
-    changes = {} if scan is None else {f"{tuning}.{name}": leaves(scan)[name][1] for name in SCAN_CHOICES}
+    tuning = {} if scan is None else scan_tuning(scan)
+    changes = {f"bands.{request.station.band}.tuning.{name}": value for name, value in tuning.items()}
     if isinstance(request, TrackRequest) and request.mask_deg is not None:
         changes["mount.pass_elevation_deg"] = request.mask_deg
     written = output / "station.yaml"

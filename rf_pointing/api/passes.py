@@ -1,4 +1,4 @@
-"""Passes of one target as rows in degrees and UTC, and the certificate of each."""
+"""Passes of one target in degrees and UTC, the certificate of each, and where the target is."""
 
 import dataclasses
 import math
@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from rf_pointing.api.target import Target
+from rf_pointing.calibration import BiasModel
 from rf_pointing.core import to_degrees
 from rf_pointing.core.dates import DAY_S, utc_text
-from rf_pointing.ephemeris import ElementUncertainty, Pass, stale_warning
+from rf_pointing.ephemeris import ElementUncertainty, Pass, TopocentricTrack, stale_warning
 from rf_pointing.ephemeris.source import SourceParams
 from rf_pointing.planning import Branch, Certificate, certificate_lines, certificate_values
 from rf_pointing.station.pointing.certificates import PlannedPass
@@ -83,7 +86,7 @@ class StationPass:
 
     @property
     def warning(self) -> str:
-        """What stale elements cost at the closest approach, in beamwidths; "" for fresh ones."""
+        """Error of stale elements at the closest approach, in beamwidths; "" for fresh ones."""
         track, beamwidth_rad = self.target.track(self.station.site), math.radians(self.station.beamwidth_deg)
         return stale_warning(track, self.tca_t_s, STALE_S, ElementUncertainty(), beamwidth_rad)
 
@@ -94,7 +97,7 @@ STALE_S = SourceParams().stale_days * DAY_S
 
 @dataclass(frozen=True, eq=False)
 class PassCertificate:
-    """What a pass requires of the antenna: all ways to track it, and the one that is taken.
+    """Requirements of a pass on the antenna: all ways to track it, and the one that is taken.
 
     `print(certificate)` shows the table of the branches.  `planned` has its parts in radians.
     """
@@ -159,3 +162,38 @@ def draw_certificates(certificates: Sequence[PassCertificate], station: "Station
     from rf_pointing.report.plan_picture import draw_plan
 
     draw_plan([each.planned for each in certificates], station.rules.limits, station.rules.mask, Path(path))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """Apparent direction of a target (refraction and light time included), rates and range.
+
+    `azimuth_correction_deg` and `elevation_correction_deg` are what the bias model adds so that the
+    beam of the real mount points there.
+    """
+
+    t_s: float
+    utc: str
+    azimuth_deg: float
+    elevation_deg: float
+    azimuth_rate_deg_s: float
+    elevation_rate_deg_s: float
+    range_m: float
+    azimuth_correction_deg: float
+    elevation_correction_deg: float
+
+    @classmethod
+    def of(cls, track: TopocentricTrack, model: BiasModel, t_s: float) -> "Look":
+        """Return the direction on a track at a time, UTC in s since 1970."""
+        look = track.sample([t_s])
+        motion = (
+            look.azimuth_rad, look.elevation_rad, look.azimuth_rate_rad_s, look.elevation_rate_rad_s,
+            look.azimuth_acceleration_rad_s2, look.elevation_acceleration_rad_s2,
+        )  # fmt: skip
+        rows = np.degrees([*motion[:4], *model.offset_rad(*motion)])[:, 0].tolist()
+        azimuth, elevation, azimuth_rate, elevation_rate, azimuth_correction, elevation_correction = rows
+        return cls(
+            t_s=t_s, utc=utc_text(t_s), azimuth_deg=azimuth, elevation_deg=elevation, azimuth_rate_deg_s=azimuth_rate,
+            elevation_rate_deg_s=elevation_rate, range_m=float(look.range_m[0]),
+            azimuth_correction_deg=azimuth_correction, elevation_correction_deg=elevation_correction,
+        )  # fmt: skip

@@ -16,7 +16,7 @@ from rf_pointing.report.recording import Recording as RecordingData
 from rf_pointing.report.tracking_from_bag import tracking_from_bag
 
 EXPORTS = (*FORMATS, "tdm")
-"""What `Recording.export` writes: tables, or the tracked angles as a CCSDS TDM."""
+"""Formats of `Recording.export`: tables, or the tracked angles as a CCSDS TDM."""
 
 
 class Recording:
@@ -51,12 +51,12 @@ class Recording:
 
     @property
     def notes(self) -> dict[str, str]:
-        """What the recorder noted: station, band, sensor and others."""
+        """Notes of the recorder: station, band, sensor and others."""
         return self.data.notes
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """What is damaged or lost, in words."""
+        """Damaged or lost parts, as sentences."""
         return self.data.problems
 
     def table(self, topic: str = "tracking_status") -> dict[str, NDArray[Any]]:

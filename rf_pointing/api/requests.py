@@ -1,4 +1,4 @@
-"""What an operator asks of a live station: complete and checked before anything is started.
+"""Requests of an operator to a live station: complete and checked before anything is started.
 
 A request is made from a command line or from the arguments of `rp.Station`.  It knows what follows
 from it: the source of the target, the pass, the scan, the time before the pass.  Errors are
@@ -10,33 +10,30 @@ import time
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
-from rf_pointing.core import AXES, MDEG, require_between
+from rf_pointing.core import AXES, MDEG, Params, require_between
 from rf_pointing.core.dates import DAY_S, parse_utc, utc_text
-from rf_pointing.core.parameters import NodeParameters, read_parameter_files
+from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.ephemeris import Elements, ElementUncertainty, Pass, first_pass_above, stale_warning
 from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.ephemeris.source import SourceParams, read_source
 from rf_pointing.identification import ExcitationParams
 from rf_pointing.planning import Gate, choose_turns
 from rf_pointing.station.antenna.memory import state_files, state_folder
-from rf_pointing.station.antenna.simulated_antenna import SimulationParams
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, CampaignParams, schedule_calibration
-from rf_pointing.tracking.conscan_design import ScanDesignParams, scan_for_accuracy
-from rf_pointing.tracking.conscan_estimate import ConscanParams
+from rf_pointing.tracking import scan_of_station
 
 DEFAULT_MODELS = "runs/models"
 """Where `calibrate` leaves accepted models and `track` finds them."""
 REAL_TIME_SPEED = 3.0
 """Up to this speed the clock ticks at the servo's 50 Hz, above it at the controller's 10 Hz."""
-LONGEST_TURN_S = 32.0
-"""Longest period of a chosen scan: over two periods the error must stay the same."""
 SLEW_TIME_S = 150.0
 """Least time from the start of a run to acquisition."""
 SETTLE_S = 30.0
@@ -117,8 +114,8 @@ class RunRequest:
         return state_files(state_folder(), self.namespace)
 
     @cached_property
-    def said(self) -> dict[str, NodeParameters]:
-        """What the parameter files say, by node."""
+    def said(self) -> dict[str, dict[str, Any]]:
+        """Values of the parameter files, by node."""
         return read_parameter_files(self.parameter_files)
 
     def before_pass_s(self, window: Pass) -> float:
@@ -134,8 +131,8 @@ class RunRequest:
             slew_s = max(np.divide(travel_rad, machine.rate_limit_rad_s))
             return float(math.ceil(max(SLEW_TIME_S, slew_s + SETTLE_S)))
         # The start position belongs to the run, so a parameter file may set it.
-        servo = self.said.get("antenna_servo", NodeParameters("antenna_servo", {}))
-        start = servo.group("antenna", SimulationParams()).start_rad
+        servo = self.station.description.sets("antenna_servo", self.station.band, self.said.get("antenna_servo"))
+        start = servo["antenna"].start_rad
         sun = SolarDirection(params.sun).at(window.aos_t_s)
         times = [SLEW_TIME_S - SETTLE_S]
         # A pass over the top may begin on the other side; only the certificate knows whether it
@@ -159,7 +156,7 @@ class TrackRequest(RunRequest):
 
     `start_s` is by default the epoch of the elements, for a real antenna the present; `mask_deg` is
     the elevation of its begin and end (None: the station's), `scan_sigma_mdeg` the accuracy of
-    conscan for which radius and period are chosen (None: the station's scan).
+    the scan for which its radius and period are chosen (None: the station's scan).
     """
 
     chosen: Pass | None = None
@@ -189,34 +186,34 @@ class TrackRequest(RunRequest):
 
     @property
     def stale_warning(self) -> str:
-        """What stale elements cost at the pass, in beamwidths; "" for fresh ones."""
+        """Error of stale elements at the pass, in beamwidths; "" for fresh ones."""
         beamwidth_rad = self.station.controller.machine.half_power_beamwidth_rad
         track, stale_s = self.station.track_of(self.target), SourceParams().stale_days * DAY_S
         return stale_warning(track, self.window.tca_t_s, stale_s, ElementUncertainty(), beamwidth_rad)
 
     @cached_property
-    def scan(self) -> ConscanParams | None:
+    def scan(self) -> Params | None:
         """The scan for the requested accuracy at the weakest carrier, None without one."""
         if self.scan_sigma_mdeg is None:
             return None
         params, track = self.station.controller, self.station.track_of(self.target)
         # The link is weakest at the horizon, where the range is longest.
         farthest_m = max(float(track.target_at(t_s).range_m) for t_s in (self.window.aos_t_s, self.window.los_t_s))
-        limits = ScanDesignParams(longest_period_s=LONGEST_TURN_S)
         level_db_hz = params.link.level_db_hz(farthest_m)
-        return scan_for_accuracy(params.conscan, limits, level_db_hz, self.scan_sigma_mdeg * MDEG)
+        return scan_of_station(params.sets(), level_db_hz, self.scan_sigma_mdeg * MDEG)
 
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrateRequest(RunRequest):
     """A campaign on all satellites at the location of `target`, of a simulated sky on beacons.
 
-    `longest_s` is by default 4800 s, for a real antenna a day.
+    `longest_s` is by default 4800 s, for a real antenna a day; `acceptance_passes` are tracked with
+    the new model in the shadow of the old one.
     """
 
     longest_s: float | None = None
     fewest: int = 25
-    shadow: int = 3
+    acceptance_passes: int = 3
     orbit_prior_m: float = 5.0
     resume: bool = False
     keep_observations: bool = True
@@ -242,9 +239,10 @@ class CalibrateRequest(RunRequest):
         """How much of the sky is observed, and how the model is judged."""
         longest_s = self.longest_s or 0.0
         return CampaignParams(
-            longest_s=longest_s, fewest=self.fewest, shadow=self.shadow, orbit_prior_m=self.orbit_prior_m,
+            longest_s=longest_s, fewest=self.fewest, acceptance_passes=self.acceptance_passes,
+            orbit_prior_m=self.orbit_prior_m,
             # Satellites of the user's do not come every ten minutes.
-            shadow_span_s=longest_s if self.target.location else self.shadow * SHADOW_SPAN_S,
+            acceptance_span_s=longest_s if self.target.location else self.acceptance_passes * SHADOW_SPAN_S,
         )  # fmt: skip
 
     def schedule(self) -> CalibrationSchedule:

@@ -71,7 +71,7 @@ def _entries(named: Sequence[str]) -> Iterator[tuple[str, str]]:
         try:
             lines = path.read_text(encoding="utf-8-sig").splitlines()
         except UnicodeDecodeError as error:
-            raise ValueError(f"{one} is no list of satellites: {error}") from error
+            raise ValueError(f"{one} is not a list of satellites: {error}") from error
         for number, line in enumerate(lines, start=1):
             # A name may hold a `#` of its own, as FENGYUN #2 does; a comment has blanks around it.
             text = re.sub(r"(^|\s)#\s.*|^#.*", "", line).strip()
@@ -82,7 +82,7 @@ def _entries(named: Sequence[str]) -> Iterator[tuple[str, str]]:
 def _entry(text: str, least_peak_deg: float) -> tuple[str, int, float]:
     """Return name or number, priority and least peak of NAME, priority=N, peak=DEG."""
     parts = text.split(",")
-    # A name may hold commas; what has an equals sign is none.
+    # A name may hold commas; a part with an equals sign is an option.
     cut = next((k for k, part in enumerate(parts) if "=" in part and k > 0), len(parts))
     priority, peak_deg = 0, least_peak_deg
     for part in parts[cut:]:

@@ -20,7 +20,7 @@ CLUSTER_S = 0.1
 
 @dataclass(frozen=True, eq=False)
 class SimulatedPass:
-    """What a simulated pass gave, ten samples a second; `log` has it in radians."""
+    """Result of a simulated pass, ten samples a second; `log` has it in radians."""
 
     one: "StationPass"
     sensor: str

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.api.keywords import angle_rad, span_s, time_s
-from rf_pointing.api.look import Look
-from rf_pointing.api.passes import PassCertificate, StationPass
+from rf_pointing.api.passes import Look, PassCertificate, StationPass
 from rf_pointing.api.plan import Plan
 from rf_pointing.api.simulated import SimulatedPass
 from rf_pointing.api.target import MAX_AGE_S, Target
@@ -90,7 +89,7 @@ class Station:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """What the band can track with, the default first; empty for program track alone."""
+        """Sensors of the band, the default first; empty for program track alone."""
         return self.description.sensors(self.band)
 
     @cached_property

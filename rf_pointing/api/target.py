@@ -1,17 +1,20 @@
-"""What is tracked: a satellite of a file, folder, address or the verification set, or a body."""
+"""Targets: a satellite of a file, folder, address or the verification set, or a body."""
 
 import math
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rf_pointing import __version__
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.ephemeris import Elements, OemTarget, Site, TargetSource, TopocentricTrack, oem_text
 from rf_pointing.ephemeris.element_files import SUFFIXES, element_files, is_address
 from rf_pointing.ephemeris.source import SourceParams, load_catalogue, load_target
-from rf_pointing.station.pointing.multi_satellite_plan import Wish
+
+if TYPE_CHECKING:
+    from rf_pointing.station.pointing.multi_satellite_plan import Wish
 
 MAX_AGE_S = SourceParams().max_age_days * DAY_S
 """Age from the epoch beyond which elements are refused."""
@@ -52,7 +55,7 @@ class Target:
         return current_elements(self.location)
 
     def source(self, site: Site) -> SourceParams:
-        """Return what a node is told about this target, seen from `site`."""
+        """Return the parameters of a node for this target, seen from `site`."""
         return SourceParams(
             elements=self.location, satellite=self.satellite, site=site,
             interpolation=self.interpolation, interpolation_degree=self.interpolation_degree,
@@ -86,10 +89,12 @@ class Target:
         _ = self.problem
         return element_files(self.location)[0] if is_address(self.location) else Path(self.location)
 
-    def wish(self) -> Wish:
+    def wish(self) -> "Wish":
         """Return the satellite as the plan of many takes it; ValueError without mean elements."""
         if not isinstance(self.found, Elements):
             raise ValueError(f"{self.name} is not tracked from mean elements")
+        from rf_pointing.station.pointing.multi_satellite_plan import Wish
+
         return Wish(elements=self.found, priority=self.priority, min_peak_rad=math.radians(self.min_peak_deg or 0.0))
 
     def to_oem(self, *, start_t_s: float, duration_s: float, created_t_s: float) -> str:

@@ -31,7 +31,6 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_problem import FitProblem
@@ -290,6 +289,9 @@ class _Mixture:
 
     def outside(self, terms: int | slice, half: float | Array) -> Array:
         """Return the share of each normal of `terms` that is farther than `half` from zero."""
+        # Imported here: no node but a calibrator that fits needs scipy, which costs 30 MB.
+        from scipy.special import ndtr
+
         apart, wide = self.apart[:, terms], self.wide[:, terms]
         return np.asarray(1.0 - (ndtr((half - apart) / wide) - ndtr((-half - apart) / wide)))
 

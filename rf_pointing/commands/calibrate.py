@@ -15,14 +15,14 @@ import sys
 from rf_pointing.api import live
 from rf_pointing.api.requests import CALIBRATION_START, DEFAULT_MODELS, CalibrateRequest
 from rf_pointing.api.target import Target
-from rf_pointing.commands.options import ELEMENTS_HELP, add_station_options, ending_with_reason
+from rf_pointing.commands.options import ELEMENTS_HELP, add_station_options, between, ending_with_reason
 from rf_pointing.commands.track_options import add_run_options, run_fields
 from rf_pointing.core.modes import Sensor
 from rf_pointing.tracking.sensors import SENSORS
 
 
 def request_of(argv: list[str] | None = None) -> CalibrateRequest:
-    """Return what a command line asks for; ValueError with the reason where it cannot be."""
+    """Return the request of a command line; ValueError with the reason where it cannot be."""
     parser = argparse.ArgumentParser(
         prog="calibrate", description="Calibrate the pointing model of a station, simulated or real."
     )
@@ -32,12 +32,17 @@ def request_of(argv: list[str] | None = None) -> CalibrateRequest:
     add("--elements", metavar="FILE|DIR|URL", default="",
         help=f"satellites that the station receives, for a real drive: {ELEMENTS_HELP}")  # fmt: skip
     add("--start", metavar="UTC", help=f"begin (default: {CALIBRATION_START}, of a real drive the present)")
-    add("--longest", metavar="S", type=float, help="length of the campaign at most (default: 4800, real: 86400)")
+    add(
+        "--longest",
+        metavar="S",
+        type=between(60.0, 86400.0),
+        help="length of the campaign at most (default: 4800, real: 86400)",
+    )
     add("--fewest", type=int, default=25, help="observations in each sector (default: 25)")
-    add("--orbit-prior", metavar="M", type=float, default=5.0,
+    add("--orbit-prior", metavar="M", type=between(0.01, 1e6), default=5.0,
         help="error of the beacons' orbits that the fit allows for in each pass (default: 5)")  # fmt: skip
     add("--resume", action="store_true", help="continue an interrupted campaign: only what its observations left thin")
-    add("--shadow", metavar="N", type=int, default=3,
+    add("--shadow", metavar="N", type=int, choices=range(2, 21), default=3,
         help="passes with the new model in the shadow before it is accepted (default: 3)")  # fmt: skip
     add_run_options(
         parser,
@@ -51,7 +56,7 @@ def request_of(argv: list[str] | None = None) -> CalibrateRequest:
         target=Target(location=given.elements, satellite=""),
         longest_s=given.longest,
         fewest=given.fewest,
-        shadow=given.shadow,
+        acceptance_passes=given.shadow,
         orbit_prior_m=given.orbit_prior,
         resume=given.resume,
     )

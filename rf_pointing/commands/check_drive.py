@@ -13,12 +13,12 @@ import math
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 from rf_pointing.commands.options import between, ending_with_reason
-from rf_pointing.core.parameters import NodeParameters, read_parameter_files
+from rf_pointing.core.parameters import read_parameter_files, with_leaves
 from rf_pointing.drives import DriveParams, make_drive
 from rf_pointing.drives.conformance import ConformanceCheck, Line
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 from rf_pointing.station.description import read_station
 from rf_pointing.station.description.description import require_known
 
@@ -57,14 +57,16 @@ def check(subject: ConformanceCheck, move: bool) -> list[Line]:
 
 def read_drive(files: list[Path], station: str = "") -> DriveParams:
     """Return the drive of a station, or of these files; ValueError says what is wrong."""
-    given: dict[str, Any] = {}
-    if station:
-        described = read_station(station)
-        given |= described.parameters("antenna_servo", described.default_band)
-    written = read_parameter_files(files).get("antenna_servo", NodeParameters("antenna_servo", {})).values
+    written = read_parameter_files(files).get("antenna_servo", {})
     require_known("antenna_servo", written)
-    given |= written
-    return NodeParameters("antenna_servo", given).group("drive", DriveParams())
+    if station:
+        drive: DriveParams = read_station(station).sets("antenna_servo", changes=written)["drive"]
+        return drive
+    try:
+        of_drive = {name: value for name, value in written.items() if name.startswith("drive.")}
+        return with_leaves(AntennaParams(), of_drive).drive
+    except ValueError as error:
+        raise ValueError(f"antenna_servo: {error}") from error
 
 
 def tick(longest_s: float) -> float:

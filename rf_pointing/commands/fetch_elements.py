@@ -23,7 +23,7 @@ PROGRAM = "fetch_elements"
 
 @dataclass(frozen=True)
 class FetchRequest:
-    """What `find` has to bring at a time (UTC in s since 1970), and whether JSON is printed."""
+    """Elements to fetch at a time (UTC in s since 1970), and whether JSON is printed."""
 
     find: Callable[[float], list[Outcome]]
     json: bool
@@ -55,7 +55,7 @@ def show(outcome: Outcome, now_s: float) -> None:
 
 
 def request_from(argv: list[str] | None = None) -> FetchRequest:
-    """Return what a command line asks for."""
+    """Return the request of a command line."""
     parser = argparse.ArgumentParser(prog=PROGRAM, description="Fetch elements and keep them as files.")
     add = parser.add_argument
     add("addresses", nargs="*", metavar="URL", help="http(s) address (default: all that are kept)")

@@ -40,7 +40,7 @@ class FitCommand:
 
 
 def request_from(argv: list[str] | None = None) -> FitCommand:
-    """Return what a command line asks for; ValueError for a wrong station, model or file."""
+    """Return the request of a command line; ValueError for a wrong station, model or file."""
     parser = argparse.ArgumentParser(prog="fit_bias_model", description="Fit the pointing model of an antenna.")
     add = parser.add_argument
     add("files", nargs="+", type=Path, metavar="FILE", help="recording, CSV or TDM")

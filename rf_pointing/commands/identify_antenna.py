@@ -25,7 +25,7 @@ from rf_pointing.identification import ExcitationParams
 
 
 def request_of(argv: list[str] | None = None) -> IdentifyRequest:
-    """Return what a command line asks for; ValueError with the reason where it cannot be."""
+    """Return the request of a command line; ValueError with the reason where it cannot be."""
     usual = ExcitationParams()
     parser = argparse.ArgumentParser(prog="identify_antenna", description="Identify the antenna from its own motion.")
     add = parser.add_argument

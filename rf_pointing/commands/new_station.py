@@ -23,7 +23,7 @@ FREQUENCIES_MHZ = {
     "Ku": 12000.0,
     "Ka": 26500.0,
 }
-"""What satellites send in each band; a description says the frequency, so any name will do."""
+"""Downlink frequency of each band; a description says the frequency, so any name will do."""
 
 MOUNT = """
 mount:
@@ -52,7 +52,7 @@ drive: {type: simulated}            # your rotator or control unit: docs/own_ant
 
 @dataclass(frozen=True, kw_only=True)
 class NewStation:
-    """What the options say of a station, as they were written."""
+    """Options of a new station, as they were written."""
 
     name: str
     latitude: str
@@ -107,7 +107,7 @@ def _quoted(name: str) -> str:
 
 
 def request_from(argv: list[str] | None = None) -> NewStation:
-    """Return what a command line asks for."""
+    """Return the request of a command line."""
     parser = argparse.ArgumentParser(prog="new_station", description="Print a station description to begin with.")
     add = parser.add_argument
     add("--name", required=True, help="name of the station")

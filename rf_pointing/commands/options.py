@@ -71,14 +71,14 @@ def _namespace(text: str) -> str:
         validate_namespace(name)
     except InvalidNamespaceException as error:
         reason = str(error).splitlines()[0]
-        raise argparse.ArgumentTypeError(f"{text!r} is no ROS namespace: {reason}") from error
+        raise argparse.ArgumentTypeError(f"{text!r} is not a ROS namespace: {reason}") from error
     return name
 
 
 def target_from(location: str, satellite: str, interpolation: Sequence[str] = ("", "7")) -> Target:
     """Return what --elements, --satellite and --interpolation name; say if an address failed.
 
-    Raises ValueError for a degree that is no whole number, and for an address without elements.
+    Raises ValueError for a degree that is not a whole number, and for an address without elements.
     """
     method, degree = interpolation_of(interpolation)
     target = Target(location=location, satellite=satellite, interpolation=method, interpolation_degree=degree)

@@ -30,7 +30,7 @@ MAX_AGE_S = 14.0 * 86400.0
 
 @dataclass(frozen=True, kw_only=True)
 class CampaignRequest:
-    """What could be tracked when, and what is planned of it: the sky, or terms to `improve`."""
+    """Possible passes, and the plan to make of them: the sky, or terms to `improve`."""
 
     station: Station
     elements: str
@@ -93,8 +93,7 @@ def advice(request: CampaignRequest, candidates: list[CandidatePass]) -> int:
         file.check_for(request.station.name, file.band, file.valid_from_t_s)
         terms, covariance = file.fitted, file.covariance
     else:
-        # Of a station that was never calibrated no term is known, not even those that are to be
-        # improved.
+        # A station that was never calibrated knows no term, not even those to be improved.
         terms = tuple(dict.fromkeys((*calibration.TERM_NAMES, *request.improve)))
         covariance = calibration.uninformed_covariance(terms)
     before = dict(zip(terms, np.sqrt(np.diag(covariance)), strict=True))
@@ -110,7 +109,7 @@ def advice(request: CampaignRequest, candidates: list[CandidatePass]) -> int:
 
 
 def request_from(argv: list[str] | None = None) -> CampaignRequest:
-    """Return what a command line asks for."""
+    """Return the request of a command line."""
     parser = argparse.ArgumentParser(prog=PROGRAM, description="Plan a calibration campaign.")
     add = parser.add_argument
     add("--elements", metavar="FILE|DIR|URL", default="", help=f"{ELEMENTS_HELP} (default: verification set of sgp4)")

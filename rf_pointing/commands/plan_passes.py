@@ -98,7 +98,7 @@ def plan_many(request: PlanRequest, targets: list[Target]) -> None:
 
 
 def request_from(argv: list[str] | None = None) -> PlanRequest:
-    """Return what a command line asks for; ValueError for what is missing or contradicts itself."""
+    """Return the request of a command line; ValueError for one that contradicts itself."""
     what = "Plan the coming passes of a satellite, or of many satellites for one antenna, with certificates."
     parser = argparse.ArgumentParser(prog=PROGRAM, description=what)
     add_target_options(parser)

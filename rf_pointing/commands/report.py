@@ -14,7 +14,7 @@ from rf_pointing.commands.options import ending_with_reason
 
 
 def request_from(argv: list[str] | None = None) -> Callable[[], list[Path]]:
-    """Return what a command line asks for: what writes files and returns them."""
+    """Return the request of a command line: what writes files and returns them."""
     what = "Write the HTML report and the summary of a recorded bag, or export its data."
     parser = argparse.ArgumentParser(prog="report", description=what)
     add = parser.add_argument

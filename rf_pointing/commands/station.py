@@ -30,17 +30,13 @@ from rf_pointing.core.dates import parse_utc
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.ros.station_client import NIGHT, StationClient
 from rf_pointing.ros.station_run import run_to_end
+from rf_pointing.station.antenna.modes import OPERATED
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
-
-ANTENNA = {"park": ("park", "go to the park position"), "stow": ("stow", "go to the stow position"),
-           "pause": ("pause", "stop, and keep the commands that come"), "disable": ("disable", "stop, and set the brakes"),
-           "release": ("resume", "leave a pause or a rest"), "reset": ("reset_fault", "clear a latched fault")}  # fmt: skip
-"""Services of the antenna by the words that call them, with their help."""
 
 
 @dataclass(frozen=True)
 class StationRequest:
-    """What is asked of the station in a namespace: a call that returns whether it was granted."""
+    """Request to the station in a namespace: a call that returns whether it was granted."""
 
     namespace: str
     key: Path | None
@@ -49,7 +45,7 @@ class StationRequest:
 
 
 def request_of(argv: list[str] | None = None) -> StationRequest:
-    """Return what a command line asks for."""
+    """Return the request of a command line."""
     load_trackers()
     parser = argparse.ArgumentParser(prog="station", description="Operate a running station.")
     add_namespace_option(parser)
@@ -84,7 +80,7 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     go = add("go", "turn the axes to a position and hold there", StationClient.go)
     go("azimuth_rad", metavar="azimuth", type=_degrees(-1000.0, 1000.0), help="deg, the turn of the cables counts")
     go("elevation_rad", metavar="elevation", type=_degrees(-20.0, 200.0), help="deg")
-    for word, (service, text) in ANTENNA.items():
+    for service, (word, text) in OPERATED.items():
         add(word, text, StationClient.ask, name=f"antenna_servo/{service}")
     add("stop", "end the pass under control", StationClient.ask, name="pointing_controller/stop")(
         "--antenna", dest="name", action="store_const", const="antenna_servo/stop",

@@ -21,7 +21,7 @@ from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
 
 def request_of(argv: list[str] | None = None) -> TrackRequest:
-    """Return what a command line asks for; ValueError with the reason where it cannot be."""
+    """Return the request of a command line; ValueError with the reason where it cannot be."""
     load_trackers()
     parser = argparse.ArgumentParser(
         prog="track", description="Track one satellite pass with a station, simulated or real."
@@ -30,7 +30,7 @@ def request_of(argv: list[str] | None = None) -> TrackRequest:
     add = parser.add_argument
     add("--min-peak", type=between(0.0, 90.0), default=40.0, help="least peak elevation in deg (default: 40)")
     add("--sensor", choices=tuple(SENSOR_CHOICES), help="(default: that of the station's band)")
-    add("--scan-sigma", metavar="MDEG", type=float, help="accuracy of conscan per axis at the pass's weakest "
+    add("--scan-sigma", metavar="MDEG", type=float, help="accuracy of the scan per axis at the pass's weakest "
         "carrier: chooses radius and period (default: the station's)")  # fmt: skip
     add_run_options(
         parser,

@@ -13,7 +13,6 @@ DSS-13, which `benchmarks/lqg_tuning.py` made; its output lies next to it.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -127,9 +126,9 @@ def load_lqg_designs(path: Path | None = None) -> tuple[LqgDesign, LqgDesign]:
     ValueError
         For an unreadable file, another format, or an unknown or missing key.
     """
-    source = files("rf_pointing.controllers").joinpath(_PACKAGED) if path is None else path
+    source = Path(__file__).with_name(_PACKAGED) if path is None else path
     try:
-        content = parse_json(read_whole(Path(str(source))))
+        content = parse_json(read_whole(source))
     except (OSError, ValueError) as error:
         raise ValueError(f"{source}: no LQG designs: {error}") from error
     if not isinstance(content, Mapping) or content.get("format") != FORMAT:

@@ -236,24 +236,8 @@ def _check_range(name: str, value: Any, low: float | None, high: float | None) -
             require_between(element_name, element, low, high)
 
 
-class NodeParameters:
-    """Values that files give one node, by dotted names, as on the edge (degrees)."""
-
-    def __init__(self, node: str, values: Mapping[str, Any]) -> None:
-        self.node, self.values = node, dict(values)
-
-    def group(self, prefix: str, defaults: P) -> P:
-        """Return `defaults` with the values under `prefix`; errors name node and key."""
-        start = f"{prefix}." if prefix else ""
-        chosen = {k.removeprefix(start): v for k, v in self.values.items() if k.startswith(start)}
-        try:
-            return with_leaves(defaults, chosen)
-        except ValueError as error:
-            raise ValueError(f"{self.node}: {start}{error}") from error
-
-
-def read_parameter_files(paths: Sequence[Path]) -> dict[str, NodeParameters]:
-    """Return the parameters of every node, later files over earlier ones."""
+def read_parameter_files(paths: Sequence[Path]) -> dict[str, dict[str, Any]]:
+    """Return the parameters of every node by dotted edge name, later files over earlier ones."""
     merged: dict[str, dict[str, Any]] = {}
     for path in paths:
         try:
@@ -273,7 +257,7 @@ def read_parameter_files(paths: Sequence[Path]) -> dict[str, NodeParameters]:
             if not isinstance(section["ros__parameters"], Mapping):
                 raise ValueError(f"{path}: ros__parameters of {key} must map names to values")
             merged.setdefault(str(key).rsplit("/", 1)[-1], {}).update(_flat(section["ros__parameters"]))
-    return {node: NodeParameters(node, values) for node, values in merged.items()}
+    return merged
 
 
 def _flat(section: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -9,7 +9,7 @@ import zlib
 import numpy as np
 
 
-def random_stream(seed: int, name: str) -> np.random.Generator:
+def random_stream(seed: int, name: str) -> "np.random.Generator":
     """Return the generator of the noise source `name` in the run with `seed`."""
     # SeedSequence takes no negative numbers, and says so in words that name no parameter.
     if seed < 0:

@@ -18,6 +18,8 @@ from rf_pointing.core.types import Array, ComplexArray
 
 # Joint names, in the order of every two-axis array.
 AXES = ("azimuth", "elevation")
+BASE, AZIMUTH, ELEVATION, BEAM = FRAMES = ("base_link", "azimuth_link", "elevation_link", "beam")
+"""Frames of an antenna, each the child of the one before; a namespace goes before them."""
 # Time that a `TimeBuffer` keeps.
 KEPT_S = 2.0
 # No mount turns so far from its encoders' zero: such a reading is not an angle.

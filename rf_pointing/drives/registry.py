@@ -8,14 +8,16 @@ A package of one's own registers a factory in its setup.cfg, which takes `DriveP
 """
 
 import math
-from importlib.metadata import entry_points
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from rf_pointing.core.types import Pair
 from rf_pointing.drives.drive import Drive
 from rf_pointing.drives.params import DriveParams
-from rf_pointing.drives.polled import PolledDrive
 from rf_pointing.drives.protocols import PROTOCOLS
-from rf_pointing.drives.simulated_rotator import SimulatedRotator
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 ENTRY_POINTS = "rf_pointing.drives"
 SIMULATED_ROTATOR = "simulated_rotator"
@@ -25,7 +27,14 @@ SIMULATED = ("simulated", SIMULATED_ROTATOR)
 
 def known_types() -> list[str]:
     """Return the names of the drives that `make_drive` can make here."""
-    return [SIMULATED_ROTATOR, *PROTOCOLS, *(point.name for point in entry_points(group=ENTRY_POINTS))]
+    return [SIMULATED_ROTATOR, *PROTOCOLS, *_factories()]
+
+
+def _factories() -> "Mapping[str, EntryPoint]":
+    # Imported here: it costs 2 MB, and most stations have a drive of this package.
+    from importlib.metadata import entry_points
+
+    return {point.name: point for point in entry_points(group=ENTRY_POINTS)}
 
 
 def takes_positions(kind: str) -> bool:
@@ -51,11 +60,14 @@ def make_drive(params: DriveParams, start_rad: Pair = (0.0, 0.0)) -> Drive:
         For a type or model that does not exist, or what the factory of an entry point refuses.
     """
     if params.type == SIMULATED_ROTATOR:
+        from rf_pointing.drives.simulated_rotator import SimulatedRotator
+
         return SimulatedRotator(params, start_rad)
     if params.type in PROTOCOLS:
+        from rf_pointing.drives.polled import PolledDrive
+
         return PolledDrive(PROTOCOLS[params.type](params.model), params)
-    for point in entry_points(group=ENTRY_POINTS, name=params.type):
-        factory = point.load()
-        made: Drive = factory(params)
+    if point := _factories().get(params.type):
+        made: Drive = point.load()(params)
         return made
     raise ValueError(f"drive.type={params.type!r} must be one of simulated, topic, {', '.join(known_types())}")

@@ -4,7 +4,6 @@ Nothing here uses the network.  `fetch_elements` keeps the answer of an address 
 cache folder; an address stands for that file.  The cache folder is itself a folder of elements.
 """
 
-import hashlib
 import os
 import re
 from pathlib import Path
@@ -36,6 +35,9 @@ def kept_file(address: str, folder: Path) -> Path:
         raise ValueError(f"elements={address!r} must be an address such as https://celestrak.org/…")
     words = re.sub(r"[^A-Za-z0-9.=]+", "_", f"{parts.hostname}{parts.path}_{parts.query}").strip("_")
     # The digest keeps apart what the words have in common; they are for people.
+    # Imported here: OpenSSL takes 3.5 MB, and few stations fetch their elements.
+    import hashlib
+
     digest = hashlib.sha256(address.encode()).hexdigest()[:8]
     return folder / f"{words[:120]}-{digest}.elements"
 

@@ -55,7 +55,7 @@ class ExcitationParams(Params):
             raise ValueError(f"high_hz={self.high_hz} must be <= {0.5 / self.sample_s} (half the sampling rate)")
 
 
-def excitation_rad_s(params: ExcitationParams, random: np.random.Generator) -> Array:
+def excitation_rad_s(params: ExcitationParams, random: "np.random.Generator") -> Array:
     """Return one sequence (samples,) in rad/s; white noise is uniform, so bounded."""
     if params.kind == "white":
         sequence = random.random(params.samples)
@@ -74,7 +74,7 @@ def predicted_travel_rad(rate_rad_s: Array, sample_s: float) -> tuple[float, flo
     return min(0.0, float(np.min(path))), max(0.0, float(np.max(path)))
 
 
-def _multisine(params: ExcitationParams, random: np.random.Generator) -> Array:
+def _multisine(params: ExcitationParams, random: "np.random.Generator") -> Array:
     """Return equal amplitudes on every line of the band with random phases, periodic."""
     frequency = np.fft.rfftfreq(params.samples, params.sample_s)
     # Whole lines of the sequence's own grid: the input is periodic and does not leak.
@@ -112,7 +112,7 @@ class IdentificationExperiment:
         sequences: int,
         start_rad: float,
         travel_rad: tuple[float, float],
-        random: np.random.Generator,
+        random: "np.random.Generator",
         margin_rad: float = 0.01,
     ) -> None:
         require_choice("axis", axis, AXES)

@@ -50,7 +50,7 @@ class BiasCalibrator(StationNode):
         self._shown = -1
         self._select = self.create_client(SelectTarget, "ephemeris_publisher/select_target")
         self._track = ActionClient(self, TrackPass, "track_pass")
-        result = lambda refusal: RunCampaign.Result(**self.calibrator.outcome(self._campaign, refusal))  # noqa: E731
+        result = lambda reason: RunCampaign.Result(**self.calibrator.outcome(self._campaign, reason))  # noqa: E731
         self._goal = OneGoal(self, RunCampaign, "~/run_campaign", self._begin, result, self._cancel)
         self._fits = ActionServer(
             self, FitModel, "~/fit_model", self._on_fit, result_timeout=RESULT_TIMEOUT_S,
@@ -95,7 +95,7 @@ class BiasCalibrator(StationNode):
         return 0.02
 
     def _publish(self, text: str = "") -> str:
-        """Publish the model in force, and return the answer to who has asked for it."""
+        """Publish the model in force, and return the answer to the client."""
         file, station = self.calibrator.keeper.active, self.parameters.value("calibrator").station
         message = no_model_to_message(station) if file is None else model_to_message(file)
         message.header.stamp = stamp_from_seconds(self.now_s())

@@ -75,9 +75,7 @@ class OperatorPage(ManagedNode):
         for part in (self._sender, *self._readers.values()):
             self._at_cleanup.callback(part.close)
         self._newest: dict[str, Any] = {}
-        self._streams = {
-            name: self.listen_latest(kind, topic, lambda m: m, qos) for name, (kind, topic, qos) in STREAMS.items()
-        }
+        self._streams = {name: self.listen_latest(*row[:2], lambda m: m, row[2]) for name, row in STREAMS.items()}
         self._streams["joints"] = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         for name, (kind, topic, values, qos) in SECTIONS.items():
             self.listen(kind, topic, partial(self._keep, name, values), qos)
@@ -90,9 +88,9 @@ class OperatorPage(ManagedNode):
         self.get_logger().info(f"operator's page at {self._server.address}; the token of commands is in {path}")
 
     def _close(self) -> None:
-        server, self._server = self._server, None
-        if server is not None:
-            server.close()
+        if self._server is not None:
+            self._server.close()
+        self._server = None
 
     def turn(self) -> float:
         if self._server is None:
@@ -112,8 +110,9 @@ class OperatorPage(ManagedNode):
         return self._board.wait_s
 
     def _keep(self, name: str, values: Callable[[Any], Any], message: Any) -> None:
-        self._newest[name] = message
+        # A message without values leaves the one before it, on the board and here.
         self._board.keep(name, values(message))
+        self._newest[name] = message
 
     def _on_profiles(self, message: ours.PassProfileList) -> None:
         self._board.profiles = [profile_from_message(each) for each in message.profiles]

@@ -38,6 +38,9 @@ from rf_pointing.tracking.sensors import load_trackers
 class PointingControllerNode(StationNode):
     """Steps the goals of the pointing controller once a period, and between events."""
 
+    # What commands the antenna refuses a description that any node would refuse.
+    CHECKS_EVERY_NODE = True
+
     def __init__(self) -> None:
         super().__init__("pointing_controller")
         # Before the declarations: `autotrack.sensor` takes their names.

@@ -26,6 +26,7 @@ except ImportError:
     # ROS without tf2: nobody there can use a transform.
     TFMessage = None
 
+from rf_pointing.core.signals import BASE, BEAM
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.planning import PassProfile
 from rf_pointing.ros import convert, convert_planning
@@ -37,11 +38,11 @@ from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.ros.streams import frame_in
 from rf_pointing.station.derive.band import Band
-from rf_pointing.station.description.urdf import BASE, BEAM, size_m, urdf
+from rf_pointing.station.description.urdf import size_m, urdf
 from rf_pointing.station.parameters import ViewParams
 
 TF_PERIOD_S = 0.05
-"""Of robot_state_publisher as well, by default."""
+"""Period of /tf, which is the default of robot_state_publisher as well."""
 TF = QoSProfile(depth=100)
 SIZES = 3.0
 """Radius of the sphere of directions, in diameters of the antenna."""

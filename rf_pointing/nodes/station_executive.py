@@ -48,7 +48,7 @@ class StationExecutive(StationNode):
         for prefix, defaults in PARAMS.items():
             self.parameters.declare(prefix, defaults)
         self.parameters.declare("", CommandKeyParams(), group="key")
-        result = lambda refusal: RunSchedule.Result(**self.watch.result(refusal))  # noqa: E731
+        result = lambda reason: RunSchedule.Result(**self.watch.result(reason))  # noqa: E731
         cancel = lambda: self.watch.cancel(self.now_s())  # noqa: E731
         self._goal = OneGoal(self, RunSchedule, "run_schedule", self._begin, result, cancel)
 

@@ -17,8 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from rf_pointing.core.types import Array, Pair
 from rf_pointing.planning.forbidden_sky import EARTH_RATE_RAD_S, ForbiddenSky, angle_between
@@ -321,9 +319,14 @@ class _FreeColumns:
                 rows.append(index[here, :-1][meet])
                 columns.append(index[there, 1:][meet])
         row, column = np.concatenate(rows), np.concatenate(columns)
-        graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(low.size, low.size))
-        labels = connected_components(graph, directed=False)[1].reshape(low.shape)
-        return np.where(low <= high, labels, -1)
+        # The number of a piece is that of the first one that it is connected with.
+        labels, before = np.arange(low.size), np.full(low.size, -1)
+        while not np.array_equal(labels, before):
+            before = labels.copy()
+            np.minimum.at(labels, before[row], before[column])
+            np.minimum.at(labels, before[column], before[row])
+            labels = labels[labels]
+        return np.where(low <= high, labels.reshape(low.shape), -1)
 
     def _reached(self, component: NDArray[np.int64], *, forward: bool) -> dict[int, tuple[int, int, Pair]]:
         """Return by component the nearest piece, and place in it, with a free leg from or to it."""

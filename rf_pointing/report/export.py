@@ -13,8 +13,10 @@ export.
 
 import csv
 import io
+import re
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -24,111 +26,32 @@ from numpy.typing import NDArray
 from rf_pointing.core import AXES
 from rf_pointing.core.whole_file import write_whole
 from rf_pointing.report.recording import Recording
-from rf_pointing.report.topics import TopicData
+from rf_pointing.report.topics import TOPICS, TopicData
 
 Columns = dict[str, NDArray[Any]]
+Meaning = tuple[str, str]
 FORMATS = ("csv", "parquet", "mat")
 DICTIONARY = "dictionary"
-_SUFFIXES = {"rad": "_rad", "rad/s": "_rad_s", "rad/s^2": "_rad_s2", "m": "_m", "m/s": "_m_s", "s": "_s", "dB": "_db",
-             "dB-Hz": "_db_hz", "W": "_w", "ns": "_ns", "": ""}  # fmt: skip
+MESSAGES = Path(__file__).parent / "messages"
+"""The definitions of rf_pointing_msgs; in a checkout a link to msg_defs/msg.
+
+They ship with the package, so that they are there without ROS.  A comment begins with the unit:
+`# rad/s, after limits`.
+"""
+SUFFIXES = {"rad": "_rad", "rad/s": "_rad_s", "rad/s^2": "_rad_s2", "m": "_m", "m/s": "_m_s", "s": "_s", "dB": "_db",
+            "dB-Hz": "_db_hz", "W": "_w", "ns": "_ns", "": ""}  # fmt: skip
+"""End of the name of a column, by its unit."""
+_FIELD = re.compile(r"^(\S+) (\w+) *(?:# *(.*(?:\n +#.*)*))?$", re.MULTILINE)
+_JOINTS = {"position": ("rad", "encoder angle, continuous over all turns"), "velocity": ("rad/s", "encoder rate")}
+"""JointState is a message of ROS, whose comments are not at hand without it."""
+# A row of these tables is made of the elements of a list in their messages.
+_INNER = {"passes": "Pass", "pass_certificate": "PassBranch"}
+_PASSES = ("target", "aos", "tca", "los", "peak_elevation")
 _HEAD = {
     "stamp_ns": ("ns", "when the values are valid: UTC since 1970; -1 without a stamp"),
     "log_time_ns": ("ns", "when the recorder received the message, by its own clock"),
     "t_s": ("s", "stamp after the first one of the recording"),
 }
-_ERROR = {
-    "cross_elevation": ("rad", "target minus beam on the sky, positive to the right"),
-    "elevation": ("rad", "target minus beam, positive above"),
-    "carrier_to_noise": ("dB-Hz", "carrier over noise density, as the sensor measured it"),
-    "sensor": ("", "which sensor measured"),
-    "valid": ("", "whether the error may be used"),
-    "reason": ("", "why it is not valid"),
-}
-MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
-    "target": {
-        "target": ("", "catalogue number or name"),
-        "azimuth": ("rad", "apparent direction of the target, from true north through east"),
-        "elevation": ("rad", "apparent elevation of the target, refraction included"),
-        "azimuth_rate": ("rad/s", "its rate"),
-        "elevation_rate": ("rad/s", "its rate"),
-        "azimuth_acceleration": ("rad/s^2", "its acceleration"),
-        "elevation_acceleration": ("rad/s^2", "its acceleration"),
-        "range": ("m", "distance of the target"),
-        "range_rate": ("m/s", "positive: the target recedes"),
-    },
-    "passes": {
-        "target": ("", "catalogue number or name"),
-        "aos": ("ns", "acquisition of signal, UTC since 1970"),
-        "tca": ("ns", "closest approach, UTC since 1970"),
-        "los": ("ns", "loss of signal, UTC since 1970"),
-        "peak_elevation": ("rad", "largest elevation of the pass"),
-    },
-    "pointing_model": {"name": ("", "name of the bias model that came into force")},
-    "tracking_status": {
-        "mode": ("", "what the controller does"),
-        "target": ("", "what it tracks; empty: nothing"),
-        "reason": ("", "why this mode"),
-        "azimuth": ("rad", "commanded direction on the sky"),
-        "elevation": ("rad", "commanded direction on the sky"),
-        "scan_centre": ("rad", "commanded axis angle, without scans"),
-        "cross_elevation_error": ("rad", "last sensed error, or that of the axes without a sensor"),
-        "elevation_error": ("rad", "last sensed error, or that of the axes without a sensor"),
-        "cross_elevation_offset": ("rad", "what tracking adds to the prediction"),
-        "elevation_offset": ("rad", "what tracking adds to the prediction"),
-        "carrier_to_noise": ("dB-Hz", "carrier over noise density"),
-        "beamwidth": ("rad", "half-power beamwidth of the band in use"),
-        "command_lead": ("s", "from now to the last commanded point"),
-        "commands_sent": ("", "trajectories published since activation"),
-        "level": ("", "0 ok, 1 warning, 2 error"),
-        "alarm": ("", "why the level is not ok"),
-        "seconds_tracked": ("s", "of the pass so far with the target within the half-power beam"),
-        "seconds_lost": ("s", "of the pass so far without"),
-        "mean_loss": ("dB", "pointing loss of the mean power of the pass so far"),
-    },
-    "pass_certificate": {
-        "target": ("", "catalogue number or name"),
-        "aos": ("ns", "acquisition of signal, UTC since 1970"),
-        "los": ("ns", "loss of signal, UTC since 1970"),
-        "accepted": ("", "whether a branch works"),
-        "lost": ("s", "predicted below half power"),
-        "late": ("s", "after acquisition at which the axes arrive"),
-        "acquisition": ("s", "that the sensor is expected to need"),
-        "mean_loss": ("dB", "expected over the pass"),
-        "least_share": ("", "share of the pass that must be held"),
-    },
-    "joint_states": {
-        "position": ("rad", "encoder angle, continuous over all turns"),
-        "velocity": ("rad/s", "encoder rate"),
-    },
-    "antenna_status": {
-        "mode": ("", "mode of the antenna"),
-        "fault": ("", "latched fault; empty: none"),
-        "rate_command": ("rad/s", "command of the drive, after limits"),
-        "rate_limit": ("rad/s", "largest rate"),
-        "acceleration_limit": ("rad/s^2", "largest acceleration"),
-        "at_limit": ("", "whether the axis is at its stop"),
-        "command_lead": ("s", "of commands still in the table"),
-        "tick_lateness": ("s", "wall time by which the control tick began late"),
-        "commands_accepted": ("", "since activation"),
-        "commands_rejected": ("", "since activation"),
-        "last_rejection": ("", "why the last of them was rejected"),
-        "set_points": ("", "sent to a drive that takes positions"),
-        "starts": ("", "of its motion"),
-        "reversals": ("", "of its motion"),
-    },
-    "sim/boresight": {
-        "azimuth": ("rad", "true direction of the simulated beam"),
-        "elevation": ("rad", "true direction of the simulated beam"),
-    },
-    "sim/pointing_error": _ERROR,
-    "monopulse": {"carrier_to_noise": ("dB-Hz", "the receiver's estimate on the sum channel")},
-    "carrier_power": {
-        "power": ("W", "carrier power, averaged over the integration time before the stamp"),
-        "carrier_to_noise": ("dB-Hz", "carrier over noise density"),
-    },
-    "pointing_error": _ERROR,
-}
-"""Unit and meaning of what is read of each topic."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +66,36 @@ class ColumnMeaning:
     type_name: str
 
 
+@cache
+def meanings() -> dict[str, dict[str, Meaning]]:
+    """Return unit and meaning of every column that is exported, by topic."""
+    return {topic: _of_topic(topic) for topic, layout in TOPICS.items() if layout.columns}
+
+
+def _of_topic(topic: str) -> dict[str, Meaning]:
+    package, _, name = TOPICS[topic].type_name.partition("/msg/")
+    if package != "rf_pointing_msgs":
+        return _JOINTS
+    fields = (_fields(_INNER[topic]) if topic in _INNER else {}) | _fields(name)
+    return {column: fields[column] for column in (_PASSES if topic == "passes" else TOPICS[topic].columns)}
+
+
+@cache
+def _fields(name: str) -> dict[str, Meaning]:
+    """Return unit and meaning of every field of a message; a time is read in ns."""
+    found = {}
+    for kind, field_name, comment in _FIELD.findall((MESSAGES / f"{name}.msg").read_text(encoding="utf-8")):
+        text = re.sub(r"\s*\n +#\s*", " ", comment)
+        unit = re.split("[, ]", text, maxsplit=1)[0]
+        if kind == "builtin_interfaces/Time":
+            found[field_name] = ("ns", f"{text} since 1970")
+        elif unit in SUFFIXES:
+            found[field_name] = (unit, text.removeprefix(unit).lstrip(", "))
+        else:
+            found[field_name] = ("", text)
+    return found
+
+
 def topic_table(recording: Recording, topic: str) -> Columns:
     """Return a topic of a recording as columns (n,); ValueError for one that it does not have."""
     return _columns(recording, topic)[0]
@@ -155,7 +108,7 @@ def data_dictionary(recording: Recording) -> list[ColumnMeaning]:
 
 def exported_topics(recording: Recording) -> list[str]:
     """Return the topics of a recording that have columns and messages."""
-    return [topic for topic in MEANINGS if recording.get(topic) is not None]
+    return [topic for topic in meanings() if recording.get(topic) is not None]
 
 
 def export_recording(recording: Recording, folder: Path, kind: str) -> list[Path]:
@@ -175,20 +128,20 @@ def export_recording(recording: Recording, folder: Path, kind: str) -> list[Path
         _pyarrow()
     topics = exported_topics(recording)
     if not topics:
-        raise ValueError(f"{recording.path} holds no message of {', '.join(MEANINGS)}")
+        raise ValueError(f"{recording.path} holds no message of {', '.join(meanings())}")
     tables = {_file_name(topic): _columns(recording, topic) for topic in topics}
-    meanings = [row for _, rows in tables.values() for row in rows]
+    described = [row for _, rows in tables.values() for row in rows]
     if kind == "mat":
-        return [_write_mat(folder / "recording.mat", {name: each for name, (each, _) in tables.items()}, meanings)]
+        return [_write_mat(folder / "recording.mat", {name: each for name, (each, _) in tables.items()}, described)]
     write = _write_csv if kind == "csv" else _write_parquet
     files = [write(folder / f"{name}.{kind}", columns, rows) for name, (columns, rows) in tables.items()]
-    return [*files, _write_dictionary(folder / f"{DICTIONARY}.csv", meanings)]
+    return [*files, _write_dictionary(folder / f"{DICTIONARY}.csv", described)]
 
 
 def _columns(recording: Recording, topic: str) -> tuple[Columns, list[ColumnMeaning]]:
     """Return the columns of a topic, and what they mean."""
-    if topic not in MEANINGS:
-        raise ValueError(f"topic={topic!r} must be one of {', '.join(MEANINGS)}")
+    if topic not in meanings():
+        raise ValueError(f"topic={topic!r} must be one of {', '.join(meanings())}")
     data = recording.get(topic)
     if data is None:
         raise ValueError(f"{recording.path} has no message of {topic}; it has {', '.join(exported_topics(recording))}")
@@ -205,11 +158,11 @@ def _meaning(topic: str, column: str) -> tuple[str, str, str]:
     """Return the field of the message, the unit and the meaning of an exported column."""
     if column in _HEAD:
         return {"stamp_ns": "header.stamp"}.get(column, ""), *_HEAD[column]
-    for name, (unit, meaning) in MEANINGS[topic].items():
-        if column == f"{name}{_SUFFIXES[unit]}":
+    for name, (unit, meaning) in meanings()[topic].items():
+        if column == f"{name}{SUFFIXES[unit]}":
             return name, unit, meaning
         for axis in AXES:
-            if column == f"{name}_{axis}{_SUFFIXES[unit]}":
+            if column == f"{name}_{axis}{SUFFIXES[unit]}":
                 return f"{name}[{AXES.index(axis)}]", unit, f"{meaning}, {axis}"
     raise ValueError(f"column {column} of {topic} has no meaning in the data dictionary")
 
@@ -226,10 +179,10 @@ def _times(recording: Recording, data: TopicData) -> Columns:
 
 def _values(data: TopicData) -> Columns:
     found: Columns = {}
-    for name, (unit, _) in MEANINGS[_relative(data.topic)].items():
+    for name, (unit, _) in meanings()[_relative(data.topic)].items():
         if name not in data.columns:
             continue
-        values, suffix = data.columns[name], _SUFFIXES[unit]
+        values, suffix = data.columns[name], SUFFIXES[unit]
         # Older recordings lack a field; its blank is a scalar for pairs, too.
         if values.ndim == 2 and values.shape[1] == len(AXES):
             found |= {f"{name}_{axis}{suffix}": values[:, index] for index, axis in enumerate(AXES)}
@@ -239,7 +192,7 @@ def _values(data: TopicData) -> Columns:
 
 
 def _relative(topic: str) -> str:
-    return max((name for name in MEANINGS if topic.endswith(f"/{name}")), key=len)
+    return max((name for name in meanings() if topic.endswith(f"/{name}")), key=len)
 
 
 def _passes(recording: Recording) -> Columns:

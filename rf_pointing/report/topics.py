@@ -150,7 +150,7 @@ def _certificate_row(message: Any) -> Row:
     return message.target, *times, chosen is not None, *numbers, getattr(message, "least_share", 0.0)
 
 
-_ERROR = _own("PointingError", "sensor", "valid", "reason", "cross_elevation", "elevation", "carrier_to_noise")
+_ERROR = _own("PointingError", "cross_elevation", "elevation", "carrier_to_noise", "sensor", "valid", "reason")
 
 TOPICS: dict[str, TopicLayout] = {
     "clock": TopicLayout("rosgraph_msgs/msg/Clock", (), lambda _: ()),

@@ -28,7 +28,7 @@ class DropoutParams(Params):
 class Dropouts:
     """Dropouts between two times, drawn once from `rng`; they never overlap."""
 
-    def __init__(self, params: DropoutParams, start_s: float, stop_s: float, rng: np.random.Generator) -> None:
+    def __init__(self, params: DropoutParams, start_s: float, stop_s: float, rng: "np.random.Generator") -> None:
         lengths = rng.uniform(params.shortest_s, params.longest_s, params.count)
         free = stop_s - start_s - float(np.sum(lengths)) - params.gap_s * (params.count + 1)
         if free < 0.0:

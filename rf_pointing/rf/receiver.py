@@ -61,7 +61,7 @@ class Receiver:
         params: ReceiverParams,
         beam: Beam | MonopulseFeed,
         feed: MonopulseFeed,
-        rng: np.random.Generator,
+        rng: "np.random.Generator",
         interference: InterferenceParams | None = None,
     ) -> None:
         self.params = params

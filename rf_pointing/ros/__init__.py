@@ -1,1 +1,1 @@
-"""What all nodes and clients share: parameters, topics, lifecycle, messages, launching."""
+"""Common part of all nodes and clients: parameters, topics, lifecycle, messages, launching."""

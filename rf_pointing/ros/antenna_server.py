@@ -24,12 +24,13 @@ from rf_pointing.ros.leased_services import LeasedServices
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
+from rf_pointing.station.antenna.modes import OPERATED
 from rf_pointing.station.antenna.operation import AntennaOperation, Tick
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 
 HEAD_BYTES = 4096
 POINT_BYTES = 112
-"""Of a point of a command: four sequences of two numbers with their lengths, and its time."""
+"""Length of a point of a command: its time, and four sequences of two numbers with lengths."""
 
 
 class AntennaServer:
@@ -52,8 +53,8 @@ class AntennaServer:
             most_bytes=lambda: HEAD_BYTES + POINT_BYTES * longest_command(),
         )  # fmt: skip
         node.serve_action(Trigger, "~/stop", self._stop)
-        for act in (antenna.reset_fault, antenna.pause, antenna.resume, antenna.park, antenna.stow, antenna.disable):
-            self.leased.serve(Trigger, act.__name__, partial(_do, act.__name__, act))
+        for name in OPERATED:
+            self.leased.serve(Trigger, name, partial(_do, name, getattr(antenna, name)))
         self.leased.serve(GoTo, "go_to", lambda r: _do("go_to", partial(antenna.go_to, (r.azimuth, r.elevation)), r))
         self.leased.serve(StowInFault, "stow_in_fault", self._stow_in_fault)
         node.diagnostics.add_report("drive", lambda: operation.drive_report(node.now_s()))

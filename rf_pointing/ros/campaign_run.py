@@ -19,7 +19,7 @@ Fit = tuple[Observations, FitResult]
 
 @dataclass(frozen=True)
 class CalibrationOutcome:
-    """How a calibration ended: the fitted model (empty: none), and the verdict of the shadow.
+    """How a calibration ended: the fitted model (empty: none), and the `verdict` on it.
 
     `fit` is made of the observations before the shadow added its own.  `settled` is True when the
     shadow decided, also against the new model: the better of the two is in force.  `fault` is what
@@ -29,7 +29,7 @@ class CalibrationOutcome:
     model: str = ""
     fit: Fit | None = None
     settled: bool = False
-    shadow: str = ""
+    verdict: str = ""
     fault: str = ""
     why: tuple[str, ...] = ()
 
@@ -66,19 +66,19 @@ class CalibrationRun(StationRun):
             return CalibrationOutcome(why=(fit.message, *self._told))
         # Before the shadow adds observations: the report is that of the fit.
         made = self._made()
-        shadow = self._observe(self._schedule.shadow, resume=True)
+        judged = self._observe(self._schedule.acceptance_passes, resume=True)
         if self.stopping:
             self.say(f"interrupted; {fit.model.name} is not in force")
             return CalibrationOutcome(fit.model.name, made)
-        if shadow.fault:
-            return CalibrationOutcome(fit.model.name, made, fault=shadow.fault)
-        if shadow.verdict != "better":
+        if judged.fault:
+            return CalibrationOutcome(fit.model.name, made, fault=judged.fault)
+        if judged.verdict != "better":
             self.say(f"{self.request('bias_calibrator/reject').message}: the old model stays in force")
-            enough = shadow.verdict == "undecided" and shadow.passes_observed >= len(self._schedule.shadow)
-            return CalibrationOutcome(fit.model.name, made, enough, shadow.message)
+            enough = judged.verdict == "undecided" and judged.passes_observed >= len(self._schedule.acceptance_passes)
+            return CalibrationOutcome(fit.model.name, made, enough, judged.message)
         answer = self.request("bias_calibrator/accept")
         self.say(answer.message)
-        return CalibrationOutcome(fit.model.name, made, answer.success, shadow.message)
+        return CalibrationOutcome(fit.model.name, made, answer.success, judged.message)
 
     def _observe(self, windows: Sequence[Pass], *, resume: bool) -> RunCampaign.Result:
         """Run a campaign of these passes; time runs only meanwhile."""

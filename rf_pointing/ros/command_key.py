@@ -9,9 +9,7 @@ A command that is sent again is refused by its stamps, a call by its signature. 
 nothing is signed, and any commander with a name is taken.
 """
 
-import hmac
 import re
-import secrets
 import struct
 import time
 from collections.abc import Iterable
@@ -59,7 +57,7 @@ class CommandKey:
     def check(self, message: JointTrajectory) -> str:
         """Return the name of the sender; ValueError for a command of anybody without the key."""
         name, _, signature = message.header.frame_id.partition(" ")
-        if self._key and not hmac.compare_digest(signature.encode(), self._signature(message, name).encode()):
+        if self._key and not _same(signature, self._signature(message, name)):
             self.foreign, self._last_s = self.foreign + 1, time.monotonic()
             self._last = (
                 f"conflict: a command in the name of {name or 'nobody'} is not signed with the key of this antenna "
@@ -77,7 +75,7 @@ class CommandKey:
         """Refuse a call of anybody without the key, and one that is old or sent again."""
         if not self._key:
             return
-        if not hmac.compare_digest(call.signature.encode(), self._call_signature(call).encode()):
+        if not _same(call.signature, self._call_signature(call)):
             raise ValueError(
                 f"a call in the name of {call.caller or 'nobody'} is not signed with the key of this antenna ({self.path})"
             )
@@ -118,12 +116,21 @@ class CommandKey:
         return self._digest(signed)
 
     def _call_signature(self, call: SignedCall.Request) -> str:
-        # No command begins with this word: a signature of one is none of the other.
+        # No command begins with this word: so neither has a valid signature of the other.
         head = struct.pack("<4sqI", b"call", call.stamp.sec, call.stamp.nanosec)
         return self._digest([head, _counted(call.service), _counted(call.caller), bytes(call.request)])
 
     def _digest(self, signed: list[bytes]) -> str:
+        # Imported here, as below: an antenna without a key needs no OpenSSL, which takes 3.5 MB.
+        import hmac
+
         return hmac.new(self._key, b"".join(signed), "sha256").hexdigest()[:SHOWN_DIGITS]
+
+
+def _same(one: str, other: str) -> bool:
+    import hmac
+
+    return hmac.compare_digest(one.encode(), other.encode())
 
 
 def _counted(word: str) -> bytes:
@@ -133,6 +140,8 @@ def _counted(word: str) -> bytes:
 def _key_of(path: Path) -> bytes:
     """Return the key in a file, which is made with one if it is missing."""
     try:
+        import secrets
+
         text = secret_in(path, lambda: secrets.token_hex(KEY_BYTES))
     except ValueError as error:
         raise ValueError(f"command_key_file={error}") from error

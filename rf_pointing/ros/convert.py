@@ -8,7 +8,7 @@ import math
 import re
 from array import array
 from collections.abc import Callable
-from typing import Any, TypeVar, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, get_origin, get_type_hints
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -20,14 +20,16 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 from rf_pointing import core
 from rf_pointing.core.constants import ZERO_CELSIUS_K
-from rf_pointing.ephemeris import SkyUncertainty
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
+
+if TYPE_CHECKING:
+    from rf_pointing.ephemeris import SkyUncertainty
 
 Signal = TypeVar("Signal")
 Message = TypeVar("Message")
 ORBIT_FRAME = "orbit"
-# Samples over a longer time are no measurement of a moving antenna.
+# Samples over a longer time do not measure a moving antenna.
 LONGEST_CLUSTER_S = 100.0
 # The leftmost match counts: `aos_t_s` loses `_t_s`, not only `_s`.
 _UNIT = re.compile(r"_(rad_s2|rad_s|rad2|rad|m_s|m|t_s|s|w|db_hz|db)$")
@@ -74,7 +76,7 @@ def _maker(blank: Any) -> Callable[[Any], Any]:
     # The wire has fixed arrays without shape: row-major.
     if isinstance(blank, np.ndarray):
         return lambda values: np.asarray(values, dtype=blank.dtype).ravel()
-    # Of any length: its own type is that of the wire.
+    # The length is any: its own type is that of the wire.
     return list if isinstance(blank, array) else type(blank)
 
 
@@ -92,7 +94,7 @@ antenna_status_to_message, antenna_status_from_message = pair(AntennaStatus, our
 tracking_status_to_message, _ = pair(TrackingStatus, ours.TrackingStatus, half_power_beamwidth_rad="beamwidth")
 
 
-def target_to_message(target: core.Target, uncertainty: SkyUncertainty | None = None) -> ours.Target:
+def target_to_message(target: core.Target, uncertainty: "SkyUncertainty | None" = None) -> ours.Target:
     """Return the target, with what the age of its elements means on the sky if that is known."""
     message = _target_to_message(target, light_time=target.light_time_s, doppler_factor=target.doppler_factor)
     if uncertainty is not None:

@@ -1,4 +1,4 @@
-"""What viewers show of a station: transforms on /tf and markers, from the core's signals.
+"""Pictures of a station for viewers: transforms on /tf and markers, from the core's signals.
 
 Directions are drawn on a sphere around the intersection of the axes.
 """
@@ -17,11 +17,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from rf_pointing.core import AXES, JointReading, Target
 from rf_pointing.core.angles import unit_vector_from_azel
+from rf_pointing.core.signals import BEAM, FRAMES
 from rf_pointing.ephemeris import Site
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.streams import frame_in
-from rf_pointing.station.description.urdf import AXIS, BEAM, FRAMES, ORIGIN_RPY
+from rf_pointing.station.description.urdf import AXIS, ORIGIN_RPY
 
 EARTH = "earth"
 """Earth-centred, Earth-fixed, of REP-105: the one frame that all antennas share."""
@@ -100,7 +101,7 @@ def mask_marker(mask: HorizonMask, frame_id: str, radius_m: float) -> Marker:
 
 
 def pass_marker(profile: PassProfile | None, frame_id: str, radius_m: float) -> Marker:
-    """Return the way of a pass over the sky; without one, what removes the one before."""
+    """Return the marker of the pass's path, or one that deletes the previous path."""
     if profile is None:
         marker = _marker("pass", frame_id, Marker.LINE_STRIP, BLUE, 0.0)
         marker.action = Marker.DELETE

@@ -1,16 +1,18 @@
 """Messages from and to passes and the planner's nouns, as pairs, like `convert.py`."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from rf_pointing_msgs import msg as ours
-from rf_pointing_msgs.action import TrackPass
 
 from rf_pointing.core import require_finite
 from rf_pointing.ephemeris import Pass
-from rf_pointing.operations.schedule import Entry
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
 from rf_pointing.ros.convert import pair
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
-from rf_pointing.station.clients.goals import GoalOutcome, PassGoal
+
+if TYPE_CHECKING:
+    from rf_pointing.operations.schedule import Entry
 
 _PROFILE = {"": "position_rad", "_rate": "velocity_rad_s", "_acceleration": "acceleration_rad_s2"}
 
@@ -21,19 +23,9 @@ _certificate_to_message, _certificate_from_message = pair(
 _branch_to_message, _branch_from_message = pair(
     Branch, ours.PassBranch, reasons="refusals", crossing=None, axes_rad=None
 )
-outcome_to_result, _ = pair(GoalOutcome, TrackPass.Result)
-_, _goal_from_message = pair(PassGoal, TrackPass.Goal, window=None)
 
 
-def goal_from_message(message: TrackPass.Goal) -> PassGoal:
-    if message.satellite and message.target_pass.target:
-        raise ValueError(
-            f"satellite={message.satellite!r} and a target_pass of {message.target_pass.target!r}: give one of them"
-        )
-    return _goal_from_message(message, window=None if message.satellite else pass_from_message(message.target_pass))
-
-
-def entry_to_message(entry: Entry) -> ours.ScheduledPass:
+def entry_to_message(entry: "Entry") -> ours.ScheduledPass:
     item = entry.item
     return ours.ScheduledPass(
         id=item.id, target=item.name or item.target, priority=item.priority, aos=stamp_from_seconds(item.aos_t_s),

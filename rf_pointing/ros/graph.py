@@ -17,8 +17,9 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
+from rf_pointing.core.signals import BASE, BEAM
 from rf_pointing.ros.qos import COMMAND, EXPERIMENT, IN_USE, LATCHED, SAMPLES, STATUS, STREAM
-from rf_pointing.station.description.urdf import BASE, BEAM
+from rf_pointing.tracking.sensors import SENSORS
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Topic:
     meaning: str = ""
     allowed_lag_s: float | None = None
     frame: str = BASE
-    """Of the header, below the antenna's namespace; "" where the header names no frame of ours."""
+    """Frame of the header, below the antenna's namespace; "" for a header without one of ours."""
 
     @property
     def type_name(self) -> str:
@@ -78,14 +79,16 @@ SCHEDULE = "schedule"
 EXECUTIVE_STATUS = "executive_status"
 SATELLITE_ATTITUDE = "satellite_attitude"
 WIND, TEMPERATURE, PRESSURE, HUMIDITY = (f"weather/{name}" for name in ("wind", "temperature", "pressure", "humidity"))
-"""What a station's own instruments publish."""
+"""Topics of a station's own instruments."""
 _POINTING_ERROR = Topic(
-    "pointing_error", ours.PointingError, STREAM, "10 Hz, conscan once a scan", allowed_lag_s=_ONE_CLUSTER_S,
+    "pointing_error", ours.PointingError, STREAM, "10 Hz, of a scan once a round", allowed_lag_s=_ONE_CLUSTER_S,
     frame=BEAM,
 )  # fmt: skip
+# An array on the dish has nodes of its own.
+_TRACKERS = dict.fromkeys(traits.node for traits in SENSORS.values() if not traits.own_level)
 _TARGET_MEANING = "direction, rates, range, Doppler, light time, refraction, covariance"
 
-# Of each node the clock waits for the topic that the node publishes last in a period.  What the
+# The clock waits for the topic that each node publishes last in a period.  What the
 # node published before (the command, the samples) has then reached its receivers, and the tick
 # cannot overtake it: with a topic published earlier it did, once in some minutes on a busy machine.
 GRAPH = (
@@ -110,8 +113,7 @@ GRAPH = (
         ),
         simulated=True,
     ),
-    GraphNode("monopulse_tracker", (_POINTING_ERROR,)),
-    GraphNode("conscan_tracker", (_POINTING_ERROR,)),
+    *(GraphNode(name, (_POINTING_ERROR,)) for name in _TRACKERS),
     GraphNode("bias_calibrator", (Topic("pointing_model", ours.PointingModel, LATCHED, "latched"),)),
     GraphNode(
         "ephemeris_publisher",
@@ -179,7 +181,7 @@ VIEWS = (
     Topic("beam_markers", MarkerArray, STREAM, "5 Hz", DESCRIPTION, "beam, target and Sun", frame=""),
     Topic("sky_markers", MarkerArray, LATCHED, "latched", DESCRIPTION, "horizon mask and pass", frame=""),
 )
-"""What viewers show; all of it follows from `TOPICS`, so it is not recorded."""
+"""Topics for viewers; all of it follows from `TOPICS`, so it is not recorded."""
 FRAMES = {topic.name: topic.frame for topic in TOPICS if topic.frame}
 """Frame in the header of each topic."""
 NODES = tuple(node.name for node in GRAPH)

@@ -24,7 +24,7 @@ from rf_pointing.ros.qos import STREAM
 
 TOPIC = "/diagnostics"
 SILENCE_S = 25.0
-"""Of a neighbour; more than the lease by which a participant that has died leaves the graph."""
+"""Silence of a neighbour; more than the lease after which a dead participant leaves the graph."""
 INPUT_SILENCE_S = 10.0
 RECENT_S = 3.0
 FEWEST = 2

@@ -1,4 +1,4 @@
-"""What the launch files share: arguments, and nodes that bring themselves up after every start.
+"""Common part of the launch files: arguments, and nodes that bring themselves up after every start.
 
 Imported by launch files only, so `launch` and `launch_ros` are needed nowhere else.
 """
@@ -161,35 +161,24 @@ def _node(context: Any, name: str, *, simulated: bool, state_publisher: bool = F
     def given(argument: str) -> str:
         return str(LaunchConfiguration(argument).perform(context))
 
-    parameters: list[Any] = [{"lifecycle.autostart": given("autostart") == "true"}]
+    own: dict[str, Any] = {"lifecycle.autostart": given("autostart") == "true"}
+    if state_publisher:
+        own["view.publish_tf"] = False
     if name == "antenna_servo" and not simulated:
         # A real drive loop comes before everything else on its computer.
-        parameters.append({"lifecycle.realtime_priority": DRIVE_PRIORITY})
-    if name == "antenna_servo" and given("state_folder"):
-        parameters.append(state_files(Path(given("state_folder")), given("namespace")))
-    if name in ("pointing_controller", ROTCTLD, EXECUTIVE, OPERATOR_PAGE) and given("state_folder"):
-        files = state_files(Path(given("state_folder")), given("namespace"))
-        parameters.append({"command_key_file": files["command_key_file"]})
-    kept = Path(given("state_folder")) / given("namespace").strip("/") if given("state_folder") else None
-    if name == EXECUTIVE and kept:
-        parameters.append(
-            {"executive.state_file": str(kept / "station_executive.json"), "executive.folder": str(kept / "nights")}
-        )
-    if state_publisher:
-        parameters.append({"view.publish_tf": False})
-    if name == OPERATOR_PAGE:
-        # It shows the station's own time and limits, and needs neither clock nor description.
-        if kept:
-            parameters.append({"page.reports": str(kept / "nights")})
-    elif name == "simulation_clock":
-        parameters.append({"start_s": float(given("start_s")), "speed": float(given("speed"))})
-    else:
-        parameters.append({"use_sim_time": given("use_sim_time") == "true"})
+        own["lifecycle.realtime_priority"] = DRIVE_PRIORITY
+    if given("state_folder"):
+        own |= _kept(name, Path(given("state_folder")), given("namespace"))
+    if name == "simulation_clock":
+        own |= {"start_s": float(given("start_s")), "speed": float(given("speed"))}
+    elif name != OPERATOR_PAGE:
+        # The page shows the station's own time and limits.
+        own["use_sim_time"] = given("use_sim_time") == "true"
         # Relative to where launch was started, which the node does not know.
-        parameters.append({"station": _absolute(given("station")), "band": given("band")})
+        own |= {"station": _absolute(given("station")), "band": given("band")}
     if name in SEES_TARGET and (given("elements") or given("satellite")):
-        source = {"source.elements": _absolute(given("elements")), "source.satellite": given("satellite")}
-        parameters.append(source)
+        own |= {"source.elements": _absolute(given("elements")), "source.satellite": given("satellite")}
+    parameters: list[Any] = [own]
     # Last: what a user writes is in force.
     if given("params_file"):
         parameters.append(given("params_file"))
@@ -208,6 +197,19 @@ def _node(context: Any, name: str, *, simulated: bool, state_publisher: bool = F
         ros_arguments=enclave(given("namespace"), name),
         output="screen",
     )
+
+
+def _kept(name: str, folder: Path, namespace: str) -> dict[str, str]:
+    """Return the parameters of a node that name what is kept of this antenna in a folder."""
+    files, own = state_files(folder, namespace), folder / namespace.strip("/")
+    key, nights = {"command_key_file": files["command_key_file"]}, str(own / "nights")
+    return {
+        "antenna_servo": files,
+        "pointing_controller": key,
+        ROTCTLD: key,
+        EXECUTIVE: {**key, "executive.state_file": str(own / f"{EXECUTIVE}.json"), "executive.folder": nights},
+        OPERATOR_PAGE: {**key, "page.reports": nights},
+    }.get(name, {})
 
 
 def enclave(namespace: str, name: str) -> list[str]:

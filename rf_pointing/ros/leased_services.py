@@ -18,12 +18,10 @@ from rf_pointing_msgs.srv import SignedCall
 
 from rf_pointing.ros.command_key import CommandKey
 from rf_pointing.ros.managed import ManagedNode
+from rf_pointing.station.antenna.modes import OPERATED
 
 OWNER, SIGNED = "antenna_servo", "antenna_servo/signed"
-LEASED = tuple(
-    f"{OWNER}/{name}"
-    for name in ("pause", "resume", "park", "stow", "disable", "reset_fault", "go_to", "stow_in_fault")
-)
+LEASED = tuple(f"{OWNER}/{name}" for name in (*OPERATED, "go_to", "stow_in_fault"))
 # An antenna whose commands end has stopped itself by then.
 LEASE_S = 2.0
 
@@ -62,7 +60,7 @@ class LeasedServices:
 
     @property
     def holder(self) -> str:
-        """The signed commander that has the antenna, "" while there is none."""
+        """The signed commander that has the antenna, or ""."""
         return self._holder if abs(self._node.now_s() - self._stamp_s) <= LEASE_S else ""
 
     def values(self) -> dict[str, Any]:

@@ -217,7 +217,7 @@ def private_folder(folder: Path) -> None:
 
 
 def open_private(path: Path, flags: int) -> int:
-    """Open or make a file of this user that is no link; RuntimeError when it is not."""
+    """Open or make a file of this user; RuntimeError for a link, or a file of another user."""
     try:
         opened = os.open(path, flags | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK, 0o600)
     except OSError as error:

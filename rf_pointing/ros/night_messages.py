@@ -1,4 +1,4 @@
-"""What an executive hears of its antenna and its partners, and what it shows of the night."""
+"""Messages that an executive receives from antenna and partners, and those about its night."""
 
 import time
 from collections.abc import Iterable

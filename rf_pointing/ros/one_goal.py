@@ -9,8 +9,8 @@ from rf_pointing.ros.managed import ManagedNode
 class OneGoal:
     """An action that an active node serves.
 
-    `begin(request)` starts the work, and its ValueError or OSError refuses it.  `result(refusal)`
-    is that of the work, or of a refusal with that reason; `cancel()` ends the work early.
+    `begin(request)` starts the work, and its ValueError or OSError refuses it.  `result(reason)`
+    is that of the work, or of a goal that was refused for a reason; `cancel()` ends the work early.
     """
 
     def __init__(
@@ -19,9 +19,9 @@ class OneGoal:
     ) -> None:  # fmt: skip
         self._node, self._begin = node, begin
         self._goal: Any = None
-        self._refusal = ""
+        self._reason = ""
         node.serve_goals(
-            kind, name, accepts=self._accepts, begin=self._take, cancel=cancel, result=lambda: result(self._refusal)
+            kind, name, accepts=self._accepts, begin=self._take, cancel=cancel, result=lambda: result(self._reason)
         )
 
     @property
@@ -48,13 +48,13 @@ class OneGoal:
         return False
 
     def _take(self, goal: Any) -> None:
-        self._refusal = ""
+        self._reason = ""
         try:
             self._begin(goal.request)
         except (ValueError, OSError) as error:
             # Executed at once, so that the client receives the reason as a result: a rejection has
             # no text.
-            self._refusal = str(error)
+            self._reason = str(error)
             self._node.get_logger().error(f"goal refused: {error}")
             goal.execute()
             return

@@ -27,7 +27,7 @@ EXPERIMENT = _reliable(1000)
 # Commands offer a deadline and a lifespan, so that a driver may request them.  Our own subscribers
 # request neither, so that a plain `ros2 topic pub` reaches them; they check the stamps instead.
 COMMAND = _reliable(1, deadline=Duration(seconds=0.5), lifespan=Duration(seconds=1.0))
-"""What moves an antenna: only the newest counts, and an old one is worse than none."""
+"""Commands that move an antenna: only the newest counts, and an old one is worse than none."""
 COMMAND_INPUT = _reliable(10)
 """The same for our driver: commands carry their times, so one that waited is still useful."""
 SERVICE = _reliable(1000)
@@ -35,4 +35,4 @@ SERVICE = _reliable(1000)
 LATCHED = _reliable(1, **_KEPT)
 """Models, limits and pass lists: a late subscriber gets the last one."""
 IN_USE = _reliable(32, **_KEPT)
-"""What every node of an antenna declares once: a late subscriber gets that of each."""
+"""Declaration of every node of an antenna, made once: a late subscriber gets that of each."""

@@ -9,7 +9,7 @@ import struct
 from builtin_interfaces.msg import Time
 
 SHORTEST_BYTES = 12
-"""Of a serialised message that begins with its header."""
+"""Shortest serialised message that begins with its header."""
 
 
 def seconds_from_stamp(stamp: Time) -> float:
@@ -31,7 +31,7 @@ def seconds_from_raw(raw: bytes) -> float:
 
 def _seconds(seconds: int, nanoseconds: int) -> float:
     if seconds < 0 or nanoseconds >= 1_000_000_000:
-        raise ValueError(f"stamp of {seconds} s and {nanoseconds} ns is none")
+        raise ValueError(f"stamp of {seconds} s and {nanoseconds} ns is not a time")
     return float(seconds + nanoseconds * 1e-9)
 
 

@@ -1,4 +1,4 @@
-"""The operator's client of a running station: what it shows, and what it can be asked for.
+"""The operator's client of a running station: what it shows, and its requests.
 
 A request says what the station answers and returns whether it was granted.  What moves or resets
 the antenna is signed with its key, if this user can read it.
@@ -125,7 +125,7 @@ class StationClient(GraphRun):
         with suppress(TimeoutError):
             self.waiting.until(lambda: set(names) <= self.newest.keys(), "", LOOK_S)
 
-    # What it can be asked for
+    # Requests
 
     def ask(self, name: str) -> bool:
         """Call a service of the station that takes no argument, as `antenna_servo/park`."""

@@ -21,6 +21,7 @@ from rf_pointing.ros.graph import EXECUTIVE_STATUS, STATION_IN_USE
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import IN_USE, STATUS, WATCHED
 from rf_pointing.ros.stamps import seconds_from_stamp
+from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.description import StationDescription, owner, read_station
 
 EXECUTIVE_SILENT_S = 5.0
@@ -44,7 +45,12 @@ class StationParams(Params):
 
 
 class StationNode(ManagedNode):
-    """A node whose parameters the station description gives; `station` is None if it is refused."""
+    """A node whose parameters the station description gives; `station` is None if it is refused.
+
+    It checks the file and its own numbers; one that `CHECKS_EVERY_NODE` those of the others, too.
+    """
+
+    CHECKS_EVERY_NODE = False
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -52,7 +58,9 @@ class StationNode(ManagedNode):
         self.station: StationDescription | None = None
         choice: StationParams = self.parameters.value("description")
         try:
-            station = read_station(choice.station)
+            station = read_station(
+                choice.station, tuple(each for each in NODES if self.CHECKS_EVERY_NODE or each == name)
+            )
             self.band = choice.band or station.default_band
             values = station.parameters(name, self.band)
         except ValueError as error:
@@ -141,7 +149,7 @@ class ClockWatch:
 
 
 class StationCensus:
-    """What the nodes of this namespace run on, as far as they run."""
+    """Stations that the nodes of this namespace run on, as far as they run."""
 
     def __init__(self) -> None:
         self._seen: dict[str, StationInUse] = {}

@@ -150,7 +150,7 @@ class RunSetup:
 
     @property
     def topics(self) -> tuple[Topic, ...]:
-        """What is recorded."""
+        """Topics that are recorded."""
         return TOPICS if self.simulated else topics_of(self.nodes)
 
 

@@ -1,4 +1,4 @@
-"""What a station publishes as plain values: angles in degrees, times in UTC.
+"""Published values of a station as plain numbers: angles in degrees, times in UTC.
 
 The client `station` prints these values and the operator's page shows them.
 """

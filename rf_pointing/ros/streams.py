@@ -21,7 +21,7 @@ KEPT = 100
 """Messages of a fast stream that wait to be used: two seconds at 50 Hz."""
 STAMP_RESOLUTION_S = 1e-6
 LARGEST = 1e18
-"""Of numbers in messages; metres to the nearest star are 4e16."""
+"""Largest number in a message; metres to the nearest star are 4e16."""
 LEVEL = "carrier_to_noise"
 """The one number that may be -inf: dB-Hz where there is no carrier."""
 RMWError = rclpy_implementation.RMWError
@@ -123,7 +123,7 @@ class InputCounter:
         self.last_error = ""
 
     def watching(self, topic: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return `callback` with the count before it; a publisher that restarts is no loss."""
+        """Return `callback` with the count before it; a publisher that restarts loses nothing."""
         self.lost[topic] = 0
 
         def counted(message: Any) -> None:

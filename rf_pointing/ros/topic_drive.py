@@ -11,13 +11,13 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from rf_pointing.core import AXES, JointReading
+from rf_pointing.core.signals import BASE
 from rf_pointing.core.types import Pair
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading
 from rf_pointing.drives.drive import POSITION, RATE
 from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.streams import checked_message, frame_in, require_length
-from rf_pointing.station.description.urdf import BASE
 
 STATE_BYTES = 64 * 1024
 

@@ -19,6 +19,7 @@ from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import Certificate
 from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros.command_key import CommandKey
+from rf_pointing.ros.convert_goals import goal_from_message, outcome_to_result
 from rf_pointing.ros.graph import STATION_IN_USE
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import COMMAND, IN_USE, LATCHED, STREAM
@@ -33,7 +34,7 @@ class PassCall(RepeatedCall):
     """A call of ephemeris_publisher/select_target."""
 
     def passes(self) -> list[Pass]:
-        """Return the passes of the answer; ValueError says why there are none."""
+        """Return the passes of the answer; ValueError says why it has none."""
         answer: SelectTarget.Response = self.result()
         if not answer.success:
             raise ValueError(answer.message)
@@ -72,7 +73,7 @@ class TrackPassServer:
     def _begin(self, handle: Any) -> None:
         self._handle = handle
         try:
-            goal = convert_planning.goal_from_message(handle.request)
+            goal = goal_from_message(handle.request)
         except ValueError as error:
             self._goals.reject(str(error))
         else:
@@ -83,7 +84,7 @@ class TrackPassServer:
         return ours.Pass() if window is None else convert_planning.pass_to_message(window)
 
     def _result(self) -> TrackPass.Result:
-        return convert_planning.outcome_to_result(self._goals.outcome(), target_pass=self._window())
+        return outcome_to_result(self._goals.outcome(), target_pass=self._window())
 
     # The port of the goals
 

@@ -59,7 +59,7 @@ class AntennaPlant:
     def __init__(
         self,
         params: PlantParams,
-        random: np.random.Generator,
+        random: "np.random.Generator",
         position_rad: ArrayLike = (0.0, math.pi / 4.0),
     ) -> None:
         self._random = random

@@ -120,7 +120,7 @@ class GustFilter:
 class Wind:
     """Gusting wind: `step` returns the torque on both axes; gusts are renewed every 20 ms."""
 
-    def __init__(self, params: WindParams, random: np.random.Generator) -> None:
+    def __init__(self, params: WindParams, random: "np.random.Generator") -> None:
         self.params, self._random = params, random
         self._blows = params.mean_speed_m_s > _CALM_M_S
         self._filter = GustFilter.davenport(max(params.mean_speed_m_s, _CALM_M_S), params.drag_coefficient)

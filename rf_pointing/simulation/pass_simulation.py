@@ -30,7 +30,7 @@ from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking import MonopulseTracker
-from rf_pointing.tracking.power_tracker import CarrierTracker, PowerTracker, PowerTrackerParams
+from rf_pointing.tracking.power_tracker import NODE, CarrierTracker, PowerTracker, PowerTrackerParams
 from rf_pointing.tracking.sensors import load_trackers
 
 EARLY_TARGET_S = 5.0
@@ -101,10 +101,10 @@ class StationSetup:
         self.band = self.station.default_band if band is None else band
         self._tracker, self.array = tracker, array
         self.changes: dict[str, dict[str, object]] = defaultdict(dict)
-        """What files and experiment put over the description, by node and dotted name."""
+        """Values that files and experiment put over the description, by node and dotted name."""
         for node, given in read_parameter_files(files).items():
-            self.station.check_file(node, given.values, self.band)
-            self.changes[node] |= given.values
+            self.station.check_file(node, given, self.band)
+            self.changes[node] |= given
         for node, values in (changes or {}).items():
             require_known(node, values)
             self.changes[node] |= values
@@ -152,7 +152,7 @@ class StationSetup:
         """Return the tracker of the carrier power."""
         if self._tracker is not None:
             return self._tracker
-        return PowerTracker(PowerTrackerParams(**self.sets("conscan_tracker")))
+        return PowerTracker(PowerTrackerParams(**self.sets(NODE)))
 
 
 def simulate_pass(

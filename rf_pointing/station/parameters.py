@@ -40,7 +40,7 @@ class ReceiverSeed(Params):
 
 @dataclass(frozen=True, kw_only=True)
 class ViewParams(Params):
-    """What is drawn, and how often."""
+    """Things that are drawn, and how often."""
 
     publish_tf: bool = parameter(
         True, "whether robot_description and the joints' transforms are published; false for robot_state_publisher"

@@ -5,10 +5,11 @@ relative standard deviation of one carrier power sample; C/N0 in dB-Hz for the b
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from rf_pointing.core import MDEG, MU, Params, parameter
+from rf_pointing.core import MDEG, MU, Params, Sensor, leaves, parameter
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 
 FEWEST_SAMPLES = 4
@@ -16,6 +17,10 @@ FEWEST_SAMPLES = 4
 ROUNDING = 1e-9
 # Halvings of a radius: 2^-60 is below the rounding of a float.
 BISECTIONS = 60
+# Longest period of a chosen scan: over two periods the error must stay the same.
+LONGEST_TURN_S = 32.0
+# What a choice changes of the station's scan.
+CHOSEN = ("radius_deg", "period_s", "window_samples", "fewest_samples", "bandwidth_hz")
 
 
 def conscan_slope(half_power_beamwidth_rad: float, radius_rad: float) -> float:
@@ -99,6 +104,22 @@ def design_scan(params: ScanDesignParams, carrier_to_noise_db_hz: float, wanted_
         _sigma(params, radius, samples, carrier_to_noise_db_hz),
         -10.0 * math.log10(conscan_loss(params.half_power_beamwidth_rad, radius)),
     )
+
+
+def scan_of_station(sets: Mapping[str, Params], carrier_to_noise_db_hz: float, wanted_sigma_rad: float) -> Params:
+    """Return the scan of a controller's sets that is known to `wanted_sigma_rad` per axis.
+
+    ValueError when the accuracy is out of reach at this C/N0.
+    """
+    params = sets[Sensor.CONSCAN]
+    assert isinstance(params, ConscanParams)
+    limits = ScanDesignParams(longest_period_s=LONGEST_TURN_S)
+    return scan_for_accuracy(params, limits, carrier_to_noise_db_hz, wanted_sigma_rad)
+
+
+def scan_tuning(scan: Params) -> dict[str, Any]:
+    """Return what was chosen of a scan, by the names of a station description's `tuning`."""
+    return {f"{Sensor.CONSCAN}.{name}": leaves(scan)[name][1] for name in CHOSEN}
 
 
 def scan_for_accuracy(

@@ -16,12 +16,13 @@ from rf_pointing.core.signals import BeamPosition, TimeBuffer
 from rf_pointing.core.types import Array
 from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimator, DelayParams
 from rf_pointing.tracking.conscan_estimate import ConscanParams
+from rf_pointing.tracking.sensors import SENSORS
 from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams
 
 # Sensors that are measured here, and the modes of the same names.
-# Node that runs it, by which a station description names its parameters.
-NODE = "conscan_tracker"
 TRACKED = (Sensor.CONSCAN, Sensor.STEPTRACK)
+# Node that runs it, by which a station description names its parameters.
+NODE = SENSORS[Sensor.CONSCAN].node
 # While nothing is scanned, every second power is passed on for its C/N0.
 IDLE_EVERY = 2
 # A delay of the receiving chain is corrected once it is this sure.

@@ -7,7 +7,6 @@ group `rf_pointing.trackers`; what it publishes as `pointing_error` is then used
 
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
 
 from rf_pointing.core import Mode, Sensor
 from rf_pointing.tracking.scan import Scan
@@ -41,6 +40,7 @@ class SensorTraits:
         `autotrack.array_on_db_hz` and not by the thresholds of the dish.
     level_from : other sensors whose reports carry the C/N0 while this one does not track.
     colour : of its mode in reports, as #rrggbb.
+    node : executable of the package that publishes its errors; empty for a tracker from outside.
     """
 
     name: str
@@ -55,6 +55,7 @@ class SensorTraits:
     own_level: bool = False
     level_from: tuple[str, ...] = ()
     colour: str = "#a6761d"
+    node: str = ""
 
 
 # Traits by name, registered trackers last; read it, `register` writes it.
@@ -64,17 +65,17 @@ SENSORS: dict[str, SensorTraits] = {
         SensorTraits(
             # Only monopulse has sidelobes with nulls of their own, and signs that can flip.
             name=Sensor.MONOPULSE, needs_strong_carrier=True, automatic=True, weaker=Sensor.CONSCAN, every_period=True,
-            watched=True, colour="#0072b2",
+            watched=True, colour="#0072b2", node="monopulse_tracker",
         ),
         SensorTraits(
-            name=Sensor.CONSCAN, scans=True, automatic=True, every_period=True, colour="#009e73",
+            name=Sensor.CONSCAN, scans=True, automatic=True, every_period=True, colour="#009e73", node="conscan_tracker",
         ),
         # While nothing is scanned, conscan_tracker reports the C/N0 under the name of conscan.
         SensorTraits(
             name=Sensor.STEPTRACK, scans=True, every_period=True, once_a_round=True, level_from=(Sensor.CONSCAN,),
-            colour="#5f4b8b",
+            colour="#5f4b8b", node="conscan_tracker",
         ),
-        SensorTraits(name=Sensor.ARRAY, every_period=True, own_level=True, colour="#d55e00"),
+        SensorTraits(name=Sensor.ARRAY, every_period=True, own_level=True, colour="#d55e00", node="array_tracker"),
     )
 }  # fmt: skip
 # Sensor of a pass as the operator names it, and as the state table does.
@@ -109,6 +110,8 @@ def load_trackers() -> None:
 
     Not done on import: a tracker's own module imports this one.
     """
+    from importlib.metadata import entry_points
+
     for point in entry_points(group=ENTRY_POINTS):
         register(point.load())
 

@@ -46,14 +46,14 @@ UNLOCK = "unlock"
 ANSWER_S = 5.0
 """Until a command is answered by the node that it goes to."""
 WRONG_TOKEN_S = 0.3
-"""What a wrong token costs, so that short ones cannot be tried out."""
+"""Delay of the answer to a wrong token, so that short ones cannot be tried out."""
 HEARTBEAT_S = 15.0
 SLOW_S = 15.0
 """A viewer that takes no message for so long is dropped."""
 LONGEST_TEXT = 600
-"""Of a text that is shown."""
+"""Longest text sent to a viewer, in characters."""
 BUFFER_BYTES = 32 * 1024
-"""Of one viewer's socket, so that a slow viewer sees old values for no longer than this lasts."""
+"""Buffer of one viewer's socket: a slow viewer sees old values no longer than this lasts."""
 REPORTS = ("report.html", "night.html")
 REPORT_TYPES = {
     ".html": "text/html", ".png": "image/png", ".svg": "image/svg+xml", ".json": "application/json",
@@ -192,7 +192,7 @@ class PageApp:
         host = request.headers.get("Host", "")
         if _name_of(f"//{host}") not in self._names:
             self.refused += 1
-            raise web.HTTPForbidden(text=f"host {host[:80]!r} is none of page.hosts")
+            raise web.HTTPForbidden(text=f"host {host[:80]!r} is not in page.hosts")
         origin = request.headers.get("Origin")
         if origin is not None and origin not in (f"http://{host}", f"https://{host}"):
             self.refused += 1
@@ -340,7 +340,7 @@ class PageServer:
         return f"http://{host}:{self.port}"
 
     def put(self, sections: Mapping[str, Any]) -> None:
-        """Show sections, from any thread; a number that is none is shown as missing."""
+        """Show sections, from any thread; NaN and infinity are shown as missing."""
         texts = {name: json.dumps(shown(value), separators=(",", ":")) for name, value in sections.items()}
         self._loop.call_soon_threadsafe(self.app.board.put, texts)
 
@@ -402,14 +402,14 @@ def _parsed(body: str) -> tuple[str, Mapping[str, Any]]:
     """Return name and arguments of a command; ValueError says what is wrong with the body."""
 
     def no_number(word: str) -> None:
-        raise ValueError(f"{word} is no number of JSON")
+        raise ValueError(f"{word} is not a number of JSON")
 
     try:
         content = json.loads(body, parse_constant=no_number)
     except RecursionError:
         raise ValueError("the body is nested too deeply") from None
     except json.JSONDecodeError as error:
-        raise ValueError(f"the body is no JSON: {error}") from error
+        raise ValueError(f"the body is not JSON: {error}") from error
     if not isinstance(content, Mapping) or not set(content) <= {"name", "arguments"}:
         raise ValueError("the body must be an object of name and arguments")
     name, arguments = content.get("name"), content.get("arguments", {})

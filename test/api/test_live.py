@@ -151,7 +151,7 @@ def test_a_bag_has_notes_on_its_run(line: str, wanted: dict[str, str], tmp_path:
     [
         ("simulation_clock: {ros__parameters: {tick_s: 0.1}}", "simulation_clock tick_s: given by the command line"),
         ("ephemeris_publisher: {ros__parameters: {band: S}}", "ephemeris_publisher band: given by the command line"),
-        ("antenna_srvo: {ros__parameters: {wind.mean_speed_m_s: 1.0}}", "antenna_srvo is no node; there are"),
+        ("antenna_srvo: {ros__parameters: {wind.mean_speed_m_s: 1.0}}", "antenna_srvo is not a node; there are"),
         ("rf_receiver: {ros__parameters: {signal: {seed: 3}}}", "rf_receiver signal.seed: given by the command line"),
         (
             "pointing_controller: {ros__parameters: {limits: {elevation_min_deg: 1.0}}}",

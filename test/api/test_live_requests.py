@@ -72,14 +72,15 @@ def request(line: str, command: str = "track") -> Any:
         (f"track --start {EPOCH}Z", {"start_s": 1_151_380_800.0}),
         ("track --start 2006-06-27T06:00:00+02:00", {"start_s": 1_151_380_800.0}),
         ("calibrate", {
-            "longest_s": 4800.0, "fewest": 25, "shadow": 3, "orbit_prior_m": 5.0, "resume": False, "models": "runs/models",
+            "longest_s": 4800.0, "fewest": 25, "acceptance_passes": 3, "orbit_prior_m": 5.0, "resume": False,
+            "models": "runs/models",
             "ephemeris_error_s": 0.0, "keep_observations": True, "sensor": "monopulse", "start_s": None,
         }),
         ("calibrate --sensor auto --fewest 40 --ephemeris-error 2 --orbit-prior 0.01 --shadow 2 --longest 60 --resume", {
-            "sensor": "auto", "fewest": 40, "ephemeris_error_s": 2.0, "orbit_prior_m": 0.01, "shadow": 2,
+            "sensor": "auto", "fewest": 40, "ephemeris_error_s": 2.0, "orbit_prior_m": 0.01, "acceptance_passes": 2,
             "longest_s": 60.0, "resume": True,
         }),
-        ("calibrate --shadow 20 --longest 86400 --orbit-prior 1e6", {"shadow": 20, "longest_s": 86400.0}),
+        ("calibrate --shadow 20 --longest 86400 --orbit-prior 1e6", {"acceptance_passes": 20, "longest_s": 86400.0}),
         ("identify_antenna", {
             "axes": ("azimuth", "elevation"), "sequences": 8, "held_out": 4, "seed": 1, "namespace": "/gs1",
             "output": Path("runs/identification"), "simulated": False, "parameter_files": (), "band": "X",
@@ -134,20 +135,20 @@ REFUSED = [
     ("track --start 2006-08-01T00:00:00", "days"),
     ("track --start 1990-01-01T00:00:00", "days"),
     ("track --elements /nowhere.tle", "elements='/nowhere.tle' does not exist"),
-    ("track --namespace bad//name", "'bad//name' is no ROS namespace: Invalid namespace: namespace must not"),
-    ("track --namespace /2nd", "'/2nd' is no ROS namespace"),
+    ("track --namespace bad//name", "'bad//name' is not a ROS namespace: Invalid namespace: namespace must not"),
+    ("track --namespace /2nd", "'/2nd' is not a ROS namespace"),
     ("track --namespace /", "'/' must name the antenna"),
-    ("track --params-file nobody.yaml", "params-file: nobody is no node; there are simulation_clock, "),
-    ("calibrate --shadow 1", "shadow=1 must be >= 2"),
-    ("calibrate --longest -5", "longest_s=-5.0 must be >= 60"),
-    ("calibrate --orbit-prior 0", "orbit_prior_m=0.0 must be >= 0.01"),
+    ("track --params-file nobody.yaml", "params-file: nobody is not a node; there are simulation_clock, "),
+    ("calibrate --shadow 1", "argument --shadow: invalid choice: 1"),
+    ("calibrate --longest -5", "-5 must be between 60 and 86400"),
+    ("calibrate --orbit-prior 0", "0 must be between 0.01 and 1e+06"),
     ("calibrate --fewest 0", "fewest=0 must be >= 1"),
     ("calibrate --models=", "models='' must name a folder"),
     ("calibrate --start yesterday", "yesterday"),
     ("calibrate --speed fast", "calibrate: speed='fast' must be a factor or max"),
     ("calibrate --ephemeris-error -61", "-61 must be between -60 and 60"),
     ("calibrate --band S --resume", "no observations of Goldstone DSS-13 in band S to resume from in runs/models"),
-    ("calibrate --params-file nobody.yaml", "nobody is no node"),
+    ("calibrate --params-file nobody.yaml", "nobody is not a node"),
     ("identify_antenna --held-out 0", "held_out=0 must be >= 1 and < sequences=8"),
     ("identify_antenna --held-out 8", "held_out=8 must be >= 1 and < sequences=8"),
     ("identify_antenna --tick 0.0009", "0.0009 must be between 0.001 and 0.1"),
@@ -366,8 +367,8 @@ def test_a_calibration_is_planned_on_beacons_or_on_the_satellites_that_are_given
     )
     given = request("--longest 7200 --fewest 5 --elements sky.tle", "calibrate")
     # Satellites of the user's do not come every ten minutes.
-    assert given.campaign.shadow_span_s == 7200.0
-    assert request("--shadow 4", "calibrate").campaign.shadow_span_s == 2400.0
+    assert given.campaign.acceptance_span_s == 7200.0
+    assert request("--shadow 4", "calibrate").campaign.acceptance_span_s == 2400.0
     schedule = given.schedule()
     assert schedule.windows[0].aos_t_s > parse_utc(requests.CALIBRATION_START)
     assert {one.catalogue_number for one in schedule.elements} == {90001 + 9 * each for each in range(50)}

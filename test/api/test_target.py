@@ -84,5 +84,5 @@ def test_a_name_of_two_objects_and_a_list_that_is_no_text_are_refused(sky: Path,
     with pytest.raises(ValueError, match="TWIN"):
         satellites(str(sky), ["TWIN"])
     (tmp_path / "list.txt").write_bytes(bytes(range(128, 256)))
-    with pytest.raises(ValueError, match=r"list\.txt is no list of satellites"):
+    with pytest.raises(ValueError, match=r"list\.txt is not a list of satellites"):
         satellites(str(sky), [str(tmp_path / "list.txt")])

@@ -68,7 +68,7 @@ def test_the_first_slash_of_a_namespace_may_be_left_out(text: str, name: str) ->
 
 @pytest.mark.parametrize(
     ("text", "complaint"),
-    [("/", "'/' must name the antenna, as /gs1 does"), ("a b", "'a b' is no ROS namespace: Invalid namespace")],
+    [("/", "'/' must name the antenna, as /gs1 does"), ("a b", "'a b' is not a ROS namespace: Invalid namespace")],
 )
 def test_a_namespace_without_a_name_is_refused(text: str, complaint: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:

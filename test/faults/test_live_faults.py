@@ -6,7 +6,6 @@ encoders, tachometers and drives, which a real device does not take (`test/stati
 them on devices that can be broken), and the file of parameters and the wrap file, which are read before any drive.
 """
 
-import json
 import math
 import os
 import re
@@ -15,13 +14,11 @@ import time
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
-from rf_pointing_msgs.msg import AntennaStatus
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
@@ -33,7 +30,7 @@ from rf_pointing.ros.stamps import seconds_from_stamp
 from test.conftest import within
 from test.drives.rotctld import RealRotctld
 from test.faults.live_servo import RATE_RAD_S, START_RAD, WITH_HILL, Servo, on_rotctld, servo_yaml
-from test.graph.conftest import ask, live_graph
+from test.graph.conftest import live_graph
 
 pytestmark = pytest.mark.graph
 
@@ -110,19 +107,6 @@ def test_commands_that_cannot_be_followed_move_nothing(everywhere: Servo) -> Non
     servo.rejected(servo.command(shift_s=100.0), "future")
     assert servo.status.commands_accepted == accepted
     assert servo.joints[-1] == pytest.approx(stood, abs=math.radians(0.001))
-
-
-def test_replayed_and_duplicate_commands_are_refused(servo: Servo) -> None:
-    servo.move(0.5)
-    old = servo.command()
-    servo.move(0.3)
-    servo.rejected(old, "out of order")
-    same = servo.command()
-    servo.commands.publish(same)
-    servo.rejected(same, "duplicate")
-    servo.move(0.2)
-    assert servo.status.mode == "tracking"
-    servo.ask("stop")
 
 
 def test_the_second_of_two_commanders_is_refused_and_both_are_named(everywhere: Servo) -> None:
@@ -285,16 +269,6 @@ def test_a_broken_sensor_or_drive_is_cut_off_in_time(
         assert "the cause is still there" in servo.ask("reset_fault").message
 
 
-def test_two_wrong_samples_of_an_encoder_are_bridged(simulated: Servo) -> None:
-    servo = simulated
-    servo.move(0.8)
-    servo.inject("encoder_spike", math.radians(20.0))
-    servo.move(0.5)
-    assert servo.status.mode == "tracking"
-    assert max(abs(b - a) for a, b in pairwise(servo.joints[-40:])) < math.radians(0.1)
-    servo.ask("stop")
-
-
 # Limits and wind
 
 
@@ -443,29 +417,3 @@ def test_all_of_a_hundred_calls_at_once_are_answered_and_stop_in_time(in_wall_ti
     assert servo.status.mode in ("tracking", "stopping", "fault")
     for client in (*clients, stop):
         node.destroy_client(client)
-
-
-# Start
-
-
-def test_bad_yaml_leaves_the_node_unconfigured_and_names_every_key(live: SimpleNamespace) -> None:
-    text = "antenna: {tick_s: -1.0}, safety: {watch: {jump_deg: 1.0}, wnd: {gust_limit_m_s: 20.0}}"
-    started = live.start(["antenna_servo"], f"/**/antenna_servo: {{ros__parameters: {{{text}}}}}", state="configure")
-    assert started.refused == ["antenna_servo"]
-    for key in ("tick_s", "tuning.safety.watch.jump_deg", "safety.wnd.gust_limit_m_s"):
-        assert key in started.processes.complaint("antenna_servo")
-
-
-def test_a_wrap_file_that_disagrees_with_the_encoder_keeps_the_antenna_from_moving(
-    live: SimpleNamespace, tmp_path: Path
-) -> None:
-    """The file says another turn than the absolute encoder: somebody must look at the cables before anything moves."""
-    wrap = tmp_path / "wrap.json"
-    wrap.write_text(json.dumps({"azimuth_rad": START_RAD[0] - 2.0 * math.pi}))
-    statuses = [AntennaStatus()]
-    live.node.create_subscription(AntennaStatus, "antenna_status", statuses.append, STREAM)
-    live.start(["antenna_servo"], servo_yaml(wrap), station=WITH_HILL)
-    live.spin_until(lambda: statuses[-1].mode == "fault", "the doubt")
-    assert "look at the cables, then reset" in statuses[-1].fault
-    assert ask(live, Trigger, "antenna_servo/reset_fault", Trigger.Request()).success
-    live.spin_until(lambda: statuses[-1].mode == "holding", "the reset")

@@ -1,6 +1,5 @@
 """The graph as the integrator of a station finds it: names, parameters, lifecycle, remapping."""
 
-import dataclasses
 import subprocess
 import time
 from collections.abc import Iterator
@@ -15,9 +14,8 @@ rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=Im
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
+from rcl_interfaces.srv import DescribeParameters, ListParameters
 from rclpy.action import ActionClient
-from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import AntennaStatus, PassCertificate, PassProfileList, TrackingStatus
@@ -30,10 +28,8 @@ from rf_pointing.ros import convert_planning
 from rf_pointing.ros.graph import EXECUTIVE, NODES, TOPICS
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
-from rf_pointing.station.description import read_station, shipped_stations
+from rf_pointing.station.description import read_station
 from rf_pointing.station.pointing.certificates import pass_profile
-from rf_pointing.station.pointing.controller import PLAN_PATIENCE_S
-from test.conftest import within
 
 from .conftest import ask, executable
 
@@ -201,25 +197,6 @@ def test_a_node_is_stopped_restarted_and_remapped_without_its_neighbour_noticing
             process.communicate(timeout=30)
 
 
-@pytest.mark.parametrize("name", shipped_stations())
-def test_every_number_of_the_station_is_in_force_at_every_node(live: SimpleNamespace, name: str) -> None:
-    """Read back as `ros2 param get` does."""
-    names = list(NODES[1:])
-    own = {f"/**/{node}": {"ros__parameters": {"station": name}} for node in names}
-    started = live.start(names, yaml.safe_dump(own), state="configure")
-    assert started.refused == []
-    description = read_station(name)
-    for node in names:
-        wanted = description.parameters(node)
-        if not wanted:
-            continue
-        answer = ask(live, GetParameters, f"{node}/get_parameters", GetParameters.Request(names=list(wanted)))
-        in_force = [parameter_value_to_python(each) for each in answer.values]
-        for key, found in zip(wanted, in_force, strict=True):
-            value = wanted[key]
-            assert (tuple(found) if isinstance(value, tuple) else found) == value, f"{node} {key}"
-
-
 def test_a_pass_is_refused_while_a_node_runs_on_another_description(live: SimpleNamespace, tmp_path: Path) -> None:
     other = tmp_path / "other.yaml"
     read_station("dss13").write(other, {"mount.horizon_deg": [[0.0, 10.0]]})
@@ -303,25 +280,3 @@ def test_simulated_time_waits_for_a_late_profile_and_nothing_moves_before_the_ce
     live.spin_until(lambda: bool(goal.commands), "the first command")
     assert seconds_from_stamp(goal.certificates[0].header.stamp) - begun_s < 1.0
     assert started.client.change(["simulation_clock"], "deactivate", 20.0) == []
-
-
-def test_a_goal_without_a_profile_is_refused_with_what_is_missing(live: SimpleNamespace) -> None:
-    """In real time, with an ephemeris that never answers."""
-    goal = Goal(live)
-    live.start(list(Goal.NODES))
-    live.spin_until(lambda: goal.t_s > 0.0, "the controller")
-    window, now_s = first_pass(), time.time()
-    names = ("aos_t_s", "tca_t_s", "los_t_s")
-    later = {name: getattr(window, name) - window.aos_t_s + now_s + 60.0 for name in names}
-    result, begun_s = goal.send(dataclasses.replace(window, **later)), time.monotonic()
-    live.spin_until(lambda: "pass_profiles" in goal.status.alarm, "the warning")
-    live.spin_until(result.done, "the refusal")
-    taken_s = time.monotonic() - begun_s
-    assert taken_s > PLAN_PATIENCE_S - 1.0
-    assert within(taken_s, PLAN_PATIENCE_S + 5.0)
-    answer = result.result().result
-    assert not answer.success
-    assert (
-        answer.message == "no certificate: the profile of this pass of CBERS 2 (pass_profiles) has not arrived in 10 s"
-    )
-    assert (goal.certificates, goal.commands) == ([], [])

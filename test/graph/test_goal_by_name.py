@@ -1,7 +1,6 @@
 """track_pass by name and time on a live controller and ephemeris publisher, with a user's own TLE."""
 
 import dataclasses
-import math
 import signal
 import subprocess
 import sys
@@ -18,8 +17,7 @@ import yaml
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
 from rclpy.action import ActionClient
 from rf_pointing_msgs.action import TrackPass
-from rf_pointing_msgs.msg import Pass, PassList
-from std_srvs.srv import Trigger
+from rf_pointing_msgs.msg import PassList
 
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass as Window
@@ -30,7 +28,7 @@ from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.description import read_station
 from test.conftest import within
 
-from .conftest import ask, live_graph
+from .conftest import live_graph
 
 pytestmark = pytest.mark.graph
 CANCELED, ABORTED = 5, 6
@@ -116,36 +114,6 @@ def test_a_goal_waits_for_an_ephemeris_that_is_started_after_it(tmp_path: Path, 
         assert station.feedback[0].feedback.target_pass.target == "MYSAT 1"
         handle.cancel_goal_async()
         assert station.result(handle).result.message == "the goal was cancelled"
-
-
-def test_the_pass_nearest_to_a_time_is_taken_whatever_the_sensor_of_the_band(station: Station) -> None:
-    second = station.windows(time.time())[1]
-    for near_s in (second.tca_t_s, second.los_t_s + 600.0):
-        handle = station.send(satellite="90001", near=stamp_from_seconds(near_s))
-        station.live.spin_until(lambda: bool(station.feedback), "feedback")
-        window = station.feedback[0].feedback.target_pass
-        assert seconds_from_stamp(window.tca) == pytest.approx(second.tca_t_s, abs=0.1)
-        assert station.feedback[0].feedback.status.sensor == "monopulse"
-        assert ask(station.live, Trigger, "pointing_controller/stop", Trigger.Request()).success
-        assert station.result(handle).result.message == "stop was requested"
-
-
-def test_refusals_are_sentences_and_leave_the_target_where_there_is_no_pass(station: Station) -> None:
-    assert station.refusal(satellite="MYSAT 2") == (
-        "my.tle: satellite='MYSAT 2' is not among 2 elements; nearest: MYSAT 1"
-    )
-    assert "EQUATOR has no pass above 0.0 deg in the 24.0 h after" in station.refusal(satellite="EQUATOR")
-    assert "MYSAT 1 has no pass above 89.9 deg" in station.refusal(
-        satellite="MYSAT 1", minimum_peak_elevation=math.radians(89.9)
-    )
-    assert station.refusal(satellite="MYSAT 1", target_pass=Pass(target="MYSAT 1")) == (
-        "satellite='MYSAT 1' and a target_pass of 'MYSAT 1': give one of them"
-    )
-    now_s = time.time()
-    over = [one for one in station.windows(now_s - 0.6 * DAY_S) if one.los_t_s < now_s - 60.0][-1]
-    message = station.refusal(satellite="MYSAT 1", near=stamp_from_seconds(over.tca_t_s))
-    assert message.startswith("the pass of MYSAT 1 ended ")
-    assert float(message.split()[-3]) == pytest.approx(now_s - over.los_t_s, abs=30.0)
 
 
 def test_a_time_without_a_pass_is_refused_with_the_next_one(station: Station) -> None:

@@ -70,7 +70,7 @@ def test_a_bring_up_with_a_bad_parameter_fails_and_names_node_and_key(tmp_path: 
     ("text", "words"),
     [
         ("/**/antenna_servo: {ros__parameters: {safety: {gate: {hard_deg: 1.0}}}}", "station description: tuning"),
-        ("/**/antenna_srvo: {ros__parameters: {wind: {mean_speed_m_s: 1.0}}}", "antenna_srvo is no node; there are"),
+        ("/**/antenna_srvo: {ros__parameters: {wind: {mean_speed_m_s: 1.0}}}", "antenna_srvo is not a node; there are"),
         (
             "/**/rf_receiver: {ros__parameters: {signal: {seed: 3}}}",
             "rf_receiver signal.seed: given by the command line",

@@ -10,6 +10,7 @@ rclpy; nothing inside the node is touched.
 """
 
 import json
+import math
 import sys
 import time
 from collections import defaultdict
@@ -19,8 +20,10 @@ from typing import Any, Self
 
 import pytest
 import rclpy
+import rclpy.node
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.clock import ClockType
+from rclpy.context import Context
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
@@ -51,15 +54,19 @@ class Bench:
         """Full names of the nodes that the graph shows as publishers of a topic."""
         self.log: list[tuple[str, str]] = []
         self._replace(patch)
-        words = [word for name, value in given.items() for word in ("-p", f"{name}:={json.dumps(value)}")]
+        words = [word for name, value in given.items() for word in ("-p", f"{name}:={_yaml(value)}")]
+        # Of its own: the arguments of a context are those of all its nodes.
+        self.context = Context()
         rclpy.init(
-            args=["--ros-args", "-r", f"__ns:={namespace}", *words], domain_id=domain,
+            args=["--ros-args", "-r", f"__ns:={namespace}", *words], context=self.context, domain_id=domain,
             signal_handler_options=SignalHandlerOptions.NO,
         )  # fmt: skip
         try:
-            self.node = type(node_type.__name__, (_OnBench, node_type), {"bench": self})()
+            with patch.context() as inside:
+                inside.setattr(rclpy.node, "get_default_context", lambda **_: self.context)
+                self.node = type(node_type.__name__, (_OnBench, node_type), {"bench": self})()
         except BaseException:
-            rclpy.try_shutdown()
+            self.context.try_shutdown()
             raise
 
     def _replace(self, patch: pytest.MonkeyPatch) -> None:
@@ -76,7 +83,7 @@ class Bench:
         self.node.end()
         self.node.lock.release()
         self.node.destroy_node()
-        rclpy.try_shutdown()
+        self.context.try_shutdown()
 
     # Lifecycle, parameters, time
 
@@ -157,6 +164,10 @@ class Bench:
         """Return the names of the checks on /diagnostics."""
         self.node.diagnostics.publish()
         return {each.name.partition(": ")[2] for each in self.sent["/diagnostics"][-1].status}
+
+
+def _yaml(value: Any) -> str:
+    return ".nan" if isinstance(value, float) and math.isnan(value) else json.dumps(value)
 
 
 class _OnBench:

@@ -134,10 +134,13 @@ def test_a_dump_gives_the_same_node_back(
         name: as_plain(value) for name, value in dumped.items()
     }
     if station:
+        # The numbers of the description are in force, as `ros2 param get` reads them back.
+        wanted = read_station(station).parameters(second.node.get_name())
+        assert {name: as_plain(dumped[name]) for name in wanted} == {
+            name: as_plain(each) for name, each in wanted.items()
+        }
         # A simulation without ROS takes the same file.
-        read_station(station).check_file(
-            second.node.get_name(), read_parameter_files([file])[second.node.get_name()].values
-        )
+        read_station(station).check_file(second.node.get_name(), read_parameter_files([file])[second.node.get_name()])
 
 
 def as_plain(value: Any) -> Any:
@@ -171,7 +174,7 @@ def test_without_ros_an_unknown_name_is_refused_too(tmp_path: Path, capsys: pyte
     for use in (lambda: StationSetup(files=[file]), lambda: check_drive.read_drive([file])):
         with pytest.raises(ValueError, match=r"antenna_servo: no such parameter drive.tpye; did you mean drive.type\?"):
             use()
-    with pytest.raises(ValueError, match=r"antena_servo is no node of a station; did you mean antenna_servo\?"):
+    with pytest.raises(ValueError, match=r"antena_servo is not a node of a station; did you mean antenna_servo\?"):
         require_known("antena_servo", [])
     station = tmp_path / "stations" / "dish.yaml"
     station.parent.mkdir()

@@ -180,6 +180,25 @@ def test_limits_change_while_the_controller_works_and_timing_does_not(station: S
     assert "read when the node is configured" in bench.change(**{"pointing.period_s": 0.2})
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"limits.azimuth_maximum_deg": 10.0}, "limits.azimuth_maximum_deg: no such parameter"),
+        ({"limits.elevation_min_deg": 5.0}, "limits.elevation_min_deg is given by the station description: mount.elev"),
+        ({"pointing.period_s": math.nan}, "period_s"),
+        ({"pointing.transport_s": 0.15}, "transport_s=0.15 must be a whole number of period_s"),
+        ({"station": "nowhere.yaml"}, "nowhere.yaml:1: no such file"),
+        ({"autotrack.sensor": 7}, "sensor"),
+    ],
+)
+def test_a_bad_parameter_leaves_the_node_unconfigured_with_its_key(
+    make_bench: Callable[..., Any], given: dict[str, Any], words: str
+) -> None:
+    bench = make_bench(PointingControllerNode, **given)
+    assert not bench.step("configure")
+    assert words in bench.health("state").message
+
+
 def test_a_feed_is_calibrated_during_a_monopulse_pass_alone(station: Station) -> None:
     answer = station.up().bench.call("~/calibrate")
     assert (answer.success, bool(answer.message)) == (False, True)

@@ -13,9 +13,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
 from rf_pointing.core import AXES
+from rf_pointing.core.signals import FRAMES
 from rf_pointing.ros.graph import TOPICS, VIEWS
 from rf_pointing.ros.streams import frame_in
-from rf_pointing.station.description.urdf import FRAMES
 
 FOLDER = Path(__file__).parents[2] / "config" / "viewers"
 NAMESPACE = "/gs1"

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
@@ -231,9 +231,11 @@ class AnyNight(RuleBasedStateMachine):
         assert over - skipped <= set(station.states) <= over
 
 
+# Not shortened: hours of a night are stepped in each attempt.
 AnyNight.TestCase.settings = settings(
-    max_examples=20, stateful_step_count=12, deadline=None, suppress_health_check=list(HealthCheck)
-)
+    max_examples=20, stateful_step_count=12, deadline=None, suppress_health_check=list(HealthCheck),
+    phases=(Phase.explicit, Phase.reuse, Phase.generate),
+)  # fmt: skip
 TestAnyNight = AnyNight.TestCase
 
 
@@ -507,6 +509,18 @@ def test_no_attempt_begins_while_something_speaks_against_it(why: str) -> None:
     assert "track" in sent
 
 
+def test_what_is_left_of_an_attempt_is_stopped_before_the_next() -> None:
+    one = a_night()
+    one.answers = False
+    one.at(940.0)
+    assert one.at(940.5) == ["record", "track"]
+    # The response is lost: after 20 s the attempt has failed, though the controller has the pass.
+    one.at(961.0, **one.has())
+    assert [one.at(t_s) for t_s in (965.0, 966.0, 966.5)] == [[], [], ["stop_pass"]]
+    one.answers = True
+    assert [one.at(t_s, **one.ended("stop was requested")) for t_s in (967.0, 967.5)] == [[], ["record", "track"]]
+
+
 @pytest.mark.parametrize(("los_s", "left_s", "lost"), [(1600.0, 61.0, False), (1600.0, 59.0, True), (1050.0, 26.0, False),
                                                        (1050.0, 24.0, True)])  # fmt: skip
 @pytest.mark.parametrize("cause", ["", "a storm"])
@@ -689,3 +703,9 @@ def test_the_plan_is_made_anew_after_a_minute_and_after_every_change(monkeypatch
     one.at(125.0)
     assert plans == [(0.0, set()), (60.5, set()), (121.0, set()), (125.0, {"a"})]
     assert one.night.schedule.entry("a").reason == "another antenna tracks it"
+    # A pass that is over frees the antenna at once.
+    one = a_night()
+    one.track(940.0)
+    monkeypatch.setattr(one.night.schedule, "replan", lambda t_s, *_: plans.append(t_s))
+    one.at(970.0, **one.ended())
+    assert plans[4:] == [970.0]

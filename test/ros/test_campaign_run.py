@@ -57,7 +57,7 @@ def make(calibrator: FakeStation, windows: list[Any], tmp_path: Path) -> Callabl
             parameter_files=(), logs=tmp_path / "logs", bag=tmp_path / "bag", notes={}, begin_s=BEGIN_S + 30.0,
             awaited="the first pass",
         )  # fmt: skip
-        schedule: Any = SimpleNamespace(windows=windows[:campaign], shadow=windows[4:])
+        schedule: Any = SimpleNamespace(windows=windows[:campaign], acceptance_passes=windows[4:])
 
         def fit() -> Any:
             calibrator.log.append("fit of the report")

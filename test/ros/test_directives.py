@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from rf_pointing.operations.dictionary import DirectiveRow
 from rf_pointing.ros import directives
 from rf_pointing.ros.command_key import CommandKeyParams
-from rf_pointing.ros.directives import DirectiveSender, filled, plain_fields, type_of
+from rf_pointing.ros.directives import DirectiveSender, filled, plain_fields
 from test.nodes.bench import ActionClient, Service
 
 # The parser of interfaces that rclpy imports with its first message.
@@ -245,8 +245,3 @@ def test_plain_fields_are_numbers_texts_and_truth_values() -> None:
     wanted = {"sensor": "monopulse", "valid": True, "sequence": 3, "cross_elevation": 0.5}
     assert {name: fields[name] for name in wanted} == wanted
     assert not {"header", "covariance"} & set(fields)
-
-
-def test_a_type_is_found_by_its_name() -> None:
-    assert type_of("rf_pointing_msgs/srv/GoTo") is GoTo
-    assert type_of("rf_pointing_msgs/action/TrackPass") is TrackPass

@@ -180,9 +180,9 @@ def test_simulated_time_is_waited_for(make_bench: Callable[..., Any]) -> None:
     assert Lifecycle.now_s(bench.node) == 5.0
 
 
-def test_a_second_node_of_the_name_is_refused(bench: Any) -> None:
+def test_a_second_node_of_the_name_is_refused(bench: Any, make_bench: Callable[..., Any]) -> None:
     with pytest.raises(RuntimeError, match="/managed_subject already runs in ROS domain"):
-        type(bench.node)()
+        make_bench(Subject, beside=True)
 
 
 def test_an_unknown_parameter_is_refused_with_the_nearest_name(bench: Any) -> None:

@@ -26,9 +26,9 @@ def test_seconds_are_rounded_to_a_microsecond(t_s: float, sec: int, nanosec: int
 
 @pytest.mark.parametrize(("sec", "nanosec"), [(-1, 750_000_000), (1, 1_000_000_000)])
 def test_a_stamp_that_can_be_none_is_refused(sec: int, nanosec: int) -> None:
-    with pytest.raises(ValueError, match=f"stamp of {sec} s and {nanosec} ns is none"):
+    with pytest.raises(ValueError, match=f"stamp of {sec} s and {nanosec} ns is not a time"):
         seconds_from_stamp(Time(sec=sec, nanosec=nanosec))
-    with pytest.raises(ValueError, match=f"stamp of {sec} s and {nanosec} ns is none"):
+    with pytest.raises(ValueError, match=f"stamp of {sec} s and {nanosec} ns is not a time"):
         seconds_from_raw(b"\0\1\0\0" + struct.pack("<iI", sec, nanosec))
 
 

@@ -10,11 +10,12 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rf_pointing_msgs.msg import StationInUse
 
+from rf_pointing.nodes.pointing_controller import PointingControllerNode
 from rf_pointing.planning import AxisLimits
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN
 from rf_pointing.ros.params import ParameterGroups
 from rf_pointing.ros.stamps import stamp_from_seconds
-from rf_pointing.ros.station_node import ClockWatch, StationCensus, StationNode
+from rf_pointing.ros.station_node import CLOCK_AGE_S, StationCensus
 from rf_pointing.station.description import owner, read_station, shipped_stations
 
 CONTROLLER = "pointing_controller"
@@ -110,30 +111,27 @@ def sent(name: str, stamp_s: float) -> DiagnosticArray:
     return message
 
 
-def test_a_clock_that_differs_is_named_with_its_size_and_delays_are_none(
-    default_context: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    node = StationNode("pointing_controller")
-    try:
-        watch, now_s = ClockWatch(node), 1_795_000_000.0
-        monkeypatch.setattr(node, "now_s", lambda: now_s)
+def test_a_clock_that_differs_is_named_with_its_size_and_delays_are_none(make_bench: Callable[..., Any]) -> None:
+    bench = make_bench(PointingControllerNode)
+    assert bench.step("configure")
+
+    def give(**ahead_s: float) -> Any:
         for delay_s in (0.001, 0.4, 0.002, 0.9, 0.003, 0.05):
-            watch._note(sent("/same_computer", now_s - delay_s))
-            watch._note(sent("/ahead", now_s + 0.05 - delay_s))
-            watch._note(sent("/behind", now_s - 0.2 - delay_s))
-        for _ in range(4):
-            watch._note(sent("/seldom", now_s + 1.0))
-        health = watch.health()
-        assert health.level == ERROR
-        assert health.message == (
-            "the clock of ahead is 49 ms ahead of this computer's; "
-            "the clock of behind is 201 ms behind this computer's, or its messages are late"
-        )
-        assert health.values == {"offset_ms ahead": 49.0, "offset_ms behind": -201.0, "offset_ms same_computer": -1.0}
-        del watch._ages_s["behind"]
-        assert watch.health().level == WARN
-        del watch._ages_s["ahead"]
-        assert (watch.health().level, watch.health().message) == (OK, "ok")
-    finally:
-        node.lock.release()
-        node.destroy_node()
+            for name, offset_s in ahead_s.items():
+                bench.give("/diagnostics", sent(f"/{name}", bench.t_s + offset_s - delay_s))
+        return bench.health("clocks")
+
+    for _ in range(4):
+        bench.give("/diagnostics", sent("/seldom", bench.t_s + 1.0))
+    health = give(same_computer=0.0, ahead=0.05, behind=-0.2)
+    assert health.message == (
+        "the clock of ahead is 49 ms ahead of this computer's; "
+        "the clock of behind is 201 ms behind this computer's, or its messages are late"
+    )
+    assert health.values == {"offset_ms ahead": "49.0", "offset_ms behind": "-201.0", "offset_ms same_computer": "-1.0"}
+    # Messages of half a minute ago tell nothing of now.
+    levels = [health.level]
+    for offsets_s in ({"ahead": 0.05}, {"same_computer": 0.0}):
+        bench.wait(CLOCK_AGE_S + 1.0)
+        levels.append(give(**offsets_s).level)
+    assert levels == [ERROR, WARN, OK]

@@ -1,5 +1,6 @@
 """A tracker that nothing in the package names holds the beam, once it is registered."""
 
+import importlib.metadata
 import importlib.util
 from collections.abc import Iterator
 from pathlib import Path
@@ -34,7 +35,7 @@ def example() -> Iterator[Any]:
 
 
 def test_a_registered_tracker_holds_the_beam(example: Any) -> None:
-    log = example.main()
+    log = example.main().log
     late = np.array(log.mode)[-600:]
     assert set(late.tolist()) == {"slope"}
     errors = log.errors_rad()[-600:]
@@ -54,7 +55,9 @@ def test_an_entry_point_registers_a_tracker_for_parameters_and_the_state_table(
 ) -> None:
     radar = sensors.SensorTraits(name="radar")
     point = SimpleNamespace(load=lambda: radar)
-    monkeypatch.setattr(sensors, "entry_points", lambda group: [point] if group == "rf_pointing.trackers" else [])
+    monkeypatch.setattr(
+        importlib.metadata, "entry_points", lambda group: [point] if group == "rf_pointing.trackers" else []
+    )
     with pytest.raises(ValueError, match="sensor='radar' must be one of auto, monopulse"):
         AutotrackParams(sensor="radar")
     sensors.load_trackers.cache_clear()

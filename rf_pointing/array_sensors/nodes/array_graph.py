@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+import rclpy
 from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import (
@@ -26,9 +27,12 @@ from rf_pointing_msgs import msg as ours
 from rosgraph_msgs.msg import Clock
 
 from rf_pointing.core.parameters import read_parameter_files
+from rf_pointing.report.bag_writer import BagResult
 from rf_pointing.ros.graph import Topic
+from rf_pointing.ros.main_loop import make_executor
 from rf_pointing.ros.managed_graph import ManagedGraph
 from rf_pointing.ros.qos import STREAM
+from rf_pointing.ros.recorder import Recorder
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.clients.pacing import PacedStream, Pacer
 
@@ -141,7 +145,7 @@ class ArrayGraph:
         patience_s: float = 60.0,
     ) -> None:
         share = Path(get_package_share_directory("rf_pointing")) / "config" / f"{system.name}.yaml"
-        start_s = float(read_parameter_files([share])[CLOCK].values["start_s"])
+        start_s = float(read_parameter_files([share])[CLOCK]["start_s"])
         self.namespace = f"/{system.name}"
         self._node, self._system, self._spin_once = node, system, spin
         files = [share, *parameter_files]
@@ -211,3 +215,36 @@ class ArrayGraph:
 
     def _publish(self, t_s: float) -> None:
         self._clock.publish(Clock(clock=stamp_from_seconds(t_s)))
+
+
+SPEEDS = {"tripulse": 20.0, "doa": 10.0, "interferometer": 20.0}
+"""Factor of real time at which two cores simulate each system."""
+
+
+def record_system(name: str, seconds: float, folder: Path) -> BagResult:
+    """Run one system for `seconds` of wall time, and record all its topics below `folder`.
+
+    rclpy must have been initialised.  Returns path, count of messages and problem of the bag.
+    """
+    node = rclpy.create_node(f"{name}_recording")
+    executor = make_executor()
+    executor.add_node(node)
+    system = ARRAY_SYSTEMS[name]
+
+    def spin(timeout_s: float) -> None:
+        executor.spin_once(timeout_sec=timeout_s)
+
+    recorder = Recorder(node, f"/{name}", folder / f"{name}_bag", system.topics)
+    try:
+        with ArrayGraph(system, node, spin, folder / "logs" / name, speed=SPEEDS[name]) as graph:
+            graph.bring_up()
+            graph.run_time()
+            end_s = graph.now_s + seconds * SPEEDS[name]
+            while graph.now_s < end_s:
+                graph.check()
+                graph.spin(0.05)
+    finally:
+        recorded = recorder.close()
+        executor.shutdown()
+        node.destroy_node()
+    return recorded

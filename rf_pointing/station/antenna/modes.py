@@ -37,6 +37,20 @@ class AntennaMode(StrEnum):
     DISABLED = "disabled"
 
 
+OPERATED = {
+    "park": ("park", "go to the park position"),
+    "stow": ("stow", "go to the stow position"),
+    "pause": ("pause", "stop, and keep the commands that come"),
+    "disable": ("disable", "stop, and set the brakes"),
+    "resume": ("release", "leave a pause or a rest"),
+    "reset_fault": ("reset", "clear a latched fault"),
+}
+"""Requests without arguments, by the name of their service and their method of the control unit.
+
+Each has the word of `station` that calls it, and its help.
+"""
+
+
 class Request(StrEnum):
     """Request of an operator or a commander."""
 

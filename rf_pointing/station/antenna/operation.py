@@ -46,7 +46,7 @@ class ServoNodeParams(Params):
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """What a tick has given: readings, and news for the operator.
+    """Result of a tick: readings, and news for the operator.
 
     `status` is None between two of them, `fault` where it has not changed; `refused` are commands
     that waited for this tick.

@@ -108,12 +108,12 @@ class Calibrator:
         file = self.keeper.roll_back()
         return f"{file.name if file else 'no model'} is in force again"
 
-    def outcome(self, campaign: "Campaign | None", refusal: str) -> dict[str, Any]:
-        """Return the result of a campaign, or of its refusal, by the fields of RunCampaign."""
+    def outcome(self, campaign: "Campaign | None", reason: str) -> dict[str, Any]:
+        """Return the result of a campaign, or of one refused for `reason`, by its fields."""
         verdict, candidate, count = self.keeper.verdict(), self.keeper.candidate, len(self.log)
-        found = {"observations": count, "sectors_filled": self._sectors_filled(), "message": refusal,
+        found = {"observations": count, "sectors_filled": self._sectors_filled(), "message": reason,
                  "verdict": verdict.word if verdict else ""}  # fmt: skip
-        if campaign is None or refusal:
+        if campaign is None or reason:
             return found
         wanted, fault = len(campaign.passes), campaign.fault
         lines = [f"{campaign.observed} of {wanted} passes observed, {count} observations"]

@@ -10,8 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing import calibration
-from rf_pointing.calibration import Campaign, FitResult, Observations, SectorRule
+from rf_pointing.calibration import (
+    AcceptanceRules,
+    Campaign,
+    FitResult,
+    Observations,
+    PassPriors,
+    SectorRule,
+    Slew,
+    plan_campaign,
+    read_model,
+)
 from rf_pointing.core import MDEG, Params, parameter
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Elements, Pass
@@ -41,8 +50,8 @@ class CampaignParams(Params):
 
     longest_s: float = parameter(4800.0, "length of the campaign at most", low=60.0, high=86400.0)
     fewest: int = parameter(25, "observations in each sector", low=1)
-    shadow: int = parameter(3, "passes with the new model in the shadow before it is accepted", low=2, high=20)
-    shadow_span_s: float = parameter(1800.0, "time in which the passes in the shadow are found", low=60.0, high=86400.0)
+    acceptance_passes: int = parameter(3, "passes in the shadow before a model is accepted", low=2, high=20)
+    acceptance_span_s: float = parameter(1800.0, "time in which these are found", low=60.0, high=86400.0)
     orbit_prior_m: float = parameter(
         5.0, "error of the orbits that the fit allows for in each pass", low=0.01, high=1e6
     )
@@ -52,23 +61,23 @@ class CampaignParams(Params):
         return {
             "orbit": {f"{name}_m": self.orbit_prior_m for name in ("along_track", "cross_track", "radial")},
             "calibrator": {"spacing_s": SPACING_S, "settle_s": SETTLE_S},
-            "shadow": {"fewest_passes": self.shadow, "accept": "better"},
+            "shadow": {"fewest_passes": self.acceptance_passes, "accept": "better"},
         }
 
 
 @dataclass(frozen=True, eq=False)
 class CalibrationSchedule:
-    """What is tracked: `windows` for the fit (none when the sky is full), then `shadow`."""
+    """The passes to track: `windows` for the fit (none when the sky is full), then the others."""
 
     elements: list[Elements]
     campaign: Campaign
     windows: list[Pass]
-    shadow: list[Pass]
+    acceptance_passes: list[Pass]
 
     def __str__(self) -> str:
-        coverage = self.campaign.coverage
+        coverage, judging = self.campaign.coverage, self.acceptance_passes
         filled = f"{coverage.rule.count - len(coverage.thin)} of {coverage.rule.count} sectors"
-        last = f"{len(self.shadow)} more in the shadow until {utc_text(self.shadow[-1].los_t_s)}"
+        last = f"{len(judging)} more in the shadow until {utc_text(judging[-1].los_t_s)}"
         if not self.windows:
             return f"{filled} are full already; {last}"
         first, end = utc_text(self.windows[0].aos_t_s), utc_text(self.windows[-1].los_t_s)
@@ -94,11 +103,13 @@ def schedule_calibration(
         raise ValueError(f"longest={params.longest_s} s leaves no satellite to track")
     windows = _windows_of(station, elements, campaign)
     begin_s = (windows[-1].los_t_s if windows else begin_s) + LARGEST_SLEW_S
-    rest = _planned(station, elements, begin_s, params.shadow_span_s, SHADOW_ARCS_S, rule)
-    shadow = _windows_of(station, elements, rest)[: params.shadow]
-    if len(shadow) < params.shadow:
-        raise ValueError(f"shadow={params.shadow}: only {len(shadow)} passes can be tracked after the campaign")
-    return CalibrationSchedule(elements, campaign, windows, shadow)
+    rest = _planned(station, elements, begin_s, params.acceptance_span_s, SHADOW_ARCS_S, rule)
+    judging = _windows_of(station, elements, rest)[: params.acceptance_passes]
+    if len(judging) < params.acceptance_passes:
+        raise ValueError(
+            f"shadow={params.acceptance_passes}: only {len(judging)} passes can be tracked after the campaign"
+        )
+    return CalibrationSchedule(elements, campaign, windows, judging)
 
 
 def _planned(
@@ -116,8 +127,8 @@ def _planned(
     )
     candidates, _ = candidate_arcs(elements, station.site, begin_s, span_s, rules)
     low_deg, high_deg = station.content.mount.azimuth.travel_deg
-    slew = calibration.Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=(math.radians(low_deg), math.radians(high_deg)))
-    return calibration.plan_campaign(candidates, rule, slew, filled)
+    slew = Slew(settle_s=ACQUISITION_S + 10.0, travel_rad=(math.radians(low_deg), math.radians(high_deg)))
+    return plan_campaign(candidates, rule, slew, filled)
 
 
 def _windows_of(station: StationDescription, elements: list[Elements], campaign: Campaign) -> list[Pass]:
@@ -133,7 +144,7 @@ def fit_of_kept(
     journal = journal_of(folder, station.name, band)
     log = CalibrationLog(station.name, band, SPACING_S, SIGMA_RAD, journal=journal)
     points, file = log.observations(), station.bias_model_file(band)
-    start = calibration.read_model(file) if file else None
-    keeper = ModelKeeper(station.name, band, folder, start, calibration.ShadowRules())
+    start = read_model(file) if file else None
+    keeper = ModelKeeper(station.name, band, folder, start, AcceptanceRules())
     keeper.begin(float(np.max(points.t_s)))
-    return points, log.fit(keeper.model, pass_priors=calibration.PassPriors.of_orbit(orbit_prior_m))
+    return points, log.fit(keeper.model, pass_priors=PassPriors.of_orbit(orbit_prior_m))

@@ -1,4 +1,4 @@
-"""What leaves the station with an alarm: a command, a webhook, an e-mail.
+"""Messages that leave the station with an alarm: a command, a webhook, an e-mail.
 
 A thread of its own sends, so that a server that does not answer delays nothing.  What could not be
 sent is tried three times, then counted; `problem` says why.
@@ -33,7 +33,7 @@ class HookParams(Params):
     retry_s: float = parameter(5.0, "time between two tries to send", low=0.1, high=600.0)
 
     def check_together(self) -> None:
-        """Refuse e-mail without a receiver, and addresses that are none."""
+        """Refuse e-mail without a receiver, and invalid addresses."""
         if self.mail_server and not self.mail_to:
             raise ValueError(f"mail_to='' must name a receiver: mail_server={self.mail_server}")
         if self.mail_server and not self.mail_server.rpartition(":")[2].isdecimal():

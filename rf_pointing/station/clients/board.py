@@ -101,7 +101,7 @@ def degrees(values: Sequence[float], digits: int = 4) -> list[float]:
 
 
 class Board:
-    """What a page shows of one namespace, as plain values, and the commands of its viewers.
+    """View of one namespace for a page, as plain values, and the commands of its viewers.
 
     `send` takes number, name and arguments of a command; `responded` and `ended` take what comes
     back under the number.  For `track` the argument target_pass is a row of the section `passes`.

@@ -52,7 +52,7 @@ class PassGoal:
 
 @dataclass(frozen=True, kw_only=True)
 class GoalOutcome:
-    """What became of a goal; `predicted_loss_db` is that of the certificate, -1 without one."""
+    """Outcome of a goal; `predicted_loss_db` is that of the certificate, -1 without one."""
 
     success: bool = False
     message: str
@@ -75,7 +75,7 @@ class Search(Protocol):
 
 
 class Port(Protocol):
-    """What the goals need of the world outside.
+    """World outside of the goals.
 
     `joints` returns the newest reading up to a time, None without a new one; `difference` which
     nodes run on another station description, "" if none does.  `warn` informs an operator at once

@@ -1,4 +1,4 @@
-"""What a night leaves on the disk: its journal, a recording and a report of every pass."""
+"""Files of a night: its journal, a recording and a report of every pass."""
 
 import json
 import shutil
@@ -40,7 +40,7 @@ class NightFolder:
 
     @property
     def free_gb(self) -> float:
-        """Free space of the disk; OSError where it cannot be told."""
+        """Free space of the disk; OSError where it is unknown."""
         return shutil.disk_usage(self.path).free / 1e9
 
     @property

@@ -47,7 +47,6 @@ SAME_S = 0.05
 KEPT_POINTS = 40
 # `angles_and_rates` takes metres; any distance beyond its least horizontal one will do.
 _DISTANCE = 1e6
-_ARC_POINTS = 60
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,12 +216,11 @@ def azimuth_still_to_come(motion: Motion) -> Pair:
     if speed == 0.0:
         return float(azimuth), float(azimuth)
     ahead = across / speed
-    setting = math.atan2(float(up[2]), -float(ahead[2]))
-    angle = np.linspace(0.0, max(setting, 0.0), _ARC_POINTS)[:, None]
-    path, _ = azel_from_unit_vector(up * np.cos(angle) + ahead * np.sin(angle))
-    path = np.unwrap(path)
-    path += azimuth - path[0]
-    return float(path.min()), float(path.max())
+    setting = max(math.atan2(float(up[2]), -float(ahead[2])), 0.0)
+    set_azimuth, _ = azel_from_unit_vector(up * math.cos(setting) + ahead * math.sin(setting))
+    # It is half a turn at most, in the sense of the present motion.
+    way = math.copysign(math.remainder(float(set_azimuth) - azimuth, TURN), motion.velocity[0, 0])
+    return float(min(azimuth, azimuth + way)), float(max(azimuth, azimuth + way))
 
 
 def turn_for(limits: AxisLimits, azimuth_range_rad: Pair, encoder_rad: float) -> float:
@@ -310,7 +308,7 @@ class Follower:
         if not self._limits.azimuth_min_rad <= sky.position[-1, 0] <= self._limits.azimuth_max_rad:
             other = self._azimuth_for_the_rest(t_s, axes)
             self.unwinds = abs(other - self.azimuth_rad) > math.pi
-            sky = self.points.motion(times, other) if self.unwinds else sky
+            sky = self.points.motion(times, other)
         self.azimuth_rad = float(sky.position[0, 0])
         motion = self._on_axes(self._within(times, sky))
         return JointTrajectory(
@@ -360,7 +358,6 @@ class KnownSatellites:
                 self.sky, self.problem = self._loading.result(), ""
             except (ValueError, OSError) as error:
                 self.problem = f"satellites cannot be identified: {error}"
-            self._loading = None
 
     def close(self) -> None:
         """Load nothing more."""

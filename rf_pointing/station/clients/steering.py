@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rf_pointing.core import JointReading, JointTrajectory, Params, Sensor, parameter
+from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, RotctldServer, StationView, direction_rad
 from rf_pointing.operations.dictionary import TABLES, DirectiveRow, read_directives
@@ -80,7 +80,7 @@ class Steering:
     `send` takes number, name and arguments of a directive; `answered` and `ended` take what comes
     back under the number, within the same call too.  `heard_s` returns the steady time of the last
     bytes of a client, minus infinity for one that is gone.  `inform` takes words for the operator,
-    `warn` a subject and words.  Raises ValueError for a sensor that is not known.
+    `warn` one of a few subjects and words.  Raises ValueError for a sensor that is not known.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Steering:
         self._mode, self._fault, self._antenna_wall_s, self._rejected = "", "", -math.inf, 0
         self._target, self._sent, self._executive = "", 0, "idle"
         self._steered_wall_s = -math.inf
-        self._place: NDArray[np.float64] | None = None
+        self._place: Array | None = None
         self._place_due = self._parked_here = False
         self._refusal = ""
         self._match: Match | None = None
@@ -176,7 +176,7 @@ class Steering:
         order = inquiry.order
         code, reason = (0, "") if order.name == "stop" else self._reason_against(inquiry.client)
         if code:
-            self._warn(f"{inquiry.client}: {order.name} {order.text} refused", reason)
+            self._warn(f"{order.name} refused", f"{inquiry.client} {order.text}: {reason}")
             inquiry.reply(code)
         elif order.name == "set_pos":
             self._go_on(self._point(inquiry), inquiry.reply)
@@ -193,7 +193,7 @@ class Steering:
             self._go_on(steps, reply, answer)
 
     def _go_on(self, steps: Steps, reply: Reply = int, answer: Answer | None = None) -> None:
-        """Take the steps of an order up to the next answer that it waits for."""
+        """Take the steps of an order up to the next answer; by default nobody takes the code."""
         try:
             if answer is not None and answer.code in (IO_ERROR, TIMED_OUT):
                 name, arguments = steps.throw(NoAnswer(answer))
@@ -241,13 +241,14 @@ class Steering:
 
     def _point_of_pass(self) -> Steps:
         """Take a point during a pass; points off its track end it."""
-        assert self._match is not None
+        sky, match = self._known.sky, self._match
+        assert sky is not None
+        assert match is not None
         times, directions = self.follower.points.history
-        sky, row = self._known.sky, self._match.row
-        mine = sky is not None and on_track(sky, row, float(times[-1]), directions[-1], self._match_params)
+        mine = on_track(sky, match.row, float(times[-1]), directions[-1], self._match_params)
         self._strays = 0 if mine else self._strays + 1
         if self._strays >= STRAYS:
-            self._inform(f"the client has left the track of {self._match.name}")
+            self._inform(f"the client has left the track of {match.name}")
             self._strays, self._place_due = 0, True
             yield "stop_pass", {}
         return 0
@@ -255,7 +256,6 @@ class Steering:
     def _stop(self) -> Steps:
         """End whatever moves, in a controlled way."""
         self._forget()
-        self._place_due = False
         if self._target or self._goal:
             yield "stop_pass", {}
             return 0
@@ -372,7 +372,7 @@ class Steering:
         except NoAnswer as error:
             answer = error.args[0]
         if answer.code:
-            self._warn(f"{found.name} is not tracked as a pass, its points are followed", answer.text)
+            self._warn("no pass", f"{found.name} is not tracked, its points are followed: {answer.text}")
             self._end_match(found)
         return 0
 
@@ -390,7 +390,7 @@ class Steering:
         self._goal, self._match, self._certified = 0, None, False
 
 
-def _go_to(goal: NDArray[np.float64]) -> tuple[str, Mapping[str, Any]]:
+def _go_to(goal: Array) -> tuple[str, Mapping[str, Any]]:
     return "go_to", {"azimuth": float(goal[0]), "elevation": float(goal[1])}
 
 

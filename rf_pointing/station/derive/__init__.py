@@ -1,4 +1,4 @@
-"""What follows from a station description: the parameter sets of every node, with their formulas.
+"""Derivation from a station description: the parameter sets of every node, with their formulas.
 
 Each module is one concern: functions of a `Band` that return the rows of a parameter set, each with
 the key of the description that gives it and its formula as text.  `nodes` puts the rows into the

@@ -49,7 +49,7 @@ def trim(of: Band) -> Rows:
 
 
 def lock_watch(of: Band) -> Rows:
-    """What the encoders do not see of the beam: gusts that bend a large dish, their own steps."""
+    """Motion of the beam that the encoders miss: gusts that bend a large dish, their own steps."""
     gusts = max(1.0, (of.wind_diameter_m / REFERENCE_M) ** GUST_POWER)
     vibration = max(gusts, of.step_deg / math.sqrt(12.0) / VIBRATION_DEG[1])
     return {

@@ -226,7 +226,7 @@ def simulation_clock(_: Band) -> Derived:
 
 
 def station_description(_: Band) -> Derived:
-    """What viewers show."""
+    """Parameter set of what viewers show."""
     return Derived({"view": own.ViewParams()}, own=("view.",))
 
 
@@ -238,7 +238,7 @@ NODES: Mapping[str, Callable[[Band], Derived]] = {
         simulation_clock, station_description,
     )
 }  # fmt: skip
-"""What each node gets of a band, by the node's name."""
+"""Derivation of each node's parameters from a band, by the node's name."""
 
 
 @cache
@@ -261,10 +261,10 @@ def reference(node: str) -> Derived:
 
 
 @cache
-def described_parameters() -> dict[str, tuple[str, ...]]:
-    """Return the nodes that have a parameter, by its name."""
+def described_parameters(nodes: tuple[str, ...] = tuple(NODES)) -> dict[str, tuple[str, ...]]:
+    """Return which of the nodes have a parameter, by its name."""
     found: dict[str, tuple[str, ...]] = {}
-    for node in NODES:
+    for node in nodes:
         for name in reference(node).names:
             found[name] = (*found.get(name, ()), node)
     return found

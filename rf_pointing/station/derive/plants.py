@@ -47,7 +47,7 @@ GAIN_MARGIN = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class MountAxis:
-    """What an axis is built from, in rad."""
+    """Parts of an axis, in rad."""
 
     rate_rad_s: float
     acceleration_rad_s2: float

@@ -35,7 +35,7 @@ def conscan(of: Band) -> Rows:
         "updates": tuned("sample", "a sliding window"),
         "drift": tuned(True, "the carrier changes along a pass"),
         "unmodelled_deg": tuned(unmodelled, "0.001 deg, at least the rms of an encoder step"),
-        "misfit_limit": tuned(20.0, "wind and fading are no noise of the receiver"),
+        "misfit_limit": tuned(20.0, "wind and fading are not noise of the receiver"),
         "bandwidth_hz": tuned(0.4 / period_s, "0.4 / period"),
         "sample_s": Value(sample_s, "receiver.power_period_s"),
         "delay_s": Value(receiver.delay_s, "receiver.delay_s"),

@@ -4,16 +4,14 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from rf_pointing.calibration import read_model
 from rf_pointing.core import Params, Sensor, leaves
 from rf_pointing.core.parameters import from_edge
-from rf_pointing.drives import DriveParams, known_types
+from rf_pointing.drives.params import DriveParams
+from rf_pointing.drives.registry import known_types, takes_positions
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
-from rf_pointing.station.antenna.mount import MountParams
-from rf_pointing.station.derive.array import level_of_array_db_hz
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
-from rf_pointing.station.derive.nodes import described_parameters, owner_of_name, reference
+from rf_pointing.station.derive.nodes import NODES, described_parameters, reference
 from rf_pointing.station.description.content import ArraySection, AxisSection, BandSection, Content, MountSection
 from rf_pointing.station.description.reading import Reader, flat, nearest
 
@@ -22,8 +20,11 @@ WIDEST_GAP_DEG = 90.0
 """A wider gap between two points of a horizon mask is a gap that nobody surveyed."""
 
 
-def check(content: Content, reader: Reader) -> HorizonMask:
-    """Note every contradiction; return the horizon mask, a flat one where it has a problem."""
+def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMask:
+    """Note every contradiction; return the horizon mask, a flat one where it has a problem.
+
+    Of the tuning, and of the errors of the mount, what concerns these `nodes` is judged.
+    """
     if isinstance(content.site, str) and content.site not in SITES:
         reader.note("site", f"site={content.site!r} must be coordinates or one of {', '.join(SITES)}")
     if content.name is not None and not content.name.strip():
@@ -35,19 +36,22 @@ def check(content: Content, reader: Reader) -> HorizonMask:
             if axis is not None:
                 _check_axis(axis, f"mount.{name}", reader)
         _check_mount(content, content.mount, reader)
-    _check_bands(content, reader)
-    _check_tuning(content.tuning, "tuning", reader)
+    _check_bands(content, reader, nodes)
+    _check_tuning(content.tuning, "tuning", reader, nodes)
     rows = {f"drive.{name}": value for name, value in flat(content.drive or {}).items()}
     _check_names({"drive": DriveParams()}, rows, "drive", reader, strip="drive.")
-    kind, known = (content.drive or {}).get("type"), ("simulated", "topic", *known_types())
-    if kind is not None and kind not in known:
-        reader.note("drive.type", f"drive.type={kind!r} must be one of {', '.join(known)}")
-    if content.simulation is not None:
+    kind = (content.drive or {}).get("type", "simulated")
+    if kind not in ("simulated", "topic") and not takes_positions(kind) and kind not in known_types():
+        known = ", ".join(("simulated", "topic", *known_types()))
+        reader.note("drive.type", f"drive.type={kind!r} must be one of {known}")
+    if content.simulation is not None and "antenna_servo" in nodes:
         _check_errors(content.simulation.mount_errors, "simulation.mount_errors", reader)
     return mask
 
 
 def _check_errors(values: Mapping[str, Any] | None, key: str, reader: Reader) -> None:
+    from rf_pointing.station.antenna.mount import MountParams
+
     errors = {f"mount.{name}": value for name, value in flat(values or {}).items()}
     _check_names({"mount": MountParams()}, errors, key, reader, strip="mount.")
 
@@ -174,7 +178,7 @@ def _mask_file(name: str, reader: Reader) -> tuple[tuple[tuple[float, float], ..
     return tuple(points), lines
 
 
-def _check_bands(content: Content, reader: Reader) -> None:
+def _check_bands(content: Content, reader: Reader, nodes: tuple[str, ...]) -> None:
     bands = content.bands
     if bands is None:
         return
@@ -184,10 +188,10 @@ def _check_bands(content: Content, reader: Reader) -> None:
         reader.note("default_band", f"default_band={content.default_band!r} must be one of {', '.join(bands)}")
     for name, section in bands.items():
         if section is not None:
-            _check_band(content, name, section, reader)
+            _check_band(content, name, section, reader, nodes)
 
 
-def _check_band(content: Content, name: str, section: BandSection, reader: Reader) -> None:
+def _check_band(content: Content, name: str, section: BandSection, reader: Reader, nodes: tuple[str, ...]) -> None:
     key = f"bands.{name}"
     given, frequency = section.half_power_beamwidth_deg, section.frequency_mhz
     diameter = content.dish.diameter_m if content.dish else None
@@ -205,6 +209,9 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
     elif Sensor.ARRAY in (section.sensors or ()) and content.array and frequency is not None:
         _check_array(content.array, frequency, reader)
     if section.bias_model:
+        # Imported here, as what the checks of an array need: most stations have neither.
+        from rf_pointing.calibration.model_file import read_model
+
         path = reader.path.parent / section.bias_model
         try:
             version = read_model(path)
@@ -215,26 +222,31 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
                 if own != wanted:
                     reader.note(f"{key}.bias_model", f"{key}.bias_model={section.bias_model!r} is of {what} {own!r}, must be "
                         f"of {wanted!r}")  # fmt: skip
-    _check_tuning(section.tuning, f"{key}.tuning", reader)
-    _check_errors(section.mount_errors, f"{key}.mount_errors", reader)
+    _check_tuning(section.tuning, f"{key}.tuning", reader, nodes)
+    if "antenna_servo" in nodes:
+        _check_errors(section.mount_errors, f"{key}.mount_errors", reader)
 
 
 def _check_array(section: ArraySection, frequency_mhz: float, reader: Reader) -> None:
     # A value that was refused has its own problem.
     if None in (section.elements, section.radius_m, section.phase_sigma_deg):
         return
+    from rf_pointing.station.derive.array import level_of_array_db_hz
+
     if math.isinf(level_of_array_db_hz(section, SPEED_OF_LIGHT_M_S / (1e6 * frequency_mhz))):
         reader.note("array", f"array: {section.elements} patches on a circle of {section.radius_m} m, phases known to "
             f"{section.phase_sigma_deg} deg: at {frequency_mhz} MHz every direction is like another one")  # fmt: skip
 
 
-def _check_tuning(values: Mapping[str, Any] | None, key: str, reader: Reader) -> None:
-    known = described_parameters()
+def _check_tuning(values: Mapping[str, Any] | None, key: str, reader: Reader, nodes: tuple[str, ...]) -> None:
+    known, complete = described_parameters(nodes), set(NODES) <= set(nodes)
     wanted: dict[str, Any] = {}
     for name, value in flat(values or {}).items():
-        owner = owner_of_name(name)
+        owner = reference(known[name][0]).owner(name) if name in known else ""
         if name not in known:
-            reader.note(f"{key}.{name}", f"{key}.{name}: no parameter of that name{nearest(name, known)}")
+            # A single node does not know the names of the others.
+            if complete:
+                reader.note(f"{key}.{name}", f"{key}.{name}: no parameter of that name{nearest(name, known)}")
         elif not owner:
             reader.note(
                 f"{key}.{name}", f"{key}.{name} is a parameter of {' and '.join(known[name])}, not of the station"

@@ -1,4 +1,4 @@
-"""What a station description may say: every section and key, with unit, range and meaning.
+"""Contents of a station description: every section and key, with unit, range and meaning.
 
 One declaration serves the reader of the file, its list of problems and the published JSON schema.
 Angles are in degrees, as a user writes them; the unit is the end of a key's name.  A key whose
@@ -89,7 +89,7 @@ class MountSection:
 
 @dataclass(frozen=True, kw_only=True)
 class DishSection:
-    """The reflector; left out for an antenna that is none."""
+    """The dish; omit for antennas without one (Yagi)."""
 
     diameter_m: float = parameter(description="diameter of the reflector", low=0.1, high=120.0)
 
@@ -207,8 +207,8 @@ class Content:
     name: str = parameter(description="name of the station: models and observations belong to it")
     site: SiteSection | str = parameter(description="where it stands: coordinates, or the name of a built-in site")
     mount: MountSection = parameter(description="axes and where they may look")
-    dish: DishSection | None = parameter(None, "the reflector; left out for an antenna that is none")
-    array: ArraySection | None = parameter(None, "array of patches on the dish; left out where there is none")
+    dish: DishSection | None = parameter(None, "the dish; omit for antennas without one (Yagi)")
+    array: ArraySection | None = parameter(None, "array of patches on the dish; omit for dishes without one")
     sun: SunSection = field(default_factory=SunSection, metadata={"description": "the zone around the Sun"})
     wind: WindSection = field(default_factory=WindSection, metadata={"description": "wind that stows the antenna"})
     default_band: str = parameter("", "band that is used when none is named; empty: the first one")

@@ -1,7 +1,6 @@
 """One station, described once: what every node, command and simulation takes its numbers from."""
 
 import dataclasses
-import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -125,6 +124,9 @@ class StationDescription:
 
         Masks and bias models from files count by their content, comments and order do not.
         """
+        # Imported here: OpenSSL takes 3.5 MB.
+        import hashlib
+
         content = dataclasses.asdict(self.content)
         content["mount"]["horizon_deg"] = leaves(self.mask)["azimuth_deg"][1], leaves(self.mask)["elevation_deg"][1]
         del content["mount"]["horizon_file"]
@@ -181,9 +183,10 @@ class StationDescription:
         A number of the description may be repeated, as `ros2 param dump` does.
         """
         require_known(node, values)
-        given = reference(node).names | self.parameters(node, band)
+        # "**" names every node, and no number of one.
+        given = {} if node == "**" else reference(node).names | self.parameters(node, band)
         for name, value in values.items():
-            if (key := owner(node, name)) and not same_value(given[name], value):
+            if given and (key := owner(node, name)) and not same_value(given[name], value):
                 raise ValueError(f"{node}: {name} is given by the station description: {key}")
 
     def write(self, path: Path, changes: Mapping[str, Any]) -> None:
@@ -202,7 +205,7 @@ class StationDescription:
         path.write_text(yaml.serialize(root, Dumper=yaml.SafeDumper))
 
     def remarks(self, band: str | None = None) -> Iterator[str]:
-        """Yield what is no problem, and what a user of this station should know."""
+        """Yield remarks that a user of this station should know, besides its problems."""
         numbers = Band(self.content, self._band(band))
         low, high = self.content.mount.azimuth.travel_deg
         if high - low < 360.0:
@@ -214,7 +217,7 @@ class StationDescription:
         if not numbers.section.bias_model:
             yield f"bands.{numbers.name}: there is no bias model; errors of the mount are not corrected"
         if not self.content.wind.anemometer:
-            yield "wind.anemometer: there is none; wind does not stow the antenna"
+            yield "wind.anemometer: the station has none; wind does not stow the antenna"
         if self.content.sun.radius_deg == 0.0:
             yield "sun.radius_deg: the beam may look into the Sun"
         share = numbers.step_deg / numbers.beamwidth_deg
@@ -228,8 +231,10 @@ class StationDescription:
         return chosen
 
 
-def read_station(name_or_path: str | Path) -> StationDescription:
+def read_station(name_or_path: str | Path, nodes: tuple[str, ...] = tuple(NODES)) -> StationDescription:
     """Return the description of a shipped name or of a user's file.
+
+    Checked are the file, and what follows from it for these `nodes`.
 
     Raises
     ------
@@ -243,20 +248,20 @@ def read_station(name_or_path: str | Path) -> StationDescription:
         if not path.is_file():
             shipped = shipped_stations()
             raise StationError(text, [(1, f"no such file, and no shipped station{nearest(text, shipped)}")])
-    return station_from(path)
+    return station_from(path, nodes=nodes)
 
 
-def station_from(path: Path, text: str | None = None) -> StationDescription:
+def station_from(path: Path, text: str | None = None, nodes: tuple[str, ...] = tuple(NODES)) -> StationDescription:
     """Return the description of a file, or of the `text` that will be its content.
 
     Raises StationError as `read_station` does.
     """
     reader = Reader(path)
     content = reader.content(text)
-    mask = check(content, reader)
+    mask = check(content, reader, nodes)
     reader.refuse()
     station = StationDescription(path, content, mask, reader.lines)
-    for node in NODES:
+    for node in nodes:
         _check_sets(station, node, reader)
     reader.refuse()
     return station
@@ -270,7 +275,7 @@ def shipped_stations() -> tuple[str, ...]:
 def require_known(node: str, names: Iterable[str]) -> None:
     """Raise ValueError for a node, or a parameter of it, that does not exist; "**" is any node."""
     if node not in (*NODES, "**"):
-        raise ValueError(f"{node} is no node of a station{nearest(node, NODES)}")
+        raise ValueError(f"{node} is not a node of a station{nearest(node, NODES)}")
     known = {name for each in (NODES if node == "**" else [node]) for name in reference(each).every_name}
     known.update(OF_EVERY_NODE)
     for name in names:

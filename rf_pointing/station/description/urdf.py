@@ -16,12 +16,10 @@ import math
 from collections.abc import Mapping
 from xml.etree import ElementTree
 
-from rf_pointing.core import AXES
+from rf_pointing.core.signals import AXES, AZIMUTH, BASE, BEAM, ELEVATION
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, Band
 from rf_pointing.station.description.description import StationDescription
 
-BASE, AZIMUTH, ELEVATION, BEAM = FRAMES = ("base_link", "azimuth_link", "elevation_link", "beam")
-"""Frames of an antenna, each the child of the one before; a namespace goes before them."""
 ORIGIN_RPY = {AXES[0]: (0.0, 0.0, math.pi / 2.0), AXES[1]: (0.0, 0.0, 0.0)}
 """Rotation from parent to child at position 0: azimuth 0 looks north, along y."""
 AXIS = {AXES[0]: (0.0, 0.0, -1.0), AXES[1]: (0.0, -1.0, 0.0)}

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -285,9 +285,11 @@ class PassPlan:
                 continue
             if max(late_s, early_s) <= SAME_PASS_S:
                 return profile
-            return profile.between(
-                max(window.aos_t_s, float(profile.t_s[0])), min(window.los_t_s, float(profile.t_s[-1]))
-            )
+            ends_s = max(window.aos_t_s, float(profile.t_s[0])), min(window.los_t_s, float(profile.t_s[-1]))
+            piece = profile.between(*ends_s)
+            # The whole pass may have crossed north before: the turns are those of the window.
+            turns = round((window.aos_azimuth_rad - float(piece.position_rad[0, 0])) / math.tau)
+            return replace(piece, position_rad=piece.position_rad + np.array([turns * math.tau, 0.0]))
         return None
 
     def _path(self, corners: Sequence[Pair] = ()) -> CornerPath:

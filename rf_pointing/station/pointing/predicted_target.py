@@ -154,7 +154,7 @@ class PredictedTarget:
         return f"newer elements of {self.track.name} are in force", False
 
     def health(self, now_s: float) -> Report:
-        """Return whether the target can be told, or what is doubtful, and the numbers behind it."""
+        """Return whether the target is known, or what is doubtful, and the numbers behind it."""
         age_s, sky = now_s - self._weather_s, self._sky(now_s)
         old = f"the measured weather is {age_s / 3600.0:.1f} h old" if age_s > WEATHER_AGE_S else ""
         problems = (self._no_pass, self._memory.problem, self.updates.problem, self._not_renewed, self._stale(now_s),

@@ -76,9 +76,9 @@ def kept_in(folder: Path, parts: list[Observations]) -> Observations:
 
 def test_the_shadow_is_tracked_after_the_campaign(schedule: Any) -> None:
     assert schedule.windows[0].aos_t_s > START_S
-    times = [t_s for one in schedule.windows[-1:] + schedule.shadow for t_s in (one.aos_t_s, one.los_t_s)]
+    times = [t_s for one in schedule.windows[-1:] + schedule.acceptance_passes for t_s in (one.aos_t_s, one.los_t_s)]
     assert times == sorted(times)
-    assert len(schedule.shadow) == 3
+    assert len(schedule.acceptance_passes) == 3
     assert str(schedule).startswith(f"{len(schedule.windows)} passes from 2006-06-25T00:")
     assert "; 3 more in the shadow until 2006-06-25T00:" in str(schedule)
 
@@ -104,7 +104,7 @@ def test_a_full_sky_needs_the_shadow_alone(station: Any, sky: list[Any], schedul
     full = Observations.concatenate([in_sector(points, sector) for sector in range(36)])
     found = schedule_calibration(station, sky, START_S, SMALL, full)
     assert found.windows == []
-    assert found.shadow[0].aos_t_s > float(np.max(full.t_s)) + LARGEST_SLEW_S
+    assert found.acceptance_passes[0].aos_t_s > float(np.max(full.t_s)) + LARGEST_SLEW_S
     assert str(found).startswith("36 of 36 sectors are full already; 3 more in the shadow")
 
 
@@ -113,7 +113,7 @@ def test_a_full_sky_needs_the_shadow_alone(station: Any, sky: list[Any], schedul
     [
         (SMALL, 0, r"longest=1200\.0 s leaves no satellite to track"),
         (
-            SMALL.replace(shadow=20, shadow_span_s=60.0),
+            SMALL.replace(acceptance_passes=20, acceptance_span_s=60.0),
             90,
             "shadow=20: only 1 passes can be tracked after the campaign",
         ),
@@ -129,7 +129,8 @@ def test_a_sky_that_is_too_empty_is_refused(
 @pytest.mark.parametrize(
     ("given", "complaint"),
     [
-        ({"shadow": 1}, "shadow=1 must be >= 2"), ({"shadow": 21}, "shadow=21 must be <= 20"),
+        ({"acceptance_passes": 1}, "acceptance_passes=1 must be >= 2"),
+        ({"acceptance_passes": 21}, "acceptance_passes=21 must be <= 20"),
         ({"longest_s": 59.9}, "longest_s=59.9 must be >= 60"), ({"longest_s": 86401.0}, "longest_s=86401.0 must be <= 864"),
         ({"longest_s": float("nan")}, "longest_s=nan must be finite"), ({"fewest": 0}, "fewest=0 must be >= 1"),
         ({"orbit_prior_m": 0.0}, "orbit_prior_m=0.0 must be >= 0.01"),
@@ -157,7 +158,7 @@ def test_the_fit_of_the_kept_observations_finds_a_planted_offset(station: Any, s
 
 
 def test_the_calibrator_takes_the_numbers_of_the_campaign() -> None:
-    assert CampaignParams(orbit_prior_m=7.0, shadow=4).calibrator_parameters() == {
+    assert CampaignParams(orbit_prior_m=7.0, acceptance_passes=4).calibrator_parameters() == {
         "orbit": {"along_track_m": 7.0, "cross_track_m": 7.0, "radial_m": 7.0},
         "calibrator": {"spacing_s": 0.5, "settle_s": 25.0},
         "shadow": {"fewest_passes": 4, "accept": "better"},

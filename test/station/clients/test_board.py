@@ -65,8 +65,8 @@ def page() -> Page:
 def test_what_moves_is_shown_at_its_rate_and_the_rest_once_a_second(page: Page) -> None:
     assert set(page.shown()) == {"live", "station", "sun", "path", "certificate", "nodes", "events"}
     due, views, slow = 0, 0, 0
-    for _ in range(600):
-        if page.turn(0.01):
+    for _ in range(200):
+        if page.turn(0.03):
             due += 1
             slow += "nodes" in page.board.sections({})
     assert due == pytest.approx(6.0 * RATE_HZ, abs=1)

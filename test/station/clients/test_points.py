@@ -1,7 +1,9 @@
 """Points of clients: motions between them, turns for the rest of a pass, and the satellite that they mean."""
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,11 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rf_pointing.core import Motion, angular_distance_rad, azel_from_unit_vector, unit_vector_from_azel
-from rf_pointing.ephemeris import CatalogueSky, Elements, Site, TopocentricTrack
+from rf_pointing.ephemeris import CatalogueSky, Elements, Site, TopocentricTrack, tle_lines
 from rf_pointing.planning import AxisLimits, HorizonMask
 from rf_pointing.station.clients.points import (
     ClientPoints,
     FollowParams,
+    KnownSatellites,
     MatchParams,
     azimuth_still_to_come,
     identify,
@@ -385,3 +388,20 @@ def test_of_two_on_one_track_the_nearer_is_named_when_the_other_is_twice_as_far(
     found = identify(Drawn(behind_s, 0.0), FOUR, led(FOUR, 1.0), NARROW)  # type: ignore[arg-type]
     assert (found is not None) is named
     assert found is None or found.catalogue_number == 11
+
+
+def test_elements_that_cannot_be_read_are_a_problem_until_they_can(overhead: Elements, tmp_path: Path) -> None:
+    known, path = KnownSatellites(SITE), tmp_path / "sat.tle"
+    known.load(str(path), T_S)
+    while not known.problem:
+        known.look()
+    assert known.sky is None
+    assert re.search(r"satellites cannot be identified: .*sat\.tle", known.problem)
+    path.write_text("\n".join((overhead.name, *tle_lines(overhead))) + "\n")
+    known.load(str(path), T_S)
+    while known.sky is None:
+        known.look()
+    known.look()
+    assert [one.catalogue_number for one in known.sky.elements] == [1]
+    assert known.problem == ""
+    known.close()

@@ -45,8 +45,8 @@ class Desk:
 
     def __init__(self, known: bool = False, **params: Any) -> None:
         self.t_s, self.wall_s = 1.8e9, 1000.0
-        self.asked: dict[int, tuple[str, dict[str, Any]]] = {}
-        """Directives without an answer."""
+        self.asked: dict[int, tuple[str, dict[str, Any], float]] = {}
+        """Directives without an answer, with their times."""
         self.log: list[str] = []
         self.sent: list[str] = []
         self.offered = set(steering_rows())
@@ -64,13 +64,13 @@ class Desk:
     def send(self, number: int, name: str, arguments: Any) -> None:
         self.sent.append(name)
         if name in self.offered:
-            self.asked[number] = name, dict(arguments)
+            self.asked[number] = name, dict(arguments), self.wall_s
         else:
             self.steering.answered(number, Answer(IO_ERROR, f"{name} is not offered"))
 
     def answer(self, name: str, code: int = 0, text: str = "", passes: Any = ()) -> dict[str, Any]:
         """Answer the oldest directive of a name; return its arguments."""
-        number = next(number for number, (asked, _) in self.asked.items() if asked == name)
+        number = next(number for number, (asked, *_) in self.asked.items() if asked == name)
         arguments = self.asked.pop(number)[1]
         self.steering.answered(number, Answer(code, text, tuple(passes)))
         self.number = number
@@ -151,7 +151,7 @@ class Steered(RuleBasedStateMachine):
         super().__init__()
         self.desk = Desk(known=True)
         self.codes: list[list[int]] = []
-        self.state = {"mode": "holding", "fault": "", "executive": "idle", "target": ""}
+        self.state = {"mode": "holding", "fault": "", "executive": "", "target": ""}
         self.steered: tuple[str, float] = ("", -math.inf)
 
     @rule(
@@ -164,7 +164,9 @@ class Steered(RuleBasedStateMachine):
         desk, (holder, since_s) = self.desk, self.steered
         values = (100.0 + ahead_deg + RATE_DEG_S * (desk.t_s - 1.8e9), elevation_deg) if name == "set_pos" else ()
         count, before = len(desk.sent), self.state
-        own = desk.steering.in_pass or {"select_target", "track"} & {name for name, _ in desk.asked.values()}
+        due_s = {"select_target": 2.5, "track": 20.0}
+        matched = any(desk.wall_s - since <= due_s.get(asked, -1.0) for asked, _, since in desk.asked.values())
+        own = desk.steering.in_pass or matched
         barred = before["fault"] or before["executive"] == "running" or (before["target"] and not own)
         leased = holder not in ("", client) and desk.wall_s - since_s < 10.0
         codes = desk.order(name, *values, client=client)
@@ -172,8 +174,16 @@ class Steered(RuleBasedStateMachine):
         if barred or leased:
             assert codes == [REJECTED]
             assert len(desk.sent) == count
-        elif codes != [REJECTED] and name == "set_pos":
-            self.steered = client, desk.wall_s
+        else:
+            assert codes in ([], [0])
+            self.steered = (client, desk.wall_s) if name == "set_pos" else self.steered
+
+    @rule(client=st.sampled_from([CLIENT, RIVAL]))
+    def a_client_follows_the_satellite(self, client: str) -> None:
+        for _ in range(4):
+            self.an_order_moves_the_antenna_only_where_it_may(client, "set_pos", 0.0, 40.0)
+            self.time_goes_on(1.0)
+            self.the_station_reports()
 
     @rule()
     def a_stop_leaves_nothing_to_follow(self) -> None:
@@ -345,6 +355,18 @@ def test_outside_travel_and_horizon_the_axes_wait_at_the_edge_without_accelerati
     assert np.degrees(command.velocity_rad_s[:, 0]) == pytest.approx(np.full(10, 0.5), abs=1e-3)
 
 
+def test_where_no_other_turn_holds_the_rest_the_azimuth_ends_at_its_travel() -> None:
+    limits = LIMITS.replace(azimuth_min_rad=0.0, azimuth_max_rad=math.radians(102.5))
+    follower = Follower(CONTROLLER.replace(limits=limits), FollowParams())
+    for t_s in range(3):
+        follower.points.add(float(t_s), math.radians(100.0 + t_s), 0.7)
+    for t_s in (2.0, 2.1):
+        command = follower.command(t_s, reading(101.0, 40.0))
+        assert np.degrees(command.position_rad[:, 0]) == pytest.approx(np.minimum(100.0 + command.t_s, 102.5), abs=0.02)
+        assert command.velocity_rad_s[-1, 0] == pytest.approx(0.0, abs=1e-9)
+        assert not follower.unwinds
+
+
 def test_a_motion_without_new_points_ends_after_3_s_where_the_axes_can_stop(desk: Desk) -> None:
     desk.fly()
     desk.wait(3.0)
@@ -368,6 +390,13 @@ def test_a_place_sent_again_moves_nothing_within_5_mdeg_unless_it_was_not_reache
         assert codes == [code]
         desk.wait(5.0)
     assert desk.log == ["P refused: high wind"]
+    # A motion has left it.
+    desk.fly()
+    desk.command()
+    desk.wait(5.0)
+    desk.asked.clear()
+    assert desk.point(100.5) == []
+    desk.answer("go_to")
 
 
 def test_points_that_the_antenna_refuses_are_refused_until_it_obeys(desk: Desk) -> None:
@@ -383,6 +412,9 @@ def test_points_that_the_antenna_refuses_are_refused_until_it_obeys(desk: Desk) 
     assert desk.point(101.1) == [REJECTED]
     desk.antenna(rejected=6, commander=NODE)
     assert desk.point(101.2) == [0]
+    # A jump is a place again.
+    desk.point(20.0)
+    assert desk.report() == (Level.OK, "holds")
 
 
 # Who may move the antenna
@@ -492,7 +524,7 @@ def test_a_satellite_that_cannot_be_tracked_is_followed_by_its_points_for_120_s(
     elif reason == "ended":
         known.answer("track")
         known.steering.ended(known.number, "refused", 0.0)
-    told = any("BIRD is not tracked as a pass, its points are followed" in line for line in known.log)
+    told = any("BIRD is not tracked, its points are followed" in line for line in known.log)
     assert told is (reason != "ended")
     assert (known.step() is None) is (reason == "no goal"), "20 s later the points are old"
     again_s = known.t_s + 120.0

@@ -320,7 +320,7 @@ def test_the_key_of_each_number_is_where_a_user_changes_it(tmp_path: Path) -> No
         ("bias_calibrator", ["calibrator.band", "calibrator.folder"], ""),
         ("ephemeris_publisher", ["publisher.mask_deg", "mask.clearance_deg"], ""),
         ("**", ["start_s", "calibrator.band", "use_sim_time"], ""),
-        ("antena_servo", [], "antena_servo is no node of a station; did you mean antenna_servo?"),
+        ("antena_servo", [], "antena_servo is not a node of a station; did you mean antenna_servo?"),
         ("conscan_tracker", ["calibrator.folder"], "conscan_tracker: no such parameter calibrator.folder"),
         ("**", ["page.prot"], "no such parameter page.prot; did you mean page.port?"),
     ],

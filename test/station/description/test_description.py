@@ -97,7 +97,9 @@ def test_remarks_are_those_of_the_band_and_of_the_mount() -> None:
         made("[-270, 270]", "[-170, 170]")
     )
     assert remarks(made("[-270, 270]", "[-180, 180]")) == [REMARKS["mask"], REMARKS["model"]]
-    assert "wind.anemometer: there is none; wind does not stow the antenna" in remarks(made("{anemometer: true}", "{}"))
+    assert "wind.anemometer: the station has none; wind does not stow the antenna" in remarks(
+        made("{anemometer: true}", "{}")
+    )
     assert "sun.radius_deg: the beam may look into the Sun" in remarks(made("wind:", "sun: {radius_deg: 0}\nwind:"))
     assert not any("bias model" in each for each in remarks(read_station("dss13")))
 

@@ -11,9 +11,10 @@ import pytest
 from rf_pointing.commands import check_station
 from rf_pointing.core import AXES
 from rf_pointing.core.angles import unit_vector_from_azel
+from rf_pointing.core.signals import FRAMES
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, Band
 from rf_pointing.station.description import read_station, shipped_stations
-from rf_pointing.station.description.urdf import FRAMES, size_m, urdf
+from rf_pointing.station.description.urdf import size_m, urdf
 
 ROUNDED_RAD = 1e-11
 """Of the numbers in the text."""

@@ -121,6 +121,17 @@ def test_a_pass_has_the_profile_of_its_name_and_time(profile: PassProfile, windo
     assert made.profile_of(replace(window, name="OTHER")) is other
 
 
+@pytest.mark.parametrize("turns", [-1, 0, 1])
+def test_a_piece_begins_on_the_turn_of_its_window(profile: PassProfile, window: Pass, turns: int) -> None:
+    """Where the whole pass crossed north before it, they differ by a turn: the axes would run past their limits."""
+    whole = replace(profile, position_rad=profile.position_rad + np.array([turns * math.tau, 0.0]))
+    piece = planned(profile).profile_of(replace(window, aos_t_s=window.aos_t_s + 200.0))
+    found = planned(whole).profile_of(replace(window, aos_t_s=window.aos_t_s + 200.0))
+    assert piece is not None
+    assert found is not None
+    np.testing.assert_allclose(found.position_rad, piece.position_rad, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("begin_s", "end_s"), [(100.0, -50.0), (31.0, 0.0), (0.0, -31.0), (-10.0, -100.0), (100.0, 10.0)]
 )

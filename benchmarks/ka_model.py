@@ -1,6 +1,6 @@
 """How the bias model of DSS-13 in Ka band came about: a fit to simulated observations of the Ka-band station.
 
-    scripts/run-python examples/fit_ka_model.py [FILE]
+    scripts/run-python benchmarks/ka_model.py [FILE]
 
 38 arcs over the whole sky, the mount errors of the configuration files; each observation has 2 mdeg of noise, each arc a
 direction error of 1.5 mdeg of its own, as an orbit has.  The covariance is that of whole arcs (sandwich).
