@@ -91,7 +91,7 @@ def doa_tables() -> list[Row]:
     """Return the rows of the command from results of no run: which result each row is made of."""
 
     def run(task: RunTask) -> list[CaseResult]:
-        size = mark(task.trials, task.seed, task.published, task.music_inside, task.duration_s, len(task.cases))
+        size = mark(task.trials, task.seed, task.published, task.music_inside, task.duration_s / 1e3, len(task.cases))
         return [planted(case, size * (1.0 + 0.1 * case.refined), 0.01) for case in task.cases]
 
     with changed(
