@@ -53,7 +53,7 @@ def planted_pass(case: Case, window: Pass, heard: Callable[[SimpleNamespace], ob
         since < 9.0 * size, "search", np.where((since % 6.0 < 1.5 + size) & np.roll(silent, 15), "coast", tracking)
     )
     held_off = (
-        38.7 + size
+        39.9 + size
         if "signal.sign_flip_after_s" in receiver
         else 60.0
         if case.seed % 2 and case.seconds == 600.0
