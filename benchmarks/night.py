@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from ephemeris import EPOCH_T_S, synthetic_catalogue
+from night_simulation import CAUSES, RESTART_S, NightFault, NightSimulation, kinds_of
 from planning import as_omm
 
 import rf_pointing as rp
@@ -25,7 +26,6 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.operations.schedule import PassState
 from rf_pointing.simulation import StationSetup
-from rf_pointing.simulation.night import CAUSES, RESTART_S, NightFault, NightSimulation, kinds_of
 
 STATIONS = ("leo_3m7", "rotator_2m")
 SECONDS = {"drive_lost": 20.0, "link_drop": 60.0, "runaway": 10.0, "encoder_frozen": 10.0, "axes_stuck": 10.0, "gust": 120.0,

@@ -5,6 +5,7 @@ Without a name it lists them.  In a ROS install `ros2 run rf_pointing NAME` does
 
 import ast
 import difflib
+import signal
 import sys
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -19,6 +20,8 @@ def main(argv: list[str] | None = None) -> None:
     given = sys.argv[1:] if argv is None else argv
     found = {point.name: point for point in entry_points(group=EXECUTABLES)}
     if not given or given[0] in ("-h", "--help"):
+        # `rf-pointing | head` ends as any other program does.
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
         print("\n".join(listing(found)))
         return
     name = given[0].replace("-", "_")

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from rf_pointing import __version__
+from rf_pointing.tracking.sensors import SENSORS
 
 ROOT = Path(__file__).parents[1]
 
@@ -50,6 +51,8 @@ def test_launched_nodes_are_executables() -> None:
     source = (ROOT / "rf_pointing/ros/graph.py").read_text()
     named = set(re.findall(r'GraphNode\(\s*"(\w+)"', source))
     assert named
+    # The trackers' are those of their traits.
+    named |= {traits.node for traits in SENSORS.values() if not traits.own_level}
     # These are started where they are wanted, and are no part of a graph.
     named |= set(re.findall(r'^(?:EXECUTIVE|DESCRIPTION|OPERATOR_PAGE|ROTCTLD) = "(\w+)"', source, re.MULTILINE))
     of_array = set(re.findall(r'GraphNode\(\s*"(array_\w+)"', source))

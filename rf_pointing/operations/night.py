@@ -387,9 +387,11 @@ class Night:
 
     def _pass_executor(self, entry: Entry, now_s: float) -> Executor:
         item = entry.item
+        # A restart may come long after the set of the pass in work.
+        left_s = max(0.0, item.los_t_s - now_s)
         known = {
             "id": item.id, "target": item.target, "sensor": item.sensor or self.sensor,
-            "search_from": max(0.0, item.aos_t_s - SEARCH_BACK_S), "patience_s": item.los_t_s - now_s + PATIENCE_S,
+            "search_from": max(0.0, item.aos_t_s - SEARCH_BACK_S), "patience_s": left_s + PATIENCE_S,
             "aos": item.aos_t_s, "los": item.los_t_s, "name": item.name, "priority": item.priority,
         }  # fmt: skip
         given = {name: value for name, value in known.items() if name in self.procedure.parameters}
@@ -410,8 +412,6 @@ class Night:
         def send(own: int, directive: Directive, arguments: dict[str, Any]) -> None:
             self._number += 1
             self._numbers[self._number] = executor, own
-            # The numbers of long ago are of no use: no response takes hours.
-            self._numbers.pop(self._number - 1000, None)
             # Written before it leaves: a restart must know of every motion that was requested.
             self._save()
             self._send(self._number, directive.name, arguments)

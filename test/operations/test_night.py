@@ -272,6 +272,27 @@ def test_a_trouble_costs_what_it_must_and_the_next_pass_is_tracked(
     assert all(record.recorded is ("free_gb" not in trouble) for record in station.night.records if record.attempts)
 
 
+def test_while_it_is_paused_nothing_begins_also_after_a_restart() -> None:
+    station = Station(*two())
+    station.run(900.0)
+    station.night.pause(900.0)
+    station.executive().restore(json.loads(station.kept[-1]), 901.0)
+    station.run(660.0)
+    assert "track" not in station.sent
+    station.night.resume(station.now_s)
+    station.run(3000.0)
+    assert station.states == {"a": "missed", "b": "tracked"}
+
+
+def test_an_executive_that_was_away_until_long_after_the_set_of_its_pass_goes_on() -> None:
+    station = Station(*two())
+    station.run(1400.0)
+    station.now_s = 1700.0
+    station.executive().restore(json.loads(station.kept[-1]), station.now_s)
+    station.run(3000.0)
+    assert station.states == {"a": "lost", "b": "tracked"}
+
+
 def test_a_latched_fault_is_reset_and_the_pass_tried_again_with_the_cause_in_its_record() -> None:
     station = Station(*two())
     station.run(1200.0)

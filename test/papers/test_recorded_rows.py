@@ -53,7 +53,7 @@ def planted_pass(case: Case, window: Pass, heard: Callable[[SimpleNamespace], ob
         since < 9.0 * size, "search", np.where((since % 6.0 < 1.5 + size) & np.roll(silent, 15), "coast", tracking)
     )
     held_off = (
-        38.7 + size
+        39.9 + size
         if "signal.sign_flip_after_s" in receiver
         else 60.0
         if case.seed % 2 and case.seconds == 600.0
@@ -91,7 +91,7 @@ def doa_tables() -> list[Row]:
     """Return the rows of the command from results of no run: which result each row is made of."""
 
     def run(task: RunTask) -> list[CaseResult]:
-        size = mark(task.trials, task.seed, task.published, task.music_inside, task.duration_s, len(task.cases))
+        size = mark(task.trials, task.seed, task.published, task.music_inside, task.duration_s / 1e3, len(task.cases))
         return [planted(case, size * (1.0 + 0.1 * case.refined), 0.01) for case in task.cases]
 
     with changed(

@@ -16,6 +16,7 @@ from rf_pointing.ros.diagnostics import ERROR, OK, WARN
 from rf_pointing.ros.params import ParameterGroups
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.station_node import CLOCK_AGE_S, StationCensus
+from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.description import owner, read_station, shipped_stations
 
 CONTROLLER = "pointing_controller"
@@ -51,6 +52,37 @@ def test_what_may_change_while_the_node_runs_still_may(make_node: MakeNode) -> N
     (result,) = node.set_parameters([Parameter("limits.azimuth_min_deg", value=-100.0)])
     assert result.successful
     assert groups.station_key("limits.azimuth_min_deg") == "mount.azimuth.travel_deg"
+
+
+BAD = {
+    "unknown to all": "tuning: {machne.reserve: 0.2}",
+    "of the controller": "tuning: {machine.reserve: 2.0}",
+    "of the tracker": "tuning: {monopulse.slope: 9.0}",
+}
+
+
+@pytest.mark.parametrize(
+    ("problem", "node", "refused"),
+    [
+        ("unknown to all", CONTROLLER, "machne.reserve: no parameter of that name"),
+        ("of the controller", CONTROLLER, "machine.reserve=2.0 must be <= 0.5"),
+        ("of the controller", "monopulse_tracker", ""),
+        ("of the tracker", CONTROLLER, "monopulse.slope=9.0 must be"),
+        ("of the tracker", "monopulse_tracker", "monopulse.slope=9.0 must be"),
+    ],
+)
+def test_a_node_refuses_what_concerns_it_and_the_controller_everything(
+    problem: str, node: str, refused: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "dish.yaml"
+    read_station("rotator_2m").write(file, {})
+    file.write_text(file.read_text() + BAD[problem] + "\n")
+    nodes = tuple(NODES) if node == CONTROLLER else (node,)
+    if not refused:
+        assert read_station(file, nodes).sets(node)
+        return
+    with pytest.raises(ValueError, match=refused):
+        read_station(file, nodes)
 
 
 def in_use(node: str, digest: str = "a" * 16, band: str = "X") -> StationInUse:

@@ -1,24 +1,42 @@
 """A night of the station in one process: what is tracked, what goes wrong, and what the report says of it."""
 
+import importlib.util
+import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from rf_pointing.report.night_report import night_of, page
 from rf_pointing.simulation import StationSetup
-from rf_pointing.simulation.night import CAUSES, NightFault, NightSimulation
 from test.simulation.night_plan import small_night
 
+FILE = Path(__file__).parents[2] / "benchmarks" / "night_simulation.py"
 
-def flown(folder: Path, *faults: NightFault) -> NightSimulation:
+
+@pytest.fixture(scope="module")
+def simulation() -> Any:
+    """Return the simulation of the benchmark as a module."""
+    spec = importlib.util.spec_from_file_location("night_simulation", FILE)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["night_simulation"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def flown(simulation: Any, folder: Path, *faults: Any) -> Any:
     station, elements, passes = small_night(folder)
-    night = NightSimulation(StationSetup(station), elements, passes, passes[0].aos_t_s - 120.0, faults=faults)
+    night = simulation.NightSimulation(
+        StationSetup(station), elements, passes, passes[0].aos_t_s - 120.0, faults=faults
+    )
     night.run(passes[-1].los_t_s + 600.0)
     return night
 
 
-def test_every_pass_is_tracked_without_an_operator_and_the_antenna_is_stowed(tmp_path: Path) -> None:
-    night = flown(tmp_path)
+def test_every_pass_is_tracked_without_an_operator_and_the_antenna_is_stowed(simulation: Any, tmp_path: Path) -> None:
+    night = flown(simulation, tmp_path)
     assert [record.state for record in night.night.records] == ["tracked", "tracked"]
     assert all(record.tracked_s > 0.7 * (record.los_t_s - record.aos_t_s) for record in night.night.records)
     assert night.antenna.mode == "stowed"
@@ -38,11 +56,12 @@ def test_every_pass_is_tracked_without_an_operator_and_the_antenna_is_stowed(tmp
     ],
 )
 def test_fault_in_a_pass_is_an_alarm_and_a_cause_and_the_next_pass_is_tracked(
-    tmp_path: Path, kinds: str, attempts: int
+    simulation: Any, tmp_path: Path, kinds: str, attempts: int
 ) -> None:
     _, _, passes = small_night(tmp_path)
     # Early enough: a pass is tried again while half of it is left.
-    night = flown(tmp_path, *(NightFault(passes[0].aos_t_s + 10.0, kind, 8.0) for kind in kinds.split()))
+    faults = [simulation.NightFault(passes[0].aos_t_s + 10.0, kind, 8.0) for kind in kinds.split()]
+    night = flown(simulation, tmp_path, *faults)
     first, second = night.night.records
     assert second.state == "tracked"
     assert first.attempts == attempts
@@ -50,5 +69,5 @@ def test_fault_in_a_pass_is_an_alarm_and_a_cause_and_the_next_pass_is_tracked(
     assert not night.night.book.lasting
     report = page(night_of(night.night.state(), "LEO 3.7 m", messages=len(night.log.messages)))
     for kind in kinds.split():
-        assert any(CAUSES[kind] in cause for cause in first.causes), first
-        assert CAUSES[kind] in report
+        assert any(simulation.CAUSES[kind] in cause for cause in first.causes), first
+        assert simulation.CAUSES[kind] in report
