@@ -16,7 +16,9 @@ from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.graph import DRIVE_NODES, NODES
 from rf_pointing.ros.station_run import RunSetup
 from rf_pointing.station.description import read_station
-from test.ros.fake_station import BEGIN_S, FakeStation
+from test.ros.fake_station import BEGIN_S, FakeStation, fake
+
+__all__ = ["fake"]
 
 CAMPAIGN, FIT = "bias_calibrator/run_campaign", "bias_calibrator/fit_model"
 ACCEPT, REJECT = "bias_calibrator/accept", "bias_calibrator/reject"

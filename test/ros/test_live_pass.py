@@ -13,7 +13,9 @@ from rf_pointing.ros.live_pass import LiveLine, LivePass, describe, outcome_line
 from rf_pointing.ros.managed_graph import NotStartedError
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.station_run import GraphRun
-from test.ros.fake_station import FakeStation
+from test.ros.fake_station import FakeStation, fake
+
+__all__ = ["fake"]
 
 CERTIFICATE = PassCertificate(
     target="ISS", accepted=True, branches=[PassBranch(works=True)], rate_limit=[0.1, 0.1],

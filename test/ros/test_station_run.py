@@ -20,7 +20,9 @@ from rf_pointing.ros.station_run import (
     StationRun,
     run_to_end,
 )
-from test.ros.fake_station import BEGIN_S, FakeStation
+from test.ros.fake_station import BEGIN_S, FakeStation, fake
+
+__all__ = ["fake"]
 
 CLOCK, OTHERS = NODES[:1], NODES[1:]
 
