@@ -14,12 +14,10 @@ from mcap_ros2.writer import Writer as IndependentWriter
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import get_types_from_msg
 
-from rf_pointing.report import recording as recording_module
 from rf_pointing.report.bag_writer import BagWriter
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.recording import namespaces, read_recording
 from rf_pointing.report.summary import Complaint
-from rf_pointing.report.topics import head_reader
 
 Runs = type[Any]
 START_NS = 1_700_000_000 * 10**9
@@ -218,24 +216,6 @@ def test_types_of_the_bag_win_over_those_known_here(tmp_path: Path, types: Defin
     assert (data["azimuth"][0], data["elevation"][0]) == (0.1, 0.2)
 
 
-def test_standard_types_that_a_bag_does_not_define_are_known(
-    tmp_path: Path, types: Definitions, maker: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As in older sqlite3 bags; a type that is not standard is named."""
-    kinds = {"/joint_states": "sensor_msgs/msg/JointState", "/sim/boresight": "rf_pointing_msgs/msg/Boresight"}
-    with BagWriter(tmp_path / "bag", types) as bag:
-        for topic, kind in kinds.items():
-            bag.register(topic, kind)
-            fields = {"name": ["azimuth", "elevation"], "position": np.array([0.5, 0.25])} if "sensor" in kind else {}
-            bag.write(topic, 1, maker.serialized(kind, **fields))
-    monkeypatch.setattr(recording_module, "types_of", lambda *_: {})
-    recording = read_recording(tmp_path / "bag")
-    assert recording.topics["joint_states"]["position"].tolist() == [[0.5, 0.25]]
-    assert recording.problems == (
-        "sim/boresight cannot be decoded: the bag does not define rf_pointing_msgs/msg/Boresight",
-    )
-
-
 def test_what_diagnostics_complained_about_is_counted(tmp_path: Path, types: Definitions, maker: Any) -> None:
     kind = "diagnostic_msgs/msg/DiagnosticArray"
 
@@ -344,13 +324,3 @@ def test_metadata_that_cannot_be_read_costs_nothing(bag: Path, tmp_path: Path, t
     recording = read_recording(damaged)
     assert any("the bag is damaged" in problem for problem in recording.problems)
     assert len(recording.topics["joint_states"]) == len(read_recording(bag).topics["joint_states"])
-
-
-def test_stamp_and_counter_are_read_behind_a_frame_of_any_length(types: Definitions, maker: Any) -> None:
-    """CDR aligns the counter to 8 bytes."""
-    kind = "rf_pointing_msgs/msg/Boresight"
-    read, count = head_reader(kind, types.typestore)
-    assert count == 2
-    for length in range(20):
-        header = maker.message("std_msgs/msg/Header", stamp=maker.time(START_NS + 7), frame_id="f" * length)
-        assert read(maker.serialized(kind, header=header, sequence=1234 + length)) == (START_NS + 7, 1234 + length)
