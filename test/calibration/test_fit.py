@@ -16,7 +16,7 @@ from rf_pointing.calibration import (
     held_at_zero,
 )
 from rf_pointing.calibration.fit import huber_weights, normalised_size, sandwich_covariance, within_limit
-from rf_pointing.calibration.noise import share_after_editing
+from rf_pointing.calibration.noise import noise_scale, share_after_editing
 
 TABLE_1_TERMS = tuple(n for n in TERM_NAMES if not n.endswith("acceleration_lag"))
 
@@ -245,6 +245,20 @@ def test_a_mean_without_its_tails_scatters_as_its_share_says(limit, random):
     inside, share = np.mean(kept), share_after_editing(limit)
     assert np.var((values - mean[:, np.newaxis])[kept]) == pytest.approx(share, rel=0.01)
     assert np.var(mean) * 200.0 == pytest.approx(1.0 / (inside * share), rel=0.08)
+
+
+@pytest.mark.parametrize(("size", "terms"), [(12, 6), (40, 14), (200, 14)])
+def test_the_noise_is_that_of_the_degrees_of_freedom_left(size, terms, random):
+    """Residuals of a fit of many terms to few data scatter less than the data do; F^2 must not."""
+    factors = []
+    for _ in range(1500):
+        columns, _ = np.linalg.qr(random.standard_normal((size, terms)))
+        data = 1.7 * random.standard_normal(size)
+        residuals = data - columns @ (columns.T @ data)
+        # Every point a pass of its own: nothing is correlated.
+        factors.append(noise_scale(residuals, columns, np.arange(size)).factor)
+    expected_spread = 1.7**2 * np.sqrt(2.0 / (size - terms) / len(factors))
+    assert np.mean(factors) == pytest.approx(1.7**2, abs=4.0 * expected_spread)
 
 
 def test_the_sandwich_is_the_scatter_of_the_fits_that_leave_one_pass_out(random):

@@ -185,6 +185,18 @@ def test_terms_that_the_data_do_not_separate_are_a_covariance_and_more_than_that
         assert read_model(path).fitted == file.fitted
 
 
+def test_a_model_without_a_fitted_term_reads_back(file, tmp_path):
+    """Terms that were typed in have no sigma; one that is zero is not used."""
+    model = file.model.replace(droop=0.0)
+    write_model(tmp_path / "m.json", replace(file, model=model, fitted=(), covariance=np.zeros((0, 0))))
+    back = read_model(tmp_path / "m.json")
+    assert (back.fitted, back.covariance.shape) == ((), (0, 0))
+    assert back.model.coefficients["collimation"] == pytest.approx(model.coefficients["collimation"], rel=1e-14)
+    terms = json.loads((tmp_path / "m.json").read_text())["terms"]
+    assert (terms["droop"]["used"], terms["collimation"]["used"]) == (False, True)
+    assert all(term["fixed"] and "sigma_deg" not in term for term in terms.values())
+
+
 @pytest.mark.parametrize(("share", "refused"), [(0.9, False), (-0.9, False), (1.1, True), (-1.1, True)])
 def test_a_sigma_that_was_changed_by_hand_is_found(file, tmp_path, share, refused):
     """By more than one part in a thousand."""

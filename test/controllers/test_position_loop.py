@@ -1,5 +1,6 @@
 """The position loop alone: its terms, its limits, its changes of mode."""
 
+import cmath
 import math
 from dataclasses import replace
 
@@ -9,8 +10,11 @@ import pytest
 from rf_pointing.controllers import (
     PositionLoop,
     PositionLoopParams,
+    dss13_loops,
+    dss13_lqg_loops,
+    load_lqg_designs,
 )
-from rf_pointing.controllers.filters import Section
+from rf_pointing.controllers.filters import Section, SectionParams
 
 PLAIN = PositionLoopParams(notch_enabled=False)
 
@@ -147,6 +151,14 @@ def test_a_shaped_loop_still_starts_without_a_jump() -> None:
     assert loop.output(0.3, 4e-3, 0.2999) == pytest.approx(6.5e-3, abs=1e-15)
 
 
+def delay_s(section: SectionParams) -> float:
+    """Delay of a section at low frequencies, from the phase of its transfer function."""
+    s, zero, pole = 1e-3j, 2.0 * math.pi * section.zero_hz, 2.0 * math.pi * section.pole_hz
+    above = s**2 / zero**2 + 2.0 * section.zero_damping * s / zero + 1.0
+    below = s**2 / pole**2 + 2.0 * section.pole_damping * s / pole + 1.0
+    return -cmath.phase(above / below) / 1e-3
+
+
 @pytest.mark.parametrize("params", [PLAIN, PositionLoopParams(shaping_enabled=True)])
 def test_the_matrices_of_the_loop_are_those_of_the_running_one(params: PositionLoopParams) -> None:
     a, b, c, d = params.matrices(0.02)
@@ -172,3 +184,17 @@ def test_what_is_no_number_is_refused_wherever_it_enters() -> None:
             attempt()
     for usual_s in (1e-5, 1.0):
         loop.update(usual_s, 0.0)
+
+
+def test_tuned_loops_lead_by_the_delay_of_drive_low_pass_and_notch() -> None:
+    """A drive of 20 rad/s, half a sample of 20 ms, a low-pass of 10 Hz, and the notch by its phase."""
+    tuned = dss13_loops("tuned")
+    for loop in tuned:
+        assert loop.feedforward_lead_s == pytest.approx(0.06 + 0.5 / (10.0 * math.pi) + delay_s(loop.notch), rel=1e-5)
+    for each, loop in zip(load_lqg_designs(), dss13_lqg_loops(), strict=True):
+        expected = 0.06 + 0.5 / (10.0 * math.pi) + delay_s(each.weights.notch)
+        assert loop.feedforward_lead_s == pytest.approx(expected, rel=1e-5)
+    assert tuned[0].proportional_gain > tuned[1].proportional_gain > 5.0
+    assert dss13_loops("published") == (PositionLoopParams(), PositionLoopParams())
+    with pytest.raises(ValueError, match="gains='other' must be one of published, tuned"):
+        dss13_loops("other")

@@ -1,9 +1,11 @@
 """Earth orientation: published values, both packaged files against each other, and the ends of the tables."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+from astropy_iers_data import IERS_A_FILE
 
 from rf_pointing.core import angular_distance_rad
 from rf_pointing.core.dates import DAY_S, from_utc_text
@@ -173,3 +175,18 @@ def test_the_uncertainty_of_a_prediction_begins_at_zero_and_grows_until_it_is_th
     np.testing.assert_allclose(found[:, 0], ut1_s, rtol=1e-12)
     np.testing.assert_allclose(found[:, 1] / ARCSEC, 0.04 - 0.04 * np.exp(-days / 40.0) + 1.5e-5 * days, rtol=1e-12)
     assert predicted_sigmas(PREDICTED_DAYS + 1e-3) == (0.5, 0.18 * ARCSEC)
+
+
+def test_the_last_measured_day_is_the_last_that_the_rapid_service_does_not_call_predicted() -> None:
+    """Column 58 of finals2000A: I for measured, P for predicted UT1."""
+    lines = [line for line in Path(IERS_A_FILE).read_text().splitlines() if line[57:58] in ("I", "P")]
+    measured = [float(line[7:15]) for line in lines if line[57] == "I"]
+    table = orientation_table()
+    assert table.last_measured_t_s == (measured[-1] - 40587.0) * DAY_S
+    assert table.span_t_s[1] == (float(lines[-1][7:15]) - 40587.0) * DAY_S
+    # The day itself, as the file gives it: arcseconds and seconds.
+    line = next(one for one in lines if float(one[7:15]) == float(lines[-1][7:15]) - 3.0)
+    earth = SOURCE.at(table.span_t_s[1] - 3.0 * DAY_S)
+    assert earth.ut1_minus_utc_s == pytest.approx(float(line[58:68]), abs=1e-7)
+    assert earth.pole_x_rad == pytest.approx(float(line[18:27]) * ARCSEC, abs=1e-12)
+    assert earth.pole_y_rad == pytest.approx(float(line[37:46]) * ARCSEC, abs=1e-12)

@@ -10,6 +10,16 @@ from rf_pointing.ephemeris.element_files import cache_folder, element_files, kep
 ADDRESS = "https://celestrak.org/NORAD/elements/gp.php?GROUP=active&FORMAT=tle"
 
 
+def test_the_cache_is_the_folder_that_was_stated_or_that_of_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere/cache")
+    assert cache_folder() == Path("/somewhere/cache/rf_pointing/elements")
+    assert cache_folder("mine") == Path("mine")
+    # A relative one is to be ignored.
+    for base in ("cache", ""):
+        monkeypatch.setenv("XDG_CACHE_HOME", base)
+        assert cache_folder() == Path.home() / ".cache" / "rf_pointing" / "elements"
+
+
 def test_an_answer_is_kept_under_words_of_its_address_and_a_digest_that_tells_addresses_apart() -> None:
     folder = Path("kept")
     one = kept_file(ADDRESS, folder)

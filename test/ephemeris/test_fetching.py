@@ -14,12 +14,13 @@ from typing import Any
 import pytest
 import requests
 
-from rf_pointing.ephemeris import fetching, read_elements, tle_lines
+from rf_pointing.ephemeris import fetching, read_elements, tle_lines, verification_elements
 from rf_pointing.ephemeris.element_files import element_files, kept_file
 from rf_pointing.ephemeris.fetching import LONGEST_WAIT_S, Outcome, refresh
 from rf_pointing.ephemeris.source import load_catalogue
 from test.conftest import within
 from test.ephemeris.element_server import FRESH, NOW_S, RULE_S, Source, serving, tle_text
+from test.ephemeris.oem_text import teme_states, text_of
 
 
 @pytest.fixture
@@ -274,6 +275,13 @@ def test_a_csv_cut_off_in_its_last_number_is_not_taken(source: Source, ask: Call
     """Without a promised length a shorter last number would be another number."""
     source.body, source.promised = CSV[:-4].encode(), None
     assert "ended in the middle of a line" in ask().problem
+
+
+def test_an_ephemeris_is_kept_without_the_age_of_elements(source: Source, ask: Callable[..., Outcome]) -> None:
+    cbers = next(one for one in verification_elements() if one.catalogue_number == 28057)
+    source.body = text_of(teme_states(cbers)).encode()
+    kept = ask()
+    assert (kept.problem, kept.record.objects, kept.record.epochs_t_s) == ("", 1, None)
 
 
 def test_a_record_that_cannot_be_kept_is_an_error(source: Source, ask: Callable[..., Outcome], tmp_path: Path) -> None:

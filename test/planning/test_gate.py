@@ -345,6 +345,19 @@ def test_rates_must_be_within_the_axis_and_leave_room_to_stop(
     assert decision.reason.replace("left to the limit", "left to") in (words, f"{words} deg")
 
 
+def test_positions_within_the_travel_above_all_and_beside_the_sun_are_allowed_as_each_of_them_is(
+    random: np.random.Generator,
+) -> None:
+    made, sun = gate(HILL, sun_radius_rad=20.0 * DEG), (1.7, 0.9)
+    allowed = 0
+    for _ in range(300):
+        rows = random.uniform((-4.2, 0.0), (4.2, 1.6), (1, 2)) + random.uniform(-0.1, 0.1, (3, 2))
+        decision = made.check("track", (0.0, 0.8), rows, sun_rad=sun)
+        assert decision.allowed == all(not made.position(*row, (0.0, 0.8), sun) for row in rows.tolist())
+        allowed += decision.allowed
+    assert 100 < allowed < 250
+
+
 def test_axes_that_run_after_a_target_are_held_against_hill_and_sun() -> None:
     places, still = deg((80.0, 35.0), (90.0, 31.0), (100.0, 35.0)), np.zeros((3, 2))
     assert gate(HILL).chase(places, still, places) == ""

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.planning import AxisLimits, choose_turns
+from rf_pointing.planning import AxisLimits, AxisRates, choose_turns
+from rf_pointing.planning.limits import slew_time_s
 
 LIMITS = AxisLimits(
     azimuth_min_rad=math.radians(-220.0),
@@ -116,3 +117,15 @@ def test_a_tolerance_lies_outside_both_ends(axis: int) -> None:
             wanted[axis] = end + outward * share * tolerance_rad
             assert (LIMITS.reason(*wanted, tolerance_rad=tolerance_rad) == "") == inside
             assert LIMITS.reason(*wanted) != ""
+
+
+@pytest.mark.parametrize(
+    ("distance", "seconds"),
+    [(0.0, 0.0), (0.5, 1.0), (4.0, math.sqrt(8.0)), (4.5, 3.0), (-4.5, 3.0), (9.0, 4.5), (-9.0, 4.5)],
+)
+def test_a_slew_takes_the_time_of_its_rise_its_run_and_its_fall(distance: float, seconds: float) -> None:
+    """3 rad/s and 2 rad/s^2: the rate is reached from 4.5 rad on."""
+    assert slew_time_s(distance, 3.0, 2.0) == pytest.approx(seconds)
+    axes = AxisRates((3.0, 1.0), (2.0, 9.0))
+    assert axes.slew_s((1.0, 0.3), (1.0 + distance, 0.3)) == pytest.approx(seconds)
+    assert axes.slew_s((0.0, 0.0), (0.0, 2.0)) == pytest.approx(2.0 + 1.0 / 9.0)

@@ -212,3 +212,20 @@ def test_after_a_leg_the_axes_rest_at_the_corner() -> None:
         assert leg.reason == ""
         assert leg.moving == (Moving(1.0, goal), Moving(0.8, goal))
         assert leg.end_s == pytest.approx(end_s)
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.02, 0.1, 0.4, 2.0])
+def test_a_steep_hill_behind_a_corner_is_cleared_however_far_the_axes_lag(lag_s: float) -> None:
+    """A leg that began 0.3 deg before its corner stopped 0.12 deg below the hill with a lag of 0.4 s, 0.2 above without."""
+    hill = HorizonMask(
+        azimuth_rad=tuple(a * DEG for a in (0.0, 237.98, 256.14, 259.12, 271.14)),
+        elevation_rad=tuple(e * DEG for e in (0.0, 4.99, 11.45, 20.64, 3.1)),
+    )
+    axes, corners = (
+        AxisRates((1.915 * DEG, 5.77 * DEG), (0.766 * DEG, 1.56 * DEG)),
+        ((-105.915, 11.579), (-103.863, 14.863), (42.966, 29.742)),
+    )
+    limits = AxisLimits(elevation_min_rad=0.5 * DEG)
+    start, way = (-115.975 * DEG, 9.011 * DEG), [(a * DEG, e * DEG) for a, e in corners]
+    scene = trial.Scene(hill, limits, axes, None, 0.0)
+    assert trial.violations(scene, np.array([start]), [way], np.array([lag_s]))[0] < 0.01 * DEG

@@ -115,3 +115,17 @@ def test_bad_clusters_are_counted_with_their_reason() -> None:
         assert tracker.last_reason == reason
     assert tracker.counts["invalid"] == len(cases)
     assert tracker.take_cluster(cluster()).valid
+
+
+def test_parameters_that_are_retuned_keep_a_calibration_that_was_learned_or_read(tmp_path: Path) -> None:
+    mixed = MonopulseCalibration.ideal(H, 1.2)
+    path = tmp_path / "feed.yaml"
+    write_calibration(path, mixed)
+    kept = ClusterTracker(MonopulseParams(), MonopulseScanParams(), str(path))
+    plain = ClusterTracker(MonopulseParams(), MonopulseScanParams(), "")
+    assert (kept.outcome.message, plain.outcome.message) == (f"read from {path}", "ideal feed")
+    for tracker in (kept, plain):
+        tracker.retune(MonopulseParams(slope=1.4))
+    assert kept.tracker.calibration == mixed
+    assert plain.tracker.calibration == MonopulseCalibration.ideal(H, 1.4)
+    assert kept.tracker.params.slope == plain.tracker.params.slope == 1.4

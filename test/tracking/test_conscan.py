@@ -473,6 +473,18 @@ def test_motion_that_nobody_sees_widens_the_covariance_of_an_estimate_and_moves_
     assert np.trace(found[1].covariance_rad2) > 10.0 * np.trace(found[0].covariance_rad2)
 
 
+def test_other_parameters_keep_the_window_and_another_delay_does_not() -> None:
+    tracker = ConscanTracker(params())
+    for k in range(5):
+        tracker.add(power(k + 1.0, 1.0), R * math.cos(k), R * math.sin(k))
+    tracker.retune(tracker.params.replace(lock_db_hz=12.0))
+    assert len(tracker.state.window) == 5
+    assert tracker.params.lock_db_hz == 12.0
+    tracker.retune(tracker.params.replace(delay_s=0.25))
+    assert len(tracker.state.window) == 0
+    assert tracker.beam_time_s(power(7.0, 1.0)) == 7.0 - 0.5 - 0.25
+
+
 @pytest.mark.parametrize("estimator", ["likelihood", "linear"])
 @pytest.mark.parametrize("unit", [1e-15, 1e6])
 def test_the_unit_of_the_power_changes_nothing(estimator: str, unit: float) -> None:
