@@ -349,3 +349,24 @@ def test_a_target_that_accelerates_is_met_with_what_it_leaves_of_the_limit(share
     assert np.count_nonzero(braking) > 20
     assert abs(rows[-1][0]) < 2e-6
     assert np.median(slowing[braking]) == pytest.approx(-0.8 * left * ACCELERATION, rel=0.03)
+
+
+def test_a_stop_within_a_jerk_limit_fades_at_six_tenths_of_it_and_ends_at_rest() -> None:
+    jerk = 0.02
+    shaper = preprocessor(jerk_limit_rad_s3=(jerk, jerk))
+    shaper.reset((0.0, 0.8), (0.03, -0.02))
+    shaper.stop()
+    rows = np.array([shaper.step((9.0, 1.5), (0.0, 0.0), (0.0, 0.0), DT_S)[1:] for _ in range(600)])
+    rate, acceleration = rows[:, 0], rows[:, 1]
+    assert np.max(np.abs(acceleration)) <= ACCELERATION * (1.0 + 1e-9)
+    for axis, side in ((0, 1.0), (1, -1.0)):
+        speed, braking = side * rate[:, axis], -side * acceleration[:, axis]
+        ramp = np.argmax(np.abs(np.diff(braking) - jerk * DT_S) > 1e-9)
+        fading = np.arange(1, 600)[(speed[1:] > 2e-4) & (braking[1:] < 0.99 * braking.max())]
+        fading = fading[fading > ramp + 1]
+        assert len(fading) > 20
+        np.testing.assert_allclose(braking[fading] ** 2, 1.2 * jerk * speed[fading - 1], rtol=1e-6)
+        assert np.all(speed >= -1e-4)
+        assert abs(speed[-1]) < 1e-12
+    # At the limit for 1.2 s at most and the two ramps, of which the second is the slower.
+    assert DT_S * np.count_nonzero(rate[:, 0] > 1e-6) < 0.03 / ACCELERATION + 2.0 * ACCELERATION / (0.6 * jerk)

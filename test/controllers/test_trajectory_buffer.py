@@ -166,6 +166,14 @@ def test_an_empty_buffer_has_no_lead_and_refuses_to_answer() -> None:
     assert table.empty
 
 
+def test_only_the_table_and_its_extrapolation_are_to_be_followed() -> None:
+    table = buffer(extrapolation_s=1.0)
+    table.accept(message(2.0, 4.0), 0.0)
+    samples = [table.at(t_s) for t_s in (1.0, 2.0, 3.0, 4.0, 4.5, 5.5)]
+    assert [each.source for each in samples] == ["early", "table", "table", "table", "extrapolated", "dry"]
+    assert [each.valid for each in samples] == [False, True, True, True, True, False]
+
+
 def test_an_extrapolation_is_a_parabola() -> None:
     table = buffer(extrapolation_s=3.0)
     table.accept(message(0.0, 1.0), 0.0)

@@ -266,6 +266,17 @@ def test_losses_are_named_with_their_counts() -> None:
     assert (line.name, line.passed, line.text) == ("losses", False, "noise: 3")
 
 
+def test_a_rate_is_not_judged_from_a_single_reading_on_the_way() -> None:
+    """6 deg/s, read every 1.5 s: between 15 and 85 % of 10 deg there is one reading at most."""
+    params = DriveParams(type="simulated_rotator", link=LinkParams(poll_period_s=1.5))
+    drive, ticks = SimulatedRotator(params, (1.0, 0.5)), iter(range(100_000))
+    check = ConformanceCheck(drive, params, lambda _: TICK_S * next(ticks))
+    assert check.still()[0].passed
+    lines = {line.name: line for line in check.moving()}
+    for name in ("azimuth rate", "elevation rate"):
+        assert (lines[name].passed, lines[name].text) == (True, "the way is too short to measure it")
+
+
 @pytest.mark.parametrize(
     ("changes", "lines"),
     [

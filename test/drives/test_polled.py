@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from rf_pointing.drives import DriveParams, LinkParams, make_drive
+from rf_pointing.drives import DriveParams, LinkParams, make_drive, simulated, takes_positions
 from test.drives.benches import BOTH_AXES, TICK_S, Bench
 from test.drives.simulators import Easycomm, Rotctld, Spid
 
@@ -266,3 +266,21 @@ def test_a_reading_is_of_the_middle_between_request_and_answer(monkeypatch: pyte
     assert subject.drive.losses == {"late answer": 1}
     assert subject.at(10.19) == []
     assert subject.at(10.2) == [b"AZ EL\n"]
+
+
+def test_a_simulated_drive_has_the_steps_of_the_protocol_that_it_stands_for() -> None:
+    spid = simulated(DriveParams(type="spid"))
+    assert spid.type == "simulated_rotator"
+    assert spid.rotator.resolution_rad == pytest.approx((math.radians(0.5),) * 2)
+    own = DriveParams(type="spid").rotator.replace(resolution_rad=(0.01, 0.0))
+    assert simulated(DriveParams(type="spid", rotator=own)).rotator.resolution_rad == pytest.approx(
+        (0.01, math.radians(0.5))
+    )
+    for type_, kept in (("simulated_rotator", "simulated_rotator"), ("simulated", "simulated"), ("mine", "simulated")):
+        assert simulated(DriveParams(type=type_)).type == kept
+    assert [takes_positions(each) for each in ("simulated_rotator", "hamlib", "simulated", "mine")] == [
+        True, True, False, False,
+    ]  # fmt: skip
+    assert make_drive(DriveParams(type="simulated_rotator")).truth_rad == (0.0, 0.0)
+    with pytest.raises(ValueError, match=r"drive.type='mine' must be one of simulated, topic, simulated_rotator"):
+        make_drive(DriveParams(type="mine"))

@@ -128,3 +128,11 @@ def test_speeds_steps_and_axes_are_those_of_the_manuals(
     words = made(type_, model)
     assert (words.baud, words.resolution_deg) == (baud, (resolution_deg, resolution_deg))
     assert words.has_elevation is has_elevation
+
+
+@pytest.mark.parametrize("place", [1, 4, 6, 9])
+def test_a_digit_beyond_nine_makes_no_packet(place: int) -> None:
+    packet = bytearray.fromhex("57 03 07 02 05 02 03 09 04 00 02 20")
+    assert positions(made("spid", "rot2"), bytes(packet)) == [(12.5, 34.0)]
+    packet[place] = 10
+    assert positions(made("spid", "rot2"), bytes(packet)) == []

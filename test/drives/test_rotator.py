@@ -448,3 +448,10 @@ def measured(goals: list[tuple[float, float]], rows: list[tuple[float, float]], 
             rotator.follow(sent_s, at_rest(goal, 0.6), at_rest(goal, 0.6))
         rotator.step(t_s)
     return rotator.latency_s
+
+
+def test_a_reading_that_is_not_trusted_is_replaced_in_place_and_rate() -> None:
+    rotator = read(RotatorParams(**TRAVEL), (5.0, 0.5, 0.6), (5.25, 0.6, 0.7), (5.5, 3.0, 3.0))
+    rotator.correct((0.7, 0.5))
+    assert rotator.position_rad == (0.7, 0.5)
+    assert rotator.rate_rad_s == pytest.approx((0.4, -0.2))

@@ -305,6 +305,15 @@ def test_the_status_says_which_way_each_axis_moves(moving: tuple[int, int], flag
     assert view.fields("get_status", Habit()) == ((f"Status flags: {flags}", flags),)
 
 
+def test_the_capabilities_are_those_of_the_bounds() -> None:
+    lines = [plain for _, plain in StationView("My dish").fields("dump_caps", Habit())]
+    for line in (
+        "Caps dump for model:\t2", "Model name:\t\tMy dish", "Min Azimuth:\t\t-180.00", "Max Azimuth:\t\t450.00",
+        "Min Elevation:\t\t0.00", "Max Elevation:\t\t180.00", "Can Park:\t\tY", "Can Move:\t\tN",
+    ):  # fmt: skip
+        assert line in lines, line
+
+
 def test_when_a_client_was_heard_last_is_known_while_it_is_connected(server: RotctldServer) -> None:
     with connect(server.port) as client:
         before_s = time.monotonic()

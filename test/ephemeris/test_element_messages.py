@@ -290,6 +290,12 @@ def test_every_number_of_a_message_has_its_place_and_its_unit(notation: str) -> 
     assert found.international_designator == "2003-049A"
 
 
+@pytest.mark.parametrize("value", [True, None, "", "1_0", "0x10", "1,5", "--5", "e5", ".", [5.0]])
+def test_what_is_no_number_is_refused(value: object) -> None:
+    with pytest.raises(ValueError, match="INCLINATION(=.* is not a number| is missing)"):
+        read_elements(json.dumps({**FIELDS, "INCLINATION": value}))
+
+
 def test_xml_is_read_to_its_bound_of_depth_and_with_its_comments() -> None:
     (plain,) = read_elements(as_xml(FIELDS))
     for depth, taken in ((DEEPEST - 5, True), (DEEPEST + 1, False)):

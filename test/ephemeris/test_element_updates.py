@@ -1,5 +1,6 @@
 """Elements that are fetched by the command: when it runs, what its failure says, and what stays."""
 
+import subprocess
 import time
 from collections.abc import Iterator
 from functools import partial
@@ -129,3 +130,22 @@ def test_a_failure_of_the_command_is_the_problem_until_it_succeeds(source: Any) 
         updates.changed()
         assert updates.problem == problem
         source.t_s += 600.0
+
+
+@pytest.mark.parametrize(
+    ("done", "words"),
+    [
+        (SimpleNamespace(stderr="fetch_elements: first\nfetch_elements: answered 404\n", returncode=1), "answered 404"),
+        (SimpleNamespace(stderr="", returncode=7), "fetch_elements ended with exit code 7"),
+        (subprocess.TimeoutExpired("fetch", 90.0), "were not fetched within 90 s"),
+    ],
+)
+def test_without_elements_the_reason_names_the_address(source: Any, done: Any, words: str) -> None:
+    def answer() -> Any:
+        if isinstance(done, Exception):
+            raise done
+        return done
+
+    source.version, source.answer = "", answer
+    with pytest.raises(ValueError, match=f"^elements='{ADDRESS}'.* ?{words}$"):
+        ElementUpdates(ADDRESS).require()

@@ -271,6 +271,22 @@ JSON = (
 )
 
 
+@pytest.mark.parametrize(
+    ("body", "promised", "headers"),
+    [
+        (CSV.encode(), 0, {}),
+        (f"{len(CSV):x}\r\n{CSV}\r\n0\r\n\r\n".encode(), None, {"Transfer-Encoding": "chunked"}),
+        (JSON.encode(), None, {}),
+        (f"{CSV}\n".encode(), None, {}),
+    ],
+)
+def test_an_answer_whose_end_is_known_needs_no_last_line_end(
+    body: bytes, promised: int | None, headers: dict[str, str], source: Source, ask: Callable[..., Outcome]
+) -> None:
+    source.body, source.promised, source.headers = body, promised, headers
+    assert (ask().problem, ask().record.objects) == ("", 1)
+
+
 def test_a_csv_cut_off_in_its_last_number_is_not_taken(source: Source, ask: Callable[..., Outcome]) -> None:
     """Without a promised length a shorter last number would be another number."""
     source.body, source.promised = CSV[:-4].encode(), None

@@ -411,3 +411,13 @@ def test_accelerations_behind_a_state_are_allowed_and_left_out(cbers: Elements) 
     for more in (" 1", " 1 2", " 1 2 3 4"):
         with pytest.raises(ValueError, match="line 15: a state must have an epoch and 6 or 9 numbers"):
             read_oem(plain.replace("2006-06-27T04:58:20.000", "2006-06-27T04:58:20.000" + more))
+
+
+def test_two_states_are_a_segment_and_one_is_none() -> None:
+    state = np.array([7000.0, 0.0, 0.0, 0.0, 7.5, 0.0])
+    meta = {"REF_FRAME": "ITRF", "INTERPOLATION": "LINEAR", "INTERPOLATION_DEGREE": ""}
+    (segment,) = read_oem(text_of([state] * 2, times=TIMES[:2], **meta))
+    assert (segment.method, segment.degree, len(segment.tai_s)) == ("LINEAR", 1, 2)
+    stop = utc_text(TIMES[0] + 1.0)
+    with pytest.raises(ValueError, match="OEM segment of CBERS 2 has 1 states, must have 2 or more"):
+        read_oem(text_of([state], times=TIMES[:1], STOP_TIME=stop, **meta))

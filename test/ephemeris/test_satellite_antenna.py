@@ -8,6 +8,8 @@ from skyfield.api import EarthSatellite, load, wgs84
 
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_roll_pitch_yaw, quaternion_to_matrix
 from rf_pointing.ephemeris import SITES, SatelliteAntennaParams, TopocentricTrack, find_elements, verification_elements
+from rf_pointing.ephemeris.satellite_antenna import orbital_axes, orbital_rate_rad_s
+from rf_pointing.ephemeris.state_vector import StateVector
 from test.ephemeris.test_track import tle_lines
 
 SITE = SITES["Goldstone DSS-13"]
@@ -82,3 +84,27 @@ def test_without_a_width_the_satellite_sends_alike_in_all_directions() -> None:
     assert np.all(plain.sample(t_s).satellite_gain_db == 0.0)
     moved = track().with_offsets(along_track_offset_s=1.0, cross_track_offset_rad=0.0)
     assert np.any(moved.sample(t_s).satellite_gain_db < 0.0)
+
+
+def test_the_orbital_frame_turns_as_the_differences_of_its_axes(random: np.random.Generator) -> None:
+    """Along a path that is no plane: a cubic with an acceleration across the orbit too."""
+    powers = np.array([[7e6, 1e5, -2e5], [300.0, 6500.0, 3500.0], [-8.0, 1.0, 2.0], [1e-3, -2e-3, 3e-3]])
+    powers = powers * (1.0 + 0.1 * random.standard_normal(powers.shape))
+    curves = [np.polynomial.Polynomial(column) for column in powers.T]
+
+    def motion(t_s: float) -> StateVector:
+        return StateVector(*(tuple(float(curve.deriv(k)(t_s)) for curve in curves) for k in range(4)))
+
+    def axes(t_s: float) -> np.ndarray:
+        return np.array(orbital_axes(motion(t_s)))
+
+    here, step_s = axes(3.0), 0.01
+    np.testing.assert_allclose(here @ here.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(here) == pytest.approx(1.0)
+    position, velocity = (np.array(part) for part in motion(3.0).derivatives()[:2])
+    assert here[2] @ position == pytest.approx(-np.linalg.norm(position))
+    assert here[1] @ np.cross(position, velocity) == pytest.approx(-np.linalg.norm(np.cross(position, velocity)))
+    # Rows turn as d(row)/dt = w x row; in the rows' own components.
+    change = (axes(3.0 + step_s) - axes(3.0 - step_s)) / (2.0 * step_s) @ here.T
+    wanted = np.array([change[1, 2], change[2, 0], change[0, 1]])
+    np.testing.assert_allclose(orbital_rate_rad_s(motion(3.0)), wanted, rtol=1e-6, atol=1e-11)

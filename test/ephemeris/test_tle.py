@@ -211,6 +211,15 @@ def test_what_does_not_fit_is_refused(cbers: Elements, change: dict[str, float],
         tle_lines(dataclasses.replace(cbers, **change))
 
 
+def test_drag_below_the_smallest_exponent_of_a_tle_is_written_as_none(cbers: Elements) -> None:
+    for drag, columns in ((5.4e-10, " 54000-9"), (1.0e-10, " 10000-9"), (9.9e-11, " 00000-0"), (-3e-14, " 00000-0"),
+                          (-0.25, "-25000-0"), (4.0, " 40000+1")):  # fmt: skip
+        first, _ = tle_lines(dataclasses.replace(cbers, drag_per_earth_radius=drag))
+        assert first[53:61] == columns
+        (back,) = read_elements("\n".join(tle_lines(dataclasses.replace(cbers, drag_per_earth_radius=drag))))
+        assert back.drag_per_earth_radius == pytest.approx(drag, abs=1e-10)
+
+
 def with_columns(line: str, begin: int, text: str) -> str:
     changed = line[:begin] + text + line[begin + len(text) :]
     return changed[:68] + str(checksum(changed))
@@ -252,3 +261,8 @@ def test_two_digits_of_a_year_are_of_1957_to_2056(columns: str, year: int) -> No
     assert found.epoch_t_s == from_utc_text(f"{year}-01-01T00:00:00")
     assert found.international_designator == f"{year}-001ABC"
     assert tle_lines(found)[0] == line1
+
+
+def test_a_blank_drag_is_none() -> None:
+    (found,) = read_tle(with_columns(LINE1, 53, " " * 8) + f"\n{LINE2}")
+    assert found.drag_per_earth_radius == 0.0

@@ -352,3 +352,13 @@ def test_a_satellite_before_its_first_place_says_so_and_one_that_decays_says_whe
     assert orbit.warnings(first_s) == (late,)
     before = f"MINOTAUR R/B has no place before {utc_text(first_s)} by its elements"
     assert orbit.warnings(first_s - 1.0) == (late, before)
+
+
+def test_elements_that_sgp4_refuses_at_once_are_refused_by_name(cbers: Elements) -> None:
+    with pytest.raises(ValueError, match="elements of CBERS 2: mrt is less than 1.0"):
+        Sgp4Orbit(
+            dataclasses.replace(cbers, eccentricity=0.9, mean_anomaly_rad=0.0), AssumedOrientation(), max_age_s=86400.0
+        )
+    for age_s in (0.0, -1.0, math.nan):
+        with pytest.raises(ValueError, match="max_age_s=.* must be > 0"):
+            Sgp4Orbit(cbers, AssumedOrientation(), max_age_s=age_s)

@@ -168,6 +168,20 @@ def test_without_a_crossing_nothing_is_lost() -> None:
     assert CrossingLoss.of(None, gain) == CrossingLoss(0.0, 0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize(
+    ("rate", "bend", "height", "needed"),
+    [(1.99, 0.99, 89.9, False), (2.01, 0.0, 50.0, True), (0.0, -1.01, 50.0, True), (0.0, 0.0, 90.1, True)],
+)
+def test_a_crossing_is_needed_where_any_limit_is_exceeded(
+    rate: float, bend: float, height: float, needed: bool
+) -> None:
+    t = np.arange(0.0, 60.0, STEP_S)
+    position, velocity, acceleration = np.zeros((len(t), 2)), np.zeros((len(t), 2)), np.zeros((len(t), 2))
+    position[:, 0] = 0.1 * DEG * t
+    velocity[300, 0], acceleration[300, 0], position[300, 1] = rate * DEG, bend * DEG, height * DEG
+    assert (cross(t, position, velocity, acceleration, LIMITS, beam(1.0)) is not None) is needed
+
+
 @pytest.mark.parametrize("miss_deg", [0.4, 4.0])
 def test_a_crossing_has_the_rates_of_its_positions_and_the_targets_own_at_its_ends(miss_deg: float) -> None:
     t, *path = overhead(miss_deg)

@@ -214,6 +214,27 @@ def test_after_a_leg_the_axes_rest_at_the_corner() -> None:
         assert leg.end_s == pytest.approx(end_s)
 
 
+@pytest.mark.parametrize(
+    ("target_deg", "kept_deg"),
+    [(30.0, 5.1), (5.12001, 5.1), (5.06, 5.04), (5.01, 5.0), (3.0, 5.0)],
+)
+def test_axes_after_a_target_keep_a_tenth_of_a_degree_more_from_the_sun_but_not_more_than_it(
+    target_deg: float, kept_deg: float
+) -> None:
+    paths, sun = PathFinder(FLAT, AXES, WIDE), (50.0 * DEG, 40.0 * DEG)
+    target = np.array([[50.0, 40.0 + target_deg], [50.0, 80.0]]) * DEG
+    for off_deg, free in ((0.001, True), (-0.001, False)):
+        # They come nearest in the middle; what ends nearer than the margin may have its goal there.
+        places = np.array([[50.0, 30.0], [50.0, 40.0 - kept_deg - off_deg], [50.0, 30.0]]) * DEG
+        still = np.zeros_like(places)
+        assert (paths.barred(places, still, target, sun) == "") is free
+        assert paths.barred(places, still, target, None) == ""
+        # Moving on, they would stop where they come too near: 0.9 of 1 deg/s takes 0.50625 deg.
+        ahead = places - [[0.0, 0.0], [0.0, 0.9**2 / 1.6 * DEG], [0.0, 0.0]]
+        rates = np.array([[0.0, 0.0], [0.0, 0.9 * DEG], [0.0, 0.0]])
+        assert (paths.barred(ahead, rates, target, sun) == "") is free
+
+
 @pytest.mark.parametrize("lag_s", [0.0, 0.02, 0.1, 0.4, 2.0])
 def test_a_steep_hill_behind_a_corner_is_cleared_however_far_the_axes_lag(lag_s: float) -> None:
     """A leg that began 0.3 deg before its corner stopped 0.12 deg below the hill with a lag of 0.4 s, 0.2 above without."""

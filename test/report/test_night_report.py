@@ -112,6 +112,16 @@ def to_do(records: list[dict[str, Any]], history: Sequence[Any] = (), **health: 
     return night_of(state(records, history), "Dish", health=health).to_do
 
 
+def test_what_is_not_well_is_to_be_looked_at() -> None:
+    model = {"health": "no observation", "level": 0}
+    assert to_do([record("SAT 1", 600.0)], model=model, inputs={"lost": 0}) == ()
+    assert to_do([record("SAT 1", 600.0, recorded=False)], model=model | {"level": 1}, inputs={"lost": 5}) == (
+        "1 tracked passes were not recorded: free space on the disk",
+        "pointing model: no observation",
+        "5 messages were lost on the way to the executive: look at the network",
+    )
+
+
 # The picture and the tables, before they are a page
 
 

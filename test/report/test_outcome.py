@@ -187,6 +187,18 @@ def test_the_flight_counts_from_the_rise_or_the_target_to_the_set_or_the_end(
     assert off.flown.mean_loss_db == pytest.approx(40.0 * math.log10(2.0), abs=1e-6)
 
 
+def test_without_a_pass_only_the_faults_are_known() -> None:
+    fault = topic([1.0, 2.0, 3.0], fault=["", "drives cut", "drives cut"])
+    recording = Recording(Path("bag"), "", {"antenna_status": fault}, (), (), {}, {}, (), ())
+    target = Pass("x", 10 * S, 34 * S, 58 * S, 0.9)
+    for found in (None, target):
+        analysis = Analysis(recording, None, None, found, None, Acquisition(measured_from=""))
+        assert verdict(analysis) == Verdict(faults=["drives cut"])
+    # One that did not end the pass is no reason against it.
+    reset = judged(antenna_status=fault)
+    assert (reset.faults, reset.tracked) == (["drives cut"], True)
+
+
 # The certificate
 
 

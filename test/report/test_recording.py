@@ -14,6 +14,7 @@ from mcap_ros2.writer import Writer as IndependentWriter
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import get_types_from_msg
 
+from rf_pointing.report import recording as recording_module
 from rf_pointing.report.bag_writer import BagWriter
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.recording import namespaces, read_recording
@@ -214,6 +215,24 @@ def test_types_of_the_bag_win_over_those_known_here(tmp_path: Path, types: Defin
         bag.write("/sim/boresight", 1, bytes(data))
     data = read_recording(tmp_path / "bag").topics["sim/boresight"]
     assert (data["azimuth"][0], data["elevation"][0]) == (0.1, 0.2)
+
+
+def test_standard_types_that_a_bag_does_not_define_are_known(
+    tmp_path: Path, types: Definitions, maker: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in older sqlite3 bags; a type that is not standard is named."""
+    kinds = {"/joint_states": "sensor_msgs/msg/JointState", "/sim/boresight": "rf_pointing_msgs/msg/Boresight"}
+    with BagWriter(tmp_path / "bag", types) as bag:
+        for topic, kind in kinds.items():
+            bag.register(topic, kind)
+            fields = {"name": ["azimuth", "elevation"], "position": np.array([0.5, 0.25])} if "sensor" in kind else {}
+            bag.write(topic, 1, maker.serialized(kind, **fields))
+    monkeypatch.setattr(recording_module, "types_of", lambda *_: {})
+    recording = read_recording(tmp_path / "bag")
+    assert recording.topics["joint_states"]["position"].tolist() == [[0.5, 0.25]]
+    assert recording.problems == (
+        "sim/boresight cannot be decoded: the bag does not define rf_pointing_msgs/msg/Boresight",
+    )
 
 
 def test_what_diagnostics_complained_about_is_counted(tmp_path: Path, types: Definitions, maker: Any) -> None:

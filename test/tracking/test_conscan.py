@@ -507,6 +507,43 @@ def test_the_unit_of_the_power_changes_nothing(estimator: str, unit: float) -> N
     np.testing.assert_allclose(other.covariance_rad2, one.covariance_rad2, rtol=1e-8, atol=1e-20)
 
 
+def test_spins_are_told_apart_from_one_per_cent_on() -> None:
+    assert params(estimator="likelihood", spin_periods_s=(5.0, 5.06)).spin_periods_s == (5.0, 5.06)
+    with pytest.raises(ValueError, match="must differ by at least 1 %"):
+        params(estimator="likelihood", spin_periods_s=(5.04, 5.0))
+
+
+@pytest.mark.parametrize("estimator", ["likelihood", "linear"])
+@pytest.mark.parametrize(("limit", "valid"), [(0.29, False), (0.31, True)])
+def test_an_error_beyond_the_range_that_is_believed_is_reported_but_not_valid(
+    estimator: str, limit: float, valid: bool
+) -> None:
+    tracker, error = ConscanTracker(params(estimator=estimator, valid_range_beamwidths=limit)), None
+    x, y = 0.18 * H, -0.24 * H
+    for k in range(32):
+        u, v = R * math.cos(0.2 * k), R * math.sin(0.2 * k)
+        exact = math.exp(-MU * ((x - u) ** 2 + (y - v) ** 2) / H**2)
+        error = tracker.add(power(k + 1.0, exact if estimator == "likelihood" else linear_power(x, y, u, v)), u, v)
+    assert error is not None
+    assert [error.cross_elevation_rad, error.elevation_rad] == pytest.approx([x, y], rel=1e-3)
+    assert error.valid == valid
+    assert error.reason == ("" if valid else "error of 0.30 beamwidths is outside 0.29 beamwidths")
+
+
+@pytest.mark.parametrize(
+    ("drift", "spins", "unknowns"), [(False, (), 3), (True, (), 4), (False, (5.0,), 5), (True, (5.0, 8.0), 8)]
+)
+@pytest.mark.parametrize("name", ["window_samples", "fewest_samples"])
+def test_a_window_needs_more_samples_than_there_are_unknowns(
+    name: str, drift: bool, spins: tuple[float, ...], unknowns: int
+) -> None:
+    known = params(estimator="likelihood", drift=drift, spin_periods_s=spins)
+    assert getattr(known.replace(**{name: max(unknowns + 1, 4)}), name) == max(unknowns + 1, 4)
+    if unknowns > 3:
+        with pytest.raises(ValueError, match=f"{name}={unknowns} must be > {unknowns}, the number of unknowns"):
+            known.replace(**{name: unknowns})
+
+
 @pytest.mark.parametrize("row", [3, 11, 20, 31])
 @pytest.mark.parametrize("high", [True, False])
 def test_the_sample_that_is_left_out_is_the_farthest_off_in_its_own_sigmas(row: int, high: bool) -> None:
@@ -530,6 +567,19 @@ def test_the_sample_that_is_left_out_is_the_farthest_off_in_its_own_sigmas(row: 
     without = estimate_window(known, PowerWindow(np.delete(rows, row, axis=0)))
     np.testing.assert_allclose(found.error_rad, without.error_rad, rtol=1e-9)
     np.testing.assert_allclose(found.covariance_rad2, without.covariance_rad2, rtol=1e-9)
+
+
+@pytest.mark.parametrize("spins", [(), (5.0,)])
+def test_no_sample_is_left_out_of_a_window_with_a_spin(spins: tuple[float, ...]) -> None:
+    """A spin that is not known well enough looks like samples that do not follow the beam."""
+    tracker, error = ConscanTracker(params(estimator="likelihood", spin_periods_s=spins)), None
+    for k in range(32):
+        u, v = R * math.cos(0.2 * k), R * math.sin(0.2 * k)
+        error = tracker.add(power(k + 1.0, (3.0 if k == 9 else 1.0) * math.exp(-MU * R**2 / H**2)), u, v)
+    assert error is not None
+    assert error.valid is (spins == ())
+    assert tracker.state.rejected == (spins == ())
+    assert error.valid or error.reason.startswith("the power does not follow the beam: chi squared")
 
 
 def test_a_drift_of_the_power_is_estimated_along() -> None:

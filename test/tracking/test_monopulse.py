@@ -241,6 +241,25 @@ def test_error_and_covariance_are_the_least_squares_of_both_parts_of_both_channe
     np.testing.assert_allclose(error.covariance_rad2, covariance, rtol=1e-9, atol=1e-9 * covariance.max())
 
 
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"carrier_to_noise_db_hz": 200.0}, ""), ({"carrier_to_noise_db_hz": 200.1}, "must be between -60.0 and 200.0"),
+        ({"carrier_to_noise_db_hz": -60.0}, "no lock"), ({"carrier_to_noise_db_hz": -60.1}, "must be between"),
+        ({"t_s": np.array([[1.0, 2.0]])}, r"t_s has shape (1, 2), must have at least 2 samples"),
+        ({"t_s": np.array([1.0]), "sum": np.ones(1)}, "t_s has shape (1,), must have at least 2 samples"),
+        ({"difference_elevation": np.full(5, 999.0)}, "error of"),
+        ({"difference_elevation": np.full(5, 1001.0)}, "a difference"),
+        ({"difference_elevation": np.full(5, np.inf)}, "difference_elevation must be finite"),
+        ({"difference_cross_elevation": np.zeros(5)}, ""),
+    ],
+)  # fmt: skip
+def test_a_cluster_is_judged_at_the_edges_of_what_a_receiver_gives(change: dict[str, object], reason: str) -> None:
+    error = tracker().measure(dataclasses.replace(cluster(0.0, 0.0, 120.0), **change))
+    assert error.valid is (reason == "")
+    assert reason in error.reason
+
+
 @pytest.mark.parametrize(("beamwidths", "valid"), [(0.74, True), (0.76, False)])
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
