@@ -22,6 +22,9 @@ from rf_pointing.ros.main_loop import InstanceLock, take_priority
 from rf_pointing.ros.params import ParameterGroups
 from rf_pointing.ros.stamps import seconds_from_stamp
 
+ROUNDING = 1e-3
+"""Share of a period by which an instant may lie ahead of the clock and is due."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class LifecycleParams(Params):
@@ -66,13 +69,13 @@ class Schedule:
                 self.stalled_s = stood_s
             self._origin_s, self._count = self._on_grid(now_s), 0
         times = []
-        while self._next_s <= now_s + 1e-3 * self._period_s:
+        while self._next_s <= now_s + ROUNDING * self._period_s:
             times.append(self._next_s)
             self._count += 1
         return times
 
     def _on_grid(self, t_s: float) -> float:
-        return math.floor(t_s / self._period_s + 1e-4) * self._period_s
+        return math.floor(t_s / self._period_s + ROUNDING) * self._period_s
 
     @property
     def _next_s(self) -> float:

@@ -26,7 +26,7 @@ def watched(seed: int, count: int, bias: np.ndarray, scale: float = 1.0) -> list
 
 def test_sound_innovations_are_not_doubted_and_rarely_widen_the_covariance() -> None:
     runs = [watched(seed, 300, np.zeros(3)) for seed in range(20)]
-    assert not any(watch.doubts(PARAMS) for run in runs for watch in run)
+    assert not any(watch.reasons(PARAMS) for run in runs for watch in run)
     widened = [np.any(run[-1].bias_covariance() > 0.0) for run in runs]
     assert np.mean(widened) <= 0.3
 
@@ -34,7 +34,7 @@ def test_sound_innovations_are_not_doubted_and_rarely_widen_the_covariance() -> 
 def test_mean_of_a_third_of_a_sigma_is_found_and_its_size_is_the_covariance() -> None:
     bias = np.array([0.3, -0.2, 0.1])
     run = watched(3, 600, bias)
-    assert "common mean" in run[-1].doubts(PARAMS)[0]
+    assert "common mean" in run[-1].reasons(PARAMS)[0]
     largest = np.linalg.eigh(run[-1].bias_covariance())
     assert np.sqrt(largest.eigenvalues[-1]) == pytest.approx(np.linalg.norm(bias), rel=0.3)
     assert abs(largest.eigenvectors[:, -1] @ bias) == pytest.approx(np.linalg.norm(bias), rel=0.1)
@@ -42,11 +42,11 @@ def test_mean_of_a_third_of_a_sigma_is_found_and_its_size_is_the_covariance() ->
 
 def test_errors_half_as_large_again_are_found_by_their_mean_square() -> None:
     run = watched(4, 200, np.zeros(3), scale=1.5)
-    assert "mean squared innovation" in run[-1].doubts(PARAMS)[0]
+    assert "mean squared innovation" in run[-1].reasons(PARAMS)[0]
 
 
 def test_few_directions_say_nothing() -> None:
-    assert not watched(5, 4, np.full(3, 5.0))[-1].doubts(PARAMS)
+    assert not watched(5, 4, np.full(3, 5.0))[-1].reasons(PARAMS)
 
 
 def test_one_direction_seen_again_and_again_leaves_the_turn_about_it_out() -> None:
@@ -70,6 +70,6 @@ def test_the_weights_are_those_of_a_memory_that_fades() -> None:
 def test_a_handful_of_directions_proves_nothing() -> None:
     far_off = watched(5, 7, np.full(3, 30.0))
     # The sum of the weights of a memory of 20 directions reaches five with the sixth.
-    assert [bool(watch.doubts(PARAMS)) for watch in far_off] == [False] * 5 + [True] * 2
+    assert [bool(watch.reasons(PARAMS)) for watch in far_off] == [False] * 5 + [True] * 2
     biased = watched(5, 7, np.full(3, 2.0))
     assert [bool(np.any(watch.bias_covariance())) for watch in biased] == [False] * 5 + [True] * 2

@@ -261,9 +261,9 @@ def test_a_path_that_is_crossed_is_acquired_at_once_and_tracked(range_m: float, 
 
 
 def test_fixed_errors_of_the_hardware_are_not_averaged_away() -> None:
-    """Mean square of the normalised errors (12) over 8 runs of 12 readings: 71 where they are taken as white."""
+    """Mean square of the normalised errors (12) over 16 runs of 12 readings: 71 where they are taken as white."""
     squares = []
-    for seed in range(8):
+    for seed in range(16):
         truth = drifting()
         _, outputs = run(source(seed, HARDWARE), truth, 12)
         there, found = moved(truth, STEP_S * 11), outputs[-1].estimate

@@ -310,11 +310,11 @@ def test_no_goal_starts_while_nodes_differ_or_a_model_lacks_its_temperature(desk
 
 
 @given(
-    begins_s=st.lists(st.floats(-1e5, 1e5), min_size=1, max_size=6), length_s=st.floats(1.0, 2000.0),
-    near_s=st.floats(-1e5, 1e5),
+    begins_s=st.lists(st.integers(-100_000, 100_000), min_size=1, max_size=6), length_s=st.integers(1, 2000),
+    near_s=st.integers(-100_000, 100_000),
 )  # fmt: skip
 def test_the_pass_nearest_to_a_time_is_taken_if_it_is_within_an_hour(
-    window: Pass, begins_s: list[float], length_s: float, near_s: float
+    window: Pass, begins_s: list[int], length_s: int, near_s: int
 ) -> None:
     passes = [replace(window, aos_t_s=1e9 + begin_s, los_t_s=1e9 + begin_s + length_s) for begin_s in begins_s]
     assert nearest_pass(passes, 0.0) is passes[0]
