@@ -84,8 +84,3 @@ def test_the_t_value_is_that_of_paired_samples_over_passes(campaign, table_1, pa
     assert verdict.word == ("better" if expected >= 2.0 else "undecided")
     assert verdict.active_rms_rad == pytest.approx(np.sqrt(np.mean(squares["active"])), rel=1e-9)
     assert verdict.candidate_rms_rad == pytest.approx(np.sqrt(np.mean(squares["candidate"])), rel=1e-9)
-
-
-def test_a_single_pass_decides_nothing(campaign, table_1):
-    verdict = score_of(campaign(table_1, passes=1, form="rotation"), BiasModel.zero(), table_1).verdict()
-    assert (verdict.t_value, verdict.word, verdict.passes) == (0.0, "undecided", 1)

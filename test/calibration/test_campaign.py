@@ -105,21 +105,6 @@ def test_a_campaign_goes_on_where_an_interrupted_one_left_the_sky_thin(candidate
     assert nothing.coverage.thin == ()
 
 
-@pytest.mark.parametrize(
-    ("azimuth_deg", "ends_deg"),
-    [
-        ((10.0, 60.0), (10.0, 60.0)),
-        ((350.0, 300.0), (-10.0, -60.0)),
-        ((150.0, 179.0, -150.0, -100.0), (-210.0, -100.0)),
-        ((190.0, 150.0), (-170.0, -210.0)),
-        ((170.0, 200.0), (170.0, 200.0)),
-    ],
-)
-def test_a_pass_lies_on_the_turn_that_the_cables_allow(azimuth_deg, ends_deg):
-    slew = Slew(travel_rad=(np.radians(-220.0), np.radians(220.0)))
-    assert np.degrees(slew.ends_rad(np.radians(azimuth_deg))) == pytest.approx(ends_deg, abs=1e-9)
-
-
 def test_the_way_between_two_directions_does_not_lead_through_the_ends_of_the_travel():
     a, b = np.radians([[170.0, 40.0], [-170.0, 40.0]])
     assert Slew(rate_rad_s=1.0, settle_s=0.0).time_s(a, b) == pytest.approx(np.radians(20.0))
@@ -241,41 +226,6 @@ def resting(name, start_t_s, end_t_s, *places):
         azimuth_acceleration_rad_s2=none, elevation_acceleration_rad_s2=none, range_m=none + 1e6, range_rate_m_s=none,
     )  # fmt: skip
     return CandidatePass(name=name, track=track, sigma_rad=2e-4)
-
-
-def test_a_candidate_lasts_from_its_first_to_its_last_point():
-    one = resting("one", 100.0, 250.0, EAST, EAST, WEST, WEST)
-    assert (one.start_t_s, one.end_t_s) == (100.0, 250.0)
-    data = one.observations("gs1", "S", 7)
-    assert (data.pass_id.tolist(), data.sigma_azimuth_rad.tolist()) == ([7] * 4, [2e-4] * 4)
-    assert np.array_equal(data.sigma_elevation_rad, data.sigma_azimuth_rad)
-    assert not np.any(data.residual_azimuth_rad)
-    assert not np.any(data.residual_elevation_rad)
-
-
-@pytest.mark.parametrize(
-    ("way_rad", "travel_rad", "time_s"),
-    [((0.5, 0.2), (), 25.0), ((0.2, -0.7), (), 29.0), ((-6.0, 0.1), (), 15.0 + 20.0 * (2.0 * np.pi - 6.0)),
-     ((-6.0, 0.1), (-7.0, 7.0), 135.0)],
-)  # fmt: skip
-def test_a_slew_takes_the_time_of_the_slower_axis_and_of_settling(way_rad, travel_rad, time_s):
-    slew = SLOW.replace(travel_rad=travel_rad)
-    assert slew.time_s(np.array([2.0, 0.8]), np.array([2.0, 0.8]) + way_rad) == pytest.approx(time_s)
-
-
-@pytest.mark.parametrize("travel_rad", [(-4.0,), (-4.0, 0.0, 4.0), (-3.0, 3.2), (4.0, -4.0)])
-def test_a_travel_is_two_ends_a_turn_apart(travel_rad):
-    with pytest.raises(ValueError, match="must be two ends at least a turn apart"):
-        Slew(travel_rad=travel_rad)
-    assert Slew(travel_rad=(-3.0, 3.3)).travel_rad == (-3.0, 3.3)
-
-
-@pytest.mark.parametrize(("start_t_s", "allowed"), [(175.0, True), (174.9, False)])
-def test_two_passes_are_allowed_with_the_time_of_the_slew_between_them_in_either_order(start_t_s, allowed):
-    """From the end of the first, in the west, to the start of the second one, in the east: 75 s."""
-    first, then = resting("a", 0.0, 100.0, EAST, WEST), resting("b", start_t_s, 400.0, EAST, WEST)
-    assert SLOW.allows(first, then) is allowed
-    assert SLOW.allows(then, first) is allowed
 
 
 def test_of_plans_that_do_not_fill_the_sky_the_one_that_brings_more_of_what_is_missing_is_taken():

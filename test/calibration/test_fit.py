@@ -12,13 +12,11 @@ from rf_pointing.calibration import (
     Observations,
     PassPriors,
     Prior,
-    fit,
     fit_bias_model,
     held_at_zero,
 )
-from rf_pointing.calibration.fit import excess_of, huber_weights, normalised_size, sandwich_covariance, within_limit
-from rf_pointing.calibration.noise import NoiseScale, noise_scale, share_after_editing
-from rf_pointing.calibration.pass_errors import lags_of, pass_partials
+from rf_pointing.calibration.fit import huber_weights, normalised_size, sandwich_covariance, within_limit
+from rf_pointing.calibration.noise import noise_scale, share_after_editing
 
 TABLE_1_TERMS = tuple(n for n in TERM_NAMES if not n.endswith("acceleration_lag"))
 
@@ -30,13 +28,6 @@ def values(model, names):
 def test_noiseless_printed_data_give_the_planted_terms_back_exactly(campaign, table_1):
     result = fit_bias_model(campaign(table_1, sigma_rad=0.0), options=FitOptions(edit_sigma=0.0))
     assert np.max(np.abs(result.values - values(table_1, result.names))) < 1e-12
-
-
-@pytest.mark.parametrize(("factor", "uncertainty", "applied"), [(1.5, 0.1, 1.5), (1.15, 0.1, 1.0), (0.4, 0.01, 1.0)])
-def test_a_covariance_grows_only_by_an_excess_of_two_sigma_and_never_shrinks(factor, uncertainty, applied):
-    """Of the mean of both axes, whose uncertainty this is."""
-    scale = NoiseScale(factor, uncertainty * np.sqrt(2.0))
-    assert excess_of((scale, scale)) == applied
 
 
 def test_a_term_that_is_named_twice_is_named_in_the_refusal(campaign, table_1):
@@ -94,12 +85,6 @@ def test_held_terms_are_subtracted_and_kept(campaign, table_1):
     result = fit_bias_model(campaign(table_1, sigma_rad=0.0), terms=("droop",), held=held)
     assert result.coefficients["droop"] == pytest.approx(table_1.coefficients["droop"], abs=1e-12)
     assert result.model == table_1.replace(droop=result.coefficients["droop"])
-
-
-def test_a_held_term_that_is_misspelt_is_refused_by_that_name(campaign, table_1):
-    held = {("drop" if name == "droop" else name): 0.0 for name in TERM_NAMES if name != "collimation"}
-    with pytest.raises(ValueError, match="the bias model has no term drop;"):
-        fit_bias_model(campaign(table_1, passes=3), terms=("collimation",), held=held)
 
 
 def test_a_term_neither_fitted_nor_held_is_refused(campaign, table_1):
@@ -206,49 +191,8 @@ def test_data_in_a_narrow_band_of_elevation_are_refused_by_the_terms_they_hardly
     fit_bias_model(narrow, priors=known, options=FitOptions(form=form))
 
 
-ALL = np.ones(200, dtype=bool)
-
-
-def test_sizes_are_in_stated_sigma_where_the_data_are_as_good_as_stated(random):
-    residual = random.standard_normal((2, 200))
-    size = normalised_size(residual, np.ones((2, 200)), ALL)
-    assert size == pytest.approx(np.max(np.abs(residual), axis=0), rel=0.25)
-
-
-def test_data_worse_than_stated_are_measured_by_their_own_spread(random):
-    residual = 10.0 * random.standard_normal((2, 200))
-    residual[0, 7] = 90.0
-    size = normalised_size(residual, np.ones((2, 200)), ALL)
-    assert 6.0 < size[7] < 12.0
-    assert np.sum(size > 3.0) < 6
-
-
-def test_rejected_rows_come_back_only_while_they_may():
-    size, used = np.array([1.0, 5.0, 2.0]), np.array([True, True, False])
-    assert within_limit(size, 3.0, used, may_return=True).tolist() == [True, False, True]
-    assert within_limit(size, 3.0, used, may_return=False).tolist() == [True, False, False]
-    assert within_limit(size, 0.0, used, may_return=True) is used
-
-
-def test_huber_weight_is_the_limit_over_the_size_beyond_the_limit():
-    assert huber_weights(np.array([0.0, 1.5, 3.0]), 1.5) == pytest.approx([1.0, 1.0, 0.5])
-    assert huber_weights(np.array([9.0]), 0.0) == pytest.approx([1.0])
-
-
 TERMS = ("azimuth_offset", "elevation_offset", "mislevel_east", "mislevel_north", "droop")
 SANDWICH = FitOptions(covariance="sandwich", edit_sigma=0.0)
-
-
-def test_sandwich_is_the_spread_of_fits_without_one_pass(campaign, table_1):
-    data = campaign(table_1, passes=15)
-    held = {name: table_1.coefficients[name] for name in held_at_zero(TERMS)}
-    plain = FitOptions(edit_sigma=0.0)
-    full = fit_bias_model(data, terms=TERMS, held=held, options=SANDWICH)
-    left_out = [
-        fit_bias_model(data.select(data.pass_id != p), terms=TERMS, held=held, options=plain).values for p in range(15)
-    ]
-    jackknife = (np.array(left_out) - full.values).T @ (np.array(left_out) - full.values)
-    assert np.allclose(full.covariance, jackknife, rtol=1e-6)
 
 
 def test_sandwich_sigma_is_honest_where_white_sigma_is_not(campaign, table_1, random):
@@ -276,18 +220,6 @@ def test_sandwich_sigma_is_honest_where_white_sigma_is_not(campaign, table_1, ra
 def test_editing_before_a_sandwich_is_refused():
     with pytest.raises(ValueError, match=r"edit_sigma=3\.0 must be 0"):
         FitOptions(covariance="sandwich")
-
-
-def test_too_few_passes_are_refused(campaign, table_1):
-    with pytest.raises(ValueError, match="passes=4 must be >= 5"):
-        fit_bias_model(campaign(table_1, passes=4), options=SANDWICH)
-
-
-def test_a_pass_that_alone_determines_a_term_is_named():
-    rows = [(k, np.array([[1.0, 1.0 if k == 3 else 0.0], [1.0, 0.0]]), np.array([0.1, -0.1])) for k in range(6)]
-    matrix = np.concatenate([r for _, r, _ in rows])
-    with pytest.raises(ValueError, match="pass 3 alone determines tilt"):
-        sandwich_covariance(("offset", "tilt"), np.linalg.inv(matrix.T @ matrix), rows)
 
 
 def test_editing_does_not_make_the_noise_smaller(campaign, table_1):
@@ -327,21 +259,6 @@ def test_the_noise_is_that_of_the_degrees_of_freedom_left(size, terms, random):
         factors.append(noise_scale(residuals, columns, np.arange(size)).factor)
     expected_spread = 1.7**2 * np.sqrt(2.0 / (size - terms) / len(factors))
     assert np.mean(factors) == pytest.approx(1.7**2, abs=4.0 * expected_spread)
-
-
-def test_without_degrees_of_freedom_the_noise_is_not_known(random):
-    columns, _ = np.linalg.qr(random.standard_normal((6, 6)))
-    scale = noise_scale(np.zeros(6), np.sqrt(1.0 + 1e-9) * columns, np.zeros(6, dtype=np.int64))
-    assert (scale.factor, scale.uncertainty) == (1.0, np.inf)
-
-
-def test_the_noise_of_hardly_any_degrees_of_freedom_is_bounded_by_a_tenth_of_the_data(random):
-    columns, _ = np.linalg.qr(random.standard_normal((20, 19)))
-    residuals = random.standard_normal(20)
-    scale = noise_scale(residuals, columns, np.arange(20))
-    assert scale.factor == pytest.approx(float(residuals @ residuals) / 2.0)
-    # With no correlation found, F^2 is known to sqrt(2 / n) of itself.
-    assert scale.uncertainty == pytest.approx(scale.factor * np.sqrt(0.1))
 
 
 def test_the_sandwich_is_the_scatter_of_the_fits_that_leave_one_pass_out(random):
@@ -419,58 +336,6 @@ def test_what_a_result_states_is_what_its_rows_make_of_it(campaign, table_1):
     assert fit.pass_errors == ()
 
 
-def test_a_fit_begins_with_the_points_that_a_fit_before_has_used(campaign, table_1):
-    data = campaign(table_1)
-    spoilt = data.observed_elevation_rad.copy()
-    spoilt[[5, 90]] += 0.02
-    data = replace(data, observed_elevation_rad=spoilt)
-    before = fit_bias_model(data)
-    assert not np.any(before.used[[5, 90]])
-    plain = FitOptions(edit_sigma=0.0)
-    again = fit_bias_model(data, options=plain, start=before)
-    assert np.array_equal(again.used, before.used)
-    np.testing.assert_allclose(again.values, before.values, rtol=1e-9, atol=1e-12)
-    # Of other points nothing is known of which are wrong.
-    fewer = fit_bias_model(data.select(np.arange(len(data) - 1)), options=plain, start=before)
-    assert np.all(fewer.used)
-
-
-def test_rejected_points_may_return_in_the_first_eight_rounds_only(campaign, table_1, monkeypatch):
-    """Point 0 is rejected and taken back in turn; from the ninth round on it stays out."""
-    data, allowed = campaign(table_1), []
-
-    def turning(size, _limit, used, *, may_return):
-        allowed.append(may_return)
-        keep = np.ones(len(size), dtype=bool)
-        keep[0] = not used[0]
-        return keep if may_return else keep & used
-
-    monkeypatch.setattr(fit, "within_limit", turning)
-    found = fit_bias_model(data)
-    assert allowed == [True] * 8 + [False] * (len(allowed) - 8)
-    assert 9 < len(allowed) <= 11
-    assert not found.used[0]
-
-
-def test_a_sandwich_measures_the_errors_itself_and_is_not_raised_by_the_noise(campaign, table_1):
-    """Sigma is stated half as large as it is."""
-    data = campaign(table_1, passes=8)
-    sigma = {name: 0.5 * getattr(data, name) for name in ("sigma_azimuth_rad", "sigma_elevation_rad")}
-    held = {name: table_1.coefficients[name] for name in held_at_zero(TERMS)}
-
-    def fitted(kind, scaled):
-        options = FitOptions(covariance=kind, edit_sigma=0.0, scale_covariance=scaled)
-        return fit_bias_model(replace(data, **sigma), terms=TERMS, held=held, options=options)
-
-    plain, scaled = fitted("sandwich", False), fitted("sandwich", True)
-    assert (plain.noise is None, scaled.noise is None) == (True, False)
-    np.testing.assert_array_equal(scaled.covariance, plain.covariance)
-    plain, scaled = fitted("white", False), fitted("white", True)
-    ratio = scaled.covariance / plain.covariance
-    np.testing.assert_allclose(ratio, np.mean([one.factor for one in scaled.noise]), rtol=1e-9)
-    assert np.min(ratio) == pytest.approx(4.0, rel=0.3)
-
-
 @pytest.mark.parametrize("unit", [1.0, 100.0, 0.01])
 def test_a_pass_that_alone_determines_a_direction_is_named_by_the_term_that_is_most_of_it_in_sigma(unit):
     """Whatever the units of the terms."""
@@ -480,43 +345,6 @@ def test_a_pass_that_alone_determines_a_direction_is_named_by_the_term_that_is_m
     passes = [(number, own, np.zeros(2)) for number, own in enumerate(rows)]
     with pytest.raises(ValueError, match="pass 3 alone determines offset"):
         sandwich_covariance(("offset", "tilt"), np.linalg.inv(matrix.T @ matrix), passes)
-
-
-def test_an_exact_fit_sees_the_errors_of_the_passes_with_its_own_lags(campaign, table_1, partials, random):
-    """Its residuals are normal to the partials by all terms and, but for the priors, errors."""
-    names = ("azimuth_offset", "azimuth_velocity_lag", "mislevel_east", "elevation_offset", "elevation_velocity_lag")
-    orbit = PassPriors(along_track_m=1000.0, radial_m=400.0, clock_s=0.05)
-    data = campaign(table_1, passes=6, form="rotation")
-    planted = orbit.sigma * random.normal(size=(6, 3))
-    azimuth, elevation = pass_partials(data, orbit.names, lags_of(table_1.coefficients))
-    data = replace(
-        data,
-        observed_azimuth_rad=data.observed_azimuth_rad + np.sum(azimuth * planted[data.pass_id], axis=1),
-        observed_elevation_rad=data.observed_elevation_rad + np.sum(elevation * planted[data.pass_id], axis=1),
-    )
-    held = {name: value for name, value in table_1.coefficients.items() if name not in names}
-    options = FitOptions(form="rotation", edit_sigma=0.0)
-    found = fit_bias_model(data, terms=names, held=held, pass_priors=orbit, options=options)
-    truth = np.array([table_1.coefficients[name] for name in names])
-    assert np.max(np.abs(found.values - truth) / found.sigma) < 4.0
-    errors = np.array([[one.values[name] for name in orbit.names] for one in found.pass_errors])
-    own = np.concatenate(pass_partials(data, orbit.names, lags_of(found.coefficients)))
-    of_pass = np.tile(data.pass_id, 2)
-    modelled = np.concatenate(found.model.apply(*data.motion()))
-    left = np.concatenate([data.observed_azimuth_rad, data.observed_elevation_rad]) - modelled
-    shifts = np.sum(own * errors[of_pass], axis=1)
-    np.testing.assert_allclose(np.concatenate([found.pass_azimuth_rad, found.pass_elevation_rad]), shifts, atol=1e-6)
-    left -= shifts
-    shown = np.concatenate([found.residual_azimuth_rad, found.residual_elevation_rad])
-    np.testing.assert_allclose(shown, left, atol=1e-6)
-    # Pulls in sigma of each unknown by itself; what is left of them is that of lags within 10 ms.
-    matrix = np.concatenate(partials(data.motion(), names)) / 1e-4
-    assert np.max(np.abs(matrix.T @ shown / 1e-4) / np.linalg.norm(matrix, axis=0)) < 0.05
-    for number in range(6):
-        rows = of_pass == number
-        columns = own[rows] / 1e-4
-        pull = columns.T @ shown[rows] / 1e-4 - errors[number] / orbit.sigma**2
-        assert np.max(np.abs(pull) / np.linalg.norm(columns, axis=0)) < 0.05
 
 
 @pytest.mark.parametrize(
@@ -561,18 +389,3 @@ def test_passes_are_too_few_unless_every_term_has_a_prior(campaign, table_1):
         fit_bias_model(data, terms=terms, held=held, priors=one)
     assert fit_bias_model(data, terms=terms, held=held, priors=both).passes == 2
     assert fit_bias_model(data, terms=terms, held=held, options=FitOptions(fewest_passes=2)).passes == 2
-
-
-def test_pairs_are_reported_from_the_threshold_on(campaign, table_1):
-    fitted = fit_bias_model(
-        campaign(table_1), terms=("azimuth_offset", "droop"), held=held_at_zero(("azimuth_offset", "droop"))
-    )
-    one = np.array([[1.0, -0.96875], [-0.96875, 1.0]])
-    told = replace(fitted, covariance=one)
-    assert told.inseparable(0.96875) == (("azimuth_offset", "droop", -0.96875),)
-    assert told.inseparable(0.97) == ()
-    assert told.inseparable() == told.inseparable(0.95)
-    assert replace(fitted, covariance=np.array([[1.0, 0.9], [0.9, 1.0]])).separation_advice() == ()
-    assert told.separation_advice() == (
-        "azimuth_offset and droop (correlation -0.969): add passes at low and at high elevation (above 60 deg)",
-    )

@@ -51,14 +51,6 @@ def test_steady_motion_has_the_lags_of_the_model() -> None:
     assert not without_lags(lagging).has_lags
 
 
-def test_velocity_and_acceleration_are_derivatives_of_the_lag() -> None:
-    rates, bends = swinging()
-    position, velocity, acceleration = LagHistory(model(5.1), AVERAGING_S).along(TIMES, rates, bends)[0]
-    inner = slice(2, -2)
-    np.testing.assert_allclose(np.gradient(position, 0.1, axis=0)[inner], velocity[inner], atol=2e-5)
-    np.testing.assert_allclose(np.gradient(velocity, 0.1, axis=0)[inner], acceleration[inner], atol=1e-4)
-
-
 def test_it_goes_on_from_a_state_also_after_a_gap() -> None:
     rates, bends = swinging()
     history = LagHistory(model(5.1), AVERAGING_S)
@@ -67,15 +59,6 @@ def test_it_goes_on_from_a_state_also_after_a_gap() -> None:
         part, _ = history.along(TIMES[first:], rates[first:], bends[first:], states[400])
         np.testing.assert_allclose(part[0][-1], whole[0][-1], atol=1e-9)
         np.testing.assert_allclose(part[0][0], whole[0][first], atol=1e-6)
-
-
-def test_a_rate_that_changes_in_no_time_leaves_the_average_where_it_is() -> None:
-    history, before = LagHistory(model(), AVERAGING_S), LagState(3.0, (0.01, 0.02), (0.008, 0.015), (1e-3, -2e-3))
-    at_once, soon = (history.dragged(t_s, np.array([0.05, -0.01]), before) for t_s in (3.0, 3.0 + 1e-6))
-    # A beam that drags behind the axes by the velocity lag has another rate than they.
-    assert at_once.rate == pytest.approx((0.05 + 1.0 * 1e-3, -0.01 - 1.9 * 2e-3), rel=1e-12)
-    assert (at_once.mean, at_once.slope) == (pytest.approx(before.mean, rel=1e-12), before.slope)
-    assert soon.mean == pytest.approx(before.mean, rel=1e-5)
 
 
 def test_axes_that_come_to_rest_leave_a_lag_that_swings_out() -> None:
@@ -127,13 +110,6 @@ def test_axes_that_stopped_unseen_went_on_as_far_as_they_moved(away_s: float) ->
     assert found.t_s == before.t_s + away_s
 
 
-@pytest.mark.parametrize(("away_s", "forgotten"), [(99.0, False), (101.0, True)])
-def test_after_twenty_times_of_the_average_a_motion_is_forgotten(away_s: float, forgotten: bool) -> None:
-    before = LagState(7.0, (0.02, -0.01), (0.03, 0.04), (0.5, 0.6))
-    found = LagHistory(model(), AVERAGING_S).stopped(7.0 + away_s, np.zeros(2), np.zeros(2), before)
-    assert (found == LagState(7.0 + away_s, before.rate)) is forgotten
-
-
 @pytest.mark.parametrize("acceleration_s2", [0.0, 5.1])
 def test_lead_and_its_derivatives_are_those_of_the_transfer_function(acceleration_s2: float) -> None:
     """Further derivatives of the average follow from T^2 m" + T m' + m = r."""
@@ -181,22 +157,3 @@ def test_the_beam_of_dragged_axes_lags_by_the_change_of_the_average() -> None:
     assert (found.t_s, found.rate) == (3.7, pytest.approx(tuple(beam)))
     _, (expected,) = history.along(np.array([3.7]), beam[np.newaxis], np.zeros((1, 2)), before)
     assert (found.mean, found.slope) == (expected.mean, expected.slope)
-
-
-@pytest.mark.parametrize("elevation_rate", [0.0, -0.03])
-@pytest.mark.parametrize(("away_s", "steps"), [(0.05, 1), (0.25, 3), (1.0, 10)])
-def test_a_motion_that_nobody_saw_is_taken_in_steps_of_a_tenth_of_a_second(
-    away_s: float, steps: int, elevation_rate: float
-) -> None:
-    """The azimuth went on for 0.42 s; the elevation was at rest, or has moved back: it stopped."""
-    history = LagHistory(model(), AVERAGING_S)
-    before = LagState(3.0, (0.02, elevation_rate), (0.004, 0.005), (0.001, -0.002))
-    seen = np.array([0.003, 0.001])
-    found = history.stopped(3.0 + away_s, seen, np.array([0.02 * 0.42, 0.005]), before)
-    state = before
-    for after_s in away_s * np.arange(1, steps) / steps:
-        state = history.dragged(3.0 + after_s, np.array([0.02 if after_s < 0.42 else 0.0, 0.0]), state)
-    state = history.dragged(3.0 + away_s, seen, state)
-    assert found.rate == pytest.approx(state.rate, abs=1e-12)
-    assert found.mean == pytest.approx(state.mean, abs=1e-12)
-    assert found.slope == pytest.approx(state.slope, abs=1e-12)

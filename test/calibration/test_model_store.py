@@ -51,28 +51,6 @@ def test_a_model_that_is_not_valid_is_not_accepted(store):
     assert store.active() is None
 
 
-def test_a_damaged_history_is_refused(store):
-    (store.folder / "history.json").write_text('{"a": 1}')
-    with pytest.raises(ValueError, match="must hold a list of names"):
-        store.active()
-
-
-def test_a_folder_is_made_with_those_above_it_and_taken_if_it_is_there(tmp_path, file):
-    folder = tmp_path / "stations" / "gs1" / "models"
-    ModelStore(folder, "gs1", "S").add(file)
-    assert ModelStore(str(folder), "gs1", "S").names() == ("a",)
-    assert ModelStore(folder, "gs1", "S").read("a").name == "a"
-
-
-def test_of_two_accepted_models_the_first_comes_back(store):
-    store.accept("a", 1.8e9)
-    with pytest.raises(ValueError, match="accepted models=1 must be >= 2 to roll back"):
-        store.roll_back()
-    store.accept("b", 1.8e9)
-    assert store.roll_back().name == "a"
-    assert store.active().name == "a"
-
-
 @pytest.mark.parametrize("name", ["", ".hidden", "a/b", "a:b", "a*", 'a"b', "a|b", "a\\b", "a?", "<a>"])
 def test_a_name_that_is_no_file_name_on_every_system_is_refused(store, file, name):
     with pytest.raises(ValueError, match="must be usable as a file name"):
@@ -87,12 +65,6 @@ def test_the_newest_accepted_version_that_is_valid_at_a_time_is_found(store, fil
         store.accept(name, t_s)
     assert [store.active_at(t_s).name for t_s in (1.74e9, 1.75e9, 1.76e9, 1.77e9)] == ["b", "short", "short", "b"]
     assert store.active_at(1.6e9) is None
-
-
-def test_a_model_that_is_accepted_twice_is_one_step_in_the_history(store):
-    for name in ("a", "b", "b", "a"):
-        assert store.accept(name, 1.8e9).name == name
-    assert [store.roll_back().name for _ in range(2)] == ["b", "a"]
 
 
 @pytest.mark.parametrize("text", ['["a", 1]', '"a"', "{}"])

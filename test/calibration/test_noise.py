@@ -5,10 +5,9 @@ import pytest
 
 from rf_pointing.calibration import FitOptions, PassPriors, fit_bias_model
 from rf_pointing.calibration.fit import excess_of
-from rf_pointing.calibration.noise import NoiseScale, noise_of, noise_scale
+from rf_pointing.calibration.noise import NoiseScale, noise_scale
 from rf_pointing.calibration.noise import share_after_editing as share
 from rf_pointing.calibration.pass_errors import pass_partials
-from rf_pointing.calibration.thinning import Thinned
 
 
 def written_out(residuals, influence, passes, lags):
@@ -43,16 +42,6 @@ def test_correlated_noise_is_summed_over_the_pairs_of_one_pass_as_far_as_it_show
     assert beyond <= 2.0 * white * np.sqrt(len(pairs))
 
 
-def test_the_sum_ends_after_sixty_lags():
-    found = noise_scale(np.ones(500), np.zeros((500, 1)), np.zeros(500, dtype=np.int64))
-    assert found.uncertainty == pytest.approx(found.factor * np.sqrt(2.0 * 119.0 / 500.0))
-
-
-def test_a_single_residual_is_its_square():
-    found = noise_scale(np.array([3.0]), np.zeros((1, 1)), np.array([4]))
-    assert (found.factor, found.uncertainty) == (9.0, 9.0 * np.sqrt(2.0))
-
-
 @pytest.mark.parametrize(
     ("factors", "uncertainties", "excess"),
     [
@@ -68,11 +57,6 @@ def test_a_single_residual_is_its_square():
 def test_sigma_is_raised_by_an_excess_beyond_its_own_two_sigma_only(factors, uncertainties, excess):
     noise = tuple(NoiseScale(*pair) for pair in zip(factors, uncertainties, strict=True))
     assert excess_of(noise) == pytest.approx(excess)
-
-
-def test_without_a_limit_nothing_of_the_variance_is_cut_off():
-    assert share(0.0) == 1.0
-    assert share(3.0) == pytest.approx(0.97334, abs=1e-5)
 
 
 @pytest.mark.parametrize("orbit", [None, PassPriors(along_track_m=200.0, clock_s=0.02)], ids=["none", "own"])
@@ -109,19 +93,3 @@ def test_half_a_degree_of_freedom_is_used_down_to_a_tenth_of_the_data(taken, fac
     found = noise_scale(np.array([1.0, 2.0]), np.sqrt(np.array([[0.5 * taken], [0.5 * taken]])), np.array([3, 4]))
     assert found.factor == pytest.approx(factor)
     assert found.uncertainty == pytest.approx(factor)
-
-
-def test_points_without_any_scatter_have_no_sigma_and_all_are_straight():
-    none = Thinned(
-        np.arange(6.0), np.repeat([2, 3], 3), np.zeros((6, 2)), np.full(6, 10.0), np.zeros((6, 2)), np.full(6, 8.0), {}
-    )
-    sigma, straight = noise_of(none, np.linspace(0.3, 1.2, 6))
-    assert not np.any(sigma)
-    assert np.all(straight)
-
-
-def test_a_single_degree_of_freedom_is_enough_for_a_scatter():
-    one = np.ones(1)
-    points = Thinned(one, np.zeros(1, dtype=int), np.zeros((1, 2)), 3.0 * one, np.array([[4.0, 9.0]]), one, {})
-    assert points.noise.tolist() == [2.0, 3.0]
-    assert points.select(~one.astype(bool), "none").noise.tolist() == [0.0, 0.0]

@@ -12,10 +12,9 @@ from rf_pointing.calibration import (
     fit_bias_model,
     held_at_zero,
     measured_pass_priors,
-    outlying_passes,
     warnings_of,
 )
-from rf_pointing.calibration.outlying_passes import pass_correlation, size_ratios, without_pass
+from rf_pointing.calibration.outlying_passes import pass_correlation, without_pass
 from rf_pointing.calibration.pass_errors import pass_partials
 
 TERMS = ("azimuth_offset", "azimuth_velocity_lag", "mislevel_east", "elevation_offset", "elevation_velocity_lag")
@@ -115,18 +114,6 @@ def told(values, sigma, names):
     return SimpleNamespace(pass_errors=errors)
 
 
-def test_the_measured_size_of_errors_is_over_as_many_passes_as_show_them(random):
-    priors = PassPriors(along_track_m=100.0, radial_m=50.0, clock_s=0.1)
-    values = random.normal(size=(6, 3)) * [250.0, 60.0, 0.1]
-    sigma = np.array([[20.0, 40.0, 0.0999]] * 6)
-    found = size_ratios(told(values, sigma, priors.names), priors)
-    for k in (0, 1):
-        shown = 6.0 * (1.0 - (sigma[0, k] / priors.sigma[k]) ** 2)
-        assert found[k] == pytest.approx(np.sqrt(np.sum((values[:, k] / priors.sigma[k]) ** 2) / shown))
-    # Six passes together do not show the clock of one.
-    assert found[2] == 1.0
-
-
 def test_the_correlation_of_residuals_is_the_size_of_their_sums_over_that_of_independent_ones(random):
     pass_id = np.repeat([3, 7, 8], [5, 20, 40])
     used = random.random(65) < 0.8
@@ -193,29 +180,3 @@ def test_the_sizes_found_are_those_that_a_fit_with_them_shows(campaign, planted,
         assert np.sum(shown[own]) > 3.0
         assert np.sum(square[own]) == pytest.approx(np.sum(shown[own]), rel=0.06)
         np.testing.assert_allclose((sizes.sigma / start.sigma)[own], (sizes.sigma / start.sigma)[group], rtol=1e-9)
-
-
-def test_the_search_begins_with_the_first_priors_and_ends_when_they_stay(monkeypatch):
-    """It halves its way to 100 m: 200 m, 141 m and so on, until it moves by less than 3 %."""
-    asked = []
-
-    def fit(priors):
-        asked.append(priors.along_track_m)
-        return priors
-
-    monkeypatch.setattr(outlying_passes, "likely_sizes", lambda priors, _start: np.sqrt(priors.sigma * 100.0))
-    start, first = PassPriors(along_track_m=1000.0), PassPriors(along_track_m=200.0)
-    found = measured_pass_priors(fit, start, first)
-    expected = 100.0 * 2.0 ** (0.5 ** np.arange(5.0))
-    assert asked == pytest.approx(expected.tolist())
-    assert found.along_track_m == pytest.approx(100.0 * 2.0 ** (0.5**5))
-    asked.clear()
-    assert measured_pass_priors(fit, start).along_track_m == pytest.approx(100.0 * 10.0 ** (0.5**6))
-    assert asked[0] == 1000.0
-    assert len(asked) == 6
-    asked.clear()
-    measured_pass_priors(fit, start, PassPriors(along_track_m=105.0))
-    assert asked == [105.0]
-    asked.clear()
-    measured_pass_priors(fit, start, PassPriors(along_track_m=107.0))
-    assert len(asked) == 2

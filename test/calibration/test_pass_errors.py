@@ -7,7 +7,6 @@ from rf_pointing.calibration import TERM_NAMES, FitOptions, Observations, PassPr
 from rf_pointing.calibration.pass_errors import (
     motion_partials,
     pass_partials,
-    shift_by,
     site_partials,
     track_axes,
 )
@@ -70,13 +69,6 @@ def test_partials_are_the_shift_of_a_displaced_satellite(campaign, table_1):
         shift = displaced(data, neighbouring(data, names[k], 10.0))
         assert 10.0 * azimuth[:, k] == pytest.approx(shift[0], abs=1e-9)
         assert 10.0 * elevation[:, k] == pytest.approx(shift[1], abs=1e-9)
-
-
-def test_clock_partials_are_the_rates(campaign, table_1):
-    data = campaign(table_1, passes=2)
-    azimuth, elevation = pass_partials(data, ("clock_s",))
-    assert np.array_equal(azimuth[:, 0], data.azimuth_rate_rad_s)
-    assert np.array_equal(elevation[:, 0], data.elevation_rate_rad_s)
 
 
 def test_orbit_errors_without_range_are_refused(campaign, table_1):
@@ -142,19 +134,6 @@ def test_sandwich_on_top_of_pass_errors_is_refused(campaign, table_1):
         fit_bias_model(campaign(table_1), pass_priors=ORBIT, options=FitOptions(covariance="sandwich", edit_sigma=0.0))
 
 
-def test_a_second_round_without_an_outlier_is_the_fit_of_the_others_in_the_printed_form(campaign, table_1):
-    """The form is linear: the lags of the first round make no partials of the second."""
-    data = campaign(table_1, passes=6, sigma_rad=1e-5)
-    observed = data.observed_elevation_rad.copy()
-    observed[40] += 0.02
-    priors = PassPriors.of_orbit(100.0)
-    spoiled = replace(data, observed_elevation_rad=observed)
-    edited = fit_bias_model(spoiled, pass_priors=priors, options=FitOptions(edit_sigma=8.0))
-    assert not edited.used[40]
-    others = fit_bias_model(spoiled.select(edited.used), pass_priors=priors, options=FitOptions(edit_sigma=0.0))
-    np.testing.assert_allclose(edited.values, others.values, rtol=1e-9, atol=1e-12)
-
-
 def seen(fly, t_s):
     """Return observations without a bias of a fly-by `fly` (names and arrays) at `t_s`."""
     none = np.full(len(t_s), 1e-4)
@@ -196,17 +175,6 @@ def test_a_site_that_is_off_by_metres_sees_every_target_displaced_by_their_oppos
         azimuth, elevation = azel_from_unit_vector(position - axis)
         assert 10.0 * partials[0][:, k] == pytest.approx(wrap_rad(azimuth - data.true_azimuth_rad), abs=1e-9)
         assert 10.0 * partials[1][:, k] == pytest.approx(elevation - data.true_elevation_rad, abs=1e-9)
-
-
-def test_metres_along_across_and_up_shift_a_target_as_vectors_do(campaign, table_1, random):
-    data = campaign(table_1, passes=2)
-    metres = 20.0 * random.normal(size=(len(data), 3))
-    azimuth, elevation = displaced(data, [m[:, np.newaxis] for m in metres.T])
-    found = shift_by(data, metres)
-    assert found[0] == pytest.approx(azimuth, abs=1e-8)
-    assert found[1] == pytest.approx(elevation, abs=1e-8)
-    with pytest.raises(ValueError, match="range_rate_m_s=None"):
-        shift_by(replace(data, range_rate_m_s=None), metres)
 
 
 def test_an_error_and_its_drift_share_one_size_and_those_along_the_track_do_not():

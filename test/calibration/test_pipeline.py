@@ -110,13 +110,6 @@ def test_what_bends_within_a_point_is_no_bias_once_the_model_is_known(track, raw
     assert bias["known"] < 0.01 * MDEG
 
 
-def test_azimuths_that_turn_too_fast_for_a_mean_are_left_out(track, raw_pass, table_1):
-    reference = track(2.0, miss_m=40e3)
-    processed = process_pass(raw_pass(reference, table_1, None, NOISE_RAD), reference, 0, None, table_1)
-    assert processed.reports[0].dropped["azimuth turns too fast"] > 100
-    assert np.max(np.abs(processed.points.azimuth_rate_rad_s)) <= 0.05
-
-
 def test_a_pass_without_one_sound_sample_is_refused_with_the_reasons(track, raw_pass, table_1):
     reference = track(5.0)
     raw = raw_pass(reference, table_1, None, NOISE_RAD)
@@ -174,14 +167,6 @@ def test_noise_on_the_sky_gives_high_points_their_larger_azimuth_sigma_and_drops
     azimuth, elevation = pulls(processed, table_1)
     assert 0.75 < np.std(azimuth) < 1.25
     assert 0.75 < np.std(elevation) < 1.25
-
-
-def test_noise_on_the_sky_costs_high_passes_no_more_azimuths_than_elevations(track, raw_pass, table_1, random):
-    tracks = [track(5.0, miss, 0.7, 1e9 + 6000.0 * k) for k, miss in enumerate([40e3, 50e3, 60e3, 70e3])]
-    raw = [on_the_sky(raw_pass(one, table_1, None, 1e-9), random) for one in tracks]
-    passes = RawPasses([TrackedPass(one, place) for one, place in zip(raw, tracks, strict=True)], 0)
-    dropped = passes.process(PriorKnowledge(model=table_1, form="printed")).reports[1].dropped
-    assert dropped["azimuth_rad beyond 3 sigma"] < 1.5 * dropped["elevation_rad beyond 3 sigma"]
 
 
 def test_noise_that_hangs_together_is_measured_between_points_and_costs_none(track, raw_pass, table_1, random):
@@ -305,47 +290,6 @@ def test_known_errors_of_a_pass_move_the_true_motion_and_not_the_whole_error_tha
     assert np.max(np.abs(apart)) < 1.0 * MDEG
 
 
-def test_errors_of_the_passes_are_seen_with_the_lags_of_the_exact_form_only(table_1):
-    model = table_1.replace(azimuth_velocity_lag=0.3, elevation_velocity_lag=-0.2)
-    assert PriorKnowledge(model=model).lags_s == (0.3, -0.2)
-    assert PriorKnowledge(model=model, form="printed").lags_s == (0.0, 0.0)
-
-
-def test_a_pass_of_a_single_point_is_refused(track, raw_pass, table_1):
-    reference = track(5.0)
-    raw = raw_pass(reference, table_1, None, NOISE_RAD)
-    start = int(np.argmin(np.abs(raw.t_s - 30.0 * np.ceil(np.median(raw.t_s) / 30.0))))
-    short = {name: getattr(raw, name)[start : start + 80] for name in ("t_s", "good", *raw.channels)}
-    with pytest.raises(ValueError, match="no pass gives two calibration points"):
-        process_pass(replace(raw, **short), reference, 0, None, table_1)
-
-
-@pytest.mark.parametrize(("passes", "note"), [(1, ""), (2, "; 2 passes")])
-def test_what_the_passes_lost_together_is_reported_with_their_number(track, raw_pass, table_1, passes, note):
-    tracked = []
-    for number in range(passes):
-        reference = track(5.0, start_t_s=1e9 + 6000.0 * number)
-        raw = raw_pass(reference, table_1, None, NOISE_RAD)
-        raw.good[:10] = False
-        tracked.append(TrackedPass(raw, reference))
-    report = RawPasses(tracked, 0).process(PriorKnowledge(model=table_1, form="printed")).reports[0]
-    assert (
-        report.text()
-        == f"validation: {6384 * passes} -> {6374 * passes} (dropped {10 * passes} flagged by the station){note}"
-    )
-
-
-def test_what_is_known_is_in_the_form_of_the_fit(table_1, track):
-    """The two forms differ by the squares of the terms, some mdeg at 60 deg of elevation."""
-    columns = track(20.0, miss_m=300e3).truth()
-    columns = {name.removeprefix("true_"): value for name, value in columns.items()}
-    motion = tuple(columns.values())[:6]
-    printed, exact = (PriorKnowledge(model=table_1, form=form).bias_rad(columns) for form in ("printed", "rotation"))
-    np.testing.assert_allclose(printed, np.stack(table_1.offset_rad(*motion)), rtol=1e-12)
-    np.testing.assert_allclose(exact, np.stack(table_1.apply(*motion)) - np.stack(motion[:2]), rtol=1e-12)
-    assert np.max(np.abs(printed - exact)) > 1.0 * MDEG
-
-
 def shortened(raw, rows):
     """Return the pass with only these samples good."""
     good = np.zeros(len(raw), dtype=bool)
@@ -411,58 +355,6 @@ def test_bending_and_delay_of_the_ionosphere_are_taken_off_also_over_the_top(tra
     for ionosphere, note in ((None, "none"), (IONOSPHERE, "ionosphere")):
         report = process_pass(raw, reference, 0, ionosphere, BiasModel.zero()).reports[4]
         assert (report.note, report.dropped) == (note, {})
-
-
-@pytest.mark.parametrize(("share", "over"), [(0.4, False), (0.6, True)])
-def test_a_pass_is_over_the_top_where_most_of_it_is(track, raw_pass, table_1, share, over):
-    reference = track(5.0)
-    raw = raw_pass(reference, table_1, None, 0.0)
-    beyond = np.arange(len(raw)) < share * len(raw)
-    raw = replace(raw, elevation_rad=np.where(beyond, np.pi - raw.elevation_rad, raw.elevation_rad))
-    assert (np.median(TrackedPass(raw, reference).reference.elevation_rad) > 0.5 * np.pi) == over
-
-
-def test_known_errors_of_one_pass_count_from_its_middle_and_leave_the_others_as_they_are(track, raw_pass, table_1):
-    references = [track(5.0, 500e3, 0.7, 1e9 + 6000.0 * number) for number in range(2)]
-    drift = {"along_track_m": 100.0, "along_track_drift_m_s": 2.0, "clock_s": 0.01}
-    errors = PassErrors(0, drift, {}, float(np.mean(references[0].t_s)))
-    truth = (displaced(references[0], errors), references[1])
-    passes = [
-        TrackedPass(raw_pass(seen, table_1, None, 0.1 * MDEG), given)
-        for seen, given in zip(truth, references, strict=True)
-    ]
-    model = table_1.replace(azimuth_velocity_lag=0.0, elevation_velocity_lag=0.0)
-    points = {}
-    for name, known in (("blind", {}), ("known", {0: errors})):
-        points[name] = RawPasses(passes, 0).process(PriorKnowledge(model=model, errors=known)).points
-    shared = np.intersect1d(points["blind"].t_s, points["known"].t_s)
-    blind, known = (one.select(np.isin(one.t_s, shared)) for one in points.values())
-    own = blind.pass_id == 0
-    assert min(np.sum(own), np.sum(~own)) > 15
-    apart = [
-        getattr(known, f"residual_{axis}_rad") - getattr(blind, f"residual_{axis}_rad")
-        for axis in ("azimuth", "elevation")
-    ]
-    assert np.max(np.abs(apart[0][own] * np.cos(blind.true_elevation_rad[own]))) < 1.0 * MDEG
-    assert np.max(np.abs(apart[1][own])) < 1.0 * MDEG
-    assert np.max(np.abs(known.true_elevation_rad - blind.true_elevation_rad)[own]) > 10.0 * MDEG
-    np.testing.assert_allclose(np.array(apart)[:, ~own], 0.0, atol=1e-12)
-    assert np.array_equal(known.true_azimuth_rad[~own], blind.true_azimuth_rad[~own])
-
-
-def test_samples_that_are_not_averaged_have_no_scatter_to_report(track, raw_pass, table_1):
-    reference = track(5.0)
-    raw = raw_pass(reference, table_1, None, NOISE_RAD)
-    slow = replace(raw, **{name: getattr(raw, name)[::8] for name in ("t_s", "good", *raw.channels)})
-    reports = process_pass(slow, reference, 0, None, table_1).reports
-    assert reports[2].note == "samples as they are"
-    assert reports[3].note.startswith("scatter azimuth_rad ")
-
-
-def test_points_of_a_perfect_simulation_have_the_least_sigma(track, raw_pass, table_1):
-    reference = track(5.0, miss_m=900e3)
-    points = process_pass(raw_pass(reference, table_1, None, 0.0), reference, 0, None, table_1).points
-    assert np.min(points.sigma_azimuth_rad) == np.min(points.sigma_elevation_rad) == 1e-6
 
 
 def test_thin_sectors_are_refused_where_they_must_be_full(track, raw_pass, table_1):

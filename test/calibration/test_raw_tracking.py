@@ -53,12 +53,6 @@ def test_each_sample_that_is_not_sound_has_its_reason(track, name, value, reason
     assert (report.before, report.after) == (60, 59 if reason else 60)
 
 
-def test_without_ranges_the_angles_are_judged_alone(track):
-    raw = replace(raw_of(track(5.0), elevation_rad=(5, 4.0)), range_m=None, range_rate_m_s=None)
-    keep, _ = validate(raw, track(5.0))
-    assert np.flatnonzero(~keep).tolist() == [5]
-
-
 @pytest.mark.parametrize(("row", "most_s"), [(0, 4.5), (1, 3.5), (30, 3.5), (58, 3.5), (59, 1.5)])
 def test_a_time_tag_more_than_two_and_a_half_steps_from_the_median_of_five_is_a_jump(track, row, most_s):
     """A late one is passed by its neighbours: the median is a step or two later than it should be."""
@@ -98,16 +92,6 @@ def test_azimuths_beyond_half_a_radian_in_10_s_are_left_out(track):
     assert np.array_equal(keep, ~fast)
 
 
-def test_a_handful_of_samples_is_judged_too(track):
-    for count in (2, 4, 5):
-        assert np.all(validate(raw_of(track(5.0), count=count), track(5.0))[0])
-    fast = track(1.0, miss_m=20e3)
-    overhead = raw_of(fast, count=2, start_s=400.0)
-    assert not np.any(validate(overhead, fast)[0])
-    # A single sample is no pass: its rate is not judged.
-    assert np.all(validate(replace(overhead, good=np.array([True, False])), fast)[0] == [True, False])
-
-
 def test_a_file_is_cut_at_its_gaps_and_not_at_one_wrong_time(track):
     reference = track(5.0)
     times = reference.t_s[0] + np.concatenate([np.arange(30.0), 200.0 + np.arange(25.0), 330.0 + np.arange(20.0)])
@@ -127,12 +111,6 @@ def test_a_file_is_cut_at_its_gaps_and_not_at_one_wrong_time(track):
     assert [len(part) for part in split_passes(replace(whole, t_s=times), 100.0)] == [30, 25, 20]
     assert len(split_passes(raw_of(reference, count=4, step_s=100.0), 50.0)) == 1
     assert len(split_passes(raw_of(reference, count=5, step_s=100.0), 50.0)) > 1
-
-
-def test_over_the_top_is_beyond_90_and_up_to_180_deg(track):
-    raw = raw_of(track(5.0), count=6)
-    angles = np.array([0.5 * PI - 1e-9, 0.5 * PI + 1e-9, PI, PI + 1e-9, 0.3, 2.0])
-    assert replace(raw, elevation_rad=angles).over.tolist() == [False, True, True, False, False, True]
 
 
 def test_a_pass_is_cut_where_the_dish_goes_over_the_top(track):
@@ -167,34 +145,6 @@ def test_columns_of_other_length_and_empty_names_are_refused(track):
         replace(raw, good=np.ones(2, dtype=bool))
     with pytest.raises(ValueError, match="target='' must not be empty"):
         replace(raw, target="")
-
-
-def test_a_report_names_reasons_that_occurred_only(track):
-    _, report = validate(raw_of(track(5.0), azimuth_rad=(3, np.nan)), track(5.0))
-    assert report.text() == "validation: 60 -> 59 (dropped 1 not finite)"
-    assert replace(report, note="one", dropped={}).text() == "validation: 60 -> 59; one"
-
-
-@pytest.mark.parametrize(("count", "found"), [(4, 0), (5, 1), (6, 1)])
-def test_a_wrong_time_among_five_samples_is_found(track, count, found):
-    raw = raw_of(track(5.0), count=count)
-    times = raw.t_s.copy()
-    times[-1] += 50.0
-    _, report = validate(replace(raw, t_s=times), track(5.0))
-    assert report.dropped["time jump"] == found
-
-
-@pytest.mark.parametrize(("count", "refused"), [(1, False), (2, True)])
-def test_two_samples_tell_of_another_unit_and_one_does_not(track, count, refused):
-    reference = track(5.0)
-    raw = raw_of(reference, count=3, start_s=300.0)
-    degrees = replace(raw, azimuth_rad=np.degrees(raw.azimuth_rad), elevation_rad=np.degrees(raw.elevation_rad))
-    times = np.where(np.arange(3) < count, raw.t_s, np.nan)
-    if refused:
-        with pytest.raises(ValueError, match="too large: degrees"):
-            require_unit(replace(degrees, t_s=times), reference)
-    else:
-        require_unit(replace(degrees, t_s=times), reference)
 
 
 def test_samples_that_are_not_finite_outside_the_orbit_or_repeated_say_nothing_of_the_unit(track):

@@ -4,16 +4,6 @@ import numpy as np
 import pytest
 
 
-def test_interpolated_track_agrees_with_the_closed_form_between_samples(track):
-    coarse, fine = track(5.0), track(0.5)
-    found = coarse.at(fine.t_s)
-    assert np.max(np.abs(found.azimuth_rad - fine.azimuth_rad)) < 2e-7
-    assert np.max(np.abs(found.elevation_rad - fine.elevation_rad)) < 2e-7
-    assert np.max(np.abs(found.azimuth_rate_rad_s - fine.azimuth_rate_rad_s)) < 3e-7
-    assert np.max(np.abs(found.elevation_acceleration_rad_s2 - fine.elevation_acceleration_rad_s2)) < 1e-6
-    assert np.max(np.abs(found.range_m - fine.range_m)) < 0.1
-
-
 def test_samples_themselves_are_returned_unchanged(track):
     coarse = track(5.0)
     found = coarse.at(coarse.t_s)
@@ -64,14 +54,6 @@ def test_over_the_top_is_the_same_direction_on_the_other_side(track):
         assert np.array_equal(getattr(over, name), -getattr(direct, name))
     for name in ("azimuth_rate_rad_s", "azimuth_acceleration_rad_s2", "range_m", "range_rate_m_s"):
         assert np.array_equal(getattr(over, name), getattr(direct, name))
-
-
-def test_two_points_make_a_track_and_one_does_not(track):
-    whole = track(5.0)
-    two = whole.at(whole.t_s[:2])
-    assert len(two.at(np.linspace(*two.t_s, 5)).t_s) == 5
-    with pytest.raises(ValueError, match="must have at least 2 points"):
-        whole.at(whole.t_s[:1])
 
 
 def test_columns_of_other_length_or_that_are_not_finite_are_refused_by_name(track):

@@ -6,7 +6,6 @@ import pytest
 
 from rf_pointing.calibration import read_tdm
 from rf_pointing.calibration.tdm import write_tdm
-from rf_pointing.core.dates import from_utc_text
 
 ROUNDING_RAD = 1e-11
 
@@ -121,15 +120,6 @@ def test_repeated_epoch_names_both_lines(lines, tmp_path):
         read_changed(tmp_path, [*lines[: where + 1], first, *lines[where + 1 :]])
 
 
-def test_corrections_not_yet_applied_are_applied(raw, lines, tmp_path):
-    text = "\n".join(lines).replace("META_STOP", "CORRECTION_ANGLE_2 = 0.5\nCORRECTIONS_APPLIED = NO\nMETA_STOP", 1)
-    back = read_changed(tmp_path, text.splitlines())
-    assert np.degrees(back[0].elevation_rad - raw.elevation_rad) == pytest.approx(np.full(20, 0.5), abs=1e-8)
-    assert back[1].elevation_rad == pytest.approx(raw.elevation_rad, abs=ROUNDING_RAD)
-    with pytest.raises(ValueError, match="needs CORRECTIONS_APPLIED"):
-        read_changed(tmp_path, text.replace("CORRECTIONS_APPLIED = NO\n", "").splitlines())
-
-
 def test_angles_of_a_two_way_pass_are_read_and_its_range_is_left_out_with_a_note(raw, lines, tmp_path):
     text = "\n".join(lines).replace("PATH = 2,1", "PATH = 1,2,1", 1)
     two_way, one_way = read_changed(tmp_path, text.splitlines())
@@ -225,13 +215,6 @@ def test_the_last_participant_of_a_path_is_the_station(lines, tmp_path, path, st
     assert first.range_m is not None
 
 
-def test_a_message_says_when_it_was_made_and_what_time_each_segment_spans(raw, lines):
-    head = dict(line.split(" = ") for line in lines[:3])
-    assert head == {"CCSDS_TDM_VERS": "2.0", "CREATION_DATE": "2023-11-14T22:13:20.000000", "ORIGINATOR": "test"}
-    spans = [line.split(" = ")[1] for line in lines if line.startswith(("START_TIME", "STOP_TIME"))]
-    assert [from_utc_text(text) for text in spans] == pytest.approx([raw.t_s[0], raw.t_s[-1]] * 2, abs=1e-6)
-
-
 @pytest.mark.parametrize(("lost", "other"), [("ANGLE_1", "ANGLE_2"), ("ANGLE_2", "ANGLE_1")])
 def test_an_angle_without_the_other_at_its_time_is_refused_with_its_line(lines, tmp_path, lost, other):
     rows = [number for number, line in enumerate(lines) if line.startswith(lost)]
@@ -240,19 +223,6 @@ def test_an_angle_without_the_other_at_its_time_is_refused_with_its_line(lines, 
     where = next(number for number, line in enumerate(kept, start=1) if line.startswith(partner))
     with pytest.raises(ValueError, match=rf"line {where}: {other} at .* has no {lost} at that time"):
         read_changed(tmp_path, kept)
-
-
-def test_azimuths_are_written_within_a_turn_to_a_billionth_of_a_degree(raw, tmp_path):
-    """Range is in km to a micrometre, range rate in km/s to a nanometre a second."""
-    turned = replace(raw, azimuth_rad=raw.azimuth_rad + 2.0 * np.pi * np.where(np.arange(len(raw)) % 2, 2, -3))
-    write_tdm(tmp_path / "a.tdm", [turned], originator="test", created_t_s=1.7e9)
-    text = (tmp_path / "a.tdm").read_text()
-    azimuths = [float(value) for value in re.findall(r"ANGLE_1 = \S+ (\S+)", text)]
-    assert azimuths == pytest.approx(np.degrees(np.mod(raw.azimuth_rad, 2.0 * np.pi)), abs=1e-9)
-    for key, digits in (("ANGLE_1", 9), ("ANGLE_2", 9), ("RANGE", 9), ("DOPPLER_INSTANTANEOUS", 12)):
-        values = re.findall(rf"\n{key} = \S+ -?\d+\.(\d+)(?=\n)", text)
-        assert {len(value) for value in values} == {digits}
-        assert len(values) == len(raw)
 
 
 def test_what_a_message_says_besides_angles_and_ranges_is_no_error(lines, tmp_path):
@@ -267,16 +237,3 @@ def test_what_a_message_says_besides_angles_and_ranges_is_no_error(lines, tmp_pa
     short = "\n".join(lines).replace("DATA_START", "DATA_START\nANGLE_1 = 2001-09-09T01:46:40", 1)
     with pytest.raises(ValueError, match="line 19: ANGLE_1 needs a time and a value, has 1 words"):
         read_changed(tmp_path, short.splitlines())
-
-
-def test_the_band_of_a_one_way_pass_is_that_which_its_target_sends(lines, tmp_path):
-    text = "\n".join(lines).replace("RECEIVE_BAND = S", "TRANSMIT_BAND = X")
-    assert [one.band for one in read_changed(tmp_path, text.splitlines())] == ["X", "X"]
-    both = text.replace("TRANSMIT_BAND = X", "TRANSMIT_BAND = X\nRECEIVE_BAND = Ka").splitlines()
-    assert [one.band for one in read_changed(tmp_path, both)] == ["Ka", "Ka"]
-
-
-def test_a_correction_is_marked_as_applied_or_not(lines, tmp_path):
-    text = "\n".join(lines).replace("META_STOP", "CORRECTION_RANGE = 1.5\nCORRECTIONS_APPLIED = MAYBE\nMETA_STOP", 1)
-    with pytest.raises(ValueError, match="line 5: CORRECTION_RANGE needs CORRECTIONS_APPLIED = YES or NO"):
-        read_changed(tmp_path, text.splitlines())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration.noise import noise_of
-from rf_pointing.calibration.thinning import PiecewiseRows, Thinned, find_outliers, medians, smooth, thin
+from rf_pointing.calibration.thinning import Thinned, find_outliers, smooth, thin
 
 START_S = 1.7e9
 MEDIAN_TO_SIGMA = 1.4826
@@ -78,13 +78,6 @@ def test_a_second_is_one_point_of_fast_passes_and_slow_ones_stay_as_they_are(ran
     assert found.dropped == {"in a 1-s piece with fewer than 4 samples": len(t_s) - int(np.sum(found.counts))}
 
 
-@pytest.mark.parametrize(("rate", "thinned"), [(4.0, True), (3.9, False), (3.0, False)])
-def test_four_samples_a_second_are_thinned_and_fewer_are_not(rate, thinned):
-    t_s = START_S + np.arange(0.0, 60.0, 1.0 / rate)
-    found = thin(t_s, np.zeros(len(t_s), dtype=int), np.zeros((len(t_s), 1)))
-    assert len(found.t_s) == (60 if thinned else len(t_s))
-
-
 def test_pieces_without_enough_samples_are_refused():
     t_s = START_S + np.arange(0.0, 60.0, 3.0)
     with pytest.raises(ValueError, match="no 10-s piece has the 5 samples it needs"):
@@ -132,24 +125,6 @@ def test_outliers_are_those_off_the_parabola_of_their_piece(random):
     assert dropped["azimuth_rad beyond 3 sigma"] >= 12
 
 
-@pytest.mark.parametrize(("count", "found"), [(8, False), (9, True)])
-def test_a_pass_needs_nine_samples_to_show_a_gross_error(count, found):
-    t_s = START_S + 40.0 * np.arange(count)
-    residual = np.cos(2.0 * np.arange(count))
-    residual[3] = 100.0
-    keep, _ = find_outliers(t_s, np.zeros(count, dtype=int), {"azimuth_rad": residual})
-    assert keep.tolist() == [k != 3 or not found for k in range(count)]
-
-
-def test_the_medians_of_rows_of_any_length_are_those_of_numpy(random):
-    values = random.normal(size=40)
-    first = np.array([0, 1, 3, 10, 30])
-    table = PiecewiseRows.of(first, 40)
-    expected = [float(np.median(part)) for part in np.split(values, first[1:])]
-    np.testing.assert_allclose(table.medians(values), expected, rtol=1e-14)
-    assert medians(np.array([[3.0, 5.0]]), np.array([[False, False]])).tolist() == [0.0]
-
-
 def test_sigma_of_a_point_is_that_of_its_mean_and_bent_pieces_have_none(random):
     """Noise of 2 mrad across, so 2 / cos E in azimuth, and of 1 mrad upward; one piece has ten times that."""
     count, freedom = 4000, 40.0
@@ -168,71 +143,3 @@ def test_sigma_of_a_point_is_that_of_its_mean_and_bent_pieces_have_none(random):
     assert not straight[100]
     assert not straight[3000]
     assert np.sum(~straight) <= 4
-
-
-@pytest.mark.parametrize("first", [0, 1, 2, 7])
-def test_the_numbers_of_the_passes_do_not_matter(random, first):
-    t_s, passes, values = samples(random)
-    values[[3, 400], 0] += 0.5
-    passes = passes - 7
-    renamed = passes + first
-    plain, other = (find_outliers(t_s, given, {"azimuth_rad": values[:, 0]}) for given in (passes, renamed))
-    assert np.array_equal(plain[0], other[0])
-    assert not np.any(plain[0][[3, 400]])
-    for step in (thin, smooth):
-        plain, other = (step(t_s, given, values) for given in (passes, renamed))
-        assert np.array_equal(plain.passes + first, other.passes)
-        for name in ("t_s", "residuals", "counts", "variance", "freedom"):
-            assert np.array_equal(getattr(plain, name), getattr(other, name))
-    elevation = np.linspace(0.3, 1.3, len(plain.t_s))
-    for one, then in zip(noise_of(plain, elevation), noise_of(other, elevation), strict=True):
-        assert np.array_equal(one, then)
-
-
-def test_points_that_are_left_out_are_counted_by_their_samples():
-    numbers = np.arange(4.0)
-    points = Thinned(
-        numbers, np.array([3, 3, 5, 5]), np.column_stack([numbers, -numbers]), numbers + 10.0, np.ones((4, 2)),
-        numbers + 2.0, {"before": 7},
-    )  # fmt: skip
-    chosen = np.array([True, False, False, True])
-    found = points.select(chosen, "far")
-    assert found.dropped == {"before": 7, "far": 23}
-    for name in ("t_s", "passes", "residuals", "counts", "variance", "freedom"):
-        assert np.array_equal(getattr(found, name), getattr(points, name)[chosen])
-
-
-@pytest.mark.parametrize(("count", "found"), [(7, False), (8, True)])
-def test_a_piece_needs_eight_samples_to_judge_one(count, found):
-    """The second of eight is 1.7 bounds off; eight are too few for a running median."""
-    t_s = 30.0 * np.floor(START_S / 30.0) + 1.0 + 3.0 * np.arange(count)
-    residual = np.where(np.arange(count) == 1, 0.03, 0.0)
-    keep, dropped = find_outliers(t_s, np.full(count, 2), {"elevation_rad": residual})
-    assert np.flatnonzero(~keep).tolist() == ([1] if found else [])
-    assert dropped == {"elevation_rad beyond 3 sigma": int(found)}
-
-
-def test_pieces_begin_at_multiples_of_their_length_since_1970_and_with_each_pass():
-    """A point is in the piece that its time begins."""
-    start = 30.0 * 56_666_666.0
-    t_s = start + np.concatenate([np.arange(0.0, 20.0, 1.0), np.arange(20.5, 40.5, 1.0)])
-    passes = np.repeat([4, 6], 20)
-    found = smooth(t_s, passes, np.zeros((40, 1)))
-    assert found.t_s - start == pytest.approx([4.5, 14.5, 25.0, 35.0], abs=1e-5)
-    assert found.counts.tolist() == [10.0] * 4
-    assert found.passes.tolist() == [4, 4, 6, 6]
-    # The same times in one pass from 5 s on: the piece across the two passes is one.
-    found = smooth(t_s[5:35], np.zeros(30, dtype=int), np.zeros((30, 1)))
-    assert found.counts.tolist() == [5.0, 10.0, 10.0, 5.0]
-
-
-def test_outliers_of_wild_noise_are_those_of_a_plain_loop_to_the_ends_of_short_passes(random):
-    """Eighty passes of 9 to 40 samples, every second of them far wilder than normal."""
-    lengths = random.integers(9, 41, 80)
-    passes = np.repeat(np.arange(80) + 1, lengths)
-    t_s = START_S + 4000.0 * passes + np.concatenate([2.1 * np.arange(length) for length in lengths])
-    residual = np.where(passes % 2, random.standard_t(1.2, len(t_s)), random.standard_normal(len(t_s)))
-    keep, _ = find_outliers(t_s, passes, {"azimuth_rad": residual})
-    expected = plain_outliers(t_s, passes, residual)
-    assert np.sum(expected) > 100
-    assert np.array_equal(keep, ~expected)

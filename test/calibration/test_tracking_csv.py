@@ -28,14 +28,6 @@ def test_tracking_reads_back_equal(raw, tmp_path):
     assert np.array_equal(back.range_m, raw.range_m)
 
 
-def test_without_a_column_good_all_samples_are(raw, tmp_path):
-    write_tracking(tmp_path / "a.csv", raw)
-    lines = (tmp_path / "a.csv").read_text().splitlines()
-    bare = [line if line.startswith("#") else line.rsplit(",", 1)[0] for line in lines]
-    (tmp_path / "a.csv").write_text("\n".join(bare) + "\n")
-    assert np.all(read_tracking(tmp_path / "a.csv").good)
-
-
 def test_observations_read_back_equal(campaign, table_1, tmp_path):
     data = campaign(table_1, passes=2)
     write_observations(tmp_path / "o.csv", data)
@@ -178,21 +170,6 @@ def test_points_in_radians_are_refused_by_the_column_that_shows_it(data, tmp_pat
         read_observations(path)
 
 
-def test_points_and_the_end_of_a_torn_file_are_on_the_disk_before_anything_follows(data, tmp_path, monkeypatch):
-    synced = []
-    monkeypatch.setattr("rf_pointing.calibration.tracking_csv.os.fsync", synced.append)
-    first = journal(tmp_path)
-    for row in (0, 1):
-        first.append(data.select([row]))
-        assert len(synced) == row + 1
-    journal(tmp_path)
-    assert len(synced) == 2
-    with first.path.open("rb+") as stream:
-        stream.truncate(first.path.stat().st_size - 9)
-    assert len(journal(tmp_path).points) == 1
-    assert len(synced) == 3
-
-
 @pytest.mark.parametrize(
     ("elevation_deg", "azimuth_deg", "refused"),
     [(1.57, 9.42, True), (-1.57, -9.42, True), (1.58, 9.42, False), (1.57, 9.43, False), (-1.58, 1.0, False)],
@@ -208,53 +185,6 @@ def test_angles_that_all_are_such_of_radians_are_refused(tmp_path, elevation_deg
             read_tracking(path)
     else:
         assert len(read_tracking(path)) == 8
-
-
-def test_a_journal_makes_the_folders_above_it(data, tmp_path):
-    deep = ObservationJournal(tmp_path / "a" / "b" / "c" / "observations.csv", "gs1", "S")
-    deep.append(data.select([0]))
-    deep.append(data.select([1]))
-    assert len(ObservationJournal(deep.path, "gs1", "S").points) == 2
-
-
-def test_a_journal_of_one_point_is_kept_and_one_of_a_header_alone_begins_anew(data, tmp_path):
-    first = journal(tmp_path)
-    first.append(data.select([0]))
-    assert journal(tmp_path).points.t_s.tolist() == data.t_s[:1].tolist()
-    lines = first.path.read_text().splitlines(keepends=True)
-    first.path.write_text("".join(lines[:-1]))
-    assert journal(tmp_path).points is None
-    assert not first.path.exists()
-
-
-def test_points_of_which_the_disk_takes_a_part_only_leave_the_file_as_it_was(data, tmp_path, monkeypatch):
-    first = journal(tmp_path)
-    first.append(data.select([0]))
-    before, opened = first.path.read_bytes(), type(first.path).open
-
-    class Short:
-        """A file that takes all but the last byte."""
-
-        def __init__(self, stream):
-            self.stream = stream
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
-            self.stream.close()
-
-        def __getattr__(self, name):
-            return getattr(self.stream, name)
-
-        def write(self, content):
-            return self.stream.write(content[:-1])
-
-    with monkeypatch.context() as patch:
-        patch.setattr(type(first.path), "open", lambda path, *given, **more: Short(opened(path, *given, **more)))
-        with pytest.raises(OSError, match="No space left on device"):
-            first.append(data.select([1]))
-    assert first.path.read_bytes() == before
 
 
 HEAD = ("# station: gs1", "# band: S", "# target: bird")

@@ -145,22 +145,6 @@ def test_sections_behind_a_law_filter_its_output_where_they_act() -> None:
     assert all(np.array_equal(*pair) for pair in zip(before_sections(law, [off], 0.02), law, strict=True))
 
 
-def test_a_section_that_was_reset_or_shifted_goes_on_from_there() -> None:
-    section = Section(PARAMS)
-    section.reset(0.3)
-    # A tick may pass before the first sample.
-    section.update(0.02)
-    np.testing.assert_allclose(respond(section, np.full(5, 0.3), 0.02), 0.3, atol=1e-15)
-    section.shift(0.2)
-    np.testing.assert_allclose(respond(section, np.full(5, 0.5), 0.02), 0.5, atol=1e-15)
-    section.output(0.5)
-    section.shift(-0.1)
-    section.update(0.02)
-    np.testing.assert_allclose(respond(section, np.full(5, 0.4), 0.02), 0.4, atol=1e-15)
-    with pytest.raises(ValueError, match="value=nan"):
-        section.reset(math.nan)
-
-
 def test_steps_and_bands_that_no_filter_has_are_refused() -> None:
     off = PARAMS.replace(enabled=False)
     for usual_s in (1e-5, 10.0):

@@ -189,36 +189,6 @@ def test_retuning_in_steady_motion_makes_no_jump_now_or_later(design: LqgDesign,
     np.testing.assert_allclose(outputs, 6.5e-3, rtol=1e-9)
 
 
-def test_the_estimate_takes_over_the_rate_that_the_low_pass_has_let_through(design: LqgDesign) -> None:
-    """Three samples after a step of the rate, with a band of 1 Hz: 0.3 of it is through, not all."""
-    loop = LqgLoop(design, LqgLoopParams(feedforward_band_hz=1.0))
-    for _ in range(3):
-        before = loop.output(0.0, 1e-3, 0.0)
-        loop.update(SAMPLE_S, before)
-    loop.retune(loop.params.replace(feedforward_gain=0.0))
-    assert loop.output(0.0, 1e-3, 0.0) == pytest.approx(before, abs=1e-4)
-    assert 0.1e-3 < before < 0.4e-3
-
-
-def test_a_law_retuned_at_rest_is_one_made_so(design: LqgDesign) -> None:
-    changed, made = LqgLoop(design, LqgLoopParams()), LqgLoop(design, LqgLoopParams(feedforward_band_hz=1.0))
-    changed.retune(made.params)
-    for k in range(40):
-        commands = [loop.output(0.0, 1e-3 * (k + 1), 0.0) for loop in (changed, made)]
-        assert commands[0] == commands[1]
-        for loop, command in zip((changed, made), commands, strict=True):
-            loop.update(SAMPLE_S, command)
-
-
-def test_a_microsecond_off_is_the_same_sampling_time(design: LqgDesign) -> None:
-    loop = LqgLoop(design, LqgLoopParams())
-    loop.update(SAMPLE_S + 0.9e-6, 0.0)
-    design.matrices(SAMPLE_S + 0.9e-6)
-    for attempt in (lambda: loop.update(SAMPLE_S + 1.2e-6, 0.0), lambda: design.matrices(SAMPLE_S + 1.2e-6)):
-        with pytest.raises(ValueError, match="must be 0.02"):
-            attempt()
-
-
 def test_files_that_hold_no_designs_are_refused_with_what_is_wrong(design: LqgDesign, tmp_path: Path) -> None:
     file, one = tmp_path / "designs.json", as_mapping(design)
     whole = {"format": "rf_pointing LQG designs 1", "azimuth": one, "elevation": one}

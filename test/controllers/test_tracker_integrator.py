@@ -153,12 +153,3 @@ def test_times_that_are_no_numbers_are_refused() -> None:
     for attempt in (tracker.reset, tracker.freeze, lambda t_s: tracker.update(t_s, (0.0, 0.0))):
         with pytest.raises(ValueError, match="t_s=nan"):
             attempt(math.nan)
-
-
-@pytest.mark.parametrize(("late_s", "steps"), [(0.9e-6, 2.0), (1.2e-6, 1.0)])
-def test_an_error_that_is_late_by_more_than_a_microsecond_starts_from_rest(late_s: float, steps: float) -> None:
-    limit = math.radians(0.2)
-    tracker = TrackerIntegrator(PARAMS.replace(acceleration_rad_s2=limit))
-    for t_s in (0.0, 0.1 + late_s):
-        tracker.update(t_s, (0.1, 0.0))
-    assert tracker.state.rate_rad_s[0] == pytest.approx(steps * limit * 0.1)

@@ -166,53 +166,12 @@ def test_an_empty_buffer_has_no_lead_and_refuses_to_answer() -> None:
     assert table.empty
 
 
-def test_a_message_between_the_points_of_the_table_replaces_them_from_its_own_first_on() -> None:
-    """Points a second apart over points a tenth apart: none of the older stands between the newer."""
-    table = buffer()
-    table.accept(message(0.0, 1.0), 0.0)
-    table.accept(message(0.55, 2.55, 1.0, shift_rad=1e-3), 0.2)
-    for t_s in (0.56, 0.8, 1.2, 1.8):
-        np.testing.assert_allclose(table.at(t_s).position_rad, motion(t_s)[0][0] + 1e-3, atol=NANORADIAN)
-    np.testing.assert_allclose(table.at(0.45).position_rad, motion(0.45)[0][0], atol=NANORADIAN)
-
-
-def test_a_copied_state_has_the_whole_table_and_the_latest_message() -> None:
-    first, second = buffer(), buffer()
-    first.accept(message(0.0, 1.0), 0.0)
-    first.accept(message(0.5, 1.5, shift_rad=1e-3), 0.2)
-    second.state = first.state
-    for t_s in (0.1, 0.35, 0.7, 1.4, 1.8):
-        np.testing.assert_array_equal(first.at(t_s).position_rad, second.at(t_s).position_rad)
-    assert second.accept(message(0.5, 1.5, shift_rad=1e-3), 0.3) == "duplicate of the latest message"
-
-
-def test_a_clock_may_begin_before_zero() -> None:
-    table = buffer()
-    for _ in range(2):
-        assert table.accept(message(-5.0, -3.0), -5.0) == ""
-        np.testing.assert_allclose(table.at(-4.37).position_rad, motion(-4.37)[0][0], atol=NANORADIAN)
-        table.clear()
-        assert table.empty
-
-
 def test_only_the_table_and_its_extrapolation_are_to_be_followed() -> None:
     table = buffer(extrapolation_s=1.0)
     table.accept(message(2.0, 4.0), 0.0)
     samples = [table.at(t_s) for t_s in (1.0, 2.0, 3.0, 4.0, 4.5, 5.5)]
     assert [each.source for each in samples] == ["early", "table", "table", "table", "extrapolated", "dry"]
     assert [each.valid for each in samples] == [False, True, True, True, True, False]
-
-
-def test_after_a_gap_the_second_table_begins_where_it_does() -> None:
-    """Between both tables the antenna waits at the first point of the second."""
-    table = buffer(max_gap_s=2.0, extrapolation_s=1.0, max_lead_s=10.0)
-    table.accept(message(0.0, 1.0), 0.0)
-    table.accept(message(10.0, 11.0), 0.5)
-    waiting = table.at(5.0)
-    np.testing.assert_array_equal(waiting.position_rad, motion(10.0)[0][0])
-    for still in (waiting.velocity_rad_s, waiting.acceleration_rad_s2):
-        np.testing.assert_array_equal(still, (0.0, 0.0))
-    assert waiting.t_s == 5.0
 
 
 def test_an_extrapolation_is_a_parabola() -> None:
@@ -225,13 +184,3 @@ def test_an_extrapolation_is_a_parabola() -> None:
         np.testing.assert_allclose(sample.position_rad, expected, atol=1e-14)
         np.testing.assert_allclose(sample.velocity_rad_s, velocity + past * acceleration, atol=1e-14)
         np.testing.assert_allclose(sample.acceleration_rad_s2, acceleration, atol=1e-14)
-
-
-def test_a_message_of_the_most_points_is_taken_and_times_that_are_no_numbers_are_not() -> None:
-    table = buffer(max_points=11)
-    assert table.accept(message(0.0, 1.0), 0.0) == ""
-    assert table.accept(message(0.0, 1.1), 0.0).startswith("too long")
-    with pytest.raises(ValueError, match="now_s"):
-        table.accept(message(0.5, 1.5), math.nan)
-    with pytest.raises(ValueError, match="t_s"):
-        table.at(math.nan)

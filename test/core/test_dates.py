@@ -2,7 +2,6 @@ import pytest
 
 from rf_pointing.core.dates import (
     from_utc_text,
-    minute_and_second,
     parse_utc,
     require_day_of_year,
     to_utc_text,
@@ -39,20 +38,6 @@ def test_a_leap_second_has_no_posix_time(second: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "minute_s", "second"),
-    [
-        ("1970-01-01T00:00:00", 0.0, 0.0),
-        ("1970-001T00:01:07.5Z", 60.0, 7.5),
-        ("1970-032T01:00:60", 31.0 * 86400.0 + 3600.0, 60.0),
-        (" 2016-366T23:59:60.25Z ", 1483228740.0, 60.25),
-        ("2016-12-31T23:59:60.25", 1483228740.0, 60.25),
-    ],
-)
-def test_a_date_has_its_minute_and_its_second_apart(text: str, minute_s: float, second: float) -> None:
-    assert minute_and_second(text) == (minute_s, second)
-
-
-@pytest.mark.parametrize(
     ("year", "day", "fits"),
     [
         (2023, 1.0, True),
@@ -84,27 +69,3 @@ def test_an_iso_time_without_a_zone_is_utc(text: str, t_s: float) -> None:
     assert parse_utc(text) == t_s
     with pytest.raises(ValueError, match="start='soon' must be an ISO time"):
         parse_utc("soon")
-
-
-@pytest.mark.parametrize(
-    ("t_s", "text"),
-    [
-        (0.0, "1970-01-01T00:00:00.000000"),
-        (1e9 + 0.1, "2001-09-09T01:46:40.100000"),
-        (1.7e9 + 0.9999996, "2023-11-14T22:13:21.000000"),
-        (-0.25, "1969-12-31T23:59:59.750000"),
-    ],
-)
-def test_a_text_for_files_has_microseconds(t_s: float, text: str) -> None:
-    assert to_utc_text(t_s) == text
-
-
-@pytest.mark.parametrize(
-    ("t_s", "text"),
-    [(0.0, "1970-01-01T00:00:00.000Z"), (-0.001, "1969-12-31T23:59:59.999Z"), (1.0014, "1970-01-01T00:00:01.001Z"),
-     (59.9996, "1970-01-01T00:01:00.000Z")],
-)  # fmt: skip
-def test_a_text_for_people_has_milliseconds(t_s: float, text: str) -> None:
-    assert utc_text(t_s) == text
-    with pytest.raises(ValueError, match="t_s=nan"):
-        utc_text(float("nan"))

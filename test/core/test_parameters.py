@@ -266,38 +266,6 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
         read_parameter_files([path])
 
 
-@dataclass(frozen=True, kw_only=True)
-class Open(Params):
-    """Bounds on one side, or none."""
-
-    free_rad: float = parameter(0.1, "without bounds")
-    from_rad: float = parameter(0.1, "from a bound on", low=0.0)
-    up_to_rad: float = parameter(0.1, "up to a bound", high=1.0)
-    several_rad: tuple[float, ...] = parameter((0.1, 0.2), "without bounds")
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("free_deg", -720.0), ("free_deg", 720.0), ("from_deg", 720.0), ("up_to_deg", -720.0), ("several_deg", [-720.0, 720.0])],
-)  # fmt: skip
-def test_a_value_is_not_held_at_a_bound_that_is_none(name: str, value: Any) -> None:
-    (core,) = {one for one in Open.__dataclass_fields__ if one.startswith(name.removesuffix("_deg"))}
-    wanted = np.radians(value)
-    assert getattr(with_leaves(Open(), {name: value}), core) == pytest.approx(
-        tuple(wanted) if np.ndim(wanted) else wanted
-    )
-
-
 def test_sets_inside_a_set_are_found_by_name() -> None:
     assert Outer().sets() == {"inner": Inner()}
     assert Inner().sets() == {}
-
-
-def test_the_numbers_of_a_tuple_are_as_many_as_it_says() -> None:
-    for pair in ((0.1,), (0.1, 0.2, 0.3)):
-        with pytest.raises(ValueError, match=r"pair_rad=\(.*\) must have 2 values"):
-            Inner(pair_rad=pair)
-    for several in ((), (0.1,), (0.1, 0.2, 0.3)):
-        assert Open(several_rad=several).several_rad == several
-    with pytest.raises(ValueError, match=r"pair_rad=\[0.1, 0.2\] must be a list of values"):
-        Inner(pair_rad=[0.1, 0.2])

@@ -149,29 +149,3 @@ def test_a_covariance_is_that_of_two_real_axes(covariance: list[list[float]], re
         return
     with pytest.raises(ValueError, match="must be that of two real axes: no negative variance"):
         pointing_error(covariance)
-
-
-def test_an_error_with_a_covariance_was_estimated() -> None:
-    assert pointing_error([[1e-12, 0.0], [0.0, 0.0]]).estimated
-    report = PointingError(t_s=1.0, sensor="conscan", cross_elevation_rad=0.0, elevation_rad=0.0)
-    assert not report.estimated
-    assert (report.valid, report.reason, report.carrier_to_noise_db_hz) == (True, "", 0.0)
-    assert report.covariance_rad2.tolist() == [[0.0, 0.0], [0.0, 0.0]]
-
-
-@pytest.mark.parametrize("axis", ["azimuth", "elevation"])
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_ten_turns_are_the_most_that_an_encoder_shows(axis: str, side: float) -> None:
-    for turns, taken in ((9.999, True), (10.001, False)):
-        place = [0.0, 0.0]
-        place[axis == "elevation"] = side * turns * 2.0 * math.pi
-        if taken:
-            JointReading(t_s=0.0, position_rad=place, velocity_rad_s=[0.0, 0.0])
-            continue
-        with pytest.raises(ValueError, match=f"position_rad of {axis}="):
-            JointReading(t_s=0.0, position_rad=place, velocity_rad_s=[0.0, 0.0])
-
-
-def test_a_trajectory_of_one_point_is_one() -> None:
-    one = np.ones((1, 2))
-    assert trajectory(t_s=[1.0], position_rad=one, velocity_rad_s=one, acceleration_rad_s2=one).t_s.tolist() == [1.0]

@@ -66,33 +66,6 @@ def test_values_are_linear_between_their_times_and_none_beyond() -> None:
         assert buffer.at(t_s) is None
 
 
-def test_values_are_kept_for_as_long_as_is_said() -> None:
-    buffer = TimeBuffer(kept_s=1.0)
-    for t_s in (0.0, 0.5, 1.0):
-        buffer.add(t_s, np.array([t_s]))
-    assert buffer.times == [0.0, 0.5, 1.0]
-    buffer.add(1.25, np.array([1.25]))
-    assert buffer.times == [0.5, 1.0, 1.25]
-    assert [value[0] for value in buffer.values] == [0.5, 1.0, 1.25]
-    # The same time once more is a step back.
-    buffer.add(1.25, np.array([7.0]))
-    assert (buffer.times, buffer.values[0][0], len(buffer.values)) == ([1.25], 7.0, 1)
-    buffer.clear()
-    assert (buffer.times, buffer.values) == ([], [])
-
-
-def test_only_a_time_before_all_that_either_stream_knows_is_too_old() -> None:
-    beam = BeamPosition()
-    assert not beam.too_old(0.0)
-    beam.take_joints(reading(5.0, (0.0, 0.0)))
-    assert [beam.too_old(t_s) for t_s in (4.9, 5.0, 6.0)] == [True, False, False]
-    beam.take_centre(6.0, CENTRE)
-    assert [beam.too_old(t_s) for t_s in (4.9, 5.5, 6.0)] == [True, True, False]
-    beam.clear()
-    assert not beam.too_old(4.9)
-    assert beam.offset(5.0) is None
-
-
 def test_over_the_top_the_offset_is_that_on_the_sky() -> None:
     """Right of the beam is left for the azimuth axis there, and up is down for the elevation axis."""
     beam, centre, away = BeamPosition(), np.array([1.0, 2.2]), np.array([0.003, -0.002])

@@ -181,48 +181,6 @@ def test_a_sound_drive_of_rates_passes_moves_10_deg_inward_and_comes_back(start_
     assert drive.turns.count(drive.turns[-1]) == pytest.approx(51, abs=2)
 
 
-@pytest.mark.parametrize(
-    ("changes", "fails"),
-    [
-        ({"runs_on_s": 1.6, "forgets": False}, False),
-        ({"runs_on_s": 1.9, "forgets": False}, True),
-        ({"leak": 1.3e-4}, False),
-        ({"leak": 1.7e-4}, True),
-    ],
-)
-def test_after_a_stop_a_drive_rests_in_time_and_to_one_and_a_half_steps(
-    changes: dict[str, object], fails: bool
-) -> None:
-    """It may run on for 1.5 s and the latency of 0.2 s; then it is watched for a second."""
-    drive = RateDrive()
-    for name, value in changes.items():
-        setattr(drive, name, value)
-    assert ("azimuth stop" in failed_rates(drive)) is fails
-
-
-def test_a_slow_drive_of_rates_is_moved_for_twenty_seconds_towards_the_middle() -> None:
-    drive = RateDrive((110.0, 50.0))
-    drive.capabilities = replace(drive.capabilities, rate_rad_s=(0.05, 0.02))
-    assert failed_rates(drive) == set()
-    assert math.degrees(drive.least[1]) == pytest.approx(50.0 - 22.0 * math.degrees(0.3 * 0.02), abs=0.3)
-    assert math.degrees(drive.least[0]) < 100.0
-
-
-@pytest.mark.parametrize(("share", "fails"), [(0.8, set()), (0.6, {"period of readings"})])
-def test_seven_tenths_of_the_stated_readings_must_come(share: float, fails: set[str]) -> None:
-    drive = RateDrive()
-    drive.capabilities = replace(drive.capabilities, period_s=share * TICK_S)
-    assert failed_rates(drive) == fails
-
-
-@pytest.mark.parametrize(("creep", "fails"), [(0.27, set()), (0.33, {"stale command"})])
-def test_one_and_a_half_steps_of_the_azimuth_are_no_motion_of_a_stale_command(creep: float, fails: set[str]) -> None:
-    drive = RateDrive()
-    drive.capabilities = replace(drive.capabilities, resolution_rad=(1e-3, 1e-4))
-    drive.creep = creep
-    assert failed_rates(drive) == fails
-
-
 def test_a_drive_without_elevation_moves_its_azimuth_alone() -> None:
     drive = RateDrive()
     drive.capabilities = replace(drive.capabilities, has_elevation=False)
@@ -300,49 +258,12 @@ def test_the_report_has_the_figures_of_the_drive() -> None:
     assert [math.degrees(each) for each in drive.model.position_rad] == pytest.approx([50.0, 15.0], abs=0.2)
 
 
-@pytest.mark.parametrize(("start_deg", "way"), [((46.0, 56.0), -10.0), ((30.0, 40.0), 10.0), ((20.0, 48.0), 10.0)])
-def test_each_axis_is_moved_towards_the_middle_of_its_travel(start_deg: Pair, way: float) -> None:
-    """The middle is at 40 deg and at 50 deg."""
-    lines, *_ = slow_report(start_deg)
-    assert [numbers(lines[f"{name} sign"])[0] for name in ("azimuth", "elevation")] == [way, way]
-
-
-@pytest.mark.parametrize(
-    ("ends_deg", "one_turn", "passed"),
-    [
-        (((-80.0, 0.0), (360.0, 90.0)), False, True),
-        (((-79.0, 0.0), (360.0, 90.0)), False, False),
-        (((-80.0, 1.0), (360.0, 90.0)), False, False),
-        (((-80.0, 0.0), (359.0, 90.0)), False, False),
-        (((-80.0, 0.0), (360.0, 89.0)), False, False),
-        (((-79.0, 0.0), (360.0, 89.0)), True, True),
-    ],
-)
-def test_the_travel_is_within_what_the_device_states(ends_deg: tuple[Pair, Pair], one_turn: bool, passed: bool) -> None:
-    """The device reads 0 at -100 and 5 deg; of an azimuth within one turn it states nothing."""
-    travel = tuple((low * DEG, high * DEG) for low, high in ends_deg)
-    lines, drive, _ = slow_report((-50.0, 20.0), travel_rad=travel, one_turn=one_turn)
-    assert lines["travel"].passed is passed
-    assert bool(drive.stops) is passed
-    if not one_turn:
-        assert numbers(lines["travel"])[6:8] == pytest.approx([ends_deg[0][0] - 100.0, ends_deg[0][1] + 5.0], abs=0.01)
-
-
 def test_losses_are_named_with_their_counts() -> None:
     drive = SimulatedRotator(DriveParams(type="simulated_rotator"), (1.0, 0.5))
     drive.losses.update({"noise": 3, "late answer": 9, "connection": 0})
     ticks = iter(range(10_000))
     line = ConformanceCheck(drive, DriveParams(), lambda _: TICK_S * next(ticks)).still()[-1]
     assert (line.name, line.passed, line.text) == ("losses", False, "noise: 3")
-
-
-def test_a_silent_device_is_waited_for_for_five_seconds() -> None:
-    drive = RateDrive()
-    drive.every = 10**9
-    ticks = iter(range(10_000))
-    (line,) = ConformanceCheck(drive, DriveParams(), lambda _: TICK_S * next(ticks)).still()
-    assert (line.passed, line.text) == (False, "no position within 5 s")
-    assert drive.t_s == pytest.approx(5.0, abs=0.05)
 
 
 def test_a_rate_is_not_judged_from_a_single_reading_on_the_way() -> None:
@@ -408,9 +329,3 @@ def test_a_drive_that_creeps_on_at_a_tenth_of_its_last_rate_fails(creep: float, 
     drive = RateDrive()
     drive.creep = creep
     assert failed_rates(drive) == fails
-
-
-def test_before_the_next_axis_a_drive_of_rates_is_held_at_rest_for_three_seconds() -> None:
-    drive = RateDrive()
-    assert failed_rates(drive) == set()
-    assert drive.turns.count((0.0, 0.0)) == pytest.approx(2 * 3.0 / TICK_S, abs=4)

@@ -114,9 +114,3 @@ def test_a_link_that_cannot_be_opened_says_why() -> None:
     opening = Opening(LinkParams(device="/dev/nothing"), 9600)
     with pytest.raises(OSError, match="/dev/nothing"):
         until(opening.result)
-
-
-def test_a_device_is_lost_after_its_silence_and_never_before_two_polls() -> None:
-    assert LinkParams().lost_s == 1.0
-    assert LinkParams(poll_period_s=0.7).lost_s == pytest.approx(1.4)
-    assert LinkParams(poll_period_s=0.7, silence_s=3.0).lost_s == 3.0

@@ -186,13 +186,6 @@ def test_a_clock_that_goes_back_loses_nothing(bench) -> None:
     assert len(subject.readings) >= 4
 
 
-def test_a_clock_that_goes_back_before_there_is_a_link_ends_nothing() -> None:
-    drive = make_drive(DriveParams(type="gs232", link=LinkParams(device="/dev/no-such-port")))
-    for t_s in (1000.0, 1000.1, 990.0, 990.1):
-        assert drive.step(t_s) is None
-    drive.close()
-
-
 def test_before_its_first_tick_a_drive_has_nobody_to_send_to() -> None:
     drive = make_drive(DriveParams(type="hamlib", link=LinkParams(host="127.0.0.1", port=9)))
     drive.go_to(GOAL_RAD)
@@ -223,17 +216,6 @@ def test_what_is_commanded_while_the_link_opens_is_not_sent_and_closing_gives_th
     assert not abandoned
     drive.close()
     assert len(abandoned) == 1
-
-
-def test_a_device_that_misses_the_first_stop_of_a_connection_is_stopped_again(bench) -> None:
-    device = Easycomm()
-    device.model.command(100.0, (math.radians(400.0), math.radians(45.0)))
-    device.deaf = True
-    subject = bench("easycomm 2", device)
-    subject.run(0.5)
-    device.deaf = False
-    assert device.model.moving
-    assert subject.run(5.0, lambda: not device.model.moving) < 1.5
 
 
 class Script:
@@ -286,56 +268,6 @@ def test_a_reading_is_of_the_middle_between_request_and_answer(monkeypatch: pyte
     assert subject.at(10.2) == [b"AZ EL\n"]
 
 
-def test_noise_is_no_answer_and_one_that_is_missing_is_counted_after_half_a_second(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    subject = Scripted(monkeypatch, "easycomm")
-    subject.at(9.98)
-    subject.at(10.0)
-    assert subject.at(10.1, b"???\n") == []
-    assert subject.at(10.3) == []
-    assert subject.at(10.49) == []
-    assert subject.at(10.52) == [b"AZ EL\n"]
-    assert subject.drive.losses == {"noise": 1, "answer to AZ EL": 1}
-
-
-def test_after_a_refusal_the_next_request_goes_out_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    subject = Scripted(monkeypatch, "hamlib")
-    subject.at(9.98)
-    assert subject.at(10.0) == [b"+S\n"]
-    assert subject.at(10.02, b"stop:\nRPRT 0\n") == [b"+\\dump_state\n"]
-    assert subject.at(10.04, b"dump_state:\nRPRT 0\n") == [b"+p\n"]
-    assert subject.at(10.06, b"get_pos:\nAzimuth: 1.00\nElevation: 2.00\nRPRT 0\n") == []
-    subject.drive.go_to(GOAL_RAD)
-    set_point = b"+P 150.000000 60.000000\n"
-    assert subject.link.written == [set_point]
-    assert subject.at(10.08) == []
-    assert subject.at(10.1, b"set_pos: 1 2\nRPRT -1\n") == []
-    assert subject.drive.losses == {"refused (set_pos: RPRT -1 (invalid parameter))": 1}
-    subject.drive.go_to(GOAL_RAD)
-    assert subject.link.written == [set_point]
-    # Until it is answered nothing more is sent, but for a stop.
-    subject.drive.go_to(GOAL_RAD)
-    assert subject.at(10.3) == []
-    subject.drive.stop()
-    assert subject.link.written == [b"+S\n"]
-
-
-@pytest.mark.parametrize(("step_deg", "again"), [(0.1, False), (0.2, True)])
-def test_a_stop_is_sent_again_after_a_second_to_a_device_that_moves_by_more_than_a_step(
-    monkeypatch: pytest.MonkeyPatch, step_deg: float, again: bool
-) -> None:
-    subject = Scripted(monkeypatch, "easycomm")
-    subject.at(9.98)
-    stops = []
-    for index in range(13):
-        t_s = 10.0 + 0.1 * index
-        answer = f"AZ{120.0 + step_deg * (index // 2):.1f} EL45.0\n".encode()
-        if b"SA SE\n" in subject.at(t_s, answer if index % 2 else b""):
-            stops.append(t_s)
-    assert stops == pytest.approx([10.0, 11.1] if again else [10.0])
-
-
 def test_a_simulated_drive_has_the_steps_of_the_protocol_that_it_stands_for() -> None:
     spid = simulated(DriveParams(type="spid"))
     assert spid.type == "simulated_rotator"
@@ -352,11 +284,3 @@ def test_a_simulated_drive_has_the_steps_of_the_protocol_that_it_stands_for() ->
     assert make_drive(DriveParams(type="simulated_rotator")).truth_rad == (0.0, 0.0)
     with pytest.raises(ValueError, match=r"drive.type='mine' must be one of simulated, topic, simulated_rotator"):
         make_drive(DriveParams(type="mine"))
-
-
-def test_a_position_that_nobody_has_requested_yet_is_of_its_arrival(monkeypatch: pytest.MonkeyPatch) -> None:
-    subject = Scripted(monkeypatch, "easycomm")
-    subject.at(9.98)
-    subject.at(10.0, b"AZ10.0 EL20.0\n")
-    assert (subject.reading.t_s, subject.reading.within_s) == (10.0, 0.0)
-    assert subject.drive.losses == {"late answer": 1}

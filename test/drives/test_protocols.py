@@ -130,43 +130,9 @@ def test_speeds_steps_and_axes_are_those_of_the_manuals(
     assert words.has_elevation is has_elevation
 
 
-@pytest.mark.parametrize("place", [0, 11])
-def test_a_packet_without_its_first_or_its_last_byte_is_noise_byte_by_byte(place: int) -> None:
-    packet = bytearray.fromhex("57 03 07 02 05 02 03 09 04 00 02 20")
-    packet[place] = 0x41
-    buffer = bytearray(packet)
-    answers = made("spid", "rot2").take(buffer)
-    assert [(answer.kind, answer.text) for answer in answers] == [("noise", "A" if place == 0 else "W")]
-    assert buffer == packet[1:]
-
-
-def test_a_line_may_have_two_hundred_bytes_and_one_without_an_end_is_cut_there() -> None:
-    buffer = bytearray(b"x" * 200)
-    assert made("gs232").take(buffer) == []
-    assert len(buffer) == 200
-    buffer += b"y"
-    (answer,) = made("gs232").take(buffer)
-    assert (answer.kind, answer.text, buffer) == ("noise", "x" * 200, b"")
-
-
-def test_angles_that_have_no_form_of_three_digits_are_the_nearest_that_have() -> None:
-    assert made("gs232").go_to(-5.0, -0.6).data == b"W000 000\r"
-    assert made("gs232").go_to(7.5, 0.4).data == b"W008 000\r"
-
-
 @pytest.mark.parametrize("place", [1, 4, 6, 9])
 def test_a_digit_beyond_nine_makes_no_packet(place: int) -> None:
     packet = bytearray.fromhex("57 03 07 02 05 02 03 09 04 00 02 20")
     assert positions(made("spid", "rot2"), bytes(packet)) == [(12.5, 34.0)]
     packet[place] = 10
     assert positions(made("spid", "rot2"), bytes(packet)) == []
-
-
-@pytest.mark.parametrize(
-    ("azimuth", "elevation", "good"),
-    [(-360.0, -90.0, True), (720.0, 270.0, True), (-361.0, 0.0, False), (721.0, 0.0, False), (0.0, -91.0, False),
-     (0.0, 271.0, False)],
-)  # fmt: skip
-def test_positions_are_sensible_up_to_two_turns_and_over_the_top(azimuth: float, elevation: float, good: bool) -> None:
-    found = positions(made("easycomm"), f"AZ{azimuth:.1f} EL{elevation:.1f}\n".encode())
-    assert found == ([(azimuth, elevation)] if good else [])

@@ -243,44 +243,6 @@ def read(params: RotatorParams, *rows: tuple[float, float, float], **capabilitie
     return rotator
 
 
-def test_joint_angles_are_the_readings_and_the_zeros() -> None:
-    params = RotatorParams(zero_rad=(0.3, -0.2), **TRAVEL)
-    assert read(params, (5.0, 0.5, 0.6)).position_rad == pytest.approx((0.8, 0.4))
-
-
-def test_a_change_of_one_step_is_no_motion() -> None:
-    params = RotatorParams(**TRAVEL)
-    assert read(params, (5.0, 0.5, 0.6), (5.2, 0.501, 0.599)).rate_rad_s == (0.0, 0.0)
-    assert read(params, (5.0, 0.5, 0.6), (5.2, 0.502, 0.6)).rate_rad_s == pytest.approx((0.01, 0.0))
-
-
-def test_the_rate_is_that_of_the_last_second_or_of_two_readings() -> None:
-    params, rows = RotatorParams(**TRAVEL), [(5.0 + 0.3 * k, 0.01 * k * k, 0.0) for k in range(8)]
-    # The oldest reading is the last one that is a second old: 1.2 s, from 0.09 to 0.49.
-    assert read(params, *rows).rate_rad_s[0] == pytest.approx(0.4 / 1.2)
-    slow = [(5.0 + 3.0 * k, 0.01 * k * k, 0.0) for k in range(5)]
-    assert read(params, *slow, period_s=3.0).rate_rad_s[0] == pytest.approx((0.16 - 0.04) / 6.0)
-    # A gap longer than that: the motion before it says nothing.
-    assert read(params, *rows, (8.2, 3.0, 0.0)).rate_rad_s[0] == 0.0
-    assert read(params, *rows, (7.0, 3.0, 0.0)).rate_rad_s[0] == 0.0
-
-
-def test_an_azimuth_of_one_turn_goes_on_over_its_seam_and_the_elevation_does_not_turn() -> None:
-    params = RotatorParams(**TRAVEL)
-    rows = ((5.0, 6.2, 0.5), (5.2, 0.05, 0.5), (5.4, 0.2, 6.5))
-    rotator = read(params, *rows, one_turn=True)
-    assert rotator.position_rad == pytest.approx((0.2 + 2.0 * math.pi, 6.5))
-    assert read(params, *rows).position_rad == pytest.approx((0.2, 6.5))
-    # A turn taken from outside is no motion.
-    rotator.place(0.0)
-    assert rotator.position_rad == pytest.approx((0.2, 6.5))
-    assert rotator.rate_rad_s == (0.0, 0.0)
-    # One that shows every turn keeps its own.
-    whole = read(params, *rows)
-    whole.place(5.0)
-    assert whole.position_rad == pytest.approx((0.2, 6.5))
-
-
 def at_rest(azimuth: float, elevation: float) -> Motion:
     return Motion(np.array([azimuth, elevation]), np.zeros(2), np.zeros(2))
 
@@ -314,38 +276,6 @@ def test_the_latency_is_moved_into_what_the_first_reading_of_a_motion_leaves_ope
     for t_s in (10.1, 10.3, 10.5, row[0]):
         rotator.step(t_s)
     assert rotator.latency_s == pytest.approx(latency_s, abs=1e-9)
-
-
-@pytest.mark.parametrize("rate", [0.004, -0.004, 0.03, -0.03, 0.09, -0.09])
-def test_a_set_point_is_left_half_a_step_past_it_and_the_next_is_half_a_step_ahead(rate: float) -> None:
-    """h = max(smallest, rate interval) / 2 and p = target(t + latency + h / speed), with steps of a microradian."""
-    params = RotatorParams(
-        rate_rad_s=(0.1, 0.2), latency_s=0.3, minimum_interval_s=0.5, minimum_move_rad=(0.01, 0.01), **TRAVEL
-    )
-    times = [10.0 + TICK_S * k for k in range(600)]
-    drive = Readings(*((t_s, 1.5, 1.5) for t_s in times), resolution_rad=(1e-6, 1e-6))
-    rotator, moves = Rotator(drive, params), []
-    half = 0.5 * max(0.01, abs(rate) * 0.5)
-    sign = math.copysign(1.0, rate)
-    for t_s in times:
-        rotator.step(t_s)
-        place = 1.5 + rate * (t_s - 10.0)
-        motion = Motion(np.array([place, place]), np.array([rate, rate]), np.zeros(2))
-        before = rotator.set_point_rad
-        rotator.follow(t_s, motion, Motion(*motion))
-        rotator.latency_s = 0.3
-        for axis, speed in ((0, 0.1), (1, 0.2)):
-            after = rotator.set_point_rad[axis]
-            if before[axis] is not None and after != before[axis]:
-                ahead = place + rate * (0.3 + half / speed)
-                moves.append((sign * (ahead - before[axis]), sign * (after - ahead)))
-    # The first one waits until the motion has lasted.
-    left, next_ = np.array(moves[2:]).T
-    assert len(left) >= 6
-    np.testing.assert_allclose(next_, half, atol=2e-6)
-    # Given up within a tick of its time, or with the other axis in the first half of an interval.
-    assert np.min(left) > half - abs(rate) * (0.25 + 0.01) - 2e-6
-    assert np.max(left) < half + abs(rate) * (TICK_S + 0.001) + 2e-6
 
 
 def test_a_simulated_rotator_does_not_start_within_its_dead_band_and_counts_starts_and_turns() -> None:
@@ -456,43 +386,12 @@ class Chase:
         return [after for _, after in self.go(0.0, seconds)]
 
 
-def test_back_against_its_last_direction_a_device_is_sent_half_a_step_and_the_dead_band_later() -> None:
-    chase = Chase(dead_band_rad=(0.004, 0.004))
-    chase.go(0.03, 4.0)
-    last = chase.rotator.set_point_rad[0]
-    place, _ = chase.go(-0.03, 4.0)[0]
-    half = 0.5 * 0.03 * 0.5
-    ahead = place - 0.03 * half / 0.1
-    assert half + 0.004 - 2e-6 <= last - ahead <= half + 0.004 + 0.03 * 2.0 * TICK_S
-
-
-def test_a_target_that_stands_is_followed_by_whole_smallest_moves() -> None:
-    chase = Chase()
-    assert chase.stand(1.05) == [pytest.approx(1.05, abs=1e-6)]
-    # Further in the same direction: not for three quarters of the smallest move.
-    assert chase.stand(1.0575) == []
-    assert chase.stand(1.0605) == [pytest.approx(1.0605, abs=1e-6)]
-
-
 def test_no_set_point_passes_a_goal_that_stands() -> None:
     chase = Chase()
     found = [after for _, after in chase.go(0.03, 1.2, goal=1.0393)]
     # Half a step ahead of a target at 1.037 rad would be at 1.045.
     assert found == [pytest.approx(each, abs=7e-4) for each in (1.0150, 1.0300, 1.0393)]
     assert found[-1] == pytest.approx(1.0393, abs=1e-6)
-
-
-@pytest.mark.parametrize(("rate", "spare_s"), [(0.06, 0.0), (0.085, 0.25), (-0.085, 0.25), (0.1, 0.5), (0.15, 0.5)])
-def test_near_its_speed_a_device_is_sent_further_ahead_of_a_chase(rate: float, spare_s: float) -> None:
-    """From 0.7 of its speed on, up to an interval of 0.5 s at all of it."""
-    chase = Chase(2.0)
-    found = chase.go(rate, 6.0, goal=2.0 + math.copysign(9.0, rate))[1:]
-    assert len(found) >= 3
-    half = 0.5 * abs(rate) * 0.5
-    for place, after in found:
-        ahead = place + rate * half / 0.1
-        assert abs(after - ahead) == pytest.approx(half + abs(rate) * spare_s, abs=2e-6)
-        assert math.copysign(1.0, after - ahead) == math.copysign(1.0, rate)
 
 
 def test_the_end_of_the_travel_is_reached_also_where_it_is_no_whole_step() -> None:
@@ -537,16 +436,6 @@ def test_starts_and_changes_of_direction_are_counted_by_axis_from_each_beginning
     assert go(70.0, 1.2, 0.7) == MoveCounts(1, (1, 1), (0, 0))
 
 
-def test_after_a_stop_in_either_direction_the_first_motion_is_no_change_of_it() -> None:
-    for begin, end in (("stop", 0.8), ("stop", 1.2), ("count_anew", 0.8), ("count_anew", 1.2)):
-        drive = Standing(1.0, 1.0)
-        rotator = Rotator(drive, RotatorParams(rate_rad_s=(0.1, 0.1), minimum_interval_s=0.0, **TRAVEL))
-        rotator.step(10.0)
-        getattr(rotator, begin)()
-        rotator.follow(10.0, at_rest(end, end), at_rest(end, end))
-        assert rotator.counts() == MoveCounts(1, (1, 1), (0, 0)), (begin, end)
-
-
 def measured(goals: list[tuple[float, float]], rows: list[tuple[float, float]], **params: object) -> float:
     """The latency of an azimuth that was sent to goals and shows rows, each with its time; 0.1 s is stated."""
     usual = {"latency_s": 0.1, "rate_rad_s": (0.1, 0.1), "minimum_interval_s": 0.0}
@@ -559,26 +448,6 @@ def measured(goals: list[tuple[float, float]], rows: list[tuple[float, float]], 
             rotator.follow(sent_s, at_rest(goal, 0.6), at_rest(goal, 0.6))
         rotator.step(t_s)
     return rotator.latency_s
-
-
-def test_two_readings_are_enough_to_measure_a_latency() -> None:
-    # A gap of a second: of those before only the last one is kept. 0.03 rad at 0.1 rad/s, by 10.75: since 10.45.
-    rows = [(9.5, 0.5), (9.75, 0.5), (10.75, 0.53)]
-    assert measured([(10.0, 0.6)], rows) == pytest.approx(0.445)
-
-
-@pytest.mark.parametrize(("rests_at", "latency_s"), [(0.5395, 0.445), (0.5394, 0.1), (0.5, 0.1)])
-def test_only_a_device_that_rests_within_half_a_step_of_its_set_point_is_measured(
-    rests_at: float, latency_s: float
-) -> None:
-    """The second set point is 0.06 rad ahead; the first one was not measured, for it moved before."""
-    rows = [(9.0, 0.48), (9.25, 0.5), (9.5, rests_at), (9.75, rests_at), (10.25, rests_at), (10.75, rests_at + 0.03)]
-    assert measured([(9.3, 0.54), (10.0, 0.6)], rows) == pytest.approx(latency_s)
-
-
-def test_more_than_one_step_is_a_motion() -> None:
-    params = RotatorParams(**TRAVEL)
-    assert read(params, (5.0, 0.5, 0.6), (5.5, 0.5012, 0.5988)).rate_rad_s == pytest.approx((0.0024, -0.0024))
 
 
 def test_a_reading_that_is_not_trusted_is_replaced_in_place_and_rate() -> None:

@@ -286,31 +286,6 @@ def test_debians_rotctl_runs_its_whole_command_set_against_the_server(server: Ro
     assert "rejected" in rotctl("P", "10", "20")
 
 
-def test_a_client_thinks_in_the_range_of_its_last_commands() -> None:
-    habit, rows = Habit(), [
-        (0.0, 0.0, False, False), (-0.5, 91.0, True, True), (0.0, 90.0, True, False), (180.0, 90.0, True, False),
-        (181.0, 10.0, False, False), (180.0, 10.0, False, False), (-180.0, 180.0, True, True),
-    ]  # fmt: skip
-    for azimuth, elevation, negative, over in rows:
-        habit.take(azimuth, elevation)
-        assert (habit.negative, habit.over) == (negative, over), azimuth
-
-
-@pytest.mark.parametrize(
-    ("negative", "over", "place", "shown"),
-    [
-        (False, False, (-30.0, 100.0), (150.0, 80.0)), (False, True, (-30.0, 100.0), (330.0, 100.0)),
-        (True, False, (200.0, 10.0), (-160.0, 10.0)), (True, False, (180.0, 10.0), (180.0, 10.0)),
-        (False, True, (10.0, 90.0), (190.0, 90.0)), (False, False, (10.0, 90.0), (10.0, 90.0)),
-        (False, False, (725.678, 10.0), (5.68, 10.0)),
-    ],
-)  # fmt: skip
-def test_a_direction_is_shown_in_the_range_of_the_client(
-    negative: bool, over: bool, place: tuple[float, float], shown: tuple[float, float]
-) -> None:
-    assert Habit(negative, over).shown_deg(*place) == pytest.approx(shown)
-
-
 def test_a_direction_over_the_top_is_one_of_the_other_side() -> None:
     for given, meant in (((10.0, 90.0), (10.0, 90.0)), ((10.0, 120.0), (190.0, 60.0)), ((200.0, 95.0), (20.0, 85.0)),
                          ((-90.0, 0.0), (270.0, 0.0))):  # fmt: skip
@@ -337,44 +312,6 @@ def test_the_capabilities_are_those_of_the_bounds() -> None:
         "Min Elevation:\t\t0.00", "Max Elevation:\t\t180.00", "Can Park:\t\tY", "Can Move:\t\tN",
     ):  # fmt: skip
         assert line in lines, line
-
-
-def test_of_a_long_word_the_beginning_is_shown() -> None:
-    (order,) = Session().take(b"x" * 30 + b"\n")
-    assert (order.code, order.reason) == (-1, f"'{'x' * 24}' is not a command")
-
-
-@pytest.mark.parametrize(
-    ("line", "separator", "answer"),
-    [
-        (b"+P 1  2", "\n", b"set_pos: 1 2\nRPRT -9\n"), (b"|S", "|", b"stop:|RPRT -9\n"), (b"P 1 2", "", b"RPRT -9\n"),
-    ],
-)  # fmt: skip
-def test_an_answer_has_the_form_of_its_line(line: bytes, separator: str, answer: bytes) -> None:
-    (order,) = Session().take(line + b"\n")
-    assert order.separator == separator
-    assert Session.answer(order, -9) == answer
-    # What was refused has no fields in the plain form.
-    plain = Session.answer(order, 0, (("Long: 5", "5"), ("Short: 6", "6")))
-    assert plain == (
-        b"5\n6\n"
-        if not separator
-        else answer.replace(b"RPRT -9", b"Long: 5%sShort: 6%sRPRT 0" % ((separator.encode(),) * 2))
-    )
-
-
-def test_a_line_of_just_the_longest_length_is_read() -> None:
-    line = b"P 1 2" + b" " * 195
-    assert len(line) == 200
-    assert [order.code for order in Session().take(line + b"\n")] == [0]
-    assert [order.reason for order in Session().take(line + b" \n")] == ["a line is longer than 200 bytes"]
-    session = Session()
-    assert list(session.take(line)) == []
-    assert [order.code for order in session.take(b"\n")] == [0]
-    # One that is too long is refused once, however it comes.
-    assert len(list(session.take(line + b" "))) == 1
-    assert list(session.take(b"x" * 300)) == []
-    assert [order.name for order in session.take(b"y\nS\n")] == ["stop"]
 
 
 def test_when_a_client_was_heard_last_is_known_while_it_is_connected(server: RotctldServer) -> None:

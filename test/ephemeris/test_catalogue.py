@@ -3,7 +3,6 @@
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -156,51 +155,12 @@ def test_an_elevation_that_no_pass_is_sought_above_is_refused(elevation_rad: flo
         assert find_catalogue_passes([], goldstone, START_T_S, DAY_S, taken_rad).passes == ()
 
 
-def test_a_horizon_may_lie_eleven_degrees_below_the_level_and_no_more(goldstone: Site) -> None:
-    """A little less than the lowest point is searched, so that every crossing is found."""
-
-    def dip(lowest_rad: float) -> Callable[[np.ndarray], np.ndarray]:
-        return lambda azimuth_rad: np.where(np.abs(azimuth_rad - 2.0) < 0.1, lowest_rad, 0.1)
-
-    assert find_catalogue_passes([], goldstone, START_T_S, DAY_S, dip(-0.1989)).passes == ()
-    with pytest.raises(ValueError, match=r"min_elevation_rad=-0\.2\d* must be >= -0\.2$"):
-        find_catalogue_passes([], goldstone, START_T_S, DAY_S, dip(-0.1992))
-    with pytest.raises(ValueError, match="min_elevation_rad="):
-        find_catalogue_passes([], goldstone, START_T_S, DAY_S, lambda azimuth_rad: 0.0 * azimuth_rad + 1.5728)
-
-
-@pytest.mark.parametrize(
-    ("duration_s", "words"), [(59.9, "must be >= 60.0$"), (31.001 * DAY_S, f"must be <= {31.0 * DAY_S}$")]
-)
-def test_a_search_lasts_a_minute_to_a_month(duration_s: float, words: str, goldstone: Site) -> None:
-    with pytest.raises(ValueError, match=words):
-        find_catalogue_passes([], goldstone, START_T_S, duration_s, MASK_RAD)
-    for taken_s in (60.0, 31.0 * DAY_S):
-        assert find_catalogue_passes([], goldstone, START_T_S, taken_s, MASK_RAD).passes == ()
-
-
-@pytest.mark.parametrize(
-    ("days", "broken"), [(-2.9999, True), (-3.0001, False), (0.0, True), (1.9999, True), (2.0001, False)]
-)
-def test_a_search_of_a_day_keeps_two_days_from_a_leap_second(days: float, broken: bool, goldstone: Site) -> None:
-    start_s = from_utc_text("2006-01-01T00:00:00") + days * DAY_S
-    if broken:
-        with pytest.raises(ValueError, match="a leap second lies within 2 days"):
-            find_catalogue_passes([], goldstone, start_s, DAY_S, MASK_RAD)
-    else:
-        assert find_catalogue_passes([], goldstone, start_s, DAY_S, MASK_RAD).passes == ()
-
-
 def test_a_pass_under_way_is_cut_off_at_the_start_and_the_end(cbers: Elements, goldstone: Site) -> None:
     (cut,) = find_catalogue_passes([cbers], goldstone, 1151384500.0, 300.0, MASK_RAD).passes
     assert (cut.aos_t_s, cut.los_t_s) == (1151384500.0, 1151384800.0)
     assert cut.rises_before
     assert cut.sets_after
     assert cut.tca_t_s == pytest.approx(1151384680.3, abs=0.05)
-
-
-def test_an_empty_catalogue_has_no_passes(goldstone: Site) -> None:
-    assert find_catalogue_passes([], goldstone, START_T_S, DAY_S, MASK_RAD).passes == ()
 
 
 def test_elements_from_before_a_leap_second_are_moved_by_it(cbers: Elements, goldstone: Site) -> None:
@@ -239,17 +199,6 @@ def test_what_a_pass_of_the_catalogue_states_is_what_the_track_of_its_object_doe
     assert checked > 15
 
 
-@pytest.mark.parametrize(("days", "known"), [(13.99999, 1), (14.00001, 0)])
-def test_directions_are_of_objects_within_their_age(days: float, known: int) -> None:
-    (orbit,), place = random_orbits(1), site("Madrid DSS-63")
-    t_s = orbit.epoch_t_s + days * DAY_S
-    sky = CatalogueSky([orbit], place, t_s)
-    assert len(sky.elements) == known
-    found, usable = sky.directions(np.array([t_s, t_s + 3.0]))
-    assert found.shape == (known, 2, 3)
-    assert usable.tolist() == [True] * known
-
-
 def test_a_horizon_of_one_height_is_the_mask_of_that_height() -> None:
     """Every stay is cut within its first and its last step of 2 s."""
     orbits, place = random_orbits(6), site("Canberra DSS-43")
@@ -261,64 +210,6 @@ def test_a_horizon_of_one_height_is_the_mask_of_that_height() -> None:
             assert getattr(one, name) == pytest.approx(getattr(other, name), abs=EVENT_S)
         assert one.peak_elevation_rad == pytest.approx(other.peak_elevation_rad, abs=1e-9)
         assert (one.rises_before, one.sets_after) == (other.rises_before, other.sets_after)
-
-
-def test_above_a_horizon_a_pass_under_way_is_cut_off_and_says_so(cbers: Elements, goldstone: Site) -> None:
-    """A hill between says the same of neither of the parts that it makes, but of the outer ends."""
-    start_s, length_s = 1151384500.0, 300.0
-    track = TopocentricTrack(cbers, goldstone)
-    middle = float(track.sample([start_s + 150.0]).azimuth_rad[0])
-
-    def hill(azimuth_rad: np.ndarray) -> np.ndarray:
-        off = np.abs(np.mod(azimuth_rad - middle + np.pi, 2.0 * np.pi) - np.pi)
-        return np.where(off < 0.05, 1.4, MASK_RAD)
-
-    (whole,) = find_catalogue_passes([cbers], goldstone, start_s, length_s, lambda a: 0.0 * a + MASK_RAD).passes
-    assert (whole.aos_t_s, whole.los_t_s) == (start_s, start_s + length_s)
-    assert (whole.rises_before, whole.sets_after) == (True, True)
-    parts = find_catalogue_passes([cbers], goldstone, start_s, length_s, hill).passes
-    assert [(part.rises_before, part.sets_after) for part in parts] == [(True, False), (False, True)]
-    assert (parts[0].aos_t_s, parts[1].los_t_s) == (start_s, start_s + length_s)
-
-
-@pytest.mark.parametrize("away_s", [1.0, -1.0])
-def test_a_hill_just_outside_the_time_of_a_search_cuts_nothing(away_s: float, cbers: Elements, goldstone: Site) -> None:
-    """A second after its end, or before its start: less than the step at which the hills are looked at."""
-    start_s, length_s = 1151384500.0, 300.0
-    edge_s = start_s + length_s + 1.0 if away_s > 0.0 else start_s - 1.0
-    track = TopocentricTrack(cbers, goldstone)
-    edge_rad, beyond_rad = (float(track.sample([t_s]).azimuth_rad[0]) for t_s in (edge_s, edge_s + away_s))
-
-    def hill(azimuth_rad: np.ndarray) -> np.ndarray:
-        past = np.sin(azimuth_rad - edge_rad) * np.sign(np.sin(beyond_rad - edge_rad))
-        return np.where((past > 0.0) & (past < 0.05), 1.4, MASK_RAD)
-
-    (found,) = find_catalogue_passes([cbers], goldstone, start_s, length_s, hill).passes
-    assert (found.aos_t_s, found.los_t_s) == (start_s, start_s + length_s)
-    assert (found.rises_before, found.sets_after) == (True, True)
-
-
-def test_behind_a_horizon_higher_than_every_pass_there_is_none(cbers: Elements, goldstone: Site) -> None:
-    """But for a slit beside the pass: the search above the lowest point of the horizon sees all of it."""
-    start_s, length_s = 1151384200.0, 1000.0
-    (whole,) = find_catalogue_passes([cbers], goldstone, start_s, length_s, MASK_RAD).passes
-    beside_rad = whole.azimuth_path_rad[1] - 0.5
-
-    def slit(azimuth_rad: np.ndarray) -> np.ndarray:
-        off = np.abs(np.mod(azimuth_rad - beside_rad + np.pi, 2.0 * np.pi) - np.pi)
-        return np.where(off < 2e-3, MASK_RAD, 1.57)
-
-    assert find_catalogue_passes([cbers], goldstone, start_s, length_s, slit).passes == ()
-
-
-@pytest.mark.parametrize(("days", "searched"), [(13.9, True), (14.1, False)])
-def test_elements_are_searched_with_until_both_ends_are_within_fourteen_days(days: float, searched: bool) -> None:
-    (orbit,), place = random_orbits(1), site("Madrid DSS-63")
-    for sense in (1.0, -1.0):
-        # The end that is farther from the epoch counts.
-        start_s = orbit.epoch_t_s + (days - 0.5) * DAY_S if sense > 0.0 else orbit.epoch_t_s - days * DAY_S
-        found = find_catalogue_passes([orbit], place, start_s, 0.5 * DAY_S, MASK_RAD)
-        assert (found.unsearched == ()) == searched
 
 
 def test_angles_of_a_pass_of_the_catalogue_are_apparent_with_refraction_and_true_without(
@@ -335,8 +226,3 @@ def test_angles_of_a_pass_of_the_catalogue_are_apparent_with_refraction_and_true
         # Seen earlier by the time in which it climbs by the refraction, about 0.16 deg here.
         assert 0.5 < other.aos_t_s - one.aos_t_s < 30.0
         assert one.peak_elevation_rad == pytest.approx(float(air.apply(other.peak_elevation_rad)), abs=1e-6)
-
-
-def test_an_unknown_sense_of_the_light_is_refused_even_without_objects(goldstone: Site) -> None:
-    with pytest.raises(ValueError, match="light_time='sometimes' must be one of receive, transmit, none"):
-        find_catalogue_passes([], goldstone, START_T_S, DAY_S, MASK_RAD, light_time="sometimes")

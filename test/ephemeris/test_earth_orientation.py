@@ -8,7 +8,7 @@ import pytest
 from astropy_iers_data import IERS_A_FILE
 
 from rf_pointing.core import angular_distance_rad
-from rf_pointing.core.dates import DAY_S, from_utc_text, utc_text
+from rf_pointing.core.dates import DAY_S, from_utc_text
 from rf_pointing.ephemeris import (
     TopocentricTrack,
     find_elements,
@@ -166,15 +166,6 @@ def test_the_measured_days_end_where_the_year_of_predictions_begins() -> None:
     assert table.span_t_s[1] - table.last_measured_t_s == pytest.approx(365.0 * DAY_S, abs=15.0 * DAY_S)
 
 
-def test_the_table_has_a_node_for_each_day_up_to_the_last_one_that_is_predicted() -> None:
-    table = orientation_table()
-    np.testing.assert_array_equal(np.diff(table.t_s), DAY_S)
-    assert table.t_s[-1] == table.last_measured_t_s + PREDICTED_DAYS * DAY_S
-    assert table.span_t_s[0] == table.t_s[0]
-    assert all(len(values) == len(table.t_s) for values in table.values)
-    assert [values.tolist() for values in table.values] == list(table.columns)
-
-
 def test_the_uncertainty_of_a_prediction_begins_at_zero_and_grows_until_it_is_that_of_a_held_value() -> None:
     assert predicted_sigmas(-3.0) == predicted_sigmas(0.0) == (0.0, 0.0)
     days = np.array([0.0, 1.0, 5.0, 40.0, 300.0, float(PREDICTED_DAYS)])
@@ -184,70 +175,6 @@ def test_the_uncertainty_of_a_prediction_begins_at_zero_and_grows_until_it_is_th
     np.testing.assert_allclose(found[:, 0], ut1_s, rtol=1e-12)
     np.testing.assert_allclose(found[:, 1] / ARCSEC, 0.04 - 0.04 * np.exp(-days / 40.0) + 1.5e-5 * days, rtol=1e-12)
     assert predicted_sigmas(PREDICTED_DAYS + 1e-3) == (0.5, 0.18 * ARCSEC)
-
-
-@pytest.mark.parametrize("days", [60.0, 61.0, 200.0, 400.0, 999.0, 1001.0])
-def test_what_is_told_of_a_prediction_is_how_far_ahead_and_how_good_it_is(days: float) -> None:
-    """From 60 days on; beyond the table its last day, beyond the prediction that the value is held."""
-    table = orientation_table()
-    t_s = table.last_measured_t_s + days * DAY_S
-    found = [text for text in SOURCE.warnings(t_s) if "UT1" in text]
-    if days == 60.0:
-        assert found == []
-        return
-    good_ms = 1e3 * SOURCE.sigmas_at(t_s)[0]
-    state = (
-        f"is predicted {days:.0f} days ahead" if days < 1000.0 else f"is held at {SOURCE.at(t_s).ut1_minus_utc_s:.3f} s"
-    )
-    if t_s >= table.span_t_s[1]:
-        state += f", beyond the table that ends on {utc_text(table.span_t_s[1])[:10]}"
-    assert found == [f"UT1-UTC at {utc_text(t_s)} {state}, good to {good_ms:.0f} ms; renew astropy-iers-data"]
-    assert SOURCE.sigmas_at(t_s) == predicted_sigmas(days)
-
-
-def test_the_table_is_used_for_twenty_years_beyond_its_end_and_from_its_first_day() -> None:
-    first_s, last_s = orientation_table().span_t_s
-    assert first_s == from_utc_text("1972-01-01T00:00:00")
-    latest_s = last_s + 20.0 * 365.0 * DAY_S
-    for inside_s in (first_s, latest_s - 1.0):
-        assert math.isfinite(SOURCE.at(inside_s).ut1_minus_utc_s)
-        assert np.all(np.isfinite(SOURCE.at(np.array([inside_s, 1.15e9])).pole_x_rad))
-        assert all(map(math.isfinite, SOURCE.sigmas_at(inside_s)))
-    for outside_s in (first_s - 1e-3, latest_s):
-        with pytest.raises(ValueError, match="and extended by 20 years"):
-            SOURCE.at(outside_s)
-        with pytest.raises(ValueError, match="and extended by 20 years"):
-            SOURCE.at(np.array([outside_s, 1.15e9]))
-        with pytest.raises(ValueError, match="and extended by 20 years"):
-            SOURCE.sigmas_at(outside_s)
-
-
-def test_between_its_days_the_table_is_interpolated_linearly() -> None:
-    table = orientation_table()
-    for row in (1, 4000, 19000, len(table.t_s) - 2):
-        t_s = float(table.t_s[row])
-        for part in (0.0, 0.25, 0.9):
-            earth = SOURCE.at(t_s + part * DAY_S)
-            ut1, x, y = ((1.0 - part) * values[row] + part * values[row + 1] for values in table.values)
-            wanted_s = ut1 + leap_seconds().tai_minus_utc_s(t_s + part * DAY_S)
-            assert earth.ut1_minus_utc_s == pytest.approx(wanted_s, abs=1e-9)
-            assert (earth.pole_x_rad, earth.pole_y_rad) == pytest.approx((x, y), abs=1e-15)
-
-
-def test_the_drift_of_the_pole_is_continued_and_only_the_last_six_years_count() -> None:
-    days = np.arange(8.0 * 365.0)
-    drift = 1e-10 * (days - days[-1]) + 2e-7
-    old = days < len(days) - 6 * 365
-    x, y = np.where(old, 5e-6, drift), np.where(old, 0.0, -2.0 * drift)
-    ahead = np.array([10.0, 400.0])
-    _, found_x, found_y = predicted(1.6e9 + DAY_S * days, (0.0 * days, x, y), ahead)
-    np.testing.assert_allclose(found_x, 1e-10 * ahead + 2e-7, rtol=1e-6)
-    np.testing.assert_allclose(found_y, -2.0 * (1e-10 * ahead + 2e-7), rtol=1e-6)
-
-
-def test_no_times_have_no_orientation() -> None:
-    earth = SOURCE.at(np.zeros(0))
-    assert earth.ut1_minus_utc_s.shape == earth.pole_x_rad.shape == earth.pole_y_rad.shape == (0,)
 
 
 def test_the_last_measured_day_is_the_last_that_the_rapid_service_does_not_call_predicted() -> None:

@@ -5,17 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from rf_pointing.ephemeris.element_files import cache_folder, element_files, is_address, kept_file, version_of
+from rf_pointing.ephemeris.element_files import cache_folder, element_files, kept_file, version_of
 
 ADDRESS = "https://celestrak.org/NORAD/elements/gp.php?GROUP=active&FORMAT=tle"
-
-
-@pytest.mark.parametrize(
-    ("location", "address"),
-    [(ADDRESS, True), ("HTTP://x.org/a", True), ("ftp://x.org", False), ("/tmp/http://x", False), ("", False)],
-)
-def test_an_address_begins_with_its_scheme(location: str, address: bool) -> None:
-    assert is_address(location) is address
 
 
 def test_the_cache_is_the_folder_that_was_stated_or_that_of_the_user(monkeypatch: pytest.MonkeyPatch) -> None:

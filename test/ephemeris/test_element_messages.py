@@ -268,13 +268,6 @@ def test_celestraks_xml_is_that_of_the_sgp4_reader() -> None:
     assert found.satrec().sgp4_tsince(720.0)[1] == pytest.approx(wanted.sgp4_tsince(720.0)[1], abs=1e-6)
 
 
-def test_numbers_of_set_and_revolution_may_be_missing() -> None:
-    without = {key: value for key, value in FIELDS.items() if key not in ("ELEMENT_SET_NO", "REV_AT_EPOCH")}
-    for text in (json.dumps(without), as_csv({**without, "ELEMENT_SET_NO": "", "REV_AT_EPOCH": ""}), as_kvn(without)):
-        (found,) = read_elements(text)
-        assert (found.element_set_number, found.revolution_number) == (0, 0)
-
-
 @pytest.mark.parametrize("notation", NOTATIONS)
 def test_every_number_of_a_message_has_its_place_and_its_unit(notation: str) -> None:
     """Of the derivatives a message holds a half and a sixth, as the columns of a TLE do."""
@@ -297,35 +290,6 @@ def test_every_number_of_a_message_has_its_place_and_its_unit(notation: str) -> 
     assert found.international_designator == "2003-049A"
 
 
-@pytest.mark.parametrize(
-    ("key", "taken", "refused"),
-    [
-        ("MEAN_MOTION", (0.001, 20.0), (0.00099, 20.01)),
-        ("ECCENTRICITY", (0.0, 0.9999999), (-1e-7, 0.99999999)),
-        ("INCLINATION", (0.0, 180.0), (-0.001, 180.001)),
-        ("RA_OF_ASC_NODE", (-360.0, 360.0), (-360.001, 360.001)),
-        ("ARG_OF_PERICENTER", (-360.0, 360.0), (-360.001, 360.001)),
-        ("MEAN_ANOMALY", (-360.0, 360.0), (-360.001, 360.001)),
-        ("BSTAR", (-1e15, 1e15), (-1.01e15, 1.01e15)),
-    ],
-)
-def test_numbers_of_a_message_reach_to_the_ends_of_their_ranges(
-    key: str, taken: tuple[float, ...], refused: tuple[float, ...]
-) -> None:
-    for value in taken:
-        read_elements(json.dumps({**FIELDS, key: value}))
-    for value in refused:
-        with pytest.raises(ValueError, match=rf"{key}=.* must be in \["):
-            read_elements(json.dumps({**FIELDS, key: value}))
-
-
-@pytest.mark.parametrize("text", ["1.", ".5e1", "+5", "5E0", "0.05e+2", "50e-1"])
-def test_a_number_may_be_written_in_all_ways_of_decimals(text: str) -> None:
-    assert read_elements(as_csv({**FIELDS, "INCLINATION": text}))[0].inclination_rad == pytest.approx(
-        math.radians(float(text))
-    )
-
-
 @pytest.mark.parametrize("value", [True, None, "", "1_0", "0x10", "1,5", "--5", "e5", ".", [5.0]])
 def test_what_is_no_number_is_refused(value: object) -> None:
     with pytest.raises(ValueError, match="INCLINATION(=.* is not a number| is missing)"):
@@ -344,33 +308,3 @@ def test_xml_is_read_to_its_bound_of_depth_and_with_its_comments() -> None:
     for declared in ("<!DOCTYPE ndm>", '<!ENTITY x "y">'):
         with pytest.raises(ValueError, match="OMM XML must not define entities or a document type"):
             read_elements(as_xml(FIELDS).replace("<ndm>", declared + "<ndm>"))
-
-
-def test_a_keyword_given_twice_is_named_with_its_object_unless_it_is_a_comment() -> None:
-    twice = as_xml(FIELDS).replace("</segment>", "<BSTAR>1</BSTAR></segment>")
-    with pytest.raises(ValueError, match="^OMM XML of CBERS 2: BSTAR is given twice$"):
-        read_elements(twice)
-    unnamed = {key: value for key, value in FIELDS.items() if key != "OBJECT_NAME"}
-    with pytest.raises(ValueError, match="^OMM XML of 28057: BSTAR is given twice$"):
-        read_elements(as_xml(unnamed).replace("</segment>", "<BSTAR>1</BSTAR></segment>"))
-    with pytest.raises(ValueError, match="^OMM CSV: BSTAR is given twice$"):
-        read_elements(as_csv(FIELDS).replace("OBJECT_ID", "BSTAR"))
-    comments = "<COMMENT>a</COMMENT><COMMENT>b</COMMENT><USER_DEFINED>1</USER_DEFINED><USER_DEFINED>2</USER_DEFINED>"
-    assert read_elements(as_xml(FIELDS).replace("<segment>", "<segment>" + comments)) == read_elements(as_xml(FIELDS))
-
-
-def test_the_number_of_a_message_that_is_refused_counts_from_one() -> None:
-    bad = {**FIELDS, "BSTAR": "x"}
-    for text in (
-        json.dumps([FIELDS, bad]),
-        as_csv(FIELDS) + as_csv(bad).splitlines()[1],
-        as_kvn(FIELDS) + "\n" + as_kvn(bad),
-    ):
-        with pytest.raises(ValueError, match=r"^OMM 2 \(CBERS 2\): BSTAR='x' is not a number$"):
-            read_elements(text)
-    with pytest.raises(ValueError, match="^OMM 2 must be a JSON object, is 5$"):
-        read_elements(json.dumps([FIELDS, 5]))
-    with pytest.raises(ValueError, match="^OMM 2: its line has not as many columns"):
-        read_elements(as_csv(FIELDS) + "1,2")
-    with pytest.raises(ValueError, match=r"^OMM 1 \(unnamed\): "):
-        read_elements(json.dumps({"MEAN_MOTION": 5.0}))

@@ -132,25 +132,6 @@ def test_a_failure_of_the_command_is_the_problem_until_it_succeeds(source: Any) 
         source.t_s += 600.0
 
 
-def test_files_start_no_command_and_kept_elements_are_not_waited_for(source: Any) -> None:
-    updates = ElementUpdates("/var/cbers.tle")
-    updates.require()
-    assert not updates.changed()
-    source.version = "b"
-    assert updates.changed()
-    ElementUpdates(ADDRESS).require()
-    assert (source.runs, source.started) == ([], [])
-
-
-def test_elements_that_were_never_there_are_waited_for_ninety_seconds(source: Any) -> None:
-    source.version, source.answer = "", lambda: setattr(source, "version", "a")
-    updates = ElementUpdates(ADDRESS)
-    updates.require()
-    assert source.runs == [(ADDRESS, 90.0)]
-    assert not updates.changed()
-    assert source.started == [], "the next one in ten minutes"
-
-
 @pytest.mark.parametrize(
     ("done", "words"),
     [

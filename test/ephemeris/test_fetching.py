@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from threading import Thread
 from threading import enumerate as running_threads
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,7 +16,7 @@ import requests
 
 from rf_pointing.ephemeris import fetching, read_elements, tle_lines, verification_elements
 from rf_pointing.ephemeris.element_files import element_files, kept_file
-from rf_pointing.ephemeris.fetching import LONGEST_WAIT_S, Outcome, allowed_interval_s, refresh
+from rf_pointing.ephemeris.fetching import LONGEST_WAIT_S, Outcome, refresh
 from rf_pointing.ephemeris.source import load_catalogue
 from test.conftest import within
 from test.ephemeris.element_server import FRESH, NOW_S, RULE_S, Source, serving, tle_text
@@ -198,14 +197,6 @@ def test_an_interval_below_the_sources_rule_is_refused(
         refresh(address, tmp_path, NOW_S, every_s=every_s)
 
 
-def test_a_kept_file_has_the_name_that_older_versions_gave_it() -> None:
-    """The digest is that of `printf %s ADDRESS | sha256sum`: an update of the package fetches nothing anew."""
-    address = "https://celestrak.org/NORAD/elements/gp.php?GROUP=stations&FORMAT=json"
-    assert kept_file(address, Path("cache")) == Path(
-        "cache/celestrak.org_NORAD_elements_gp.php_GROUP=stations_FORMAT=json-d5eba0f8.elements"
-    )
-
-
 def test_the_kept_files_are_a_folder_of_elements(source: Source, ask: Callable[..., Outcome], tmp_path: Path) -> None:
     kept = ask()
     assert element_files(str(tmp_path)) == [kept.file]
@@ -221,48 +212,6 @@ def test_an_address_that_was_never_fetched_is_refused_with_what_to_do(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     with pytest.raises(ValueError, match="has not been fetched: run fetch_elements 'https://celestrak.org/x'"):
         load_catalogue("https://celestrak.org/x")
-
-
-@pytest.mark.parametrize(
-    ("address", "every_s", "allowed_s"),
-    [
-        ("https://celestrak.org/NORAD/elements/gp.php", None, 7200.0),
-        ("https://celestrak.org/NORAD/elements/gp.php", 7200.0, 7200.0),
-        ("https://WWW.Celestrak.com/x", None, 7200.0),
-        ("https://www.space-track.org/x", None, 3600.0),
-        ("https://space-track.org/x", 5000.0, 5000.0),
-        ("https://example.org/x", None, 7200.0),
-        ("https://example.org/x", 0.0, 0.0),
-        ("https://not-celestrak.org/x", 60.0, 60.0),
-    ],
-)
-def test_the_interval_is_that_of_the_source_and_of_the_user(
-    address: str, every_s: float | None, allowed_s: float
-) -> None:
-    assert allowed_interval_s(address, every_s) == allowed_s
-
-
-@pytest.mark.parametrize(
-    ("status", "wait", "again_s"),
-    [
-        (503, None, 0.0),
-        (503, "3000", 3000.0),
-        (503, "Wed, 28 Jun 2006 13:56:40 GMT", 3000.0),
-        (503, "Wed, 28 Jun 2006 12:06:40 GMT", 0.0),
-        (503, "soon", 0.0),
-        (200, None, 0.0),
-    ],
-)
-def test_a_source_without_a_rule_is_requested_again_when_it_wants(
-    status: int, wait: str | None, again_s: float, source: Source, ask: Callable[..., Outcome],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    monkeypatch.setattr(fetching, "time", SimpleNamespace(time=lambda: NOW_S))
-    source.status, source.headers = status, {} if wait is None else {"Retry-After": wait}
-    source.body = b"no elements"
-    asked = ask(every_s=0.0)
-    assert asked.problem
-    assert asked.record.again_t_s(0.0) == NOW_S + again_s
 
 
 @pytest.mark.parametrize(
@@ -342,25 +291,6 @@ def test_a_csv_cut_off_in_its_last_number_is_not_taken(source: Source, ask: Call
     """Without a promised length a shorter last number would be another number."""
     source.body, source.promised = CSV[:-4].encode(), None
     assert "ended in the middle of a line" in ask().problem
-
-
-def test_half_of_the_objects_are_taken_and_any_where_the_file_is_gone(
-    source: Source, ask: Callable[..., Outcome]
-) -> None:
-    kept = ask()
-    source.body = tle_text(2).encode()
-    assert ask(RULE_S).record.objects == 2
-    kept.file.unlink()
-    source.body = tle_text(1).encode()
-    assert "If-None-Match" not in source.asked[-1]
-    # Less than half of three.
-    gone = ask(2 * RULE_S)
-    assert (gone.state, gone.record.objects) == ("new", 1)
-    source.body = tle_text(4).encode()
-    ask(3 * RULE_S)
-    kept.file.unlink()
-    source.body = tle_text(1).encode()
-    assert ask(4 * RULE_S).state == "new"
 
 
 def test_an_ephemeris_is_kept_without_the_age_of_elements(source: Source, ask: Callable[..., Outcome]) -> None:

@@ -74,12 +74,6 @@ def test_a_stay_is_cut_at_the_ends_of_the_search_and_found_within_its_first_and_
         assert (bool(found.rises_before[0]), bool(found.sets_after[0])) == cut
 
 
-def test_objects_below_the_mask_and_objects_that_are_not_searched_have_no_pass() -> None:
-    low = of_sine(lambda x: SINE_MASK - 1e-4 * (1.0 + ((x - 600.0) / 400.0) ** 2))
-    assert len(passes_on_grid(low, np.array([True]), END_S, SINE_MASK).row) == 0
-    assert len(passes_on_grid(sky(), np.array([False]), END_S, SINE_MASK).row) == 0
-
-
 def test_positions_between_the_grid_points_are_those_of_a_polynomial_of_the_ninth_degree() -> None:
     rng = np.random.default_rng(6)
     curves = [np.polynomial.Polynomial(rng.standard_normal(10), domain=[0.0, END_S]) for _ in range(6)]
@@ -178,71 +172,3 @@ def test_a_stay_that_is_on_throughout_is_cut_by_a_dip_between_two_grid_points(di
     assert found.tca_s[order] == pytest.approx([0.0, END_S], abs=0.01)
     assert found.rises_before[order].tolist() == [True, False]
     assert found.sets_after[order].tolist() == [False, True]
-
-
-def test_three_stays_between_two_dips_and_another_object_are_kept_apart() -> None:
-    """The dips of one object cut nothing of the other, which is up throughout."""
-    x = STEP_S * np.arange(-MARGIN, COUNT + MARGIN + 1)
-    first, second = MIDDLE_S - 300.0, MIDDLE_S + 300.0
-    dipping = SINE_MASK + 5e-13 * ((x - first) ** 2 - DIP_S**2) * ((x - second) ** 2 - DIP_S**2)
-    sines = np.array([np.full_like(x, 0.5) - 1e-8 * (x - 700.0) ** 2, dipping])
-    enu = RANGE_M * np.stack([np.zeros_like(sines), np.sqrt(1.0 - sines**2), sines], axis=-1)
-    found = passes_on_grid(SampledSky(enu, 0.0, STEP_S), np.array([True, True]), END_S, SINE_MASK)
-    order = np.lexsort((found.aos_s, found.row))
-    assert found.row[order].tolist() == [0, 1, 1, 1]
-    wanted_aos = [0.0, 0.0, first + DIP_S, second + DIP_S]
-    wanted_los = [END_S, first - DIP_S, second - DIP_S, END_S]
-    np.testing.assert_allclose(found.aos_s[order], wanted_aos, atol=0.05)
-    np.testing.assert_allclose(found.los_s[order], wanted_los, atol=0.05)
-    assert found.rises_before[order].tolist() == [True, True, False, False]
-    assert found.sets_after[order].tolist() == [True, False, False, True]
-    # The one in the middle is highest where the curve of the fourth order has its maximum.
-    assert found.tca_s[order][[0, 2]] == pytest.approx([700.0, MIDDLE_S], abs=0.1)
-
-
-def test_times_and_columns_of_a_sky_that_does_not_begin_at_zero() -> None:
-    sampled = SampledSky(np.ones((1, COUNT + 2 * MARGIN + 1, 3)), 500.0, 7.0)
-    columns = np.arange(COUNT + 2 * MARGIN + 1)
-    np.testing.assert_allclose(sampled.time_s(columns), 500.0 + 7.0 * (columns - MARGIN))
-    assert sampled.time_s(np.array([MARGIN]))[0] == 500.0
-    times = np.array([500.0, 506.9, 507.1, 500.0 + 7.0 * COUNT, 499.9, 300.0, 900.0])
-    # What is outside is taken from the outermost column that ten nodes surround.
-    wanted = [MARGIN, MARGIN, MARGIN + 1, MARGIN + COUNT, MARGIN - 1, MARGIN - 1, MARGIN + COUNT]
-    assert sampled.column(times).tolist() == wanted
-
-
-def test_the_sine_of_the_elevation_is_the_height_over_the_distance() -> None:
-    enu = np.array([[[3.0, 4.0, 12.0], [-1.0, 2.0, -2.0]]])
-    np.testing.assert_allclose(SampledSky(enu, 0.0, 1.0).sines, [[12.0 / 13.0, -2.0 / 3.0]])
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("width_s", [50.0, 1.0, 0.1])
-def test_an_interval_is_narrowed_around_what_is_sought_and_no_further_than_asked(sign: float, width_s: float) -> None:
-    """Of one object the interval is 400 s wide, of another 100 s: the golden section shortens both alike."""
-    turn_s = np.array([613.0, 820.0])
-    x = STEP_S * np.arange(-MARGIN, COUNT + MARGIN + 1)
-    sines = 0.3 - sign * 1e-7 * (x - turn_s[:, None]) ** 2
-    enu = RANGE_M * np.stack([np.zeros_like(sines), np.sqrt(1.0 - sines**2), sines], axis=-1)
-    sampled, rows = SampledSky(enu, 0.0, STEP_S), np.array([0, 1])
-    low_s, high_s = np.array([500.0, 790.0]), np.array([900.0, 890.0])
-    a, b = sampled.narrowed(rows, low_s, high_s, sign, width_s)
-    assert np.all((a <= turn_s) & (turn_s <= b))
-    assert width_s / 1.62 < b[0] - a[0] <= width_s * (1.0 + 1e-9)
-    assert (b - a)[1] == pytest.approx(0.25 * (b - a)[0], rel=1e-6)
-    found = sampled.turning_times(rows, low_s, high_s, sign)
-    assert found == pytest.approx(turn_s, abs=0.01)
-
-
-def test_a_stay_with_two_maxima_is_one_pass_beside_the_stays_of_other_objects() -> None:
-    """Three objects: one maximum, two in one stay, and two again; each stay is one pass at its higher maximum."""
-    x = STEP_S * np.arange(-MARGIN, COUNT + MARGIN + 1)
-    off = x - MIDDLE_S
-    double = SINE_MASK + 4e-13 * (off**2 + 150.0**2) * (OUTER_S**2 - off**2) * (1.0 + 2e-4 * off)
-    single = SINE_MASK + 0.1 * (1.0 - (off / 500.0) ** 2)
-    sines = np.array([single, double, double])
-    enu = RANGE_M * np.stack([np.zeros_like(sines), np.sqrt(1.0 - sines**2), sines], axis=-1)
-    found = passes_on_grid(SampledSky(enu, 0.0, STEP_S), np.ones(3, dtype=bool), END_S, SINE_MASK)
-    assert found.row.tolist() == [0, 1, 2]
-    np.testing.assert_allclose(found.aos_s - MIDDLE_S, [-500.0, -OUTER_S, -OUTER_S], atol=0.01)
-    assert np.all(found.tca_s[1:] > MIDDLE_S + 100.0)

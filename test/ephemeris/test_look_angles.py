@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.ephemeris.look_angles import angles_and_rates, delayed, moved_across
-from rf_pointing.ephemeris.state_vector import StateVector, seen_from_rotating_axes
+from rf_pointing.ephemeris.look_angles import angles_and_rates, delayed
+from rf_pointing.ephemeris.state_vector import StateVector
 
 LIGHT_M_S = 299792458.0
 # A light second away at a ten-thousandth of the speed of light: what is left out is 1e-8 of that.
@@ -77,24 +77,6 @@ def test_the_jerk_of_a_target_counts_in_its_velocity_and_acceleration() -> None:
     np.testing.assert_allclose(np.subtract(with_jerk.acceleration, plain.acceleration), -tau_s * jerk, rtol=1e-3)
 
 
-def test_without_light_time_a_motion_is_itself() -> None:
-    relative = state(TARGET - ANTENNA)
-    seen, range_m, rate_m_s = delayed(relative, state(ANTENNA), 0.0)
-    assert seen is relative
-    position, velocity = TARGET[0] - ANTENNA[0], TARGET[1] - ANTENNA[1]
-    assert range_m == pytest.approx(np.linalg.norm(position))
-    assert rate_m_s == pytest.approx(position @ velocity / np.linalg.norm(position))
-
-
-@pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (3.0, 6.0, -3.0)])
-def test_a_target_that_stands_still_or_flies_along_the_line_of_sight_has_no_across(
-    velocity: tuple[float, float, float],
-) -> None:
-    motion = StateVector((1e6, 2e6, -1e6), velocity, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-    with pytest.raises(ValueError, match=r"cross_track_offset_rad=0\.001 needs a target that moves on the sky"):
-        moved_across(motion, 1e-3)
-
-
 def test_angles_and_their_derivatives_are_those_of_a_path_in_closed_form() -> None:
     """Azimuth and elevation as cubics in time, the range too; the components by their derivatives."""
     azimuth, elevation, distance = (
@@ -118,17 +100,3 @@ def test_angles_and_their_derivatives_are_those_of_a_path_in_closed_form() -> No
     np.testing.assert_allclose(found, wanted, rtol=1e-6)
     arrays = StateVector(*(tuple(np.array([one]) for one in part) for part in motion.derivatives()))
     np.testing.assert_allclose(np.array(angles_and_rates(arrays))[:, 0], found, rtol=1e-12)
-
-
-def test_near_the_zenith_a_millimetre_is_added_in_quadrature() -> None:
-    """1 mm east of it, moving north at 1 m/s: by itself the azimuth would turn by 1000 rad/s."""
-    motion = StateVector((1e-3, 0.0, 5e5), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    azimuth, elevation, azimuth_rate, *_ = angles_and_rates(motion)
-    assert azimuth == pytest.approx(0.5 * math.pi)
-    assert 0.5 * math.pi - elevation == pytest.approx(math.sqrt(2.0) * 1e-3 / 5e5, rel=1e-6)
-    assert azimuth_rate == pytest.approx(-500.0)
-
-
-def test_a_motion_seen_from_axes_that_do_not_turn_is_itself() -> None:
-    motion = state(TARGET, (0.1, 0.2, 0.3))
-    assert seen_from_rotating_axes(motion, 0.0) == motion

@@ -235,17 +235,6 @@ def test_stale_elements_are_told_with_age_and_error_and_fresh_ones_are_not() -> 
     assert stale_warning(load_track(SourceParams(satellite="sun")), t_s, 0.0, model) == ""
 
 
-def test_a_source_is_named_after_its_only_file_or_after_its_folder(cbers_2: Path, tmp_path: Path) -> None:
-    assert read_source(str(cbers_2)).name == "cbers.tle"
-    folder = tmp_path / "sets"
-    folder.mkdir()
-    (folder / "one.tle").write_text(cbers_2.read_text())
-    assert read_source(str(folder)).name == "one.tle"
-    (folder / "two.tle").write_text(cbers_2.read_text())
-    assert read_source(str(folder)).name == "sets"
-    assert len(read_source(str(folder)).elements) == 2
-
-
 def test_without_a_name_the_first_object_is_meant(cbers_2: Path, oem: SourceParams) -> None:
     assert load_elements(SourceParams(elements=str(cbers_2), satellite="")).catalogue_number == 28057
     assert load_track(oem.replace(satellite=" ")).name == "CBERS 2"
@@ -279,7 +268,3 @@ def test_a_memory_of_a_target_that_cannot_be_used_is_refused_by_its_file(spoilt:
     path.write_text(path.read_text()[:-1] + f", {spoilt}}}")
     with pytest.raises(ValueError, match=r"target\.json cannot be|target\.json .*cannot be read"):
         TargetMemory(str(path), configured)
-
-
-def test_elements_are_first_known_at_their_epoch() -> None:
-    assert first_time_s(SourceParams()) == load_elements(SourceParams()).epoch_t_s > 1.1e9

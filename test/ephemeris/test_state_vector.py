@@ -12,12 +12,7 @@ from rf_pointing.ephemeris.state_vector import (
     OFFSETS,
     StateVector,
     Vector,
-    combined,
-    cross,
-    dot,
     motion_from_positions,
-    norm,
-    rotated,
     seen_from_rotating_axes,
     turned_about_z,
 )
@@ -67,18 +62,6 @@ def drawn_motion(name: str) -> tuple[np.ndarray, StateVector]:
     return parts, StateVector(*(tuple(part) for part in parts.tolist()))
 
 
-def test_vectors_are_those_of_numpy_for_numbers_and_for_arrays() -> None:
-    a, b = random_stream(13, "vectors").standard_normal((2, 3, 5))
-    for first, second in ((a, b), (a[:, 0], b[:, 0])):
-        np.testing.assert_allclose(dot(tuple(first), tuple(second)), np.sum(first * second, axis=0), rtol=1e-14)
-        np.testing.assert_allclose(cross(tuple(first), tuple(second)), np.cross(first, second, axis=0), rtol=1e-13)
-        np.testing.assert_allclose(norm(tuple(first)), np.linalg.norm(first, axis=0), rtol=1e-14)
-        sum_ = combined((2.0, tuple(first)), (-0.5, tuple(second)), (3.0, tuple(first)))
-        np.testing.assert_allclose(sum_, 5.0 * first - 0.5 * second, rtol=1e-12)
-    assert isinstance(norm((3.0, 4.0, 12.0)), float)
-    assert norm((3.0, 4.0, 12.0)) == 13.0
-
-
 @pytest.mark.parametrize("angle", [0.7, np.array(0.7)])
 def test_the_earths_angle_turns_and_its_pole_tilts_all_derivatives_alike(angle: Any) -> None:
     """R3(angle), then R1(-y) R2(-x) to first order in the pole, as matrices."""
@@ -89,14 +72,6 @@ def test_the_earths_angle_turns_and_its_pole_tilts_all_derivatives_alike(angle: 
     found = turned_about_z(motion, angle, x, y)
     for part, value in zip(parts, found.derivatives(), strict=True):
         np.testing.assert_allclose(np.array(value, dtype=float), tilt @ turn @ part, rtol=1e-12)
-
-
-def test_components_along_three_axes_are_a_matrix_product() -> None:
-    parts, motion = drawn_motion("rotated")
-    axes = np.linalg.qr(random_stream(13, "axes").standard_normal((3, 3)))[0]
-    found = rotated(motion, tuple(tuple(axis) for axis in axes.tolist()))
-    for part, value in zip(parts, found.derivatives(), strict=True):
-        np.testing.assert_allclose(value, axes @ part, rtol=1e-13)
 
 
 def test_five_positions_give_a_quartic_exactly_and_its_jerk_too() -> None:

@@ -96,23 +96,6 @@ def test_malformed_dates_are_refused(text: str) -> None:
         from_utc_text(text)
 
 
-def test_an_offset_holds_from_the_instant_of_its_leap_second_on() -> None:
-    table = leap_seconds()
-    for start_s, offset_s, before_s in zip(table.start_t_s[1:], table.offset_s[1:], table.offset_s, strict=False):
-        assert table.tai_minus_utc_s(start_s) == offset_s
-        assert table.tai_minus_utc_s(start_s - 1e-3) == before_s
-        assert table.tai_minus_utc_s(np.array([start_s - 1e-3, start_s])).tolist() == [before_s, offset_s]
-        # A second of UTC that comes twice, in TAI one after the other.
-        assert utc_from_tai_s(start_s + offset_s) == start_s
-        assert utc_from_tai_s(start_s + before_s - 0.5) == start_s - 0.5
-    assert table.tai_minus_utc_s(63072000.0) == 10.0
-    assert table.tai_minus_utc_s(np.array([63072000.0])).tolist() == [10.0]
-    for times in (63071999.0, np.array([1e9, 63071999.0])):
-        with pytest.raises(ValueError, match=r"t_s=63071999\.0 must be >= 63072000\.0 \(1972-01-01"):
-            table.tai_minus_utc_s(times)
-    assert table.tai_minus_utc_s(np.zeros(0)).shape == (0,)
-
-
 def test_a_table_is_certain_up_to_its_expiry() -> None:
     """The list of late 2026 or before expires on the 28th of June or of December."""
     table = leap_seconds()

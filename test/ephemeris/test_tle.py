@@ -19,7 +19,6 @@ from rf_pointing.ephemeris import Elements, read_elements, tle_lines, verificati
 from rf_pointing.ephemeris.tle import (
     alpha5_from_number,
     checksum,
-    elements_from_tle,
     number_from_alpha5,
     read_tle,
 )
@@ -212,13 +211,6 @@ def test_what_does_not_fit_is_refused(cbers: Elements, change: dict[str, float],
         tle_lines(dataclasses.replace(cbers, **change))
 
 
-def test_a_text_that_ends_too_early_is_refused_with_the_line_of_what_is_alone() -> None:
-    with pytest.raises(ValueError, match="line 4: the text ends before line 2 of 'CBERS 2'"):
-        read_tle("# one\n\n\nCBERS 2")
-    with pytest.raises(ValueError, match="line 3: the text ends before line 2 of 'CBERS 2'"):
-        read_tle(f"# one\nCBERS 2\n{LINE1}\n\n\n")
-
-
 def test_drag_below_the_smallest_exponent_of_a_tle_is_written_as_none(cbers: Elements) -> None:
     for drag, columns in ((5.4e-10, " 54000-9"), (1.0e-10, " 10000-9"), (9.9e-11, " 00000-0"), (-3e-14, " 00000-0"),
                           (-0.25, "-25000-0"), (4.0, " 40000+1")):  # fmt: skip
@@ -226,29 +218,6 @@ def test_drag_below_the_smallest_exponent_of_a_tle_is_written_as_none(cbers: Ele
         assert first[53:61] == columns
         (back,) = read_elements("\n".join(tle_lines(dataclasses.replace(cbers, drag_per_earth_radius=drag))))
         assert back.drag_per_earth_radius == pytest.approx(drag, abs=1e-10)
-
-
-def test_a_designator_that_is_not_a_year_and_a_piece_stands_as_it_is(cbers: Elements) -> None:
-    for stated, columns in (("1998-067A", "98067A  "), ("98-067A", "98-067A "), ("TBAX", "TBAX    "), ("", "        ")):
-        first, _ = tle_lines(dataclasses.replace(cbers, international_designator=stated))
-        assert first[9:17] == columns
-
-
-def test_numbers_of_set_and_revolution_may_be_blank() -> None:
-    bare = LINE1[:64] + "    ", LINE2[:63] + "     "
-    (found,) = read_elements("\n".join(line + str(checksum(line)) for line in bare))
-    assert (found.element_set_number, found.revolution_number) == (0, 0)
-
-
-def test_what_stands_between_the_columns_of_the_numbers_is_not_read() -> None:
-    """Letters in every gap; they do not count in the checksum either."""
-    (plain,) = read_tle(f"{LINE1}\n{LINE2}")
-    for gap in (8, 17, 32, 43, 52, 61, 63):
-        changed = f"{LINE1[:gap]}x{LINE1[gap + 1 :]}"
-        assert read_tle(f"{changed}\n{LINE2}") == [plain], gap
-    for gap in (7, 16, 25, 33, 42, 51):
-        changed = f"{LINE2[:gap]}x{LINE2[gap + 1 :]}"
-        assert read_tle(f"{LINE1}\n{changed}") == [plain], gap
 
 
 def with_columns(line: str, begin: int, text: str) -> str:
@@ -294,75 +263,6 @@ def test_two_digits_of_a_year_are_of_1957_to_2056(columns: str, year: int) -> No
     assert tle_lines(found)[0] == line1
 
 
-@pytest.mark.parametrize("columns", ["98067", "98-067A", "9806A", "98067a"])
-def test_a_designator_of_another_form_is_read_as_it_stands(columns: str) -> None:
-    (found,) = read_tle(with_columns(LINE1, 9, f"{columns:8s}") + f"\n{LINE2}")
-    assert found.international_designator == columns
-
-
-@pytest.mark.parametrize(
-    ("value", "columns"),
-    [
-        (0.99999999, " .99999999"), (-0.99999999, "-.99999999"), (0.000000004, " .00000000"), (-0.5, "-.50000000"),
-        (0.0, " .00000000"),
-    ],
-)  # fmt: skip
-def test_the_drift_of_the_mean_motion_is_a_fraction_of_eight_digits(
-    cbers: Elements, value: float, columns: str
-) -> None:
-    dot = 2.0 * value * 2.0 * math.pi / 86400.0**2
-    assert tle_lines(dataclasses.replace(cbers, mean_motion_dot_rad_s2=dot))[0][33:43] == columns
-    with pytest.raises(ValueError, match="mean_motion_dot_rad_s2 is .* must be below 1"):
-        tle_lines(
-            dataclasses.replace(cbers, mean_motion_dot_rad_s2=math.copysign(2.0, dot) * 2.0 * math.pi / 86400.0**2)
-        )
-
-
-@pytest.mark.parametrize(
-    ("value", "columns"),
-    [
-        (0.0, " 00000-0"), (0.1, " 10000-0"), (0.99999, " 99999-0"), (1.0, " 10000+1"), (-12.3456, "-12346+2"),
-        (9.9999e8, " 99999+9"), (0.01, " 10000-1"), (-3.5e-7, "-35000-6"), (0.999996, " 10000+1"),
-    ],
-)  # fmt: skip
-def test_a_number_with_an_exponent_has_five_digits_behind_the_point(
-    cbers: Elements, value: float, columns: str
-) -> None:
-    first, _ = tle_lines(dataclasses.replace(cbers, drag_per_earth_radius=value))
-    assert first[53:61] == columns
-    ddot = 6.0 * value * 2.0 * math.pi / 86400.0**3
-    first, _ = tle_lines(dataclasses.replace(cbers, mean_motion_ddot_rad_s3=ddot))
-    assert first[44:52] == columns
-    with pytest.raises(ValueError, match="must be below 1e9"):
-        tle_lines(dataclasses.replace(cbers, drag_per_earth_radius=1.1e9))
-
-
-@pytest.mark.parametrize(("degrees", "columns"), [(359.99994, "359.9999"), (359.99996, "  0.0000"), (-0.5, "359.5000")])
-def test_an_angle_is_written_in_degrees_of_one_turn(cbers: Elements, degrees: float, columns: str) -> None:
-    turned = {
-        name: math.radians(degrees) for name in ("ascending_node_rad", "argument_of_perigee_rad", "mean_anomaly_rad")
-    }
-    _, second = tle_lines(dataclasses.replace(cbers, **turned))
-    assert [second[begin : begin + 8] for begin in (17, 34, 43)] == [columns] * 3
-
-
 def test_a_blank_drag_is_none() -> None:
     (found,) = read_tle(with_columns(LINE1, 53, " " * 8) + f"\n{LINE2}")
     assert found.drag_per_earth_radius == 0.0
-
-
-def test_two_lines_by_themselves_are_lines_one_and_two() -> None:
-    assert elements_from_tle(LINE1, LINE2).name == "28057"
-    with pytest.raises(ValueError, match="^line 1: checksum"):
-        elements_from_tle(LINE1[:-1] + "0", LINE2)
-    with pytest.raises(ValueError, match="^line 2: checksum"):
-        elements_from_tle(LINE1, LINE2[:-1] + "9")
-    with pytest.raises(ValueError, match="^line 8: TLE line has 60 columns"):
-        elements_from_tle(LINE1, LINE2[:60], line_number=7)
-    with pytest.raises(ValueError, match="^line 7: B"):
-        elements_from_tle(with_columns(LINE1, 53, " 3594x-4"), LINE2, line_number=7)
-
-
-def test_a_name_with_a_comma_is_the_name_of_a_tle() -> None:
-    assert read_elements(f"CBERS, 2\n{LINE1}\n{LINE2}")[0].name == "CBERS, 2"
-    assert read_elements(f"MEAN_MOTION\n{LINE1}\n{LINE2}")[0].name == "MEAN_MOTION"

@@ -22,14 +22,12 @@ from rf_pointing.ephemeris import (
     Site,
     TopocentricTrack,
     find_elements,
-    moon,
     radio_source,
     site,
     verification_elements,
 )
 from rf_pointing.ephemeris.look_angles import LookAngles
 from rf_pointing.ephemeris.sgp4_orbit import Sgp4Orbit
-from rf_pointing.ephemeris.state_vector import OFFSETS, motion_from_positions
 from test.ephemeris.conftest import AssumedOrientation
 
 SKYFIELD_MDEG = 0.005
@@ -321,102 +319,6 @@ def test_bad_options_are_refused(cbers: Elements, goldstone: Site, options: dict
         TopocentricTrack(cbers, goldstone, **options)
 
 
-@pytest.mark.parametrize(
-    ("number", "least_m_s", "most_m_s"),
-    [
-        ("28057", 0.01, 0.2),
-        ("6251", 0.01, 0.2),
-        ("88888", 0.01, 0.2),
-        ("28129", 0.01, 0.07),
-        ("26900", 0.01, 0.07),
-        ("26975", 0.5, 4.1),
-        ("8195", 0.5, 4.1),
-        ("11801", 0.5, 4.1),
-    ],
-)
-def test_the_velocity_of_sgp4_is_not_the_derivative_of_its_positions(
-    number: str, least_m_s: float, most_m_s: float
-) -> None:
-    """Largest difference of a day; the sizes that the page on the mathematics states."""
-    record = find_elements(verification_elements(), number).satrec()
-    minutes = np.arange(0.0, 1440.0, 1.0)
-    around = [[record.sgp4_tsince(t + k / 30.0)[1] for t in minutes] for k in OFFSETS]
-    positions = [tuple(np.array(places).T) for places in around]
-    derivative = np.array(motion_from_positions(positions, 2.0, 1e3).velocity)
-    of_sgp4 = 1e3 * np.array([record.sgp4_tsince(t)[2] for t in minutes]).T
-    assert least_m_s < np.max(np.linalg.norm(derivative - of_sgp4, axis=0)) < most_m_s
-
-
-def test_offsets_beyond_ten_minutes_or_a_fifth_of_a_radian_are_refused(cbers: Elements, goldstone: Site) -> None:
-    for size in (0.2, -0.2):
-        TopocentricTrack(cbers, goldstone, cross_track_offset_rad=size, along_track_offset_s=3000.0 * size)
-        with pytest.raises(ValueError, match="cross_track_offset_rad"):
-            TopocentricTrack(cbers, goldstone, cross_track_offset_rad=1.01 * size)
-        with pytest.raises(ValueError, match="along_track_offset_s"):
-            TopocentricTrack(cbers, goldstone, along_track_offset_s=3000.0 * 1.01 * size)
-
-
-@pytest.mark.parametrize("sooner_s", [0.0, 50.0, 130.0])
-def test_a_fall_in_the_last_minutes_of_the_age_that_is_allowed_is_known(sooner_s: float) -> None:
-    falling = find_elements(verification_elements(), "28872")
-    orientation = AssumedOrientation()
-    last_s = Sgp4Orbit(falling, orientation, max_age_s=14.0 * 86400.0).spans_t_s[0][1]
-    assert math.isfinite(last_s)
-    fall_s = last_s - falling.epoch_t_s
-    close = Sgp4Orbit(falling, orientation, max_age_s=fall_s + 135.0 - sooner_s)
-    assert close.spans_t_s[0][1] == pytest.approx(last_s, abs=0.2)
-    assert "MINOTAUR R/B decays" in " ".join(close.warnings(falling.epoch_t_s))
-
-
-def test_an_orbit_ends_on_both_sides_three_steps_of_its_differences_before_it_is_none() -> None:
-    """By SGP4's own positions second by second; below 20 km of height nothing orbits."""
-    falling = find_elements(verification_elements(), "28872")
-    record, ends = falling.satrec(), []
-    for sense in (-1.0, 1.0):
-        elapsed_s, up = 0.0, True
-        while up:
-            elapsed_s += 1.0
-            code, position, _ = record.sgp4_tsince(sense * elapsed_s / 60.0)
-            up = code == 0 and math.hypot(*position) > 6378.135 + 20.0
-        ends.append(falling.epoch_t_s + sense * max(elapsed_s - 6.0, 0.0))
-    ((first_s, last_s),) = Sgp4Orbit(falling, AssumedOrientation(), max_age_s=86400.0).spans_t_s
-    assert (first_s, last_s) == pytest.approx(ends, abs=1.11)
-    assert ends[1] - falling.epoch_t_s != pytest.approx(falling.epoch_t_s - ends[0], abs=60.0)
-
-
-def test_a_satellite_has_no_directions_at_no_times(track: TopocentricTrack) -> None:
-    looks = track.sample(np.zeros(0))
-    assert looks.azimuth_rad.shape == looks.elevation_acceleration_rad_s2.shape == looks.range_rate_m_s.shape == (0,)
-
-
-def test_a_track_without_options_follows_its_elements_for_fourteen_days_through_the_standard_air(
-    cbers: Elements, goldstone: Site
-) -> None:
-    track = TopocentricTrack(cbers, goldstone)
-    assert (track.along_track_offset_s, track.cross_track_offset_rad, track.hold_t_s) == (0.0, 0.0, None)
-    assert (track.light_time, track.site, track.name) == ("receive", goldstone, "CBERS 2")
-    assert track.refraction == RadioRefraction.standard(goldstone.altitude_m)
-    assert track.antenna.half_power_beamwidth_rad == 0.0
-    for sense in (-1.0, 1.0):
-        track.target_at(cbers.epoch_t_s + sense * 14.0 * 86400.0)
-        track.sample([cbers.epoch_t_s + sense * 14.0 * 86400.0])
-        with pytest.raises(ValueError, match=r"max_age_s=1209600\.0 \(14\.00 days\)$"):
-            track.target_at(cbers.epoch_t_s + sense * (14.0 * 86400.0 + 1.0))
-        with pytest.raises(ValueError, match=r"max_age_s=1209600\.0"):
-            track.sample([cbers.epoch_t_s + sense * (14.0 * 86400.0 + 1.0)])
-
-
-def test_azimuths_are_of_the_first_turn_unless_another_is_asked_for(track: TopocentricTrack, cbers: Elements) -> None:
-    quadrants = set()
-    for t_s in (cbers.epoch_t_s + np.arange(0.0, 86400.0, 1000.0)).tolist():
-        azimuth = track.target_at(t_s).azimuth_rad
-        assert 0.0 <= azimuth < 2.0 * math.pi
-        assert track.sample([t_s]).azimuth_rad[0] == pytest.approx(azimuth, abs=1e-12)
-        assert track.target_at(t_s, near_azimuth_rad=-math.pi).azimuth_rad == pytest.approx(azimuth - 2.0 * math.pi)
-        quadrants.add(int(azimuth / (0.5 * math.pi)))
-    assert quadrants == {0, 1, 2, 3}
-
-
 def test_the_refraction_of_a_target_is_what_its_elevation_is_lifted_by(cbers: Elements, goldstone: Site) -> None:
     t_s = 1151384330.0
     true = TopocentricTrack(cbers, goldstone, refraction=None)
@@ -427,30 +329,6 @@ def test_the_refraction_of_a_target_is_what_its_elevation_is_lifted_by(cbers: El
     looks = TopocentricTrack(cbers, goldstone).sample([t_s])
     assert looks.true_elevation_rad[0] == pytest.approx(true.target_at(t_s).elevation_rad, abs=1e-12)
     assert (looks.t_s[0], lifted.t_s) == (t_s, t_s)
-
-
-@pytest.mark.parametrize("times", [5.0, [[5.0, 6.0]]])
-def test_times_are_one_row(track: TopocentricTrack, times: object) -> None:
-    with pytest.raises(ValueError, match=r"t_s has shape \(.*\), must be \(n,\)"):
-        track.sample(times)
-
-
-def test_a_hold_at_no_time_is_refused(cbers: Elements, goldstone: Site) -> None:
-    with pytest.raises(ValueError, match="hold_t_s=inf must be finite"):
-        TopocentricTrack(cbers, goldstone, hold_t_s=math.inf)
-
-
-def test_other_offsets_keep_site_light_time_and_antenna(cbers: Elements, goldstone: Site) -> None:
-    track = TopocentricTrack(cbers, goldstone, refraction=None, light_time="transmit")
-    moved = track.with_offsets(along_track_offset_s=1.0, cross_track_offset_rad=0.0)
-    assert (moved.site, moved.light_time, moved.refraction, moved.hold_t_s) == (goldstone, "transmit", None, None)
-    assert moved.target is track.target
-    assert moved.antenna is track.antenna
-    weather = RadioRefraction(relative_humidity=0.9)
-    assert (
-        moved.with_offsets(along_track_offset_s=0.0, cross_track_offset_rad=0.0, refraction=weather).refraction
-        == weather
-    )
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])
@@ -484,10 +362,3 @@ def test_elements_that_sgp4_refuses_at_once_are_refused_by_name(cbers: Elements)
     for age_s in (0.0, -1.0, math.nan):
         with pytest.raises(ValueError, match="max_age_s=.* must be > 0"):
             Sgp4Orbit(cbers, AssumedOrientation(), max_age_s=age_s)
-
-
-def test_a_motion_is_not_ahead_of_its_time_unless_it_is_asked_to_be(track: TopocentricTrack, cbers: Elements) -> None:
-    t_s = cbers.epoch_t_s + 500.0
-    for target in (track.target, radio_source("Cygnus A"), moon()):
-        assert target.motion_at(t_s) == target.motion_at(t_s, 0.0)
-        assert target.motion_at(t_s) != target.motion_at(t_s, 600.0)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import random_stream, sky_offset_rad
-from rf_pointing.ephemeris import ElementUncertainty, Site, TopocentricTrack, moon, sky_uncertainty, stale_warning
-from rf_pointing.ephemeris.uncertainty import error_text
+from rf_pointing.ephemeris import ElementUncertainty, Site, TopocentricTrack, moon, sky_uncertainty
 
 TCA_T_S = 1151384680.3
 
@@ -75,19 +74,3 @@ def test_split_and_matrix_hold_the_same_variance(track: TopocentricTrack) -> Non
 def test_targets_without_elements_are_refused(goldstone: Site) -> None:
     with pytest.raises(ValueError, match="Moon is not tracked from mean elements"):
         sky_uncertainty(TopocentricTrack(moon(), goldstone), TCA_T_S, ElementUncertainty())
-
-
-def test_an_expected_error_is_written_in_millidegrees_and_in_beamwidths_where_one_is_known() -> None:
-    assert error_text(math.radians(0.0123), None) == "expected error along the track 12 mdeg"
-    assert (
-        error_text(math.radians(0.0123), math.radians(0.065))
-        == "expected error along the track 12 mdeg, 0.19 beamwidths"
-    )
-
-
-def test_elements_are_stale_beyond_their_age_on_both_sides_of_their_epoch(track: TopocentricTrack) -> None:
-    epoch_s, day_s, model = track.target.elements.epoch_t_s, 86400.0, ElementUncertainty()
-    for days in (-2.1, 2.1):
-        t_s = epoch_s + days * day_s
-        assert stale_warning(track, t_s, 2.2 * day_s, model) == ""
-        assert "2.1 days from their epoch" in stale_warning(track, t_s, 2.0 * day_s, model)

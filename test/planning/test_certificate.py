@@ -238,53 +238,6 @@ def with_branches(*branches: Branch, cn0: tuple[float, ...] = ()) -> Certificate
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("changes", "label"),
-    [
-        ({}, "direct, +1 turns"),
-        ({"plunge": True, "turns": 0}, "plunge, +0 turns"),
-        ({"over": True, "turns": -2}, "over, -2 turns"),
-        ({"over": True, "plunge": True}, "over back, +1 turns"),
-    ],
-)
-def test_a_branch_is_named_by_its_motion_and_its_turns(changes: dict, label: str) -> None:
-    assert branch(**changes).label == label
-
-
-def test_a_branch_has_the_ranges_and_peaks_of_what_is_left_of_the_pass() -> None:
-    """The pass turns by 50 deg; at 1300 s, half way, elevation is at its peak and the azimuth fastest."""
-    profile = arc(150.0, 200.0)
-    w = math.pi / 600.0
-    for now_s, low, bottom, rates, bends in (
-        (0.0, 150.0, 5.0, (25.0 * w, 45.0 * w), (25.0 * w**2, 45.0 * w**2)),
-        (1450.0, 175.0 - 25.0 * math.cos(math.pi * 0.75), 5.0,
-         (25.0 * w * math.sin(math.pi * 0.75), 45.0 * w), (25.0 * w**2, 45.0 * w**2 * math.sin(math.pi * 0.75))),
-    ):  # fmt: skip
-        taken = next(
-            one for one in certificate(profile, now_s=now_s, present_deg=(192.0, 40.0)).branches if one.turns == 0
-        )
-        assert np.degrees(taken.azimuth_range_rad) == pytest.approx([low, 200.0], abs=1e-3)
-        top = 50.0 if now_s == 0.0 else 5.0 + 45.0 * math.sin(math.pi * 0.75)
-        assert np.degrees(taken.elevation_range_rad) == pytest.approx([bottom, top], abs=1e-3)
-        assert np.degrees(taken.peak_rate_rad_s) == pytest.approx(rates, rel=1e-3)
-        assert np.degrees(taken.peak_acceleration_rad_s2) == pytest.approx(bends, rel=1e-3)
-        assert np.degrees(taken.end_rad) == pytest.approx([200.0, 5.0])
-        # The Sun is at the nadir, the flat horizon at -10 deg.
-        assert taken.mask_margin_rad == pytest.approx(15.0 * DEG)
-        assert taken.sun_margin_rad == pytest.approx(94.0 * DEG)
-        assert len(taken.axes_rad) == len(profile.t_s)
-
-
-def test_a_certificate_tells_the_times_and_the_peak_of_its_pass() -> None:
-    found = certificate(arc(100.0, 170.0), now_s=3.0, cost=SensorCost(carrier_to_noise_db_hz=(41.0, 55.0)))
-    assert (found.name, found.issued_t_s, found.aos_t_s, found.los_t_s) == ("bird", 3.0, 1000.0, 1600.0)
-    assert found.sky_peak_rad == pytest.approx(50.0 * DEG)
-    assert (found.reason, found.carrier_to_noise_db_hz) == ("", (41.0, 55.0))
-    assert certificate(arc(100.0, 170.0)).carrier_to_noise_db_hz == ()
-    with pytest.raises(ValueError, match="ended 0 s ago"):
-        certificate(arc(100.0, 170.0), now_s=1600.0)
-
-
 def test_a_crossing_moves_with_its_branch_by_whole_turns() -> None:
     found = certificate(arc(10.0, 190.0, peak_deg=89.0, seconds=120.0), machine=MACHINE.replace(least_share=0.0))
     seen = set()
@@ -297,56 +250,6 @@ def test_a_crossing_moves_with_its_branch_by_whole_turns() -> None:
         np.testing.assert_allclose(one.crossing.position_rad, part, atol=1e-12)
         assert one.start_rad[0] == pytest.approx(10.0 * DEG + 2.0 * math.pi * one.turns)
     assert seen == {-1, 0}
-
-
-def test_a_barred_way_to_the_start_is_a_reason_of_a_branch_within_the_travel() -> None:
-    profile = arc(100.0, 170.0)
-    motion = (profile.position_rad, profile.velocity_rad_s, profile.acceleration_rad_s2)
-    for most_deg, barred in ((220.0, True), (169.0, False)):
-        found = certify(
-            profile, {False: motion}, 0.0, (2.0, 1.0), MACHINE, AxisLimits(azimuth_max_rad=most_deg * DEG),
-            HorizonMask(), lambda error: np.exp(-error), slew=lambda _start, _end: (77.0, "a hill"),
-        )  # fmt: skip
-        direct = next(one for one in found.branches if one.turns == 0)
-        assert ("no way to the start: a hill" in direct.reasons) is barred
-        assert direct.preposition_s == 77.0
-
-
-@pytest.mark.parametrize("now_s", [0.0, 990.0, 1000.0])
-@pytest.mark.parametrize(("least", "works"), [(0.86, False), (0.83, True)])
-def test_before_its_rise_a_pass_must_leave_its_share(now_s: float, least: float, works: bool) -> None:
-    """30 s of 200 s go to the slew: 85 % are received."""
-    profile = arc(100.0, 150.0, seconds=200.0)
-    motion = (profile.position_rad, profile.velocity_rad_s, profile.acceleration_rad_s2)
-    found = certify(
-        profile, {False: motion}, now_s, (2.0, 1.0), MACHINE.replace(least_share=least), AxisLimits(), HorizonMask(),
-        lambda error: np.exp(-error), slew=lambda _start, _end: (1030.0 - now_s, ""),
-    )  # fmt: skip
-    assert (found.chosen is not None) is works
-    if not works:
-        assert "30 s of 200 s would be lost, 85 % received, must be >= 86 %" in found.reason
-    late = certify(
-        profile, {False: motion}, now_s, (2.0, 1.0), MACHINE, AxisLimits(), HorizonMask(),
-        lambda error: np.exp(-error), slew=lambda _start, _end: (1300.0 - now_s, ""),
-    )  # fmt: skip
-    assert "300 s of 200 s would be lost, 0 % received" in late.reason
-    # Of all of it nothing is expected but the sidelobes.
-    assert late.branches[0].mean_loss_db == pytest.approx(40.0)
-
-
-def test_signal_lost_in_a_crossing_and_before_it_is_no_longer_expected() -> None:
-    """120 s: 20 s late, 5 s to acquire, and what the crossing loses of the rest, at 0.9 of the power."""
-    profile = arc(10.0, 190.0, peak_deg=89.0, seconds=120.0)
-    motion = (profile.position_rad, profile.velocity_rad_s, profile.acceleration_rad_s2)
-    found = certify(
-        profile, {False: motion}, 0.0, (0.2, 0.1), MACHINE.replace(least_share=0.0), AxisLimits(), HorizonMask(),
-        lambda error: np.exp(-2.77 * (error / (0.065 * DEG)) ** 2), slew=lambda _start, _end: (1020.0, ""),
-        cost=SensorCost(acquisition_s=5.0, power=0.9),
-    ).chosen  # fmt: skip
-    assert found is not None
-    assert found.lost_signal_s > 10.0
-    received_s = 0.9 * (120.0 - 25.0 - found.lost_signal_s) + 1e-4 * 25.0
-    assert found.mean_loss_db == pytest.approx(-10.0 * math.log10(received_s / 120.0), abs=1e-6)
 
 
 def test_the_verdict_says_all_that_is_expected_of_the_pass() -> None:
@@ -362,17 +265,3 @@ def test_the_verdict_says_all_that_is_expected_of_the_pass() -> None:
         said = certificate_lines(with_branches(branch(**changes)))[-1]
         assert said == plain.replace("; expected", f"{words}; expected")
     assert certificate_lines(with_branches(branch(), cn0=(40.0, 52.5)))[-1] == f"{plain}, C/N0 40.0 to 52.5 dB-Hz"
-
-
-def test_every_branch_has_a_line_with_its_mark_and_its_numbers() -> None:
-    worse = branch(turns=0, reasons=("first", "second"))
-    lines = certificate_lines(with_branches(branch(), branch(plunge=True), worse))
-    assert lines[0] == "certificate of bird: machine: 1.8 1.8 deg/s, 0.8 0.8 deg/s^2; sky peak 68.75 deg"
-    assert [line[:19].strip() for line in lines[2:7]] == [
-        "> direct, +1 turns", "plunge, +1 turns", "x direct, +0 turns", "refused: first", "refused: second",
-    ]  # fmt: skip
-    assert lines[2].split()[4:] == [
-        "5.7", "to", "406.8", "2.9", "to", "68.8", "1.15", "0.573", "17.19", "deg", "to", "azimuth", "220.0", "deg",
-        "2.29", "68.8", "0.0", "s", "0.0", "s", "41", "s", "202", "s",
-    ]  # fmt: skip
-    assert {len(line) for line in lines[1:5]} == {len(lines[1])}

@@ -16,8 +16,6 @@ from rf_pointing.planning.crossing import (
     Crossing,
     CrossingLoss,
     cross,
-    nearest_elevation,
-    smoothing_kernel,
 )
 from rf_pointing.planning.forbidden_sky import angle_between
 
@@ -199,73 +197,3 @@ def test_a_crossing_has_the_rates_of_its_positions_and_the_targets_own_at_its_en
         found.acceleration_rad_s2[2:-2], (rates[3:-1] - rates[1:-3]) / (2.0 * STEP_S), atol=1e-12
     )
     np.testing.assert_allclose(found.error_rad, angle_between(moved, path[0][rows[0] : rows[1] + 1]), atol=1e-12)
-
-
-@pytest.mark.parametrize("elevation_deg_s2", [1.0, 0.3, 0.1, 0.03])
-@pytest.mark.parametrize("top_deg", [90.0, 88.0])
-def test_of_all_elevations_the_axis_can_make_the_one_that_loses_least_is_taken(
-    elevation_deg_s2: float, top_deg: float
-) -> None:
-    """The target's own, the nearest and half of the way to it, each smoothed by 0.5 s, 1 s, 2 s and 4 s."""
-    t, *path = overhead(1.0)
-    gain = beam(1.0)
-    limits = AxisMotionLimits((2.0 * DEG, 2.0 * DEG), (1.0 * DEG, elevation_deg_s2 * DEG), top_deg * DEG)
-    found = cross(t, *path, limits, gain)
-    assert found is not None
-    first = round((found.t_s[0] - t[0]) / STEP_S)
-    part = slice(first, first + len(found.t_s))
-    azimuth = path[0][:, 0].copy()
-    azimuth[part] = found.position_rad[:, 0]
-    off, own = azimuth - path[0][:, 0], np.minimum(path[0][:, 1], top_deg * DEG)
-    nearest = np.arctan2(np.sin(path[0][:, 1]), np.cos(path[0][:, 1]) * np.cos(off))
-    wanted = np.minimum(nearest, top_deg * DEG) - path[0][:, 1]
-    choices = [own]
-    for width_s in (0.5, 1.0, 2.0, 4.0):
-        reach = round(30.0 * width_s)
-        weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) * STEP_S / width_s) ** 2)
-        soft, held = (
-            np.convolve(np.pad(rows, reach, mode="edge"), weights / weights.sum(), mode="valid")
-            for rows in (wanted, own)
-        )
-        choices += [path[0][:, 1] + 0.5 * soft, path[0][:, 1] + soft, held]
-    lost = []
-    for rows in choices:
-        rates = np.gradient(rows, STEP_S)[part]
-        bends = np.gradient(np.gradient(rows, STEP_S), STEP_S)[part]
-        able = np.abs(bends).max() <= elevation_deg_s2 * DEG and np.abs(rates).max() <= 2.0 * DEG
-        able = able and rows[part].max() <= top_deg * DEG + 1e-9
-        error = angle_between(np.column_stack([azimuth, rows])[part], path[0][part])
-        lost.append(float(np.sum(1.0 - gain(error))) if able else math.inf)
-    best = choices[int(np.argmin(lost))]
-    np.testing.assert_allclose(found.position_rad[:, 1], best[part], atol=1e-9)
-
-
-def test_a_gaussian_average_reaches_three_widths_to_either_side() -> None:
-    kernel = smoothing_kernel(0.7, 0.2)
-    assert len(kernel) == 2 * 10 + 1
-    assert kernel.sum() == pytest.approx(1.0)
-    for away in (1, 4, 10):
-        assert kernel[10 + away] == kernel[10 - away]
-        assert kernel[10 + away] / kernel[10] == pytest.approx(math.exp(-0.5 * (0.2 * away / 0.7) ** 2))
-
-
-def test_the_nearest_elevation_is_that_of_least_angle(random: np.random.Generator) -> None:
-    for off, elevation in random.uniform((-3.0, 0.1), (3.0, 1.5), (30, 2)).tolist():
-        heights = np.linspace(0.0, math.pi, 20_001)
-        apart = angle_between(np.column_stack([np.full_like(heights, off), heights]), np.array([0.0, elevation]))
-        found = nearest_elevation(np.array([off]), np.array([elevation]))[0]
-        assert found == pytest.approx(heights[int(np.argmin(apart))], abs=2e-4)
-
-
-def test_what_a_crossing_costs_ends_with_its_last_row() -> None:
-    t, error = np.arange(4.0), np.array([0.0, 1.0, 0.4, 0.02]) * BEAM_RAD
-    still = np.zeros((4, 2))
-    crossing = Crossing(t, still, still, still, error)
-    assert CrossingLoss.of(crossing, gain, 3.0).lost_signal_s == pytest.approx(1.0 - float(gain(error[3])))
-    assert CrossingLoss.of(crossing, gain, 3.1) == CrossingLoss()
-    later = CrossingLoss.of(crossing, gain, 2.0)
-    assert (later.keyhole_s, later.lost_s) == (1.0, 0.0), "0.02 of the largest error is on the target"
-    assert later.lost_signal_s == pytest.approx(2.0 - float(gain(error[2]) + gain(error[3])))
-    assert later.peak_loss_db == pytest.approx(-10.0 * math.log10(float(gain(error[2]))))
-    whole = CrossingLoss.of(crossing, gain)
-    assert (whole.keyhole_s, whole.lost_s) == (2.0, 1.0)

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.core import angular_distance_rad
 from rf_pointing.planning import HorizonMask
 from rf_pointing.planning.forbidden_sky import ForbiddenSky, angle_between
 
@@ -39,38 +38,6 @@ def test_passes_begin_clear_of_the_horizon_and_above_the_least_elevation(random:
     np.testing.assert_allclose(clear, np.maximum(MASK.lowest_all(azimuths) + 0.02, 0.1), atol=1e-12)
     with pytest.raises(ValueError, match="clearance_rad"):
         MASK.replace(clearance_rad=0.0)
-
-
-@pytest.mark.parametrize(
-    ("west", "east", "over", "turns"),
-    [
-        (0.4, 0.6, False, [(0.5, 0)]),
-        (0.5, 2.0, False, []),  # the ends themselves are no points between
-        (-1.5, 2.1, False, [(5.0, -1), (0.5, 0), (2.0, 0)]),
-        (6.2, 13.0, False, [(0.5, 1), (2.0, 1), (5.0, 1)]),
-        (-7.0, -5.0, False, [(0.5, -1)]),
-        (0.0, 3.0, True, [(0.5, 0), (2.0, 0), (5.0 - math.pi, 0)]),
-        (5.1, 9.5, True, [(2.0 + math.pi, 0), (0.5, 1), (2.0, 1), (5.0 - math.pi, 1)]),
-        (12.6, 19.0, True, [(0.5, 2), (2.0, 2), (5.0, 2), (0.5 + math.pi, 2), (2.0 + math.pi, 2), (5.0 - math.pi, 2)]),
-    ],
-)
-def test_the_points_of_the_horizon_are_found_on_every_turn(
-    west: float, east: float, over: bool, turns: list[tuple[float, int]]
-) -> None:
-    found = ForbiddenSky(MASK, 0.0).mask_azimuths(west, east, over=over)
-    assert sorted(found.tolist()) == pytest.approx(sorted(point + 2.0 * math.pi * turn for point, turn in turns))
-
-
-def test_angles_between_directions_are_those_of_their_vectors(random: np.random.Generator) -> None:
-    one, other = (random.uniform((-6.0, -1.5), (6.0, 3.0), (200, 2)) for _ in range(2))
-    sky = ForbiddenSky(MASK, 0.0)
-    wanted = angular_distance_rad(*one.T, *other.T)
-    np.testing.assert_allclose(angle_between(one, other), wanted, atol=1e-7)
-    for row, (a, b) in enumerate(zip(one, other, strict=True)):
-        assert sky.sun_distance(*a.tolist(), tuple(b.tolist())) == pytest.approx(wanted[row], abs=1e-7)
-    assert angle_between(np.array([0.0, 0.0]), np.array([1e-9, 0.0])) == pytest.approx(1e-9, rel=1e-12)
-    opposite = sky.sun_distance(0.3, 0.2, (0.3 + math.pi, -0.2))
-    assert opposite == pytest.approx(math.pi)
 
 
 SUN, RADIUS = (1.0, 0.6), 0.05
@@ -174,23 +141,3 @@ def test_a_path_keeps_its_margin_and_leaves_a_zone_only_outwards(
     outside = float(np.min(angle_between(lines[0, [0, -1]], np.array(SUN)))) >= RADIUS + margin
     if outside and lines[0, 0, 1] != 0.2:
         assert bool(beside) == bool(words)
-
-
-def test_without_a_zone_the_sun_forbids_nothing() -> None:
-    line = along((0.8, 0.6), (1.2, 0.6))
-    assert ForbiddenSky(HILLS, 0.0).reason_of_path(line, SUN, 0.05) == ""
-    assert ForbiddenSky(HILLS, RADIUS).reason_of_path(line, None) == ""
-    # One that is high above or far below the path is not asked for.
-    for high in (0.31, 0.95):
-        assert ForbiddenSky(HILLS, RADIUS).reason_of_path(along((0.8, high), (1.2, high)), SUN) == ""
-
-
-def test_a_turn_of_the_horizons_points_is_refused_and_a_little_less_is_not() -> None:
-    HorizonMask(azimuth_rad=(0.0, 6.28), elevation_rad=(0.0, 0.0))
-    with pytest.raises(ValueError, match="must rise from point to point within one turn"):
-        HorizonMask(azimuth_rad=(0.0, 2.0 * math.pi), elevation_rad=(0.0, 0.0))
-    with pytest.raises(ValueError, match="must rise"):
-        HorizonMask(azimuth_rad=(1.0, 1.0), elevation_rad=(0.0, 0.0))
-    with pytest.raises(ValueError, match="has 0 points"):
-        HorizonMask(azimuth_rad=(), elevation_rad=())
-    assert HorizonMask(azimuth_rad=(0.7,), elevation_rad=(0.2,)).lowest_rad(3.0) == 0.2

@@ -7,7 +7,7 @@ import timeit
 import numpy as np
 import pytest
 
-from rf_pointing.planning import AxisLimits, AxisRates, Decision, Gate, GateParams, HorizonMask, motion_between
+from rf_pointing.planning import AxisLimits, AxisRates, Gate, GateParams, HorizonMask, motion_between
 from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.planning.gate import MOTIONS
 from rf_pointing.planning.slew import Moving, halting_points, slew_path
@@ -279,18 +279,6 @@ def test_a_slew_takes_the_time_of_all_its_legs_and_without_a_way_that_of_the_str
     assert gate().slew(start, goal) == (AXES.slew_s(start, goal), "")
 
 
-def test_a_motion_through_several_goals_goes_by_all_of_their_corners() -> None:
-    """Straight to the first one, over the hill to the second, straight on to the third."""
-    here, goals = (50.0 * DEG, 10.0 * DEG), deg((60.0, 10.0), (120.0, 10.0), (130.0, 10.0))
-    decision = gate(HILL).check("slew", here, goals)
-    wanted = [(60.0, 10.0), (60.0, 30.5), (120.0, 30.5), (120.0, 10.0), (130.0, 10.0)]
-    np.testing.assert_allclose(np.degrees(decision.way), wanted, atol=1e-9)
-    assert decision.warning == ""
-    assert gate(HILL).check("slew", here, deg((60.0, 10.0), (70.0, 40.0), (120.0, 40.0))).way == ()
-    barred = gate(HILL).check("slew", here, deg((60.0, 10.0), (90.0, 20.0)))
-    assert "below the horizon mask" in barred.reason
-
-
 @pytest.mark.parametrize(
     ("place_deg", "warning"),
     [
@@ -331,18 +319,6 @@ def test_the_drives_are_cut_beyond_a_limit_while_an_axis_goes_on_outwards(
     assert gate().hard(joint, rate) == words
 
 
-def test_axes_released_beyond_a_low_limit_may_swing_there() -> None:
-    stood, made = (0.0, 3.7 * DEG), gate()
-    assert made.hard((0.0, 3.66 * DEG), (0.0, -0.01), stood) == ""
-    assert "past the hard limit 3.650 deg" in made.hard((0.0, 3.6 * DEG), (0.0, -0.01), stood)
-    assert "past the hard limit 3.750 deg" in made.hard((0.0, 3.6 * DEG), (0.0, -0.01), (0.0, 10.0 * DEG))
-
-
-@pytest.mark.parametrize(("elevation_deg", "free"), [(10.01, True), (9.99, False), (169.99, True), (170.01, False)])
-def test_the_transmitter_may_be_on_from_its_lowest_elevation_on(elevation_deg: float, free: bool) -> None:
-    assert (gate().transmit_inhibit(elevation_deg * DEG) == "") is free
-
-
 @pytest.mark.parametrize(
     ("place_deg", "rate_deg_s", "words"),
     [
@@ -369,36 +345,6 @@ def test_rates_must_be_within_the_axis_and_leave_room_to_stop(
     assert decision.reason.replace("left to the limit", "left to") in (words, f"{words} deg")
 
 
-def test_an_axis_that_is_outside_has_its_own_place_for_its_end() -> None:
-    """From 225 deg inwards, and outwards within what is left to where it stands."""
-    made, here = gate(axes=AxisRates((2.0 * DEG, 2.0 * DEG), (1.0 * DEG, 1.0 * DEG))), (225.0 * DEG, 45.0 * DEG)
-    assert made.check("track", here, deg((223.8, 45.0)), deg((1.5, 0.0))).allowed
-    assert (
-        "1.100 deg are left to the limit 225.000 deg"
-        in made.check("track", here, deg((223.9, 45.0)), deg((1.5, 0.0))).reason
-    )
-    under = (0.0, 1.0 * DEG)
-    assert made.check("track", under, deg((0.0, 2.2)), deg((0.0, -1.5))).allowed
-    assert "left to the limit 1.000 deg" in made.check("track", under, deg((0.0, 2.1)), deg((0.0, -1.5))).reason
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_the_guard_of_every_end_of_the_travel_lets_a_twentieth_of_a_degree_pass(axis: int, side: float) -> None:
-    """1.6 deg/s takes 1.6 deg at 0.8 deg/s^2."""
-    ends = ((-220.0, 220.0), (4.0, 89.5))[axis]
-    end = ends[1] if side > 0.0 else ends[0]
-    for past_deg, free in ((0.04, True), (0.06, False)):
-        place, rate = [0.0, 45.0 * DEG], [0.0, 0.0]
-        place[axis], rate[axis] = (end + side * (past_deg - 1.6)) * DEG, side * 1.6 * DEG
-        here = (place[0], place[1])
-        found = gate().guard("manual", here, here, (rate[0], rate[1]))
-        assert (found == "") is free
-        # Standing there is judged alike.
-        place[axis] = (end + side * past_deg) * DEG
-        assert (gate().guard("manual", (0.0, 0.8), (place[0], place[1]), (0.0, 0.0)) == "") is free
-
-
 def test_positions_within_the_travel_above_all_and_beside_the_sun_are_allowed_as_each_of_them_is(
     random: np.random.Generator,
 ) -> None:
@@ -410,15 +356,6 @@ def test_positions_within_the_travel_above_all_and_beside_the_sun_are_allowed_as
         assert decision.allowed == all(not made.position(*row, (0.0, 0.8), sun) for row in rows.tolist())
         allowed += decision.allowed
     assert 100 < allowed < 250
-
-
-def test_what_is_no_motion_is_refused() -> None:
-    with pytest.raises(ValueError, match="kind='fly' must be one of track"):
-        gate().check("fly", (0.0, 0.5), deg((0.0, 45.0)))
-    with pytest.raises(ValueError, match="positions="):
-        gate().check("track", (0.0, 0.5), deg((0.0, math.nan)))
-    refused = gate().check("track", (0.0, 0.5), deg((0.0, 45.0)), high_wind="gust")
-    assert refused == Decision("gust")
 
 
 def test_axes_that_run_after_a_target_are_held_against_hill_and_sun() -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rf_pointing.planning import AxisLimits, AxisRates, MachineParams, choose_turns
+from rf_pointing.planning import AxisLimits, AxisRates, choose_turns
 from rf_pointing.planning.limits import slew_time_s
 
 LIMITS = AxisLimits(
@@ -129,10 +129,3 @@ def test_a_slew_takes_the_time_of_its_rise_its_run_and_its_fall(distance: float,
     axes = AxisRates((3.0, 1.0), (2.0, 9.0))
     assert axes.slew_s((1.0, 0.3), (1.0 + distance, 0.3)) == pytest.approx(seconds)
     assert axes.slew_s((0.0, 0.0), (0.0, 2.0)) == pytest.approx(2.0 + 1.0 / 9.0)
-
-
-def test_planning_leaves_the_reserve_to_the_loop() -> None:
-    machine = MachineParams(rate_limit_rad_s=(0.1, 0.2), acceleration_limit_rad_s2=(0.3, 0.4), reserve=0.2)
-    np.testing.assert_allclose(machine.planned, [[0.08, 0.16], [0.24, 0.32]])
-    assert machine.axes == AxisRates((0.1, 0.2), (0.3, 0.4))
-    assert machine.slew_s((0.0, 0.0), (1.0, 0.0)) == AxisRates((0.1, 0.2), (0.3, 0.4)).slew_s((0.0, 0.0), (1.0, 0.0))

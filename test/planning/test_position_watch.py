@@ -111,56 +111,6 @@ def stands(limits: PositionLimits, t_s: float, angle: float, goal: float, latenc
     return 0.0
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize(
-    ("changes", "off_steps", "told"),
-    [
-        ({}, 2.05, False),
-        ({}, 2.15, True),
-        ({"dead_band_rad": (0.0, 4e-4)}, 4.9, False),
-        ({"dead_band_rad": (0.0, 4e-4)}, 5.1, True),
-    ],
-)
-def test_a_device_rests_within_two_steps_or_its_dead_band_and_one(
-    changes: dict, off_steps: float, told: bool, side: float
-) -> None:
-    limits = PositionLimits(resolution_rad=(1e-4, 1e-4), rate_rad_s=(0.1, 0.1), **changes)
-    assert (stands(limits, 5.0, 0.3, 0.3 + side * off_steps * 1e-4) > 0.0) is told
-
-
-@pytest.mark.parametrize(
-    ("changes", "latency_s", "told_s"),
-    [({}, 0.0, 1.4), ({}, 0.5, 1.9), ({"period_s": 0.5}, 0.0, 2.0), ({"still_s": 2.0}, 0.3, 2.7)],
-)
-def test_a_device_at_rest_has_the_latency_two_periods_and_a_time_of_its_own_to_start(
-    changes: dict, latency_s: float, told_s: float
-) -> None:
-    limits = PositionLimits(resolution_rad=(1e-4, 1e-4), rate_rad_s=(0.1, 0.1), **changes)
-    assert stands(limits, 5.0, 0.3, 0.5, latency_s) == pytest.approx(told_s, abs=0.011)
-
-
-@pytest.mark.parametrize(
-    ("step", "rate", "rested_s", "told_s"),
-    [
-        (1e-4, 0.1, 0.0, 0.4),  # two periods
-        (0.05, 0.1, 0.0, 1.0),  # two steps at its speed
-        (1e-4, 0.1, 0.97, 0.4),  # between two set points it may stand for a second
-        (1e-4, 0.1, 1.03, 1.4),
-    ],
-)
-def test_a_device_whose_motor_runs_must_show_a_step_sooner(
-    step: float, rate: float, rested_s: float, told_s: float
-) -> None:
-    limits = PositionLimits(resolution_rad=(step, step), rate_rad_s=(rate, rate))
-    watch = PositionWatch(limits)
-    watch.step(0.0, (0.0, 0.3), AT_REST, 0.0)
-    angle = 0.3 + step
-    assert watch.step(0.5, (0.0, angle), (None, angle), 0.0)[1] == ""
-    for reading in range(1, round(rested_s / 0.01) + 1):
-        assert watch.step(0.5 + 0.01 * reading, (0.0, angle), (None, angle), 0.0)[1] == ""
-    assert stands(limits, 0.5 + rested_s, angle, angle + 30.0 * step, watch=watch) == pytest.approx(told_s, abs=0.031)
-
-
 def test_a_step_of_the_encoder_with_every_reading_is_motion() -> None:
     watch = PositionWatch(LIMITS)
     for reading in range(40):
@@ -172,12 +122,6 @@ def test_a_step_of_the_encoder_with_every_reading_is_motion() -> None:
         for reading in range(9)
     ]
     assert "azimuth stands still" in said[-1]
-
-
-def test_a_reading_of_an_earlier_time_is_allowed_no_time_and_none_beyond_its_steps() -> None:
-    watch = PositionWatch(LIMITS)
-    watch.step(10.0, (0.0, 0.0), AT_REST, 0.0)
-    assert watch.step(9.0, (1.9e-4, 2.1e-4), (1.0, 1.0), 0.0)[0] == (1.9e-4, 0.0)
 
 
 def test_a_number_that_is_none_is_bridged_once_and_told_then() -> None:
@@ -199,17 +143,3 @@ def test_both_axes_tell_what_is_wrong_with_them() -> None:
         assert used == (0.1 - drift, 0.2 + drift)
     past = f"moves without a command, {math.degrees(0.058):.2f} deg beyond its set point"
     assert said == watch.reason == f"azimuth {past}; elevation {past}"
-
-
-def test_a_device_may_be_anywhere_between_where_it_was_and_its_set_point() -> None:
-    """Sent from 0.1 to 0.3 and then back to 0.25: what is left of the motion before is covered by the margin."""
-    watch, margin_rad = PositionWatch(LIMITS), 2e-4 + 0.1 * 0.2
-    watch.step(0.0, (0.1, 0.0), (0.3, 0.0), 0.0)
-    for reading in range(1, 11):
-        assert watch.step(0.2 * reading, (0.1 + 0.02 * reading, 0.0), (0.3, 0.0), 0.0)[1] == ""
-    assert watch.step(2.2, (0.3, 0.0), (0.25, 0.0), 0.0)[1] == ""
-    assert watch.step(2.4, (0.3 + margin_rad - 1e-4, 0.0), (0.25, 0.0), 0.0)[1] == ""
-    assert watch.step(2.6, (0.3 + margin_rad + 1e-3, 0.0), (0.25, 0.0), 0.0)[1] != ""
-    assert watch.step(2.8, (0.3, 0.0), (None, 0.0), 0.0)[1] == ""
-    assert watch.step(3.0, (0.3 - 1.4e-2, 0.0), (None, 0.0), 0.0)[1] == "", "stopped: it stays near where it was"
-    assert watch.step(3.2, (0.3 - 2.8e-2, 0.0), (None, 0.0), 0.0)[1] != ""

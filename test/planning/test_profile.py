@@ -100,14 +100,6 @@ def table(t_s: np.ndarray, turn: float = 0.0) -> PassProfile:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("turn", [0.0, 2.0 * math.pi, -4.0 * math.pi])
-def test_a_finer_table_stays_on_the_turn_of_the_first(turn: float) -> None:
-    fine = table(np.arange(0.0, 2.1, 0.25), turn).resampled()
-    wanted = smooth(fine.t_s, turn)
-    for got, part in zip((fine.position_rad, fine.velocity_rad_s, fine.acceleration_rad_s2), wanted, strict=True):
-        np.testing.assert_allclose(got, part, atol=2e-5)
-
-
 def test_every_column_of_a_finer_table_is_that_of_its_time() -> None:
     fine = table(np.array([0.0, 1.0, 2.03])).resampled()
     assert len(fine.t_s) == 22, "at most 0.1 s each"
@@ -120,28 +112,3 @@ def test_every_column_of_a_finer_table_is_that_of_its_time() -> None:
     np.testing.assert_allclose(
         fine.sun_angle_rad(), angular_distance_rad(*fine.position_rad.T, *fine.sun_rad.T), atol=1e-12
     )
-
-
-@pytest.mark.parametrize("elevation_deg", [-80.0, 10.0, 89.0])
-def test_the_sun_between_two_rows_has_the_elevation_of_its_direction(elevation_deg: float) -> None:
-    """A quarter of a turn apart, where the straight line between both is far inside the sphere."""
-    sun = np.radians([[10.0, elevation_deg], [100.0, elevation_deg], [100.0, elevation_deg]])
-    middle = profile(sun_rad=sun).between(0.0, 0.5).sun_rad[-1]
-    level = math.cos(math.radians(elevation_deg)) * math.sqrt(0.5)
-    wanted = math.atan2(math.sin(math.radians(elevation_deg)), level)
-    assert middle == pytest.approx([math.radians(55.0), wanted])
-
-
-def test_a_piece_has_its_ends_and_the_rows_between() -> None:
-    whole = table(np.arange(4.0))
-    for ends, rows in (((0.5, 2.5), [0.5, 1.0, 2.0, 2.5]), ((1.0, 3.0), [1.0, 2.0, 3.0]), ((1.2, 1.4), [1.2, 1.4])):
-        assert whole.between(*ends).t_s.tolist() == rows
-
-
-def test_two_rows_make_a_profile_and_one_does_not() -> None:
-    assert table(np.arange(2.0)).duration_s == 1.0
-    with pytest.raises(ValueError, match="t_s must have at least 2 increasing times, has 1"):
-        table(np.arange(1.0))
-    with pytest.raises(ValueError, match=r"range_m=-1\.0 must be > 0"):
-        profile(range_m=[1e6, 3.0, -1.0])
-    assert profile(range_m=[0.5] * 3).range_m[0] == 0.5

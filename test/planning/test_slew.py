@@ -168,32 +168,6 @@ WIDE = ((-4.0, 0.0), (4.0, 90.0 * DEG))
 RIDGE = HorizonMask(azimuth_rad=(0.0, 80.0 * DEG, 90.0 * DEG, 100.0 * DEG), elevation_rad=(0.0, 0.0, 30.0 * DEG, 0.0))
 
 
-@pytest.mark.parametrize(("share", "brakes_first"), [(0.999, False), (1.0 + 1e-12, False), (1.001, True)])
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_an_axis_brakes_before_it_comes_back_only_if_it_cannot_stop_at_the_end(
-    share: float, brakes_first: bool, side: float
-) -> None:
-    """With eight tenths of the limit it stops from v in v^2 / 1.6 a."""
-    rate = share * math.sqrt(1.6 * 0.8 * DEG * 1.0 * DEG)
-    motion = AxisSlew.between(0.3, 0.3 + side * DEG, side * rate, 3.0 * DEG, 0.8 * DEG, 0.8)
-    assert (motion.first_s > 0.0) is brakes_first
-    assert (motion.begin_s > 0.0) is brakes_first
-    away = AxisSlew.between(0.3, 0.3 + side * DEG, -side * 1e-4, 3.0 * DEG, 0.8 * DEG, 0.8)
-    assert away.first_s == pytest.approx(1e-4 / (0.8 * DEG))
-
-
-def test_a_slew_has_no_more_chords_than_a_hundredth_of_a_degree_asks_for() -> None:
-    """A parabola of a t^2 / 2 leaves its chord by a dt^2 / 8; between both there is one straight line."""
-    rise_s, fall_s = 1.8 / 0.8, 1.8 / (0.8 * 0.8)
-    per_s, per_fall_s = (math.sqrt(a * 0.8 * DEG / (8.0 * 0.01 * DEG)) for a in (1.0, 0.8))
-    times, _, _ = slew_path(Moving(0.8, (0.3, 0.2)), (1.4, 0.2), AXES)
-    assert len(times) == 2 + math.ceil(rise_s * per_s) + math.ceil(fall_s * per_fall_s)
-    # One that brakes first, from 1 deg/s, has chords for that too: here all 1.25 s of it and of the rise.
-    back, _, _ = slew_path(Moving(1.0, (0.3, 0.2), (1.0 * DEG, 0.0)), (-0.8, 0.2), AXES)
-    chords = math.ceil(1.25 * per_s) + 2 * math.ceil(rise_s * per_s)
-    assert len(back) == 2 + chords
-
-
 @pytest.mark.parametrize(
     ("start_deg", "end_deg", "corners_deg"),
     [
@@ -229,18 +203,6 @@ def az_slew_s(distance_deg: float, share: float) -> float:
     return distance_deg / 1.8 + 0.5 * 1.8 / 0.8 * (1.0 + 1.0 / share)
 
 
-@pytest.mark.parametrize("before_s", [0.0, 1000.0])
-def test_a_leg_keeps_as_much_more_from_the_sun_as_it_moves_until_the_axes_arrive(before_s: float) -> None:
-    """Along the horizon past a Sun e above it, the nearest distance is e; the weaker braking takes longer."""
-    start, corner, paths = (0.0, 0.0), (100.0 * DEG, 0.0), PathFinder(FLAT, AXES, WIDE)
-    before = Leg("", tuple(Moving(share, start) for share in (1.0, 0.8)), before_s)
-    kept_rad = 5.0 * DEG + 2.0 * math.pi / 86400.0 * (before_s + az_slew_s(100.0, 0.8))
-    for off_rad, free in ((1e-4, True), (-1e-4, False)):
-        leg = paths.leg(before, corner, (50.0 * DEG, kept_rad + off_rad), last=False)
-        assert (leg.reason == "") is free
-        assert not free or leg.end_s == pytest.approx(before_s + az_slew_s(100.0, 0.8))
-
-
 def test_after_a_leg_the_axes_rest_at_the_corner() -> None:
     """Whatever they braked with: the next leg begins at rest."""
     start, corner, paths = (0.0, 0.1), (50.0 * DEG, 0.1), PathFinder(FLAT, AXES, WIDE)
@@ -250,14 +212,6 @@ def test_after_a_leg_the_axes_rest_at_the_corner() -> None:
         assert leg.reason == ""
         assert leg.moving == (Moving(1.0, goal), Moving(0.8, goal))
         assert leg.end_s == pytest.approx(end_s)
-
-
-@pytest.mark.parametrize("last", [True, False])
-def test_only_the_last_leg_is_free_for_being_above_everything(last: bool) -> None:
-    """The corner of another one must be known."""
-    leg = PathFinder(FLAT, AXES, WIDE).leg(Leg.begin((0.0, 0.1)), (1.0, 0.3), None, last=last)
-    assert (leg.reason, len(leg.moving)) == ("", 0 if last else 2)
-    assert (leg.end_s == 0.0) is last
 
 
 @pytest.mark.parametrize(
@@ -279,20 +233,6 @@ def test_axes_after_a_target_keep_a_tenth_of_a_degree_more_from_the_sun_but_not_
         ahead = places - [[0.0, 0.0], [0.0, 0.9**2 / 1.6 * DEG], [0.0, 0.0]]
         rates = np.array([[0.0, 0.0], [0.0, 0.9 * DEG], [0.0, 0.0]])
         assert (paths.barred(ahead, rates, target, sun) == "") is free
-
-
-def test_the_corners_ahead_of_a_slew_are_given_until_the_axes_rest_near_them() -> None:
-    corners, still = CornerPath([(0.1, 0.2), (0.3, 0.2), (0.3, 0.2)], near_rad=0.01, rest_rad_s=1e-3), (0.0, -0.99e-3)
-    near, far = 0.01 - 1e-9, 0.01 + 1e-9
-    assert corners.next((0.1 - far, 0.2), still) == (0.1, 0.2)
-    assert corners.next((0.1, 0.2 + far), still) == (0.1, 0.2)
-    for moving in ((1.01e-3, 0.0), (0.0, -1.01e-3)):
-        assert corners.next((0.1, 0.2), moving) == (0.1, 0.2)
-    assert corners.next((0.1 - near, 0.2 + near), still) == (0.3, 0.2)
-    assert corners.next((0.0, 0.0), still) == (0.3, 0.2), "one that is passed does not come back"
-    assert corners.next((0.3, 0.2), still) == (0.3, 0.2), "one at a time"
-    assert corners.next((0.3, 0.2), still) is None
-    assert CornerPath([], near_rad=0.01, rest_rad_s=1e-3).next((0.0, 0.0), still) is None
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 0.02, 0.1, 0.4, 2.0])

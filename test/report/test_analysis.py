@@ -66,16 +66,6 @@ def test_intervals_fill_the_recording() -> None:
     assert spans[1].reason == "because b"
 
 
-def test_a_single_status_is_an_interval_without_length() -> None:
-    (span,) = made([0.0], ["a"]).intervals()
-    assert (span.mode, span.seconds) == ("a", 0.0)
-
-
-def test_the_offset_of_a_single_status_holds_at_any_time() -> None:
-    modes = made([0.0], ["monopulse"], [1.5])
-    np.testing.assert_array_equal(modes.offset_rad_at(at(-1.0, 0.0, 7.0)), [[1.5, 0.0]] * 3)
-
-
 def test_recording_without_status_has_no_timeline() -> None:
     assert timeline(Recording(Path("bag"), "", {}, (), (), {}, {}, (), ())) is None
 

@@ -1,6 +1,5 @@
 """Bags written by `BagWriter`, read by two independent readers, on disks that last and disks that fill."""
 
-import errno
 import json
 import resource
 from collections.abc import Iterator
@@ -12,7 +11,7 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.rosbag2 import Reader, StoragePlugin
 
 from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, BagWriter
 from rf_pointing.report.definitions import Definitions
@@ -206,22 +205,6 @@ def test_disk_that_is_full_at_the_last_write_keeps_what_reached_it(tmp_path: Pat
     assert result.message_count + sum(item.count for item in result.lost) == 1_500
     with Reader(tmp_path / "bag") as reader:
         assert reader.message_count == result.message_count
-
-
-def test_a_rescued_bag_without_a_message_begins_at_zero_and_has_no_length(
-    tmp_path: Path, types: Definitions, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    bag = BagWriter(tmp_path / "bag", types)
-    bag.register("/a", JOINTS)
-    with monkeypatch.context() as patch:
-        patch.setattr(Writer, "close", full)
-        assert bag.close().problem == "recording stopped: No space left on device"
-    kept = metadata(tmp_path / "bag")
-    assert kept["starting_time"] == {"nanoseconds_since_epoch": 0}
-    assert (kept["duration"], kept["message_count"]) == ({"nanoseconds": 0}, 0)
 
 
 def test_no_room_to_begin_leaves_no_directory_behind(tmp_path: Path, types: Definitions) -> None:

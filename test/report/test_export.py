@@ -3,7 +3,7 @@
 import builtins
 import csv
 import math
-from dataclasses import astuple, fields, replace
+from dataclasses import astuple, fields
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -40,15 +40,6 @@ def bag(tmp_path_factory: pytest.TempPathFactory, synthetic_run: Any, types: Def
 @pytest.fixture(scope="module")
 def recording(bag: Path) -> Recording:
     return read_recording(bag)
-
-
-def exported(recording: Recording, topic: str, folder: Path) -> dict[str, list[float]]:
-    """The numbers of one table of an export, by column."""
-    export_recording(recording, folder, "csv")
-    with (folder / f"{topic}.csv").open() as file:
-        names, *rows = csv.reader(file)
-    kept = {name: [row[index] for row in rows] for index, name in enumerate(names)}
-    return {name: [float(text) for text in kept[name]] for name in ("stamp_ns", "log_time_ns", "t_s")}
 
 
 def without(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
@@ -162,21 +153,6 @@ def test_parquet_without_its_package_is_refused_by_its_name_and_writes_nothing(
     with pytest.raises(ValueError, match="needs the package pyarrow, which is not installed: pip install pyarrow"):
         export_recording(recording, tmp_path / "out", "parquet")
     assert not (tmp_path / "out").exists()
-
-
-def test_a_table_without_stamps_has_minus_one_and_counts_from_its_first_message(
-    recording: Recording, tmp_path: Path
-) -> None:
-    data = replace(recording.topics["target"], stamp_ns=None)
-    columns = exported(replace(recording, topics=recording.topics | {"target": data}), "target", tmp_path)
-    assert set(columns["stamp_ns"]) == {-1}
-    assert columns["t_s"][:3] == pytest.approx([0.0, 0.01, 0.02])
-
-
-def test_a_table_counts_from_the_first_stamp_of_any_topic(recording: Recording, tmp_path: Path) -> None:
-    columns = exported(recording, "target", tmp_path)
-    # Targets are announced 2 s ahead.
-    assert columns["t_s"][:3] == pytest.approx([2.0, 2.1, 2.2])
 
 
 def test_a_topic_that_is_not_there_is_refused_with_those_that_are(recording: Recording, tmp_path: Path) -> None:

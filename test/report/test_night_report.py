@@ -95,30 +95,6 @@ def test_a_night_without_a_pass_is_a_page_too() -> None:
                                              "alarms": {"history": [], "alarms": []}}, "Dish"))  # fmt: skip
 
 
-EMPTY = {"begun_s": None, "schedule": [], "records": [], "alarms": {"history": [], "alarms": []}}
-
-
-def test_a_night_lasts_from_its_begin_to_what_happened_last() -> None:
-    empty = night_of(EMPTY, "Dish")
-    assert (empty.begun_t_s, empty.ended_t_s, empty.held_share, empty.messages) == (0.0, 1.0, 0.0, 0)
-    records = [record("SAT 2", 3600.0), record("SAT 1", 600.0)]
-    report = night_of(state(records), "Dish")
-    assert (report.begun_t_s, report.ended_t_s) == (T0, T0 + 4200.0)
-    assert [each.name for each in report.passes] == ["SAT 1", "SAT 2"]
-    late = [T0 + 5000.0, "raised", "full_disk", 1, "0.1 GB are free"]
-    assert night_of(state(records, [late]), "Dish").ended_t_s == T0 + 5000.0
-    assert night_of(state(records, [late]), "Dish", ended_t_s=T0 + 4500.0).ended_t_s == T0 + 4500.0
-    # Of a night whose begin is not known the last thing is all there is.
-    unknown = night_of(state(records) | {"begun_s": None}, "Dish")
-    assert (unknown.begun_t_s, unknown.ended_t_s) == (T0 + 4200.0, T0 + 4201.0)
-
-
-def test_a_pass_that_left_the_schedule_has_no_priority() -> None:
-    left = state([record("SAT 1", 600.0), record("SAT 2", 3600.0)])
-    left["schedule"] = left["schedule"][1:]
-    assert [each.priority for each in night_of(left, "Dish").passes] == [0, 3]
-
-
 def test_an_alarm_keeps_its_worst_level_and_an_end_without_a_raise_is_none() -> None:
     history = [
         [T0 + 10.0, "cleared", "old", 1, "of the night before"],
@@ -134,33 +110,6 @@ def test_an_alarm_keeps_its_worst_level_and_an_end_without_a_raise_is_none() -> 
 
 def to_do(records: list[dict[str, Any]], history: Sequence[Any] = (), **health: Any) -> tuple[str, ...]:
     return night_of(state(records, history), "Dish", health=health).to_do
-
-
-def test_the_worst_alarm_that_lasts_comes_first() -> None:
-    raised = [[T0 + 10.0 * k, "raised", f"alarm {k}", level, f"message {k}"] for k, level in enumerate((1, 2, 1))]
-    assert to_do([], raised) == tuple(f"message {k}: look into it" for k in (1, 0, 2))
-
-
-def test_an_alarm_that_comes_three_times_is_to_be_looked_into() -> None:
-    history = [
-        [T0 + 10.0 * k, event, name, 1, "text"]
-        for k, (event, name) in enumerate([(event, name) for name, n in (("often", 3), ("twice", 2)) for _ in range(n)
-                                           for event in ("raised", "cleared")])
-    ]  # fmt: skip
-    assert to_do([], history) == ("often came 3 times in the night: find out why",)
-
-
-@pytest.mark.parametrize(("age_h", "old"), [(None, False), (48.0, False), (48.5, True)])
-def test_elements_older_than_two_days_are_to_be_fetched(age_h: float | None, old: bool) -> None:
-    rows = to_do([record("SAT 1", 600.0, element_age_h=age_h)])
-    assert rows == (("fetch newer elements of SAT 1: older than 48 h",) if old else ())
-
-
-@pytest.mark.parametrize(("many", "names"), [(5, "1, 2, 3, 4, 5"), (7, "1, 2, 3, 4, 5 and 2 more")])
-def test_passes_that_were_lost_are_named_up_to_five(many: int, names: str) -> None:
-    lost = [record(str(k), 600.0 * k, state="lost", recorded=False) for k in range(1, many + 1)]
-    others = [record(name, 9000.0, state=name, recorded=False) for name in ("skipped", "weather")]
-    assert to_do([*lost, *others]) == (f"{many} passes were lost ({names}): plan them again if needed",)
 
 
 def test_what_is_not_well_is_to_be_looked_at() -> None:
@@ -196,50 +145,6 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 MIDNIGHT = 1_151_280_000.0
-
-
-@pytest.mark.parametrize("step_s", [900.0, 1800.0, 3600.0, 7200.0, 14400.0, 86400.0])
-def test_the_axis_has_up_to_thirteen_times(shown: Any, step_s: float) -> None:
-    hours = shown(12.0 * step_s, [])["timeline"]["hours"]
-    assert [each["x"] for each in hours] == [90.0 * k for k in range(13)]
-    minutes = [round(k * step_s / 60.0) for k in range(13)]
-    assert [each["text"] for each in hours] == [f"{each // 60 % 24:02d}:{each % 60:02d}" for each in minutes]
-    # A little longer, and the next step is taken.
-    steps = {900.0: 1800.0, 1800.0: 3600.0, 3600.0: 7200.0, 7200.0: 14400.0, 14400.0: 86400.0}
-    wider = shown(12.5 * step_s, [])["timeline"]["hours"]
-    assert len(wider) == (int(12.5 * step_s / steps[step_s]) + 1 if step_s in steps else 0)
-
-
-def test_the_first_time_of_the_axis_is_within_the_night(shown: Any) -> None:
-    hours = shown(10_800.0, [], begun_s=MIDNIGHT + 100.0)["timeline"]["hours"]
-    assert (hours[0], hours[-1]["text"]) == ({"x": 80.0, "text": "00:15"}, "03:00")
-    assert len(hours) == 12
-
-
-def test_a_bar_is_where_its_pass_or_alarm_was(shown: Any) -> None:
-    """A night of three hours is 1080 wide: 0.1 a second."""
-    at = MIDNIGHT - T0
-    records = [
-        record("SAT 1", at - 300.0),
-        record("SAT 2", at + 1000.7, lost_s=150.0),
-        record("SAT 3", at + 5000.0, los_t_s=MIDNIGHT + 5000.5, lost_s=0.5, state="lost"),
-        record("SAT 4", at + 10_500.0),
-    ]
-    history = [
-        [MIDNIGHT + 1000.0, "raised", "disk", 1, "1 GB is free"],
-        [MIDNIGHT + 3000.0, "cleared", "disk", 1, ""],
-        [MIDNIGHT + 4000.0, "raised", "drives", 2, "drives cut"],
-        [MIDNIGHT + 4010.0, "cleared", "drives", 2, ""],
-        [MIDNIGHT + 9800.0, "raised", "disk", 1, "1 GB is free"],
-    ]
-    shows = shown(10_800.0, records, history)["timeline"]
-    passes, alarms = ([(each["x"], each["width"]) for each in shows[kind]] for kind in ("passes", "alarms"))
-    assert passes == [(0.0, 30.0), (100.1, pytest.approx(60.0)), (500.0, 2.0), (1050.0, 30.0)]
-    assert [each["lost"] for each in shows["passes"]] == [10.0 / 600.0, pytest.approx(150.0 / 600.0), 0.5, 10.0 / 600.0]
-    assert shows["passes"][2]["text"] == "SAT 3, 01:23:20: lost, 0 s lost"
-    assert alarms == [(100.0, 200.0), (400.0, 3.0), (980.0, 100.0)]
-    assert [each["lane"] for each in shows["alarms"]] == [0, 1, 0]
-    assert (shows["names"], shows["height"]) == (["disk", "drives"], 70.0 + 2 * 26.0 + 24.0)
 
 
 def test_the_tables_have_each_pass_alarm_and_device(shown: Any) -> None:

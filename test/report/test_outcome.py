@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.core.pass_outcome import LEAST_SHARE
 from rf_pointing.report.analysis import Analysis, ErrorSeries, Timeline, analyse
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.outcome import verdict
@@ -166,30 +165,6 @@ def judged(
 EVERY_S = np.arange(0.0, 62.0, 1.0)
 
 
-def test_the_count_is_that_at_the_end_of_the_pass() -> None:
-    """Of the last status with its target and the one that ends it, whichever has counted more."""
-    for rows in (ROWS, ROWS[::-1]):
-        found = judged(rows)
-        assert (found.counted.tracked_s, found.counted.lost_s) == (46.5, 1.5)
-        assert found.counted.mean_loss_db == pytest.approx(0.25)
-        assert found.counted.held_percent == pytest.approx(100.0 * 46.5 / 48.0)
-        assert (found.tracked, found.reason, found.source) == (True, "loss of signal", "counted")
-    # A controller that starts again at the end has forgotten it.
-    forgotten = [*ROWS[:3], (58.0, "", "loss of signal", 0.0, 0.0, 0.0)]
-    assert judged(forgotten).counted.tracked_s == 46.0
-
-
-@pytest.mark.parametrize(
-    ("tracked_s", "lost_s", "known"), [(0.0, 0.0, False), (0.3, 0.2, True), (1.0, 2.0, True), (1.0, 1.0, True)]
-)
-def test_any_time_that_was_counted_is_an_outcome(tracked_s: float, lost_s: float, known: bool) -> None:
-    found = judged([*ROWS[:2], (58.0, "", "loss of signal", tracked_s, lost_s, 3.0)])
-    assert (found.counted is not None) is known
-    assert (found.source, found.tracked is None) == (("counted", False) if known else (None, True))
-    if known:
-        assert found.counted.held_percent == pytest.approx(100.0 * tracked_s / (tracked_s + lost_s))
-
-
 def test_a_recording_that_ends_in_the_pass_is_cut_short() -> None:
     found = judged([*ROWS[:2], (40.0, "x", "", 30.0, 0.0, 0.0)], EVERY_S)
     assert (found.tracked, found.reason) == (False, "the recording ends before the loss of signal")
@@ -210,42 +185,6 @@ def test_the_flight_counts_from_the_rise_or_the_target_to_the_set_or_the_end(
     off = judged(rows, EVERY_S, error_rad=BEAM_RAD)
     assert (off.flown.tracked_s, off.flown.lost_s) == (0.0, tracked_s)
     assert off.flown.mean_loss_db == pytest.approx(40.0 * math.log10(2.0), abs=1e-6)
-
-
-def test_a_pass_that_ended_before_its_rise_has_no_flight() -> None:
-    rows: list[Row] = [(0.0, "x", "", 0.0, 0.0, 0.0), (5.0, "", "the goal was cancelled", 3.0, 1.0, 0.0)]
-    found = judged(rows, EVERY_S)
-    assert (found.flown, found.source) == (None, "counted")
-
-
-@pytest.mark.parametrize(
-    ("step_s", "end_s", "gone_s", "lost_s"),
-    [
-        # A sample or two more or less at the ends are no gap.
-        (1.0, 50.0, 2.0, 0.0),
-        (1.0, 50.3, 2.0, 2.3),
-        (1.0, 50.0, 5.0, 5.0),
-        (0.5, 50.0, 2.0, 2.0),
-    ],
-)
-def test_a_gap_of_more_than_two_samples_is_lost(step_s: float, end_s: float, gone_s: float, lost_s: float) -> None:
-    rows: list[Row] = [*ROWS[:2], (end_s, "", "loss of signal", 0.0, 0.0, 0.0)]
-    known_s = [t for t in np.arange(0.0, 62.0, step_s) if not 20.0 < t <= 20.0 + gone_s]
-    found = judged(rows, known_s)
-    assert found.flown.lost_s == pytest.approx(lost_s, abs=1e-6)
-    assert found.flown.tracked_s == pytest.approx(40.0 - gone_s)
-
-
-@pytest.mark.parametrize(("errors_s", "tracked_s"), [([20.0], 0.0), ([20.0, 21.0], 2.0)])
-def test_of_a_few_samples_all_other_time_is_lost(errors_s: list[float], tracked_s: float) -> None:
-    found = judged(errors_s=errors_s)
-    assert (found.flown.tracked_s, found.flown.lost_s) == (tracked_s, pytest.approx(48.0 - tracked_s))
-
-
-def test_without_a_beam_or_the_truth_there_is_no_flight() -> None:
-    assert judged(errors_s=EVERY_S, beam_rad=0.0).source == "counted"
-    assert judged(errors_s=EVERY_S, source="sensed").source == "counted"
-    assert judged().flown is None
 
 
 def test_without_a_pass_only_the_faults_are_known() -> None:
@@ -275,30 +214,3 @@ def test_a_certificate_predicts_what_is_left_of_the_pass_when_it_is_issued() -> 
     assert (late.tracked_s, late.lost_s, late.held_percent) == (pytest.approx(30.0), 10.0, pytest.approx(75.0))
     none = predicted({"stamp": 18.0, "lost": 90.0})
     assert (none.tracked_s, none.lost_s, none.held_percent) == (0.0, pytest.approx(40.0), 0.0)
-
-
-@pytest.mark.parametrize(
-    ("rows", "loss_db"),
-    [
-        ([{"mean_loss": 0.3}, {"mean_loss": 0.4}, {"mean_loss": 0.5}], 0.5),
-        ([{"mean_loss": 0.3}, {"target": "y"}], 0.3),
-        ([{"mean_loss": 0.3}, {"aos": -40.0, "los": 10.0}], 0.3),
-        ([{"mean_loss": 0.3}, {"aos": 58.0, "los": 90.0}], 0.3),
-        ([{"mean_loss": 0.3}, {"accepted": False}], None),
-        ([{"accepted": False}, {"mean_loss": 0.3}], 0.3),
-        ([{"target": "y"}], None),
-    ],
-)
-def test_the_last_certificate_of_the_pass_counts(rows: list[dict[str, Any]], loss_db: float | None) -> None:
-    found = predicted(*rows)
-    assert (found and found.mean_loss_db) == loss_db
-
-
-@pytest.mark.parametrize(
-    ("given", "least"),
-    [({"least_share": 0.75}, 0.75), ({"least_share": 0.0}, LEAST_SHARE), ({"accepted": False}, LEAST_SHARE)],
-)
-def test_the_share_required_is_that_of_the_certificate(given: dict[str, Any], least: float) -> None:
-    for share in (least - 0.01, least):
-        rows: list[Row] = [*ROWS[:2], (58.0, "", "loss of signal", 48.0 * share, 48.0 * (1.0 - share) - 1e-9, 0.0)]
-        assert judged(rows, pass_certificate=certificate(given)).tracked is (share == least)

@@ -19,7 +19,6 @@ from rf_pointing.report.bag_writer import BagWriter
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.recording import namespaces, read_recording
 from rf_pointing.report.summary import Complaint
-from rf_pointing.report.topics import head_reader
 
 Runs = type[Any]
 START_NS = 1_700_000_000 * 10**9
@@ -344,13 +343,3 @@ def test_metadata_that_cannot_be_read_costs_nothing(bag: Path, tmp_path: Path, t
     recording = read_recording(damaged)
     assert any("the bag is damaged" in problem for problem in recording.problems)
     assert len(recording.topics["joint_states"]) == len(read_recording(bag).topics["joint_states"])
-
-
-def test_stamp_and_counter_are_read_behind_a_frame_of_any_length(types: Definitions, maker: Any) -> None:
-    """CDR aligns the counter to 8 bytes."""
-    kind = "rf_pointing_msgs/msg/Boresight"
-    read, count = head_reader(kind, types.typestore)
-    assert count == 2
-    for length in range(20):
-        header = maker.message("std_msgs/msg/Header", stamp=maker.time(START_NS + 7), frame_id="f" * length)
-        assert read(maker.serialized(kind, header=header, sequence=1234 + length)) == (START_NS + 7, 1234 + length)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import TrackedPass
-from rf_pointing.report import tracking_from_bag as module
 from rf_pointing.report.definitions import definitions
 from rf_pointing.report.tracking_from_bag import tracking_from_bag
 
@@ -92,10 +91,3 @@ def test_what_is_no_recording_is_refused_by_its_path(tmp_path):
 def test_a_missing_topic_is_named(tmp_path, types):
     with pytest.raises(ValueError, match="holds no message of target"):
         tracking_from_bag(bag(tmp_path, types, left_out={"target"}), "gs1", "X")
-
-
-def test_errors_of_sensors_of_other_packages_are_known(tmp_path, types, monkeypatch):
-    loaded = []
-    monkeypatch.setattr(module, "load_trackers", lambda: loaded.append("trackers"))
-    tracking_from_bag(bag(tmp_path, types), "gs1", "X")
-    assert loaded == ["trackers"]

@@ -154,14 +154,6 @@ def test_nearly_empty_recording_still_gives_a_page(tmp_path: Path, types: Defini
     assert "no joint_states: no axis rates" in summary.problems
 
 
-def test_bag_of_empty_topics_gives_a_page(tmp_path: Path, types: Definitions) -> None:
-    with BagWriter(tmp_path / "bag", types) as bag:
-        bag.register("/gs1/tracking_status", "rf_pointing_msgs/msg/TrackingStatus")
-    summary = write_report(tmp_path / "bag", tmp_path / "report")
-    assert summary.topics[0].count == 0
-    assert page(summary, {})
-
-
 def test_nothing_is_written_for_a_bag_that_cannot_be_read(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="does not exist"):
         write_report(tmp_path / "missing", tmp_path / "report")

@@ -372,18 +372,6 @@ def test_a_calibration_scan_takes_its_time_and_forgives_the_false_locks() -> Non
     assert driver.modes[-2:] == ["coast", "monopulse"]
 
 
-@pytest.mark.parametrize(("below_db", "mode"), [(13.9, "conscan"), (14.1, "coast")])
-def test_a_scan_begins_within_the_beam_as_a_completed_search_has_measured_its_axis(below_db: float, mode: str) -> None:
-    """The link really gives 4 dB less than computed; the beam is left 10 dB below that."""
-    table = Autotrack(AutotrackParams(sensor="conscan"))
-    state = AutotrackState(mode="coast", carrier=True, carrier_since_s=0.0, learned_db=-4.0)
-    inputs = AutotrackInputs(
-        t_s=1.0, request="track", target_available=True, on_target=True, carrier_to_noise_db_hz=60.0 - below_db,
-        axis_db_hz=60.0,
-    )  # fmt: skip
-    assert table.step(state, inputs).mode == mode
-
-
 def test_an_array_follows_its_own_levels_and_is_never_searched_for() -> None:
     """It sees most of the sky: a search would move the beam without showing it any more."""
     driver, seen = Driver(sensor="array"), {"valid": frozenset({"array"})}
@@ -431,33 +419,6 @@ def test_each_mode_that_waits_does_so_for_its_own_time(
     assert found.entered_s == (begun_s if mode == "before" else inputs.t_s)
 
 
-@pytest.mark.parametrize("sidelobe", [True, False])
-def test_only_a_hold_off_from_a_sidelobe_is_remembered_as_one(sidelobe: bool) -> None:
-    driver = Driver(sensor="monopulse").on_monopulse()
-    # What looks like one without a fault is none.
-    driver.run(TICK_S, 5.0, sidelobe=True)
-    assert (driver.state.mode, driver.state.sidelobe) == ("coast", False)
-    driver.run(2.0, 50.0, monopulse_valid=True)
-    driver.run(TICK_S, 50.0, monopulse_valid=True, fault="sign flip", sidelobe=sidelobe)
-    assert (driver.state.mode, driver.state.sidelobe) == ("hand_back", sidelobe)
-    driver.run(8.0, 50.0, monopulse_valid=True)
-    assert driver.state.sidelobe == sidelobe
-
-
-@pytest.mark.parametrize(("below_db", "mode"), [(6.9, "coast"), (7.1, "search")])
-def test_a_faint_carrier_is_the_links_within_3_db_of_what_a_completed_search_has_measured(
-    below_db: float, mode: str
-) -> None:
-    """The link really gives 4 dB less than computed."""
-    table = Autotrack(AutotrackParams(sensor="monopulse"))
-    state = AutotrackState(mode="coast", carrier=True, carrier_since_s=0.0, learned_db=-4.0)
-    inputs = AutotrackInputs(
-        t_s=100.0, request="track", target_available=True, on_target=True, carrier_to_noise_db_hz=34.0 - below_db,
-        axis_db_hz=34.0, valid=frozenset(),
-    )  # fmt: skip
-    assert table.step(state, inputs).mode == mode
-
-
 def inputs_at(t_s: float, level_db_hz: float, **changes: object) -> AutotrackInputs:
     """A target that is requested, available and reached, every sensor valid."""
     values = {
@@ -465,23 +426,6 @@ def inputs_at(t_s: float, level_db_hz: float, **changes: object) -> AutotrackInp
         "valid": frozenset({"monopulse", "conscan", "steptrack", "array"}), **changes,
     }  # fmt: skip
     return AutotrackInputs(t_s=t_s, carrier_to_noise_db_hz=level_db_hz, **values)
-
-
-@pytest.mark.parametrize(
-    ("mode", "fault", "level_db_hz", "target", "false_locks"),
-    [
-        ("monopulse", "sidelobe: planted", 50.0, "hand_back", 5), ("monopulse", "", 5.0, "coast", 4),
-        ("conscan", "odd", 50.0, "hand_back", 4), ("conscan", "", 5.0, "coast", 4), ("coast", "", 50.0, "monopulse", 4),
-    ],
-)  # fmt: skip
-def test_a_false_lock_is_one_that_ends_a_watched_sensor_by_a_fault(
-    mode: str, fault: str, level_db_hz: float, target: str, false_locks: int
-) -> None:
-    table = Autotrack(AutotrackParams(most_false_locks=9))
-    state = AutotrackState(mode=mode, carrier=True, strong=True, carrier_since_s=0.0, false_locks=4)
-    found = table.step(state, inputs_at(1.0, level_db_hz, fault=fault))
-    assert (found.mode, found.false_locks) == (target, false_locks)
-    assert found.reason == fault or not fault
 
 
 @pytest.mark.parametrize(
@@ -503,16 +447,3 @@ def test_only_a_search_that_ends_at_its_peak_teaches_the_level_and_never_more_th
     found = Autotrack(AutotrackParams(sensor="monopulse")).step(state, seen)
     assert (found.mode, found.learned_db) == (target, learned_db)
     assert (found.peak_s, found.peak_db_hz, found.entered_s) == (10.0, 52.0 + peak_db, t_s)
-
-
-def test_where_the_link_is_not_known_no_level_is_above_or_below_it() -> None:
-    table = Autotrack(AutotrackParams(sensor="monopulse"))
-    searching = table.step(AutotrackState(mode="search"), inputs_at(1.0, 47.0, valid=frozenset()))
-    assert (searching.peak_db_hz, searching.peak_s, searching.peak_excess_db) == (47.0, 1.0, 0.0)
-    known = table.step(searching, inputs_at(1.1, 47.5, axis_db_hz=45.0, valid=frozenset()))
-    assert (known.peak_db_hz, known.peak_s, known.peak_excess_db) == (47.5, 1.1, 2.5)
-    locked = table.step(
-        dataclasses.replace(searching, mode="coast", carrier=True, strong=True, carrier_since_s=0.0),
-        inputs_at(2.0, 47.0),
-    )
-    assert (locked.mode, locked.lock_db) == ("monopulse", 0.0)

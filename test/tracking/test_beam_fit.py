@@ -12,12 +12,8 @@ from rf_pointing.core import MDEG, MU, CarrierPower, PointingError, random_strea
 from rf_pointing.tracking.beam_fit import (
     PowerWindow,
     beam_design,
-    columns_independent,
     fit_beam,
-    is_singular,
-    least_spread_rad,
     rank_reason,
-    spin_columns,
 )
 from rf_pointing.tracking.conscan import ConscanTracker
 from rf_pointing.tracking.conscan_estimate import ConscanParams
@@ -228,33 +224,6 @@ def test_windows_that_cannot_be_solved_are_refused(change: dict[str, object], me
         params(**change)
 
 
-def test_the_least_spread_is_that_of_the_weaker_principal_axis() -> None:
-    rng = random_stream(5, "spread")
-    for _ in range(20):
-        beam = rng.standard_normal((9, 2)) @ rng.standard_normal((2, 2)) * MDEG + 2.0 * MDEG
-        least = np.sqrt(np.linalg.eigvalsh(np.cov(beam.T, bias=True))[0])
-        assert least_spread_rad(beam_design(beam, H)) == pytest.approx(least, rel=1e-6)
-
-
-def test_unknowns_are_independent_down_to_the_rounding_of_their_information() -> None:
-    rng = random_stream(6, "independent")
-    rows = rng.standard_normal((30, 3)) * [1.0, 1e6, 1e-6]
-    near = rows.copy()
-    near[:, 2] = rows[:, 0] * 1e-6 + 1e-5 * rows[:, 2]
-    same = rows.copy()
-    same[:, 2] = 3.0 * rows[:, 0]
-    assert not is_singular(rows.T @ rows)
-    assert not is_singular(near.T @ near)
-    assert is_singular(same.T @ same)
-    assert is_singular(np.stack([rows.T @ rows, same.T @ same]))
-    assert not is_singular(np.stack([rows.T @ rows, near.T @ near]))
-    assert is_singular(np.diag([1.0, 0.0]))
-    assert is_singular(np.diag([1.0, np.inf]))
-    beam = rng.standard_normal((12, 2)) * MDEG
-    assert columns_independent(beam_design(beam, H, rng.standard_normal((12, 1))))
-    assert not columns_independent(beam_design(beam, H, beam[:, :1]))
-
-
 def test_a_window_holds_its_newest_samples_that_are_not_too_old() -> None:
     window = PowerWindow.empty()
     for k in range(6):
@@ -273,40 +242,3 @@ def test_a_window_holds_its_newest_samples_that_are_not_too_old() -> None:
     )
     assert window.beam_rad[0].tolist() == [0.03, -0.06]
     assert window.without(1).t_s.tolist() == [3.0, 5.0]
-
-
-def test_columns_of_a_spin_are_its_cosine_and_sine_from_the_first_sample() -> None:
-    t_s = 1e9 + np.array([0.0, 0.4, 1.1, 2.5])
-    found = spin_columns(t_s, (5.0, 2.0))
-    elapsed = t_s - t_s[0]
-    expected = [
-        np.cos(2 * np.pi * elapsed / 5.0),
-        np.cos(np.pi * elapsed),
-        np.sin(2 * np.pi * elapsed / 5.0),
-        np.sin(np.pi * elapsed),
-    ]
-    np.testing.assert_allclose(found, np.stack(expected, axis=1), atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("angle_deg", "blind"),
-    [
-        (0.0, "elevation"), (21.0, "elevation"), (-21.0, "elevation"), (175.0, "elevation"),
-        (24.0, "one diagonal"), (45.0, "one diagonal"), (66.0, "one diagonal"), (-24.0, "one diagonal"),
-        (-45.0, "one diagonal"), (-66.0, "one diagonal"), (115.0, "one diagonal"), (69.0, "cross-elevation"),
-        (90.0, "cross-elevation"), (-69.0, "cross-elevation"),
-    ],
-)  # fmt: skip
-def test_what_a_line_leaves_undetermined_is_named_by_the_nearest_of_eight_directions(
-    angle_deg: float, blind: str
-) -> None:
-    along = np.linspace(-R, R, 12)[:, None]
-    line = along * np.array([math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))])
-    reason = rank_reason(line + np.array([3.0, -2.0]) * R, 0.01 * R)
-    assert reason == f"{blind} is not determined: the beam positions lie on a line"
-
-
-def test_three_positions_are_enough_only_if_they_lie_on_no_line() -> None:
-    three = np.array([[-R, 0.0], [0.0, 0.0], [R, 0.0]])
-    assert rank_reason(three, 0.01 * R) == "elevation is not determined: the beam positions lie on a line"
-    assert rank_reason(three[[0, 1, 0, 1]], 0.01 * R) == "2 distinct beam positions, must be at least 3"

@@ -485,37 +485,6 @@ def test_other_parameters_keep_the_window_and_another_delay_does_not() -> None:
     assert tracker.beam_time_s(power(7.0, 1.0)) == 7.0 - 0.5 - 0.25
 
 
-@pytest.mark.parametrize("factor", [0.95e4, 1.05e4, 1.0 / 0.95e4, 1.0 / 1.05e4])
-def test_noise_ten_thousand_times_that_of_the_samples_before_is_another_receivers(factor: float) -> None:
-    """Noise is sigma^2 / power, here of samples of 0.2 to 0.6 W."""
-    tracker, noise_w = ConscanTracker(params(estimator="likelihood")), 3e-6
-    for k, watts in enumerate((0.5, 0.3, 0.6, 0.2, 0.4, 0.5)):
-        sigma = math.sqrt((factor if k == 5 else 1.0) * noise_w * watts)
-        tracker.add(power(k + 1.0, watts, sigma), R * math.cos(k), R * math.sin(k))
-    refused = not 1e-4 < factor < 1e4
-    assert tracker.state.rejected == refused
-    assert len(tracker.state.window) == 6 - refused
-
-
-@pytest.mark.parametrize(
-    ("before", "changes_at", "after", "newest", "refused"),
-    [
-        (1.0, 4, 1e3, 5e6, 0), (1.0, 4, 1e-3, 2e-7, 0), (1.0, 9, 1e3, 5e4, 1), (1.0, 9, 1e-3, 5e-5, 1),
-        (1.0, 6, 1e3, 5e4, 1), (1.0, 6, 1e-3, 5e-5, 1),
-    ],
-)  # fmt: skip
-def test_what_noise_is_usual_the_first_the_middle_and_the_last_sample_say_by_majority(
-    before: float, changes_at: int, after: float, newest: float, refused: int
-) -> None:
-    """It changes a thousandfold after so many of ten samples; the newest may differ from it by ten thousand times."""
-    tracker = ConscanTracker(params(estimator="likelihood"))
-    for k in range(11):
-        noise = before if k < changes_at else after if k < 10 else newest
-        tracker.add(power(k + 1.0, 1.0, 1e-5 * math.sqrt(noise)), R * math.cos(k), R * math.sin(k))
-    assert tracker.state.rejected == refused
-    assert len(tracker.state.window) == 11 - refused
-
-
 @pytest.mark.parametrize("estimator", ["likelihood", "linear"])
 @pytest.mark.parametrize("unit", [1e-15, 1e6])
 def test_the_unit_of_the_power_changes_nothing(estimator: str, unit: float) -> None:
@@ -538,38 +507,10 @@ def test_the_unit_of_the_power_changes_nothing(estimator: str, unit: float) -> N
     np.testing.assert_allclose(other.covariance_rad2, one.covariance_rad2, rtol=1e-8, atol=1e-20)
 
 
-def test_the_linear_covariance_is_that_of_the_ratio_of_its_coefficients() -> None:
-    """By a thousand windows of noise in watts of a real receiver, at an error that is not small."""
-    rng, errors, stated = random_stream(5, "ratio"), [], []
-    angles = 2.0 * np.pi * np.arange(1, 33) / 32
-    for _ in range(1000):
-        tracker, error = ConscanTracker(params()), None
-        for k, angle in enumerate(angles):
-            u, v = R * math.cos(angle), R * math.sin(angle)
-            watts = 3e-15 * linear_power(4.0 * MDEG, -3.0 * MDEG, u, v)
-            sigma = 0.02 * math.sqrt(3e-15 * watts)
-            error = tracker.add(power(k + 1.0, watts + sigma * rng.standard_normal(), sigma), u, v)
-        assert error is not None
-        errors.append((error.cross_elevation_rad, error.elevation_rad))
-        stated.append(error.covariance_rad2)
-    # A thousand windows know a variance to 4.5 %.
-    sample = np.cov(np.array(errors).T)
-    np.testing.assert_allclose(sample, np.mean(stated, axis=0), atol=0.15 * float(np.max(sample)))
-
-
 def test_spins_are_told_apart_from_one_per_cent_on() -> None:
     assert params(estimator="likelihood", spin_periods_s=(5.0, 5.06)).spin_periods_s == (5.0, 5.06)
     with pytest.raises(ValueError, match="must differ by at least 1 %"):
         params(estimator="likelihood", spin_periods_s=(5.04, 5.0))
-
-
-def test_the_samples_of_a_window_are_half_a_window_old_on_average() -> None:
-    sliding = params(window_samples=80, fewest_samples=40, sample_s=0.1, updates="sample", bandwidth_hz=0.2)
-    assert sliding.age_s == pytest.approx(4.0)
-    assert (sliding.loop.bandwidth_hz, sliding.loop.sample_s) == (0.2, None)
-    assert params().loop.sample_s == 1.0
-    circle = sliding.replace(period_s=10.0, ramp_s=2.0).pattern()
-    assert circle(2.5) == pytest.approx((0.0, R, -2.0 * math.pi * R / 10.0, 0.0), abs=1e-12)
 
 
 @pytest.mark.parametrize("estimator", ["likelihood", "linear"])
@@ -587,19 +528,6 @@ def test_an_error_beyond_the_range_that_is_believed_is_reported_but_not_valid(
     assert [error.cross_elevation_rad, error.elevation_rad] == pytest.approx([x, y], rel=1e-3)
     assert error.valid == valid
     assert error.reason == ("" if valid else "error of 0.30 beamwidths is outside 0.29 beamwidths")
-
-
-def test_an_estimate_carries_the_mean_time_and_the_mean_level_of_its_window() -> None:
-    tracker, error = ConscanTracker(params(window_samples=5)), None
-    for k, level_db_hz in enumerate((40.0, 47.0, 41.0, 55.0, 39.0)):
-        angle = 2.0 * math.pi * k / 5
-        error = tracker.add(power(1.0 + k**2, 1.0, level_db_hz=level_db_hz), R * math.cos(angle), R * math.sin(angle))
-    assert error is not None
-    assert error.valid, error.reason
-    assert error.carrier_to_noise_db_hz == pytest.approx(44.4)
-    # Of 1, 2, 5, 10 and 17 s, less half an integration.
-    assert error.t_s == pytest.approx(7.0 - 0.5)
-    assert error.sensor == "conscan"
 
 
 @pytest.mark.parametrize(
@@ -668,34 +596,3 @@ def test_a_drift_of_the_power_is_estimated_along() -> None:
         found.append([error.cross_elevation_rad, error.elevation_rad])
     np.testing.assert_allclose(found[0], np.array([2.0, -1.0]) * MDEG, atol=1e-3 * MDEG)
     assert np.hypot(*(np.array(found[1]) - found[0])) > 0.1 * H
-
-
-@pytest.mark.parametrize(("scatter", "grows"), [(1.0, True), (0.0, False)])
-def test_a_delay_is_as_uncertain_as_its_changes_scatter_about_the_response_to_the_shifts(
-    scatter: float, grows: bool
-) -> None:
-    """Least squares of complex changes on shifts; the scatter counts by its 2 (n - 1) degrees of freedom, if above 1."""
-    period_s, sigma, rng = 7.0, 2e-6, random_stream(8, "scatter")
-    estimator = DelayEstimator(DelayParams(period_s=period_s, memory=1.0, largest_sigma_s=600.0))
-    planted = 0.9 * np.exp(2j * math.pi * 0.4 / period_s)
-    moved = 3e-5 * (rng.standard_normal(6) + 1j * rng.standard_normal(6))
-    noise = scatter * 8e-6 * (rng.standard_normal(6) + 1j * rng.standard_normal(6))
-    place, places = 1e-5 + 2e-5j, []
-    for k in range(7):
-        place += 0j if k == 0 else -planted * moved[k - 1] + noise[k - 1]
-        places.append(place)
-        shift = 0j if k == 0 else moved[k - 1]
-        error = dataclasses.replace(error_at(place.real, place.imag), covariance_rad2=np.eye(2) * sigma**2)
-        estimator.add(error, shift.real, shift.imag)
-        # From the third pair on; the first estimate begins the chain.
-        assert (estimator.estimate() is not None) is (k >= 3)
-    found, changes = estimator.estimate(), np.diff(places)
-    response = -np.vdot(moved, changes) / np.vdot(moved, moved).real
-    excess = np.sum(np.abs(changes + response * moved) ** 2) / (2.0 * sigma**2) / (2.0 * 5.0)
-    assert bool(excess > 3.0) is grows
-    known = math.sqrt(2.0 * sigma**2 / np.vdot(moved, moved).real) / abs(response) * math.sqrt(max(excess, 1.0))
-    assert found is not None
-    assert found.delay_s == pytest.approx(np.angle(response) * period_s / (2.0 * math.pi), rel=1e-6)
-    assert found.gain == pytest.approx(abs(response), rel=1e-6)
-    assert found.sigma_s == pytest.approx(known * period_s / (2.0 * math.pi), rel=1e-6)
-    assert scatter or (found.delay_s, found.gain) == pytest.approx((0.4, 0.9), rel=1e-6)

@@ -4,7 +4,6 @@ The watch on monopulse: false locks are named within 2 s, right ones never.
 """
 
 import copy
-import dataclasses
 import itertools
 import math
 
@@ -13,7 +12,7 @@ import pytest
 
 from rf_pointing.core import MDEG, PointingError, random_stream
 from rf_pointing.tracking import LockWatch, LockWatchParams
-from rf_pointing.tracking.lock_watch import SETTLED_S, InnovationBank, LockWatchState
+from rf_pointing.tracking.lock_watch import InnovationBank, LockWatchState
 
 STEP_S, NOISE, WALK, CHANGE, DRIFT = 0.1, 0.2, 0.3, 0.05, 0.5
 
@@ -308,49 +307,6 @@ def test_a_step_of_the_filters_is_kalmans_of_a_drifting_target_in_wind() -> None
             np.testing.assert_allclose(bank.covariance[:, k], spreads[k][[0, 0, 1], [0, 1, 1]], rtol=1e-9)
 
 
-def test_a_response_needs_three_clusters_and_is_the_weighted_slope_through_them() -> None:
-    watch = LockWatch(LockWatchParams(half_power_beamwidth_rad=H, window_s=5.0))
-    rng, beams, errors, weights = random_stream(7, "slope"), [], [], []
-    for k in range(8):
-        beam, noise = complex(*rng.standard_normal(2)) * 0.02 * H, complex(*rng.standard_normal(2)) * 0.002 * H
-        error, sigma = -(1.3 - 0.4j) * beam + noise + 0.01 * H, (1.0 + k) * 0.002 * H
-        watch.add(sensed(0.1 * k, error, sigma=sigma), beam.real, beam.imag)
-        assert (watch.response() is None) is (k < 2)
-        beams.append(beam)
-        errors.append(error)
-        weights.append(1.0 / (sigma**2 + (watch.params.unmodelled_beamwidths * H) ** 2))
-    root = np.sqrt(weights)
-    rows = np.column_stack([np.array(beams), np.ones(8)]) * root[:, None]
-    slope = np.linalg.lstsq(rows, np.array(errors) * root, rcond=None)[0][0]
-    found = watch.response()
-    assert found.value == pytest.approx(-slope, rel=1e-9)
-    apart = np.array(beams) - np.average(beams, weights=weights)
-    assert found.sigma == pytest.approx(1.0 / math.sqrt(np.sum(weights * np.abs(apart) ** 2)), rel=1e-9)
-
-
-def test_the_velocity_of_a_target_is_at_first_as_uncertain_as_each_weather_makes_it() -> None:
-    params = LockWatchParams(half_power_beamwidth_rad=H, drift_rad_s=3e-5, drift_change_rad_s=(1e-6, 1e-5, 1e-4))
-    watch = LockWatch(params)
-    watch.add(sensed(1.0, 0j), 0.0, 0.0)
-    of_weather = np.array(
-        [changes for *_, changes in itertools.product(params.gust_rad, params.vibration_rad, params.drift_change_rad_s)]
-    )
-    sigma = np.maximum(3e-5, of_weather * SETTLED_S)
-    assert len(set(sigma)) > 1
-    np.testing.assert_allclose(watch.state.bank.covariance[2], sigma**2, rtol=1e-12)
-
-
-def test_evidence_fades_in_its_time_while_nothing_speaks_for_or_against_it() -> None:
-    """A beam at rest on a target at rest: every response explains that alike."""
-    watch = LockWatch(LockWatchParams(half_power_beamwidth_rad=H, fade_s=4.0))
-    watch.add(sensed(10.0, 0j), 0.0, 0.0)
-    told = (0.0, 2.0, 0.5, 1.0, 0.0, 2.5)
-    watch.state = dataclasses.replace(watch.state, sums=told)
-    for k in range(1, 6):
-        assert watch.add(sensed(10.0 + 0.4 * k, 0j), 0.0, 0.0) == ""
-        np.testing.assert_allclose(watch.state.sums, np.array(told) * math.exp(-0.1 * k), rtol=1e-6, atol=1e-9)
-
-
 def test_evidence_and_weather_are_bayes_rule_over_every_weather_of_each_response() -> None:
     """Written out with a filter of its own for beam and error in each weather, by matrices."""
     params = LockWatchParams(
@@ -397,52 +353,6 @@ def test_evidence_and_weather_are_bayes_rule_over_every_weather_of_each_response
         np.testing.assert_allclose(watch.state.sums, sums, rtol=1e-6, atol=1e-8)
         np.testing.assert_allclose(watch.state.weather, known, rtol=1e-6)
     assert np.count_nonzero(sums) >= 2
-
-
-@pytest.mark.parametrize(
-    ("beamwidths", "expected_db_hz", "low"), [(0.29, 55.1, 1), (0.31, 55.1, 0), (0.29, 54.9, 0), (0.29, None, 0)]
-)
-def test_a_level_counts_as_low_10_db_below_the_link_with_an_error_below_0_3_beamwidths(
-    beamwidths: float, expected_db_hz: float | None, low: int
-) -> None:
-    watch = LockWatch(LockWatchParams(half_power_beamwidth_rad=H))
-    value = beamwidths * H * complex(-0.6, 0.8)
-    assert watch.add(sensed(1.0, value, 45.0), 0.0, 0.0, expected_db_hz) == ""
-    assert watch.state.low_clusters == low
-    fault = [watch.add(sensed(1.0 + 0.1 * k, value, 45.0), 0.0, 0.0, expected_db_hz) for k in (1, 2)]
-    assert fault == ["", "sidelobe: C/N0 is 10.1 dB below the link's with a small error" if low else ""]
-
-
-@pytest.mark.parametrize(("sigmas", "found"), [(3.9, False), (4.1, True)])
-@pytest.mark.parametrize("response", [2.5, -2.5j])
-def test_a_response_is_too_steep_once_it_is_so_beyond_its_uncertainty(
-    response: complex, sigmas: float, found: bool
-) -> None:
-    """2.5, known to 0.5 / 3.9 or 0.5 / 4.1: four sigmas below it there is 2, or not."""
-    params = LockWatchParams(half_power_beamwidth_rad=H, evidence=100.0, unmodelled_beamwidths=0.001)
-    watch, wanted = LockWatch(params), 0.5 / sigmas
-    beams = np.array([1.0, -0.5 + 0.7j, -0.2 - 0.9j, 0.4j]) * 0.02 * H
-    spread = float(np.sum(np.abs(beams - beams.mean()) ** 2))
-    noise = math.sqrt(spread * wanted**2 - (0.001 * H) ** 2)
-    for k, beam in enumerate(beams):
-        fault = watch.add(sensed(1.0 + 0.1 * k, -response * beam, sigma=noise), beam.real, beam.imag)
-        assert (watch.response() is not None) is (k >= 2)
-    seen = watch.response()
-    assert seen.value == pytest.approx(response, rel=1e-9)
-    assert seen.sigma == pytest.approx(wanted, rel=1e-9)
-    assert fault == ("sidelobe: the error changes 2.5 times as fast as the beam moves" if found else "")
-
-
-def test_the_response_is_that_of_the_newest_two_seconds() -> None:
-    watch = LockWatch(LockWatchParams(half_power_beamwidth_rad=H))
-    for k in range(31):
-        watch.add(sensed(0.25 * k, complex(0.001 * k) * MDEG), 0.001 * k * MDEG, 0.0)
-        times = [row[0] for row in watch.state.rows]
-        assert times == [0.25 * j for j in range(max(0, k - 8), k + 1)]
-    # Of two errors with one time the newer counts.
-    watch.add(sensed(7.5, complex(0.5) * MDEG), 0.0, 0.0)
-    assert [row[0] for row in watch.state.rows] == times
-    assert watch.state.rows[-1][1] == 0.5 * MDEG
 
 
 def test_a_watch_without_a_strength_of_any_weather_is_refused_and_its_probe_is_a_circle() -> None:

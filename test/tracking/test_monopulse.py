@@ -241,58 +241,6 @@ def test_error_and_covariance_are_the_least_squares_of_both_parts_of_both_channe
     np.testing.assert_allclose(error.covariance_rad2, covariance, rtol=1e-9, atol=1e-9 * covariance.max())
 
 
-@pytest.mark.parametrize("level_db_hz", [32.0, 60.0])
-def test_what_no_direction_gives_is_a_quadrature_from_its_chi_squared_on(level_db_hz: float) -> None:
-    found = calibrated()
-    low, high = 0.0, 3.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        chi_squared = written_out(found, through(found, 2.0 * MDEG, 1.0 * MDEG, middle, level_db_hz))[2]
-        low, high = (middle, high) if chi_squared < 30.0 else (low, middle)
-    assert 0.0 < low < 3.0
-    for share, valid in ((0.995, True), (1.005, False)):
-        error = found.measure(through(found, 2.0 * MDEG, 1.0 * MDEG, share * low, level_db_hz))
-        assert error.valid is valid, error.reason
-        assert error.reason.startswith("quadrature: chi squared 30 is above 30") or valid
-
-
-@pytest.mark.parametrize(("quadrature", "valid"), [(2.6e-3, True), (2.9e-3, False)])
-def test_on_the_axis_the_floor_of_the_quadrature_is_that_of_a_ratio_of_one_per_cent(
-    quadrature: float, valid: bool
-) -> None:
-    """Under a strong carrier: chi squared is the ratio's square over (0.05 of 0.01) squared, 30 at 2.74e-3."""
-    good, found = cluster(0.0, 0.0, 120.0), tracker()
-    turned = dataclasses.replace(good, difference_elevation=good.difference_elevation + 1j * quadrature * good.sum)
-    error = found.measure(turned)
-    assert error.valid is valid, error.reason
-    assert valid or error.reason == f"quadrature: chi squared {(quadrature / 5e-4) ** 2:.0f} is above 30"
-
-
-def test_a_response_that_is_small_in_both_axes_is_separable_and_one_without_an_axis_is_not() -> None:
-    for size in (1e-3, 0.5, 1e6):
-        known = MonopulseCalibration.from_response(size * np.array([[1.0, 0.2j], [0.1, 0.5]]), np.zeros(2))
-        assert np.array_equal(known.response_per_rad(), size * np.array([[1.0, 0.2j], [0.1, 0.5]]))
-    for lost in ([[900.0, 0.0], [30.0j, 0.0]], [[0.0, 0.0], [0.0, 0.0]]):
-        with pytest.raises(ValueError, match="condition number inf must be <= 20"):
-            MonopulseCalibration.from_response(np.array(lost, dtype=complex), np.zeros(2))
-
-
-@pytest.mark.parametrize(("weaker", "refused"), [(0.051, False), (0.049, True)])
-def test_one_axis_may_act_a_twentieth_as_much_as_the_other(weaker: float, refused: bool) -> None:
-    response = np.array([[900.0j, 0.0], [0.0, 900.0 * weaker]])
-    if refused:
-        with pytest.raises(ValueError, match=r"condition number 20\.4 must be <= 20"):
-            MonopulseCalibration.from_response(response, np.zeros(2))
-    else:
-        assert np.array_equal(MonopulseCalibration.from_response(response, np.zeros(2)).response_per_rad(), response)
-
-
-def test_the_ideal_feed_acts_on_each_axis_by_its_slope_and_has_its_null_on_the_axis() -> None:
-    ideal = MonopulseCalibration.ideal(0.02, 1.4)
-    np.testing.assert_allclose(ideal.response_per_rad(), 70.0 * np.eye(2), rtol=1e-15)
-    assert ideal.offset().tolist() == [0.0, 0.0]
-
-
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -310,13 +258,6 @@ def test_a_cluster_is_judged_at_the_edges_of_what_a_receiver_gives(change: dict[
     error = tracker().measure(dataclasses.replace(cluster(0.0, 0.0, 120.0), **change))
     assert error.valid is (reason == "")
     assert reason in error.reason
-
-
-def test_two_samples_are_a_cluster() -> None:
-    error = tracker().measure(cluster(3.0 * MDEG, -2.0 * MDEG, 100.0, n=2))
-    assert error.valid, error.reason
-    assert [error.cross_elevation_rad, error.elevation_rad] == pytest.approx([3.0 * MDEG, -2.0 * MDEG], rel=1e-6)
-    assert error.t_s == pytest.approx(10.01)
 
 
 @pytest.mark.parametrize(("beamwidths", "valid"), [(0.74, True), (0.76, False)])

@@ -131,36 +131,3 @@ def test_copied_state_gives_the_same_calibration() -> None:
     calibrator, twin = scanned(), MonopulseCalibrator(PARAMS)
     twin.state = copy.deepcopy(calibrator.state)
     assert twin.solve().calibration == calibrator.solve().calibration
-
-
-def test_what_is_kept_of_a_cluster_is_its_ratios_and_how_noisy_they_are() -> None:
-    """At 38 dB-Hz the noise of the sum counts: one more over the signal to noise of a sample."""
-    sample, level = cluster(3.0, TARGET, 38.0, random_stream(6, "kept"), samples=7), 10.0**3.8
-    sample = dataclasses.replace(sample, carrier_to_noise_db_hz=38.0)
-    calibrator = MonopulseCalibrator(PARAMS)
-    calibrator.add(sample, 1e-4, -2e-4)
-    ((noise, kept_level, power_noise, x, y),) = calibrator.state.measures
-    # Relative noise of a sample: 2 N0 / (C T), and what the receiver takes off for its own noise.
-    assert noise == pytest.approx((1.0 + 1.0 / (level * SAMPLE_S)) / (7 * level * SAMPLE_S), rel=1e-9)
-    assert kept_level == pytest.approx(level, rel=1e-12)
-    assert power_noise == pytest.approx((2.0 + 1.0 / (level * SAMPLE_S)) / (7 * SAMPLE_S), rel=1e-9)
-    assert (x, y) == (1e-4, -2e-4)
-    signal = np.sum(np.abs(sample.sum) ** 2) / (1.0 + 1.0 / (level * SAMPLE_S))
-    wanted = [
-        np.sum(channel * np.conj(sample.sum)) / signal
-        for channel in (sample.difference_cross_elevation, sample.difference_elevation)
-    ]
-    np.testing.assert_allclose(calibrator.state.ratios[0], wanted, rtol=1e-9)
-
-
-@pytest.mark.parametrize(("count", "enough"), [(7, False), (8, True)])
-def test_eight_clusters_are_the_fewest_of_a_calibration(count: int, enough: bool) -> None:
-    calibrator, rng = MonopulseCalibrator(PARAMS), random_stream(6, "eight")
-    for k in range(count):
-        beam = 0.25 * H * np.array([math.cos(0.8 * k), math.sin(0.8 * k)])
-        calibrator.add(cluster(0.1 * k, TARGET - beam, 70.0, rng), *beam)
-    if enough:
-        assert np.max(np.abs(calibrator.solve().calibration.response_per_rad() * H / SLOPE - MIXING)) < 0.1
-    else:
-        with pytest.raises(ValueError, match="has 7 clusters, must have at least 8"):
-            calibrator.solve()

@@ -12,7 +12,6 @@ from rf_pointing.core import MDEG, MU, CarrierPower, JointReading, PointingError
 from rf_pointing.tracking import StepTrackParams
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.power_tracker import PowerTracker, PowerTrackerParams
-from rf_pointing.tracking.steptrack import POINTS
 
 CENTRE = np.array([1.0, 0.8])
 
@@ -119,18 +118,6 @@ def test_a_new_scan_starts_with_an_empty_window(mode: str) -> None:
             held = scan.conscan.state.window if mode == "conscan" else scan.steptrack.state.window
             assert len(held) == 2
             assert scan.rejections[0] == 0
-
-
-def test_what_cannot_be_used_carries_the_middle_of_its_integration_and_its_level() -> None:
-    scan = tracker()
-    scan.take_status(*status(0.0))
-    scan.take_joints(reading(0.0, (0.0, 0.0)))
-    scan.take_status(*status(1.0))
-    scan.take_joints(reading(1.0, (0.0, 0.0)))
-    (error,) = scan.take_power(dataclasses.replace(power(0.9), integration_s=0.6))
-    assert error.t_s == pytest.approx(0.6)
-    assert (error.sensor, error.valid, error.carrier_to_noise_db_hz) == ("conscan", False, 55.0)
-    assert (error.cross_elevation_rad, error.elevation_rad) == (0.0, 0.0)
 
 
 # Bad input: rejected with a reason, counted, and the loop carries on
@@ -248,38 +235,6 @@ def test_step_track_carries_on_after_a_bad_power(name: str) -> None:
     np.testing.assert_allclose([found[0].cross_elevation_rad, found[0].elevation_rad], PLANTED, atol=2e-5)
 
 
-@pytest.mark.parametrize(
-    ("sensor", "passed_on"),
-    [("conscan", 5), ("steptrack", 5), ("auto", 5), ("monopulse", 0), ("array", 0), ("none", 0)],
-)
-def test_outside_a_scan_powers_are_passed_on_only_for_sensors_that_are_measured_here(
-    sensor: str, passed_on: int
-) -> None:
-    scan = tracker()
-    scan.take_status(*status(0.0, "program_track", sensor))
-    assert sum(len(scan.take_power(power(0.1 * k))) for k in range(1, 11)) == passed_on
-
-
-def test_a_power_that_waited_in_one_scan_is_not_used_in_the_next() -> None:
-    scan = tracker()
-    scan.take_status(*status(0.0))
-    scan.take_joints(reading(0.0, (0.0, 0.0)))
-    assert scan.take_power(power(0.2)) == []
-    scan.take_status(*status(0.05, "coast"))
-    for t_s in (0.1, 0.4):
-        scan.take_status(*status(t_s))
-        scan.take_joints(reading(t_s, (0.0, 0.0)))
-    assert [error.reason for error in scan.take_power(power(0.4))] == ["window holds 1 of 8 samples"]
-
-
-@pytest.mark.parametrize(("back_s", "refused"), [(0.0, 1), (0.1, 1), (59.9, 1), (60.1, 0), (-0.1, 0)])
-def test_a_power_before_the_last_one_is_out_of_order_unless_time_was_set_back(back_s: float, refused: int) -> None:
-    scan = tracker()
-    scan.take_power(power(1000.0))
-    scan.take_power(power(1000.0 - back_s))
-    assert scan.rejections[0] == refused
-
-
 @pytest.mark.parametrize("mode", ["conscan", "steptrack"])
 def test_what_the_tracker_of_the_mode_refuses_is_reported_with_its_reason(mode: str) -> None:
     scan = tracker()
@@ -294,23 +249,6 @@ def test_what_the_tracker_of_the_mode_refuses_is_reported_with_its_reason(mode: 
     assert scan.rejections == (1, f"no lock: C/N0 3.0 dB-Hz is below {lock} dB-Hz")
     (error,) = scan.take_power(dataclasses.replace(power(1.5), power_w=-1.0))
     assert scan.rejections == (2, "power_w=-1.0 must be > 0")
-
-
-def test_step_track_tells_how_many_samples_its_poorest_point_has() -> None:
-    scan, found = tracker(), []
-    for k in range(1, 9):
-        x, y = POINTS[k % 3]
-        step = scan.steptrack.params.step_rad
-        scan.take_status(*status(0.1 * k, "steptrack", "steptrack"))
-        away = (x * step / math.cos(CENTRE[1] + y * step), y * step)
-        # At rest over the whole of an integration.
-        for t_s in (0.1 * k - 0.09, 0.1 * k):
-            scan.take_joints(reading(t_s, away))
-        found += scan.take_power(dataclasses.replace(power(0.1 * k), integration_s=0.02))
-    assert {error.reason for error in found} == {"round holds 0 samples on its poorest point"}
-    # The first power is from before all that is known of the scan.
-    assert scan.steptrack.state.counts == (2, 2, 3, 0)
-    assert len(found) == 7
 
 
 @pytest.mark.parametrize("late", ["encoders", "status"])

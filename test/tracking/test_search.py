@@ -72,21 +72,3 @@ def test_every_leg_is_a_trapezoid_of_speed_from_rest_to_rest(length: float) -> N
         total_s += way / fastest + fastest / ACCELERATION
     assert search.duration_s == pytest.approx(total_s, rel=1e-12)
     assert search.offset(-3.0) == pytest.approx((0.0, 0.0, 0.0, 0.0))
-
-
-def test_every_time_of_many_rounds_lies_on_a_leg(search: StripSearch, random: np.random.Generator) -> None:
-    """The last moments of a round belong to its last leg."""
-    for t_s in [search.duration_s * (1.0 - 2.0**-k) for k in range(1, 54)] + random.uniform(0.0, 1e6, 2000).tolist():
-        x, y, x_rate, y_rate = search.offset(float(t_s))
-        assert abs(x) <= LENGTH * (1.0 + 1e-9)
-        assert abs(y) <= WIDTH * (1.0 + 1e-9)
-        assert np.hypot(x_rate, y_rate) <= RATE * (1.0 + 1e-9)
-    assert search.offset(search.duration_s * (1.0 - 2.0**-52))[:2] == pytest.approx((0.0, 0.0), abs=1e-12)
-
-
-@pytest.mark.parametrize(("pitches", "strips"), [(0.0, 0), (0.45, 0), (0.55, 1), (1.45, 1), (1.55, 2), (6.45, 6)])
-def test_there_are_as_many_strips_as_bring_every_direction_within_half_a_pitch(pitches: float, strips: int) -> None:
-    search = StripSearch(LENGTH, pitches * PITCH, PITCH, RATE, ACCELERATION)
-    lefts = {round(search.offset(t)[1] / PITCH, 6) for t in np.linspace(0.0, search.duration_s, 4001)}
-    assert {left for left in lefts if left == round(left)} == set(range(-strips, strips + 1))
-    assert max(lefts) == strips

@@ -184,22 +184,6 @@ def test_an_error_is_about_the_middle_of_its_samples() -> None:
     assert found.t_s == pytest.approx(float(np.mean(middles)), abs=1e-9)
 
 
-def test_every_round_needs_its_samples_on_every_point() -> None:
-    """Thirty rounds' worth, the points in another order each time; whatever the one before left over."""
-    tracker, given, rng = StepTracker(StepTrackParams(samples_per_point=3)), [0, 0, 0, 0], random_stream(4, "orders")
-    rounds = 0
-    for k in range(400):
-        point = int(rng.integers(4))
-        u, v = POINTS[point]
-        error = tracker.add(meter(k + 1.0, 3e-17), 0.2 * H * u, 0.2 * H * v)
-        given[point] += 1
-        assert tracker.state.counts == ((0, 0, 0, 0) if error is not None else tuple(given))
-        assert (error is not None) == (min(given) == 3)
-        if error is not None:
-            given, rounds = [0, 0, 0, 0], rounds + 1
-    assert rounds > 15
-
-
 @pytest.mark.parametrize("samples", [2, 3])
 def test_the_covariance_is_that_of_the_scatter_times_students_mean_square(samples: int) -> None:
     """Scatter about the beam through n samples with n - 3 degrees of freedom, nu / (nu - 2) of its variance."""
@@ -220,20 +204,3 @@ def test_the_covariance_is_that_of_the_scatter_times_students_mean_square(sample
     covariance = np.linalg.inv(rows.T @ rows)[1:, 1:] * misfit[0] / freedom * freedom / (freedom - 2)
     assert [error.cross_elevation_rad, error.elevation_rad] == pytest.approx(solved[1:], abs=2e-3 * H)
     np.testing.assert_allclose(error.covariance_rad2, covariance, rtol=0.1, atol=0.02 * float(np.max(covariance)))
-
-
-def test_the_first_move_leads_from_the_centre_to_the_right() -> None:
-    tracker = StepTracker(StepTrackParams())
-    assert tracker.offset(0.0) == tracker.offset(-5.0) == (0.0, 0.0, 0.0, 0.0)
-    # Half way after half of the move of 1.5 s, then the fastest: 15/8 of its mean rate.
-    assert tracker.offset(0.75) == pytest.approx((0.1 * H, 0.0, 15.0 / 8.0 * 0.2 * H / 1.5, 0.0), rel=1e-9, abs=1e-12)
-
-
-def test_a_round_of_four_points_is_half_over_at_the_mean_of_its_samples() -> None:
-    params = StepTrackParams(dwell_s=2.5, move_s=0.5)
-    assert params.age_s == 6.0
-    assert params.step_rad == pytest.approx(0.2 * H)
-    assert params.pattern()(3.0 * 3.0 + 1.0) == pytest.approx((0.0, -0.2 * H, 0.0, 0.0), abs=1e-12)
-    # 0.7 of an error in a round, spread over a second.
-    assert params.loop.bandwidth_hz == pytest.approx(0.7 / (2.0 * math.pi))
-    assert params.loop.sample_s == 1.0

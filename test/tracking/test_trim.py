@@ -189,15 +189,6 @@ def test_the_filter_is_kalmans_with_walks_and_a_jitter_that_is_the_same_over_its
     np.testing.assert_allclose(later.covariance_rad2, rows @ (covariance + 8.0 * walk) @ rows.T, rtol=1e-4)
 
 
-def test_before_the_first_measurement_the_direction_is_as_uncertain_as_configured() -> None:
-    sky = overhead_pass(-30.0)
-    rows = direction_rows(sky)
-    unknown = TrimFilter(PARAMS).trim(12.0, sky)
-    spread = np.array([PARAMS.along_track_s, PARAMS.cross_track_m, PARAMS.bias_rad, PARAMS.bias_rad])
-    assert np.array_equal(unknown.offset_rad, np.zeros(2))
-    np.testing.assert_allclose(unknown.covariance_rad2, rows @ np.diag(spread**2) @ rows.T, rtol=1e-12)
-
-
 def test_a_dish_that_goes_over_the_top_turns_the_bias_and_not_the_ephemeris() -> None:
     trim = TrimFilter(PARAMS)
     fly(trim, -50.0, -20.0, 0.1 * MDEG)
@@ -206,57 +197,3 @@ def test_a_dish_that_goes_over_the_top_turns_the_bias_and_not_the_ephemeris() ->
     np.testing.assert_array_equal(trim.state.mean, mean * [1.0, 1.0, -1.0, -1.0])
     signs = np.array([1.0, 1.0, -1.0, -1.0])
     np.testing.assert_array_equal(trim.state.covariance, covariance * np.outer(signs, signs))
-
-
-@pytest.mark.parametrize(("sigmas", "taken"), [(5.9, True), (6.1, False)])
-def test_a_measurement_six_sigma_off_is_refused(sigmas: float, taken: bool) -> None:
-    trim = TrimFilter(PARAMS)
-    sky = overhead_pass(-30.0)
-    spread = trim.trim(0.0, sky).covariance_rad2 + (1e-12 + PARAMS.jitter_rad**2) * np.eye(2)
-    offset = sigmas * np.linalg.cholesky(spread) @ np.array([0.6, -0.8])
-    assert trim.update(0.0, offset, 1e-12 * np.eye(2), sky) is taken
-    assert (trim.state.used, trim.state.refused) == (int(taken), int(not taken))
-
-
-def test_patience_is_for_refusals_without_an_accepted_one_between_and_begins_anew() -> None:
-    """Patience 3: two refusals and one accepted are forgotten; only the third in a row costs what was learned."""
-    trim = TrimFilter(PARAMS)
-    fly(trim, -100.0, -50.0, 0.1 * MDEG)
-    noise, prior = np.eye(2) * (0.1 * MDEG) ** 2, np.diag([0.15, 300.0, 5.0 * MDEG, 5.0 * MDEG]) ** 2
-    far = np.array([3000.0, -2000.0]) * MDEG
-    t_s = -49.0
-    learned = []
-    for word in ("refused", "refused", "taken", "refused", "refused", "refused", "refused", "refused", "refused"):
-        sky = overhead_pass(t_s)
-        offset = direction_rows(sky) @ TRUTH if word == "taken" else far
-        before = trim.state
-        assert trim.update(t_s, offset, noise, sky) is (word == "taken")
-        learned.append(bool(np.any(trim.state.mean)))
-        if word == "refused" and learned[-1]:
-            # Nothing but the walk since the last one.
-            walk = np.array([1e-3, 1.0, 0.02 * MDEG, 0.02 * MDEG]) ** 2 * (t_s - before.t_s)
-            np.testing.assert_allclose(trim.state.covariance, before.covariance + np.diag(walk), rtol=1e-12)
-            np.testing.assert_array_equal(trim.state.mean, before.mean)
-        t_s += 1.0
-    assert learned == [True] * 5 + [False] * 4
-    # The second three: refused twice by what is known from before, and again at the third.
-    np.testing.assert_allclose(trim.state.covariance, prior, rtol=1e-12)
-    assert (trim.state.used, trim.state.refused) == (51, 8)
-
-
-def test_two_measurements_of_one_time_count_as_a_millisecond_apart() -> None:
-    """The second has 1000 times the jitter of one that stands alone, by the second of its correlation."""
-    trim, sky = TrimFilter(PARAMS), SkyMotion(0.0, 0.0, 4e7)
-    assert trim.update(5.0, np.zeros(2), np.zeros((2, 2)), sky)
-    assert trim.state.covariance[2, 2] * ((5.0 * MDEG) ** -2 + (0.1 * MDEG) ** -2) == pytest.approx(1.0, rel=1e-9)
-    assert trim.update(5.0, np.zeros(2), np.zeros((2, 2)), sky)
-    information = (5.0 * MDEG) ** -2 + (0.1 * MDEG) ** -2 * (1.0 + 1e-3)
-    # Without the second one it would be 1e-3 more.
-    assert trim.state.covariance[[2, 3], [2, 3]] * information == pytest.approx([1.0, 1.0], rel=1e-9)
-
-
-@pytest.mark.parametrize(("rad_s", "seen"), [(0.9e-9, False), (1.1e-9, True)])
-def test_a_target_that_hardly_moves_has_no_direction_across_its_track(rad_s: float, seen: bool) -> None:
-    rows = direction_rows(SkyMotion(0.6 * rad_s, -0.8 * rad_s, 4e7))
-    np.testing.assert_allclose(rows[:, 0], [0.6 * rad_s, -0.8 * rad_s], rtol=1e-12)
-    np.testing.assert_allclose(rows[:, 1] * 4e7, np.array([0.8, 0.6]) * seen, rtol=1e-9)
