@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import yaml
 
+from rf_pointing.planning import HorizonMask
 from rf_pointing.station.description import STATIONS, StationError, station_from
 from rf_pointing.station.description.description import StationDescription
 
@@ -143,6 +144,13 @@ def test_a_stow_may_lie_where_only_the_control_unit_goes(tmp_path: Path) -> None
     assert found.startswith("mount.stow_elevation_deg=96.0 must lie within")
     (found,) = said(tmp_path, mount__stow_elevation_deg=91)
     assert found.startswith("mount.stow_elevation_deg=91.0 must lie within")
+
+
+def test_a_mask_has_a_clearance_of_a_degree_unless_one_is_given(tmp_path: Path) -> None:
+    assert read(tmp_path).mask == HorizonMask(clearance_rad=1.0 * DEG)
+    assert read(tmp_path, mount__horizon_clearance_deg=2.5).mask == HorizonMask(clearance_rad=2.5 * DEG)
+    one = read(tmp_path, mount__horizon_deg=[[20, 3]], mount__horizon_clearance_deg=0.5).mask
+    assert one == HorizonMask(azimuth_rad=(20 * DEG,), elevation_rad=(3 * DEG,), clearance_rad=0.5 * DEG)
 
 
 def test_only_points_a_whole_turn_apart_are_the_same(tmp_path: Path) -> None:
