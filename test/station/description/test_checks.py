@@ -100,6 +100,11 @@ def test_what_is_missing_or_of_another_kind_is_the_one_problem(
         ({"drive": {"rotator": {"latency_s": -1.0}}}, "drive.rotator.latency_s=-1.0 must be >= 0.0"),
         ({"drive": {"rotator": {"latncy_s": 1.0}}}, "drive.rotator.latncy_s: no such key of drive; did you mean "),
         ({"mount__horizon_file": "empty.txt"}, "mount.horizon_file='empty.txt' must have at least one point"),
+        ({"mount__horizon_deg": [[0, 5], [91, 5], [180, 5], [270, 5]]},
+            "mount.horizon_deg point 2: 91 deg after the point before"),
+        ({"bands__X__sensors": ["conscan", "conscan"]}, "bands.X.sensors="),
+        ({"mount__elevation__travel_deg": [0, 40], "mount__horizon_deg": [[0, 40]]},
+            "mount.elevation.travel_deg=[0.0, 40.0] ends below the horizon mask"),
         ({"mount__azimuth__travel_deg": [10, 10]}, "mount.azimuth.travel_deg=[10.0, 10.0] must rise"),
     ],
 )  # fmt: skip
