@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -68,6 +69,28 @@ def test_locks_lie_in_the_user_s_runtime_directory_and_are_the_user_s_alone(tmp_
     lock.path.parent.chmod(0o777)
     InstanceLock(NAME).release()
     assert lock.path.parent.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("fault", ["missing", "owner", "closed"])
+def test_without_a_runtime_directory_of_the_user_locks_lie_in_the_temporary_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str
+) -> None:
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path / "temporary"))
+    stat = os.stat
+
+    def found(path: Any, **options: Any) -> Any:
+        if Path(str(path)) not in (tmp_path, Path(f"/run/user/{os.getuid()}")):
+            return stat(path, **options)
+        if fault == "missing":
+            raise FileNotFoundError(2, "none", path)
+        return SimpleNamespace(st_uid=os.getuid() + (fault == "owner"))
+
+    monkeypatch.setattr(os, "stat", found)
+    monkeypatch.setattr(os, "access", lambda _path, mode: mode == os.W_OK and fault != "closed")
+    lock = InstanceLock(NAME)
+    assert lock.path.parent == tmp_path / "temporary" / f"rf_pointing-{os.getuid()}"
+    lock.release()
 
 
 def test_a_link_that_somebody_has_put_there_is_not_followed(tmp_path: Path) -> None:

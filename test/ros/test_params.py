@@ -162,6 +162,14 @@ def test_a_refused_change_leaves_every_set_as_it_was(
     assert node.get_parameter("axis.loop.gain").value == 0.5
 
 
+def test_a_parameter_cannot_be_deleted(make_node: MakeNode) -> None:
+    node = make_node()
+    made = groups(node)
+    result = node.set_parameters_atomically([Parameter("axis.loop.gain", Parameter.Type.NOT_SET)])
+    assert not result.successful
+    assert unchanged(made)
+
+
 def test_a_change_spanning_two_sets_is_all_or_nothing(make_node: MakeNode) -> None:
     node = make_node()
     made = groups(node)

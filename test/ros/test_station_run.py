@@ -174,6 +174,16 @@ def test_a_run_ends_with_its_code_and_in_order_and_leaves_the_signals_as_they_we
     assert fake.handlers == {2: "of before", 15: "of before"}
 
 
+def test_a_signal_is_left_to_the_run(fake: FakeStation) -> None:
+    """Ctrl-C must cancel the goal and end the run in order, not end rclpy under it."""
+
+    def work(run: GraphRun) -> int:
+        fake.handlers[2](2, None)
+        return int(run.stopping)
+
+    assert run_to_end("track", lambda: GraphRun("track", "/gs1"), work) == 1
+
+
 def test_a_run_without_room_for_its_bag_ends_with_the_reason_and_nothing_left(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

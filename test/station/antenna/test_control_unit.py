@@ -106,6 +106,15 @@ def test_a_commander_that_repeats_a_goal_or_has_named_one_is_followed_to_its_end
     np.testing.assert_allclose(status.commanded_rad, STANDING + np.radians([-15.0, 0.0]), atol=1e-9)
 
 
+def test_the_status_says_why_nothing_is_transmitted() -> None:
+    made = antenna()
+    assert made.status(START_S).transmit_inhibit == "the antenna is inactive"
+    made.enable()
+    assert made.status(START_S).transmit_inhibit == ""
+    made.axes.encoder_rad = np.array([2.0, np.radians(9.0)])
+    assert "10.0" in made.status(START_S).transmit_inhibit
+
+
 def test_a_commander_holds_the_antenna_until_it_is_silent_or_the_antenna_moves_by_itself() -> None:
     for free in ("", "stop", "go"):
         clock = enabled()

@@ -11,10 +11,11 @@ import pytest
 
 from rf_pointing.core import JointTrajectory
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, make_drive
-from rf_pointing.planning import HorizonMask, WrapCount
+from rf_pointing.planning import HorizonMask, WindWatchParams, WrapCount
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.memory import AntennaMemory
+from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 from test.drives.benches import TICK_S
 from test.drives.simulators import Easycomm, Gs232
@@ -235,6 +236,25 @@ def test_the_hard_limit_stops_the_device(driven) -> None:
     subject.run(2.0)
     assert subject.true_deg[0] < here + 20.0
     assert not subject.device.model.moving
+
+
+def test_wind_of_a_topic_stows_and_its_silence_is_high_wind(driven) -> None:
+    windy = SafetyParams(wind=WindWatchParams(gust_limit_m_s=20.0, silence_s=2.0, release_s=0.5))
+    subject = driven("gs232", safety=windy)
+    subject.go(10.0, 45.0)
+    for _ in range(10):
+        subject.antenna.hardware.note_wind(5.0)
+        subject.run(1.0)
+    assert subject.mode in ("holding", "tracking")
+    for _ in range(5):
+        subject.antenna.hardware.note_wind(30.0)
+        subject.run(1.0)
+    assert subject.mode == "stowing"
+    assert "gust" in subject.antenna.safety.wind.reason
+
+    other = driven("gs232", safety=windy)
+    assert other.run(5.0, lambda: other.mode == "stowing") == pytest.approx(2.0 - 0.5, abs=0.3), "since the enabling"
+    assert other.antenna.safety.wind.reason == "anemometer has not been received: taken for high wind"
 
 
 # Start

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from rf_pointing.core import JointReading, JointTrajectory
+from rf_pointing.planning import WrapCount
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.memory import SINCE, AntennaMemory
 from rf_pointing.station.antenna.operation import WRAP_EVERY, AntennaOperation, Tick
@@ -272,6 +273,18 @@ def test_an_antenna_whose_disk_fails_goes_on_and_reports_both_files(tmp_path: Pa
     folder.unlink()
     world.tick(TICKS_A_STATUS * WRAP_EVERY)
     assert world.operation.memory_report()[:2] == (Level.OK, "kept")
+
+
+def test_a_turn_that_is_not_the_encoder_s_latches_a_fault(tmp_path: Path) -> None:
+    wrap = tmp_path / "wrap.json"
+    World(tmp_path).up().operation.stop()
+    assert json.loads(wrap.read_text())["azimuth_rad"] == pytest.approx(STANDING[0], abs=1e-5)
+    assert World(tmp_path).antenna.safety.latch.text == "", "the same turn"
+    WrapCount(wrap).keep(STANDING[0] + 2.0 * math.pi)
+    doubtful = World(tmp_path)
+    assert "the wrap file names another turn than the encoder" in doubtful.antenna.safety.latch.text
+    doubtful.up().tick(TICKS_A_STATUS * WRAP_EVERY)
+    assert json.loads(wrap.read_text())["azimuth_rad"] > 6.0, "a fault leaves the turn of before it in the file"
 
 
 @pytest.mark.parametrize("kept_deg", [370.0, None])

@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rf_pointing.calibration import AcceptanceRules, BiasModel, Observations
+from rf_pointing.calibration import AcceptanceRules, BiasModel, ModelVersion, Observations, read_model
 from rf_pointing.core import JointReading, PointingError, Target
 from rf_pointing.station.campaign.calibrator import ORBIT, SECTORS, Calibrator, CalibratorParams, Campaign, journal_of
+from rf_pointing.station.description import STATIONS
 from test.calibration.conftest import one_pass
 
 NOW_S = 1_200_000_000.0
@@ -35,6 +36,11 @@ def rows(number: int, random: np.random.Generator) -> Observations:
 def filled(folder: Path, random: np.random.Generator, passes: int = 6) -> None:
     for number in range(passes):
         journal_of(str(folder), STATION, BAND).append(rows(number, random))
+
+
+def commissioned() -> ModelVersion:
+    model = read_model(STATIONS / "bias_model_dss13_x.yaml")
+    return dataclasses.replace(model, station=STATION, band=BAND, valid_from_t_s=NOW_S - 1.0)
 
 
 def target(t_s: float) -> Target:

@@ -165,6 +165,25 @@ def test_planted_offset_is_recovered_from_scans_whose_encoders_circle_and_whose_
     assert bool(np.all(points.true_elevation_rad > 0.5 * math.pi)) is over
 
 
+def test_reasons_of_a_pass_without_observations_are_counted(track: TopocentricTrack, window: Pass) -> None:
+    collected, t_s = log(), window.tca_t_s
+    assert collected.reasons() == "no pointing error was received"
+    for k in range(3):
+        collected.take_error(
+            PointingError(
+                t_s=t_s + k, sensor="conscan", cross_elevation_rad=0.0, elevation_rad=0.0, valid=k > 0, reason="r"
+            )
+        )
+    assert collected.reasons() == "2 errors: conscan does not track (mode unknown); 1 errors: not valid (r)"
+    collected.begin_pass()
+    assert collected.reasons() == "no pointing error was received"
+
+
+def test_too_few_observations_are_refused() -> None:
+    with pytest.raises(ValueError, match="0 observations, must have at least 30: track a pass with a sensor first"):
+        log().fit(BiasModel.zero())
+
+
 @pytest.mark.parametrize("why", ["invalid", "no joints", "old joints", "no target"])
 def test_what_does_not_belong_together_is_no_observation(track: TopocentricTrack, window: Pass, why: str) -> None:
     collected, t_s = log(), window.tca_t_s

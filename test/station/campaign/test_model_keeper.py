@@ -49,6 +49,15 @@ def test_a_candidate_is_in_force_only_when_accepted_and_rolled_back_to_the_start
     assert keeper(str(tmp_path)).active.name == "old"
 
 
+def test_without_a_folder_the_way_back_lasts_as_long_as_the_node():
+    kept = keeper()
+    with pytest.raises(ValueError, match="nothing to roll back to"):
+        kept.roll_back()
+    kept.propose(model_file("new"))
+    kept.accept(NOW_S)
+    assert kept.roll_back() is None
+
+
 def test_a_candidate_that_does_worse_in_the_shadow_is_not_accepted():
     kept = keeper(start=model_file("good", 20.0 * MDEG))
     kept.propose(model_file("bad"))

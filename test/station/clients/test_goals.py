@@ -287,6 +287,18 @@ def test_a_goal_by_name_waits_for_the_ephemeris_with_its_periods_held(desk: Desk
     assert desk.world.of("period") == [desk.world.t_s + 0.1]
 
 
+@pytest.mark.parametrize("missing", ["joint_states", "pass_profiles"])
+def test_a_certificate_that_does_not_come_is_refused_although_time_is_held(desk: Desk, missing: str) -> None:
+    desk.world.moves = missing != "joint_states"
+    if missing == "pass_profiles":
+        desk.controller.plan.take_profiles([])
+    desk.begin()
+    desk.world.wall_s += PATIENCE_WALL_S + 1.0
+    desk.turn()
+    assert f"({missing}) has not arrived in 31 s" in desk.message
+    assert desk.world.of("command") == []
+
+
 # What is refused
 
 

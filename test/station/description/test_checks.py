@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import yaml
 
+from rf_pointing.planning import HorizonMask
 from rf_pointing.station.description import STATIONS, StationError, station_from
 from rf_pointing.station.description.description import StationDescription
 
@@ -99,6 +100,11 @@ def test_what_is_missing_or_of_another_kind_is_the_one_problem(
         ({"drive": {"rotator": {"latency_s": -1.0}}}, "drive.rotator.latency_s=-1.0 must be >= 0.0"),
         ({"drive": {"rotator": {"latncy_s": 1.0}}}, "drive.rotator.latncy_s: no such key of drive; did you mean "),
         ({"mount__horizon_file": "empty.txt"}, "mount.horizon_file='empty.txt' must have at least one point"),
+        ({"mount__horizon_deg": [[0, 5], [91, 5], [180, 5], [270, 5]]},
+            "mount.horizon_deg point 2: 91 deg after the point before"),
+        ({"bands__X__sensors": ["conscan", "conscan"]}, "bands.X.sensors="),
+        ({"mount__elevation__travel_deg": [0, 40], "mount__horizon_deg": [[0, 40]]},
+            "mount.elevation.travel_deg=[0.0, 40.0] ends below the horizon mask"),
         ({"mount__azimuth__travel_deg": [10, 10]}, "mount.azimuth.travel_deg=[10.0, 10.0] must rise"),
     ],
 )  # fmt: skip
@@ -143,6 +149,13 @@ def test_a_stow_may_lie_where_only_the_control_unit_goes(tmp_path: Path) -> None
     assert found.startswith("mount.stow_elevation_deg=96.0 must lie within")
     (found,) = said(tmp_path, mount__stow_elevation_deg=91)
     assert found.startswith("mount.stow_elevation_deg=91.0 must lie within")
+
+
+def test_a_mask_has_a_clearance_of_a_degree_unless_one_is_given(tmp_path: Path) -> None:
+    assert read(tmp_path).mask == HorizonMask(clearance_rad=1.0 * DEG)
+    assert read(tmp_path, mount__horizon_clearance_deg=2.5).mask == HorizonMask(clearance_rad=2.5 * DEG)
+    one = read(tmp_path, mount__horizon_deg=[[20, 3]], mount__horizon_clearance_deg=0.5).mask
+    assert one == HorizonMask(azimuth_rad=(20 * DEG,), elevation_rad=(3 * DEG,), clearance_rad=0.5 * DEG)
 
 
 def test_only_points_a_whole_turn_apart_are_the_same(tmp_path: Path) -> None:

@@ -107,6 +107,13 @@ def test_a_second_pass_is_refused_while_one_is_tracked(rig: MakeRig, window: Pas
         made.controller.start(window.aos_t_s, window, "program")
 
 
+def test_an_unknown_sensor_is_refused(make_controller: MakeController, window: Pass) -> None:
+    with pytest.raises(
+        ValueError, match="sensor='radar' must be one of program, monopulse, conscan, steptrack, array, auto"
+    ):
+        make_controller().start(window.aos_t_s, window, "radar")
+
+
 # Ends of a pass
 
 

@@ -119,6 +119,20 @@ def test_a_keyhole_is_counted_and_bars_a_pass_of_a_slow_antenna(satellites: list
     assert all(item.fate is Fate.BARRED for item in barred)
 
 
+def test_an_object_that_never_sets_is_not_planned(satellites: list[Elements]) -> None:
+    still = dataclasses.replace(
+        satellites[0], inclination_rad=1e-4, eccentricity=1e-4, mean_motion_rad_s=2.0 * math.pi / 86164.1,
+        catalogue_number=99, name="GEO",
+    )  # fmt: skip
+    for node in np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False):
+        placed = dataclasses.replace(still, ascending_node_rad=float(node))
+        plan = day([placed])
+        if plan.passes:
+            break
+    (item,) = plan.passes
+    assert (item.fate, item.reason) == (Fate.BARRED, "is above the mask all the time")
+
+
 def test_the_expected_error_is_that_of_the_elements_age(satellites: list[Elements]) -> None:
     item = day(satellites).passes[-1]
     age_s = item.window.tca_t_s - item.window.elements.epoch_t_s

@@ -106,6 +106,17 @@ def test_what_was_chosen_and_set_is_in_force_after_a_restart(tmp_path: Path) -> 
     assert (values["along_track_offset_s"], values["hold_since"][:19]) == (1.5, "2006-06-27T05:01:40")
 
 
+@pytest.mark.parametrize(("margin_days", "stale"), [(-0.001, True), (0.001, False)])
+@pytest.mark.parametrize("which", [0, 1])
+def test_elements_are_stale_by_their_age_at_the_next_closest_approach(
+    margin_days: float, stale: bool, which: int
+) -> None:
+    one = Bench()
+    window = one.target.passes[which]
+    one.set(stale_days=(window.tca_t_s - CBERS.epoch_t_s) / 86400.0 + margin_days)
+    assert ("elements of CBERS 2 are stale" in one.problem(window.los_t_s)) is stale
+
+
 def test_beyond_the_table_of_the_earth_the_target_goes_on_and_health_states_the_error(tmp_path: Path) -> None:
     after_s = orientation_table().span_t_s[1] + 1.5 * 86400.0
     file = tmp_path / "late.tle"
