@@ -1,4 +1,5 @@
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -136,6 +137,14 @@ def test_temperature_term_without_a_temperature_is_refused():
     assert float(model.apply(0.1, 0.5, *STILL, temperature_k=298.15)[1]) == pytest.approx(0.5001, abs=1e-12)
 
 
+def test_extension_terms_close_too(random):
+    model = random_model(random).replace(azimuth_second_sine=1e-3, droop_beyond_zenith=1e-3)
+    for low, high in ((5.0, 89.0), (95.0, 170.0)):
+        azimuth, elevation = grid(low, high)
+        back = model.remove(*model.apply(azimuth, elevation, *STILL), *STILL)
+        assert np.max(np.abs(back[1] - elevation)) < CLOSURE_RAD
+
+
 def test_lags_too_long_for_the_rates_near_the_zenith_raise_instead_of_guessing():
     model = BiasModel.zero().replace(azimuth_velocity_lag=10.0, mislevel_east=0.02)
     with pytest.raises(ValueError, match="remove"):
@@ -150,6 +159,10 @@ def test_offset_is_the_partials_times_the_coefficients(partials, random):
     offset = model.offset_rad(azimuth, elevation, *motion)
     for part, expected in zip(partials((azimuth, elevation, *motion), model.coefficients), offset, strict=True):
         assert part @ values == pytest.approx(expected, abs=1e-14)
+
+
+def test_a_model_survives_pickling(table_1):
+    assert pickle.loads(pickle.dumps(table_1)) == table_1
 
 
 def test_a_thermal_model_at_one_temperature_is_the_model_without_its_thermal_terms(random: np.random.Generator) -> None:

@@ -7,6 +7,7 @@ from rf_pointing.calibration import TERM_NAMES, FitOptions, Observations, PassPr
 from rf_pointing.calibration.pass_errors import (
     motion_partials,
     pass_partials,
+    shift_by,
     site_partials,
     track_axes,
 )
@@ -175,6 +176,17 @@ def test_a_site_that_is_off_by_metres_sees_every_target_displaced_by_their_oppos
         azimuth, elevation = azel_from_unit_vector(position - axis)
         assert 10.0 * partials[0][:, k] == pytest.approx(wrap_rad(azimuth - data.true_azimuth_rad), abs=1e-9)
         assert 10.0 * partials[1][:, k] == pytest.approx(elevation - data.true_elevation_rad, abs=1e-9)
+
+
+def test_metres_along_across_and_up_shift_a_target_as_vectors_do(campaign, table_1, random):
+    data = campaign(table_1, passes=2)
+    metres = 20.0 * random.normal(size=(len(data), 3))
+    azimuth, elevation = displaced(data, [m[:, np.newaxis] for m in metres.T])
+    found = shift_by(data, metres)
+    assert found[0] == pytest.approx(azimuth, abs=1e-8)
+    assert found[1] == pytest.approx(elevation, abs=1e-8)
+    with pytest.raises(ValueError, match="range_rate_m_s=None"):
+        shift_by(replace(data, range_rate_m_s=None), metres)
 
 
 def test_an_error_and_its_drift_share_one_size_and_those_along_the_track_do_not():

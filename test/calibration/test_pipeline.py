@@ -290,6 +290,15 @@ def test_known_errors_of_a_pass_move_the_true_motion_and_not_the_whole_error_tha
     assert np.max(np.abs(apart)) < 1.0 * MDEG
 
 
+def test_a_pass_of_a_single_point_is_refused(track, raw_pass, table_1):
+    reference = track(5.0)
+    raw = raw_pass(reference, table_1, None, NOISE_RAD)
+    start = int(np.argmin(np.abs(raw.t_s - 30.0 * np.ceil(np.median(raw.t_s) / 30.0))))
+    short = {name: getattr(raw, name)[start : start + 80] for name in ("t_s", "good", *raw.channels)}
+    with pytest.raises(ValueError, match="no pass gives two calibration points"):
+        process_pass(replace(raw, **short), reference, 0, None, table_1)
+
+
 def shortened(raw, rows):
     """Return the pass with only these samples good."""
     good = np.zeros(len(raw), dtype=bool)

@@ -92,6 +92,16 @@ def test_azimuths_beyond_half_a_radian_in_10_s_are_left_out(track):
     assert np.array_equal(keep, ~fast)
 
 
+def test_a_handful_of_samples_is_judged_too(track):
+    for count in (2, 4, 5):
+        assert np.all(validate(raw_of(track(5.0), count=count), track(5.0))[0])
+    fast = track(1.0, miss_m=20e3)
+    overhead = raw_of(fast, count=2, start_s=400.0)
+    assert not np.any(validate(overhead, fast)[0])
+    # A single sample is no pass: its rate is not judged.
+    assert np.all(validate(replace(overhead, good=np.array([True, False])), fast)[0] == [True, False])
+
+
 def test_a_file_is_cut_at_its_gaps_and_not_at_one_wrong_time(track):
     reference = track(5.0)
     times = reference.t_s[0] + np.concatenate([np.arange(30.0), 200.0 + np.arange(25.0), 330.0 + np.arange(20.0)])
@@ -145,6 +155,12 @@ def test_columns_of_other_length_and_empty_names_are_refused(track):
         replace(raw, good=np.ones(2, dtype=bool))
     with pytest.raises(ValueError, match="target='' must not be empty"):
         replace(raw, target="")
+
+
+def test_a_report_names_reasons_that_occurred_only(track):
+    _, report = validate(raw_of(track(5.0), azimuth_rad=(3, np.nan)), track(5.0))
+    assert report.text() == "validation: 60 -> 59 (dropped 1 not finite)"
+    assert replace(report, note="one", dropped={}).text() == "validation: 60 -> 59; one"
 
 
 def test_samples_that_are_not_finite_outside_the_orbit_or_repeated_say_nothing_of_the_unit(track):

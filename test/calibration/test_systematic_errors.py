@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -205,3 +206,9 @@ def test_a_clock_is_the_weighted_mean_of_both_lags_beyond_those_that_are_known(c
     if clock:
         assert (found.size, found.sigma, found.refuse) == pytest.approx(clock, rel=1e-4)
         assert (found.kind, found.unit) == ("clock", "s")
+
+
+@pytest.mark.parametrize("absent", ["azimuth_velocity_lag", "elevation_velocity_lag"])
+def test_one_lag_alone_tells_of_no_clock(absent):
+    names = tuple(name for name in TERMS if name != absent)
+    assert systematic_errors.common_clock(SimpleNamespace(names=names), dict.fromkeys(TERMS, 0.0)) is None

@@ -237,3 +237,9 @@ def test_what_a_message_says_besides_angles_and_ranges_is_no_error(lines, tmp_pa
     short = "\n".join(lines).replace("DATA_START", "DATA_START\nANGLE_1 = 2001-09-09T01:46:40", 1)
     with pytest.raises(ValueError, match="line 19: ANGLE_1 needs a time and a value, has 1 words"):
         read_changed(tmp_path, short.splitlines())
+
+
+def test_a_correction_is_marked_as_applied_or_not(lines, tmp_path):
+    text = "\n".join(lines).replace("META_STOP", "CORRECTION_RANGE = 1.5\nCORRECTIONS_APPLIED = MAYBE\nMETA_STOP", 1)
+    with pytest.raises(ValueError, match="line 5: CORRECTION_RANGE needs CORRECTIONS_APPLIED = YES or NO"):
+        read_changed(tmp_path, text.splitlines())

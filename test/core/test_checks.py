@@ -93,3 +93,15 @@ def test_whatever_holds_two_numbers_is_a_pair_of_plain_floats(value: object) -> 
     pair = as_finite_pair("goal", value)
     assert pair == (1.0, 2.0 if isinstance(value, range) else 2.5)
     assert [type(number) for number in pair] == [float, float]
+
+
+@pytest.mark.parametrize("size", [1, 15, 16, 17, 200])
+def test_a_bad_element_is_found_in_arrays_of_every_size_and_kind(size: int) -> None:
+    for kind in (np.float64, np.float32, np.complex128):
+        values = np.zeros(size, dtype=kind)
+        require_finite("table", values)
+        values[size // 2] = math.nan
+        with pytest.raises(ValueError, match=r"(?s)^table=.* must be finite$"):
+            require_finite("table", values)
+    require_finite("count", np.arange(size))
+    require_finite("whole", 10**300)
