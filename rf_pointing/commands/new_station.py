@@ -37,7 +37,7 @@ mount:
     rate_deg_s: 6.0
     acceleration_deg_s2: 6.0
     encoder_bits: 20
-  # horizon_deg: [[0, 3], [90, 5], [180, 12], [270, 4]]   # azimuth and lowest elevation of each point
+  # horizon_deg: [[0, 3], [90, 5], [180, 12], [270, 4]]   # azimuth, lowest elevation of each point
   # horizon_file: horizon.txt                             # the same, a point a line
   # park_deg: [0.0, 45.0]
   # stow_elevation_deg: 90.0

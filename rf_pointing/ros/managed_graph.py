@@ -63,7 +63,7 @@ class NodeProcesses:
             if autostart:
                 arguments += ["-p", "lifecycle.autostart:=true"]
             urgent = not self._on_time or executable in self._on_time
-            with self._log(name).open("wb") as log:
+            with self.log(name).open("wb") as log:
                 self._running[name] = subprocess.Popen(
                     [str(folder / executable), *arguments],
                     stdin=subprocess.DEVNULL,
@@ -84,7 +84,7 @@ class NodeProcesses:
 
     def complaint(self, name: str) -> str:
         """Return the last line of a node's log, which states why it refused."""
-        lines = self._log(name).read_text(errors="replace").strip().splitlines()
+        lines = self.log(name).read_text(errors="replace").strip().splitlines()
         return lines[-1] if lines else "no message"
 
     def process_id(self, name: str) -> int:
@@ -103,7 +103,8 @@ class NodeProcesses:
                     process.wait(max(0.01, deadline_s - time.monotonic()))
         self._running.clear()
 
-    def _log(self, name: str) -> Path:
+    def log(self, name: str) -> Path:
+        """Return the log file of an executable."""
         return self._logs / f"{name.replace('/', '.')}.log"
 
 

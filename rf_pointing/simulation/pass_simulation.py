@@ -31,7 +31,7 @@ from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.tracking import MonopulseTracker
 from rf_pointing.tracking.power_tracker import NODE, CarrierTracker, PowerTracker, PowerTrackerParams
-from rf_pointing.tracking.sensors import load_trackers
+from rf_pointing.tracking.sensors import SENSORS, load_trackers
 
 EARLY_TARGET_S = 5.0
 """How long before acquisition of signal the first target is, still below the horizon."""
@@ -171,7 +171,7 @@ def simulate_pass(
     if sensor == Sensor.ARRAY and setup.array is None:
         raise ValueError("sensor=array needs an array: what measures the receptions with it is not given")
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()
-    monopulse = MonopulseTracker(setup.sets("monopulse_tracker")["monopulse"])
+    monopulse = MonopulseTracker(setup.sets(SENSORS[Sensor.MONOPULSE].node)[Sensor.MONOPULSE])
     carrier = setup.power_tracker()
     # Before the controller starts: its certificate begins at the axes' present angles.
     antenna.enable()

@@ -85,7 +85,7 @@ class Watched:
         self.joints.append((seconds_from_stamp(message.header.stamp), *message.position))
 
     def log(self) -> str:
-        return self.processes._log("rotctld_server").read_text()
+        return self.processes.log("rotctld_server").read_text()
 
     def rotctl(self, *words: str) -> str:
         done = subprocess.run(

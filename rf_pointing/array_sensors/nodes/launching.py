@@ -27,12 +27,12 @@ def array_description(name: str) -> LaunchDescription:
                 "autostart", default_value="true", description="nodes configure and activate themselves"
             ),
             network_argument(),
-            OpaqueFunction(function=_nodes, args=[(CLOCK, *ARRAY_SYSTEMS[name].nodes)]),
+            OpaqueFunction(function=lifecycle_nodes, args=[(CLOCK, *ARRAY_SYSTEMS[name].nodes)]),
         ]
     )
 
 
-def _nodes(context: Any, names: Sequence[str]) -> list[Any]:
+def lifecycle_nodes(context: Any, names: Sequence[str]) -> list[Any]:
     namespace, parameters, start, network = (
         LaunchConfiguration(argument).perform(context)
         for argument in ("namespace", "params_file", "autostart", "network")

@@ -91,12 +91,12 @@ def pointing_controller(of: Band) -> Derived:
         "autotrack": array.thresholds(of),
         "integrator": loop.integrator(of),
         "spiral": scans.spiral(of),
-        "conscan": scans.conscan(of),
+        Sensor.CONSCAN.value: scans.conscan(of),
         "machine": {
             **axes.commanded(of), "half_power_beamwidth_deg": of.width, "sun_radius_deg": axes.sun_radius(of)
         },
         "mask": axes.mask(of),
-        "steptrack": scans.steptrack(of),
+        Sensor.STEPTRACK.value: scans.steptrack(of),
         "calibration": {"half_power_beamwidth_deg": of.width},
         "trim": loop.trim(of),
         "watch": loop.lock_watch(of),
@@ -155,7 +155,10 @@ def conscan_tracker(of: Band) -> Derived:
     """The tracker of the carrier power."""
     from rf_pointing.tracking.power_tracker import PowerTrackerParams
 
-    return Derived(PowerTrackerParams().sets(), {"conscan": scans.conscan(of), "steptrack": scans.steptrack(of)})
+    return Derived(
+        PowerTrackerParams().sets(),
+        {Sensor.CONSCAN.value: scans.conscan(of), Sensor.STEPTRACK.value: scans.steptrack(of)},
+    )
 
 
 def array_receiver(of: Band) -> Derived:

@@ -38,13 +38,13 @@ def test_receivers_stand_in_the_namespaces_of_their_stations(
     from rf_pointing.array_sensors.nodes import launching
 
     monkeypatch.setattr(launching, "LifecycleNode", lambda **named: started.append(named))
-    assert len(launching._nodes(None, ("tripulse_source", "usingen/tripulse_receiver"))) == 2
+    assert len(launching.lifecycle_nodes(None, ("tripulse_source", "usingen/tripulse_receiver"))) == 2
     assert [(each["namespace"], each["name"]) for each in started] == [
         ("tripulse", "tripulse_source"),
         ("tripulse/usingen", "tripulse_receiver"),
     ]
     given["params_file"] = "own.yaml"
-    launching._nodes(None, ("tripulse_source",))
+    launching.lifecycle_nodes(None, ("tripulse_source",))
     assert started[-1]["parameters"][0] == "own.yaml"
 
 
