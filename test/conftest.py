@@ -14,6 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+# Without xdist its hook would be unknown.
+if importlib.util.find_spec("xdist"):
+    from test.by_file import pytest_xdist_make_scheduler  # noqa: F401
+
 DOMAINS = 100
 """ROS domains 1 to 100 keep their ports below the range that the kernel hands out."""
 LOOPBACK = Path(__file__).parents[1] / "config" / "fastdds_loopback.xml"

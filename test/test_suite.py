@@ -46,6 +46,7 @@ def options() -> list[str]:
 def test_tests_that_die_or_hang_fail_and_all_others_run(tmp_path: Path) -> None:
     for name, bad in (("one", DIES), ("two", DIES), ("three", HANGS), ("four", DEAD)):
         (tmp_path / f"test_{name}.py").write_text(GOOD.format(bad=bad))
+    (tmp_path / "conftest.py").write_text((ROOT / "test" / "by_file.py").read_text())
     (tmp_path / "pytest.ini").write_text("[pytest]\ntimeout = 2\n")
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-n", "2", *options()]
     quick = ["-o", "faulthandler_timeout=5"]
