@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import Boresight, JointReading, JointTrajectory, PointingError, Target
+from rf_pointing.core.signals import BeamPosition
 
 TARGET: dict[str, Any] = {
     "t_s": 10.0,
@@ -149,3 +150,13 @@ def test_a_covariance_is_that_of_two_real_axes(covariance: list[list[float]], re
         return
     with pytest.raises(ValueError, match="must be that of two real axes: no negative variance"):
         pointing_error(covariance)
+
+
+def test_a_time_before_all_that_is_known_of_beam_or_centre_is_too_old() -> None:
+    beam = BeamPosition()
+    assert not beam.too_old(0.0)
+    for t_s in (10.0, 11.0):
+        beam.take_joints(JointReading(t_s=t_s, position_rad=np.zeros(2), velocity_rad_s=np.zeros(2)))
+    assert [beam.too_old(t_s) for t_s in (9.9, 10.0, 12.0)] == [True, False, False]
+    beam.take_centre(10.5, np.zeros(2))
+    assert [beam.too_old(t_s) for t_s in (10.4, 10.5, 12.0)] == [True, False, False]

@@ -141,3 +141,12 @@ def test_a_path_keeps_its_margin_and_leaves_a_zone_only_outwards(
     outside = float(np.min(angle_between(lines[0, [0, -1]], np.array(SUN)))) >= RADIUS + margin
     if outside and lines[0, 0, 1] != 0.2:
         assert bool(beside) == bool(words)
+
+
+def test_a_turn_of_the_horizons_points_is_refused_and_a_little_less_is_not() -> None:
+    HorizonMask(azimuth_rad=(1.0, 6.0), elevation_rad=(0.0, 0.0))
+    for azimuths in ((0.0, 2.0 * math.pi), (1.0, 1.0)):
+        with pytest.raises(ValueError, match="must rise from point to point within one turn"):
+            HorizonMask(azimuth_rad=azimuths, elevation_rad=(0.0, 0.0))
+    with pytest.raises(ValueError, match="has 0 points"):
+        HorizonMask(azimuth_rad=(), elevation_rad=())
