@@ -268,3 +268,7 @@ def test_a_memory_of_a_target_that_cannot_be_used_is_refused_by_its_file(spoilt:
     path.write_text(path.read_text()[:-1] + f", {spoilt}}}")
     with pytest.raises(ValueError, match=r"target\.json cannot be|target\.json .*cannot be read"):
         TargetMemory(str(path), configured)
+
+
+def test_elements_are_first_known_at_their_epoch() -> None:
+    assert first_time_s(SourceParams()) == load_elements(SourceParams()).epoch_t_s > 1.1e9

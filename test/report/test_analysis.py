@@ -92,3 +92,13 @@ def test_unknown_beam_gives_errors_but_no_loss() -> None:
     found = statistics_of(np.ones((3, 2)) * MDEG, np.full(3, np.nan))
     assert found.radial.rms_mdeg == pytest.approx(math.sqrt(2.0))
     assert (found.mean_loss_db, found.inside_half_power_percent) == (None, None)
+
+
+def test_a_single_status_is_an_interval_without_length() -> None:
+    (span,) = made([0.0], ["a"]).intervals()
+    assert (span.mode, span.seconds) == ("a", 0.0)
+
+
+def test_the_offset_of_a_single_status_holds_at_any_time() -> None:
+    modes = made([0.0], ["monopulse"], [1.5])
+    np.testing.assert_array_equal(modes.offset_rad_at(at(-1.0, 0.0, 7.0)), [[1.5, 0.0]] * 3)

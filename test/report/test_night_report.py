@@ -176,3 +176,29 @@ def test_the_tables_have_each_pass_alarm_and_device(shown: Any) -> None:
     assert page["tables"]["health"] == [("disk", "free", "1 GB"), ("relays", "starts", "412")]
     assert (page["begun"], page["ended"], page["oldest_h"]) == ("2006-06-26 00:00", "2006-06-26 03:00", 30.0)
     assert shown(10_800.0, records[:1])["oldest_h"] is None
+
+
+def test_a_bar_is_where_its_pass_or_alarm_was(shown: Any) -> None:
+    """A night of three hours is 1080 wide: 0.1 a second."""
+    at = MIDNIGHT - T0
+    records = [
+        record("SAT 1", at - 300.0),
+        record("SAT 2", at + 1000.7, lost_s=150.0),
+        record("SAT 3", at + 5000.0, los_t_s=MIDNIGHT + 5000.5, lost_s=0.5, state="lost"),
+        record("SAT 4", at + 10_500.0),
+    ]
+    history = [
+        [MIDNIGHT + 1000.0, "raised", "disk", 1, "1 GB is free"],
+        [MIDNIGHT + 3000.0, "cleared", "disk", 1, ""],
+        [MIDNIGHT + 4000.0, "raised", "drives", 2, "drives cut"],
+        [MIDNIGHT + 4010.0, "cleared", "drives", 2, ""],
+        [MIDNIGHT + 9800.0, "raised", "disk", 1, "1 GB is free"],
+    ]
+    shows = shown(10_800.0, records, history)["timeline"]
+    passes, alarms = ([(each["x"], each["width"]) for each in shows[kind]] for kind in ("passes", "alarms"))
+    assert passes == [(0.0, 30.0), (100.1, pytest.approx(60.0)), (500.0, 2.0), (1050.0, 30.0)]
+    assert [each["lost"] for each in shows["passes"]] == [10.0 / 600.0, pytest.approx(150.0 / 600.0), 0.5, 10.0 / 600.0]
+    assert shows["passes"][2]["text"] == "SAT 3, 01:23:20: lost, 0 s lost"
+    assert alarms == [(100.0, 200.0), (400.0, 3.0), (980.0, 100.0)]
+    assert [each["lane"] for each in shows["alarms"]] == [0, 1, 0]
+    assert (shows["names"], shows["height"]) == (["disk", "drives"], 70.0 + 2 * 26.0 + 24.0)
