@@ -107,10 +107,7 @@ def design_scan(params: ScanDesignParams, carrier_to_noise_db_hz: float, wanted_
 
 
 def scan_of_station(sets: Mapping[str, Params], carrier_to_noise_db_hz: float, wanted_sigma_rad: float) -> Params:
-    """Return the scan of a controller's sets that is known to `wanted_sigma_rad` per axis.
-
-    ValueError when the accuracy is out of reach at this C/N0.
-    """
+    """Return the station's scan that is known to this sigma per axis; ValueError out of reach."""
     params = sets[Sensor.CONSCAN]
     assert isinstance(params, ConscanParams)
     limits = ScanDesignParams(longest_period_s=LONGEST_TURN_S)

@@ -45,10 +45,7 @@ OPERATED = {
     "resume": ("release", "leave a pause or a rest"),
     "reset_fault": ("reset", "clear a latched fault"),
 }
-"""Requests without arguments, by the name of their service and their method of the control unit.
-
-Each has the word of `station` that calls it, and its help.
-"""
+"""Requests without arguments, by service and method: the word of `station`, and its help."""
 
 
 class Request(StrEnum):
