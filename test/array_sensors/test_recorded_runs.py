@@ -53,7 +53,7 @@ RESPONSE = ArrayResponse(
 )
 
 
-def told(reason: str) -> list[float]:
+def length_and_sum(reason: str) -> list[float]:
     """Return how long a reason is without its numbers, and their sum."""
     return [float(len(PRINTED_NUMBER.sub("", reason))), sum(float(number) for number in PRINTED_NUMBER.findall(reason))]
 
@@ -70,7 +70,7 @@ def tripulse(signal: TripulseSignalParams, array: TripulseArrayParams, **link: f
         (frame,) = sender.step(2.0 * k, Rotation.from_rotvec(turn).as_matrix(), [line])
         made = receiver.measure(frame)
         found.append(flat(frame.samples[:: len(frame.samples) // 5], frame.steering, made.projections, 1e8 * made.covariance,
-                          made.sum_snr_db, made.shift_hz, made.valid, told(made.reason)))  # fmt: skip
+                          made.sum_snr_db, made.shift_hz, made.valid, length_and_sum(made.reason)))  # fmt: skip
     return flat(*found)
 
 
@@ -101,7 +101,7 @@ def satellite(
             found.append(flat(
                 moment.truth.quaternion, moment.truth.rate_rad_s * 1e3, moment.torque.known.control_n_m * 1e3,
                 report.attitude.quaternion, 1e6 * report.attitude.covariance_rad2, 1e3 * report.rate.rate_rad_s,
-                1e6 * report.rate.covariance_rad2_s2, told(report.attitude.reason), told(" ".join(report.refused)),
+                1e6 * report.rate.covariance_rad2_s2, length_and_sum(report.attitude.reason), length_and_sum(" ".join(report.refused)),
             ))  # fmt: skip
     return flat(*found)
 
@@ -117,7 +117,14 @@ def directions(params: DoaEstimatorParams, response: ArrayResponse | None = None
         for each in DoaEstimator(array, params, response=response).estimate(block):
             bias = np.zeros(6) if each.bias_rad is None else each.bias_rad
             found.append(
-                flat(each.direction, 1e4 * each.covariance_rad2, each.snr_db, each.valid, told(each.reason), bias)
+                flat(
+                    each.direction,
+                    1e4 * each.covariance_rad2,
+                    each.snr_db,
+                    each.valid,
+                    length_and_sum(each.reason),
+                    bias,
+                )
             )
     return flat(*found)
 
@@ -157,7 +164,7 @@ def docking(order: str, start_m: float, radio: RadioParams, lost: int = -1, **op
                 made.phase_rate_rad_s.ravel()[::23],
                 made.amplitudes,
                 len(output.status),
-                told(output.reason),
+                length_and_sum(output.reason),
             )
         )
         if output.estimate is not None:

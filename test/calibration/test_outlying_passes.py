@@ -77,10 +77,10 @@ def test_a_white_sigma_is_doubted_when_the_orbit_is_off_and_only_then(campaign, 
 
 def test_priors_that_are_too_narrow_are_doubted_by_name(campaign, planted, random):
     data = shifted(campaign(planted, passes=PASSES), random.normal(size=(PASSES, 3)) * [300.0, 0.0, 0.0])
-    told = PassPriors(along_track_m=60.0, cross_track_m=60.0, radial_m=60.0)
-    (doubt,) = warnings_of(fit_with(data, told), data)
+    priors = PassPriors(along_track_m=60.0, cross_track_m=60.0, radial_m=60.0)
+    (doubt,) = warnings_of(fit_with(data, priors), data)
     assert doubt.startswith("along_track_m of the passes is ")
-    assert warnings_of(fit_with(data, told.replace(along_track_m=300.0)), data) == ()
+    assert warnings_of(fit_with(data, priors.replace(along_track_m=300.0)), data) == ()
 
 
 def test_a_pass_that_was_edited_out_whole_is_named(campaign, planted):
@@ -105,7 +105,7 @@ def test_the_search_is_bounded(campaign, planted):
     assert len(rounds) <= 6
 
 
-def told(values, sigma, names):
+def priors(values, sigma, names):
     """Return what a fit says of its passes' errors."""
     errors = [
         SimpleNamespace(values=dict(zip(names, value, strict=True)), sigma=dict(zip(names, spread, strict=True)))

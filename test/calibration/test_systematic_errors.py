@@ -200,8 +200,8 @@ def test_a_clock_is_the_weighted_mean_of_both_lags_beyond_those_that_are_known(c
     values, covariance = fit.values.copy(), fit.covariance.copy()
     values[places] = np.add(lags_s, (0.3, -0.2))
     covariance[np.ix_(places, places)] = np.diag(np.square(sigma_s))
-    told = replace(fit, values=values, covariance=covariance)
-    found = systematic_errors.common_clock(told, dict(zip(names, (0.3, -0.2), strict=True)))
+    shifted = replace(fit, values=values, covariance=covariance)
+    found = systematic_errors.common_clock(shifted, dict(zip(names, (0.3, -0.2), strict=True)))
     assert (found is None) is (clock is None)
     if clock:
         assert (found.size, found.sigma, found.refuse) == pytest.approx(clock, rel=1e-4)

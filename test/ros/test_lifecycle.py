@@ -23,7 +23,7 @@ START_S = 1_151_384_000.0
 
 
 class Subject(ManagedNode):
-    """A node that refuses or fails as it is told, and notes its work."""
+    """A node that refuses or fails as the test sets it, and notes its work."""
 
     def __init__(self) -> None:
         super().__init__("managed_subject")

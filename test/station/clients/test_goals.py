@@ -44,7 +44,7 @@ class Search:
 
 @dataclass
 class World:
-    """What is around the goals: axes that are where they were told to be, and lists of what was sent."""
+    """What is around the goals: axes that are where they were sent, and lists of what was sent."""
 
     standing_rad: np.ndarray
     t_s: float

@@ -452,8 +452,8 @@ def test_a_satellite_that_cannot_be_tracked_is_followed_by_its_points_for_120_s(
     elif reason == "ended":
         known.answer("track")
         known.steering.ended(known.number, "refused", 0.0)
-    told = any("BIRD is not tracked, its points are followed" in line for line in known.log)
-    assert told is (reason != "ended")
+    reported = any("BIRD is not tracked, its points are followed" in line for line in known.log)
+    assert reported is (reason != "ended")
     assert (known.step() is None) is (reason == "no goal"), "20 s later the points are old"
     again_s = known.t_s + 120.0
     count = known.sent.count("select_target")
