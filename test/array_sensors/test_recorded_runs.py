@@ -53,7 +53,7 @@ RESPONSE = ArrayResponse(
 )
 
 
-def length_and_sum(reason: str) -> list[float]:
+def summed(reason: str) -> list[float]:
     """Return how long a reason is without its numbers, and their sum."""
     return [float(len(PRINTED_NUMBER.sub("", reason))), sum(float(number) for number in PRINTED_NUMBER.findall(reason))]
 
@@ -70,7 +70,7 @@ def tripulse(signal: TripulseSignalParams, array: TripulseArrayParams, **link: f
         (frame,) = sender.step(2.0 * k, Rotation.from_rotvec(turn).as_matrix(), [line])
         made = receiver.measure(frame)
         found.append(flat(frame.samples[:: len(frame.samples) // 5], frame.steering, made.projections, 1e8 * made.covariance,
-                          made.sum_snr_db, made.shift_hz, made.valid, length_and_sum(made.reason)))  # fmt: skip
+                          made.sum_snr_db, made.shift_hz, made.valid, summed(made.reason)))  # fmt: skip
     return flat(*found)
 
 
@@ -101,7 +101,7 @@ def satellite(
             found.append(flat(
                 moment.truth.quaternion, moment.truth.rate_rad_s * 1e3, moment.torque.known.control_n_m * 1e3,
                 report.attitude.quaternion, 1e6 * report.attitude.covariance_rad2, 1e3 * report.rate.rate_rad_s,
-                1e6 * report.rate.covariance_rad2_s2, length_and_sum(report.attitude.reason), length_and_sum(" ".join(report.refused)),
+                1e6 * report.rate.covariance_rad2_s2, summed(report.attitude.reason), summed(" ".join(report.refused)),
             ))  # fmt: skip
     return flat(*found)
 
@@ -122,7 +122,7 @@ def directions(params: DoaEstimatorParams, response: ArrayResponse | None = None
                     1e4 * each.covariance_rad2,
                     each.snr_db,
                     each.valid,
-                    length_and_sum(each.reason),
+                    summed(each.reason),
                     bias,
                 )
             )
@@ -164,7 +164,7 @@ def docking(order: str, start_m: float, radio: RadioParams, lost: int = -1, **op
                 made.phase_rate_rad_s.ravel()[::23],
                 made.amplitudes,
                 len(output.status),
-                length_and_sum(output.reason),
+                summed(output.reason),
             )
         )
         if output.estimate is not None:
