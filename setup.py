@@ -23,6 +23,7 @@ EXECUTABLES = {
         "rf_receiver",
         "rotctld_server",
         "simulation_clock",
+        "station_alarms",
         "station_description",
         "station_executive",
     ],

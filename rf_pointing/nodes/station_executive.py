@@ -2,11 +2,12 @@
 
 Subscribes: antenna_status, joint_states, tracking_status, passes, target, pass_certificate,
 /diagnostics of the nodes of its namespace; schedule and executive_status of its partners.
-Publishes: schedule (latched), executive_status (once a second).
+Publishes: schedule (latched), executive_status (once a second), alarms (each message of an alarm,
+diagnostic_msgs/DiagnosticArray).
 Action: run_schedule (rf_pointing_msgs/RunSchedule).
 Services: ~/pause, ~/resume, ~/stop (after the present pass), ~/abort (now), std_srvs/Trigger;
-~/skip and ~/acknowledge (rf_pointing_msgs/Named); ~/change_schedule
-(rf_pointing_msgs/ChangeSchedule).
+~/test_alarms (a message by every way out); ~/skip and ~/acknowledge (rf_pointing_msgs/Named);
+~/change_schedule (rf_pointing_msgs/ChangeSchedule).
 Parameters: executive.* (files, folder, partners), between.* (what the antenna does between two
 passes), alarms.* (thresholds; the station description may set them), hooks.* (where alarms go),
 command_key_file (signs the calls of antenna_servo).
@@ -27,7 +28,13 @@ from rf_pointing.ros.command_key import CommandKeyParams
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.ros.main_loop import run
-from rf_pointing.ros.night_messages import executive_status_to_message, hear, schedule_to_message
+from rf_pointing.ros.night_messages import (
+    AlarmTopic,
+    executive_status_to_message,
+    hear_night,
+    schedule_to_message,
+    serve_alarms,
+)
 from rf_pointing.ros.one_goal import OneGoal
 from rf_pointing.ros.qos import LATCHED, STATUS
 from rf_pointing.ros.station_node import StationNode
@@ -56,12 +63,13 @@ class StationExecutive(StationNode):
         values = map(self.parameters.value, PARAMS)
         self.watch = watch = NightWatch(
             *values, self.station, self.band, self.get_namespace().strip("/"), connect=self._connect,
-            record=self._record, report=self._report, tell=self._tell,
+            record=self._record, report=self._report, tell=self._tell, publish=AlarmTopic(self).publish,
         )  # fmt: skip
-        self._at_cleanup.callback(watch.hooks.close)
+        serve_alarms(self, watch.alarms)
+        self._at_cleanup.callback(watch.alarms.hooks.close)
         self._at_cleanup.callback(watch.sender.close)
         self._published_wall_s = 0.0
-        hear(self, watch)
+        hear_night(self, watch)
         self._schedule = self.stream(ours.Schedule, SCHEDULE, LATCHED)
         self._status = self.stream(ours.ExecutiveStatus, EXECUTIVE_STATUS, STATUS)
         for name in ("pause", "resume", "stop", "abort"):
@@ -71,7 +79,6 @@ class StationExecutive(StationNode):
         change = lambda r: self._shown(watch.change(r.add, r.remove, self.now_s()))  # noqa: E731
         self.serve_action(ChangeSchedule, "~/change_schedule", change)
         self.diagnostics.add_report("night", watch.health)
-        self.diagnostics.add_report("alarms", watch.alarm_health)
 
     def activate(self) -> None:
         self.watch.begin(self.now_s())
@@ -103,11 +110,11 @@ class StationExecutive(StationNode):
 
         return Recorder(self, self.get_namespace(), bag, notes=notes)
 
-    def _report(self, folder: Path, messages: int, health: Mapping[str, Mapping[str, Any]]) -> None:
+    def _report(self, folder: Path, health: Mapping[str, Mapping[str, Any]]) -> None:
         from rf_pointing.report.night_report import night_of, write_night
 
         shown = {**health, "inputs": {"lost": sum(self.inputs.lost.values())}}
-        write_night(night_of(self.watch.night.state(), self.station.name, messages=messages, health=shown), folder)
+        write_night(night_of(self.watch.night.state(), self.station.name, health=shown), folder)
 
     def _tell(self, text: str, good: bool) -> None:
         # Two lines: one line of code that logs at two levels raises.

@@ -70,6 +70,8 @@ EXECUTIVE = "station_executive"
 """The node of a night without an operator; a station without it is whole."""
 ROTCTLD = "rotctld_server"
 """The node through which rotctld's clients steer; a station without it is whole, too."""
+ALARMS = "station_alarms"
+"""The node that tells of what goes wrong where no executive does."""
 DESCRIPTION = "station_description"
 """The node that shows a station to viewers; a station without it is whole."""
 OPERATOR_PAGE = "operator_page"
@@ -77,6 +79,7 @@ OPERATOR_PAGE = "operator_page"
 STATION_IN_USE = "station_in_use"
 SCHEDULE = "schedule"
 EXECUTIVE_STATUS = "executive_status"
+ALARM_TOPIC = "alarms"
 SATELLITE_ATTITUDE = "satellite_attitude"
 WIND, TEMPERATURE, PRESSURE, HUMIDITY = (f"weather/{name}" for name in ("wind", "temperature", "pressure", "humidity"))
 """Topics of a station's own instruments."""
@@ -156,6 +159,15 @@ def _topics() -> tuple[Topic, ...]:
     executive = (
         Topic(SCHEDULE, ours.Schedule, LATCHED, "latched", EXECUTIVE, "passes of the antenna and what becomes of them"),
         Topic(EXECUTIVE_STATUS, ours.ExecutiveStatus, STATUS, "1 Hz", EXECUTIVE, "what it does, and the alarms"),
+        Topic(
+            ALARM_TOPIC,
+            DiagnosticArray,
+            STATUS,
+            "as they come",
+            f"{EXECUTIVE}, {ALARMS}",
+            "messages of alarms: event, what to do",
+            frame="",
+        ),
     )
     in_use = Topic(STATION_IN_USE, ours.StationInUse, IN_USE, "latched", every, "station description and band")
     health = Topic("/diagnostics", DiagnosticArray, STREAM, "1 Hz", every, frame="")

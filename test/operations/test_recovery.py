@@ -1,11 +1,12 @@
-"""Alarms without storm or silence, and the recovery table as a file that a station may change."""
+"""The recovery table as a file that a station may change, and what it makes of what is seen."""
 
+import json
 from typing import Any
 
 import pytest
 
 from rf_pointing.operations import AlarmParams, Condition, ExpectedState
-from rf_pointing.operations.alarms import ERROR, WARNING, Alarm, AlarmBook
+from rf_pointing.operations.alarms import ERROR, WARNING, AlarmBook
 from rf_pointing.operations.dictionary import TABLES, read_directives, read_tables
 from rf_pointing.operations.recovery import Cause, Recovery, read_table
 
@@ -33,56 +34,11 @@ causes:
 """
 
 
-def book() -> tuple[AlarmBook, list[tuple[str, str]]]:
-    notified: list[tuple[str, str]] = []
-    return AlarmBook(lambda event, alarm: notified.append((event, alarm.name)), 600.0), notified
-
-
-def test_a_cause_that_lasts_is_one_message_however_often_it_is_seen() -> None:
-    alarms, notified = book()
-    for k in range(1000):
-        alarms.raise_("x", WARNING, f"message {k}", float(k))
-    assert notified == [("raised", "x")]
-    assert alarms.lasting[0].message == "message 999"
-
-
-def test_a_cause_that_comes_and_goes_is_no_storm_and_is_counted() -> None:
-    alarms, notified = book()
-    for k in range(200):
-        alarms.raise_("x", WARNING, "on", 2.0 * k)
-        alarms.clear("x", 2.0 * k + 1.0)
-    # 400 s, within the quiet time: one message of its raise, and one of its first end.
-    assert notified == [("raised", "x"), ("cleared", "x")]
-    assert alarms.alarms["x"].count == 200
-    alarms.raise_("x", WARNING, "on", 2000.0)
-    assert notified[-1] == ("raised", "x")
-
-
-def test_what_gets_worse_is_told_at_once_and_must_be_acknowledged_again() -> None:
-    alarms, notified = book()
-    alarms.raise_("x", WARNING, "near", 0.0)
-    assert alarms.acknowledge("", 1.0) == ["x"]
-    assert alarms.lasting[0].acknowledged
-    alarms.raise_("x", ERROR, "over", 2.0)
-    assert notified == [("raised", "x"), ("worse", "x")]
-    assert not alarms.lasting[0].acknowledged
-    with pytest.raises(ValueError, match="there is no alarm 'y'; there are: x"):
-        alarms.acknowledge("y", 3.0)
-
-
-def test_alarms_go_out_and_in_unchanged() -> None:
-    alarms, _ = book()
-    alarms.raise_("x", WARNING, "near", 0.0, "do it")
-    alarms.clear("x", 5.0)
-    other, _ = book()
-    other.restore(alarms.state())
-    assert other.state() == alarms.state()
-    assert isinstance(other.alarms["x"], Alarm)
-
-
 def recovery(**thresholds: Any) -> tuple[Recovery, ExpectedState]:
     expected_state = ExpectedState()
-    return Recovery(read_table(TABLE, NAMES, AlarmParams(**thresholds)), expected_state, book()[0]), expected_state
+    return Recovery(
+        read_table(TABLE, NAMES, AlarmParams(**thresholds)), expected_state, AlarmBook(lambda *_: None)
+    ), expected_state
 
 
 def test_an_action_is_tried_as_often_as_the_table_says_then_the_night_goes_on_its_last_way() -> None:
@@ -193,16 +149,19 @@ def cause_of(row: str, *, actions: str = "{reset: {send: reset}, go: {send: go}}
 def test_what_a_cause_does_not_say_is_usual() -> None:
     when = (Condition(attribute="a.b", test="is", wanted=1),)
     assert cause_of("{when: {a.b: 1}}") == Cause(
-        name="some_cause", when=when, for_s=0.0, level=ERROR, text="some cause", do=(), not_by_itself="", tries=0,
+        name="some_cause", when=when, unless=(), for_s=0.0, level=ERROR, text="some cause", again="",
+        do=(), not_by_itself="", tries=0,
         every_s=10.0, ask="", night="continue", last="continue",
     )  # fmt: skip
     assert cause_of("{when: {a.b: 1}, night: weather}").last == "weather"
     whole = (
-        "{when: {a.b: 1}, for_s: '${fault_s}', level: warning, text: t, do: [go, reset], not_by_itself: 'x|y',"
+        "{when: {a.b: 1}, unless: {a.b: 1}, for_s: '${fault_s}', level: warning, text: t,"
+        " again: a.c, do: [go, reset], not_by_itself: 'x|y',"
         " tries: 3, every_s: 0.5, ask: q, night: wait, last: stop}"
     )
     assert cause_of(whole, fault_s=7.5) == Cause(
-        name="some_cause", when=when, for_s=7.5, level=WARNING, text="t", do=("go", "reset"), not_by_itself="x|y",
+        name="some_cause", when=when, unless=when, for_s=7.5, level=WARNING, text="t", again="a.c",
+        do=("go", "reset"), not_by_itself="x|y",
         tries=3, every_s=0.5, ask="q", night="wait", last="stop",
     )  # fmt: skip
 
@@ -372,3 +331,33 @@ def test_alarms_of_before_a_restart_end_if_their_causes_have_gone_and_others_sta
         one.recovery.book.raise_(name, ERROR, name, 0.0)
     one.see(1.0, b__t=9.0)
     assert {each.name for each in one.recovery.book.lasting} == {"x b", "other"}
+
+
+@pytest.mark.parametrize("acts", [True, False])
+def test_nothing_is_tried_and_nobody_is_waited_for_in_vain_while_the_device_cannot_be_reached(acts: bool) -> None:
+    one = Watched(
+        "  x: {when: {a.fault: {is_not: ''}}, unless: {d.problem: {is_not: ''}}, do: [reset], tries: 2, every_s: 10,"
+        " ask: '{a.fault}: look', again: a.fault}"
+    )
+    one.recovery.acts, tried = acts, []
+    for k in range(700):
+        one.see(float(k), a__fault="lost", d__problem="refused" if 3 <= k < 603 else "")
+        if due := one.recovery.due(float(k)):
+            tried.append(k)
+            one.recovery.note_try(due[0], float(k))
+    assert tried == ([0, 603] if acts else [])
+    (alarm,) = one.recovery.book.lasting
+    assert (alarm.ask, alarm.about) == ("lost: look", "lost")
+    # A restart forgets no try: half an hour counts from when the cause was there last.
+    state = json.loads(json.dumps(one.recovery.state()))
+    again = Watched("  x: {when: {a.fault: {is_not: ''}}, do: [reset], tries: 2}")
+    again.recovery.restore(state, 5000.0)
+    again.see(5001.0, a__fault="lost")
+    assert again.recovery.ongoing["x"].tried == (2 if acts else 0)
+
+
+def test_what_cannot_be_reached_from_the_start_is_not_raised_before_it_can() -> None:
+    one = Watched("  x: {when: {a.fault: {is_not: ''}}, unless: {d.problem: {is_not: ''}}, for_s: 2, ask: look}")
+    for t_s, problem, raised in ((0.0, "refused", 0), (9.0, "refused", 0), (10.0, "", 0), (11.5, "", 1)):
+        one.see(t_s, a__fault="lost", d__problem=problem)
+        assert len(one.recovery.book.lasting) == raised, t_s

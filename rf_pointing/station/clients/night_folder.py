@@ -39,11 +39,6 @@ class NightFolder:
         self._reports: list[subprocess.Popen[bytes]] = []
 
     @property
-    def free_gb(self) -> float:
-        """Free space of the disk; OSError where it is unknown."""
-        return shutil.disk_usage(self.path).free / 1e9
-
-    @property
     def recorder(self) -> str:
         """State of the recorder: idle, recording or failed."""
         self._reports = [each for each in self._reports if each.poll() is None]
@@ -72,7 +67,7 @@ class NightFolder:
     def record(self, name: str, needed_gb: float, notes: Mapping[str, str]) -> str:
         """Record a pass in a folder of its own, and return it; OSError on a disk that is full."""
         self.end_record()
-        if (free_gb := self.free_gb) < needed_gb:
+        if (free_gb := shutil.disk_usage(self.path).free / 1e9) < needed_gb:
             raise OSError(f"{free_gb:.3g} GB are free, must be >= {needed_gb:g} GB")
         number = 1
         while (folder := self.path / "passes" / f"{name}-{number:02d}").exists():

@@ -184,7 +184,16 @@ def station_executive(_: Band) -> Derived:
     sets = {
         "between": BetweenParams(), "alarms": AlarmParams(), "executive": ExecutiveParams(), "hooks": HookParams(),
     }  # fmt: skip
-    return Derived(sets, own=("executive.", "hooks."), root=(own.CommandKeyParams(),))
+    return Derived(sets, own=("executive.",), root=(own.CommandKeyParams(),), either=("hooks.",))
+
+
+def station_alarms(_: Band) -> Derived:
+    """Alarms where no executive runs."""
+    from rf_pointing.operations import AlarmParams
+    from rf_pointing.station.clients.alarm_hooks import HookParams
+    from rf_pointing.station.clients.station_alarms import AlarmNodeParams
+
+    return Derived({"alarms": AlarmParams(), "hooks": HookParams()}, root=(AlarmNodeParams(),), either=("hooks.",))
 
 
 def bias_calibrator(of: Band) -> Derived:
@@ -237,7 +246,7 @@ NODES: Mapping[str, Callable[[Band], Derived]] = {
     each.__name__: each
     for each in (
         antenna_servo, pointing_controller, ephemeris_publisher, rf_receiver, monopulse_tracker, conscan_tracker,
-        array_receiver, array_tracker, station_executive, bias_calibrator, operator_page, rotctld_server,
+        array_receiver, array_tracker, station_executive, station_alarms, bias_calibrator, operator_page, rotctld_server,
         simulation_clock, station_description,
     )
 }  # fmt: skip

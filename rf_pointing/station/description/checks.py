@@ -247,11 +247,11 @@ def _check_tuning(values: Mapping[str, Any] | None, key: str, reader: Reader, no
             # A single node does not know the names of the others.
             if complete:
                 reader.note(f"{key}.{name}", f"{key}.{name}: no parameter of that name{nearest(name, known)}")
-        elif not owner:
+        elif not owner and not name.startswith(reference(known[name][0]).either):
             reader.note(
                 f"{key}.{name}", f"{key}.{name} is a parameter of {' and '.join(known[name])}, not of the station"
             )
-        elif not owner.startswith("tuning."):
+        elif owner and not owner.startswith("tuning."):
             reader.note(f"{key}.{name}", f"{key}.{name} is given by {owner}: change it there")
         else:
             wanted[name] = value

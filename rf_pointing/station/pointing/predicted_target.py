@@ -174,6 +174,7 @@ class PredictedTarget:
             pass
         if sky is not None:
             values |= {
+                "target": self.track.name,
                 "element_age_h": round(sky.age_s / 3600.0, 3),
                 "along_track_sigma_s": round(sky.along_track_s, 4),
                 "along_track_sigma_deg": round(math.degrees(sky.along_track_rad), 5),

@@ -9,7 +9,7 @@ import pytest
 
 from rf_pointing.core.dates import utc_text
 from rf_pointing.operations import AlarmParams, BetweenParams
-from rf_pointing.station.clients import night_folder
+from rf_pointing.station.clients import night_folder, station_alarms
 from rf_pointing.station.clients.alarm_hooks import HookParams
 from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch, passes_of
 from rf_pointing.station.description import read_station
@@ -24,14 +24,14 @@ class Bench:
     def __init__(self, folder: Path, antenna: str = "gs2", **own: Any) -> None:
         self.told: list[tuple[str, bool]] = []
         self.reports: list[Any] = []
-        self.alarms: list[tuple[Any, ...]] = []
+        self.messages: list[dict[str, str]] = []
         self.folder, self.failure = folder / "night", ""
         given = {"folder": str(self.folder), "record": False} | own
         self.watch = NightWatch(
             ExecutiveParams(**given), BetweenParams(), AlarmParams(), HookParams(), STATION, "X", antenna,
             connect=self._connect, record=self._record, report=self._report, tell=lambda *told: self.told.append(told),
+            publish=self.messages.append,
         )  # fmt: skip
-        self.watch.hooks.put = lambda *alarm: self.alarms.append(alarm)
         self.night = self.watch.night
 
     def _connect(self, rows: Any, own: Any, responded: Any, ended: Any) -> Any:
@@ -42,10 +42,10 @@ class Bench:
         self.recording = SimpleNamespace(problem="", close=lambda: SimpleNamespace(path=bag), notes=notes)
         return self.recording
 
-    def _report(self, folder: Path, messages: int, health: Any) -> None:
+    def _report(self, folder: Path, health: Any) -> None:
         if self.failure:
             raise OSError(28, self.failure)
-        self.reports.append((folder, messages, health))
+        self.reports.append((folder, health))
 
     def known(self, attribute: str) -> Any:
         return self.night.expected_state.value(attribute)
@@ -83,7 +83,8 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Any:
         one.processes.append(command[-1])
         return SimpleNamespace(poll=lambda: 0)
 
-    monkeypatch.setattr(night_folder, "shutil", SimpleNamespace(disk_usage=usage))
+    for module in (night_folder, station_alarms):
+        monkeypatch.setattr(module, "shutil", SimpleNamespace(disk_usage=usage))
     monkeypatch.setattr(night_folder.subprocess, "Popen", begin)
     return one
 
@@ -115,9 +116,9 @@ def test_a_night_ends_with_its_report_once_and_with_a_result(tmp_path: Path, dis
     assert one.watch.request("abort", T_S) == "abort: the executive is stopping"
     assert one.step()
     assert not one.step()
-    ((folder, messages, health),) = one.reports
+    ((folder, health),) = one.reports
     assert folder == one.folder / f"report-{utc_text(T_S)[:16].replace(':', '')}"
-    assert (messages, health["disk"]) == (len(one.alarms), {"free_gb": 5.0})
+    assert health["disk"] == {"free_gb": 5.0}
     result = one.watch.result("")
     assert (result["success"], result["report"]) == (True, str(folder))
     one.watch.cancel(T_S)
@@ -155,28 +156,28 @@ def test_a_list_replaces_the_schedule_unless_it_resumes_and_may_be_a_file(tmp_pa
 
 def test_an_alarm_goes_to_the_hooks_warns_until_it_is_acknowledged_and_is_kept(tmp_path: Path) -> None:
     one = Bench(tmp_path, state_file=str(tmp_path / "kept.json"))
-    assert one.watch.alarm_health()[:2] == (0, "none")
+    assert one.watch.alarms.report()[:2] == (0, "none")
     one.watch.begin(T_S)
     one.night.book.raise_("disk", 1, "full", T_S, ask="delete")
     one.night.book.raise_("wind", 2, "strong", T_S)
-    assert one.watch.alarm_health() == (
+    assert one.watch.alarms.report() == (
         2,
         "wind: strong; disk: full",
         dict.fromkeys(("wind", "disk"), f"raised {utc_text(T_S)}"),
     )
     assert one.watch.acknowledge("wind", T_S) == "acknowledged: wind"
     assert "wind" in (tmp_path / "kept.json").read_text()
-    assert one.watch.alarm_health().level == 1
+    assert one.watch.alarms.report().level == 1
     for name in ("disk", "wind"):
         one.night.book.clear(name, T_S + 2.0)
     assert one.watch.acknowledge("", T_S) == "acknowledged: no alarm lasts"
     utc, later = utc_text(T_S), utc_text(T_S + 2.0)
-    assert one.alarms == [
-        ("raised", "disk", 1, "full", "delete", utc), ("raised", "wind", 2, "strong", "", utc),
-        ("cleared", "disk", 1, "full", "delete", later), ("cleared", "wind", 2, "strong", "", later),
+    assert [tuple(each.values())[1:] for each in one.messages] == [
+        ("raised", "disk", "warning", "full", "delete", utc),
+        ("raised", "wind", "error", "strong", "nothing: the station deals with it", utc),
+        ("cleared", "disk", "warning", "full", "delete", later),
+        ("cleared", "wind", "error", "strong", "nothing: it has ended", later),
     ]  # fmt: skip
-    assert one.told[-1] == ("alarm cleared: wind: strong", True)
-    assert one.told[0] == ("alarm raised: disk: full", False)
 
 
 def test_a_killed_executive_goes_on_with_the_night_that_it_kept_and_records_its_pass(tmp_path: Path, disk: Any) -> None:
