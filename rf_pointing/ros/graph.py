@@ -159,14 +159,9 @@ def _topics() -> tuple[Topic, ...]:
     executive = (
         Topic(SCHEDULE, ours.Schedule, LATCHED, "latched", EXECUTIVE, "passes of the antenna and what becomes of them"),
         Topic(EXECUTIVE_STATUS, ours.ExecutiveStatus, STATUS, "1 Hz", EXECUTIVE, "what it does, and the alarms"),
+        # Without an executive, of station_alarms.
         Topic(
-            ALARM_TOPIC,
-            DiagnosticArray,
-            STATUS,
-            "as they come",
-            f"{EXECUTIVE}, {ALARMS}",
-            "messages of alarms: event, what to do",
-            frame="",
+            ALARM_TOPIC, DiagnosticArray, STATUS, "as they come", EXECUTIVE, "messages of alarms, what to do", frame=""
         ),
     )
     in_use = Topic(STATION_IN_USE, ours.StationInUse, IN_USE, "latched", every, "station description and band")

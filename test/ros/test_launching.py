@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from rf_pointing.ros.graph import ARRAY_NODES, DESCRIPTION, NODES, STATION_NODES
+from rf_pointing.ros.graph import ALARMS, ARRAY_NODES, DESCRIPTION, NODES, STATION_NODES
 from rf_pointing.station.description import read_station
 from rf_pointing.station.description.urdf import urdf
 
@@ -87,7 +87,7 @@ def with_drive(tmp_path: Path) -> str:
 def test_the_simulated_station_has_every_node_and_its_own_time(given: dict[str, str]) -> None:
     given["speed"] = "0"
     nodes = launched("simulated_station")
-    assert tuple(nodes) == (*NODES, DESCRIPTION)
+    assert tuple(nodes) == (*NODES, ALARMS, DESCRIPTION)
     for name, node in nodes.items():
         assert (node["package"], node["executable"], node["output"]) == ("rf_pointing", name, "screen")
         assert (node["respawn"], node["respawn_delay"], node["remappings"]) == (True, 0.5, [("/clock", "clock")])
@@ -102,7 +102,7 @@ def test_the_simulated_station_has_every_node_and_its_own_time(given: dict[str, 
 def test_a_station_with_its_own_drivers_keeps_the_other_nodes_and_the_time_of_the_system(given: dict[str, str]) -> None:
     given |= {"namespace": "gs7", "params_file": "my.yaml", "autostart": "false", "station": "dish.yaml", "band": "S"}
     nodes = launched("single_antenna")
-    assert tuple(nodes) == (*STATION_NODES, DESCRIPTION)
+    assert tuple(nodes) == (*STATION_NODES, ALARMS, DESCRIPTION)
     assert those_with(nodes, "state_file") == set()
     for node in nodes.values():
         assert (node["namespace"], node["remappings"]) == ("gs7", [])
@@ -117,7 +117,7 @@ def test_a_station_with_a_drive_starts_the_control_unit_on_it_with_a_priority(
 ) -> None:
     given["station"] = with_drive(tmp_path)
     nodes = launched("single_antenna")
-    assert tuple(nodes) == ("antenna_servo", *STATION_NODES, DESCRIPTION)
+    assert tuple(nodes) == ("antenna_servo", *STATION_NODES, ALARMS, DESCRIPTION)
     assert those_with(nodes, "lifecycle.realtime_priority") == {"antenna_servo"}
     assert parameters(nodes["antenna_servo"])["lifecycle.realtime_priority"] == 20
     assert those_with(launched("simulated_station"), "lifecycle.realtime_priority") == set()
@@ -126,7 +126,7 @@ def test_a_station_with_a_drive_starts_the_control_unit_on_it_with_a_priority(
 def test_a_station_with_an_array_starts_its_nodes(given: dict[str, str]) -> None:
     """A real array has receivers of its own; every node refuses a band that does not exist."""
     given["station"] = "rotator_2m"
-    assert tuple(launched("simulated_station")) == (*NODES, *ARRAY_NODES, DESCRIPTION)
+    assert tuple(launched("simulated_station")) == (*NODES, *ARRAY_NODES, ALARMS, DESCRIPTION)
     given["band"] = "S"
     assert {"array_tracker"} == set(launched("single_antenna")) & set(ARRAY_NODES)
     given["band"] = "W"
@@ -138,7 +138,7 @@ def test_a_station_is_named_for_a_real_antenna_and_an_unknown_one_is_left_to_the
     with pytest.raises(KeyError, match="station"):
         launched("single_antenna")
     given["station"] = "nowhere"
-    assert tuple(launched("single_antenna")) == (*STATION_NODES, DESCRIPTION)
+    assert tuple(launched("single_antenna")) == (*STATION_NODES, ALARMS, DESCRIPTION)
 
 
 @pytest.mark.parametrize("installed", [True, False])
@@ -162,7 +162,7 @@ def test_robot_state_publisher_turns_the_joints_where_it_is_installed(
         assert (publisher["package"], publisher["executable"]) == ("robot_state_publisher",) * 2
         assert (publisher["namespace"], publisher["remappings"]) == ("/north/gs7", [("/clock", "clock")])
         assert (publisher["respawn"], publisher["respawn_delay"], publisher["output"]) == (False, 0.5, "screen")
-    given["description"] = "false"
+    given |= {"description": "false", "alarms": "false"}
     assert tuple(launched("simulated_station")) == NODES
 
 
@@ -198,6 +198,7 @@ def test_each_antenna_keeps_its_state_by_default_in_a_folder_of_its_own(
         "pointing_controller": key,
         "rotctld_server": key,
         "operator_page": {"page.reports": nights, **key},
+        "station_alarms": {"folder": nights},
         "station_executive": {
             "executive.state_file": str(folder / "station_executive.json"), "executive.folder": nights, **key,
         },

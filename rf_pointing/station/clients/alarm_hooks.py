@@ -33,6 +33,7 @@ TRIAL_S = 60.0
 """Between two trials of settings that have not worked yet: the network may come later."""
 WORDS = ("ok", "warning", "error")
 """Levels of a message."""
+NO_WAY = "no way out of the station is set: hooks.command, hooks.webhook or hooks.mail_server"
 TLS = ("none", "starttls", "tls")
 Message = dict[str, str]
 _ADDRESS = re.compile(r"[^@\s]+@[^@\s]+")
@@ -178,7 +179,7 @@ class AlarmHooks:
             "alarms_not_sent": sum(way.failed for way in self.ways),
         }
         names = ", ".join(way.name for way in self.ways)
-        return Report(Level(bool(problems)), problems or names or "no way out of the station is set", values)
+        return Report(Level(bool(problems)), problems or names or NO_WAY, values)
 
     def close(self, patience_s: float = 2.0) -> None:
         """Send what waits, as far as that is done in time."""

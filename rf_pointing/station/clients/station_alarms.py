@@ -20,7 +20,7 @@ from rf_pointing.operations import AlarmParams
 from rf_pointing.operations.alarms import Alarm
 from rf_pointing.operations.recovery import Recovery
 from rf_pointing.planning.forbidden_sky import angle_between
-from rf_pointing.station.clients.alarm_hooks import AlarmHooks, HookParams, Message
+from rf_pointing.station.clients.alarm_hooks import NO_WAY, AlarmHooks, HookParams, Message
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.status import Level, Report
 
@@ -156,7 +156,7 @@ class StationAlarms:
         """Send a message by every way; return its time and the ways."""
         utc = utc_text(now_s)
         self._send("test", "test_alarms", 0, "a test of the ways out of the station", "nothing: it was asked for", utc)
-        return f"{utc} {', '.join(way.name for way in self.hooks.ways) or 'no way out is set'}"
+        return f"{utc} {', '.join(way.name for way in self.hooks.ways) or NO_WAY}"
 
     def report(self) -> Report:
         """Return the worst level that is not acknowledged, the alarms in words, and since when."""
@@ -179,7 +179,7 @@ class StationAlarms:
                  memory_mb < self.thresholds.memory_free_mb),
             ) if low
         ]  # fmt: skip
-        values: dict[str, object] = {"disk_free_gb": round(free_gb, 3), "memory_free_mb": round(memory_mb)}
+        values: dict[str, object] = {"disk_free_mb": round(1e3 * free_gb), "memory_free_mb": round(memory_mb)}
         return Report(Level(bool(problems)), "; ".join(problems) or "ok", values)
 
 

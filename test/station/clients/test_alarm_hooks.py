@@ -76,6 +76,10 @@ class Mailbox(socketserver.StreamRequestHandler):
     logins: ClassVar[list[str]] = []
     tls: ClassVar[ssl.SSLContext | None] = None
 
+    def finish(self) -> None:
+        super().finish()
+        self.request.close()
+
     def handle(self) -> None:
         """Speak as much SMTP (RFC 5321) as a sender needs."""
         self.wfile.write(b"220 test\r\n")
