@@ -158,7 +158,8 @@ class StationClient(GraphRun):
         tested = [full_name for full_name in nodes if full_name in found]
         if not tested:
             raise TimeoutError(f"neither {EXECUTIVE} nor {ALARMS} is in {self.namespace}")
-        return all([self._test_alarms(nodes[full_name], found, full_name) for full_name in tested])
+        came = [self._test_alarms(nodes[full_name], found, full_name) for full_name in tested]
+        return all(came)
 
     def _test_alarms(self, name: str, found: Mapping[str, Mapping[str, str]], full_name: str) -> bool:
         answer = self._call(Trigger, f"{name}/test_alarms", Trigger.Request())
@@ -169,10 +170,8 @@ class StationClient(GraphRun):
         ways = named.split(", ")
         with suppress(TimeoutError):
             self.waiting.until(lambda: all(utc in found[full_name].get(way, "") for way in ways), "", SENT_S)
-        came = {
-            way: text if utc in (text := found[full_name].get(way, "")) else f"not sent within {SENT_S:g} s"
-            for way in ways
-        }
+        last = {way: found[full_name].get(way, "") for way in ways}
+        came = {way: text if utc in text else f"not sent within {SENT_S:g} s" for way, text in last.items()}
         for way, text in came.items():
             self.say(f"{name}: {way}: {text}")
         return all(text.startswith("sent") for text in came.values())
