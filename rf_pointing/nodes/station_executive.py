@@ -13,6 +13,7 @@ passes), alarms.* (thresholds; the station description may set them), hooks.* (w
 command_key_file (signs the calls of antenna_servo).
 """
 
+import platform
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,6 +24,7 @@ from rf_pointing_msgs.action import RunSchedule
 from rf_pointing_msgs.srv import ChangeSchedule, Named
 from std_srvs.srv import Trigger
 
+from rf_pointing import __version__
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.ros.command_key import CommandKeyParams
 from rf_pointing.ros.directives import DirectiveSender
@@ -113,7 +115,9 @@ class StationExecutive(StationNode):
     def _report(self, folder: Path, health: Mapping[str, Mapping[str, Any]]) -> None:
         from rf_pointing.report.night_report import night_of, write_night
 
-        shown = {**health, "inputs": {"lost": sum(self.inputs.lost.values())}}
+        software = {"rf_pointing": __version__, "Python": platform.python_version(),
+                    "station description": f"{self.station.name}, digest {self.station.digest[:12]}"}  # fmt: skip
+        shown = {**health, "inputs": {"lost": sum(self.inputs.lost.values())}, "software": software}
         write_night(night_of(self.watch.night.state(), self.station.name, health=shown), folder)
 
     def _tell(self, text: str, good: bool) -> None:

@@ -12,6 +12,8 @@ from rf_pointing.operations.executor import BlockState, Executor
 from rf_pointing.operations.expected_state import ExpectedState
 from rf_pointing.operations.schedule import Entry
 
+VERDICT = "verdict.json"
+"""File of the record of a pass, beside its recordings."""
 _COUNTED = "tracking.seconds_tracked", "tracking.seconds_lost", "tracking.mean_loss"
 _PASSING = "executor", "counted"
 """Fields that are not kept: they change all the time, and each change would write the file."""
@@ -128,8 +130,8 @@ def causes_between(book: AlarmBook, from_s: float, to_s: float) -> list[str]:
     # Alarms of before the night are not in its history.
     rows += [(raised_s, None, name, message) for name, (raised_s, message) in (open_ | begun).items()]
     return [
-        f"{name} {_clock(raised_s)} to {_clock(end_s)}, {end_s - raised_s:.0f} s: {message}"
-        if end_s is not None else f"{name} since {_clock(raised_s)}: {message}"
+        f"{name.replace('_', ' ')} {_clock(raised_s)} to {_clock(end_s)}, {end_s - raised_s:.0f} s: {message}"
+        if end_s is not None else f"{name.replace('_', ' ')} since {_clock(raised_s)}: {message}"
         for raised_s, end_s, name, message in sorted(rows, key=lambda row: row[0])
         if raised_s <= to_s and (end_s is None or end_s >= from_s)
     ]  # fmt: skip

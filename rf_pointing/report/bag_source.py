@@ -50,11 +50,18 @@ def open_bag(path: Path, stack: ExitStack, *, damaged: bool = False) -> BagSourc
     if not path.exists():
         raise ValueError(f"path={path} does not exist")
     source = BagSource()
+    if path.is_dir() and not _data_files(path) and not (path / "metadata.yaml").is_file():
+        # A pass that was joined again after a restart has several bags in its folder.
+        for folder in sorted(each for each in path.iterdir() if each.is_dir() and _data_files(each)):
+            part = open_bag(folder, stack, damaged=damaged)
+            source.readers += part.readers
+            source.problems += part.problems
+            source.notes |= part.notes
     # A damaged or missing metadata.yaml costs nothing: the data files have all of it but the notes.
     if damaged:
         for file in _data_files(path) if path.is_dir() else [path]:
             _open_salvaged(file, source, stack)
-    elif path.is_dir() and not _open_directory(path, source, stack):
+    elif path.is_dir() and not source.readers and not _open_directory(path, source, stack):
         for file in _data_files(path):
             _open_file(file, source, stack)
     elif path.is_file():

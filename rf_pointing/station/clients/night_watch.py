@@ -83,7 +83,7 @@ class NightWatch:
         self._needed = (*NEEDED, *([sensor.node] if sensor and sensor.node else []))
         self._memory, self._ready_to_keep = KeptState(own.state_file), False
         self._t_s = 0.0
-        self._report = ""
+        self._report, self._judged = "", 0
         self._partners: dict[str, tuple[Mapping[str, str], float]] = {}
         self._shown: Any = None
 
@@ -152,6 +152,9 @@ class NightWatch:
         self._share(t_s, wall_s)
         before = self.night.state_name
         self.night.step(t_s)
+        for record in self.night.records[self._judged :]:
+            self.folder.judge(record)
+        self._judged = len(self.night.records)
         if self.night.journal:
             self.folder.write_journal(self.night.journal)
             self.night.journal.clear()

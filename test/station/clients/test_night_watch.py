@@ -9,10 +9,13 @@ import pytest
 
 from rf_pointing.core.dates import utc_text
 from rf_pointing.operations import AlarmParams, BetweenParams
+from rf_pointing.operations.pass_work import record_of
+from rf_pointing.operations.schedule import Entry
 from rf_pointing.station.clients import night_folder, station_alarms
 from rf_pointing.station.clients.alarm_hooks import HookParams
 from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch, passes_of
 from rf_pointing.station.description import read_station
+from test.operations.test_schedule import a_pass
 
 T_S, WALL_S = 1.8e9, 1000.0
 STATION = read_station("leo_3m7")
@@ -198,7 +201,7 @@ def test_a_killed_executive_goes_on_with_the_night_that_it_kept_and_records_its_
     # A night in work is not replaced by its older state.
     second.watch.request("pause", T_S + 602.0)
     second.watch.end()
-    assert disk.processes == [str(second.folder / "passes" / "p0-01" / "bag")]
+    assert disk.processes == [str(second.folder / "passes" / "p0")]
     second.watch.begin(T_S + 603.0)
     assert second.night.state_name == "paused"
     disk.free = 0.0
@@ -207,19 +210,26 @@ def test_a_killed_executive_goes_on_with_the_night_that_it_kept_and_records_its_
     assert third.told[-1] == ("the rest of the pass is not recorded: 0 GB are free, must be >= 2 GB", False)
 
 
-def test_each_attempt_at_a_pass_has_a_recording_and_a_report_of_its_own(tmp_path: Path, disk: Any) -> None:
+def test_a_pass_has_one_folder_one_report_and_one_verdict_however_often_it_is_joined(tmp_path: Path, disk: Any) -> None:
     one = Bench(tmp_path, record=True)
-    passes = one.folder / "passes"
-    assert one.own["record"]("p0") == str(passes / "p0-01")
+    folder = one.folder / "passes" / "p0"
+    assert one.own["record"]("p0") == str(folder)
     one.step()
-    assert (one.known("recorder.state"), disk.processes) == ("recording", [])
+    assert one.known("recorder.state") == "recording"
+    first = one.recording
+    assert one.own["record"]("p0") == str(folder)
+    assert (one.recording, disk.processes) == (first, []), "it goes on"
     one.recording.problem = "no space"
     one.step()
     assert one.known("recorder.state") == "failed"
-    assert one.own["record"]("p0") == str(passes / "p0-02")
-    assert one.own["end_record"]() == str(passes / "p0-02" / "bag")
+    (folder / "bag").mkdir()
+    one.own["record"]("p0")
+    assert one.own["end_record"]() == str(folder / "bag-2")
     assert one.own["end_record"]() == "nothing is recorded"
-    assert disk.processes == [str(passes / f"p0-0{number}" / "bag") for number in (1, 2)]
+    assert disk.processes == [str(folder)] * 2
+    one.night.records.append(record_of(Entry(a_pass("p0", T_S)), None, one.night.book, one.night.expected_state))
+    one.step()
+    assert json.loads((folder / "verdict.json").read_text())["state"] == "waiting"
     disk.free = 1.99e9
     with pytest.raises(OSError, match="1.99 GB are free, must be >= 2 GB"):
         one.own["record"]("p0")
