@@ -98,6 +98,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/config", sorted(glob("config/*.*"))),
         (f"share/{PACKAGE}/config/sros2", ["config/sros2/gs1.xml"]),
+        (f"share/{PACKAGE}/config/systemd", sorted(glob("config/systemd/*"))),
         (f"share/{PACKAGE}/config/viewers", sorted(glob("config/viewers/*"))),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.py"))),
     ],

@@ -70,7 +70,7 @@ def judged_by_night(found: Verdict, path: Path) -> Verdict:
         tracked, reason = record["state"] == "tracked", str(record["reason"])
     except (OSError, ValueError, KeyError, TypeError):
         return found
-    return replace(found, tracked=tracked, reason=reason, source="night", night=night)
+    return replace(found, tracked=tracked, reason=reason, source="night", counted=night)
 
 
 def recorded_faults(analysis: Analysis) -> list[str]:

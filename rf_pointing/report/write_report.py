@@ -63,14 +63,14 @@ def page(summary: Summary, pictures: Mapping[Path, Picture]) -> str:
 
 def _tables(summary: Summary) -> dict[str, list[Row]]:
     """Return the rows of each table of the page by name."""
+    counter = "executive in all attempts" if summary.outcome.source == "night" else "controller"
     return {
         "outcome": [
             (name, *astuple(numbers))
             for name, numbers in (
                 ("predicted by the certificate", summary.outcome.predicted),
-                ("counted by the controller", summary.outcome.counted),
+                (f"counted by the {counter}", summary.outcome.counted),
                 ("flown, by the true error", summary.outcome.flown),
-                ("counted by the executive, all attempts", summary.outcome.night),
             )
             if numbers is not None
         ],

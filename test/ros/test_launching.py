@@ -1,7 +1,11 @@
 """The launch files start the nodes of the graph with the parameters of their arguments (`launch` itself is a stub)."""
 
+import configparser
 import importlib.util
 import os
+import shlex
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -280,3 +284,34 @@ def test_the_target_reaches_the_publisher_and_the_simulated_receiver(
     for name in wanted:
         values = parameters(nodes[name])
         assert (values["source.elements"], values["source.satellite"]) == (place, satellite)
+
+
+def test_the_unit_of_systemd_gives_the_launch_file_arguments_that_it_has(given: dict[str, str], tmp_path: Path) -> None:
+    """Its command line is run with a launcher that prints what it gets; the settings are those of the shipped file."""
+    folder = Path(__file__).parents[2] / "config" / "systemd"
+    unit = configparser.ConfigParser(interpolation=None, delimiters="=", comment_prefixes="#", strict=True)
+    unit.optionxform = str  # type: ignore[assignment, method-assign]
+    unit.read(folder / "rf_pointing@.service")
+    assert (unit["Service"]["Restart"], unit["Unit"]["StartLimitIntervalSec"]) == ("always", "0")
+    assert unit["Install"]["WantedBy"] == "multi-user.target"
+    assert "network-online" not in unit["Unit"]["After"]
+    settings = dict(shlex.split(line)[0].split("=", 1) for line in (folder / "station.conf").read_text().splitlines()
+                    if not line.startswith("#"))  # fmt: skip
+    assert settings["LAUNCH"].split()[-1] in {file.name for file in FOLDER.iterdir()}
+    launcher = tmp_path / "launcher"
+    launcher.write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
+    launcher.chmod(0o755)
+    settings |= {"SETUP": "/dev/null", "LAUNCH": f"{launcher} file", "STATION": "/etc/my dish.yaml"}
+    line = shlex.split(unit["Service"]["ExecStart"].replace("%i", "gs1").replace("$$", "$"))
+    done = subprocess.run(line, env=os.environ | settings, capture_output=True, text=True, check=True, timeout=60)
+    first, *pairs = done.stdout.splitlines()
+    arguments = dict(each.split(":=", 1) for each in pairs)
+    given |= arguments | {"station": "leo_3m7"}
+    assert (first, arguments["namespace"], arguments["station"]) == ("file", "gs1", "/etc/my dish.yaml")
+    known = {each.positional[0] for each in importlib.import_module("rf_pointing.ros.launching").common_arguments()}
+    assert set(arguments) <= known
+    assert {"station_executive", "station_alarms", "operator_page"} <= set(launched("single_antenna"))
+    if shutil.which("systemd-analyze"):
+        done = subprocess.run(["systemd-analyze", "verify", folder / "rf_pointing@.service"], capture_output=True, text=True,
+                              timeout=60, check=False)  # fmt: skip
+        assert "rf_pointing@.service:" not in done.stderr
