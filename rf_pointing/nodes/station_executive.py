@@ -115,8 +115,7 @@ class StationExecutive(StationNode):
     def _report(self, folder: Path, health: Mapping[str, Mapping[str, Any]]) -> None:
         from rf_pointing.report.night_report import night_of, write_night
 
-        software = {"rf_pointing": __version__, "Python": platform.python_version(),
-                    "station description": f"{self.station.name}, digest {self.station.digest[:12]}"}  # fmt: skip
+        software = {"rf_pointing": __version__, "Python": platform.python_version(), "description": self.station.digest[:12]}
         shown = {**health, "inputs": {"lost": sum(self.inputs.lost.values())}, "software": software}
         write_night(night_of(self.watch.night.state(), self.station.name, health=shown), folder)
 

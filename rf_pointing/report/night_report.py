@@ -99,7 +99,7 @@ def night_of(
 
 def _causes(row: Mapping[str, Any], book: AlarmBook) -> tuple[str, ...]:
     """Return the causes of a pass; an alarm that lasted when the pass ended has its end by now."""
-    alarms = tuple(f"{name.replace('_', ' ')} " for name in book.alarms)
+    alarms = tuple(f"{name} " for name in book.alarms)
     own = [each for each in row["causes"] if not each.startswith(alarms)]
     return tuple(dict.fromkeys([*causes_between(book, row["aos_t_s"], row["los_t_s"]), *own]))
 
@@ -223,7 +223,8 @@ def _why(one: PassRecord) -> list[str]:
         (one.state == TRACKED and not one.recorded, "not recorded"),
         ((one.element_age_h or 0.0) > STALE_H, f"elements {one.element_age_h or 0.0:.0f} h old"),
     )
-    return list(dict.fromkeys([*reasons, *one.causes, *(text for said, text in more if said)]))
+    causes = [f"{name.replace('_', ' ')} {rest}" for name, _, rest in (each.partition(" ") for each in one.causes)]
+    return list(dict.fromkeys([*reasons, *map(str.strip, causes), *(text for said, text in more if said)]))
 
 
 def _timeline(report: NightReport) -> dict[str, Any]:

@@ -327,7 +327,7 @@ def test_a_drive_that_is_away_for_ten_minutes_costs_the_pass_under_it_and_is_two
         ("raised", "lost_drive"), ("cleared", "lost_drive"), ("raised", "latched_fault"), ("cleared", "latched_fault"),
     ]  # fmt: skip
     (lost,) = [record for record in station.night.records if record.id == "a"]
-    assert lost.causes[0] == "lost drive since 00:18:24: the drive is lost: Connection refused"
+    assert lost.causes[0] == "lost_drive since 00:18:24: the drive is lost: Connection refused"
 
 
 def test_what_the_next_pass_lacks_is_told_15_and_5_minutes_before_it_and_when_it_rises_and_it_is_joined() -> None:
