@@ -28,13 +28,6 @@ ARRAYS = ArrayParams()
 AHEAD = np.array([1.0, 0.0, 0.0])
 
 
-def test_scalar_from_uncorrelated_measurements_is_the_inverse_variance_mean(rng) -> None:
-    values, variances = rng.normal(size=5), rng.uniform(0.5, 3.0, 5)
-    step, variance = minimum_variance_step(np.ones((5, 1)), values, np.diag(variances))
-    assert step[0] == pytest.approx(np.sum(values / variances) / np.sum(1.0 / variances))
-    assert variance[0, 0] == pytest.approx(1.0 / np.sum(1.0 / variances))
-
-
 def test_planted_parameters_return_from_correlated_measurements(rng) -> None:
     gradient, truth = rng.normal(size=(9, 4)), rng.normal(size=4)
     root = rng.normal(size=(9, 9))
@@ -58,17 +51,12 @@ def test_undetermined_parameters_are_refused(gradient, message: str) -> None:
         minimum_variance_step(gradient, np.ones(3))
 
 
-def test_a_covariance_singular_but_for_rounding_is_refused(rng) -> None:
+def test_a_covariance_that_is_singular_if_but_for_rounding_is_refused(rng) -> None:
     """A Cholesky factor exists or not by the last bits."""
-    for root in rng.normal(size=(50, 3, 2)):
+    rounded = [root @ root.T for root in rng.normal(size=(50, 3, 2))]
+    for covariance in (*rounded, np.diag([1.0, -1.0, 1.0]), np.diag([1.0, 0.0, 1.0])):
         with pytest.raises(ValueError, match="covariance is singular or not positive definite"):
-            minimum_variance_step(np.array([[1.0], [2.0], [3.0]]), np.ones(3), root @ root.T)
-
-
-@pytest.mark.parametrize("covariance", [np.ones((3, 3)), np.diag([1.0, -1.0, 1.0]), np.diag([1.0, 0.0, 1.0])])
-def test_a_singular_covariance_is_refused(covariance) -> None:
-    with pytest.raises(ValueError, match="covariance is singular or not positive definite"):
-        minimum_variance_step(np.array([[1.0], [2.0], [3.0]]), np.ones(3), covariance)
+            minimum_variance_step(np.array([[1.0], [2.0], [3.0]]), np.ones(3), covariance)
 
 
 def test_true_gradients_remove_the_bias_that_the_sum_has_at_short_range(worked_example) -> None:
@@ -179,11 +167,6 @@ def test_errors_shrink_as_published_from_45_and_80_degrees(
     assert found_roll == pytest.approx(roll, rel=0.01)
 
 
-def test_two_passes_from_45_and_three_from_80_degrees_leave_less_than_a_hundredth_of_a_degree() -> None:
-    assert max(errors_after(2, 45.0)) < 0.01
-    assert max(errors_after(3, 80.0)) < 0.01
-
-
 @pytest.mark.parametrize("distance", [5.0, 300.0, 1e5])
 def test_initialiser_and_sequence_meet_the_truth_on_random_poses(poses, distance: float) -> None:
     directions, attitudes = poses
@@ -227,16 +210,6 @@ def test_the_listings_reverse_attitude_costs_milliradians_at_ten_metres_and_noth
     assert reverse_error("published", 10.0) == pytest.approx(3.18e-3, rel=0.005)
     assert reverse_error("corrected", 10.0) < 1e-12
     assert reverse_error("published", 1e4) < 5e-6
-
-
-def test_stopped_and_resumed_sequence_gives_the_identical_result(worked_example) -> None:
-    xi, attitude = worked_example
-    ranges, amplitudes = two_way_ranges(70.0 * xi, attitude, ARRAYS), coupling_amplitudes(xi, attitude)
-    whole = track(off_by(20.0), ranges, amplitudes, ARRAYS, SequenceParams(iterations=3))
-    half = track(off_by(20.0), ranges, amplitudes, ARRAYS, SequenceParams(iterations=2))
-    rest = track_once(half.geometry, ranges, amplitudes, ARRAYS, SequenceParams(iterations=3), half.excitation)
-    np.testing.assert_array_equal(rest.geometry.forward, whole.geometry.forward)
-    assert rest.geometry.roll_rad == whole.geometry.roll_rad
 
 
 def test_measurements_of_no_distance_are_refused() -> None:
