@@ -8,6 +8,7 @@ import struct
 
 from builtin_interfaces.msg import Time
 
+BILLION = 1_000_000_000
 SHORTEST_BYTES = 12
 """Shortest serialised message that begins with its header."""
 
@@ -30,7 +31,7 @@ def seconds_from_raw(raw: bytes) -> float:
 
 
 def _seconds(seconds: int, nanoseconds: int) -> float:
-    if seconds < 0 or nanoseconds >= 1_000_000_000:
+    if seconds < 0 or nanoseconds >= BILLION:
         raise ValueError(f"stamp of {seconds} s and {nanoseconds} ns is not a time")
     return float(seconds + nanoseconds * 1e-9)
 
