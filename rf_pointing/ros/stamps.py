@@ -21,6 +21,11 @@ def seconds_from_stamp(stamp: Time) -> float:
     return _seconds(stamp.sec, stamp.nanosec)
 
 
+def seconds_from_nanoseconds(nanoseconds: int) -> float:
+    """Return the UTC seconds of a time of rclpy, those of its stamp."""
+    return _seconds(*divmod(nanoseconds, BILLION))
+
+
 def seconds_from_raw(raw: bytes) -> float:
     """Return the stamp of a serialised message that begins with its header, undecoded."""
     # CDR: 4 bytes of encapsulation, the second of which tells the order of bytes, then the
