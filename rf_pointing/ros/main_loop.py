@@ -134,10 +134,10 @@ class NodeLoop:
                         continue
                 except Exception as error:
                     node.failure = error
-                code = self._end(make, node)
                 if self._restart:
                     self._missing[make] = time.monotonic() + RESTART_S
                     self._restarts[node.get_name()] += 1
+                code = self._end(make, node)
             for make in [make for make, due_s in self._missing.items() if looked_s >= due_s]:
                 self._make_again(make)
             try:

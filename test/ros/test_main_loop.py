@@ -5,12 +5,15 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 import rclpy
+from rclpy.action import ActionClient
+from rf_pointing_msgs.action import RunSchedule
 
 from rf_pointing.ros import main_loop
 from rf_pointing.ros.diagnostics import OK, WARN
@@ -311,6 +314,61 @@ def test_a_node_that_holds_up_the_others_of_its_process_is_reported(monkeypatch:
     assert node.checks["process"]().message == "one node has held up its process for 3.0 s"
     wall.s += main_loop.STALL_SHOWN_S + 1.0
     assert node.checks["process"]().level == OK
+
+
+class Fragile(ManagedNode):
+    """Fails with its first work, when it lives for the first time."""
+
+    lives: ClassVar[list[str]] = []
+
+    def __init__(self) -> None:
+        super().__init__("fragile")
+        self.lives.append("made")
+        self.serve_goals(
+            RunSchedule, "act", accepts=lambda _: True, begin=lambda goal: goal.execute(), cancel=lambda: None,
+            result=RunSchedule.Result,
+        )  # fmt: skip
+
+    def activate(self) -> None:
+        self.every(0.02, self.tick)
+
+    def tick(self, _t_s: float) -> None:
+        if len(self.lives) == 1:
+            raise KeyError("first")
+
+    def fail(self, reason: str) -> None:
+        self.lives.append(reason)
+
+
+def test_a_live_node_that_has_failed_is_back_with_its_action_while_the_others_go_on(
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    signals, begun_s = list[int](), time.monotonic()
+
+    class Other(ManagedNode):
+        def __init__(self) -> None:
+            super().__init__("other")
+            self.client, self.answer = ActionClient(self, RunSchedule, "act"), None
+
+        def turn(self) -> float:
+            assert time.monotonic() < begun_s + 60.0, Fragile.lives
+            if len(Fragile.lives) == 3 and self.client.server_is_ready():
+                self.answer = self.answer or self.client.send_goal_async(RunSchedule.Goal())
+                # The action of the node that has failed would take its goals.
+                alone = self.count_services("/act/_action/send_goal") == 1
+                if alone and self.answer.done() and self.answer.result().accepted:
+                    signals.append(2)
+            return 0.02
+
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    rclpy.init(args=["--ros-args", "-p", "lifecycle.autostart:=true"])
+    executor = main_loop.make_executor()
+    try:
+        assert main_loop.NodeLoop([Other, Fragile], executor, signals, restart=True).work() == 0
+    finally:
+        executor.shutdown()
+        rclpy.try_shutdown()
+    assert Fragile.lives == ["made", "KeyError: 'first'", "made"]
 
 
 @pytest.mark.parametrize(("given", "code"), [("", None), ("deaf", 3), ("work", 1)])
