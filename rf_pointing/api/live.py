@@ -260,6 +260,7 @@ def run_setup(program: str, request: RunRequest, window: Pass, output: Path, sca
         reset_fault=request.reset_fault,
         begin_s=window.aos_t_s - before_s,
         awaited=window.name,
+        processes=request.processes,
     )
 
 
