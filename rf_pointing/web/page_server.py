@@ -18,7 +18,6 @@ import json
 import logging
 import math
 import os
-import secrets
 import threading
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from concurrent.futures import Future
@@ -31,13 +30,11 @@ from urllib.parse import quote, urlsplit
 
 from aiohttp import web
 
-from rf_pointing.ros.main_loop import secret_in
 from rf_pointing.station.clients.board import PageParams
 from rf_pointing.station.pointing.status import Level, Report
 
 FILES = Path(__file__).with_name("page")
 """Folder of the page itself; it is installed with the package."""
-SHORTEST_TOKEN = 16
 LONGEST_BODY = 4096
 MOST_COMMANDS = 8
 """Commands that may wait for their answers at one time."""
@@ -88,20 +85,6 @@ class Request:
         """Say whether it was accepted, in any thread; a viewer may have gone."""
         if not self.answer.done():
             self.answer.set_result((accepted, text))
-
-
-def read_token(given: str, own: Path) -> tuple[str, Path]:
-    """Return the token of the file `given`, or of `own`, which is made where it is missing.
-
-    Raises ValueError for a file that others may read, and for a short token.
-    """
-    path = Path(given).expanduser() if given else own
-    if given and not path.is_file():
-        raise ValueError(f"token_file={path} does not exist")
-    token = secret_in(path, None if given else lambda: secrets.token_urlsafe(24))
-    if len(token) < SHORTEST_TOKEN or not token.isascii() or not token.isprintable():
-        raise ValueError(f"the token in {path} has {len(token)} characters, must be >= {SHORTEST_TOKEN} of plain ASCII")
-    return token, path
 
 
 class NewestSections:

@@ -12,9 +12,10 @@ import pytest
 from aiohttp import ClientSession
 from aiohttp.test_utils import TestClient, TestServer
 
+from rf_pointing.ros.main_loop import read_token
 from rf_pointing.station.clients.board import PageParams
 from rf_pointing.web import page_server
-from rf_pointing.web.page_server import LONGEST_BODY, PageApp, PageServer, Request, read_token, shown
+from rf_pointing.web.page_server import LONGEST_BODY, PageApp, PageServer, Request, shown
 
 TOKEN = "a-token-of-the-test"
 BEARER = {"Authorization": f"Bearer {TOKEN}"}
@@ -313,9 +314,9 @@ def test_values_become_json_and_a_text_is_cut_behind_its_600th_letter(length: in
 
 def test_a_token_is_made_once_for_this_user_alone(tmp_path: Path) -> None:
     own = tmp_path / "page.token"
-    token, path = read_token("", own)
+    token, path = read_token("token_file", "", own)
     assert (path, len(token) >= 32, own.stat().st_mode & 0o777) == (own, True, 0o600)
-    assert read_token("", own)[0] == token
+    assert read_token("token_file", "", own)[0] == token
 
 
 @pytest.mark.parametrize(
@@ -328,16 +329,16 @@ def test_a_token_that_is_no_secret_is_refused(tmp_path: Path, content: str, mode
     path.write_text(content)
     path.chmod(mode)
     with pytest.raises(ValueError, match=words):
-        read_token(str(path), tmp_path / "own")
+        read_token("token_file", str(path), tmp_path / "own")
 
 
 def test_a_token_file_that_is_missing_or_a_link_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="does not exist"):
-        read_token(str(tmp_path / "none"), tmp_path / "own")
+        read_token("token_file", str(tmp_path / "none"), tmp_path / "own")
     (tmp_path / "real").write_text(TOKEN)
     (tmp_path / "link").symlink_to(tmp_path / "real")
     with pytest.raises(ValueError, match="cannot be used"):
-        read_token(str(tmp_path / "link"), tmp_path / "own")
+        read_token("token_file", str(tmp_path / "link"), tmp_path / "own")
 
 
 def test_the_server_runs_in_its_own_thread_and_frees_its_port() -> None:
