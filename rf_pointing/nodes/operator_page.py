@@ -98,8 +98,12 @@ class OperatorPage(ManagedNode):
         due = self._board.turn(time.monotonic(), time.time(), self._server.app.viewers)
         while not self._server.requests.empty():
             each = self._server.requests.get()
-            self.get_logger().info(f"{each.name[:LONGEST_TEXT]} {each.arguments} requested by {each.who}")
-            self._board.request(each.name, each.arguments, each.reply)
+            try:
+                self.get_logger().info(f"{each.name[:LONGEST_TEXT]!r} {each.arguments} requested by {each.who}")
+                self._board.request(each.name, each.arguments, each.reply)
+            except Exception as error:
+                self.survived("a command", error)
+                each.reply(False, f"{type(error).__name__}: {error}")
         self._sender.poll()
         if due:
             try:

@@ -6,6 +6,7 @@ Here an answer waits until the ends of all callers are known.  Whoever calls mor
 served is refused at once.
 """
 
+import atexit
 import time
 from collections import deque
 from collections.abc import Callable
@@ -56,6 +57,8 @@ class ServiceDoor:
         self.services.append(service)
         if not self._thread.ident:
             self._thread.start()
+            # A process that ends while its thread waits in the middleware would abort.
+            atexit.register(self.close)
         self._wake.trigger()
         return service
 
@@ -67,12 +70,13 @@ class ServiceDoor:
 
     def close(self) -> None:
         """End the thread and the services."""
+        atexit.unregister(self.close)
         self._closed = True
         self._wake.trigger()
         if self._thread.ident:
             self._thread.join(2.0)
-        for service in self.services:
-            service.destroy()
+        while self.services:
+            self.services.pop().destroy()
 
     # In the node's loop
 

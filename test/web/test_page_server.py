@@ -84,6 +84,7 @@ def test_a_command_with_the_token_reaches_the_station() -> None:
         ({"Host": "evil.example:8080"}, 403, "not in page.hosts"),
         ({"Host": "[::1"}, 403, "not in page.hosts"),
         ({"Content-Type": "text/plain"}, 415, "must be application/json"),
+        ({"Content-Type": "application/json; charset=bogus"}, 400, "unknown encoding"),
     ],
 )
 def test_who_may_not_command_moves_nothing(headers: dict[str, str], status: int, words: str) -> None:
@@ -116,6 +117,10 @@ def test_a_token_in_the_address_is_none() -> None:
         ('{"name": "park", "more": 1}', 400, "an object of name and arguments"),
         ('{"name": "set", "arguments": {"value": NaN}}', 400, "NaN is not a number"),
         (b'{"name": "\xff"}', 400, "decode"),
+        ('{"name": "\\ud800"}', 400, "half a character"),
+        ('{"name": "set", "arguments": {"\\udfff": "\\ud800"}}', 400, "half a character"),
+        ('{"name": "set", "arguments": {"value": 1' + "0" * 400 + "}}", 400, "must be at most 1e+18"),
+        ('{"name": "set", "arguments": {"value": -1e400}}', 400, "must be at most 1e+18"),
         ("[" * (LONGEST_BODY - 1), 400, "nested too deeply|not JSON"),
         ("x" * (LONGEST_BODY + 1), 413, "Maximum request body size"),
         ("x" * 10_000_000, 413, "Maximum request body size"),
@@ -293,6 +298,50 @@ def test_a_slow_viewer_drops_frames_and_does_not_grow(monkeypatch: pytest.Monkey
         writer.close()
 
     served(work)
+
+
+def test_half_open_requests_give_way_and_are_closed_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page_server, "HEADER_S", 1.0)
+    server = PageServer(PageParams(port=0, viewers=5), TOKEN)
+
+    async def work() -> None:
+        async with ClientSession() as session, session.ws_connect(f"{server.address}/live") as socket:
+            opened = [await asyncio.open_connection("127.0.0.1", server.port) for _ in range(300)]
+            for _, writer in opened:
+                writer.write(b"POST /command HTTP/1.1\r\nHost: local")
+            assert await post(Base(session, server.address), {"name": page_server.UNLOCK}) == (
+                200, {"accepted": True, "message": "the token is right"},
+            )  # fmt: skip
+            # A body that never comes, and heads that never end.
+            reader, writer = opened[-1]
+            head = (
+                "host\r\nAuthorization: Bearer "
+                + TOKEN
+                + "\r\nContent-Type: application/json\r\nContent-Length: 9\r\n\r\n"
+            )
+            writer.write(head.encode())
+            assert b"408" in (await asyncio.wait_for(reader.read(), 5.0)).split(b"\r\n")[0]
+            for reader, _ in opened[:-1]:
+                assert await asyncio.wait_for(reader.read(), 5.0) == b""
+            for _, writer in opened:
+                writer.close()
+            server.put({"live": 1})
+            assert await sections(socket) == {"live": 1}
+
+    try:
+        asyncio.run(work())
+    finally:
+        server.close()
+
+
+class Base:
+    """A session that knows its address, as the client of aiohttp's tests does."""
+
+    def __init__(self, session: ClientSession, address: str) -> None:
+        self._session, self._address = session, address
+
+    def post(self, path: str, **how: Any) -> Any:
+        return self._session.post(f"{self._address}{path}", **how)
 
 
 async def until(condition: Callable[[], bool]) -> None:
