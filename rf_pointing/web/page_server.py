@@ -31,6 +31,7 @@ from urllib.parse import quote, urlsplit
 
 from aiohttp import web
 
+from rf_pointing.core.whole_file import parse_json
 from rf_pointing.station.clients.board import LARGEST, PageParams
 from rf_pointing.station.pointing.status import Level, Report
 
@@ -419,15 +420,9 @@ def _parsed(body: str) -> tuple[str, Mapping[str, Any]]:
         return kind(word)
 
     try:
-        content = json.loads(
+        content = parse_json(
             body, parse_constant=no_number, parse_int=partial(number, int), parse_float=partial(number, float)
         )
-        # An escape may name half a character, which no log and no message can hold.
-        json.dumps(content, ensure_ascii=False).encode()
-    except RecursionError:
-        raise ValueError("the body is nested too deeply") from None
-    except UnicodeEncodeError:
-        raise ValueError("a text of the body holds half a character (a lone surrogate)") from None
     except json.JSONDecodeError as error:
         raise ValueError(f"the body is not JSON: {error}") from error
     if not isinstance(content, Mapping) or not set(content) <= {"name", "arguments"}:
