@@ -33,6 +33,7 @@ DRIVE_PRIORITY = 20
 """Real-time priority of a real drive loop, below the kernel's own threads (50)."""
 NICER = -10
 """Niceness where a real-time priority is not permitted."""
+SHORTEST_TOKEN = 16
 DEAF = 3
 """Exit code of a node that no longer receives."""
 LONGEST_WAIT_S = 0.2
@@ -333,6 +334,26 @@ def secret_in(path: Path, make: Callable[[], str] | None = None) -> str:
             text = make()
             file.write(f"{text}\n")
     return text
+
+
+def read_token(name: str, given: str, own: Path) -> tuple[str, Path]:
+    """Return the token of the file `given`, or of `own`, which is made where it is missing.
+
+    Raises ValueError for a file that others may read, and for a short token; it names the parameter
+    `name`.
+    """
+    # Imported here: with it comes OpenSSL, 3.5 MB that other nodes do not need.
+    import secrets
+
+    path = Path(given).expanduser() if given else own
+    if given and not path.is_file():
+        raise ValueError(f"{name}={path} does not exist")
+    token = secret_in(path, None if given else lambda: secrets.token_urlsafe(24))
+    if len(token) < SHORTEST_TOKEN or not token.isascii() or not token.isprintable() or " " in token:
+        raise ValueError(
+            f"the token in {path} has {len(token)} characters, must be >= {SHORTEST_TOKEN} of plain ASCII, no spaces"
+        )
+    return token, path
 
 
 def _domain() -> str:
