@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.core import AXES, Params, parameter
+from rf_pointing.core.checks import brief
 from rf_pointing.core.dates import utc_text
-from rf_pointing.core.whole_file import KeptState, read_whole
+from rf_pointing.core.whole_file import KeptState
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.alarms import Alarm
 from rf_pointing.operations.dictionary import read_tables
@@ -27,7 +28,6 @@ from rf_pointing.station.parameters import controller_params
 from rf_pointing.station.pointing.status import Level, Report
 from rf_pointing.tracking.sensors import SENSOR_CHOICES
 
-MOST_BYTES = 32 * 1024 * 1024
 CLAIMED = (PassState.WAITING, PassState.ACTIVE, PassState.TRACKED)
 BUSY = (PassState.ACTIVE, PassState.TRACKED)
 
@@ -230,30 +230,25 @@ class NightWatch:
         return f"acknowledged: {', '.join(names) or 'no alarm lasts'}"
 
     def change(self, add: str, remove: Sequence[str], now_s: float) -> str:
-        """Add the passes of a list or its file, and remove those of these ids."""
+        """Add the passes of a list, and remove those of these ids: all of it, or nothing."""
         added, schedule = passes_of(add), self.night.schedule
-        for each in remove:
-            schedule.entry(each)
-        schedule.remove(remove)
-        schedule.add(added)
+        schedule.change(added, remove)
         self.night.change(now_s)
         return f"{len(added)} passes added, {len(remove)} removed; {len(schedule.entries)} in all"
 
     def start(self, given: str, resume: bool, now_s: float) -> None:
-        """Begin a night with the passes of a list or its file, or take part in the present one."""
+        """Begin a night with the passes of a list, or take part in the present one."""
         passes, night = passes_of(given), self.night
         if not night.finished and not resume:
             raise ValueError(f"the executive is {night.state_name}: resume, or abort first")
-        if night.finished and not resume:
-            night.schedule.entries.clear()
-        night.schedule.add(passes)
-        if not night.finished:
+        if night.finished and not passes and not (resume and night.schedule.entries):
+            raise ValueError("schedule='' must name passes")
+        night.schedule.change(passes, () if resume else tuple(night.schedule.entries))
+        if night.finished:
+            night.start(now_s)
+        else:
             # The night goes on after a restart; the client takes part again.
             night.change(now_s)
-            return
-        if not night.schedule.entries:
-            raise ValueError("schedule='' must name passes")
-        night.start(now_s)
 
     # What is shown
 
@@ -305,7 +300,8 @@ class NightWatch:
 
 
 def passes_of(given: str) -> list[ScheduledPass]:
-    """Return the passes of a list, whose text may be in the file that `given` names."""
-    if len(given) < 4096 and given.startswith("/") and "\n" not in given:
-        given = read_whole(Path(given), MOST_BYTES)
+    """Return the passes of a list that a service was given; ValueError for the name of a file."""
+    # Whoever can call a service could let the executive open any file of its user.
+    if given.startswith("/") and "\n" not in given:
+        raise ValueError(f"{brief(given)} is the name of a file: send what is in it, as station queue does")
     return read_passes(given, every=False) if given else []

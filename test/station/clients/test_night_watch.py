@@ -1,6 +1,7 @@
 """The executive without ROS: what it knows, shares, keeps, records and reports, and what it answers."""
 
 import json
+import os
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,7 +12,7 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.station.clients import night_folder
 from rf_pointing.station.clients.alarm_hooks import HookParams
-from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch, passes_of
+from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch
 from rf_pointing.station.description import read_station
 
 T_S, WALL_S = 1.8e9, 1000.0
@@ -130,7 +131,7 @@ def test_a_night_ends_with_its_report_once_and_with_a_result(tmp_path: Path, dis
     disk.free = -1.0
 
 
-def test_a_list_replaces_the_schedule_unless_it_resumes_and_may_be_a_file(tmp_path: Path) -> None:
+def test_a_list_replaces_the_schedule_unless_it_resumes_and_is_never_a_file(tmp_path: Path) -> None:
     one = Bench(tmp_path)
     with pytest.raises(ValueError, match="must name passes"):
         one.watch.start("", False, T_S)
@@ -145,12 +146,16 @@ def test_a_list_replaces_the_schedule_unless_it_resumes_and_may_be_a_file(tmp_pa
     assert len(one.night.schedule.entries) == 3
     one.watch.request("abort", T_S)
     one.step()
-    (tmp_path / "list.json").write_text(listed(900.0))
-    one.watch.start(str(tmp_path / "list.json"), False, T_S)
+    os.mkfifo(pipe := tmp_path / "list.json")
+    for change in (lambda: one.watch.start(str(pipe), False, T_S), lambda: one.watch.change(str(pipe), [], T_S)):
+        with pytest.raises(ValueError, match=r"list\.json' is the name of a file: send what is in it"):
+            change()
+    # A refused list changes nothing, and neither does the half of one.
+    with pytest.raises(ValueError, match="pass 'p9' is not in the schedule"):
+        one.watch.change(listed(0.0, 600.0, 1200.0, 1800.0), ["p0", "p9"], T_S)
+    assert len(one.night.schedule.entries) == 3
+    one.watch.start(listed(900.0), False, T_S)
     assert list(one.night.schedule.entries) == ["p0"]
-    for given in ("/nowhere/list.csv", "/" + "a" * 4094):
-        with pytest.raises(OSError, match="long|No such"):
-            passes_of(given)
 
 
 def test_an_alarm_goes_to_the_hooks_warns_until_it_is_acknowledged_and_is_kept(tmp_path: Path) -> None:
