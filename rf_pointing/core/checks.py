@@ -37,6 +37,13 @@ def require_name(name: str, text: Any) -> None:
         raise ValueError(f"{name}={brief(text)} must be one line of <= {LONGEST_NAME} printable signs")
 
 
+def name_of(text: str) -> str:
+    """Return the beginning of a text as `require_name` allows it, with ? for every other sign."""
+    if len(text) <= LONGEST_NAME and text.isprintable():
+        return text
+    return "".join(each if each.isprintable() else "?" for each in text[:LONGEST_NAME])
+
+
 def brief(value: Any) -> str:
     """Return a value as a message shows it, whatever its length."""
     text = repr(value)

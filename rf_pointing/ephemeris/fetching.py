@@ -3,7 +3,7 @@
 Elements are requested when they have changed (ETag, If-Modified-Since), and not more often than the
 source allows.  Only a whole answer with elements replaces the kept file; an error, a web page, half
 a file or no answer leaves it as it is.  A server may send the request on to another one only where
-the user has named it: whoever holds the address must not reach what listens on this computer.
+the user has named it: whoever holds the address must not reach the ports of this computer.
 """
 
 import fcntl

@@ -44,6 +44,12 @@ class ExecutiveParams(Params):
     sensor: str = parameter("", "sensor of passes that name none; empty: the station's")
     record: bool = parameter(True, "whether each pass is recorded and reported on")
     partners: str = parameter("", "namespaces of the antennas that share the schedule, separated by commas")
+    partners_key_file: str = parameter("", "key that the executives of these antennas share; the first makes it")
+
+    def check_together(self) -> None:
+        """Refuse partners without a key: anybody could say that a pass has been tracked."""
+        if self.partners and not self.partners_key_file:
+            raise ValueError(f"partners_key_file='' must name the key that is shared with partners={self.partners}")
 
 
 class NightWatch:
@@ -143,13 +149,20 @@ class NightWatch:
         self.night.take("executive", {"problem": self._memory.problem or self.folder.problem}, t_s)
 
     def _share(self, t_s: float, wall_s: float) -> None:
-        """Leave to the partners what they have: all that they plan if they come first by name."""
+        """Leave to the partners what they have: all that they plan if they come first by name.
+
+        A pass that they have tracked must have risen.
+        """
         taken: set[str] = set()
+        entries = self.night.schedule.entries
         for name, (states, seen_s) in self._partners.items():
             alive = wall_s - seen_s <= self._alarms.node_silent_s
             first = name < self.night.schedule.antenna
             theirs = (CLAIMED if first else BUSY) if alive else (PassState.TRACKED,)
-            taken |= {each for each, state in states.items() if state in theirs}
+            taken |= {
+                each for each, state in states.items() if state in theirs and each in entries
+                and (state != PassState.TRACKED or entries[each].item.aos_t_s <= t_s)
+            }  # fmt: skip
         if taken != self.night.taken:
             self.night.taken = taken
             self.night.change(t_s)

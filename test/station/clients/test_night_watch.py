@@ -92,16 +92,19 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Any:
 @pytest.mark.parametrize(
     ("mine", "other", "silent_s", "taken"),
     [
-        ("gs1", "gs2", 0.0, {"b", "c"}), ("gs2", "gs1", 0.0, {"a", "b", "c"}), ("gs2", "gs1", 5.1, {"c"}),
-        ("gs2", "gs1", 5.0, {"a", "b", "c"}),
+        ("gs1", "gs2", 0.0, {"p1", "p2"}), ("gs2", "gs1", 0.0, {"p0", "p1", "p2"}), ("gs2", "gs1", 5.1, {"p2"}),
+        ("gs2", "gs1", 5.0, {"p0", "p1", "p2"}),
     ],
 )  # fmt: skip
 def test_the_first_by_name_leaves_what_has_begun_the_second_all_and_the_living_one_takes_over(
     tmp_path: Path, mine: str, other: str, silent_s: float, taken: set[str]
 ) -> None:
-    one = Bench(tmp_path, mine, partners=f" /{other}/,, ")
+    one = Bench(tmp_path, mine, partners=f" /{other}/,, ", partners_key_file="x")
     assert one.watch.partners == [other]
-    one.watch.take_partner(other, {"a": "waiting", "b": "active", "c": "tracked", "d": "yields"}, WALL_S - 99.0)
+    one.watch.change(listed(600.0, 600.0, -60.0, 600.0, 600.0), [], T_S)
+    # p3 has not risen: nobody can have tracked it; p9 is in no list.
+    said = {"p0": "waiting", "p1": "active", "p2": "tracked", "p3": "tracked", "p4": "yields", "p9": "tracked"}
+    one.watch.take_partner(other, said, WALL_S - 99.0)
     one.watch.take_partner(other, None, WALL_S - silent_s)
     one.step()
     assert one.night.taken == taken
