@@ -4,14 +4,17 @@ Every executable of a managed node is `run(NodeType)`.  A second node of the sam
 and ROS domain on a machine is refused: two controllers would fight over one antenna.
 """
 
+import faulthandler
 import fcntl
 import gc
+import math
 import os
 import re
 import signal
 import stat
 import sys
 import tempfile
+import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -26,6 +29,8 @@ DRIVE_PRIORITY = 20
 """Real-time priority of a real drive loop, below the kernel's own threads (50)."""
 NICER = -10
 """Niceness where a real-time priority is not permitted."""
+HUNG_S = 120.0
+"""Longest time for one thing of a node; to read 32 MiB of elements takes 15 s."""
 DEAF = 3
 """Exit code of a node that no longer receives."""
 _USAGE = "usage: NAME --ros-args [-r __ns:=/gs1] [--params-file FILE] [-p NAME:=VALUE] ..."
@@ -77,7 +82,9 @@ def run(node_type: Callable[[], Any]) -> None:
     executor = make_executor()
     executor.add_node(node)
     settle_garbage()
-    failure = work(node, executor, signals)
+    watch = HangWatch()
+    failure = work(node, executor, signals, watch.come_round)
+    watch.end()
     deaf = node.input_watchdog.deaf
     executor.shutdown()
     node.destroy_node()
@@ -105,11 +112,35 @@ def take_priority(realtime: int) -> str:
         return f"{words}, nor is nice {NICER}; rtprio in /etc/security/limits.conf allows it"
 
 
-def work(node: Any, executor: Any, signals: Sequence[int]) -> str:
+class HangWatch:
+    """Ends a process whose loop has not come round for `patience_s`; stderr gets where it stands.
+
+    The launch files start it again: a node that is alive and does nothing would never be.
+    """
+
+    # Not a thread of Python: what hangs may hold the lock of all threads.
+
+    def __init__(self, patience_s: float = HUNG_S) -> None:
+        self._patience_s, self._armed_s = patience_s, -math.inf
+
+    def come_round(self) -> None:
+        """Note that the loop works; each second is often enough."""
+        if time.monotonic() - self._armed_s > min(1.0, 0.1 * self._patience_s) and sys.gettrace() is None:
+            self._armed_s = time.monotonic()
+            faulthandler.dump_traceback_later(self._patience_s, exit=True, file=sys.__stderr__)
+
+    @staticmethod
+    def end() -> None:
+        """Watch no longer."""
+        faulthandler.cancel_dump_traceback_later()
+
+
+def work(node: Any, executor: Any, signals: Sequence[int], come_round: Callable[[], None] = lambda: None) -> str:
     """Work until a signal; return "" or by which error the node has ended."""
     failure = ""
     # Not `spin`: between two events the node does its own work and the signals are seen.
     while not signals and not failure:
+        come_round()
         if node.input_watchdog.deaf:
             # No fault: what moves is stopped, and goes on with the new process.
             node.get_logger().fatal(f"the node ends, and must be started again: {node.input_watchdog.deaf}")
@@ -118,6 +149,7 @@ def work(node: Any, executor: Any, signals: Sequence[int]) -> str:
             node.bring_up()
             wait_s = node.turn()
         except Exception as error:
+            node.failure = error
             failure = _report(node, error)
             break
         try:

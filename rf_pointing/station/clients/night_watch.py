@@ -23,11 +23,14 @@ from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.operations.schedule import Entry, PassState, Schedule, ScheduledPass
 from rf_pointing.station.clients.alarm_hooks import AlarmHooks, HookParams
 from rf_pointing.station.clients.night_folder import NightFolder, Recording
+from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.description import StationDescription
 from rf_pointing.station.parameters import controller_params
 from rf_pointing.station.pointing.status import Level, Report
-from rf_pointing.tracking.sensors import SENSOR_CHOICES
+from rf_pointing.tracking.sensors import SENSOR_CHOICES, sensors_of
 
+NEEDED = ("antenna_servo", "pointing_controller", "ephemeris_publisher")
+"""Nodes without which no pass is tracked; the tracker of its sensor is another one."""
 CLAIMED = (PassState.WAITING, PassState.ACTIVE, PassState.TRACKED)
 BUSY = (PassState.ACTIVE, PassState.TRACKED)
 
@@ -84,6 +87,9 @@ class NightWatch:
         self._memory, self._ready_to_keep = KeptState(own.state_file), False
         self._t_s = 0.0
         self._alive_s: dict[str, float] = {}
+        self._gone: set[str] = set()
+        conditions = (each.attribute for cause in tables.recovery.causes for each in cause.when)
+        self._named = {each.partition(".")[0] for each in conditions if each.endswith(".silent_s")}
         self._healths: dict[str, dict[str, Any]] = {}
         self._sent: Counter[str] = Counter()
         self._report = ""
@@ -121,7 +127,12 @@ class NightWatch:
         self, node: str, check: str, level: int, message: str, values: Mapping[str, str], wall_s: float
     ) -> None:
         """Note one check of a node: a sign of life, and the health of devices and model."""
+        # Anybody can send any name, and what no pass needs may end.
+        if node not in NODES and node not in self._named:
+            return
         self._alive_s[node] = wall_s
+        if check == "state":
+            (self._gone.add if values.get("state") == "finalized" else self._gone.discard)(node)
         if check == "device":
             starts = (values.get(f"{axis}_starts") for axis in AXES)
             self._healths["relays"] = {"starts": ", ".join(filter(None, starts))}
@@ -137,8 +148,12 @@ class NightWatch:
 
     def _observe(self, t_s: float, wall_s: float) -> None:
         """Note what no message carries: silence, disk, recorder."""
+        needed = self._needed()
         for name, seen_s in self._alive_s.items():
-            self.night.take(name, {"silent_s": wall_s - seen_s}, t_s)
+            if name in needed:
+                self.night.take(name, {"silent_s": wall_s - seen_s}, t_s)
+            elif name not in self._gone:
+                self.night.take(name, {"missing_s": wall_s - seen_s}, t_s)
         for device, values in self._healths.items():
             self.night.take(device, values, t_s)
         try:
@@ -147,6 +162,13 @@ class NightWatch:
             self.night.take("disk", {"free_gb": 0.0, "problem": str(error)}, t_s)
         self.night.take("recorder", {"state": self.folder.recorder}, t_s)
         self.night.take("executive", {"problem": self._memory.problem or self.folder.problem}, t_s)
+
+    def _needed(self) -> set[str]:
+        """Return the nodes without which the present or the next pass cannot be tracked."""
+        entry = self.night.schedule.active or self.night.schedule.next()
+        sensor = (entry.item.sensor if entry else "") or self.night.sensor
+        trackers = (traits.node for traits in sensors_of(SENSOR_CHOICES.get(sensor, "")))
+        return {*NEEDED, *self._named, *trackers}
 
     def _share(self, t_s: float, wall_s: float) -> None:
         """Leave to the partners what they have: all that they plan if they come first by name.

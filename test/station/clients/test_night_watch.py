@@ -10,6 +10,7 @@ import pytest
 
 from rf_pointing.core.dates import utc_text
 from rf_pointing.operations import AlarmParams, BetweenParams
+from rf_pointing.operations.dictionary import TABLES
 from rf_pointing.station.clients import night_folder
 from rf_pointing.station.clients.alarm_hooks import HookParams
 from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch
@@ -159,6 +160,52 @@ def test_a_list_replaces_the_schedule_unless_it_resumes_and_is_never_a_file(tmp_
     assert len(one.night.schedule.entries) == 3
     one.watch.start(listed(900.0), False, T_S)
     assert list(one.night.schedule.entries) == ["p0"]
+
+
+def effect(one: Bench, later_s: float) -> tuple[str, set[str]]:
+    """Return how the night goes on, and the names of the alarms, after a step."""
+    one.step(later_s)
+    return one.night.recovery.effect()[0], {each.name for each in one.night.book.lasting}
+
+
+def test_only_a_node_that_a_pass_needs_holds_the_night(tmp_path: Path) -> None:
+    one = Bench(tmp_path)
+    one.start(600.0)
+    nodes = (
+        "antenna_servo",
+        "conscan_tracker",
+        "monopulse_tracker",
+        "operator_page",
+        "rotctld_server",
+        "ghost",
+        "a\nb",
+    )
+    for node in nodes:
+        one.watch.take_check(node, "state", 0, "active", {"state": "active"}, WALL_S)
+    # Whoever ends says so; one that is needed is missed all the same.
+    for node in ("operator_page", "antenna_servo"):
+        one.watch.take_check(node, "state", 0, "finalized", {"state": "finalized"}, WALL_S)
+    assert effect(one, 5.0) == ("continue", set())
+    missing = {f"missing_node {node}" for node in ("monopulse_tracker", "rotctld_server")}
+    assert effect(one, 5.1) == ("wait", {"lost_node antenna_servo", "lost_node conscan_tracker"} | missing)
+    for node in ("antenna_servo", "conscan_tracker"):
+        one.watch.take_check(node, "state", 0, "active", {"state": "active"}, WALL_S + 5.2)
+    assert effect(one, 5.3) == ("continue", missing)
+    # The sensor of the next pass decides which tracker is needed.
+    one.watch.change(listed(900.0).replace("{", '{"sensor": "monopulse", '), ["p0"], T_S)
+    one.night.take("antenna", {"mode": "holding", "azimuth": 0.0, "elevation": 0.5}, T_S + 5.3)
+    one.step(5.4)
+    assert effect(one, 5.5)[0] == "wait"
+
+
+def test_a_node_that_the_recovery_table_names_is_needed_too(tmp_path: Path) -> None:
+    shipped = (TABLES / "recovery.yaml").read_text()
+    own = tmp_path / "recovery.yaml"
+    own.write_text(f"{shipped}  transmitter:\n    when: {{transmitter.silent_s: {{above: 60}}}}\n")
+    one = Bench(tmp_path, recovery_file=str(own))
+    one.start(600.0)
+    one.watch.take_check("transmitter", "state", 0, "active", {}, WALL_S)
+    assert effect(one, 5.1) == ("wait", {"lost_node transmitter"})
 
 
 def test_an_alarm_goes_to_the_hooks_warns_until_it_is_acknowledged_and_is_kept(tmp_path: Path) -> None:
