@@ -19,6 +19,7 @@ from rf_pointing_msgs.action import TrackPass
 from rf_pointing.api.requests import CalibrateRequest, IdentifyRequest, RunRequest, TrackRequest
 from rf_pointing.api.target import Target
 from rf_pointing.core import MDEG, Params, Sensor
+from rf_pointing.core.checks import id_of
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.identification import Recording
@@ -82,7 +83,7 @@ def prepare_track(request: TrackRequest) -> Flight:
     window, scan = request.window, request.scan
     if warning := request.stale_warning:
         say("track", warning)
-    stem = f"{request.target.satellite}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
+    stem = f"{id_of(request.target.satellite)}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
     output = output_folder(request, stem)
     setup = run_setup("track", request, window, output, scan)
     say("track", f"{window.name} over {request.station.name}, {request.station.band} band, {request.sensor}: "
