@@ -28,6 +28,13 @@ REFERENCE_M = 34.0
 STIFF_BELOW_M, STIFF_DRIVE_RAD_S, STIFF_BACKLASH_DEG = 10.0, 25.0, 0.01
 """Diameter below which a mount is stiff; bandwidth of its rate loop, play of its gears."""
 
+AXIS_KEYS = {
+    "rate_limit_deg_s": "rate_deg_s", "acceleration_limit_deg_s2": "acceleration_deg_s2",
+    "travel_min_deg": "hard_stop_deg", "travel_max_deg": "hard_stop_deg", "encoder_bits": "encoder_bits",
+    "backlash_deg": "backlash_deg",
+}  # fmt: skip
+"""Parameters of an axis that the mount gives, and their keys."""
+
 
 @dataclass(frozen=True, slots=True)
 class Value:
