@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from rf_pointing.controllers import PositionLoopParams, dss13_loops
 from rf_pointing.core import AXES, leaves
+from rf_pointing.core.derived import Rows, Value, tuned
 from rf_pointing.servo import AxisParams, PlantParams, dss13_plant
 from rf_pointing.station.antenna.loops import closed_loop_pole
 from rf_pointing.station.derive.axes import preprocessor
@@ -20,11 +21,8 @@ from rf_pointing.station.derive.band import (
     STIFF_BACKLASH_DEG,
     STIFF_DRIVE_RAD_S,
     Band,
-    Rows,
-    Value,
     drive_acceleration_deg_s2,
     encoder_bits,
-    tuned,
 )
 from rf_pointing.station.derive.watches import oscillation
 
