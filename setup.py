@@ -26,6 +26,7 @@ EXECUTABLES = {
         "station_alarms",
         "station_description",
         "station_executive",
+        "station_process",
     ],
     "commands": [
         "calibrate",

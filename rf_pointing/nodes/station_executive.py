@@ -26,17 +26,11 @@ from std_srvs.srv import Trigger
 
 from rf_pointing import __version__
 from rf_pointing.operations import AlarmParams, BetweenParams
+from rf_pointing.ros import night_messages as messages
 from rf_pointing.ros.command_key import CommandKeyParams
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.ros.main_loop import run
-from rf_pointing.ros.night_messages import (
-    AlarmTopic,
-    executive_status_to_message,
-    hear_night,
-    schedule_to_message,
-    serve_alarms,
-)
 from rf_pointing.ros.one_goal import OneGoal
 from rf_pointing.ros.qos import LATCHED, STATUS
 from rf_pointing.ros.station_node import StationNode
@@ -65,13 +59,13 @@ class StationExecutive(StationNode):
         values = map(self.parameters.value, PARAMS)
         self.watch = watch = NightWatch(
             *values, self.station, self.band, self.get_namespace().strip("/"), connect=self._connect,
-            record=self._record, report=self._report, tell=self._tell, publish=AlarmTopic(self).publish,
+            record=self._record, report=self._report, tell=self._tell, publish=messages.AlarmTopic(self).publish,
         )  # fmt: skip
-        serve_alarms(self, watch.alarms)
+        messages.serve_alarms(self, watch.alarms)
         self._at_cleanup.callback(watch.alarms.hooks.close)
         self._at_cleanup.callback(watch.sender.close)
         self._published_wall_s = 0.0
-        hear_night(self, watch)
+        self._key = messages.hear_night(self, watch, self.parameters.value("executive"))
         self._schedule = self.stream(ours.Schedule, SCHEDULE, LATCHED)
         self._status = self.stream(ours.ExecutiveStatus, EXECUTIVE_STATUS, STATUS)
         for name in ("pause", "resume", "stop", "abort"):
@@ -115,7 +109,11 @@ class StationExecutive(StationNode):
     def _report(self, folder: Path, health: Mapping[str, Mapping[str, Any]]) -> None:
         from rf_pointing.report.night_report import night_of, write_night
 
-        software = {"rf_pointing": __version__, "Python": platform.python_version(), "description": self.station.digest[:12]}
+        software = {
+            "rf_pointing": __version__,
+            "Python": platform.python_version(),
+            "description": self.station.digest[:12],
+        }
         shown = {**health, "inputs": {"lost": sum(self.inputs.lost.values())}, "software": software}
         write_night(night_of(self.watch.night.state(), self.station.name, health=shown), folder)
 
@@ -134,13 +132,17 @@ class StationExecutive(StationNode):
     def _shown(self, answer: str = "") -> str:
         """Publish schedule and status if the schedule has changed; return the answer."""
         if (entries := self.watch.news()) is not None:
-            self._schedule.publish(schedule_to_message(entries, self.now_s()))
+            self._send(self._schedule, messages.schedule_to_message(entries, self.now_s()), SCHEDULE)
             self._publish()
         return answer
 
+    def _send(self, publisher: Any, message: Any, topic: str) -> None:
+        self._key.sign_claim(message, topic, self.get_namespace().strip("/"))
+        publisher.publish(message)
+
     def _publish(self) -> None:
         self._published_wall_s = time.monotonic()
-        self._status.publish(executive_status_to_message(self.watch.night, self.now_s()))
+        self._send(self._status, messages.executive_status_to_message(self.watch.night, self.now_s()), EXECUTIVE_STATUS)
         if self._goal.lasts:
             self._goal.report(RunSchedule.Feedback(**self.watch.progress()))
 

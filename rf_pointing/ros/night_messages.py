@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 from rf_pointing.operations.night import Night
 from rf_pointing.operations.schedule import Entry
 from rf_pointing.ros import convert
+from rf_pointing.ros.command_key import CALL_S, CommandKey, CommandKeyParams
 from rf_pointing.ros.convert_planning import entry_to_message
 from rf_pointing.ros.diagnostics import LEVELS
 from rf_pointing.ros.directives import plain_fields
@@ -23,7 +24,7 @@ from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import LATCHED, STATUS, WATCHED
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.clients.alarm_hooks import WORDS, Message
-from rf_pointing.station.clients.night_watch import NightWatch
+from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch
 from rf_pointing.station.clients.station_alarms import StationAlarms
 
 MOVING_RAD_S = 1e-4
@@ -55,26 +56,49 @@ def hear_station(node: ManagedNode, alarms: StationAlarms) -> None:
     node.listen(DiagnosticArray, "/diagnostics", on_diagnostics, WATCHED)
 
 
-def hear_night(node: ManagedNode, watch: NightWatch) -> None:
-    """Subscribe until cleanup to what a night must know."""
+def hear_night(node: ManagedNode, watch: NightWatch, own: ExecutiveParams) -> CommandKey:
+    """Subscribe until cleanup to what a night must know; return the key shared with partners."""
     night, stamp = watch.night, seconds_from_stamp
 
     def on_passes(message: ours.PassList) -> None:
         windows = [(stamp(each.aos), stamp(each.los), each) for each in message.passes]
         night.take_passes(message.target, windows, node.now_s())
 
-    def on_schedule(name: str, message: ours.Schedule) -> None:
-        watch.take_partner(name, {each.id: each.state for each in message.passes}, time.monotonic())
-
     hear_station(node, watch.alarms)
     node.listen(ours.PassList, "passes", on_passes, LATCHED)
     # Latched: it is of now when it arrives.
     certificate = lambda m: night.take("certificate", plain_fields(m), node.now_s())  # noqa: E731
     node.listen(ours.PassCertificate, "pass_certificate", certificate, LATCHED)
+    params = CommandKeyParams(command_key_file=own.partners_key_file if own.partners else "")
+    key = CommandKey(params, parameter="executive.partners_key_file")
     for name in watch.partners:
-        node.listen(ours.Schedule, f"/{name}/{SCHEDULE}", lambda m, name=name: on_schedule(name, m), LATCHED)
-        alive = lambda _, name=name: watch.take_partner(name, None, time.monotonic())  # noqa: E731
-        node.listen(ours.ExecutiveStatus, f"/{name}/{EXECUTIVE_STATUS}", alive, STATUS)
+        hear_partner(node, watch, key, name)
+    return key
+
+
+def hear_partner(node: ManagedNode, watch: NightWatch, key: CommandKey, name: str) -> None:
+    """Subscribe until cleanup to what a partner claims: signed, not ahead, and not of before."""
+    newest_s: dict[str, float] = {}
+
+    def check(message: Any, topic: str) -> float:
+        key.check_claim(message, topic, name, node.now_s())
+        stamp_s = seconds_from_stamp(message.header.stamp)
+        if stamp_s < newest_s.get(topic, 0.0):
+            raise ValueError("an older one than that of before")
+        newest_s[topic] = stamp_s
+        return stamp_s
+
+    def on_schedule(message: ours.Schedule) -> None:
+        check(message, SCHEDULE)
+        watch.take_partner(name, {each.id: each.state for each in message.passes}, time.monotonic())
+
+    def on_status(message: ours.ExecutiveStatus) -> None:
+        if (age_s := node.now_s() - check(message, EXECUTIVE_STATUS)) > CALL_S:
+            raise ValueError(f"it is {age_s:.1f} s old, must be <= {CALL_S:.0f} s")
+        watch.take_partner(name, None, time.monotonic())
+
+    node.listen(ours.Schedule, f"/{name}/{SCHEDULE}", on_schedule, LATCHED)
+    node.listen(ours.ExecutiveStatus, f"/{name}/{EXECUTIVE_STATUS}", on_status, STATUS)
 
 
 def serve_alarms(node: ManagedNode, alarms: StationAlarms) -> None:

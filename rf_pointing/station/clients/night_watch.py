@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.core.whole_file import KeptState, read_whole
+from rf_pointing.core.checks import brief
+from rf_pointing.core.whole_file import KeptState
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.operations.night import Night, NightState
@@ -20,17 +21,14 @@ from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.operations.schedule import Entry, PassState, Schedule, ScheduledPass
 from rf_pointing.station.clients.alarm_hooks import HookParams, Message
 from rf_pointing.station.clients.night_folder import NightFolder, Recording
-from rf_pointing.station.clients.station_alarms import StationAlarms
+from rf_pointing.station.clients.station_alarms import NEEDED, StationAlarms
 from rf_pointing.station.description import StationDescription
 from rf_pointing.station.parameters import controller_params
 from rf_pointing.station.pointing.status import Level, Report
-from rf_pointing.tracking.sensors import SENSOR_CHOICES, SENSORS
+from rf_pointing.tracking.sensors import SENSOR_CHOICES, sensors_of
 
-MOST_BYTES = 32 * 1024 * 1024
 CLAIMED = (PassState.WAITING, PassState.ACTIVE, PassState.TRACKED)
 BUSY = (PassState.ACTIVE, PassState.TRACKED)
-NEEDED = ("antenna_servo", "pointing_controller", "ephemeris_publisher")
-"""Nodes that every pass needs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +43,12 @@ class ExecutiveParams(Params):
     sensor: str = parameter("", "sensor of passes that name none; empty: the station's")
     record: bool = parameter(True, "whether each pass is recorded and reported on")
     partners: str = parameter("", "namespaces of the antennas that share the schedule, separated by commas")
+    partners_key_file: str = parameter("", "key that the executives of these antennas share; the first makes it")
+
+    def check_together(self) -> None:
+        """Refuse partners without a key: anybody could say that a pass has been tracked."""
+        if self.partners and not self.partners_key_file:
+            raise ValueError(f"partners_key_file='' must name the key that is shared with partners={self.partners}")
 
 
 class NightWatch:
@@ -79,8 +83,6 @@ class NightWatch:
         self.alarms = StationAlarms(
             self.night.recovery, alarms, hooks, station.name, controller, self.folder.path, publish
         )
-        sensor = SENSORS.get(self.night.sensor)
-        self._needed = (*NEEDED, *([sensor.node] if sensor and sensor.node else []))
         self._memory, self._ready_to_keep = KeptState(own.state_file), False
         self._t_s = 0.0
         self._report, self._judged = "", 0
@@ -121,19 +123,34 @@ class NightWatch:
 
     def _observe(self, t_s: float, wall_s: float) -> None:
         """Note what no message carries: what nodes lack for the next pass, recorder, files."""
-        self.alarms.observe(t_s, wall_s)
-        self.night.take_readiness(self.alarms.reasons_not_ready(self._needed, wall_s), t_s)
+        needed = self._needed()
+        self.alarms.observe(t_s, wall_s, needed)
+        self.night.take_readiness(self.alarms.reasons_not_ready(sorted(needed), wall_s), t_s)
         self.night.take("recorder", {"state": self.folder.recorder}, t_s)
         self.night.take("executive", {"problem": self._memory.problem or self.folder.problem}, t_s)
 
+    def _needed(self) -> set[str]:
+        """Return the nodes without which the present or the next pass cannot be tracked."""
+        entry = self.night.schedule.active or self.night.schedule.next()
+        sensor = (entry.item.sensor if entry else "") or self.night.sensor
+        trackers = (traits.node for traits in sensors_of(SENSOR_CHOICES.get(sensor, "")))
+        return {*NEEDED, *self.alarms.named, *trackers}
+
     def _share(self, t_s: float, wall_s: float) -> None:
-        """Leave to the partners what they have: all that they plan if they come first by name."""
+        """Leave to the partners what they have: all that they plan if they come first by name.
+
+        A pass that they have tracked must have risen.
+        """
         taken: set[str] = set()
+        entries = self.night.schedule.entries
         for name, (states, seen_s) in self._partners.items():
             alive = wall_s - seen_s <= self._thresholds.node_silent_s
             first = name < self.night.schedule.antenna
             theirs = (CLAIMED if first else BUSY) if alive else (PassState.TRACKED,)
-            taken |= {each for each, state in states.items() if state in theirs}
+            taken |= {
+                each for each, state in states.items() if state in theirs and each in entries
+                and (state != PassState.TRACKED or entries[each].item.aos_t_s <= t_s)
+            }  # fmt: skip
         if taken != self.night.taken:
             self.night.taken = taken
             self.night.change(t_s)
@@ -209,30 +226,25 @@ class NightWatch:
         return f"acknowledged: {', '.join(names) or 'no alarm lasts'}"
 
     def change(self, add: str, remove: Sequence[str], now_s: float) -> str:
-        """Add the passes of a list or its file, and remove those of these ids."""
+        """Add the passes of a list, and remove those of these ids: all of it, or nothing."""
         added, schedule = passes_of(add), self.night.schedule
-        for each in remove:
-            schedule.entry(each)
-        schedule.remove(remove)
-        schedule.add(added)
+        schedule.change(added, remove)
         self.night.change(now_s)
         return f"{len(added)} passes added, {len(remove)} removed; {len(schedule.entries)} in all"
 
     def start(self, given: str, resume: bool, now_s: float) -> None:
-        """Begin a night with the passes of a list or its file, or take part in the present one."""
+        """Begin a night with the passes of a list, or take part in the present one."""
         passes, night = passes_of(given), self.night
         if not night.finished and not resume:
             raise ValueError(f"the executive is {night.state_name}: resume, or abort first")
-        if night.finished and not resume:
-            night.schedule.entries.clear()
-        night.schedule.add(passes)
-        if not night.finished:
+        if night.finished and not passes and not (resume and night.schedule.entries):
+            raise ValueError("schedule='' must name passes")
+        night.schedule.change(passes, () if resume else tuple(night.schedule.entries))
+        if night.finished:
+            night.start(now_s)
+        else:
             # The night goes on after a restart; the client takes part again.
             night.change(now_s)
-            return
-        if not night.schedule.entries:
-            raise ValueError("schedule='' must name passes")
-        night.start(now_s)
 
     # What is shown
 
@@ -274,7 +286,8 @@ class NightWatch:
 
 
 def passes_of(given: str) -> list[ScheduledPass]:
-    """Return the passes of a list, whose text may be in the file that `given` names."""
-    if len(given) < 4096 and given.startswith("/") and "\n" not in given:
-        given = read_whole(Path(given), MOST_BYTES)
+    """Return the passes of a list that a service was given; ValueError for the name of a file."""
+    # Whoever can call a service could let the executive open any file of its user.
+    if given.startswith("/") and "\n" not in given:
+        raise ValueError(f"{brief(given)} is the name of a file: send what is in it, as station queue does")
     return read_passes(given, every=False) if given else []

@@ -21,11 +21,16 @@ from rf_pointing.operations.alarms import Alarm
 from rf_pointing.operations.recovery import Recovery
 from rf_pointing.planning.forbidden_sky import angle_between
 from rf_pointing.station.clients.alarm_hooks import NO_WAY, AlarmHooks, HookParams, Message
+from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.status import Level, Report
 
+NEEDED = ("antenna_servo", "pointing_controller", "ephemeris_publisher")
+"""Nodes without which no pass is tracked; the tracker of its sensor is another one."""
 SILENT_S = 5.0
 """Wall time without a word of an executive after which its alarms are told here."""
+EXECUTIVE = "station_executive"
+"""Its silence has a cause of its own: others notice it."""
 EXPLAINED = frozenset({
     "device", "drive", "oscillation", "tracking", "executive", "alarms", "hooks", "night", "computer", "clocks"
 })  # fmt: skip
@@ -56,7 +61,10 @@ class StationAlarms:
         self.thresholds, self.hooks, self._folder, self._tell = thresholds, AlarmHooks(hooks, station), folder, tell
         self._sun, self._sun_radius_rad = SolarDirection(controller.sun), controller.machine.sun_radius_rad
         self._t_s = 0.0
+        conditions = (each.attribute for cause in recovery.table.causes for each in cause.when)
+        self.named = {each.partition(".")[0] for each in conditions if each.endswith(".silent_s")}
         self._alive_s: dict[str, float] = {}
+        self._gone: set[str] = set()
         self._states: dict[str, tuple[str, str]] = {}
         self._failed: dict[str, dict[str, str]] = {}
         self._executive_s = float("-inf")
@@ -73,8 +81,12 @@ class StationAlarms:
         self, node: str, check: str, level: int, message: str, values: Mapping[str, str], wall_s: float
     ) -> None:
         """Note one check of a node: a sign of life, and the health of what it is about."""
+        # Anybody can send any name, and what no pass needs may end.
+        if node not in NODES and node not in self.named:
+            return
         self._alive_s[node] = wall_s
         if check == "state":
+            (self._gone.add if values.get("state") == "finalized" else self._gone.discard)(node)
             self._states[node] = values.get("state", ""), message
         if check not in EXPLAINED:
             failed = self._failed.setdefault(node, {})
@@ -112,13 +124,17 @@ class StationAlarms:
             return f"{node} has been silent for {silent_s:.0f} s"
         return "" if state in ("active", "") else f"{node} is {state}: {message}"
 
-    def observe(self, t_s: float, wall_s: float) -> None:
+    def observe(self, t_s: float, wall_s: float, needed: Collection[str] = NEEDED) -> None:
         """Note what no message carries: silence, disk, memory, the Sun, the ways out."""
         self._t_s = t_s
         for name, seen_s in self._alive_s.items():
             failed = "; ".join(f"{check}: {text}" for check, text in self._failed.get(name, {}).items() if text)
             silent_s = wall_s - seen_s
-            self.take(name, {"silent_s": silent_s, "failed": "" if silent_s > SILENT_S else failed}, t_s)
+            self.take(name, {"failed": "" if silent_s > SILENT_S else failed}, t_s)
+            if name in needed:
+                self.take(name, {"silent_s": silent_s}, t_s)
+            elif name not in {*self._gone, EXECUTIVE}:
+                self.take(name, {"missing_s": silent_s}, t_s)
         for device, values in self.healths.items():
             self.take(device, values, t_s)
         for way in self.hooks.ways:
