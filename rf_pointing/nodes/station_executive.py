@@ -118,12 +118,7 @@ class StationExecutive(StationNode):
         write_night(night_of(self.watch.night.state(), self.station.name, health=shown), folder)
 
     def _tell(self, text: str, good: bool) -> None:
-        # Two lines: one line of code that logs at two levels raises.
-        if good:
-            self.get_logger().info(text)
-        else:
-            self.get_logger().warning(text)
-        self.diagnostics.publish()
+        messages.log(self, text, good=good)
 
     def _begin(self, request: RunSchedule.Goal) -> None:
         self.watch.start(request.schedule, request.resume, self.now_s())

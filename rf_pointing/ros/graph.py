@@ -212,7 +212,7 @@ DRIVE_NODES = ("antenna_servo", *STATION_NODES)
 """Executables of a station whose drive is a device; its receiver is its own."""
 _MOVES = ("simulation_clock", "antenna_servo", "rf_receiver", "array_receiver")
 """What moves, and what receives while it moves: the first of two processes."""
-_APART = (EXECUTIVE, ROTCTLD, OPERATOR_PAGE)
+_APART = (ALARMS, EXECUTIVE, ROTCTLD, OPERATOR_PAGE)
 """Clients of the station: they serve others, or work long."""
 PROCESSES = (1, 2, 8)
 """Numbers of processes of a station that may be chosen; 8 is one for each node."""

@@ -127,12 +127,17 @@ class AlarmTopic:
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)
         words = f"alarm {message['event']}: {message['alarm']}: {message['message']}"
-        # Two lines: one line of code that logs at two levels raises.
-        if good:
-            self._node.get_logger().info(words)
-        else:
-            self._node.get_logger().warning(f"{words}; {message['to_do']}")
-        self._node.diagnostics.publish()
+        log(self._node, words if good else f"{words}; {message['to_do']}", good=good)
+
+
+def log(node: ManagedNode, text: str, *, good: bool) -> None:
+    """Log and show at once what an operator should see."""
+    # Two lines: one line of code that logs at two levels raises.
+    if good:
+        node.get_logger().info(text)
+    else:
+        node.get_logger().warning(text)
+    node.diagnostics.publish()
 
 
 def schedule_to_message(entries: Iterable[Entry], t_s: float) -> ours.Schedule:

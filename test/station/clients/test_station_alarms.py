@@ -147,17 +147,17 @@ def test_while_an_executive_with_a_way_out_is_heard_that_one_tells_and_a_silent_
     assert ("raised", "latched_fault") in [row[1:] for row in bench.run(130)]
 
 
-def test_what_a_pass_needs_is_named_if_it_was_never_heard_is_silent_or_not_active(bench: Bench) -> None:
-    state = {"active": "active", "inactive": "inactive", "waits": "unconfigured", "silent": "active"}
-    for node, name in state.items():
-        bench.checks[node, "state"] = OK, "waits for the drive", {"state": name}
-    bench.run(1)
-    del bench.checks["silent", "state"]
-    bench.alarms.take_check("failed", "state", ERROR, "broken", {"state": "unconfigured"}, 1.0)
-    bench.run(30)
-    assert bench.alarms.reasons_not_ready([*state, "ghost", "silent"], bench.now_s)[:3] == [
-        "inactive is inactive: waits for the drive", "waits is unconfigured: waits for the drive", "ghost was never heard",
+def test_what_a_pass_needs_is_named_if_it_was_never_heard_or_is_not_active_and_has_no_alarm(bench: Bench) -> None:
+    servo, controller, publisher, tracker = needed = (*station_alarms.NEEDED, "monopulse_tracker")
+    bench.checks[controller, "state"] = OK, "waits for the drive", {"state": "unconfigured"}
+    bench.checks[tracker, "state"] = OK, "active", {"state": "active"}
+    bench.checks[publisher, "state"] = ERROR, "no elements", {"state": "unconfigured"}
+    bench.checks["ghost\n", "state"] = ERROR, "of nobody", {}
+    bench.run(10)
+    assert bench.alarms.reasons_not_ready(needed, bench.now_s) == [
+        f"{servo} was never heard", f"{controller} is unconfigured: waits for the drive",
     ]  # fmt: skip
+    assert [each.name for each in bench.alarms.book.lasting] == [f"failed_check {publisher}"]
 
 
 def test_a_way_that_fails_is_told_by_those_that_are_left(tmp_path: Path, disk: Any) -> None:
