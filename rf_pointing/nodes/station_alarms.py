@@ -8,7 +8,7 @@ Parameters: alarms.* (thresholds) and hooks.* (command, webhook, e-mail), which 
 description may give to it and to the executive; folder, recovery_file.
 
 It raises the alarms of the table of recovery and tries nothing.  While an executive that has a way
-out of the station is heard, that one tells them; when it falls silent, this node does.
+out of the station is received, that one sends them; when it falls silent, this node does.
 """
 
 import time

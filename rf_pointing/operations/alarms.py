@@ -1,10 +1,10 @@
 """Alarms: one for every cause, raised, acknowledged and cleared; messages without storm or silence.
 
-A cause that comes and goes is one alarm that counts.  The book compares what an operator was told
-last with what is, and says the difference: the start and the end of a cause, and at once what is
-worse, new, or needs somebody.  While somebody is needed and has not acknowledged, it says so again
-each `quiet_s`.  A cause that flickers is told again after `quiet_s`, one that needs somebody sooner
-(`RETURN_S` for each return), and never swallowed: what lasts by then is told.
+A cause that comes and goes is one alarm that counts.  The book compares what it reported last with
+what is, and reports the difference: the start and the end of a cause, and at once what is worse,
+new, or needs somebody.  While somebody is needed and has not acknowledged, it reports that again
+each `quiet_s`.  A cause that flickers is reported again after `quiet_s`, one that needs somebody
+sooner (`RETURN_S` for each return), and never dropped: what lasts by then is reported.
 """
 
 from collections.abc import Callable
@@ -44,7 +44,7 @@ class Alarm:
     """One cause; `cleared_t_s` is None while it lasts.
 
     `ask` is what somebody should do, "" while nobody is needed.  `about` is which of several things
-    it is, as the words of a fault: another one is news.  `told` is what an operator was told last:
+    it is, as the words of a fault: another one is news.  `told` is what was reported last:
     the level (0: nothing, or its end), whether somebody is needed, and about what.
     """
 
@@ -67,7 +67,7 @@ class Alarm:
 
     @property
     def news(self) -> str:
-        """What an operator has not been told, as an event of `Notify`; "" for nothing."""
+        """Event of `Notify` that has not been reported, "" for nothing."""
         level, needed, about = self.told
         if not self.lasts:
             return "cleared" if level else ""
@@ -82,7 +82,7 @@ class Alarm:
         return "reminder" if needed and not self.acknowledged else "" if needed else "urgent"
 
     def patience_s(self, quiet_s: float) -> float:
-        """Return how long after the last message the news is told."""
+        """Return how long after the last message the news is reported."""
         if self.news == "raised":
             return min(quiet_s, RETURN_S * max(0, self.count - 1)) if self.ask else quiet_s
         return quiet_s if self.news == "reminder" else 0.0
@@ -96,7 +96,8 @@ Notify = Callable[[str, Alarm], None]
 class AlarmBook:
     """All alarms of a station by their names; `notify` gets what an operator should receive.
 
-    `messages` counts these; while the book is `held` nothing is told, and afterwards what lasts.
+    `messages` counts these; while the book is `held` nothing is reported, and afterwards what
+    lasts.
     """
 
     notify: Notify

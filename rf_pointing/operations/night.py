@@ -32,7 +32,7 @@ PATIENCE_S = 60.0
 OVERDUE_S = 10.0
 """After the scheduled end of a pass until it is ended; the elements may have moved its set."""
 READY_S = (900.0, 300.0, 0.0)
-"""Before the rise of a pass, when what it still lacks is told again."""
+"""Before the rise of a pass, when what it still lacks is reported again."""
 SCHEDULED_END = "the schedule ends it here"
 BY_OPERATOR = SKIPPED, ABORTED, STOPPED = (
     "skipped by the operator", "the night was aborted", "stop was requested",
@@ -252,7 +252,7 @@ class Night:
             self._save()
 
     def _progress(self) -> tuple[Any, ...]:
-        """Return what a restart must know: of the present pass, and what an operator was told."""
+        """Return what a restart must know: of the present pass, and what was reported."""
         runs = self._work.executor.runs.items() if self._work else ()
         return (
             self.state_name,
@@ -302,7 +302,7 @@ class Night:
             work.reasons.append(failed)
             work.count()
             self._note(now_s, work.id, "attempt failed", failed)
-            # What has a cause of its own is not a refusal of this pass.
+            # A fault with an alarm of its own says nothing about this pass.
             explained = effect != "continue" or self.expected_state.value("antenna.fault")
             refused = "" if explained else self.expected_state.value("track.refused") or ""
             self.take("pass", {"refused": refused}, now_s)

@@ -13,7 +13,7 @@ from rf_pointing.operations.expected_state import ExpectedState
 from rf_pointing.operations.schedule import Entry
 
 VERDICT = "verdict.json"
-"""File of the record of a pass, beside its recordings."""
+"""File of the record of a pass, with its recordings."""
 _COUNTED = "tracking.seconds_tracked", "tracking.seconds_lost", "tracking.mean_loss"
 _PASSING = "executor", "counted"
 """Fields that are not kept: they change all the time, and each change would write the file."""

@@ -194,7 +194,7 @@ class Ongoing:
 class Recovery:
     """Watches the devices by the table, keeps the alarms, and says which action is due.
 
-    While it does not act nothing is tried, so an operator is asked at once.
+    While it does not act nothing is tried, so an operator is needed at once.
     """
 
     table: RecoveryTable

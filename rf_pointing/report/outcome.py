@@ -58,7 +58,7 @@ def verdict(analysis: Analysis) -> Verdict:
 
 
 def judged_by_night(found: Verdict, path: Path) -> Verdict:
-    """Return the verdict of the executive that ran the pass, the one found where there is none.
+    """Return the verdict of the executive that ran the pass, else the one found.
 
     A recording holds one attempt at the pass, or a part of it; the executive has counted all.
     """

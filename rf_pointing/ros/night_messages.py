@@ -23,7 +23,7 @@ from rf_pointing.ros.graph import ALARM_TOPIC, EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import LATCHED, STATUS, WATCHED
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
-from rf_pointing.station.clients.alarm_hooks import WORDS, Message
+from rf_pointing.station.clients.alarm_hooks import LEVEL_NAMES, Message
 from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch
 from rf_pointing.station.clients.station_alarms import StationAlarms
 
@@ -117,7 +117,10 @@ class AlarmTopic:
 
     def publish(self, message: Message) -> None:
         """Publish and log one message."""
-        good, level = message["level"] == "ok" or message["event"] == "cleared", LEVELS[WORDS.index(message["level"])]
+        good, level = (
+            message["level"] == "ok" or message["event"] == "cleared",
+            LEVELS[LEVEL_NAMES.index(message["level"])],
+        )
         values = [KeyValue(key=key, value=message[key]) for key in ("event", "to_do", "utc")]
         status = DiagnosticStatus(
             level=LEVELS[0] if good else level, name=message["alarm"], message=message["message"],

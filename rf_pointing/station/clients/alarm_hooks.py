@@ -31,7 +31,7 @@ MOST_WAITING = 1000
 ANSWER_S = 10.0
 TRIAL_S = 60.0
 """Between two trials of settings that have not worked yet: the network may come later."""
-WORDS = ("ok", "warning", "error")
+LEVEL_NAMES = ("ok", "warning", "error")
 """Levels of a message."""
 NO_WAY = "no way out of the station is set: hooks.command, hooks.webhook or hooks.mail_server"
 TLS = ("none", "starttls", "tls")
@@ -89,7 +89,7 @@ def _require_host(name: str, host: str) -> None:
         raise ValueError(f"{name}: {host} cannot be a host: {error}") from error
 
 
-class Way:
+class Outlet:
     """One way out of the station; `last` says what came of its newest message."""
 
     def __init__(
@@ -159,12 +159,12 @@ class AlarmHooks:
         self._params, self._station = params, " ".join(station.split())
         wanted = {"command": (self._run, self._find), "webhook": (self._post, self._resolve),
                   "mail_server": (self._mail, lambda: self._log_in().quit())}  # fmt: skip
-        self.ways = [Way(name, *how, params.retry_s) for name, how in wanted.items() if getattr(params, name)]
+        self.ways = [Outlet(name, *how, params.retry_s) for name, how in wanted.items() if getattr(params, name)]
 
     def put(self, event: str, name: str, level: int, text: str, ask: str, utc: str) -> Message:
         """Send a message soon; never blocks.  Return it."""
         to_do = ask or ("nothing: it has ended" if event == "cleared" else "nothing: the station deals with it")
-        message = {"station": self._station, "event": event, "alarm": name, "level": WORDS[level],
+        message = {"station": self._station, "event": event, "alarm": name, "level": LEVEL_NAMES[level],
                    "message": text, "to_do": to_do, "utc": utc}  # fmt: skip
         for way in self.ways:
             way.put(message)

@@ -86,7 +86,7 @@ class NightFolder:
         return str(folder)
 
     def judge(self, record: PassRecord) -> None:
-        """Write the verdict on a pass beside its recording: that of its report."""
+        """Write the verdict on a pass next to its recording: that of its report."""
         folder = self.path / "passes" / record.id
         if folder.is_dir():
             try:

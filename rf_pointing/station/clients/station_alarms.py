@@ -28,7 +28,7 @@ from rf_pointing.station.pointing.status import Level, Report
 NEEDED = ("antenna_servo", "pointing_controller", "ephemeris_publisher")
 """Nodes without which no pass is tracked; the tracker of its sensor is another one."""
 SILENT_S = 5.0
-"""Wall time without a word of an executive after which its alarms are told here."""
+"""Wall time without a word of an executive after which its alarms are sent here."""
 EXECUTIVE = "station_executive"
 """Its silence has a cause of its own: others notice it."""
 EXPLAINED = frozenset({
@@ -111,7 +111,7 @@ class StationAlarms:
             self.healths["elements"] = age
 
     def reasons_not_ready(self, nodes: Collection[str], wall_s: float) -> list[str]:
-        """Return what is missing of these nodes, and is not told by an alarm about one of them."""
+        """Return what is missing of these nodes, and has no alarm of its own."""
         told = {each.name.partition(" ")[2] for each in self.book.lasting}
         return [reason for each in nodes if each not in told and (reason := self._not_ready(each, wall_s))]
 
@@ -119,7 +119,7 @@ class StationAlarms:
         silent_s = wall_s - self._alive_s.get(node, float("-inf"))
         state, message = self._states.get(node, ("", ""))
         if node not in self._alive_s:
-            return f"{node} was never heard"
+            return f"{node} has not been received"
         if silent_s > self.thresholds.node_silent_s:
             return f"{node} has been silent for {silent_s:.0f} s"
         return "" if state in ("active", "") else f"{node} is {state}: {message}"
@@ -171,7 +171,7 @@ class StationAlarms:
     def test(self, now_s: float) -> str:
         """Send a message by every way; return its time and the ways."""
         utc = utc_text(now_s)
-        self._send("test", "test_alarms", 0, "a test of the ways out of the station", "nothing: it was asked for", utc)
+        self._send("test", "test_alarms", 0, "a test of the ways out of the station", "nothing: it was requested", utc)
         return f"{utc} {', '.join(way.name for way in self.hooks.ways) or NO_WAY}"
 
     def report(self) -> Report:

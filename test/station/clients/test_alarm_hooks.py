@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from rf_pointing.station.clients.alarm_hooks import TRIES, AlarmHooks, HookParams, Way
+from rf_pointing.station.clients.alarm_hooks import TRIES, AlarmHooks, HookParams, Outlet
 
 needs_openssl = pytest.mark.skipif(shutil.which("openssl") is None, reason="makes a certificate")
 
@@ -207,7 +207,7 @@ def test_whatever_raises_is_counted_and_the_next_message_is_sent(error: Exceptio
         if raises:
             raise raises.pop()
 
-    way = Way("mail", send, lambda: None, 0.1)
+    way = Outlet("mail", send, lambda: None, 0.1)
     message = {"event": "raised", "alarm": "a", "utc": "now"}
     way.put(message)
     until(lambda: way.failed == 1, "three tries")
@@ -225,7 +225,7 @@ def test_beyond_a_thousand_messages_that_wait_each_is_a_failure() -> None:
         begun.set()
         assert gate.wait(20.0)
 
-    way, message = Way("mail", send, lambda: None, 0.1), {"event": "raised", "alarm": "a", "utc": "now"}
+    way, message = Outlet("mail", send, lambda: None, 0.1), {"event": "raised", "alarm": "a", "utc": "now"}
     way.put(message)
     assert begun.wait(20.0)
     for _ in range(1002):

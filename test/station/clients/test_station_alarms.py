@@ -155,7 +155,7 @@ def test_what_a_pass_needs_is_named_if_it_was_never_heard_or_is_not_active_and_h
     bench.checks["ghost\n", "state"] = ERROR, "of nobody", {}
     bench.run(10)
     assert bench.alarms.reasons_not_ready(needed, bench.now_s) == [
-        f"{servo} was never heard", f"{controller} is unconfigured: waits for the drive",
+        f"{servo} has not been received", f"{controller} is unconfigured: waits for the drive",
     ]  # fmt: skip
     assert [each.name for each in bench.alarms.book.lasting] == [f"failed_check {publisher}"]
 
