@@ -112,7 +112,7 @@ class Night:
         self.take("ephemeris", {"target": target, "pass": best, "pass_found": best is not None}, t_s)
 
     def take_readiness(self, reasons: Sequence[str], now_s: float) -> None:
-        """Note what the next pass needs and has not: `reasons` of the nodes, and what is seen.
+        """Note what the next pass needs and has not, by the `reasons` of the nodes.
 
         `next.stage` changes 15 min, 5 min and 0 min before the rise.  What has an alarm that holds
         up the night is not noted.
@@ -125,8 +125,6 @@ class Night:
             self.take("next", {"missing": ""}, now_s)
             return
         missing, in_s = list(reasons), entry.item.aos_t_s - now_s
-        if not reasons and self._place(now_s) is None:
-            missing.append("the drive reads no position")
         if not missing and in_s < 0.0 and self._work is not None and not self._busy:
             missing = self._work.reasons[-1:]
         stage = sum(in_s < limit_s for limit_s in READY_S)

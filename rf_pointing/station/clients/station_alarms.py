@@ -62,7 +62,7 @@ class StationAlarms:
         self._sun, self._sun_radius_rad = SolarDirection(controller.sun), controller.machine.sun_radius_rad
         self._t_s = 0.0
         conditions = (each.attribute for cause in recovery.table.causes for each in cause.when)
-        self.named = {each.partition(".")[0] for each in conditions if each.endswith(".silent_s")}
+        self.named = {each.partition(".")[0] for each in conditions if each.endswith(".silent_s")} - {"*"}
         self._alive_s: dict[str, float] = {}
         self._gone: set[str] = set()
         self._states: dict[str, tuple[str, str]] = {}
@@ -113,7 +113,11 @@ class StationAlarms:
     def reasons_not_ready(self, nodes: Collection[str], wall_s: float) -> list[str]:
         """Return what is missing of these nodes, and has no alarm of its own."""
         told = {each.name.partition(" ")[2] for each in self.book.lasting}
-        return [reason for each in nodes if each not in told and (reason := self._not_ready(each, wall_s))]
+        reasons = [reason for each in nodes if each not in told and (reason := self._not_ready(each, wall_s))]
+        placed = self.known.is_fresh("antenna.azimuth", self._t_s, SILENT_S)
+        if not reasons and not placed and NEEDED[0] not in told:
+            reasons.append("the drive reads no position")
+        return reasons
 
     def _not_ready(self, node: str, wall_s: float) -> str:
         silent_s = wall_s - self._alive_s.get(node, float("-inf"))

@@ -208,6 +208,7 @@ def test_a_node_that_the_recovery_table_names_is_needed_too(tmp_path: Path) -> N
     own.write_text(f"{shipped}  transmitter:\n    when: {{transmitter.silent_s: {{above: 60}}}}\n")
     one = Bench(tmp_path, recovery_file=str(own))
     one.start(600.0)
+    assert one.watch.alarms.named == {"transmitter"}
     one.watch.alarms.take_check("transmitter", "state", 0, "active", {}, WALL_S)
     assert effect(one, 5.1) == ("wait", {"lost_node transmitter"})
 

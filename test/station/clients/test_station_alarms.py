@@ -158,6 +158,15 @@ def test_what_a_pass_needs_is_named_if_it_was_never_heard_or_is_not_active_and_h
         f"{servo} has not been received", f"{controller} is unconfigured: waits for the drive",
     ]  # fmt: skip
     assert [each.name for each in bench.alarms.book.lasting] == [f"failed_check {publisher}"]
+    # A control unit that is active may have a drive that does not answer; one cause is one message.
+    for node in (servo, controller, publisher):
+        bench.checks[node, "state"] = OK, "active", {"state": "active"}
+    bench.shown["antenna"].pop("azimuth")
+    bench.run(7)
+    assert bench.alarms.reasons_not_ready(needed, bench.now_s) == ["the drive reads no position"]
+    bench.checks[servo, "state"] = ERROR, "drive: refused", {"state": "unconfigured"}
+    bench.run(7)
+    assert bench.alarms.reasons_not_ready(needed, bench.now_s) == []
 
 
 def test_a_way_that_fails_is_told_by_those_that_are_left(tmp_path: Path, disk: Any) -> None:
