@@ -68,7 +68,7 @@ class StationAlarms:
         self._states: dict[str, tuple[str, str]] = {}
         self._failed: dict[str, dict[str, str]] = {}
         self._executive_s = float("-inf")
-        self.healths: dict[str, dict[str, Any]] = {}
+        self.healths: dict[str, dict[str, Any]] = {"disk": {"free_gb": 0.0}}
         """Health of devices and model as the morning report shows it."""
         self.book.notify = self._notify
 
@@ -139,15 +139,15 @@ class StationAlarms:
                 self.take(name, {"silent_s": silent_s}, t_s)
             elif name not in {*self._gone, EXECUTIVE}:
                 self.take(name, {"missing_s": silent_s}, t_s)
-        for device, values in self.healths.items():
-            self.take(device, values, t_s)
-        for way in self.hooks.ways:
-            self.take(way.name, {"not_sent": way.problem}, t_s)
         try:
             free_gb, problem = shutil.disk_usage(self._folder).free / 1e9, ""
         except OSError as error:
             free_gb, problem = 0.0, str(error)
         self.healths["disk"] = {"free_gb": free_gb} | ({"problem": problem} if problem else {})
+        for device, values in self.healths.items():
+            self.take(device, values, t_s)
+        for way in self.hooks.ways:
+            self.take(way.name, {"not_sent": way.problem}, t_s)
         self.take("computer", {"memory_free_mb": free_memory_mb()}, t_s)
         self.take("antenna", {"sun_margin_rad": self._sun_margin_rad(t_s)}, t_s)
 
@@ -189,18 +189,11 @@ class StationAlarms:
 
     def computer(self) -> Report:
         """Return whether disk and memory of the computer suffice."""
-        free_gb, memory_mb = float(self.healths.get("disk", {"free_gb": 0.0})["free_gb"]), free_memory_mb()
-        problems = [
-            f"{what} are free, must be >= {least}"
-            for what, least, low in (
-                (f"{free_gb:.3g} GB of the disk of {self._folder}", f"{self.thresholds.disk_free_gb:g} GB",
-                 free_gb < self.thresholds.disk_free_gb),
-                (f"{memory_mb:.0f} MB of memory", f"{self.thresholds.memory_free_mb:g} MB",
-                 memory_mb < self.thresholds.memory_free_mb),
-            ) if low
-        ]  # fmt: skip
-        values: dict[str, object] = {"disk_free_mb": round(1e3 * free_gb), "memory_free_mb": round(memory_mb)}
-        return Report(Level(bool(problems)), "; ".join(problems) or "ok", values)
+        words = "; ".join(each.message for each in self.book.lasting if each.name in ("full_disk", "low_memory"))
+        free = {"disk_free_mb": 1e3 * self.healths["disk"]["free_gb"], "memory_free_mb": free_memory_mb()}
+        return Report(
+            Level(bool(words)), words or "ok", {name: round(each) for name, each in free.items() if each < 1e12}
+        )
 
 
 def free_memory_mb() -> float:
