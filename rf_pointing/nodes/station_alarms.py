@@ -43,9 +43,12 @@ class AlarmNode(StationNode):
         folder, topic = Path(files.folder).expanduser().resolve(), AlarmTopic(self)
         folder.mkdir(parents=True, exist_ok=True)
         table = read_tables(thresholds, recovery=files.recovery_file).recovery
-        recovery = Recovery(table, ExpectedState(), AlarmBook(lambda *_: None, thresholds.quiet_s), acts=False)
-        controller = controller_params(self.station, self.band)
-        self.alarms = StationAlarms(recovery, thresholds, hooks, self.station.name, controller, folder, topic.publish)
+        book = AlarmBook(lambda *_: None, thresholds.quiet_s)
+        recovery = Recovery(table, ExpectedState(), book, acts=False)
+        name, controller = self.station.name, controller_params(self.station, self.band)
+        self.alarms = StationAlarms(
+            recovery, thresholds, hooks, name, controller, folder, topic.publish
+        )  # fmt: skip
         hear_station(self, self.alarms)
         serve_alarms(self, self.alarms)
         self._at_cleanup.callback(self.alarms.hooks.close)

@@ -30,13 +30,13 @@ class AlarmParams(Params):
     disk_free_gb: float = parameter(2.0, "free space of the disk of the recordings", low=0.0, high=1e5)
     elements_stale_h: float = parameter(72.0, "age of the elements of the next pass", low=0.1, high=1e5)
     fault_s: float = parameter(2.0, "a fault latched for so long is dealt with", low=0.0, high=600.0)
-    clock_ms: float = parameter(100.0, "offset of a node's clock from the controller's", low=1.0, high=1e5)
+    clock_ms: float = parameter(100.0, "offset of the clock of a node's computer", low=1.0, high=1e5)
     memory_free_mb: float = parameter(100.0, "free memory of the computer", low=0.0, high=1e6)
-    check_failed_s: float = parameter(5.0, "a check of a node in error for so long", low=0.0, high=3600.0)
+    check_failed_s: float = parameter(5.0, "a check is in error for so long", low=0.0, high=3600.0)
     not_ready_s: float = parameter(
         900.0, "from so long before a pass whatever it needs must be ready", low=60.0, high=1e5
     )
-    quiet_s: float = parameter(600.0, "between two messages of one cause that lasts or flickers", low=0.0, high=1e5)
+    quiet_s: float = parameter(600.0, "between two messages of one lasting cause", low=0.0, high=1e5)
 
 
 @dataclass(slots=True)
@@ -113,7 +113,9 @@ class AlarmBook:
         """The alarms whose causes are there, the worst first."""
         return sorted((each for each in self.alarms.values() if each.lasts), key=lambda a: (-a.level, a.raised_t_s))
 
-    def raise_(self, name: str, level: int, message: str, t_s: float, ask: str = "", about: str = "") -> None:
+    def raise_(
+        self, name: str, level: int, message: str, t_s: float, ask: str = "", about: str = ""
+    ) -> None:  # fmt: skip
         """Note that a cause is there; a further call only keeps its message up to date."""
         alarm, event = self.alarms.get(name), ""
         if alarm is None or not alarm.lasts:

@@ -230,7 +230,8 @@ class Executor:
             # What a device says of it, rather than the conditions of the table.
             seen = (self.expected_state.value(each.attribute) for each in block.fails)
             words = "; ".join(each for each in seen if isinstance(each, str) and each)
-            self._fail(block.name, words or " and ".join(map(self.expected_state.shown, block.fails)), now_s)
+            words = words or " and ".join(map(self.expected_state.shown, block.fails))
+            self._fail(block.name, words, now_s)
         elif now_s - run.settled_s > block.timeout_s:
             self._fail(block.name, f"not shown: {reasons}", now_s)
 

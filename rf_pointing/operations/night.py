@@ -121,7 +121,8 @@ class Night:
             (each for each in self.schedule.in_order if each.state == PassState.WAITING
              and each.item.los_t_s > now_s and each.item.id not in self.taken), None,
         )  # fmt: skip
-        if entry is None or self.state_name != NightState.RUNNING or self.recovery.effect()[0] != "continue":
+        waits = self.state_name != NightState.RUNNING or self.recovery.effect()[0] != "continue"
+        if entry is None or waits:
             self.take("next", {"missing": ""}, now_s)
             return
         missing, in_s = list(reasons), entry.item.aos_t_s - now_s
@@ -129,7 +130,8 @@ class Night:
             missing = self._work.reasons[-1:]
         stage = sum(in_s < limit_s for limit_s in READY_S)
         due = f"rises in {in_s / 60.0:.0f} min" if in_s > 0.0 else "has risen"
-        values = {"missing": "; ".join(missing), "name": entry.item.name or entry.item.target, "in_s": in_s,
+        name = entry.item.name or entry.item.target
+        values = {"missing": "; ".join(missing), "name": name, "in_s": in_s,
                   "stage": f"{entry.item.id} {stage}", "due": due}  # fmt: skip
         self.take("next", values, now_s)
 

@@ -128,7 +128,7 @@ def causes_between(book: AlarmBook, from_s: float, to_s: float) -> list[str]:
             raised_s, _ = open_.pop(name)
             rows.append((raised_s, t_s, name, message))
     # Alarms of before the night are not in its history.
-    rows += [(raised_s, None, name, message) for name, (raised_s, message) in (open_ | begun).items()]
+    rows += [(t_s, None, name, message) for name, (t_s, message) in (open_ | begun).items()]
     return [
         f"{name} {_clock(raised_s)} to {_clock(end_s)}, {end_s - raised_s:.0f} s: {message}"
         if end_s is not None else f"{name} since {_clock(raised_s)}: {message}"

@@ -42,7 +42,8 @@ FORGET_S = 1800.0
 """A cause that stays away for so long is a new one."""
 _LEVELS = {"warning": WARNING, "error": ERROR}
 _CAUSE_KEYS = {
-    "when", "unless", "for_s", "level", "text", "again", "do", "not_by_itself", "tries", "every_s", "ask", "night", "last",
+    "when", "unless", "for_s", "level", "text", "again", "do", "not_by_itself", "tries", "every_s",
+    "ask", "night", "last",
 }  # fmt: skip
 _PLACE = re.compile(r"^\$\{(\w+)\}$")
 _SHOWN = re.compile(r"\{([\w.*]+)\}")
@@ -137,7 +138,8 @@ def _cause(name: str, given: dict[str, Any], actions: Collection[str], known: Ma
     if not when:
         raise ValueError(f"causes.{name}.when must have at least one condition")
     return Cause(
-        name=name, when=when, unless=read_conditions(f"causes.{name}.unless", values.get("unless", {})),
+        name=name, when=when,
+        unless=read_conditions(f"causes.{name}.unless", values.get("unless", {})),
         for_s=float(numbers["for_s"]), level=_LEVELS[level],
         text=str(values.get("text") or name.replace("_", " ")), again=str(values.get("again", "")),
         do=do, not_by_itself=pattern,
@@ -266,7 +268,8 @@ class Recovery:
         return sorted({name.partition(".")[0] for name in self.expected_state.attributes() if name.endswith(endings)})
 
     def _hold(self, conditions: Sequence[Condition], device: str, now_s: float) -> bool:
-        return not any(self.expected_state.reason_not_met(_of(each, device), now_s) for each in conditions)
+        unmet = self.expected_state.reason_not_met
+        return not any(unmet(_of(each, device), now_s) for each in conditions)
 
     def _text(self, text: str, device: str) -> str:
         def shown(match: re.Match[str]) -> str:
@@ -284,7 +287,8 @@ class Recovery:
 
     def state(self) -> dict[str, tuple[int, float, float | None]]:
         """Return number and time of the tries of each cause, and since when it has been away."""
-        tries = {name: (one.tried, one.tried_s, None) for name, one in self.ongoing.items() if one.tried}
+        ongoing = self.ongoing.items()
+        tries = {name: (one.tried, one.tried_s, None) for name, one in ongoing if one.tried}
         return {**{name: row for name, row in self._gone.items() if row[0]}, **tries}
 
     def restore(self, state: Mapping[str, Sequence[Any]], now_s: float) -> None:

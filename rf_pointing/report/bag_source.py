@@ -52,7 +52,8 @@ def open_bag(path: Path, stack: ExitStack, *, damaged: bool = False) -> BagSourc
     source = BagSource()
     if path.is_dir() and not _data_files(path) and not (path / "metadata.yaml").is_file():
         # A pass that was joined again after a restart has several bags in its folder.
-        for folder in sorted(each for each in path.iterdir() if each.is_dir() and _data_files(each)):
+        bags = (each for each in path.iterdir() if each.is_dir() and _data_files(each))
+        for folder in sorted(bags):
             part = open_bag(folder, stack, damaged=damaged)
             source.readers += part.readers
             source.problems += part.problems

@@ -171,18 +171,20 @@ def index_page(folder: Path) -> str:
     """Return the HTML text of the nights of a folder, the newest first, with their trend."""
     rows = []
     for file in sorted(folder.glob("report-*/night.json"), reverse=True)[:MOST_NIGHTS]:
+        href = f"{file.parent.name}/night.html"
         try:
             night = parse_json(read_whole(file, DATA_BYTES))
             passes = night["passes"]
             rows.append({
-                "href": f"{file.parent.name}/night.html", "begun": _minute(night["begun_t_s"]), "station": night["station"],
-                "tracked": int(night["tracked"]), "wanted": sum(each["state"] not in BY_CHOICE for each in passes),
+                "href": href, "begun": _minute(night["begun_t_s"]), "station": night["station"],
+                "tracked": int(night["tracked"]),
+                "wanted": sum(each["state"] not in BY_CHOICE for each in passes),
                 "held": 100.0 * float(night["held_share"]), "alarms": len(night["alarms"]),
                 "messages": int(night["messages"]), "to_do": len(night["to_do"]),
             })  # fmt: skip
         except (OSError, ValueError, KeyError, TypeError):
             # A report that was cut short has its page all the same.
-            rows.append({"href": f"{file.parent.name}/night.html", "begun": file.parent.name, "station": ""})
+            rows.append({"href": href, "begun": file.parent.name, "station": ""})
     return render("nights.html", title="Nights", nights=rows)
 
 
@@ -198,21 +200,26 @@ def page(report: NightReport) -> str:
         timeline=_timeline(report),
         oldest_h=max(ages, default=None),
         passes=[
-            {"clock": _clock(each.aos_t_s)[:5], "name": each.name, "state": each.state, "why": _why(each),
-             "held": 100.0 * each.tracked_s / max(1.0, each.los_t_s - each.aos_t_s), "lost_s": round(each.lost_s),
-             "loss_db": each.loss_db, "report": f"../passes/{quote(each.id)}/report.html" if each.recorded else ""}
+            {"clock": _clock(each.aos_t_s)[:5], "name": each.name, "state": each.state,
+             "why": _why(each), "lost_s": round(each.lost_s), "loss_db": each.loss_db,
+             "held": 100.0 * each.tracked_s / max(1.0, each.los_t_s - each.aos_t_s),
+             "report": f"../passes/{quote(each.id)}/report.html" if each.recorded else ""}
             for each in report.passes
         ],
         alarms=[
-            {"clock": _clock(each.raised_t_s), "name": each.name.replace("_", " "), "message": each.message,
-             "level": ("", "warning", "error")[each.level],
-             "span": ("lasts" if each.until_t_s is None else _span(each.until_t_s - each.raised_t_s))
-             + (", acknowledged" if each.acknowledged else "")}
+            {"clock": _clock(each.raised_t_s), "name": each.name.replace("_", " "),
+             "message": each.message, "level": ("", "warning", "error")[each.level],
+             "span": _lasted(each)}
             for each in report.alarms
         ],
         health=[(device, name, str(value)) for device, values in sorted(report.health.items())
                 for name, value in values.items()],
     )  # fmt: skip
+
+
+def _lasted(one: NightAlarm) -> str:
+    span = "lasts" if one.until_t_s is None else _span(one.until_t_s - one.raised_t_s)
+    return f"{span}, acknowledged" if one.acknowledged else span
 
 
 def _why(one: PassRecord) -> list[str]:
@@ -223,8 +230,9 @@ def _why(one: PassRecord) -> list[str]:
         (one.state == TRACKED and not one.recorded, "not recorded"),
         ((one.element_age_h or 0.0) > STALE_H, f"elements {one.element_age_h or 0.0:.0f} h old"),
     )
-    causes = [f"{name.replace('_', ' ')} {rest}" for name, _, rest in (each.partition(" ") for each in one.causes)]
-    return list(dict.fromkeys([*reasons, *map(str.strip, causes), *(text for said, text in more if said)]))
+    parts = (each.partition(" ") for each in one.causes)
+    causes = [f"{name.replace('_', ' ')} {rest}".strip() for name, _, rest in parts]
+    return list(dict.fromkeys([*reasons, *causes, *(text for said, text in more if said)]))
 
 
 def _timeline(report: NightReport) -> dict[str, Any]:

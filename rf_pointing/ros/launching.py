@@ -54,7 +54,7 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
         ),
         network_argument(),
         DeclareLaunchArgument("executive", default_value="false", description="whether station_executive is started"),
-        DeclareLaunchArgument("alarms", default_value="true", description="whether station_alarms is started"),
+        DeclareLaunchArgument("alarms", default_value="true", description="whether station_alarms starts"),
         DeclareLaunchArgument(
             "description", default_value="true", description="whether viewers get URDF, tf and markers of the station"
         ),

@@ -162,7 +162,9 @@ class StationClient(GraphRun):
         came = [self._test_alarms(nodes[full_name], found, full_name) for full_name in tested]
         return all(came)
 
-    def _test_alarms(self, name: str, found: Mapping[str, Mapping[str, str]], full_name: str) -> bool:
+    def _test_alarms(
+        self, name: str, found: Mapping[str, Mapping[str, str]], full_name: str
+    ) -> bool:  # fmt: skip
         answer = self._call(Trigger, f"{name}/test_alarms", Trigger.Request())
         utc, _, named = answer.message.partition(" ")
         if named == NO_WAY:
@@ -170,9 +172,11 @@ class StationClient(GraphRun):
             return False
         ways = named.split(", ")
         with suppress(TimeoutError):
-            self.waiting.until(lambda: all(utc in found[full_name].get(way, "") for way in ways), "", SENT_S)
+            tried = lambda: all(utc in found[full_name].get(way, "") for way in ways)  # noqa: E731
+            self.waiting.until(tried, "", SENT_S)
         last = {way: found[full_name].get(way, "") for way in ways}
-        came = {way: text if utc in text else f"not sent within {SENT_S:g} s" for way, text in last.items()}
+        late = f"not sent within {SENT_S:g} s"
+        came = {way: text if utc in text else late for way, text in last.items()}
         for way, text in came.items():
             self.say(f"{name}: {way}: {text}")
         return all(text.startswith("sent") for text in came.values())

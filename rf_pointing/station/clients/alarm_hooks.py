@@ -48,9 +48,9 @@ class HookParams(Params):
     mail_server: str = parameter("", "host:port of the SMTP server; empty: no e-mail")
     mail_from: str = parameter("station@localhost", "sender of the e-mails")
     mail_to: str = parameter("", "receivers of the e-mails, separated by commas")
-    mail_tls: str = parameter("none", "encryption of the connection to the SMTP server", choices=TLS)
+    mail_tls: str = parameter("none", "encryption of the way to the SMTP server", choices=TLS)
     mail_user: str = parameter("", "user of the SMTP server; empty: no login")
-    mail_password_file: str = parameter("", "file with that user's password, readable by its owner alone")
+    mail_password_file: str = parameter("", "file with that password, readable by its owner alone")
     retry_s: float = parameter(5.0, "time between two tries to send", low=0.1, high=600.0)
 
     def check_together(self) -> None:
@@ -61,7 +61,7 @@ class HookParams(Params):
         if self.webhook:
             url = urlsplit(self.webhook)
             if url.scheme not in ("http", "https") or not url.hostname:
-                raise ValueError(f"webhook={self.webhook} must begin with http:// or https:// and a host")
+                raise ValueError(f"webhook={self.webhook} must begin with http:// or https://")
             _require_host("webhook", url.hostname)
             if url.port == 0:
                 raise ValueError(f"webhook={self.webhook} must have a port of 1 to 65535")
@@ -77,9 +77,9 @@ class HookParams(Params):
                 if not found or not all(_ADDRESS.fullmatch(address) for _, address in found):
                     raise ValueError(f"{name}={text} must be addresses as in night@example.org")
         if bool(self.mail_user) != bool(self.mail_password_file):
-            raise ValueError(f"mail_user={self.mail_user!r} and mail_password_file must be given together")
+            raise ValueError("mail_user and mail_password_file must be given together")
         if self.mail_user and self.mail_tls == "none":
-            raise ValueError("mail_tls=none must be starttls or tls: a password is sent to the server")
+            raise ValueError("mail_tls=none must be starttls or tls: a password is sent")
 
 
 def _require_host(name: str, host: str) -> None:
@@ -163,7 +163,8 @@ class AlarmHooks:
 
     def put(self, event: str, name: str, level: int, text: str, ask: str, utc: str) -> Message:
         """Send a message soon; never blocks.  Return it."""
-        to_do = ask or ("nothing: it has ended" if event == "cleared" else "nothing: the station deals with it")
+        nothing = "it has ended" if event == "cleared" else "the station deals with it"
+        to_do = ask or f"nothing: {nothing}"
         message = {"station": self._station, "event": event, "alarm": name, "level": LEVEL_NAMES[level],
                    "message": text, "to_do": to_do, "utc": utc}  # fmt: skip
         for way in self.ways:
@@ -188,7 +189,7 @@ class AlarmHooks:
 
     def _find(self) -> None:
         if shutil.which(self._params.command) is None:
-            raise FileNotFoundError(f"{self._params.command} is not a program that this user may run")
+            raise FileNotFoundError(f"{self._params.command} is not a program of this user")
 
     def _run(self, message: Message) -> None:
         # Without a shell: an alarm's text must never be a command.
@@ -202,7 +203,9 @@ class AlarmHooks:
         # Imported when it is needed: an executive that was killed must be back soon.
         import requests
 
-        answer = requests.post(self._params.webhook, json=message, timeout=ANSWER_S, allow_redirects=False)
+        answer = requests.post(
+            self._params.webhook, json=message, timeout=ANSWER_S, allow_redirects=False
+        )  # fmt: skip
         answer.raise_for_status()
         if answer.is_redirect:
             # Followed, it would become a GET without the message.

@@ -32,7 +32,8 @@ SILENT_S = 5.0
 EXECUTIVE = "station_executive"
 """Its silence has a cause of its own: others notice it."""
 EXPLAINED = frozenset({
-    "device", "drive", "oscillation", "tracking", "executive", "alarms", "hooks", "night", "computer", "clocks"
+    "device", "drive", "oscillation", "tracking", "executive", "alarms", "hooks", "night",
+    "computer", "clocks",
 })  # fmt: skip
 """Checks whose subjects have causes of their own in the table."""
 MEMORY = Path("/proc/meminfo")
@@ -58,11 +59,13 @@ class StationAlarms:
         controller: ControllerParams, folder: Path, tell: Callable[[Message], object],
     ) -> None:  # fmt: skip
         self.recovery, self.book, self.known = recovery, recovery.book, recovery.expected_state
-        self.thresholds, self.hooks, self._folder, self._tell = thresholds, AlarmHooks(hooks, station), folder, tell
-        self._sun, self._sun_radius_rad = SolarDirection(controller.sun), controller.machine.sun_radius_rad
+        self.thresholds, self.hooks = thresholds, AlarmHooks(hooks, station)
+        self._folder, self._tell, self._sun = folder, tell, SolarDirection(controller.sun)
+        self._sun_radius_rad = controller.machine.sun_radius_rad
         self._t_s = 0.0
         conditions = (each.attribute for cause in recovery.table.causes for each in cause.when)
-        self.named = {each.partition(".")[0] for each in conditions if each.endswith(".silent_s")} - {"*"}
+        watched = {each.partition(".")[0] for each in conditions if each.endswith(".silent_s")}
+        self.named = watched - {"*"}
         self._alive_s: dict[str, float] = {}
         self._gone: set[str] = set()
         self._states: dict[str, tuple[str, str]] = {}
@@ -102,7 +105,8 @@ class StationAlarms:
             # Only an executive that has a way out tells its alarms itself.
             self._executive_s = wall_s if len(values) > 2 else self._executive_s
         elif check == "clocks":
-            offsets = [abs(float(each)) for name, each in values.items() if name.startswith("offset_ms ")]
+            rows = values.items()
+            offsets = [abs(float(each)) for name, each in rows if name.startswith("offset_ms ")]
             self.healths["clocks"] = {"offset_ms": max(offsets, default=0.0), "problem": message}
         elif (node, check) == ("bias_calibrator", "model"):
             self.healths["model"] = {"health": message, "level": level}
@@ -113,7 +117,8 @@ class StationAlarms:
     def reasons_not_ready(self, nodes: Collection[str], wall_s: float) -> list[str]:
         """Return what is missing of these nodes, and has no alarm of its own."""
         told = {each.name.partition(" ")[2] for each in self.book.lasting}
-        reasons = [reason for each in nodes if each not in told and (reason := self._not_ready(each, wall_s))]
+        found = (self._not_ready(each, wall_s) for each in nodes if each not in told)
+        reasons = [reason for reason in found if reason]
         placed = self.known.is_fresh("antenna.azimuth", self._t_s, SILENT_S)
         if not reasons and not placed and NEEDED[0] not in told:
             reasons.append("the drive reads no position")
@@ -132,7 +137,8 @@ class StationAlarms:
         """Note what no message carries: silence, disk, memory, the Sun, the ways out."""
         self._t_s = t_s
         for name, seen_s in self._alive_s.items():
-            failed = "; ".join(f"{check}: {text}" for check, text in self._failed.get(name, {}).items() if text)
+            checks = self._failed.get(name, {}).items()
+            failed = "; ".join(f"{check}: {text}" for check, text in checks if text)
             silent_s = wall_s - seen_s
             self.take(name, {"failed": "" if silent_s > SILENT_S else failed}, t_s)
             if name in needed:
@@ -156,7 +162,8 @@ class StationAlarms:
         sun = self._sun.at(t_s) if azimuth is not None and elevation is not None else None
         if sun is None:
             return float("inf")
-        return float(angle_between(np.array([azimuth, elevation]), np.array(sun))) - self._sun_radius_rad
+        apart_rad = float(angle_between(np.array([azimuth, elevation]), np.array(sun)))
+        return apart_rad - self._sun_radius_rad
 
     def step(self, t_s: float, wall_s: float) -> None:
         """Observe, raise and clear, and tell what is due: where no executive acts on it."""
@@ -175,7 +182,8 @@ class StationAlarms:
     def test(self, now_s: float) -> str:
         """Send a message by every way; return its time and the ways."""
         utc = utc_text(now_s)
-        self._send("test", "test_alarms", 0, "a test of the ways out of the station", "nothing: it was requested", utc)
+        words = "a test of the ways out of the station"
+        self._send("test", "test_alarms", 0, words, "nothing: it was requested", utc)
         return f"{utc} {', '.join(way.name for way in self.hooks.ways) or NO_WAY}"
 
     def report(self) -> Report:
@@ -189,8 +197,9 @@ class StationAlarms:
 
     def computer(self) -> Report:
         """Return whether disk and memory of the computer suffice."""
-        words = "; ".join(each.message for each in self.book.lasting if each.name in ("full_disk", "low_memory"))
-        free = {"disk_free_mb": 1e3 * self.healths["disk"]["free_gb"], "memory_free_mb": free_memory_mb()}
+        alarms = (each for each in self.book.lasting if each.name in ("full_disk", "low_memory"))
+        words, disk_mb = "; ".join(each.message for each in alarms), 1e3 * self.healths["disk"]["free_gb"]
+        free = {"disk_free_mb": disk_mb, "memory_free_mb": free_memory_mb()}
         return Report(
             Level(bool(words)), words or "ok", {name: round(each) for name, each in free.items() if each < 1e12}
         )
@@ -200,6 +209,7 @@ def free_memory_mb() -> float:
     """Return the memory that programs may still take; unlimited where it is unknown."""
     try:
         lines = MEMORY.read_text(encoding="ascii").splitlines()
-        return next(float(line.split()[1]) / 1024.0 for line in lines if line.startswith("MemAvailable:"))
+        free = next(line for line in lines if line.startswith("MemAvailable:"))
+        return float(free.split()[1]) / 1024.0
     except (OSError, StopIteration):
         return float("inf")
