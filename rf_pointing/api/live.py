@@ -29,9 +29,10 @@ from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES
 from rf_pointing.ros.live_pass import outcome_line, track_pass
 from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end, say
+from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, fit_of_kept
-from rf_pointing.tracking import scan_tuning
+from rf_pointing.tracking.power_tracker import scan_tuning
 
 OF_STATION = tuple(node.name for node in (*GRAPH, *ARRAY_GRAPH) if node.name != "simulation_clock")
 """The nodes that take the station description."""
@@ -261,6 +262,7 @@ def run_setup(program: str, request: RunRequest, window: Pass, output: Path, sca
         reset_fault=request.reset_fault,
         begin_s=window.aos_t_s - before_s,
         awaited=window.name,
+        processes=request.processes,
     )
 
 
@@ -331,9 +333,10 @@ def _parameters(request: RunRequest, station: Path, output: Path) -> dict[str, d
     }
     error_s = request.ephemeris_error_s
     truth = {} if error_s is None else {"source.along_track_offset_s": error_s}
-    kept: dict[str, Any] = dict(request.state_files)
-    if request.station.simulated:
-        kept = {"antenna.seed": _seed(request), "command_key_file": str((output / "command.key").resolve())}
+    # A real antenna keeps fault and turn over its runs.
+    kept = state_files(state_folder(), request.namespace) if not request.station.simulated else {
+        "antenna.seed": _seed(request), "command_key_file": str((output / "command.key").resolve())
+    }  # fmt: skip
     own: dict[str, dict[str, Any]] = {
         "ephemeris_publisher": source,
         "rf_receiver": {**source, **truth, "signal.seed": _seed(request)},

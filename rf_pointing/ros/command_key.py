@@ -6,21 +6,24 @@
 
 ROS 2 tells a Python node nothing of the publisher of a message, and anybody can send any name.  The
 key is a file of controller and control unit, not a message: a peer of the domain cannot read it.
-A command that is sent again is refused by its stamps, a call by its signature.  Without a file
-nothing is signed, and any commander with a name is taken.  Executives that share a schedule have a
-key of their own (`executive.partners_key_file`).
+A command that is sent again is refused by its stamps, a call by its signature.  Signatures of calls
+that are stamped ahead of this computer's clock are kept beside the key: after a restart they would
+not be older than it.  Without a file nothing is signed, and any commander with a name is taken.
+Executives that share a schedule have a key of their own (`executive.partners_key_file`).
 """
 
 import re
 import struct
 import time
 from collections.abc import Iterable
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from rf_pointing_msgs.srv import SignedCall
 from trajectory_msgs.msg import JointTrajectory
 
+from rf_pointing.core.whole_file import KeptState
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.ros.graph import ROTCTLD
 from rf_pointing.ros.main_loop import secret_in
@@ -88,12 +91,24 @@ class CommandKey:
                 f"the call of {call.caller} is {now_s - stamp_s:.1f} s old by this computer's clock, must be within "
                 f"{CALL_S:.0f} s; set the clocks of both computers"
             )
-        # What was taken before a restart is in no list.
-        if call.signature in self._taken or stamp_s < self._begun_s:
+        # What was taken before a restart is older than it, or in the file.
+        taken = self._taken or self._memory.recover()
+        if call.signature in taken or stamp_s < self._begun_s:
             raise ValueError(f"the call of {call.caller} was sent before")
-        self._taken = {each: s for each, s in self._taken.items() if abs(now_s - s) <= CALL_S} | {
-            call.signature: stamp_s
-        }
+        self._taken = {each: s for each, s in taken.items() if abs(now_s - s) <= CALL_S} | {call.signature: stamp_s}
+        ahead = {each: s for each, s in self._taken.items() if s > now_s}
+        if call.signature in ahead:
+            self._memory.keep(ahead)
+            if self._memory.problem:
+                raise ValueError(
+                    f"the call of {call.caller} is stamped {stamp_s - now_s:.3f} s ahead of this computer's clock, and "
+                    f"cannot be remembered: {self._memory.problem}"
+                )
+
+    @cached_property
+    def _memory(self) -> KeptState:
+        # Made with the first call: who only signs keeps nothing.
+        return KeptState(f"{self.path}.taken")
 
     def sign_claim(self, message: Any, topic: str, name: str) -> None:
         """Write the name of an executive into its schedule or status, signed if there is a key."""

@@ -20,7 +20,7 @@ from rf_pointing.core import Params, parameter
 from rf_pointing.ros.diagnostics import ERROR, OK, Diagnostics, Health
 from rf_pointing.ros.main_loop import InstanceLock, take_priority
 from rf_pointing.ros.params import ParameterGroups
-from rf_pointing.ros.stamps import seconds_from_stamp
+from rf_pointing.ros.stamps import seconds_from_nanoseconds
 
 ROUNDING = 1e-3
 """Share of a period by which an instant may lie ahead of the clock and is due."""
@@ -138,7 +138,8 @@ class Lifecycle(LifecycleNode):
 
     def now_s(self) -> float:
         """Return the node clock's time in seconds."""
-        return seconds_from_stamp(self.get_clock().now().to_msg())
+        # The handle itself: `Clock.now` takes 14 times as long, and every event asks.
+        return seconds_from_nanoseconds(self.get_clock().handle.get_now().nanoseconds)
 
     def knows_time(self) -> bool:
         """Return whether the node clock has a time: simulated time has to be received first."""

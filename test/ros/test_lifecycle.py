@@ -62,7 +62,7 @@ def bench(make_bench: Callable[..., Any]) -> Any:
 
 def entities(node: Any) -> list[int]:
     """Return how much a node has in the graph, and its timers."""
-    return [len(list(kind)) for kind in (node.publishers, node.subscriptions, node.services, node.timers)]
+    return [len(list(kind)) for kind in (node.publishers, node.subscriptions, node.offered, node.timers)]
 
 
 # Transitions

@@ -14,7 +14,7 @@ from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
 from rf_pointing.station.derive.nodes import NODES, described_parameters, reference
-from rf_pointing.station.description.content import ArraySection, AxisSection, BandSection, Content, MountSection
+from rf_pointing.station.description.content import ArraySection, BandSection, Content, MountSection
 from rf_pointing.station.description.reading import MOST_VALUES, Reader, flat, nearest
 
 BEAMWIDTH_TOLERANCE = 0.2
@@ -35,8 +35,8 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
     if content.mount is not None:
         for name in ("azimuth", "elevation"):
             axis = getattr(content.mount, name)
-            if axis is not None:
-                _check_axis(axis, f"mount.{name}", reader)
+            for key, text in axis.contradictions() if axis is not None else ():
+                reader.note(f"mount.{name}.{key}", f"mount.{name}.{key}{text}")
         _check_mount(content, content.mount, reader)
     _check_bands(content, reader, nodes)
     _check_tuning(content.tuning, "tuning", reader, nodes)
@@ -56,27 +56,6 @@ def _check_errors(values: Mapping[str, Any] | None, key: str, reader: Reader) ->
 
     errors = {f"mount.{name}": value for name, value in flat(values or {}).items()}
     _check_names({"mount": MountParams()}, errors, key, reader, strip="mount.")
-
-
-def _check_axis(axis: AxisSection, key: str, reader: Reader) -> None:
-    travel, stop = axis.travel_deg, axis.hard_stop_deg
-    if travel is not None and travel[0] >= travel[1]:
-        reader.note(
-            f"{key}.travel_deg", f"{key}.travel_deg={list(travel)} must rise from its lowest to its highest angle"
-        )
-    elif travel is not None and stop is not None and not (stop[0] < travel[0] and travel[1] < stop[1]):
-        reader.note(
-            f"{key}.hard_stop_deg", f"{key}.hard_stop_deg={list(stop)} must lie outside travel_deg={list(travel)}"
-        )
-    if axis.encoder_bits is not None and axis.resolution_deg is not None:
-        reader.note(f"{key}.resolution_deg", f"{key}.resolution_deg={axis.resolution_deg} and encoder_bits="
-            f"{axis.encoder_bits} give the same twice: leave one out")  # fmt: skip
-    drive = axis.acceleration_deg_s2 if axis.acceleration_deg_s2 is not None else axis.rate_deg_s
-    pairs = (("command_rate_deg_s", axis.rate_deg_s), ("command_acceleration_deg_s2", drive))
-    for name, bound in pairs:
-        value = getattr(axis, name)
-        if value is not None and bound is not None and value > bound:
-            reader.note(f"{key}.{name}", f"{key}.{name}={value} must be <= {bound}, what the drive can do")
 
 
 def _check_mount(content: Content, mount: MountSection, reader: Reader) -> None:

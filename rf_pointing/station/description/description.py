@@ -10,13 +10,14 @@ from typing import Any
 
 import yaml
 
+from rf_pointing.core.derived import Value
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import leaves
 from rf_pointing.core.whole_file import compose_yaml, read_whole
 from rf_pointing.drives.registry import SIMULATED
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.planning.forbidden_sky import HorizonMask
-from rf_pointing.station.derive.band import Band, Derived, Value, site_of
+from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference
 from rf_pointing.station.description.checks import check
 from rf_pointing.station.description.content import Content
