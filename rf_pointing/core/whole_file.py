@@ -28,17 +28,23 @@ _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 def read_whole(path: Path, most_bytes: int = SETTINGS_BYTES, encoding: str = "utf-8") -> str:
     """Return the text of a file; ValueError for one that is too long or in another encoding."""
-    # Not by the size of the file: a device or a pipe has none.
-    with path.open("rb") as file:
-        data = file.read(most_bytes + 1)
-    if len(data) > most_bytes:
-        raise ValueError(f"{path} is longer than {most_bytes / 2**20:g} MiB")
+    data = read_bytes(path, most_bytes)
     try:
         text = data.decode(encoding)
     except UnicodeDecodeError as error:
         name = "ASCII" if encoding == "ascii" else "UTF-8"
         raise ValueError(f"{path}: byte {error.start} is not {name}") from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_bytes(path: Path, most_bytes: int) -> bytes:
+    """Return the bytes of a file; ValueError for one that is too long."""
+    # Not by the size of the file: a device or a pipe has none.
+    with path.open("rb") as file:
+        data = file.read(most_bytes + 1)
+    if len(data) > most_bytes:
+        raise ValueError(f"{path} is longer than {most_bytes / 2**20:g} MiB")
+    return data
 
 
 def parse_json(text: str, **options: Any) -> Any:

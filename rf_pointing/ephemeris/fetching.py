@@ -21,8 +21,8 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from rf_pointing.core.whole_file import KeptState, write_whole
-from rf_pointing.ephemeris import read_elements, read_oem
 from rf_pointing.ephemeris.element_files import cache_folder, is_address, kept_file
+from rf_pointing.ephemeris.orbit_file import decoded, read_orbits
 
 HOUR_S = 3600.0
 DEFAULT_RULE_S = 2.0 * HOUR_S
@@ -60,6 +60,8 @@ class Record:
     objects: int = 0
     epochs_t_s: tuple[float, float, float] | None = None
     """Oldest, median and newest epoch; None for an ephemeris."""
+    refused: str = ""
+    """Which sets of the kept file are damaged, with line and reason."""
     problem: str = ""
     """Why the newest answer was not taken."""
 
@@ -303,7 +305,7 @@ def _retry_after_s(text: str) -> float:
 def _taken(answer: _Answer, requested: Record, file: Path, now_s: float) -> Record:
     """Replace the kept file by an answer that holds elements; NotTakenError leaves it alone."""
     try:
-        text = answer.body.decode("utf-8-sig")
+        text = decoded(answer.body)
         found = _record_of(text, requested)
     except ValueError as error:
         start = " ".join(answer.body[:60].decode("utf-8", "replace").split())
@@ -324,12 +326,11 @@ def _taken(answer: _Answer, requested: Record, file: Path, now_s: float) -> Reco
 
 
 def _record_of(text: str, requested: Record) -> Record:
-    if text.lstrip().startswith("CCSDS_OEM_VERS"):
-        return replace(requested, objects=len({segment.object_id for segment in read_oem(text)}), epochs_t_s=None)
-    elements = read_elements(text)
-    epochs = sorted(one.epoch_t_s for one in elements)
-    objects = len({one.catalogue_number for one in elements})
-    return replace(requested, objects=objects, epochs_t_s=(epochs[0], statistics.median(epochs), epochs[-1]))
+    found = read_orbits(text)
+    objects = {one.catalogue_number for one in found.elements} | {one.object_id for one in found.segments}
+    epochs = sorted(one.epoch_t_s for one in found.elements)
+    ages = (epochs[0], statistics.median(epochs), epochs[-1]) if epochs else None
+    return replace(requested, objects=len(objects), epochs_t_s=ages, refused="; ".join(found.problems))
 
 
 def age_text(seconds: float) -> str:
