@@ -89,7 +89,7 @@ def _of_object(line: int, piece: str, number: int) -> Found:
         fields = parse_json(piece, parse_constant=_no_constant, object_pairs_hook=_once)
     except ValueError as error:
         # Damage to an object of another kind is nobody's concern.
-        if any(key in piece for key in _OURS) or any(tle_columns(piece)):
+        if any(key in piece for key in _OURS) or tle_columns(piece):
             reason = getattr(error, "msg", error)
             yield ValueError(f"line {line}: OMM JSON {number} is malformed: {reason}")
         return
@@ -97,7 +97,7 @@ def _of_object(line: int, piece: str, number: int) -> Found:
         yield _omm(line, number, fields)
         return
     lines = [one for text in fields.values() if isinstance(text, str) for one in text.splitlines()
-             if any(tle_columns(one))]  # fmt: skip
+             if tle_columns(one)]  # fmt: skip
     named = {key.casefold(): value for key, value in fields.items() if isinstance(value, str)}
     name = next((named[key] for key in _NAMES if named.get(key)), "")
     for found in read_tle("\n".join([name, *lines])) if lines else ():
@@ -187,7 +187,11 @@ def read_omm_csv(text: str, _name: str = "") -> Found:
     for number, line in enumerate(lines[1:], start=1):
         if not line.strip():
             continue
-        row = next(csv.reader([line]))
+        try:
+            row = next(csv.reader([line], strict=True))
+        except csv.Error as error:
+            yield ValueError(f"line {number + 1}: OMM CSV is malformed: {error}")
+            continue
         if len(row) != len(names):
             yield ValueError(f"line {number + 1}: OMM {number} has not as many columns as the first line names")
         else:

@@ -37,7 +37,7 @@ def _row(name: str, begins: str, read: Reader | None = None) -> Format:
 
 FORMATS = (
     _row("a web page", r"<!doctype html|<html"),
-    _row("an OEM in XML", r"<(?=[\s\S]{0,4000}<(\w+:)?oem\b)", read_oem_xml),
+    _row("an OEM in XML", r"(?=[\s\S]{0,4000}<(\w+:)?oem\b)<", read_oem_xml),
     _row("an OMM in XML", r"<(?!(rss|kml|gpx|svg))", read_omm_xml),
     _row("JSON", r"[\[{]\s*[\[{\"\]}]", read_json),
     _row("an OEM", r"(COMMENT.*\s+)*CCSDS_OEM_VERS", read_oem),

@@ -176,8 +176,8 @@ class SourceContents:
 def read_source(location: str) -> SourceContents:
     """Return what is in a file, folder or address; a place without one good set is an error.
 
-    The newest answer is kept while its files do not change: who asks what was not used, or for
-    another satellite, does not wait for a large catalogue again.
+    The newest answer is kept while its files do not change: another satellite, or the list of what
+    is not used, costs no second reading of a large catalogue.
     """
     return _read_source(location, version_of(location))
 

@@ -30,14 +30,13 @@ SGP4_XP = "4"
 """Ephemeris type of elements that only SGP4-XP propagates."""
 # Quotes, keys, tags and separators of tables; none of them occurs in a TLE.
 _AROUND = re.compile(r"""[\"'<>|;,=:\t]+\s*""")
-_LIKE_TLE = re.compile(r"[12] (?=[ \dA-Z]{5}|.{60})")
 # Bulletins explain the columns with letters: 1 AAAAAU 00  0  0 BBBBB.BBBBBBBB ...
-_KEY_OF_BULLETIN = re.compile(r"[12] ([A-Z])\1{4}")
+_LIKE_TLE = re.compile(r"[12] (?!AAAAA)(?=[ \dA-Z]{5}|.{60})")
 _LEAST_INSIDE = 60
 # Without a checksum only the places of points and blanks tell that no column is lost.
 _BARE = (
-    re.compile(r"1 .{5}[A-Z ] .{8} [ \d]{5}\.\d{8} [ +-][\d ]?\.\d{8} [ +-]\d{5}[+-]\d [ +-]\d{5}[+-]\d . [ \d]{4}"),
-    re.compile(r"2 .{5} [ \d]{3}\.\d{4} [ \d]{3}\.\d{4} \d{7} [ \d]{3}\.\d{4} [ \d]{3}\.\d{4} [ \d]\d\.\d{8}[ \d]{5}"),
+    r"1 .{6} .{8} [ \d]{5}\.\d{8} [ +\-0]\.\d{8} ([ +-]\d{5}[+-]\d ){2}. [ \d]{4}",
+    r"2 .{5}( [ \d]{3}\.\d{4}){2} \d{7}( [ \d]{3}\.\d{4}){2} [ \d]\d\.\d{8}[ \d]{5}",
 )
 
 
@@ -48,73 +47,53 @@ def read_tle(text: str, _name: str = "") -> Iterator[Elements | ValueError | Use
     before them.
     """
     name, first = "", (0, "")
-    for number, raw in enumerate(text.splitlines(), start=1):
-        line = raw.strip()
+    for number, line in enumerate(map(str.strip, (*text.splitlines(), "end")), start=1):
         if not line or line.startswith("#"):
             continue
-        columns = list(tle_columns(line))
-        for piece in columns:
-            if first[1] and piece[0] == "2":
-                yield from _of_lines(*first, number, piece, name)
+        for piece in tle_columns(line) or [""]:
+            if first[1] and piece[:1] == "2":
+                try:
+                    yield _of_lines(first, (number, piece), name)
+                    if len(piece) < _LENGTH:
+                        yield UserWarning(f"line {number}: object {piece[2:7]} has no checksum")
+                except ValueError as error:
+                    yield error
                 name, first = "", (0, "")
                 continue
-            yield from _alone(*first)
-            first = (0, "")
-            if piece[0] == "1":
-                first = (number, piece)
-            else:
+            if first[1]:
+                yield ValueError(f"line {first[0]}: the text has no line 2 after {first[1][:24]!r}")
+            if piece[:1] == "2":
                 yield ValueError(f"line {number}: line 2 of a TLE without line 1: {piece[:24]!r}")
-                name = ""
-        if not columns:
-            yield from _alone(*first)
-            first = (0, "")
-            name = _name_in(line, name)
-    yield from _alone(*first)
+            first = (number, piece) if piece[:1] == "1" else (0, "")
+            name = name if piece[:1] == "1" else _name_in(line, name)
 
 
-def tle_columns(line: str) -> Iterator[str]:
-    """Yield what looks like a line of a TLE in a line of any text, whole or damaged."""
-    pieces = [line] if _LIKE_TLE.match(line) else _AROUND.split(line)
-    for place, piece in enumerate(pieces):
-        if not _LIKE_TLE.match(piece.strip()) or _KEY_OF_BULLETIN.match(piece.strip()):
-            continue
-        # A short piece counts where a line begins: it may be the rest of a damaged one.
-        if place == 0 or len(piece) >= _LEAST_INSIDE:
-            yield piece.strip()
+def tle_columns(line: str) -> list[str]:
+    """Return what looks like a line of a TLE in a line of any text, whole or damaged."""
+    pieces = [line] if _LIKE_TLE.match(line) else [piece.strip() for piece in _AROUND.split(line)]
+    # A short piece counts where a line begins: it may be the rest of a damaged one.
+    return [
+        piece
+        for place, piece in enumerate(pieces)
+        if _LIKE_TLE.match(piece) and (place == 0 or len(piece) >= _LEAST_INSIDE)
+    ]
 
 
 def _name_in(line: str, before: str) -> str:
     """Return the name that a line of text gives to the elements below it."""
     key = re.match(r"(\w+)\s*=\s*(.*)", line)
     if key is None:
-        return line.removeprefix("0 ").strip().strip("\"',")
-    return key[2].strip() if key[1].casefold() in ("name", "tle0") else before
+        return line.removeprefix("0 ").strip(" \"',")
+    return key[2] if key[1].casefold() in ("name", "tle0") else before
 
 
-def _alone(number: int, line: str) -> Iterator[ValueError]:
-    if line:
-        yield ValueError(f"line {number}: the text has no line 2 after {line[:24]!r}")
-
-
-def _of_lines(
-    number: int, line1: str, number2: int, line2: str, name: str
-) -> Iterator[Elements | ValueError | UserWarning]:
-    try:
-        yield elements_from_tle(line1, line2, name=name, line_number=number, second_number=number2)
-    except ValueError as error:
-        yield error
-        return
-    if len(line1) == len(line2) == _LENGTH - 1:
-        yield UserWarning(f"line {number}: object {line1[2:7]} has no checksums")
-
-
-def number_from_alpha5(text: str, place: str = "") -> int:
+def number_from_alpha5(text: str) -> int:
     """Return the catalogue number of the five columns; the inverse is `alpha5_from_number`."""
     columns = text.strip()
     # sgp4's decoder takes I, O and lower case as letters too: it would follow another object.
     if not _ALPHA5.fullmatch(columns):
         raise ValueError(
-            f"{place}catalogue number {text!r} is neither digits nor Alpha-5 (a letter except I and O, four digits)"
+            f"catalogue number {text!r} is neither digits nor Alpha-5 (a letter except I and O, four digits)"
         )
     number: int = from_alpha5(columns)
     return number
@@ -128,24 +107,20 @@ def alpha5_from_number(number: int) -> str:
     return columns
 
 
-def elements_from_tle(
-    line1: str, line2: str, *, name: str = "", line_number: int = 1, second_number: int = 0
-) -> Elements:
+def _of_lines(first: tuple[int, str], second: tuple[int, str], name: str) -> Elements:
     """Return the elements of two lines; checks form, checksums, numbers and the same object."""
-    second_number = second_number or line_number + 1
+    (number1, line1), (number2, line2) = first, second
     # Old tools leave the column of the checksum out, of both lines: one alone has lost a column.
     bare = len(line1) == len(line2) == _LENGTH - 1
-    _check_line(line1, "1", line_number, _BARE[0] if bare else None)
-    _check_line(line2, "2", second_number, _BARE[1] if bare else None)
-    # Two lines of different objects can each have a right checksum.
-    numbers = [number_from_alpha5(line[2:7], f"line {at}: ") for line, at in
-               ((line1, line_number), (line2, second_number))]  # fmt: skip
-    if numbers[0] != numbers[1]:
-        raise ValueError(f"line {second_number}: line 2 is of object {line2[2:7]}, line 1 of {line1[2:7]}")
+    _check_line(line1, "1", number1, _BARE[0] if bare else None)
+    _check_line(line2, "2", number2, _BARE[1] if bare else None)
     try:
+        # Two lines of different objects can each have a right checksum.
+        if number_from_alpha5(line1[2:7]) != number_from_alpha5(line2[2:7]):
+            raise ValueError(f"line 2 is of object {line2[2:7]}, line 1 of {line1[2:7]}")
         return _elements(line1, line2, name)
     except ValueError as error:
-        raise ValueError(f"line {line_number}: {error}") from None
+        raise ValueError(f"line {number1}: {error}") from None
 
 
 def verification_elements() -> list[Elements]:
@@ -170,13 +145,13 @@ def checksum(line: str) -> int:
     return sum(int(c) if c.isdigit() else c == "-" for c in line[: _LENGTH - 1]) % 10
 
 
-def _check_line(line: str, kind: str, number: int, bare: re.Pattern[str] | None) -> None:
+def _check_line(line: str, kind: str, number: int, bare: str | None) -> None:
     if len(line) < _LENGTH and bare is None:
         raise ValueError(f"line {number}: TLE line has {len(line)} columns, must have {_LENGTH}: {line!r}")
     if not line[:_LENGTH].isascii() or line[0] != kind or line[1] != " ":
         raise ValueError(f"line {number}: expected line {kind} of a TLE, found {line[:24]!r}")
     if bare is not None:
-        if not bare.fullmatch(line):
+        if not re.fullmatch(bare, line):
             raise ValueError(f"line {number}: TLE line without a checksum has its columns misplaced: {line!r}")
         return
     # One column too many: the checksum of a shifted line is right one time in ten.
