@@ -119,7 +119,7 @@ def test_a_keyhole_is_counted_and_bars_a_pass_of_a_slow_antenna(satellites: list
     assert all(item.fate is Fate.BARRED for item in barred)
 
 
-def test_an_object_that_never_sets_is_not_planned(satellites: list[Elements]) -> None:
+def test_an_object_that_never_sets_is_tracked_between_the_others(satellites: list[Elements]) -> None:
     still = dataclasses.replace(
         satellites[0], inclination_rad=1e-4, eccentricity=1e-4, mean_motion_rad_s=2.0 * math.pi / 86164.1,
         catalogue_number=99, name="GEO",
@@ -130,7 +130,22 @@ def test_an_object_that_never_sets_is_not_planned(satellites: list[Elements]) ->
         if plan.passes:
             break
     (item,) = plan.passes
-    assert (item.fate, item.reason) == (Fate.BARRED, "is above the mask all the time")
+    assert (item.fate, item.window.rises_before, item.window.sets_after) == (Fate.TRACKED, True, True)
+    # All but the slew from where the antenna is.
+    assert 12.0 * 3600.0 - 220.0 < item.window.duration_s <= 12.0 * 3600.0
+    low = [Wish(elements=one, priority=1) for one in satellites[:3]]
+    alone, plan = (
+        plan_day(wishes, PLACE, START_S, 12.0 * 3600.0, RULES, (0.0, 1.2), LEAST_RAD)
+        for wishes in (low, [Wish(elements=placed), *low])
+    )
+    tracked = [item for item in plan.passes if item.fate is Fate.TRACKED]
+    pieces = [item.window for item in tracked if item.window.name == "GEO"]
+    others = [item.window for item in tracked if item.window.name != "GEO"]
+    assert others == [item.window for item in alone.passes if item.fate is Fate.TRACKED]
+    assert len(pieces) > 3
+    # All but the passes of the others and two slews for each of them.
+    spent_s = sum(window.duration_s for window in (*pieces, *others))
+    assert 12.0 * 3600.0 - 600.0 - 2 * 220.0 * len(others) < spent_s <= 12.0 * 3600.0
 
 
 def test_the_expected_error_is_that_of_the_elements_age(satellites: list[Elements]) -> None:
