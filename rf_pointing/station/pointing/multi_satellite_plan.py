@@ -7,6 +7,7 @@ takes a detour) is barred with its reason, and the plan is made again without it
 """
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -243,11 +244,15 @@ def _least(mask: HorizonMask, least_rad: float) -> float | Horizon:
 
 def _candidate(window: CataloguePass, priority: int, rules: PlanningRules) -> Candidate:
     elevations = window.aos_elevation_rad, window.los_elevation_rad
+    begin, _, _, end = window.azimuth_path_rad
+    # A pass that fits no turn waits at a stop or unwinds: it ends on any turn, as its certificate.
+    rises, sets = (_on_every_turn(rules.limits, *place) for place in zip((begin, end), elevations, strict=True))
+    turns = turns_within(rules.limits, window.azimuth_path_rad, elevations)
     return Candidate(
         name=window.name,
         aos_t_s=window.aos_t_s,
         los_t_s=window.los_t_s,
         peak_rad=window.peak_elevation_rad,
         priority=priority,
-        turns=turns_within(rules.limits, window.azimuth_path_rad, elevations),
+        turns=turns or tuple(itertools.product(rises, sets)),
     )
