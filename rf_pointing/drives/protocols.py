@@ -150,7 +150,7 @@ class LineProtocol(DeviceProtocol):
 
     dialects: ClassVar[tuple[Dialect, ...]] = ()
     SURE = 3
-    """Answers without an elevation after which there is none: one may be the rest of a longer."""
+    """Answers without an elevation after which the axis is missing: one may be half an answer."""
 
     def __init__(self, model: str = "") -> None:
         self._named = next((one for one in self.dialects if one.model == model), None)
@@ -390,7 +390,7 @@ MODELS = {
     "easycomm": ("2", "3", "2_azimuth", "3_azimuth"),
     "spid": ("rot2", "rot1", "md01"),
 }
-"""What `drive.model` may be for each type; the first is meant by an empty one."""
+"""Values of `drive.model` for each type; the first is meant by an empty one."""
 _MADE: dict[str, Callable[[str], DeviceProtocol]] = {
     "hamlib": HamlibProtocol, "gs232": Gs232Protocol, "easycomm": EasycommProtocol, "spid": SpidProtocol,
 }  # fmt: skip

@@ -140,7 +140,7 @@ class _Collector:
         count = 0
         try:
             for connection, log_time_ns, raw in reader.messages():
-                # Of a bag without metadata nothing else tells that its messages are compressed.
+                # Without metadata only the message tells that it is compressed.
                 plain = zstd.decompress(raw) if raw[:4] == _ZSTD else raw
                 takers[connection.id](log_time_ns, plain)
                 count += 1

@@ -102,7 +102,7 @@ def plan_day(
     """Return the plan of one antenna that is at `encoder_rad`, at rest, at the start.
 
     Passes begin and end above `least_rad` and the mask of `rules`.  An object that stays above them
-    for longer than `LONG_S` and yields gets the time between the tracked passes.
+    for longer than `LONG_S`, or all the time, and yields gets the time between the tracked passes.
     """
     air, error = RadioRefraction.standard(site.altitude_m), uncertainty or ElementUncertainty()
     of = {id(wish.elements): wish for wish in wishes}
@@ -125,7 +125,7 @@ def plan_day(
                 break
             barred |= failed
         yields = reasons_against(left, tracked, rules.machine.axes, rest, gap_s)
-        long = [k for k in yields if wanted[k].duration_s > LONG_S and id(wanted[k].elements) not in cut]
+        long = [k for k in yields if _is_long(wanted[k]) and id(wanted[k].elements) not in cut]
         if not long:
             break
         # The most wanted one first: what it leaves is the next one's.
@@ -147,6 +147,11 @@ def plan_day(
             )
         )  # fmt: skip
     return DayPlan(start_t_s=start_t_s, duration_s=duration_s, passes=tuple(rows), unsearched=found.unsearched)
+
+
+def _is_long(window: CataloguePass) -> bool:
+    """Return whether an object stays up: it lends its time to others and takes what is left."""
+    return window.duration_s > LONG_S or (window.rises_before and window.sets_after)
 
 
 @dataclass(frozen=True)
