@@ -25,7 +25,6 @@ from urllib.parse import SplitResult, urljoin, urlsplit
 from rf_pointing.core.checks import brief, is_number
 from rf_pointing.core.whole_file import DATA_BYTES, KeptState, write_whole
 from rf_pointing.ephemeris.element_files import cache_folder, is_address, kept_file
-from rf_pointing.ephemeris.orbit_file import decoded, read_orbits
 
 HOUR_S = 3600.0
 DEFAULT_RULE_S = 2.0 * HOUR_S
@@ -362,6 +361,8 @@ def _retry_after_s(text: str) -> float:
 
 def _taken(answer: _Answer, requested: Record, file: Path, now_s: float) -> Record:
     """Replace the kept file by an answer that holds elements; NotTakenError leaves it alone."""
+    from rf_pointing.ephemeris.orbit_file import decoded
+
     try:
         text = decoded(answer.body)
         found = _record_of(text, requested)
@@ -384,6 +385,8 @@ def _taken(answer: _Answer, requested: Record, file: Path, now_s: float) -> Reco
 
 
 def _record_of(text: str, requested: Record) -> Record:
+    from rf_pointing.ephemeris.orbit_file import read_orbits
+
     found = read_orbits(text)
     objects = {one.catalogue_number for one in found.elements} | {one.object_id for one in found.segments}
     epochs = sorted(one.epoch_t_s for one in found.elements)

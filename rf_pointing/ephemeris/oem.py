@@ -26,7 +26,6 @@ from rf_pointing.core.kvn import key_and_value
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
-from rf_pointing.ephemeris.element_messages import local_name, xml_segments
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, rotated, seen_from_rotating_axes
 from rf_pointing.ephemeris.time_scales import (
@@ -170,6 +169,8 @@ _COVARIANCE_LEAVES = [f"C{row}_{column}" for k, row in enumerate(_STATE_LEAVES) 
 
 def read_oem_xml(text: str, _name: str = "") -> Iterator[OemSegment | ValueError]:
     """Yield the segments of an <oem>, in XML, in file order."""
+    from rf_pointing.ephemeris.element_messages import local_name, xml_segments
+
     for line, segment in xml_segments(text, "OEM"):
         if isinstance(segment, ValueError):
             yield segment

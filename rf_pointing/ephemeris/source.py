@@ -32,7 +32,6 @@ from rf_pointing.ephemeris import (
 )
 from rf_pointing.ephemeris.element_files import element_files, version_of
 from rf_pointing.ephemeris.oem import METHODS, OemSegment
-from rf_pointing.ephemeris.orbit_file import read_orbit_file
 from rf_pointing.ephemeris.satellite_antenna import SatelliteAntennaParams
 
 # Bodies of the sky by their names, case ignored.
@@ -193,6 +192,9 @@ def unused(location: str) -> str:
 
 @lru_cache(maxsize=1)
 def _read_source(location: str, _version: object) -> SourceContents:
+    # Imported here: the readers of all formats, which a node needs once.
+    from rf_pointing.ephemeris.orbit_file import read_orbit_file
+
     files = element_files(location)
     found = SourceContents(files[0].name if len(files) == 1 else Path(location).name, [], [], [])
     for path in files:
