@@ -16,6 +16,7 @@ from rf_pointing.api.simulated import SimulatedPass
 from rf_pointing.api.target import MAX_AGE_S, Target
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.ephemeris import Site, TopocentricTrack, find_passes
+from rf_pointing.ephemeris.passes import part_searched
 from rf_pointing.planning import AxisLimits
 from rf_pointing.simulation import StationSetup, simulate_pass
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
@@ -219,6 +220,12 @@ class Station:
             angle_rad("elevation", elevation_deg, elevation_rad, self.start_rad[1]),
         )
         return self._certified(one, one.searched_from_t_s, standing_rad)
+
+    def part_searched(
+        self, target: Target, *, start_t_s: float, hours: float | None = None, days: float | None = None
+    ) -> str:
+        """Return "" or the only parts of a search in which the target is known: it may decay."""
+        return part_searched(self.track_of(target), start_t_s, span_s(hours, days))
 
     def certificates(self, passes: Sequence[StationPass]) -> list[PassCertificate]:
         """Return the certificates of passes in a row, none left out.

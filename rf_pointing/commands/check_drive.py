@@ -16,6 +16,7 @@ from pathlib import Path
 
 from rf_pointing.commands.options import between, ending_with_reason
 from rf_pointing.core.parameters import read_parameter_files, with_leaves
+from rf_pointing.core.types import Pair
 from rf_pointing.drives import DriveParams, make_drive
 from rf_pointing.drives.conformance import ConformanceCheck, Line
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
@@ -30,9 +31,10 @@ def main() -> None:
     options = _parser().parse_args()
     with ending_with_reason(PROGRAM):
         params = read_drive(options.params_file or [], options.station)
+        travel_rad = flown_rad(options.station) if options.station else None
         drive = make_drive(params)
     try:
-        lines = check(ConformanceCheck(drive, params, tick, math.radians(options.degrees)), options.move)
+        lines = check(ConformanceCheck(drive, params, tick, math.radians(options.degrees), travel_rad), options.move)
     except KeyboardInterrupt:
         sys.exit(2)
     finally:
@@ -67,6 +69,13 @@ def read_drive(files: list[Path], station: str = "") -> DriveParams:
         return with_leaves(AntennaParams(), of_drive).drive
     except ValueError as error:
         raise ValueError(f"antenna_servo: {error}") from error
+
+
+def flown_rad(station: str) -> tuple[Pair, Pair]:
+    """Return the lower and the upper ends of the travel that a station's description writes."""
+    mount = read_station(station).content.mount
+    low, high = zip(*(axis.travel_deg for axis in (mount.azimuth, mount.elevation)), strict=True)
+    return (math.radians(low[0]), math.radians(low[1])), (math.radians(high[0]), math.radians(high[1]))
 
 
 def tick(longest_s: float) -> float:

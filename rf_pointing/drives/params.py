@@ -85,7 +85,11 @@ class DriveParams(Params):
         "simulated",
         "the drive: simulated, simulated_rotator, hamlib, gs232, easycomm, spid, topic, or one of an entry point",
     )
-    model: str = parameter("", "dialect: easycomm 2 or 3, spid rot1, rot2 or md01; empty: 2 and rot2")
+    model: str = parameter(
+        "",
+        "dialect: gs232 a, b, a_azimuth or b_azimuth (empty: recognised), hamlib azimuth, "
+        "easycomm 2, 3, 2_azimuth or 3_azimuth, spid rot1, rot2 or md01; empty: 2 and rot2",
+    )
     options: str = parameter("", "text for a drive of one's own")
     link: LinkParams = parameter(LinkParams(), "how the device is reached")
     rotator: RotatorParams = parameter(RotatorParams(), "how a device that takes positions moves")

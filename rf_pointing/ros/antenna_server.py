@@ -69,11 +69,15 @@ class AntennaServer:
         self._node.serve_action(InjectFault, "~/inject_fault", self._inject)
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
-        issued_s = seconds_from_stamp(message.header.stamp)
+        # As every controller of ROS: stamp 0 begins now.
+        stamp_s = seconds_from_stamp(message.header.stamp)
+        issued_s = stamp_s or self._node.now_s()
         try:
             commander = self._key.check(message)
+            if self._key.signed and not stamp_s:
+                raise ValueError("a signed command has stamp 0, must have its time: it could be sent again")
             self.leased.note(commander, issued_s)
-            command = convert.trajectory_from_message(message)
+            command = convert.trajectory_from_message(message, issued_s)
             refused = self._operation.take(command, commander, issued_s, self._node.now_s())
         except ValueError as error:
             refused = self._operation.antenna.reject(str(error))

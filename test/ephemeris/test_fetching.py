@@ -85,7 +85,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "web page": ({"body": b"<!DOCTYPE html><html><body>log in</body></html>"}, "answered a web page"),
     "words": ({"body": b"No GP data found"}, "answered no whole set of elements ('No GP data found')"),
     "nothing": ({"body": b""}, "answered no whole set of elements"),
-    "half a line": ({"body": tle_text().encode()[:-30], "promised": None}, "no whole set of elements"),
+    "half a line": ({"body": tle_text().encode()[:-30], "promised": None}, "ended in the middle of a line"),
     "half of what was promised": ({"promised": 5000}, "broke off"),
     "half a JSON": ({"body": b'[{"OBJECT_NAME":"A","NORAD_CA', "promised": None}, "OMM JSON is malformed"),
     "not text": ({"body": bytes(range(128, 256))}, "no whole set of elements"),

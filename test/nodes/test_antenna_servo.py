@@ -106,6 +106,29 @@ def test_a_command_that_cannot_be_used_is_counted_with_its_reason(make_bench: Ma
     assert any(words.startswith("command rejected: unknown joint roll") for _, words in bench.log)
 
 
+def test_a_command_with_stamp_0_begins_now_unless_it_is_signed(make_bench: MakeBench, tmp_path: Path) -> None:
+    """As the controllers of ROS have it; points of positions alone are legal."""
+    for key in ("", str(tmp_path / "command.key")):
+        bench = make_bench(AntennaServo, command_key_file=key).up()
+        take_a_command_now(bench, key)
+
+
+def take_a_command_now(bench: Any, key: str) -> None:
+    bench.run(0.1)
+    now = command(bench, *place_deg(bench))
+    now.header.stamp = stamp_from_seconds(0.0)
+    now.points[0].velocities, now.points[0].accelerations = [], []
+    now.points[0].time_from_start.nanosec = 200_000_000
+    topic = bench.node.resolve_topic_name("joint_trajectory")
+    CommandKey(CommandKeyParams(command_key_file=key), topic).sign(now, "/pointing_controller")
+    bench.give("joint_trajectory", now)
+    bench.run(0.1)
+    values = bench.health("drive").values
+    refused = "1" if key else "0"
+    assert (values["commands_rejected"], values["commands_accepted"]) == (refused, "0" if key else "1")
+    assert not key or values["last_rejection"].startswith("a signed command has stamp 0")
+
+
 def test_faults_are_injected_where_that_is_enabled_alone(make_bench: MakeBench) -> None:
     bench = make_bench(AntennaServo).up()
     with pytest.raises(ValueError, match="not enough values"):
