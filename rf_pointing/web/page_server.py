@@ -185,11 +185,12 @@ class PageApp:
         return response
 
     def give_way(self, server: Any) -> None:
-        """Close the oldest connection without a request, if there are too many."""
-        if len(server.connections) >= self._params.viewers + MORE_CONNECTIONS:
-            idle = [each for each in server.connections if each not in self._in_request]
-            if idle:
-                idle[0].force_close()
+        """Close the oldest connections without a request, if there are too many."""
+        # One that is being closed has no transport any more.
+        alive = [each for each in server.connections if each.transport is not None]
+        more = max(0, len(alive) + 1 - self._params.viewers - MORE_CONNECTIONS)
+        for each in [each for each in alive if each not in self._in_request][:more]:
+            each.force_close()
 
     def _require_ours(self, request: web.Request) -> None:
         host = request.headers.get("Host", "")
