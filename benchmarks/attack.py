@@ -10,6 +10,7 @@ Exits with 1 when one fails, or cannot be tried.
 """
 
 import argparse
+import importlib.util
 import json
 import math
 import os
@@ -23,9 +24,6 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
-
-# `test` is a package of Python's own, too.
-sys.path[:0] = [str(Path(__file__).parents[1] / "test" / folder) for folder in ("drives", "graph")]
 
 import rclpy
 import requests
@@ -48,9 +46,20 @@ from rf_pointing.ros.qos import STATUS, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.description import read_station
 
-from real_station import write_elements, write_station
-from rotctld import RealRotctld
 
+def of_tests(file: str) -> Any:
+    """Return a module of the tests by its file."""
+    # `test` is a package of Python's own, too.
+    path = Path(__file__).parents[1] / "test" / file
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+live, rotctld = of_tests("graph/real_station.py"), of_tests("drives/rotctld.py")
 NODES = ("antenna_servo", "ephemeris_publisher", "pointing_controller", "rotctld_server", "operator_page")
 CULMINATES_S = 200.0
 """After the start; the satellite is above 5 deg from 4 min before until 4 min after."""
@@ -102,11 +111,11 @@ class Station:
     """Live nodes on rotctld, what they publish, and the ways to attack them."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder, self.rotctld = folder, RealRotctld()
+        self.folder, self.rotctld = folder, rotctld.RealRotctld()
         self.page_port, self.server_port = free_port(), free_port()
-        station = write_station(folder, self.rotctld.port)
+        station = live.write_station(folder, self.rotctld.port)
         self.site, begun_s = read_station(station).site, time.time()
-        elements = write_elements(folder, self.site, begun_s + CULMINATES_S)
+        elements = live.write_elements(folder, self.site, begun_s + CULMINATES_S)
         self.track = TopocentricTrack(read_source(str(elements)).elements[0], self.site)
         (folder / "token").write_text(TOKEN)
         (folder / "token").chmod(0o600)
