@@ -17,7 +17,7 @@ from rclpy.publisher import Publisher
 from rf_pointing.ros.diagnostics import EventLog
 from rf_pointing.ros.graph import FRAMES
 from rf_pointing.ros.input_watchdog import InputWatchdog
-from rf_pointing.ros.lifecycle import Lifecycle
+from rf_pointing.ros.lifecycle import Lifecycle, Schedule
 from rf_pointing.ros.lost_goals import LostGoals
 from rf_pointing.ros.qos import LATCHED, SERVICE
 from rf_pointing.ros.service_door import ServiceDoor
@@ -50,6 +50,17 @@ class ManagedNode(Lifecycle):
         self.inputs, self._events = InputCounter(), EventLog()
         self.diagnostics.add("inputs", self.inputs.health)
         self.input_watchdog = InputWatchdog(self)
+
+    def every(self, period_s: float, callback: Callable[[float], None]) -> Schedule:
+        """Do periodic work as `Lifecycle.every`; a node whose work is not done starts again."""
+        done, forget = self.input_watchdog.watch_work(period_s)
+        self._at_deactivation.callback(forget)
+
+        def work(t_s: float) -> None:
+            callback(t_s)
+            done()
+
+        return super().every(period_s, work)
 
     def listen(
         self,
