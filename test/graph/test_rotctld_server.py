@@ -18,6 +18,9 @@ import numpy as np
 import pytest
 
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import AntennaStatus, PassCertificate, TrackingStatus
 from sensor_msgs.msg import JointState
 
@@ -261,6 +264,27 @@ def test_the_points_of_a_known_satellite_become_its_pass_and_end_with_their_clie
         assert axes.max() < 10.0
     station.live.spin_until(lambda: station.tracking.target == "", "the end of a pass whose client has gone")
     assert "has been silent for" in station.log()
+
+
+def test_a_client_that_waits_for_the_result_of_a_killed_controller_gets_it_as_aborted(station: Watched) -> None:
+    client = ActionClient(station.live.node, TrackPass, "track_pass")
+    station.live.spin_until(client.server_is_ready, "track_pass")
+    sent = client.send_goal_async(TrackPass.Goal(satellite="OVERHEAD", sensor="program"))
+    station.live.spin_until(sent.done, "the accepted goal")
+    result = sent.result().get_result_async()
+    station.live.spin_until(lambda: station.tracking.target == "OVERHEAD", "its pass")
+    os.kill(station.processes.process_id("pointing_controller"), signal.SIGKILL)
+    station.live.spin_until(lambda: "pointing_controller" in station.processes.ended(), "its end")
+    station.processes.start(["pointing_controller"], simulated_time=False, autostart=True)
+    station.tracking = TrackingStatus()
+    station.live.spin_until(lambda: station.tracking.sequence > 0, "the controller again")
+    back_s = time.monotonic()
+    station.live.spin_until(result.done, "the result")
+    found = result.result()
+    assert (found.status, found.result.success) == (GoalStatus.STATUS_ABORTED, False)
+    assert found.result.message == "pointing_controller was killed in the pass; send the goal again"
+    assert within(time.monotonic() - back_s, 3.0)
+    client.destroy()
 
 
 HOSTILE = """<iframe name=frame></iframe><script>
