@@ -21,7 +21,7 @@ HEAD_BYTES, GUID_BYTES, PREFIX_BYTES = 24, 16, 12
 WRITER_KIND = 3
 """Last byte of the GUID of a writer without a key."""
 LOOK_S, SETTLED_S, GIVEN_UP_S = 0.1, 0.3, 10.0
-"""Time between two looks for a client, from then until it hears this process, and at most."""
+"""Time between two looks for a client, from then until it knows this process, and at most."""
 MOST_KEPT = 100
 
 
@@ -109,7 +109,7 @@ class LostGoals:
                 status=GoalStatus.STATUS_ABORTED, result=self._kind.Result(success=False, message=self._words)
             )
             self._server._handle.send_result_response(self._head, answer)
-            self._node.get_logger().warning(f"a client of {self._name.partition('/')[0]} is told: {self._words}")
+            self._node.get_logger().warning(f"a client of {self._name.partition('/')[0]} gets as result: {self._words}")
 
 
 def _place(head: Any) -> Any:

@@ -49,7 +49,7 @@ WRONG_TOKEN_S = 0.3
 HEADER_S = 5.0
 """Time for the head of a request, and for its body; what is idle for longer is closed."""
 MORE_CONNECTIONS = 50
-"""Connections beside those of viewers; then the oldest one without a request gives way."""
+"""Connections besides those of viewers; then the oldest one without a request gives way."""
 HEARTBEAT_S = 15.0
 SLOW_S = 15.0
 """A viewer that takes no message for so long is dropped."""

@@ -11,7 +11,7 @@ it, and move nothing.
 
 An accepted point means that the antenna follows.  Where it has followed nobody for `SILENT_S`, the
 points are refused; a pass that the controller no longer names is given up, its points are followed,
-and as soon as a controller is heard its goal is sent again.
+and as soon as a controller is back its goal is sent again.
 """
 
 import math
@@ -193,7 +193,7 @@ class Steering:
 
     @property
     def _tracked(self) -> str:
-        """The target of a controller that is heard, else ""."""
+        """The target of a controller that reports, else ""."""
         return self._target if self._wall_s - self._tracking_wall_s <= SILENT_S else ""
 
     # Orders
