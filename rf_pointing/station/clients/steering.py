@@ -154,7 +154,7 @@ class Steering:
     def note_tracking(self, target: str, commands_sent: int) -> None:
         """Take the status of the pointing controller; `target` is "" between passes."""
         if self._match is not None and not self._goal and target == self._match.name:
-            # The answer of a controller that has just started may be lost: its status says the same.
+            # The answer of a controller that has just started may be lost: its status tells it.
             for number in [number for number, (*_, name, _) in self._waiting.items() if name == "track"]:
                 self.answered(number, Answer(0))
         self._target, self._sent, self._tracking_wall_s = target, commands_sent, self._wall_s
