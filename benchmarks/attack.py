@@ -302,7 +302,7 @@ def controller_killed_under_a_client(station: Station) -> Measured:
                 back_s = min(back_s, now_s - killed_s)
         stopped = station.answer(client, "S")
     if killed_s == math.inf:
-        raise TimeoutError("the points never became a pass")
+        raise TimeoutError(f"no pass of the points: {station.processes.complaint('rotctld_server')}")
     station.until(lambda: station.antenna.mode == "holding", "the end after S", 20.0)
     return Measured(lies_s, "s of RPRT 0 unfollowed", f"tracked again after {back_s:.1f} s; S: {stopped}")
 
