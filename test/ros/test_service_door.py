@@ -47,7 +47,8 @@ def graph(request: Any, ros_context: Any) -> Iterator[SimpleNamespace]:
             look.spin_once(timeout_sec=0.0)
 
     def client(name: str) -> Any:
-        made = caller.create_client(Trigger, name)
+        # With room for every answer: on a busy machine a caller of the test may look late.
+        made = caller.create_client(Trigger, name, qos_profile=SERVICE)
         until(made.service_is_ready)
         return made
 
