@@ -72,9 +72,10 @@ def run(
 ) -> None:
     """Run nodes until SIGINT or SIGTERM; an active node is deactivated before it ends.
 
-    A start that fails prints one line and exits with 2.  A node that fails makes the exit code 1,
-    one that receives nothing `DEAF`; with `restart` it is started again, alone.  `--help` prints
-    the `description`, by default the module's docstring.  Arguments are those of ROS and `known`.
+    A start that fails prints one line and exits with 2.  A node that fails makes the exit code 1;
+    with `restart` it is started again, alone.  One that receives nothing ends the process (`DEAF`).
+    `--help` prints the `description`, by default the module's docstring.  Arguments are those of
+    ROS and `known`.
     """
     signals: list[int] = []
     try:
@@ -101,7 +102,7 @@ def run(
 class NodeLoop:
     """The nodes of a process, made by `node_types`, in one executor; each lives and ends by itself.
 
-    With `restart` a node that has ended is made again, and brings itself up.
+    With `restart` a node that has failed is made again, and brings itself up.
     """
 
     def __init__(
@@ -126,9 +127,12 @@ class NodeLoop:
         # Not `spin`: between two events the nodes do their own work and the signals are seen.
         while not self._signals and (self._nodes or self._missing):
             wait_s = LONGEST_WAIT_S
+            if any(node.input_watchdog.deaf for _, node in self._nodes):
+                # The participant of DDS does not receive, which all nodes of a process share.
+                break
             for make, node in tuple(self._nodes):
                 try:
-                    if node.failure is None and not node.input_watchdog.deaf:
+                    if node.failure is None:
                         node.bring_up()
                         wait_s = min(wait_s, node.turn())
                         continue
@@ -150,7 +154,7 @@ class NodeLoop:
             began_s, looked_s = looked_s, time.monotonic()
             if looked_s - began_s - wait_s > STALL_S:
                 self._stall_s, self._stalled_s = looked_s - began_s, looked_s
-        return max([0 if self._restart else code, *(self._end(make, node) for make, node in tuple(self._nodes))])
+        return max(0 if self._restart else code, *(self._end(make, node) for make, node in tuple(self._nodes)), 0)
 
     def _end(self, make: Callable[[], Any], node: Any) -> int:
         """End a node under control, and return what the exit code says of it."""
