@@ -155,8 +155,19 @@ def _topics() -> tuple[Topic, ...]:
             found[topic.name] = replace(topic, publisher=others + node.name)
     every = "every node"
     executive = (
-        Topic(SCHEDULE, ours.Schedule, LATCHED, "latched", EXECUTIVE, "passes of the antenna and what becomes of them"),
-        Topic(EXECUTIVE_STATUS, ours.ExecutiveStatus, STATUS, "1 Hz", EXECUTIVE, "what it does, and the alarms"),
+        # Their frame_id is the name of the antenna, and its signature where schedules are shared.
+        Topic(
+            SCHEDULE,
+            ours.Schedule,
+            LATCHED,
+            "latched",
+            EXECUTIVE,
+            "passes of the antenna and what becomes of them",
+            frame="",
+        ),
+        Topic(
+            EXECUTIVE_STATUS, ours.ExecutiveStatus, STATUS, "1 Hz", EXECUTIVE, "what it does, and the alarms", frame=""
+        ),
     )
     in_use = Topic(STATION_IN_USE, ours.StationInUse, IN_USE, "latched", every, "station description and band")
     health = Topic("/diagnostics", DiagnosticArray, STREAM, "1 Hz", every, frame="")

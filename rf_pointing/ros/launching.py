@@ -235,7 +235,13 @@ def _kept(name: str, folder: Path, namespace: str) -> dict[str, str]:
         "antenna_servo": files,
         "pointing_controller": key,
         ROTCTLD: key,
-        EXECUTIVE: {**key, "executive.state_file": str(own / f"{EXECUTIVE}.json"), "executive.folder": nights},
+        EXECUTIVE: {
+            **key,
+            "executive.state_file": str(own / f"{EXECUTIVE}.json"),
+            "executive.folder": nights,
+            # The antennas of a folder may share their passes.
+            "executive.partners_key_file": str(folder / "partners.key"),
+        },
         OPERATOR_PAGE: {**key, "page.reports": nights},
     }.get(name, {})
 

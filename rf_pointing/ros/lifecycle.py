@@ -183,7 +183,10 @@ class Lifecycle(LifecycleNode):
         """Deactivate if active; called once before the process ends."""
         if self.active:
             self.deactivate()
-            self._state_name = "finalized"
+        self._state_name = "finalized"
+        if self.failure is None:
+            # Nobody waits for a node that says that it has ended.
+            self.diagnostics.publish()
         self._clear()
 
     def set_parameters_atomically(self, parameter_list: Any) -> SetParametersResult:
@@ -235,7 +238,6 @@ class Lifecycle(LifecycleNode):
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         self.end()
-        self._state_name = "finalized"
         return super().on_shutdown(state)
 
     def _change_state_if_possible(self, request: Any, response: Any) -> Any:

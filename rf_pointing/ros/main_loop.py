@@ -5,6 +5,7 @@ node of the same name, namespace and ROS domain on a machine is refused: two con
 over one antenna.
 """
 
+import faulthandler
 import fcntl
 import gc
 import math
@@ -33,6 +34,9 @@ DRIVE_PRIORITY = 20
 """Real-time priority of a real drive loop, below the kernel's own threads (50)."""
 NICER = -10
 """Niceness where a real-time priority is not permitted."""
+SHORTEST_TOKEN = 16
+HUNG_S = 120.0
+"""Longest time for one thing of a node; to read 32 MiB of elements takes 15 s."""
 DEAF = 3
 """Exit code of a node that no longer receives."""
 LONGEST_WAIT_S = 0.2
@@ -92,7 +96,9 @@ def run(
         rclpy.try_shutdown()
         sys.exit(2)
     settle_garbage()
-    code = loop.work()
+    watch = HangWatch()
+    code = loop.work(watch.come_round)
+    watch.end()
     executor.shutdown()
     rclpy.try_shutdown()
     if code:
@@ -121,11 +127,12 @@ class NodeLoop:
         if self._restart:
             node.diagnostics.add("process", self.health)
 
-    def work(self) -> int:
-        """Work until a signal, or until no node is left; return the exit code."""
+    def work(self, come_round: Callable[[], None] = lambda: None) -> int:
+        """Work until a signal or without nodes, `come_round` in each round; return the exit code."""
         code, looked_s = 0, time.monotonic()
         # Not `spin`: between two events the nodes do their own work and the signals are seen.
         while not self._signals and (self._nodes or self._missing):
+            come_round()
             wait_s = LONGEST_WAIT_S
             if any(node.input_watchdog.deaf for _, node in self._nodes):
                 # The participant of DDS does not receive, which all nodes of a process share.
@@ -221,6 +228,29 @@ def take_priority(realtime: int) -> str:
         return f"{words}: nice {NICER} instead; rtprio in /etc/security/limits.conf allows it"
     except OSError:
         return f"{words}, nor is nice {NICER}; rtprio in /etc/security/limits.conf allows it"
+
+
+class HangWatch:
+    """Ends a process whose loop has not come round for `patience_s`; stderr gets where it stands.
+
+    The launch files start it again: a node that is alive and does nothing would never be.
+    """
+
+    # Not a thread of Python: what hangs may hold the lock of all threads.
+
+    def __init__(self, patience_s: float = HUNG_S) -> None:
+        self._patience_s, self._armed_s = patience_s, -math.inf
+
+    def come_round(self) -> None:
+        """Note that the loop works; each second is often enough."""
+        if time.monotonic() - self._armed_s > min(1.0, 0.1 * self._patience_s) and sys.gettrace() is None:
+            self._armed_s = time.monotonic()
+            faulthandler.dump_traceback_later(self._patience_s, exit=True, file=sys.__stderr__)
+
+    @staticmethod
+    def end() -> None:
+        """Watch no longer."""
+        faulthandler.cancel_dump_traceback_later()
 
 
 def _check_security(environment: Mapping[str, str]) -> None:
@@ -337,6 +367,26 @@ def secret_in(path: Path, make: Callable[[], str] | None = None) -> str:
             text = make()
             file.write(f"{text}\n")
     return text
+
+
+def read_token(name: str, given: str, own: Path) -> tuple[str, Path]:
+    """Return the token of the file `given`, or of `own`, which is made where it is missing.
+
+    Raises ValueError for a file that others may read, and for a short token; it names the parameter
+    `name`.
+    """
+    # Imported here: with it comes OpenSSL, 3.5 MB that other nodes do not need.
+    import secrets
+
+    path = Path(given).expanduser() if given else own
+    if given and not path.is_file():
+        raise ValueError(f"{name}={path} does not exist")
+    token = secret_in(path, None if given else lambda: secrets.token_urlsafe(24))
+    if len(token) < SHORTEST_TOKEN or not token.isascii() or not token.isprintable() or " " in token:
+        raise ValueError(
+            f"the token in {path} has {len(token)} characters, must be >= {SHORTEST_TOKEN} of plain ASCII, no spaces"
+        )
+    return token, path
 
 
 def _domain() -> str:

@@ -14,14 +14,13 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.publisher import Publisher
 from rclpy.serialization import deserialize_message
 
+from rf_pointing.core.checks import LARGEST
 from rf_pointing.ros.diagnostics import OK, WARN, Health
 from rf_pointing.ros.stamps import BILLION, seconds_from_raw, seconds_from_stamp
 
 KEPT = 100
 """Messages of a fast stream that wait to be used: two seconds at 50 Hz."""
 STAMP_RESOLUTION_S = 1e-6
-LARGEST = 1e18
-"""Largest number in a message; metres to the nearest star are 4e16."""
 LEVEL = "carrier_to_noise"
 """The one number that may be -inf: dB-Hz where there is no carrier."""
 RMWError = rclpy_implementation.RMWError

@@ -273,6 +273,19 @@ def test_an_error_of_the_node_s_own_work_is_a_failure(raises: tuple[str, ...], f
     assert f"fatal the node ends after a controlled stop, please report it: {failure}" in node.did
 
 
+def test_a_process_that_hangs_ends_and_says_where_and_one_that_comes_round_does_not() -> None:
+    """A regular expression that does not end holds the lock of all threads, as a lost read of a disk would."""
+    code = (
+        "import re, time\nfrom rf_pointing.ros.main_loop import HangWatch\nwatch = HangWatch(1.0)\n"
+        "for _ in range(30):\n    watch.come_round()\n    time.sleep(0.05)\n"
+        "print('came round', flush=True)\nre.match(r'(a+)+$', 'a' * 50 + 'b')\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60.0)
+    assert (ended.returncode, ended.stdout) == (1, "came round\n")
+    assert "Timeout" in ended.stderr
+    assert 'File "<string>", line 8 in <module>' in ended.stderr
+
+
 def test_an_error_of_a_callback_is_survived_and_one_of_periodic_work_is_not() -> None:
     node = Node()
     assert work(node, Executor([], 2, ValueError("no time"))) == 0
