@@ -161,7 +161,8 @@ class NodeLoop:
             began_s, looked_s = looked_s, time.monotonic()
             if looked_s - began_s - wait_s > STALL_S:
                 self._stall_s, self._stalled_s = looked_s - began_s, looked_s
-        return max(0 if self._restart else code, *(self._end(make, node) for make, node in tuple(self._nodes)), 0)
+        codes = [self._end(make, node) for make, node in tuple(self._nodes)]
+        return max([0 if self._restart else code, *codes])
 
     def _end(self, make: Callable[[], Any], node: Any) -> int:
         """End a node under control, and return what the exit code says of it."""
