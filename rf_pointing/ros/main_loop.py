@@ -28,6 +28,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from rf_pointing.ros import NODE_USAGE
 from rf_pointing.ros.diagnostics import OK, WARN, Health
 
 DRIVE_PRIORITY = 20
@@ -45,7 +46,6 @@ RESTART_S = 0.5
 """From the end of a node to its next start, as in the launch files."""
 STALL_S, STALL_SHOWN_S = 1.0, 60.0
 """Stall of a process that is reported, and for how long it is."""
-_USAGE = "usage: NAME --ros-args [-r __ns:=/gs1] [--params-file FILE] [-p NAME:=VALUE] ..."
 _SECURITY_WORDS = {"ROS_SECURITY_ENABLE": ("true", "false"), "ROS_SECURITY_STRATEGY": ("Enforce", "Permissive")}
 _IN_THE_SOURCE = re.compile(r"\s*, at \S+\.c(pp)?:\d+")
 """The place in rcl's own source that ends its messages: no help to a user."""
@@ -274,11 +274,11 @@ def _take_arguments(description: str, known: Sequence[str]) -> None:
     """Print the help and exit if requested; ValueError for an argument that is not one of ROS."""
     given = remove_ros_args(sys.argv)[1:]
     if {"-h", "--help"} & set(given):
-        print(f"{description}\n{_USAGE}")
+        print(f"{description}\n{NODE_USAGE}")
         sys.exit(0)
     for word in given:
         if word not in known:
-            raise ValueError(f"argument {word!r} is not known; {_USAGE}")
+            raise ValueError(f"argument {word!r} is not known; {NODE_USAGE}")
 
 
 class InstanceLock:
