@@ -1,7 +1,7 @@
 """Runs on the live graph: what a request of `requests.py` starts, records and reports.
 
-`track`, `calibrate` and `identify` bring up the nodes of a station, each a process of its own, and
-return when all of them have ended.  Each result has a `code`: 0 done, 1 not reached, 2 not started.
+`track`, `calibrate` and `identify` bring up the nodes of a station, in some processes, and return
+when all of them have ended.  Each result has a `code`: 0 done, 1 not reached, 2 not started.
 What is refused raises ValueError, before anything is started.
 """
 

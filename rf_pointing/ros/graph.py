@@ -211,7 +211,7 @@ ARRAY_NODES = tuple(node.name for node in ARRAY_GRAPH)
 DRIVE_NODES = ("antenna_servo", *STATION_NODES)
 """Executables of a station whose drive is a device; its receiver is its own."""
 _MOVES = ("simulation_clock", "antenna_servo", "rf_receiver", "array_receiver")
-"""What moves, and what receives while it moves: the first of two processes."""
+"""Nodes that move the antenna and receive meanwhile: the first of two processes."""
 _APART = (ALARMS, EXECUTIVE, ROTCTLD, OPERATOR_PAGE)
 """Clients of the station: they serve others, or work long."""
 PROCESSES = (1, 2, 8)
@@ -226,7 +226,7 @@ def partition(names: Sequence[str], processes: int) -> list[tuple[str, ...]]:
     Raises
     ------
     ValueError
-        When `processes` is none of `PROCESSES`.
+        When `processes` is not one of `PROCESSES`.
     """
     if processes not in PROCESSES:
         raise ValueError(f"processes={processes} must be 1, 2 or 8")

@@ -155,9 +155,11 @@ class PointingController:
         """Note the mode and the latched fault that the antenna publishes."""
         self.antenna.take_status(mode, fault)
 
-    def awaits_error(self, t_s: float) -> bool:
-        """Whether a sensor that reports every period is late with what this period should use."""
-        return self._pass is not None and self._mode.awaits_error(t_s)
+    def awaits_input(self, t_s: float) -> bool:
+        """Whether a sensor that reports every period, or the target, is late with what is used."""
+        if self._pass is None:
+            return False
+        return self._mode.awaits_error(t_s) or self._motion.targets.late(t_s)
 
     def calibrate(self) -> str:
         """Request a calibration scan of the feed; return why not, "" when it will begin."""

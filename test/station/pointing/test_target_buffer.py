@@ -110,3 +110,14 @@ def test_a_sample_outside_the_profile_does_not_move_it(ahead_s: float) -> None:
     shift = (0.5 - 0.02 * ahead_s) if 0.0 <= ahead_s <= 7.0 else 0.0
     # The row before, which is no mixture with the sample.
     assert buffer.at([begin_s - 1.0]).position[0, 0] == pytest.approx(2.0 + 0.1 + shift)
+
+
+def test_a_sample_is_late_that_lags_what_is_usual_by_a_period_and_one_that_has_ended_is_not() -> None:
+    buffer = TargetBuffer()
+    assert not buffer.late(START_S), "nothing has arrived yet"
+    for period in range(5):
+        buffer.add(sample(START_S + 2.0 + 0.1 * period))
+        assert not buffer.late(START_S + 0.1 * period)
+    assert [buffer.late(START_S + 0.1 * period) for period in (5, 6, 13, 15)] == [True, True, True, False]
+    buffer.clear()
+    assert not buffer.late(START_S)
