@@ -2,12 +2,16 @@
 
 import json
 import math
+import time
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from rf_pointing.operations.schedule import BetweenParams, PassState, Schedule, ScheduledPass
+from rf_pointing.operations.schedule import OPEN, BetweenParams, PassState, Schedule, ScheduledPass
 from rf_pointing.planning import AxisLimits, AxisRates
+from test.conftest import within
 
 RATES = AxisRates((math.radians(6.0),) * 2, (math.radians(6.0),) * 2)
 LIMITS = AxisLimits(
@@ -36,7 +40,7 @@ def a_pass(
 
 def schedule_of(*passes: ScheduledPass, antenna: str = "", **params: Any) -> Schedule:
     made = Schedule(LIMITS, RATES, BetweenParams(**params), antenna)
-    made.add(passes)
+    made.change(passes)
     return made
 
 
@@ -55,23 +59,50 @@ def test_of_two_passes_at_once_the_higher_priority_is_planned_and_the_other_says
 def test_a_change_while_it_runs_plans_anew() -> None:
     schedule = schedule_of(a_pass("a", 1000.0))
     schedule.replan(0.0, PARK)
-    schedule.add([a_pass("b", 1100.0, priority=5)])
+    schedule.change([a_pass("b", 1100.0, priority=5)])
     schedule.replan(10.0, PARK)
     assert planned(schedule) == ["b"]
-    schedule.remove(["b"])
+    schedule.change([], ["b"])
     schedule.replan(20.0, PARK)
     assert planned(schedule) == ["a"]
     with pytest.raises(ValueError, match="pass 'c' is not in the schedule"):
-        schedule.remove(["c"])
+        schedule.change([], ["c"])
 
 
 def test_active_pass_is_neither_replaced_nor_removed() -> None:
     schedule = schedule_of(a_pass("a", 1000.0))
     schedule.entry("a").state = PassState.ACTIVE
     with pytest.raises(ValueError, match="cannot be replaced"):
-        schedule.add([a_pass("a", 2000.0)])
+        schedule.change([a_pass("a", 2000.0)])
     with pytest.raises(ValueError, match="being tracked"):
-        schedule.remove(["a"])
+        schedule.change([], ["a"])
+
+
+_IDS = st.sampled_from("abcdef")
+
+
+@given(st.dictionaries(_IDS, st.sampled_from(PassState)), st.lists(_IDS, unique=True), st.lists(_IDS))
+def test_a_change_is_made_as_a_whole_or_not_at_all(present: dict[str, PassState], added: str, removed: str) -> None:
+    schedule = schedule_of(*(a_pass(each, 1000.0) for each in present))
+    for each, state in present.items():
+        schedule.entry(each).state = state
+    before = schedule.state()
+    begun = {each for each, state in present.items() if state not in OPEN} - set(removed)
+    active = {each for each, state in present.items() if state == PassState.ACTIVE}
+    if set(removed) - set(present) or active & set(removed) or begun & set(added):
+        with pytest.raises(ValueError, match="not in the schedule|being tracked|cannot be replaced"):
+            schedule.change([a_pass(each, 2000.0) for each in added], removed)
+        assert schedule.state() == before
+    else:
+        schedule.change([a_pass(each, 2000.0) for each in added], removed)
+        assert set(schedule.entries) == (set(present) - set(removed)) | set(added)
+
+
+def test_five_thousand_passes_are_planned_within_two_seconds() -> None:
+    schedule = schedule_of(*(a_pass(f"p{k}", 17.0 * k, priority=k % 3) for k in range(5000)))
+    begun_s = time.process_time()
+    schedule.replan(0.0, PARK)
+    assert within(time.process_time() - begun_s, 2.0)
 
 
 def test_without_anything_left_the_antenna_is_stowed() -> None:
@@ -87,10 +118,10 @@ def test_without_anything_left_the_antenna_is_stowed() -> None:
 def test_a_pass_that_yields_is_replaced_and_one_that_has_begun_may_come_again_unchanged() -> None:
     schedule = schedule_of(a_pass("a", 1000.0), a_pass("b", 2000.0))
     schedule.entry("a").state, schedule.entry("b").state = PassState.YIELDS, PassState.TRACKED
-    schedule.add([a_pass("a", 1500.0), a_pass("b", 2000.0)])
+    schedule.change([a_pass("a", 1500.0), a_pass("b", 2000.0)])
     assert (schedule.entry("a").item.aos_t_s, schedule.entry("a").state) == (1500.0, PassState.WAITING)
     assert schedule.entry("b").state == PassState.TRACKED
-    schedule.remove(["b"])
+    schedule.change([], ["b"])
     assert list(schedule.entries) == ["a"]
 
 
@@ -200,10 +231,12 @@ def test_what_is_above_the_present_pass_does_not_wait_for_it_and_what_is_not_doe
     schedule = schedule_of(a_pass("a", 1000.0, priority=3))
     schedule.replan(900.0, PARK)
     schedule.entry("a").state = PassState.ACTIVE
-    schedule.add([a_pass("same", 1200.0, los_s=1500.0, priority=3), a_pass("above", 1200.0, los_s=1500.0, priority=4)])
+    schedule.change(
+        [a_pass("same", 1200.0, los_s=1500.0, priority=3), a_pass("above", 1200.0, los_s=1500.0, priority=4)]
+    )
     schedule.replan(1100.0, PARK)
     assert planned(schedule) == ["above"]
-    schedule.remove(["above"])
+    schedule.change([], ["above"])
     schedule.replan(1100.0, PARK)
     assert planned(schedule) == []
 
@@ -214,7 +247,7 @@ def test_the_present_pass_ends_for_the_first_of_those_above_it_and_not_before_no
     entry = schedule.entry("a")
     entry.state = PassState.ACTIVE
     assert schedule.ends_s(entry, 1100.0) == 1600.0
-    schedule.add([a_pass("u", 1500.0, priority=2, azimuth=(130.0, 190.0)), a_pass("v", 5000.0, priority=2)])
+    schedule.change([a_pass("u", 1500.0, priority=2, azimuth=(130.0, 190.0)), a_pass("v", 5000.0, priority=2)])
     schedule.replan(1100.0, PARK)
     # The longer way is that from its rise, 120 deg: 21 s.
     assert schedule.ends_s(entry, 1100.0) == pytest.approx(1500.0 - 21.0 - 5.0)
