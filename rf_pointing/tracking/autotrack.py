@@ -68,17 +68,11 @@ class AutotrackParams(Params):
             return self.array_on_db_hz, self.array_off_db_hz
         return self.carrier_on_db_hz, self.carrier_off_db_hz
 
-    def check_together(self) -> None:
-        """Refuse a threshold without hysteresis."""
-        # Without one, noise on the C/N0 would change the mode every period.
-        for stem in ("carrier", Sensor.MONOPULSE, Sensor.ARRAY):
-            on, off = getattr(self, f"{stem}_on_db_hz"), getattr(self, f"{stem}_off_db_hz")
-            if off >= on:
-                raise ValueError(f"{stem}_off_db_hz={off} must be < {stem}_on_db_hz={on}")
-        if self.monopulse_off_db_hz < self.carrier_off_db_hz:
-            raise ValueError(
-                f"monopulse_off_db_hz={self.monopulse_off_db_hz} must be >= carrier_off_db_hz={self.carrier_off_db_hz}"
-            )
+    # Without hysteresis noise on the C/N0 would change the mode every period.
+    ordered = (
+        *(f"{stem}_off_db_hz < {stem}_on_db_hz" for stem in ("carrier", Sensor.MONOPULSE, Sensor.ARRAY)),
+        "monopulse_off_db_hz >= carrier_off_db_hz",
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
