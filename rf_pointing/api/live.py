@@ -19,6 +19,7 @@ from rf_pointing_msgs.action import TrackPass
 from rf_pointing.api.requests import CalibrateRequest, IdentifyRequest, RunRequest, TrackRequest
 from rf_pointing.api.target import SOURCE, Target
 from rf_pointing.core import MDEG, Params, Sensor
+from rf_pointing.core.checks import id_of
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.identification import Recording
@@ -83,7 +84,7 @@ def prepare_track(request: TrackRequest) -> Flight:
     window, scan = request.window, request.scan
     if warning := request.stale_warning:
         say("track", warning)
-    stem = f"{request.target.satellite}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
+    stem = f"{id_of(request.target.satellite)}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
     output = output_folder(request, stem)
     setup = run_setup("track", request, window, output, scan)
     say("track", f"{window.name} over {request.station.name}, {request.station.band} band, {request.sensor}: "
@@ -261,6 +262,7 @@ def run_setup(program: str, request: RunRequest, window: Pass, output: Path, sca
         reset_fault=request.reset_fault,
         begin_s=window.aos_t_s - before_s,
         awaited=window.name,
+        processes=request.processes,
     )
 
 

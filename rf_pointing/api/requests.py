@@ -60,6 +60,7 @@ class RunRequest:
     seed: int | None = None
     ephemeris_error_s: float | None = None
     reset_fault: bool = False
+    processes: int = 2
     models: str = DEFAULT_MODELS
     keep_observations: bool = False
     namespace: str = "/gs1"

@@ -256,7 +256,8 @@ def read_parameter_files(paths: Sequence[Path]) -> dict[str, dict[str, Any]]:
                 raise ValueError(f"{path}: {key} must hold ros__parameters and nothing else")
             if not isinstance(section["ros__parameters"], Mapping):
                 raise ValueError(f"{path}: ros__parameters of {key} must map names to values")
-            merged.setdefault(str(key).rsplit("/", 1)[-1], {}).update(flat(section["ros__parameters"]))
+            values = flat(section["ros__parameters"])
+            merged.setdefault(str(key).rsplit("/", 1)[-1], {}).update(values)
     return merged
 
 

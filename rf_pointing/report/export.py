@@ -137,7 +137,8 @@ def export_recording(recording: Recording, folder: Path, kind: str) -> list[Path
     for file, (columns, rows) in zip(files, tables.values(), strict=True):
         if kind == "csv":
             # tolist() gives Python's floats: their shortest text is read back to the last bit.
-            _write_csv(file, columns, zip(*(column.tolist() for column in columns.values()), strict=True))
+            values = (column.tolist() for column in columns.values())
+            _write_csv(file, columns, zip(*values, strict=True))
         else:
             _write_parquet(file, columns, rows)
     dictionary = folder / f"{DICTIONARY}.csv"

@@ -5,7 +5,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from rf_pointing.core import Params, Sensor, leaves
+from rf_pointing.core.checks import LONGEST_NAME, brief
 from rf_pointing.core.parameters import flat, from_edge
+from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.registry import known_types, takes_positions
 from rf_pointing.ephemeris import SITES
@@ -13,7 +15,7 @@ from rf_pointing.planning import HorizonMask
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
 from rf_pointing.station.derive.nodes import NODES, described_parameters, reference
 from rf_pointing.station.description.content import ArraySection, BandSection, Content, MountSection
-from rf_pointing.station.description.reading import Reader, nearest
+from rf_pointing.station.description.reading import MOST_VALUES, Reader, nearest
 
 BEAMWIDTH_TOLERANCE = 0.2
 WIDEST_GAP_DEG = 90.0
@@ -27,8 +29,8 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
     """
     if isinstance(content.site, str) and content.site not in SITES:
         reader.note("site", f"site={content.site!r} must be coordinates or one of {', '.join(SITES)}")
-    if content.name is not None and not content.name.strip():
-        reader.note("name", "name='' must not be empty")
+    if content.name is not None and not 0 < len(content.name.strip()) <= LONGEST_NAME:
+        reader.note("name", f"name={brief(content.name)} must have 1 to {LONGEST_NAME} signs")
     mask = _mask(content, reader)
     if content.mount is not None:
         for name in ("azimuth", "elevation"):
@@ -135,8 +137,8 @@ def _mask_file(name: str, reader: Reader) -> tuple[tuple[tuple[float, float], ..
     lines: list[int] = []
     path = reader.path.parent / name
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_whole(path, encoding="utf-8-sig")
+    except (OSError, ValueError) as error:
         reader.note("mount.horizon_file", f"mount.horizon_file={name!r} cannot be read: {error}")
         return (), []
     for number, line in enumerate(text.splitlines(), start=1):
@@ -154,6 +156,10 @@ def _mask_file(name: str, reader: Reader) -> tuple[tuple[tuple[float, float], ..
         lines.append(number)
     if not points:
         reader.note("mount.horizon_file", f"mount.horizon_file={name!r} must have at least one point")
+    elif len(points) > MOST_VALUES:
+        reader.note("mount.horizon_file", f"mount.horizon_file={name!r} has {len(points)} points, must have <= "
+            f"{MOST_VALUES}")  # fmt: skip
+        points = []
     return tuple(points), lines
 
 

@@ -172,7 +172,8 @@ class CommandedMotion:
         # Before the first sample of the target no distance is known, and nothing to compare the
         # beam with.
         if math.isfinite(self.targets.known_until_s):
-            path, error_path = map(self.targets.path, (t_s, t_s if error_t_s is None else error_t_s))
+            then_s = t_s if error_t_s is None else error_t_s
+            path, error_path = map(self.targets.path, (t_s, then_s))
         return MotionSnapshot(
             # Before the pass the axes wait where it begins, which is always known.
             target_available=ahead or t_s < window.aos_t_s,

@@ -78,7 +78,9 @@ class BeamEvidence:
             return self.planned_rad + axes.distance_rad
         if self.sensed is not None:
             off = np.array([self.sensed.cross_elevation_rad, self.sensed.elevation_rad])
-            return float(np.hypot(*(off if self.off_centre_rad is None else off + self.off_centre_rad)))
+            if self.off_centre_rad is not None:
+                off += self.off_centre_rad
+            return float(np.hypot(*off))
         if self.power is not None:
             return max(error_of_power_rad(self.power, beamwidth_rad), axes.distance_rad)
         return axes.distance_rad if self.sensor == NO_SENSOR else None

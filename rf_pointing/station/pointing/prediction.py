@@ -135,8 +135,8 @@ class TargetBuffer:
 
     def path(self, t_s: float) -> tuple[float, float]:
         """Return the distance, and the gain (dB) of the target's antenna, like `range_m`."""
-        range_m, gain_db = (float(np.interp(t_s, self._times, each)) for each in (self._ranges, self._gains))
-        return range_m, gain_db
+        gain_db = np.interp(t_s, self._times, self._gains)
+        return float(np.interp(t_s, self._times, self._ranges)), float(gain_db)
 
     def _one(self, t_s: float) -> Motion:
         if not self.covers(t_s, t_s):
