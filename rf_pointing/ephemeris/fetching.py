@@ -16,13 +16,13 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import SplitResult, urljoin, urlsplit
 
-from rf_pointing.core.checks import brief, is_number
+from rf_pointing.core.checks import brief
 from rf_pointing.core.whole_file import DATA_BYTES, KeptState, write_whole
 from rf_pointing.ephemeris import read_elements, read_oem
 from rf_pointing.ephemeris.element_files import cache_folder, is_address, kept_file
@@ -71,15 +71,6 @@ class Record:
     """Why the newest answer was not taken."""
     hosts: tuple[str, ...] = ()
     """Other servers to which this one may send the request on."""
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            sound = (
-                is_number(value) if isinstance(item.default, (int, float)) else isinstance(value, (str, list, tuple))
-            )
-            if not sound and (item.name != "epochs_t_s" or value is not None):
-                raise ValueError(f"{item.name}={brief(value)} of a kept record is of a wrong type")
 
     def again_t_s(self, every_s: float) -> float:
         """Return when the address may be requested again."""

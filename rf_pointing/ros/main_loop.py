@@ -127,7 +127,7 @@ class NodeLoop:
             node.diagnostics.add("process", self.health)
 
     def work(self, come_round: Callable[[], None] = lambda: None) -> int:
-        """Work until a signal or without nodes, `come_round` in each round; return the exit code."""
+        """Work until a signal or without a node, `come_round` each round; return the exit code."""
         code, looked_s = 0, time.monotonic()
         # Not `spin`: between two events the nodes do their own work and the signals are seen.
         while not self._signals and (self._nodes or self._missing):

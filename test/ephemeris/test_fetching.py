@@ -294,17 +294,6 @@ def test_a_header_that_cannot_be_sent_back_is_not_kept(value: str, source: Sourc
     assert ask(RULE_S).state == "new"
 
 
-@pytest.mark.parametrize(
-    "given", [{"requested_t_s": "soon"}, {"etag": 3}, {"hosts": 1}, {"objects": None}, {"more": 1}]
-)
-def test_a_record_of_a_wrong_type_is_left_out(
-    given: dict[str, Any], source: Source, ask: Callable[..., Outcome]
-) -> None:
-    record = next(ask().file.parent.glob(".*.json"))
-    record.write_text(json.dumps(json.loads(record.read_text()) | given))
-    assert ask(1.0).state == "new"
-
-
 def test_an_answer_that_no_node_would_read_is_not_taken() -> None:
     assert fetching.MOST_BYTES == DATA_BYTES
 
