@@ -267,15 +267,17 @@ def read_parameter_files(paths: Sequence[Path]) -> dict[str, dict[str, Any]]:
                 raise ValueError(f"{path}: {key} must hold ros__parameters and nothing else")
             if not isinstance(section["ros__parameters"], Mapping):
                 raise ValueError(f"{path}: ros__parameters of {key} must map names to values")
-            merged.setdefault(str(key).rsplit("/", 1)[-1], {}).update(_flat(section["ros__parameters"]))
+            values = flat(section["ros__parameters"])
+            merged.setdefault(str(key).rsplit("/", 1)[-1], {}).update(values)
     return merged
 
 
-def _flat(section: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for key, value in section.items():
+def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested names as dotted ones, lists as tuples."""
+    found: dict[str, Any] = {}
+    for name, value in values.items():
         if isinstance(value, Mapping):
-            flat |= _flat(value, f"{prefix}{key}.")
+            found |= flat(value, f"{prefix}{name}.")
         else:
-            flat[f"{prefix}{key}"] = value
-    return flat
+            found[f"{prefix}{name}"] = _tuple(value)
+    return found

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cached_property
 
 from rf_pointing.core import Mode, Params, Sensor, parameter, require_choice, require_finite
 from rf_pointing.tracking.sensors import NO_SENSOR, SENSORS, TABLE_WORDS, SensorTraits, sensors_of
@@ -56,12 +57,12 @@ class AutotrackParams(Params):
         2, "false locks of monopulse after which auto leaves it alone until a calibration", low=1, high=1000
     )
 
-    @property
+    @cached_property
     def own_level(self) -> bool:
         """Whether the sensor in use has a receiver of its own."""
         return any(traits.own_level for traits in sensors_of(self.sensor))
 
-    @property
+    @cached_property
     def carrier_db_hz(self) -> tuple[float, float]:
         """C/N0 from which the receiver of the sensor in use has a carrier, and below which none."""
         if self.own_level:

@@ -13,13 +13,12 @@ from functools import cached_property
 from typing import Any
 
 from rf_pointing.core.derived import Rows, Value, rounded
-from rf_pointing.core.parameters import Params, leaves, with_leaves
+from rf_pointing.core.parameters import Params, flat, leaves, with_leaves
 from rf_pointing.core.types import Pair
 from rf_pointing.drives.registry import takes_positions
 from rf_pointing.ephemeris.sites import SITES, Site
 from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.station.description.content import AxisSection, BandSection, Content
-from rf_pointing.station.description.reading import flat
 
 SPEED_OF_LIGHT_M_S = 299_792_458.0
 BEAM_FACTOR_DEG = 66.0

@@ -9,6 +9,7 @@ from functools import cache
 
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
 from rf_pointing.core.modes import Sensor
+from rf_pointing.core.parameters import flat
 from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.station import parameters as own
 from rf_pointing.station.derive import axes
@@ -23,7 +24,6 @@ from rf_pointing.station.description.content import (
     MountSection,
     SiteSection,
 )
-from rf_pointing.station.description.reading import flat
 from rf_pointing.tracking.sensors import SENSORS
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from rf_pointing.core import Params, Sensor, leaves
 from rf_pointing.core.checks import LONGEST_NAME, brief
-from rf_pointing.core.parameters import from_edge
+from rf_pointing.core.parameters import flat, from_edge
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.registry import known_types, takes_positions
@@ -16,7 +16,7 @@ from rf_pointing.planning.horizon_file import in_order, read_horizon
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
 from rf_pointing.station.derive.nodes import NODES, described_parameters, reference
 from rf_pointing.station.description.content import ArraySection, BandSection, Content, MountSection
-from rf_pointing.station.description.reading import MOST_VALUES, Reader, flat, nearest
+from rf_pointing.station.description.reading import MOST_VALUES, Reader, nearest
 
 BEAMWIDTH_TOLERANCE = 0.2
 WIDEST_GAP_DEG = 90.0

@@ -144,9 +144,10 @@ class TargetBuffer:
         """Return the distances (n,), linear between samples, the nearest one outside."""
         return np.asarray(np.interp(np.asarray(t_s, dtype=np.float64), self._times, self._ranges))
 
-    def satellite_gain_db(self, t_s: float) -> float:
-        """Return the gain of the target's antenna towards the station, like `range_m`."""
-        return float(np.interp(t_s, self._times, self._gains))
+    def path(self, t_s: float) -> tuple[float, float]:
+        """Return the distance, and the gain (dB) of the target's antenna, like `range_m`."""
+        gain_db = np.interp(t_s, self._times, self._gains)
+        return float(np.interp(t_s, self._times, self._ranges)), float(gain_db)
 
     def _one(self, t_s: float) -> Motion:
         if not self.covers(t_s, t_s):

@@ -94,7 +94,7 @@ def test_a_profile_replaces_no_sample_and_brings_its_motion_and_gain() -> None:
     # From the sample on: 2.5 rad there, where the profile has 2.02 rad; 0.5 rad, where it has 0.59 rad.
     np.testing.assert_allclose(found.position, [[2.5, 0.5], [2.52, 0.49], [2.54, 0.48]], atol=1e-12)
     np.testing.assert_allclose(found.velocity, [[0.0, 0.0], [0.02, -0.01], [0.02, -0.01]])
-    assert [buffer.satellite_gain_db(t_s) for t_s in times[1:4]] == pytest.approx([-9.0, -2.0, -1.5])
+    assert [buffer.path(t_s)[1] for t_s in times[1:4]] == pytest.approx([-9.0, -2.0, -1.5])
     # One sample does not tell how the distance changes.
     np.testing.assert_array_equal(buffer.range_m(times[1:4]), [1e6, 1e6, 1e6])
 
