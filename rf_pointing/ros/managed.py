@@ -18,7 +18,6 @@ from rf_pointing.ros.diagnostics import EventLog
 from rf_pointing.ros.graph import FRAMES
 from rf_pointing.ros.input_watchdog import InputWatchdog
 from rf_pointing.ros.lifecycle import Lifecycle, Schedule
-from rf_pointing.ros.lost_goals import LostGoals
 from rf_pointing.ros.qos import LATCHED, SERVICE
 from rf_pointing.ros.service_door import ServiceDoor
 from rf_pointing.ros.streams import (
@@ -215,7 +214,12 @@ class ManagedNode(Lifecycle):
             goal_callback=lambda request: GoalResponse.ACCEPT if accepts(request) else GoalResponse.REJECT,
             cancel_callback=cancelled, result_timeout=RESULT_TIMEOUT_S,
         )  # fmt: skip
-        clients = LostGoals(self, server, action_type, name, lost) if lost else None
+        clients = None
+        if lost:
+            # Imported here: nodes that serve no action, and most do not, do without it.
+            from rf_pointing.ros.lost_goals import LostGoals
+
+            clients = LostGoals(self, server, action_type, name, lost)
 
     def stream(self, message_type: Any, topic: str, qos: Any) -> SequencedPublisher:
         """Create a publisher that numbers its messages."""
