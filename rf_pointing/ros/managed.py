@@ -6,14 +6,12 @@ that arrives ends the node: what cannot be used is refused and counted on /diagn
 whatever else a callback raises.
 """
 
-import time
 from collections.abc import Callable
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.publisher import Publisher
 
-from rf_pointing.ros.diagnostics import EventLog
 from rf_pointing.ros.graph import FRAMES
 from rf_pointing.ros.input_watchdog import InputWatchdog
 from rf_pointing.ros.lifecycle import Lifecycle
@@ -44,7 +42,7 @@ class ManagedNode(Lifecycle):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self.inputs, self._events = InputCounter(), EventLog()
+        self.inputs = InputCounter()
         self.diagnostics.add("inputs", self.inputs.health)
         self.input_watchdog = InputWatchdog(self)
 
@@ -104,15 +102,6 @@ class ManagedNode(Lifecycle):
         """Count an error of a callback that was not foreseen, and go on."""
         self.inputs.note_error(where, error)
         self.log_once(where, f"{type(error).__name__}: {error}; please report it", error=True)
-
-    def log_once(self, subject: str, words: str, *, error: bool = False) -> None:
-        """Log what may repeat with every message or period; its count is on /diagnostics."""
-        if self._events.is_news(subject, words, time.monotonic()):
-            # rclpy refuses another severity at the same place.
-            if error:
-                self.get_logger().error(f"{subject}: {words}")
-            else:
-                self.get_logger().warning(f"{subject}: {words}")
 
     def serve(self, service_type: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:
         """Offer a service until cleanup."""
