@@ -30,8 +30,8 @@ SILENCE_S = 25.0
 INPUT_SILENCE_S = 10.0
 RECENT_S = 3.0
 FEWEST = 2
-# The message of the status `state`: a string is its length, its bytes and a zero, aligned by zeros.
-ACTIVE = re.compile(rb": state\x00+\x07\x00\x00\x00active\x00")
+# The message of the status `state`: a string is its length, its bytes and a zero, aligned.
+ACTIVE = re.compile(rb": state\x00.{0,3}?\x07\x00\x00\x00active\x00", re.DOTALL)
 
 
 @dataclass

@@ -34,6 +34,8 @@ MOVED_RAD = math.radians(10.0)
 """As for the wrap file: a device that was lost and reads so far away may have lost its turn."""
 SETTLED_STEPS = 1.1
 SAME_RAD = 1e-6
+LATE_S = 0.1
+"""Time between two looks from which on it does not count as waiting for the device."""
 KEPT_RATE_S = 0.1
 """Longest time at the rate of the last tick after which the commanded motion goes on as it was."""
 EDGE_RAD = math.radians(0.1)
@@ -54,19 +56,21 @@ class DriveHardware:
         self._longest_s = max(params.link.lost_s, 2.0 * can.period_s)
         self._reason, self._lost, self._t_s = "", "", math.inf
         self._encoder_rad: Pair = (0.0, 0.0)
-        self.sampled_s = 0.0
+        self.sampled_s = self._unseen_s = 0.0
         self._wind_m_s = math.nan
         smallest = max(self.rotator.smallest_rad) if self.takes_positions else max(can.resolution_rad)
         self.settled_rad = max(math.radians(0.02), SETTLED_STEPS * smallest)
 
     def look(self, t_s: float) -> None:
         """Let the drive work at `t_s`, and check what it reads."""
-        # A look that came late is not silence of the device.
+        # Time in which nobody looked is not silence of the device.
         late_s, self._t_s = max(0.0, t_s - self._t_s), t_s
+        self._unseen_s += late_s if late_s > LATE_S else 0.0
         rotator, before, newest = self.rotator, self.rotator.position_rad, self.rotator.reading
         was_lost = self._lost
         new = rotator.step(t_s)
-        self._lost = self.drive.problem or self._silent(t_s - late_s, rotator.reading)
+        self._unseen_s = 0.0 if new else self._unseen_s
+        self._lost = self.drive.problem or self._silent(t_s - max(late_s, self._unseen_s), rotator.reading)
         self.sampled_s = 0.0
         if new and rotator.reading is not None:
             self.sampled_s = max(0.0, rotator.reading.t_s - newest.t_s) if newest is not None else 0.0
@@ -224,11 +228,14 @@ class DriveAntenna(ControlUnit):
         """Return the joints at `t_s` (None: the drive is lost) and where it really is, if known."""
         passed_s = t_s - self.t_s
         self.hardware.look(t_s)
+        spare_s, positions = 2.0 * self.params.tick_s, self.hardware.takes_positions
         # A rotator goes on to its set point meanwhile, a drive of rates at its rate.
-        longest_s = LONGEST_GAP_S if self.hardware.takes_positions else KEPT_RATE_S
-        if not 0.0 < passed_s <= longest_s + 2.0 * self.params.tick_s:
+        if not 0.0 < passed_s <= (LONGEST_GAP_S if positions else KEPT_RATE_S) + spare_s:
             passed_s = self.params.tick_s
             self.axes.regain()
+        elif passed_s > KEPT_RATE_S + spare_s:
+            # Axes that got no set point have fallen behind, which is not a swing.
+            self.axes.loops.calm()
         reading = self.tick(t_s, passed_s)
         truth = self.hardware.drive.truth_rad
         boresight = None
