@@ -202,6 +202,8 @@ def main() -> None:
     parser.add_argument("--stalls", action="store_true", help="stop the servo for 0.1 to 0.9 s in every slew")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
+    # An end by a signal ends the devices, too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(2))
     # As the nodes: a stopped process leaves no shared memory for which others would wait.
     os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
     busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(options.busy)]
