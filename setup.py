@@ -25,6 +25,7 @@ EXECUTABLES = {
         "simulation_clock",
         "station_description",
         "station_executive",
+        "station_process",
     ],
     "commands": [
         "calibrate",

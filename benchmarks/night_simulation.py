@@ -130,7 +130,7 @@ class NightSimulation:
         tables = read_tables(alarms)
         machine: MachineParams = params.machine
         schedule = Schedule(params.limits, machine.axes, between)
-        schedule.add(passes)
+        schedule.change(passes)
         self.night = Night(
             schedule, tables.procedure, tables.recovery, self._send, quiet_s=alarms.quiet_s, sensor=setup.sensor,
             least_share=machine.least_share, notify=self._notify,

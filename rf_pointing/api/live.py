@@ -19,6 +19,7 @@ from rf_pointing_msgs.action import TrackPass
 from rf_pointing.api.requests import CalibrateRequest, IdentifyRequest, RunRequest, TrackRequest
 from rf_pointing.api.target import Target
 from rf_pointing.core import MDEG, Params, Sensor
+from rf_pointing.core.checks import id_of
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.identification import Recording
@@ -28,9 +29,10 @@ from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES
 from rf_pointing.ros.live_pass import outcome_line, track_pass
 from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end, say
+from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, fit_of_kept
-from rf_pointing.tracking import scan_tuning
+from rf_pointing.tracking.power_tracker import scan_tuning
 
 OF_STATION = tuple(node.name for node in (*GRAPH, *ARRAY_GRAPH) if node.name != "simulation_clock")
 """The nodes that take the station description."""
@@ -82,7 +84,7 @@ def prepare_track(request: TrackRequest) -> Flight:
     window, scan = request.window, request.scan
     if warning := request.stale_warning:
         say("track", warning)
-    stem = f"{request.target.satellite}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
+    stem = f"{id_of(request.target.satellite)}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
     output = output_folder(request, stem)
     setup = run_setup("track", request, window, output, scan)
     say("track", f"{window.name} over {request.station.name}, {request.station.band} band, {request.sensor}: "
@@ -260,6 +262,7 @@ def run_setup(program: str, request: RunRequest, window: Pass, output: Path, sca
         reset_fault=request.reset_fault,
         begin_s=window.aos_t_s - before_s,
         awaited=window.name,
+        processes=request.processes,
     )
 
 
@@ -330,9 +333,10 @@ def _parameters(request: RunRequest, station: Path, output: Path) -> dict[str, d
     }
     error_s = request.ephemeris_error_s
     truth = {} if error_s is None else {"source.along_track_offset_s": error_s}
-    kept: dict[str, Any] = dict(request.state_files)
-    if request.station.simulated:
-        kept = {"antenna.seed": _seed(request), "command_key_file": str((output / "command.key").resolve())}
+    # A real antenna keeps fault and turn over its runs.
+    kept = state_files(state_folder(), request.namespace) if not request.station.simulated else {
+        "antenna.seed": _seed(request), "command_key_file": str((output / "command.key").resolve())
+    }  # fmt: skip
     own: dict[str, dict[str, Any]] = {
         "ephemeris_publisher": source,
         "rf_receiver": {**source, **truth, "signal.seed": _seed(request)},

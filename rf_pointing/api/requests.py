@@ -24,11 +24,9 @@ from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.ephemeris.source import SourceParams, read_source
 from rf_pointing.identification import ExcitationParams
 from rf_pointing.planning import Gate, choose_turns
-from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, CampaignParams, schedule_calibration
-from rf_pointing.tracking import scan_of_station
 
 DEFAULT_MODELS = "runs/models"
 """Where `calibrate` leaves accepted models and `track` finds them."""
@@ -62,6 +60,7 @@ class RunRequest:
     seed: int | None = None
     ephemeris_error_s: float | None = None
     reset_fault: bool = False
+    processes: int = 2
     models: str = DEFAULT_MODELS
     keep_observations: bool = False
     namespace: str = "/gs1"
@@ -107,11 +106,6 @@ class RunRequest:
     def in_real_time(self) -> bool:
         """Whether the servo ticks one by one, rather than five ticks at once."""
         return not self.station.simulated or 0.0 < self.factor <= REAL_TIME_SPEED
-
-    @property
-    def state_files(self) -> dict[str, str]:
-        """Parameters with the files in which a real antenna keeps fault and turn over its runs."""
-        return state_files(state_folder(), self.namespace)
 
     @cached_property
     def said(self) -> dict[str, dict[str, Any]]:
@@ -200,7 +194,7 @@ class TrackRequest(RunRequest):
         # The link is weakest at the horizon, where the range is longest.
         farthest_m = max(float(track.target_at(t_s).range_m) for t_s in (self.window.aos_t_s, self.window.los_t_s))
         level_db_hz = params.link.level_db_hz(farthest_m)
-        return scan_of_station(params.sets(), level_db_hz, self.scan_sigma_mdeg * MDEG)
+        return params.scan_for_accuracy(level_db_hz, self.scan_sigma_mdeg * MDEG)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rf_pointing.api.target import Target, of_elements
+from rf_pointing.core.whole_file import read_whole
 from rf_pointing.ephemeris import Elements, find_elements
 from rf_pointing.ephemeris.source import load_catalogue
 
@@ -46,6 +47,9 @@ def satellites(where: str, named: Sequence[str], *, min_peak_deg: float = 0.0) -
             same = by_name.get(name.casefold(), [])
             if name.isdecimal() and int(name) in by_number:
                 same = [by_number[int(name)]]
+            if not same and len(errors) >= MOST_ERRORS:
+                # To look for what is near takes long, and nobody reads it.
+                raise ValueError(f"satellite={name!r} is unknown")
             # An unknown name, or one of several objects, is refused there with what is near.
             elements = same[0] if len(same) == 1 else find_elements(catalogue, name)
             if elements.catalogue_number in found:
@@ -69,8 +73,8 @@ def _entries(named: Sequence[str]) -> Iterator[tuple[str, str]]:
             yield "", one
             continue
         try:
-            lines = path.read_text(encoding="utf-8-sig").splitlines()
-        except UnicodeDecodeError as error:
+            lines = read_whole(path, encoding="utf-8-sig").splitlines()
+        except ValueError as error:
             raise ValueError(f"{one} is not a list of satellites: {error}") from error
         for number, line in enumerate(lines, start=1):
             # A name may hold a `#` of its own, as FENGYUN #2 does; a comment has blanks around it.

@@ -19,7 +19,6 @@ from rf_pointing.ephemeris import Site, TopocentricTrack, find_passes
 from rf_pointing.planning import AxisLimits
 from rf_pointing.simulation import StationSetup, simulate_pass
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
-from rf_pointing.station.parameters import antenna_params, controller_params
 from rf_pointing.station.pointing.certificates import PlannedPass, PlanningRules, planned_certificate
 from rf_pointing.station.pointing.multi_satellite_plan import plan_day
 from rf_pointing.station.pointing.params import ControllerParams
@@ -95,7 +94,7 @@ class Station:
     @cached_property
     def controller(self) -> ControllerParams:
         """Parameter sets of the pointing controller, in radians."""
-        return controller_params(self.description, self.band)
+        return ControllerParams(**self.description.sets("pointing_controller", self.band))
 
     @property
     def limits(self) -> AxisLimits:
@@ -127,7 +126,8 @@ class Station:
     @cached_property
     def start_rad(self) -> tuple[float, float]:
         """Azimuth and elevation at which the antenna is taken to stand at first."""
-        return antenna_params(self.description, self.band).antenna.start_rad
+        start_rad: tuple[float, float] = self.description.sets("antenna_servo", self.band)["antenna"].start_rad
+        return start_rad
 
     @cached_property
     def lowest_rad(self) -> float:

@@ -18,7 +18,7 @@ from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.raw_tracking import RawTracking
 from rf_pointing.core import from_degrees, to_degrees
 from rf_pointing.core.types import Array
-from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole, write_whole
+from rf_pointing.core.whole_file import JOURNAL_BYTES, read_bytes, read_whole, write_whole
 
 CsvTable = tuple[Mapping[str, str], Mapping[str, Array]]
 
@@ -130,7 +130,7 @@ class ObservationJournal:
     def _recovered(self) -> Observations | None:
         if not self.path.exists():
             return None
-        content = self.path.read_bytes()
+        content = read_bytes(self.path, JOURNAL_BYTES)
         whole = content[: content.rfind(b"\n") + 1]
         if len(whole) < len(content):
             with self.path.open("rb+") as stream:

@@ -64,6 +64,8 @@ def request_from(argv: list[str] | None = None) -> FetchRequest:
     add("--every", metavar="HOURS", type=between(0.0, 720.0), help="time between two requests for the same address "
         "(default and least: the source's rule; 2 h where none is known)")  # fmt: skip
     add("--timeout", metavar="S", type=between(0.1, 3600.0), default=60.0, help="for a whole answer (default: 60)")
+    add("--redirect-to", metavar="HOST", action="append", default=[], help="server to which that of the address may send "
+        "the request on, now and later (default: none but itself); may be given again")  # fmt: skip
     add("--list", action="store_true", help="tell what is kept and how old it is; send no request")
     add("--json", action="store_true", help="print JSON")
     options = parser.parse_args(argv)
@@ -71,9 +73,8 @@ def request_from(argv: list[str] | None = None) -> FetchRequest:
     if options.list:
         return FetchRequest(lambda _now_s: kept_elements(addresses, folder), options.json)
     every_s = None if options.every is None else options.every * HOUR_S
-    return FetchRequest(
-        lambda now_s: fetched(addresses, folder, now_s, every_s=every_s, timeout_s=options.timeout), options.json
-    )
+    given = {"every_s": every_s, "timeout_s": options.timeout, "hosts": options.redirect_to}
+    return FetchRequest(lambda now_s: fetched(addresses, folder, now_s, **given), options.json)
 
 
 def main(argv: list[str] | None = None) -> None:

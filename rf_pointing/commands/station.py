@@ -27,6 +27,7 @@ from typing import Any
 
 from rf_pointing.commands.options import add_namespace_option, between, ending_with_reason
 from rf_pointing.core.dates import parse_utc
+from rf_pointing.core.whole_file import DATA_BYTES, read_whole
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.ros.station_client import NIGHT, StationClient
 from rf_pointing.ros.station_run import run_to_end
@@ -112,9 +113,8 @@ def _passes(name: str) -> str:
     """Return the text of a file of passes, refused here with its row rather than by a node."""
     if not Path(name).is_file():
         raise argparse.ArgumentTypeError(f"no such file: {name}")
-    text = Path(name).read_text()
     try:
-        read_passes(text, every=False)
+        read_passes(text := read_whole(Path(name), DATA_BYTES), every=False)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
     return text

@@ -17,6 +17,8 @@ def add_run_options(parser: argparse.ArgumentParser, *, models: str, ephemeris_e
     add("--seed", type=seed, help="of a simulated antenna: seed of every noise source (default: 1)")
     add("--reset-fault", action="store_true", help="of a real antenna: reset the fault that an earlier run has "
         "latched, after you have looked at the antenna")  # fmt: skip
+    add("--processes", type=int, choices=(1, 2, 8), default=2, help="processes of the nodes: 1, 2 (what moves, and "
+        "the others) or 8, one for each node (default: 2); a real drive's control unit always has its own")  # fmt: skip
     add("--ephemeris-error", metavar="S", type=between(-60.0, 60.0), help=ephemeris_error)
     add("--models", metavar="DIR", default=DEFAULT_MODELS, help=models)
     add_namespace_option(parser)
@@ -37,6 +39,7 @@ def run_fields(given: dict[str, Any]) -> dict[str, Any]:
         "seed": given["seed"],
         "ephemeris_error_s": given["ephemeris_error"],
         "reset_fault": given["reset_fault"],
+        "processes": given["processes"],
         "models": given["models"],
         "namespace": given["namespace"],
         "parameter_files": tuple(map(Path, given["params_file"])),

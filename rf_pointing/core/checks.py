@@ -1,18 +1,80 @@
 """Checks of values: the message of every error carries the name, the value and the bound."""
 
 import math
+import re
+import sys
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+LONGEST_NAME = 100
+"""Longest name of a pass, a satellite, a band or a station, in characters."""
+LARGEST = 1e18
+"""Largest number of a list, a table or a message; metres to the nearest star are 4e16."""
+_MAX = sys.float_info.max
+_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+()-]*")
+
+
+def require_id(name: str, text: Any) -> None:
+    """Raise ValueError for a text that must not become the name of a file or a folder."""
+    if not isinstance(text, str) or len(text) > LONGEST_NAME or not _ID.fullmatch(text):
+        raise ValueError(
+            f"{name}={brief(text)} must be <= {LONGEST_NAME} letters (A-Z), digits, blanks and ._+()-, a letter or "
+            "digit first"
+        )
+
+
+def id_of(text: str) -> str:
+    """Return the beginning of a text as `require_id` allows it, with _ for every other sign."""
+    return re.sub(r"[^A-Za-z0-9.+()-]", "_", text[: LONGEST_NAME - 20]).lstrip("._+()-") or "unnamed"
+
+
+def require_name(name: str, text: Any) -> None:
+    """Raise ValueError for a name that is not one short line of printable signs."""
+    if not isinstance(text, str) or len(text) > LONGEST_NAME or not text.isprintable():
+        raise ValueError(f"{name}={brief(text)} must be one line of <= {LONGEST_NAME} printable signs")
+
+
+def name_of(text: str) -> str:
+    """Return the beginning of a text as `require_name` allows it, with ? for every other sign."""
+    if len(text) <= LONGEST_NAME and text.isprintable():
+        return text
+    return "".join(each if each.isprintable() else "?" for each in text[:LONGEST_NAME])
+
+
+def brief(value: Any) -> str:
+    """Return a value as a message shows it, whatever its length."""
+    text = repr(value)
+    return text if len(text) <= LONGEST_NAME else f"{text[:LONGEST_NAME]}..."
+
+
+def is_number(value: Any, low: float = -LARGEST, high: float = LARGEST) -> bool:
+    """Return whether a value of a list or a table is a number within bounds, not NaN or True."""
+    # Compared as it is: float() raises for a whole number of 400 digits.
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
+
+
+def names_in(name: str, value: Any) -> tuple[str, ...]:
+    """Return the names of a list, nothing for None; ValueError for whatever else it holds."""
+    given = () if value is None else value
+    if not isinstance(given, (list, tuple)) or not all(type(each) in (str, int) for each in given):
+        raise ValueError(f"{name}={brief(value)} must be a list of names")
+    return tuple(map(str, given))
+
 
 def require_finite(name: str, value: ArrayLike) -> None:
     """Raise ValueError unless every element of `value` is a finite number."""
     # Loops call this for single numbers thousands of times a second; numpy takes twenty times
     # longer for one.
-    finite = math.isfinite(value) if isinstance(value, (float, int)) else _all_finite(np.asarray(value))
+    if isinstance(value, float):
+        finite = math.isfinite(value)
+    elif isinstance(value, int):
+        # A whole number of 400 digits is larger than any float: `isfinite` raises for it.
+        finite = -_MAX <= value <= _MAX
+    else:
+        finite = _all_finite(np.asarray(value))
     if not finite:
         raise ValueError(f"{name}={np.asarray(value)} must be finite")
 

@@ -9,8 +9,9 @@ start; later, when a disk fills up, it ends nothing: `problem` says so and every
 
 import json
 import os
+import stat
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +27,27 @@ DEEPEST = 50
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-def read_whole(path: Path, most_bytes: int = SETTINGS_BYTES, encoding: str = "utf-8") -> str:
-    """Return the text of a file; ValueError for one that is too long or in another encoding."""
-    # Not by the size of the file: a device or a pipe has none.
-    with path.open("rb") as file:
+def read_bytes(path: Path, most_bytes: int = SETTINGS_BYTES) -> bytes:
+    """Return the content of a regular file; ValueError for anything else, and for a longer one."""
+    with open(path, "rb", opener=_regular) as file:
         data = file.read(most_bytes + 1)
     if len(data) > most_bytes:
         raise ValueError(f"{path} is longer than {most_bytes / 2**20:g} MiB")
+    return data
+
+
+def _regular(path: str, flags: int) -> int:
+    # Without O_NONBLOCK the opening of a pipe waits for its other end, for ever.
+    opened = os.open(path, flags | os.O_NONBLOCK)
+    if not stat.S_ISREG(os.fstat(opened).st_mode):
+        os.close(opened)
+        raise ValueError(f"{path} must be a regular file")
+    return opened
+
+
+def read_whole(path: Path, most_bytes: int = SETTINGS_BYTES, encoding: str = "utf-8") -> str:
+    """Return the text of a file as `read_bytes`; ValueError for one in another encoding."""
+    data = read_bytes(path, most_bytes)
     try:
         text = data.decode(encoding)
     except UnicodeDecodeError as error:
@@ -51,24 +66,44 @@ def parse_json(text: str, **options: Any) -> Any:
     return value
 
 
+class YamlError(ValueError):
+    """A YAML text that cannot be used: `line` and `why`."""
+
+    def __init__(self, line: int, why: str) -> None:
+        super().__init__(f"line {line}: {why}")
+        self.line, self.why = line, why
+
+
 def parse_yaml(text: str) -> Any:
-    """Return what a YAML text holds; ValueError where it is malformed, too deep or has aliases."""
+    """Return what a YAML text holds; YamlError for a malformed or deep one, aliases and tags."""
+    value = _from_yaml(yaml.load, text)
+    _require_plain(value)
+    return value
+
+
+def compose_yaml(text: str) -> Any:
+    """Return the nodes of a YAML text, which know their lines; errors as of `parse_yaml`."""
+    return _from_yaml(yaml.compose, text)
+
+
+def _from_yaml(make: Callable[..., Any], text: str) -> Any:
     depth = 0
     try:
         # Before anything is built: a few aliases of aliases stand for billions of values.
         for event in yaml.parse(text, Loader=_LOADER):
             if isinstance(event, yaml.AliasEvent):
-                raise ValueError(f"line {event.start_mark.line + 1}: alias *{event.anchor} must be written out")
+                raise YamlError(event.start_mark.line + 1, f"alias *{event.anchor} must be written out")
+            if getattr(event, "tag", None):
+                # What PyYAML makes of `!!int x` or `!!timestamp x` are errors of any kind.
+                raise YamlError(event.start_mark.line + 1, f"tag {event.tag} must be left out")
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > DEEPEST:
-                raise ValueError(f"line {event.start_mark.line + 1}: nested more than {DEEPEST} deep")
-        value = yaml.load(text, Loader=_LOADER)
+                raise YamlError(event.start_mark.line + 1, f"nested more than {DEEPEST} deep")
+        return make(text, Loader=_LOADER)
     except (yaml.YAMLError, RecursionError, OverflowError) as error:
         mark = getattr(error, "problem_mark", None)
-        where = f"line {mark.line + 1}: " if mark else ""
-        raise ValueError(f"not YAML: {where}{getattr(error, 'problem', None) or error}") from None
-    _require_plain(value)
-    return value
+        why = getattr(error, "problem", None) or error
+        raise YamlError(mark.line + 1 if mark else 1, f"not YAML: {why}") from None
 
 
 def _require_plain(value: Any) -> None:

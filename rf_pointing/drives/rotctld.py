@@ -10,6 +10,10 @@ silence, the line is refused with its code.
 
 `RotctldServer` serves the clients in a thread of its own.  What moves the antenna goes to the
 station, one order of each client at a time; memory for each client is bounded.
+
+Any web page can have a browser on this computer send bytes here: the body of its request would be
+read as lines.  So a line that no rotator client writes ends the connection: the head of an HTTP
+request, bytes that are not text, as those of TLS, or more than 200 of them without an end.
 """
 
 import asyncio
@@ -20,7 +24,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from ipaddress import ip_address, ip_network
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.types import Pair
@@ -35,23 +40,51 @@ _COMMANDS = {
     "P": ("set_pos", 2), "p": ("get_pos", 0), "S": ("stop", 0), "K": ("park", 0), "R": ("reset", 1), "M": ("move", 2),
     "_": ("get_info", 0), "s": ("get_status", 0), "1": ("dump_caps", 0), "q": ("quit", 0), "Q": ("quit", 0),
 }  # fmt: skip
-_BY_NAME = {**dict(_COMMANDS.values()), "dump_state": 0}
+_BY_NAME = {**dict(_COMMANDS.values()), "dump_state": 0, "password": 1}
 OF_STATION = ("set_pos", "stop", "park")
 """Commands that the station carries out."""
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
+# A page of another site may choose the method where a name of its own leads here: the first header
+# that browsers then send is Host.
+_OF_HTTP = re.compile(
+    r"(GET|HEAD|POST|PUT|PATCH|DELETE|OPTIONS|CONNECT|TRACE|PRI)\b|host\s*:|.*\bHTTP/\d", re.IGNORECASE
+)
 _READ_BYTES = 4096
 _ANSWER_S = 3.0
+WRONG_S = 0.3
+"""Delay of the answer to a wrong password."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ServerParams(Params):
     """Where clients connect, and how many."""
 
-    host: str = parameter("127.0.0.1", "address of the port; the protocol has no password")
+    host: str = parameter("127.0.0.1", "address of the port; others reach any but loopback: see allow, password_file")
     port: int = parameter(4533, "TCP port; 0: any free one", low=0, high=65535)
-    most_clients: int = parameter(100, "clients at one time; further ones are refused", low=1, high=500)
+    allow: str = parameter("", "addresses and networks of the clients, separated by commas; empty: any")
+    password_file: str = parameter("", "file (mode 600) of the word that \\password must give first; empty: none")
+    most_refused: int = parameter(20, "lines refused in a row that end a connection", low=1, high=1000)
+    most_clients: int = parameter(
+        100, "clients at one time; then one that has sent no line gives way, else further ones are refused",
+        low=1, high=500,
+    )  # fmt: skip
     idle_s: float = parameter(600.0, "a client that sends nothing for so long is disconnected", low=1.0, high=86400.0)
     patience_s: float = parameter(5.0, "a client that reads no answer for so long is disconnected", low=0.1, high=60.0)
+
+    def check_together(self) -> None:
+        """Refuse a list of clients that cannot be read."""
+        self.allows("127.0.0.1")
+
+    def allows(self, address: str) -> bool:
+        """Return whether a client may come from an address."""
+        try:
+            networks = [ip_network(each.strip()) for each in self.allow.split(",") if each.strip()]
+        except ValueError as error:
+            raise ValueError(f"allow={self.allow!r} must be addresses or networks, as 10.0.0.0/24: {error}") from None
+        with suppress(ValueError):
+            given = ip_address(address.partition("%")[0].removeprefix("::ffff:"))
+            return not networks or any(given in each for each in networks)
+        return not networks
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +92,8 @@ class Order:
     """One line of a client.
 
     `text` are the arguments as they were written, `separator` joins the lines of an extended
-    answer ("" for the plain form).  A line that is refused has a `code` and the `reason`.
+    answer ("" for the plain form).  A line that is refused has a `code` and the `reason`; one that
+    is `foreign` is not of this protocol.
     """
 
     name: str
@@ -68,6 +102,7 @@ class Order:
     separator: str = ""
     code: int = 0
     reason: str = ""
+    foreign: bool = False
 
 
 @dataclass(slots=True)
@@ -119,7 +154,7 @@ class Session:
 
     @staticmethod
     def _too_long() -> Order:
-        return Order("", code=INVALID, reason=f"a line is longer than {LONGEST_LINE} bytes")
+        return Order("", code=INVALID, reason=f"a line is longer than {LONGEST_LINE} bytes", foreign=True)
 
     @staticmethod
     def answer(order: Order, code: int = 0, fields: tuple[tuple[str, str], ...] = ()) -> bytes:
@@ -138,7 +173,9 @@ def _order(line: bytes) -> Order | None:
     if not text or text.startswith("#"):
         return None
     if not text.isascii() or not text.isprintable():
-        return Order("", code=INVALID, reason="a line holds bytes that are not text")
+        return Order("", code=INVALID, reason="a line holds bytes that are not text", foreign=True)
+    if _OF_HTTP.match(text):
+        return Order("", code=INVALID, reason=f"{_shown(text)} is of a web page", foreign=True)
     separator = {"+": "\n", ";": ";", "|": "|", ",": ","}.get(text[0], "")
     word, *arguments = text[1 if separator else 0 :].split() or [""]
     if word.startswith("\\"):
@@ -266,6 +303,8 @@ class ServerCounts:
     clients: int = 0
     refused_clients: int = 0
     refused_lines: int = 0
+    ended: int = 0
+    """Clients that were disconnected for what they sent."""
     last_refusal: str = ""
     connected: dict[str, float] = field(default_factory=dict)
     """Clients by address and port, with the steady time of the last bytes of each."""
@@ -275,7 +314,8 @@ class RotctldServer:
     """Serves rotctld's protocol on a TCP port until `close`.
 
     `inbox` is called in the thread of the server with what the station carries out, and
-    `refused` with each line that was refused, in words.
+    `refused` with each line that was refused, in words.  With a `password` a client must give it
+    first, as text or as its MD5 in hexadecimal digits, which is what Hamlib sends.
 
     Raises
     ------
@@ -289,8 +329,11 @@ class RotctldServer:
         view: StationView,
         inbox: Callable[[Inquiry], None],
         refused: Callable[[str], object] = str,
+        password: str = "",
     ) -> None:
         self._params, self.view, self._inbox, self._refused = params, view, inbox, refused
+        self._password = password
+        self._unheard: dict[str, asyncio.StreamWriter] = {}
         self.counts = ServerCounts()
         self._habit = Habit()
         self._socket = socket.socket(socket.AF_INET6 if ":" in params.host else socket.AF_INET)
@@ -336,11 +379,18 @@ class RotctldServer:
         host, port = (writer.get_extra_info("peername") or ("?", 0))[:2]
         name = f"{host}:{port}"
         try:
-            if len(self.counts.connected) >= self._params.most_clients:
-                self.counts.refused_clients += 1
-                writer.write(f"RPRT {REJECTED}\n".encode())
+            full = len(self.counts.connected) >= self._params.most_clients
+            allowed = self._params.allows(host)
+            if full and allowed and (silent := next(iter(self._unheard), "")):
+                self._unheard.pop(silent).transport.abort()
+                self.counts.connected.pop(silent)
+                full = False
+            if not allowed:
+                self._refuse_client(writer, f"{name} is not in server.allow={self._params.allow}")
+            elif full:
+                self._refuse_client(writer, f"{name}: {self._params.most_clients} clients are connected")
             else:
-                self.counts.connected[name] = time.monotonic()
+                self.counts.connected[name], self._unheard[name] = time.monotonic(), writer
                 self.counts.clients += 1
                 await self._talk(reader, writer, name)
         except (TimeoutError, OSError, asyncio.CancelledError):
@@ -348,18 +398,45 @@ class RotctldServer:
             writer.transport.abort()
         finally:
             self.counts.connected.pop(name, None)
+            self._unheard.pop(name, None)
             self._tasks.discard(task)
             writer.close()
 
+    def _refuse_client(self, writer: asyncio.StreamWriter, reason: str) -> None:
+        self.counts.refused_clients += 1
+        self._refused(reason)
+        writer.write(f"RPRT {REJECTED}\n".encode())
+
     async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, name: str) -> None:
-        session = Session(Habit(self._habit.negative, self._habit.over))
+        session, refused, known = Session(Habit(self._habit.negative, self._habit.over)), 0, not self._password
         while data := await asyncio.wait_for(reader.read(_READ_BYTES), self._params.idle_s):
             at_s = self.counts.connected[name] = time.monotonic()
             for order in session.take(data):
+                self._unheard.pop(name, None)
                 if order.name == "quit" and not order.code:
                     return
+                if order.name == "password" and not order.code:
+                    known = known or self._is_password(order.text)
+                    order = replace(order, text="", code=0 if known else REJECTED, reason="the password is wrong")
+                    await asyncio.sleep(0.0 if known else WRONG_S)
+                elif not known and not order.foreign:
+                    order = replace(order, code=REJECTED, reason="\\password must come first")
                 writer.write(await self._answer(session, order, name, at_s))
+                refused = refused + 1 if order.code else 0
+                if order.foreign or refused >= self._params.most_refused:
+                    self.counts.ended += 1
+                    self._refused(f"{name} is disconnected after {refused} refused lines; the last: {order.reason}")
+                    return
             await asyncio.wait_for(writer.drain(), self._params.patience_s)
+
+    def _is_password(self, given: str) -> bool:
+        import hashlib
+        import hmac
+
+        wanted = self._password.encode()
+        # Not a secret's protection: the form in which Hamlib's own clients send it.
+        digest = hashlib.md5(wanted, usedforsecurity=False).hexdigest().encode()
+        return any(hmac.compare_digest(given.encode(), each) for each in (wanted, digest))
 
     async def _answer(self, session: Session, order: Order, name: str, at_s: float) -> bytes:
         code, fields = order.code, None
@@ -373,7 +450,7 @@ class RotctldServer:
                 session.habit.take(order.values_deg[0], order.values_deg[1])
                 # Clients that connect anew for every command have the habit of the one before.
                 self._habit = Habit(session.habit.negative, session.habit.over)
-        else:
+        elif order.name != "password":
             fields = self.view.fields(order.name, session.habit)
             code = IO_ERROR if fields is None else 0
         return session.answer(order, code, fields or ())

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from rf_pointing.core.checks import name_of
 from rf_pointing.core.dates import DAY_S, from_utc_text
 from rf_pointing.core.kvn import key_and_value, without_unit
 from rf_pointing.core.whole_file import DEEPEST, parse_json
@@ -184,7 +185,7 @@ def _elements(fields: Fields) -> Elements:
     per_day = 2.0 * math.pi / DAY_S
     catalogue_number = _integer(fields, "NORAD_CAT_ID")
     return Elements(
-        name=_text(fields, "OBJECT_NAME") or str(catalogue_number),
+        name=name_of(_text(fields, "OBJECT_NAME")) or str(catalogue_number),
         catalogue_number=catalogue_number,
         international_designator=_text(fields, "OBJECT_ID"),
         classification=_text(fields, "CLASSIFICATION_TYPE") or "U",

@@ -2,25 +2,28 @@
 
 Elements are requested when they have changed (ETag, If-Modified-Since), and not more often than the
 source allows.  Only a whole answer with elements replaces the kept file; an error, a web page, half
-a file or no answer leaves it as it is.
+a file or no answer leaves it as it is.  A server may send the request on to another one only where
+the user has named it: whoever holds the address must not reach the ports of this computer.
 """
 
 import fcntl
 import functools
 import hashlib
 import queue
+import re
 import statistics
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urljoin, urlsplit
 
-from rf_pointing.core.whole_file import KeptState, write_whole
+from rf_pointing.core.checks import brief, is_number
+from rf_pointing.core.whole_file import DATA_BYTES, KeptState, write_whole
 from rf_pointing.ephemeris import read_elements, read_oem
 from rf_pointing.ephemeris.element_files import cache_folder, is_address, kept_file
 
@@ -36,9 +39,13 @@ UNREACHED_S = 60.0
 """A server that was not reached got no request: it may be tried again after this time."""
 LONGEST_WAIT_S = 24.0 * HOUR_S
 """Longest Retry-After that is obeyed; longer ones are slips of the server."""
-MOST_BYTES = 256 * 2**20
+MOST_BYTES = DATA_BYTES
+"""Longest answer that is kept: no node reads a longer file."""
+MOST_REDIRECTS = 5
 FEWEST_SHARE = 0.5
 """A new file with fewer objects than this share of the kept one's is taken for half a file."""
+_HEADER = re.compile(r"[!-~]([ -~]{0,500}[!-~])?")
+"""Values of a header that can be sent back."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +69,17 @@ class Record:
     """Oldest, median and newest epoch; None for an ephemeris."""
     problem: str = ""
     """Why the newest answer was not taken."""
+    hosts: tuple[str, ...] = ()
+    """Other servers to which this one may send the request on."""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            sound = (
+                is_number(value) if isinstance(item.default, (int, float)) else isinstance(value, (str, list, tuple))
+            )
+            if not sound and (item.name != "epochs_t_s" or value is not None):
+                raise ValueError(f"{item.name}={brief(value)} of a kept record is of a wrong type")
 
     def again_t_s(self, every_s: float) -> float:
         """Return when the address may be requested again."""
@@ -91,8 +109,9 @@ class NotTakenError(Exception):
 
 
 def refresh(
-    address: str, folder: Path, now_s: float, *, every_s: float | None = None, timeout_s: float = 60.0
-) -> Outcome:
+    address: str, folder: Path, now_s: float, *, every_s: float | None = None, timeout_s: float = 60.0,
+    hosts: Sequence[str] = (),
+) -> Outcome:  # fmt: skip
     """Bring the kept file of `address` up to date where the source's rule allows a request.
 
     Parameters
@@ -100,6 +119,7 @@ def refresh(
     now_s : UTC in s since 1970.
     every_s : time between two requests; None for the source's rule, below which it must not be.
     timeout_s : longest time for the whole answer, however steadily its bytes arrive.
+    hosts : other servers to which this one may send the request on, from now on.
     """
     every_s = allowed_interval_s(address, every_s)
     file = kept_file(address, folder)
@@ -111,7 +131,8 @@ def refresh(
         if now_s < record.again_t_s(every_s) <= now_s + max(every_s, LONGEST_WAIT_S):
             return Outcome(state=_kept_state(record, kept, "not due"), file=file, record=record)
         # Before it is sent: a process that is killed while it waits must not send another at once.
-        requested = replace(record, requested_t_s=now_s, interval_s=every_s, hold_t_s=0.0)
+        allowed = tuple(dict.fromkeys((*record.hosts, *hosts)))
+        requested = replace(record, requested_t_s=now_s, interval_s=every_s, hold_t_s=0.0, hosts=allowed)
         state.keep(asdict(requested))
         try:
             # "Not modified" would say nothing about a file that is gone or was changed by hand.
@@ -159,16 +180,14 @@ def current_elements(address: str) -> str:
     return f"{found.problem}; the elements that were confirmed {age} ago are used"
 
 
-def fetched(
-    addresses: Sequence[str], folder: Path, now_s: float, *, every_s: float | None = None, timeout_s: float = 60.0
-) -> list[Outcome]:
+def fetched(addresses: Sequence[str], folder: Path, now_s: float, **options: Any) -> list[Outcome]:
     """Return what became of every address, or of all that `folder` keeps; ValueError if none.
 
-    Parameters are those of `refresh`.
+    `options` are those of `refresh`.
     """
     _require_addresses(addresses)
     found = addresses or [one.record.address for one in kept_elements((), folder)]
-    return [refresh(one, folder, now_s, every_s=every_s, timeout_s=timeout_s) for one in found]
+    return [refresh(one, folder, now_s, **options) for one in found]
 
 
 def kept_elements(addresses: Sequence[str], folder: Path) -> list[Outcome]:
@@ -237,6 +256,9 @@ def _get(record: Record, timeout_s: float) -> _Answer | None:
             found.put(_request(record, timeout_s))
         except NotTakenError as error:
             found.put(error)
+        except Exception as error:
+            # A Location such as http://[ raises inside of requests.
+            found.put(NotTakenError(f"{record.address}: {error}"))
 
     # The timeouts of an HTTP client are those of one read: a byte a second would keep it for hours.
     threading.Thread(target=work, daemon=True).start()
@@ -253,9 +275,19 @@ def _request(record: Record, timeout_s: float) -> _Answer | None:
     import requests
 
     wanted = {"User-Agent": "rf_pointing", "If-None-Match": record.etag, "If-Modified-Since": record.last_modified}
-    headers = {name: value for name, value in wanted.items() if value}
+    # Also those that were kept before they were checked: nothing could be sent with them.
+    headers = {name: value for name, value in wanted.items() if _sendable(value)}
+    address = record.address
     try:
-        with requests.get(record.address, headers=headers, stream=True, timeout=timeout_s) as response:
+        for _ in range(MOST_REDIRECTS):
+            response = requests.get(address, headers=headers, stream=True, timeout=timeout_s, allow_redirects=False)
+            if not response.is_redirect:
+                break
+            response.close()
+            address = _sent_on(address, response.headers["Location"], record)
+        else:
+            raise NotTakenError(f"{record.address} was sent on {MOST_REDIRECTS} times")
+        with response:
             status, found = response.status_code, response.headers
             if status == 304 and len(headers) > 1:
                 return None
@@ -268,9 +300,35 @@ def _request(record: Record, timeout_s: float) -> _Answer | None:
                 if len(body) > MOST_BYTES:
                     raise NotTakenError(f"{response.url} sent {len(body)} bytes, must be <= {MOST_BYTES}")
             known = "Content-Length" in found or found.get("Transfer-Encoding", "") == "chunked"
-            return _Answer(bytes(body), found.get("ETag", ""), found.get("Last-Modified", ""), known)
+            etag, modified = (found.get(name, "") for name in ("ETag", "Last-Modified"))
+            return _Answer(bytes(body), _sendable(etag), _sendable(modified), known)
     except requests.RequestException as error:
         raise _not_taken(record.address, error, timeout_s) from error
+
+
+def _sendable(value: str) -> str:
+    return value if _HEADER.fullmatch(value) else ""
+
+
+def _sent_on(address: str, location: str, record: Record) -> str:
+    """Return where a request is sent on; NotTakenError for a server that was not named."""
+    try:
+        begin, end = urlsplit(address), urlsplit(target := urljoin(address, location))
+        same, secure = _server(begin) == _server(end), end.scheme == "https" or begin.scheme != "https"
+    except ValueError as error:
+        raise NotTakenError(f"{address} was sent on to {brief(location)}: {error}") from error
+    if not is_address(target) or not secure:
+        raise NotTakenError(f"{address} was sent on to {brief(target)}, must be {begin.scheme}")
+    if not same and end.hostname not in record.hosts:
+        raise NotTakenError(
+            f"{address} was sent on to {end.hostname}, which only fetch_elements --redirect-to {end.hostname} allows"
+        )
+    return target
+
+
+def _server(parts: SplitResult) -> tuple[str, int | None]:
+    port = None if parts.port in (80, 443) else parts.port
+    return (parts.hostname or "").removeprefix("www."), port
 
 
 def _not_taken(address: str, error: Any, timeout_s: float) -> NotTakenError:

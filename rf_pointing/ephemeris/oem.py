@@ -19,6 +19,7 @@ import erfa
 import numpy as np
 
 from rf_pointing.core import require_choice
+from rf_pointing.core.checks import name_of
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
 from rf_pointing.core.dates import DAY_S, from_utc_text, to_utc_text, utc_text
 from rf_pointing.core.kvn import key_and_value
@@ -185,7 +186,7 @@ def _segment(meta: dict[str, str], states: list[_State]) -> OemSegment:
     _require_near_the_earth(states, values)
     usable_from_s, usable_to_s = _usable(meta, tai_s)
     return OemSegment(
-        name=meta["OBJECT_NAME"],
+        name=name_of(meta["OBJECT_NAME"]),
         object_id=meta["OBJECT_ID"],
         frame=meta["REF_FRAME"].upper(),
         tai_s=tai_s,

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from sgp4.alpha5 import from_alpha5, to_alpha5
 
+from rf_pointing.core.checks import name_of
 from rf_pointing.core.dates import DAY_S, require_day_of_year
 from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements
 
@@ -122,7 +123,7 @@ def _elements(line1: str, line2: str, name: str) -> Elements:
     revolutions_per_day = 2.0 * math.pi / DAY_S
     catalogue_number = number_from_alpha5(line1[2:7])
     return Elements(
-        name=name or str(catalogue_number),
+        name=name_of(name) or str(catalogue_number),
         catalogue_number=catalogue_number,
         classification=line1[7].strip() or "U",
         international_designator=_read_designator(line1[9:17].strip()),

@@ -27,13 +27,13 @@ from rf_pointing.ros.diagnostics import LEVELS
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS, OPERATOR_PAGE, SCHEDULE, STATION_IN_USE
 from rf_pointing.ros.lifecycle import LifecycleParams
-from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.main_loop import read_token, run
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import IN_USE, LATCHED, STATUS, STREAM
 from rf_pointing.ros.repeated_call import ParametersOf
 from rf_pointing.station.clients.board import LONGEST_TEXT, READ, Board, PageParams
 from rf_pointing.tracking.sensors import load_trackers
-from rf_pointing.web.page_server import PageServer, read_token, report
+from rf_pointing.web.page_server import PageServer, report
 
 PARAMETERS_S = 5.0
 """Wall time between two requests for the limits in force."""
@@ -81,7 +81,7 @@ class OperatorPage(ManagedNode):
             self.listen(kind, topic, partial(self._keep, name, values), qos)
         self.listen(ours.PassProfileList, "pass_profiles", self._on_profiles, LATCHED)
         self.listen(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
-        token, path = read_token(params.token_file, self.lock.path.with_suffix(".token"))
+        token, path = read_token("token_file", params.token_file, self.lock.path.with_suffix(".token"))
         self._server = PageServer(params, token)
         self._at_cleanup.callback(self._close)
         self.diagnostics.add_report("page", lambda: report(self._server))
@@ -98,8 +98,12 @@ class OperatorPage(ManagedNode):
         due = self._board.turn(time.monotonic(), time.time(), self._server.app.viewers)
         while not self._server.requests.empty():
             each = self._server.requests.get()
-            self.get_logger().info(f"{each.name[:LONGEST_TEXT]} {each.arguments} requested by {each.who}")
-            self._board.request(each.name, each.arguments, each.reply)
+            try:
+                self.get_logger().info(f"{each.name[:LONGEST_TEXT]!r} {each.arguments} requested by {each.who}")
+                self._board.request(each.name, each.arguments, each.reply)
+            except Exception as error:
+                self.survived("a command", error)
+                each.reply(False, f"{type(error).__name__}: {error}")
         self._sender.poll()
         if due:
             try:

@@ -74,7 +74,7 @@ class PointingControllerNode(StationNode):
         self.listen(ours.PointingModel, "pointing_model", lambda m: goals.take_model(model_from_message(m)), LATCHED)
         self.listen(Temperature, TEMPERATURE, self._on_temperature, STREAM)
         self.listen(ours.PassProfileList, "pass_profiles", take_profiles, LATCHED)
-        self.serve_action(Trigger, "~/stop", self._stop)
+        self.serve_action(Trigger, "~/stop", self._stop, urgent=True)
         self.serve_action(Trigger, "~/calibrate", self._calibrate)
         self.diagnostics.add_report("tracking", goals.report)
         ExecutiveWatch(self)

@@ -8,13 +8,14 @@ Subscribes: joint_states, antenna_status, tracking_status, executive_status, poi
 Publishes: joint_trajectory (10 Hz, while it follows points itself).
 Uses: antenna_servo/go_to, park, resume; pointing_controller/stop;
 ephemeris_publisher/select_target and its parameter source.elements; track_pass.
-Parameters: server.* (address, port, clients), follow.* and match.* (what points mean), sensor,
-identify, command_key_file (the key that signs joint_trajectory and calls).
+Parameters: server.* (address, port, who may connect), follow.* and match.* (what points mean),
+sensor, identify, command_key_file (the key that signs joint_trajectory and calls).
 """
 
 import math
 import time
 from collections import deque
+from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
@@ -27,7 +28,7 @@ from rf_pointing.ros import convert, convert_calibration
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS
-from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.main_loop import read_token, run
 from rf_pointing.ros.qos import COMMAND, LATCHED, STATUS, STREAM
 from rf_pointing.ros.repeated_call import ParametersOf
 from rf_pointing.ros.stamps import seconds_from_stamp
@@ -82,7 +83,9 @@ class RotctldServerNode(StationNode):
 
     def activate(self) -> None:
         params = self.parameters.value("server")
-        self._server = RotctldServer(params, self._steering.view, self._inbox.put, self._refused.append)
+        file = params.password_file
+        password = read_token("server.password_file", file, Path(file))[0] if file else ""
+        self._server = RotctldServer(params, self._steering.view, self._inbox.put, self._refused.append, password)
         self._at_deactivation.callback(self._close)
         self.get_logger().info(f"rotctld clients are served at {params.host}:{self._server.port}")
         self.every(PERIOD_S, self._step)

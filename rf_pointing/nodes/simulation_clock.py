@@ -14,6 +14,7 @@ Parameters: start_s, speed (0: as fast as the graph follows), tick_s.
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
 from rf_pointing.ros.diagnostics import Health
@@ -33,6 +34,8 @@ class SimulationClock(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("simulation_clock")
+        # It makes the time that the other nodes of its process take.
+        self.set_parameters([Parameter("use_sim_time", value=False)])
         self.parameters.declare("", ClockParams())
         self._pacer: Pacer | None = None
         self._published_wall_s = 0.0

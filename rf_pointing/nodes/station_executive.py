@@ -23,11 +23,11 @@ from rf_pointing_msgs.srv import ChangeSchedule, Named
 from std_srvs.srv import Trigger
 
 from rf_pointing.operations import AlarmParams, BetweenParams
-from rf_pointing.ros.command_key import CommandKeyParams
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.ros.main_loop import run
-from rf_pointing.ros.night_messages import executive_status_to_message, hear, schedule_to_message
+from rf_pointing.ros.night_messages import executive_status_to_message, hear, hear_partner, schedule_to_message
 from rf_pointing.ros.one_goal import OneGoal
 from rf_pointing.ros.qos import LATCHED, STATUS
 from rf_pointing.ros.station_node import StationNode
@@ -61,7 +61,12 @@ class StationExecutive(StationNode):
         self._at_cleanup.callback(watch.hooks.close)
         self._at_cleanup.callback(watch.sender.close)
         self._published_wall_s = 0.0
+        own = self.parameters.value("executive")
+        key = CommandKeyParams(command_key_file=own.partners_key_file if own.partners else "")
+        self._key = CommandKey(key, parameter="executive.partners_key_file")
         hear(self, watch)
+        for name in watch.partners:
+            hear_partner(self, watch, self._key, name)
         self._schedule = self.stream(ours.Schedule, SCHEDULE, LATCHED)
         self._status = self.stream(ours.ExecutiveStatus, EXECUTIVE_STATUS, STATUS)
         for name in ("pause", "resume", "stop", "abort"):
@@ -124,13 +129,17 @@ class StationExecutive(StationNode):
     def _shown(self, answer: str = "") -> str:
         """Publish schedule and status if the schedule has changed; return the answer."""
         if (entries := self.watch.news()) is not None:
-            self._schedule.publish(schedule_to_message(entries, self.now_s()))
+            self._send(self._schedule, schedule_to_message(entries, self.now_s()), SCHEDULE)
             self._publish()
         return answer
 
+    def _send(self, publisher: Any, message: Any, topic: str) -> None:
+        self._key.sign_claim(message, topic, self.get_namespace().strip("/"))
+        publisher.publish(message)
+
     def _publish(self) -> None:
         self._published_wall_s = time.monotonic()
-        self._status.publish(executive_status_to_message(self.watch.night, self.now_s()))
+        self._send(self._status, executive_status_to_message(self.watch.night, self.now_s()), EXECUTIVE_STATUS)
         if self._goal.lasts:
             self._goal.report(RunSchedule.Feedback(**self.watch.progress()))
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rf_pointing.core.checks import names_in
 from rf_pointing.core.whole_file import parse_yaml, read_whole
 from rf_pointing.operations.alarms import AlarmParams
 from rf_pointing.operations.procedure import Procedure, read_procedure
@@ -56,8 +57,9 @@ def _row(name: str, given: Any) -> DirectiveRow:
     if not address or (kind == "parameter" and address.count("/") < 1):
         raise ValueError(f"directive {name}: {kind}={address!r} must name it, a parameter as in node/name")
     return DirectiveRow(
-        name=name, kind=kind, address=address, type_name=type_name, takes=tuple(map(str, given.get("takes") or ()))
-    )
+        name=name, kind=kind, address=address, type_name=type_name,
+        takes=names_in(f"directive {name}: takes", given.get("takes")),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

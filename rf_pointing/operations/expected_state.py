@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from rf_pointing.core.checks import is_number
+
 Value = Any
 """A number or a text; what is only handed on, as the window of a pass, may be any plain value."""
 _NUMBERS = ("above", "below")
@@ -62,13 +64,13 @@ def _conditions_of(where: str, name: str, wanted: Any) -> list[Condition]:
         raise ValueError(f"{where}: {name!r} must name device and attribute, as in antenna.mode")
     tests = dict(wanted) if isinstance(wanted, Mapping) else {"is": wanted}
     age_s = tests.pop("max_age_s", OLDEST_S)
-    if not isinstance(age_s, (int, float)) or not 0.0 < age_s < math.inf:
+    if not is_number(age_s) or age_s <= 0.0:
         raise ValueError(f"{where}: {name}: max_age_s={age_s!r} must be > 0 s")
-    unknown = sorted(set(tests) - set(_TESTS))
+    unknown = sorted(map(str, set(tests) - set(_TESTS)))
     if unknown or not tests:
         raise ValueError(f"{where}: {name}: {', '.join(unknown) or 'no test'}: must be one of {', '.join(_TESTS)}")
     for test, value in tests.items():
-        if test in _NUMBERS and (isinstance(value, bool) or not isinstance(value, (int, float))):
+        if test in _NUMBERS and not is_number(value):
             raise ValueError(f"{where}: {name}: {test}={value!r} must be a number")
         if test == "one_of" and not isinstance(value, (list, tuple)):
             raise ValueError(f"{where}: {name}: one_of={value!r} must be a list")

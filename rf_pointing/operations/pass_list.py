@@ -10,19 +10,22 @@ import io
 import json
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
+from rf_pointing.core.checks import brief, id_of, is_number
 from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.core.whole_file import parse_json
-from rf_pointing.operations.schedule import ScheduledPass
+from rf_pointing.operations.schedule import MOST_PASSES, ScheduledPass
 
-MOST_PASSES = 20_000
 _PLANNED = ("", "tracked")
 """Fates of rows of `plan_passes` that a schedule takes, unless all are wanted."""
 _PATH = ("aos_azimuth_deg", "azimuth_low_deg", "azimuth_high_deg", "azimuth_end_deg")
 _EXACT = "X-RF-POINTING-PASS"
+_LARGEST = 1e9
+"""Largest number of a row: degrees, hours, priorities."""
 
 
 def read_passes(text: str, *, every: bool = True) -> list[ScheduledPass]:
@@ -41,16 +44,17 @@ def read_passes(text: str, *, every: bool = True) -> list[ScheduledPass]:
         if not all(isinstance(row, Mapping) for row in rows):
             raise ValueError("a schedule in JSON must be a list of passes, or an object with passes")
     else:
-        rows = list(csv.DictReader(io.StringIO(start)))
+        try:
+            rows = list(csv.DictReader(io.StringIO(start, newline=None)))
+        except csv.Error as error:
+            raise ValueError(f"not a table: {error}") from error
     if len(rows) > MOST_PASSES:
         raise ValueError(f"a schedule of {len(rows)} passes must have <= {MOST_PASSES}")
     found = [
         _pass_of(number, row) for number, row in enumerate(rows, start=1)
-        if every or row.get("fate", "") in (*_PLANNED, None)
+        if every or row.get("fate") in (*_PLANNED, None)
     ]  # fmt: skip
-    ids = [item.id for item in found]
-    if len(set(ids)) < len(ids):
-        twice = sorted({each for each in ids if ids.count(each) > 1})
+    if twice := sorted(each for each, count in Counter(item.id for item in found).items() if count > 1):
         raise ValueError(f"pass {', '.join(twice[:3])} is in the list twice")
     return found
 
@@ -140,15 +144,15 @@ def _calendar_rows(text: str) -> list[dict[str, Any]]:
 
 def _pass_of(number: int, row: Mapping[str, Any]) -> ScheduledPass:
     try:
-        target = next((str(row[key]) for key in ("target", "catalogue_number", "name") if row.get(key)), "")
+        target = next(filter(None, (_text(row, key) for key in ("target", "catalogue_number", "name"))), "")
         aos_t_s, los_t_s = parse_utc(str(row["aos_utc"])), parse_utc(str(row["los_utc"]))
         path = tuple(_number(row, key) for key in _PATH)
         known = all(math.isfinite(value) for value in path)
         return ScheduledPass(
-            id=str(row.get("id") or f"{target.replace(' ', '_')}-{round(0.5 * (aos_t_s + los_t_s))}"),
+            id=_text(row, "id") or f"{id_of(target)}-{round(0.5 * (aos_t_s + los_t_s))}",
             target=target,
-            name=str(row.get("name") or target),
-            priority=int(row.get("priority") or 0),
+            name=_text(row, "name") or target,
+            priority=_whole(row, "priority"),
             aos_t_s=aos_t_s,
             los_t_s=los_t_s,
             peak_rad=math.radians(_number(row, "peak_elevation_deg", 0.0)),
@@ -157,8 +161,8 @@ def _pass_of(number: int, row: Mapping[str, Any]) -> ScheduledPass:
                 math.radians(_number(row, "aos_elevation_deg", 0.0)),
                 math.radians(_number(row, "los_elevation_deg", 0.0)),
             ),
-            antenna=str(row.get("antenna") or ""),
-            sensor=str(row.get("sensor") or ""),
+            antenna=_text(row, "antenna"),
+            sensor=_text(row, "sensor"),
             element_age_s=3600.0 * _number(row, "element_age_h"),
         )
     except KeyError as error:
@@ -172,14 +176,29 @@ def _radians(path: tuple[float, ...]) -> tuple[float, float, float, float]:
     return begin, low, high, end
 
 
+def _text(row: Mapping[str, Any], key: str) -> str:
+    value = row.get(key)
+    if value is not None and type(value) not in (str, int):
+        raise ValueError(f"{key}={brief(value)} must be a text")
+    return str(value or "")
+
+
 def _number(row: Mapping[str, Any], key: str, missing: float = math.nan) -> float:
     value = row.get(key)
     if value in (None, ""):
         return missing
     try:
-        found = float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f"{key}={value!r} must be a number") from None
-    if not math.isfinite(found):
-        raise ValueError(f"{key}={value!r} must be finite")
-    return found
+        # All that a table holds is text.
+        found = float(value) if isinstance(value, str) else value
+    except ValueError:
+        found = value
+    if not is_number(found, -_LARGEST, _LARGEST):
+        raise ValueError(f"{key}={brief(value)} must be a number from -{_LARGEST:g} to {_LARGEST:g}")
+    return float(found)
+
+
+def _whole(row: Mapping[str, Any], key: str) -> int:
+    found = _number(row, key, 0.0)
+    if found != int(found):
+        raise ValueError(f"{key}={brief(row[key])} must be a whole number")
+    return int(found)

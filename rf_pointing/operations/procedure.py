@@ -30,6 +30,7 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
+from rf_pointing.core.checks import is_number, names_in
 from rf_pointing.core.whole_file import parse_yaml
 from rf_pointing.operations.expected_state import Condition, ExpectedState, read_conditions
 
@@ -101,7 +102,7 @@ class Procedure:
         blocks = {}
         for name, block in self.blocks.items():
             timeout_s = parameters[block.timeout_from] if block.timeout_from else block.timeout_s
-            if not _is_number(timeout_s) or timeout_s <= 0.0:
+            if not is_number(timeout_s) or timeout_s <= 0.0:
                 raise ValueError(f"{name}.timeout_s={timeout_s!r} must be > 0 s")
             blocks[name] = dataclasses.replace(block, timeout_s=float(timeout_s))
         return dataclasses.replace(self, blocks=blocks)
@@ -144,7 +145,7 @@ def _block(name: str, given: Any, parameters: Mapping[str, Any], dictionary: Map
         raise ValueError(f"{name}.directives must be a list")
     timeout_s = values.get("timeout_s", TIMEOUT_S)
     place = _PLACE.match(timeout_s) if isinstance(timeout_s, str) else None
-    if not (place and place[1] in parameters) and not (_is_number(timeout_s) and timeout_s > 0.0):
+    if not (place and place[1] in parameters) and not (is_number(timeout_s) and timeout_s > 0.0):
         raise ValueError(f"{name}.timeout_s={timeout_s!r} must be > 0 s, or a parameter")
     flags = {key: values.get(key, False) for key in ("optional", "skippable")}
     for key, flag in flags.items():
@@ -152,7 +153,7 @@ def _block(name: str, given: Any, parameters: Mapping[str, Any], dictionary: Map
             raise ValueError(f"{name}.{key}={flag!r} must be true or false")
     return Block(
         name=name,
-        after=tuple(map(str, values.get("after") or ())),
+        after=names_in(f"{name}.after", values.get("after")),
         before=read_conditions(f"{name}.before", values.get("before") or {}),
         directives=tuple(
             _directive(f"{name}.directives[{k}]", each, parameters, dictionary) for k, each in enumerate(directives)
@@ -199,7 +200,7 @@ def _require_network(blocks: Mapping[str, Block]) -> None:
 def _window(name: str, given: Any) -> tuple[float, float]:
     if given is None:
         return -math.inf, math.inf
-    if not isinstance(given, Sequence) or len(given) != 2 or not all(map(_is_number, given)):
+    if not isinstance(given, Sequence) or len(given) != 2 or not all(map(is_number, given)):
         raise ValueError(f"{name}.window_s={given!r} must be two times in s")
     first_s, last_s = map(float, given)
     if first_s >= last_s:
@@ -226,7 +227,3 @@ def _mapping(where: str, given: Any, known: Collection[str] | None = None) -> di
     if unknown:
         raise ValueError(f"{where}: unknown {', '.join(unknown)}; known are {', '.join(sorted(known or ()))}")
     return {str(key): value for key, value in given.items()}
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

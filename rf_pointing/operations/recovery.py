@@ -28,6 +28,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rf_pointing.core import leaves
+from rf_pointing.core.checks import is_number, names_in
 from rf_pointing.core.whole_file import parse_yaml
 from rf_pointing.operations.alarms import ERROR, WARNING, AlarmBook, AlarmParams
 from rf_pointing.operations.expected_state import Condition, ExpectedState, read_conditions
@@ -106,25 +107,25 @@ def _section(name: str, given: Any) -> dict[str, dict[str, Any]]:
 
 
 def _cause(name: str, given: dict[str, Any], actions: Collection[str], known: Mapping[str, Any]) -> Cause:
-    unknown = sorted(set(given) - _CAUSE_KEYS)
+    unknown = sorted(map(str, set(given) - _CAUSE_KEYS))
     if unknown:
         raise ValueError(f"causes.{name}: unknown {', '.join(unknown)}; known are {', '.join(sorted(_CAUSE_KEYS))}")
     values = _filled(f"causes.{name}", given, known)
-    do = tuple(values.get("do") or ())
+    do = names_in(f"causes.{name}.do", values.get("do"))
     if strange := sorted(set(do) - set(actions)):
         raise ValueError(f"causes.{name}.do: {', '.join(strange)} must be one of {', '.join(sorted(actions))}")
     night, level = values.get("night", "continue"), values.get("level", "error")
     last = values.get("last", night)
     for key, value, choices in (("night", night, EFFECTS), ("last", last, EFFECTS), ("level", level, _LEVELS)):
-        if value not in choices:
+        if not isinstance(value, str) or value not in choices:
             raise ValueError(f"causes.{name}.{key}={value!r} must be one of {', '.join(choices)}")
     numbers = {key: values.get(key, default) for key, default in (("for_s", 0.0), ("tries", 0), ("every_s", 10.0))}
     for key, value in numbers.items():
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value < math.inf:
+        if not is_number(value, 0.0):
             raise ValueError(f"causes.{name}.{key}={value!r} must be a number >= 0")
     try:
         re.compile(pattern := str(values.get("not_by_itself", "")))
-    except re.error as error:
+    except (re.error, RecursionError, OverflowError) as error:
         raise ValueError(f"causes.{name}.not_by_itself={pattern!r} is not a regular expression: {error}") from error
     when = read_conditions(f"causes.{name}.when", values.get("when"))
     if not when:

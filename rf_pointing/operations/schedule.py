@@ -17,11 +17,15 @@ from enum import StrEnum
 from typing import Any
 
 from rf_pointing.core import Params, parameter
+from rf_pointing.core.checks import require_id, require_name
 from rf_pointing.core.types import Pair
 from rf_pointing.planning import AxisLimits, AxisRates, Candidate, reasons_against, turns_within
 from rf_pointing.planning.schedule import schedule
 
 Path = tuple[float, float, float, float]
+MOST_PASSES = 20_000
+LAST_S = 2.0**31
+"""End of the stamps of ROS, UTC in s."""
 
 
 class PassState(StrEnum):
@@ -62,10 +66,16 @@ class ScheduledPass:
     element_age_s: float = math.nan
 
     def __post_init__(self) -> None:
+        # The name of its recording's folder.
+        require_id("id", self.id)
+        for key in ("target", "name", "antenna", "sensor"):
+            require_name(key, getattr(self, key))
         if not self.target:
             raise ValueError(f"target='' of pass {self.id!r} must name a satellite")
         if not self.aos_t_s < self.los_t_s:
             raise ValueError(f"aos={self.aos_t_s} of pass {self.id!r} must be < los={self.los_t_s}")
+        if not 0.0 <= self.aos_t_s < self.los_t_s < LAST_S:
+            raise ValueError(f"aos={self.aos_t_s} and los={self.los_t_s} of pass {self.id!r} must be from 1970 to 2038")
 
     @property
     def duration_s(self) -> float:
@@ -110,22 +120,26 @@ class Schedule:
         self.limits, self.axes, self.params, self.antenna = limits, axes, params or BetweenParams(), antenna
         self.entries: dict[str, Entry] = {}
 
-    def add(self, passes: Iterable[ScheduledPass]) -> None:
-        """Take passes in; one with the id of another replaces it unless it has begun."""
-        for item in passes:
-            present = self.entries.get(item.id)
+    def change(self, added: Iterable[ScheduledPass], removed: Iterable[str] = ()) -> None:
+        """Take passes out and in, all or none; one with the id of another replaces it.
+
+        ValueError names those to remove that are unknown or active, and those to replace that have
+        begun.
+        """
+        entries = dict(self.entries)
+        for each in removed:
+            if self.entry(each).state == PassState.ACTIVE:
+                raise ValueError(f"pass {each} is being tracked: skip it first")
+            entries.pop(each, None)
+        for item in added:
+            present = entries.get(item.id)
             if present is None or present.state in OPEN:
-                self.entries[item.id] = Entry(item)
+                entries[item.id] = Entry(item)
             elif present.item != item:
                 raise ValueError(f"pass {item.id} is {present.state}: it cannot be replaced")
-
-    def remove(self, ids: Iterable[str]) -> None:
-        """Take passes out; ValueError names those that are unknown or have begun."""
-        for each in ids:
-            entry = self.entry(each)
-            if entry.state == PassState.ACTIVE:
-                raise ValueError(f"pass {each} is being tracked: skip it first")
-            del self.entries[each]
+        if len(entries) > MOST_PASSES:
+            raise ValueError(f"a schedule of {len(entries)} passes must have <= {MOST_PASSES}")
+        self.entries = entries
 
     def entry(self, name: str) -> Entry:
         """Return the entry of an id; ValueError for an unknown one."""
@@ -182,7 +196,7 @@ class Schedule:
             each.state = PassState.WAITING if each.planned else PassState.YIELDS
             if each.item.id in taken:
                 each.reason = "another antenna tracks it"
-            elif each not in mine:
+            elif each.item.antenna not in ("", self.antenna):
                 each.reason = f"it is for the antenna {each.item.antenna}"
 
     def _choose(self, entries: list[Entry], start: tuple[float, Pair]) -> None:

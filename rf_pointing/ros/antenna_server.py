@@ -52,7 +52,7 @@ class AntennaServer:
             JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT, refused=antenna.reject,
             most_bytes=lambda: HEAD_BYTES + POINT_BYTES * longest_command(),
         )  # fmt: skip
-        node.serve_action(Trigger, "~/stop", self._stop)
+        node.serve_action(Trigger, "~/stop", self._stop, urgent=True)
         for name in OPERATED:
             self.leased.serve(Trigger, name, partial(_do, name, getattr(antenna, name)))
         self.leased.serve(GoTo, "go_to", lambda r: _do("go_to", partial(antenna.go_to, (r.azimuth, r.elevation)), r))

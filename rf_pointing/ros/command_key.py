@@ -2,23 +2,28 @@
 
     frame_id = NAME + " " + first 128 bits of HMAC-SHA256(key, topic, NAME, stamp, joints, points)
     signature of a call = first 128 bits of HMAC-SHA256(key, service, caller, stamp, request)
+    frame_id of a claim = NAME + " " + first 128 bits of HMAC-SHA256(key, topic, NAME, stamp, rows)
 
 ROS 2 tells a Python node nothing of the publisher of a message, and anybody can send any name.  The
 key is a file of controller and control unit, not a message: a peer of the domain cannot read it.
-A command that is sent again is refused by its stamps, a call by its signature.  Without a file
-nothing is signed, and any commander with a name is taken.
+A command that is sent again is refused by its stamps, a call by its signature.  Signatures of calls
+that are stamped ahead of this computer's clock are kept beside the key: after a restart they would
+not be older than it.  Without a file nothing is signed, and any commander with a name is taken.
+Executives that share a schedule have a key of their own (`executive.partners_key_file`).
 """
 
 import re
 import struct
 import time
 from collections.abc import Iterable
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from rf_pointing_msgs.srv import SignedCall
 from trajectory_msgs.msg import JointTrajectory
 
+from rf_pointing.core.whole_file import KeptState
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.ros.graph import ROTCTLD
 from rf_pointing.ros.main_loop import secret_in
@@ -36,12 +41,13 @@ CALL_S = 10.0
 class CommandKey:
     """Signs the commands of one topic and calls, or checks them.
 
-    ValueError for a file that others can read.  `foreign` counts the commands that were refused.
+    ValueError, which names the parameter, for a file that others can read.  `foreign` counts the
+    commands that were refused.
     """
 
-    def __init__(self, params: CommandKeyParams, topic: str = "") -> None:
+    def __init__(self, params: CommandKeyParams, topic: str = "", parameter: str = "command_key_file") -> None:
         self.path, self._topic = params.command_key_file, topic
-        self._key = _key_of(Path(self.path)) if self.path else b""
+        self._key = _key_of(Path(self.path), parameter) if self.path else b""
         self.foreign, self._last, self._last_s = 0, "", 0.0
         self._begun_s, self._taken = time.time(), dict[str, float]()
 
@@ -85,12 +91,36 @@ class CommandKey:
                 f"the call of {call.caller} is {now_s - stamp_s:.1f} s old by this computer's clock, must be within "
                 f"{CALL_S:.0f} s; set the clocks of both computers"
             )
-        # What was taken before a restart is in no list.
-        if call.signature in self._taken or stamp_s < self._begun_s:
+        # What was taken before a restart is older than it, or in the file.
+        taken = self._taken or self._memory.recover()
+        if call.signature in taken or stamp_s < self._begun_s:
             raise ValueError(f"the call of {call.caller} was sent before")
-        self._taken = {each: s for each, s in self._taken.items() if abs(now_s - s) <= CALL_S} | {
-            call.signature: stamp_s
-        }
+        self._taken = {each: s for each, s in taken.items() if abs(now_s - s) <= CALL_S} | {call.signature: stamp_s}
+        ahead = {each: s for each, s in self._taken.items() if s > now_s}
+        if call.signature in ahead:
+            self._memory.keep(ahead)
+            if self._memory.problem:
+                raise ValueError(
+                    f"the call of {call.caller} is stamped {stamp_s - now_s:.3f} s ahead of this computer's clock, and "
+                    f"cannot be remembered: {self._memory.problem}"
+                )
+
+    @cached_property
+    def _memory(self) -> KeptState:
+        # Made with the first call: who only signs keeps nothing.
+        return KeptState(f"{self.path}.taken")
+
+    def sign_claim(self, message: Any, topic: str, name: str) -> None:
+        """Write the name of an executive into its schedule or status, signed if there is a key."""
+        message.header.frame_id = f"{name} {self._claim_signature(message, topic, name)}" if self._key else name
+
+    def check_claim(self, message: Any, topic: str, name: str, now_s: float) -> None:
+        """Refuse a schedule or status that is not signed by `name`, or is ahead of `now_s`."""
+        signature, stamp_s = message.header.frame_id.partition(" ")[2], seconds_from_stamp(message.header.stamp)
+        if not self._key or not _same(signature, self._claim_signature(message, topic, name)):
+            raise ValueError(f"it is not signed by {name} with the key of the partners ({self.path})")
+        if stamp_s > now_s + CALL_S:
+            raise ValueError(f"the clock of {name} is {stamp_s - now_s:.1f} s ahead, must be <= {CALL_S:.0f} s")
 
     def health(self, publishers: Iterable[Any]) -> Health:
         """Return the foreign commands as an error, a second publisher of commands as a warning."""
@@ -120,6 +150,14 @@ class CommandKey:
         head = struct.pack("<4sqI", b"call", call.stamp.sec, call.stamp.nanosec)
         return self._digest([head, _counted(call.service), _counted(call.caller), bytes(call.request)])
 
+    def _claim_signature(self, message: Any, topic: str, name: str) -> str:
+        stamp = message.header.stamp
+        head = struct.pack("<4sqI", b"says", stamp.sec, stamp.nanosec)
+        words = [topic, name, getattr(message, "state", "")]
+        for each in getattr(message, "passes", ()):
+            words += [each.id, each.state, f"{each.aos.sec}.{each.aos.nanosec}", f"{each.los.sec}.{each.los.nanosec}"]
+        return self._digest([head, *map(_counted, words)])
+
     def _digest(self, signed: list[bytes]) -> str:
         # Imported here, as below: an antenna without a key needs no OpenSSL, which takes 3.5 MB.
         import hmac
@@ -137,16 +175,14 @@ def _counted(word: str) -> bytes:
     return f"{len(word)}:{word}".encode()
 
 
-def _key_of(path: Path) -> bytes:
+def _key_of(path: Path, parameter: str) -> bytes:
     """Return the key in a file, which is made with one if it is missing."""
     try:
         import secrets
 
         text = secret_in(path, lambda: secrets.token_hex(KEY_BYTES))
     except ValueError as error:
-        raise ValueError(f"command_key_file={error}") from error
+        raise ValueError(f"{parameter}={error}") from error
     if not re.fullmatch(rf"[0-9a-fA-F]{{{2 * KEY_BYTES}}}", text):
-        raise ValueError(
-            f"command_key_file={path} must hold {2 * KEY_BYTES} hexadecimal digits; delete it for a new key"
-        )
+        raise ValueError(f"{parameter}={path} must hold {2 * KEY_BYTES} hexadecimal digits; delete it for a new key")
     return bytes.fromhex(text)

@@ -4,7 +4,8 @@
 the picture of the graph and the table of topics in the documentation are made from it.
 """
 
-from collections.abc import Collection
+import os
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -154,8 +155,19 @@ def _topics() -> tuple[Topic, ...]:
             found[topic.name] = replace(topic, publisher=others + node.name)
     every = "every node"
     executive = (
-        Topic(SCHEDULE, ours.Schedule, LATCHED, "latched", EXECUTIVE, "passes of the antenna and what becomes of them"),
-        Topic(EXECUTIVE_STATUS, ours.ExecutiveStatus, STATUS, "1 Hz", EXECUTIVE, "what it does, and the alarms"),
+        # Their frame_id is the name of the antenna, and its signature where schedules are shared.
+        Topic(
+            SCHEDULE,
+            ours.Schedule,
+            LATCHED,
+            "latched",
+            EXECUTIVE,
+            "passes of the antenna and what becomes of them",
+            frame="",
+        ),
+        Topic(
+            EXECUTIVE_STATUS, ours.ExecutiveStatus, STATUS, "1 Hz", EXECUTIVE, "what it does, and the alarms", frame=""
+        ),
     )
     in_use = Topic(STATION_IN_USE, ours.StationInUse, IN_USE, "latched", every, "station description and band")
     health = Topic("/diagnostics", DiagnosticArray, STREAM, "1 Hz", every, frame="")
@@ -191,3 +203,32 @@ STATION_NODES = tuple(node.name for node in GRAPH if not node.simulated)
 ARRAY_NODES = tuple(node.name for node in ARRAY_GRAPH)
 DRIVE_NODES = ("antenna_servo", *STATION_NODES)
 """Executables of a station whose drive is a device; its receiver is its own."""
+_MOVES = ("simulation_clock", "antenna_servo", "rf_receiver", "array_receiver")
+"""What moves, and what receives while it moves: the first of two processes."""
+_APART = (EXECUTIVE, ROTCTLD, OPERATOR_PAGE)
+"""Clients of the station: they serve others, or work long."""
+PROCESSES = (1, 2, 8)
+"""Numbers of processes of a station that may be chosen; 8 is one for each node."""
+
+
+def partition(names: Sequence[str], processes: int) -> list[tuple[str, ...]]:
+    """Return the nodes of each process of a station, in the order of `names`.
+
+    The control unit of a real drive has a process of its own, and so has every client.
+
+    Raises
+    ------
+    ValueError
+        When `processes` is none of `PROCESSES`.
+    """
+    if processes not in PROCESSES:
+        raise ValueError(f"processes={processes} must be 1, 2 or 8")
+    if processes == 8 or os.environ.get("ROS_SECURITY_ENABLE") == "true":
+        # Under SROS2 each node has an enclave, which is that of its process.
+        return [(name,) for name in names]
+    alone = _APART if "simulation_clock" in names else ("antenna_servo", *_APART)
+    rooms: dict[Any, list[str]] = {}
+    for name in names:
+        key = name if name in alone else processes == 1 or name in _MOVES
+        rooms.setdefault(key, []).append(name)
+    return [tuple(room) for room in rooms.values()]

@@ -8,6 +8,8 @@ antenna publishes /diagnostics once a second of wall time, so a node is deaf if
     an input that is sent all the time   is silent for 10 s of wall and of node time, although its
                                       publisher has just reported on /diagnostics that it is active,
                                       and not that it is silent and why
+    or its own periodic work          is not done for as long and two periods: its timer waits for
+                                      hours where the clock is set back
 
 A node that was killed leaves the graph after 20 s.  One neighbour alone proves nothing: it may
 work on something long.
@@ -44,8 +46,14 @@ class _Neighbour:
 
 @dataclass
 class _Input:
-    """Messages of an input, those at the last look, and how long there have been none."""
+    """Messages of an input, or steps of work; those at the last look, and for how long none came.
 
+    The silence counts while it is `due`, and `words` say what it means beyond `patience_s`.
+    """
+
+    due: Callable[[], bool]
+    words: str
+    patience_s: float = INPUT_SILENCE_S
     count: int = 0
     seen: int = 0
     wall_s: float = 0.0
@@ -59,7 +67,7 @@ class InputWatchdog:
         self._node, self._steady_s = node, steady_s
         self._own = node.get_fully_qualified_name()
         self._neighbours: dict[str, _Neighbour] = {}
-        self._inputs: dict[str, _Input] = {}
+        self._inputs: list[_Input] = []
         self._looked: tuple[float, float] | None = None
         self.deaf = ""
         node.create_subscription(DiagnosticArray, TOPIC, self.note, STREAM, raw=True)
@@ -67,12 +75,21 @@ class InputWatchdog:
 
     def watch(self, topic: str) -> Callable[[], None]:
         """Return what is to be called for each message of an input that is sent all the time."""
-        watched = self._inputs[topic] = _Input()
+        words = f"{topic} has been silent for {{:.0f}} s although its publisher is active"
+        return self._watch(_Input(lambda: self._sent(topic), words))[0]
+
+    def watch_work(self, period_s: float) -> tuple[Callable[[], None], Callable[[], None]]:
+        """Return what is to be called for each step of work, and when it is no longer due."""
+        words = f"the work of every {period_s:g} s has not been done for {{:.0f}} s"
+        return self._watch(_Input(lambda: self._node.active, words, INPUT_SILENCE_S + 2.0 * period_s))
+
+    def _watch(self, watched: _Input) -> tuple[Callable[[], None], Callable[[], None]]:
+        self._inputs.append(watched)
 
         def count() -> None:
             watched.count += 1
 
-        return count
+        return count, lambda: self._inputs.remove(watched)
 
     def note(self, payload: bytes) -> None:
         """Take the diagnostics of any node, undecoded: each second every node gets all of them."""
@@ -99,24 +116,26 @@ class InputWatchdog:
         silent = {name: since_s for name, since_s in silent.items() if since_s > SILENCE_S}
         if len(silent) >= FEWEST and len(silent) == len(self._neighbours):
             self.deaf = f"nothing has been received from {', '.join(silent)} for {min(silent.values()):.0f} s"
-        for topic, watched in self._inputs.items():
-            self._look_at(topic, watched, passed_s - unseen_s, max(node_passed_s, 0.0))
+        for watched in self._inputs:
+            self._look_at(watched, passed_s - unseen_s, max(node_passed_s, 0.0))
         if self.deaf:
             return Health(ERROR, f"{self.deaf}: the node starts again")
         words = "; ".join(f"{name} has been silent for {since_s:.0f} s" for name, since_s in silent.items())
         return Health(WARN if words else OK, words or f"{len(self._neighbours)} neighbours")
 
-    def _look_at(self, topic: str, watched: _Input, wall_s: float, node_s: float) -> None:
+    def _look_at(self, watched: _Input, wall_s: float, node_s: float) -> None:
         if watched.count != watched.seen:
             watched.seen, watched.wall_s, watched.node_s = watched.count, 0.0, 0.0
             return
+        if watched.due():
+            watched.wall_s, watched.node_s = watched.wall_s + wall_s, watched.node_s + node_s
+        if not self.deaf and min(watched.wall_s, watched.node_s) > watched.patience_s:
+            self.deaf = watched.words.format(watched.wall_s)
+
+    def _sent(self, topic: str) -> bool:
+        """Return whether it is proved that somebody sends: active, and received just now."""
         senders = [self._neighbours[name] for name in self._publishers(topic) if name in self._neighbours]
-        sending = any(one.active and self._steady_s() - one.heard_s < RECENT_S for one in senders)
-        # Silence counts only while it is proved that somebody sends.
-        watched.wall_s += wall_s if sending else 0.0
-        watched.node_s += node_s if sending else 0.0
-        if not self.deaf and min(watched.wall_s, watched.node_s) > INPUT_SILENCE_S:
-            self.deaf = f"{topic} has been silent for {watched.wall_s:.0f} s although its publisher is active"
+        return any(one.active and self._steady_s() - one.heard_s < RECENT_S for one in senders)
 
     def _publishers(self, topic: str) -> set[str]:
         found = self._node.get_publishers_info_by_topic(topic)

@@ -4,17 +4,19 @@ Imported by launch files only, so `launch` and `launch_ros` are needed nowhere e
 """
 
 import os
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode, Node
 
 from rf_pointing.core import Sensor
-from rf_pointing.ros.graph import ARRAY_NODES, DESCRIPTION, EXECUTIVE, OPERATOR_PAGE, ROTCTLD
+from rf_pointing.ros.graph import ARRAY_NODES, DESCRIPTION, EXECUTIVE, OPERATOR_PAGE, ROTCTLD, partition
 from rf_pointing.ros.main_loop import DRIVE_PRIORITY
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.description import StationDescription, read_station
@@ -58,6 +60,12 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
         DeclareLaunchArgument("rotctld", default_value="false", description="whether rotctld_server is started"),
         DeclareLaunchArgument("page", default_value="false", description="whether operator_page is started"),
         DeclareLaunchArgument("respawn", default_value="true", description="start nodes again that have ended"),
+        DeclareLaunchArgument(
+            "processes",
+            # Nodes of a real station do not share each other's faults unless the user says so.
+            default_value="2" if simulated else "8",
+            description="1, 2 (what moves, and the other nodes), 8: one for each; a real drive always has its own",
+        ),
     ]
 
 
@@ -95,10 +103,15 @@ def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
     names = (*names, *_array_nodes(context, simulated=simulated))
     wanted = {"executive": EXECUTIVE, "page": OPERATOR_PAGE, "rotctld": ROTCTLD}
     more = [name for argument, name in wanted.items() if LaunchConfiguration(argument).perform(context) == "true"]
-    actions = [_node(context, name, simulated=simulated) for name in (*names, *more)]
+    shown: list[Any] = []
     if LaunchConfiguration("description").perform(context) == "true":
-        actions += _description(context, simulated=simulated)
-    return actions
+        names, shown = (*names, DESCRIPTION), _state_publisher(context, simulated=simulated)
+    processes = int(LaunchConfiguration("processes").perform(context))
+    given = {name: _parameters(context, name, simulated=simulated) for name in (*names, *more)}
+    if shown:
+        given[DESCRIPTION]["view.publish_tf"] = False
+    rooms = partition((*names, *more), processes)
+    return [_process(context, {name: given[name] for name in room}, simulated=simulated) for room in rooms] + shown
 
 
 def station_nodes(context: Any, names: Sequence[str]) -> list[Any]:
@@ -129,17 +142,17 @@ def _station(context: Any) -> StationDescription | None:
         return None
 
 
-def _description(context: Any, *, simulated: bool) -> list[Any]:
-    """Return the node that draws the station, and where it is installed robot_state_publisher."""
+def _state_publisher(context: Any, *, simulated: bool) -> list[Any]:
+    """Return robot_state_publisher for the station, where it is installed."""
     station = _station(context)
     try:
         get_package_prefix("robot_state_publisher")
     except PackageNotFoundError:
         station = None
     if station is None:
-        return [_node(context, DESCRIPTION, simulated=simulated)]
+        return []
     namespace = str(LaunchConfiguration("namespace").perform(context))
-    publisher = Node(
+    return [Node(
         package="robot_state_publisher",
         executable="robot_state_publisher",
         name="robot_state_publisher",
@@ -153,17 +166,16 @@ def _description(context: Any, *, simulated: bool) -> list[Any]:
         respawn=LaunchConfiguration("respawn").perform(context) == "true",
         respawn_delay=RESPAWN_DELAY_S,
         output="screen",
-    )
-    return [_node(context, DESCRIPTION, simulated=simulated, state_publisher=True), publisher]
+    )]  # fmt: skip
 
 
-def _node(context: Any, name: str, *, simulated: bool, state_publisher: bool = False) -> LifecycleNode:
+def _parameters(context: Any, name: str, *, simulated: bool) -> dict[str, Any]:
+    """Return the parameters of a node, as the launch arguments give them."""
+
     def given(argument: str) -> str:
         return str(LaunchConfiguration(argument).perform(context))
 
     own: dict[str, Any] = {"lifecycle.autostart": given("autostart") == "true"}
-    if state_publisher:
-        own["view.publish_tf"] = False
     if name == "antenna_servo" and not simulated:
         # A real drive loop comes before everything else on its computer.
         own["lifecycle.realtime_priority"] = DRIVE_PRIORITY
@@ -178,25 +190,41 @@ def _node(context: Any, name: str, *, simulated: bool, state_publisher: bool = F
         own |= {"station": _absolute(given("station")), "band": given("band")}
     if name in SEES_TARGET and (given("elements") or given("satellite")):
         own |= {"source.elements": _absolute(given("elements")), "source.satellite": given("satellite")}
-    parameters: list[Any] = [own]
+    return own
+
+
+def _process(context: Any, nodes: Mapping[str, dict[str, Any]], *, simulated: bool) -> Node:
+    """Return the action that starts nodes, each with its parameters, in one process."""
+
+    def given(argument: str) -> str:
+        return str(LaunchConfiguration(argument).perform(context))
+
+    respawn = given("respawn") == "true"
+    common: dict[str, Any] = {
+        "package": "rf_pointing",
+        "namespace": given("namespace"),
+        # Each antenna has its own simulation time; without the clock node, /clock is the user's.
+        "remappings": [("/clock", "clock")] if simulated else [],
+        "additional_env": network_environment(given("network")),
+        "respawn": respawn,
+        "respawn_delay": RESPAWN_DELAY_S,
+        "output": "screen",
+    }
     # Last: what a user writes is in force.
-    if given("params_file"):
-        parameters.append(given("params_file"))
-    # Each antenna has its own simulation time; without the clock node, /clock is the user's.
-    clock = [("/clock", "clock")] if simulated else []
-    return LifecycleNode(
-        package="rf_pointing",
-        executable=name,
-        name=name,
-        namespace=given("namespace"),
-        parameters=parameters,
-        remappings=clock,
-        additional_env=network_environment(given("network")),
-        respawn=given("respawn") == "true",
-        respawn_delay=RESPAWN_DELAY_S,
-        ros_arguments=enclave(given("namespace"), name),
-        output="screen",
-    )
+    files = [given("params_file")] if given("params_file") else []
+    if len(nodes) == 1:
+        ((name, own),) = nodes.items()
+        return LifecycleNode(
+            executable=name, name=name, parameters=[own, *files],
+            ros_arguments=enclave(given("namespace"), name), **common,
+        )  # fmt: skip
+    sections = {f"/**/{name}": {"ros__parameters": own} for name, own in nodes.items()}
+    with tempfile.NamedTemporaryFile("w", prefix="rf_pointing-", suffix=".yaml", delete=False) as file:
+        yaml.safe_dump(sections, file)
+    return Node(
+        executable="station_process", arguments=[*nodes, *([] if respawn else ["--no-restart"])],
+        parameters=[file.name, *files], **common,
+    )  # fmt: skip
 
 
 def _kept(name: str, folder: Path, namespace: str) -> dict[str, str]:
@@ -207,7 +235,13 @@ def _kept(name: str, folder: Path, namespace: str) -> dict[str, str]:
         "antenna_servo": files,
         "pointing_controller": key,
         ROTCTLD: key,
-        EXECUTIVE: {**key, "executive.state_file": str(own / f"{EXECUTIVE}.json"), "executive.folder": nights},
+        EXECUTIVE: {
+            **key,
+            "executive.state_file": str(own / f"{EXECUTIVE}.json"),
+            "executive.folder": nights,
+            # The antennas of a folder may share their passes.
+            "executive.partners_key_file": str(folder / "partners.key"),
+        },
         OPERATOR_PAGE: {**key, "page.reports": nights},
     }.get(name, {})
 

@@ -1,33 +1,50 @@
-"""The process of a node: its arguments, its name, its executor, and a loop that ends under control.
+"""The process of nodes: its arguments, their names, its executor, a loop that ends under control.
 
-Every executable of a managed node is `run(NodeType)`.  A second node of the same name, namespace
-and ROS domain on a machine is refused: two controllers would fight over one antenna.
+Every executable of a managed node is `run(NodeType)`; `station_process` runs several.  A second
+node of the same name, namespace and ROS domain on a machine is refused: two controllers would fight
+over one antenna.
 """
 
+import faulthandler
 import fcntl
 import gc
+import math
 import os
 import re
 import signal
 import stat
 import sys
 import tempfile
+import time
 import traceback
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import rclpy
+from rclpy.action import ActionClient, ActionServer
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
+
+from rf_pointing.ros.diagnostics import OK, WARN, Health
 
 DRIVE_PRIORITY = 20
 """Real-time priority of a real drive loop, below the kernel's own threads (50)."""
 NICER = -10
 """Niceness where a real-time priority is not permitted."""
+SHORTEST_TOKEN = 16
+HUNG_S = 120.0
+"""Longest time for one thing of a node; to read 32 MiB of elements takes 15 s."""
 DEAF = 3
 """Exit code of a node that no longer receives."""
+LONGEST_WAIT_S = 0.2
+"""Longest wait for an event: a signal is noticed between two of them."""
+RESTART_S = 0.5
+"""From the end of a node to its next start, as in the launch files."""
+STALL_S, STALL_SHOWN_S = 1.0, 60.0
+"""Stall of a process that is reported, and for how long it is."""
 _USAGE = "usage: NAME --ros-args [-r __ns:=/gs1] [--params-file FILE] [-p NAME:=VALUE] ..."
 _SECURITY_WORDS = {"ROS_SECURITY_ENABLE": ("true", "false"), "ROS_SECURITY_STRATEGY": ("Enforce", "Permissive")}
 _IN_THE_SOURCE = re.compile(r"\s*, at \S+\.c(pp)?:\d+")
@@ -54,37 +71,141 @@ def settle_garbage() -> None:
     gc.freeze()
 
 
-def run(node_type: Callable[[], Any]) -> None:
-    """Run one node until SIGINT or SIGTERM; an active node is deactivated before it ends.
+def run(
+    *node_types: Callable[[], Any], description: str = "", known: Sequence[str] = (), restart: bool = False
+) -> None:
+    """Run nodes until SIGINT or SIGTERM; an active node is deactivated before it ends.
 
-    A start that fails prints one line and exits with 2, a node that receives nothing with `DEAF`;
-    `--help` prints the module's docstring.
+    A start that fails prints one line and exits with 2.  A node that fails makes the exit code 1,
+    one that receives nothing `DEAF`; with `restart` it is started again, alone.  `--help` prints
+    the `description`, by default the module's docstring.  Arguments are those of ROS and `known`.
     """
     signals: list[int] = []
     try:
-        _take_arguments(str(sys.modules[node_type.__module__].__doc__))
+        _take_arguments(description or str(sys.modules[node_types[0].__module__].__doc__), known)
         _check_security(os.environ)
         # The handlers of rclpy would shut the context down before the motion has ended.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         for sign in (signal.SIGINT, signal.SIGTERM):
             signal.signal(sign, lambda number, _frame: signals.append(number))
-        node = node_type()
+        executor = make_executor()
+        loop = NodeLoop(node_types, executor, signals, restart=restart)
     except (RuntimeError, ValueError) as error:
-        # One line for the operator; a traceback would hide what is wrong.
-        print(f"rf_pointing: not started: {_IN_THE_SOURCE.sub('', str(error))}", file=sys.stderr)
+        _say_not_started(error)
         rclpy.try_shutdown()
         sys.exit(2)
-    executor = make_executor()
-    executor.add_node(node)
     settle_garbage()
-    failure = work(node, executor, signals)
-    deaf = node.input_watchdog.deaf
+    watch = HangWatch()
+    code = loop.work(watch.come_round)
+    watch.end()
     executor.shutdown()
-    node.destroy_node()
-    node.lock.release()
     rclpy.try_shutdown()
-    if failure or deaf:
-        sys.exit(1 if failure else DEAF)
+    if code:
+        sys.exit(code)
+
+
+class NodeLoop:
+    """The nodes of a process, made by `node_types`, in one executor; each lives and ends by itself.
+
+    With `restart` a node that has ended is made again, and brings itself up.
+    """
+
+    def __init__(
+        self, node_types: Sequence[Callable[[], Any]], executor: Any, signals: Sequence[int], *, restart: bool = False
+    ) -> None:  # fmt: skip
+        self._executor, self._signals, self._restart = executor, signals, restart
+        self._nodes: list[tuple[Callable[[], Any], Any]] = []
+        self._missing: dict[Callable[[], Any], float] = {}
+        self._restarts, self._stall_s, self._stalled_s = Counter[str](), 0.0, -math.inf
+        for make in node_types:
+            self._add(make, make())
+
+    def _add(self, make: Callable[[], Any], node: Any) -> None:
+        self._nodes.append((make, node))
+        self._executor.add_node(node)
+        if self._restart:
+            node.diagnostics.add("process", self.health)
+
+    def work(self, come_round: Callable[[], None] = lambda: None) -> int:
+        """Work until a signal or without nodes, `come_round` in each round; return the exit code."""
+        code, looked_s = 0, time.monotonic()
+        # Not `spin`: between two events the nodes do their own work and the signals are seen.
+        while not self._signals and (self._nodes or self._missing):
+            come_round()
+            wait_s = LONGEST_WAIT_S
+            for make, node in tuple(self._nodes):
+                try:
+                    if node.failure is None and not node.input_watchdog.deaf:
+                        node.bring_up()
+                        wait_s = min(wait_s, node.turn())
+                        continue
+                except Exception as error:
+                    node.failure = error
+                if self._restart:
+                    self._missing[make] = time.monotonic() + RESTART_S
+                    self._restarts[node.get_name()] += 1
+                code = self._end(make, node)
+            for make in [make for make, due_s in self._missing.items() if looked_s >= due_s]:
+                self._make_again(make)
+            try:
+                self._executor.spin_once(timeout_sec=wait_s)
+            except Exception as error:
+                # What failed by itself, a message that rclpy cannot read for example, is left out.
+                if all(node.failure is None for _, node in self._nodes):
+                    for _, node in self._nodes[:1]:
+                        node.survived("a callback", error)
+            began_s, looked_s = looked_s, time.monotonic()
+            if looked_s - began_s - wait_s > STALL_S:
+                self._stall_s, self._stalled_s = looked_s - began_s, looked_s
+        return max([0 if self._restart else code, *(self._end(make, node) for make, node in tuple(self._nodes))])
+
+    def _end(self, make: Callable[[], Any], node: Any) -> int:
+        """End a node under control, and return what the exit code says of it."""
+        words, deaf = "", node.input_watchdog.deaf
+        if node.failure is not None:
+            words = _report(node, node.failure)
+        elif deaf:
+            # No fault: what moves is stopped, and goes on with the new node.
+            node.get_logger().fatal(f"the node ends, and must be started again: {deaf}")
+        try:
+            if words:
+                node.fail(words)
+            node.end()
+        except Exception as error:
+            words = _report(node, error)
+        self._nodes.remove((make, node))
+        self._executor.remove_node(node)
+        # `destroy_node` leaves them: an old action would take the goals of the new one.
+        for action in [each for each in node.waitables if isinstance(each, (ActionClient, ActionServer))]:
+            action.destroy()
+        node.destroy_node()
+        node.lock.release()
+        return 1 if words else DEAF if deaf else 0
+
+    def _make_again(self, make: Callable[[], Any]) -> None:
+        try:
+            node = make()
+        except (RuntimeError, ValueError) as error:
+            _say_not_started(error)
+            self._missing[make] = time.monotonic() + RESTART_S
+            return
+        del self._missing[make]
+        node.brings_itself_up = True
+        self._add(make, node)
+
+    def health(self) -> Health:
+        """Return which nodes were started again, and whether one has held all of them up."""
+        values: dict[str, object] = {"nodes": len(self._nodes), "longest_stall_s": round(self._stall_s, 1)}
+        values |= {f"restarts {name}": count for name, count in self._restarts.items()}
+        words = [f"{name} was started again" for name in self._restarts]
+        if time.monotonic() - self._stalled_s < STALL_SHOWN_S:
+            words.append(f"one node has held up its process for {self._stall_s:.1f} s")
+        return Health(WARN if words else OK, "; ".join(words) or "all run", values)
+
+
+def _say_not_started(error: Exception) -> None:
+    # One line for the operator; a traceback would hide what is wrong.
+    print(f"rf_pointing: not started: {_IN_THE_SOURCE.sub('', str(error))}", file=sys.stderr, flush=True)
 
 
 def take_priority(realtime: int) -> str:
@@ -105,35 +226,27 @@ def take_priority(realtime: int) -> str:
         return f"{words}, nor is nice {NICER}; rtprio in /etc/security/limits.conf allows it"
 
 
-def work(node: Any, executor: Any, signals: Sequence[int]) -> str:
-    """Work until a signal; return "" or by which error the node has ended."""
-    failure = ""
-    # Not `spin`: between two events the node does its own work and the signals are seen.
-    while not signals and not failure:
-        if node.input_watchdog.deaf:
-            # No fault: what moves is stopped, and goes on with the new process.
-            node.get_logger().fatal(f"the node ends, and must be started again: {node.input_watchdog.deaf}")
-            break
-        try:
-            node.bring_up()
-            wait_s = node.turn()
-        except Exception as error:
-            failure = _report(node, error)
-            break
-        try:
-            executor.spin_once(timeout_sec=wait_s)
-        except Exception as error:
-            # What failed by itself, a message that rclpy cannot read for example, is left out.
-            failure = _report(node, node.failure) if node.failure else ""
-            if not failure:
-                node.survived("a callback", error)
-    try:
-        if failure:
-            node.fail(failure)
-        node.end()
-    except Exception as error:
-        failure = _report(node, error)
-    return failure
+class HangWatch:
+    """Ends a process whose loop has not come round for `patience_s`; stderr gets where it stands.
+
+    The launch files start it again: a node that is alive and does nothing would never be.
+    """
+
+    # Not a thread of Python: what hangs may hold the lock of all threads.
+
+    def __init__(self, patience_s: float = HUNG_S) -> None:
+        self._patience_s, self._armed_s = patience_s, -math.inf
+
+    def come_round(self) -> None:
+        """Note that the loop works; each second is often enough."""
+        if time.monotonic() - self._armed_s > min(1.0, 0.1 * self._patience_s) and sys.gettrace() is None:
+            self._armed_s = time.monotonic()
+            faulthandler.dump_traceback_later(self._patience_s, exit=True, file=sys.__stderr__)
+
+    @staticmethod
+    def end() -> None:
+        """Watch no longer."""
+        faulthandler.cancel_dump_traceback_later()
 
 
 def _check_security(environment: Mapping[str, str]) -> None:
@@ -152,14 +265,15 @@ def _report(node: Any, error: Exception) -> str:
     return words
 
 
-def _take_arguments(description: str) -> None:
+def _take_arguments(description: str, known: Sequence[str]) -> None:
     """Print the help and exit if requested; ValueError for an argument that is not one of ROS."""
     given = remove_ros_args(sys.argv)[1:]
     if {"-h", "--help"} & set(given):
         print(f"{description}\n{_USAGE}")
         sys.exit(0)
-    if given:
-        raise ValueError(f"argument {given[0]!r} is not known; {_USAGE}")
+    for word in given:
+        if word not in known:
+            raise ValueError(f"argument {word!r} is not known; {_USAGE}")
 
 
 class InstanceLock:
@@ -249,6 +363,26 @@ def secret_in(path: Path, make: Callable[[], str] | None = None) -> str:
             text = make()
             file.write(f"{text}\n")
     return text
+
+
+def read_token(name: str, given: str, own: Path) -> tuple[str, Path]:
+    """Return the token of the file `given`, or of `own`, which is made where it is missing.
+
+    Raises ValueError for a file that others may read, and for a short token; it names the parameter
+    `name`.
+    """
+    # Imported here: with it comes OpenSSL, 3.5 MB that other nodes do not need.
+    import secrets
+
+    path = Path(given).expanduser() if given else own
+    if given and not path.is_file():
+        raise ValueError(f"{name}={path} does not exist")
+    token = secret_in(path, None if given else lambda: secrets.token_urlsafe(24))
+    if len(token) < SHORTEST_TOKEN or not token.isascii() or not token.isprintable() or " " in token:
+        raise ValueError(
+            f"the token in {path} has {len(token)} characters, must be >= {SHORTEST_TOKEN} of plain ASCII, no spaces"
+        )
+    return token, path
 
 
 def _domain() -> str:

@@ -7,6 +7,7 @@ whatever else a callback raises.
 """
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -14,8 +15,9 @@ from rclpy.publisher import Publisher
 
 from rf_pointing.ros.graph import FRAMES
 from rf_pointing.ros.input_watchdog import InputWatchdog
-from rf_pointing.ros.lifecycle import Lifecycle
+from rf_pointing.ros.lifecycle import Lifecycle, Schedule
 from rf_pointing.ros.qos import LATCHED, SERVICE
+from rf_pointing.ros.service_door import ServiceDoor
 from rf_pointing.ros.streams import (
     FramedPublisher,
     InputCounter,
@@ -45,6 +47,17 @@ class ManagedNode(Lifecycle):
         self.inputs = InputCounter()
         self.diagnostics.add("inputs", self.inputs.health)
         self.input_watchdog = InputWatchdog(self)
+
+    def every(self, period_s: float, callback: Callable[[float], None], *, catches_up: bool = True) -> Schedule:
+        """Do periodic work as `Lifecycle.every`; a node whose work is not done starts again."""
+        done, forget = self.input_watchdog.watch_work(period_s)
+        self._at_deactivation.callback(forget)
+
+        def work(t_s: float) -> None:
+            callback(t_s)
+            done()
+
+        return super().every(period_s, work, catches_up=catches_up)
 
     def listen(
         self,
@@ -103,8 +116,29 @@ class ManagedNode(Lifecycle):
         self.inputs.note_error(where, error)
         self.log_once(where, f"{type(error).__name__}: {error}; please report it", error=True)
 
-    def serve(self, service_type: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:
-        """Offer a service until cleanup."""
+    @property
+    def offered(self) -> list[Any]:
+        """The services that are offered now."""
+        return [*self.services, *(each for door in self.doors.values() for each in door.services)]
+
+    @cached_property
+    def doors(self) -> dict[bool, ServiceDoor]:
+        """The services that nothing may fill (True), and the others."""
+        return {urgent: ServiceDoor(self) for urgent in (True, False)}
+
+    def create_service(
+        self, srv_type: Any, srv_name: str, callback: Any, *, qos_profile: Any = SERVICE, **_: Any
+    ) -> Any:
+        """Offer a service through the door of this node; so do those that rclpy itself creates."""
+        return self.doors[False].open(srv_type, srv_name, callback, qos_profile)
+
+    def destroy_node(self) -> None:
+        for door in self.doors.values():
+            door.close()
+        super().destroy_node()
+
+    def serve(self, service_type: Any, name: str, callback: Callable[[Any, Any], Any], *, urgent: bool = False) -> None:
+        """Offer a service until cleanup; an `urgent` one has a way that no calls of others fill."""
 
         def answer(request: Any, response: Any) -> Any:
             try:
@@ -116,10 +150,10 @@ class ManagedNode(Lifecycle):
                     response.success, response.message = False, f"{type(error).__name__}: {error}"
                 return response
 
-        service = self.create_service(service_type, name, answer, qos_profile=SERVICE)
-        self._at_cleanup.callback(self.destroy_service, service)
+        door = self.doors[urgent]
+        self._at_cleanup.callback(door.shut, door.open(service_type, name, answer, SERVICE))
 
-    def serve_action(self, service_type: Any, name: str, act: Callable[[Any], str]) -> None:
+    def serve_action(self, service_type: Any, name: str, act: Callable[[Any], str], *, urgent: bool = False) -> None:
         """Offer a service that answers with success and a message until cleanup.
 
         `act` takes the request and returns the message; its ValueError or OSError is that of a
@@ -133,7 +167,7 @@ class ManagedNode(Lifecycle):
                 response.success, response.message = False, str(error)
             return response
 
-        self.serve(service_type, name, answer)
+        self.serve(service_type, name, answer, urgent=urgent)
 
     def serve_goals(
         self,

@@ -1,7 +1,7 @@
-"""The managed nodes of one namespace, each a process of its own, from start to end.
+"""The managed nodes of one namespace, each a process of its own or some together, start to end.
 
-The executables are those that `ros2 run` starts; each writes its own log.  If this process dies,
-the kernel ends its children.
+The executables are those that `ros2 run` starts; each process writes its own log.  If this process
+dies, the kernel ends its children.
 """
 
 import ctypes
@@ -19,6 +19,7 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.node import Node
 
+from rf_pointing.ros.graph import partition
 from rf_pointing.ros.main_loop import DEAF, last_holder
 from rf_pointing.ros.repeated_call import AGAIN_S, RepeatedCall
 from rf_pointing.ros.waiting import Waiting
@@ -34,13 +35,17 @@ _ENDINGS = ((signal.SIGINT, 4.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))
 
 
 class NodeProcesses:
-    """The running executables of one namespace; those not `on_time` get a lower priority."""
+    """The running nodes of one namespace, in `processes` as `graph.partition` has it.
+
+    Processes without a node `on_time` get a lower priority.
+    """
 
     def __init__(
-        self, namespace: str, parameter_files: Sequence[Path], log_folder: Path, on_time: Sequence[str] = ()
-    ) -> None:
+        self, namespace: str, parameter_files: Sequence[Path], log_folder: Path, on_time: Sequence[str] = (),
+        processes: int = 8,
+    ) -> None:  # fmt: skip
         self.namespace, self._files, self._logs = namespace, list(parameter_files), log_folder
-        self._on_time = on_time
+        self._on_time, self._processes = on_time, processes
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._simulated_time = True
 
@@ -53,28 +58,33 @@ class NodeProcesses:
         folder = Path(get_package_prefix("rf_pointing")) / "lib" / "rf_pointing"
         self._simulated_time = simulated_time
         self._logs.mkdir(parents=True, exist_ok=True)
-        for name in names:
-            *below, executable = name.split("/")
+        for room in partition(names, self._processes):
+            *below, executable = room[0].split("/")
+            start = [executable] if len(room) == 1 else ["station_process", *room]
             arguments = ["--ros-args", "-r", f"__ns:={'/'.join([self.namespace, *below])}"]
             for path in self._files:
                 arguments += ["--params-file", str(path)]
-            if simulated_time and name != "simulation_clock":
+            if simulated_time and room != ("simulation_clock",):
                 arguments += ["-r", f"/clock:={self.namespace}/clock", "-p", "use_sim_time:=true"]
             if autostart:
                 arguments += ["-p", "lifecycle.autostart:=true"]
-            urgent = not self._on_time or executable in self._on_time
-            with self.log(name).open("wb") as log:
-                self._running[name] = subprocess.Popen(
-                    [str(folder / executable), *arguments],
+            urgent = not self._on_time or not set(self._on_time).isdisjoint((*room, executable))
+            with self.log(room[0]).open("wb") as log:
+                process = subprocess.Popen(
+                    [str(folder / start[0]), *start[1:], *arguments],
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=subprocess.STDOUT,
                     env=_environment(),
                     preexec_fn=_bind_to_parent if urgent else _bind_in_the_background,
                 )
+            self._running |= dict.fromkeys(room, process)
+            for name in room[1:]:
+                self.log(name).unlink(missing_ok=True)
+                self.log(name).symlink_to(self.log(room[0]).name)
 
     def ended(self) -> Mapping[str, int]:
-        """Return name and exit code of every process that has ended by itself."""
+        """Return name and exit code of every node whose process has ended by itself."""
         return {name: code for name, process in self._running.items() if (code := process.poll()) is not None}
 
     def nameless(self, names: Sequence[str]) -> list[str]:
@@ -85,7 +95,9 @@ class NodeProcesses:
     def complaint(self, name: str) -> str:
         """Return the last line of a node's log, which states why it refused."""
         lines = self.log(name).read_text(errors="replace").strip().splitlines()
-        return lines[-1] if lines else "no message"
+        # A log of several nodes: the last line may be that of another one.
+        own = [line for line in lines if f"{name}]: " in line]
+        return (own or lines or ["no message"])[-1]
 
     def process_id(self, name: str) -> int:
         """Return the process id of a running executable."""
@@ -94,7 +106,7 @@ class NodeProcesses:
     def stop(self) -> None:
         """Interrupt every process, then terminate and finally kill those that do not end."""
         for sign, grace_s in _ENDINGS:
-            alive = [process for process in self._running.values() if process.poll() is None]
+            alive = [process for process in set(self._running.values()) if process.poll() is None]
             for process in alive:
                 process.send_signal(sign)
             deadline_s = time.monotonic() + grace_s
@@ -197,8 +209,9 @@ class ManagedGraph(NodeProcesses):
         *,
         patience_s: float,
         on_time: Sequence[str] = (),
+        processes: int = 8,
     ) -> None:
-        super().__init__(namespace, parameter_files, logs, on_time)
+        super().__init__(namespace, parameter_files, logs, on_time, processes)
         self.waiting = Waiting(spin, patience_s, self.check)
         self._lifecycle = LifecycleClient(node, namespace, self.waiting)
 

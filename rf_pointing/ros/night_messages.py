@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from rf_pointing.operations.night import Night
 from rf_pointing.operations.schedule import Entry
 from rf_pointing.ros import convert
+from rf_pointing.ros.command_key import CALL_S, CommandKey
 from rf_pointing.ros.convert_planning import entry_to_message
 from rf_pointing.ros.directives import plain_fields
 from rf_pointing.ros.graph import EXECUTIVE_STATUS, SCHEDULE
@@ -54,9 +55,6 @@ def hear(node: ManagedNode, watch: NightWatch) -> None:
                 check, values = status.name.partition(": ")[2], {pair.key: pair.value for pair in status.values}
                 watch.take_check(name.removeprefix(mine), check, level, status.message, values, time.monotonic())
 
-    def on_schedule(name: str, message: ours.Schedule) -> None:
-        watch.take_partner(name, {each.id: each.state for each in message.passes}, time.monotonic())
-
     node.listen(ours.AntennaStatus, "antenna_status", on_antenna, WATCHED)
     node.listen(ours.TrackingStatus, "tracking_status", lambda m: take("tracking", m), WATCHED)
     node.listen(ours.PassList, "passes", on_passes, LATCHED)
@@ -65,10 +63,31 @@ def hear(node: ManagedNode, watch: NightWatch) -> None:
     certificate = lambda m: night.take("certificate", plain_fields(m), node.now_s())  # noqa: E731
     node.listen(ours.PassCertificate, "pass_certificate", certificate, LATCHED)
     node.listen(DiagnosticArray, "/diagnostics", on_diagnostics, WATCHED)
-    for name in watch.partners:
-        node.listen(ours.Schedule, f"/{name}/{SCHEDULE}", lambda m, name=name: on_schedule(name, m), LATCHED)
-        alive = lambda _, name=name: watch.take_partner(name, None, time.monotonic())  # noqa: E731
-        node.listen(ours.ExecutiveStatus, f"/{name}/{EXECUTIVE_STATUS}", alive, STATUS)
+
+
+def hear_partner(node: ManagedNode, watch: NightWatch, key: CommandKey, name: str) -> None:
+    """Subscribe until cleanup to what a partner claims: signed, not ahead, and not of before."""
+    newest_s: dict[str, float] = {}
+
+    def check(message: Any, topic: str) -> float:
+        key.check_claim(message, topic, name, node.now_s())
+        stamp_s = seconds_from_stamp(message.header.stamp)
+        if stamp_s < newest_s.get(topic, 0.0):
+            raise ValueError("an older one than that of before")
+        newest_s[topic] = stamp_s
+        return stamp_s
+
+    def on_schedule(message: ours.Schedule) -> None:
+        check(message, SCHEDULE)
+        watch.take_partner(name, {each.id: each.state for each in message.passes}, time.monotonic())
+
+    def on_status(message: ours.ExecutiveStatus) -> None:
+        if (age_s := node.now_s() - check(message, EXECUTIVE_STATUS)) > CALL_S:
+            raise ValueError(f"it is {age_s:.1f} s old, must be <= {CALL_S:.0f} s")
+        watch.take_partner(name, None, time.monotonic())
+
+    node.listen(ours.Schedule, f"/{name}/{SCHEDULE}", on_schedule, LATCHED)
+    node.listen(ours.ExecutiveStatus, f"/{name}/{EXECUTIVE_STATUS}", on_status, STATUS)
 
 
 def schedule_to_message(entries: Iterable[Entry], t_s: float) -> ours.Schedule:

@@ -8,6 +8,7 @@ import struct
 
 from builtin_interfaces.msg import Time
 
+BILLION = 1_000_000_000
 SHORTEST_BYTES = 12
 """Shortest serialised message that begins with its header."""
 
@@ -20,6 +21,11 @@ def seconds_from_stamp(stamp: Time) -> float:
     return _seconds(stamp.sec, stamp.nanosec)
 
 
+def seconds_from_nanoseconds(nanoseconds: int) -> float:
+    """Return the UTC seconds of a time of rclpy, those of its stamp."""
+    return _seconds(*divmod(nanoseconds, BILLION))
+
+
 def seconds_from_raw(raw: bytes) -> float:
     """Return the stamp of a serialised message that begins with its header, undecoded."""
     # CDR: 4 bytes of encapsulation, the second of which tells the order of bytes, then the
@@ -30,7 +36,7 @@ def seconds_from_raw(raw: bytes) -> float:
 
 
 def _seconds(seconds: int, nanoseconds: int) -> float:
-    if seconds < 0 or nanoseconds >= 1_000_000_000:
+    if seconds < 0 or nanoseconds >= BILLION:
         raise ValueError(f"stamp of {seconds} s and {nanoseconds} ns is not a time")
     return float(seconds + nanoseconds * 1e-9)
 

@@ -25,6 +25,7 @@ from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Named
 from std_srvs.srv import Trigger
 
 from rf_pointing.core.dates import utc_text
+from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.graph import EXECUTIVE, EXECUTIVE_STATUS, SCHEDULE
@@ -114,7 +115,7 @@ class StationClient(GraphRun):
         folder = Path(str(self._parameter(EXECUTIVE, "executive.folder"))).expanduser()
         if not (path := folder / "journal.jsonl").is_file():
             raise NotStartedError(f"no journal at {path} on this computer")
-        for line in path.read_text(encoding="utf-8").splitlines()[-count:]:
+        for line in read_whole(path, JOURNAL_BYTES).splitlines()[-count:]:
             row = json.loads(line)
             where = ".".join(filter(None, (row["block"], row["directive"])))
             print(f"{row['utc']} {row['event']:<16} {where:<28} {row['detail']}")

@@ -147,6 +147,7 @@ class RunSetup:
     reset_fault: bool = False
     begin_s: float = 0.0
     awaited: str = ""
+    processes: int = 2
 
     @property
     def topics(self) -> tuple[Topic, ...]:
@@ -171,6 +172,7 @@ class StationRun(GraphRun):
             self.spin,
             patience_s=PATIENCE_S,
             on_time=on_time,
+            processes=setup.processes,
         )
         self._recorder = Recorder(self.node, setup.namespace, setup.bag, setup.topics, setup.notes)
 

@@ -1,4 +1,4 @@
-"""Parameter sets of single nodes, without ROS, and those of controller and antenna.
+"""Parameter sets of single nodes, without ROS, and those of the controller.
 
 The sets of the station's parts are declared where they are used; `derive/nodes.py` puts together
 what each node has.
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from rf_pointing.core.parameters import Params, parameter
 
 if TYPE_CHECKING:
-    from rf_pointing.station.antenna.simulated_antenna import AntennaParams
     from rf_pointing.station.description import StationDescription
     from rf_pointing.station.pointing.params import ControllerParams
 
@@ -56,10 +55,3 @@ def controller_params(station: "StationDescription", band: str | None = None) ->
     from rf_pointing.station.pointing.params import ControllerParams
 
     return ControllerParams(**station.sets("pointing_controller", band))
-
-
-def antenna_params(station: "StationDescription", band: str | None = None) -> "AntennaParams":
-    """Return the parameter sets of the antenna's control unit; the default band if None."""
-    from rf_pointing.station.antenna.simulated_antenna import AntennaParams
-
-    return AntennaParams(**station.sets("antenna_servo", band))

@@ -6,7 +6,6 @@ from rf_pointing.core.lazy import lazily
 
 if TYPE_CHECKING:
     from rf_pointing.tracking.autotrack import Autotrack, AutotrackInputs, AutotrackParams, AutotrackState
-    from rf_pointing.tracking.conscan_design import scan_of_station, scan_tuning
     from rf_pointing.tracking.lock_watch import LockWatch, LockWatchParams
     from rf_pointing.tracking.monopulse import MonopulseParams, MonopulseTracker
     from rf_pointing.tracking.monopulse_scan import MonopulseScanParams

@@ -5,22 +5,19 @@ relative standard deviation of one carrier power sample; C/N0 in dB-Hz for the b
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from rf_pointing.core import MDEG, MU, Params, Sensor, leaves, parameter
+from rf_pointing.core import MDEG, MU, Params, parameter
+from rf_pointing.core.derived import BandNumbers, Rows, Value, rounded, tuned
 from rf_pointing.tracking.conscan_estimate import ConscanParams
+from rf_pointing.tracking.scan import SCAN_RADIUS
 
 FEWEST_SAMPLES = 4
 # Rounding of a number of samples that should be whole.
 ROUNDING = 1e-9
 # Halvings of a radius: 2^-60 is below the rounding of a float.
 BISECTIONS = 60
-# Longest period of a chosen scan: over two periods the error must stay the same.
-LONGEST_TURN_S = 32.0
-# What a choice changes of the station's scan.
-CHOSEN = ("radius_deg", "period_s", "window_samples", "fewest_samples", "bandwidth_hz")
 
 
 def conscan_slope(half_power_beamwidth_rad: float, radius_rad: float) -> float:
@@ -106,17 +103,33 @@ def design_scan(params: ScanDesignParams, carrier_to_noise_db_hz: float, wanted_
     )
 
 
-def scan_of_station(sets: Mapping[str, Params], carrier_to_noise_db_hz: float, wanted_sigma_rad: float) -> Params:
-    """Return the station's scan that is known to this sigma per axis; ValueError out of reach."""
-    params = sets[Sensor.CONSCAN]
-    assert isinstance(params, ConscanParams)
-    limits = ScanDesignParams(longest_period_s=LONGEST_TURN_S)
-    return scan_for_accuracy(params, limits, carrier_to_noise_db_hz, wanted_sigma_rad)
-
-
-def scan_tuning(scan: Params) -> dict[str, Any]:
-    """Return what was chosen of a scan, by the names of a station description's `tuning`."""
-    return {f"{Sensor.CONSCAN}.{name}": leaves(scan)[name][1] for name in CHOSEN}
+def conscan_of_band(of: BandNumbers) -> Rows:
+    """Return the rows of `ConscanParams` for the beam, the rates and the receiver of a band."""
+    h, sample_s = of.beamwidth_deg, of.power_period_s
+    radius = rounded(SCAN_RADIUS * h, 3)
+    fastest = max(
+        2.0 * math.pi * radius / (0.25 * min(of.rates_deg_s)),
+        2.0 * math.pi * math.sqrt(radius / (0.3 * min(of.accelerations_deg_s2))),
+        12.0 * sample_s,
+    )
+    period_s = math.ceil(max(4.0, fastest) / sample_s - 1e-9) * sample_s
+    turn = round(period_s / sample_s)
+    unmodelled = max(0.001, of.step_deg / math.sqrt(12.0))
+    return {
+        "half_power_beamwidth_deg": of.width,
+        "radius_deg": tuned(radius, "0.0912 h: 0.1 dB of loss"),
+        "period_s": tuned(period_s, "4 s, longer where a quarter of the rate or 0.3 of the acceleration is reached"),
+        "ramp_s": tuned(0.5 * period_s, "half a turn"),
+        "window_samples": tuned(2 * turn, "two turns"),
+        "fewest_samples": tuned(turn, "one turn"),
+        "updates": tuned("sample", "a sliding window"),
+        "drift": tuned(True, "the carrier changes along a pass"),
+        "unmodelled_deg": tuned(unmodelled, "0.001 deg, at least the rms of an encoder step"),
+        "misfit_limit": tuned(20.0, "wind and fading are not noise of the receiver"),
+        "bandwidth_hz": tuned(0.4 / period_s, "0.4 / period"),
+        "sample_s": Value(sample_s, "receiver.power_period_s"),
+        "delay_s": Value(of.delay_s, "receiver.delay_s"),
+    }
 
 
 def scan_for_accuracy(

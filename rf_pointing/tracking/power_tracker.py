@@ -11,18 +11,24 @@ from typing import Protocol
 
 import numpy as np
 
-from rf_pointing.core import CarrierPower, JointReading, Params, PointingError, Sensor, parameter
+from rf_pointing.core import CarrierPower, JointReading, Params, PointingError, Sensor, leaves, parameter
+from rf_pointing.core.derived import BandNumbers, Rows
 from rf_pointing.core.signals import BeamPosition, TimeBuffer
 from rf_pointing.core.types import Array
 from rf_pointing.tracking.conscan import ConscanTracker, DelayEstimator, DelayParams
+from rf_pointing.tracking.conscan_design import ScanDesignParams, conscan_of_band, scan_for_accuracy
 from rf_pointing.tracking.conscan_estimate import ConscanParams
 from rf_pointing.tracking.sensors import SENSORS
-from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams
+from rf_pointing.tracking.steptrack import StepTracker, StepTrackParams, steptrack_of_band
 
 # Sensors that are measured here, and the modes of the same names.
 TRACKED = (Sensor.CONSCAN, Sensor.STEPTRACK)
 # Node that runs it, by which a station description names its parameters.
 NODE = SENSORS[Sensor.CONSCAN].node
+# Longest period of a chosen scan: over two periods the error must stay the same.
+LONGEST_TURN_S = 32.0
+# What a choice changes of the station's scan.
+CHOSEN = ("radius_deg", "period_s", "window_samples", "fewest_samples", "bandwidth_hz")
 # While nothing is scanned, every second power is passed on for its C/N0.
 IDLE_EVERY = 2
 # A delay of the receiving chain is corrected once it is this sure.
@@ -45,6 +51,21 @@ class PowerTrackerParams(Params):
 
     conscan: ConscanParams = parameter(ConscanParams(), "conical scan")
     steptrack: StepTrackParams = parameter(StepTrackParams(), "step-track")
+
+    def scan_for_accuracy(self, carrier_to_noise_db_hz: float, wanted_sigma_rad: float) -> ConscanParams:
+        """Return the scan that is known to this sigma per axis; ValueError out of reach."""
+        limits = ScanDesignParams(longest_period_s=LONGEST_TURN_S)
+        return scan_for_accuracy(self.conscan, limits, carrier_to_noise_db_hz, wanted_sigma_rad)
+
+
+def scan_tuning(scan: Params) -> dict[str, object]:
+    """Return what was chosen of a scan, by the names of a station description's `tuning`."""
+    return {f"{Sensor.CONSCAN}.{name}": leaves(scan)[name][1] for name in CHOSEN}
+
+
+def scans_of_band(of: BandNumbers) -> dict[str, Rows]:
+    """Return the rows of both scans by the names of their parameter sets."""
+    return {Sensor.CONSCAN.value: conscan_of_band(of), Sensor.STEPTRACK.value: steptrack_of_band(of)}
 
 
 class CarrierTracker(Protocol):

@@ -11,6 +11,8 @@ from typing import NamedTuple, Protocol
 
 from rf_pointing.core import MDEG, Params, parameter
 
+# Radius of the scan in beamwidths: 0.1 dB of loss (CONSCAN eq. 1).
+SCAN_RADIUS = 0.0912
 # From the time since its start to an `Offset`.
 Pattern = Callable[[float], tuple[float, ...]]
 

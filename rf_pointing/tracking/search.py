@@ -17,6 +17,7 @@ from itertools import accumulate, pairwise
 import numpy as np
 
 from rf_pointing.core import MDEG, Params, parameter
+from rf_pointing.core.derived import BandNumbers, Rows, rounded, tuned
 from rf_pointing.core.types import Array
 from rf_pointing.tracking.scan import Offset
 
@@ -53,6 +54,21 @@ class SpiralParams(Params):
     def turns(self) -> float:
         """Turns until every direction within the radius was passed."""
         return self.radius_rad / (self.pitch_beamwidths * self.half_power_beamwidth_rad) + 0.5
+
+
+def spiral_of_band(of: BandNumbers) -> Rows:
+    """Return the rows of `SpiralParams` for the beam and the rates of a band."""
+    rate, acceleration = min(of.rates_deg_s), min(of.accelerations_deg_s2)
+    return {
+        "half_power_beamwidth_deg": of.width,
+        "uncertainty_deg": tuned(
+            max(0.065, 3.0 * of.step_deg), "0.065 deg, 1 km at 900 km, at least three encoder steps"
+        ),
+        "rate_deg_s": tuned(
+            rounded(min(2.31 * of.beamwidth_deg, rate / 6.0), 3), "2.31 h / s, at most a sixth of the rate"
+        ),
+        "acceleration_deg_s2": tuned(0.4375 * acceleration, "0.4375 of the commanded acceleration"),
+    }
 
 
 class SpiralSearch:

@@ -12,12 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rf_pointing.core import MDEG, CarrierPower, Params, PointingError, Sensor, parameter
+from rf_pointing.core.derived import BandNumbers, Rows, tuned
 from rf_pointing.tracking.beam_fit import PowerWindow, beam_design, fit_beam
 from rf_pointing.tracking.scan import ONCE_A_ROUND, LoopRate, Offset, Pattern
 
 SMALLEST_SCATTER = 1e-12  # relative variance of a meter without noise; keeps the covariance positive
 # Samples kept of one round, which may never end.
 MOST_SAMPLES = 10000
+# Step of a station's step-track in beamwidths: 0.08 dB of loss.
+STEP = 0.08
 # Right, above, left, below: each move leads to a neighbour, so it is short.
 POINTS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
@@ -55,6 +58,22 @@ class StepTrackParams(Params):
     def step_rad(self) -> float:
         """Distance of the points from the centre."""
         return self.step_beamwidths * self.half_power_beamwidth_rad
+
+
+def steptrack_of_band(of: BandNumbers) -> Rows:
+    """Return the rows of `StepTrackParams`; a move is a quintic over the diagonal of the square."""
+    sample_s = of.power_period_s
+    across = math.sqrt(2.0) * STEP * of.beamwidth_deg
+    rate, acceleration = min(of.rates_deg_s), min(of.accelerations_deg_s2)
+    move_s = max(0.6, 1.875 * across / (0.5 * rate), math.sqrt(5.7735 * across / acceleration))
+    return {
+        "half_power_beamwidth_deg": of.width,
+        "step_beamwidths": tuned(STEP, "0.08 of a beamwidth: 0.08 dB"),
+        "dwell_s": tuned(0.7 if sample_s <= 0.1 else 7.0 * sample_s, "seven samples"),
+        "move_s": tuned(move_s, "0.6 s, longer where half the rate or the acceleration is reached"),
+        "samples_per_point": tuned(5, "of seven"),
+        "tolerance": tuned(0.5, "half a step"),
+    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

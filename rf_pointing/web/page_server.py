@@ -18,12 +18,12 @@ import json
 import logging
 import math
 import os
-import secrets
 import threading
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -31,13 +31,12 @@ from urllib.parse import quote, urlsplit
 
 from aiohttp import web
 
-from rf_pointing.ros.main_loop import secret_in
-from rf_pointing.station.clients.board import PageParams
+from rf_pointing.core.whole_file import parse_json
+from rf_pointing.station.clients.board import LARGEST, PageParams
 from rf_pointing.station.pointing.status import Level, Report
 
 FILES = Path(__file__).with_name("page")
 """Folder of the page itself; it is installed with the package."""
-SHORTEST_TOKEN = 16
 LONGEST_BODY = 4096
 MOST_COMMANDS = 8
 """Commands that may wait for their answers at one time."""
@@ -47,6 +46,10 @@ ANSWER_S = 5.0
 """Until a command is answered by the node that it goes to."""
 WRONG_TOKEN_S = 0.3
 """Delay of the answer to a wrong token, so that short ones cannot be tried out."""
+HEADER_S = 5.0
+"""Time for the head of a request, and for its body; what is idle for longer is closed."""
+MORE_CONNECTIONS = 50
+"""Connections beside those of viewers; then the oldest one without a request gives way."""
 HEARTBEAT_S = 15.0
 SLOW_S = 15.0
 """A viewer that takes no message for so long is dropped."""
@@ -88,20 +91,6 @@ class Request:
         """Say whether it was accepted, in any thread; a viewer may have gone."""
         if not self.answer.done():
             self.answer.set_result((accepted, text))
-
-
-def read_token(given: str, own: Path) -> tuple[str, Path]:
-    """Return the token of the file `given`, or of `own`, which is made where it is missing.
-
-    Raises ValueError for a file that others may read, and for a short token.
-    """
-    path = Path(given).expanduser() if given else own
-    if given and not path.is_file():
-        raise ValueError(f"token_file={path} does not exist")
-    token = secret_in(path, None if given else lambda: secrets.token_urlsafe(24))
-    if len(token) < SHORTEST_TOKEN or not token.isascii() or not token.isprintable():
-        raise ValueError(f"the token in {path} has {len(token)} characters, must be >= {SHORTEST_TOKEN} of plain ASCII")
-    return token, path
 
 
 class NewestSections:
@@ -152,6 +141,7 @@ class PageApp:
         own = ("localhost", "127.0.0.1", "::1", params.address)
         self._names = {name.strip().lower() for name in (*own, *params.hosts.split(",")) if name.strip()}
         self._waiting = 0
+        self._in_request = set[Any]()
         self._reports = Path(params.reports).expanduser().resolve() if params.reports else None
         # In memory, under their names: no request is turned into a path.
         self._files = {path.name: path.read_bytes() for path in FILES.iterdir() if path.suffix in PAGE_TYPES}
@@ -176,17 +166,30 @@ class PageApp:
         self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
     ) -> web.StreamResponse:
         """Refuse foreign hosts and origins; turn every error into a sentence."""
+        self._in_request.add(request.protocol)
         try:
             self._require_ours(request)
             response = await handler(request)
         except web.HTTPException as error:
             response = _sentence(error.status, error.text or error.reason)
-        except ValueError as error:
+        except (ValueError, LookupError) as error:
+            # LookupError: a charset that nobody knows.
             response = _sentence(400, str(error))
+        except TimeoutError:
+            response = _sentence(408, f"the body has not arrived within {HEADER_S:.0f} s")
+        finally:
+            self._in_request.discard(request.protocol)
         if not response.prepared:
             for name, value in {**HEADERS, "Content-Security-Policy": STRICT}.items():
                 response.headers.setdefault(name, value)
         return response
+
+    def give_way(self, server: Any) -> None:
+        """Close the oldest connection without a request, if there are too many."""
+        if len(server.connections) >= self._params.viewers + MORE_CONNECTIONS:
+            idle = [each for each in server.connections if each not in self._in_request]
+            if idle:
+                idle[0].force_close()
 
     def _require_ours(self, request: web.Request) -> None:
         host = request.headers.get("Host", "")
@@ -259,7 +262,7 @@ class PageApp:
             raise web.HTTPUnauthorized(text="the token is wrong" if given else "a command needs the token")
         if request.content_type != "application/json":
             raise web.HTTPUnsupportedMediaType(text=f"content type {request.content_type} must be application/json")
-        name, arguments = _parsed(await request.text())
+        name, arguments = _parsed(await asyncio.wait_for(request.text(), HEADER_S))
         if name == UNLOCK:
             return _sentence(200, "the token is right", accepted=True)
         if self._waiting >= MOST_COMMANDS:
@@ -351,21 +354,28 @@ class PageServer:
 
     def close(self) -> None:
         """Close every connection and the port."""
+        self._loop.call_soon_threadsafe(self._port.close)
         with suppress(TimeoutError):
             self._wait(self._runner.cleanup())
         self._end_loop()
 
     async def _start(self, token: str) -> tuple[PageApp, web.AppRunner, int]:
         app = PageApp(self._params, token)
-        runner = web.AppRunner(app.application(), access_log=None, shutdown_timeout=0.5)
+        runner = web.AppRunner(
+            app.application(), access_log=None, shutdown_timeout=0.5, keepalive_timeout=HEADER_S, lingering_time=1.0
+        )
         await runner.setup()
-        site = web.TCPSite(runner, self._params.address, self._params.port)
+
+        def admitted() -> Any:
+            app.give_way(runner.server)
+            return runner.server()
+
         try:
-            await site.start()
+            self._port = await self._loop.create_server(admitted, self._params.address, self._params.port)
         except OSError:
             await runner.cleanup()
             raise
-        return app, runner, int(runner.addresses[0][1])
+        return app, runner, int(self._port.sockets[0].getsockname()[1])
 
     def _wait(self, work: Any) -> Any:
         return asyncio.run_coroutine_threadsafe(work, self._loop).result(5.0)
@@ -404,10 +414,15 @@ def _parsed(body: str) -> tuple[str, Mapping[str, Any]]:
     def no_number(word: str) -> None:
         raise ValueError(f"{word} is not a number of JSON")
 
+    def number(kind: Callable[[str], float], word: str) -> float:
+        if abs(float(word)) > LARGEST:
+            raise ValueError(f"{word[:20]} must be at most {LARGEST:g}")
+        return kind(word)
+
     try:
-        content = json.loads(body, parse_constant=no_number)
-    except RecursionError:
-        raise ValueError("the body is nested too deeply") from None
+        content = parse_json(
+            body, parse_constant=no_number, parse_int=partial(number, int), parse_float=partial(number, float)
+        )
     except json.JSONDecodeError as error:
         raise ValueError(f"the body is not JSON: {error}") from error
     if not isinstance(content, Mapping) or not set(content) <= {"name", "arguments"}:

@@ -80,17 +80,6 @@ def test_of_overlapping_passes_no_two_fill_the_sky_earlier(track):
     assert plan_campaign(offered, SMALL, SLEW).full_at_t_s == min(ends)
 
 
-def test_overlapping_passes_are_never_both_taken(track):
-    both = [
-        CandidatePass(name=name, track=track(10.0, miss, 0.3, start), sigma_rad=1e-4)
-        for name, miss, start in (("poor", 4.3e6, 0.0), ("rich", 4e5, 300.0), ("later", 4e5, 1300.0))
-    ]
-    campaign = plan_campaign(both, SectorRule(), SLEW)
-    assert [c.name for c in campaign.passes] == ["rich", "later"]
-    assert campaign.full_at_t_s is None
-    assert len(campaign.coverage.thin) > 0
-
-
 def test_a_campaign_goes_on_where_an_interrupted_one_left_the_sky_thin(candidates):
     whole = plan_campaign(candidates, SMALL, SLEW)
     done = whole.passes[: len(whole.passes) // 2]
@@ -145,14 +134,6 @@ def test_promised_sigma_is_the_sigma_of_the_fit_with_that_pass(campaign, table_1
     assert advice.factor == pytest.approx(after.sigma_of("collimation") / before.sigma_of("collimation"), rel=1e-6)
 
 
-def test_the_best_pass_beats_every_other_one(campaign, table_1, on_offer):
-    before = fit_bias_model(campaign(table_1, passes=6))
-    chosen = ("collimation", "non_orthogonality")
-    best = next_best_passes(TERM_NAMES, before.covariance, on_offer, chosen=chosen, count=1)[0]
-    each = [next_best_passes(TERM_NAMES, before.covariance, [c], chosen=chosen, count=1)[0].factor for c in on_offer]
-    assert best.factor == pytest.approx(min(each))
-
-
 def test_a_high_pass_is_advised_for_collimation(on_offer):
     start = uninformed_covariance(TERM_NAMES)
     advice = next_best_passes(TERM_NAMES, start, on_offer, chosen=("collimation",), count=8)
@@ -186,11 +167,6 @@ def test_planned_passes_say_nothing_about_thermal_terms(on_offer):
     advice = next_best_passes(terms, start, on_offer, chosen=terms, count=1)[0]
     assert advice.sigma[1] == pytest.approx(np.sqrt(start[1, 1]))
     assert advice.sigma[0] < 0.1 * np.sqrt(start[0, 0])
-
-
-def test_terms_that_are_not_fitted_cannot_be_chosen(on_offer):
-    with pytest.raises(ValueError, match="chosen=squint must name terms"):
-        next_best_passes(TERM_NAMES, np.eye(14), on_offer, chosen=("squint",), count=1)
 
 
 def test_the_turn_of_a_pass_is_the_one_least_outside_the_travel_and_of_those_the_nearest_to_the_middle(random):

@@ -34,23 +34,6 @@ def test_sectors_include_their_lower_edges_and_azimuth_is_cyclic(azimuth_deg, el
     assert int(RULE.sector_of(math.radians(azimuth_deg), math.radians(elevation_deg))) == sector
 
 
-def test_selection_takes_at_most_30_and_shares_them_over_passes():
-    azimuth, elevation = np.full(300, 0.2), np.full(300, 0.4)
-    pass_id = np.repeat([0, 1, 2], 100)
-    chosen, dropped = select_by_sector(azimuth, elevation, pass_id, RULE)
-    assert np.bincount(pass_id[chosen]).tolist() == [10, 10, 10]
-    assert dropped["sector has 30 already"] == 270
-    own = np.flatnonzero(chosen[:100])
-    assert own[0] < 10
-    assert own[-1] > 80
-
-
-def test_selection_says_why_it_dropped_points():
-    chosen, dropped = select_by_sector(np.zeros(4), np.radians([5.0, 20.0, 85.0, 88.0]), np.zeros(4, dtype=int), RULE)
-    assert chosen.tolist() == [False, True, False, False]
-    assert (dropped["below 10 deg"], dropped["above 80 deg"]) == (1, 2)
-
-
 def test_empty_sectors_are_refused_by_name():
     coverage = RULE.coverage(np.zeros(30), np.full(30, 0.3))
     assert len(coverage.thin) == 35

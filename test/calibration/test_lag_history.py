@@ -28,17 +28,6 @@ def swinging() -> tuple[np.ndarray, np.ndarray]:
     return rates, np.gradient(rates, 0.1, axis=0)
 
 
-@pytest.mark.parametrize("acceleration_s2", [0.0, 5.1])
-def test_the_average_is_that_of_its_transfer_function(acceleration_s2: float) -> None:
-    rates, bends = swinging()
-    ahead, _ = LagHistory(model(acceleration_s2), AVERAGING_S).along(TIMES, rates, bends)
-    for axis, lag_s in enumerate(VELOCITY_S):
-        rest = acceleration_s2 + AVERAGING_S * lag_s if acceleration_s2 else 0.0
-        system = (np.trim_zeros(np.array([rest, lag_s]), "f"), [AVERAGING_S**2, AVERAGING_S, 1.0])
-        _, wanted, _ = lsim(system, rates[:, axis], TIMES)
-        np.testing.assert_allclose(ahead[0][:, axis], wanted, atol=1e-12)
-
-
 def test_steady_motion_has_the_lags_of_the_model() -> None:
     slope, start = np.array([2e-5, -1e-5]), np.array([0.004, 0.006])
     rates = start + slope * TIMES[:, None]
@@ -59,22 +48,6 @@ def test_it_goes_on_from_a_state_also_after_a_gap() -> None:
         part, _ = history.along(TIMES[first:], rates[first:], bends[first:], states[400])
         np.testing.assert_allclose(part[0][-1], whole[0][-1], atol=1e-9)
         np.testing.assert_allclose(part[0][0], whole[0][first], atol=1e-6)
-
-
-def test_axes_that_come_to_rest_leave_a_lag_that_swings_out() -> None:
-    """Against the simulated mount's own average, whose beam drags behind the axes by the velocity lag."""
-    history, state = LagHistory(model(), AVERAGING_S), None
-    mean, slope, wanted = np.zeros(2), np.zeros(2), []
-    for t_s in TIMES:
-        rate = np.full(2, 0.02) if t_s < 10.0 else np.zeros(2)
-        state = history.dragged(float(t_s), rate, state)
-        for _ in range(20):
-            pull = (rate - VELOCITY_S * slope - mean) / AVERAGING_S**2 - slope / AVERAGING_S
-            slope = slope + 0.005 * pull
-            mean = mean + 0.005 * slope
-        wanted.append(mean)
-        assert np.max(np.abs(np.array(state.mean) - mean)) < 1e-3
-    assert np.max(np.abs(wanted[200])) > 1e-3
 
 
 def test_an_average_over_no_time_is_refused() -> None:

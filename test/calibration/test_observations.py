@@ -10,33 +10,11 @@ from rf_pointing.calibration.tracking_csv import write_observations
 from rf_pointing.station.campaign.recorded_input import read_points
 
 
-def test_nan_is_refused_with_its_row(campaign, table_1):
-    data = campaign(table_1, passes=2)
-    bad = data.true_azimuth_rad.copy()
-    bad[7] = np.nan
-    with pytest.raises(ValueError, match=r"true_azimuth_rad\[7\]=nan"):
-        replace(data, true_azimuth_rad=bad)
-
-
-def test_degrees_are_refused_by_range(campaign, table_1):
-    data = campaign(table_1, passes=2)
-    with pytest.raises(ValueError, match=r"elevation_rad\[0\].*degrees given"):
-        replace(data, observed_elevation_rad=np.degrees(data.observed_elevation_rad))
-
-
 def test_degrees_small_enough_to_pass_the_range_are_refused_by_the_residual(campaign, table_1):
     data = campaign(table_1, passes=1).select([0])
     low = np.array([0.03])
     with pytest.raises(ValueError, match="observed minus true direction"):
         replace(data, true_elevation_rad=low, observed_elevation_rad=np.degrees(low))
-
-
-def test_swapped_columns_are_refused(campaign, table_1):
-    data = campaign(table_1, passes=3)
-    with pytest.raises(ValueError, match="swapped"):
-        replace(
-            data, observed_azimuth_rad=data.observed_elevation_rad, observed_elevation_rad=data.observed_azimuth_rad
-        )
 
 
 def test_mixed_stations_are_refused(campaign, table_1):
@@ -110,6 +88,8 @@ def test_azimuths_that_cross_north_are_no_jump(campaign, table_1):
         ("observed_azimuth_rad", -3.0 * np.pi - 1e-6, "observed_azimuth_rad.* must be within 3 pi"),
         ("true_elevation_rad", -0.5 * np.pi - 1e-6, "true_elevation_rad.* must be within -pi/2"),
         ("observed_elevation_rad", np.pi + 1e-6, "observed_elevation_rad.* must be within -pi/2"),
+        ("observed_elevation_rad", np.degrees(0.5), r"observed_elevation_rad\[4\].*degrees given"),
+        ("true_azimuth_rad", np.nan, r"true_azimuth_rad\[4\]=nan"),
         ("sigma_azimuth_rad", 0.0, "sigma_azimuth_rad.*must be > 0"),
         ("sigma_elevation_rad", -1e-4, "sigma_elevation_rad.*must be > 0"),
         ("range_m", np.inf, r"range_m\[4\]=inf must be finite"),
@@ -130,17 +110,6 @@ def test_pass_numbers_are_whole_numbers_one_for_each_row(campaign, table_1):
             replace(data, pass_id=wrong)
     with pytest.raises(ValueError, match="station='' must name the station"):
         replace(data, station="")
-
-
-def test_passes_may_be_interleaved(campaign, table_1):
-    data = campaign(table_1, passes=2)
-    counts = np.bincount(data.pass_id)
-    order = np.argsort(np.concatenate([np.arange(count) for count in counts]), kind="stable")
-    mixed = data.select(order)
-    assert mixed.pass_id[:4].tolist() == [0, 1, 0, 1]
-    assert mixed.passes.tolist() == [0, 1]
-    with pytest.raises(ValueError, match="is earlier than"):
-        data.select(order[::-1])
 
 
 def test_parts_without_a_column_do_not_join_those_with_it(campaign, table_1):

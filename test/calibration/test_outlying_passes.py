@@ -105,15 +105,6 @@ def test_the_search_is_bounded(campaign, planted):
     assert len(rounds) <= 6
 
 
-def priors(values, sigma, names):
-    """Return what a fit says of its passes' errors."""
-    errors = [
-        SimpleNamespace(values=dict(zip(names, value, strict=True)), sigma=dict(zip(names, spread, strict=True)))
-        for value, spread in zip(values, sigma, strict=True)
-    ]
-    return SimpleNamespace(pass_errors=errors)
-
-
 def test_the_correlation_of_residuals_is_the_size_of_their_sums_over_that_of_independent_ones(random):
     pass_id = np.repeat([3, 7, 8], [5, 20, 40])
     used = random.random(65) < 0.8

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import TERM_NAMES, FitOptions, Observations, PassPriors, fit_bias_model, held_at_zero
+from rf_pointing.calibration import TERM_NAMES, Observations, PassPriors, fit_bias_model, held_at_zero
 from rf_pointing.calibration.pass_errors import (
     motion_partials,
     pass_partials,
@@ -94,27 +94,6 @@ def test_planted_pass_errors_are_recovered_and_stay_out_of_the_terms(campaign, t
             assert abs(found[number].values[name] - metres[number, k]) < 4.5 * found[number].sigma[name]
 
 
-def test_fit_with_eliminated_pass_errors_equals_the_fit_with_all_columns(campaign, table_1, partials, random):
-    data = with_pass_errors(campaign(table_1, passes=5), random.normal(size=(5, 3)) * 100.0)
-    terms = ("azimuth_offset", "elevation_offset", "droop")
-    result = fit_bias_model(
-        data, terms=terms, held=held_at_zero(terms), pass_priors=ORBIT, options=FitOptions(edit_sigma=0.0)
-    )
-    common = np.concatenate(partials(data.motion(), terms))
-    own = np.concatenate(pass_partials(data, ORBIT.names))
-    of_pass = np.tile(data.pass_id, 2)
-    wide = np.concatenate([np.where((of_pass == p)[:, np.newaxis], own, 0.0) for p in range(5)], axis=1)
-    right = np.concatenate([data.residual_azimuth_rad, data.residual_elevation_rad])
-    prior = np.concatenate([np.zeros((15, 3)), np.diag(np.tile(1.0 / ORBIT.sigma, 5))], axis=1)
-    matrix = np.concatenate([np.concatenate([common, wide], axis=1) / 1e-4, prior])
-    expected = np.linalg.lstsq(matrix, np.concatenate([right / 1e-4, np.zeros(15)]), rcond=None)[0]
-    covariance = np.linalg.inv(matrix.T @ matrix)
-    assert result.values == pytest.approx(expected[:3], rel=1e-8)
-    assert np.allclose(result.covariance, covariance[:3, :3], rtol=1e-6)
-    assert result.pass_errors[4].values["radial_m"] == pytest.approx(expected[-1], rel=1e-6)
-    assert result.pass_errors[4].sigma["radial_m"] == pytest.approx(np.sqrt(covariance[-1, -1]), rel=1e-6)
-
-
 def test_an_almost_free_clock_per_pass_leaves_the_velocity_lags_undetermined(campaign, table_1):
     data = campaign(table_1)
     lags = ("azimuth_velocity_lag", "elevation_velocity_lag")
@@ -128,11 +107,6 @@ def test_an_almost_free_clock_per_pass_leaves_the_velocity_lags_undetermined(cam
 def test_empty_pass_priors_are_refused():
     with pytest.raises(ValueError, match="all zero"):
         PassPriors()
-
-
-def test_sandwich_on_top_of_pass_errors_is_refused(campaign, table_1):
-    with pytest.raises(ValueError, match="twice"):
-        fit_bias_model(campaign(table_1), pass_priors=ORBIT, options=FitOptions(covariance="sandwich", edit_sigma=0.0))
 
 
 def seen(fly, t_s):

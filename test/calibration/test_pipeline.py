@@ -44,17 +44,6 @@ def pulls(processed, model):
     )
 
 
-@pytest.mark.parametrize("ionosphere", [None, IONOSPHERE], ids=["none", "ionosphere"])
-def test_points_carry_the_planted_bias_within_their_stated_sigma(track, raw_pass, table_1, ionosphere):
-    reference = track(5.0)
-    processed = process_pass(raw_pass(reference, table_1, ionosphere, NOISE_RAD), reference, 3, ionosphere, table_1)
-    azimuth, elevation = pulls(processed, table_1)
-    assert 0.75 < np.std(azimuth) < 1.25
-    assert 0.75 < np.std(elevation) < 1.25
-    assert abs(np.mean(elevation)) < 0.5
-    assert np.all(processed.points.pass_id == 3)
-
-
 def test_points_are_10_s_apart_and_their_sigma_is_that_of_80_averaged_samples(track, raw_pass, table_1):
     reference = track(5.0)
     processed = process_pass(raw_pass(reference, table_1, None, NOISE_RAD), reference, 0, None, table_1)
@@ -121,25 +110,6 @@ def test_a_pass_without_one_sound_sample_is_refused_with_the_reasons(track, raw_
         process_pass(replace(raw, t_s=raw.t_s + 1e5), reference, 7, None, table_1)
 
 
-def test_pipeline_and_fit_together_recover_the_planted_model(track, raw_pass, table_1, random):
-    terms = ("azimuth_offset", "elevation_offset", "mislevel_east", "mislevel_north", "azimuth_encoder_sine")
-    truth = BiasModel.zero().replace(**{name: table_1.coefficients[name] for name in terms})
-    passes = []
-    for number in range(4):
-        start = 1e9 + 6000.0 * number
-        reference = track(5.0, (-1) ** number * random.uniform(3e5, 9e5), random.uniform(0.0, 6.0), start)
-        raw = raw_pass(reference, truth, None, NOISE_RAD)
-        passes.append(process_pass(raw, reference, number, None, BiasModel.zero()).points)
-    points, coverage, report = select_observations(passes, SectorRule(), require_full=False)
-    result = fit_bias_model(points, terms=terms, held=held_at_zero(terms))
-    expected = np.array([truth.coefficients[name] for name in terms])
-    assert np.max(np.abs(result.values - expected) / result.sigma) < 4.0
-    assert report.before - report.after == sum(report.dropped.values())
-    assert "of 36 sectors" in report.note
-    with pytest.raises(ValueError, match="of 36 sectors have < 25"):
-        coverage.require_full()
-
-
 def on_the_sky(raw, random, correlated_rad=0.0):
     """Return the samples with noise that is as large across as up, with noise correlated over 3 s added."""
     count, decay = len(raw), np.exp(-0.125 / 3.0)
@@ -192,20 +162,6 @@ def test_noise_that_hangs_together_is_measured_between_points_and_costs_none(tra
     assert slow == pytest.approx(expected, rel=0.25)
 
 
-def test_samples_once_a_second_are_used_as_they_are(track, raw_pass, table_1, random):
-    reference = track(5.0)
-    raw = on_the_sky(raw_pass(reference, table_1, None, 1e-9), random)
-    columns = ("t_s", "azimuth_rad", "elevation_rad", "range_m", "range_rate_m_s", "good")
-    slow = replace(raw, **{name: getattr(raw, name)[::8] for name in columns})
-    processed = process_pass(slow, reference, 0, None, table_1)
-    assert processed.reports[2].before == processed.reports[2].after > 700
-    assert scatter(processed, "elevation_rad") == pytest.approx(5.0 * MDEG, rel=0.1)
-    azimuth, elevation = pulls(processed, table_1)
-    # 0.88 is expected, the sigma of neighbours being raised; 78 points know it to 0.09.
-    assert 0.6 < np.std(azimuth) < 1.2
-    assert 0.6 < np.std(elevation) < 1.2
-
-
 @pytest.mark.parametrize("correlated", [0.0, 5.0 * MDEG], ids=["white", "correlated"])
 def test_sigma_covers_the_truth_at_one_sample_a_second(track, raw_pass, random, correlated):
     """The trial of benchmarks/calibration_trials.py in small: 12 campaigns of 6 passes, 5 terms."""
@@ -222,7 +178,10 @@ def test_sigma_covers_the_truth_at_one_sample_a_second(track, raw_pass, random, 
             passes.append(TrackedPass(replace(raw, **{name: getattr(raw, name)[::8] for name in columns}), reference))
         known = PriorKnowledge(model=BiasModel.zero(), form="printed")
         for _ in range(3):
-            points = RawPasses(passes, 0).process(known).points
+            found = RawPasses(passes, 0).process(known)
+            # Samples once a second are used as they are.
+            assert found.reports[2].before == found.reports[2].after
+            points = found.points
             options = FitOptions(scale_covariance=True)
             fit = fit_bias_model(points, terms=terms, held=held_at_zero(terms), options=options)
             scale = tuple(s * np.sqrt(one.factor) for s, one in zip(known.sigma_scale, fit.noise, strict=True))

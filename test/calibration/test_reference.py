@@ -4,26 +4,11 @@ import numpy as np
 import pytest
 
 
-def test_samples_themselves_are_returned_unchanged(track):
-    coarse = track(5.0)
-    found = coarse.at(coarse.t_s)
-    for name in ("azimuth_rad", "elevation_rate_rad_s", "range_m"):
-        assert getattr(found, name) == pytest.approx(getattr(coarse, name), rel=1e-12, abs=1e-15)
-
-
 def test_the_track_is_never_extrapolated(track):
     coarse = track(5.0)
     with pytest.raises(ValueError, match="must be within the reference"):
         coarse.at([coarse.t_s[-1] + 0.1])
     assert not bool(coarse.covers(coarse.t_s[0] - 0.1))
-
-
-def test_times_that_do_not_increase_are_refused(track):
-    from dataclasses import replace
-
-    coarse = track(5.0)
-    with pytest.raises(ValueError, match="increase from point to point"):
-        replace(coarse, t_s=coarse.t_s[::-1])
 
 
 def test_every_column_of_the_interpolated_track_is_that_of_the_closed_form(track):
@@ -66,4 +51,6 @@ def test_columns_of_other_length_or_that_are_not_finite_are_refused_by_name(trac
         spoilt[3] = np.nan
         with pytest.raises(ValueError, match=rf"(?s){item.name}=.* must be finite"):
             replace(reference, **{item.name: spoilt})
+    with pytest.raises(ValueError, match="increase from point to point"):
+        replace(reference, t_s=reference.t_s[::-1])
     assert replace(reference, range_m=reference.range_m.tolist()).range_m.dtype == np.float64

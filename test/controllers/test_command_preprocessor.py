@@ -102,26 +102,6 @@ def test_a_moving_target_is_caught_and_then_passed_through() -> None:
     np.testing.assert_allclose(out[0], command[0], atol=1e-12)
 
 
-def test_deceleration_into_a_travel_limit_follows_sqrt_2ad() -> None:
-    shaper = preprocessor(travel_max_rad=(0.6, 1.6))
-    shaper.reset((0.0, 0.5))
-    for _ in range(3000):
-        position, velocity, _ = shaper.step((2.0, 0.5), (0.0, 0.0), (0.0, 0.0), DT_S)
-        left = 0.6 - position[0]
-        assert left >= -ROUNDING
-        assert velocity[0] ** 2 / (2.0 * ACCELERATION) <= left + ROUNDING
-    assert position[0] == pytest.approx(0.6, abs=1e-6)
-
-
-def test_a_target_running_into_the_limit_is_left_in_time() -> None:
-    shaper = preprocessor(travel_max_rad=(0.6, 1.6))
-    shaper.reset((0.0, 0.5), (0.03, 0.0))
-    for k in range(2000):
-        position, _, acceleration = shaper.step((0.03 * k * DT_S, 0.5), (0.03, 0.0), (0.0, 0.0), DT_S)
-        assert position[0] <= 0.6 + ROUNDING
-        assert abs(acceleration[0]) <= ACCELERATION * (1.0 + 1e-6)
-
-
 def test_controlled_stop_takes_rate_over_acceleration_and_holds() -> None:
     shaper = preprocessor()
     shaper.reset((0.0, 0.5), (0.03, -0.02))

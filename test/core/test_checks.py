@@ -1,11 +1,16 @@
 """Refusals carry the name, the value and the bound."""
 
 import math
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rf_pointing.core import as_finite_array, as_finite_pair, require_between, require_choice, require_finite
+from rf_pointing.core.checks import id_of, is_number, name_of, require_id, require_name
 
 NOT_FINITE = [math.nan, math.inf, -math.inf]
 
@@ -14,15 +19,6 @@ NOT_FINITE = [math.nan, math.inf, -math.inf]
 def test_a_number_that_is_not_finite_is_refused_by_name(bad: float) -> None:
     with pytest.raises(ValueError, match=r"^gain=-?(nan|inf) must be finite$"):
         require_finite("gain", bad)
-
-
-@pytest.mark.parametrize("bad", NOT_FINITE)
-def test_one_bad_element_refuses_the_array(bad: float, random: np.random.Generator) -> None:
-    values = random.standard_normal((3, 4))
-    require_finite("table", values)
-    values[2, 1] = bad
-    with pytest.raises(ValueError, match=r"(?s)^table=.* must be finite$"):
-        require_finite("table", values)
 
 
 @pytest.mark.parametrize("value", [1.0, 1.5, 2.0])
@@ -105,3 +101,29 @@ def test_a_bad_element_is_found_in_arrays_of_every_size_and_kind(size: int) -> N
             require_finite("table", values)
     require_finite("count", np.arange(size))
     require_finite("whole", 10**300)
+    with pytest.raises(ValueError, match="must be finite"):
+        require_finite("whole", 10**400)
+
+
+NAMES = st.one_of(st.text(), st.text("ab./\\ \n\0-é\u202e"), st.sampled_from(["..", "/etc", "~", "a" * 101, "CON", ""]))
+
+
+@given(NAMES)
+def test_what_may_be_an_id_stays_in_its_folder_and_whatever_is_made_one_may_be_one(text: str) -> None:
+    require_id("id", made := id_of(text))
+    require_name("name", name_of(text))
+    allowed = [made]
+    with suppress(ValueError):
+        require_id("id", text)
+        allowed.append(text)
+    for each in allowed:
+        path = Path("/folder") / f"{each}-01"
+        assert path.resolve() == path
+        assert (path.parent, len(path.name.encode()) < 255) == (Path("/folder"), True)
+
+
+@pytest.mark.parametrize("value", [None, True, "1", [], math.nan, math.inf, 10**400, 1.1e18, -(10**19)])
+def test_only_numbers_within_bounds_are_numbers_of_a_table(value: object) -> None:
+    assert not is_number(value)
+    assert is_number(1e18)
+    assert is_number(-3)

@@ -243,7 +243,7 @@ def test_later_files_win_key_by_key(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("a: [", r"station\.yaml: not YAML"),
+        ("a: [", r"station\.yaml: line 2: not YAML"),
         ("- a\n- b\n", r"station\.yaml: must map node names to ros__parameters"),
         ("", r"station\.yaml: must map node names to ros__parameters"),
         ("a: {parameters: {x: 1}}", r"station\.yaml: a must hold ros__parameters and nothing else"),

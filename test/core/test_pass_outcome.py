@@ -10,6 +10,8 @@ from rf_pointing.core.pass_outcome import (
     SIDELOBE_DB,
     PassOutcome,
     error_of_power_rad,
+    gaussian_gain,
+    gaussian_loss_db,
     is_held,
     pointing_loss_db,
     received_power,
@@ -22,6 +24,13 @@ def test_the_half_power_beam_ends_at_half_the_beamwidth_and_at_half_the_power() 
     edge = 0.5 * WIDTH_RAD
     assert received_power(edge, WIDTH_RAD) == pytest.approx(0.5, rel=1e-12)
     assert is_held([0.999 * edge, edge, 1.001 * edge, math.nan], WIDTH_RAD).tolist() == [True, True, False, False]
+
+
+def test_a_gain_and_its_decibels_are_those_of_the_exponential_beam(random: np.random.Generator) -> None:
+    errors, widths = random.uniform(0.0, 120.0, 200), random.uniform(17.0, 264.0, 200)
+    gain = np.exp(-4.0 * math.log(2.0) * np.square(errors / widths))
+    np.testing.assert_allclose(gaussian_gain(errors, widths), gain, rtol=1e-12)
+    np.testing.assert_allclose(gaussian_loss_db(errors, widths), -10.0 * np.log10(gain), rtol=1e-12, atol=1e-12)
 
 
 def test_no_error_costs_more_than_the_sidelobes() -> None:

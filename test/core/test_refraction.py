@@ -102,20 +102,9 @@ def test_scalar_and_array_give_the_same_numbers() -> None:
     np.testing.assert_allclose([weather.apply(float(e)) for e in ELEVATION_RAD[::300]], array, rtol=0.0, atol=1e-14)
 
 
-def test_standard_weather_follows_the_icao_table() -> None:
-    at_2000_m = RadioRefraction.standard(2000.0)
-    assert at_2000_m.pressure_hpa == pytest.approx(794.95, abs=0.1)
-    assert at_2000_m.temperature_k == pytest.approx(275.15, abs=0.01)
-
-
 def test_air_that_traps_the_ray_is_refused() -> None:
     with pytest.raises(ValueError, match=r"relative_humidity=1\.0 at temperature_k=315\.0 gives .* N/km"):
         RadioRefraction(temperature_k=315.0, relative_humidity=1.0)
-
-
-def test_weather_outside_its_range_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"pressure_hpa=10\.0 must be >= 300\.0"):
-        RadioRefraction(pressure_hpa=10.0)
 
 
 def steep_air(rng: np.random.Generator, count: int) -> list[RadioRefraction]:

@@ -77,14 +77,3 @@ def test_a_root_near_a_flat_end_does_not_creep(sign: float) -> None:
 
         bracketed_root(counted, low, high)
         assert len(calls) <= 40
-
-
-def counted(function):  # type: ignore[no-untyped-def]
-    """Return the function and the list of what it was asked for."""
-    asked: list[object] = []
-
-    def noted(x):  # type: ignore[no-untyped-def]
-        asked.append(x)
-        return function(x)
-
-    return noted, asked

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rf_pointing.core import JointReading, sky_offset_rad
 from rf_pointing.core.signals import KEPT_S, BeamPosition, TimeBuffer
@@ -37,33 +39,25 @@ def test_an_instant_known_on_one_side_only_is_not_answered() -> None:
     assert beam.offset(1.1) is None
 
 
-def test_a_step_back_in_time_forgets_what_was_known() -> None:
-    beam = BeamPosition()
-    for t_s in (5.0, 6.0, 1.0):
-        beam.take_joints(reading(t_s, (0.0, 0.0)))
-        beam.take_centre(t_s, CENTRE)
-    assert beam.offset(5.5) is None
-    assert beam.offset(1.0) is not None
-
-
-def test_old_readings_are_dropped() -> None:
-    beam = BeamPosition()
-    for t_s in np.arange(0.0, KEPT_S + 1.01, 0.5):
-        beam.take_joints(reading(float(t_s), (0.0, 0.0)))
-        beam.take_centre(float(t_s), CENTRE)
-    assert beam.offset(0.5) is None
-    assert beam.offset(1.5) is not None
-
-
-def test_values_are_linear_between_their_times_and_none_beyond() -> None:
-    buffer = TimeBuffer()
-    assert buffer.at(0.0) is None
-    for t_s, value in ((1.0, 10.0), (2.0, 20.0), (2.5, 40.0)):
+@given(
+    st.lists(st.tuples(st.integers(-4, 6), st.floats(-9.0, 9.0)), min_size=1, max_size=12),
+    st.floats(-0.2, 1.2),
+)
+def test_a_buffer_is_linear_over_what_it_keeps(rows: list[tuple[int, float]], share: float) -> None:
+    """It keeps two seconds; a step back in time forgets what was known, and nothing is known outside."""
+    buffer, kept, t_s = TimeBuffer(), list[tuple[float, float]](), 0.0
+    assert buffer.at(t_s) is None
+    for quarters, value in rows:
+        t_s += 0.25 * quarters
+        kept = [row for row in kept if quarters > 0 and t_s - row[0] <= KEPT_S] + [(t_s, value)]
         buffer.add(t_s, np.array([value]))
-    for t_s, value in ((1.0, 10.0), (1.25, 12.5), (2.0, 20.0), (2.4, 36.0), (2.5, 40.0)):
-        assert buffer.at(t_s) == pytest.approx([value])
-    for t_s in (0.999, 2.501):
-        assert buffer.at(t_s) is None
+    times, values = zip(*kept, strict=True)
+    wanted_s = times[0] + share * (times[-1] - times[0])
+    found = buffer.at(wanted_s)
+    if times[0] <= wanted_s <= times[-1]:
+        assert found == pytest.approx([np.interp(wanted_s, times, values)], abs=1e-9)
+    else:
+        assert found is None
 
 
 def test_over_the_top_the_offset_is_that_on_the_sky() -> None:

@@ -30,6 +30,8 @@ class Source:
     promised: int | None = 0
     """Content-Length beyond that of the body; None sends none."""
     drip_s: float = 0.0
+    redirects: list[str] = field(default_factory=list)
+    """Where the next requests are sent on."""
     asked: list[dict[str, str]] = field(default_factory=list)
 
 
@@ -41,6 +43,12 @@ def serving() -> Iterator[Source]:
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             made.asked.append(dict(self.headers))
+            if made.redirects:
+                self.send_response(302)
+                self.send_header("Location", made.redirects.pop(0))
+                self.send_header("Content-Length", "0")
+                self.end_headers()
+                return
             self.send_response(made.status)
             for name, value in made.headers.items():
                 self.send_header(name, value)

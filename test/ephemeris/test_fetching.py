@@ -1,5 +1,7 @@
 """Elements of an address against a server on loopback that also refuses, breaks off, lies, and drips."""
 
+import json
+import re
 import signal
 import socket
 import subprocess
@@ -10,10 +12,12 @@ from pathlib import Path
 from threading import Thread
 from threading import enumerate as running_threads
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 import requests
 
+from rf_pointing.core.whole_file import DATA_BYTES
 from rf_pointing.ephemeris import fetching, read_elements, tle_lines, verification_elements
 from rf_pointing.ephemeris.element_files import element_files, kept_file
 from rf_pointing.ephemeris.fetching import LONGEST_WAIT_S, Outcome, refresh
@@ -224,7 +228,7 @@ def test_an_address_that_was_never_fetched_is_refused_with_what_to_do(
         (requests.exceptions.ChunkedEncodingError("half"), "broke off: half", 0.0),
         (requests.ConnectionError("reset by peer"), "broke off: reset by peer", 0.0),
         (requests.ConnectionError(), "broke off", 0.0),
-        (requests.TooManyRedirects("31 redirects"), ": 31 redirects", 0.0),
+        (requests.exceptions.InvalidHeader("a header"), ": a header", 0.0),
     ],
 )
 def test_a_failed_request_counts_where_the_server_had_it(
@@ -244,6 +248,65 @@ def test_a_failed_request_counts_where_the_server_had_it(
     assert found.record.requested_t_s == (NOW_S if wait_s == 0.0 else 0.0)
     # A whole answer may take a minute.
     assert limits == [60.0]
+
+
+@pytest.mark.parametrize(
+    ("location", "hosts", "complaint"),
+    [
+        ("?again=1", (), ""),
+        (
+            "http://localhost:{port}/x",
+            (),
+            "was sent on to localhost, which only fetch_elements --redirect-to localhost",
+        ),
+        ("http://localhost:{port}/x", ("localhost",), ""),
+        ("//127.0.0.2/x", ("localhost",), "was sent on to 127.0.0.2, which only"),
+        ("http://127.0.0.1:4533/", (), "was sent on to 127.0.0.1, which only"),
+        ("file:///etc/passwd", (), "was sent on to 'file:///etc/passwd', must be http"),
+        ("http://[", (), "Invalid IPv6 URL"),
+    ],
+)
+def test_another_server_is_asked_only_where_the_user_has_named_it(
+    location: str, hosts: tuple[str, ...], complaint: str, source: Source, ask: Callable[..., Outcome]
+) -> None:
+    port = urlsplit(source.address).port
+    source.redirects = [location.format(port=port)]
+    found = ask(hosts=hosts)
+    assert re.search(complaint, found.problem)
+    assert (found.state, len(source.asked)) == (("none", 1) if complaint else ("new", 2))
+    if hosts and not complaint:
+        # It is kept for the nodes, which only know the address.
+        source.redirects = [location.format(port=port)]
+        assert ask(RULE_S).state == "new"
+
+
+def test_a_server_that_sends_on_for_ever_is_given_up(source: Source, ask: Callable[..., Outcome]) -> None:
+    source.redirects = ["/again"] * 100
+    assert ask().problem.endswith("was sent on 5 times")
+
+
+@pytest.mark.parametrize("value", ['\x0b"a"', "\x0c", "a" * 600, "\xe9"])
+def test_a_header_that_cannot_be_sent_back_is_not_kept(value: str, source: Source, ask: Callable[..., Outcome]) -> None:
+    source.headers = {"ETag": value, "Last-Modified": value}
+    assert (ask().problem, ask().record.etag, ask().record.last_modified) == ("", "", "")
+    record = next(ask().file.parent.glob(".*.json"))
+    record.write_text(record.read_text().replace('"etag": ""', f'"etag": {json.dumps(value)}'))
+    assert ask(RULE_S).state == "new"
+
+
+@pytest.mark.parametrize(
+    "given", [{"requested_t_s": "soon"}, {"etag": 3}, {"hosts": 1}, {"objects": None}, {"more": 1}]
+)
+def test_a_record_of_a_wrong_type_is_left_out(
+    given: dict[str, Any], source: Source, ask: Callable[..., Outcome]
+) -> None:
+    record = next(ask().file.parent.glob(".*.json"))
+    record.write_text(json.dumps(json.loads(record.read_text()) | given))
+    assert ask(1.0).state == "new"
+
+
+def test_an_answer_that_no_node_would_read_is_not_taken() -> None:
+    assert fetching.MOST_BYTES == DATA_BYTES
 
 
 def test_an_answer_is_read_no_further_than_the_longest_file(

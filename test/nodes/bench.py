@@ -146,7 +146,7 @@ class Bench:
     def call(self, name: str, request: Any = None) -> Any:
         """Call a service of the node, by default a Trigger; return its response."""
         full = self.node.resolve_service_name(name)
-        (service,) = (each for each in self.node.services if each.service_name == full)
+        (service,) = (each for each in self.node.offered if each.service_name == full)
         return service.callback(request or Trigger.Request(), service.srv_type.Response())
 
     def goal(self, action: str, goal: Any) -> "Goal | None":

@@ -16,7 +16,15 @@ import rclpy
 from builtin_interfaces.msg import Time
 from rclpy.serialization import serialize_message
 from rf_pointing_msgs.action import RunSchedule, TrackPass
-from rf_pointing_msgs.msg import AntennaStatus, ArraySnapshots, Pass, PassProfileList, PointingModel
+from rf_pointing_msgs.msg import (
+    AntennaStatus,
+    ArraySnapshots,
+    ExecutiveStatus,
+    Pass,
+    PassProfileList,
+    PointingModel,
+    Schedule,
+)
 from sensor_msgs.msg import JointState
 
 from rf_pointing.array_sensors.nodes.array_receiver import ArrayReceiver
@@ -43,6 +51,7 @@ from rf_pointing.nodes.station_executive import StationExecutive
 from rf_pointing.planning import PassProfile
 from rf_pointing.rf.dish_array import DishArrayParams
 from rf_pointing.ros import convert, convert_planning
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.topic_drive import TopicDrive
 
@@ -57,7 +66,11 @@ NODES: dict[Any, dict[str, Any]] = {
     SimulationClock: {"lifecycle.autostart": True},
     EphemerisPublisher: {"source.refraction": "measured", "source.antenna.half_power_beamwidth_deg": 60.0},
     StationDescriptionNode: {},
-    StationExecutive: {"executive.record": False, "executive.partners": "gs2"},
+    StationExecutive: {
+        "executive.record": False,
+        "executive.partners": "gs2",
+        "executive.partners_key_file": "partners.key",
+    },
     RotctldServerNode: {"server.port": 0},
     ArrayReceiver: {},
     ArrayTracker: {},
@@ -159,6 +172,9 @@ def fill(message: Any, random: Random, now_s: float) -> None:
         message.terms = list(BiasModel.zero().coefficients)
         message.values = random.normal(0.0, 1e-4, len(message.terms)).tolist()
         message.covariance = [0.0] * len(message.terms) ** 2
+    elif isinstance(message, (Schedule, ExecutiveStatus)):
+        topic = "schedule" if isinstance(message, Schedule) else "executive_status"
+        CommandKey(CommandKeyParams(command_key_file="partners.key")).sign_claim(message, topic, "gs2")
     elif isinstance(message, ArraySnapshots):
         message.elements, message.snapshots = DishArrayParams().elements, int(random.integers(8, 40))
         for name in ("samples_i", "samples_q"):

@@ -28,9 +28,11 @@ from rf_pointing.nodes.station_executive import StationExecutive
 from rf_pointing.operations import AlarmParams
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.ros import convert
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN
 from rf_pointing.ros.directives import type_of
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
+from rf_pointing.station.clients.night_watch import ExecutiveParams
 from test.nodes.bench import NOW_S
 from test.station.clients import test_night_watch
 
@@ -99,15 +101,90 @@ def test_the_health_of_the_nodes_of_its_namespace_and_of_no_other_is_known(make:
     assert known(bench, "antenna_servo.silent_s")[0] == pytest.approx(4.2)
 
 
-def test_a_partner_s_schedule_counts_while_it_shows_signs_of_life(make: Callable[..., Any]) -> None:
-    bench = make(**{"executive.partners": "gs0"}).up()
-    bench.give("/gs0/schedule", Schedule(passes=[ScheduledPass(id="p0", state="active")]))
+@pytest.fixture
+def shared(make: Callable[..., Any], tmp_path: Path) -> tuple[Any, Callable[..., None]]:
+    """Return an executive with the passes of `LIST` whose partner is gs0, and what speaks in its name."""
+    own = {"executive.partners": "gs0", "executive.partners_key_file": str(tmp_path / "partners.key")}
+    bench = make(**own).up()
+    bench.goal("run_schedule", RunSchedule.Goal(schedule=LIST))
+
+    def say(
+        state: str = "", *, late_s: float = 0.0, key: str = "partners.key", name: str = "gs0", say: str = ""
+    ) -> None:
+        topic = "schedule" if state else "executive_status"
+        message = Schedule(passes=[ScheduledPass(id="p0", state=state)]) if state else ExecutiveStatus(state="running")
+        stamped(message, bench.t_s - late_s)
+        CommandKey(CommandKeyParams(command_key_file=key and str(tmp_path / key))).sign_claim(message, topic, name)
+        if say:
+            message.passes[0].state = say
+        bench.give(f"/gs0/{topic}", message)
+
+    return bench, say
+
+
+def test_a_partner_s_schedule_counts_while_it_shows_signs_of_life(shared: Any) -> None:
+    bench, say = shared
+    say("active")
     for waited_s, status, taken in ((4.8, False, {"p0"}), (0.6, False, set()), (0.2, True, {"p0"})):
         bench.run(waited_s)
         if status:
-            bench.give("/gs0/executive_status", ExecutiveStatus())
+            say()
             bench.run(0.2)
         assert bench.node.watch.night.taken == taken, waited_s
+
+
+@pytest.mark.parametrize(
+    ("claim", "reason"),
+    [
+        ({"key": ""}, "not signed by gs0"),
+        ({"key": "other.key"}, "not signed by gs0"),
+        ({"name": "gs1"}, "not signed by gs0"),
+        ({"say": "tracked"}, "not signed by gs0"),
+        ({"late_s": -11.0}, "the clock of gs0 is 11.0 s ahead, must be <= 10 s"),
+    ],
+)
+def test_a_claim_that_is_not_the_partner_s_is_refused_and_counted(shared: Any, claim: Any, reason: str) -> None:
+    bench, say = shared
+    say("active", **claim)
+    say()
+    bench.run(0.4)
+    assert bench.node.watch.night.taken == set()
+    assert reason in bench.health("inputs").values["last_refusal"]
+
+
+def test_what_a_partner_has_said_before_is_not_said_again(shared: Any) -> None:
+    bench, say = shared
+    say("waiting")
+    say()
+    bench.run(0.4)
+    assert bench.node.watch.night.taken == {"p0"}
+    say("yields")
+    say("waiting", late_s=0.4)
+    bench.run(0.4)
+    assert bench.node.watch.night.taken == set()
+    assert "an older one" in bench.health("inputs").values["last_refusal"]
+    bench.run(30.0)
+    say("waiting")
+    say(late_s=10.5)
+    bench.run(0.4)
+    assert bench.node.watch.night.taken == {"p0"}, "the schedule itself is a sign of life"
+    assert "10.5 s old" in bench.health("inputs").values["last_refusal"]
+
+
+def test_a_pass_that_has_not_risen_cannot_have_been_tracked(shared: Any) -> None:
+    bench, say = shared
+    say("tracked")
+    for later_s, taken in ((1.0, set()), (597.0, set()), (4.0, {"p0"})):
+        bench.run(later_s, 1.0)
+        assert bench.node.watch.night.taken == taken
+
+
+def test_schedule_and_status_bear_the_name_of_the_antenna(make: Callable[..., Any]) -> None:
+    bench = make().up()
+    bench.goal("run_schedule", RunSchedule.Goal(schedule=LIST))
+    assert {bench.sent[topic][-1].header.frame_id for topic in ("schedule", "executive_status")} == {"gs1"}
+    with pytest.raises(ValueError, match="must name the key that is shared with partners=gs2"):
+        ExecutiveParams(partners="gs2")
 
 
 def test_a_night_is_a_goal_with_feedback_and_a_result_and_its_report_is_written(

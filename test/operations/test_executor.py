@@ -129,127 +129,10 @@ def two() -> tuple[Executor, list[tuple[int, str, dict[str, Any]]], ExpectedStat
     )
 
 
-def test_second_directive_waits_for_the_response_to_the_first_and_takes_live_values() -> None:
-    executor, sent, expected_state = two()
-    expected_state.observe("weather.temperature", 12.5, 0.0)
-    for t_s in (0.0, 1.0, 2.0):
-        executor.step(t_s)
-    assert sent == [(1, "station/do", {"what": "go"})]
-    executor.respond(1, True, "", 2.5)
-    executor.step(3.0)
-    assert sent[1:] == [(2, "a", {"value": 12.5})]
-
-
-def test_rejected_directive_stops_its_block() -> None:
-    executor, sent, expected_state = two()
-    expected_state.observe("weather.temperature", 12.5, 0.0)
-    executor.step(0.0)
-    executor.respond(1, False, "mode is stowed", 1.0)
-    executor.step(2.0)
-    assert (executor.runs["one"].state, len(sent)) == (BlockState.ANOMALY, 1)
-    assert executor.runs["one"].reason == "station/do was rejected: mode is stowed"
-
-
-def test_state_from_before_the_directive_does_not_count() -> None:
-    executor, _, expected_state = two()
-    expected_state.observe("weather.temperature", 12.5, 9.0)
-    expected_state.observe("x.y", 1, 9.0)
-    executor.step(10.0)
-    executor.respond(1, True, "", 10.5)
-    executor.step(11.0)
-    executor.respond(2, True, "", 11.5)
-    executor.step(12.0)
-    assert executor.runs["one"].state == BlockState.EXECUTING
-    expected_state.observe("x.y", 1, 12.5)
-    executor.step(13.0)
-    assert executor.succeeded
-
-
-def test_killed_executor_sends_nothing_by_itself_and_knows_where_it_was() -> None:
-    executor, _, expected_state = two()
-    expected_state.observe("weather.temperature", 12.5, 0.0)
-    executor.step(0.0)
-    kept = json.loads(json.dumps(executor.state()))
-    again: list[tuple[int, str, dict[str, Any]]] = []
-    restored = Executor(
-        executor.procedure, {"what": "go"}, expected_state, lambda n, d, a: again.append((n, d.name, a))
-    )
-    restored.restore(kept, 5.0)
-    for t_s in (5.0, 6.0):
-        restored.step(t_s)
-    assert not again
-    assert (restored.runs["one"].state, restored.runs["one"].reason) == (
-        BlockState.PAUSED,
-        "the executive was restarted here",
-    )
-    # What the first directive was to reach has shown meanwhile: it is not sent again.
-    expected_state.observe("x.y", 1, 4.0)
-    restored.resume(7.0)
-    restored.step(7.0)
-    assert [name for _, name, _ in again] == ["a"]
-    with pytest.raises(ValueError, match="must be of 'two'"):
-        restored.restore({"procedure": "other", "blocks": {}}, 0.0)
-
-
-def test_operator_skips_a_block_that_may_be_skipped() -> None:
-    executor, _, expected_state = two()
-    expected_state.observe("weather.temperature", 12.5, 0.0)
-    executor.step(0.0)
-    executor.skip(2.0, "one")
-    assert executor.succeeded
-    with pytest.raises(ValueError, match="must not be skipped"):
-        Executor(seven_blocks(), {}, expected_state, lambda *_: None).skip(0.0, "a")
-
-
-def test_optional_block_that_fails_does_not_hold_the_procedure_up() -> None:
-    executor, _, _ = run(seven_blocks(optional="true", timeout_s="12"), shows=lambda name: name != "d")
-    assert executor.runs["d"].state == BlockState.ANOMALY
-    assert executor.succeeded
-
-
-def test_block_begins_in_its_window_and_not_after_it() -> None:
-    text = "version: 1\nname: w\nblocks:\n  one: {window_s: [10, 20], directives: [{send: a}]}"
-    for first_s, state in ((5.0, BlockState.INACTIVE), (15.0, BlockState.EXECUTING), (25.0, BlockState.ANOMALY)):
-        executor = Executor(read_procedure(text, DICTIONARY), {}, ExpectedState(), lambda *_: None, zero_s=1000.0)
-        executor.step(1000.0 + first_s)
-        assert executor.runs["one"].state == state
-    assert "must be <= 20 s" in executor.runs["one"].reason
-
-
-def test_precondition_that_does_not_come_true_in_time_names_value_and_condition() -> None:
-    text = (
-        "version: 1\nname: p\nblocks:\n  one: {before: {antenna.mode: holding}, timeout_s: 5, directives: [{send: a}]}"
-    )
-    expected_state, sent = ExpectedState(), []
-    executor = Executor(read_procedure(text, DICTIONARY), {}, expected_state, lambda *given: sent.append(given))
-    for t_s in range(8):
-        expected_state.observe("antenna.mode", "fault", float(t_s))
-        executor.step(float(t_s))
-    assert not sent
-    assert executor.runs["one"].reason == "preconditions: antenna.mode=fault, must be: antenna.mode is holding"
-    assert executor.finished
-    assert not executor.succeeded
-
-
-def test_journal_lists_every_directive_with_time_arguments_and_response() -> None:
-    executor, _, expected_state = two()
-    expected_state.observe("weather.temperature", 12.5, 0.0)
-    executor.step(0.0)
-    executor.respond(1, True, "on its way", 1.0)
-    executor.respond(77, True, "", 1.5)
-    lines = [(e.t_s, e.block, e.directive, e.event, e.detail) for e in executor.journal]
-    assert lines == [
-        (0.0, "one", "", "executing", ""),
-        (0.0, "one", "station/do", "sent", "what=go"),
-        (1.0, "one", "station/do", "accepted", "on its way"),
-        (1.5, "", "", "unexpected response", "77: "),
-    ]
-
-
 class Run:
     """An executor of a text of blocks, and the numbers and names of what it has sent."""
 
-    def __init__(self, blocks: str, parameters: str = "{}", zero_s: float = 0.0) -> None:
+    def __init__(self, blocks: str, parameters: str = "{}", **options: float) -> None:
         text = f"version: 1\nname: r\nparameters: {parameters}\nblocks:\n{blocks}"
         self.expected_state = ExpectedState()
         self.sent: list[tuple[int, str]] = []
@@ -258,7 +141,7 @@ class Run:
             {},
             self.expected_state,
             lambda n, d, _: self.sent.append((n, d.name)),
-            zero_s,
+            **options,
         )
 
     def step(self, *times_s: float) -> str:
@@ -300,6 +183,9 @@ def test_preconditions_are_waited_for_from_when_the_block_might_have_begun() -> 
     one = Run("  one: {window_s: [10, 90], before: {x.y: 1}, timeout_s: 5, directives: [{send: a}]}")
     assert one.step(0.0, 9.0, 10.0, 15.0) == "inactive"
     assert one.step(15.25) == "anomaly"
+    assert one.reason() == "preconditions: x.y is unknown, must be: x.y is 1"
+    assert one.executor.finished
+    assert not one.executor.succeeded
     one = Run("  one: {window_s: [10, 90], before: {x.y: 1}, timeout_s: 5, directives: [{send: a}]}")
     assert one.step(10.0) == "inactive"
     one.expected_state.observe("x.y", 1, 14.0)
@@ -310,7 +196,8 @@ def test_preconditions_are_waited_for_from_when_the_block_might_have_begun() -> 
 
 def test_a_response_is_waited_for_from_its_directive_on() -> None:
     one = Run(TWO_SENDS)
-    one.step(0.0)
+    one.step(0.0, 7.0)
+    assert one.sent == [(1, "a")]
     one.executor.respond(1, True, "", 8.0)
     one.step(9.0)
     assert one.sent == [(1, "a"), (2, "b")]
@@ -389,10 +276,17 @@ def test_after_a_directive_that_is_left_out_the_block_has_its_whole_time() -> No
     assert one.step(13.25) == "anomaly"
 
 
-def test_sending_notes_the_arguments() -> None:
+def test_what_is_sent_and_accepted_is_noted_and_only_what_shows_later_counts() -> None:
     one = Run("  one: {directives: [{send: station/do, with: {what: '${w}'}, expect: {x.y: 1}}]}", "{w: 5}")
+    one.expected_state.observe("x.y", 1, 1.0)
     one.step(2.0)
-    assert [(e.event, e.detail) for e in one.executor.journal] == [("executing", ""), ("sent", "what=5")]
+    one.executor.respond(1, True, "on its way", 3.0)
+    noted = [(e.event, e.detail) for e in one.executor.journal]
+    assert noted == [("executing", ""), ("sent", "what=5"), ("accepted", "on its way")]
+    assert one.step(3.0) == "executing", "what was seen before the directive does not count"
+    one.expected_state.observe("x.y", 1, 3.5)
+    one.step(4.0)
+    assert one.executor.succeeded
 
 
 def test_a_live_value_that_is_not_known_is_an_anomaly_and_nothing_leaves() -> None:
@@ -471,7 +365,9 @@ def test_a_rejection_after_a_block_was_skipped_changes_nothing() -> None:
     one.step(0.0)
     one.executor.skip(0.5, "one")
     one.executor.respond(1, False, "no", 1.0)
-    assert one.state("one") == "skipped"
+    assert (one.state("one"), one.executor.succeeded) == ("skipped", True)
+    with pytest.raises(ValueError, match="must not be skipped"):
+        Run("  one: {directives: [{send: a}]}").executor.skip(0.0, "one")
     assert one.events()[-2:] == [(0.5, "one", "", "skipped"), (1.0, "", "", "unexpected response")]
 
 
@@ -549,12 +445,3 @@ def test_a_restored_block_whose_directives_are_answered_waits_from_the_restart_f
             assert again.sent == []
         else:
             assert again.step(600.0) == "paused"
-
-
-def test_windows_count_from_time_zero_unless_another_is_given() -> None:
-    text = "version: 1\nname: w\nblocks:\n  one: {window_s: [10, 20], directives: [{send: a}]}"
-    executor = Executor(read_procedure(text, DICTIONARY), {}, ExpectedState(), lambda *_: None)
-    executor.step(9.5)
-    assert executor.runs["one"].state == BlockState.INACTIVE
-    executor.step(10.0)
-    assert executor.runs["one"].state == BlockState.EXECUTING

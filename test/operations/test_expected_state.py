@@ -59,6 +59,7 @@ def test_a_condition_that_cannot_be_tested_is_refused_with_its_place(given: obje
         ("one_of", (1, 2), 2, True), ("one_of", (1, 2), 3, False), ("is", (1, 2), 1, False),
         ("above", 3, 3, False), ("above", 3, 3.5, True), ("below", 3, 3, False), ("below", 3, 2.5, True),
         ("above", 0, True, False), ("below", 2, True, False), ("above", 0, None, False), ("below", 0, "x", False),
+        ("above", 3, math.nan, False), ("below", 3, math.nan, False),
     ],
 )  # fmt: skip
 def test_a_value_satisfies_a_test_or_does_not(test: str, wanted: object, value: object, good: bool) -> None:

@@ -38,7 +38,7 @@ class Station:
         self._answers: list[tuple[int, str]] = []
         self._goal: int | None = None
         self.night = self.executive()
-        self.night.schedule.add(passes)
+        self.night.schedule.change(passes)
         self.night.start(0.0)
 
     def executive(self) -> Night:
@@ -309,7 +309,7 @@ def test_an_urgent_pass_that_is_added_ends_the_present_one_in_time() -> None:
     station.run(1200.0)
     urgent = a_pass("urgent", 1400.0, priority=9, azimuth=(150.0, 240.0))
     station.passes["urgent"] = urgent
-    station.night.schedule.add([urgent])
+    station.night.schedule.change([urgent])
     station.night.change(1200.0)
     station.run(3000.0)
     records = {record.id: record for record in station.night.records}
@@ -376,7 +376,7 @@ class Bench:
 
     def __init__(self, *passes: ScheduledPass, **options: Any) -> None:
         schedule = Schedule(LIMITS, RATES, BetweenParams())
-        schedule.add(passes)
+        schedule.change(passes)
         self.night = Night(
             schedule, read_procedure(PASS, NAMES), read_table(TABLE, NAMES, AlarmParams()), self._send,
             save=lambda: self.order.append("kept"), **options,
@@ -657,8 +657,8 @@ def test_a_rest_that_is_not_reached_is_requested_again_after_a_minute_and_anothe
     sent = {0.5 * k: names for k in range(360) if (names := one.at(0.5 * k))}
     # It may take 50 s, which ends an attempt; the next one is a minute after the one before.
     assert sent == {t_s: ["park"] for t_s in (0.5, 60.5, 120.5)}
-    one.night.schedule.remove(["a"])
-    one.night.schedule.add([a_pass("b", 30_000.0)])
+    one.night.schedule.change([], ["a"])
+    one.night.schedule.change([a_pass("b", 30_000.0)])
     one.night.change(180.0)
     one.at(180.0, antenna__mode="parked")
     assert (one.night.reason, one.at(180.5)) == ("stow until b", ["stow"])

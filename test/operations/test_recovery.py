@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from rf_pointing.operations import AlarmParams, Condition, ExpectedState
-from rf_pointing.operations.alarms import ERROR, WARNING, Alarm, AlarmBook
-from rf_pointing.operations.dictionary import TABLES, read_directives, read_tables
+from rf_pointing.operations.alarms import ERROR, WARNING, AlarmBook
+from rf_pointing.operations.dictionary import TABLES, read_tables
 from rf_pointing.operations.recovery import Cause, Recovery, read_table
 
 NAMES = {"reset": (), "go": ("azimuth",)}
@@ -38,108 +38,9 @@ def book() -> tuple[AlarmBook, list[tuple[str, str]]]:
     return AlarmBook(lambda event, alarm: notified.append((event, alarm.name)), 600.0), notified
 
 
-def test_a_cause_that_lasts_is_one_message_however_often_it_is_seen() -> None:
-    alarms, notified = book()
-    for k in range(1000):
-        alarms.raise_("x", WARNING, f"message {k}", float(k))
-    assert notified == [("raised", "x")]
-    assert alarms.lasting[0].message == "message 999"
-
-
-def test_a_cause_that_comes_and_goes_is_no_storm_and_is_counted() -> None:
-    alarms, notified = book()
-    for k in range(200):
-        alarms.raise_("x", WARNING, "on", 2.0 * k)
-        alarms.clear("x", 2.0 * k + 1.0)
-    # 400 s, within the quiet time: one message of its raise, and one of its first end.
-    assert notified == [("raised", "x"), ("cleared", "x")]
-    assert alarms.alarms["x"].count == 200
-    alarms.raise_("x", WARNING, "on", 2000.0)
-    assert notified[-1] == ("raised", "x")
-
-
-def test_what_gets_worse_is_told_at_once_and_must_be_acknowledged_again() -> None:
-    alarms, notified = book()
-    alarms.raise_("x", WARNING, "near", 0.0)
-    assert alarms.acknowledge("", 1.0) == ["x"]
-    assert alarms.lasting[0].acknowledged
-    alarms.raise_("x", ERROR, "over", 2.0)
-    assert notified == [("raised", "x"), ("worse", "x")]
-    assert not alarms.lasting[0].acknowledged
-    with pytest.raises(ValueError, match="there is no alarm 'y'; there are: x"):
-        alarms.acknowledge("y", 3.0)
-
-
-def test_alarms_go_out_and_in_unchanged() -> None:
-    alarms, _ = book()
-    alarms.raise_("x", WARNING, "near", 0.0, "do it")
-    alarms.clear("x", 5.0)
-    other, _ = book()
-    other.restore(alarms.state())
-    assert other.state() == alarms.state()
-    assert isinstance(other.alarms["x"], Alarm)
-
-
 def recovery(**thresholds: Any) -> tuple[Recovery, ExpectedState]:
     expected_state = ExpectedState()
     return Recovery(read_table(TABLE, NAMES, AlarmParams(**thresholds)), expected_state, book()[0]), expected_state
-
-
-def test_an_action_is_tried_as_often_as_the_table_says_then_the_night_goes_on_its_last_way() -> None:
-    one, expected_state = recovery(fault_s=2.0)
-    tried = []
-    for k in range(100):
-        expected_state.observe("a.fault", "drive", float(k))
-        one.step(float(k))
-        if due := one.due(float(k)):
-            tried.append((float(k), due))
-            one.note_try(due[0], float(k))
-            assert one.effect()[0] in ("wait", "stop")
-    assert tried == [(2.0, ("fault", "reset")), (12.0, ("fault", "reset"))]
-    assert one.effect() == ("stop", "fault drive")
-    assert one.book.lasting[0].ask == "look"
-    expected_state.observe("a.fault", "", 101.0)
-    one.step(101.0)
-    assert one.effect() == ("continue", "")
-    assert not one.book.lasting
-
-
-def test_what_must_not_be_tried_is_asked_for_at_once() -> None:
-    one, expected_state = recovery(fault_s=0.0)
-    expected_state.observe("a.fault", "past the hard limit", 0.0)
-    one.step(0.0)
-    assert one.due(0.0) is None
-    assert one.effect()[0] == "stop"
-    assert one.book.lasting[0].ask == "look"
-
-
-def test_every_device_has_an_alarm_of_its_own() -> None:
-    one, expected_state = recovery(node_silent_s=5.0)
-    for name, silent_s in (("n1", 9.0), ("n2", 1.0), ("n3", 7.5)):
-        expected_state.observe(f"{name}.silent_s", silent_s, 0.0)
-    one.step(0.0)
-    assert [(each.name, each.message) for each in one.book.lasting] == [
-        ("silent n1", "n1 for 9 s"), ("silent n3", "n3 for 7.5 s")
-    ]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("version: 1", "version: 2", "must have version: 1"),
-        ("send: reset", "send: fly", "send='fly' must be one of go, reset"),
-        ("do: [reset]", "do: [fly]", "causes.fault.do: fly must be one of reset"),
-        ("night: wait", "night: sleep", "night='sleep' must be one of continue, wait, weather, stop"),
-        ("tries: 2", "tries: -1", "tries=-1 must be a number >= 0"),
-        ("not_by_itself: hard", "not_by_itself: '('", "is not a regular expression"),
-        ("${fault_s}", "${fault}", "fault must be one of the thresholds node_silent_s"),
-        ("ask: look", "asks: look", "unknown asks; known are"),
-        ("level: warning", "level: 3", "level=3 must be one of warning, error"),
-    ],
-)
-def test_a_mistake_in_the_table_is_refused_with_its_place(old: str, new: str, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        read_table(TABLE.replace(old, new), NAMES, AlarmParams())
 
 
 def test_the_shipped_tables_belong_together_and_cover_what_they_must() -> None:
@@ -167,21 +68,6 @@ def test_a_station_adds_directives_and_changes_the_recovery(tmp_path: Any) -> No
     assert "silence" in tables.recovery.actions
     with pytest.raises(ValueError, match=r"recovery.yaml: actions|transmitter_off"):
         read_tables(AlarmParams(), recovery=str(table))
-
-
-@pytest.mark.parametrize(
-    ("row", "message"),
-    [
-        ("{service: a/b}", "type='' must be given"),
-        ("{service: a/b, type: std_srvs/Trigger}", "must be as in package/srv/Name"),
-        ("{action: a, service: b, type: x/srv/Y}", "must have one of service"),
-        ("{parameter: speed}", "a parameter as in node/name"),
-        ("{own: record, size: 3}", "may have type and takes"),
-    ],
-)
-def test_a_mistake_in_the_dictionary_is_refused(row: str, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        read_directives(f"version: 1\ndirectives: {{x: {row}}}")
 
 
 def cause_of(row: str, *, actions: str = "{reset: {send: reset}, go: {send: go}}", **thresholds: Any) -> Cause:
@@ -216,6 +102,12 @@ def test_what_a_cause_does_not_say_is_usual() -> None:
         ("{when: {a.b: 1}, every_s: x}", "every_s='x' must be a number >= 0"),
         ("{when: {a.b: 1}, every_s: -0.5}", "every_s=-0.5 must be a number >= 0"),
         ("{when: {a.b: 1}, tries: .inf}", "tries=inf must be a number >= 0"),
+        ("{when: {a.b: 1}, tries: -1}", "tries=-1 must be a number >= 0"),
+        ("{when: {a.b: 1}, not_by_itself: '('}", "is not a regular expression"),
+        ("{when: {a.b: 1}, for_s: '${fault}'}", "fault must be one of the thresholds node_silent_s"),
+        ("{when: {a.b: 1}, asks: look}", "unknown asks; known are"),
+        ("{when: {a.b: 1}, level: 3}", "level=3 must be one of warning, error"),
+        ("{when: {a.b: 1}, night: sleep}", "night='sleep' must be one of continue, wait, weather, stop"),
         ("{when: {a.b: 1}, last: sleep}", "last='sleep' must be one of continue"),
         ("{when: {a.b: 1}, do: [x, go, b]}", "causes.some_cause.do: b, x must be one of go, reset"),
         ("{when: {a.b: {above: '${quick}'}}}", "causes.some_cause.when.a.b.above=..quick.: quick must be one of"),
@@ -246,6 +138,8 @@ def test_actions_and_causes_map_names_to_keys(key: str, given: str) -> None:
 
 
 def test_an_action_is_a_procedure_of_one_block_that_may_be_given_a_place() -> None:
+    with pytest.raises(ValueError, match="send='fly' must be one of go, reset"):
+        cause_of("{when: {a.b: 1}}", actions="{reset: {send: fly}}")
     table = read_table(
         "version: 1\nactions: {go: {send: go, with: {azimuth: '${azimuth}'}, when: {a.b: 1}, timeout_s: 7}}\ncauses: {}",
         NAMES, AlarmParams(),
@@ -291,6 +185,16 @@ def test_a_cause_is_an_alarm_once_it_has_lasted_and_begins_anew_when_it_was_away
     one.see(12.0, a__b=2)
     assert one.recovery.book.lasting == []
     assert one.recovery.effect() == ("continue", "")
+
+
+def test_what_must_not_be_tried_is_asked_for_at_once() -> None:
+    one = Watched(
+        "  x: {when: {a.b: {is_not: ''}}, do: [reset], not_by_itself: hard, tries: 2, text: '{a.b}', ask: look,"
+        " night: wait, last: stop}"
+    )
+    one.see(0.0, a__b="past the hard limit")
+    assert (one.recovery.due(0.0), one.recovery.effect()[0]) == (None, "stop")
+    assert one.recovery.book.lasting[0].ask == "look"
 
 
 def test_all_conditions_of_a_cause_hold_together() -> None:

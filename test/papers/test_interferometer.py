@@ -4,7 +4,6 @@ import pytest
 
 from rf_pointing.papers import interferometer, interferometer_claims, interferometer_simulation
 from rf_pointing.papers.interferometer import rows
-from rf_pointing.papers.interferometer_claims import settled_error_deg
 from rf_pointing.papers.row import Row
 
 
@@ -47,9 +46,3 @@ def test_an_explanation_is_measured_and_fails_with_another_number(
 
 def test_statements_hold_for_another_seed_too() -> None:
     assert [row.quantity for row in rows(seed=5) if not row.accepted] == []
-
-
-def test_nine_separate_ranges_keep_the_attitude_error_and_bend_the_direction_by_half_of_it() -> None:
-    attitude, direction = settled_error_deg(10.0)
-    assert attitude == pytest.approx(10.0, abs=0.01)
-    assert direction == pytest.approx(5.0, abs=0.2)

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from rf_pointing.controllers import PositionLoopParams, dss13_loops
-from rf_pointing.core import random_stream
+from rf_pointing.controllers import dss13_loops
 from rf_pointing.papers import servo_sampled
 from rf_pointing.papers.servo_linear import closed_loop, stability_limit_hz
-from rf_pointing.papers.servo_monopulse import NOTCH, PLAIN
-from rf_pointing.papers.servo_noise import averaging_gain
+from rf_pointing.papers.servo_monopulse import PLAIN
 from rf_pointing.papers.servo_pass import PassSetup, fly
 from rf_pointing.papers.servo_sampled import (
     AxisResponse,
@@ -20,7 +18,6 @@ from rf_pointing.papers.servo_sampled import (
     davenport_psd,
     loop_quality,
 )
-from rf_pointing.papers.servo_trajectory import LowOrbitPass
 from rf_pointing.servo import GustFilter, discretise, dss13_plant
 from rf_pointing.servo.wind import GUST_LENGTH_M
 
@@ -30,55 +27,10 @@ def plant():
     return dss13_plant(ideal=True)
 
 
-def test_pass_rates_are_the_derivatives_of_its_angles() -> None:
-    orbit, step = LowOrbitPass(), 1e-3
-    time = np.array([-400.0, -90.0, -3.0, 0.0, 12.0, 250.0])
-    here, after, before = orbit.at(time), orbit.at(time + step), orbit.at(time - step)
-    rate = (after.position_rad - before.position_rad) / (2.0 * step)
-    acceleration = (after.velocity_rad_s - before.velocity_rad_s) / (2.0 * step)
-    np.testing.assert_allclose(here.velocity_rad_s, rate, atol=1e-10)
-    np.testing.assert_allclose(here.acceleration_rad_s2, acceleration, atol=1e-10)
-
-
-def test_pass_culminates_where_it_says() -> None:
-    culmination = LowOrbitPass(culmination_rad=0.9).at([0.0])
-    assert culmination.position_rad[0, 1] == pytest.approx(0.9, abs=1e-12)
-    assert culmination.velocity_rad_s[0, 1] == pytest.approx(0.0, abs=1e-12)
-
-
-def test_closed_loop_response_to_a_ramp_has_the_steady_error_of_the_theory(plant) -> None:
-    """Without feedforward a constant acceleration leaves r''/k_i."""
-    loop = PLAIN.replace(feedforward_gain=0.0)
-    system = closed_loop(plant, (loop, loop))
-    time = 0.02 * np.arange(6000)
-    inputs = np.zeros((6000, 8))
-    inputs[:, 1], inputs[:, 3] = 5e-6 * time**2, 1e-5 * time
-    beam = lsim((system.a, system.b, system.beam, np.zeros((2, 8))), inputs, time)[1]
-    assert inputs[-1, 1] - beam[-1, 1] == pytest.approx(1e-5 / 1.8, rel=0.01)
-
-
 def test_stability_limit_is_where_the_loop_turns_unstable(plant) -> None:
     limit = stability_limit_hz(plant, (PLAIN, PLAIN), 1)
     assert closed_loop(plant, (PLAIN, PLAIN), (0.0, 0.999 * limit)).stable()
     assert not closed_loop(plant, (PLAIN, PLAIN), (0.0, 1.001 * limit)).stable()
-
-
-@pytest.mark.parametrize(("loop", "low", "high"), [(PLAIN, 0.060, 0.067), (NOTCH, 0.4, 0.6)])
-def test_monopulse_limits_are_the_published_ones(plant, loop: PositionLoopParams, low: float, high: float) -> None:
-    assert low < stability_limit_hz(plant, (loop, loop), 1) < high
-
-
-def test_averaging_white_noise_gains_the_cluster_size() -> None:
-    assert averaging_gain(0.0) == pytest.approx(5.0, rel=1e-12)
-
-
-def test_averaging_gain_of_high_frequency_noise_agrees_with_simulated_noise() -> None:
-    random, count = random_stream(4, "coloured"), 2**20
-    spectrum = np.fft.rfft(random.standard_normal(count))
-    spectrum[np.fft.rfftfreq(count, 0.02) < 8.0] = 0.0
-    noise = np.fft.irfft(spectrum, count)
-    means = noise[: count // 5 * 5].reshape(-1, 5).mean(axis=1)
-    assert np.var(noise) / np.var(means) == pytest.approx(averaging_gain(8.0), rel=0.03)
 
 
 def test_flown_pass_agrees_with_the_exact_linear_response(plant) -> None:

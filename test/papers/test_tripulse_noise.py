@@ -1,6 +1,4 @@
-import functools
 import math
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from rf_pointing.array_sensors.tripulse.beams import (
     monopulse_ratios,
 )
 from rf_pointing.core import random_stream
-from rf_pointing.papers.sweeps import sweep
 from rf_pointing.papers.tripulse_noise import (
     failed_element_errors,
     noise_errors,
@@ -55,22 +52,6 @@ def test_no_failures_and_no_phase_error_leave_no_error() -> None:
         phase_error_errors(PARAMS, 0.0, [0.01, 0.0], OFFSET, 10),
     ):
         np.testing.assert_allclose([found.mean, found.sigma], 0.0, atol=1e-13)
-
-
-def test_sweep_gives_the_same_numbers_on_an_executor() -> None:
-    task = functools.partial(failed_element_errors, PARAMS, steering=[0.0, 0.0], projection_error=OFFSET, trials=500)
-    counts = [10, 38, 60]
-    alone = sweep(task, counts)
-    with ThreadPoolExecutor(2) as executor:
-        shared = sweep(task, counts, executor)
-    assert [a.three_sigma_total_rad for a in alone] == [b.three_sigma_total_rad for b in shared]
-    assert alone[0].three_sigma_total_rad < alone[1].three_sigma_total_rad < alone[2].three_sigma_total_rad
-
-
-def test_sweep_raises_the_failure_of_a_case() -> None:
-    task = functools.partial(failed_element_errors, PARAMS, steering=[0.0, 0.0], projection_error=OFFSET, trials=10)
-    with ThreadPoolExecutor(1) as executor, pytest.raises(ValueError, match="failed_count=256"):
-        sweep(task, [10, 256], executor)
 
 
 @pytest.mark.parametrize("count", [-1, 256])

@@ -24,7 +24,6 @@ from rf_pointing.papers.tripulse_theory import (
 )
 
 TRIALS = 200_000
-TENTH_DEG = np.radians(0.1)
 CN0_DB_HZ, SIGMA = 37.0, 5.8e-5
 
 
@@ -77,10 +76,6 @@ def test_published_21_is_the_mean_square_of_the_total_angle_at_boresight() -> No
     t = sigma * random_stream(1, "total angle").normal(size=(TRIALS, 2))
     mean_square = float(np.mean(polar_angles_rad(t)[0] ** 2))
     assert polar_angle_variance_rad2(sigma**2, 0.0, "published") == pytest.approx(mean_square, rel=0.01)
-
-
-def test_specification_of_the_paper_takes_80_microseconds() -> None:
-    assert integration_time_s(TripulseArrayParams(), 37.0, 5.8e-5) == pytest.approx(80e-6, rel=0.01)
 
 
 def test_integration_time_is_set_by_the_slower_axis() -> None:
@@ -153,14 +148,6 @@ def test_sum_pulse_follows_the_first_order_rule_at_high_snr() -> None:
     assert best.sum_s / best.delta_x_s == pytest.approx(math.sqrt(2.0) * gamma, rel=0.02)
 
 
-def test_optimal_pulses_save_a_fifth_at_a_tenth_of_a_degree_and_a_third_near_boresight() -> None:
-    params = TripulseArrayParams()
-    for error, saving in ((TENTH_DEG, 0.21), (1e-5, 0.32)):
-        best = allocate_pulses(params, CN0_DB_HZ, SIGMA, [error, error])
-        equal = equal_pulses(params, CN0_DB_HZ, SIGMA, [error, error])
-        assert 1.0 - best.total_s / equal.total_s == pytest.approx(saving, abs=0.01)
-
-
 def test_sum_pulse_is_kept_above_12_db() -> None:
     params = TripulseArrayParams()
     best = allocate_pulses(params, CN0_DB_HZ, 2e-3, [0.0, 0.0])
@@ -173,7 +160,6 @@ def test_sum_pulse_is_kept_above_12_db() -> None:
     [
         (np.nan, SIGMA, [0.0, 0.0], "element_carrier_to_noise_db_hz"),
         (37.0, 0.0, [0.0, 0.0], "sigma"),
-        (37.0, SIGMA, [0.03, 0.0], "projection_error"),
         (37.0, SIGMA, [0.0], "shape"),
     ],
 )

@@ -31,27 +31,11 @@ def test_below_the_horizon_is_refused() -> None:
         air_mass(-0.1, 6000.0)
 
 
-def test_noise_of_an_opaque_atmosphere_is_its_own_temperature() -> None:
-    opaque = AtmosphereParams(zenith_loss_db=20.0, physical_temperature_k=280.0)
-    noise = NoiseParams(lna_k=0.0, dichroic_k=0.0, ground_k=0.0, cosmic_k=2.7)
-    assert system_noise_k(noise, opaque, math.radians(10.0)) == pytest.approx(280.0, abs=1e-6)
-
-
 def test_air_that_halves_the_power_gives_half_of_each_sky() -> None:
     """3.0103 dB at the zenith: half of 4 K from behind and half of 280 K of the air, then the receiver."""
     half = AtmosphereParams(zenith_loss_db=10.0 * math.log10(2.0), physical_temperature_k=280.0)
     noise = NoiseParams(lna_k=20.0, dichroic_k=3.0, ground_k=7.0, cosmic_k=4.0)
     assert system_noise_k(noise, half, ZENITH) == pytest.approx(2.0 + 140.0 + 30.0, rel=1e-12)
-
-
-def test_noise_without_atmosphere_is_the_sum_of_the_parts() -> None:
-    clear = AtmosphereParams(zenith_loss_db=0.0)
-    noise = NoiseParams(lna_k=45.0, dichroic_k=11.0, ground_k=8.0, cosmic_k=2.725)
-    assert system_noise_k(noise, clear, 1.0) == pytest.approx(66.725, abs=1e-12)
-
-
-def test_zenith_at_the_reference_range_gives_the_parameter() -> None:
-    assert ka_link(zenith_carrier_to_noise_db_hz=57.3).carrier_to_noise_db_hz(500e3, ZENITH) == pytest.approx(57.3)
 
 
 def test_low_pass_loses_spreading_air_and_noise() -> None:

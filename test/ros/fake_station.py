@@ -227,6 +227,7 @@ class FakeGraph:
 
     def __init__(self, station: FakeStation, namespace: str, files: list[Path], logs: Path, given: Any) -> None:
         self.namespace, self.files, self.logs, self.on_time = namespace, files, logs, given.get("on_time", ())
+        self.processes = given.get("processes", 8)
         self._log = station.log
         self.checks, self.ended = 0, ""
 

@@ -157,6 +157,31 @@ def test_a_call_is_taken_once_within_ten_seconds_of_its_time(calls: Calls, age_s
             calls.key.check_call(call)
 
 
+@pytest.mark.parametrize("ahead_s", [0.001, 8.0, -0.001])
+def test_a_call_is_not_taken_again_after_a_restart(calls: Calls, tmp_path: Path, ahead_s: float) -> None:
+    calls.at(ahead_s)
+    call, other, *unused = (calls.call(body) for body in range(4))
+    calls.at(0.0)
+    for each in (call, other):
+        calls.key.check_call(each)
+    for after_s in (0.0005, 4.0, 8.5):
+        calls.at(after_s)
+        again = key_at(tmp_path / "key")
+        for each in (call, other):
+            with pytest.raises(ValueError, match="was sent before"):
+                again.check_call(each)
+        # One that was not taken is, while it is newer than the start.
+        if after_s < ahead_s:
+            again.check_call(unused.pop())
+    kept = tmp_path / "key.taken"
+    assert kept.is_file() is (ahead_s > 0.0)
+    if kept.is_file():
+        kept.write_text("[")
+        calls.at(20.0)
+        with pytest.raises(ValueError, match="key.taken cannot be read"):
+            key_at(tmp_path / "key").check_call(calls.call())
+
+
 def test_a_call_of_before_the_start_is_refused_and_without_a_key_everything_is_taken(
     calls: Calls, tmp_path: Path
 ) -> None:

@@ -25,10 +25,11 @@ class Graph:
         self.speed, self.state = 1.0, "active"
         self.present = {TOPIC: [OWN, "/gs2/antenna_servo", *others], INPUT: ["/gs1/antenna_servo"]}
         self.says = list(others)
-        self.sends = True
+        self.sends = self.active = self.works = True
         self.diagnostics = SimpleNamespace(add=lambda *_given: None)
         self.watchdog = InputWatchdog(self, lambda: self.t_s)
         self.count = self.watchdog.watch(INPUT)
+        self.done, self.forget = self.watchdog.watch_work(0.5)
 
     def get_fully_qualified_name(self) -> str:
         return OWN
@@ -56,6 +57,8 @@ class Graph:
                 self.watchdog.note(serialize_message(DiagnosticArray(status=[status])))
             if self.sends:
                 self.count()
+            if self.works:
+                self.done()
             health = self.watchdog.look()
         return health.level, health.message
 
@@ -96,6 +99,10 @@ Phase = tuple[int, dict[str, Any]]
         # A time that goes back adds nothing, and an input that comes again starts anew.
         ([(5, {}), (6, NO_INPUT), (2, {"speed": -3.0}), (4, {"speed": 1.0})], ""),
         ([(5, {}), (9, NO_INPUT), (1, TALKING), (9, NO_INPUT), (1, TALKING), (9, NO_INPUT)], ""),
+        # Work that is not done while it is due, in wall and node time.
+        ([(5, {}), (11, {"works": False})], ""),
+        ([(5, {}), (12, {"works": False})], "the work of every 0.5 s has not been done for 12 s"),
+        ([(5, {}), (99, {"works": False, "speed": 0.0})], ""), ([(5, {}), (99, {"works": False, "active": False})], ""),
     ],
 )  # fmt: skip
 def test_a_node_is_deaf_only_where_others_prove_it(phases: list[Phase], deaf: str) -> None:

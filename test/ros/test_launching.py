@@ -8,12 +8,14 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
+import yaml
 
 from rf_pointing.ros.graph import ARRAY_NODES, DESCRIPTION, NODES, STATION_NODES
 from rf_pointing.station.description import read_station
 from rf_pointing.station.description.urdf import urdf
 
 FOLDER = Path(__file__).parents[2] / "launch"
+MORE = {"executive": "station_executive", "page": "operator_page", "rotctld": "rotctld_server"}
 
 
 class Action:
@@ -57,15 +59,32 @@ def given(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     return values
 
 
-def launched(name: str) -> dict[str, dict[str, Any]]:
-    """Return what every node of a launch file is started with, by its name."""
+def actions(name: str) -> list[dict[str, Any]]:
+    """Return what every process of a launch file is started with."""
     spec = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.launch.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     (start,) = [each for each in module.generate_launch_description().positional[0] if "function" in each.named]
-    return {node.named["name"]: node.named for node in start.named["function"](None, *start.named["args"])}
+    return [node.named for node in start.named["function"](None, *start.named["args"])]
+
+
+def launched(name: str) -> dict[str, dict[str, Any]]:
+    """Return what every node of a launch file is started with, by its name, also where it shares a process."""
+    found = {}
+    for action in actions(name):
+        if action["executable"] != "station_process":
+            found[action["name"]] = action
+            continue
+        own, *files = action["parameters"]
+        sections = yaml.safe_load(Path(own).read_text())
+        Path(own).unlink()
+        for node in action["arguments"]:
+            if node != "--no-restart":
+                values = sections[f"/**/{node}"]["ros__parameters"]
+                found[node] = {**action, "executable": node, "name": node, "parameters": [values, *files]}
+    return found
 
 
 def parameters(node: dict[str, Any]) -> dict[str, Any]:
@@ -87,7 +106,7 @@ def with_drive(tmp_path: Path) -> str:
 def test_the_simulated_station_has_every_node_and_its_own_time(given: dict[str, str]) -> None:
     given["speed"] = "0"
     nodes = launched("simulated_station")
-    assert tuple(nodes) == (*NODES, DESCRIPTION)
+    assert set(nodes) == {*NODES, DESCRIPTION}
     for name, node in nodes.items():
         assert (node["package"], node["executable"], node["output"]) == ("rf_pointing", name, "screen")
         assert (node["respawn"], node["respawn_delay"], node["remappings"]) == (True, 0.5, [("/clock", "clock")])
@@ -97,6 +116,25 @@ def test_the_simulated_station_has_every_node_and_its_own_time(given: dict[str, 
     assert (servo["station"], servo["band"], servo["use_sim_time"]) == ("dss13", "", True)
     given["respawn"] = "false"
     assert not any(node["respawn"] for node in launched("simulated_station").values())
+    assert all(action["arguments"][-1] == "--no-restart" for action in actions("simulated_station"))
+
+
+@pytest.mark.parametrize(
+    ("processes", "simulated", "real"), [("1", 1, 2), ("2", 2, 2), ("8", len(NODES) + 1, len(STATION_NODES) + 2)]
+)
+def test_nodes_share_as_many_processes_as_are_wanted_but_a_real_control_unit_has_its_own(
+    given: dict[str, str], tmp_path: Path, processes: str, simulated: int, real: int
+) -> None:
+    """So have the clients of the station, and under security every node."""
+    given |= {"processes": processes, **dict.fromkeys(MORE, "true")}
+    assert len(actions("simulated_station")) == simulated + len(MORE)
+    given["station"] = with_drive(tmp_path)
+    found = actions("single_antenna")
+    assert len(found) == real + len(MORE)
+    assert {"antenna_servo", *MORE.values()} <= {action["executable"] for action in found}
+    given["processes"] = "3"
+    with pytest.raises(ValueError, match="processes=3 must be 1, 2 or 8"):
+        actions("single_antenna")
 
 
 def test_a_station_with_its_own_drivers_keeps_the_other_nodes_and_the_time_of_the_system(given: dict[str, str]) -> None:
@@ -126,7 +164,7 @@ def test_a_station_with_a_drive_starts_the_control_unit_on_it_with_a_priority(
 def test_a_station_with_an_array_starts_its_nodes(given: dict[str, str]) -> None:
     """A real array has receivers of its own; every node refuses a band that does not exist."""
     given["station"] = "rotator_2m"
-    assert tuple(launched("simulated_station")) == (*NODES, *ARRAY_NODES, DESCRIPTION)
+    assert set(launched("simulated_station")) == {*NODES, *ARRAY_NODES, DESCRIPTION}
     given["band"] = "S"
     assert {"array_tracker"} == set(launched("single_antenna")) & set(ARRAY_NODES)
     given["band"] = "W"
@@ -163,10 +201,7 @@ def test_robot_state_publisher_turns_the_joints_where_it_is_installed(
         assert (publisher["namespace"], publisher["remappings"]) == ("/north/gs7", [("/clock", "clock")])
         assert (publisher["respawn"], publisher["respawn_delay"], publisher["output"]) == (False, 0.5, "screen")
     given["description"] = "false"
-    assert tuple(launched("simulated_station")) == NODES
-
-
-MORE = {"executive": "station_executive", "page": "operator_page", "rotctld": "rotctld_server"}
+    assert set(launched("simulated_station")) == set(NODES)
 
 
 def test_what_is_optional_is_started_on_request_alone(given: dict[str, str]) -> None:
@@ -212,7 +247,7 @@ def test_a_node_has_an_enclave_of_its_own_where_security_is_on(
     given: dict[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("ROS_SECURITY_ENABLE", raising=False)
-    assert launched("simulated_station")["antenna_servo"]["ros_arguments"] == []
+    assert not any(action.get("ros_arguments") for action in actions("simulated_station"))
     monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
     given["namespace"] = "/gs7"
     assert launched("simulated_station")["antenna_servo"]["ros_arguments"] == ["--enclave", "/gs7/antenna_servo"]

@@ -64,7 +64,7 @@ def bench(make_bench: Callable[..., Any]) -> Any:
 
 def entities(node: Any) -> list[int]:
     """Return how much a node has in the graph, and its timers."""
-    return [len(list(kind)) for kind in (node.publishers, node.subscriptions, node.services, node.timers)]
+    return [len(list(kind)) for kind in (node.publishers, node.subscriptions, node.offered, node.timers)]
 
 
 # Transitions
@@ -135,7 +135,7 @@ def test_a_refused_configuration_says_why_in_log_and_diagnostics(bench: Any, ref
     assert ("error", f"not configured: {refusal}") in bench.log
 
 
-def test_shutdown_and_end_stop_an_active_node_once(make_bench: Callable[..., Any]) -> None:
+def test_shutdown_and_end_stop_an_active_node_once_and_say_so(make_bench: Callable[..., Any]) -> None:
     for how in ("trigger_shutdown", "end"):
         bench = make_bench(Subject)
         bare = entities(bench.node)
@@ -143,6 +143,12 @@ def test_shutdown_and_end_stop_an_active_node_once(make_bench: Callable[..., Any
         getattr(bench.node, how)()
         bench.node.end()
         assert (bench.node.order, entities(bench.node)) == (["deactivate"], bare)
+        assert bench.health("state").values == {"state": "finalized"}
+    failed = make_bench(Subject).up()
+    said = len(failed.sent["/diagnostics"])
+    failed.node.failure = ValueError("it must be missed")
+    failed.node.end()
+    assert len(failed.sent["/diagnostics"]) == said
 
 
 def test_a_node_brings_itself_up_once_when_it_is_ready(make_bench: Callable[..., Any]) -> None:

@@ -5,14 +5,18 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 import rclpy
+from rclpy.action import ActionClient
+from rf_pointing_msgs.action import RunSchedule
 
 from rf_pointing.ros import main_loop
+from rf_pointing.ros.diagnostics import OK, WARN
 from rf_pointing.ros.main_loop import InstanceLock, last_holder, private_folder, take_priority
 from rf_pointing.ros.managed import ManagedNode
 
@@ -167,11 +171,14 @@ def test_a_node_that_cannot_be_protected_as_requested_does_not_start(
 class Node:
     """A node that notes what the loop does with it; `raises` names the calls that fail."""
 
-    def __init__(self, deaf_after: int = 0, raises: tuple[str, ...] = ()) -> None:
+    def __init__(self, deaf_after: int = 0, raises: tuple[str, ...] = (), name: str = "node") -> None:
         self.did: list[str] = []
         self.failure: Exception | None = None
-        self.raises, self.turns, self.deaf_after = raises, 0, deaf_after
+        self.brings_itself_up = False
+        self.raises, self.turns, self.deaf_after, self.waitables = raises, 0, deaf_after, ()
         self.lock = SimpleNamespace(release=lambda: self.did.append("release"))
+        self.get_name, self.checks = lambda: name, dict[str, Any]()
+        self.diagnostics = SimpleNamespace(add=self.checks.__setitem__)
 
     @property
     def input_watchdog(self) -> Any:
@@ -188,7 +195,7 @@ class Node:
 
     def turn(self) -> float:
         self.turns += 1
-        return 0.1 * self.turns
+        return 0.01 * self.turns
 
     def fail(self, reason: str) -> None:
         self.do(f"fail {reason}")
@@ -210,13 +217,17 @@ class Executor:
     """Spins without ROS; after `rounds` a signal has come.  `failed` is a node whose periodic work raises."""
 
     def __init__(
-        self, signals: list[int], rounds: int, error: Exception | None = None, failed: Node | None = None
-    ) -> None:
+        self, signals: list[int], rounds: int, error: Exception | None = None, failed: Node | None = None,
+        meanwhile: Any = None,
+    ) -> None:  # fmt: skip
+        self.meanwhile = meanwhile or (lambda: None)
         self.signals, self.rounds, self.error, self.failed = signals, rounds, error, failed
-        self.waits: list[float] = []
+        self.waits, self.nodes = list[float](), list[Node]()
+        self.add_node, self.remove_node = self.nodes.append, self.nodes.remove
 
     def spin_once(self, timeout_sec: float) -> None:
         self.waits.append(timeout_sec)
+        self.meanwhile()
         if len(self.waits) == self.rounds:
             self.signals.append(2)
         if self.error is not None:
@@ -225,40 +236,152 @@ class Executor:
             raise self.error
 
 
+def work(node: Node, executor: Executor) -> int:
+    return main_loop.NodeLoop([lambda: node], executor, executor.signals).work()
+
+
+LEAVES = ["end", "destroy", "release"]
+
+
 def test_the_loop_turns_and_waits_until_a_signal_or_the_node_is_deaf() -> None:
-    node, executor = Node(), Executor(signals := [], 3)
-    assert main_loop.work(node, executor, signals) == ""
-    assert executor.waits == pytest.approx([0.1, 0.2, 0.3])
-    assert node.did == ["bring_up", "bring_up", "bring_up", "end"]
-    node, executor = Node(deaf_after=2), Executor(signals := [], 9)
-    assert main_loop.work(node, executor, signals) == ""
-    assert len(executor.waits) == 2
-    assert node.did[-2].startswith("fatal the node ends, and must be started again: nothing has been received")
+    node, executor = Node(), Executor([], 3)
+    assert work(node, executor) == 0
+    assert executor.waits == pytest.approx([0.01, 0.02, 0.03])
+    assert node.did == ["bring_up", "bring_up", "bring_up", *LEAVES]
+    node, executor = Node(deaf_after=2), Executor([], 9)
+    assert work(node, executor) == main_loop.DEAF
+    assert node.turns == 2
+    assert node.did[-4].startswith("fatal the node ends, and must be started again: nothing has been received")
 
 
 @pytest.mark.parametrize(
     ("raises", "failure", "ends"),
     [
-        (("bring_up",), "RuntimeError: bring_up has failed", ["fail RuntimeError: bring_up has failed", "end"]),
-        (("end",), "RuntimeError: end has failed", ["end"]),
-        (("bring_up", "fail"), "RuntimeError: fail has failed", ["fail RuntimeError: bring_up has failed"]),
+        (("bring_up",), "RuntimeError: bring_up has failed", ["fail RuntimeError: bring_up has failed", *LEAVES]),
+        (("end",), "RuntimeError: end has failed", LEAVES),
+        (
+            ("bring_up", "fail"),
+            "RuntimeError: fail has failed",
+            ["fail RuntimeError: bring_up has failed", *LEAVES[1:]],
+        ),
     ],
 )
 def test_an_error_of_the_node_s_own_work_is_a_failure(raises: tuple[str, ...], failure: str, ends: list[str]) -> None:
     node = Node(raises=raises)
-    assert main_loop.work(node, Executor(signals := [], 1), signals) == failure
+    assert work(node, Executor([], 1)) == 1
     assert [each for each in node.did if not each.startswith(("fatal", "bring_up"))] == ends
     assert f"fatal the node ends after a controlled stop, please report it: {failure}" in node.did
 
 
+def test_a_process_that_hangs_ends_and_says_where_and_one_that_comes_round_does_not() -> None:
+    """A regular expression that does not end holds the lock of all threads, as a lost read of a disk would."""
+    code = (
+        "import re, time\nfrom rf_pointing.ros.main_loop import HangWatch\nwatch = HangWatch(1.0)\n"
+        "for _ in range(30):\n    watch.come_round()\n    time.sleep(0.05)\n"
+        "print('came round', flush=True)\nre.match(r'(a+)+$', 'a' * 50 + 'b')\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60.0)
+    assert (ended.returncode, ended.stdout) == (1, "came round\n")
+    assert "Timeout" in ended.stderr
+    assert 'File "<string>", line 8 in <module>' in ended.stderr
+
+
 def test_an_error_of_a_callback_is_survived_and_one_of_periodic_work_is_not() -> None:
     node = Node()
-    assert main_loop.work(node, Executor(signals := [], 2, ValueError("no time")), signals) == ""
-    assert node.did == ["bring_up", "survived a callback: no time"] * 2 + ["end"]
+    assert work(node, Executor([], 2, ValueError("no time"))) == 0
+    assert node.did == ["bring_up", "survived a callback: no time"] * 2 + LEAVES
     node = Node()
-    executor = Executor(signals := [], 5, KeyError("gone"), node)
-    assert main_loop.work(node, executor, signals) == "KeyError: 'gone'"
-    assert (len(executor.waits), node.did[-2:]) == (1, ["fail KeyError: 'gone'", "end"])
+    executor = Executor([], 5, KeyError("gone"), node)
+    assert work(node, executor) == 1
+    assert (node.turns, node.did[-4:]) == (1, ["fail KeyError: 'gone'", *LEAVES])
+
+
+def test_of_several_nodes_one_that_fails_is_made_again_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After half a second, and again after one in which it cannot be made; the others work on all the time."""
+    wall, made, signals = SimpleNamespace(s=0.0), list[Node](), list[int]()
+    monkeypatch.setattr(main_loop, "time", SimpleNamespace(monotonic=lambda: wall.s))
+
+    def make() -> Node:
+        if len(made) == 1 and wall.s < 1.2:
+            raise RuntimeError("/gs1/bad already runs")
+        made.append(Node(raises=("bring_up",) if not made else (), name="bad"))
+        return made[-1]
+
+    other, executor = Node(name="other"), Executor(signals, 30, meanwhile=lambda: setattr(wall, "s", wall.s + 0.1))
+    loop = main_loop.NodeLoop([lambda: other, make], executor, signals, restart=True)
+    assert loop.work() == 0
+    assert [each.brings_itself_up for each in (*made, other)] == [False, True, False]
+    assert made[0].did[-4:] == ["fail RuntimeError: bring_up has failed", *LEAVES]
+    assert made[1].turns == pytest.approx(15, abs=2)
+    assert other.turns == pytest.approx(31, abs=1)
+    health = other.checks["process"]()
+    assert (health.level, health.message, health.values["restarts bad"]) == (WARN, "bad was started again", 1)
+
+
+def test_a_node_that_holds_up_the_others_of_its_process_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    wall = SimpleNamespace(s=0.0)
+    monkeypatch.setattr(main_loop, "time", SimpleNamespace(monotonic=lambda: wall.s))
+    signals, node = list[int](), Node()
+    executor = Executor(signals, 1, meanwhile=lambda: setattr(wall, "s", 3.0))
+    main_loop.NodeLoop([lambda: node], executor, signals, restart=True).work()
+    assert node.checks["process"]().message == "one node has held up its process for 3.0 s"
+    wall.s += main_loop.STALL_SHOWN_S + 1.0
+    assert node.checks["process"]().level == OK
+
+
+class Fragile(ManagedNode):
+    """Fails with its first work, when it lives for the first time."""
+
+    lives: ClassVar[list[str]] = []
+
+    def __init__(self) -> None:
+        super().__init__("fragile")
+        self.lives.append("made")
+        self.serve_goals(
+            RunSchedule, "act", accepts=lambda _: True, begin=lambda goal: goal.execute(), cancel=lambda: None,
+            result=RunSchedule.Result,
+        )  # fmt: skip
+
+    def activate(self) -> None:
+        self.every(0.02, self.tick)
+
+    def tick(self, _t_s: float) -> None:
+        if len(self.lives) == 1:
+            raise KeyError("first")
+
+    def fail(self, reason: str) -> None:
+        self.lives.append(reason)
+
+
+def test_a_live_node_that_has_failed_is_back_with_its_action_while_the_others_go_on(
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    signals, begun_s = list[int](), time.monotonic()
+
+    class Other(ManagedNode):
+        def __init__(self) -> None:
+            super().__init__("other")
+            self.client, self.answer = ActionClient(self, RunSchedule, "act"), None
+
+        def turn(self) -> float:
+            assert time.monotonic() < begun_s + 60.0, Fragile.lives
+            if len(Fragile.lives) == 3 and self.client.server_is_ready():
+                self.answer = self.answer or self.client.send_goal_async(RunSchedule.Goal())
+                # The action of the node that has failed would take its goals.
+                alone = self.count_services("/act/_action/send_goal") == 1
+                if alone and self.answer.done() and self.answer.result().accepted:
+                    signals.append(2)
+            return 0.02
+
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    rclpy.init(args=["--ros-args", "-p", "lifecycle.autostart:=true"])
+    executor = main_loop.make_executor()
+    try:
+        assert main_loop.NodeLoop([Other, Fragile], executor, signals, restart=True).work() == 0
+    finally:
+        executor.shutdown()
+        rclpy.try_shutdown()
+    assert Fragile.lives == ["made", "KeyError: 'first'", "made"]
 
 
 @pytest.mark.parametrize(("given", "code"), [("", None), ("deaf", 3), ("work", 1)])

@@ -146,7 +146,7 @@ def test_a_service_answers_with_its_message_or_its_error(bench: Any, act: Any, s
     answer = bench.call("~/act")
     assert (answer.success, answer.message.endswith(message)) == (success, True)
     bench.step("cleanup")
-    assert "/managed_subject/act" not in [each.service_name for each in bench.node.services]
+    assert "/managed_subject/act" not in [each.service_name for each in bench.node.offered]
 
 
 def test_a_goal_is_accepted_begun_cancelled_and_concluded(bench: Any) -> None:

@@ -117,6 +117,25 @@ def test_what_is_not_on_time_runs_in_the_background_and_nothing_in_the_group_of_
         processes.stop()
 
 
+def test_nodes_of_one_process_are_started_found_and_ended_together(machine: Machine, tmp_path: Path) -> None:
+    names = ["simulation_clock", "antenna_servo", "conscan_tracker", "monopulse_tracker"]
+    processes = NodeProcesses("/gs1", [Path("a.yaml")], tmp_path, ["antenna_servo"], processes=2)
+    processes.start(names)
+    assert [each.arguments[:3] for each in machine.made] == [
+        ["/prefix/lib/rf_pointing/station_process", *room] for room in (names[:2], names[2:])
+    ]
+    # The clock's process takes its time for its other nodes.
+    assert all("use_sim_time:=true" in each.arguments for each in machine.made)
+    assert [processes.process_id(name) for name in names] == [4000, 4000, 4001, 4001]
+    log = processes.log("monopulse_tracker")
+    log.write_text("[ERROR] [gs1.monopulse_tracker]: no beam\n[INFO] [gs1.conscan_tracker]: begins\n")
+    assert processes.complaint("monopulse_tracker") == "[ERROR] [gs1.monopulse_tracker]: no beam"
+    machine.made[1].code = -9
+    assert processes.ended() == {"conscan_tracker": -9, "monopulse_tracker": -9}
+    processes.stop()
+    assert [len(each.signals) for each in machine.made] == [1, 0]
+
+
 def test_a_node_ends_with_the_process_that_has_started_it(sleepers: list[str], tmp_path: Path) -> None:
     code = (
         "import os, sys; from rf_pointing.ros import managed_graph as m; "

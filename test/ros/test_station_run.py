@@ -48,8 +48,8 @@ def run(fake: FakeStation, setup: RunSetup) -> StationRun:
 def test_a_run_has_its_nodes_its_files_and_its_recording(fake: FakeStation, setup: RunSetup, real: RunSetup) -> None:
     StationRun(setup)
     graph = fake.graph
-    assert (graph.namespace, graph.files, graph.logs, graph.on_time) == (
-        "/roof", [setup.bag.parent / "run.yaml"], setup.logs, (),
+    assert (graph.namespace, graph.files, graph.logs, graph.on_time, graph.processes) == (
+        "/roof", [setup.bag.parent / "run.yaml"], setup.logs, (), 2,
     )  # fmt: skip
     assert fake.recorder.given == ("/roof", setup.bag, TOPICS, {"seed": "1"})
     StationRun(replace(real, bag=setup.bag.parent / "other"))

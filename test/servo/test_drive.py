@@ -120,34 +120,8 @@ def test_the_load_crosses_the_play_freely() -> None:
     assert gear_correction(4e-5, 3e-3, constants) == pytest.approx(spring + damper, rel=1e-12)
 
 
-def test_any_countertorque_winds_the_gears_and_none_leaves_them_in_mid_play() -> None:
-    for torque_n_m in (0.5, 2e5):
-        elevation = axis(countertorque_n_m=torque_n_m)
-        wound = torque_n_m / elevation.gear_stiffness_n_m
-        assert drive_constants(elevation, 0.005).gear_preload == pytest.approx(wound)
-    assert drive_constants(axis(countertorque_n_m=0.0, backlash_rad=3e-4), 0.005).gear_preload == -3e-4
-
-
 @pytest.mark.parametrize("rate", [2.65, -3.0, 1e200])
 def test_far_above_the_stribeck_rate_the_friction_is_coulombs_exactly(rate: float) -> None:
     constants = drive_constants(axis(stribeck_rate_rad_s=0.1, static_friction_ratio=5.0), 0.005)
     friction = axis_inputs(rate, rate, 0.0, True, False, constants)[1]
     assert friction == pytest.approx(-math.copysign(constants.friction, rate), rel=1e-15)
-
-
-def test_the_constants_of_a_substep_are_those_of_a_rate_loop_of_first_order() -> None:
-    azimuth = axis(amplifier_gain=40.0, inertia_kg_m2=3e7, gear_damping=0.2, backlash_rad=7e-5)
-    found, bandwidth = drive_constants(azimuth, 0.004), 20.0 * 40.0 / 56.0
-    # From rest under a constant acceleration: (1 - exp(-w t)) / w.
-    assert found.rate_decay == pytest.approx(math.exp(-bandwidth * 0.004))
-    assert found.response_s == pytest.approx((1.0 - math.exp(-bandwidth * 0.004)) / bandwidth)
-    assert found.rate_limit == azimuth.rate_limit_rad_s
-    assert found.rate_gap == pytest.approx(azimuth.acceleration_limit_rad_s2 / bandwidth)
-    assert found.friction == pytest.approx(azimuth.coulomb_friction_n_m / 3e7)
-    assert found.breakaway_excess == pytest.approx(0.3)
-    assert found.stribeck_rate == azimuth.stribeck_rate_rad_s
-    assert found.brake == pytest.approx(azimuth.brake_torque_n_m / 3e7)
-    assert found.gear_stiffness == pytest.approx(azimuth.gear_stiffness_n_m / 3e7)
-    assert found.gear_damping == pytest.approx(2.0 * 0.2 * math.sqrt(azimuth.gear_stiffness_n_m / 3e7))
-    assert found.gear_preload == pytest.approx(azimuth.countertorque_n_m / azimuth.gear_stiffness_n_m)
-    assert (found.gear_play, found.step_s) == (7e-5, 0.004)

@@ -9,7 +9,6 @@ import scipy.linalg
 
 from rf_pointing.servo import discretise, dss13_plant
 from rf_pointing.servo.linear_model import linear_model, matrix_exponential
-from rf_pointing.servo.presets import BENDING_FREQUENCY_HZ
 
 
 def modal_frequencies_hz(a: np.ndarray) -> np.ndarray:
@@ -24,24 +23,6 @@ def test_poles_are_the_published_modes_the_gears_and_the_two_drives() -> None:
     np.testing.assert_allclose(modal_frequencies_hz(model.a), published, rtol=1e-9)
     real = np.sort(np.linalg.eigvals(model.a).real)
     np.testing.assert_allclose(real[:2], (-20.0, -20.0), rtol=1e-6)
-
-
-def test_encoder_response_is_the_residue_form() -> None:
-    params = dss13_plant().replace(azimuth_modes_in_elevation=(0.0, 0.0, 0.0))
-    model = linear_model(params)
-    s = 2j * np.pi * 1.3
-    response = model.encoder @ np.linalg.solve(s * np.eye(len(model.a)) - model.a, model.b_command)
-    drive = 20.0 / (s + 20.0)
-    axis = params.elevation
-    modes = 0.0
-    for frequency, damping, residue in zip(
-        axis.mode_frequency_hz, axis.mode_damping, axis.mode_encoder_residue, strict=True
-    ):
-        omega = 2.0 * np.pi * frequency
-        modes += residue * -s * drive / (s**2 + 2.0 * damping * omega * s + omega**2)
-    gear = 2.0 * np.pi * 11.0
-    modes += -s * drive / (s**2 + 0.3 * gear * s + gear**2)
-    assert response[1, 1] == pytest.approx(drive / s + modes, rel=1e-9)
 
 
 def test_cross_coupling_vanishes_at_low_frequency_and_elevation_to_azimuth_is_tenfold_smaller() -> None:
@@ -61,16 +42,6 @@ def test_pinion_scales_the_bending_mode_by_floor_plus_cosine(angle_deg: float, f
     np.testing.assert_allclose(model.mode_excitation[:, 3], (0.1 * factor, factor), rtol=1e-9)
 
 
-def test_steady_wind_torque_turns_the_drive_by_torque_over_inertia_and_bandwidth_and_twists_the_gear() -> None:
-    params = dss13_plant()
-    model = linear_model(params)
-    moving = np.delete(np.arange(len(model.a)), [0, 1])
-    state = np.linalg.solve(model.a[np.ix_(moving, moving)], -model.b_wind[moving, 1])
-    assert state[1] == pytest.approx(1.0 / 20.0, rel=1e-9)
-    gear = 2 + model.gear_index[1]
-    assert state[gear] == pytest.approx(1.0 / params.elevation.gear_frequency_rad_s**2, rel=1e-9)
-
-
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 40.0])
 def test_matrix_exponential_agrees_with_scipy(scale: float) -> None:
     matrix = scale * np.random.default_rng(4).standard_normal((9, 9))
@@ -84,19 +55,6 @@ def test_discretisation_agrees_with_python_control() -> None:
     ours = discretise(model.a, b, 0.005)
     theirs = control.c2d(control.ss(model.a, b, model.encoder, np.zeros((2, 2))), 0.005)
     np.testing.assert_allclose(ours, np.hstack([theirs.A, theirs.B]), atol=1e-11)
-
-
-def test_amplifier_gain_scales_the_drive_bandwidth_only() -> None:
-    params = dss13_plant()
-    weaker = params.replace(elevation=params.elevation.replace(amplifier_gain=0.33 * 56.0))
-    assert weaker.elevation.drive_bandwidth_rad_s == pytest.approx(6.6)
-    np.testing.assert_allclose(
-        modal_frequencies_hz(linear_model(weaker).a), modal_frequencies_hz(linear_model(params).a), rtol=1e-9
-    )
-
-
-def test_the_two_bending_frequencies_are_the_two_published_ones() -> None:
-    assert BENDING_FREQUENCY_HZ == {"bwg": 2.12, "identified": 2.01}
 
 
 def test_every_response_of_both_axes_is_the_residue_form() -> None:

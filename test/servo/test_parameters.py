@@ -12,26 +12,6 @@ TABLE = Path(__file__).parents[2] / "docs" / "math" / "plant.md"
 IN_SI = {"deg": math.radians(1.0), "mdeg": math.radians(1e-3)}
 
 
-def test_mode_lists_of_unequal_length_are_refused() -> None:
-    with pytest.raises(ValueError, match="mode_damping has 2 values, mode_frequency_hz has 3"):
-        dss13_plant().elevation.replace(mode_damping=(0.01, 0.01))
-
-
-def test_negative_stiffness_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"gear_stiffness_n_m=-1\.0 must be >= 1\.0"):
-        dss13_plant().elevation.replace(gear_stiffness_n_m=-1.0)
-
-
-def test_an_empty_travel_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"travel_min_rad=2\.0 must be < travel_max_rad"):
-        dss13_plant().elevation.replace(travel_min_rad=2.0)
-
-
-def test_a_non_finite_parameter_is_refused() -> None:
-    with pytest.raises(ValueError, match="inertia_kg_m2=nan must be finite"):
-        dss13_plant().azimuth.replace(inertia_kg_m2=math.nan)
-
-
 def test_an_axis_must_be_a_parameter_set() -> None:
     with pytest.raises(ValueError, match=r"azimuth=3\.0 must be AxisParams"):
         dss13_plant().replace(azimuth=3.0)
@@ -42,18 +22,6 @@ def test_an_unknown_preset_is_refused() -> None:
         dss13_plant(elevation_deg=45)
     with pytest.raises(ValueError, match="bending='measured' must be one of bwg, identified"):
         dss13_plant(bending="measured")
-
-
-def test_the_amplifier_gain_is_the_corrected_published_one() -> None:
-    plant = dss13_plant()
-    assert plant.elevation.amplifier_gain == 56.0
-    assert plant.elevation.drive_bandwidth_rad_s == pytest.approx(20.0)
-
-
-def test_the_azimuth_gear_is_fifteen_percent_softer_for_its_inertia() -> None:
-    plant = dss13_plant()
-    ratio = (plant.azimuth.gear_frequency_rad_s / plant.elevation.gear_frequency_rad_s) ** 2
-    assert ratio == pytest.approx(0.85)
 
 
 def test_cross_residues_must_match_the_modes() -> None:
@@ -79,27 +47,6 @@ def test_tracking_does_not_cross_the_play_and_a_slew_does() -> None:
         friction = axis.static_friction_ratio * axis.coulomb_friction_n_m
         assert 10.0 * friction < axis.countertorque_n_m
         assert axis.countertorque_n_m < 0.5 * axis.inertia_kg_m2 * axis.acceleration_limit_rad_s2
-
-
-def test_the_small_residues_are_those_of_the_table() -> None:
-    """ "Other residues 0.02 to 0.10, other damping 0.01 to 0.02": small beside the bending mode's 0.316 and 0.5."""
-    plant = dss13_plant()
-    bending, *rest = zip(
-        plant.elevation.mode_damping,
-        plant.elevation.mode_encoder_residue,
-        plant.elevation.mode_beam_residue,
-        strict=True,
-    )
-    assert bending == (0.0082, 0.316, 0.5)
-    assert rest[0] == (0.01, 0.02, 0.249)
-    others = rest[1:] + list(
-        zip(
-            plant.azimuth.mode_damping, plant.azimuth.mode_encoder_residue, plant.azimuth.mode_beam_residue, strict=True
-        )
-    )
-    for damping, encoder, beam in others:
-        assert 0.01 <= damping <= 0.02
-        assert 0.02 <= encoder <= beam <= 0.10
 
 
 def test_every_number_of_an_axis_is_that_of_the_table() -> None:
@@ -139,7 +86,7 @@ def test_an_axis_without_modes_or_of_no_travel_is_refused() -> None:
     none = dict.fromkeys(("mode_frequency_hz", "mode_damping", "mode_encoder_residue", "mode_beam_residue"), ())
     with pytest.raises(ValueError, match="mode_frequency_hz has 0 values, must have at least 1"):
         dss13_plant().elevation.replace(**none)
-    for name in ("mode_encoder_residue", "mode_beam_residue"):
+    for name in ("mode_damping", "mode_encoder_residue", "mode_beam_residue"):
         with pytest.raises(ValueError, match=f"{name} has 4 values, mode_frequency_hz has 3"):
             dss13_plant().azimuth.replace(**{name: (0.1, 0.1, 0.1, 0.1)})
     with pytest.raises(ValueError, match="travel_min_rad=1.0 must be < travel_max_rad=1.0"):

@@ -46,15 +46,6 @@ def test_time_below_the_grid_is_carried_not_lost() -> None:
     np.testing.assert_allclose(fine.beam_rad, coarse.beam_rad, atol=1e-9)
 
 
-def test_beam_and_encoder_differ_by_the_bending_that_only_the_beam_sees() -> None:
-    antenna = plant()
-    difference = []
-    for _ in range(100):
-        antenna.step((0.0, 2e-3), CALM, 0.01)
-        difference.append(antenna.beam_rad[1] - antenna.true_joint_rad[1])
-    assert max(np.abs(difference)) > 1.0 * MDEG
-
-
 def test_encoder_reads_in_steps_of_a_twentyfour_bit_turn_with_the_stated_noise() -> None:
     antenna = plant(dss13_plant())
     step = 2.0 * math.pi / 2**24
@@ -66,15 +57,6 @@ def test_encoder_reads_in_steps_of_a_twentyfour_bit_turn_with_the_stated_noise()
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
     expected = math.sqrt(1.0 + 1.0 / 12.0)
     assert np.std(counts, axis=0) == pytest.approx([expected, expected], rel=0.06)
-
-
-def test_the_encoders_read_where_the_joints_are() -> None:
-    antenna = plant(dss13_plant())
-    for _ in range(100):
-        antenna.step((3e-3, -2e-3), CALM, 0.02)
-    away = antenna.encoder_rad - antenna.true_joint_rad
-    assert np.all(np.abs(away) < 5.0 * 2.0 * math.pi / 2**24)
-    assert np.all(np.abs(antenna.true_joint_rad) > 1e-3)
 
 
 def test_copied_state_continues_identically() -> None:
@@ -112,17 +94,6 @@ def test_rate_and_acceleration_stay_within_the_drive_limits() -> None:
     assert np.max(np.abs(acceleration)) <= limit * (1.0 + 1e-9)
 
 
-def test_an_axis_driven_into_its_stop_stays_there_and_says_so() -> None:
-    antenna = plant(position_rad=(0.0, math.radians(91.9)))
-    for _ in range(200):
-        antenna.step((0.0, 0.02), CALM, 0.02)
-        assert antenna.state.x[1] <= math.radians(92.0)
-    assert antenna.at_stop == (False, True)
-    antenna.step((0.0, -0.02), CALM, 0.1)
-    assert antenna.at_stop == (False, False)
-    assert antenna.velocity_rad_s[1] < 0.0
-
-
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("end", [0, 1])
 def test_either_stop_of_either_axis_holds_it_where_it_is(axis: int, end: int) -> None:
@@ -138,6 +109,9 @@ def test_either_stop_of_either_axis_holds_it_where_it_is(axis: int, end: int) ->
     assert antenna.state.x[axis] == pytest.approx(stop)
     assert antenna.at_stop[axis]
     assert not antenna.at_stop[1 - axis]
+    antenna.step([-rate for rate in command], CALM, 0.1)
+    assert antenna.at_stop == (False, False)
+    assert side * antenna.velocity_rad_s[axis] < 0.0
 
 
 def test_hitting_a_stop_shakes_the_beam() -> None:
@@ -180,20 +154,6 @@ def test_unpowered_axis_coasts_and_accelerates_with_the_wind_alone() -> None:
     assert antenna.velocity_rad_s[0] == pytest.approx(start, rel=1e-9)
     antenna.step((0.02, 0.0), (2.5e4, 0.0), 0.1)
     assert antenna.velocity_rad_s[0] == pytest.approx(start + 1e-4, rel=1e-9)
-
-
-def test_drive_delay_shifts_the_response_by_the_delay() -> None:
-    params = dss13_plant(ideal=True)
-    late = plant(params.replace(azimuth=params.azimuth.replace(drive_delay_s=0.06)))
-    prompt = plant(params)
-    late_rates, prompt_rates = [], []
-    for _ in range(50):
-        late.step((1e-3, 1e-3), CALM, 0.02)
-        prompt.step((1e-3, 1e-3), CALM, 0.02)
-        late_rates.append(late.velocity_rad_s)
-        prompt_rates.append(prompt.velocity_rad_s)
-    np.testing.assert_allclose(np.array(late_rates)[3:, 0], np.array(prompt_rates)[:-3, 0], atol=1e-15)
-    np.testing.assert_allclose(np.array(late_rates)[:, 1], np.array(prompt_rates)[:, 1], atol=1e-15)
 
 
 def test_reconfiguring_keeps_the_motion_and_changes_the_drive() -> None:
@@ -313,29 +273,8 @@ def test_dead_times_of_both_axes_count_each_for_itself_and_old_commands_are_forg
     assert longest == 6
 
 
-def test_before_the_first_command_has_passed_the_dead_time_the_drive_gets_none() -> None:
-    shipped = dss13_plant(ideal=True)
-    antenna = plant(shipped.replace(azimuth=shipped.azimuth.replace(drive_delay_s=0.05)))
-    for _ in range(5):
-        antenna.step((5e-3, 5e-3), CALM, 0.01)
-        assert antenna.velocity_rad_s[0] == 0.0
-    antenna.step((5e-3, 5e-3), CALM, 0.01)
-    assert antenna.velocity_rad_s[0] > 0.0
-
-
 def test_an_antenna_that_is_put_nowhere_looks_north_at_45_degrees() -> None:
     np.testing.assert_array_equal(plant().state.x[:2], (0.0, math.pi / 4.0))
-
-
-def test_brakes_that_are_released_without_an_exception_hold_no_axis() -> None:
-    antenna = plant()
-    for held in (1, 0):
-        antenna.release_brake(held)
-        assert antenna.state.held_axis == held
-        antenna.release_brake()
-        assert antenna.state.held_axis == -1
-    antenna.step((5e-3, 5e-3), CALM, 0.5)
-    assert np.all(antenna.velocity_rad_s > 3e-3)
 
 
 def test_an_encoder_reads_the_joint_plus_sigma_times_what_the_generator_gives() -> None:

@@ -44,21 +44,6 @@ def test_sampled_gusts_keep_the_stationary_covariance_at_any_step() -> None:
         np.testing.assert_allclose(stepped, stationary, rtol=1e-9)
 
 
-def test_simulated_gusts_have_the_filters_one_step_correlation() -> None:
-    gust = GustFilter.davenport(8.0, 0.005)
-    random = random_stream(3, "gust")
-    decay, noise = gust.step_matrices(0.5)
-    state = gust.step_matrices(math.inf)[1] @ random.standard_normal(4)
-    speeds = []
-    for _ in range(40_000):
-        state = decay * state + noise @ random.standard_normal(4)
-        speeds.append(float(state @ gust.residues))
-    root = gust.step_matrices(math.inf)[1]
-    expected = gust.residues @ (decay * (root @ root.T @ gust.residues)) / variance_m2_s2(gust)
-    measured = np.corrcoef(speeds[:-1], speeds[1:])[0, 1]
-    assert measured == pytest.approx(expected, abs=0.01)
-
-
 def test_calm_air_has_no_davenport_filter() -> None:
     with pytest.raises(ValueError, match=r"mean_speed_m_s=0\.0009 must be >= 0\.001$"):
         GustFilter.davenport(9e-4, 0.005)
@@ -70,27 +55,8 @@ def test_calm_air_has_no_davenport_filter() -> None:
 PARAMS = WindParams(mean_speed_m_s=8.0, from_azimuth_rad=0.7)
 
 
-def test_torque_grows_with_the_square_of_the_speed() -> None:
-    slow = np.array(wind_torque_n_m(PARAMS, 5.0, 0.0, 1.9, 0.6))
-    fast = np.array(wind_torque_n_m(PARAMS, 10.0, 0.0, 1.9, 0.6))
-    np.testing.assert_allclose(fast, 4.0 * slow, rtol=1e-12)
-
-
-def test_wind_from_dead_ahead_gives_no_azimuth_torque_and_pushes_a_raised_dish_up_and_over() -> None:
-    azimuth, elevation = wind_torque_n_m(PARAMS, 8.0, 0.0, 0.7, 0.6)
-    assert azimuth == pytest.approx(0.0, abs=1e-6)
-    assert elevation > 0.0
-
-
-def test_mirrored_attitudes_get_mirrored_azimuth_torque() -> None:
-    left = wind_torque_n_m(PARAMS, 8.0, 0.0, 0.7 - 0.9, 0.5)
-    right = wind_torque_n_m(PARAMS, 8.0, 0.0, 0.7 + 0.9, 0.5)
-    assert left[0] == pytest.approx(-right[0], rel=1e-12)
-    assert left[1] == pytest.approx(right[1], rel=1e-12)
-
-
-def test_torque_is_the_cross_product_of_boresight_and_wind() -> None:
-    azimuth, elevation = 2.1, 0.8
+@pytest.mark.parametrize(("azimuth", "elevation"), [(2.1, 0.8), (0.7, 0.6), (-0.2, 1.5), (4.0, 0.0)])
+def test_torque_is_the_cross_product_of_boresight_and_wind(azimuth: float, elevation: float) -> None:
     blows_to = PARAMS.from_azimuth_rad + math.pi
     boresight = np.array(
         [math.cos(elevation) * math.sin(azimuth), math.cos(elevation) * math.cos(azimuth), math.sin(elevation)]
@@ -101,30 +67,7 @@ def test_torque_is_the_cross_product_of_boresight_and_wind() -> None:
     moment = pressure * area * 34.0 * coefficient * np.cross(boresight, wind)
     raising = np.array([math.cos(azimuth), -math.sin(azimuth), 0.0])
     ours = wind_torque_n_m(PARAMS, 8.0, 0.0, azimuth, elevation)
-    assert ours[0] == pytest.approx(-moment[2], rel=1e-12)
-    assert ours[1] == pytest.approx(float(moment @ raising), rel=1e-12)
-
-
-def test_running_wind_has_the_stated_mean_and_turbulence() -> None:
-    wind = Wind(PARAMS, random_stream(2, "wind"))
-    speeds = []
-    for _ in range(20_000):
-        wind.step(0.2, 0.0, 0.7)
-        speeds.append(wind.speed_m_s)
-    along, across = np.array(speeds).T
-    sigma = math.sqrt(6.0 * 0.005) * 8.0
-    assert np.mean(along) == pytest.approx(8.0, abs=0.1 * sigma)
-    assert np.std(along) == pytest.approx(sigma, rel=0.08)
-    assert np.std(across) == pytest.approx(0.75 * sigma, rel=0.08)
-
-
-def test_gusts_do_not_depend_on_how_the_time_is_cut() -> None:
-    coarse, fine = Wind(PARAMS, random_stream(2, "wind")), Wind(PARAMS, random_stream(2, "wind"))
-    for _ in range(100):
-        coarse.step(0.02, 0.3, 0.7)
-    for _ in range(400):
-        fine.step(0.005, 0.3, 0.7)
-    assert coarse.speed_m_s == fine.speed_m_s
+    assert ours == pytest.approx((-moment[2], float(moment @ raising)), rel=1e-12, abs=1e-6)
 
 
 def test_copied_state_continues_identically() -> None:
@@ -135,12 +78,6 @@ def test_copied_state_continues_identically() -> None:
     second.state = first.state
     for _ in range(37):
         np.testing.assert_array_equal(first.step(0.017, 0.3, 0.7), second.step(0.017, 0.3, 0.7))
-
-
-def test_calm_air_gives_no_torque() -> None:
-    wind = Wind(WindParams(), random_stream(2, "wind"))
-    np.testing.assert_array_equal(wind.step(0.02, 0.3, 0.7), np.zeros(2))
-    assert wind.speed_m_s == (0.0, 0.0)
 
 
 def test_a_gust_across_turns_the_wind_to_the_right_and_adds_to_its_speed() -> None:

@@ -1,7 +1,5 @@
 """A night of the station in one process: what is tracked, what goes wrong, and what the report says of it."""
 
-import importlib.util
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -9,21 +7,13 @@ import pytest
 
 from rf_pointing.report.night_report import night_of, page
 from rf_pointing.simulation import StationSetup
+from test.scripts import script_module
 from test.simulation.night_plan import small_night
-
-FILE = Path(__file__).parents[2] / "benchmarks" / "night_simulation.py"
 
 
 @pytest.fixture(scope="module")
 def simulation() -> Any:
-    """Return the simulation of the benchmark as a module."""
-    spec = importlib.util.spec_from_file_location("night_simulation", FILE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["night_simulation"] = module
-    spec.loader.exec_module(module)
-    return module
+    return script_module("benchmarks/night_simulation.py")
 
 
 def flown(simulation: Any, folder: Path, *faults: Any) -> Any:

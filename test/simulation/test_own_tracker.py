@@ -1,9 +1,7 @@
 """A tracker that nothing in the package names holds the beam, once it is registered."""
 
 import importlib.metadata
-import importlib.util
 from collections.abc import Iterator
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,8 +10,8 @@ import pytest
 
 from rf_pointing.core import MDEG
 from rf_pointing.tracking import Autotrack, AutotrackInputs, AutotrackParams, AutotrackState, sensors
+from test.scripts import script_module
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "own_tracker.py"
 HELD_RAD = 5.0 * MDEG
 """Per axis; the beam is 65 mdeg wide, and the loop on a mean of 4 s follows the wind no faster."""
 
@@ -23,12 +21,7 @@ def example() -> Iterator[Any]:
     """Return the example as a module; what it registers is gone after the test."""
     tables: tuple[dict[str, Any], ...] = (sensors.SENSORS, sensors.SENSOR_CHOICES, sensors.TABLE_WORDS)
     before = [dict(table) for table in tables]
-    spec = importlib.util.spec_from_file_location("own_tracker", EXAMPLE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    yield module
+    yield script_module("examples/own_tracker.py")
     for table, known in zip(tables, before, strict=True):
         table.clear()
         table.update(known)

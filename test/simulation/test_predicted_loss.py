@@ -4,9 +4,7 @@
 """
 
 import dataclasses
-import importlib.util
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,19 +15,14 @@ from rf_pointing.core.pass_outcome import PassOutcome
 from rf_pointing.ephemeris import first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements
 from rf_pointing.simulation import StationSetup, simulate_pass
+from test.scripts import script_module
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "predicted_loss.py"
 NEAR_DB = 0.1
 
 
 @pytest.fixture(scope="module")
 def script() -> Any:
-    spec = importlib.util.spec_from_file_location("predicted_loss", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script_module("benchmarks/predicted_loss.py")
 
 
 @pytest.mark.parametrize("name", ["S,conscan,40", "S,steptrack,40", "Ka,monopulse,40", "X,monopulse,88"])

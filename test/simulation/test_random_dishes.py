@@ -1,26 +1,17 @@
 """Watches that scale: a few of the dishes of `benchmarks/random_dishes.py`, which flies 100 passes of 20."""
 
-import importlib.util
-import sys
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-FILE = Path(__file__).parents[2] / "benchmarks" / "random_dishes.py"
+from test.scripts import script_module
+
 DISHES = 3
 
 
 @pytest.fixture(scope="module")
 def random_dishes() -> Any:
-    """Return the benchmark as a module."""
-    spec = importlib.util.spec_from_file_location("random_dishes", FILE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["random_dishes"] = module
-    spec.loader.exec_module(module)
-    return module
+    return script_module("benchmarks/random_dishes.py")
 
 
 def test_random_dishes_fly_a_pass_without_a_false_fault(random_dishes: Any) -> None:

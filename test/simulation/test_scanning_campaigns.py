@@ -3,7 +3,6 @@
 `benchmarks/scanning_campaigns.py` flies longer campaigns, on two antennas, with both scans.
 """
 
-import importlib.util
 import math
 from pathlib import Path
 from typing import Any
@@ -12,19 +11,14 @@ import pytest
 
 from rf_pointing.calibration import BiasModel, PassPriors
 from rf_pointing.simulation import StationSetup, simulate_pass
+from test.scripts import script_module
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "scanning_campaigns.py"
 SPAN_S = 700.0
 
 
 @pytest.fixture(scope="module")
 def script() -> Any:
-    spec = importlib.util.spec_from_file_location("scanning_campaigns", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script_module("benchmarks/scanning_campaigns.py")
 
 
 def test_two_passes_with_conscan_point_a_third_on_the_model_alone(script: Any, tmp_path: Path) -> None:

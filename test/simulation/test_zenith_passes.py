@@ -3,7 +3,6 @@
 `benchmarks/zenith_passes.py` flies whole passes; here they are of 60 deg and higher.
 """
 
-import importlib.util
 import math
 from pathlib import Path
 from typing import Any
@@ -11,18 +10,12 @@ from typing import Any
 import pytest
 
 from rf_pointing.simulation import StationSetup
-
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "zenith_passes.py"
+from test.scripts import script_module
 
 
 @pytest.fixture(scope="module")
 def script() -> Any:
-    spec = importlib.util.spec_from_file_location("zenith_passes", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script_module("benchmarks/zenith_passes.py")
 
 
 @pytest.mark.parametrize(("band", "east", "most_s"), [("S", True, 5.0), ("X", False, 10.0)])

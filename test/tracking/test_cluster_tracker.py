@@ -1,6 +1,7 @@
 """The monopulse tracker of a station: the calibration scan is learned, kept, read back, and refused when it teaches nothing."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -88,33 +89,14 @@ def test_a_file_that_does_not_separate_the_channels_is_refused_by_name(tmp_path:
 def test_bad_clusters_are_counted_with_their_reason() -> None:
     tracker = ClusterTracker(MonopulseParams(), MonopulseScanParams(), "")
     good = np.ones(5, dtype=complex)
-    times = 0.02 * np.arange(5)
-
-    def cluster(**changes: np.ndarray | float) -> MonopulseCluster:
-        values = {
-            "t_s": times,
-            "sum": good,
-            "difference_cross_elevation": 0.1 * good,
-            "difference_elevation": 0.1 * good,
-        }
-        return MonopulseCluster(**{"carrier_to_noise_db_hz": 50.0, **values, **changes})
-
-    cases = {
-        "sum must be finite": cluster(sum=np.where(np.arange(5) == 2, np.nan, good)),
-        "difference_elevation has shape (4,), must be (5,)": cluster(difference_elevation=good[:4]),
-        "t_s must increase from sample to sample": cluster(t_s=times[::-1]),
-        "sum is zero in every sample": cluster(sum=np.zeros(5, dtype=complex)),
-        "carrier_to_noise_db_hz=1000000.0 must be between -60.0 and 200.0": cluster(carrier_to_noise_db_hz=1e6),
-        "carrier_to_noise_db_hz=-1000000.0 must be between -60.0 and 200.0": cluster(carrier_to_noise_db_hz=-1e6),
-        "difference_elevation is too large to be squared": cluster(difference_elevation=1e200 * good),
-        "sum is too small to be squared": cluster(sum=1e-200 * good),
-        "a difference of 1e+139 times the sum must be <= 1000": cluster(sum=1e-140 * good),
-    }
-    for reason, bad in cases.items():
-        assert not tracker.take_cluster(bad).valid
-        assert tracker.last_reason == reason
-    assert tracker.counts["invalid"] == len(cases)
-    assert tracker.take_cluster(cluster()).valid
+    cluster = MonopulseCluster(
+        t_s=0.02 * np.arange(5), sum=good, difference_cross_elevation=0.1 * good, difference_elevation=0.1 * good,
+        carrier_to_noise_db_hz=50.0,
+    )  # fmt: skip
+    assert not tracker.take_cluster(replace(cluster, sum=0.0 * good)).valid
+    assert tracker.last_reason == "sum is zero in every sample"
+    assert tracker.take_cluster(cluster).valid
+    assert (tracker.last_reason, tracker.counts) == ("", {"valid": 1, "invalid": 1})
 
 
 def test_parameters_that_are_retuned_keep_a_calibration_that_was_learned_or_read(tmp_path: Path) -> None:

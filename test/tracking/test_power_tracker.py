@@ -47,41 +47,6 @@ def test_outside_a_scan_powers_only_carry_their_level() -> None:
     assert {(error.cross_elevation_rad, error.elevation_rad) for error in errors} == {(0.0, 0.0)}
 
 
-def test_a_power_waits_until_the_beam_is_known_at_the_middle_of_its_integration() -> None:
-    scan = tracker()
-    scan.take_status(*status(0.0))
-    scan.take_joints(reading(0.0, (0.0, 0.0)))
-    assert scan.take_power(power(0.2)) == []
-    scan.take_joints(reading(0.3, (0.0, 0.0)))
-    scan.take_status(*status(0.3))
-    errors = scan.take_power(power(0.3))
-    assert [error.reason for error in errors] == ["window holds 1 of 8 samples", "window holds 2 of 8 samples"]
-
-
-def test_a_full_window_gives_the_planted_error(random: np.random.Generator) -> None:
-    """A target 3 mdeg right of and 2 mdeg below the scan centre, heard through the beam without noise."""
-    params = ConscanParams(window_samples=40)
-    scan, beamwidth = PowerTracker(PowerTrackerParams(conscan=params)), params.half_power_beamwidth_rad
-    planted = np.radians([3e-3, -2e-3])
-    found = []
-    for k in range(1, 43):
-        t_s, angle = 0.1 * k, 2.0 * math.pi * 0.1 * k / 4.0
-        away = params.radius_rad * np.array([math.cos(angle), math.sin(angle)])
-        scan.take_status(*status(t_s))
-        scan.take_joints(reading(t_s, (away[0] / math.cos(CENTRE[1] + away[1]), away[1])))
-        middle = 2.0 * math.pi * (0.1 * k - 0.05) / 4.0
-        beam = params.radius_rad * np.array([math.cos(middle), math.sin(middle)]) * math.cos(math.pi / 80.0)
-        loss = math.exp(-4.0 * math.log(2.0) * float(np.sum((planted - beam) ** 2)) / beamwidth**2)
-        sample = CarrierPower(
-            t_s=t_s, integration_s=0.1, power_w=1e-15 * loss, sigma_w=1e-19, carrier_to_noise_db_hz=60.0
-        )
-        found += [error for error in scan.take_power(sample) if not error.reason.startswith("window holds")]
-    (error,) = found
-    assert error.valid, error.reason
-    assert error.cross_elevation_rad == pytest.approx(planted[0], abs=2e-6)
-    assert error.elevation_rad == pytest.approx(planted[1], abs=2e-6)
-
-
 def test_the_delay_of_the_receiving_chain_is_taken_into_account() -> None:
     scan = tracker(delay_s=0.5)
     scan.take_status(*status(0.0))
@@ -192,22 +157,6 @@ def test_a_beam_that_rests_names_the_missing_positions_and_the_next_scan_works()
     assert not found[-1].valid
     scan.take_status(*status(100.0, "coast"))
     assert circling(scan, lambda _k, good: [good], 101.0)[-1].valid
-
-
-def test_a_beam_far_outside_its_own_width_is_rejected() -> None:
-    scan = PowerTracker(PowerTrackerParams(conscan=SCAN))
-    for k in range(1, 12):
-        scan.take_status(*status(0.1 * k))
-        scan.take_joints(reading(0.1 * k, (0.0, 3.0 * SCAN.half_power_beamwidth_rad)))
-        scan.take_power(power(0.1 * k))
-    count, said = scan.rejections
-    assert count == 10
-    assert "two beamwidths" in said
-
-
-def test_a_circle_wider_than_the_beam_is_a_refused_configuration() -> None:
-    with pytest.raises(ValueError, match=r"radius_rad=.* half of half_power_beamwidth_rad: the scan leaves the beam"):
-        ConscanParams(radius_rad=0.6 * SCAN.half_power_beamwidth_rad)
 
 
 @pytest.mark.parametrize("name", ["negative power", "power is not a number", "time of tomorrow"])

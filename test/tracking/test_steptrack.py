@@ -66,21 +66,6 @@ def test_errors_are_as_large_as_their_covariance_states_with_few_samples_too(
     assert np.mean(squares) < 2.6
 
 
-def test_one_sample_a_point_is_refused_because_its_scatter_gives_no_variance() -> None:
-    with pytest.raises(ValueError, match="samples_per_point=1 must be >= 2"):
-        StepTrackParams(samples_per_point=1)
-
-
-def test_spread_is_what_the_scatter_of_the_meter_says() -> None:
-    errors = run(StepTracker(StepTrackParams(samples_per_point=5)), 10.0 * MDEG, 4.0 * MDEG, 0.02, seconds=6000.0)
-    found = np.array([[e.cross_elevation_rad, e.elevation_rad] for e in errors]) - np.array([10.0, 4.0]) * MDEG
-    normalised = [d @ np.linalg.solve(e.covariance_rad2, d) / 2.0 for d, e in zip(found, errors, strict=True)]
-    # 300 rounds know the mean to 8 %.
-    assert len(errors) > 250
-    assert np.mean(normalised) == pytest.approx(1.0, abs=0.25)
-    assert np.abs(found.mean(axis=0)).max() < 4.0 * found.std() / math.sqrt(len(found))
-
-
 def test_offset_rests_on_four_points_and_its_rates_are_its_derivative() -> None:
     tracker = StepTracker(StepTrackParams())
     step = 0.2 * H

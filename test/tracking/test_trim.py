@@ -53,43 +53,6 @@ def test_coast_after_learning_is_far_better_than_the_last_offset_held(coast_s: f
     assert error < 4.0 * math.sqrt(np.trace(coasted.covariance_rad2))
 
 
-def test_normalised_error_of_the_coast_is_honest() -> None:
-    values = []
-    for k in range(60):
-        rng = random_stream(k, "prior")
-        truth = rng.standard_normal(4) * np.array([0.15, 300.0, 5.0 * MDEG, 5.0 * MDEG])
-        trim = TrimFilter(
-            PARAMS.replace(along_track_walk_s=0.0, cross_track_walk_m=0.0, bias_walk_rad=0.0, jitter_rad=0.0)
-        )
-        for t_s in np.arange(-120.0, -30.0, 5.0):
-            sky = overhead_pass(float(t_s))
-            measured = direction_rows(sky) @ truth + 0.2 * MDEG * rng.standard_normal(2)
-            trim.update(float(t_s), measured, np.eye(2) * (0.2 * MDEG) ** 2, sky)
-        off = trim.state.mean - truth
-        values.append(off @ np.linalg.solve(trim.state.covariance, off) / 4.0)
-    # 60 runs of 4 degrees of freedom: standard error 9 %.
-    assert np.mean(values) == pytest.approx(1.0, abs=0.3)
-
-
-def test_noise_far_outside_the_gate_changes_nothing_and_is_counted() -> None:
-    trim = TrimFilter(PARAMS)
-    fly(trim, -100.0, -50.0, 0.1 * MDEG)
-    mean = trim.state.mean
-    assert not trim.update(-49.0, np.array([300.0, 300.0]) * MDEG, np.eye(2) * (0.1 * MDEG) ** 2, overhead_pass(-49.0))
-    assert np.array_equal(trim.state.mean, mean)
-    assert trim.state.refused == 1
-
-
-def test_samples_closer_than_the_jitters_correlation_count_for_less() -> None:
-    fast, slow = TrimFilter(TrimParams()), TrimFilter(TrimParams())
-    for k in range(20):
-        fast.update(-50.0 + 0.1 * k, np.zeros(2), np.eye(2) * 1e-16, overhead_pass(-50.0))
-    for k in range(2):
-        slow.update(-50.0 + 1.0 * k, np.zeros(2), np.eye(2) * 1e-16, overhead_pass(-50.0))
-    spread = [np.trace(f.trim(-48.0, overhead_pass(-48.0)).covariance_rad2) for f in (fast, slow)]
-    assert spread[0] == pytest.approx(spread[1], rel=0.5)
-
-
 def test_target_at_rest_still_learns_the_bias() -> None:
     trim = TrimFilter(PARAMS)
     still = SkyMotion(0.0, 0.0, 4e7)
@@ -155,7 +118,9 @@ def test_refusals_that_are_not_in_a_row_leave_the_filter_as_it_is() -> None:
     fly(trim, -100.0, -50.0, 0.1 * MDEG)
     for t_s in (-49.0, -47.0, -45.0, -43.0):
         sky, noise = overhead_pass(t_s), np.eye(2) * (0.1 * MDEG) ** 2
+        mean = trim.state.mean
         assert not trim.update(t_s, np.array([300.0, 300.0]) * MDEG, noise, sky)
+        assert np.array_equal(trim.state.mean, mean)
         assert trim.update(t_s + 1.0, direction_rows(overhead_pass(t_s + 1.0)) @ TRUTH, noise, overhead_pass(t_s + 1.0))
     assert trim.state.refused == 4
 

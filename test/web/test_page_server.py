@@ -12,9 +12,10 @@ import pytest
 from aiohttp import ClientSession
 from aiohttp.test_utils import TestClient, TestServer
 
+from rf_pointing.ros.main_loop import read_token
 from rf_pointing.station.clients.board import PageParams
 from rf_pointing.web import page_server
-from rf_pointing.web.page_server import LONGEST_BODY, PageApp, PageServer, Request, read_token, shown
+from rf_pointing.web.page_server import LONGEST_BODY, PageApp, PageServer, Request, shown
 
 TOKEN = "a-token-of-the-test"
 BEARER = {"Authorization": f"Bearer {TOKEN}"}
@@ -83,6 +84,7 @@ def test_a_command_with_the_token_reaches_the_station() -> None:
         ({"Host": "evil.example:8080"}, 403, "not in page.hosts"),
         ({"Host": "[::1"}, 403, "not in page.hosts"),
         ({"Content-Type": "text/plain"}, 415, "must be application/json"),
+        ({"Content-Type": "application/json; charset=bogus"}, 400, "unknown encoding"),
     ],
 )
 def test_who_may_not_command_moves_nothing(headers: dict[str, str], status: int, words: str) -> None:
@@ -115,7 +117,11 @@ def test_a_token_in_the_address_is_none() -> None:
         ('{"name": "park", "more": 1}', 400, "an object of name and arguments"),
         ('{"name": "set", "arguments": {"value": NaN}}', 400, "NaN is not a number"),
         (b'{"name": "\xff"}', 400, "decode"),
-        ("[" * (LONGEST_BODY - 1), 400, "nested too deeply|not JSON"),
+        ('{"name": "\\ud800"}', 400, "half a character"),
+        ('{"name": "set", "arguments": {"\\udfff": "\\ud800"}}', 400, "half a character"),
+        ('{"name": "set", "arguments": {"value": 1' + "0" * 400 + "}}", 400, "must be at most 1e+18"),
+        ('{"name": "set", "arguments": {"value": -1e400}}', 400, "must be at most 1e+18"),
+        ("[" * (LONGEST_BODY - 1), 400, "nested more than|not JSON"),
         ("x" * (LONGEST_BODY + 1), 413, "Maximum request body size"),
         ("x" * 10_000_000, 413, "Maximum request body size"),
     ],
@@ -294,6 +300,50 @@ def test_a_slow_viewer_drops_frames_and_does_not_grow(monkeypatch: pytest.Monkey
     served(work)
 
 
+def test_half_open_requests_give_way_and_are_closed_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page_server, "HEADER_S", 1.0)
+    server = PageServer(PageParams(port=0, viewers=5), TOKEN)
+
+    async def work() -> None:
+        async with ClientSession() as session, session.ws_connect(f"{server.address}/live") as socket:
+            opened = [await asyncio.open_connection("127.0.0.1", server.port) for _ in range(300)]
+            for _, writer in opened:
+                writer.write(b"POST /command HTTP/1.1\r\nHost: local")
+            assert await post(Base(session, server.address), {"name": page_server.UNLOCK}) == (
+                200, {"accepted": True, "message": "the token is right"},
+            )  # fmt: skip
+            # A body that never comes, and heads that never end.
+            reader, writer = opened[-1]
+            head = (
+                "host\r\nAuthorization: Bearer "
+                + TOKEN
+                + "\r\nContent-Type: application/json\r\nContent-Length: 9\r\n\r\n"
+            )
+            writer.write(head.encode())
+            assert b"408" in (await asyncio.wait_for(reader.read(), 5.0)).split(b"\r\n")[0]
+            for reader, _ in opened[:-1]:
+                assert await asyncio.wait_for(reader.read(), 5.0) == b""
+            for _, writer in opened:
+                writer.close()
+            server.put({"live": 1})
+            assert await sections(socket) == {"live": 1}
+
+    try:
+        asyncio.run(work())
+    finally:
+        server.close()
+
+
+class Base:
+    """A session that knows its address, as the client of aiohttp's tests does."""
+
+    def __init__(self, session: ClientSession, address: str) -> None:
+        self._session, self._address = session, address
+
+    def post(self, path: str, **how: Any) -> Any:
+        return self._session.post(f"{self._address}{path}", **how)
+
+
 async def until(condition: Callable[[], bool]) -> None:
     deadline_s = time.monotonic() + 5.0
     while not condition():
@@ -313,9 +363,9 @@ def test_values_become_json_and_a_text_is_cut_behind_its_600th_letter(length: in
 
 def test_a_token_is_made_once_for_this_user_alone(tmp_path: Path) -> None:
     own = tmp_path / "page.token"
-    token, path = read_token("", own)
+    token, path = read_token("token_file", "", own)
     assert (path, len(token) >= 32, own.stat().st_mode & 0o777) == (own, True, 0o600)
-    assert read_token("", own)[0] == token
+    assert read_token("token_file", "", own)[0] == token
 
 
 @pytest.mark.parametrize(
@@ -328,16 +378,16 @@ def test_a_token_that_is_no_secret_is_refused(tmp_path: Path, content: str, mode
     path.write_text(content)
     path.chmod(mode)
     with pytest.raises(ValueError, match=words):
-        read_token(str(path), tmp_path / "own")
+        read_token("token_file", str(path), tmp_path / "own")
 
 
 def test_a_token_file_that_is_missing_or_a_link_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="does not exist"):
-        read_token(str(tmp_path / "none"), tmp_path / "own")
+        read_token("token_file", str(tmp_path / "none"), tmp_path / "own")
     (tmp_path / "real").write_text(TOKEN)
     (tmp_path / "link").symlink_to(tmp_path / "real")
     with pytest.raises(ValueError, match="cannot be used"):
-        read_token(str(tmp_path / "link"), tmp_path / "own")
+        read_token("token_file", str(tmp_path / "link"), tmp_path / "own")
 
 
 def test_the_server_runs_in_its_own_thread_and_frees_its_port() -> None:

@@ -34,6 +34,8 @@ EVENTS = 30
 PATH_POINTS = 90
 """Points of a pass on the sky plot, about."""
 MASK_STEP_DEG = 2.0
+LARGEST = 1e18
+"""Largest number of a command."""
 FROM_DICTIONARY = (
     "stop_antenna", "stop_pass", "pause_antenna", "release", "park", "stow", "reset_antenna_fault", "select_target", "track",
     "set_along_track", "set_cross_track",
@@ -276,8 +278,8 @@ def checked_arguments(row: DirectiveRow, arguments: Mapping[str, Any]) -> dict[s
             raise ValueError(f"{name} has {len(value)} characters, must be <= {LONGEST_TEXT}")
         if row.kind == "parameter" and (isinstance(value, bool) or not isinstance(value, (int, float))):
             raise ValueError(f"{row.name}: {name}={value!r} must be a number")
-        if isinstance(value, float) and not math.isfinite(value):
-            raise ValueError(f"{row.name}: {name}={value} must be finite")
+        if isinstance(value, (int, float)) and not abs(value) <= LARGEST:
+            raise ValueError(f"{row.name}: {name}={str(value)[:20]} must be finite, at most {LARGEST:g}")
     # A parameter of type double refuses a whole number.
     return {name: float(value) if row.kind == "parameter" else value for name, value in arguments.items()}
 

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.core import AXES, Params, parameter
+from rf_pointing.core.checks import brief
 from rf_pointing.core.dates import utc_text
-from rf_pointing.core.whole_file import KeptState, read_whole
+from rf_pointing.core.whole_file import KeptState
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.alarms import Alarm
 from rf_pointing.operations.dictionary import read_tables
@@ -22,12 +23,14 @@ from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.operations.schedule import Entry, PassState, Schedule, ScheduledPass
 from rf_pointing.station.clients.alarm_hooks import AlarmHooks, HookParams
 from rf_pointing.station.clients.night_folder import NightFolder, Recording
+from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.description import StationDescription
 from rf_pointing.station.parameters import controller_params
 from rf_pointing.station.pointing.status import Level, Report
-from rf_pointing.tracking.sensors import SENSOR_CHOICES
+from rf_pointing.tracking.sensors import SENSOR_CHOICES, sensors_of
 
-MOST_BYTES = 32 * 1024 * 1024
+NEEDED = ("antenna_servo", "pointing_controller", "ephemeris_publisher")
+"""Nodes without which no pass is tracked; the tracker of its sensor is another one."""
 CLAIMED = (PassState.WAITING, PassState.ACTIVE, PassState.TRACKED)
 BUSY = (PassState.ACTIVE, PassState.TRACKED)
 
@@ -44,6 +47,12 @@ class ExecutiveParams(Params):
     sensor: str = parameter("", "sensor of passes that name none; empty: the station's")
     record: bool = parameter(True, "whether each pass is recorded and reported on")
     partners: str = parameter("", "namespaces of the antennas that share the schedule, separated by commas")
+    partners_key_file: str = parameter("", "key that the executives of these antennas share; the first makes it")
+
+    def check_together(self) -> None:
+        """Refuse partners without a key: anybody could say that a pass has been tracked."""
+        if self.partners and not self.partners_key_file:
+            raise ValueError(f"partners_key_file='' must name the key that is shared with partners={self.partners}")
 
 
 class NightWatch:
@@ -78,6 +87,9 @@ class NightWatch:
         self._memory, self._ready_to_keep = KeptState(own.state_file), False
         self._t_s = 0.0
         self._alive_s: dict[str, float] = {}
+        self._gone: set[str] = set()
+        conditions = (each.attribute for cause in tables.recovery.causes for each in cause.when)
+        self._named = {each.partition(".")[0] for each in conditions if each.endswith(".silent_s")}
         self._healths: dict[str, dict[str, Any]] = {}
         self._sent: Counter[str] = Counter()
         self._report = ""
@@ -115,7 +127,12 @@ class NightWatch:
         self, node: str, check: str, level: int, message: str, values: Mapping[str, str], wall_s: float
     ) -> None:
         """Note one check of a node: a sign of life, and the health of devices and model."""
+        # Anybody can send any name, and what no pass needs may end.
+        if node not in NODES and node not in self._named:
+            return
         self._alive_s[node] = wall_s
+        if check == "state":
+            (self._gone.add if values.get("state") == "finalized" else self._gone.discard)(node)
         if check == "device":
             starts = (values.get(f"{axis}_starts") for axis in AXES)
             self._healths["relays"] = {"starts": ", ".join(filter(None, starts))}
@@ -131,8 +148,12 @@ class NightWatch:
 
     def _observe(self, t_s: float, wall_s: float) -> None:
         """Note what no message carries: silence, disk, recorder."""
+        needed = self._needed()
         for name, seen_s in self._alive_s.items():
-            self.night.take(name, {"silent_s": wall_s - seen_s}, t_s)
+            if name in needed:
+                self.night.take(name, {"silent_s": wall_s - seen_s}, t_s)
+            elif name not in self._gone:
+                self.night.take(name, {"missing_s": wall_s - seen_s}, t_s)
         for device, values in self._healths.items():
             self.night.take(device, values, t_s)
         try:
@@ -142,14 +163,28 @@ class NightWatch:
         self.night.take("recorder", {"state": self.folder.recorder}, t_s)
         self.night.take("executive", {"problem": self._memory.problem or self.folder.problem}, t_s)
 
+    def _needed(self) -> set[str]:
+        """Return the nodes without which the present or the next pass cannot be tracked."""
+        entry = self.night.schedule.active or self.night.schedule.next()
+        sensor = (entry.item.sensor if entry else "") or self.night.sensor
+        trackers = (traits.node for traits in sensors_of(SENSOR_CHOICES.get(sensor, "")))
+        return {*NEEDED, *self._named, *trackers}
+
     def _share(self, t_s: float, wall_s: float) -> None:
-        """Leave to the partners what they have: all that they plan if they come first by name."""
+        """Leave to the partners what they have: all that they plan if they come first by name.
+
+        A pass that they have tracked must have risen.
+        """
         taken: set[str] = set()
+        entries = self.night.schedule.entries
         for name, (states, seen_s) in self._partners.items():
             alive = wall_s - seen_s <= self._alarms.node_silent_s
             first = name < self.night.schedule.antenna
             theirs = (CLAIMED if first else BUSY) if alive else (PassState.TRACKED,)
-            taken |= {each for each, state in states.items() if state in theirs}
+            taken |= {
+                each for each, state in states.items() if state in theirs and each in entries
+                and (state != PassState.TRACKED or entries[each].item.aos_t_s <= t_s)
+            }  # fmt: skip
         if taken != self.night.taken:
             self.night.taken = taken
             self.night.change(t_s)
@@ -230,30 +265,25 @@ class NightWatch:
         return f"acknowledged: {', '.join(names) or 'no alarm lasts'}"
 
     def change(self, add: str, remove: Sequence[str], now_s: float) -> str:
-        """Add the passes of a list or its file, and remove those of these ids."""
+        """Add the passes of a list, and remove those of these ids: all of it, or nothing."""
         added, schedule = passes_of(add), self.night.schedule
-        for each in remove:
-            schedule.entry(each)
-        schedule.remove(remove)
-        schedule.add(added)
+        schedule.change(added, remove)
         self.night.change(now_s)
         return f"{len(added)} passes added, {len(remove)} removed; {len(schedule.entries)} in all"
 
     def start(self, given: str, resume: bool, now_s: float) -> None:
-        """Begin a night with the passes of a list or its file, or take part in the present one."""
+        """Begin a night with the passes of a list, or take part in the present one."""
         passes, night = passes_of(given), self.night
         if not night.finished and not resume:
             raise ValueError(f"the executive is {night.state_name}: resume, or abort first")
-        if night.finished and not resume:
-            night.schedule.entries.clear()
-        night.schedule.add(passes)
-        if not night.finished:
+        if night.finished and not passes and not (resume and night.schedule.entries):
+            raise ValueError("schedule='' must name passes")
+        night.schedule.change(passes, () if resume else tuple(night.schedule.entries))
+        if night.finished:
+            night.start(now_s)
+        else:
             # The night goes on after a restart; the client takes part again.
             night.change(now_s)
-            return
-        if not night.schedule.entries:
-            raise ValueError("schedule='' must name passes")
-        night.start(now_s)
 
     # What is shown
 
@@ -305,7 +335,8 @@ class NightWatch:
 
 
 def passes_of(given: str) -> list[ScheduledPass]:
-    """Return the passes of a list, whose text may be in the file that `given` names."""
-    if len(given) < 4096 and given.startswith("/") and "\n" not in given:
-        given = read_whole(Path(given), MOST_BYTES)
+    """Return the passes of a list that a service was given; ValueError for the name of a file."""
+    # Whoever can call a service could let the executive open any file of its user.
+    if given.startswith("/") and "\n" not in given:
+        raise ValueError(f"{brief(given)} is the name of a file: send what is in it, as station queue does")
     return read_passes(given, every=False) if given else []

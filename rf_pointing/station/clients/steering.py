@@ -5,11 +5,18 @@ Orders arrive from `drives/rotctld.py`.  What an order needs of the other nodes 
 directives: it waits where an answer is still due, and ends with the code for the client.
 
 One client steers at a time.  A client is refused while the executive runs a schedule, while
-somebody else's pass is tracked, and while a fault is latched.
+somebody else's pass is tracked, and while a fault is latched.  So is its `S`: it ends what the
+client itself has begun.  Points of the very satellite that is tracked are accepted whoever tracks
+it, and move nothing.
+
+An accepted point means that the antenna follows.  Where it has followed nobody for `SILENT_S`, the
+points are refused; a pass that the controller no longer names is given up, its points are followed,
+and as soon as a controller is heard its goal is sent again.
 """
 
 import math
 from collections.abc import Callable, Generator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -19,17 +26,26 @@ from rf_pointing.core import JointReading, JointTrajectory, Params, Sensor, para
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, RotctldServer, StationView, direction_rad
+from rf_pointing.ephemeris import CatalogueSky
 from rf_pointing.operations.dictionary import TABLES, DirectiveRow, read_directives
 from rf_pointing.station.antenna.modes import AntennaMode
-from rf_pointing.station.clients.points import Follower, KnownSatellites, Match, MatchParams, identify, on_track
+from rf_pointing.station.clients.points import (
+    ClientPoints,
+    Follower,
+    KnownSatellites,
+    Match,
+    MatchParams,
+    identify,
+    on_track,
+)
 from rf_pointing.station.pointing.status import Level, Report
 from rf_pointing.tracking.sensors import SENSOR_CHOICES
 
 PERIOD_S = 0.1
 SILENT_S = 2.0
 """Steady time after which an antenna that publishes nothing counts as absent."""
-ANSWER_S, ACCEPTED_S = 2.5, 20.0
-"""Longest steady time until a service answers, and until a pass is accepted."""
+ANSWER_S, STOPPED_S, ACCEPTED_S = 2.5, 1.0, 20.0
+"""Longest steady time until a service answers, a pass is stopped, and one is accepted."""
 LEASE_S = 10.0
 """After its last command a client that is still connected keeps others from steering."""
 AGAIN_S = 120.0
@@ -98,12 +114,16 @@ class Steering:
         self._axes: JointReading | None = None
         self._mode, self._fault, self._antenna_wall_s, self._rejected = "", "", -math.inf, 0
         self._target, self._sent, self._executive = "", 0, "idle"
+        self._named_wall_s = self._obeyed_wall_s = self._tracking_wall_s = -math.inf
+        self._joining, self._joined = ClientPoints(follower.params), -1
         self._steered_wall_s = -math.inf
         self._place: Array | None = None
         self._place_due = self._parked_here = False
         self._refusal = ""
         self._match: Match | None = None
         self._goal, self._certified, self._sent_before, self._strays = 0, False, 0, 0
+        # A pass that is called off before the controller has accepted it.
+        self._called_off = False
         self._refused: dict[int, float] = {}
         self._number, self._waiting = 0, dict[int, tuple[Steps, Reply, str, float]]()
 
@@ -121,6 +141,8 @@ class Steering:
         """Take the status of the antenna, which has refused so many commands."""
         more, self._rejected = rejected > self._rejected, rejected
         self._mode, self._fault, self._antenna_wall_s = mode, fault, self._wall_s
+        if mode == AntennaMode.TRACKING:
+            self._obeyed_wall_s = self._wall_s
         if mode not in (AntennaMode.PARKED, AntennaMode.PARKING):
             self._parked_here = False
         if self.follower.azimuth_rad is not None and commander == self._node:
@@ -131,8 +153,14 @@ class Steering:
 
     def note_tracking(self, target: str, commands_sent: int) -> None:
         """Take the status of the pointing controller; `target` is "" between passes."""
-        self._target, self._sent = target, commands_sent
+        self._target, self._sent, self._tracking_wall_s = target, commands_sent, self._wall_s
         mine = self._goal and self._match is not None and target == self._match.name
+        if mine:
+            self._named_wall_s = self._wall_s
+        if target and self._match is None and self.follower.points.moving:
+            # Somebody else's pass has begun: two commanders would fight.
+            self._inform(f"{target} is tracked for somebody else; the points are not followed")
+            self._forget()
         if mine and not self._certified and commands_sent > self._sent_before:
             # The pass has its certificate, and from here on the controller commands.
             self._certified, self.follower.azimuth_rad = True, None
@@ -163,6 +191,11 @@ class Steering:
         """Whether the controller has accepted the pass of a client."""
         return self._goal != 0
 
+    @property
+    def _tracked(self) -> str:
+        """The target of a controller that is heard, else ""."""
+        return self._target if self._wall_s - self._tracking_wall_s <= SILENT_S else ""
+
     # Orders
 
     def turn(self, t_s: float, wall_s: float) -> None:
@@ -174,8 +207,10 @@ class Steering:
     def order(self, inquiry: Inquiry) -> None:
         """Carry out the order of a client; its reply may come later."""
         order = inquiry.order
-        code, reason = (0, "") if order.name == "stop" else self._reason_against(inquiry.client)
-        if code:
+        code, reason = self._reason_against(inquiry.client, order.name)
+        if code and order.name == "set_pos" and self._joins(inquiry):
+            inquiry.reply(0)
+        elif code:
             self._warn(f"{order.name} refused", f"{inquiry.client} {order.text}: {reason}")
             inquiry.reply(code)
         elif order.name == "set_pos":
@@ -190,6 +225,7 @@ class Steering:
             steps, reply, name, _ = self._waiting.pop(number)
             if name == "track" and not answer.code:
                 self._goal, self._sent_before = number, self._sent
+                self._named_wall_s = self._obeyed_wall_s = self._wall_s
             self._go_on(steps, reply, answer)
 
     def _go_on(self, steps: Steps, reply: Reply = int, answer: Answer | None = None) -> None:
@@ -206,36 +242,63 @@ class Steering:
             reply(error.args[0].code)
         else:
             self._number += 1
-            until_s = self._wall_s + (ACCEPTED_S if name == "track" else ANSWER_S)
+            until_s = self._wall_s + {"track": ACCEPTED_S, "stop_pass": STOPPED_S}.get(name, ANSWER_S)
             self._waiting[self._number] = steps, reply, name, until_s
             self._send(self._number, name, arguments)
 
-    def _reason_against(self, client: str) -> tuple[int, str]:
+    def _reason_against(self, client: str, order: str) -> tuple[int, str]:
         """Return the code and why `client` may not move the antenna, 0 and "" if it may."""
+        rival = self.client != client and math.isfinite(self._heard_s(self.client))
+        if rival and self._wall_s - self._steered_wall_s < LEASE_S:
+            return REJECTED, f"{self.client} steers; it must be silent for {LEASE_S:.0f} s or disconnect"
+        if self._goal and order == "stop":
+            return 0, ""
         if self._wall_s - self._antenna_wall_s > SILENT_S or self._axes is None:
             return IO_ERROR, "antenna_servo is silent"
         if self._fault:
             return REJECTED, f"a fault is latched ({self._fault}); reset it first"
         if self._executive not in ("", "idle"):
             return REJECTED, f"the executive is {self._executive}: pause or stop the night first"
-        if self._target and not self._goal and self._match is None:
+        if self._tracked and not self._goal and self._match is None:
             return REJECTED, f"{self._target} is tracked for somebody else; stop that pass first"
         if self._mode == AntennaMode.PARKED and not self._parked_here:
             return REJECTED, "the antenna was parked by somebody else; release it first"
-        rival = self.client != client and math.isfinite(self._heard_s(self.client))
-        if rival and self._wall_s - self._steered_wall_s < LEASE_S:
-            return REJECTED, f"{self.client} steers; it must be silent for {LEASE_S:.0f} s or disconnect"
         return 0, ""
+
+    def _joins(self, inquiry: Inquiry) -> bool:
+        """Return whether a point is of the satellite that is tracked for somebody else."""
+        sky, points = self._known.sky, self._joining
+        if sky is None or not self._tracked or self._goal or self._match is not None or self._followed():
+            self._joined = -1
+            return False
+        points.add(self._t_s - (self._wall_s - inquiry.at_s), *direction_rad(*inquiry.order.values_deg))
+        if self._joined < 0:
+            found = identify(sky, *points.history, self._match_params)
+            self._joined = found.row if found is not None and found.name == self._target else -1
+        return self._joined >= 0 and self._on_track(sky, self._joined, points)
+
+    def _on_track(self, sky: CatalogueSky, row: int, points: ClientPoints) -> bool:
+        times, directions = points.history
+        return on_track(sky, row, float(times[-1]), directions[-1], self._match_params)
+
+    def _followed(self) -> int:
+        """Return the code of a point while the antenna should be moving: REJECTED if it rests."""
+        silent_s = self._wall_s - self._obeyed_wall_s
+        if silent_s > SILENT_S:
+            self._warn("nothing is followed", f"the antenna has been {self._mode} for more than {SILENT_S:.0f} s")
+        return REJECTED if silent_s > SILENT_S else 0
 
     def _point(self, inquiry: Inquiry) -> Steps:
         self.client, self._steered_wall_s = inquiry.client, self._wall_s
         azimuth_deg, elevation_deg = inquiry.order.values_deg
-        arrived_s = self._t_s - (self._wall_s - inquiry.at_s)
+        arrived_s, moved = self._t_s - (self._wall_s - inquiry.at_s), self.follower.points.moving
         self.follower.points.add(arrived_s, *direction_rad(azimuth_deg, elevation_deg))
         if self._goal:
             return (yield from self._point_of_pass())
         if self.follower.points.moving:
-            return REJECTED if self._refusal else 0
+            if not moved:
+                self._obeyed_wall_s = self._wall_s
+            return REJECTED if self._refusal else self._followed()
         self.follower.azimuth_rad = None
         return (yield from self._go_to_place())
 
@@ -244,27 +307,40 @@ class Steering:
         sky, match = self._known.sky, self._match
         assert sky is not None
         assert match is not None
-        times, directions = self.follower.points.history
-        mine = on_track(sky, match.row, float(times[-1]), directions[-1], self._match_params)
-        self._strays = 0 if mine else self._strays + 1
+        self._strays = 0 if self._on_track(sky, match.row, self.follower.points) else self._strays + 1
         if self._strays >= STRAYS:
             self._inform(f"the client has left the track of {match.name}")
             self._strays, self._place_due = 0, True
             yield "stop_pass", {}
-        return 0
+            return 0
+        return self._followed()
 
     def _stop(self) -> Steps:
-        """End whatever moves, in a controlled way."""
-        self._forget()
-        if self._target or self._goal:
-            yield "stop_pass", {}
+        """End what moves for the client, in a controlled way."""
+        if (yield from self._end_pass()):
             return 0
         return IO_ERROR if self._axes is None else (yield from self._halt())
 
-    def _park(self) -> Steps:
+    def _end_pass(self) -> Generator[tuple[str, Mapping[str, Any]], Answer, bool]:
+        """Forget the points and end the pass; return whether a controller ends one."""
         self._forget()
-        if self._goal:
+        self._called_off = self._match is not None and not self._goal
+        if not self._goal:
+            return False
+        with suppress(NoAnswer):
             yield "stop_pass", {}
+            return True
+        self._give_up("it does not answer")
+        return False
+
+    def _give_up(self, why: str) -> None:
+        """Take a pass for over that the controller has lost."""
+        if self._match is not None:
+            self._warn("the pass is given up", f"{self._match.name}: pointing_controller has lost it, {why}")
+        self._goal, self._match, self._certified = 0, None, False
+
+    def _park(self) -> Steps:
+        yield from self._end_pass()
         answer = yield "park", {}
         self._parked_here = self._parked_here or not answer.code
         return self._told("park", answer)
@@ -304,6 +380,8 @@ class Steering:
         points = self.follower.points
         if wall_s - self._antenna_wall_s > SILENT_S:
             self.view.position_deg = None
+        if self._goal and wall_s - self._named_wall_s > SILENT_S:
+            self._give_up(f"silent for {SILENT_S:.0f} s")
         if self._goal and self._certified:
             silent_s = wall_s - max(self._heard_s(self.client), self._steered_wall_s)
             if silent_s > self._match_params.silence_s:
@@ -345,11 +423,11 @@ class Steering:
 
     def _identify(self) -> None:
         """Look whether the points are those of a known satellite, and bring about its pass."""
-        if self._known.sky is None or self._match is not None:
+        if self._known.sky is None or self._match is not None or self._wall_s - self._tracking_wall_s > SILENT_S:
             return
         found = identify(self._known.sky, *self.follower.points.history, self._match_params)
         if found is not None and self._t_s >= self._refused.get(found.catalogue_number, -math.inf):
-            self._match = found
+            self._match, self._called_off = found, False
             self._go_on(self._start_pass(found))
 
     def _start_pass(self, found: Match) -> Steps:
@@ -367,6 +445,8 @@ class Steering:
                     answer = Answer(REJECTED, "it does not rise above the station's horizon now")
                 else:
                     answer = yield "track", {"target_pass": wanted, "sensor": self._params.sensor}
+                    if self._called_off and not answer.code:
+                        yield "stop_pass", {}
             elif not answer.code:
                 answer = Answer(REJECTED, answer.text)
         except NoAnswer as error:

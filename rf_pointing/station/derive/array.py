@@ -3,8 +3,9 @@
 import math
 from functools import cache
 
+from rf_pointing.core.derived import Rows, Value, rounded, tuned
 from rf_pointing.rf.dish_array import DishArrayParams, least_level_db_hz
-from rf_pointing.station.derive.band import Band, Rows, Value, rounded, tuned
+from rf_pointing.station.derive.band import Band
 from rf_pointing.station.description.content import ArraySection
 
 PATTERN_DB = 44.3

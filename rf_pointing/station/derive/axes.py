@@ -2,10 +2,11 @@
 
 from typing import Any
 
+from rf_pointing.core.derived import Rows, Value, rounded, tuned
 from rf_pointing.core.parameters import leaves
 from rf_pointing.core.signals import AXES
 from rf_pointing.drives.params import DriveParams
-from rf_pointing.station.derive.band import Band, Rows, Value, nearest_within, rounded, site_of, tuned
+from rf_pointing.station.derive.band import AXIS_KEYS, Band, nearest_within, site_of
 from rf_pointing.station.description.reading import flat
 
 
@@ -61,15 +62,15 @@ def drive(of: Band) -> dict[str, Value]:
     low, high = zip(*of.stops_deg, strict=True)
     steps = tuple(axis.resolution_deg or 0.0 for axis in of.axes)
     of_mount: dict[str, tuple[Any, str, str]] = {
-        "rate": (tuple(axis.rate_deg_s for axis in of.axes), "rate_deg_s", "the mount's"),
-        "resolution": (steps, "resolution_deg", "the mount's; 0: the protocol's"),
-        "travel_min": (low, "hard_stop_deg", "the mount's stops"),
-        "travel_max": (high, "hard_stop_deg", "the mount's stops"),
+        "rate_deg_s": (tuple(axis.rate_deg_s for axis in of.axes), "rate_deg_s", "the mount's"),
+        "resolution_deg": (steps, "resolution_deg", "the mount's; 0: the protocol's"),
+        "travel_min_deg": (low, AXIS_KEYS["travel_min_deg"], "the mount's stops"),
+        "travel_max_deg": (high, AXIS_KEYS["travel_max_deg"], "the mount's stops"),
     }
     return (
         {name: Value(value, f"drive.{name}") for name, (_, value) in leaves(DriveParams()).items()}
         | {
-            f"rotator.{name}_deg{'_s' if name == 'rate' else ''}": Value(value, f"mount.*.{key}", formula)
+            f"rotator.{name}": Value(value, f"mount.*.{key}", formula)
             for name, (value, key, formula) in of_mount.items()
         }
         | {name: Value(value, f"drive.{name}") for name, value in flat(of.content.drive).items()}

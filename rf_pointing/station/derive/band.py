@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from rf_pointing.core.derived import Rows, Value, rounded
 from rf_pointing.core.parameters import Params, leaves, with_leaves
 from rf_pointing.core.types import Pair
 from rf_pointing.drives.registry import takes_positions
@@ -28,26 +29,12 @@ REFERENCE_M = 34.0
 STIFF_BELOW_M, STIFF_DRIVE_RAD_S, STIFF_BACKLASH_DEG = 10.0, 25.0, 0.01
 """Diameter below which a mount is stiff; bandwidth of its rate loop, play of its gears."""
 
-
-@dataclass(frozen=True, slots=True)
-class Value:
-    """One parameter: its value in edge units, the key that gives it, and how it is derived.
-
-    The key of one that only `tuning` changes is empty until its full name is known.
-    """
-
-    value: Any
-    key: str
-    formula: str = ""
-
-
-Rows = Mapping[str, Any]
-"""Values of one parameter set by their edge names; a mapping below a name is a nested set."""
-
-
-def tuned(value: Any, formula: str) -> Value:
-    """Return a derived value that `tuning` may override."""
-    return Value(value, "", formula)
+AXIS_KEYS = {
+    "rate_limit_deg_s": "rate_deg_s", "acceleration_limit_deg_s2": "acceleration_deg_s2",
+    "travel_min_deg": "hard_stop_deg", "travel_max_deg": "hard_stop_deg", "encoder_bits": "encoder_bits",
+    "backlash_deg": "backlash_deg",
+}  # fmt: skip
+"""Parameters of an axis that the mount gives, and their keys."""
 
 
 @dataclass(frozen=True)
@@ -166,6 +153,16 @@ class Band:
         return azimuth, elevation
 
     @property
+    def power_period_s(self) -> float:
+        """Time between two carrier powers."""
+        return self.content.receiver.power_period_s
+
+    @property
+    def delay_s(self) -> float:
+        """Time from the beam's direction to the power that it gives."""
+        return self.content.receiver.delay_s
+
+    @property
     def step_deg(self) -> float:
         """The coarser encoder step of both axes."""
         return max(
@@ -212,11 +209,6 @@ def pass_elevation_deg(content: Content) -> float:
     """Return where passes begin and end on a free horizon."""
     given = content.mount.pass_elevation_deg
     return max(5.0, content.mount.elevation.travel_deg[0] + 1.0) if given is None else given
-
-
-def rounded(value: float, digits: int = 6) -> float:
-    """Return `value` with so many significant digits: a derived number is read by people."""
-    return float(f"{value:.{digits}g}")
 
 
 def drive_acceleration_deg_s2(axis: AxisSection) -> float:

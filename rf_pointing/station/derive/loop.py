@@ -3,7 +3,8 @@
 import math
 
 from rf_pointing.core.angles import MDEG
-from rf_pointing.station.derive.band import REFERENCE_M, Band, Rows, Value, rounded, tuned
+from rf_pointing.core.derived import Rows, Value, rounded, tuned
+from rf_pointing.station.derive.band import REFERENCE_M, Band
 
 GUST_POWER = 2.5
 """Growth with the diameter of what the encoders miss: 0.06 mdeg in 1 s at 34 m, 0.36 at 70 m."""

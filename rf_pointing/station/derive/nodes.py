@@ -7,20 +7,12 @@ memory than it needs.
 from collections.abc import Callable, Mapping
 from functools import cache
 
+from rf_pointing.core.derived import Rows, Value, rounded, tuned
 from rf_pointing.core.modes import Sensor
 from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.station import parameters as own
-from rf_pointing.station.derive import axes, scans
-from rf_pointing.station.derive.band import (
-    Band,
-    Derived,
-    Rows,
-    Value,
-    nearest_within,
-    pass_elevation_deg,
-    rounded,
-    tuned,
-)
+from rf_pointing.station.derive import axes
+from rf_pointing.station.derive.band import Band, Derived, nearest_within, pass_elevation_deg
 from rf_pointing.station.description.content import (
     VERSION,
     ArraySection,
@@ -32,6 +24,7 @@ from rf_pointing.station.description.content import (
     SiteSection,
 )
 from rf_pointing.station.description.reading import flat
+from rf_pointing.tracking.sensors import SENSORS
 
 
 def antenna_servo(of: Band) -> Derived:
@@ -83,6 +76,8 @@ def pointing_controller(of: Band) -> Derived:
     from rf_pointing.station.derive import array, loop, watches
     from rf_pointing.station.pointing.certificates import StoreParams
     from rf_pointing.station.pointing.params import ControllerParams
+    from rf_pointing.tracking.power_tracker import scans_of_band
+    from rf_pointing.tracking.search import spiral_of_band
 
     rows = {
         "pointing": {**loop.pointing(of), "lag_averaging_s": axes.lag_averaging(of)},
@@ -90,13 +85,12 @@ def pointing_controller(of: Band) -> Derived:
         "limits": axes.limits(of),
         "autotrack": array.thresholds(of),
         "integrator": loop.integrator(of),
-        "spiral": scans.spiral(of),
-        Sensor.CONSCAN.value: scans.conscan(of),
+        "spiral": spiral_of_band(of),
         "machine": {
             **axes.commanded(of), "half_power_beamwidth_deg": of.width, "sun_radius_deg": axes.sun_radius(of)
         },
         "mask": axes.mask(of),
-        Sensor.STEPTRACK.value: scans.steptrack(of),
+        **scans_of_band(of),
         "calibration": {"half_power_beamwidth_deg": of.width},
         "trim": loop.trim(of),
         "watch": loop.lock_watch(of),
@@ -151,14 +145,11 @@ def monopulse_tracker(of: Band) -> Derived:
     return Derived(sets, dict.fromkeys(sets, width), root=(own.FileParams(),))
 
 
-def conscan_tracker(of: Band) -> Derived:
-    """The tracker of the carrier power."""
-    from rf_pointing.tracking.power_tracker import PowerTrackerParams
+def carrier_tracker(of: Band) -> Derived:
+    """The tracker of the carrier power, with both scans."""
+    from rf_pointing.tracking.power_tracker import PowerTrackerParams, scans_of_band
 
-    return Derived(
-        PowerTrackerParams().sets(),
-        {Sensor.CONSCAN.value: scans.conscan(of), Sensor.STEPTRACK.value: scans.steptrack(of)},
-    )
+    return Derived(PowerTrackerParams().sets(), scans_of_band(of))
 
 
 def array_receiver(of: Band) -> Derived:
@@ -234,9 +225,10 @@ def station_description(_: Band) -> Derived:
 
 
 NODES: Mapping[str, Callable[[Band], Derived]] = {
-    each.__name__: each
+    # The node of a tracker is named in the row of its sensors.
+    SENSORS[Sensor.STEPTRACK].node if each is carrier_tracker else each.__name__: each
     for each in (
-        antenna_servo, pointing_controller, ephemeris_publisher, rf_receiver, monopulse_tracker, conscan_tracker,
+        antenna_servo, pointing_controller, ephemeris_publisher, rf_receiver, monopulse_tracker, carrier_tracker,
         array_receiver, array_tracker, station_executive, bias_calibrator, operator_page, rotctld_server,
         simulation_clock, station_description,
     )

@@ -11,19 +11,18 @@ from dataclasses import dataclass
 
 from rf_pointing.controllers import PositionLoopParams, dss13_loops
 from rf_pointing.core import AXES, leaves
+from rf_pointing.core.derived import Rows, Value, tuned
 from rf_pointing.servo import AxisParams, PlantParams, dss13_plant
 from rf_pointing.station.antenna.loops import closed_loop_pole
 from rf_pointing.station.derive.axes import preprocessor
 from rf_pointing.station.derive.band import (
+    AXIS_KEYS,
     REFERENCE_M,
     STIFF_BACKLASH_DEG,
     STIFF_DRIVE_RAD_S,
     Band,
-    Rows,
-    Value,
     drive_acceleration_deg_s2,
     encoder_bits,
-    tuned,
 )
 from rf_pointing.station.derive.watches import oscillation
 
@@ -34,12 +33,6 @@ MOMENT = 0.1
 """Moment coefficient of the wind on a reflector (servo/wind.py)."""
 AIR_DENSITY = 1.225
 HOLDING_RESERVE = 1.1
-GIVEN = {
-    "rate_limit_deg_s": "rate_deg_s", "acceleration_limit_deg_s2": "acceleration_deg_s2",
-    "travel_min_deg": "hard_stop_deg", "travel_max_deg": "hard_stop_deg", "encoder_bits": "encoder_bits",
-    "backlash_deg": "backlash_deg",
-}  # fmt: skip
-"""Parameters of an axis that the mount gives, and their keys."""
 FEEDFORWARD_LAG_S = 1.0 / (2.0 * math.pi * 10.0)
 TICK_S = 0.02
 GAIN_MARGIN = 2.0
@@ -73,9 +66,9 @@ def plant_and_loops(of: Band) -> tuple[Rows, Rows]:
     rows: dict[str, Value] = {}
     for name, (_, value) in leaves(plant).items():
         axis, _, last = name.rpartition(".")
-        given = axis in AXES and last in GIVEN
+        given = axis in AXES and last in AXIS_KEYS
         formula = f"{structure} structure of {diameter:g} m (plants.py)"
-        rows[name] = Value(value, f"mount.{axis}.{GIVEN[last]}") if given else tuned(value, formula)
+        rows[name] = Value(value, f"mount.{axis}.{AXIS_KEYS[last]}") if given else tuned(value, formula)
     loops: dict[str, Rows | Value] = {"preprocessor": preprocessor(of), "oscillation": oscillation(of)}
     formula = f"PI loop of a {structure} structure with a gain margin of 2"
     for axis, own, loop in zip(AXES, of.axes, position_loops(structure, diameter, plant), strict=True):

@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
+from rf_pointing.core.derived import Rows, Value, rounded, tuned
 from rf_pointing.station.derive.axes import link
-from rf_pointing.station.derive.band import Band, Rows, Value, rounded, tuned
+from rf_pointing.station.derive.band import Band
 
 # Loss of the clear atmosphere at the zenith over frequency: those of the three bands of DSS-13
 # (docs/math/link.md) and what little is left of it at VHF.

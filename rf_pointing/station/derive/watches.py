@@ -2,19 +2,17 @@
 
 import math
 
+from rf_pointing.core.derived import Rows, rounded, tuned
 from rf_pointing.station.derive import axes
 from rf_pointing.station.derive.band import (
     REFERENCE_M,
     STIFF_BACKLASH_DEG,
     STIFF_DRIVE_RAD_S,
     Band,
-    Rows,
     drive_acceleration_deg_s2,
-    rounded,
-    tuned,
 )
-from rf_pointing.station.derive.scans import SCAN_RADIUS
 from rf_pointing.station.pointing.antenna_watch import AntennaWatchParams
+from rf_pointing.tracking.scan import SCAN_RADIUS
 
 WAITS = ("rotator.minimum_interval_s", "rotator.latency_s", "link.poll_period_s", "link.poll_period_s")
 """From a set point to the reading that shows its motion, for a drive that takes positions."""

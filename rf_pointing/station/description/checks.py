@@ -5,15 +5,17 @@ from collections.abc import Mapping
 from typing import Any
 
 from rf_pointing.core import Params, Sensor, leaves
+from rf_pointing.core.checks import LONGEST_NAME, brief
 from rf_pointing.core.parameters import from_edge
+from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.registry import known_types, takes_positions
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
 from rf_pointing.station.derive.nodes import NODES, described_parameters, reference
-from rf_pointing.station.description.content import ArraySection, AxisSection, BandSection, Content, MountSection
-from rf_pointing.station.description.reading import Reader, flat, nearest
+from rf_pointing.station.description.content import ArraySection, BandSection, Content, MountSection
+from rf_pointing.station.description.reading import MOST_VALUES, Reader, flat, nearest
 
 BEAMWIDTH_TOLERANCE = 0.2
 WIDEST_GAP_DEG = 90.0
@@ -27,14 +29,14 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
     """
     if isinstance(content.site, str) and content.site not in SITES:
         reader.note("site", f"site={content.site!r} must be coordinates or one of {', '.join(SITES)}")
-    if content.name is not None and not content.name.strip():
-        reader.note("name", "name='' must not be empty")
+    if content.name is not None and not 0 < len(content.name.strip()) <= LONGEST_NAME:
+        reader.note("name", f"name={brief(content.name)} must have 1 to {LONGEST_NAME} signs")
     mask = _mask(content, reader)
     if content.mount is not None:
         for name in ("azimuth", "elevation"):
             axis = getattr(content.mount, name)
-            if axis is not None:
-                _check_axis(axis, f"mount.{name}", reader)
+            for key, text in axis.contradictions() if axis is not None else ():
+                reader.note(f"mount.{name}.{key}", f"mount.{name}.{key}{text}")
         _check_mount(content, content.mount, reader)
     _check_bands(content, reader, nodes)
     _check_tuning(content.tuning, "tuning", reader, nodes)
@@ -54,27 +56,6 @@ def _check_errors(values: Mapping[str, Any] | None, key: str, reader: Reader) ->
 
     errors = {f"mount.{name}": value for name, value in flat(values or {}).items()}
     _check_names({"mount": MountParams()}, errors, key, reader, strip="mount.")
-
-
-def _check_axis(axis: AxisSection, key: str, reader: Reader) -> None:
-    travel, stop = axis.travel_deg, axis.hard_stop_deg
-    if travel is not None and travel[0] >= travel[1]:
-        reader.note(
-            f"{key}.travel_deg", f"{key}.travel_deg={list(travel)} must rise from its lowest to its highest angle"
-        )
-    elif travel is not None and stop is not None and not (stop[0] < travel[0] and travel[1] < stop[1]):
-        reader.note(
-            f"{key}.hard_stop_deg", f"{key}.hard_stop_deg={list(stop)} must lie outside travel_deg={list(travel)}"
-        )
-    if axis.encoder_bits is not None and axis.resolution_deg is not None:
-        reader.note(f"{key}.resolution_deg", f"{key}.resolution_deg={axis.resolution_deg} and encoder_bits="
-            f"{axis.encoder_bits} give the same twice: leave one out")  # fmt: skip
-    drive = axis.acceleration_deg_s2 if axis.acceleration_deg_s2 is not None else axis.rate_deg_s
-    pairs = (("command_rate_deg_s", axis.rate_deg_s), ("command_acceleration_deg_s2", drive))
-    for name, bound in pairs:
-        value = getattr(axis, name)
-        if value is not None and bound is not None and value > bound:
-            reader.note(f"{key}.{name}", f"{key}.{name}={value} must be <= {bound}, what the drive can do")
 
 
 def _check_mount(content: Content, mount: MountSection, reader: Reader) -> None:
@@ -156,8 +137,8 @@ def _mask_file(name: str, reader: Reader) -> tuple[tuple[tuple[float, float], ..
     lines: list[int] = []
     path = reader.path.parent / name
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_whole(path, encoding="utf-8-sig")
+    except (OSError, ValueError) as error:
         reader.note("mount.horizon_file", f"mount.horizon_file={name!r} cannot be read: {error}")
         return (), []
     for number, line in enumerate(text.splitlines(), start=1):
@@ -175,6 +156,10 @@ def _mask_file(name: str, reader: Reader) -> tuple[tuple[tuple[float, float], ..
         lines.append(number)
     if not points:
         reader.note("mount.horizon_file", f"mount.horizon_file={name!r} must have at least one point")
+    elif len(points) > MOST_VALUES:
+        reader.note("mount.horizon_file", f"mount.horizon_file={name!r} has {len(points)} points, must have <= "
+            f"{MOST_VALUES}")  # fmt: skip
+        points = []
     return tuple(points), lines
 
 

@@ -5,6 +5,7 @@ Angles are in degrees, as a user writes them; the unit is the end of a key's nam
 default is None is derived when it is not given (`station/derive`).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -56,6 +57,27 @@ class AxisSection:
     backlash_deg: float | None = parameter(
         None, "half width of the gear's play; default: 0.003 deg or a tenth of a beamwidth step", low=0.0, high=0.5
     )
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """Yield keys that cannot be what they are beside the others, and what they must be.
+
+        A value of None, also of one that must not be, contradicts nothing.
+        """
+        travel, stop = self.travel_deg, self.hard_stop_deg
+        if travel is not None and travel[0] >= travel[1]:
+            yield "travel_deg", f"={list(travel)} must rise from its lowest to its highest angle"
+        elif travel is not None and stop is not None and not (stop[0] < travel[0] and travel[1] < stop[1]):
+            yield "hard_stop_deg", f"={list(stop)} must lie outside travel_deg={list(travel)}"
+        if self.encoder_bits is not None and self.resolution_deg is not None:
+            yield (
+                "resolution_deg",
+                (f"={self.resolution_deg} and encoder_bits={self.encoder_bits} give the same twice: leave one out"),
+            )
+        drive = self.acceleration_deg_s2 if self.acceleration_deg_s2 is not None else self.rate_deg_s
+        for name, bound in (("command_rate_deg_s", self.rate_deg_s), ("command_acceleration_deg_s2", drive)):
+            value = getattr(self, name)
+            if value is not None and bound is not None and value > bound:
+                yield name, f"={value} must be <= {bound}, what the drive can do"
 
 
 @dataclass(frozen=True, kw_only=True)

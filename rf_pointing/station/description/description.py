@@ -10,12 +10,14 @@ from typing import Any
 
 import yaml
 
+from rf_pointing.core.derived import Value
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import leaves
+from rf_pointing.core.whole_file import compose_yaml, read_whole
 from rf_pointing.drives.registry import SIMULATED
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.planning.forbidden_sky import HorizonMask
-from rf_pointing.station.derive.band import Band, Derived, Value, site_of
+from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference
 from rf_pointing.station.description.checks import check
 from rf_pointing.station.description.content import Content
@@ -132,7 +134,7 @@ class StationDescription:
         del content["mount"]["horizon_file"]
         for name, section in content["bands"].items():
             model = self.bias_model_file(name)
-            section["bias_model"] = model.read_text() if model else ""
+            section["bias_model"] = read_whole(model) if model else ""
         return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
     def derived(self, node: str, band: str | None = None) -> Derived:
@@ -195,7 +197,7 @@ class StationDescription:
         The files that it names are named by their whole paths.
         """
         # The nodes of YAML and not its values: numbers stay as the user wrote them.
-        root = yaml.compose(self.path.read_text(encoding="utf-8-sig"), Loader=yaml.SafeLoader)
+        root = compose_yaml(read_whole(self.path, encoding="utf-8-sig"))
         models = {f"bands.{name}.bias_model": self.bias_model_file(name) for name in self.bands}
         files = {key: str(model) for key, model in models.items() if model}
         if self.content.mount.horizon_file:

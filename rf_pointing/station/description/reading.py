@@ -15,7 +15,14 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 import yaml
 
 from rf_pointing.core import parameter_unit, require_between, require_choice
+from rf_pointing.core.checks import brief, require_finite, require_id
+from rf_pointing.core.whole_file import YamlError, compose_yaml, read_whole
 from rf_pointing.station.description.content import Content
+
+MOST_VALUES = 3600
+"""Longest list of a description, and most points of a horizon: a point every 0.1 deg."""
+MOST_PROBLEMS = 100
+"""The file is not read on after so many: whatever it is, it is not a description."""
 
 
 class StationError(ValueError):
@@ -60,15 +67,11 @@ class Reader:
         `text` stands for a file that is not written yet.
         """
         try:
-            text = self.path.read_text(encoding="utf-8-sig") if text is None else text
-        except (OSError, UnicodeDecodeError) as error:
+            root = compose_yaml(read_whole(self.path, encoding="utf-8-sig") if text is None else text)
+        except YamlError as error:
+            raise StationError(str(self.path), [(error.line, error.why)]) from error
+        except (OSError, ValueError) as error:
             raise StationError(str(self.path), [(1, f"cannot be read: {error}")]) from error
-        try:
-            root = yaml.compose(text, Loader=yaml.SafeLoader)
-        except yaml.YAMLError as error:
-            mark = getattr(error, "problem_mark", None)
-            why = getattr(error, "problem", None) or str(error)
-            raise StationError(str(self.path), [(mark.line + 1 if mark else 1, f"not YAML: {why}")]) from error
         if not isinstance(root, yaml.MappingNode):
             raise StationError(str(self.path), [(1, "a station description must map keys to values")])
         content: Content = self._section(Content, root, "")
@@ -78,6 +81,8 @@ class Reader:
         hints, fields = get_type_hints(kind), {item.name: item for item in dataclasses.fields(kind)}
         values: dict[str, Any] = {}
         for name, below in self._items(node, key):
+            if len(self.problems) > MOST_PROBLEMS:
+                self.refuse()
             if name not in fields:
                 owner = key or "the description"
                 self.note(_join(key, name), f"{_join(key, name)}: no such key of {owner}{nearest(name, fields)}")
@@ -98,6 +103,11 @@ class Reader:
         found: dict[str, yaml.Node] = {}
         for name_node, below in node.value:
             name = str(name_node.value)
+            try:
+                require_id(f"a key of {key or 'the description'}", name)
+            except ValueError as error:
+                self.problems.append((name_node.start_mark.line + 1, str(error)))
+                continue
             # A second one would silently win over the first.
             if name in found:
                 self.problems.append((name_node.start_mark.line + 1, f"{_join(key, name)} is given twice"))
@@ -112,6 +122,8 @@ class Reader:
             kind = next((each for each in kinds if (each is str) == scalar), kinds[0]) if len(kinds) > 1 else kinds[0]
         try:
             return self._read(kind, rules, node, key)
+        except StationError:
+            raise
         except ValueError as error:
             self.note(key, str(error))
             return None
@@ -137,7 +149,7 @@ class Reader:
             return [self._open(each, key) for each in node.value]
         value = _plain(node)
         # A number of YAML 1.2 that YAML 1.1 takes for a text.
-        if isinstance(value, str) and node.style is None and _is_number(value):
+        if isinstance(value, str) and not node.style and _is_number(value):
             return float(value)
         return value
 
@@ -150,6 +162,8 @@ class Reader:
         read: Callable[[int, yaml.Node], Any] = lambda index, below: self._read(  # noqa: E731
             kinds[0] if many else kinds[index], rules, below, f"{key}[{index}]"
         )
+        if len(node.value) > MOST_VALUES:
+            raise ValueError(f"{key} has {len(node.value)} values, must have <= {MOST_VALUES}")
         return tuple(read(index, below) for index, below in enumerate(node.value))
 
 
@@ -175,7 +189,7 @@ def _mapping(node: yaml.Node, key: str) -> yaml.MappingNode:
 
 
 def _plain(node: yaml.Node) -> Any:
-    return yaml.SafeLoader("").construct_object(node, deep=True)
+    return yaml.constructor.SafeConstructor().construct_object(node, deep=True)
 
 
 def _is_number(text: str) -> bool:
@@ -192,6 +206,9 @@ def _scalar(kind: Any, rules: Mapping[str, Any], node: yaml.Node, key: str) -> A
     if kind is str:
         # A name like 2024 or on is a text to its user, whatever YAML takes it for.
         text = str(node.value)
+        if not text.isprintable():
+            # A name stands in the subject of an e-mail, and in file names.
+            raise ValueError(f"{key}={brief(text)} must be one line of printable signs")
         if rules.get("choices"):
             require_choice(key, text, rules["choices"])
         return text
@@ -200,14 +217,13 @@ def _scalar(kind: Any, rules: Mapping[str, Any], node: yaml.Node, key: str) -> A
             raise ValueError(f"{key}={node.value} must be true or false")
         return value
     # PyYAML reads 8e9 without a sign as a text.
-    if isinstance(value, str) and node.style is None and _is_number(value):
+    if isinstance(value, str) and not node.style and _is_number(value):
         value = float(value)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ValueError(f"{key}={node.value} must be a number")
-    if kind is int:
-        if not isinstance(value, int):
-            raise ValueError(f"{key}={node.value} must be a whole number")
-    else:
-        value = float(value)
+    if kind is int and not isinstance(value, int):
+        raise ValueError(f"{key}={node.value} must be a whole number")
+    require_finite(key, value)
+    value = value if kind is int else float(value)
     require_between(key, value, rules.get("low"), rules.get("high"))
     return value

@@ -14,6 +14,7 @@ import numpy as np
 
 from rf_pointing.calibration import BiasModel, LagHistory, without_lags
 from rf_pointing.core import Motion, Params, gaussian_gain, parameter
+from rf_pointing.core.checks import LONGEST_NAME
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import write_whole
@@ -192,7 +193,7 @@ def store_certificate(params: StoreParams, certificate: Certificate) -> Path | N
     """Write the certificate to its folder; return the file, None without a folder."""
     if not params.certificate_folder:
         return None
-    name = "".join(letter if letter.isalnum() else "_" for letter in certificate.name)
+    name = "".join(letter if letter.isalnum() else "_" for letter in certificate.name[:LONGEST_NAME])
     begin = datetime.fromtimestamp(certificate.aos_t_s, UTC)
     path = Path(params.certificate_folder) / f"{name}-{begin:%Y%m%dT%H%M%S}.json"
     write_whole(path, json.dumps(certificate_values(certificate), indent=1) + "\n")

@@ -19,10 +19,9 @@ from rf_pointing.tracking import (
     LockWatchParams,
     MonopulseScanParams,
     SpiralParams,
-    StepTrackParams,
     TrimParams,
 )
-from rf_pointing.tracking.conscan_estimate import ConscanParams
+from rf_pointing.tracking.power_tracker import PowerTrackerParams
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,8 +70,11 @@ class AlarmParams(Params):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControllerParams(Params):
-    """Everything that the pointing controller is configured with, one set per concern."""
+class ControllerParams(PowerTrackerParams):
+    """Everything that the pointing controller is configured with, one set per concern.
+
+    The scans are those of the tracker that measures on them.
+    """
 
     pointing: PointingParams = parameter(PointingParams(), "timing of the commands, tolerances")
     axes: AntennaWatchParams = parameter(AntennaWatchParams(), "watch over the axes")
@@ -81,10 +83,8 @@ class ControllerParams(Params):
     autotrack: AutotrackParams = parameter(AutotrackParams(), "thresholds and times of the state table")
     integrator: TrackerIntegratorParams = parameter(TrackerIntegratorParams(), "tracking loop")
     spiral: SpiralParams = parameter(SpiralParams(), "search pattern")
-    conscan: ConscanParams = parameter(ConscanParams(), "conical scan")
     machine: MachineParams = parameter(MachineParams(), "what the axes can do, for the certificate")
     mask: HorizonMask = parameter(HorizonMask(), "horizon of the site")
-    steptrack: StepTrackParams = parameter(StepTrackParams(), "steps of step-track")
     calibration: MonopulseScanParams = parameter(MonopulseScanParams(), "calibration scan of the feed")
     trim: TrimParams = parameter(TrimParams(), "filter of the ephemeris error")
     watch: LockWatchParams = parameter(LockWatchParams(), "watch on the monopulse lock")

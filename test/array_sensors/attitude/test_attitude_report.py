@@ -12,7 +12,6 @@ from rf_pointing.array_sensors.attitude.attitude_report import (
     require_arrived,
     require_covariance,
 )
-from rf_pointing.array_sensors.attitude.ground_stations import GroundNetworkParams
 
 SOUND: dict[str, Any] = {
     "t_s": 1.0,
@@ -58,31 +57,6 @@ def test_stamp_ahead_of_the_clock_is_refused_and_one_from_the_past_is_not() -> N
         require_arrived(100.0, 99.9 - LARGEST_LEAD_S)
     with pytest.raises(ValueError, match="finite"):
         require_arrived(float("nan"), 0.0)
-
-
-def test_stations_keep_names_and_places_together() -> None:
-    network = GroundNetworkParams(names=("a", "b_2"), latitude_rad=(0.1, -0.2), longitude_rad=(1.0, 2.0))
-    assert [(s.name, s.latitude_rad, s.longitude_rad) for s in network.stations()] == [
-        ("a", 0.1, 1.0),
-        ("b_2", -0.2, 2.0),
-    ]
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"names": ("a", "a")}, "different"),
-        ({"names": ("a", "B")}, "'B'"),
-        ({"names": ("a", "x/y")}, "'x/y'"),
-        ({"names": ()}, "at least one"),
-        ({"latitude_rad": (0.1,)}, "latitude_rad has 1 values, must be one for each of 2 names"),
-        ({"latitude_rad": (0.1, 1.6)}, r"latitude_rad\[1\]=1.6"),
-        ({"longitude_rad": (0.1, np.nan)}, r"longitude_rad\[1\]"),
-    ],
-)
-def test_stations_that_are_no_namespaces_or_no_places_are_refused(changes: dict[str, Any], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        GroundNetworkParams().replace(**changes)
 
 
 def test_a_covariance_is_symmetric_and_not_negative_to_a_billionth_of_its_largest_element() -> None:

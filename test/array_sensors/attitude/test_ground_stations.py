@@ -20,42 +20,12 @@ ORBIT = SunSynchronousOrbitParams()
 LOWEST_RAD = np.radians(10.0)
 
 
-def under(t_s: float) -> GroundStation:
-    x, y, z = orbit_point(ORBIT, t_s).position_m
-    return GroundStation(name="under", latitude_rad=np.arctan2(z, np.hypot(x, y)), longitude_rad=np.arctan2(y, x))
-
-
-def test_station_below_the_satellite_lies_along_nadir() -> None:
-    view = view_stations(ORBIT, [under(500.0)], 500.0)
-    assert view.reference[0] == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
-    assert view.elevation_rad[0] == pytest.approx(np.pi / 2, abs=1e-6)
-    assert view.range_m[0] == pytest.approx(800e3, abs=1.0)
-
-
-def test_station_ahead_lies_forward_before_the_pass_and_aft_after_it() -> None:
-    view = view_stations(ORBIT, [under(500.0)], np.array([400.0, 600.0]))
-    assert view.reference[0, 0, 0] > 0.5
-    assert view.reference[1, 0, 0] < -0.5
-
-
-def test_station_at_10_degrees_elevation_is_61_05_degrees_off_nadir() -> None:
-    assert np.degrees(largest_nadir_angle_rad(ORBIT, LOWEST_RAD)) == pytest.approx(61.05, abs=0.005)
-    t_s = np.linspace(100.0, 900.0, 4001)
-    view = view_stations(ORBIT, [under(500.0)], t_s)
-    seen = view.reference[view.visible(LOWEST_RAD)[:, 0], 0]
-    nadir = np.arctan2(np.hypot(seen[:, 0], seen[:, 1]), seen[:, 2])
-    assert np.degrees(nadir.max()) == pytest.approx(61.05, abs=0.05)
-
-
-def test_one_of_the_eight_stations_is_in_view_for_5000_seconds() -> None:
-    view = view_stations(ORBIT, stations_along_track(ORBIT, 0.0), np.arange(0.0, 5000.0, 0.25))
-    assert view.visible(LOWEST_RAD).any(axis=-1).all()
-    assert np.all(np.degrees(view.elevation_rad.max(axis=0)) < 82.0)
-
-
 def test_pass_of_one_station_lasts_about_ten_minutes() -> None:
     view = view_stations(ORBIT, stations_along_track(ORBIT, 0.0), np.arange(-400.0, 5400.0))
-    assert view.visible(LOWEST_RAD).sum(axis=0) == pytest.approx(np.full(8, 635.0), abs=15.0)
+    seen = view.visible(LOWEST_RAD)
+    assert seen.sum(axis=0) == pytest.approx(np.full(8, 635.0), abs=15.0)
+    # One of the eight stations is in view for 5000 s.
+    assert seen[400:5400].any(axis=-1).all()
 
 
 @pytest.mark.parametrize("latitude_rad", [-0.9, 0.0, 1.2, np.pi / 2])
@@ -83,12 +53,6 @@ def test_place_slopes_are_the_change_of_the_direction_by_a_metre(latitude_rad: f
 def test_no_stations_are_refused() -> None:
     with pytest.raises(ValueError, match="stations is empty"):
         view_stations(ORBIT, [], 0.0)
-
-
-@pytest.mark.parametrize(("latitude", "longitude"), [(1.6, 0.0), (0.0, 7.0), (np.nan, 0.0)])
-def test_station_off_the_earth_is_refused(latitude: float, longitude: float) -> None:
-    with pytest.raises(ValueError, match="itude_rad="):
-        GroundStation(name="x", latitude_rad=latitude, longitude_rad=longitude)
 
 
 @pytest.mark.parametrize("number", [1, 5])
@@ -145,6 +109,8 @@ def test_a_surveyed_station_stands_on_the_ellipsoid_with_its_own_vertical() -> N
         ({"names": ()}, r"names=\(\) must be different, and at least one"),
         ({"latitude_rad": (0.1,)}, "latitude_rad has 1 values, must be one for each of 2 names"),
         ({"longitude_rad": (0.1, 0.2, 0.3)}, "longitude_rad has 3 values, must be one for each of 2 names"),
+        ({"latitude_rad": (0.1, 1.6)}, r"latitude_rad\[1\]=1.6"),
+        ({"longitude_rad": (0.1, np.nan)}, r"longitude_rad\[1\]"),
     ],
 )
 def test_a_network_of_stations_without_places_or_names_is_refused(changes: dict[str, tuple], words: str) -> None:
@@ -176,3 +142,4 @@ def test_the_nadir_angle_is_that_of_the_sphere_at_any_height() -> None:
         orbit = SunSynchronousOrbitParams(altitude_m=altitude_m)
         sine = EARTH_RADIUS_M * np.cos(elevation) / (EARTH_RADIUS_M + altitude_m)
         assert largest_nadir_angle_rad(orbit, elevation) == pytest.approx(np.arcsin(sine))
+    assert np.degrees(largest_nadir_angle_rad(ORBIT, LOWEST_RAD)) == pytest.approx(61.05, abs=0.005)

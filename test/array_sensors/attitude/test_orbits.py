@@ -16,16 +16,6 @@ from rf_pointing.core.constants import EARTH_RADIUS_M
 ORBIT = SunSynchronousOrbitParams(ascending_node_time_s=1.7e9)
 
 
-def test_period_at_800_km_is_6052_seconds() -> None:
-    assert period_s(ORBIT) == pytest.approx(6052.4, abs=0.1)
-
-
-@pytest.mark.parametrize(("altitude_km", "inclination_deg"), [(500, 97.40), (800, 98.60), (1000, 99.48)])
-def test_inclination_is_the_tabulated_sun_synchronous_one(altitude_km: float, inclination_deg: float) -> None:
-    orbit = SunSynchronousOrbitParams(altitude_m=altitude_km * 1e3)
-    assert np.degrees(inclination_rad(orbit)) == pytest.approx(inclination_deg, abs=0.01)
-
-
 @pytest.mark.parametrize("turn", [0, 3, 14])
 def test_descending_node_passes_at_08_00_local_mean_solar_time(turn: int) -> None:
     t_s = 1.7e9 + (turn + 0.5) * period_s(ORBIT)
@@ -62,11 +52,6 @@ def test_frame_rate_is_the_derivative_of_the_frame_in_inertial_axes() -> None:
     assert found == pytest.approx(orbit_point(ORBIT, start).frame_rate_rad_s, abs=2e-9)
 
 
-def test_orbit_inside_the_atmosphere_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"altitude_m=50000.0 must be >= 200000.0"):
-        SunSynchronousOrbitParams(altitude_m=50e3)
-
-
 @pytest.mark.parametrize("tilt", [0.3, 1.7])
 def test_the_frame_of_a_circular_orbit_is_that_of_three_plain_turns(tilt: float) -> None:
     """Along the orbit, about the line of nodes, about the axis of the Earth."""
@@ -83,6 +68,7 @@ def test_the_frame_of_a_circular_orbit_is_that_of_three_plain_turns(tilt: float)
 
 def test_the_inclination_follows_from_the_precession_of_one_turn_a_year() -> None:
     """dOmega/dt = -3/2 J2 n (R / a)^2 cos i, solved the other way round."""
+    assert period_s(ORBIT) == pytest.approx(6052.4, abs=0.1)
     for altitude_m in (300e3, 900e3):
         orbit = SunSynchronousOrbitParams(altitude_m=altitude_m)
         axis_m, n = EARTH_RADIUS_M + altitude_m, 2.0 * np.pi / period_s(orbit)

@@ -12,7 +12,6 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_to_matrix,
     quaternion_to_roll_pitch_yaw,
     quaternion_to_rotation_vector,
-    require_rotation,
     rotation_angle_between_rad,
     unit_quaternion,
 )
@@ -37,13 +36,6 @@ def test_product_is_hamilton_and_agrees_with_scipy(quaternions: np.ndarray) -> N
         canonical(multiply(a, b)), canonical((Rotation(a) * Rotation(b)).as_quat()), atol=ROUNDING
     )
     np.testing.assert_allclose(multiply([1.0, 0, 0, 0], [0.0, 1.0, 0, 0]), [0.0, 0.0, 1.0, 0.0])
-
-
-def test_matrix_of_a_product_is_the_product_of_the_matrices(quaternions: np.ndarray) -> None:
-    a, b = quaternions[:100], quaternions[100:]
-    np.testing.assert_allclose(
-        quaternion_to_matrix(multiply(a, b)), quaternion_to_matrix(a) @ quaternion_to_matrix(b), atol=ROUNDING
-    )
 
 
 def test_conjugate_undoes_the_rotation(quaternions: np.ndarray) -> None:
@@ -124,11 +116,6 @@ def test_a_quaternion_that_is_not_unit_is_refused(quaternion: list[float], messa
 def test_a_matrix_that_is_no_rotation_is_refused(matrix: np.ndarray, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         quaternion_from_matrix(matrix)
-
-
-def test_rotations_pass_unchanged() -> None:
-    turns = np.array([np.eye(3), np.diag([1.0, -1.0, -1.0])])
-    assert np.array_equal(require_rotation("attitude", turns), turns)
 
 
 def test_the_angle_between_two_orientations_is_that_of_scipy(quaternions: np.ndarray) -> None:

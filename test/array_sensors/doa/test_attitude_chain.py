@@ -72,11 +72,6 @@ def test_total_angle_decides_where_the_nearest_would_collide() -> None:
     assert match_directions(measured, expected, 0.5) == [(0, 0), (1, 1)]
 
 
-def test_vectors_of_the_wrong_shape_are_refused(expected: np.ndarray) -> None:
-    with pytest.raises(ValueError, match="measured has shape"):
-        match_directions(expected[0], expected, 0.1)
-
-
 def simulated(
     stations: list[GroundStation] = STATIONS, response: ArrayResponse | None = None, **scenario: Any
 ) -> SimulatedDoa:
@@ -293,11 +288,7 @@ def test_coasting_carries_the_attitude_on_by_the_known_torques(lived: list[DoaMo
     assert np.all(np.abs(turn) < SIGMAS * np.sqrt(np.diag(report.attitude.covariance_rad2)))
 
 
-def test_missing_torques_stop_the_filter_with_a_reason(lived: list[DoaMoment]) -> None:
-    running = chain()
-    run(running, lived[:20])
-    with pytest.raises(ValueError, match=r"is 10 s old, must be <= 5\.0 s"):
-        running.take_block(lived[29].heard, START_S + 29.0)
+def test_a_filter_without_a_torque_stops_with_a_reason(lived: list[DoaMoment]) -> None:
     unaware = chain()
     unaware.take_block(lived[0].heard, START_S)
     with pytest.raises(ValueError, match="no torque is known"):
@@ -317,14 +308,6 @@ def test_filter_that_every_direction_contradicts_starts_anew_and_finds_the_truth
     assert np.all(np.abs(turn) < SIGMAS * np.sqrt(np.diag(found[-1].attitude.covariance_rad2)))
 
 
-def test_filter_starts_anew_after_a_long_gap(lived: list[DoaMoment]) -> None:
-    running = chain(gap_max_s=5.0)
-    assert run(running, lived[:20])[-1].attitude.valid
-    report = running.take_block(lived[40].heard, START_S + 40.0)
-    assert not report.attitude.valid
-    assert "hypotheses" in report.attitude.reason
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -333,7 +316,6 @@ def test_filter_starts_anew_after_a_long_gap(lived: list[DoaMoment]) -> None:
         ({"transmitters": ("station_2", "station_2")}, "different"),
         ({"block": SnapshotBlock(t_s=START_S + 20.0, snapshots=np.ones((5, 100), complex))}, "5 elements, must be 12"),
         ({"block": SnapshotBlock(t_s=START_S + 20.0, snapshots=np.ones((12, 1), complex))}, "snapshots=1 must be > "),
-        ({"block": SnapshotBlock(t_s=START_S + 5.0, snapshots=np.ones((12, 100), complex))}, "."),
         ({"block": SnapshotBlock(t_s=START_S + 1e4, snapshots=np.ones((12, 100), complex))}, "ahead of the clock"),
     ],
 )
@@ -346,7 +328,7 @@ def test_unusable_block_is_refused_and_the_next_is_used(lived: list[DoaMoment], 
     assert running.take_block(lived[20].heard, START_S + 20.0).attitude.valid
 
 
-def test_late_block_and_late_torque_are_refused(lived: list[DoaMoment]) -> None:
+def test_a_late_block_and_a_late_torque_are_refused(lived: list[DoaMoment]) -> None:
     running = chain()
     run(running, lived[:20])
     with pytest.raises(ValueError, match="is late"):
@@ -402,6 +384,8 @@ def test_angles_are_those_between_the_vectors_up_to_the_reach() -> None:
     for reach, words in ((-0.1, "largest_rad=-0.1 must be >= 0"), (3.2, "largest_rad=3.2 must be <= 3.14")):
         with pytest.raises(ValueError, match=words):
             match_directions(near, far, reach)
+    with pytest.raises(ValueError, match="measured has shape"):
+        match_directions(near[0], far, 0.1)
     with pytest.raises(ValueError, match="expected has shape"):
         match_directions(near, far[0], 0.1)
 

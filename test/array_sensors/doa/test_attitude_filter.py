@@ -67,15 +67,6 @@ def started(running: DoaAttitudeFilter, rate_rad_s: np.ndarray | None = None) ->
     running.restore(DoaAttitudeState(t_s=0.0, bank=bank, heard_s=0.0, stations=("ahead", "aside")))
 
 
-def test_two_directions_start_the_filter_at_the_truth_without_convergence() -> None:
-    running = doa_filter()
-    started(running)
-    found = running.output()
-    assert float(rotation_angle_between_rad(found.quaternion, TRUTH)) < 1e-6
-    assert found.valid
-    assert np.sqrt(np.diag(found.covariance)[:3]).max() < 3 * SIGMA
-
-
 def test_output_says_why_it_is_not_valid() -> None:
     running = doa_filter(silence_s=10.0)
     assert running.output().reason == "no direction accepted yet"
@@ -87,19 +78,6 @@ def test_output_says_why_it_is_not_valid() -> None:
     assert running.output().valid
     running.predict_to(11.0, NONE, ORBIT_RATE)
     assert "no direction for 11 s" in running.output().reason
-
-
-def test_one_hypothesis_is_kept_once_a_second_station_has_settled() -> None:
-    running = doa_filter()
-    running.observe(AHEAD)
-    for k in range(1, 40):
-        running.predict_to(1.0 * k, NONE, ORBIT_RATE)
-        running.observe(ASIDE)
-        running.observe(AHEAD)
-    found = running.output()
-    assert len(running.state.bank.misfit) == 1
-    assert found.valid
-    assert float(rotation_angle_between_rad(found.quaternion, TRUTH)) < 0.02
 
 
 @pytest.mark.parametrize(("longest", "again"), [(attitude_filter.LONGEST_START, True), (50, False)])
@@ -220,17 +198,6 @@ def test_resuming_from_the_state_gives_the_same_output() -> None:
         each.observe(ASIDE)
     assert np.array_equal(running.output().quaternion, resumed.output().quaternion)
     assert np.array_equal(running.output().covariance, resumed.output().covariance)
-
-
-def test_one_long_prediction_is_made_of_short_steps() -> None:
-    once, often = doa_filter(), doa_filter()
-    for each in (once, often):
-        each.observe(AHEAD)
-    once.predict_to(5.0, NONE, ORBIT_RATE)
-    for k in range(1, 21):
-        often.predict_to(0.25 * k, NONE, ORBIT_RATE)
-    assert once.output().quaternion == pytest.approx(often.output().quaternion, abs=1e-12)
-    assert once.output().covariance == pytest.approx(often.output().covariance, rel=1e-9)
 
 
 def together(*directions: StationDirection, order: tuple[int, ...]) -> SharedDirections:

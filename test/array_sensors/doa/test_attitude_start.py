@@ -13,7 +13,6 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import (
     ProcessNoiseParams,
     attitude_error,
     predict,
-    rotation_between,
     start_state,
     update,
 )
@@ -48,14 +47,6 @@ def unit(stream: np.random.Generator, *shape: int) -> np.ndarray:
 
 def seen(measured: np.ndarray, reference: np.ndarray) -> DirectionObservation:
     return DirectionObservation(measured, SIGMA**2 * (np.eye(3) - np.outer(measured, measured)), reference)
-
-
-def test_rotation_between_is_the_shortest_one(stream: np.random.Generator) -> None:
-    first, second = unit(stream, 300, 3), unit(stream, 300, 3)
-    turn = rotation_between(first, second)
-    moved = np.einsum("nij,nj->ni", quaternion_to_matrix(quaternion_from_rotation_vector(turn)), first)
-    assert moved == pytest.approx(second, abs=1e-12)
-    assert np.linalg.norm(turn, axis=1) == pytest.approx(np.arccos(np.sum(first * second, axis=1)), abs=1e-7)
 
 
 def test_aligned_start_puts_the_first_direction_where_it_belongs(stream: np.random.Generator) -> None:

@@ -82,8 +82,8 @@ def test_fewer_snapshots_than_elements_do_not_count_sources(snapshots: np.ndarra
     with pytest.raises(ValueError, match="snapshots=5 must be >= elements=6 to count sources"):
         count_sources(covariance, 5)
     # Without noise: what is left is rounding, and no source.
-    one = np.outer(snapshots[:, 0], snapshots[:, 0].conj())[None]
-    assert count_sources(one, 6).tolist() == [1]
+    for sources in (1, 2):
+        assert count_sources(sample_covariance(snapshots[:, :sources])[None], 6).tolist() == [sources]
 
 
 @pytest.mark.parametrize("sources", [0, 6])

@@ -25,13 +25,14 @@ def test_closed_form_at_zero_decibel_and_100_snapshots() -> None:
 
 
 @pytest.mark.parametrize(
-    ("elements", "theta", "phi", "snr"), [(12, 0.3, 0.1, 0.05), (5, 0.9, 2.0, 3.0), (9, 1.2, 4.4, 40)]
+    ("elements", "theta", "phi", "snr"),
+    [(12, 0.3, 0.1, 0.05), (5, 0.9, 2.0, 3.0), (9, 1.2, 4.4, 40), (12, 0.6, 0.4, 1e-8), (12, 0.6, 0.4, 1e8)],
 )
 def test_general_bound_is_the_closed_form_for_one_source(elements: int, theta: float, phi: float, snr: float) -> None:
     array = CircularArrayParams(elements=elements)
     bound = direction_bound_rad2(array, direction_from_polar(theta, phi)[None], np.array([[snr + 0j]]), 37)
     sigma = cosine_sigma_rad(array, 37, snr)
-    assert bound == pytest.approx(sigma**2 * np.eye(2), rel=1e-9, abs=1e-12 * sigma**2)
+    assert bound == pytest.approx(sigma**2 * np.eye(2), rel=1e-6, abs=1e-6 * sigma**2)
 
 
 def test_general_bound_is_the_inverse_of_the_numeric_fisher_information() -> None:
@@ -63,10 +64,6 @@ def test_effective_ratio_is_the_bound_in_phase_at_the_rim() -> None:
     assert effective_snr(ARRAY, 100, 0.1) == pytest.approx(100 * 1.2**2 / 2.2)
 
 
-def test_search_grid_of_one_degree_has_a_floor_of_0289_degrees() -> None:
-    assert float(np.degrees(search_grid_rmse(0.0, np.radians(1.0)))) == pytest.approx(0.2887, abs=1e-4)
-
-
 def test_a_source_140_db_below_another_is_not_taken_for_the_same() -> None:
     two = np.stack([direction_from_polar(0.5, 0.2), direction_from_polar(0.9, 2.0)])
     both = direction_bound_rad2(ARRAY, two, np.diag([1e10 + 0j, 1e-4]), 100)
@@ -92,12 +89,6 @@ def test_sources_that_say_nothing_of_their_directions_are_refused() -> None:
 def test_bound_without_snapshots_or_signal_is_refused(snapshots: int, snr: float) -> None:
     with pytest.raises(ValueError, match=r"snapshots=|snr="):
         cosine_sigma_rad(ARRAY, snapshots, snr)
-
-
-@pytest.mark.parametrize("snr", [1e-8, 1e-3, 1e8])
-def test_the_bound_of_a_source_of_any_power_is_the_closed_form(snr: float) -> None:
-    bound = direction_bound_rad2(ARRAY, direction_from_polar(0.6, 0.4)[None], np.array([[snr + 0j]]), 3)
-    np.testing.assert_allclose(bound, cosine_sigma_rad(ARRAY, 3, snr) ** 2 * np.eye(2), rtol=1e-6, atol=1e-6 / snr)
 
 
 def test_bounds_in_polar_angles_stretch_towards_the_horizon_and_the_normal() -> None:

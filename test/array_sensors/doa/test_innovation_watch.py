@@ -45,10 +45,6 @@ def test_errors_half_as_large_again_are_found_by_their_mean_square() -> None:
     assert "mean squared innovation" in run[-1].reasons(PARAMS)[0]
 
 
-def test_few_directions_say_nothing() -> None:
-    assert not watched(5, 4, np.full(3, 5.0))[-1].reasons(PARAMS)
-
-
 def test_one_direction_seen_again_and_again_leaves_the_turn_about_it_out() -> None:
     towards, watch = np.array([0.0, 0.0, 1.0]), InnovationWatch()
     rows = tangent_rows(towards)

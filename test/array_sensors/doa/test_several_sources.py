@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, steering
-from rf_pointing.array_sensors.doa.covariance import count_sources, sample_covariance
+from rf_pointing.array_sensors.doa.covariance import sample_covariance
 from rf_pointing.array_sensors.doa.cramer_rao import direction_bound_rad2
 from rf_pointing.array_sensors.doa.several_sources import estimate_several
 from rf_pointing.array_sensors.doa.snapshots import draw_snapshots
@@ -59,24 +59,6 @@ def test_source_that_does_not_separate_is_reported_missing() -> None:
 def test_as_many_sources_as_elements_are_refused() -> None:
     with pytest.raises(ValueError, match="sources=12 must be >= 1 and < elements=12"):
         estimate_several(ARRAY, np.eye(12, dtype=complex), 12)
-
-
-@pytest.mark.parametrize("sources", [0, 1, 2])
-def test_description_length_counts_the_sources(sources: int, stream: np.random.Generator) -> None:
-    x = draw_snapshots(ARRAY, np.broadcast_to(TWO[:sources], (100, sources, 3)), EQUAL[:sources, :sources], 100, stream)
-    assert np.mean(count_sources(sample_covariance(x), 100) == sources) >= 0.98
-
-
-def test_counting_needs_as_many_snapshots_as_elements() -> None:
-    with pytest.raises(ValueError, match="snapshots=11 must be >= elements=12"):
-        count_sources(np.eye(12, dtype=complex)[None], 11)
-
-
-@pytest.mark.parametrize("sources", [1, 2])
-def test_without_noise_the_count_is_not_made_from_rounding(sources: int, stream: np.random.Generator) -> None:
-    a = steering(ARRAY, TWO[:sources]).T
-    waves = stream.normal(size=(20, sources, 100)) + 1j * stream.normal(size=(20, sources, 100))
-    assert np.all(count_sources(sample_covariance(a @ waves), 100) == sources)
 
 
 def test_what_is_found_comes_with_its_share_of_the_signals_best_first() -> None:

@@ -4,15 +4,12 @@ from scipy.spatial.transform import Rotation
 
 from rf_pointing.array_sensors.interferometer.frames import (
     attitude_from_euler,
-    azimuth_rotation,
     direction_from_angles,
-    elevation_rotation,
     euler_from_attitude,
     forward_angles,
     frame_rotation,
     rep103_from_spacecraft,
     reverse_angles,
-    roll_rotation,
     rotation_vector,
     small_rotation,
 )
@@ -24,20 +21,6 @@ def test_attitude_matrix_is_the_transposed_intrinsic_zyx_rotation_of_scipy(rng) 
     angles = rng.uniform(-3.0, 3.0, (50, 3))
     expected = Rotation.from_euler("ZYX", angles).as_matrix().transpose(0, 2, 1)
     np.testing.assert_allclose(attitude_from_euler(*angles.T), expected, atol=ROUNDING)
-
-
-def test_azimuth_turns_x_towards_y_elevation_x_towards_minus_z_roll_y_towards_plus_z() -> None:
-    # Rows of a frame rotation are the new axes; the text's "roll rotates Y into -Z" contradicts its own matrix.
-    assert azimuth_rotation(0.1)[0, 1] > 0.0
-    assert elevation_rotation(0.1)[0, 2] < 0.0
-    assert roll_rotation(0.1)[1, 2] > 0.0
-
-
-def test_rotations_about_one_axis_add_and_the_inverse_is_the_transpose_and_the_negative() -> None:
-    for turn in (azimuth_rotation, elevation_rotation, roll_rotation):
-        np.testing.assert_allclose(turn(0.3) @ turn(0.5), turn(0.8), atol=ROUNDING)
-        np.testing.assert_allclose(turn(0.3).T, turn(-0.3), atol=ROUNDING)
-    assert np.abs(azimuth_rotation(0.3) @ roll_rotation(0.5) - roll_rotation(0.5) @ azimuth_rotation(0.3)).max() > 0.1
 
 
 def test_euler_angles_return_from_the_attitude_even_at_half_a_turn(rng) -> None:

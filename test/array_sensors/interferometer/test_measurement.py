@@ -1,5 +1,3 @@
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -47,11 +45,6 @@ def measurement(**changes) -> InterferometerMeasurement:
 def test_incomplete_or_undefined_measurements_are_refused(changes, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         measurement(**changes)
-
-
-def test_a_complete_measurement_is_frozen() -> None:
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        measurement().t_s = 2.0
 
 
 def test_phase_of_a_noisy_phasor_has_the_variance_of_half_the_inverse_ratio(rng) -> None:

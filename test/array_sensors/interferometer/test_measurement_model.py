@@ -16,15 +16,13 @@ from rf_pointing.array_sensors.interferometer.measurement_model import (
     numerical_jacobian,
     sight_axes,
 )
-from rf_pointing.array_sensors.interferometer.motion import RelativeMotion, moved
+from rf_pointing.array_sensors.interferometer.motion import RelativeMotion
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
 from rf_pointing.array_sensors.interferometer.reading import ErrorFloor, PathMotion, read_ranges
 from rf_pointing.array_sensors.interferometer.source import InterferometerSource
 from rf_pointing.array_sensors.interferometer.system import (
     InterferometerSystem,
     Schedule,
-    path_accelerations_m_s2,
-    path_lengths,
     two_way_gradients,
 )
 
@@ -104,20 +102,6 @@ def test_cartesian_covariance_is_that_of_drawn_motions_along_the_sight_too(rng) 
     assert np.mean((off[:, :3] @ along) ** 2) > 50.0 * along @ first_order[:3, :3] @ along
 
 
-def test_path_accelerations_are_the_second_difference_of_the_lengths(tracked) -> None:
-    system, step = InterferometerSystem(), 1e-2
-    motion = tracked.motion
-    ends = [
-        path_lengths(there.position_m, there.attitude, system.arrays)
-        for there in (moved(motion, -step), motion, moved(motion, step))
-    ]
-    expected = (ends[0] - 2.0 * ends[1] + ends[2]) / step**2
-    found = path_accelerations_m_s2(
-        motion.position_m, motion.velocity_m_s, motion.attitude, motion.rate_rad_s, system.arrays
-    )
-    np.testing.assert_allclose(found, expected, atol=1e-7)
-
-
 @pytest.fixture
 def slow_motion() -> TrackedMotion:
     motion = RelativeMotion(
@@ -159,9 +143,3 @@ def test_gradient_of_the_ranges_is_the_analytic_one_in_local_coordinates(slow_mo
     np.testing.assert_allclose(gradient[:9, :3], expected, atol=1e-6)
     np.testing.assert_allclose(gradient[:9, 6:9], by_attitude.reshape(9, 3), atol=1e-5)
     np.testing.assert_allclose(gradient[9:18, 3], np.full(9, 2.0), atol=1e-4)
-
-
-def test_numerical_jacobian_of_a_matrix_is_the_matrix(rng) -> None:
-    matrix = rng.normal(size=(4, 3))
-    found = numerical_jacobian(lambda stack: stack @ matrix.T, np.array([0.1, 1.0, 10.0]))
-    np.testing.assert_allclose(found, matrix, atol=1e-12)

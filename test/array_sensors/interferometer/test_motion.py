@@ -32,15 +32,6 @@ def test_rates_through_half_a_turn_of_attitude_are_continuous() -> None:
     np.testing.assert_allclose(crude_attitude_rate(before, after, 0.1), [0.2, 0.0, 0.0], atol=1e-12)
 
 
-def test_an_attitude_step_beyond_90_degrees_and_a_step_back_in_time_are_refused() -> None:
-    with pytest.raises(ValueError, match="attitude changed by 91 deg"):
-        crude_attitude_rate(np.eye(3), frame_rotation([np.radians(91.0), 0.0, 0.0]), 1.0)
-    with pytest.raises(ValueError, match=r"dt_s=0.0 must be > 0"):
-        crude_attitude_rate(np.eye(3), np.eye(3), 0.0)
-    with pytest.raises(ValueError, match="dt_s=nan must be finite"):
-        crude_attitude_rate(np.eye(3), np.eye(3), float("nan"))
-
-
 def test_moved_stacks_over_times() -> None:
     slots = moved(motion(), np.array([-1.0, 0.0, 2.0]))
     assert slots.position_m.shape == slots.velocity_m_s.shape == slots.rate_rad_s.shape == (3, 3)
@@ -77,5 +68,6 @@ def test_a_turn_up_to_90_degrees_between_samples_has_a_rate() -> None:
     np.testing.assert_allclose(crude_attitude_rate(np.eye(3), frame_rotation(turn), 4.0), turn / 4.0, atol=1e-12)
     with pytest.raises(ValueError, match=r"attitude changed by 90\.1 deg"):
         crude_attitude_rate(np.eye(3), frame_rotation(np.radians(90.1) * np.array([0.0, 0.6, 0.8])), 4.0)
-    with pytest.raises(ValueError, match=r"dt_s=-1\.0 must be > 0"):
-        crude_attitude_rate(np.eye(3), np.eye(3), -1.0)
+    for dt_s, words in ((0.0, r"dt_s=0\.0 must be > 0"), (-1.0, r"dt_s=-1\.0 must be > 0"), (np.nan, "must be finite")):
+        with pytest.raises(ValueError, match=words):
+            crude_attitude_rate(np.eye(3), np.eye(3), dt_s)

@@ -202,12 +202,6 @@ def test_repeated_phases_that_disagree_show_in_the_resultant(far) -> None:
     assert read_ranges(other, system, NO_FLOOR).visit_agreement == pytest.approx(np.cos(1.0), abs=0.05)
 
 
-def test_weights_of_the_two_links_sum_to_two() -> None:
-    forward, back = rate_weights(InterferometerSystem())
-    assert forward + back == pytest.approx(2.0)
-    assert forward > 1.1 > back
-
-
 def test_a_measurement_of_another_schedule_is_refused(far) -> None:
     ascending = InterferometerSystem(schedule=Schedule(order="ascending"))
     measured = InterferometerSource(ascending, RadioParams(), LinkParams(), 5).measure(0.0, far.motion)

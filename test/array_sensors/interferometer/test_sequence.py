@@ -25,14 +25,6 @@ from rf_pointing.array_sensors.interferometer.system import ArrayParams, two_way
 
 UNEQUAL_ARRAYS = ArrayParams(radius_active_m=0.9, radius_passive_m=1.1, transponder_delay_m=2.0)
 ARRAYS = ArrayParams()
-AHEAD = np.array([1.0, 0.0, 0.0])
-
-
-def test_scalar_from_uncorrelated_measurements_is_the_inverse_variance_mean(rng) -> None:
-    values, variances = rng.normal(size=5), rng.uniform(0.5, 3.0, 5)
-    step, variance = minimum_variance_step(np.ones((5, 1)), values, np.diag(variances))
-    assert step[0] == pytest.approx(np.sum(values / variances) / np.sum(1.0 / variances))
-    assert variance[0, 0] == pytest.approx(1.0 / np.sum(1.0 / variances))
 
 
 def test_planted_parameters_return_from_correlated_measurements(rng) -> None:
@@ -58,17 +50,12 @@ def test_undetermined_parameters_are_refused(gradient, message: str) -> None:
         minimum_variance_step(gradient, np.ones(3))
 
 
-def test_a_covariance_singular_but_for_rounding_is_refused(rng) -> None:
+def test_a_covariance_that_is_singular_if_but_for_rounding_is_refused(rng) -> None:
     """A Cholesky factor exists or not by the last bits."""
-    for root in rng.normal(size=(50, 3, 2)):
+    rounded = [root @ root.T for root in rng.normal(size=(50, 3, 2))]
+    for covariance in (*rounded, np.diag([1.0, -1.0, 1.0]), np.diag([1.0, 0.0, 1.0])):
         with pytest.raises(ValueError, match="covariance is singular or not positive definite"):
-            minimum_variance_step(np.array([[1.0], [2.0], [3.0]]), np.ones(3), root @ root.T)
-
-
-@pytest.mark.parametrize("covariance", [np.ones((3, 3)), np.diag([1.0, -1.0, 1.0]), np.diag([1.0, 0.0, 1.0])])
-def test_a_singular_covariance_is_refused(covariance) -> None:
-    with pytest.raises(ValueError, match="covariance is singular or not positive definite"):
-        minimum_variance_step(np.array([[1.0], [2.0], [3.0]]), np.ones(3), covariance)
+            minimum_variance_step(np.array([[1.0], [2.0], [3.0]]), np.ones(3), covariance)
 
 
 def test_true_gradients_remove_the_bias_that_the_sum_has_at_short_range(worked_example) -> None:
@@ -82,16 +69,6 @@ def test_true_gradients_remove_the_bias_that_the_sum_has_at_short_range(worked_e
         distance, variance = range_step(ranges, distance, xi, attitude, UNEQUAL_ARRAYS)
     assert distance == pytest.approx(6.0, abs=1e-9)
     assert variance == pytest.approx(1.0 / 36.0, rel=0.05)
-
-
-@pytest.mark.parametrize("factor", [0.1, 10.0])
-def test_range_step_forgives_a_factor_of_ten(worked_example, factor: float) -> None:
-    xi, attitude = worked_example
-    ranges = two_way_ranges(50.0 * xi, attitude, UNEQUAL_ARRAYS)
-    distance = np.array(50.0 * factor)
-    for _ in range(4):
-        distance, _ = range_step(ranges, distance, xi, attitude, UNEQUAL_ARRAYS)
-    assert distance == pytest.approx(50.0, abs=1e-9)
 
 
 def test_direction_step_meets_the_truth_at_any_range(worked_example) -> None:
@@ -160,30 +137,6 @@ def off_by(angle_deg: float) -> Geometry:
     )
 
 
-def errors_after(passes: int, angle_deg: float) -> tuple[float, float]:
-    ranges = two_way_ranges(1e4 * AHEAD, np.eye(3), ARRAYS)
-    params = SequenceParams(iterations=passes)
-    found = track(off_by(angle_deg), ranges, coupling_amplitudes(AHEAD, np.eye(3)), ARRAYS, params).geometry
-    return float(np.degrees(np.linalg.norm(found.forward - AHEAD))), float(np.degrees(abs(found.roll_rad)))
-
-
-@pytest.mark.parametrize(
-    ("angle", "passes", "direction", "roll"),
-    [(45.0, 1, 0.145, 4.57), (45.0, 2, 5.4e-6, 5.79e-3), (80.0, 2, 7.15e-6, 0.704), (80.0, 3, 1e-9, 4.52e-5)],
-)
-def test_errors_shrink_as_published_from_45_and_80_degrees(
-    angle: float, passes: int, direction: float, roll: float
-) -> None:
-    found_direction, found_roll = errors_after(passes, angle)
-    assert found_direction == pytest.approx(direction, rel=0.01, abs=1e-8)
-    assert found_roll == pytest.approx(roll, rel=0.01)
-
-
-def test_two_passes_from_45_and_three_from_80_degrees_leave_less_than_a_hundredth_of_a_degree() -> None:
-    assert max(errors_after(2, 45.0)) < 0.01
-    assert max(errors_after(3, 80.0)) < 0.01
-
-
 @pytest.mark.parametrize("distance", [5.0, 300.0, 1e5])
 def test_initialiser_and_sequence_meet_the_truth_on_random_poses(poses, distance: float) -> None:
     directions, attitudes = poses
@@ -227,16 +180,6 @@ def test_the_listings_reverse_attitude_costs_milliradians_at_ten_metres_and_noth
     assert reverse_error("published", 10.0) == pytest.approx(3.18e-3, rel=0.005)
     assert reverse_error("corrected", 10.0) < 1e-12
     assert reverse_error("published", 1e4) < 5e-6
-
-
-def test_stopped_and_resumed_sequence_gives_the_identical_result(worked_example) -> None:
-    xi, attitude = worked_example
-    ranges, amplitudes = two_way_ranges(70.0 * xi, attitude, ARRAYS), coupling_amplitudes(xi, attitude)
-    whole = track(off_by(20.0), ranges, amplitudes, ARRAYS, SequenceParams(iterations=3))
-    half = track(off_by(20.0), ranges, amplitudes, ARRAYS, SequenceParams(iterations=2))
-    rest = track_once(half.geometry, ranges, amplitudes, ARRAYS, SequenceParams(iterations=3), half.excitation)
-    np.testing.assert_array_equal(rest.geometry.forward, whole.geometry.forward)
-    assert rest.geometry.roll_rad == whole.geometry.roll_rad
 
 
 def test_measurements_of_no_distance_are_refused() -> None:

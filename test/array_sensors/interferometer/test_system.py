@@ -76,11 +76,6 @@ def test_path_rates_are_the_derivative_of_the_lengths(worked_example) -> None:
     np.testing.assert_allclose(rates, (later - earlier) / (2 * step), atol=1e-9)
 
 
-def test_a_vanishing_array_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"radius_active_m=0.0 must be >= 0.001"):
-        ArrayParams(radius_active_m=0.0)
-
-
 def test_the_listings_plan_spans_408_megahertz_with_a_finest_lane_of_0_7359_metres() -> None:
     assert REPORT.offsets_hz[-1] == pytest.approx(407.684e6, rel=1e-6)
     assert REPORT.ambiguities_m[-1] == pytest.approx(0.7359, abs=5e-5)
@@ -114,11 +109,7 @@ def test_phase_differences_depend_on_the_two_way_length_alone(rng) -> None:
     np.testing.assert_allclose(phases[:, 1:] - phases[:, :1], expected, atol=2e-8)
 
 
-def test_nonsense_plans_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"ratio=1.0 must be >= 1.01"):
-        CarrierPlan(ratio=1.0)
-    with pytest.raises(ValueError, match="count=2 must be >= 3"):
-        CarrierPlan(count=2)
+def test_a_ratio_of_nonsense_is_refused() -> None:
     with pytest.raises(ValueError, match="lowest_hz"):
         frequency_ratio(1.0, 2.0, 3)
 
@@ -144,11 +135,6 @@ def test_levers_of_rate_and_acceleration() -> None:
     assert abs(range_rate_lever_s(Schedule(), PLAN)) < 1e-14
     assert range_acceleration_lever_s2(Schedule(), PLAN) == pytest.approx(-0.060, abs=1e-3)
     assert range_rate_lever_s(Schedule(order="simultaneous"), PLAN) == 0.0
-
-
-def test_unknown_order_is_refused() -> None:
-    with pytest.raises(ValueError, match="order='random' must be one of simultaneous, ascending, nested"):
-        Schedule(order="random")
 
 
 def test_path_accelerations_are_the_second_derivative_of_the_lengths(worked_example) -> None:

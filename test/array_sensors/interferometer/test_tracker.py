@@ -1,4 +1,3 @@
-import copy
 import dataclasses
 
 import numpy as np
@@ -101,19 +100,6 @@ def test_excitation_taken_as_known_but_wrong_is_refused_not_turned_into_roll() -
     assert "contradict each other" in output.reason
 
 
-def test_stopped_copied_and_resumed_tracker_gives_identical_output() -> None:
-    truth, maker = drifting(), source()
-    state, _ = run(maker, truth, 3)
-    kept, noise = copy.deepcopy(state), copy.deepcopy(maker.state)
-    _, straight = run(maker, truth, 3, state, first=3)
-    other = source()
-    other.restore(noise)
-    _, resumed = run(other, truth, 3, kept, first=3)
-    for one, two in zip(straight, resumed, strict=True):
-        np.testing.assert_array_equal(one.estimate.motion.position_m, two.estimate.motion.position_m)
-        np.testing.assert_array_equal(one.estimate.covariance, two.estimate.covariance)
-
-
 def test_wrong_lane_of_one_path_is_refused_with_its_reason_and_changes_nothing() -> None:
     truth, maker = drifting(), source()
     state, _ = run(maker, truth, 4)
@@ -167,23 +153,6 @@ def test_lost_lock_coasts_with_growing_covariance_then_gives_up_and_acquires_ane
     assert outputs[0].status == "tracking"
 
 
-def test_coasting_ends_at_its_time_limit() -> None:
-    state, _ = run(source(), drifting(), 2)
-    state, output = TRACKER.coast(state, 2.0 + TRACKER.params.coast_limit_s + 0.1, "no measurement")
-    assert output.status == "acquiring"
-    assert state == TrackerState()
-    with pytest.raises(ValueError, match=r"t_s=1.0 must be >= the last epoch 2.0"):
-        TRACKER.coast(run(source(), drifting(), 2)[0], 1.0, "late")
-
-
-def test_arrays_that_do_not_face_each_other_are_never_acquired() -> None:
-    away = dataclasses.replace(drifting(), attitude=attitude_from_euler(np.pi, 0.0, 0.0))
-    state, outputs = run(source(), away, 3)
-    assert state == TrackerState()
-    assert {o.status for o in outputs} == {"acquiring"}
-    assert "162 loops without lock" in outputs[0].reason
-
-
 def test_a_false_lock_without_signal_is_refused() -> None:
     away = dataclasses.replace(drifting(), attitude=attitude_from_euler(np.pi, 0.0, 0.0))
     for seed in range(20):
@@ -215,14 +184,6 @@ def test_an_unresolved_cycle_is_refused() -> None:
     biased[SYSTEM.schedule.carriers(SYSTEM.plan) == 4, 0, 0] += 2.0 * np.pi * 0.42
     _, output = TRACKER.step(TrackerState(), dataclasses.replace(measured, phase_rad=biased))
     assert output.reason.startswith("lane residual 0.4")
-
-
-def test_a_grazing_view_is_refused() -> None:
-    tracker = InterferometerTracker(system=SYSTEM, params=TrackerParams(widest_angle_rad=0.5))
-    turned = dataclasses.replace(drifting(), attitude=attitude_from_euler(0.7, 0.0, 0.0))
-    _, (output,) = run(source(), turned, 1, tracker=tracker)
-    assert output.reason.startswith("passive array sees the other ")
-    assert "deg off boresight" in output.reason
 
 
 def test_a_measurement_out_of_order_is_flagged_and_leaves_the_state() -> None:
@@ -373,7 +334,10 @@ def test_the_time_of_the_last_accepted_reading_counts_and_its_limit_is_still_coa
     assert (after.accepted_t_s, after.rejected) == (2.0, 1)
     after, output = TRACKER.coast(state, 2.0 + TRACKER.params.coast_limit_s, "late")
     assert output.status == "coasting"
-    _, output = TRACKER.coast(after, 2.1 + TRACKER.params.coast_limit_s, "later")
+    dropped, output = TRACKER.coast(after, 2.1 + TRACKER.params.coast_limit_s, "later")
+    assert dropped == TrackerState()
+    with pytest.raises(ValueError, match=r"t_s=1.0 must be >= the last epoch 2.0"):
+        TRACKER.coast(state, 1.0, "late")
     assert output.reason == "dropped after 20.1 s and 2 refused readings, last: later"
 
 

@@ -26,12 +26,6 @@ def test_valid_invalid_and_rejected_messages_are_told_apart() -> None:
     intake.take(refuse)
     assert intake.health().message == "phase has 3 values"
     assert intake.health().values == {"valid": 1, "invalid": 1, "rejected": 1, "last_rejection": "phase has 3 values"}
-
-
-def test_last_rejection_stays_visible_after_good_messages() -> None:
-    intake = InputOutcomes()
-    intake.open = True
-    intake.take(refuse)
     intake.take(lambda: "")
     assert intake.health().level == OK
     assert intake.health().values["last_rejection"] == "phase has 3 values"

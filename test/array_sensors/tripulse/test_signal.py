@@ -9,12 +9,6 @@ from rf_pointing.array_sensors.tripulse.signal import (
 )
 
 
-def test_default_frame_gives_every_beam_80_microseconds() -> None:
-    signal = TripulseSignalParams()
-    for beam in range(3):
-        assert signal.beam_time_s(beam) == pytest.approx(80e-6)
-
-
 def test_segments_follow_the_pattern_and_their_middles_the_samples() -> None:
     signal = TripulseSignalParams(pattern="SxSy", cycles=2)
     np.testing.assert_array_equal(segment_beams(signal), [0, 1, 0, 2, 0, 1, 0, 2])
@@ -27,9 +21,6 @@ def test_segments_follow_the_pattern_and_their_middles_the_samples() -> None:
     [
         ({"pattern": "Sx"}, "pattern='Sx'"),
         ({"pattern": "Sxyz"}, "pattern='Sxyz'"),
-        ({"tone_separation_hz": 3.9e5}, "does not separate the tones"),
-        ({"tone_separation_hz": 1e3}, "does not separate the tones"),
-        ({"tone_separation_hz": 8e5}, "sample_rate_hz"),
         ({"scheme": "one_tone"}, "scheme"),
     ],
 )

@@ -61,25 +61,8 @@ def test_resumed_source_sends_the_identical_frames() -> None:
     for a, b in zip(expected, other.step(1.0, TRUE, [line(), line(0.02, 0.01)]), strict=True):
         np.testing.assert_array_equal(a.samples, b.samples)
         assert a.sequence == b.sequence == 2
-
-
-def test_same_seed_sends_the_same_and_another_seed_another() -> None:
-    (a,), (b,) = source().step(0.0, TRUE, [line()]), source().step(0.0, TRUE, [line()])
-    np.testing.assert_array_equal(a.samples, b.samples)
-    (c,) = TripulseSource(ARRAY, SIGNAL, TripulseSourceParams(), seed=4).step(0.0, TRUE, [line()])
-    assert np.max(np.abs(a.samples - c.samples)) > 1.0
-
-
-@pytest.mark.parametrize(
-    ("station", "message"),
-    [
-        (line(elevation_rad=-0.1), "sees the satellite at elevation_rad=-0.1"),
-        (line(behind=True), "behind the array"),
-    ],
-)
-def test_stations_that_cannot_be_reached_are_refused(station: StationLine, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        source().step(0.0, TRUE, [station])
+    (another,) = TripulseSource(ARRAY, SIGNAL, TripulseSourceParams(), seed=4).step(1.0, TRUE, [line()])
+    assert np.max(np.abs(another.samples - expected[0].samples)) > 1.0
 
 
 def test_time_must_advance_and_rotations_must_be_rotations() -> None:
@@ -93,16 +76,6 @@ def test_time_must_advance_and_rotations_must_be_rotations() -> None:
         running.steer(np.diag([1.0, 1.0, -1.0]))
     with pytest.raises(ValueError, match="finite"):
         running.step(2.0, np.full((3, 3), np.nan), [line()])
-
-
-def test_array_without_elements_is_refused_at_the_start() -> None:
-    with pytest.raises(ValueError, match="all 256"):
-        TripulseSource(ARRAY, SIGNAL, TripulseSourceParams(), seed=1, failed=np.ones((16, 16), dtype=bool))
-
-
-def test_direction_that_is_not_unit_is_refused() -> None:
-    with pytest.raises(ValueError, match="length of direction"):
-        StationLine(name="a", direction=np.array([0.0, 0.0, 1.1]), range_rate_m_s=0.0, elevation_rad=0.5)
 
 
 def segment_tones(frame: TripulseFrame, shift_hz: float) -> np.ndarray:

@@ -51,16 +51,6 @@ def test_bisector_equals_the_svd_for_two_noisy_stations() -> None:
     assert np.max(gap) < 1e-8
 
 
-def test_bisector_leaves_directions_coplanar_with_a_common_bisector() -> None:
-    rng = random_stream(1, "bisector criteria")
-    reference, measured = directions(rng, 100), directions(rng, 100)
-    back = np.einsum("nji,nlj->nli", bisector_rotation(reference, measured), measured)
-    triple = np.einsum("ni,ni->n", np.cross(reference[:, 0], reference[:, 1]), back[:, 0])
-    np.testing.assert_allclose(triple, 0.0, atol=ROUNDING)
-    sums = [t.sum(axis=1) / np.linalg.norm(t.sum(axis=1), axis=-1, keepdims=True) for t in (reference, back)]
-    np.testing.assert_allclose(sums[0], sums[1], atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("reference", "message"),
     [
@@ -94,17 +84,11 @@ def test_projections_without_a_direction_in_front_of_the_array_are_refused(proje
         directions_from_projections(projection)
 
 
-def test_a_covariance_singular_but_for_rounding_is_refused() -> None:
-    rng = random_stream(2, "singular covariance")
-    for line in rng.normal(size=(50, 2, 1)):
+def test_a_covariance_that_is_singular_if_but_for_rounding_is_refused() -> None:
+    lines = random_stream(2, "singular covariance").normal(size=(50, 2, 1))
+    for covariance in (*(lines @ lines.swapaxes(1, 2)), np.zeros((2, 2)), np.array([[1.0, 2.0], [2.0, 1.0]])):
         with pytest.raises(ValueError, match="singular covariance"):
-            direction_covariances([0.0, 0.0], line @ line.T)
-
-
-@pytest.mark.parametrize("covariance", [np.zeros((2, 2)), [[1.0, 1.0], [1.0, 1.0]], [[1.0, 2.0], [2.0, 1.0]]])
-def test_singular_covariance_is_refused(covariance: np.ndarray) -> None:
-    with pytest.raises(ValueError, match="singular covariance"):
-        direction_covariances([0.0, 0.0], covariance)
+            direction_covariances([0.0, 0.0], covariance)
 
 
 for _t in REFERENCES.values():
@@ -165,13 +149,6 @@ def test_attitude_is_recovered_with_honest_covariance_in_both_frames(names: list
     assert np.mean(residuals) == pytest.approx(2 * len(names) - 3, abs=0.45)
 
 
-def test_exact_observations_give_the_exact_orientation_of_the_array() -> None:
-    rng = random_stream(1, "unused")
-    rotation = Rotation.from_euler("xyz", [3.0, -2.0, 120.0], degrees=True).as_matrix().T
-    found = filled(observations(rotation, 1.0, rng, list(REFERENCES), scale=1e-9)).estimate(1.0)
-    np.testing.assert_allclose(quaternion_to_matrix(found.quaternion), rotation.T, atol=1e-9)
-
-
 def test_a_station_a_lobe_away_is_found_by_the_residual() -> None:
     seen = observations(np.eye(3), 1.0, random_stream(1, "lobe"), ["usingen", "hartebeesthoek"])
     # The first null of a 16 x 16 array of 3 wavelengths lies 1/48 away; the next lobe's alias twice that.
@@ -183,15 +160,6 @@ def test_a_station_a_lobe_away_is_found_by_the_residual() -> None:
     assert found.residual > 1e4
 
 
-def test_sound_observations_are_refused_as_rarely_as_the_false_alarm_says() -> None:
-    rng, refused = random_stream(1, "false alarm"), 0
-    for _ in range(400):
-        seen = observations(np.eye(3), 1.0, rng, ["usingen", "hartebeesthoek"])
-        refused += not filled(seen, false_alarm=0.05).estimate(1.0).valid
-    # Binomial 20 +- 4.4.
-    assert 7 <= refused <= 33
-
-
 def test_one_station_alone_is_not_enough_and_the_reason_names_the_others() -> None:
     seen = observations(np.eye(3), 1.0, random_stream(1, "one"), ["usingen", "hartebeesthoek"])
     lost = dataclasses.replace(seen[1], valid=False, reason="lost lock between segments 3 and 4")
@@ -200,24 +168,6 @@ def test_one_station_alone_is_not_enough_and_the_reason_names_the_others() -> No
     assert "1 of 2 stations usable" in found.reason
     assert "hartebeesthoek: lost lock" in found.reason
     assert filled([]).estimate(1.0).reason.startswith("0 of 0")
-
-
-def test_old_observations_are_not_mixed_with_new_ones() -> None:
-    rng = random_stream(1, "age")
-    old = observations(np.eye(3), 1.0, rng, ["usingen"])
-    new = observations(np.eye(3), 9.0, rng, ["hartebeesthoek"])
-    found = filled(old + new).estimate(9.0)
-    assert not found.valid
-    assert "age 8.0 s" in found.reason
-    assert not filled(new).estimate(8.0).valid
-
-
-def test_stations_too_close_together_are_refused_as_collinear() -> None:
-    seen = observations(np.eye(3), 1.0, random_stream(1, "close"), ["usingen", "hartebeesthoek"])
-    beside = dataclasses.replace(seen[1], reference=seen[0].reference, projections=seen[0].projections)
-    found = filled([seen[0], beside]).estimate(1.0)
-    assert not found.valid
-    assert "collinear" in found.reason
 
 
 def test_sign_of_the_quaternion_continues_through_half_a_turn() -> None:
@@ -269,20 +219,13 @@ def test_observations_that_would_poison_the_fit_are_refused(changes: dict[str, o
         dataclasses.replace(good, **changes)
 
 
-def test_an_observation_of_plain_numbers_holds_arrays() -> None:
-    given = {"projections": [0.1, 0.2], "covariance": [[2e-9, 0.0], [0.0, 1e-9]], "reference": [0.0, 0.6, 0.8]}
-    seen = StationObservation(t_s=1.0, station="usingen", **given)
-    for name, values in given.items():
-        assert isinstance(getattr(seen, name), np.ndarray)
-        np.testing.assert_array_equal(getattr(seen, name), values)
-
-
 @pytest.mark.parametrize(("age_s", "used"), [(0.0, True), (2.0, True), (2.001, False), (-0.001, False)])
 def test_an_observation_is_used_from_its_time_until_it_is_two_seconds_old(age_s: float, used: bool) -> None:
     found = filled(observations(np.eye(3), 10.0, random_stream(3, "age"), ["usingen", "hartebeesthoek"])).estimate(
         10.0 + age_s
     )
     assert found.valid is used
+    assert ("age " in found.reason) is not used
     assert found.t_s == (10.0 if used else 10.0 + age_s)
 
 

@@ -102,11 +102,6 @@ def test_grid_rmse_is_bound_plus_floor_within_4_percent(
         assert np.sqrt(np.mean(error**2)) == pytest.approx(float(search_grid_rmse(sigma, STEP_RAD)), rel=0.04)
 
 
-def test_step_outside_its_range_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"step_rad=0.0 must be >= 0.0001"):
-        grid_search(ARRAY, np.eye(12, dtype=complex)[None], 0.0)
-
-
 @pytest.fixture
 def errors_stream() -> np.random.Generator:
     return np.random.default_rng(200)

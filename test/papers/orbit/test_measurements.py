@@ -38,20 +38,6 @@ def test_elements_and_state_are_inverses_for_random_orbits(random):
         assert back.node_rad == pytest.approx(given.node_rad, abs=1e-10)
 
 
-def test_perigee_speed_is_that_of_the_vis_viva_equation():
-    a, e = 7.2e6, 0.1
-    state = Elements(
-        semi_major_axis_m=a,
-        eccentricity=e,
-        inclination_rad=1.0,
-        node_rad=0.3,
-        perigee_rad=0.7,
-        mean_anomaly_rad=0.0,
-    ).state()
-    assert np.linalg.norm(state[:3]) == pytest.approx(a * (1 - e), rel=1e-13)
-    assert np.linalg.norm(state[3:]) == pytest.approx(math.sqrt(EARTH_MU_M3_S2 / a * (1 + e) / (1 - e)), rel=1e-13)
-
-
 def test_an_open_orbit_is_refused():
     with pytest.raises(ValueError, match="not a closed orbit"):
         Elements.from_state([7e6, 0.0, 0.0, 0.0, 12000.0, 100.0])

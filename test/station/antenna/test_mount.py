@@ -11,7 +11,6 @@ from rf_pointing.core import MDEG, sky_offset_rad
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.station.antenna.mount import RENEWAL_S, MountError, MountParams, RateAverage
 from rf_pointing.station.description import read_station
-from rf_pointing.station.parameters import antenna_params
 
 CLAIMED_RAD = 0.03 * MDEG
 TICK_S = 0.02
@@ -20,7 +19,7 @@ TICK_S = 0.02
 @pytest.fixture(scope="module")
 def dss13() -> BiasModel:
     """Return the mount errors of the simulated station."""
-    return antenna_params(read_station("dss13")).mount.model()
+    return read_station("dss13").sets("antenna_servo")["mount"].model()
 
 
 def axes_along(track: TopocentricTrack, window: Pass, model: BiasModel, start_s: float) -> tuple[np.ndarray, ...]:

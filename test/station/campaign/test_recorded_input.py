@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel, PriorKnowledge, RawPasses, RawTracking, TrackedPass, write_observations
+from rf_pointing.calibration import BiasModel, PriorKnowledge, RawPasses, RawTracking, TrackedPass
 from rf_pointing.core import MDEG
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, find_passes, site, verification_elements
-from rf_pointing.station.campaign.recorded_input import holds_points, read_points, read_raw, reference_of
+from rf_pointing.station.campaign.recorded_input import holds_points, read_raw, reference_of
 from test.calibration.conftest import write_tracking
 
 STATION = site("Goldstone DSS-13")
@@ -113,11 +113,3 @@ def test_a_reference_covers_its_samples_and_a_margin_but_no_wrong_time(raw):
     assert found.range_m[40] == pytest.approx(look.range_m, abs=1e-3)
     with pytest.raises(ValueError, match="tracking data of 28057: no finite time"):
         reference_of(replace(raw, t_s=np.full(len(raw), np.nan)), ELEMENTS, STATION, 14.0 * 86400.0)
-
-
-def test_points_whose_rates_are_no_derivatives_are_refused_with_their_file(raw, tmp_path):
-    reference = reference_of(raw, ELEMENTS, STATION, 14.0 * 86400.0)
-    points = RawPasses([TrackedPass(raw, reference)], 0).process(PriorKnowledge(model=BiasModel.zero())).points
-    write_observations(tmp_path / "turned.csv", replace(points, azimuth_rate_rad_s=-points.azimuth_rate_rad_s))
-    with pytest.raises(ValueError, match=r"turned\.csv: .*azimuth_rate"):
-        read_points([tmp_path / "turned.csv"])

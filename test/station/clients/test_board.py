@@ -171,6 +171,7 @@ def test_a_path_has_45_to_91_points_at_even_times_and_both_ends(count: int) -> N
         ("set_cross_track", {"value": True}, "value=True must be a number"),
         ("set_cross_track", {"value": "1"}, "value='1' must be a number"),
         ("set_cross_track", {"value": math.inf}, "value=inf must be finite"),
+        ("set_cross_track", {"value": 10**400}, "value=10000000000000000000 must be finite, at most 1e+18"),
         ("track", {"aos_utc": "yesterday"}, "aos_utc='yesterday' must be one of the 0 coming passes"),
     ],
 )

@@ -1,6 +1,7 @@
 """The executive without ROS: what it knows, shares, keeps, records and reports, and what it answers."""
 
 import json
+import os
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,9 +10,10 @@ import pytest
 
 from rf_pointing.core.dates import utc_text
 from rf_pointing.operations import AlarmParams, BetweenParams
+from rf_pointing.operations.dictionary import TABLES
 from rf_pointing.station.clients import night_folder
 from rf_pointing.station.clients.alarm_hooks import HookParams
-from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch, passes_of
+from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch
 from rf_pointing.station.description import read_station
 
 T_S, WALL_S = 1.8e9, 1000.0
@@ -91,16 +93,19 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Any:
 @pytest.mark.parametrize(
     ("mine", "other", "silent_s", "taken"),
     [
-        ("gs1", "gs2", 0.0, {"b", "c"}), ("gs2", "gs1", 0.0, {"a", "b", "c"}), ("gs2", "gs1", 5.1, {"c"}),
-        ("gs2", "gs1", 5.0, {"a", "b", "c"}),
+        ("gs1", "gs2", 0.0, {"p1", "p2"}), ("gs2", "gs1", 0.0, {"p0", "p1", "p2"}), ("gs2", "gs1", 5.1, {"p2"}),
+        ("gs2", "gs1", 5.0, {"p0", "p1", "p2"}),
     ],
 )  # fmt: skip
 def test_the_first_by_name_leaves_what_has_begun_the_second_all_and_the_living_one_takes_over(
     tmp_path: Path, mine: str, other: str, silent_s: float, taken: set[str]
 ) -> None:
-    one = Bench(tmp_path, mine, partners=f" /{other}/,, ")
+    one = Bench(tmp_path, mine, partners=f" /{other}/,, ", partners_key_file="x")
     assert one.watch.partners == [other]
-    one.watch.take_partner(other, {"a": "waiting", "b": "active", "c": "tracked", "d": "yields"}, WALL_S - 99.0)
+    one.watch.change(listed(600.0, 600.0, -60.0, 600.0, 600.0), [], T_S)
+    # p3 has not risen: nobody can have tracked it; p9 is in no list.
+    said = {"p0": "waiting", "p1": "active", "p2": "tracked", "p3": "tracked", "p4": "yields", "p9": "tracked"}
+    one.watch.take_partner(other, said, WALL_S - 99.0)
     one.watch.take_partner(other, None, WALL_S - silent_s)
     one.step()
     assert one.night.taken == taken
@@ -130,7 +135,7 @@ def test_a_night_ends_with_its_report_once_and_with_a_result(tmp_path: Path, dis
     disk.free = -1.0
 
 
-def test_a_list_replaces_the_schedule_unless_it_resumes_and_may_be_a_file(tmp_path: Path) -> None:
+def test_a_list_replaces_the_schedule_unless_it_resumes_and_is_never_a_file(tmp_path: Path) -> None:
     one = Bench(tmp_path)
     with pytest.raises(ValueError, match="must name passes"):
         one.watch.start("", False, T_S)
@@ -145,12 +150,62 @@ def test_a_list_replaces_the_schedule_unless_it_resumes_and_may_be_a_file(tmp_pa
     assert len(one.night.schedule.entries) == 3
     one.watch.request("abort", T_S)
     one.step()
-    (tmp_path / "list.json").write_text(listed(900.0))
-    one.watch.start(str(tmp_path / "list.json"), False, T_S)
+    os.mkfifo(pipe := tmp_path / "list.json")
+    for change in (lambda: one.watch.start(str(pipe), False, T_S), lambda: one.watch.change(str(pipe), [], T_S)):
+        with pytest.raises(ValueError, match=r"list\.json' is the name of a file: send what is in it"):
+            change()
+    # A refused list changes nothing, and neither does the half of one.
+    with pytest.raises(ValueError, match="pass 'p9' is not in the schedule"):
+        one.watch.change(listed(0.0, 600.0, 1200.0, 1800.0), ["p0", "p9"], T_S)
+    assert len(one.night.schedule.entries) == 3
+    one.watch.start(listed(900.0), False, T_S)
     assert list(one.night.schedule.entries) == ["p0"]
-    for given in ("/nowhere/list.csv", "/" + "a" * 4094):
-        with pytest.raises(OSError, match="long|No such"):
-            passes_of(given)
+
+
+def effect(one: Bench, later_s: float) -> tuple[str, set[str]]:
+    """Return how the night goes on, and the names of the alarms, after a step."""
+    one.step(later_s)
+    return one.night.recovery.effect()[0], {each.name for each in one.night.book.lasting}
+
+
+def test_only_a_node_that_a_pass_needs_holds_the_night(tmp_path: Path) -> None:
+    one = Bench(tmp_path)
+    one.start(600.0)
+    nodes = (
+        "antenna_servo",
+        "conscan_tracker",
+        "monopulse_tracker",
+        "operator_page",
+        "rotctld_server",
+        "ghost",
+        "a\nb",
+    )
+    for node in nodes:
+        one.watch.take_check(node, "state", 0, "active", {"state": "active"}, WALL_S)
+    # Whoever ends says so; one that is needed is missed all the same.
+    for node in ("operator_page", "antenna_servo"):
+        one.watch.take_check(node, "state", 0, "finalized", {"state": "finalized"}, WALL_S)
+    assert effect(one, 5.0) == ("continue", set())
+    missing = {f"missing_node {node}" for node in ("monopulse_tracker", "rotctld_server")}
+    assert effect(one, 5.1) == ("wait", {"lost_node antenna_servo", "lost_node conscan_tracker"} | missing)
+    for node in ("antenna_servo", "conscan_tracker"):
+        one.watch.take_check(node, "state", 0, "active", {"state": "active"}, WALL_S + 5.2)
+    assert effect(one, 5.3) == ("continue", missing)
+    # The sensor of the next pass decides which tracker is needed.
+    one.watch.change(listed(900.0).replace("{", '{"sensor": "monopulse", '), ["p0"], T_S)
+    one.night.take("antenna", {"mode": "holding", "azimuth": 0.0, "elevation": 0.5}, T_S + 5.3)
+    one.step(5.4)
+    assert effect(one, 5.5)[0] == "wait"
+
+
+def test_a_node_that_the_recovery_table_names_is_needed_too(tmp_path: Path) -> None:
+    shipped = (TABLES / "recovery.yaml").read_text()
+    own = tmp_path / "recovery.yaml"
+    own.write_text(f"{shipped}  transmitter:\n    when: {{transmitter.silent_s: {{above: 60}}}}\n")
+    one = Bench(tmp_path, recovery_file=str(own))
+    one.start(600.0)
+    one.watch.take_check("transmitter", "state", 0, "active", {}, WALL_S)
+    assert effect(one, 5.1) == ("wait", {"lost_node transmitter"})
 
 
 def test_an_alarm_goes_to_the_hooks_warns_until_it_is_acknowledged_and_is_kept(tmp_path: Path) -> None:

@@ -56,6 +56,9 @@ class Desk:
             inform=self.log.append, warn=lambda subject, words: self.log.append(f"{subject}: {words}"),
         )  # fmt: skip
         self.steering.turn(self.t_s, self.wall_s)
+        self.tracked = ("", 0)
+        """Target of the controller, and how many commands it has sent."""
+        self.track()
         self.antenna()
         self.axes(100.0, 40.0)
 
@@ -74,9 +77,16 @@ class Desk:
         self.number = number
         return arguments
 
+    def track(self, *tracked: Any) -> None:
+        """Report what the controller tracks."""
+        self.tracked = tracked or self.tracked
+        self.steering.note_tracking(*self.tracked)
+
     def antenna(
-        self, mode: str = "holding", fault: str = "", commander: str = "", rejected: int = 0, reason: str = ""
+        self, mode: str = "", fault: str = "", commander: str = "", rejected: int = 0, reason: str = ""
     ) -> None:
+        """Report the antenna, by default one that obeys."""
+        mode = mode or ("tracking" if self.steering.in_pass or self.steering.follower.points.moving else "holding")
         self.steering.note_antenna(mode, fault, commander, rejected, reason)
 
     def axes(self, azimuth_deg: float, elevation_deg: float, rates_deg_s: tuple[float, float] = (0.0, 0.0)) -> None:
@@ -95,6 +105,7 @@ class Desk:
         self.t_s, self.wall_s = self.t_s + seconds, self.wall_s + seconds
         self.steering.turn(self.t_s, self.wall_s)
         if not silent:
+            self.track()
             self.antenna()
 
     def step(self) -> JointTrajectory | None:
@@ -122,7 +133,9 @@ class Desk:
         self.fly(4)
         self.answer("select_target", passes=[(self.t_s - 60.0, self.t_s + 300.0, "the pass")])
         assert self.answer("track") == {"target_pass": "the pass", "sensor": "program"}
-        return self.number
+        number = self.number
+        self.track("BIRD", 0)
+        return number
 
 
 def reading(azimuth_deg: float, elevation_deg: float, rates_deg_s: tuple[float, float] = (0.0, 0.0)) -> JointReading:
@@ -149,8 +162,17 @@ class Steered(RuleBasedStateMachine):
         super().__init__()
         self.desk = Desk(known=True)
         self.codes: list[list[int]] = []
-        self.state = {"mode": "holding", "fault": "", "executive": "", "target": ""}
+        self.state = {"mode": "", "fault": "", "executive": "", "target": ""}
         self.steered: tuple[str, float] = ("", -math.inf)
+
+    def refuses(self, client: str) -> bool:
+        """Return whether a client may not move the antenna now."""
+        desk, (holder, since_s) = self.desk, self.steered
+        due_s = {"select_target": 2.5, "track": 20.0}
+        matched = any(desk.wall_s - since <= due_s.get(asked, -1.0) for asked, _, since in desk.asked.values())
+        others = self.state["target"] and not desk.steering.in_pass and not matched
+        leased = holder not in ("", client) and desk.wall_s - since_s < 10.0
+        return bool(self.state["fault"] or self.state["executive"] == "running" or others or leased)
 
     @rule(
         client=st.sampled_from([CLIENT, RIVAL]), name=st.sampled_from(["set_pos", "set_pos", "set_pos", "park"]),
@@ -159,21 +181,17 @@ class Steered(RuleBasedStateMachine):
     def an_order_moves_the_antenna_only_where_it_may(
         self, client: str, name: str, ahead_deg: float, elevation_deg: float
     ) -> None:
-        desk, (holder, since_s) = self.desk, self.steered
+        desk, refuses = self.desk, self.refuses(client)
         values = (100.0 + ahead_deg + RATE_DEG_S * (desk.t_s - 1.8e9), elevation_deg) if name == "set_pos" else ()
-        count, before = len(desk.sent), self.state
-        due_s = {"select_target": 2.5, "track": 20.0}
-        matched = any(desk.wall_s - since <= due_s.get(asked, -1.0) for asked, _, since in desk.asked.values())
-        own = desk.steering.in_pass or matched
-        barred = before["fault"] or before["executive"] == "running" or (before["target"] and not own)
-        leased = holder not in ("", client) and desk.wall_s - since_s < 10.0
+        count = len(desk.sent)
         codes = desk.order(name, *values, client=client)
         self.codes.append(codes)
-        if barred or leased:
+        if refuses:
             assert codes == [REJECTED]
             assert len(desk.sent) == count
         else:
-            assert codes in ([], [0])
+            assert codes in ([], [0], [REJECTED])
+            assert codes != [REJECTED] or self.state["mode"], "an antenna that obeys"
             self.steered = (client, desk.wall_s) if name == "set_pos" else self.steered
 
     @rule(client=st.sampled_from([CLIENT, RIVAL]))
@@ -183,13 +201,15 @@ class Steered(RuleBasedStateMachine):
             self.time_goes_on(1.0)
             self.the_station_reports()
 
-    @rule()
-    def a_stop_leaves_nothing_to_follow(self) -> None:
-        count = len(self.desk.sent)
-        passing = self.desk.steering.in_pass or self.state["target"]
-        self.codes.append(self.desk.order("stop", client=RIVAL))
-        assert self.desk.sent[count:] == ["stop_pass" if passing else "go_to"]
-        assert self.desk.step() is None
+    @rule(client=st.sampled_from([CLIENT, RIVAL]))
+    def a_stop_of_who_may_leaves_nothing_to_follow(self, client: str) -> None:
+        desk, (holder, since_s) = self.desk, self.steered
+        count, passing = len(desk.sent), desk.steering.in_pass
+        leased = holder not in ("", client) and desk.wall_s - since_s < 10.0
+        refuses = leased if passing else self.refuses(client)
+        self.codes.append(desk.order("stop", client=client))
+        assert desk.sent[count:] == ([] if refuses else ["stop_pass" if passing else "go_to"])
+        assert refuses or desk.step() is None
 
     @precondition(lambda self: self.desk.asked)
     @rule(refused=st.booleans(), rises_s=st.sampled_from([-60.0, 1000.0]))
@@ -198,9 +218,10 @@ class Steered(RuleBasedStateMachine):
         begin_s = self.desk.t_s + rises_s
         self.desk.answer(name, REJECTED if refused else 0, "words", [(begin_s, begin_s + 300.0, "pass")])
 
-    @rule(what=st.sampled_from(["fault", "executive", "target"]), on=st.booleans())
+    @rule(what=st.sampled_from(["fault", "executive", "target", "mode"]), on=st.booleans())
     def the_station_changes(self, what: str, on: bool) -> None:
-        self.state[what] = {"fault": "stop", "executive": "running", "target": "OTHER"}[what] if on else ""
+        states = {"fault": "stop", "executive": "running", "target": "OTHER", "mode": "holding"}
+        self.state[what] = states[what] if on else ""
 
     @rule(seconds=st.sampled_from([0.1, 1.0, 1.0, 1.0, 4.0, 11.0]))
     def time_goes_on(self, seconds: float) -> None:
@@ -421,7 +442,7 @@ def test_points_of_a_known_satellite_become_its_pass_once_the_controller_command
     number = known.start_pass()
     assert any("the points are those of BIRD (25544)" in line for line in known.log)
     for target, sent, follows in (("BIRD", 0, True), ("OTHER", 1, True), ("BIRD", 1, False)):
-        known.steering.note_tracking(target, sent)
+        known.track(target, sent)
         assert (known.step() is not None) is follows
     assert known.report() == (Level.OK, "tracks BIRD")
     known.wait(1.0)
@@ -469,7 +490,7 @@ def test_a_satellite_that_cannot_be_tracked_is_followed_by_its_points_for_120_s(
 
 def test_two_points_in_a_row_off_its_track_end_a_pass_and_the_last_is_gone_to(known: Desk) -> None:
     number = known.start_pass()
-    known.steering.note_tracking("BIRD", 1)
+    known.track("BIRD", 1)
     for azimuth_deg in (20.0, 102.0, 20.0):
         known.wait(1.0)
         assert known.point(azimuth_deg if azimuth_deg == 20.0 else 100.0 + RATE_DEG_S * (known.t_s - 1.8e9)) == [0]
@@ -488,7 +509,7 @@ def test_two_points_in_a_row_off_its_track_end_a_pass_and_the_last_is_gone_to(kn
 @pytest.mark.parametrize("connected", [True, False])
 def test_a_pass_ends_when_its_client_has_been_silent_for_30_s(known: Desk, connected: bool) -> None:
     known.start_pass()
-    known.steering.note_tracking("BIRD", 1)
+    known.track("BIRD", 1)
     if connected:
         known.wait(20.0)
         known.heard[CLIENT] = known.wall_s
@@ -509,6 +530,94 @@ def test_a_pass_is_stopped_before_the_antenna_parks_or_rests(known: Desk, order:
     if order == "park":
         known.answer("park")
     assert (codes, known.asked) == ([0], {})
+
+
+def test_a_pass_that_the_controller_no_longer_names_is_given_up_within_2_s_and_sent_again(known: Desk) -> None:
+    known.start_pass()
+    known.track("BIRD", 1)
+    assert known.step() is None
+    for silent_s, follows in ((1.9, False), (0.2, True)):
+        known.wait(silent_s, silent=True)
+        known.antenna("tracking")
+        assert (known.step() is not None) is follows, "the points that have come meanwhile"
+        known.point(100.0 + RATE_DEG_S * (known.t_s - 1.8e9))
+    assert "pointing_controller has lost it, silent for 2 s" in known.log[-2] + known.log[-1]
+    # Nobody is asked for a pass before a controller is heard again; then the same goal is.
+    known.wait(1.0, silent=True)
+    known.antenna("tracking")
+    for count, tracked in ((1, ()), (2, ("", 0))):
+        if tracked:
+            known.track(*tracked)
+        assert known.point(100.0 + RATE_DEG_S * (known.t_s - 1.8e9)) == [0]
+        assert known.sent.count("select_target") == count
+        known.wait(0.5, silent=True)
+    known.answer("select_target", passes=[(known.t_s - 60.0, known.t_s + 300.0, "the pass")])
+    assert known.answer("track")["target_pass"] == "the pass"
+    assert known.steering.in_pass
+
+
+@pytest.mark.parametrize("passing", [False, True])
+def test_points_are_refused_while_the_antenna_has_rested_for_2_s(known: Desk, passing: bool) -> None:
+    if passing:
+        known.start_pass()
+        known.track("BIRD", 1)
+    else:
+        known.known.sky = None
+        known.fly(4)
+    for mode, code in (("tracking", 0), ("holding", 0), ("holding", 0), ("paused", REJECTED), ("tracking", 0)):
+        known.wait(1.0, silent=True)
+        known.track()
+        known.antenna(mode)
+        assert known.point(100.0 + RATE_DEG_S * (known.t_s - 1.8e9)) == [code]
+    assert "nothing is followed: the antenna has been paused for more than 2 s" in known.log
+
+
+def test_points_of_the_satellite_that_is_tracked_for_somebody_else_are_accepted_and_move_nothing(known: Desk) -> None:
+    known.track("BIRD", 5)
+    answers = []
+    for second in range(6):
+        known.antenna("tracking")
+        known.track()
+        answers += known.point(100.0 + RATE_DEG_S * second) + known.order("stop")
+        known.wait(1.0, silent=True)
+    assert answers == 3 * [REJECTED] * 2 + 3 * [0, REJECTED]
+    known.antenna("tracking")
+    assert known.point(20.0) == [REJECTED]
+    assert (known.sent, known.step()) == ([], None)
+    # Without a controller nothing is tracked, whatever it said last.
+    known.wait(2.1, silent=True)
+    known.antenna()
+    assert known.point(130.0) == []
+    assert known.sent == ["go_to"]
+
+
+def test_a_pass_of_somebody_else_takes_the_antenna_from_the_points(desk: Desk) -> None:
+    desk.fly(4)
+    desk.command()
+    desk.track("OTHER", 1)
+    assert desk.step() is None
+    assert desk.point(102.0) == [REJECTED]
+    assert desk.sent.count("stop_pass") == 0
+
+
+def test_a_stop_frees_from_a_controller_that_is_gone_and_from_a_pass_that_is_being_begun(known: Desk) -> None:
+    known.start_pass()
+    codes = known.order("stop")
+    known.wait(1.1, silent=True)
+    known.antenna("tracking")
+    while not codes:
+        known.answer("go_to")
+    assert (codes, known.steering.in_pass) == ([0], False)
+    known.track("", 0)
+    known.wait(10.0)
+    known.known.sky = Sky(known.t_s)
+    known.fly(4)
+    codes = known.order("stop")
+    while not codes:
+        known.answer("go_to")
+    known.answer("select_target", passes=[(known.t_s - 60.0, known.t_s + 300.0, "the pass")])
+    known.answer("track")
+    assert (codes, known.sent[-1]) == ([0], "stop_pass")
 
 
 @pytest.mark.parametrize("state", ["rest", "motion", "pass"])
