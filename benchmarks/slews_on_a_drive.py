@@ -3,7 +3,7 @@
     scripts/run-python benchmarks/slews_on_a_drive.py [--drive rotctld pty topic] [--slews 200]
                                                       [--busy 2] [--stalls]
 
-Every slew is a `go_to` of 4 to 24 deg at 6 deg/s.  With --stalls the servo is stopped (SIGSTOP) for
+Every slew is a `go_to` of 4 to 16 deg at 6 deg/s.  With --stalls the servo is stopped (SIGSTOP) for
 0.1 to 0.9 s somewhere in each; --busy processes compute meanwhile.  A fault is false: nobody has
 touched the device.  The drives: Debian's `rotctld -m 1`; an Easycomm controller on a pseudo
 terminal; examples/topic_drive_node.py.  The exit code is 1 where a fault or a lost slew was seen.
@@ -37,11 +37,11 @@ from rf_pointing.ros.repeated_call import AGAIN_S, RepeatedCall
 
 ROOT = Path(__file__).parents[1]
 SPEED_DEG_S = 6.0
-LEAST_DEG, MOST_DEG = 4.0, 24.0
+LEAST_DEG, MOST_DEG = 4.0, 16.0
 ARRIVED_DEG = 0.2
 PATIENCE_S = 60.0
 PORT = 14533
-DEVICE_NICE = -15
+DEVICE_PRIORITY = DRIVE_PRIORITY + 5
 
 
 def device(ends: ExitStack, line: list[str], **options: Any) -> subprocess.Popen[str]:
@@ -49,7 +49,7 @@ def device(ends: ExitStack, line: list[str], **options: Any) -> subprocess.Popen
     process = subprocess.Popen(line, text=True, **options)
     ends.callback(process.kill)
     with suppress(PermissionError):
-        os.setpriority(os.PRIO_PROCESS, process.pid, DEVICE_NICE)
+        os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(DEVICE_PRIORITY))
     return process
 
 
@@ -142,7 +142,10 @@ class Slews:
         )  # fmt: skip
         if self.status.fault:
             fault = str(self.status.fault)
-            self.until(lambda: bool(self.call("reset_fault", Trigger.Request()).success))
+            while not (answer := self.call("reset_fault", Trigger.Request())).success:
+                if time.monotonic() - begun_s > PATIENCE_S:
+                    raise TimeoutError(f"{fault}: not reset: {answer.message}")
+                self.executor.spin_once(timeout_sec=0.1)
             self.until(lambda: self.status.mode == "holding")
             return fault
         off_deg = self.off_deg(goal_deg)
