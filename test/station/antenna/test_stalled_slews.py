@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rf_pointing.core.parameters import leaves, to_degrees, with_leaves
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading
 from rf_pointing.planning import DriveWatchParams
 from rf_pointing.ros.lifecycle import Schedule
@@ -64,7 +65,7 @@ class Slew:
     """An antenna in operation whose ticks are those of a timer on a process that stalls."""
 
     def __init__(self, drive: Drive, params: DriveParams, live: Callable[[float], None], t_s: float) -> None:
-        self.live, self.t_s = live, t_s
+        self.live, self.t_s, self.device = live, t_s, drive
         live(t_s)
         azimuth, elevation = (
             loop.replace(proportional_gain=1.0, integral_gain=0.2, rate_limit_rad_s=1.2 * FAST)
@@ -72,8 +73,8 @@ class Slew:
         )
         # A drive that is read at 10 Hz lags by half a degree while it gathers speed.
         calm = LoopParams().oscillation.replace(largest_rad=1.0)
-        loops = LoopParams(preprocessor=MOTION, azimuth=azimuth, elevation=elevation, oscillation=calm)
-        self.antenna = DriveAntenna(AntennaParams(drive=params, loops=loops, safety=SAFETY), drive, t_s)
+        self.loops = LoopParams(preprocessor=MOTION, azimuth=azimuth, elevation=elevation, oscillation=calm)
+        self.antenna = DriveAntenna(AntennaParams(drive=params, loops=self.loops, safety=SAFETY), drive, t_s)
         drive.now_s = lambda: self.t_s
         self.operation = AntennaOperation(self.antenna, AntennaMemory(""), "")
         self.operation.start(t_s)
@@ -147,3 +148,32 @@ def hamlib() -> Iterator[Slew]:
 def test_a_first_tick_that_comes_late_is_no_jump_of_the_clock(hamlib: Slew) -> None:
     hamlib.run(0.9, 0.8)
     assert hamlib.antenna.safety.latch.text == ""
+
+
+@given(data=st.data())
+@settings(deadline=None, max_examples=25)
+def test_parameters_at_their_extremes_in_motion_move_nothing_beyond_the_gate(data: st.DataObject) -> None:
+    """On a drive of rates: what is taken in motion keeps the axes within travel and rate, or is a fault."""
+    slew, _ = on_a_rate_drive(TICK_S)
+    device, antenna, loops, plant = slew.device, slew.antenna, slew.loops, AntennaParams().plant
+    assert antenna.go_to((math.radians(-100.0), math.radians(80.0))) == ""
+    for _ in range(6):
+        edges = leaves(loops)
+        edge = data.draw(st.sampled_from(sorted(edges)))
+        item, _ = edges[edge]
+        bounds = [to_degrees(item.name, item.metadata.get(side))[1] for side in ("low", "high")]
+        value = data.draw(st.sampled_from([bound for bound in bounds if bound is not None] or [None]))
+        try:
+            wanted = with_leaves(loops, {edge: value})
+            slew.operation.check(loops, {"plant": plant, "loops": wanted}, active=True, holder="")
+            antenna.retune(plant, wanted)
+        except (ValueError, TypeError):
+            continue
+        finally:
+            for _ in range(20):
+                slew.run(0.05)
+                azimuth, elevation = device.position.tolist()
+                assert MOTION.travel_min_rad[0] <= azimuth <= MOTION.travel_max_rad[0]
+                assert MOTION.travel_min_rad[1] <= elevation <= MOTION.travel_max_rad[1]
+                assert np.max(np.abs(device.rate)) <= 1.25 * FAST
+        loops = wanted
