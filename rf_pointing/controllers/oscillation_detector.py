@@ -114,7 +114,8 @@ class OscillationDetector:
         state.peak_rad = max(state.peak_rad, abs(state.output_rad))
         # A loop that runs away from its command never crosses zero again.
         if state.peak_rad >= self.params.largest_rad and not state.reason:
-            state.reason = f"{_sized(state.peak_rad)}, cut before its period was known"
+            most = _mdeg(self.params.largest_rad)
+            state.reason = f"oscillation of {_mdeg(state.peak_rad)}, at most {most}, cut before its period was known"
         return self.oscillating
 
     def _swing(self, half_period_s: float, peak_rad: float) -> None:
@@ -129,16 +130,17 @@ class OscillationDetector:
         # A saturated drive swings ever more slowly as it grows, so gross swings need not be alike.
         large = len(gross) == params.gross_half_cycles and min(gross) >= params.gross_threshold_rad
         if large and gross[-1] >= params.growth * gross[0]:
-            self._found(lengths[-params.gross_half_cycles :], gross)
+            self._found(lengths[-params.gross_half_cycles :], gross, params.gross_threshold_rad)
         elif len(state.row) == params.half_cycles:
             mean = sum(lengths) / len(lengths)
             if max(lengths) - min(lengths) <= params.regularity * mean and peaks[-1] >= params.growth * peaks[0]:
-                self._found(lengths, peaks)
+                self._found(lengths, peaks, params.threshold_rad)
 
-    def _found(self, lengths: list[float], peaks: list[float]) -> None:
+    def _found(self, lengths: list[float], peaks: list[float], threshold_rad: float) -> None:
         frequency_hz = 0.5 * len(lengths) / sum(lengths)
-        self._state.reason = f"{_sized(max(peaks))} at {frequency_hz:.2f} Hz"
+        most = _mdeg(threshold_rad)
+        self._state.reason = f"oscillation of {_mdeg(max(peaks))} at {frequency_hz:.2f} Hz, at most {most}"
 
 
-def _sized(peak_rad: float) -> str:
-    return f"oscillation of {1e3 * math.degrees(peak_rad):.1f} mdeg"
+def _mdeg(angle_rad: float) -> str:
+    return f"{1e3 * math.degrees(angle_rad):.1f} mdeg"

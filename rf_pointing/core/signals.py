@@ -22,6 +22,8 @@ BASE, AZIMUTH, ELEVATION, BEAM = FRAMES = ("base_link", "azimuth_link", "elevati
 """Frames of an antenna, each the child of the one before; a namespace goes before them."""
 # Time that a `TimeBuffer` keeps.
 KEPT_S = 2.0
+LONGEST_GAP_S = 0.5
+"""Gap of an antenna's periodic work that is not yet a stall or a jump of the clock."""
 # No mount turns so far from its encoders' zero: such a reading is not an angle.
 FARTHEST_RAD = 10.0 * 2.0 * math.pi
 

@@ -5,7 +5,7 @@ and returns the newest reading.  Set points are taken at once and sent when the 
 them.  Angles are those of the device, in the order azimuth, elevation.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from rf_pointing.core.types import Pair
@@ -68,6 +68,8 @@ class Drive:
     capabilities: Capabilities
     problem: str = ""
     losses: Mapping[str, int] = {}
+    now_s: Callable[[], float] | None = None
+    """Clock that stamps an answer when it is read; without one it has the time of its step."""
     truth_rad: Pair | None = None
     """Where a simulated device really is; None from a real one."""
 

@@ -32,6 +32,8 @@ from rf_pointing.drives.protocols import (
 ALSO_S = 1.0
 STOP_AGAIN_S = 1.0
 """A device that still moves so long after its stop gets it again."""
+LATE_S = 0.1
+"""Time between two steps from which on it does not count as waiting for the device."""
 SETTLED_STEPS = 1.5
 """Steps of the resolution that a device at rest may show as motion."""
 
@@ -79,8 +81,14 @@ class PolledDrive(Drive):
         )
 
     def step(self, t_s: float) -> DriveReading | None:
-        if self._t_s is not None and t_s < self._t_s:
-            self._clock_went_back(t_s - self._t_s)
+        if self._t_s is not None:
+            late_s = t_s - self._t_s
+            # A step that came late is not silence of the device, and a clock that went back keeps
+            # every wait as long as it was.
+            if late_s < 0.0:
+                self._shift_waits(late_s)
+            elif late_s > LATE_S:
+                self._known_s, self._asked_s = self._known_s + late_s, self._asked_s + late_s
         self._t_s = t_s
         if self._link is None:
             self._connect(t_s)
@@ -154,8 +162,7 @@ class PolledDrive(Drive):
         self._retry_s = t_s + self._wait_s
         self._wait_s = min(2.0 * self._wait_s, self._timing.longest_retry_s)
 
-    def _clock_went_back(self, by_s: float) -> None:
-        """Keep every wait as long as it was."""
+    def _shift_waits(self, by_s: float) -> None:
         self._retry_s += by_s
         self._poll_s += by_s
         self._also_s += by_s
@@ -168,16 +175,20 @@ class PolledDrive(Drive):
     # The exchange
 
     def _exchange(self, link: Link, t_s: float) -> None:
-        self._buffer += link.read()
+        arrived = link.read()
+        self._buffer += arrived
+        # What is read was measured before now, however long this process slept since its tick.
+        read_s = max(t_s, self.now_s()) if arrived and self.now_s is not None else t_s
         for answer in self._protocol.take(self._buffer):
-            self._take(answer, t_s)
+            self._take(answer, read_s)
         if self._pending is not None and t_s - self._pending[1] > self._timing.answer_s:
             self.losses[f"answer to {self._pending[0].name}"] += 1
             self._pending = None
         # From its first request on: a tick that came late is not silence of the device.
         if t_s - max(self._known_s, self._asked_s - self._timing.poll_period_s) > self._timing.lost_s:
             refused = f", last answer: {self._refused}" if self._refused else ""
-            self._lose(t_s, f"no position for {t_s - self._known_s:.1f} s{refused}")
+            lost_s = self._timing.lost_s
+            self._lose(t_s, f"no position for {t_s - self._known_s:.1f} s, at most {lost_s:.1f} s{refused}")
             return
         self._send(link, t_s)
 
@@ -249,6 +260,8 @@ class PolledDrive(Drive):
             alarm=self._alarm,
             status=self._refused,
         )
+        # A position came after it: from now on it is an old answer.
+        self._refused = ""
         self.problem, self._wait_s = "", self._timing.first_retry_s
         can, protocol = self.capabilities, self._protocol
         if (protocol.resolution_deg, protocol.has_elevation) != (self._resolution_deg, can.has_elevation):

@@ -78,4 +78,6 @@ def make_drive(params: DriveParams, start_rad: Pair = (0.0, 0.0)) -> Drive:
     if point := _factories().get(params.type):
         made: Drive = point.load()(params)
         return made
+    if params.type in ("simulated", "topic"):
+        raise ValueError(f"drive.type={params.type!r} is made by antenna_servo, and topic by check_drive --namespace")
     raise ValueError(f"drive.type={params.type!r} must be one of simulated, topic, {', '.join(known_types())}")

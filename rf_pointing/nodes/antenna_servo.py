@@ -19,8 +19,9 @@ enable_fault_injection, and as truth of the simulated drive plant.* (changeable 
 mount.*.  What guards the antenna changes only while the drives are disabled, the key only at the
 start.  Activation releases the brakes and holds; deactivation sets them.
 
-A drive other than the simulated one must answer within 5 s of the configuration.  One that is lost
-latches a fault, and joint_states are silent until it answers.  The topics of the drive `topic` are
+A drive other than the simulated one must answer within 5 s of the configuration; a node that
+brings itself up waits for it, however long it takes.  One that is lost latches a fault, and
+joint_states are silent until it answers.  The topics of the drive `topic` are
 in `topic_drive.py`.
 """
 
@@ -28,14 +29,14 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from rf_pointing.drives import make_drive
+from rf_pointing.drives.registry import SIMULATED
 from rf_pointing.ros.antenna_server import AntennaServer
 from rf_pointing.ros.command_key import CommandKeyParams
 from rf_pointing.ros.identification_server import IdentificationServer
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.station_node import ExecutiveWatch, StationNode
-from rf_pointing.ros.topic_drive import TopicDrive
-from rf_pointing.station.antenna.drive_antenna import DriveAntenna, connected_antenna
+from rf_pointing.ros.topic_drive import DriveConnection
+from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.memory import AntennaMemory
 from rf_pointing.station.antenna.operation import LIVE, AntennaOperation, ServoNodeParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
@@ -45,7 +46,7 @@ INACTIVE_PERIOD_S = 0.05
 
 
 class AntennaServo(StationNode):
-    """Ticks an antenna in operation once a tick of node time; ticks that fire late are made up."""
+    """Ticks an antenna in operation; a simulated one makes up for ticks that are late."""
 
     def __init__(self) -> None:
         super().__init__("antenna_servo")
@@ -56,6 +57,7 @@ class AntennaServo(StationNode):
         self.parameters.check_with(self._check)
         self.parameters.on_change(self._retune)
         self._operation: AntennaOperation | None = None
+        self._connection = DriveConnection(self)
         self._identification = IdentificationServer(self)
 
     def configure(self) -> None:
@@ -81,19 +83,28 @@ class AntennaServo(StationNode):
         """Connect the drive of the parameters; it is looked at until cleanup."""
         if self.parameters.value("").enable_fault_injection:
             raise ValueError(f"enable_fault_injection needs drive.type=simulated, it is {params.drive.type}")
-        topic = params.drive.type == "topic"
-        drive = TopicDrive(self, params.drive) if topic else make_drive(params.drive, params.antenna.start_rad)
-        antenna = connected_antenna(params, drive, self.now_s())
+        antenna = self._connection.antenna(params)
         self._at_cleanup.callback(antenna.close)
         # Keeps the drive connected while there are no ticks.
         look = self.create_timer(INACTIVE_PERIOD_S, lambda: self.active or antenna.hardware.look(self.now_s()))
         self._at_cleanup.callback(self.destroy_timer, look)
         return antenna
 
+    def end(self) -> None:
+        super().end()
+        self._connection.release()
+
+    def silent_because(self) -> str:
+        antenna = self._operation.antenna if self._operation is not None else None
+        lost = isinstance(antenna, DriveAntenna) and not antenna.hardware.current
+        return f"joint_states are silent: {antenna.hardware.fault}" if lost else ""
+
     def activate(self) -> None:
         now_s = self.now_s()
         self._server.send(self._operation.start(now_s), now_s)
-        self._schedule = self.every(self._operation.tick_s, self._tick)
+        # A device cannot live through the past: it gets one tick for all that were missed.
+        simulated = self.parameters.value("drive").type in SIMULATED
+        self._schedule = self.every(self._operation.tick_s, self._tick, catches_up=simulated)
 
     def _tick(self, t_s: float) -> None:
         jumped_s, stalled_s = self._schedule.jumped_s, self._schedule.stalled_s

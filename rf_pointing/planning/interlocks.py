@@ -130,8 +130,8 @@ class WrapCount:
         unwrapped = folded + turns * TURN
         if abs(unwrapped - kept) > TOLERANCE_RAD:
             return unwrapped, (
-                f"azimuth encoder reads {math.degrees(folded):.2f} deg, the wrap file says {math.degrees(kept):.2f} deg: "
-                "moved while off; look at the cables, then reset"
+                f"azimuth encoder reads {math.degrees(folded):.2f} deg, the wrap file says {math.degrees(kept):.2f} deg, "
+                f"at most {math.degrees(TOLERANCE_RAD):.0f} deg apart: moved while off; look at the cables, then reset"
             )
         return unwrapped, ""
 

@@ -8,8 +8,9 @@ the time P between two readings:
 * a motion that was not commanded: away from the range between where it was and its set point, by
   more than 2 q and what it moves in P and the latency;
 * a standstill: no step while the set point is two steps or the dead band away, of a device at rest
-  for `still_s` and twice P beyond the latency.  One that has moved that way in the last second has
-  its motor running: it must show a step within the latency and twice P, or two steps of its speed.
+  for `still_s` and twice P (at least 0.4 s) beyond the latency.  One that has moved that way in the
+  last second has its motor running: it must show a step within the latency and twice P, or two
+  steps of its speed.
 """
 
 import math
@@ -20,6 +21,8 @@ from rf_pointing.core.types import Pair
 
 JUMP = 1.5
 STEPS = 2.0
+BUSY_S = 0.4
+"""Least time that a moving device may stand: a set point may wait so long on a busy computer."""
 RUNNING_S = 1.0
 """Between two set points of a motion a device may stand so long."""
 FAR_STEPS = 2.1
@@ -99,14 +102,17 @@ class PositionWatch:
         # Written so that NaN counts as a jump.
         apart_s = max(t_s - axis.t_s, 0.0) + axis.within_s + within_s
         axis.within_s = within_s
-        if not abs(away) <= JUMP * rate * apart_s + STEPS * step:
+        reach = JUMP * rate * apart_s + STEPS * step
+        if not abs(away) <= reach:
             if not axis.bad:
                 axis.bad = True
                 return axis.trusted, ""
             # From the second on this is where the device says it is: a reset goes on from there.
             axis.bad, axis.t_s, axis.trusted = False, t_s, angle
             axis.low = axis.high = angle
-            return angle, f"encoder jumped by {math.degrees(away):.2f} deg"
+            return angle, (
+                f"encoder jumped by {math.degrees(away):.2f} deg in {apart_s:.2f} s, at most {math.degrees(reach):.2f} deg"
+            )
         axis.bad = False
         moved = abs(away) >= 0.99 * step
         margin = STEPS * step + rate * (latency_s + limits.period_s)
@@ -123,13 +129,19 @@ class PositionWatch:
         axis.t_s, axis.trusted = t_s, angle
         if not axis.low - margin <= angle <= axis.high + margin:
             past = max(axis.low - angle, angle - axis.high)
-            return angle, f"moves without a command, {math.degrees(past):.2f} deg beyond its set point"
+            return angle, (
+                f"moves without a command, {math.degrees(past):.2f} deg beyond its set point, "
+                f"at most {math.degrees(margin):.2f} deg"
+            )
         if set_point is not None:
             off = abs(set_point - angle)
             still_s = t_s - axis.still_since_s
             running = axis.still_since_s - axis.moved_s <= RUNNING_S and (set_point - angle) * axis.moved > 0.0
-            polls_s = 2.0 * limits.period_s
-            start_s = max(polls_s, 2.0 * step / rate) if running else limits.still_s + polls_s
-            if off > far and still_s > start_s + latency_s:
-                return angle, f"stands still for {still_s:.1f} s, {math.degrees(off):.2f} deg from its set point"
+            polls_s = max(2.0 * limits.period_s, BUSY_S)
+            start_s = latency_s + (max(polls_s, 2.0 * step / rate) if running else limits.still_s + polls_s)
+            if off > far and still_s > start_s:
+                return angle, (
+                    f"stands still for {still_s:.1f} s, at most {start_s:.1f} s, "
+                    f"{math.degrees(off):.2f} deg from its set point"
+                )
         return angle, ""

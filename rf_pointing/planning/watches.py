@@ -20,6 +20,7 @@ high wind.
 import math
 from array import array
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rf_pointing.core import AXES, Params, parameter
@@ -29,6 +30,11 @@ from rf_pointing.core.types import Pair
 JUMP = 3.0
 # A runaway has gained this share of the limit one sample before it has gained all of it.
 BEGUN = 0.2
+NO_NUMBER = "encoder reads nan, must be a number"
+LATE_TICKS = 2.5
+"""Ticks between two samples from which on the comparison of a window begins anew."""
+LONGEST_S = 1.0
+"""Longest time between two samples for which commands are kept."""
 GUST_S = 3.0
 MEAN_S = 600.0
 
@@ -54,6 +60,7 @@ class _Axis:
     def __init__(self, samples: int) -> None:
         self.trusted: float | None = None
         self.raw = math.nan
+        self.rate = 0.0
         self.bad = 0
         self.travel = 0.0
         self.frozen_travel = 0.0
@@ -75,11 +82,15 @@ class AxisWatch:
         self._axes = (_Axis(self._samples), _Axis(self._samples))
         self.reason = ""
 
-    def step(self, encoder_rad: Pair, rate_rad_s: Pair) -> tuple[Pair, str]:
-        """Return the angles to use, bridged where a sample is not trusted, and "" or the reason."""
+    def step(self, encoder_rad: Pair, rate_rad_s: Pair, passed_s: float | None = None) -> tuple[Pair, str]:
+        """Return the angles to use, bridged where a sample is not trusted, and "" or the reason.
+
+        `passed_s` is the time since the sample before, None for one tick.
+        """
         reasons, used = [], []
+        passed_s = self._tick_s if passed_s is None else passed_s
         for index, axis in enumerate(self._axes):
-            angle, reason = self._angle(axis, encoder_rad[index], rate_rad_s[index])
+            angle, reason = self._angle(axis, encoder_rad[index], rate_rad_s[index], passed_s)
             used.append(angle)
             if reason:
                 reasons.append(f"{AXES[index]} {reason}")
@@ -94,29 +105,40 @@ class AxisWatch:
             shown = list(axis.shown)
             drift = (shown[-1][0] - shown[0][0]) - (shown[-1][1] - shown[0][1]) if shown else 0.0
             if not all(math.isfinite(encoder) for encoder, _ in shown):
-                found.append(f"{name} encoder gives no number")
+                found.append(f"{name} {NO_NUMBER}")
             elif abs(drift) > self.params.drift_rad:
-                found.append(f"{name} encoder moved {math.degrees(drift):.3f} deg more than the drive")
+                found.append(f"{name} {self._drifted(drift)}")
         return "; ".join(found)
 
-    def _angle(self, axis: _Axis, encoder: float, rate: float) -> tuple[float, str]:
-        params = self.params
+    def _angle(self, axis: _Axis, encoder: float, rate: float, passed_s: float) -> tuple[float, str]:
+        params, jump_rad = self.params, self.params.jump_rad
         if axis.trusted is None:
             if not math.isfinite(encoder):
-                return 0.0, "encoder gives no number"
+                return 0.0, NO_NUMBER
             axis.trusted, axis.raw = encoder, encoder
             return encoder, ""
         # A tachometer without a number leaves the encoder on its own for this tick.
-        moved = rate * self._tick_s if math.isfinite(rate) else 0.0
+        moved = rate * passed_s if math.isfinite(rate) else 0.0
+        if passed_s > LATE_TICKS * self._tick_s:
+            # The rate may have changed meanwhile: the mean of both ends, and more tolerance.
+            moved = 0.5 * (moved + axis.rate * passed_s)
+            jump_rad *= passed_s / self._tick_s
+            axis.window.clear()
+            axis.shown.clear()
+        axis.rate = rate if math.isfinite(rate) else axis.rate
         predicted = axis.trusted + moved
         axis.travel += moved
         axis.shown.append((encoder, axis.travel))
         off = encoder - predicted
         # Written so that NaN counts as a jump.
-        if not abs(off) <= params.jump_rad:
+        if not abs(off) <= jump_rad:
             axis.bad += 1
             axis.trusted = predicted
-            text = f"encoder jumped by {math.degrees(off):.3f} deg" if math.isfinite(off) else "encoder gives no number"
+            text = (
+                f"encoder jumped by {math.degrees(off):.3f} deg, at most {math.degrees(jump_rad):.3f} deg"
+                if math.isfinite(off)
+                else NO_NUMBER
+            )
             return predicted, text if axis.bad > params.bridged_samples else ""
         axis.bad = 0
         # An encoder that repeats its value to the last bit while the drive moves has frozen.
@@ -124,12 +146,21 @@ class AxisWatch:
         axis.trusted = axis.raw = encoder
         axis.window.append((encoder, axis.travel))
         if abs(axis.frozen_travel) > params.frozen_rad:
-            return encoder, f"encoder stands still while the drive moved {math.degrees(axis.frozen_travel):.3f} deg"
+            return encoder, (
+                f"encoder stands still while the drive moved {math.degrees(axis.frozen_travel):.3f} deg, "
+                f"at most {math.degrees(params.frozen_rad):.3f} deg"
+            )
         first = axis.window[0]
         drift = (encoder - first[0]) - (axis.travel - first[1])
         if abs(drift) > params.drift_rad:
-            return encoder, f"encoder moved {math.degrees(drift):.3f} deg more than the drive"
+            return encoder, self._drifted(drift)
         return encoder, ""
+
+    def _drifted(self, drift: float) -> str:
+        return (
+            f"encoder moved {math.degrees(drift):.3f} deg more than the drive, "
+            f"at most {math.degrees(self.params.drift_rad):.3f} deg"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,7 +199,7 @@ class _Drive:
         self.commands: deque[float] = deque(maxlen=commands)
         self.wind = 0.0
         self.gained = (0.0, 0.0)
-        self.fast, self.bridged, self.samples = False, 0, 0
+        self.fast, self.bridged, self.samples = "", 0, 0
 
 
 class DriveWatch:
@@ -179,79 +210,100 @@ class DriveWatch:
         self._bandwidth = 2.0 * math.pi * params.bandwidth_hz
         self._jump = JUMP * params.acceleration_limit_rad_s2 * tick_s
         self._linear = params.acceleration_limit_rad_s2 / self._bandwidth
-        self._follow = 1.0 - math.exp(-tick_s / params.disturbance_time_s)
+        self._delay = math.ceil(params.delay_s / tick_s - 1e-9)
         self._unknown = params.disturbance_time_s / tick_s
         self._wind, self._slack = params.disturbance_rad_s2 * tick_s, params.slack_rad_s2 * tick_s
         self.reset()
 
     def reset(self) -> None:
         """Begin with the drives as they are: none has run away, and no wind is known."""
-        commands = 1 + math.ceil(self.params.delay_s / self._tick_s - 1e-9)
+        commands = self._delay + math.ceil(LONGEST_S / self._tick_s)
         self._drives = (_Drive(commands), _Drive(commands))
         self.reason = ""
 
-    def step(self, rate_rad_s: Pair, command_rad_s: Pair) -> str:
-        """Return "" or which drive runs away, after a tick that ended at these rates."""
-        found = []
+    def step(self, rate_rad_s: Pair, command_rad_s: Pair, passed_s: float | None = None) -> str:
+        """Return "" or which drive runs away, after a tick that ended at these rates.
+
+        `passed_s` is the time since the sample before: None for one tick, 0 where there is no new
+        sample, so that only the commands are noted.
+        """
+        found, passed_s = [], self._tick_s if passed_s is None else passed_s
         for name, drive, rate, command in zip(AXES, self._drives, rate_rad_s, command_rad_s, strict=True):
+            drive.commands.append(command)
             if not math.isfinite(rate):
-                found.append(f"{name} tachometer gives no number")
-            elif self._runs_away(drive, rate, command):
-                found.append(
-                    f"{name} drive runs at {math.degrees(rate):.2f} deg/s, commanded {math.degrees(command):.2f} deg/s"
-                )
+                found.append(f"{name} tachometer reads {rate}, must be a number")
+            elif passed_s > 0.0 and (reason := self._runaway(drive, rate, passed_s)):
+                found.append(f"{name} drive runs at {math.degrees(rate):.2f} deg/s, {reason}")
         self.reason = "; ".join(found)
         return self.reason
 
-    def _runs_away(self, drive: _Drive, rate: float, command: float) -> bool:
+    def _runaway(self, drive: _Drive, rate: float, passed_s: float) -> str:
+        """Return how a drive runs away, with the bound that it exceeds, "" if it does not."""
         params, before = self.params, drive.rate
-        drive.commands.append(command)
+        ticks = passed_s / self._tick_s
+        acting = list(drive.commands)[-(self._delay + max(1, round(ticks))) :]
         drive.rate, drive.samples = rate, drive.samples + 1
         if before is None:
-            return False
+            return ""
         # Twice in a row: one wrong reading of the tachometer is not a runaway.
-        fast, drive.fast = drive.fast, self._fast(before, rate, command)
+        was_fast, drive.fast = drive.fast, self._fast(before, rate, acting)
         up, down = drive.gained
-        if abs(rate - before) < self._jump:
-            drive.gained, drive.bridged = self._gained(drive, before, rate), 0
+        if abs(rate - before) < self._jump * ticks:
+            drive.gained, drive.bridged = self._gained(drive, before, rate, acting, passed_s), 0
         # A change that no drive can make is a fault of the tachometer, for a few samples.
         elif drive.bridged < self.params.bridged_samples:
             drive.rate, drive.bridged = before, drive.bridged + 1
         # Until the wind is known it counts as gained, so the limit is twice as wide.
         limit = params.gained_rad_s * (1.0 if drive.samples > self._unknown else 2.0)
-        gained = any(now > limit and then > BEGUN * limit for now, then in zip(drive.gained, (up, down), strict=True))
-        return gained or (fast and drive.fast)
+        for now, then in zip(drive.gained, (up, down), strict=True):
+            if now > limit and then > BEGUN * limit:
+                return (
+                    f"commanded {math.degrees(acting[-1]):.2f} deg/s: gained {math.degrees(now):.3f} deg/s "
+                    f"without a command, at most {math.degrees(limit):.3f} deg/s"
+                )
+        return drive.fast if was_fast else ""
 
-    def _gained(self, drive: _Drive, before: float, rate: float) -> Pair:
+    def _gained(self, drive: _Drive, before: float, rate: float, acting: Sequence[float], passed_s: float) -> Pair:
         """Return the rates gained up and down so far; learn the wind from what the model leaves."""
-        expected = [self._expected(before, each) for each in drive.commands]
-        change = rate - before - drive.wind
-        (up, down), margin = drive.gained, self.params.margin
+        ticks = passed_s / self._tick_s
+        expected = [self._expected(before, each, passed_s) for each in acting]
+        change = rate - before - drive.wind * ticks
+        (up, down), margin, slack = drive.gained, self.params.margin, self._slack * ticks
         # Only a linear loop tells wind from saturation.
-        if max(abs(each - before) for each in drive.commands) < self._linear:
-            unexplained = rate - before - 0.5 * (min(expected) + max(expected))
-            wind = drive.wind + self._follow * (unexplained - drive.wind)
+        if max(abs(each - before) for each in acting) < self._linear:
+            # Which of the commands acts is not known: what any of them explains is not wind.
+            moved = rate - before
+            unexplained = (moved - min(max(moved, min(expected)), max(expected))) / ticks
+            follow = 1.0 - math.exp(-passed_s / self.params.disturbance_time_s)
+            wind = drive.wind + follow * (unexplained - drive.wind)
             drive.wind = min(max(wind, -self._wind), self._wind)
         return (
-            max(0.0, up + change - margin * max(0.0, *expected) - self._slack),
-            max(0.0, down - change + margin * min(0.0, *expected) - self._slack),
+            max(0.0, up + change - margin * max(0.0, *expected) - slack),
+            max(0.0, down - change + margin * min(0.0, *expected) - slack),
         )
 
-    def _fast(self, before: float, rate: float, command: float) -> bool:
-        """Return whether a drive exceeds its largest rate, or its command without slowing down."""
-        if abs(rate) > self.params.overspeed * self.params.rate_limit_rad_s:
-            return True
-        beyond = abs(rate - command) > self.params.excess_rad_s and abs(rate) > abs(command)
-        return beyond and (rate - before) * (command - rate) <= 0.0
+    def _fast(self, before: float, rate: float, acting: Sequence[float]) -> str:
+        """Return which bound a drive exceeds: its largest rate, or that about its command."""
+        largest = self.params.overspeed * self.params.rate_limit_rad_s
+        if abs(rate) > largest:
+            return f"must be <= {math.degrees(largest):.2f} deg/s"
+        command = min(acting, key=lambda each: abs(rate - each))
+        beyond = abs(rate - command) > self.params.excess_rad_s and abs(rate) > max(map(abs, acting))
+        if not beyond or (rate - before) * (command - rate) > 0.0:
+            return ""
+        return (
+            f"commanded {math.degrees(command):.2f} deg/s, must be within "
+            f"{math.degrees(self.params.excess_rad_s):.2f} deg/s of it"
+        )
 
-    def _expected(self, rate: float, command: float) -> float:
-        """Return the model's change of rate in a tick: full acceleration, then exponential."""
+    def _expected(self, rate: float, command: float, passed_s: float) -> float:
+        """Return the model's change of rate: full acceleration, then exponential."""
         limit, bandwidth = self.params.rate_limit_rad_s, self._bandwidth
         gap = min(max(command, -limit), limit) - rate
         left, hard = abs(gap), self.params.acceleration_limit_rad_s2
-        full_s = min(self._tick_s, max(0.0, left / hard - 1.0 / bandwidth))
+        full_s = min(passed_s, max(0.0, left / hard - 1.0 / bandwidth))
         left -= hard * full_s
-        moved = abs(gap) - left * math.exp(-bandwidth * (self._tick_s - full_s))
+        moved = abs(gap) - left * math.exp(-bandwidth * (passed_s - full_s))
         return math.copysign(moved, gap)
 
 

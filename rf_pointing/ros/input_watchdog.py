@@ -7,6 +7,7 @@ antenna publishes /diagnostics once a second of wall time, so a node is deaf if
     all of two or more neighbours     are in the graph, and from none anything arrived for 25 s, or
     an input that is sent all the time   is silent for 10 s of wall and of node time, although its
                                       publisher has just reported on /diagnostics that it is active,
+                                      and not that it is silent and why
     or its own periodic work          is not done for as long and two periods: its timer waits for
                                       hours where the clock is set back
 
@@ -14,6 +15,7 @@ A node that was killed leaves the graph after 20 s.  One neighbour alone proves 
 work on something long.
 """
 
+import re
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,8 +32,8 @@ SILENCE_S = 25.0
 INPUT_SILENCE_S = 10.0
 RECENT_S = 3.0
 FEWEST = 2
-# A string in a message: its length, its bytes and a zero.
-ACTIVE = b"\x07\x00\x00\x00active\x00"
+# The message of the status `state`: a string is its length, its bytes and a zero, aligned.
+ACTIVE = re.compile(rb": state\x00.{0,3}?\x07\x00\x00\x00active\x00", re.DOTALL)
 
 
 @dataclass
@@ -93,7 +95,7 @@ class InputWatchdog:
         """Take the diagnostics of any node, undecoded: each second every node gets all of them."""
         for name, neighbour in self._neighbours.items():
             if f"{name}\0".encode() in payload:
-                neighbour.heard_s, neighbour.active = self._steady_s(), ACTIVE in payload
+                neighbour.heard_s, neighbour.active = self._steady_s(), ACTIVE.search(payload) is not None
 
     def look(self) -> Health:
         """Compare what arrived with who is in the graph; called once a second."""

@@ -2,7 +2,8 @@
 
 If a parameter or a transition is refused, the node stays in its state; the reason is in the log and
 on /diagnostics.  With `lifecycle.autostart` a node configures and activates itself as soon as it
-knows the time.
+knows the time.  What it cannot do yet, because a device, a file or the network is missing, it tries
+again until it can, and says what it waits for.
 """
 
 import math
@@ -17,11 +18,14 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.ros.diagnostics import ERROR, OK, Diagnostics, Health
+from rf_pointing.core.signals import LONGEST_GAP_S
+from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Diagnostics, EventLog, Health
 from rf_pointing.ros.main_loop import InstanceLock, take_priority
 from rf_pointing.ros.params import ParameterGroups
 from rf_pointing.ros.stamps import seconds_from_nanoseconds
 
+FIRST_WAIT_S, LONGEST_WAIT_S = 1.0, 8.0
+"""Waits before a node that brings itself up tries again; they double."""
 ROUNDING = 1e-3
 """Share of a period by which an instant may lie ahead of the clock and is due."""
 
@@ -37,33 +41,35 @@ class LifecycleParams(Params):
 class Schedule:
     """The times at which periodic work is due: the whole multiples of `period_s` after `start_s`.
 
-    The work is done once for every instant of the grid, in order.  A gap of more than
-    `longest_gap_s` starts a new grid.  It is a jump of the clock, unless a steady clock has gone on
-    as far: then the process itself has stalled.
+    The work is done once for every instant of the grid, in order; where nothing `catches_up`, once
+    at the present time for all that are due.  A gap of more than `longest_gap_s` starts a new grid.
+    It is a jump of the clock, unless a steady clock has gone on as far: then the process itself has
+    stalled.  `steady_s` is the time of a clock that nobody sets, None where time is simulated.
     """
 
     # A timer may fire late, or twice at one time when the clock moves in steps.  Whole multiples
     # let two nodes of one period work at the same time.
 
-    def __init__(self, start_s: float, period_s: float, longest_gap_s: float = 0.5) -> None:
-        self._period_s = period_s
-        self._longest_gap_s = max(longest_gap_s, 2.0 * period_s)
+    def __init__(
+        self, start_s: float, period_s: float, steady_s: float | None = None, *, catches_up: bool = True
+    ) -> None:
+        self._period_s, self._catches_up = period_s, catches_up
+        self.longest_gap_s = max(LONGEST_GAP_S, 2.0 * period_s)
         self._origin_s, self._count = self._on_grid(start_s), 1
-        self._steady_s: float | None = None
+        self._steady_s = steady_s
         self.jumped_s = self.stalled_s = 0.0
 
     def due(self, now_s: float, steady_s: float | None = None) -> list[float]:
         """Return the instants until `now_s` not returned yet.
 
-        `jumped_s` is not 0 after a jump, `stalled_s` after a stall.  `steady_s` is the time of a
-        clock that nobody sets, None where time is simulated.
+        `jumped_s` is not 0 after a jump, `stalled_s` after a stall.
         """
         self.jumped_s = self.stalled_s = 0.0
         late_s = now_s - self._next_s
         stood_s = 0.0 if steady_s is None or self._steady_s is None else steady_s - self._steady_s
         self._steady_s = steady_s
-        if abs(late_s) > self._longest_gap_s:
-            if abs(late_s - stood_s) > self._longest_gap_s:
+        if abs(late_s) > self.longest_gap_s:
+            if abs(late_s - stood_s) > self.longest_gap_s:
                 self.jumped_s = late_s - stood_s
             else:
                 self.stalled_s = stood_s
@@ -72,7 +78,11 @@ class Schedule:
         while self._next_s <= now_s + ROUNDING * self._period_s:
             times.append(self._next_s)
             self._count += 1
-        return times
+        if self._catches_up or not times:
+            return times
+        # Not again before half a period has passed: a device gets one tick for all that it missed.
+        self._count += self._next_s - now_s < 0.5 * self._period_s
+        return [max(now_s, times[-1])]
 
     def _on_grid(self, t_s: float) -> float:
         return math.floor(t_s / self._period_s + ROUNDING) * self._period_s
@@ -96,6 +106,8 @@ class Lifecycle(LifecycleNode):
         self.brings_itself_up: bool = self.parameters.value("lifecycle").autostart
         if refused := take_priority(self.parameters.value("lifecycle").realtime_priority):
             self.get_logger().warning(refused)
+        self._wait_s, self._next_try_s = FIRST_WAIT_S, -math.inf
+        self._events = EventLog()
         self.diagnostics = Diagnostics(self)
         self.diagnostics.add("state", self._state_health)
         self._state_name, self._reason = "unconfigured", ""
@@ -121,6 +133,10 @@ class Lifecycle(LifecycleNode):
         """Return whether a node that brings itself up may be activated yet."""
         return self.knows_time()
 
+    def silent_because(self) -> str:
+        """Return why an active node does not send all of its steady topics, "" while it does."""
+        return ""
+
     def turn(self) -> float:
         """Do what is due between two events; return the longest wait in s for the next event."""
         # A signal is noticed between two events, so the wait bounds the time to react to it.
@@ -145,14 +161,22 @@ class Lifecycle(LifecycleNode):
         """Return whether the node clock has a time: simulated time has to be received first."""
         return not self.get_parameter("use_sim_time").value or self.get_clock().now().nanoseconds != 0
 
-    def every(self, period_s: float, callback: Callable[[float], None]) -> Schedule:
-        """Call `callback(t_s)` at every instant of a grid of node time until deactivation."""
-        schedule, simulated = Schedule(self.now_s(), period_s), self.get_parameter("use_sim_time").value
+    def every(self, period_s: float, callback: Callable[[float], None], *, catches_up: bool = True) -> Schedule:
+        """Call `callback(t_s)` at every instant of a grid of node time until deactivation.
+
+        Of instants that a late timer missed each is done, none is skipped; what works on a device
+        does not catch up: it is called once, at the present time.
+        """
+        simulated = self.get_parameter("use_sim_time").value
+
+        def steady_s() -> float | None:
+            return None if simulated else time.monotonic()
+
+        schedule = Schedule(self.now_s(), period_s, steady_s(), catches_up=catches_up)
 
         def fire() -> None:
             try:
-                # More than one instant where timers fired late: each is done, none is skipped.
-                for t_s in schedule.due(self.now_s(), None if simulated else time.monotonic()):
+                for t_s in schedule.due(self.now_s(), steady_s()):
                     callback(t_s)
             except Exception as error:
                 # Work that moves an antenna cannot be left out: the main loop ends this node.
@@ -165,19 +189,21 @@ class Lifecycle(LifecycleNode):
     # What the main loop and rclpy call
 
     def bring_up(self) -> None:
-        """Take the steps of `lifecycle.autostart` that are possible now; each is tried once."""
+        """Take the steps of `lifecycle.autostart` that are possible now, until it is active."""
         # A manager's requests can go to a killed node alone for as long as its services stay in the
         # graph (20 s), and its discovery takes time: a node that acts itself is back within 3 s.
-        if not self.brings_itself_up:
+        if not self.brings_itself_up or time.monotonic() < self._next_try_s:
             return
         if self._state_name == "unconfigured":
             self.trigger_configure()
-        if self._state_name == "inactive" and not self.ready():
-            return
-        # Before the attempt: a node that refuses must not try again and again.
-        self.brings_itself_up = False
         if self._state_name == "inactive":
+            if not self.ready():
+                return
             self.trigger_activate()
+        # Once it has been active a manager may take it down.
+        self.brings_itself_up = self._state_name in ("unconfigured", "inactive")
+        self._next_try_s = time.monotonic() + self._wait_s
+        self._wait_s = min(2.0 * self._wait_s, LONGEST_WAIT_S)
 
     def end(self) -> None:
         """Deactivate if active; called once before the process ends."""
@@ -203,7 +229,7 @@ class Lifecycle(LifecycleNode):
             if self.parameters.reasons:
                 raise ValueError("; ".join(self.parameters.reasons))
             self.configure()
-        except (ValueError, OSError) as error:
+        except Exception as error:
             self._clear()
             return self._refuse("configured", error)
         self._state_name, self._reason, self.parameters.configured = "inactive", "", True
@@ -214,16 +240,29 @@ class Lifecycle(LifecycleNode):
             if not self.knows_time():
                 raise ValueError("use_sim_time is set, but no time has been received on the clock topic")
             self.activate()
-        except ValueError as error:
+        except Exception as error:
             self._at_deactivation.close()
             return self._refuse("activated", error)
         self._state_name, self._reason = "active", ""
         return super().on_activate(state)
 
     def _refuse(self, what: str, error: Exception) -> TransitionCallbackReturn:
-        self._reason = str(error)
-        self.get_logger().error(f"not {what}: {error}")
+        expected = isinstance(error, (ValueError, OSError))
+        self._reason = str(error) if expected else f"{type(error).__name__}: {error}; please report it"
+        if self.brings_itself_up:
+            self.log_once(f"not {what} yet", f"{self._reason}; tried again until it is")
+        else:
+            self.get_logger().error(f"not {what}: {self._reason}")
         return TransitionCallbackReturn.FAILURE
+
+    def log_once(self, subject: str, words: str, *, error: bool = False) -> None:
+        """Log what may repeat with every message or period; its count is on /diagnostics."""
+        if self._events.is_news(subject, words, time.monotonic()):
+            # rclpy refuses another severity at the same place.
+            if error:
+                self.get_logger().error(f"{subject}: {words}")
+            else:
+                self.get_logger().warning(f"{subject}: {words}")
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self.deactivate()
@@ -255,5 +294,11 @@ class Lifecycle(LifecycleNode):
         self._at_cleanup.close()
 
     def _state_health(self) -> Health:
-        reasons = "; ".join(self.parameters.reasons) or self._reason
-        return Health(ERROR if reasons else OK, reasons or self._state_name, {"state": self._state_name})
+        values: dict[str, object] = {"state": self._state_name}
+        if refused := "; ".join(self.parameters.reasons):
+            return Health(ERROR, refused, values)
+        if self._reason and self.brings_itself_up:
+            return Health(WARN, f"waits, and tries again every {LONGEST_WAIT_S:.0f} s: {self._reason}", values)
+        if self.active and (silent := self.silent_because()):
+            return Health(WARN, silent, values)
+        return Health(ERROR if self._reason else OK, self._reason or self._state_name, values)

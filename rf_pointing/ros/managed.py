@@ -6,7 +6,6 @@ that arrives ends the node: what cannot be used is refused and counted on /diagn
 whatever else a callback raises.
 """
 
-import time
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
@@ -14,7 +13,6 @@ from typing import Any
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.publisher import Publisher
 
-from rf_pointing.ros.diagnostics import EventLog
 from rf_pointing.ros.graph import FRAMES
 from rf_pointing.ros.input_watchdog import InputWatchdog
 from rf_pointing.ros.lifecycle import Lifecycle, Schedule
@@ -46,11 +44,11 @@ class ManagedNode(Lifecycle):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self.inputs, self._events = InputCounter(), EventLog()
+        self.inputs = InputCounter()
         self.diagnostics.add("inputs", self.inputs.health)
         self.input_watchdog = InputWatchdog(self)
 
-    def every(self, period_s: float, callback: Callable[[float], None]) -> Schedule:
+    def every(self, period_s: float, callback: Callable[[float], None], *, catches_up: bool = True) -> Schedule:
         """Do periodic work as `Lifecycle.every`; a node whose work is not done starts again."""
         done, forget = self.input_watchdog.watch_work(period_s)
         self._at_deactivation.callback(forget)
@@ -59,7 +57,7 @@ class ManagedNode(Lifecycle):
             callback(t_s)
             done()
 
-        return super().every(period_s, work)
+        return super().every(period_s, work, catches_up=catches_up)
 
     def listen(
         self,
@@ -117,15 +115,6 @@ class ManagedNode(Lifecycle):
         """Count an error of a callback that was not foreseen, and go on."""
         self.inputs.note_error(where, error)
         self.log_once(where, f"{type(error).__name__}: {error}; please report it", error=True)
-
-    def log_once(self, subject: str, words: str, *, error: bool = False) -> None:
-        """Log what may repeat with every message or period; its count is on /diagnostics."""
-        if self._events.is_news(subject, words, time.monotonic()):
-            # rclpy refuses another severity at the same place.
-            if error:
-                self.get_logger().error(f"{subject}: {words}")
-            else:
-                self.get_logger().warning(f"{subject}: {words}")
 
     @property
     def offered(self) -> list[Any]:

@@ -5,6 +5,10 @@ drive/enable (std_msgs/Bool, latched; false: stop and set the brakes).  Subscrib
 (sensor_msgs/JointState: position, velocity where it is measured), stamped when it was measured.
 """
 
+from contextlib import ExitStack
+from typing import Any
+
+import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -13,13 +17,19 @@ from std_msgs.msg import Bool
 from rf_pointing.core import AXES, JointReading
 from rf_pointing.core.signals import BASE
 from rf_pointing.core.types import Pair
-from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading
+from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, make_drive
 from rf_pointing.drives.drive import POSITION, RATE
 from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.streams import checked_message, frame_in, require_length
+from rf_pointing.station.antenna.drive_antenna import CONNECT_S, DriveAntenna, connected_antenna
+from rf_pointing.station.antenna.simulated_antenna import AntennaParams
 
+PATIENCE_S = 0.5
+"""Longest wait for a device in one attempt of a node that tries again; it reports meanwhile."""
 STATE_BYTES = 64 * 1024
+MOST_STATES = 20
+"""States taken in a step; more than wait after a stall."""
 
 
 class TopicDrive(Drive):
@@ -43,7 +53,7 @@ class TopicDrive(Drive):
         self.losses: dict[str, int] = {"state that cannot be used": 0}
         self._lost_s, self._t_s = params.link.lost_s, 0.0
         self._reading: DriveReading | None = None
-        self._refusal = ""
+        self._refusal, self._taken = "", 0
         # A node of its own: its executor is turned by `step`, also before the antenna's node runs.
         self.node = Node(
             f"{beside.get_name()}_drive", namespace=beside.get_namespace(), context=beside.context,
@@ -57,11 +67,17 @@ class TopicDrive(Drive):
         self.problem = "no message on drive/state yet"
 
     def step(self, t_s: float) -> DriveReading | None:
-        self._t_s = t_s
-        self._executor.spin_once(timeout_sec=0.0)
+        # A step that came late is not silence of the device.
+        late_s, self._t_s = max(0.0, t_s - (self._t_s or t_s)), t_s
+        for _ in range(MOST_STATES):
+            before = self._taken
+            self._executor.spin_once(timeout_sec=0.0)
+            if self._taken == before:
+                break
         if self._reading is not None:
-            age_s = self._reading.age_s(t_s)
-            self.problem = f"no message on drive/state for {age_s:.1f} s" if age_s > self._lost_s else ""
+            age_s, most_s = self._reading.age_s(t_s - late_s), self._lost_s
+            silent = f"no message on drive/state for {age_s:.1f} s, at most {most_s:.1f} s"
+            self.problem = silent if age_s > most_s else ""
         if self.problem and self._refusal:
             self.problem = f"no message on drive/state that can be used: {self._refusal}"
         return self._reading
@@ -92,6 +108,7 @@ class TopicDrive(Drive):
     def take_state(self, payload: bytes) -> None:
         """Take a message of drive/state; one that cannot be used is counted."""
         # Turned by the periodic work of the antenna's node, which nothing that arrives may end.
+        self._taken += 1
         try:
             require_length(payload, STATE_BYTES)
             self._reading, self._refusal = self._reading_of(checked_message(payload, JointState)), ""
@@ -122,3 +139,48 @@ class TopicDrive(Drive):
         return DriveReading(
             t_s=joints.t_s, position_rad=(azimuth, elevation), rate_rad_s=(rates[0], rates[1]) if measured else None
         )
+
+
+def drive_beside(name: str, namespace: str, params: DriveParams, ends: ExitStack) -> TopicDrive:
+    """Return the drive of a namespace for a program that is not a node; `ends` releases ROS."""
+    rclpy.init()
+    ends.callback(rclpy.try_shutdown)
+    node = Node(name, namespace=namespace, use_global_arguments=False, start_parameter_services=False)
+    ends.callback(node.destroy_node)
+    return TopicDrive(node, params)
+
+
+class DriveConnection:
+    """The drive of antenna_servo, from its making until an antenna is in front of it.
+
+    A drive that has not answered yet is kept from attempt to attempt: it may need longer than one.
+    """
+
+    def __init__(self, node: Any) -> None:
+        self._node = node
+        self._made: tuple[DriveParams, Drive] | None = None
+
+    def antenna(self, params: AntennaParams) -> DriveAntenna:
+        """Return the antenna on the drive of the parameters; ValueError says why not yet."""
+        node = self._node
+        if self._made is None or self._made[0] != params.drive:
+            self.release()
+            topic = params.drive.type == "topic"
+            drive = TopicDrive(node, params.drive) if topic else make_drive(params.drive, params.antenna.start_rad)
+            drive.now_s = node.now_s
+            self._made = params.drive, drive
+        patience_s = PATIENCE_S if node.brings_itself_up else CONNECT_S
+        try:
+            antenna = connected_antenna(params, self._made[1], node.now_s(), patience_s)
+        except ValueError:
+            if not node.brings_itself_up:
+                self.release()
+            raise
+        self._made = None
+        return antenna
+
+    def release(self) -> None:
+        """Close a drive that has not answered."""
+        made, self._made = self._made, None
+        if made is not None:
+            made[1].close()

@@ -139,7 +139,9 @@ def test_a_set_point_that_is_refused_is_named(bench) -> None:
     subject.drive.go_to((math.radians(500.0), 1.0))
     subject.run(1.0)
     assert subject.drive.losses["refused (set_pos: RPRT -1 (invalid parameter))"] == 1
-    assert "invalid parameter" in subject.readings[-1].status
+    said = [reading.status for reading in subject.readings if reading.status]
+    assert len(said) == 1, "an answer older than a poll is not quoted"
+    assert "invalid parameter" in said[0]
     assert not subject.device.model.moving
 
 
@@ -266,6 +268,30 @@ def test_a_reading_is_of_the_middle_between_request_and_answer(monkeypatch: pyte
     assert subject.drive.losses == {"late answer": 1}
     assert subject.at(10.19) == []
     assert subject.at(10.2) == [b"AZ EL\n"]
+
+
+def test_an_answer_is_stamped_when_it_is_read_however_long_the_process_slept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The device may have measured at any time since the request; the clock is read after the answer."""
+    subject = Scripted(monkeypatch, "easycomm")
+    subject.at(9.98)
+    subject.at(10.0)
+    subject.drive.now_s = lambda: 10.5
+    subject.at(10.02, b"AZ10.0 EL20.0\n")
+    assert (subject.reading.t_s, subject.reading.within_s) == pytest.approx((10.25, 0.25))
+
+
+def test_time_in_which_the_process_itself_stood_is_not_silence_of_the_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    subject, lost_s = Scripted(monkeypatch, "easycomm"), LinkParams().lost_s
+    times = [9.98, 10.0]
+    for _ in range(8):
+        times += [times[-1] + 0.9 * lost_s, times[-1] + 0.9 * lost_s + 0.02]
+    for t_s in times:
+        subject.at(t_s)
+    assert "no position" not in subject.drive.problem, "0.02 s at a time were left to it"
+    for _ in range(60):
+        times.append(times[-1] + 0.02)
+        subject.at(times[-1])
+    assert subject.drive.problem.endswith("no position for 1.0 s, at most 1.0 s")
 
 
 def test_a_simulated_drive_has_the_steps_of_the_protocol_that_it_stands_for() -> None:

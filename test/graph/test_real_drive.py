@@ -4,19 +4,28 @@ import json
 import math
 import re
 import signal
+import subprocess
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rf_pointing_msgs.msg import AntennaStatus
+from std_srvs.srv import Trigger
 
 from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.ephemeris.source import read_source
 from rf_pointing.report.recording import read_recording
+from rf_pointing.ros.input_watchdog import INPUT_SILENCE_S
+from rf_pointing.ros.qos import STREAM
 from rf_pointing.station.description import read_station
+from test.conftest import within
 from test.drives.rotctld import RealRotctld
-from test.graph.conftest import start_track
-from test.graph.real_station import write_elements, write_station
+from test.graph.conftest import executable, start_track
+from test.graph.real_station import STATION, write_elements, write_station
 
 pytestmark = [pytest.mark.graph, pytest.mark.alone]
 
@@ -117,3 +126,85 @@ def test_a_rotctld_that_dies_in_mid_pass_ends_it_within_seconds_and_its_fault_ou
     assert "on source" in lines[-1], "".join(lines) + said
     assert any(each.startswith("track: reset of a latched fault: ") for each in lines), lines
     assert math.hypot(*rotctld.position()) > 5.0
+
+
+class Watched:
+    """The servo and the controller of a station in wall time, and what they publish."""
+
+    def __init__(self, live: SimpleNamespace, station: Path) -> None:
+        self.live, self.status, self.said = live, AntennaStatus(), dict[str, str]()
+        live.node.create_subscription(AntennaStatus, "antenna_status", self._on_status, STREAM)
+        live.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
+        parameters = f'{{"/**": {{ros__parameters: {{station: {station}}}}}}}'
+        self.processes = live.start(["antenna_servo", "pointing_controller"], parameters, autostart=True)
+
+    def until(self, condition: Callable[[], bool], what: str) -> float:
+        begun_s = time.monotonic()
+        self.live.spin_until(condition, what)
+        return time.monotonic() - begun_s
+
+    def ask(self, name: str) -> Trigger.Response:
+        client = self.live.node.create_client(Trigger, f"antenna_servo/{name}")
+        self.live.spin_until(client.service_is_ready, name)
+        future = client.call_async(Trigger.Request())
+        self.live.spin_until(future.done, f"the answer of {name}")
+        return future.result()
+
+    def _on_status(self, message: AntennaStatus) -> None:
+        self.status = message
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.hardware_id.startswith(f"{self.live.namespace}/") and status.name.endswith(": state"):
+                self.said[status.hardware_id.rpartition("/")[2]] = status.message
+
+
+def test_a_station_that_boots_before_its_rotator_and_loses_it_for_a_while_needs_no_restart(
+    live: SimpleNamespace, rotctld: RealRotctld, tmp_path: Path
+) -> None:
+    rotctld.kill()
+    station = Watched(live, write_station(tmp_path, rotctld.port))
+    station.until(lambda: "Connection refused" in station.said.get("antenna_servo", ""), "what it waits for")
+    rotctld.start()
+    took_s = station.until(lambda: station.status.mode == "holding", "the antenna")
+    print(f"ready {took_s:.1f} s after rotctld")
+    assert within(took_s, 30.0)
+    station.until(lambda: station.said.get("pointing_controller") == "active", "the controller")
+
+    # Longer than the silence after which a node is deaf.
+    rotctld.kill()
+    begun_s, silent = time.monotonic(), set[str]()
+    while time.monotonic() < begun_s + 2.0 * INPUT_SILENCE_S:
+        live.executor.spin_once(timeout_sec=0.05)
+        silent.add(station.said["antenna_servo"].partition(": rotctld")[0])
+        assert station.processes.ended() == {}
+    assert "joint_states are silent: drive lost" in silent
+    assert station.status.fault.startswith("drive lost: rotctld at 127.0.0.1")
+    rotctld.start()
+    station.until(lambda: station.said["antenna_servo"] == "active", "the drive again")
+    assert station.ask("reset_fault").success
+    station.until(lambda: station.status.mode == "holding", "the reset")
+    assert station.processes.ended() == {}
+
+
+def test_the_example_of_a_driver_behind_topics_passes_the_check_and_is_slewed(
+    live: SimpleNamespace, tmp_path: Path
+) -> None:
+    station = tmp_path / "vendor.yaml"
+    text = STATION.read_text().replace("latency_s: 0.0", "latency_s: 0.05")
+    station.write_text(text.replace("type: hamlib, link: {host: 127.0.0.1, port: 4533}", "type: topic"))
+    example = str(Path(__file__).parents[2] / "examples" / "topic_drive_node.py")
+    driver = subprocess.Popen([sys.executable, example, "--ros-args", "-r", f"__ns:={live.namespace}"])
+    try:
+        line = [executable("check_drive"), "--station", str(station), "--namespace", live.namespace, "--move"]
+        checked = subprocess.run(line, capture_output=True, text=True, timeout=240.0, check=False)
+        print(checked.stdout, checked.stderr)
+        assert checked.returncode == 0, checked.stdout + checked.stderr
+        watched = Watched(live, station)
+        watched.until(lambda: watched.status.mode == "holding", "the antenna")
+        assert watched.ask("park").success
+        watched.until(lambda: watched.status.mode == "parked", "the park position")
+        assert watched.status.fault == ""
+    finally:
+        driver.kill()
+        driver.wait()

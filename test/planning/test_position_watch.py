@@ -33,7 +33,7 @@ def test_a_jump_is_more_than_the_longest_time_between_two_readings_allows(
     assert reason == ""
     _, reason = watch.step(10.2, (2.0 * moved_rad, 0.0), target, 0.0, within_s[1])
     if fault:
-        assert reason == f"azimuth encoder jumped by {math.degrees(2.0 * moved_rad):.2f} deg"
+        assert reason.startswith(f"azimuth encoder jumped by {math.degrees(2.0 * moved_rad):.2f} deg in ")
 
 
 def test_after_a_reset_in_motion_the_rest_of_the_way_is_commanded() -> None:
@@ -62,7 +62,7 @@ def test_a_drift_beyond_the_set_point_is_told_after_the_margin_and_not_before(si
         angle = side * 0.001 * reading
         _, reason = watch.step(0.2 * reading, (angle, 0.0), (0.0, 0.0), 0.1)
         assert bool(reason) == (abs(angle) > margin_rad), angle
-    assert reason == f"azimuth moves without a command, {math.degrees(0.039):.2f} deg beyond its set point"
+    assert reason.startswith(f"azimuth moves without a command, {math.degrees(0.039):.2f} deg beyond its set point, ")
 
 
 def first_standstill_s(watch: PositionWatch, t_s: float, angle: float) -> float:
@@ -128,7 +128,7 @@ def test_a_number_that_is_none_is_bridged_once_and_told_then() -> None:
     watch = PositionWatch(LIMITS)
     watch.step(0.0, (0.1, 0.2), AT_REST, 0.0)
     assert watch.step(0.2, (math.nan, 0.2), AT_REST, 0.0) == ((0.1, 0.2), "")
-    assert watch.step(0.4, (math.nan, 0.2), AT_REST, 0.0)[1] == "azimuth encoder jumped by nan deg"
+    assert watch.step(0.4, (math.nan, 0.2), AT_REST, 0.0)[1].startswith("azimuth encoder jumped by nan deg")
     assert watch.reason != ""
     watch.reset()
     assert watch.reason == ""
@@ -141,5 +141,5 @@ def test_both_axes_tell_what_is_wrong_with_them() -> None:
         drift = 0.002 * reading
         used, said = watch.step(0.2 * reading, (0.1 - drift, 0.2 + drift), (0.1, 0.2), 0.0)
         assert used == (0.1 - drift, 0.2 + drift)
-    past = f"moves without a command, {math.degrees(0.058):.2f} deg beyond its set point"
+    past = f"moves without a command, {math.degrees(0.058):.2f} deg beyond its set point, at most 1.16 deg"
     assert said == watch.reason == f"azimuth {past}; elevation {past}"

@@ -86,6 +86,8 @@ Phase = tuple[int, dict[str, Any]]
         ([(10, {}), (10, NO_INPUT)], ""),
         ([(10, {}), (15, NO_INPUT)], "joint_states has been silent for 11 s although its publisher is active"),
         ([(10, {}), (70, NO_INPUT | {"state": "inactive"})], ""),
+        # One that knows why it is silent says so.
+        ([(10, {}), (70, NO_INPUT | {"state": "joint_states are silent: drive lost"})], ""),
         ([(10, {}), (70, NO_INPUT | {"speed": 0.0})], ""),
         ([(10, {}), (15, NO_INPUT | {"speed": 10.0})], "joint_states has been silent for 11 s although its "
          "publisher is active"),

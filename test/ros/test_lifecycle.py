@@ -3,6 +3,7 @@
 import re
 import sys
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import pytest
@@ -14,6 +15,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.time import Time
 from std_msgs.msg import Header
 
+from rf_pointing.ros.diagnostics import WARN
 from rf_pointing.ros.lifecycle import Lifecycle, Schedule
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.managed import ManagedNode
@@ -165,6 +167,39 @@ def test_a_node_brings_itself_up_once_when_it_is_ready(make_bench: Callable[...,
     assert bench.health("state").message == "unconfigured"
 
 
+def test_a_node_tries_again_until_it_is_active_and_says_once_what_it_waits_for(
+    make_bench: Callable[..., Any],
+) -> None:
+    """Whatever raises is waited for; the waits double from 1 s to 8 s."""
+    bench = make_bench(Subject, **{"lifecycle.autostart": True})
+    bench.node.refusal, tried_s = KeyError("axis"), [bench.t_s]
+    bench.node.bring_up()
+    assert "KeyError: 'axis'; please report it" in bench.health("state").message
+    bench.node.refusal = ValueError("drive: Connection refused")
+    attempts, configure = [bench.t_s], bench.node.configure
+
+    def counted() -> None:
+        attempts.append(bench.t_s)
+        configure()
+
+    bench.node.configure = counted
+    for _ in range(300):
+        bench.wait(0.1)
+        bench.node.bring_up()
+    waits_s = [b - a for a, b in pairwise(attempts)]
+    assert waits_s == pytest.approx([1.0, 2.0, 4.0, 8.0, 8.0], abs=0.25), tried_s
+    health = bench.health("state")
+    assert (health.level, health.values["state"]) == (WARN, "unconfigured")
+    assert health.message == "waits, and tries again every 8 s: drive: Connection refused"
+    said = [words for _, words in bench.log if "Connection refused" in words]
+    assert said == ["not configured yet: drive: Connection refused; tried again until it is"]
+    bench.node.refusal = None
+    for _ in range(90):
+        bench.wait(0.1)
+        bench.node.bring_up()
+    assert (bench.node.active, bench.health("state").message) == (True, "active")
+
+
 def test_simulated_time_is_waited_for(make_bench: Callable[..., Any]) -> None:
     bench = make_bench(Subject, use_sim_time=True)
     assert bench.step("configure")
@@ -236,6 +271,23 @@ def test_a_gap_is_made_up_or_else_a_stall_if_the_steady_clock_went_on_as_far_or_
     # The next period is a usual one.
     schedule.due(now_s + period_s, 100.0 + steady_s + period_s)
     assert schedule.jumped_s == schedule.stalled_s == 0.0
+
+
+def test_a_device_gets_one_tick_at_the_present_time_for_all_that_were_missed() -> None:
+    schedule, now_s, done = Schedule(0.0, 0.02, 50.0, catches_up=False), 0.0, list[float]()
+    for delay_s in (0.02, 0.021, 0.3, 0.005, 0.02, 0.0395, 0.0005, 0.02, 0.48, 0.02):
+        now_s += delay_s
+        due = schedule.due(now_s, 50.0 + now_s)
+        assert due in ([], [pytest.approx(now_s)])
+        assert schedule.jumped_s == schedule.stalled_s == 0.0
+        done += due
+    assert all(b - a >= 0.5 * 0.02 for a, b in pairwise(done))
+
+
+def test_a_first_tick_long_after_the_activation_is_a_stall() -> None:
+    schedule = Schedule(100.0, 0.02, 50.0)
+    schedule.due(100.7, 50.7)
+    assert (schedule.jumped_s, schedule.stalled_s) == (0.0, pytest.approx(0.7))
 
 
 # The process

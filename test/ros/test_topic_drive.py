@@ -96,7 +96,8 @@ def test_a_state_that_cannot_be_used_is_counted_and_keeps_the_one_before(bench: 
     assert bench.drive.losses == {USELESS: 1}
     assert bench.drive.step(NOW_S).position_rad == (1.0, 0.5)
     assert bench.drive.problem == "", "the state before it is fresh"
-    bench.drive.step(NOW_S + 100.0)
+    for t_s in (99.98, 100.0):
+        bench.drive.step(NOW_S + t_s)
     assert "can be used" in bench.drive.problem
     bench.state(t_s=NOW_S + 100.0)
     bench.drive.step(NOW_S + 100.0)
@@ -113,6 +114,8 @@ def test_a_state_older_or_newer_than_the_loss_of_the_device_is_none(bench: Bench
     assert bench.drive.problem == ""
     bench.state(t_s=NOW_S + lost_s)
     bench.drive.step(NOW_S + 2.0 * lost_s + 0.01)
+    assert bench.drive.problem == "", "a step that came late is not silence"
+    bench.drive.step(NOW_S + 2.0 * lost_s + 0.03)
     assert "no message on drive/state for" in bench.drive.problem
 
 

@@ -40,12 +40,17 @@ class Hardware(Protocol):
     without an anemometer.  `move` gives the drives their rate commands (2,) for one tick, or, where
     the drive `takes_positions`, the motion to follow, or None; `brake` cuts the drives
     too, and `release_brake` leaves that of one axis set (-1: none).  `fault` is why the drives must
-    be cut, "" if not, and `settled_rad` how near to its goal an axis comes to rest.
+    be cut, "" if not, and `settled_rad` how near to its goal an axis comes to rest.  The newest
+    sample is `lag_s` old and came `sampled_s` after the one before; 0: this tick has no new one.
     """
 
     takes_positions: bool
     settled_rad: float
 
+    @property
+    def sampled_s(self) -> float: ...
+    @property
+    def lag_s(self) -> float: ...
     @property
     def velocity_rad_s(self) -> Array: ...
     @property
@@ -203,6 +208,16 @@ class AntennaAxes:
         self.path.stop()
         self.loops.reset(self.encoder_rad, self.encoder_rad, velocity, self.rate_command_rad_s)
 
+    def regain(self) -> None:
+        """Go on from where the axes are now, after a time in which nobody looked."""
+        preprocessor, stopping = self.path.preprocessor, self.path.preprocessor.stopping
+        velocity = self.hardware.velocity_rad_s
+        self.encoder_rad = self.hardware.lag_s * velocity + self.hardware.encoders()
+        preprocessor.reset(self.encoder_rad, velocity)
+        if stopping:
+            preprocessor.stop()
+        self.loops.reset(self.encoder_rad, self.encoder_rad, velocity, velocity)
+
     def cut(self) -> None:
         """Cut the drives and set the brakes at once."""
         self.hardware.brake()
@@ -217,7 +232,11 @@ class AntennaAxes:
             # The hardware has a watch of its own, at its own steps and readings.
             bridged, reason = encoders, self._safety.beyond(switches, velocity)
         else:
-            bridged, reason = self._safety.tick(encoders, switches, velocity, pair(self.rate_command_rad_s))
+            command = pair(self.rate_command_rad_s)
+            bridged, reason = self._safety.tick(encoders, switches, velocity, command, hardware.sampled_s)
+            if hardware.lag_s > 0.0:
+                # The drive goes on at its rate while its newest sample waits.
+                bridged = pair(np.array(bridged) + hardware.lag_s * np.array(velocity))
         reason = hardware.fault or reason
         self.encoder_rad = np.array(bridged)
         # With the brakes set there is nothing left to cut, and a sensor under repair must not latch

@@ -56,7 +56,7 @@ class ControlUnit:
         self.axes = AntennaAxes(hardware, loops, plant, self.safety, tick_s, start_rad)
         self.modes = AntennaModes()
         self.t_s = 0.0
-        self._tick_s = tick_s
+        self._tick_s = self._passed_s = tick_s
         self._ticks = 0
         self._experiment: IdentificationExperiment | None = None
         self._accepted = self._rejected = 0
@@ -149,6 +149,11 @@ class ControlUnit:
         if self.mode == AntennaMode.MANUAL_RATE:
             self._end_experiment(reason or "stop was requested")
         self.modes.stop()
+
+    def stall(self) -> None:
+        """Go on after a stall: to a goal of the antenna's own, else with the next command."""
+        if self.mode not in _ON_THE_WAY.values():
+            self.stop()
 
     def trip(self, reason: str) -> None:
         """Cut the drives and set the brakes at once, and latch why."""
@@ -318,9 +323,16 @@ class ControlUnit:
         velocity = self.axes.hardware.velocity_rad_s
         return JointReading(t_s=t_s, position_rad=self.axes.encoder_rad.copy(), velocity_rad_s=velocity)
 
-    def tick(self, t_s: float) -> JointReading:
-        """Return the encoder reading at `t_s`, then drive the hardware through one tick."""
-        self.t_s = t_s
+    def tick(self, t_s: float, passed_s: float | None = None) -> JointReading:
+        """Return the encoder reading at `t_s`, then drive the hardware through one tick.
+
+        Without `passed_s` the hardware lives through the tick, and what its sensors then show is
+        checked at the end.  A real drive has gone on by itself: what it shows now is checked first,
+        and the commanded motion is taken on by the `passed_s` since the tick before.
+        """
+        self.t_s, self._passed_s = t_s, passed_s or self._tick_s
+        if passed_s is not None:
+            self._watch_sensors()
         reading = self.reading(t_s)
         self._watch_wind(t_s)
         axes = self.axes
@@ -331,7 +343,8 @@ class ControlUnit:
             rates[self._held_axis] = 0.0
         axes.rate_command_rad_s = rates
         axes.hardware.move(rates, axes.path.following)
-        self._watch_sensors()
+        if passed_s is None:
+            self._watch_sensors()
         return reading
 
     def status(self, t_s: float) -> AntennaStatus:
@@ -399,12 +412,15 @@ class ControlUnit:
             rates = self._experiment_rates(t_s, encoder_rad)
             if rates is not None:
                 return rates
-        axes = self.axes
-        feasible = axes.path.step(self._followed(t_s), pair(axes.encoder_rad), self._tick_s)
-        if self.modes.traits.motion:
-            reason = self.safety.guard(self.modes.traits.motion, t_s, *map(pair, feasible))
-            if reason:
-                self.stop(reason)
+        axes, steps = self.axes, max(1, round(self._passed_s / self._tick_s))
+        step_s = self._passed_s / steps
+        for left in reversed(range(steps)):
+            followed = self._followed(t_s - left * step_s)
+            feasible = axes.path.step(followed, pair(axes.encoder_rad), step_s)
+            if self.modes.traits.motion:
+                reason = self.safety.guard(self.modes.traits.motion, t_s, *map(pair, feasible))
+                if reason:
+                    self.stop(reason)
         # Exactly zero: the preprocessor brings the rate to zero, not near it.
         standing = float(np.max(np.abs(feasible.velocity))) == 0.0
         if standing and self.mode not in (AntennaMode.TRACKING, AntennaMode.HOLDING):
@@ -454,7 +470,10 @@ class ControlUnit:
         silent_s = t_s - self.safety.commanded_s
         # A table far ahead must not move an antenna whose commander has gone; a goal at rest may.
         if silent_s > path.table.params.silence_s and not path.at_rest(sample):
-            self.stop(f"the commander has been silent for {silent_s:.1f} s while its commands move the axes")
+            self.stop(
+                f"the commander has been silent for {silent_s:.1f} s while its commands move the axes, "
+                f"at most {path.table.params.silence_s:.1f} s"
+            )
             return None
         if sample.source != "dry":
             return sample

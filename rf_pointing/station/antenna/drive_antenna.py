@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from rf_pointing.core import AXES, Boresight, JointReading, JointTrajectory
+from rf_pointing.core.signals import LONGEST_GAP_S
 from rf_pointing.core.types import Array, Pair
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, Rotator
 from rf_pointing.planning import PositionLimits, PositionWatch
@@ -33,6 +34,10 @@ MOVED_RAD = math.radians(10.0)
 """As for the wrap file: a device that was lost and reads so far away may have lost its turn."""
 SETTLED_STEPS = 1.1
 SAME_RAD = 1e-6
+LATE_S = 0.1
+"""Time between two looks from which on it does not count as waiting for the device."""
+KEPT_RATE_S = 0.1
+"""Longest time at the rate of the last tick after which the commanded motion goes on as it was."""
 EDGE_RAD = math.radians(0.1)
 """By which the travel of the laws exceeds that of the mount: a device may end where it does."""
 
@@ -51,24 +56,30 @@ class DriveHardware:
         self._longest_s = max(params.link.lost_s, 2.0 * can.period_s)
         self._reason, self._lost, self._t_s = "", "", math.inf
         self._encoder_rad: Pair = (0.0, 0.0)
+        self.sampled_s = self._unseen_s = 0.0
         self._wind_m_s = math.nan
         smallest = max(self.rotator.smallest_rad) if self.takes_positions else max(can.resolution_rad)
         self.settled_rad = max(math.radians(0.02), SETTLED_STEPS * smallest)
 
     def look(self, t_s: float) -> None:
         """Let the drive work at `t_s`, and check what it reads."""
-        # A look that came late is not silence of the device.
+        # Time in which nobody looked is not silence of the device.
         late_s, self._t_s = max(0.0, t_s - self._t_s), t_s
-        rotator, before = self.rotator, self.rotator.position_rad
-        known, was_lost = rotator.reading is not None, self._lost
+        self._unseen_s += late_s if late_s > LATE_S else 0.0
+        rotator, before, newest = self.rotator, self.rotator.position_rad, self.rotator.reading
+        was_lost = self._lost
         new = rotator.step(t_s)
-        self._lost = self.drive.problem or self._silent(t_s - late_s, rotator.reading)
+        self._unseen_s = 0.0 if new else self._unseen_s
+        self._lost = self.drive.problem or self._silent(t_s - max(late_s, self._unseen_s), rotator.reading)
+        self.sampled_s = 0.0
         if new and rotator.reading is not None:
+            self.sampled_s = max(0.0, rotator.reading.t_s - newest.t_s) if newest is not None else 0.0
             moved_rad = rotator.position_rad[0] - before[0]
-            if known and was_lost and self.drive.capabilities.one_turn and abs(moved_rad) > MOVED_RAD:
+            one_turn = self.drive.capabilities.one_turn
+            if newest is not None and was_lost and one_turn and abs(moved_rad) > MOVED_RAD:
                 self._reason = (
-                    f"azimuth moved by {math.degrees(moved_rad):.1f} deg while the drive was lost: "
-                    "look at the cables, then reset"
+                    f"azimuth moved by {math.degrees(moved_rad):.1f} deg while the drive was lost, "
+                    f"at most {math.degrees(MOVED_RAD):.1f} deg: look at the cables, then reset"
                 )
             elif self.takes_positions:
                 self._encoder_rad, self._reason = self._watch.step(
@@ -87,8 +98,17 @@ class DriveHardware:
         """Return why the reading is too old to be trusted, "" if it is not."""
         if reading is None:
             return "the drive has given no position yet"
-        age_s = reading.age_s(t_s)
-        return f"no position from the drive for {age_s:.1f} s" if age_s > self._longest_s else ""
+        age_s, most_s = reading.age_s(t_s), self._longest_s
+        return f"no position from the drive for {age_s:.1f} s, at most {most_s:.1f} s" if age_s > most_s else ""
+
+    @property
+    def lag_s(self) -> float:
+        """Age of the newest sample of a drive of rates, as far as it may be silent."""
+        reading = self.rotator.reading
+        # A device that takes positions is estimated between two readings.
+        return (
+            0.0 if reading is None or self.takes_positions else min(max(reading.age_s(self._t_s), 0.0), self._longest_s)
+        )
 
     @property
     def current(self) -> bool:
@@ -206,14 +226,23 @@ class DriveAntenna(ControlUnit):
 
     def step(self, t_s: float) -> tuple[JointReading | None, Boresight | None]:
         """Return the joints at `t_s` (None: the drive is lost) and where it really is, if known."""
+        passed_s = t_s - self.t_s
         self.hardware.look(t_s)
-        reading = self.tick(t_s)
+        spare_s, positions = 2.0 * self.params.tick_s, self.hardware.takes_positions
+        # A rotator goes on to its set point meanwhile, a drive of rates at its rate.
+        if not 0.0 < passed_s <= (LONGEST_GAP_S if positions else KEPT_RATE_S) + spare_s:
+            passed_s = self.params.tick_s
+            self.axes.regain()
+        elif passed_s > KEPT_RATE_S + spare_s:
+            # Axes that got no set point have fallen behind, which is not a swing.
+            self.axes.loops.calm()
+        reading = self.tick(t_s, passed_s)
         truth = self.hardware.drive.truth_rad
         boresight = None
         if truth is not None:
             axes_rad = np.add(truth, self.drive_params.rotator.zero_rad)
             before, self._truth_rad = self._truth_rad, axes_rad
-            rate_rad_s = np.zeros(2) if before is None else (axes_rad - before) / self.params.tick_s
+            rate_rad_s = np.zeros(2) if before is None else (axes_rad - before) / passed_s
             boresight = self._beam.boresight(t_s, axes_rad, rate_rad_s)
         return (reading if self.hardware.current else None), boresight
 
@@ -318,12 +347,12 @@ def wait_for_drive(drive: Drive, now_s: Callable[[], float], patience_s: float =
     begun_s = time.monotonic()
     while drive.step(now_s()) is None:
         if time.monotonic() - begun_s > patience_s:
-            raise ValueError(f"drive: {drive.problem or 'no position'}, waited {patience_s:.0f} s")
+            raise ValueError(f"drive: {drive.problem or 'no position'}, waited {patience_s:g} s")
         time.sleep(LOOK_S)
 
 
-def connected_antenna(params: AntennaParams, drive: Drive, begun_s: float) -> DriveAntenna:
-    """Return the antenna on a drive once that has answered; a drive that cannot be used is closed.
+def connected_antenna(params: AntennaParams, drive: Drive, begun_s: float, patience_s: float) -> DriveAntenna:
+    """Return the antenna on a drive once that has answered.
 
     Raises
     ------
@@ -336,12 +365,8 @@ def connected_antenna(params: AntennaParams, drive: Drive, begun_s: float) -> Dr
         # Simulated time does not go on while this waits.
         return begun_s + time.monotonic() - steady_s
 
-    try:
-        wait_for_drive(drive, now_s)
-        return DriveAntenna(params, drive, now_s())
-    except ValueError:
-        drive.close()
-        raise
+    wait_for_drive(drive, now_s, patience_s)
+    return DriveAntenna(params, drive, now_s())
 
 
 def _limits(can: Capabilities, params: DriveParams) -> PositionLimits:

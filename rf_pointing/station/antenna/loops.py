@@ -133,6 +133,10 @@ class AxisLoops:
     ) -> None:
         """Start on this motion as if the laws had given `command_rad_s`, with calm detectors."""
         self._start(position_rad, velocity_rad_s, measured_rad, command_rad_s)
+        self.calm()
+
+    def calm(self) -> None:
+        """Let the detectors of oscillation begin anew."""
         for watch in self.watch:
             watch.reset()
 

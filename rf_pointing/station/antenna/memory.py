@@ -111,7 +111,7 @@ class TurnMemory:
     """The wrap file of one antenna, which keeps the azimuth's turn; an empty name keeps nothing."""
 
     def __init__(self, name: str, antenna: ControlUnit) -> None:
-        """Check the kept turn against the encoder, which counts all turns; a real one has one.
+        """Take the kept turn where the drive reads one; a simulated encoder is checked against it.
 
         Raises ValueError for a file that cannot be written.
         """
@@ -125,17 +125,21 @@ class TurnMemory:
                     "look at the cables, then reset"
                 )
             return
-        azimuth_rad = float(antenna.axes.encoder_rad[0])
-        recovered_rad, doubt = self._count.recover(azimuth_rad)
-        if isinstance(antenna, DriveAntenna) and one_turn:
-            antenna.place(recovered_rad)
-        elif not doubt and abs(recovered_rad - azimuth_rad) > SAME_RAD:
-            doubt = "the wrap file names another turn than the encoder: look at the cables, then reset"
-        if doubt:
-            antenna.stop(doubt)
+        # A drive that reads all turns leaves none in doubt, wherever it was moved meanwhile.
+        if one_turn or not isinstance(antenna, DriveAntenna):
+            self._recover(self._count, float(antenna.axes.encoder_rad[0]))
         self.keep()
         if self.problem:
             raise ValueError(self.problem)
+
+    def _recover(self, count: WrapCount, azimuth_rad: float) -> None:
+        recovered_rad, doubt = count.recover(azimuth_rad)
+        if isinstance(self._antenna, DriveAntenna):
+            self._antenna.place(recovered_rad)
+        elif not doubt and abs(recovered_rad - azimuth_rad) > SAME_RAD:
+            doubt = "the wrap file names another turn than the encoder: look at the cables, then reset"
+        if doubt:
+            self._antenna.stop(doubt)
 
     def keep(self) -> None:
         """Write the turn; a full disk must not leave the antenna alone in its motion."""

@@ -13,6 +13,7 @@ from operator import attrgetter
 from typing import Any
 
 from rf_pointing.core import AXES, Boresight, JointReading, JointTrajectory, Params, parameter
+from rf_pointing.core.signals import LONGEST_GAP_S
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.memory import AntennaMemory, TurnMemory
@@ -31,6 +32,8 @@ GUARDS = {
 STATUS_PERIOD_S = 0.1
 WRAP_EVERY = 10
 """Statuses after which the azimuth's turn is written if it has changed."""
+ROUNDING = 1e-3
+"""Share of a status period by which a tick may come early."""
 WAITING = 10
 """Commands that wait for their tick."""
 
@@ -69,8 +72,8 @@ class AntennaOperation:
         self.antenna, self._memory = antenna, memory
         self._turn = TurnMemory(wrap_file, antenna)
         self.tick_s = antenna.params.tick_s
-        self._status_every = max(1, round(STATUS_PERIOD_S / self.tick_s))
-        self._statuses, self._fault = 0, ""
+        self._status_s = self.tick_s * max(1, round(STATUS_PERIOD_S / self.tick_s))
+        self._statuses, self._fault, self._period = 0, "", 0
         self._tick_wall_s: float | None = None
         self._ticked_s = math.inf
         self.lateness_s = 0.0
@@ -84,11 +87,15 @@ class AntennaOperation:
             antenna.hardware.look(t_s)
             if not antenna.hardware.current:
                 raise ValueError(antenna.hardware.fault)
+            antenna.t_s = t_s
         antenna.enable()
         self._memory.restore(antenna)
-        self._tick_wall_s, self._ticked_s = None, t_s
+        self._tick_wall_s, self._ticked_s, self._period = None, t_s, self._period_at(t_s)
         self._early.clear()
         return Tick(antenna.reading(t_s), status=antenna.status(t_s))
+
+    def _period_at(self, t_s: float) -> int:
+        return math.floor(t_s / self._status_s + ROUNDING)
 
     def stop(self) -> None:
         """Stop under control and set the brakes."""
@@ -112,9 +119,9 @@ class AntennaOperation:
         antenna = self.antenna
         if jumped_s:
             # Every time in the command table means another direction now.
-            antenna.stop(f"the clock jumped by {jumped_s:+.2f} s")
+            antenna.stop(f"the clock jumped by {jumped_s:+.2f} s, at most {LONGEST_GAP_S:.2f} s")
         elif stalled_s:
-            antenna.stop("")
+            antenna.stall()
         # At another speed than 1 the wall time between two ticks is another than the period.
         if self._tick_wall_s is not None:
             self.lateness_s = wall_s - self._tick_wall_s - self.tick_s
@@ -122,7 +129,8 @@ class AntennaOperation:
         reading, boresight = antenna.step(t_s)
         fault, status = antenna.safety.latch.text, None
         news, self._fault = fault != self._fault, fault
-        if news or round(t_s / self.tick_s) % self._status_every == 0:
+        period, self._period = self._period, self._period_at(t_s)
+        if news or period != self._period:
             self._memory.keep(antenna, t_s)
             status = antenna.status(t_s)
             self._statuses += 1

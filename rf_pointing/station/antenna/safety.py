@@ -64,6 +64,7 @@ class AntennaSafety:
         self.latch = FaultLatch()
         self.authority = Authority(params.authority_s)
         self.commanded_s, self._tick_s = -math.inf, tick_s
+        self._bridged: tuple[Pair, str] | None = None
         self._released_rad: Pair | None = None
 
     def retune(self, motion: CommandPreprocessorParams) -> None:
@@ -86,18 +87,22 @@ class AntennaSafety:
         """Trust the sensors as they are, at the angles where the brakes are released."""
         self.watch.reset()
         self.drive.reset()
+        self._bridged = None
         # An antenna found beyond a hard limit may move back: only motion further out from here is a
         # fault.
         self._released_rad = switch_rad
 
-    def tick(self, encoder_rad: Pair, switch_rad: Pair, rate: Pair, command: Pair) -> tuple[Pair, str]:
+    def tick(self, encoder_rad: Pair, switch_rad: Pair, rate: Pair, command: Pair, passed_s: float) -> tuple[Pair, str]:
         """Return the bridged encoder angles, and why the drives must be cut, "" if not.
 
-        `switch_rad` are the angles at the limit switches, which do not depend on the encoders.
+        `switch_rad` are the angles at the limit switches, which do not depend on the encoders;
+        `passed_s` is the time since the sample before, 0 where there is no new one.
         """
-        bridged, reason = self.watch.step(encoder_rad, rate)
+        if passed_s > 0.0 or self._bridged is None:
+            self._bridged = self.watch.step(encoder_rad, rate, passed_s)
+        bridged, reason = self._bridged
         # Against a model of the rate loop a runaway is found within 40 ms, at 3 mdeg of motion.
-        drives = self.drive.step(rate, command)
+        drives = self.drive.step(rate, command, passed_s)
         return bridged, reason or drives or self.beyond(switch_rad, rate)
 
     def beyond(self, switch_rad: Pair, rate: Pair) -> str:

@@ -107,9 +107,11 @@ class SimulatedHardware(AntennaPlant):
     takes_positions = False
     settled_rad = math.radians(0.02)
     fault = ""
+    lag_s = 0.0
 
     def __init__(self, params: AntennaParams) -> None:
         seed, self._tick_s = params.antenna.seed, params.antenna.tick_s
+        self.sampled_s = self._tick_s
         super().__init__(params.plant, random_stream(seed, "encoder"), params.antenna.start_rad)
         self.brake()
         self.injected = InjectedFaults()

@@ -128,7 +128,7 @@ class AntennaWatch:
         doubt = f"joint_states has been silent for {age_s:.1f} s" if silent else ""
         fault = f"antenna fault: {self.fault}" if self.fault else ""
         if silent and age_s > self.params.patience_s:
-            fault = fault or doubt
+            fault = fault or f"{doubt}, at most {self.params.patience_s:.1f} s"
         if silent or self.mode not in FOLLOWING:
             # Pause, stow and park move the axes off the command on purpose; a stall stops them.
             self.unsettle()
@@ -183,7 +183,8 @@ class AntennaWatch:
         axis = int(np.argmax(still))
         return (
             f"the {AXES[axis]} encoder is frozen: at {math.degrees(kept[axis]):.4f} deg for "
-            f"{reading.t_s - since_s[axis]:.1f} s, in which the command moved by {math.degrees(asked[axis]):.3f} deg"
+            f"{reading.t_s - since_s[axis]:.1f} s, in which the command moved by {math.degrees(asked[axis]):.3f} deg, "
+            f"at most {math.degrees(self.params.frozen_rad):.3f} deg"
         )
 
     def _behind_rad(self, reading: JointReading) -> float:

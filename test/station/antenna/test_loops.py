@@ -138,7 +138,7 @@ def test_an_oscillation_cuts_the_drives_and_latches_with_its_reason(delay_s: flo
     status = antenna.status(0.0)
     assert status.mode == "fault"
     assert status.fault.startswith("drives cut: elevation: oscillation of ")
-    assert status.fault.endswith(" Hz")
+    assert status.fault.endswith(" mdeg")
     assert max(swings) < math.radians(0.5), "cut before the structure is shaken"
     assert antenna.axes.loops.watch[1].oscillating
     assert not antenna.axes.loops.watch[0].oscillating

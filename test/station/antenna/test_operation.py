@@ -182,12 +182,12 @@ def test_the_same_pass_results_whether_clock_or_command_arrives_first(after_s: f
 @pytest.mark.parametrize(
     ("how", "fault", "mode"),
     [
-        ({"jumped_s": 1.5}, "the clock jumped by +1.50 s", "fault"),
-        ({"stalled_s": 1.3}, "", "holding"),
+        ({"jumped_s": 1.5}, "the clock jumped by +1.50 s, at most 0.50 s", "fault"),
+        ({"stalled_s": 1.3}, "", "parking"),
         ({}, "", "parking"),
     ],
 )
-def test_a_jump_of_the_clock_is_a_fault_and_a_stall_a_stop(
+def test_a_jump_of_the_clock_is_a_fault_and_a_stall_leaves_the_antenna_its_own_goal(
     world: World, how: dict[str, float], fault: str, mode: str
 ) -> None:
     world.tick(3)
@@ -285,6 +285,19 @@ def test_a_turn_that_is_not_the_encoder_s_latches_a_fault(tmp_path: Path) -> Non
     assert "the wrap file names another turn than the encoder" in doubtful.antenna.safety.latch.text
     doubtful.up().tick(TICKS_A_STATUS * WRAP_EVERY)
     assert json.loads(wrap.read_text())["azimuth_rad"] > 6.0, "a fault leaves the turn of before it in the file"
+
+
+@pytest.mark.parametrize("moved_deg", [0.0, 12.0, -170.0])
+def test_a_drive_that_reads_all_turns_leaves_none_in_doubt_wherever_it_ran_on_to(
+    tmp_path: Path, moved_deg: float
+) -> None:
+    driven = Driven("gs232")
+    azimuth_rad = float(driven.antenna.axes.encoder_rad[0]) + math.radians(moved_deg)
+    (tmp_path / "wrap.json").write_text(json.dumps({"azimuth_rad": azimuth_rad}))
+    world = World(tmp_path, driven.antenna)
+    assert world.antenna.safety.latch.text == ""
+    kept = json.loads((tmp_path / "wrap.json").read_text())["azimuth_rad"]
+    assert kept == pytest.approx(azimuth_rad - math.radians(moved_deg))
 
 
 @pytest.mark.parametrize("kept_deg", [370.0, None])
