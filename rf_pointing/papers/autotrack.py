@@ -69,7 +69,9 @@ DROPOUTS, DROPOUT_RUNS = 10, 3
 def averaging_rows(seed: int) -> list[Row]:
     """Return both gains and the published ones."""
     line = {"interference.level_db_hz": LINE_DB_HZ, "interference.frequency_offset_hz": LINE_HZ}
-    white = station_gain_db({"rf_receiver": KA_45_DB_HZ, "pointing_controller": LINK_45_DB_HZ}, seed)
+    white = station_gain_db(
+        {"rf_receiver": KA_45_DB_HZ, "pointing_controller": LINK_45_DB_HZ}, seed
+    )
     coloured = station_gain_db({"rf_receiver": _signal(line)}, seed)
     x = math.pi * LINE_HZ * SAMPLE_S
     limit = -20.0 * math.log10(abs(math.sin(CLUSTER * x) / (CLUSTER * math.sin(x))))
@@ -96,7 +98,9 @@ def station_gain_db(changes: Changes, seed: int) -> float:
     log = fly(Case("Ka", "monopulse", AVERAGING_S, changes, seed), low_orbit_pass(), heard.append)
     begun_s = first_time_s(log, "monopulse") + LOOP_SETTLED_S
     # A tracker of its own: that of the station has already averaged the samples.
-    tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=HALF_POWER_BEAMWIDTH_RAD["Ka"]))
+    tracker = MonopulseTracker(
+        MonopulseParams(half_power_beamwidth_rad=HALF_POWER_BEAMWIDTH_RAD["Ka"])
+    )
     # The log has the true error at clusters; a sample needs it at its own time.
     truth = CubicSpline(log.t_s, log.errors_rad())
     single, averaged = [], []
@@ -105,7 +109,10 @@ def station_gain_db(changes: Changes, seed: int) -> float:
         if mode != "monopulse" or cluster.t_s[0] <= begun_s:
             continue
         averaged.append(_measured(tracker, cluster) - truth(cluster.t_s).mean(axis=0))
-        single += [_measured(tracker, _alone(cluster, k)) - truth(cluster.t_s[k]) for k in range(len(cluster.t_s))]
+        single += [
+            _measured(tracker, _alone(cluster, k)) - truth(cluster.t_s[k])
+            for k in range(len(cluster.t_s))
+        ]
     # Both axes together: their noise is equal, and twice the samples halve the error of the ratio.
     variances = [float(np.var(np.array(misses), axis=0).sum()) for misses in (single, averaged)]
     return 10.0 * math.log10(variances[0] / variances[1])
@@ -159,7 +166,10 @@ def flip_found_s(band: str, seed: int) -> tuple[float, float]:
     """Return when a flip was found, s after it, and the largest true error (rad) until then."""
     changes = _ka_45_db_hz() if band == "Ka" else {}
     receiver = {**changes.get("rf_receiver", {}), "signal.sign_flip_after_s": FLIP_S}
-    log = fly(Case(band, "monopulse", FLIP_S + AFTER_S, {**changes, "rf_receiver": receiver}, seed), low_orbit_pass())
+    log = fly(
+        Case(band, "monopulse", FLIP_S + AFTER_S, {**changes, "rf_receiver": receiver}, seed),
+        low_orbit_pass(),
+    )
     begin_s, found_s = log.t_s[0] + FLIP_S, first_time_s(log, "hand_back")
     # A hold-off before the flip has another cause and must not count as found.
     if found_s < begin_s:
@@ -203,7 +213,13 @@ def radial_rms_mdeg(log: PassLog, mode: str, from_s: float) -> float:
 
 def _ka_row(seed: int) -> Row:
     window = low_orbit_pass()
-    case = Case("Ka", "monopulse", 90.0, {"rf_receiver": KA_45_DB_HZ, "pointing_controller": LINK_45_DB_HZ}, seed)
+    case = Case(
+        "Ka",
+        "monopulse",
+        90.0,
+        {"rf_receiver": KA_45_DB_HZ, "pointing_controller": LINK_45_DB_HZ},
+        seed,
+    )
     log = fly(case, window)
     held_s = first_time_s(log, "monopulse") - window.aos_t_s
     return Row(
@@ -221,9 +237,15 @@ def _acquisition_rows(seed: int) -> list[Row]:
     found = []
     # Rising, the antenna starts at rest; at 40 deg it must catch up with full speed first.
     for mask_deg, name in ((5.0, "rising"), (40.0, "beginning at 40 deg")):
-        window, random = low_orbit_pass(40.0, mask_deg), random_stream(seed, f"acquisition {mask_deg}")
+        window, random = (
+            low_orbit_pass(40.0, mask_deg),
+            random_stream(seed, f"acquisition {mask_deg}"),
+        )
         times = np.array(
-            [acquisition_s(window, angle, seed + k) for k, angle in enumerate(random.uniform(0.0, TURN, RUNS))]
+            [
+                acquisition_s(window, angle, seed + k)
+                for k, angle in enumerate(random.uniform(0.0, TURN, RUNS))
+            ]
         )
         # The 95th percentile of few runs is the next largest value, not an interpolated one.
         slowest = float(np.sort(times)[math.ceil(0.95 * RUNS) - 1])
@@ -256,11 +278,15 @@ def weak_conscan_row(seed: int) -> Row:
     """A satellite at 114 000 km, 0.004 deg/s on the sky, at Ka with 30 dB-Hz."""
     source = SourceParams(satellite=SLOW_SATELLITE)
     begin_s = load_elements(source).epoch_t_s
-    whole = first_pass_above(load_track(source), begin_s, math.radians(45.0), math.radians(40.0), 2.0 * 86400.0)
+    whole = first_pass_above(
+        load_track(source), begin_s, math.radians(45.0), math.radians(40.0), 2.0 * 86400.0
+    )
     # Its first minutes: half a degree of azimuth, where the whole stay of five hours would need a
     # turn of its own.
     start_rad, spare_rad = whole.aos_azimuth_rad, math.radians(1.0)
-    window = replace(whole, azimuth_min_rad=start_rad - spare_rad, azimuth_max_rad=start_rad + spare_rad)
+    window = replace(
+        whole, azimuth_min_rad=start_rad - spare_rad, azimuth_max_rad=start_rad + spare_rad
+    )
     changes: dict[str, dict[str, object]] = {
         "ephemeris_publisher": {"source.satellite": SLOW_SATELLITE},
         "rf_receiver": {
@@ -295,12 +321,19 @@ def _dropout_rows(seed: int) -> list[Row]:
     }
     times, steepest = [], 0.0
     for run in range(DROPOUT_RUNS):
-        log = fly(Case("X", "monopulse", window.duration_s, {"rf_receiver": receiver}, seed + run), window)
+        log = fly(
+            Case("X", "monopulse", window.duration_s, {"rf_receiver": receiver}, seed + run), window
+        )
         # A dropout may end during another coast: the count is of returns of the carrier, not of
         # modes.
         times.append(reacquisitions_s(log, "monopulse"))
-        steepest = max(steepest, float(np.max(np.abs(command_accelerations_rad_s2(log, window.aos_t_s + 1.0)))))
-    limit, all_times = min(CommandPreprocessorParams().acceleration_limit_rad_s2), np.concatenate(times)
+        steepest = max(
+            steepest, float(np.max(np.abs(command_accelerations_rad_s2(log, window.aos_t_s + 1.0))))
+        )
+    limit, all_times = (
+        min(CommandPreprocessorParams().acceleration_limit_rad_s2),
+        np.concatenate(times),
+    )
     wanted = DROPOUT_RUNS * DROPOUTS
     return [
         Row(

@@ -54,13 +54,19 @@ def rows(seed: int = 1) -> list[Row]:
 
 
 def conscan_sigma_eq20_rad(
-    half_power_beamwidth_rad: float, radius_rad: float, samples: int, relative_sigma: float, axis_error_rad: float
+    half_power_beamwidth_rad: float,
+    radius_rad: float,
+    samples: int,
+    relative_sigma: float,
+    axis_error_rad: float,
 ) -> float:
     """Return the sigma per axis from sigma_p / P_o, P_o the mean power received (eq. 20)."""
     require_between("samples", samples, 3, None)
     slope = conscan_slope(half_power_beamwidth_rad, radius_rad)
     scaled = slope / half_power_beamwidth_rad * axis_error_rad
-    return half_power_beamwidth_rad / slope * relative_sigma * math.sqrt((scaled**2 + 2.0) / samples)
+    return (
+        half_power_beamwidth_rad / slope * relative_sigma * math.sqrt((scaled**2 + 2.0) / samples)
+    )
 
 
 def conscan_sigma_eq21_rad(
@@ -72,9 +78,13 @@ def conscan_sigma_eq21_rad(
     total_error_rad: float,
 ) -> float:
     """Return the sigma per axis from sigma_p / P_nom, sigma_p held constant (eq. 21)."""
-    loss = conscan_loss(half_power_beamwidth_rad, radius_rad) * conscan_loss(half_power_beamwidth_rad, total_error_rad)
+    loss = conscan_loss(half_power_beamwidth_rad, radius_rad) * conscan_loss(
+        half_power_beamwidth_rad, total_error_rad
+    )
     relative = nominal_relative_sigma / loss
-    return conscan_sigma_eq20_rad(half_power_beamwidth_rad, radius_rad, samples, relative, axis_error_rad)
+    return conscan_sigma_eq20_rad(
+        half_power_beamwidth_rad, radius_rad, samples, relative, axis_error_rad
+    )
 
 
 def _slope_and_loss() -> list[Row]:
@@ -103,7 +113,9 @@ def _error_rows(seed: int) -> list[Row]:
             mean = mean_power_hz(40.0, beamwidth, np.array([error, 0.0]), *circle(32))
             # Constant noise is the assumption of (21); the receiver's own noise falls with the
             # power.
-            spreads.append(sigma_after(constant_noise_estimates(100.0, mean, beamwidth, RUNS, rng))[0][1])
+            spreads.append(
+                sigma_after(constant_noise_estimates(100.0, mean, beamwidth, RUNS, rng))[0][1]
+            )
         found.append(spreads[1] / spreads[0])
     loss_x = 1.0 / conscan_loss(BEAM_X_RAD, 8.5 * MDEG)
     return [
@@ -129,8 +141,12 @@ def _period_rows(seed: int) -> list[Row]:
         design = design_scan(params, level, RADIUS_RAD)
         x, y = circle(design.samples)
         rng = random_stream(seed, f"conscan period {level}")
-        power, noise = receiver_powers_hz(mean_power_hz(level, BEAM_KA_RAD, np.zeros(2), x, y), RUNS, rng)
-        sigma, _ = sigma_after(fit_beam(beam_design(np.column_stack([x, y]), BEAM_KA_RAD), power, noise).error_rad)
+        power, noise = receiver_powers_hz(
+            mean_power_hz(level, BEAM_KA_RAD, np.zeros(2), x, y), RUNS, rng
+        )
+        sigma, _ = sigma_after(
+            fit_beam(beam_design(np.column_stack([x, y]), BEAM_KA_RAD), power, noise).error_rad
+        )
         found.append(
             Row(
                 f"period for sigma < r, Ka, {level:.0f} dB-Hz", "CONSCAN Fig. 2", DSN_SHORTEST_PERIOD_S,
@@ -150,7 +166,9 @@ def _monte_carlo_rows(seed: int) -> list[Row]:
         for period in PERIODS_S:
             for error in ERRORS_MDEG:
                 rng = random_stream(seed, f"conscan {level} {period} {error}")
-                mean = mean_power_hz(level, BEAM_KA_RAD, np.array([error * MDEG, 0.0]), *circle(period))
+                mean = mean_power_hz(
+                    level, BEAM_KA_RAD, np.array([error * MDEG, 0.0]), *circle(period)
+                )
                 estimates = constant_noise_estimates(sigma_hz, mean, BEAM_KA_RAD, RUNS, rng)
                 sigma, uncertainty = sigma_after(estimates)
                 relative = sigma_hz / float(np.mean(mean))
@@ -187,12 +205,16 @@ def _exact_estimator_rows(seed: int) -> list[Row]:
         mean = mean_power_hz(30.0, BEAM_KA_RAD, error, x, y)
         rng = random_stream(seed, f"conscan exact {error[0]}")
         power, noise = receiver_powers_hz(mean, EXACT_RUNS, rng)
-        estimates = fit_beam(beam_design(np.column_stack([x, y]), BEAM_KA_RAD), power, noise).error_rad
+        estimates = fit_beam(
+            beam_design(np.column_stack([x, y]), BEAM_KA_RAD), power, noise
+        ).error_rad
         biases.append(np.max(np.abs(np.mean(estimates, axis=0) - error)) / MDEG)
         ratios.append(np.max(np.abs(sigma_after(estimates)[0] / _bound_rad(mean, x, y) - 1.0)))
         remarks.append(f"{biases[-1]:.4f}")
     mean = mean_power_hz(30.0, BEAM_KA_RAD, np.array([8.5, 0.0]) * MDEG, x, y)
-    linear = constant_noise_estimates(30.0, mean, BEAM_KA_RAD, 20 * RUNS, random_stream(seed, "conscan linear"))
+    linear = constant_noise_estimates(
+        30.0, mean, BEAM_KA_RAD, 20 * RUNS, random_stream(seed, "conscan linear")
+    )
     off = abs(float(np.mean(linear[:, 0])) / MDEG - 8.5)
     uncertainty = 0.55 / math.sqrt(EXACT_RUNS)
     return [
@@ -214,7 +236,9 @@ def _bound_rad(mean_hz: Array, x: Array, y: Array) -> Array:
 
     Fisher information P / (2 N0) per second in the logarithm of the power.
     """
-    rows_ = np.stack([np.ones_like(x), 2.0 * MU * x / BEAM_KA_RAD**2, 2.0 * MU * y / BEAM_KA_RAD**2])
+    rows_ = np.stack(
+        [np.ones_like(x), 2.0 * MU * x / BEAM_KA_RAD**2, 2.0 * MU * y / BEAM_KA_RAD**2]
+    )
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(0.5 * mean_hz * rows_ @ rows_.T))[1:]))
 
 
@@ -230,8 +254,13 @@ def _honesty_row(seed: int) -> Row:
 
 def _closed_loop_rows(seed: int) -> list[Row]:
     # 8 mdeg off, half a beamwidth: further out the search would be in charge.
-    rms = pull_in_rms_rad(30.0, np.array([7.0, -4.0]) * MDEG, 3, random_stream(seed, "conscan loop"))
-    times = [search_time_s(k * math.pi / 4.0 + 0.2, 60.0, random_stream(seed, f"search {k}")) for k in range(8)]
+    rms = pull_in_rms_rad(
+        30.0, np.array([7.0, -4.0]) * MDEG, 3, random_stream(seed, "conscan loop")
+    )
+    times = [
+        search_time_s(k * math.pi / 4.0 + 0.2, 60.0, random_stream(seed, f"search {k}"))
+        for k in range(8)
+    ]
     return [
         Row(
             "radial error after 3 periods from 8 mdeg off, Ka, 30 dB-Hz, slow target", "required", 2.0, rms / MDEG,

@@ -13,7 +13,14 @@ import numpy as np
 
 from rf_pointing.core import MDEG, MU, Sensor, random_stream
 from rf_pointing.core.types import Array
-from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD, Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver
+from rf_pointing.rf import (
+    HALF_POWER_BEAMWIDTH_RAD,
+    Beam,
+    BeamParams,
+    MonopulseFeed,
+    MonopulseFeedParams,
+    Receiver,
+)
 from rf_pointing.rf import ReceiverParams as RxParams
 from rf_pointing.tracking import (
     Autotrack,
@@ -45,7 +52,9 @@ def circle(samples: int, radius_rad: float = RADIUS_RAD) -> tuple[Array, Array]:
     return radius_rad * np.cos(angle), radius_rad * np.sin(angle)
 
 
-def mean_power_hz(level_db_hz: float, beamwidth_rad: float, error_rad: Array, x: Array, y: Array) -> Array:
+def mean_power_hz(
+    level_db_hz: float, beamwidth_rad: float, error_rad: Array, x: Array, y: Array
+) -> Array:
     """Return the carrier power over N0 at the beam offsets for a target at `error_rad` (2,)
     (CONSCAN eq. 1).
     """
@@ -68,7 +77,9 @@ def constant_noise_estimates(
     return linear_errors_rad(PowerWindow(rows), power, beamwidth_rad, RADIUS_RAD)
 
 
-def linear_errors_rad(window: PowerWindow, power_w: Array, half_power_beamwidth_rad: float, radius_rad: float) -> Array:
+def linear_errors_rad(
+    window: PowerWindow, power_w: Array, half_power_beamwidth_rad: float, radius_rad: float
+) -> Array:
     """Return the errors (runs, 2) of powers (runs, n) at the positions of one window."""
     rows = linear_rows(window, half_power_beamwidth_rad, radius_rad)
     weighted = rows / window.sigma_w**2
@@ -115,7 +126,9 @@ def _turn(
     return np.array([error.cross_elevation_rad, error.elevation_rad]), error.covariance_rad2
 
 
-def conscan_normalised_errors(level_db_hz: float, error_rad: Array, runs: int, rng: np.random.Generator) -> Array:
+def conscan_normalised_errors(
+    level_db_hz: float, error_rad: Array, runs: int, rng: np.random.Generator
+) -> Array:
     """Return e^T C^-1 e / 2 of `runs` estimates of the live tracker on the live receiver at Ka
     band.
     """
@@ -130,7 +143,9 @@ def conscan_normalised_errors(level_db_hz: float, error_rad: Array, runs: int, r
     return np.array(values)
 
 
-def pull_in_rms_rad(level_db_hz: float, start_rad: Array, periods: int, rng: np.random.Generator) -> float:
+def pull_in_rms_rad(
+    level_db_hz: float, start_rad: Array, periods: int, rng: np.random.Generator
+) -> float:
     """Return the rms radial error of the scan centre over 30 periods after the first `periods`.
 
     Ka band, an antenna that follows at once, a target at rest; every estimate moves the scan centre
@@ -159,7 +174,9 @@ def search_time_s(direction_rad: float, level_db_hz: float, rng: np.random.Gener
     beam = BeamParams.for_band("X")
     target = 3.0 * BEAM_X_RAD * np.array([math.cos(direction_rad), math.sin(direction_rad)])
     # A spiral sized for one beamwidth must reach three: the search goes on beyond its sigma.
-    spiral = SpiralSearch(SpiralParams(half_power_beamwidth_rad=BEAM_X_RAD, uncertainty_rad=BEAM_X_RAD))
+    spiral = SpiralSearch(
+        SpiralParams(half_power_beamwidth_rad=BEAM_X_RAD, uncertainty_rad=BEAM_X_RAD)
+    )
     receiver, table = _receiver(beam, rng), Autotrack(AutotrackParams(sensor="monopulse"))
     tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=BEAM_X_RAD))
     state, trim = AutotrackState(mode="search"), np.zeros(2)
@@ -167,9 +184,15 @@ def search_time_s(direction_rad: float, level_db_hz: float, rng: np.random.Gener
     for k in range(600):
         times = k * CLUSTER_S + SAMPLE_S * np.arange(1, 6)
         searching = state.mode == "search"
-        scan = [spiral.offset(t - state.entered_s)[:2] for t in times] if searching else np.zeros((5, 2))
+        scan = (
+            [spiral.offset(t - state.entered_s)[:2] for t in times]
+            if searching
+            else np.zeros((5, 2))
+        )
         miss = target - trim - np.array(scan)
-        error = tracker.measure(receiver.cluster(times, miss[:, 0], miss[:, 1], level_db_hz, SAMPLE_S))
+        error = tracker.measure(
+            receiver.cluster(times, miss[:, 0], miss[:, 1], level_db_hz, SAMPLE_S)
+        )
         before = state
         state = table.step(
             state,
@@ -184,7 +207,9 @@ def search_time_s(direction_rad: float, level_db_hz: float, rng: np.random.Gener
             trim = trim + np.array(scan[-1])
         if state.integrating and error.valid:
             # Integrator of 0.3 Hz, one step per cluster; the antenna follows at once.
-            trim = trim + 2.0 * math.pi * 0.3 * CLUSTER_S * np.array([error.cross_elevation_rad, error.elevation_rad])
+            trim = trim + 2.0 * math.pi * 0.3 * CLUSTER_S * np.array(
+                [error.cross_elevation_rad, error.elevation_rad]
+            )
             if float(np.hypot(*(target - trim))) < 0.1 * BEAM_X_RAD:
                 return float(times[-1])
     return math.inf
@@ -216,11 +241,17 @@ def estimator_curves(level_db_hz: float, runs: int, seed: int, points: int = 12)
     found = []
     for error in errors:
         mean = mean_power_hz(level_db_hz, BEAM_KA_RAD, np.array([error, 0.0]), x, y)
-        power, noise = receiver_powers_hz(mean, runs, random_stream(seed, f"figure {level_db_hz} {error}"))
+        power, noise = receiver_powers_hz(
+            mean, runs, random_stream(seed, f"figure {level_db_hz} {error}")
+        )
         linear = linear_errors_rad(PowerWindow(rows), power, BEAM_KA_RAD, RADIUS_RAD)[:, 0] - error
         exact = fit_beam(design, power, noise).error_rad[:, 0] - error
-        found.append((linear.mean(), linear.std(), exact.mean(), exact.std(), _bound_rad(mean, x, y)))
-    return EstimatorCurves(errors / MDEG, *(np.array(column) / MDEG for column in zip(*found, strict=True)))
+        found.append(
+            (linear.mean(), linear.std(), exact.mean(), exact.std(), _bound_rad(mean, x, y))
+        )
+    return EstimatorCurves(
+        errors / MDEG, *(np.array(column) / MDEG for column in zip(*found, strict=True))
+    )
 
 
 def _bound_rad(mean_hz: Array, x: Array, y: Array) -> float:
@@ -238,8 +269,20 @@ def draw(path: Path, runs: int = 40_000, seed: int = 1) -> None:
     bias, spread = figure.subplots(1, 2)
     for level, style in ((30.0, "-"), (40.0, "--")):
         curves = estimator_curves(level, runs, seed)
-        bias.plot(curves.error_mdeg, curves.linear_bias, style, color="tab:red", label=f"linear, {level:.0f} dB-Hz")
-        bias.plot(curves.error_mdeg, curves.exact_bias, style, color="tab:blue", label=f"exact, {level:.0f} dB-Hz")
+        bias.plot(
+            curves.error_mdeg,
+            curves.linear_bias,
+            style,
+            color="tab:red",
+            label=f"linear, {level:.0f} dB-Hz",
+        )
+        bias.plot(
+            curves.error_mdeg,
+            curves.exact_bias,
+            style,
+            color="tab:blue",
+            label=f"exact, {level:.0f} dB-Hz",
+        )
         spread.plot(curves.error_mdeg, curves.linear_sigma, style, color="tab:red")
         spread.plot(curves.error_mdeg, curves.exact_sigma, style, color="tab:blue")
         spread.plot(curves.error_mdeg, curves.bound, ":", color="black")

@@ -45,14 +45,22 @@ def drive_of(a: Array, b: Array, c: Array, sample_s: float) -> tuple[float, floa
     # found again.
     integrator = int(np.argmin(np.abs(poles - 1.0)))
     if abs(poles[integrator] - 1.0) > 1e-6:
-        raise ValueError(f"pole nearest to the integrator is {poles[integrator]:.6f}, must be 1 (restore it first)")
-    real = [pole.real for pole in np.delete(poles, integrator) if abs(pole.imag) < 1e-9 and 0.0 < pole.real < 1.0]
+        raise ValueError(
+            f"pole nearest to the integrator is {poles[integrator]:.6f}, must be 1 (restore it first)"
+        )
+    real = [
+        pole.real
+        for pole in np.delete(poles, integrator)
+        if abs(pole.imag) < 1e-9 and 0.0 < pole.real < 1.0
+    ]
     if not real:
         raise ValueError("model has no real pole between 0 and 1 for the drive")
     return -math.log(max(real)) / sample_s, float(residues[integrator].real) / sample_s
 
 
-def design_lqg(a: Array, b: Array, c: Array, d: Array, sample_s: float, weights: LqgWeights) -> LqgDesign:
+def design_lqg(
+    a: Array, b: Array, c: Array, d: Array, sample_s: float, weights: LqgWeights
+) -> LqgDesign:
     """Return the controller for the identified model (a, b, c, d) sampled every `sample_s` seconds.
 
     Raises
@@ -61,7 +69,10 @@ def design_lqg(a: Array, b: Array, c: Array, d: Array, sample_s: float, weights:
         If the closed loop on that model is unstable; the message carries its spectral radius.
     """
     require_between("sample_s", sample_s, 1e-4, 1.0)
-    a, b, c, d = (as_finite_array(name, value, (None, None)) for name, value in zip("abcd", (a, b, c, d), strict=True))
+    a, b, c, d = (
+        as_finite_array(name, value, (None, None))
+        for name, value in zip("abcd", (a, b, c, d), strict=True)
+    )
     bandwidth, gain = drive_of(a, b, c, sample_s)
     plant, entry, shown = _design_plant(bandwidth, gain, sample_s, weights)
     size = len(plant)
@@ -69,14 +80,20 @@ def design_lqg(a: Array, b: Array, c: Array, d: Array, sample_s: float, weights:
     price[0, 0] = 1.0
     feedback, _, _ = control.dlqr(plant, entry, price, np.array([[weights.control_weight]]))
     law = _with_disturbance(plant, entry, shown, gain, bandwidth, sample_s)
-    noise = np.diag([0.0, weights.rate_intensity, *np.zeros(size - 2), weights.disturbance_intensity])
+    noise = np.diag(
+        [0.0, weights.rate_intensity, *np.zeros(size - 2), weights.disturbance_intensity]
+    )
     filter_gain, _, _ = control.dlqe(law[0], np.eye(size + 1), law[2], noise, np.array([[1.0]]))
     # Cancelling a constant disturbance fills the filters with it; what the regulator makes of that
     # comes on top.
     state_gain = np.hstack([np.asarray(feedback), [[1.0 + sum(feedback[0, low] for low in _LOW)]]])
     observer_gain = law[0] @ np.asarray(filter_gain)
-    margins = _margins(control.ss(a, b, c, d, sample_s), law, state_gain, observer_gain, weights, sample_s)
-    return LqgDesign(*law, state_gain, observer_gain, a, b, c, d, sample_s, bandwidth, gain, weights, *margins)
+    margins = _margins(
+        control.ss(a, b, c, d, sample_s), law, state_gain, observer_gain, weights, sample_s
+    )
+    return LqgDesign(
+        *law, state_gain, observer_gain, a, b, c, d, sample_s, bandwidth, gain, weights, *margins
+    )
 
 
 def as_mapping(design: LqgDesign) -> dict[str, Any]:
@@ -93,12 +110,21 @@ def save_lqg_designs(path: Path, azimuth: LqgDesign, elevation: LqgDesign) -> No
 
 
 def controller_system(
-    law: tuple[Array, Array, Array], state_gain: Array, observer_gain: Array, weights: LqgWeights, sample_s: float
+    law: tuple[Array, Array, Array],
+    state_gain: Array,
+    observer_gain: Array,
+    weights: LqgWeights,
+    sample_s: float,
 ) -> control.StateSpace:
     """Return the law from error to rate command, notch included, as a python-control system."""
     a, b, c = law
-    core = control.ss(a - b @ state_gain - observer_gain @ c, -observer_gain, -state_gain, [[0.0]], sample_s)
-    filters = [control.ss(*section_matrices(part, sample_s), sample_s) for part in (weights.notch, weights.shaping)]
+    core = control.ss(
+        a - b @ state_gain - observer_gain @ c, -observer_gain, -state_gain, [[0.0]], sample_s
+    )
+    filters = [
+        control.ss(*section_matrices(part, sample_s), sample_s)
+        for part in (weights.notch, weights.shaping)
+    ]
     return filters[0] * filters[1] * core
 
 
@@ -113,17 +139,25 @@ def _margins(
     loop = model * controller_system(law, state_gain, observer_gain, weights, sample_s)
     radius = float(np.max(np.abs(control.feedback(loop, 1).poles())))
     if radius >= 1.0:
-        raise ValueError(f"spectral radius {radius:.5f} of the loop on the identified model must be < 1")
+        raise ValueError(
+            f"spectral radius {radius:.5f} of the loop on the identified model must be < 1"
+        )
     # From the response: given a state space, python-control takes the margins of its transfer
     # function, which loses digits at this order.
     omega = np.geomspace(0.05, math.pi / sample_s * 0.999, 4000)
     response = loop(np.exp(1j * omega * sample_s))
     phase_deg = np.degrees(np.unwrap(np.angle(response)))
     gain_margin, phase_margin, *_ = control.stability_margins((np.abs(response), phase_deg, omega))
-    return float(np.max(1.0 / np.abs(1.0 + response))), 20.0 * math.log10(gain_margin), math.radians(phase_margin)
+    return (
+        float(np.max(1.0 / np.abs(1.0 + response))),
+        20.0 * math.log10(gain_margin),
+        math.radians(phase_margin),
+    )
 
 
-def _design_plant(bandwidth: float, gain: float, sample_s: float, weights: LqgWeights) -> tuple[Array, Array, Array]:
+def _design_plant(
+    bandwidth: float, gain: float, sample_s: float, weights: LqgWeights
+) -> tuple[Array, Array, Array]:
     """Return the sampled drive behind the filters: angle, rate, then band and low of each."""
     drive, entry = _drive(bandwidth, gain, sample_s)
     na, nb, nc, nd = section_matrices(weights.notch, sample_s)
@@ -138,7 +172,9 @@ def _design_plant(bandwidth: float, gain: float, sample_s: float, weights: LqgWe
 def _drive(bandwidth: float, gain: float, sample_s: float) -> tuple[Array, Array]:
     decay = math.exp(-bandwidth * sample_s)
     reach = (1.0 - decay) / bandwidth
-    return np.array([[1.0, gain * reach], [0.0, decay]]), np.array([[gain * (sample_s - reach)], [1.0 - decay]])
+    return np.array([[1.0, gain * reach], [0.0, decay]]), np.array(
+        [[gain * (sample_s - reach)], [1.0 - decay]]
+    )
 
 
 def _with_disturbance(

@@ -44,7 +44,9 @@ class DoaTables:
     published: list[CaseResult]
 
 
-def rows(seed: int = 1, *, trials: int = 2, executor: Executor | None = None, music_inside: bool = False) -> list[Row]:
+def rows(
+    seed: int = 1, *, trials: int = 2, executor: Executor | None = None, music_inside: bool = False
+) -> list[Row]:
     """Return the published numbers of DOA and ours, contradicted entries included."""
     tables = run_tables(seed, trials, executor, music_inside=music_inside)
     here = tables.rows[CHECKED]
@@ -64,7 +66,10 @@ def table_cases() -> tuple[DirectionCase, ...]:
     """Return the 13 different rows of Tables 1 and 2, each refined and on the grid (0 dB, L = 100
     stands in both).
     """
-    levels = [*((100, snr_db) for snr_db in TABLE_1_DB), *((count, 0.0) for count in TABLE_2_SNAPSHOTS)]
+    levels = [
+        *((100, snr_db) for snr_db in TABLE_1_DB),
+        *((count, 0.0) for count in TABLE_2_SNAPSHOTS),
+    ]
     return tuple(
         DirectionCase(snapshots=snapshots, snr_db=snr_db, refined=refined)
         for snapshots, snr_db in levels
@@ -72,7 +77,9 @@ def table_cases() -> tuple[DirectionCase, ...]:
     )
 
 
-def run_tables(seed: int, trials: int, executor: Executor | None = None, *, music_inside: bool = False) -> DoaTables:
+def run_tables(
+    seed: int, trials: int, executor: Executor | None = None, *, music_inside: bool = False
+) -> DoaTables:
     """Return every row, in tasks that any executor can share out.
 
     `music_inside` runs MUSIC at every step of every trial instead of drawing from pools of 20 000
@@ -82,14 +89,18 @@ def run_tables(seed: int, trials: int, executor: Executor | None = None, *, musi
     # Few trials: two large tasks; many: small ones, so that every process has work to the end.
     size = len(cases) // 2 if trials <= FEW_TRIALS else CASES_PER_TASK
     tasks = [
-        RunTask(cases=cases[start : start + size], trials=trials, seed=seed, music_inside=music_inside)
+        RunTask(
+            cases=cases[start : start + size], trials=trials, seed=seed, music_inside=music_inside
+        )
         for start in range(0, len(cases), size)
     ]
     few = min(trials, CHECKED_TRIALS)
     # The seed differs: pool and loop must not share their noise, or their ratio would prove
     # nothing.
     other = RunTask(cases=(CHECKED,), trials=few, seed=seed + 1, music_inside=not music_inside)
-    printed = tuple(DirectionCase(snapshots=100, snr_db=0.0, refined=False, q=q) for q in (TABLE_Q, PRINTED_Q))
+    printed = tuple(
+        DirectionCase(snapshots=100, snr_db=0.0, refined=False, q=q) for q in (TABLE_Q, PRINTED_Q)
+    )
     # The filter as printed settles within 2000 s; the last 1000 s are averaged.
     published = RunTask(cases=printed, trials=few, seed=seed, published=True, duration_s=3000.0)
     other_way, printed_filter, *groups = sweep(run, [other, published, *tasks], executor)

@@ -30,7 +30,10 @@ class ServoRunSetup:
     velocity_rad_s: Array
     acceleration_rad_s2: Array
     plant: PlantParams = field(default_factory=dss13_plant)
-    loops: tuple[PositionLoopParams, PositionLoopParams] = (PositionLoopParams(), PositionLoopParams())
+    loops: tuple[PositionLoopParams, PositionLoopParams] = (
+        PositionLoopParams(),
+        PositionLoopParams(),
+    )
     wind: WindParams = field(default_factory=WindParams)
     tick_s: float = 0.02
     seed: int = 1
@@ -59,14 +62,18 @@ def run_servo(setup: ServoRunSetup) -> ServoRun:
         setup.tick_s,
         lambda k: (setup.position_rad[k], setup.velocity_rad_s[k], setup.acceleration_rad_s2[k]),
     )
-    antenna = BareAntenna(plant, Wind(setup.wind, random_stream(setup.seed, "wind")), setup.tick_s, laws)
+    antenna = BareAntenna(
+        plant, Wind(setup.wind, random_stream(setup.seed, "wind")), setup.tick_s, laws
+    )
     rates, encoder, beam = (np.zeros_like(setup.position_rad) for _ in range(3))
     for k, command in ticks(antenna, len(setup.position_rad)):
         rates[k], encoder[k], beam[k] = command, plant.encoder_rad, plant.beam_rad
     return ServoRun(rates, encoder, beam)
 
 
-def servo_monte_carlo(setup: ServoRunSetup, seeds: Sequence[int], *, workers: int | None = None) -> Array:
+def servo_monte_carlo(
+    setup: ServoRunSetup, seeds: Sequence[int], *, workers: int | None = None
+) -> Array:
     """Return `error_statistics` (runs, 2) of one run per seed, spread over `workers` processes
     (None: one per core).
     """

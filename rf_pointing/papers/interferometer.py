@@ -179,13 +179,30 @@ def _tables_8_2_and_8_3() -> list[Row]:
     found = []
     for source, snr_db, forward_hz, return_hz, *printed in cases:
         powers = link_powers_w(snr_db, 1e5, forward_hz, return_hz, LinkParams())
-        for link, hz, paper, ours in zip(("forward", "return"), (forward_hz, return_hz), printed, powers, strict=True):
-            found.append(_power_row(f"{link} power, {snr_db:g} dB at 100 km, {hz / 1e9:g} GHz", source, paper, ours))
+        for link, hz, paper, ours in zip(
+            ("forward", "return"), (forward_hz, return_hz), printed, powers, strict=True
+        ):
+            found.append(
+                _power_row(
+                    f"{link} power, {snr_db:g} dB at 100 km, {hz / 1e9:g} GHz", source, paper, ours
+                )
+            )
     return [*found, *_printed_frequency_rows()]
 
 
-def _power_row(quantity: str, source: str, paper: float, ours: float, remark: str = "", due: float = math.nan) -> Row:
-    return Row(quantity, source, paper, ours, "W", 1e-3 * paper, remark=remark, explained=as_due(ours, due, 1e-3))
+def _power_row(
+    quantity: str, source: str, paper: float, ours: float, remark: str = "", due: float = math.nan
+) -> Row:
+    return Row(
+        quantity,
+        source,
+        paper,
+        ours,
+        "W",
+        1e-3 * paper,
+        remark=remark,
+        explained=as_due(ours, due, 1e-3),
+    )
 
 
 def _printed_frequency_rows() -> list[Row]:

@@ -16,7 +16,9 @@ from rf_pointing.array_sensors.interferometer.variant import CORRECTED, is_publi
 from rf_pointing.core import require_between
 
 
-def direction_variance(off_boresight_rad: float, radius_m: float = 1.0, variant: str = CORRECTED) -> float:
+def direction_variance(
+    off_boresight_rad: float, radius_m: float = 1.0, variant: str = CORRECTED
+) -> float:
     """Return V^2 in rad^2 per m^2: variance of both rotation increments together (PI83 eq. 4-21).
 
     "published" 0.4448/cos^2 for any array (the report states 1 m diameter, its listing has 1 m
@@ -30,7 +32,11 @@ def direction_variance(off_boresight_rad: float, radius_m: float = 1.0, variant:
 
 
 def direction_variance_from_gradients(
-    range_m: float, direction: ArrayLike, attitude: ArrayLike, arrays: ArrayParams, dither_rad: float = 0.01
+    range_m: float,
+    direction: ArrayLike,
+    attitude: ArrayLike,
+    arrays: ArrayParams,
+    dither_rad: float = 0.01,
 ) -> float:
     """Return V^2 = 3 trace(H) of the direction estimator (three ranges a sum), rad^2 per m^2."""
     # The covariance depends on the geometry alone, so any ranges serve.

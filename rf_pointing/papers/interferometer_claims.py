@@ -17,7 +17,10 @@ from rf_pointing.array_sensors.interferometer.frames import (
 )
 from rf_pointing.array_sensors.interferometer.initializer import Geometry
 from rf_pointing.array_sensors.interferometer.radio import LinkParams
-from rf_pointing.array_sensors.interferometer.relative_pose import attitude_from_directions, reverse_direction
+from rf_pointing.array_sensors.interferometer.relative_pose import (
+    attitude_from_directions,
+    reverse_direction,
+)
 from rf_pointing.array_sensors.interferometer.sequence import (
     SequenceParams,
     minimum_variance_step,
@@ -40,7 +43,11 @@ from rf_pointing.papers.interferometer_design import (
     range_requirement_m,
     required_ratio,
 )
-from rf_pointing.papers.interferometer_transponder import mixed_snr, nonlinear_reflector, simple_repeater
+from rf_pointing.papers.interferometer_transponder import (
+    mixed_snr,
+    nonlinear_reflector,
+    simple_repeater,
+)
 from rf_pointing.papers.row import Row, as_due
 
 _AHEAD = np.array([1.0, 0.0, 0.0])
@@ -81,7 +88,10 @@ def chain_rows() -> list[Row]:
     needs, plan = Requirements(), CarrierPlan()
     # Published forms throughout: these rows check the report's arithmetic, the next ones its
     # formulas.
-    cft, dft = (design(needs, variant="published") for design in (carrier_tracking_design, difference_tracking_design))
+    cft, dft = (
+        design(needs, variant="published")
+        for design in (carrier_tracking_design, difference_tracking_design)
+    )
     return [
         _row("lowest difference frequency", "(8-1)", 1500.0, minimum_difference_hz(1e5, 6.0)[0], "Hz", 0.5),
         _row("f0 with room for noise", "(8-2)", 1250.0, minimum_difference_hz(1e5, 6.0)[1], "Hz", 0.5),
@@ -127,7 +137,9 @@ def estimator_rows() -> list[Row]:
     arrays, same = ArrayParams(), np.eye(3)
     off = direction_from_angles(math.radians(45.0), 0.0)
     # One offset at 45 deg and any of the other: the report claims the bound for this case.
-    roll = max(roll_variance(math.radians(45.0), math.radians(b)) for b in np.linspace(0.0, 89.9, 200))
+    roll = max(
+        roll_variance(math.radians(45.0), math.radians(b)) for b in np.linspace(0.0, 89.9, 200)
+    )
     # Exact ranges and a start that is 5 deg off: what remains is the estimator's own.
     attitude_deg, direction_deg = settled_error_deg(5.0)
     return [
@@ -162,7 +174,11 @@ def _left_deg(angle_deg: float, passes: int) -> float:
         roll_rad=np.array(angle),
     )
     found = _tracked(start, passes)
-    chords = [np.linalg.norm(found.forward - _AHEAD), np.linalg.norm(found.reverse + _AHEAD), abs(found.roll_rad)]
+    chords = [
+        np.linalg.norm(found.forward - _AHEAD),
+        np.linalg.norm(found.reverse + _AHEAD),
+        abs(found.roll_rad),
+    ]
     return math.degrees(max(float(chord) for chord in chords))
 
 
@@ -174,12 +190,17 @@ def _range_left_m() -> float:
 def _tracked(start: Geometry, passes: int) -> Geometry:
     ranges = two_way_ranges(1e4 * _AHEAD, np.eye(3), ArrayParams())
     amplitudes = coupling_amplitudes(_AHEAD, np.eye(3))
-    return track(start, ranges, amplitudes, ArrayParams(), SequenceParams(iterations=passes)).geometry
+    return track(
+        start, ranges, amplitudes, ArrayParams(), SequenceParams(iterations=passes)
+    ).geometry
 
 
 def _link(bandwidth_hz: float) -> LinkParams:
     return LinkParams(
-        bandwidth_hz=bandwidth_hz, noise_figure_db=3.0, transmit_gain_db=_DOUBLE_DB, receive_gain_db=_DOUBLE_DB
+        bandwidth_hz=bandwidth_hz,
+        noise_figure_db=3.0,
+        transmit_gain_db=_DOUBLE_DB,
+        receive_gain_db=_DOUBLE_DB,
     )
 
 
@@ -189,13 +210,19 @@ def link_rows() -> list[Row]:
 
 
 def _reflector_rows() -> list[Row]:
-    def back_db(range_m: float, gain_db: float, loss: str = "corrected", power_w: float = 1.0) -> float:
+    def back_db(
+        range_m: float, gain_db: float, loss: str = "corrected", power_w: float = 1.0
+    ) -> float:
         links = (20e9, 2e9, _link(1e3), _link(1.0))
-        return _db(float(nonlinear_reflector(power_w, range_m, gain_db, *links, loss=loss).snr_return))
+        return _db(
+            float(nonlinear_reflector(power_w, range_m, gain_db, *links, loss=loss).snr_return)
+        )
 
     def forward_db(power_w: float, range_m: float, bandwidth_hz: float) -> float:
         link = _link(bandwidth_hz)
-        return _db(float(nonlinear_reflector(power_w, range_m, 0.0, 20e9, 2e9, link, link).snr_output))
+        return _db(
+            float(nonlinear_reflector(power_w, range_m, 0.0, 20e9, 2e9, link, link).snr_output)
+        )
 
     return [
         _row("mixed ratio of two inputs of -10 dB", "section 5.3", -20.0, _db(float(mixed_snr(0.1, 0.1, "published"))),
@@ -219,9 +246,15 @@ def _reflector_rows() -> list[Row]:
 
 
 def _repeater_rows() -> list[Row]:
-    def back_db(power_w: float, range_m: float, gain_db: float, hz: float, bandwidth_hz: float) -> float:
+    def back_db(
+        power_w: float, range_m: float, gain_db: float, hz: float, bandwidth_hz: float
+    ) -> float:
         return _db(
-            float(simple_repeater(power_w, range_m, gain_db, hz, 2e9, _link(bandwidth_hz), _link(1.0)).snr_return)
+            float(
+                simple_repeater(
+                    power_w, range_m, gain_db, hz, 2e9, _link(bandwidth_hz), _link(1.0)
+                ).snr_return
+            )
         )
 
     return [
@@ -252,14 +285,18 @@ def settled_error_deg(attitude_error_deg: float) -> tuple[float, float]:
         forward = _nine_range_step(ranges, forward, attitude, arrays)
         reverse = _nine_range_step(ranges.T, reverse, attitude.T, arrays.swapped())
         attitude = attitude_from_directions(forward, reverse, 0.0)
-    return _degrees_off(euler_from_attitude(attitude)[0], 0.0), _degrees_off(forward_angles(forward)[0], truth)
+    return _degrees_off(euler_from_attitude(attitude)[0], 0.0), _degrees_off(
+        forward_angles(forward)[0], truth
+    )
 
 
 def _degrees_off(found_rad: Array, truth_rad: float) -> float:
     return abs(math.degrees(float(found_rad) - truth_rad))
 
 
-def _nine_range_step(ranges: Array, direction: Array, attitude: Array, arrays: ArrayParams) -> Array:
+def _nine_range_step(
+    ranges: Array, direction: Array, attitude: Array, arrays: ArrayParams
+) -> Array:
     predicted = two_way_ranges(_RANGE_M * direction, attitude, arrays)
     gradient = []
     for dither in ((_DITHER_RAD, 0.0), (0.0, _DITHER_RAD)):

@@ -41,7 +41,9 @@ def lane_sigma(cycle_ratio: float, snr: float, step: str = "difference") -> floa
     require_between("snr", snr, 1e-30, None)
     if step == "carrier":
         # The last step compares a difference with a carrier, which has no common carrier to cancel.
-        return math.sqrt((2.0 * cycle_ratio**2 + 2.0 * cycle_ratio + 1.0) / (4.0 * math.pi**2 * snr))
+        return math.sqrt(
+            (2.0 * cycle_ratio**2 + 2.0 * cycle_ratio + 1.0) / (4.0 * math.pi**2 * snr)
+        )
     return math.sqrt((cycle_ratio**2 - cycle_ratio + 1.0) / (2.0 * math.pi**2 * snr))
 
 
@@ -65,10 +67,14 @@ def required_ratio(cycle_ratio: float, probability: float, step: str = "differen
 class Requirements(Params):
     """One-sigma requirements of PI83 section 8 (its Table 1-1 divided by three)."""
 
-    range_sigma_m: float = parameter(0.01 / 3.0, "distance at the shortest range of 1 m", low=1e-9, high=1e3)
+    range_sigma_m: float = parameter(
+        0.01 / 3.0, "distance at the shortest range of 1 m", low=1e-9, high=1e3
+    )
     direction_sigma_rad: float = parameter(0.01 / 3.0, "direction", low=1e-9, high=1.0)
     roll_sigma_rad: float = parameter(0.01, "relative roll", low=1e-9, high=1.0)
-    half_cone_rad: float = parameter(math.radians(45.0), "largest angle off boresight", low=0.0, high=1.5)
+    half_cone_rad: float = parameter(
+        math.radians(45.0), "largest angle off boresight", low=0.0, high=1.5
+    )
     radius_m: float = parameter(1.0, "array radius", low=1e-3, high=100.0)
     roll_variance: float = parameter(2.0, "largest V_psi^2 in the cone", low=0.5, high=100.0)
     error_probability: float = parameter(0.001, "wrong cycle in any step", low=1e-12, high=0.5)
@@ -89,7 +95,9 @@ class SystemDesign:
     phase_bias_rad: float
 
 
-def minimum_difference_hz(range_m: float, ratio: float, speed_of_light_m_s: float = 3.0e8) -> tuple[float, float]:
+def minimum_difference_hz(
+    range_m: float, ratio: float, speed_of_light_m_s: float = 3.0e8
+) -> tuple[float, float]:
     """Return f_min that resolves the two-way length of `range_m`, and f0 with room for noise (eqs.
     8-1, 8-2).
     """
@@ -135,7 +143,9 @@ def roll_requirement_snr(requirements: Requirements) -> float:
 
 def amplitude_ripple_db(requirements: Requirements) -> float:
     """Return the pattern ripple that equals the allowed amplitude noise (PI83 eq. 8-14)."""
-    return 20.0 * math.log10(1.0 + requirements.roll_sigma_rad / math.sqrt(requirements.roll_variance))
+    return 20.0 * math.log10(
+        1.0 + requirements.roll_sigma_rad / math.sqrt(requirements.roll_variance)
+    )
 
 
 def largest_phase_bias_rad(ratio: float) -> float:
@@ -171,11 +181,18 @@ def difference_tracking_design(
     """Return the DFT design: two phases are differenced, so twice the power ratio (PI83 section
     8.2).
     """
-    return _design(requirements, speed_of_light_m_s / largest_difference_hz, 2.0, ratio, steps, variant)
+    return _design(
+        requirements, speed_of_light_m_s / largest_difference_hz, 2.0, ratio, steps, variant
+    )
 
 
 def _design(
-    requirements: Requirements, wavelength_m: float, phases: float, ratio: float, steps: int, variant: str
+    requirements: Requirements,
+    wavelength_m: float,
+    phases: float,
+    ratio: float,
+    steps: int,
+    variant: str,
 ) -> SystemDesign:
     range_sigma = direction_requirement_m(requirements, variant)
     phase_sigma = phase_sigma_rad(range_sigma, wavelength_m)
@@ -221,10 +238,14 @@ def carrier_count_row(
     ratio = frequency_ratio(_HIGHEST_HZ[system], _LOWEST_HZ, steps)
     probability = total_probability / steps
     doubling = 2.0 if system == "DFT" else 1.0
-    snr_db = max(10.0 * math.log10(doubling * required_ratio(ratio, probability)), _FLOOR_DB[system])
+    snr_db = max(
+        10.0 * math.log10(doubling * required_ratio(ratio, probability)), _FLOOR_DB[system]
+    )
     if published:
         snr_db = min(snr_db, SOLVER_LIMIT_DB)
-    return CarrierCountRow(carriers=carriers, step_probability=probability, ratio=ratio, snr_db=snr_db)
+    return CarrierCountRow(
+        carriers=carriers, step_probability=probability, ratio=ratio, snr_db=snr_db
+    )
 
 
 def link_powers_w(
@@ -232,7 +253,9 @@ def link_powers_w(
 ) -> tuple[float, float]:
     """Return the radiated powers of forward and return link (PI83 Tables 8-2, 8-3)."""
     snr = 10.0 ** (0.1 * snr_db)
-    forward, back = (required_power_w(snr, range_m, frequency, link) for frequency in (forward_hz, return_hz))
+    forward, back = (
+        required_power_w(snr, range_m, frequency, link) for frequency in (forward_hz, return_hz)
+    )
     return float(forward), float(back)
 
 

@@ -16,7 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rf_pointing.array_sensors.interferometer.coupling import coupling_amplitudes
-from rf_pointing.array_sensors.interferometer.frames import attitude_from_euler, direction_from_angles
+from rf_pointing.array_sensors.interferometer.frames import (
+    attitude_from_euler,
+    direction_from_angles,
+)
 from rf_pointing.array_sensors.interferometer.initializer import geometry_from_pose
 from rf_pointing.array_sensors.interferometer.measurement import phase_variance
 from rf_pointing.array_sensors.interferometer.radio import (
@@ -30,7 +33,12 @@ from rf_pointing.array_sensors.interferometer.radio import (
 from rf_pointing.array_sensors.interferometer.reading import resolve_ranges
 from rf_pointing.array_sensors.interferometer.relative_pose import RelativePose
 from rf_pointing.array_sensors.interferometer.sequence import SequenceParams, track
-from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan, path_lengths, two_way_ranges
+from rf_pointing.array_sensors.interferometer.system import (
+    ArrayParams,
+    CarrierPlan,
+    path_lengths,
+    two_way_ranges,
+)
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, PUBLISHED
 from rf_pointing.core import random_stream, require_between, wrap_rad
 from rf_pointing.core.types import Array
@@ -91,7 +99,9 @@ def run_trials(
     require_between("trials", trials, 1, None)
     phases = simulate_phases(pose.position_m, pose.attitude, arrays, radio, plan, link, rng, trials)
     sigma = amplitude_sigma(pose.range_m, radio, plan, link, amplitude_noise)
-    amplitudes = simulate_amplitudes(coupling_amplitudes(pose.direction, pose.attitude), float(sigma), rng, trials)
+    amplitudes = simulate_amplitudes(
+        coupling_amplitudes(pose.direction, pose.attitude), float(sigma), rng, trials
+    )
     ranges = resolve_ranges(phases, plan).ranges_m
     ranges = sharpened_ranges(phases, ranges, plan)[0] if sharpen else ranges
     # Against the truth: a simulation may know which lanes are wrong, a receiver may not.
@@ -99,7 +109,9 @@ def run_trials(
     good = np.all(off <= _WRONG_LANE_FRACTION * plan.ambiguities_m[-1], axis=(-2, -1))
     if not np.any(good):
         raise ValueError(f"all {trials} trials resolved a wrong lane, must be fewer")
-    truth = geometry_from_pose(*(np.array([value] * int(np.sum(good))) for value in (pose.position_m, pose.attitude)))
+    truth = geometry_from_pose(
+        *(np.array([value] * int(np.sum(good))) for value in (pose.position_m, pose.attitude))
+    )
     found = track(truth, ranges[good], amplitudes[good], arrays, sequence).geometry
     return TrialErrors(
         range_m=found.range_m - truth.range_m,
@@ -115,7 +127,9 @@ def require_gaussian_regime(snr_forward: ArrayLike, snr_return: ArrayLike) -> No
     for name, snr in (("forward", snr_forward), ("return", snr_return)):
         lowest = float(np.min(snr))
         if lowest < LOWEST_SNR:
-            raise ValueError(f"{name} link snr={lowest:.4g} must be >= {LOWEST_SNR} for Gaussian phase noise")
+            raise ValueError(
+                f"{name} link snr={lowest:.4g} must be >= {LOWEST_SNR} for Gaussian phase noise"
+            )
 
 
 def simulate_phases(
@@ -137,15 +151,21 @@ def simulate_phases(
     # One draw per carrier for the way out: the nine paths share it.
     noise = rng.normal(size=(trials, plan.count, 1, 1)) * forward_sigma[:, None, None]
     noise = noise + rng.normal(size=(trials, plan.count, 3, 3)) * return_sigma
-    return np.mod(carrier_phases(outward + arrays.transponder_delay_m, back, plan) + noise, 2.0 * np.pi)
+    return np.mod(
+        carrier_phases(outward + arrays.transponder_delay_m, back, plan) + noise, 2.0 * np.pi
+    )
 
 
-def simulate_amplitudes(amplitudes: ArrayLike, sigma: float, rng: np.random.Generator, trials: int = 1) -> Array:
+def simulate_amplitudes(
+    amplitudes: ArrayLike, sigma: float, rng: np.random.Generator, trials: int = 1
+) -> Array:
     """Return `trials` noisy sets (trials, 2, 2) of the four couplings."""
     return np.asarray(amplitudes, dtype=np.float64) + rng.normal(size=(trials, 2, 2)) * sigma
 
 
-def sharpened_ranges(phases_rad: ArrayLike, ranges_m: ArrayLike, plan: CarrierPlan) -> tuple[Array, Array]:
+def sharpened_ranges(
+    phases_rad: ArrayLike, ranges_m: ArrayLike, plan: CarrierPlan
+) -> tuple[Array, Array]:
     """Return the ranges (..., n, n) with their mutual differences taken from the return carriers,
     and residuals.
 
@@ -171,7 +191,10 @@ def carrier_phases(outward_m: ArrayLike, back_m: ArrayLike, plan: CarrierPlan) -
     (eq. 7-7).
     """
     forward = plan.forward_wave_rad_m * np.asarray(outward_m, dtype=np.float64)[..., None]
-    back = plan.return_wave_rad_m[:, None, None] * np.asarray(back_m, dtype=np.float64)[..., None, :, :]
+    back = (
+        plan.return_wave_rad_m[:, None, None]
+        * np.asarray(back_m, dtype=np.float64)[..., None, :, :]
+    )
     return forward[..., None, None] + back
 
 
@@ -205,7 +228,12 @@ def _errors(
 
 def simulation_rows(seed: int, executor: Executor | None = None) -> list[Row]:
     """Return the simulation's statements of section 8.3 and what the corrected forms give."""
-    return [*_range_rows(seed, executor), *_roll_rows(seed, executor), *_short_range_rows(seed), *_power_rows(seed)]
+    return [
+        *_range_rows(seed, executor),
+        *_roll_rows(seed, executor),
+        *_short_range_rows(seed),
+        *_power_rows(seed),
+    ]
 
 
 def _row(
@@ -234,12 +262,17 @@ def _range_rows(seed: int, executor: Executor | None) -> list[Row]:
     runs = dict(zip(cases, sweep(partial(_far_and_near, seed), cases, executor), strict=True))
     far = [runs[1e5, a].rms() for a in _DIRECTIONS_DEG]
     steps = [
-        max(runs[near, a].rms()[k] / runs[away, a].rms()[k] for a in _DIRECTIONS_DEG for k in (1, 2, 3))
+        max(
+            runs[near, a].rms()[k] / runs[away, a].rms()[k]
+            for a in _DIRECTIONS_DEG
+            for k in (1, 2, 3)
+        )
         for near, away in ((1e3, 1e4), (1e4, 1e5))
     ]
     corrected = _errors("roll", seed, 1e5, corrected=True, trials=_MANY_TRIALS).rms()[3]
     meant, listed = (
-        float(amplitude_sigma(1e5, RadioParams(), _PLAN, LinkParams(), form)) for form in (CORRECTED, PUBLISHED)
+        float(amplitude_sigma(1e5, RadioParams(), _PLAN, LinkParams(), form))
+        for form in (CORRECTED, PUBLISHED)
     )
     return [
         _row("range rms at 100 km, worst direction", 1e-3, max(e[0] for e in far), "m"),
@@ -265,18 +298,26 @@ def _against_roll(seed: int, case: tuple[float, float]) -> tuple[float, ...]:
 def _roll_rows(seed: int, executor: Executor | None) -> list[Row]:
     found = []
     for azimuth in (0.0, 45.0):
-        errors = sweep(partial(_against_roll, seed), [(azimuth, roll) for roll in _ROLLS_DEG], executor)
+        errors = sweep(
+            partial(_against_roll, seed), [(azimuth, roll) for roll in _ROLLS_DEG], executor
+        )
         # Range and both directions must not depend on roll; roll itself may.
         spread = max(max(e[k] for e in errors) / min(e[k] for e in errors) for k in (0, 1, 2))
         # The extremes of five rms values of 2000 trials each differ by less than a tenth by chance.
-        found.append(_row(f"largest over smallest rms against roll, azimuth {azimuth:g} deg", 1.1, spread, "1"))
+        found.append(
+            _row(
+                f"largest over smallest rms against roll, azimuth {azimuth:g} deg", 1.1, spread, "1"
+            )
+        )
     return found
 
 
 def _short_range_rows(seed: int) -> list[Row]:
     listing = [_errors("short", seed, 10.0, a).rms() for a in _DIRECTIONS_DEG]
     loud = RadioParams(forward_power_w=1e6, return_power_w=1e6)
-    noiseless = [_errors("short", seed, 10.0, a, trials=1, radio=loud).rms() for a in _DIRECTIONS_DEG]
+    noiseless = [
+        _errors("short", seed, 10.0, a, trials=1, radio=loud).rms() for a in _DIRECTIONS_DEG
+    ]
     corrected = [_errors("short", seed, 10.0, a, corrected=True).rms() for a in _DIRECTIONS_DEG]
     return [
         _row("range rms at 10 m over range", 0.01, max(e[0] for e in listing) / 10.0, "1"),
@@ -293,7 +334,9 @@ def _short_range_rows(seed: int) -> list[Row]:
 
 def _power_rows(seed: int) -> list[Row]:
     # The same stream for both estimators: they differ by the method and not by their noise.
-    weak = _errors("weak", seed, 1e5, corrected=True, trials=_MANY_TRIALS, radio=_WEAK, sharpen=True)
+    weak = _errors(
+        "weak", seed, 1e5, corrected=True, trials=_MANY_TRIALS, radio=_WEAK, sharpen=True
+    )
     plain = _errors("weak", seed, 1e5, corrected=True, trials=_MANY_TRIALS, radio=_WEAK)
     needed = float(required_power_w(100.0, 1e5, 3.42e9, LinkParams()))
     return [

@@ -9,7 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.array_sensors.interferometer.radio import LinkParams, noise_power_w, received_power_w
+from rf_pointing.array_sensors.interferometer.radio import (
+    LinkParams,
+    noise_power_w,
+    received_power_w,
+)
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, PUBLISHED, is_published
 from rf_pointing.core.types import Array
 
@@ -55,7 +59,10 @@ def nonlinear_reflector(
     "corrected" counts all signal x noise products (see `mixed_snr`); the report's figures use
     "published".
     """
-    signal, noise = received_power_w(power_w, range_m, outward_hz, forward, loss), noise_power_w(forward)
+    signal, noise = (
+        received_power_w(power_w, range_m, outward_hz, forward, loss),
+        noise_power_w(forward),
+    )
     gain = 10.0 ** (0.1 * gain_db)
     output = mixed_snr(signal / noise, signal / noise, mixing)
     # Gain in the report's sense: output power over the square of the input power in watts.

@@ -16,7 +16,11 @@ from rf_pointing.servo import dss13_plant
 from rf_pointing.simulation.closed_loop import TARGET_LEAD_S, PointedAntenna, ticks
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.safety import SafetyParams
-from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulationParams
+from rf_pointing.station.antenna.simulated_antenna import (
+    AntennaParams,
+    SimulatedAntenna,
+    SimulationParams,
+)
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams, PointingParams
@@ -92,15 +96,22 @@ def fly(case: KeyholeCase) -> KeyholeRun | None:
         beamwidth_rad=case.beamwidth_rad,
         keyhole_s=branch.keyhole_s,
         over=branch.over,
-        predicted=Loss.of(crossing.error_rad, float(crossing.t_s[1] - crossing.t_s[0]), case.beamwidth_rad),
+        predicted=Loss.of(
+            crossing.error_rad, float(crossing.t_s[1] - crossing.t_s[0]), case.beamwidth_rad
+        ),
         simulated=Loss.of(angles[inside], antenna.params.tick_s, case.beamwidth_rad),
     )
 
 
 def _controller(case: KeyholeCase) -> PointingController:
-    machine = MachineParams(half_power_beamwidth_rad=case.beamwidth_rad, least_share=0.0, sun_radius_rad=0.0)
+    machine = MachineParams(
+        half_power_beamwidth_rad=case.beamwidth_rad, least_share=0.0, sun_radius_rad=0.0
+    )
     params = ControllerParams(
-        pointing=PointingParams(lag_averaging_s=AVERAGING_S), limits=case.limits, machine=machine, gate=NO_SUN
+        pointing=PointingParams(lag_averaging_s=AVERAGING_S),
+        limits=case.limits,
+        machine=machine,
+        gate=NO_SUN,
     )
     controller = PointingController(params)
     controller.take_model(case.calibrated)
@@ -111,7 +122,9 @@ def _begin(case: KeyholeCase, controller: PointingController) -> float | None:
     """Certify the pass, and return when to begin to fly it: on the target, before the crossing if
     there is one.
     """
-    early = JointReading(t_s=case.window.aos_t_s, position_rad=np.array([3.0, 0.5]), velocity_rad_s=np.zeros(2))
+    early = JointReading(
+        t_s=case.window.aos_t_s, position_rad=np.array([3.0, 0.5]), velocity_rad_s=np.zeros(2)
+    )
     controller.take_joints(early)
     controller.start(case.window.aos_t_s, case.window, "program")
     certificate = controller.plan.certificate
@@ -132,7 +145,9 @@ def _antenna(controller: PointingController, case: KeyholeCase, start_s: float) 
     over = controller.plan.course.plunge_at(start_s)
     azimuth, elevation = (plunged(here, 0.0 * here, 0.0 * here)[0] if over else here).tolist()
     loops = LoopParams()
-    preprocessor = loops.preprocessor.replace(travel_min_rad=(-7.0, -0.1), travel_max_rad=(13.0, 3.2))
+    preprocessor = loops.preprocessor.replace(
+        travel_min_rad=(-7.0, -0.1), travel_max_rad=(13.0, 3.2)
+    )
     # A crossing over the top, or a turn the long way round, must not end at a stop: the loss is
     # that of the path alone.
     plant = dss13_plant()
@@ -143,7 +158,9 @@ def _antenna(controller: PointingController, case: KeyholeCase, start_s: float) 
     return SimulatedAntenna(
         AntennaParams(
             antenna=SimulationParams(
-                start_azimuth_rad=azimuth, start_elevation_rad=elevation, lag_averaging_s=AVERAGING_S
+                start_azimuth_rad=azimuth,
+                start_elevation_rad=elevation,
+                lag_averaging_s=AVERAGING_S,
             ),
             plant=plant,
             loops=loops.replace(preprocessor=preprocessor),
@@ -154,11 +171,18 @@ def _antenna(controller: PointingController, case: KeyholeCase, start_s: float) 
 
 
 def _near(controller: PointingController, case: KeyholeCase) -> float:
-    return 0.5 * (case.window.azimuth_min_rad + case.window.azimuth_max_rad) + controller.plan.course.turns_rad
+    return (
+        0.5 * (case.window.azimuth_min_rad + case.window.azimuth_max_rad)
+        + controller.plan.course.turns_rad
+    )
 
 
 def _flown(
-    case: KeyholeCase, controller: PointingController, antenna: SimulatedAntenna, start_s: float, end_s: float
+    case: KeyholeCase,
+    controller: PointingController,
+    antenna: SimulatedAntenna,
+    start_s: float,
+    end_s: float,
 ) -> tuple[Array, Array]:
     """Return times (n,) and angles (n,) between beam and target."""
     period_s = controller.params.pointing.period_s
@@ -173,5 +197,7 @@ def _flown(
         beam.append((tick.boresight.azimuth_rad, tick.boresight.elevation_rad))
     looks = case.track.sample(np.array(times))
     pointing = np.array(beam)
-    angles = angular_distance_rad(looks.azimuth_rad, looks.elevation_rad, pointing[:, 0], pointing[:, 1])
+    angles = angular_distance_rad(
+        looks.azimuth_rad, looks.elevation_rad, pointing[:, 0], pointing[:, 1]
+    )
     return np.array(times), np.asarray(angles)

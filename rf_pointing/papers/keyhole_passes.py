@@ -11,7 +11,15 @@ import numpy as np
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import random_stream
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
-from rf_pointing.ephemeris import SITES, Elements, Pass, TopocentricTrack, find_passes, site, verification_elements
+from rf_pointing.ephemeris import (
+    SITES,
+    Elements,
+    Pass,
+    TopocentricTrack,
+    find_passes,
+    site,
+    verification_elements,
+)
 from rf_pointing.planning import AxisLimits
 from rf_pointing.station.antenna.mount import MountParams
 
@@ -92,7 +100,9 @@ def high_passes(count: int, seed: int) -> Iterator[KeyholeCase]:
     Orbits are the lasting low ones of the verification set and generated circular ones.
     """
     random = random_stream(seed, "keyhole")
-    real = [e for e in verification_elements() if LEAST_PERIGEE_M < _perigee_m(e) < LARGEST_PERIGEE_M]
+    real = [
+        e for e in verification_elements() if LEAST_PERIGEE_M < _perigee_m(e) < LARGEST_PERIGEE_M
+    ]
     seen: set[tuple[str, str, int]] = set()
     for number in range(MOST_TRIES):
         generated = random.random() < GENERATED_SHARE
@@ -107,7 +117,9 @@ def high_passes(count: int, seed: int) -> Iterator[KeyholeCase]:
         for window in passes:
             if window.peak_elevation_rad >= LEAST_PEAK_RAD and count > 0:
                 count -= 1
-                yield KeyholeCase(track=track, window=window, beamwidth_rad=beamwidth_rad, station=station)
+                yield KeyholeCase(
+                    track=track, window=window, beamwidth_rad=beamwidth_rad, station=station
+                )
         if count == 0:
             return
 

@@ -10,7 +10,11 @@ import numpy as np
 from rf_pointing.controllers import CommandPreprocessorParams, PositionLoopParams
 from rf_pointing.core import MDEG, MonopulseCluster, random_stream
 from rf_pointing.core.types import Array
-from rf_pointing.papers.monopulse_dropouts import AutotrackRadio, draw_dropouts, reacquisition_times_s
+from rf_pointing.papers.monopulse_dropouts import (
+    AutotrackRadio,
+    draw_dropouts,
+    reacquisition_times_s,
+)
 from rf_pointing.papers.monopulse_loop import TICK_S, MonopulsePass, PlainRadio, fly
 from rf_pointing.papers.row import Row
 from rf_pointing.rf import (
@@ -50,7 +54,10 @@ def averaging_gain_db(cutoff_hz: float, clusters: int, rng: np.random.Generator)
     noise = np.fft.irfft(spectrum, count)
     noise *= 0.1 / np.std(noise)
     tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=BEAM_RAD))
-    errors = [tracker.measure(_clean_cluster(part)).cross_elevation_rad for part in noise.reshape(clusters, CLUSTER)]
+    errors = [
+        tracker.measure(_clean_cluster(part)).cross_elevation_rad
+        for part in noise.reshape(clusters, CLUSTER)
+    ]
     # One sample of each cluster: what a tracker without averaging would have used.
     last = noise[CLUSTER - 1 :: CLUSTER] * BEAM_RAD / tracker.params.slope
     return 10.0 * math.log10(float(np.var(last) / np.var(errors)))
@@ -76,12 +83,16 @@ def _clean_cluster(difference: Array) -> MonopulseCluster:
     )
 
 
-def monopulse_normalised_errors(level_db_hz: float, error_rad: Array, runs: int, rng: np.random.Generator) -> Array:
+def monopulse_normalised_errors(
+    level_db_hz: float, error_rad: Array, runs: int, rng: np.random.Generator
+) -> Array:
     """Return e^T C^-1 e / 2 of `runs` clusters of the live receiver and tracker, after 20 s for its
     noise estimate.
     """
     beam = BeamParams.for_band("Ka")
-    receiver = Receiver(ReceiverParams(), Beam(beam), MonopulseFeed(MonopulseFeedParams(), beam), rng)
+    receiver = Receiver(
+        ReceiverParams(), Beam(beam), MonopulseFeed(MonopulseFeedParams(), beam), rng
+    )
     tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=BEAM_RAD))
     # The tracker needs 20 s to learn its noise; before, the covariance is its prior.
     settling, values = 200, []
@@ -118,7 +129,9 @@ def sidelobe_lock_s(rng: np.random.Generator) -> tuple[str, float]:
     steep that the beam hardly moves.
     """
     beam = BeamParams.for_band("Ka", "uniform")
-    receiver = Receiver(ReceiverParams(), Beam(beam), MonopulseFeed(MonopulseFeedParams(), beam), rng)
+    receiver = Receiver(
+        ReceiverParams(), Beam(beam), MonopulseFeed(MonopulseFeedParams(), beam), rng
+    )
     tracker = MonopulseTracker(MonopulseParams(half_power_beamwidth_rad=BEAM_RAD))
     watch = LockWatch(LockWatchParams(half_power_beamwidth_rad=BEAM_RAD))
     target, beam_at = np.array([false_lock_rad() + 0.5 * MDEG, false_lock_rad()]), np.zeros(2)
@@ -149,7 +162,9 @@ def rows(seed: int = 1) -> list[Row]:
 
 def _averaging_rows(seed: int) -> list[Row]:
     # Streams of their own: the white row does not change when the coloured one does.
-    white, coloured = (averaging_gain_db(f, 4000, random_stream(seed, f"averaging {f}")) for f in (0.0, 8.0))
+    white, coloured = (
+        averaging_gain_db(f, 4000, random_stream(seed, f"averaging {f}")) for f in (0.0, 8.0)
+    )
     # The printed 17 dB is beyond every cutoff: the maximum shows that no choice of band explains
     # it.
     best = max(averaging_limit_db(f) for f in np.arange(5.0, 15.0, 0.1))
@@ -169,7 +184,9 @@ def _averaging_rows(seed: int) -> list[Row]:
 
 def _honesty_row(seed: int) -> Row:
     rng = random_stream(seed, "monopulse honesty")
-    values = monopulse_normalised_errors(LEVEL_DB_HZ, np.array([2.0, -1.0]) * MDEG, HONESTY_RUNS, rng)
+    values = monopulse_normalised_errors(
+        LEVEL_DB_HZ, np.array([2.0, -1.0]) * MDEG, HONESTY_RUNS, rng
+    )
     return Row(
         "monopulse: mean normalised squared error, 1000 runs, 45 dB-Hz", "required", 1.0, float(np.mean(values)), "1",
         1.96 / math.sqrt(HONESTY_RUNS),

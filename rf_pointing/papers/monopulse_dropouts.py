@@ -41,7 +41,9 @@ class AutotrackRadio:
 
     stop = False
 
-    def __init__(self, setup: MonopulsePass, bandwidth_hz: float, level_db_hz: float, dropouts: Dropouts) -> None:
+    def __init__(
+        self, setup: MonopulsePass, bandwidth_hz: float, level_db_hz: float, dropouts: Dropouts
+    ) -> None:
         self._ephemeris, self._height_m = setup.ephemeris(), setup.orbit.altitude_m
         self._level_db_hz, self._dropouts = level_db_hz, dropouts
         self._receiver = ka_receiver(setup.seed)
@@ -126,7 +128,11 @@ class AutotrackRadio:
     def _free(self, k: int) -> Array:
         t_s = k * TICK_S
         fading = self._held * math.exp(-max(t_s - self._held_s, 0.0) / FORGET_S)
-        spiral = np.zeros(2) if self._spiral is None else np.array(self._spiral.offset(t_s - self._spiral_s)[:2])
+        spiral = (
+            np.zeros(2)
+            if self._spiral is None
+            else np.array(self._spiral.offset(t_s - self._spiral_s)[:2])
+        )
         return np.asarray(self._trim(k).offset_rad + fading + spiral)
 
     def _trim(self, k: int) -> Trim:
@@ -145,7 +151,10 @@ class AutotrackRadio:
 def draw_dropouts(setup: MonopulsePass, count: int) -> Dropouts:
     """Return random dropouts of 0.5 to 20 s over the pass, the first 40 s left free."""
     return Dropouts(
-        DropoutParams(count=count, gap_s=8.0), setup.start_s + 40.0, setup.end_s, random_stream(setup.seed, "dropouts")
+        DropoutParams(count=count, gap_s=8.0),
+        setup.start_s + 40.0,
+        setup.end_s,
+        random_stream(setup.seed, "dropouts"),
     )
 
 

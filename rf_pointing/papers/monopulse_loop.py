@@ -24,7 +24,14 @@ from rf_pointing.core import AXES, random_stream
 from rf_pointing.core.types import Array
 from rf_pointing.papers.bare_antenna import BareAntenna, LawsOnCommand
 from rf_pointing.papers.servo_trajectory import LowOrbitPass, MotionTable
-from rf_pointing.rf import Beam, BeamParams, MonopulseFeed, MonopulseFeedParams, Receiver, ReceiverParams
+from rf_pointing.rf import (
+    Beam,
+    BeamParams,
+    MonopulseFeed,
+    MonopulseFeedParams,
+    Receiver,
+    ReceiverParams,
+)
 from rf_pointing.servo import AntennaPlant, PlantParams, Wind, WindParams, dss13_plant
 from rf_pointing.simulation.closed_loop import ticks
 from rf_pointing.tracking import LockWatch, LockWatchParams, MonopulseParams, MonopulseTracker
@@ -103,7 +110,11 @@ class PlainRadio:
     """
 
     def __init__(
-        self, setup: MonopulsePass, bandwidth_hz: float, level_db_hz: float = 45.0, flip_s: float = math.inf
+        self,
+        setup: MonopulsePass,
+        bandwidth_hz: float,
+        level_db_hz: float = 45.0,
+        flip_s: float = math.inf,
     ) -> None:
         h = KA.half_power_beamwidth_rad
         self._receiver = ka_receiver(setup.seed)
@@ -131,10 +142,14 @@ class PlainRadio:
         self._samples.clear()
         if k * TICK_S >= self._flip_s:
             self._receiver.feed = self._flipped
-        error = self._tracker.measure(self._receiver.cluster(times, x, y, self._level_db_hz, TICK_S))
+        error = self._tracker.measure(
+            self._receiver.cluster(times, x, y, self._level_db_hz, TICK_S)
+        )
         if self._pending is not None:
             self._integrator.update(k * TICK_S, self._pending)
-        self._pending = np.array([error.cross_elevation_rad, error.elevation_rad]) if error.valid else None
+        self._pending = (
+            np.array([error.cross_elevation_rad, error.elevation_rad]) if error.valid else None
+        )
         self.fault = self._watch.add(error, float(u.mean()), float(v.mean()))
         if self.fault:
             self.fault_s, self.stop = k * TICK_S, True
@@ -144,7 +159,9 @@ def fly(setup: MonopulsePass, radio: Radio) -> PassLog:
     """Run one pass to its end, or until the radio stops it."""
     ephemeris, truth = setup.ephemeris(), setup.orbit.at(setup.ephemeris().t_s - setup.late_s)
     count = len(ephemeris.t_s) - 1
-    plant = AntennaPlant(setup.plant, random_stream(setup.seed, "encoder"), ephemeris.position_rad[0])
+    plant = AntennaPlant(
+        setup.plant, random_stream(setup.seed, "encoder"), ephemeris.position_rad[0]
+    )
     wind = Wind(WindParams(mean_speed_m_s=setup.wind_m_s), random_stream(setup.seed, "wind"))
     preprocessor = CommandPreprocessor(CommandPreprocessorParams())
 
@@ -155,18 +172,31 @@ def fly(setup: MonopulsePass, radio: Radio) -> PassLog:
     laws = LawsOnCommand([PositionLoop(setup.loop, TICK_S) for _ in AXES], TICK_S, command)
     preprocessor.reset(ephemeris.position_rad[0], ephemeris.velocity_rad_s[0])
     laws.settle(plant, ephemeris.position_rad[0], ephemeris.velocity_rad_s[0])
-    errors, velocities, transparent = np.empty((count, 2)), np.empty((count, 2)), np.empty(count, dtype=bool)
-    for k, _ in ticks(BareAntenna(plant, wind, TICK_S, laws, lambda k: ephemeris.position_rad[k]), count):
-        velocities[k], transparent[k] = preprocessor.state.velocity_rad_s, all(preprocessor.state.transparent)
+    errors, velocities, transparent = (
+        np.empty((count, 2)),
+        np.empty((count, 2)),
+        np.empty(count, dtype=bool),
+    )
+    for k, _ in ticks(
+        BareAntenna(plant, wind, TICK_S, laws, lambda k: ephemeris.position_rad[k]), count
+    ):
+        velocities[k], transparent[k] = (
+            preprocessor.state.velocity_rad_s,
+            all(preprocessor.state.transparent),
+        )
         sky = np.array([math.cos(truth.position_rad[k + 1, 1]), 1.0])
         errors[k] = (truth.position_rad[k + 1] - plant.beam_rad) * sky
         radio.sample(k + 1, errors[k], (plant.encoder_rad - ephemeris.position_rad[k + 1]) * sky)
         if radio.stop:
-            return PassLog(ephemeris.t_s[1 : k + 2], errors[: k + 1], velocities[: k + 1], transparent[: k + 1])
+            return PassLog(
+                ephemeris.t_s[1 : k + 2], errors[: k + 1], velocities[: k + 1], transparent[: k + 1]
+            )
     return PassLog(ephemeris.t_s[1:], errors, velocities, transparent)
 
 
-def _command(ephemeris: MotionTable, k: int, offset: Array, rate: Array) -> tuple[Array, Array, Array]:
+def _command(
+    ephemeris: MotionTable, k: int, offset: Array, rate: Array
+) -> tuple[Array, Array, Array]:
     """Ephemeris plus sky offset at tick `k`, in axis angles."""
     position, velocity = ephemeris.position_rad[k], ephemeris.velocity_rad_s[k]
     cosine = math.cos(position[1])

@@ -39,14 +39,31 @@ PAPERS = (
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing reproduce`."""
-    parser = argparse.ArgumentParser(prog="reproduce", description="Print a paper's published numbers and ours.")
+    parser = argparse.ArgumentParser(
+        prog="reproduce", description="Print a paper's published numbers and ours."
+    )
     parser.add_argument("paper", choices=PAPERS, help="which paper's tables")
     parser.add_argument("--json", action="store_true", help="print the rows as JSON")
-    parser.add_argument("--seed", type=seed, default=1, help="seed of every random number (default: 1)")
-    parser.add_argument("--workers", type=int, metavar="N", help="processes for the paper's sweeps (default: none)")
-    parser.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster for the sweeps (extra `sweep`)")
-    parser.add_argument("--trials", type=int, metavar="N", help="doa: trials of every row (the paper's: 200)")
-    parser.add_argument("--music-inside", action="store_true", default=None, help="doa: MUSIC at every step and trial")
+    parser.add_argument(
+        "--seed", type=seed, default=1, help="seed of every random number (default: 1)"
+    )
+    parser.add_argument(
+        "--workers", type=int, metavar="N", help="processes for the paper's sweeps (default: none)"
+    )
+    parser.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="scheduler of a Dask cluster for the sweeps (extra `sweep`)",
+    )
+    parser.add_argument(
+        "--trials", type=int, metavar="N", help="doa: trials of every row (the paper's: 200)"
+    )
+    parser.add_argument(
+        "--music-inside",
+        action="store_true",
+        default=None,
+        help="doa: MUSIC at every step and trial",
+    )
     options = parser.parse_args(argv)
     rows = _rows(parser, options)
     if options.json:
@@ -60,7 +77,9 @@ def main(argv: list[str] | None = None) -> None:
 def _rows(parser: argparse.ArgumentParser, options: argparse.Namespace) -> list[Row]:
     """Return the paper's rows, computed as the options say."""
     # Imported by name: a paper with heavy libraries costs nothing until it is requested.
-    function: Callable[..., list[Row]] = importlib.import_module(f"rf_pointing.papers.{options.paper}").rows
+    function: Callable[..., list[Row]] = importlib.import_module(
+        f"rf_pointing.papers.{options.paper}"
+    ).rows
     _refuse_misuse(parser, options, set(inspect.signature(function).parameters))
     wanted: dict[str, Any] = {name: getattr(options, name) for name in ("trials", "music_inside")}
     chosen = {name: value for name, value in wanted.items() if value is not None}
@@ -68,11 +87,15 @@ def _rows(parser: argparse.ArgumentParser, options: argparse.Namespace) -> list[
         if options.workers is not None:
             chosen["executor"] = stack.enter_context(processes(options.workers))
         elif options.dask is not None:
-            chosen["executor"] = stack.enter_context(_dask_client(parser, options.dask)).get_executor()
+            chosen["executor"] = stack.enter_context(
+                _dask_client(parser, options.dask)
+            ).get_executor()
         return function(options.seed, **chosen)
 
 
-def _refuse_misuse(parser: argparse.ArgumentParser, options: argparse.Namespace, understood: set[str]) -> None:
+def _refuse_misuse(
+    parser: argparse.ArgumentParser, options: argparse.Namespace, understood: set[str]
+) -> None:
     """End with exit code 2 on numbers below one, two places for the sweeps, or options the paper
     has no use for.
     """
@@ -82,7 +105,12 @@ def _refuse_misuse(parser: argparse.ArgumentParser, options: argparse.Namespace,
             parser.error(f"--{name}={value} must be >= 1")
     if options.workers is not None and options.dask is not None:
         parser.error("--workers and --dask are two places for the same sweeps: choose one")
-    parameters = {"workers": "executor", "dask": "executor", "trials": "trials", "music_inside": "music_inside"}
+    parameters = {
+        "workers": "executor",
+        "dask": "executor",
+        "trials": "trials",
+        "music_inside": "music_inside",
+    }
     given = [name for name in parameters if getattr(options, name) is not None]
     # An option that the paper ignores would make its numbers look like those requested.
     unused = [f"--{name.replace('_', '-')}" for name in given if parameters[name] not in understood]

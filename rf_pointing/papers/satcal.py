@@ -33,7 +33,12 @@ from rf_pointing.papers.satcal_campaign import (
     points_of,
     sky_filling_points,
 )
-from rf_pointing.papers.satcal_orbit import BatchCheck, PreliminaryCheck, batch_check, preliminary_check
+from rf_pointing.papers.satcal_orbit import (
+    BatchCheck,
+    PreliminaryCheck,
+    batch_check,
+    preliminary_check,
+)
 
 RADAR_SIGMA_DEG = 0.0057
 """Angular accuracy of the PCMC radars (SATCAL 4.2), taken as the noise of a point."""
@@ -68,7 +73,10 @@ def honesty_rows(source: str, runs: Runs, white: Runs | None) -> list[Row]:
     angles = np.array([term.unit == "rad" for term in terms_by_name(runs.names)])
     sigma = np.sqrt(np.mean(runs.sigma**2, axis=0))
     spread = runs.spread_over_sigma()
-    pairs = ", ".join(f"{_short(a)}-{_short(b)} {c:+.2f}" for a, b, c in runs.first.inseparable(0.9)) or "none"
+    pairs = (
+        ", ".join(f"{_short(a)}-{_short(b)} {c:+.2f}" for a, b, c in runs.first.inseparable(0.9))
+        or "none"
+    )
     remark = ""
     if white is not None:
         ratio = white.spread_over_sigma()
@@ -168,23 +176,47 @@ def rows(seed: int = 1, effort: Effort | None = None) -> list[Row]:
     runs = effort or Effort()
     campaign, names = _mauritius_points(), tuple(MAURITIUS_DEG)
     mauritius = many_runs(
-        campaign, MAURITIUS, names, runs.campaigns, random_stream(seed, "satcal mauritius"), ORBIT_PRIORS
+        campaign,
+        MAURITIUS,
+        names,
+        runs.campaigns,
+        random_stream(seed, "satcal mauritius"),
+        ORBIT_PRIORS,
     )
-    white = many_runs(campaign, MAURITIUS, names, runs.white, random_stream(seed, "satcal white"), None)
+    white = many_runs(
+        campaign, MAURITIUS, names, runs.white, random_stream(seed, "satcal white"), None
+    )
     passes = _radar_passes()
     points = points_of(passes, math.radians(RADAR_SIGMA_DEG))
     radars = {
         name: many_runs(
-            points, model_of(table), tuple(table), runs.radars, random_stream(seed, f"satcal {name}"), ORBIT_PRIORS
+            points,
+            model_of(table),
+            tuple(table),
+            runs.radars,
+            random_stream(seed, f"satcal {name}"),
+            ORBIT_PRIORS,
         )
         for name, table in PCMC_DEG.items()
     }
     return [
         _closure(seed),
-        *coefficient_rows("Table 1", mauritius, f"one campaign, {len(campaign)} points, {len(campaign.passes)} passes"),
+        *coefficient_rows(
+            "Table 1",
+            mauritius,
+            f"one campaign, {len(campaign)} points, {len(campaign.passes)} passes",
+        ),
         *honesty_rows("Table 1", mauritius, white),
-        *(row for name, fits in radars.items() for row in coefficient_rows(f"Table 3, {name}", fits, "four passes")),
-        *(row for name, fits in radars.items() for row in honesty_rows(f"Table 3, {name}", fits, None)),
+        *(
+            row
+            for name, fits in radars.items()
+            for row in coefficient_rows(f"Table 3, {name}", fits, "four passes")
+        ),
+        *(
+            row
+            for name, fits in radars.items()
+            for row in honesty_rows(f"Table 3, {name}", fits, None)
+        ),
         *(row for name, fits in radars.items() for row in residual_rows(name, points, fits)),
         *_preliminary_rows(seed, mauritius, runs.orbits),
         *_batch_rows(seed, radars, passes),
@@ -201,7 +233,9 @@ def _mauritius_points() -> Observations:
         for node, anomaly in ((156.6, 325.5), (200.0, 100.0), (156.6, 200.0))
     ]
     sigma_rad = math.radians(_CAMPAIGN_SIGMA_DEG)
-    return sky_filling_points(SITES["Mauritius"], satellites, INJECTION_T_S, _CAMPAIGN_DAYS, sigma_rad)
+    return sky_filling_points(
+        SITES["Mauritius"], satellites, INJECTION_T_S, _CAMPAIGN_DAYS, sigma_rad
+    )
 
 
 def _radar_passes() -> list[Look]:
@@ -217,11 +251,16 @@ def _radar_passes() -> list[Look]:
 
 def _closure(seed: int) -> Row:
     # More than one turn: the encoder terms must not fold the azimuth.
-    azimuth, elevation = np.radians(np.meshgrid(np.linspace(-270.0, 270.0, 109), np.linspace(5.0, 89.0, 85)))
+    azimuth, elevation = np.radians(
+        np.meshgrid(np.linspace(-270.0, 270.0, 109), np.linspace(5.0, 89.0, 85))
+    )
     random = random_stream(seed, "satcal closure")
     rates = [random.uniform(-size, size, azimuth.shape) for size in (5e-3, 5e-3, 1e-4, 1e-4)]
     back = MAURITIUS.remove(*MAURITIUS.apply(azimuth, elevation, *rates), *rates)
-    worst = max(float(np.max(np.abs(found - true))) for found, true in zip(back, (azimuth, elevation), strict=True))
+    worst = max(
+        float(np.max(np.abs(found - true)))
+        for found, true in zip(back, (azimuth, elevation), strict=True)
+    )
     return Row(
         "correction removed after it was applied, az -270..270, el 5..89", "eqs. (1)-(2), Table 1", 0.0,
         math.degrees(worst), "deg", 1e-9,
@@ -231,7 +270,9 @@ def _closure(seed: int) -> Row:
 def _preliminary_rows(seed: int, mauritius: Runs, runs: int) -> list[Row]:
     # Every run is corrected with the fit of another campaign: the spread contains the calibration's
     # own error.
-    models = [MAURITIUS.replace(**_named(mauritius.names, values)) for values in mauritius.values[:runs]]
+    models = [
+        MAURITIUS.replace(**_named(mauritius.names, values)) for values in mauritius.values[:runs]
+    ]
     check = preliminary_check(MAURITIUS, models, random_stream(seed, "satcal preliminary orbit"))
     raw, better = PreliminaryCheck.rms(check.uncorrected), PreliminaryCheck.rms(check.corrected)
     low, high = check.elevation_deg
@@ -275,7 +316,10 @@ def _batch_rows(seed: int, radars: dict[str, Runs], passes: Sequence[Look]) -> l
 
 
 def _velocity_rows(check: BatchCheck, raw_m: float) -> list[Row]:
-    raw, better = (100.0 * float(np.linalg.norm(shift[3:])) for shift in (check.raw_shift, check.corrected_shift))
+    raw, better = (
+        100.0 * float(np.linalg.norm(shift[3:]))
+        for shift in (check.raw_shift, check.corrected_shift)
+    )
     turned = raw_m * 100.0 * 2.0 * math.pi / 6080.0
     return [
         Row(

@@ -36,7 +36,9 @@ class PreliminaryCheck:
         return np.asarray(np.sqrt(np.mean(errors**2, axis=0)))
 
 
-def preliminary_check(planted: BiasModel, fitted: Sequence[BiasModel], random: np.random.Generator) -> PreliminaryCheck:
+def preliminary_check(
+    planted: BiasModel, fitted: Sequence[BiasModel], random: np.random.Generator
+) -> PreliminaryCheck:
     """Determine the orbit of Table 2 from 160 s over Mauritius, with raw angles and with each
     fitted correction.
     """
@@ -56,10 +58,14 @@ def preliminary_check(planted: BiasModel, fitted: Sequence[BiasModel], random: n
         known = np.stack(model.offset_rad(*_motion(seen)))
         better.append(_element_error(site, times, distance, angles - known, middle))
     degrees = np.degrees(seen.elevation_rad)
-    return PreliminaryCheck(np.array(raw), np.array(better), (float(np.min(degrees)), float(np.max(degrees))))
+    return PreliminaryCheck(
+        np.array(raw), np.array(better), (float(np.min(degrees)), float(np.max(degrees)))
+    )
 
 
-def _element_error(site: Site, times: Array, distance: Array, angles: Array, truth: Elements) -> tuple[float, float]:
+def _element_error(
+    site: Site, times: Array, distance: Array, angles: Array, truth: Elements
+) -> tuple[float, float]:
     orbit = preliminary_orbit(
         site,
         times,
@@ -141,7 +147,10 @@ def _network_arcs(random: np.random.Generator) -> list[Arc]:
     for name in ("Mauritius", "Bangalore", "Lucknow"):
         seen = measured(times, states, SITES[name])
         up = seen[:, 1] > _LOWEST_RAD
-        for column, kind, sigma in ((2, "range_m", _RANGE_M), (3, "range_rate_m_s", _RANGE_RATE_M_S)):
+        for column, kind, sigma in (
+            (2, "range_m", _RANGE_M),
+            (3, "range_rate_m_s", _RANGE_RATE_M_S),
+        ):
             values = seen[up, column] + sigma * random.standard_normal(int(np.sum(up)))
             arcs.append(Arc(SITES[name], kind, times[up], values, np.full(len(values), sigma)))
     return arcs
@@ -152,18 +161,27 @@ def _offsets(passes: Sequence[Look], model: BiasModel) -> Array:
     return np.concatenate([np.stack(model.offset_rad(*_motion(seen))) for seen in passes], axis=1)
 
 
-def _radar_arcs(passes: Sequence[Look], left_over: dict[str, Array], noise: Array, sigma_rad: float) -> list[Arc]:
+def _radar_arcs(
+    passes: Sequence[Look], left_over: dict[str, Array], noise: Array, sigma_rad: float
+) -> list[Arc]:
     times = np.concatenate([seen.t_s for seen in passes])
-    true = [np.concatenate([getattr(seen, kind) for seen in passes]) for kind in ("azimuth_rad", "elevation_rad")]
+    true = [
+        np.concatenate([getattr(seen, kind) for seen in passes])
+        for kind in ("azimuth_rad", "elevation_rad")
+    ]
     arcs = []
     for radar, bias in enumerate(left_over.values()):
         for axis, kind in enumerate(("azimuth_rad", "elevation_rad")):
             values = true[axis] + bias[axis] + _ANGLE_RAD * noise[radar, axis]
-            arcs.append(Arc(SITES["Sriharikota"], kind, times, values, np.full(len(times), sigma_rad)))
+            arcs.append(
+                Arc(SITES["Sriharikota"], kind, times, values, np.full(len(times), sigma_rad))
+            )
     return arcs
 
 
-def _weight_for(target_m: float, ranges_only: OrbitResult, with_angles: OrbitResult, shift: Array) -> float:
+def _weight_for(
+    target_m: float, ranges_only: OrbitResult, with_angles: OrbitResult, shift: Array
+) -> float:
     """Return the angle sigma at which linear theory gives a position shift of `target_m`.
 
     The information of the angles is the difference of the two fits; it scales with 1 / sigma^2.

@@ -15,7 +15,13 @@ import numpy as np
 
 from rf_pointing.core import MDEG, MU
 from rf_pointing.core.types import Array
-from rf_pointing.papers.autotrack_cases import RADIO_MODES, Case, command_accelerations_rad_s2, fly, low_orbit_pass
+from rf_pointing.papers.autotrack_cases import (
+    RADIO_MODES,
+    Case,
+    command_accelerations_rad_s2,
+    fly,
+    low_orbit_pass,
+)
 from rf_pointing.papers.row import Row
 from rf_pointing.rf import HALF_POWER_BEAMWIDTH_RAD
 from rf_pointing.simulation import PassLog
@@ -74,7 +80,9 @@ def tracked(band: str, sensor: str, seed: int = 1, seconds: float = math.inf) ->
         return Tracked(band, sensor, math.inf, math.nan, math.nan, math.nan, 0.0, (), math.nan)
     # The mean over a whole scan is its centre; the longest scan of the modes in use decides.
     count = round(max(ROUND_S.get(mode, 0.1) for mode in set(modes)) / CLUSTER_S)
-    centre = np.column_stack([np.convolve(axis, np.full(count, 1.0 / count), "valid") for axis in errors.T])
+    centre = np.column_stack(
+        [np.convolve(axis, np.full(count, 1.0 / count), "valid") for axis in errors.T]
+    )
     beamwidth = HALF_POWER_BEAMWIDTH_RAD[band]
     # Power at the true offsets: what the pointing costs the link, scan included.
     received = np.exp(-MU * np.sum(errors**2, axis=1) / beamwidth**2)

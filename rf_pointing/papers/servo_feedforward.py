@@ -21,10 +21,19 @@ START_TOLERANCE_MDEG = {"elevation": 0.4, "cross-elevation": 0.1}
 
 def feedforward_rows() -> list[Row]:
     """Return tracking errors on a pass and properties of the closed-loop gain."""
-    with_it = fly(PassSetup(loops=(PLAIN, PLAIN), start_s=SPAN_S[0], end_s=SPAN_S[1])).after(SPAN_S[0] + SETTLE_S)
-    without = fly(PassSetup(loops=(NO_FEEDFORWARD, NO_FEEDFORWARD), start_s=SPAN_S[0], end_s=SPAN_S[1]))
+    with_it = fly(PassSetup(loops=(PLAIN, PLAIN), start_s=SPAN_S[0], end_s=SPAN_S[1])).after(
+        SPAN_S[0] + SETTLE_S
+    )
+    without = fly(
+        PassSetup(loops=(NO_FEEDFORWARD, NO_FEEDFORWARD), start_s=SPAN_S[0], end_s=SPAN_S[1])
+    )
     without = without.after(SPAN_S[0] + SETTLE_S)
-    return [*_settled(with_it.beam_rad), *_start(), *_without(without.beam_rad, with_it.beam_rad), *_gain()]
+    return [
+        *_settled(with_it.beam_rad),
+        *_start(),
+        *_without(without.beam_rad, with_it.beam_rad),
+        *_gain(),
+    ]
 
 
 def _settled(error: Array) -> list[Row]:
@@ -43,7 +52,9 @@ def _start() -> list[Row]:
     """Start at rest on the first point of the pass, 400 s before culmination; rms over the first 30
     s.
     """
-    setup = PassSetup(loops=(PLAIN, PLAIN), start_s=START_S, end_s=START_S + WINDOW_S, settled=False)
+    setup = PassSetup(
+        loops=(PLAIN, PLAIN), start_s=START_S, end_s=START_S + WINDOW_S, settled=False
+    )
     rms = np.sqrt(np.mean(fly(setup).beam_rad ** 2, axis=0)) / MDEG
     return [
         Row(
@@ -59,7 +70,9 @@ def _without(error: Array, with_it: Array) -> list[Row]:
     """Without feedforward the error is r'' / k_i; the pass is slow enough for its steady form."""
     motion = PassSetup().orbit.at(np.arange(SPAN_S[0] + SETTLE_S, SPAN_S[1], 0.02))
     scale = np.column_stack([np.cos(motion.position_rad[:, 1]), np.ones(len(motion.t_s))])
-    steady = np.max(np.abs(motion.acceleration_rad_s2 * scale), axis=0) / NO_FEEDFORWARD.integral_gain
+    steady = (
+        np.max(np.abs(motion.acceleration_rad_s2 * scale), axis=0) / NO_FEEDFORWARD.integral_gain
+    )
     peak, peak_with = np.max(np.abs(error), axis=0), np.max(np.abs(with_it), axis=0)
     rows = [
         Row(
@@ -80,7 +93,9 @@ def _without(error: Array, with_it: Array) -> list[Row]:
 
 def _gain() -> list[Row]:
     """Closed loop from elevation command to elevation encoder (BWG Fig. 2)."""
-    frequency = np.unique(np.concatenate([np.geomspace(1e-3, 15.0, 2000), np.linspace(1.9, 2.4, 1001)]))
+    frequency = np.unique(
+        np.concatenate([np.geomspace(1e-3, 15.0, 2000), np.linspace(1.9, 2.4, 1001)])
+    )
     s = 2j * np.pi * frequency
     gains = []
     for loop in (PLAIN, NO_FEEDFORWARD):
@@ -89,7 +104,9 @@ def _gain() -> list[Row]:
         both = both + s[:, None, None] * system.response(frequency, system.encoder, RATE)
         gains.append(both[:, 1, 1])
     better = np.abs(1.0 - gains[0]) < np.abs(1.0 - gains[1])
-    flat = [float(frequency[np.argmax(np.abs(20.0 * np.log10(np.abs(gain))) > 1.0)]) for gain in gains]
+    flat = [
+        float(frequency[np.argmax(np.abs(20.0 * np.log10(np.abs(gain))) > 1.0)]) for gain in gains
+    ]
     mode = np.abs(frequency - 2.12) < 0.2
     peaks = [float(np.max(np.abs(gain[mode]))) for gain in gains]
     return [

@@ -52,12 +52,19 @@ def identification_rows(seed: int = 1) -> list[Row]:
     return [*_frequencies(studies), *_errors(studies)]
 
 
-def record(axis: str, sequences: int, seed: int, params: ExcitationParams, bending: str = "identified") -> Recording:
+def record(
+    axis: str, sequences: int, seed: int, params: ExcitationParams, bending: str = "identified"
+) -> Recording:
     """Return the recording of one axis' experiment on the simulated antenna with its bending mode
     where `bending` says.
     """
-    plant = AntennaPlant(dss13_plant(bending=bending), random_stream(seed, f"encoder {axis}"), START_RAD)
-    wind = Wind(WindParams(mean_speed_m_s=WIND_M_S, from_azimuth_rad=1.0), random_stream(seed, f"wind {axis}"))
+    plant = AntennaPlant(
+        dss13_plant(bending=bending), random_stream(seed, f"encoder {axis}"), START_RAD
+    )
+    wind = Wind(
+        WindParams(mean_speed_m_s=WIND_M_S, from_azimuth_rad=1.0),
+        random_stream(seed, f"wind {axis}"),
+    )
     limits = plant.params.azimuth if axis == "azimuth" else plant.params.elevation
     run = IdentificationExperiment(
         params,
@@ -68,7 +75,9 @@ def record(axis: str, sequences: int, seed: int, params: ExcitationParams, bendi
         random_stream(seed, f"excitation {axis}"),
     )
     bias = BIAS_V * RATE_PER_VOLT_RAD_S
-    antenna = BareAntenna(plant, wind, params.sample_s, lambda _k, encoder_rad: run.command(encoder_rad) + bias)
+    antenna = BareAntenna(
+        plant, wind, params.sample_s, lambda _k, encoder_rad: run.command(encoder_rad) + bias
+    )
     for _ in ticks(antenna):
         if run.finished:
             break
@@ -94,7 +103,9 @@ def _errors(studies: Studies) -> list[Row]:
     rows = []
     for number, driven in enumerate(AXES):
         other = AXES[1 - number]
-        straight = [check for check in studies[driven, driven].checks if isinstance(check, StraightCheck)]
+        straight = [
+            check for check in studies[driven, driven].checks if isinstance(check, StraightCheck)
+        ]
         cross = [check for check in studies[driven, other].checks if isinstance(check, CrossCheck)]
         band = studies[driven, driven].measured.valid_band_hz()
         biases = ", ".join(f"{check.bias / RATE_PER_VOLT_RAD_S:.4f}" for check in cross)

@@ -47,7 +47,11 @@ def _limit_hz(beta: float = 1.0, pinion_deg: float = 0.0, notch_hz: float = 0.0)
 
 @cache
 def _peak_errors(
-    f_m: float, notch: bool = False, beta: float = 1.0, pinion_deg: float = 0.0, period_s: float = 0.1
+    f_m: float,
+    notch: bool = False,
+    beta: float = 1.0,
+    pinion_deg: float = 0.0,
+    period_s: float = 0.1,
 ) -> tuple[float, float]:
     """Return the peak errors (elevation, cross-elevation) in mdeg on the settled pass."""
     loop = NOTCH if notch else PLAIN
@@ -68,8 +72,20 @@ def _peak_errors(
 def _limits() -> list[Row]:
     cases = [
         ("no notch", _limit_hz(), 0.0635, 0.0085, "paper 0.060 to 0.067"),
-        ("notch 2.12 Hz, delta 0.2", _limit_hz(notch_hz=2.12), 0.5, 0.1, "the stability edge, not an operating point"),
-        ("beta = 0.33", _limit_hz(beta=BETA), 0.45, 0.15, "paper: 'similar to the notch'; beta scales the drive"),
+        (
+            "notch 2.12 Hz, delta 0.2",
+            _limit_hz(notch_hz=2.12),
+            0.5,
+            0.1,
+            "the stability edge, not an operating point",
+        ),
+        (
+            "beta = 0.33",
+            _limit_hz(beta=BETA),
+            0.45,
+            0.15,
+            "paper: 'similar to the notch'; beta scales the drive",
+        ),
     ]
     return [
         Row(
@@ -98,7 +114,13 @@ def _mistuning() -> list[Row]:
     )
     common = {"source": "BWG Sec. IV-B", "unit": "Hz", "bound": ">="}
     return [
-        Row(quantity="stability limit, notch 10 % high", paper=0.4, ours=high, tolerance=0.0, **common),  # type: ignore[arg-type]
+        Row(
+            quantity="stability limit, notch 10 % high",
+            paper=0.4,
+            ours=high,
+            tolerance=0.0,
+            **common,
+        ),  # type: ignore[arg-type]
         Row(
             quantity="stability limit, notch 10 % low",
             paper=0.4,
@@ -119,7 +141,15 @@ def _gains() -> list[Row]:
     base = _peak_errors(OPERATING_HZ)[0]
     plain, notch = (PLAIN, PLAIN), (NOTCH, NOTCH)
     cases = [
-        (f"notch, f_m {NOTCH_HZ} Hz", _peak_errors(NOTCH_HZ, notch=True)[0], _plant(), notch, NOTCH_HZ, 9.0, 3.0),
+        (
+            f"notch, f_m {NOTCH_HZ} Hz",
+            _peak_errors(NOTCH_HZ, notch=True)[0],
+            _plant(),
+            notch,
+            NOTCH_HZ,
+            9.0,
+            3.0,
+        ),
         (
             f"beta = 0.33, f_m {BETA_HZ} Hz",
             _peak_errors(BETA_HZ, beta=BETA)[0],
@@ -151,19 +181,46 @@ def _pinion() -> list[Row]:
             first = ours
         where = f"pinion {angle} deg (f_m {f_m:.3f} Hz)"
         rows += [
-            _pinion_row(f"{where}: elevation error", elevation, ours[0], {0: 0.05, 60: 0.14, 90: 0.11}[angle]),
-            _pinion_row(f"{where}: cross-elevation error", cross, ours[1], {0: 0.02, 60: 0.02, 90: 0.05}[angle]),
-            _pinion_row(f"{where}: total error", total, math.hypot(*ours), {0: 0.05, 60: 0.14, 90: 0.11}[angle]),
+            _pinion_row(
+                f"{where}: elevation error",
+                elevation,
+                ours[0],
+                {0: 0.05, 60: 0.14, 90: 0.11}[angle],
+            ),
+            _pinion_row(
+                f"{where}: cross-elevation error",
+                cross,
+                ours[1],
+                {0: 0.02, 60: 0.02, 90: 0.05}[angle],
+            ),
+            _pinion_row(
+                f"{where}: total error",
+                total,
+                math.hypot(*ours),
+                {0: 0.05, 60: 0.14, 90: 0.11}[angle],
+            ),
         ]
         if angle > 0:
             tolerance = {60: 0.10, 90: 0.08}[angle]
             ratio = elevation / PINION[0][0]
-            rows.append(_pinion_row(f"{where}: elevation error over 0 deg", ratio, ours[0] / first[0], tolerance, "1"))
+            rows.append(
+                _pinion_row(
+                    f"{where}: elevation error over 0 deg",
+                    ratio,
+                    ours[0] / first[0],
+                    tolerance,
+                    "1",
+                )
+            )
     return rows
 
 
-def _pinion_row(quantity: str, paper: float, ours: float, tolerance: float, unit: str = "mdeg") -> Row:
-    remark = "size of the target's deviation chosen so" if quantity.startswith("pinion 0 deg") else ""
+def _pinion_row(
+    quantity: str, paper: float, ours: float, tolerance: float, unit: str = "mdeg"
+) -> Row:
+    remark = (
+        "size of the target's deviation chosen so" if quantity.startswith("pinion 0 deg") else ""
+    )
     return Row(quantity, "BWG Table 1", paper, ours, unit, tolerance, remark=remark)
 
 

@@ -77,7 +77,11 @@ class PassErrors:
         """Return the part from `t_s` on."""
         late = self.t_s >= t_s
         return PassErrors(
-            self.t_s[late], self.beam_rad[late], self.encoder_rad[late], self.deviation_rad[late], self.radio_rad
+            self.t_s[late],
+            self.beam_rad[late],
+            self.encoder_rad[late],
+            self.deviation_rad[late],
+            self.radio_rad,
         )
 
 
@@ -87,10 +91,15 @@ def fly(setup: PassSetup) -> PassErrors:
     times = setup.start_s + TICK_S * np.arange(count + 1)
     ephemeris = setup.orbit.at(times)
     truth = np.column_stack(
-        [setup.orbit.at(times - late).position_rad[:, axis] for axis, late in enumerate(setup.late_s)]
+        [
+            setup.orbit.at(times - late).position_rad[:, axis]
+            for axis, late in enumerate(setup.late_s)
+        ]
     )
     radio = _Radio(setup)
-    plant = AntennaPlant(setup.plant, random_stream(setup.seed, "encoder"), ephemeris.position_rad[0])
+    plant = AntennaPlant(
+        setup.plant, random_stream(setup.seed, "encoder"), ephemeris.position_rad[0]
+    )
     wind = Wind(setup.wind, random_stream(setup.seed, "wind"))
 
     def command(k: int) -> tuple[Array, Array, Array]:
@@ -99,24 +108,37 @@ def fly(setup: PassSetup) -> PassErrors:
         """
         radio.tick(k, truth[k] - plant.beam_rad, math.cos(ephemeris.position_rad[k, 1]))
         offset, rate = radio.at(k)
-        return ephemeris.position_rad[k] + offset, ephemeris.velocity_rad_s[k] + rate, ephemeris.acceleration_rad_s2[k]
+        return (
+            ephemeris.position_rad[k] + offset,
+            ephemeris.velocity_rad_s[k] + rate,
+            ephemeris.acceleration_rad_s2[k],
+        )
 
     laws = LawsOnCommand(
-        [PositionLoop(law, TICK_S) if isinstance(law, PositionLoopParams) else LqgLoop(*law) for law in setup.loops],
+        [
+            PositionLoop(law, TICK_S) if isinstance(law, PositionLoopParams) else LqgLoop(*law)
+            for law in setup.loops
+        ],
         TICK_S,
         command,
     )
     if setup.settled:
         laws.settle(plant, ephemeris.position_rad[0], ephemeris.velocity_rad_s[0])
     beam, encoder = np.zeros((count, 2)), np.zeros((count, 2))
-    for k, _ in ticks(BareAntenna(plant, wind, TICK_S, laws, lambda k: ephemeris.position_rad[k]), count):
+    for k, _ in ticks(
+        BareAntenna(plant, wind, TICK_S, laws, lambda k: ephemeris.position_rad[k]), count
+    ):
         beam[k] = truth[k + 1] - plant.beam_rad
         encoder[k] = ephemeris.position_rad[k + 1] - plant.true_joint_rad
     later = slice(1, count + 1)
     sky = np.column_stack([np.cos(truth[later, 1]), np.ones(count)])
     deviation = (truth - ephemeris.position_rad)[later]
     return PassErrors(
-        np.asarray(times[later]), beam * sky, encoder * sky, deviation * sky, np.array(radio.taken).reshape(-1, 2)
+        np.asarray(times[later]),
+        beam * sky,
+        encoder * sky,
+        deviation * sky,
+        np.array(radio.taken).reshape(-1, 2),
     )
 
 
@@ -131,7 +153,9 @@ class _Radio:
         self._on = setup.bandwidth_hz > 0.0
         self._integrator = TrackerIntegrator(
             TrackerIntegratorParams(
-                bandwidth_hz=setup.bandwidth_hz, sample_s=setup.radio_period_s, mean_of=setup.mean_of
+                bandwidth_hz=setup.bandwidth_hz,
+                sample_s=setup.radio_period_s,
+                mean_of=setup.mean_of,
             )
         )
         self._samples: list[Array] = []
@@ -144,7 +168,9 @@ class _Radio:
             return
         noise = self._setup.radio_noise_rad
         if noise > 0.0:
-            joint_error = joint_error + noise * self._random.standard_normal(2) / np.array([scale, 1.0])
+            joint_error = joint_error + noise * self._random.standard_normal(2) / np.array(
+                [scale, 1.0]
+            )
         self._samples.append(joint_error)
         if (k + 1) % self._period == 0:
             last = self._samples[-max(1, self._setup.cluster) :]

@@ -47,7 +47,11 @@ RADIO_WAITS_S = (0.06, 0.13, 0.2)
 """Times from the newest sample to the command for which the station's margins are taken, its own
 and shorter ones.
 """
-VARIATIONS = [Variation(round(0.9 + 0.02 * step, 2), residue) for step in range(11) for residue in (0.7, 1.0, 1.3)]
+VARIATIONS = [
+    Variation(round(0.9 + 0.02 * step, 2), residue)
+    for step in range(11)
+    for residue in (0.7, 1.0, 1.3)
+]
 """Modes up to 10 % off in steps of 2 %, residues 30 % off and right."""
 
 
@@ -85,9 +89,13 @@ def _wind_gain() -> tuple[float, float]:
     plant, orbit = dss13_plant(), LowOrbitPass()
     step = 1e-3
     gains = []
-    for azimuth, elevation in orbit.at(np.arange(SPAN_S[0] + SETTLE_S, SPAN_S[1], 4.0)).position_rad:
+    for azimuth, elevation in orbit.at(
+        np.arange(SPAN_S[0] + SETTLE_S, SPAN_S[1], 4.0)
+    ).position_rad:
 
-        def torque(along: float, across: float, az: float = azimuth, el: float = elevation) -> Array:
+        def torque(
+            along: float, across: float, az: float = azimuth, el: float = elevation
+        ) -> Array:
             return np.array(wind_torque_n_m(WIND_8, along, across, az, el))
 
         along = (torque(8.0 + step, 0.0) - torque(8.0 - step, 0.0)) / (2.0 * step)
@@ -98,18 +106,25 @@ def _wind_gain() -> tuple[float, float]:
     return float(cross), float(elevation)
 
 
-def _responses(azimuth: PositionLoopParams | LqgDesign, elevation: PositionLoopParams | LqgDesign) -> Responses:
+def _responses(
+    azimuth: PositionLoopParams | LqgDesign, elevation: PositionLoopParams | LqgDesign
+) -> Responses:
     return LawResponse(azimuth), LawResponse(elevation)
 
 
 def _qualities(laws: Responses, radio_loop: RadioLoop, variation: Variation) -> list[LoopQuality]:
-    return [loop_quality(_response(axis, variation), law, radio_loop, 8.0) for axis, law in enumerate(laws)]
+    return [
+        loop_quality(_response(axis, variation), law, radio_loop, 8.0)
+        for axis, law in enumerate(laws)
+    ]
 
 
 def _total_mdeg(qualities: list[LoopQuality]) -> float:
     if not all(quality.stable for quality in qualities):
         return math.inf
-    errors = [gain * quality.rms_s2_per_m_s for gain, quality in zip(_wind_gain(), qualities, strict=True)]
+    errors = [
+        gain * quality.rms_s2_per_m_s for gain, quality in zip(_wind_gain(), qualities, strict=True)
+    ]
     return math.hypot(*errors) / MDEG
 
 
@@ -120,10 +135,14 @@ def _best(seed: int) -> list[Row]:
     published = _flown_mdeg((PUBLISHED, PUBLISHED), None, seed)
     tuned, designs = dss13_loops("tuned"), load_lqg_designs()
     beside = dss13_lqg_loops()
-    margins = ", ".join(f"{d.gain_margin_db:.1f} dB and {math.degrees(d.phase_margin_rad):.0f} deg" for d in designs)
+    margins = ", ".join(
+        f"{d.gain_margin_db:.1f} dB and {math.degrees(d.phase_margin_rad):.0f} deg" for d in designs
+    )
     best = _Controller("best controller", tuned, _responses(*tuned))
     lqg = _Controller(
-        "LQG with integral action", ((designs[0], beside[0]), (designs[1], beside[1])), _responses(*designs)
+        "LQG with integral action",
+        ((designs[0], beside[0]), (designs[1], beside[1])),
+        _responses(*designs),
     )
     f_m = TUNED_RADIO_BANDWIDTH_HZ
     there = [replace(station_radio(f_m), wait_s=wait_s) for wait_s in RADIO_WAITS_S]
@@ -161,7 +180,9 @@ class _Controller:
     laws: tuple[Law, Law]
     responses: Responses
 
-    def rows(self, where: str, loops: list[RadioLoop], seed: int, remark: str, miss: str = "") -> list[Row]:
+    def rows(
+        self, where: str, loops: list[RadioLoop], seed: int, remark: str, miss: str = ""
+    ) -> list[Row]:
         """Return error and margins in the last of some radio loops, margins of other antennas in
         all of them.
 
@@ -169,11 +190,22 @@ class _Controller:
         """
         name, off = f"{self.name}, {where}", "worst of modes +-10 %, residues +-30 %"
         nominal = _qualities(self.responses, loops[-1], Variation())
-        varied = [_qualities(self.responses, loop, variation) for variation in VARIATIONS for loop in loops]
+        varied = [
+            _qualities(self.responses, loop, variation)
+            for variation in VARIATIONS
+            for loop in loops
+        ]
         worst = max(_total_mdeg(qualities) for qualities in varied)
         flown = _flown_mdeg(self.laws, loops[-1], seed)
         return [
-            _row(f"{name}, 8 m/s, LEO pass: total radial error (rms)", flown, 0.5, "mdeg", remark, miss),
+            _row(
+                f"{name}, 8 m/s, LEO pass: total radial error (rms)",
+                flown,
+                0.5,
+                "mdeg",
+                remark,
+                miss,
+            ),
             _row(f"{name}: sensitivity peak of encoder and radio loops", _peak(nominal), 2.0, "1"),
             _row(f"{name}: same, {off}", max(_peak(qualities) for qualities in varied), 2.0, "1"),
             _row(f"{name}: total error, {off} (linear)", worst, 0.5, "mdeg", "", miss),
@@ -201,7 +233,9 @@ def _peak(qualities: list[LoopQuality]) -> float:
     return max(max(quality.encoder_peak, quality.radio_peak) for quality in qualities)
 
 
-def _row(quantity: str, ours: float, asked: float, unit: str, remark: str = "", miss: str = "") -> Row:
+def _row(
+    quantity: str, ours: float, asked: float, unit: str, remark: str = "", miss: str = ""
+) -> Row:
     missed = bool(miss) and ours > asked
     return Row(
         quantity, "beyond the paper", asked, ours, unit, 0.0, bound="<=", remark=miss if missed else remark,

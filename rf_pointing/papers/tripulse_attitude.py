@@ -24,7 +24,11 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 from rf_pointing.array_sensors.attitude.wahba import attitude_covariance, fit_rotation
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
 from rf_pointing.array_sensors.tripulse.channels import detect_with_references
-from rf_pointing.array_sensors.tripulse.geostationary_scene import GeostationaryParams, SceneMoment, WobbleParams
+from rf_pointing.array_sensors.tripulse.geostationary_scene import (
+    GeostationaryParams,
+    SceneMoment,
+    WobbleParams,
+)
 from rf_pointing.array_sensors.tripulse.receiver import TripulseMeasurement, TripulseReceiver
 from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
 from rf_pointing.array_sensors.tripulse.source import TripulseSourceParams
@@ -35,7 +39,11 @@ from rf_pointing.array_sensors.tripulse.station_attitude import (
     direction_covariances,
     directions_from_projections,
 )
-from rf_pointing.array_sensors.tripulse.system import EpochParams, SimulatedTripulse, TripulseAttitude
+from rf_pointing.array_sensors.tripulse.system import (
+    EpochParams,
+    SimulatedTripulse,
+    TripulseAttitude,
+)
 from rf_pointing.core import random_stream
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.types import Array
@@ -64,7 +72,9 @@ class TripulseRun:
     def projection_errors(self) -> Array:
         """Errors (epochs, stations, 2) of the projections."""
         truth = [(moment.view.reference @ moment.rotation.T)[:, :2] for moment in self.moments]
-        return np.array([[m.projections for m in epoch] for epoch in self.measurements]) - np.array(truth)
+        return np.array([[m.projections for m in epoch] for epoch in self.measurements]) - np.array(
+            truth
+        )
 
     @property
     def attitude_errors_rad(self) -> Array:
@@ -73,7 +83,9 @@ class TripulseRun:
         """
         return np.array(
             [
-                quaternion_to_rotation_vector(multiply(attitude.quaternion, conjugate(moment.quaternion)))
+                quaternion_to_rotation_vector(
+                    multiply(attitude.quaternion, conjugate(moment.quaternion))
+                )
                 for attitude, moment in zip(self.attitudes, self.moments, strict=True)
             ]
         )
@@ -92,10 +104,14 @@ def run_tripulse(
     """
     array, signal = TripulseArrayParams(), signal or TripulseSignalParams()
     orbit, stations = GeostationaryParams(), GroundNetworkParams().stations()
-    sender = SimulatedTripulse(array, signal, source or TripulseSourceParams(), orbit, WobbleParams(), stations, seed)
+    sender = SimulatedTripulse(
+        array, signal, source or TripulseSourceParams(), orbit, WobbleParams(), stations, seed
+    )
     receiver = TripulseReceiver(array=array, signal=signal)
     # The paper's beamformer is exact, and so is the simulated one.
-    solver = TripulseAttitude(StationAttitudeParams(shared_sigma=0.0), EpochParams(), orbit, stations)
+    solver = TripulseAttitude(
+        StationAttitudeParams(shared_sigma=0.0), EpochParams(), orbit, stations
+    )
     moments, measurements, attitudes = [], [], []
     for index in range(epochs):
         sent = sender.step(index * step_s)
@@ -114,7 +130,9 @@ def signal_rows(seed: int = 1) -> list[Row]:
     interleaved = TripulseSignalParams(scheme="interleaved", pattern="SxSy")
     alone = run_tripulse(FRAMES, seed, signal=interleaved)
     # (18) at the time that this pattern gives each difference beam.
-    share = SPECIFICATION * math.sqrt(TripulseSignalParams().beam_time_s(1) / interleaved.beam_time_s(1))
+    share = SPECIFICATION * math.sqrt(
+        TripulseSignalParams().beam_time_s(1) / interleaved.beam_time_s(1)
+    )
     return [
         Row(
             "phase left by two reference tones under Doppler, acceleration and two clocks",
@@ -142,7 +160,9 @@ def signal_rows(seed: int = 1) -> list[Row]:
 
 def _mean_score(run: TripulseRun) -> float:
     pairs = zip(run.attitude_errors_rad, run.attitudes, strict=True)
-    return float(np.mean([error @ np.linalg.solve(found.covariance_rad2, error) for error, found in pairs]))
+    return float(
+        np.mean([error @ np.linalg.solve(found.covariance_rad2, error) for error, found in pairs])
+    )
 
 
 def _phase_left_rad(seed: int) -> float:
@@ -157,9 +177,19 @@ def _phase_left_rad(seed: int) -> float:
     # not.
     satellite_rad, station_rad = np.cumsum(0.03 * rng.normal(size=(2, count)), axis=1)
     lower, tone, upper = (
-        np.exp(1j * (start - 2.0 * math.pi * f_hz * travel_s + f_hz / carrier_hz * satellite_rad - station_rad))
+        np.exp(
+            1j
+            * (
+                start
+                - 2.0 * math.pi * f_hz * travel_s
+                + f_hz / carrier_hz * satellite_rad
+                - station_rad
+            )
+        )
         for start, f_hz in zip(
-            (0.4, -1.1, 2.9), (carrier_hz - separation_hz, carrier_hz, carrier_hz + separation_hz), strict=True
+            (0.4, -1.1, 2.9),
+            (carrier_hz - separation_hz, carrier_hz, carrier_hz + separation_hz),
+            strict=True,
         )
     )
     values, lost = detect_with_references(tone, lower, upper, 1e-6)
@@ -179,7 +209,9 @@ def station_directions(separation_deg: float) -> Array:
     return np.array([[0.0, math.sin(side * half), math.cos(half)] for side in (-1.0, 1.0)])
 
 
-def attitude_errors_rad(separation_deg: float, sigma: float, seed: int, trials: int = TRIALS) -> Array:
+def attitude_errors_rad(
+    separation_deg: float, sigma: float, seed: int, trials: int = TRIALS
+) -> Array:
     """Return the rms roll, pitch and yaw errors (3,) for projection noise `sigma`."""
     reference = station_directions(separation_deg)
     rng = random_stream(seed, f"tripulse attitude {separation_deg} {sigma}")
@@ -192,7 +224,9 @@ def attitude_errors_rad(separation_deg: float, sigma: float, seed: int, trials: 
 def predicted_rad(separation_deg: float, sigma: float) -> Array:
     """Return the roll, pitch and yaw standard deviations (3,) of (31)."""
     reference = station_directions(separation_deg)
-    spreads = direction_covariances(reference[:, :2], np.broadcast_to(sigma**2 * np.eye(2), (2, 2, 2)))
+    spreads = direction_covariances(
+        reference[:, :2], np.broadcast_to(sigma**2 * np.eye(2), (2, 2, 2))
+    )
     return np.asarray(np.sqrt(np.diagonal(attitude_covariance(reference, spreads))))
 
 
@@ -241,7 +275,9 @@ def _yaw_rows(seed: int) -> list[Row]:
                 )
             )  # fmt: skip
     for separation in SEPARATIONS_DEG:
-        ratio = float(attitude_errors_rad(separation, LARGE, seed)[2] / predicted_rad(separation, LARGE)[2])
+        ratio = float(
+            attitude_errors_rad(separation, LARGE, seed)[2] / predicted_rad(separation, LARGE)[2]
+        )
         found.append(
             Row(
                 f"departure of the yaw error from (31) at {separation} deg, sigma = 0.05",
@@ -260,7 +296,14 @@ def _method_rows(seed: int) -> list[Row]:
     fit = fit_rotation(reference, measured)
     difference = float(np.max(np.abs(bisector_rotation(reference, measured) - fit.rotation)))
     return [
-        Row("bisector construction against SVD, two stations, largest element", "5.2", 0.0, difference, "1", 1e-9),
+        Row(
+            "bisector construction against SVD, two stations, largest element",
+            "5.2",
+            0.0,
+            difference,
+            "1",
+            1e-9,
+        ),
         _weights_row(rng),
         _pitch_row(),
     ]

@@ -76,7 +76,9 @@ def noise_errors(
     if element_snr <= 0.0:
         raise ValueError(f"element_snr={element_snr} must be > 0")
     rng = random_stream(seed, f"tripulse noise {params} {element_snr}")
-    signals = closed_form_signals(params, as_finite_array("projection_error", projection_error, (2,)))
+    signals = closed_form_signals(
+        params, as_finite_array("projection_error", projection_error, (2,))
+    )
     # Closed-form beams have K = 1 per element, so the noise of a beam is that of one element's SNR.
     noise = math.sqrt(1.0 / element_snr) * complex_normal(rng, (_trials(trials), 3))
     return _statistics(params, signals + noise, steering, projection_error)
@@ -118,7 +120,9 @@ def failed_element_errors(
     for count in _chunks(_trials(trials)):
         alive = ~random_failures(rng, params, failed_count, count).reshape(count, -1)
         parts.append(alive.astype(np.float64) @ per_element)
-    return _statistics(params, np.concatenate(parts).view(np.complex128), steering, projection_error)
+    return _statistics(
+        params, np.concatenate(parts).view(np.complex128), steering, projection_error
+    )
 
 
 def phase_error_errors(
@@ -134,7 +138,9 @@ def phase_error_errors(
     """
     require_finite("width_rad", width_rad)
     rng = random_stream(seed, f"tripulse phase errors {params} {width_rad}")
-    per_element = np.ascontiguousarray(_element_beams(params, steering, projection_error)).view(np.complex128)
+    per_element = np.ascontiguousarray(_element_beams(params, steering, projection_error)).view(
+        np.complex128
+    )
     parts = []
     for count in _chunks(_trials(trials)):
         errors = rng.uniform(-width_rad / 2.0, width_rad / 2.0, size=(count, params.n_total))
@@ -170,7 +176,9 @@ def quantiser_errors(
     return _statistics(params, signals, np.zeros(2), error)
 
 
-def _element_beams(params: TripulseArrayParams, steering: ArrayLike, projection_error: ArrayLike) -> Array:
+def _element_beams(
+    params: TripulseArrayParams, steering: ArrayLike, projection_error: ArrayLike
+) -> Array:
     """Return what every element adds to the three beams, (N_tot, 6).
 
     Real and imaginary parts side by side.
@@ -185,7 +193,10 @@ def _element_beams(params: TripulseArrayParams, steering: ArrayLike, projection_
 
 
 def _statistics(
-    params: TripulseArrayParams, signals: NDArray[np.complex128], steering: ArrayLike, projection_error: ArrayLike
+    params: TripulseArrayParams,
+    signals: NDArray[np.complex128],
+    steering: ArrayLike,
+    projection_error: ArrayLike,
 ) -> ErrorStatistics:
     estimate = invert_ratios(params, monopulse_ratios(signals))
     error = estimate - np.asarray(projection_error)
@@ -310,6 +321,9 @@ def _widths_at_0_db(seed: int) -> tuple[float, float, float]:
     noises = np.full(3, variance)
     matrix = signal_matrix(signals[:, None, :], noises)
     posterior = posterior_projection_error(ARRAY, matrix, 1, noises, (prior, prior))
-    errors = [invert_ratios(ARRAY, monopulse_ratios(signals)) - truth, posterior.projection_error - truth]
+    errors = [
+        invert_ratios(ARRAY, monopulse_ratios(signals)) - truth,
+        posterior.projection_error - truth,
+    ]
     widths = [float(np.diff(np.percentile(error[:, 0], [16.0, 84.0]))[0]) / 2.0 for error in errors]
     return widths[0], widths[1], prior

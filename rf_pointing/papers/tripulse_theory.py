@@ -70,7 +70,9 @@ def projection_variance(params: TripulseArrayParams, element_snr: float) -> tupl
     return variances[0], variances[1]
 
 
-def polar_angle_variance_rad2(variance_projection: float, theta_rad: float, variant: str = "corrected") -> float:
+def polar_angle_variance_rad2(
+    variance_projection: float, theta_rad: float, variant: str = "corrected"
+) -> float:
     """Return the variance of the polar angle from that of one projection, eq. (21).
 
     Theta well above its sigma.
@@ -82,11 +84,15 @@ def polar_angle_variance_rad2(variance_projection: float, theta_rad: float, vari
         return variance_projection / math.cos(theta_rad) ** 2
     # cos(2 theta) changes its sign there: the printed form would give a negative variance.
     if theta_rad >= math.pi / 4.0:
-        raise ValueError(f"theta_rad={theta_rad} must be < pi/4: the published (21) has a pole there")
+        raise ValueError(
+            f"theta_rad={theta_rad} must be < pi/4: the published (21) has a pole there"
+        )
     return 2.0 * variance_projection / math.cos(2.0 * theta_rad)
 
 
-def integration_time_s(params: TripulseArrayParams, element_carrier_to_noise_db_hz: float, sigma: float) -> float:
+def integration_time_s(
+    params: TripulseArrayParams, element_carrier_to_noise_db_hz: float, sigma: float
+) -> float:
     """Return the time of one pulse for the standard deviation `sigma` of both projections, eq.
     (22).
 
@@ -121,7 +127,10 @@ class PulseAllocation:
 
 
 def allocate_pulses(
-    params: TripulseArrayParams, element_carrier_to_noise_db_hz: float, sigma: float, projection_error: ArrayLike
+    params: TripulseArrayParams,
+    element_carrier_to_noise_db_hz: float,
+    sigma: float,
+    projection_error: ArrayLike,
 ) -> PulseAllocation:
     """Return the pulses of least total time with standard deviation `sigma` on both projections.
 
@@ -132,19 +141,28 @@ def allocate_pulses(
     """
     from scipy.optimize import minimize_scalar
 
-    noise_s, gamma, allowed = _requirement(params, element_carrier_to_noise_db_hz, sigma, projection_error)
+    noise_s, gamma, allowed = _requirement(
+        params, element_carrier_to_noise_db_hz, sigma, projection_error
+    )
     # Shorter sum pulses leave nothing of the allowance for the delta pulse on the worse axis.
     excess = gamma**2 / (2.0 * allowed)
-    least_s = noise_s * max(LOWEST_SUM_SNR, float(np.max(excess + np.sqrt(excess**2 + 8.0 * excess)) / 2.0) * 1.001)
+    least_s = noise_s * max(
+        LOWEST_SUM_SNR, float(np.max(excess + np.sqrt(excess**2 + 8.0 * excess)) / 2.0) * 1.001
+    )
 
     # In the logarithm: the optimum may lie decades above the shortest pulse.
     def total_s(log_sum_s: float) -> float:
-        return math.exp(log_sum_s) + float(np.sum(_delta_s(math.exp(log_sum_s), noise_s, gamma, allowed)))
+        return math.exp(log_sum_s) + float(
+            np.sum(_delta_s(math.exp(log_sum_s), noise_s, gamma, allowed))
+        )
 
     # A sum pulse longer than the whole total at 2 least_s cannot be part of a shorter total.
     longest_s = 2.0 * least_s + float(np.sum(_delta_s(2.0 * least_s, noise_s, gamma, allowed)))
     found = minimize_scalar(
-        total_s, bounds=(math.log(least_s), math.log(longest_s)), method="bounded", options={"xatol": 1e-9}
+        total_s,
+        bounds=(math.log(least_s), math.log(longest_s)),
+        method="bounded",
+        options={"xatol": 1e-9},
     )
     if not found.success:
         raise ValueError(f"sigma={sigma} has no time-optimal pulses: {found.message}")
@@ -153,10 +171,15 @@ def allocate_pulses(
 
 
 def equal_pulses(
-    params: TripulseArrayParams, element_carrier_to_noise_db_hz: float, sigma: float, projection_error: ArrayLike
+    params: TripulseArrayParams,
+    element_carrier_to_noise_db_hz: float,
+    sigma: float,
+    projection_error: ArrayLike,
 ) -> PulseAllocation:
     """Return three pulses of one length that meet the same specification as `allocate_pulses`."""
-    noise_s, gamma, allowed = _requirement(params, element_carrier_to_noise_db_hz, sigma, projection_error)
+    noise_s, gamma, allowed = _requirement(
+        params, element_carrier_to_noise_db_hz, sigma, projection_error
+    )
     # a (1 + g^2) + a^2 (1 + 2 g^2) = 2 V, solved for a = c/T; the root that does not cancel.
     first, second = 1.0 + gamma**2, 1.0 + 2.0 * gamma**2
     noise = 4.0 * allowed / (first + np.sqrt(first**2 + 8.0 * second * allowed))
@@ -165,7 +188,10 @@ def equal_pulses(
 
 
 def _requirement(
-    params: TripulseArrayParams, carrier_to_noise_db_hz: float, sigma: float, projection_error: ArrayLike
+    params: TripulseArrayParams,
+    carrier_to_noise_db_hz: float,
+    sigma: float,
+    projection_error: ArrayLike,
 ) -> tuple[float, Array, Array]:
     """Return c = sigma^2 T / |S|^2 in seconds, gamma (2,) and the variance allowed to the ratios
     (2,).
@@ -190,7 +216,9 @@ def _ratio_slope(params: TripulseArrayParams, gamma: Array) -> Array:
 
 def _delta_s(sum_s: float, noise_s: float, gamma: Array, allowed: Array) -> Array:
     noise = noise_s / sum_s
-    return np.asarray(noise_s * (1.0 + noise) / (2.0 * allowed - gamma**2 * (noise + 2.0 * noise**2)))
+    return np.asarray(
+        noise_s * (1.0 + noise) / (2.0 * allowed - gamma**2 * (noise + 2.0 * noise**2))
+    )
 
 
 def _allocation(
@@ -201,4 +229,6 @@ def _allocation(
         for t_s, g in zip(delta_s, gamma, strict=True)
     ]
     sigma = np.sqrt(variance) / _ratio_slope(params, gamma)
-    return PulseAllocation(sum_s=sum_s, delta_x_s=float(delta_s[0]), delta_y_s=float(delta_s[1]), sigma=sigma)
+    return PulseAllocation(
+        sum_s=sum_s, delta_x_s=float(delta_s[0]), delta_y_s=float(delta_s[1]), sigma=sigma
+    )

@@ -23,7 +23,9 @@ def require_arrived(t_s: float, now_s: float) -> None:
     """Raise ValueError if a measurement of `t_s` cannot have been made by `now_s`."""
     require_finite("t_s", t_s)
     if t_s > now_s + LARGEST_LEAD_S:
-        raise ValueError(f"t_s={t_s} is {t_s - now_s:.6g} s ahead of the clock, must be <= {LARGEST_LEAD_S} s")
+        raise ValueError(
+            f"t_s={t_s} is {t_s - now_s:.6g} s ahead of the clock, must be <= {LARGEST_LEAD_S} s"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,8 +47,14 @@ class AttitudeReport:
         require_finite("t_s", self.t_s)
         # Wire data: a quaternion that is not of unit length is a fault of the sender, not rounding
         # to repair silently.
-        object.__setattr__(self, "quaternion", unit_quaternion(as_finite_array("quaternion", self.quaternion, (4,))))
-        object.__setattr__(self, "covariance_rad2", require_covariance("covariance_rad2", self.covariance_rad2, 3))
+        object.__setattr__(
+            self,
+            "quaternion",
+            unit_quaternion(as_finite_array("quaternion", self.quaternion, (4,))),
+        )
+        object.__setattr__(
+            self, "covariance_rad2", require_covariance("covariance_rad2", self.covariance_rad2, 3)
+        )
         # A consumer that rejects an attitude must be able to log why; an empty reason looks like a
         # valid one.
         if not self.valid and not self.reason:

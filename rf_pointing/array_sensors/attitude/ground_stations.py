@@ -101,7 +101,9 @@ def view_stations(orbit: Orbit, stations: Sequence[GroundPlace], t_s: ArrayLike)
     sine = -np.sum(away * np.stack([station.zenith for station in stations]), axis=-1) / distance
     reference = np.einsum("...ij,...nj->...ni", point.frame, away) / distance[..., None]
     # Straight overhead rounding gives a sine of 1 + 1e-16, and arcsin would return NaN.
-    return StationView(reference=reference, elevation_rad=np.arcsin(np.clip(sine, -1.0, 1.0)), range_m=distance)
+    return StationView(
+        reference=reference, elevation_rad=np.arcsin(np.clip(sine, -1.0, 1.0)), range_m=distance
+    )
 
 
 def place_slopes(orbit: Orbit, stations: Sequence[GroundPlace], t_s: float) -> Array:
@@ -118,7 +120,9 @@ def place_slopes(orbit: Orbit, stations: Sequence[GroundPlace], t_s: float) -> A
         away = station.position_m - point.position_m
         distance = float(np.linalg.norm(away))
         across = np.eye(3) - np.outer(away, away) / distance**2
-        slopes.append(point.frame @ across @ np.stack([np.cross(up, east), east], axis=-1) / distance)
+        slopes.append(
+            point.frame @ across @ np.stack([np.cross(up, east), east], axis=-1) / distance
+        )
     return np.array(slopes)
 
 
@@ -154,7 +158,11 @@ def stations_along_track(
         place = -point.frame[2] * math.cos(side) + point.frame[1] * math.sin(side)
         latitude = math.asin(float(place[2]))
         longitude = math.atan2(float(place[1]), float(place[0]))
-        stations.append(GroundStation(name=f"station_{index + 1}", latitude_rad=latitude, longitude_rad=longitude))
+        stations.append(
+            GroundStation(
+                name=f"station_{index + 1}", latitude_rad=latitude, longitude_rad=longitude
+            )
+        )
     return stations
 
 
@@ -162,7 +170,9 @@ def require_names(what: str, names: tuple[str, ...]) -> None:
     """Refuse names of stations that are not namespaces, or not different."""
     for name in names:
         if not isinstance(name, str) or not _NAME.fullmatch(name):
-            raise ValueError(f"{what} has {name!r}, must be lower-case letters, digits and underscores")
+            raise ValueError(
+                f"{what} has {name!r}, must be lower-case letters, digits and underscores"
+            )
     if len(set(names)) != len(names) or not names:
         raise ValueError(f"{what}={names} must be different, and at least one")
 
@@ -174,12 +184,20 @@ class GroundNetworkParams(Params):
     The defaults are 12 deg apart as seen from 19 deg E in GEO.
     """
 
-    names: tuple[str, ...] = parameter(("usingen", "hartebeesthoek"), "stations; each name is a namespace")
+    names: tuple[str, ...] = parameter(
+        ("usingen", "hartebeesthoek"), "stations; each name is a namespace"
+    )
     latitude_rad: tuple[float, ...] = parameter(
-        (math.radians(50.33), math.radians(-25.89)), "latitude of each", low=-math.pi / 2.0, high=math.pi / 2.0
+        (math.radians(50.33), math.radians(-25.89)),
+        "latitude of each",
+        low=-math.pi / 2.0,
+        high=math.pi / 2.0,
     )
     longitude_rad: tuple[float, ...] = parameter(
-        (math.radians(8.48), math.radians(27.69)), "longitude of each, east", low=-2.0 * math.pi, high=2.0 * math.pi
+        (math.radians(8.48), math.radians(27.69)),
+        "longitude of each, east",
+        low=-2.0 * math.pi,
+        high=2.0 * math.pi,
     )
 
     def check_together(self) -> None:
@@ -194,4 +212,7 @@ class GroundNetworkParams(Params):
     def stations(self) -> list[GroundStation]:
         """Return the stations in their order."""
         places = zip(self.names, self.latitude_rad, self.longitude_rad, strict=True)
-        return [GroundStation(name=name, latitude_rad=lat, longitude_rad=lon) for name, lat, lon in places]
+        return [
+            GroundStation(name=name, latitude_rad=lat, longitude_rad=lon)
+            for name, lat, lon in places
+        ]

@@ -69,11 +69,18 @@ SMALLEST_DETERMINANT = 1e-12
 class ProcessNoiseParams(Params):
     """Random walk added per second to the attitude and to the rate, each axis; unknown torque."""
 
-    attitude_rad2_s: float = parameter(1.6e-11, "variance of the attitude per second, rad^2/s", low=0.0, high=1.0)
-    rate_rad2_s3: float = parameter(4e-12, "variance of the rate per second, rad^2/s^3", low=0.0, high=1.0)
+    attitude_rad2_s: float = parameter(
+        1.6e-11, "variance of the attitude per second, rad^2/s", low=0.0, high=1.0
+    )
+    rate_rad2_s3: float = parameter(
+        4e-12, "variance of the rate per second, rad^2/s^3", low=0.0, high=1.0
+    )
     # Drag, sunlight and the residual dipole of a satellite of this size.
     torque_n_m: float = parameter(
-        2e-5, "sigma of a constant torque on each axis that the satellite does not know", low=0.0, high=1.0
+        2e-5,
+        "sigma of a constant torque on each axis that the satellite does not know",
+        low=0.0,
+        high=1.0,
     )
 
 
@@ -94,7 +101,9 @@ class GateParams(Params):
         30.0, "largest normalised squared innovation, chi-square of 2 degrees", low=4.0, high=1e12
     )
     # Eight directions are 2 s at one each 250 ms: an outlier or two must not open the gate.
-    doubt_after: int = parameter(8, "rejections in a row after which the filter doubts itself", low=1, high=10**6)
+    doubt_after: int = parameter(
+        8, "rejections in a row after which the filter doubts itself", low=1, high=10**6
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +176,11 @@ class DirectionObservation:
 
 
 def start_state(
-    quaternion: Array, rate_rad_s: Array, attitude_sigma_rad: float, rate_sigma_rad_s: float, gate: GateParams
+    quaternion: Array,
+    rate_rad_s: Array,
+    attitude_sigma_rad: float,
+    rate_sigma_rad_s: float,
+    gate: GateParams,
 ) -> AttitudeState:
     """Return the state starting at `quaternion` (..., 4), `rate_rad_s` (..., 3) with equal
     uncertainty of all axes.
@@ -202,7 +215,9 @@ def predict(
     if biases is None and noise.torque_n_m > 0.0:
         biases = _unknown_biases(state.quaternion.shape[:-1])
     known = _with_unknown(noise, biases, known)
-    quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, dt_s, rotation)
+    quaternion, rate = propagate(
+        inertia, state.quaternion, state.rate_rad_s, known, frame_rate, dt_s, rotation
+    )
     by_rate = rate_jacobian(inertia, state.rate_rad_s, known.wheel_momentum_n_m_s)
     by_attitude = inertia.inverse @ gravity_jacobian(inertia, rotation, frame_rate)
     slope = np.zeros((*by_rate.shape[:-2], 6, 6))
@@ -238,15 +253,21 @@ def carried_back(
     """Return `state` with the attitude and the rate of `dt_s` before; the rest stays as it is."""
     known = _with_unknown(noise, state.biases, known)
     rotation = matrix_from_quaternion(state.quaternion)
-    quaternion, rate = propagate(inertia, state.quaternion, state.rate_rad_s, known, frame_rate, -dt_s, rotation)
+    quaternion, rate = propagate(
+        inertia, state.quaternion, state.rate_rad_s, known, frame_rate, -dt_s, rotation
+    )
     return replace(state, quaternion=quaternion, rate_rad_s=rate)
 
 
-def _with_unknown(noise: ProcessNoiseParams, biases: Biases | None, known: KnownTorque) -> KnownTorque:
+def _with_unknown(
+    noise: ProcessNoiseParams, biases: Biases | None, known: KnownTorque
+) -> KnownTorque:
     """Return the torque with what is estimated of the unknown one."""
     if biases is None:
         return known
-    return replace(known, control_n_m=known.control_n_m + noise.torque_n_m * biases.estimate[..., _TORQUE])
+    return replace(
+        known, control_n_m=known.control_n_m + noise.torque_n_m * biases.estimate[..., _TORQUE]
+    )
 
 
 def _carried(
@@ -271,7 +292,9 @@ def _carried(
     return covariance + added, replace(biases, correlation=carried + by_torque @ biases.covariance)
 
 
-def innovation(state: AttitudeState, observation: DirectionObservation) -> tuple[Array, Array, Array]:
+def innovation(
+    state: AttitudeState, observation: DirectionObservation
+) -> tuple[Array, Array, Array]:
     """Return z (..., 2), its covariance (..., 2, 2) and the rows E (..., 2, 3) orthogonal to the
     reference.
     """
@@ -297,7 +320,10 @@ def _innovation(
     noise_map = carried @ cross_matrix(observation.measured)
     noise = noise_map @ observation.covariance_rad2 @ _transposed(noise_map)
     spread = rows @ state.covariance[..., :3, :3] @ _transposed(rows) + noise
-    z, crossed = np.einsum("...ij,...j->...i", rows, gap), state.covariance[..., :, :3] @ _transposed(rows)
+    z, crossed = (
+        np.einsum("...ij,...j->...i", rows, gap),
+        state.covariance[..., :, :3] @ _transposed(rows),
+    )
     of_reference = observation.reference_bias_rad
     if state.biases is None and observation.bias_rad is None and of_reference is None:
         return z, spread, rows, crossed, None
@@ -308,9 +334,13 @@ def _innovation(
         slope[..., _SENSOR] = -noise_map @ observation.bias_rad
     if of_reference is not None:
         # The direction is that of the true reference; z turns it onto the one that is known.
-        slope[..., _BEFORE_REFERENCES:count] = -rows @ cross_matrix(observation.reference) @ of_reference
+        slope[..., _BEFORE_REFERENCES:count] = (
+            -rows @ cross_matrix(observation.reference) @ of_reference
+        )
     crossed = crossed + biases.correlation @ _transposed(slope)
-    bias_crossed = _transposed(rows @ biases.correlation[..., :3, :]) + biases.covariance @ _transposed(slope)
+    bias_crossed = _transposed(
+        rows @ biases.correlation[..., :3, :]
+    ) + biases.covariance @ _transposed(slope)
     common = rows @ biases.correlation[..., :3, :] @ _transposed(slope)
     spread = spread + common + _transposed(common) + slope @ biases.covariance @ _transposed(slope)
     # The sensor's are taken off already.
@@ -346,7 +376,11 @@ def squared_innovation(state: AttitudeState, observation: DirectionObservation) 
 
 
 def update(
-    state: AttitudeState, observation: DirectionObservation, gate: GateParams, *, in_doubt: bool = True
+    state: AttitudeState,
+    observation: DirectionObservation,
+    gate: GateParams,
+    *,
+    in_doubt: bool = True,
 ) -> AttitudeState:
     """Return the state after one direction.
 
@@ -409,7 +443,9 @@ def rotation_between(first: Array, second: Array) -> Array:
     # at exactly the wrong attitude.
     opposite = (sine <= 1e-12) & (angle > 1.0)
     if np.any(opposite):
-        vector[opposite] = np.pi * np.broadcast_to(tangent_rows(first)[..., 0, :], axis.shape)[opposite]
+        vector[opposite] = (
+            np.pi * np.broadcast_to(tangent_rows(first)[..., 0, :], axis.shape)[opposite]
+        )
     return np.asarray(vector)
 
 
@@ -428,7 +464,9 @@ def _inverse_spread(spread: Array) -> Array:
     # general routine costs most of the time.
     determinant = a * c - b * b
     if not np.all(determinant > SMALLEST_DETERMINANT * a * c):
-        raise ValueError(f"innovation covariance has determinant {np.min(determinant)}, must be > 0: singular")
+        raise ValueError(
+            f"innovation covariance has determinant {np.min(determinant)}, must be > 0: singular"
+        )
     inverse = np.empty(spread.shape)
     inverse[..., 0, 0], inverse[..., 1, 1] = c / determinant, a / determinant
     inverse[..., 0, 1] = inverse[..., 1, 0] = -b / determinant

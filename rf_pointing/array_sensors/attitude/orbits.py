@@ -73,8 +73,12 @@ class SunSynchronousOrbitParams(Params):
     """DOA section 4.1: 800 km, descending node at 08:00 local mean solar time."""
 
     altitude_m: float = parameter(800e3, "height above the spherical Earth", low=200e3, high=5000e3)
-    descending_node_local_time_h: float = parameter(8.0, "local mean solar time, hours", low=0.0, high=24.0)
-    ascending_node_time_s: float = parameter(0.0, "UTC seconds since 1970 of one ascending node", low=-1e11, high=1e11)
+    descending_node_local_time_h: float = parameter(
+        8.0, "local mean solar time, hours", low=0.0, high=24.0
+    )
+    ascending_node_time_s: float = parameter(
+        0.0, "UTC seconds since 1970 of one ascending node", low=-1e11, high=1e11
+    )
 
     def point(self, t_s: ArrayLike) -> OrbitPoint:
         """Return place, frame and frame rate at UTC times `t_s` (...)."""
@@ -94,7 +98,13 @@ def period_s(orbit: SunSynchronousOrbitParams) -> float:
 def inclination_rad(orbit: SunSynchronousOrbitParams) -> float:
     """Return the Sun-synchronous inclination (98.6 deg at 800 km)."""
     axis_m = EARTH_RADIUS_M + orbit.altitude_m
-    cosine = -2.0 / 3.0 * (2.0 * math.pi / YEAR_S) * axis_m**3.5 / (EARTH_J2 * EARTH_RADIUS_M**2 * EARTH_MU_M3_S2**0.5)
+    cosine = (
+        -2.0
+        / 3.0
+        * (2.0 * math.pi / YEAR_S)
+        * axis_m**3.5
+        / (EARTH_J2 * EARTH_RADIUS_M**2 * EARTH_MU_M3_S2**0.5)
+    )
     return math.acos(cosine)
 
 
@@ -109,5 +119,7 @@ def orbit_point(orbit: SunSynchronousOrbitParams, t_s: ArrayLike) -> OrbitPoint:
     precession = 2.0 * np.pi / YEAR_S * frame[..., :, 2]
     rate = precession + np.array([0.0, -mean_motion_rad_s(orbit), 0.0])
     return OrbitPoint(
-        position_m=-(EARTH_RADIUS_M + orbit.altitude_m) * frame[..., 2, :], frame=frame, frame_rate_rad_s=rate
+        position_m=-(EARTH_RADIUS_M + orbit.altitude_m) * frame[..., 2, :],
+        frame=frame,
+        frame_rate_rad_s=rate,
     )

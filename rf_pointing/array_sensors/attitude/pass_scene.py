@@ -29,13 +29,16 @@ class PassSceneParams(Params):
     """Satellite and stations of a pass in place of the circular orbit and the given places."""
 
     satellite: str = parameter(
-        "", "catalogue number or name of the satellite, as source.satellite; empty: the circular orbit of orbit.*"
+        "",
+        "catalogue number or name of the satellite, as source.satellite; empty: the circular orbit of orbit.*",
     )
     elements: str = parameter(
-        "", "its elements or ephemeris, as source.elements; empty: the verification set of the sgp4 package"
+        "",
+        "its elements or ephemeris, as source.elements; empty: the verification set of the sgp4 package",
     )
     descriptions: tuple[str, ...] = parameter(
-        (), "station descriptions, by name or file, that take the place of stations.*; each name is a namespace"
+        (),
+        "station descriptions, by name or file, that take the place of stations.*; each name is a namespace",
     )
 
 
@@ -52,12 +55,16 @@ class ElementOrbit:
         shape = (*times.shape, 3)
         return OrbitPoint(
             position_m=np.stack(motion.position, axis=-1).reshape(shape),
-            frame=np.stack([np.stack(axis, axis=-1) for axis in orbital_axes(motion)], axis=-2).reshape(*shape, 3),
+            frame=np.stack(
+                [np.stack(axis, axis=-1) for axis in orbital_axes(motion)], axis=-2
+            ).reshape(*shape, 3),
             frame_rate_rad_s=np.stack(orbital_rate_rad_s(motion), axis=-1).reshape(shape),
         )
 
 
-def pass_scene(params: PassSceneParams, orbit: Orbit, network: GroundNetworkParams) -> tuple[Orbit, list[GroundPlace]]:
+def pass_scene(
+    params: PassSceneParams, orbit: Orbit, network: GroundNetworkParams
+) -> tuple[Orbit, list[GroundPlace]]:
     """Return the orbit and the stations: those of the pass where they are named, else the given.
 
     Raises
@@ -66,7 +73,9 @@ def pass_scene(params: PassSceneParams, orbit: Orbit, network: GroundNetworkPara
         a namespace.
     """
     if params.satellite.casefold() in BODIES:
-        raise ValueError(f"satellite={params.satellite!r} is not a satellite: it has no orbit around the Earth")
+        raise ValueError(
+            f"satellite={params.satellite!r} is not a satellite: it has no orbit around the Earth"
+        )
     if params.satellite or params.elements:
         track = load_track(SourceParams(satellite=params.satellite, elements=params.elements))
         orbit = ElementOrbit(track.target)
@@ -75,4 +84,6 @@ def pass_scene(params: PassSceneParams, orbit: Orbit, network: GroundNetworkPara
     names = tuple(Path(each).stem for each in params.descriptions)
     require_names("descriptions", names)
     sites = [read_station(each).site for each in params.descriptions]
-    return orbit, [SurveyedStation(name=name, site=site) for name, site in zip(names, sites, strict=True)]
+    return orbit, [
+        SurveyedStation(name=name, site=site) for name, site in zip(names, sites, strict=True)
+    ]

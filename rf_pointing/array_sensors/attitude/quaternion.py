@@ -54,7 +54,9 @@ def multiply(left: ArrayLike, right: ArrayLike) -> Array:
 
     Rotate by `right`, then by `left`.
     """
-    return rotations.quaternion_product(unit_quaternion(left, "left"), unit_quaternion(right, "right"))
+    return rotations.quaternion_product(
+        unit_quaternion(left, "left"), unit_quaternion(right, "right")
+    )
 
 
 def quaternion_to_matrix(quaternion: ArrayLike) -> Array:
@@ -93,7 +95,9 @@ def quaternion_to_rotation_vector(quaternion: ArrayLike) -> Array:
 def rotation_angle_between_rad(first: ArrayLike, second: ArrayLike) -> Array:
     """Return the angle in [0, pi] of the rotation that takes one orientation to the other."""
     difference = multiply(conjugate(first), second)
-    return np.asarray(2.0 * np.arctan2(np.linalg.norm(difference[..., :3], axis=-1), np.abs(difference[..., 3])))
+    return np.asarray(
+        2.0 * np.arctan2(np.linalg.norm(difference[..., :3], axis=-1), np.abs(difference[..., 3]))
+    )
 
 
 def quaternion_from_roll_pitch_yaw(roll_pitch_yaw_rad: ArrayLike) -> Array:
@@ -140,7 +144,9 @@ def require_rotation(name: str, matrix: ArrayLike) -> Array:
     require_finite(name, c)
     defect = float(np.max(np.abs(c @ np.swapaxes(c, -1, -2) - np.eye(3)), initial=0.0))
     if defect > ROTATION_TOLERANCE:
-        raise ValueError(f"{name} misses orthonormality by {defect:.3g}, must be <= {ROTATION_TOLERANCE}")
+        raise ValueError(
+            f"{name} misses orthonormality by {defect:.3g}, must be <= {ROTATION_TOLERANCE}"
+        )
     if np.any(np.linalg.det(c) < 0.0):
         raise ValueError(f"{name} has determinant -1: a reflection, not a rotation")
     return c

@@ -31,7 +31,9 @@ class SatelliteParams(Params):
     ixx_kg_m2: float = parameter(6.6199, "moment of inertia", low=1e-6, high=1e6)
     iyy_kg_m2: float = parameter(8.95, "moment of inertia", low=1e-6, high=1e6)
     izz_kg_m2: float = parameter(9.4968, "moment of inertia", low=1e-6, high=1e6)
-    ixy_kg_m2: float = parameter(0.01636, "element (1, 2) of the inertia matrix", low=-1e6, high=1e6)
+    ixy_kg_m2: float = parameter(
+        0.01636, "element (1, 2) of the inertia matrix", low=-1e6, high=1e6
+    )
     ixz_kg_m2: float = parameter(0.2363, "element (1, 3) of the inertia matrix", low=-1e6, high=1e6)
     iyz_kg_m2: float = parameter(0.2247, "element (2, 3) of the inertia matrix", low=-1e6, high=1e6)
 
@@ -40,7 +42,9 @@ class SatelliteParams(Params):
         low, middle, high = np.linalg.eigvalsh(_inertia_matrix(self))
         # A flat body has low + middle = high, a thin rod low = 0: neither is left to the last bits.
         if low <= _ROUNDING * high or low + middle < (1.0 - _ROUNDING) * high:
-            raise ValueError(f"principal moments {low}, {middle}, {high} kg m^2: none may exceed the sum of the others")
+            raise ValueError(
+                f"principal moments {low}, {middle}, {high} kg m^2: none may exceed the sum of the others"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +82,9 @@ def gravity_gradient_n_m(inertia: RigidInertia, rotation: Array, frame_rate: Arr
 
 def rate_slope_rad_s2(inertia: RigidInertia, rate: Array, torque: Array, momentum: Array) -> Array:
     """Return dw/dt (..., 3) of DOA eq. (23); `torque` holds everything but the gyroscopic term."""
-    return np.asarray((torque - cross_product(rate, rate @ inertia.matrix + momentum)) @ inertia.inverse)
+    return np.asarray(
+        (torque - cross_product(rate, rate @ inertia.matrix + momentum)) @ inertia.inverse
+    )
 
 
 # The quaternion and the rate are stepped apart because the attitude has a closed form under a
@@ -100,14 +106,20 @@ def propagate(
     """
     if rotation is None:
         rotation = matrix_from_quaternion(quaternion)
-    torque = known.control_n_m - known.wheel_momentum_rate_n_m + gravity_gradient_n_m(inertia, rotation, frame_rate)
+    torque = (
+        known.control_n_m
+        - known.wheel_momentum_rate_n_m
+        + gravity_gradient_n_m(inertia, rotation, frame_rate)
+    )
     momentum = known.wheel_momentum_n_m_s
     k1 = rate_slope_rad_s2(inertia, rate, torque, momentum)
     k2 = rate_slope_rad_s2(inertia, rate + 0.5 * dt_s * k1, torque, momentum)
     k3 = rate_slope_rad_s2(inertia, rate + 0.5 * dt_s * k2, torque, momentum)
     k4 = rate_slope_rad_s2(inertia, rate + dt_s * k3, torque, momentum)
     after = rate + dt_s * (k1 + 2.0 * k2 + 2.0 * k3 + k4) / 6.0
-    turn = dt_s * rate + dt_s**2 * (k1 + k2 + k3) / 6.0 + dt_s**2 / 12.0 * cross_product(rate, after)
+    turn = (
+        dt_s * rate + dt_s**2 * (k1 + k2 + k3) / 6.0 + dt_s**2 / 12.0 * cross_product(rate, after)
+    )
     turned = quaternion_product(quaternion, quaternion_from_turn(turn))
     return quaternion_product(quaternion_from_turn(-frame_rate * dt_s), turned), after
 
@@ -138,4 +150,10 @@ def gravity_jacobian(inertia: RigidInertia, rotation: Array, frame_rate: Array) 
 
 def _inertia_matrix(satellite: SatelliteParams) -> Array:
     xy, xz, yz = satellite.ixy_kg_m2, satellite.ixz_kg_m2, satellite.iyz_kg_m2
-    return np.array([[satellite.ixx_kg_m2, xy, xz], [xy, satellite.iyy_kg_m2, yz], [xz, yz, satellite.izz_kg_m2]])
+    return np.array(
+        [
+            [satellite.ixx_kg_m2, xy, xz],
+            [xy, satellite.iyy_kg_m2, yz],
+            [xz, yz, satellite.izz_kg_m2],
+        ]
+    )

@@ -14,7 +14,9 @@ def cross_product(first: Array, second: Array) -> Array:
     """Return first x second (..., 3), at a third of the time of numpy's."""
     product = np.empty(np.broadcast_shapes(first.shape, second.shape))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.subtract(first[..., j] * second[..., k], first[..., k] * second[..., j], out=product[..., i])
+        np.subtract(
+            first[..., j] * second[..., k], first[..., k] * second[..., j], out=product[..., i]
+        )
     return product
 
 
@@ -74,7 +76,9 @@ def quaternion_from_matrix(matrix: Array) -> Array:
     # Four times the outer product q q^T; its largest diagonal entry names the row that divides
     # without loss, at half a turn too.
     outer = np.empty((*matrix.shape[:-2], 4, 4))
-    outer[..., :3, :3] = matrix + np.swapaxes(matrix, -1, -2) + (1.0 - trace)[..., None, None] * np.eye(3)
+    outer[..., :3, :3] = (
+        matrix + np.swapaxes(matrix, -1, -2) + (1.0 - trace)[..., None, None] * np.eye(3)
+    )
     for index, (i, j) in enumerate(((2, 1), (0, 2), (1, 0))):
         outer[..., 3, index] = outer[..., index, 3] = matrix[..., i, j] - matrix[..., j, i]
     outer[..., 3, 3] = 1.0 + trace

@@ -59,7 +59,10 @@ def fit_rotation(
         positive, directions along one line (the turn about it is unobservable), or a mirrored set
         whose best rotation is not unique.
     """
-    t_reference, t_measured = unit_directions("reference", reference), unit_directions("measured", measured)
+    t_reference, t_measured = (
+        unit_directions("reference", reference),
+        unit_directions("measured", measured),
+    )
     t_reference, t_measured = np.broadcast_arrays(t_reference, t_measured)
     w = _weights(weights, t_measured)
     for name, directions in (("reference", t_reference), ("measured", t_measured)):
@@ -75,13 +78,22 @@ def fit_rotation(
     # Rounding makes 1e-16 of a gap of zero; directions 1e-6 rad apart, the least allowed, leave
     # 2.5e-13.
     if np.any(gap <= 1e-14 * singular_values[..., 0]):
-        raise ValueError("measured directions mirror the reference directions: the best rotation is not unique")
-    v = np.swapaxes(vt, -1, -2) * np.stack([np.ones_like(turn), np.ones_like(turn), turn], axis=-1)[..., None, :]
+        raise ValueError(
+            "measured directions mirror the reference directions: the best rotation is not unique"
+        )
+    v = (
+        np.swapaxes(vt, -1, -2)
+        * np.stack([np.ones_like(turn), np.ones_like(turn), turn], axis=-1)[..., None, :]
+    )
     rotation = v @ np.swapaxes(u, -1, -2)
     residuals = t_measured - np.einsum("...ij,...lj->...li", rotation, t_reference)
     cost = np.sum(w * np.sum(residuals**2, axis=-1), axis=-1)
     return WahbaFit(
-        rotation=rotation, residuals=residuals, cost=cost, singular_values=singular_values, reflected=turn < 0.0
+        rotation=rotation,
+        residuals=residuals,
+        cost=cost,
+        singular_values=singular_values,
+        reflected=turn < 0.0,
     )
 
 
@@ -117,7 +129,9 @@ def attitude_covariance(
     t = unit_directions("directions", directions)
     covariances = np.asarray(direction_covariances, dtype=np.float64)
     if covariances.shape[-3:] != (t.shape[-2], 3, 3):
-        raise ValueError(f"direction_covariances has shape {covariances.shape}, must be (..., {t.shape[-2]}, 3, 3)")
+        raise ValueError(
+            f"direction_covariances has shape {covariances.shape}, must be (..., {t.shape[-2]}, 3, 3)"
+        )
     require_finite("direction_covariances", covariances)
     w = _weights(weights, t)
     _require_separated("directions", t, w, SMALLEST_SEPARATION_RAD)
@@ -143,14 +157,18 @@ def unit_directions(name: str, value: ArrayLike) -> Array:
     norm = np.linalg.norm(t, axis=-1, keepdims=True)
     worst = float(np.max(np.abs(norm - 1.0), initial=0.0))
     if worst > DIRECTION_TOLERANCE:
-        raise ValueError(f"{name} differs from unit length by {worst!r}, must be <= {DIRECTION_TOLERANCE}")
+        raise ValueError(
+            f"{name} differs from unit length by {worst!r}, must be <= {DIRECTION_TOLERANCE}"
+        )
     return np.asarray(t / norm)
 
 
 def _weights(weights: ArrayLike | None, directions: Array) -> Array:
     count = directions.shape[-2] if directions.ndim >= 2 else 1
     if count < 2:
-        raise ValueError(f"{count} direction given, must be at least 2: the turn about one is unobservable")
+        raise ValueError(
+            f"{count} direction given, must be at least 2: the turn about one is unobservable"
+        )
     w = np.ones(count) if weights is None else np.asarray(weights, dtype=np.float64)
     if w.shape[-1:] != (count,):
         raise ValueError(f"weights has shape {w.shape}, must be (..., {count})")

@@ -25,7 +25,9 @@ class CircularArrayParams(Params):
     """Elements evenly spaced on a circle in the x-y plane; boresight is +z (DOA section 4.1)."""
 
     # Below five elements the second moments of the circle depend on azimuth, and so does the bound.
-    elements: int = parameter(12, "number of elements; below 5 the accuracy depends on azimuth", low=5, high=512)
+    elements: int = parameter(
+        12, "number of elements; below 5 the accuracy depends on azimuth", low=5, high=512
+    )
     radius_m: float = parameter(0.15, "radius of the circle", low=1e-6, high=1e3)
     wavelength_m: float = parameter(0.15, "wavelength of the received signal", low=1e-6, high=1e3)
 
@@ -71,7 +73,9 @@ def steering_taylor(array: CircularArrayParams) -> ComplexArray:
     """
     scaled = 2.0 * np.pi / array.wavelength_m * element_positions_m(array)
     x, y = scaled.T
-    return np.stack([np.ones_like(x), 1j * x, 1j * y, -x * x, -x * y, -y * y], axis=-1).astype(np.complex128)
+    return np.stack([np.ones_like(x), 1j * x, 1j * y, -x * x, -x * y, -y * y], axis=-1).astype(
+        np.complex128
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,12 +97,16 @@ class ArrayResponse:
         # A zero gain makes the response singular: the estimators would invert it without noticing.
         dead = np.flatnonzero(np.abs(self.gain) < 1e-6)
         if len(dead):
-            raise ValueError(f"gain[{dead[0]}]={self.gain[dead[0]]} must not be zero: a failed element")
+            raise ValueError(
+                f"gain[{dead[0]}]={self.gain[dead[0]]} must not be zero: a failed element"
+            )
 
     @property
     def matrix(self) -> ComplexArray:
         """The response matrix (M, M) that multiplies the ideal steering vector."""
-        return np.asarray(self.gain[:, None] * coupling_matrix(len(self.gain), self.coupling), dtype=np.complex128)
+        return np.asarray(
+            self.gain[:, None] * coupling_matrix(len(self.gain), self.coupling), dtype=np.complex128
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +114,9 @@ class ResponseParams(Params):
     """The response of the array as calibrated; empty lists are an ideal array."""
 
     gain_db: tuple[float, ...] = parameter((), "gain of each element", low=-60.0, high=60.0)
-    gain_phase_rad: tuple[float, ...] = parameter((), "phase of each element", low=-2.0 * math.pi, high=2.0 * math.pi)
+    gain_phase_rad: tuple[float, ...] = parameter(
+        (), "phase of each element", low=-2.0 * math.pi, high=2.0 * math.pi
+    )
     coupling_db: tuple[float, ...] = parameter(
         (), "coupling to the 1st, 2nd ... neighbour on the circle", low=-200.0, high=0.0
     )
@@ -131,8 +141,12 @@ class ResponseParams(Params):
         if not any(getattr(self, name) for name in lists):
             return None
         gain = 10.0 ** (values["gain_db"] / 20.0) * np.exp(1j * values["gain_phase_rad"])
-        coupling = 10.0 ** (values["coupling_db"] / 20.0) * np.exp(1j * values["coupling_phase_rad"])
-        return ArrayResponse(gain=gain.astype(np.complex128), coupling=coupling.astype(np.complex128))
+        coupling = 10.0 ** (values["coupling_db"] / 20.0) * np.exp(
+            1j * values["coupling_phase_rad"]
+        )
+        return ArrayResponse(
+            gain=gain.astype(np.complex128), coupling=coupling.astype(np.complex128)
+        )
 
 
 def coupling_basis(elements: int) -> NDArray[np.float64]:
@@ -153,6 +167,10 @@ def coupling_matrix(elements: int, coupling: ArrayLike) -> ComplexArray:
     """
     coefficients = np.concatenate([[1.0 + 0.0j], np.asarray(coupling, dtype=np.complex128)])
     if coefficients.shape != (elements // 2 + 1,):
-        raise ValueError(f"coupling has {len(coefficients) - 1} coefficients, must be {elements // 2}")
+        raise ValueError(
+            f"coupling has {len(coefficients) - 1} coefficients, must be {elements // 2}"
+        )
     require_finite("coupling", coefficients)
-    return np.asarray(np.einsum("d,dij->ij", coefficients, coupling_basis(elements)), dtype=np.complex128)
+    return np.asarray(
+        np.einsum("d,dij->ij", coefficients, coupling_basis(elements)), dtype=np.complex128
+    )

@@ -63,7 +63,9 @@ class ArraySource:
         response: ArrayResponse | None = None,
     ) -> None:
         if response is not None and len(response.gain) != array.elements:
-            raise ValueError(f"response has {len(response.gain)} gains, must be elements={array.elements}")
+            raise ValueError(
+                f"response has {len(response.gain)} gains, must be elements={array.elements}"
+            )
         self.array = array
         self.params = params
         self._matrix = None if response is None else response.matrix
@@ -73,7 +75,9 @@ class ArraySource:
     @property
     def state(self) -> ArraySourceState:
         """A copy of the state, to stop here and resume with `restore`."""
-        return ArraySourceState(generator=copy.deepcopy(dict(self._stream.bit_generator.state)), t_s=self._t_s)
+        return ArraySourceState(
+            generator=copy.deepcopy(dict(self._stream.bit_generator.state)), t_s=self._t_s
+        )
 
     def restore(self, state: ArraySourceState) -> None:
         """Continue from `state`: the following blocks are those that followed it."""
@@ -99,7 +103,9 @@ class ArraySource:
         # front.
         behind = np.flatnonzero(towards[:, 2] <= 0.0)
         if len(behind):
-            raise ValueError(f"directions[{behind[0]}] has z={towards[behind[0], 2]}, must be > 0: behind the array")
+            raise ValueError(
+                f"directions[{behind[0]}] has z={towards[behind[0], 2]}, must be > 0: behind the array"
+            )
         # Diagonal: the stations are independent transmitters.
         powers = np.diag(10.0 ** (power_db / 10.0)).astype(np.complex128)
         samples = draw_snapshots(

@@ -13,8 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.array_sensors.attitude.attitude_report import AttitudeReport, RateReport, require_arrived
-from rf_pointing.array_sensors.attitude.ground_stations import GroundPlace, place_slopes, view_stations
+from rf_pointing.array_sensors.attitude.attitude_report import (
+    AttitudeReport,
+    RateReport,
+    require_arrived,
+)
+from rf_pointing.array_sensors.attitude.ground_stations import (
+    GroundPlace,
+    place_slopes,
+    view_stations,
+)
 from rf_pointing.array_sensors.attitude.multiplicative_filter import GateParams, ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import Orbit
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
@@ -27,7 +35,11 @@ from rf_pointing.array_sensors.doa.attitude_filter import (
     StationDirection,
 )
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
-from rf_pointing.array_sensors.doa.estimator import DirectionEstimate, DoaEstimator, DoaEstimatorParams
+from rf_pointing.array_sensors.doa.estimator import (
+    DirectionEstimate,
+    DoaEstimator,
+    DoaEstimatorParams,
+)
 from rf_pointing.array_sensors.doa.innovation_watch import WatchParams
 from rf_pointing.array_sensors.doa.response_watch import ResponseWatch
 from rf_pointing.core import Params, as_finite_array, parameter, require_between
@@ -71,7 +83,9 @@ def match_directions(
     angle = np.arctan2(cross, first @ second.T)
     # a pair that is out of reach costs more than leaving both alone ever could
     rows, columns = linear_sum_assignment(np.where(angle <= largest_rad, angle, 1e3))
-    return [(int(i), int(j)) for i, j in zip(rows, columns, strict=True) if angle[i, j] <= largest_rad]
+    return [
+        (int(i), int(j)) for i, j in zip(rows, columns, strict=True) if angle[i, j] <= largest_rad
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,19 +94,32 @@ class DoaChainParams(Params):
 
     # The torque changes with the attitude error; held longer it would carry the filter off its
     # course.
-    torque_age_max_s: float = parameter(5.0, "oldest known torque that the filter is carried on by", low=0.1, high=1e4)
-    gap_max_s: float = parameter(300.0, "longest time without blocks before the filter starts anew", low=1.0, high=1e5)
+    torque_age_max_s: float = parameter(
+        5.0, "oldest known torque that the filter is carried on by", low=0.1, high=1e4
+    )
+    gap_max_s: float = parameter(
+        300.0, "longest time without blocks before the filter starts anew", low=1.0, high=1e5
+    )
     # Twice the filter's own doubt: a filter that accepts everything and still fits nothing is lost.
     lost_after: int = parameter(
-        16, "directions in a row outside the gate after which the filter starts anew", low=1, high=10**6
+        16,
+        "directions in a row outside the gate after which the filter starts anew",
+        low=1,
+        high=10**6,
     )
     # Two transmitters on one site leave the turn about their direction as open as one does.
     distinct_sigmas: float = parameter(
-        5.0, "angle between two stations that count as two, in sigmas of a direction", low=1.0, high=100.0
+        5.0,
+        "angle between two stations that count as two, in sigmas of a direction",
+        low=1.0,
+        high=100.0,
     )
     # Elements of some days are off by kilometres along the track; a satellite makes 7.5 km/s.
     time_sigma_s: float = parameter(
-        0.3, "sigma of a constant error of the clock, or of the orbit along its track", low=0.0, high=60.0
+        0.3,
+        "sigma of a constant error of the clock, or of the orbit along its track",
+        low=0.0,
+        high=60.0,
     )
     place_sigma_m: float = parameter(
         0.0, "sigma of a constant error of each station's place, north and east", low=0.0, high=1e6
@@ -121,7 +148,9 @@ class DoaAttitude:
         orbit: Orbit,
         stations: Sequence[GroundPlace],
         satellite: SatelliteParams,
-        filtering: tuple[DoaAttitudeParams, StartParams, ProcessNoiseParams, GateParams, WatchParams],
+        filtering: tuple[
+            DoaAttitudeParams, StartParams, ProcessNoiseParams, GateParams, WatchParams
+        ],
         params: DoaChainParams,
         *,
         response: ArrayResponse | None = None,
@@ -146,7 +175,9 @@ class DoaAttitude:
         """
         require_arrived(torque.t_s, now_s)
         if self._torques and torque.t_s <= self._torques[-1].t_s:
-            raise ValueError(f"torque of t_s={torque.t_s} must be > the last one's {self._torques[-1].t_s}")
+            raise ValueError(
+                f"torque of t_s={torque.t_s} must be > the last one's {self._torques[-1].t_s}"
+            )
         self._torques.append(torque)
 
     def take_block(self, heard: ChannelBlock, now_s: float) -> DoaAttitudeReport:
@@ -169,7 +200,9 @@ class DoaAttitude:
         # After the directions, so that a block of unusable snapshots leaves the filter's time
         # alone.
         running = self._carried_on(t_s)
-        refused = [f"{' or '.join(heard.transmitters)}: {each.reason}" for each in found if not each.valid]
+        refused = [
+            f"{' or '.join(heard.transmitters)}: {each.reason}" for each in found if not each.valid
+        ]
         usable = [each for each in found if each.valid]
         if usable:
             inside = self._observe(running, usable, heard.transmitters, t_s)
@@ -194,7 +227,9 @@ class DoaAttitude:
         unknown = [name for name in transmitters if name not in self._stations]
         if unknown or not transmitters or len(set(transmitters)) != len(transmitters):
             known = ", ".join(self._stations)
-            raise ValueError(f"transmitters={transmitters} must be different stations, and at least one, of {known}")
+            raise ValueError(
+                f"transmitters={transmitters} must be different stations, and at least one, of {known}"
+            )
 
     def _directions(self, heard: ChannelBlock) -> list[DirectionEstimate]:
         params = self._estimator.replace(sources=len(heard.transmitters))
@@ -210,7 +245,9 @@ class DoaAttitude:
 
     def _by_chance(self, found: DirectionEstimate) -> float:
         """Return the largest misfit that noise and unknown phases make."""
-        return found.misfit.by_chance(self._estimator.phase_sigma_rad, self._filtering[-1].false_alarm)
+        return found.misfit.by_chance(
+            self._estimator.phase_sigma_rad, self._filtering[-1].false_alarm
+        )
 
     def _watch_response(self, found: list[DirectionEstimate]) -> None:
         """Take the misfits of the directions that are strong enough to be directions."""
@@ -223,13 +260,21 @@ class DoaAttitude:
             largest = self._by_chance(each) if len(found) > 1 else np.inf
             misfit = replace(each.misfit, squared=min(each.misfit.squared, largest))
             self._response_watch = self._response_watch.with_direction(watch, misfit)
-            self._doubt = self._response_watch.doubt(watch, self._estimator.phase_sigma_rad, misfit.freedom)
+            self._doubt = self._response_watch.doubt(
+                watch, self._estimator.phase_sigma_rad, misfit.freedom
+            )
 
     def _observe(
-        self, running: DoaAttitudeFilter, found: list[DirectionEstimate], names: tuple[str, ...], t_s: float
+        self,
+        running: DoaAttitudeFilter,
+        found: list[DirectionEstimate],
+        names: tuple[str, ...],
+        t_s: float,
     ) -> tuple[str, ...]:
         """Give the filter the directions found; return the stations of those that it accepted."""
-        reference = view_stations(self._orbit, [self._stations[name] for name in names], t_s).reference
+        reference = view_stations(
+            self._orbit, [self._stations[name] for name in names], t_s
+        ).reference
         of_references = self._reference_biases(names, t_s)
         sites = self._sites(running.state.stations, found, names, t_s)
         # No pairing for a sole station: it must also work while the attitude is still wrong.
@@ -264,19 +309,27 @@ class DoaAttitude:
         places = [self._stations[name] for name in names]
         columns = []
         if params.time_sigma_s > 0.0:
-            before, after = (view_stations(self._orbit, places, t_s + shift).reference for shift in (-0.5, 0.5))
+            before, after = (
+                view_stations(self._orbit, places, t_s + shift).reference for shift in (-0.5, 0.5)
+            )
             columns.append((params.time_sigma_s * (after - before))[..., None])
         if params.place_sigma_m > 0.0:
             self._placed += [name for name in names if name not in self._placed]
             moved = np.zeros((len(names), 3, 2 * len(self._placed)))
-            for row, (name, by_metre) in enumerate(zip(names, place_slopes(self._orbit, places, t_s), strict=True)):
+            for row, (name, by_metre) in enumerate(
+                zip(names, place_slopes(self._orbit, places, t_s), strict=True)
+            ):
                 first = 2 * self._placed.index(name)
                 moved[row, :, first : first + 2] = params.place_sigma_m * by_metre
             columns.append(moved)
         return np.concatenate(columns, axis=-1) if columns else None
 
     def _sites(
-        self, received: tuple[str, ...], found: list[DirectionEstimate], names: tuple[str, ...], t_s: float
+        self,
+        received: tuple[str, ...],
+        found: list[DirectionEstimate],
+        names: tuple[str, ...],
+        t_s: float,
     ) -> tuple[str, ...]:
         """Return each of `names`, or the received station from which it cannot be distinguished."""
         sigma = max(float(np.sqrt(0.5 * np.trace(each.covariance_rad2))) for each in found)
@@ -286,7 +339,9 @@ class DoaAttitude:
             reference = view_stations(self._orbit, places, t_s).reference
             apart = np.linalg.norm(reference[1:] - reference[0], axis=-1)
             near = [
-                each for each, angle in zip(known, apart, strict=True) if angle < self._params.distinct_sigmas * sigma
+                each
+                for each, angle in zip(known, apart, strict=True)
+                if angle < self._params.distinct_sigmas * sigma
             ]
             sites.append(name if name in known or not near else near[0])
             known = list(dict.fromkeys([*known, sites[-1]]))
@@ -341,10 +396,16 @@ class DoaAttitude:
                     f"the torque of {torque.t_s} s is {end_s - torque.t_s:.6g} s old, "
                     f"must be <= {self._params.torque_age_max_s} s"
                 )
-        return [(end_s, torque.known) for torque, end_s in zip(held, ends, strict=True) if end_s > from_s]
+        return [
+            (end_s, torque.known)
+            for torque, end_s in zip(held, ends, strict=True)
+            if end_s > from_s
+        ]
 
 
-def _report(running: DoaAttitudeFilter, doubt: str, refused: tuple[str, ...] = ()) -> DoaAttitudeReport:
+def _report(
+    running: DoaAttitudeFilter, doubt: str, refused: tuple[str, ...] = ()
+) -> DoaAttitudeReport:
     """Return attitude and rate; `doubt` says why the array itself is not as known, or nothing."""
     found = running.output()
     reason = "; ".join(each for each in (found.reason, doubt) if each)
@@ -357,5 +418,7 @@ def _report(running: DoaAttitudeFilter, doubt: str, refused: tuple[str, ...] = (
         valid=not reason,
         reason=reason,
     )
-    rate = RateReport(t_s=found.t_s, rate_rad_s=found.rate_rad_s, covariance_rad2_s2=covariance[3:, 3:])
+    rate = RateReport(
+        t_s=found.t_s, rate_rad_s=found.rate_rad_s, covariance_rad2_s2=covariance[3:, 3:]
+    )
     return DoaAttitudeReport(attitude=attitude, rate=rate, refused=refused)

@@ -23,9 +23,19 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import (
     update,
 )
 from rf_pointing.array_sensors.attitude.quaternion import canonical
-from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, rigid_inertia
+from rf_pointing.array_sensors.attitude.rigid_body import (
+    KnownTorque,
+    SatelliteParams,
+    rigid_inertia,
+)
 from rf_pointing.array_sensors.attitude.wahba import unit_directions
-from rf_pointing.array_sensors.doa.attitude_start import StartParams, best_of_bank, joined, remaining, start_bank
+from rf_pointing.array_sensors.doa.attitude_start import (
+    StartParams,
+    best_of_bank,
+    joined,
+    remaining,
+    start_bank,
+)
 from rf_pointing.array_sensors.doa.innovation_watch import InnovationWatch, WatchParams
 from rf_pointing.core import Params, as_finite_array, parameter, require_finite
 from rf_pointing.core.types import Array
@@ -42,7 +52,9 @@ class DoaAttitudeParams(Params):
 
     step_s: float = parameter(0.25, "longest prediction step", low=0.001, high=5.0)
     # The stations of the DOA scene are passed every 625 s: one of them may be missed.
-    silence_s: float = parameter(900.0, "longest time without an accepted direction", low=0.1, high=1e6)
+    silence_s: float = parameter(
+        900.0, "longest time without an accepted direction", low=0.1, high=1e6
+    )
     sigma_rad: float = parameter(
         0.035, "largest attitude uncertainty of a valid output, worst axis", low=1e-6, high=3.2
     )
@@ -124,7 +136,9 @@ class DoaAttitudeState:
     heard_s: float | None = None
     choose_s: float | None = None
     stations: tuple[str, ...] = ()
-    watches: dict[str, InnovationWatch] = field(default_factory=lambda: {EVERY_STATION: InnovationWatch()})
+    watches: dict[str, InnovationWatch] = field(
+        default_factory=lambda: {EVERY_STATION: InnovationWatch()}
+    )
     start: tuple[Passage | StationDirection | SharedDirections, ...] = ()
 
 
@@ -150,7 +164,13 @@ class DoaAttitudeFilter:
     ) -> None:
         require_finite("t_s", t_s)
         self._inertia = rigid_inertia(satellite)
-        self._params, self._start, self._noise, self._gate, self._watch = params, start, noise, gate, watch
+        self._params, self._start, self._noise, self._gate, self._watch = (
+            params,
+            start,
+            noise,
+            gate,
+            watch,
+        )
         guess = as_finite_array("quaternion", quaternion, (4,))
         rate = as_finite_array("rate_rad_s", rate_rad_s, (3,))
         bank = start_state(guess[None], rate[None], np.pi, start.rate_rad_s, gate)
@@ -211,7 +231,13 @@ class DoaAttitudeFilter:
         bank = update(bank, seen, self._gate)
         inside = bool(best_of_bank(bank).refused[0] == 0)
         self._accept(
-            self._heard(direction, bank, watches, (direction.station,) if inside or not state.stations else (), inside)
+            self._heard(
+                direction,
+                bank,
+                watches,
+                (direction.station,) if inside or not state.stations else (),
+                inside,
+            )
         )
         return inside
 
@@ -230,12 +256,17 @@ class DoaAttitudeFilter:
         """
         stations = range(len(directions.stations))
         seen = [
-            [_checked(_paired(directions, k, station)) for station in stations] for k in range(len(directions.measured))
+            [_checked(_paired(directions, k, station)) for station in stations]
+            for k in range(len(directions.measured))
         ]
         if not seen:
             return ()
         state = self._state
-        bank = state.bank if state.heard_s is not None else joined([self._bank(each) for each in seen[0]])
+        bank = (
+            state.bank
+            if state.heard_s is not None
+            else joined([self._bank(each) for each in seen[0]])
+        )
         squared = np.stack([[squared_innovation(bank, each) for each in row] for row in seen])
         # Capped like the misfit: far outside the gate the size of a miss says nothing.
         paired = _pairings(np.minimum(np.moveaxis(squared, -1, 0), self._gate.largest))
@@ -250,7 +281,13 @@ class DoaAttitudeFilter:
             if bank.refused[best] == 0:
                 inside.append(station)
         self._accept(
-            self._heard(directions, bank, watches, tuple(directions.stations[each] for each in inside), bool(inside))
+            self._heard(
+                directions,
+                bank,
+                watches,
+                tuple(directions.stations[each] for each in inside),
+                bool(inside),
+            )
         )
         return tuple(inside)
 
@@ -276,7 +313,11 @@ class DoaAttitudeFilter:
         return start_bank(self._start, self._gate, guess.quaternion[0], guess.rate_rad_s[0], first)
 
     def _watched(
-        self, watches: dict[str, InnovationWatch], bank: AttitudeState, seen: DirectionObservation, station: str
+        self,
+        watches: dict[str, InnovationWatch],
+        bank: AttitudeState,
+        seen: DirectionObservation,
+        station: str,
     ) -> dict[str, InnovationWatch]:
         """Return the watches with one direction; hypotheses of a start are wrong on purpose."""
         if len(bank.misfit) > 1:
@@ -294,7 +335,9 @@ class DoaAttitudeFilter:
     def _passed(self, bank: AttitudeState, passage: Passage) -> AttitudeState:
         count, step_s = self._steps(passage)
         for _ in range(count):
-            bank = predict(self._inertia, self._noise, bank, passage.known, passage.frame_rate, step_s)
+            bank = predict(
+                self._inertia, self._noise, bank, passage.known, passage.frame_rate, step_s
+            )
         return bank
 
     def _steps(self, passage: Passage) -> tuple[int, float]:
@@ -327,7 +370,13 @@ class DoaAttitudeFilter:
             choose_s = None if len(bank.misfit) == 1 else choose_s
         start = (*state.start, heard) if state.heard_s is None else self._noted(heard)
         found = replace(
-            state, bank=bank, watches=watches, heard_s=heard_s, stations=received, choose_s=choose_s, start=start
+            state,
+            bank=bank,
+            watches=watches,
+            heard_s=heard_s,
+            stations=received,
+            choose_s=choose_s,
+            start=start,
         )
         return found if len(bank.misfit) > 1 or not start else self._started_again(found)
 
@@ -350,10 +399,16 @@ class DoaAttitudeFilter:
                 count, step_s = self._steps(came)
                 seconds += came.seconds
                 for _ in range(count):
-                    bank = carried_back(self._inertia, self._noise, bank, came.known, came.frame_rate, step_s)
+                    bank = carried_back(
+                        self._inertia, self._noise, bank, came.known, came.frame_rate, step_s
+                    )
         begun_s = chosen.t_s - seconds
         first = start_state(
-            bank.quaternion, bank.rate_rad_s, self._start.attitude_rad, self._start.rate_rad_s, self._gate
+            bank.quaternion,
+            bank.rate_rad_s,
+            self._start.attitude_rad,
+            self._start.rate_rad_s,
+            self._gate,
         )
         self._state = DoaAttitudeState(t_s=begun_s, bank=first, heard_s=begun_s)
         for came in chosen.start:
@@ -374,9 +429,13 @@ class DoaAttitudeFilter:
             return ["no direction accepted yet"]
         reasons = []
         if state.t_s - state.heard_s > params.silence_s:
-            reasons.append(f"no direction for {state.t_s - state.heard_s:.0f} s, must be <= {params.silence_s:.0f} s")
+            reasons.append(
+                f"no direction for {state.t_s - state.heard_s:.0f} s, must be <= {params.silence_s:.0f} s"
+            )
         if best.refused[0] >= self._gate.doubt_after:
-            reasons.append(f"{int(best.refused[0])} directions in a row outside the gate: attitude in doubt")
+            reasons.append(
+                f"{int(best.refused[0])} directions in a row outside the gate: attitude in doubt"
+            )
         reasons += [
             f"{name}: {doubt}" if name else doubt
             for name, watch in state.watches.items()
@@ -430,14 +489,22 @@ def _of_each(row: list[DirectionObservation], station: NDArray[np.int64]) -> Dir
 
 def _checked(direction: StationDirection) -> DirectionObservation:
     measured = unit_directions("measured", as_finite_array("measured", direction.measured, (3,)))
-    reference = unit_directions("reference", as_finite_array("reference", direction.reference, (3,)))
+    reference = unit_directions(
+        "reference", as_finite_array("reference", direction.reference, (3,))
+    )
     covariance = as_finite_array("covariance_rad2", direction.covariance_rad2, (3, 3))
     across = np.linalg.eigvalsh(0.5 * (covariance + covariance.T))
     # A direction's covariance has rank two.  Along the direction the variance is zero but for
     # rounding; across it rounding is not variance.
     if across[0] < -1e-9 * across[2] or across[1] <= 1e-9 * across[2]:
-        raise ValueError(f"covariance_rad2 has eigenvalues {across}, two of them must be > 0 and none negative")
-    bias = None if direction.bias_rad is None else as_finite_array("bias_rad", direction.bias_rad, (3, 2))
+        raise ValueError(
+            f"covariance_rad2 has eigenvalues {across}, two of them must be > 0 and none negative"
+        )
+    bias = (
+        None
+        if direction.bias_rad is None
+        else as_finite_array("bias_rad", direction.bias_rad, (3, 2))
+    )
     of_reference = direction.reference_bias_rad
     if of_reference is not None:
         of_reference = as_finite_array("reference_bias_rad", of_reference, (3, None))

@@ -44,22 +44,37 @@ AGREEING = 6.0
 class StartParams(Params):
     """Uncertainty at the first direction, and how many turns about it are tried."""
 
-    attitude_rad: float = parameter(0.1, "starting uncertainty of the attitude, each axis", low=1e-6, high=3.15)
-    rate_rad_s: float = parameter(0.0087, "starting uncertainty of the rate, each axis", low=1e-9, high=1.0)
+    attitude_rad: float = parameter(
+        0.1, "starting uncertainty of the attitude, each axis", low=1e-6, high=3.15
+    )
+    rate_rad_s: float = parameter(
+        0.0087, "starting uncertainty of the rate, each axis", low=1e-9, high=1.0
+    )
     # Twelve turns leave at most 15 deg of error, well inside the 60 deg from which a start
     # converges.
-    hypotheses: int = parameter(12, "turns about the first line of sight that are tried", low=1, high=360)
+    hypotheses: int = parameter(
+        12, "turns about the first line of sight that are tried", low=1, high=360
+    )
     # Right after the second station the hypotheses still differ by their transient, not by their
     # fit.
-    settle_s: float = parameter(30.0, "time from the second station until hypotheses are ruled out", low=0.0, high=1e4)
+    settle_s: float = parameter(
+        30.0, "time from the second station until hypotheses are ruled out", low=0.0, high=1e4
+    )
     # A likelihood ratio of exp(15): a wrong start must be rarer than any other fault.
     decisive: float = parameter(
-        30.0, "excess of the sum of normalised squared innovations that rules a hypothesis out", low=1.0, high=1e4
+        30.0,
+        "excess of the sum of normalised squared innovations that rules a hypothesis out",
+        low=1.0,
+        high=1e4,
     )
 
 
 def aligned_start(
-    params: StartParams, gate: GateParams, quaternion: Array, rate_rad_s: Array, first: DirectionObservation
+    params: StartParams,
+    gate: GateParams,
+    quaternion: Array,
+    rate_rad_s: Array,
+    first: DirectionObservation,
 ) -> AttitudeState:
     """Return the state of the guess (..., 4), (..., 3) turned the shortest way so that `first` is
     where it should be.
@@ -68,11 +83,17 @@ def aligned_start(
     # The shortest turn changes nothing about the line of sight, the axis that one direction cannot
     # show.
     turn = quaternion_from_rotation_vector(rotation_between(seen, first.reference))
-    return start_state(multiply(turn, quaternion), rate_rad_s, params.attitude_rad, params.rate_rad_s, gate)
+    return start_state(
+        multiply(turn, quaternion), rate_rad_s, params.attitude_rad, params.rate_rad_s, gate
+    )
 
 
 def start_bank(
-    params: StartParams, gate: GateParams, quaternion: Array, rate_rad_s: Array, first: DirectionObservation
+    params: StartParams,
+    gate: GateParams,
+    quaternion: Array,
+    rate_rad_s: Array,
+    first: DirectionObservation,
 ) -> AttitudeState:
     """Return banks (..., hypotheses) of states.
 
@@ -82,7 +103,9 @@ def start_bank(
     aligned = aligned_start(params, gate, quaternion, rate_rad_s, first)
     # Evenly round the line of sight: one of twelve is within 15 deg of the truth, where a filter
     # converges.
-    turns = 2.0 * np.pi / count * np.arange(count)[:, None] * np.asarray(first.reference)[..., None, :]
+    turns = (
+        2.0 * np.pi / count * np.arange(count)[:, None] * np.asarray(first.reference)[..., None, :]
+    )
     turned = multiply(quaternion_from_rotation_vector(turns), aligned.quaternion[..., None, :])
     rates = np.broadcast_to(aligned.rate_rad_s[..., None, :], (*turned.shape[:-1], 3))
     return start_state(turned, rates, params.attitude_rad, params.rate_rad_s, gate)
@@ -137,6 +160,13 @@ def _each(state: AttitudeState, change: Callable[[NDArray[Any]], NDArray[Any]]) 
         None
         if state.biases is None
         else Biases(
-            *(change(each) for each in (state.biases.estimate, state.biases.covariance, state.biases.correlation))
+            *(
+                change(each)
+                for each in (
+                    state.biases.estimate,
+                    state.biases.covariance,
+                    state.biases.correlation,
+                )
+            )
         ),
     )

@@ -37,7 +37,9 @@ def sample_covariance(snapshots: ComplexArray, sources: int = 1) -> ComplexArray
         sample is not finite.
     """
     if snapshots.ndim < 2:
-        raise ValueError(f"snapshots has shape {snapshots.shape}, must be (..., elements, snapshots)")
+        raise ValueError(
+            f"snapshots has shape {snapshots.shape}, must be (..., elements, snapshots)"
+        )
     count = snapshots.shape[-1]
     if count < max(sources, 1):
         raise ValueError(f"snapshots={count} must be >= sources={sources}")
@@ -55,7 +57,9 @@ def eigen(covariance: ComplexArray, elements: int, sources: int = 1) -> Eigen:
         Wrong shape, values that are not finite, not Hermitian, or rank below `sources`.
     """
     if covariance.ndim < 2 or covariance.shape[-2:] != (elements, elements):
-        raise ValueError(f"covariance has shape {covariance.shape}, must be (..., {elements}, {elements})")
+        raise ValueError(
+            f"covariance has shape {covariance.shape}, must be (..., {elements}, {elements})"
+        )
     if not 1 <= sources < elements:
         raise ValueError(f"sources={sources} must be >= 1 and < elements={elements}")
     if not np.all(np.isfinite(covariance)):
@@ -69,7 +73,9 @@ def eigen(covariance: ComplexArray, elements: int, sources: int = 1) -> Eigen:
     values, vectors = values[..., ::-1], vectors[..., ::-1]
     # Below this the signal subspace is filled by rounding, and MUSIC points anywhere.
     if np.any(values[..., sources - 1] <= 1e-12 * np.maximum(values[..., 0], 1e-300)):
-        raise ValueError(f"covariance has rank below sources={sources}: no power, or too few independent snapshots")
+        raise ValueError(
+            f"covariance has rank below sources={sources}: no power, or too few independent snapshots"
+        )
     return Eigen(values, vectors)
 
 

@@ -18,7 +18,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.array_sensors.doa.array import CircularArrayParams, phase_radius_rad, steering, steering_taylor
+from rf_pointing.array_sensors.doa.array import (
+    CircularArrayParams,
+    phase_radius_rad,
+    steering,
+    steering_taylor,
+)
 from rf_pointing.core import require_between
 from rf_pointing.core.types import Array, ComplexArray
 
@@ -108,10 +113,18 @@ def direction_bound_rad2(
     # The part of the derivatives that the sources themselves cannot imitate: P D with P the
     # projector off A.
     off = slopes - received @ np.linalg.lstsq(received, slopes, rcond=None)[0]
-    weight = source_covariance @ received.conj().T @ np.linalg.solve(covariance, received) @ source_covariance
+    weight = (
+        source_covariance
+        @ received.conj().T
+        @ np.linalg.solve(covariance, received)
+        @ source_covariance
+    )
     information = 2.0 * snapshots * np.real((off.conj().T @ off) * np.tile(weight, (2, 2)).T)
     scale = np.sqrt(np.maximum(np.diag(information), 0.0))
     # Scaled to a unit diagonal: sources of very different power are not a reason to refuse.
-    if not np.all(scale > 0.0) or np.linalg.eigvalsh(information / np.outer(scale, scale))[0] < SMALLEST_INFORMATION:
+    if (
+        not np.all(scale > 0.0)
+        or np.linalg.eigvalsh(information / np.outer(scale, scale))[0] < SMALLEST_INFORMATION
+    ):
         raise ValueError("directions cannot be separated: the information matrix is singular")
     return np.asarray(np.linalg.inv(information), dtype=np.float64)

@@ -22,10 +22,19 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams, phase_radius_rad, steering
+from rf_pointing.array_sensors.doa.array import (
+    ArrayResponse,
+    CircularArrayParams,
+    phase_radius_rad,
+    steering,
+)
 from rf_pointing.array_sensors.doa.array_source import ArraySource, ArraySourceParams, SnapshotBlock
 from rf_pointing.array_sensors.doa.covariance import sample_covariance
-from rf_pointing.array_sensors.doa.estimator import DirectionEstimate, DoaEstimator, DoaEstimatorParams
+from rf_pointing.array_sensors.doa.estimator import (
+    DirectionEstimate,
+    DoaEstimator,
+    DoaEstimatorParams,
+)
 from rf_pointing.array_sensors.doa.music import lattice, principal_eigenvectors
 from rf_pointing.core import PointingError, Sensor, random_stream
 from rf_pointing.core.types import Array
@@ -48,7 +57,9 @@ FIT_SIGMAS = 8.0
 
 def circle_of(array: DishArrayParams) -> CircularArrayParams:
     """Return the array as the estimators know it."""
-    return CircularArrayParams(elements=array.elements, radius_m=array.radius_m, wavelength_m=array.wavelength_m)
+    return CircularArrayParams(
+        elements=array.elements, radius_m=array.radius_m, wavelength_m=array.wavelength_m
+    )
 
 
 class SimulatedDishArray:
@@ -56,10 +67,18 @@ class SimulatedDishArray:
 
     def __init__(self, array: DishArrayParams, seed: int) -> None:
         self.array = array
-        phases = array.phase_sigma_rad * random_stream(seed, "dish_array_phases").standard_normal(array.elements)
-        response = ArrayResponse(gain=np.exp(1j * phases), coupling=np.zeros(array.elements // 2, dtype=np.complex128))
+        phases = array.phase_sigma_rad * random_stream(seed, "dish_array_phases").standard_normal(
+            array.elements
+        )
+        response = ArrayResponse(
+            gain=np.exp(1j * phases), coupling=np.zeros(array.elements // 2, dtype=np.complex128)
+        )
         self._source = ArraySource(
-            circle_of(array), ArraySourceParams(snapshots=SNAPSHOTS), seed=seed, name="dish_array", response=response
+            circle_of(array),
+            ArraySourceParams(snapshots=SNAPSHOTS),
+            seed=seed,
+            name="dish_array",
+            response=response,
         )
 
     def receive(self, truth: PointingError) -> SnapshotBlock:
@@ -74,7 +93,11 @@ class SimulatedDishArray:
         if direction[2] <= 0.0:
             return self._source.step(truth.t_s, np.zeros((0, 3)), np.zeros(0))
         # A patch has the pattern cos(theta) of voltage.
-        level = truth.carrier_to_noise_db_hz - self.array.element_loss_db + 20.0 * math.log10(direction[2])
+        level = (
+            truth.carrier_to_noise_db_hz
+            - self.array.element_loss_db
+            + 20.0 * math.log10(direction[2])
+        )
         snr_db = level + 10.0 * math.log10(PERIOD_S / SNAPSHOTS)
         return self._source.step(truth.t_s, direction[None], np.array([snr_db]))
 
@@ -87,7 +110,9 @@ class DishArrayTracker:
         self._circle, self._rotation = circle_of(array), array.rotation
         self._estimator = DoaEstimator(
             self._circle,
-            DoaEstimatorParams(phase_sigma_rad=array.phase_sigma_rad, effective_snr_min=LEAST_EFFECTIVE_SNR),
+            DoaEstimatorParams(
+                phase_sigma_rad=array.phase_sigma_rad, effective_snr_min=LEAST_EFFECTIVE_SNR
+            ),
         )
 
     def measure(self, block: SnapshotBlock) -> PointingError:
@@ -102,7 +127,9 @@ class DishArrayTracker:
             noise = noise + found.bias_rad @ found.bias_rad.T
         turn = self._rotation
         offset, covariance = offset_from_direction(turn.T @ found.direction, turn.T @ noise @ turn)
-        level = found.snr_db + 10.0 * math.log10(self.array.elements * block.snapshots.shape[1] / PERIOD_S)
+        level = found.snr_db + 10.0 * math.log10(
+            self.array.elements * block.snapshots.shape[1] / PERIOD_S
+        )
         self.counts["invalid" if reason else "valid"] += 1
         self.last_reason = reason
         return PointingError(

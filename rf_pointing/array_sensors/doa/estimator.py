@@ -13,7 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from rf_pointing.array_sensors.attitude.rotations import cosine_slopes
-from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams, phase_radius_rad, steering
+from rf_pointing.array_sensors.doa.array import (
+    ArrayResponse,
+    CircularArrayParams,
+    phase_radius_rad,
+    steering,
+)
 from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
 from rf_pointing.array_sensors.doa.covariance import Eigen, count_sources, eigen, sample_covariance
 from rf_pointing.array_sensors.doa.cramer_rao import direction_bound_rad2
@@ -34,7 +39,9 @@ class DoaEstimatorParams(Params):
     sources: int = parameter(1, "number of simultaneous sources", low=1, high=16)
     # The threshold of MUSIC: outliers set in below kappa = 30 to 50, whatever the number of
     # snapshots.
-    effective_snr_min: float = parameter(60.0, "smallest kappa = L (M SNR)^2 / (1 + M SNR)", low=0.0, high=1e9)
+    effective_snr_min: float = parameter(
+        60.0, "smallest kappa = L (M SNR)^2 / (1 + M SNR)", low=0.0, high=1e9
+    )
     # The bound in theta grows as 1/cos(theta); near the plane of the array the linear covariance is
     # no longer true.
     boresight_cosine_min: float = parameter(
@@ -42,7 +49,9 @@ class DoaEstimatorParams(Params):
     )
     # With a second transmitter in the channel the direction may be that one's, without any other
     # sign of it.
-    count_signals: bool = parameter(True, "refuse a channel with more signals than sources (white receiver noise)")
+    count_signals: bool = parameter(
+        True, "refuse a channel with more signals than sources (white receiver noise)"
+    )
     # Averaging does not help against it: the error is a constant of the direction cosines.
     phase_sigma_rad: float = parameter(
         0.0, "uncertainty of the phase of each element, constant in time", low=0.0, high=1.0
@@ -63,7 +72,9 @@ class DoaEstimatorParams(Params):
         used = [index for index in range(elements) if str(index) not in words]
         # As for a whole array: fewer leave an accuracy that depends on azimuth.
         if len(used) < 5:
-            raise ValueError(f"excluded={self.excluded!r} leaves {len(used)} elements, must be >= 5")
+            raise ValueError(
+                f"excluded={self.excluded!r} leaves {len(used)} elements, must be >= 5"
+            )
         return used
 
 
@@ -94,21 +105,31 @@ class DoaEstimator:
     """Stateless estimator for one array; `response` is its calibrated coupling and gain."""
 
     def __init__(
-        self, array: CircularArrayParams, params: DoaEstimatorParams, *, response: ArrayResponse | None = None
+        self,
+        array: CircularArrayParams,
+        params: DoaEstimatorParams,
+        *,
+        response: ArrayResponse | None = None,
     ) -> None:
         used = params.elements_in_use(array.elements)
         if params.sources >= len(used):
             raise ValueError(f"sources={params.sources} must be < elements={len(used)}")
         if response is not None and len(response.gain) != array.elements:
-            raise ValueError(f"response has {len(response.gain)} gains, must be elements={array.elements}")
+            raise ValueError(
+                f"response has {len(response.gain)} gains, must be elements={array.elements}"
+            )
         self.array = array
         self.params = params
         self._used = used
         # Least squares of a phase plane over the circle: the phases' errors over the rim's slope.
-        self._bias_sigma = params.phase_sigma_rad * math.sqrt(2.0 / len(used)) / phase_radius_rad(array)
+        self._bias_sigma = (
+            params.phase_sigma_rad * math.sqrt(2.0 / len(used)) / phase_radius_rad(array)
+        )
         self._matrix: ComplexArray | None = None
         if response is not None or len(used) < array.elements:
-            whole = np.eye(array.elements, dtype=np.complex128) if response is None else response.matrix
+            whole = (
+                np.eye(array.elements, dtype=np.complex128) if response is None else response.matrix
+            )
             # An excluded element is not measured; the others still couple to it.
             self._matrix = whole[used]
 
@@ -125,24 +146,35 @@ class DoaEstimator:
         """
         snapshots = block.snapshots
         if len(snapshots) != self.array.elements:
-            raise ValueError(f"snapshots of {len(snapshots)} elements, must be {self.array.elements}")
+            raise ValueError(
+                f"snapshots of {len(snapshots)} elements, must be {self.array.elements}"
+            )
         snapshots = snapshots[self._used]
         silent = [self._used[k] for k in np.flatnonzero(np.max(np.abs(snapshots), axis=-1) == 0.0)]
         if silent:
-            raise ValueError(f"element {silent[0]} delivers zeros only: exclude it with excluded, or repair it")
+            raise ValueError(
+                f"element {silent[0]} delivers zeros only: exclude it with excluded, or repair it"
+            )
         sources, count = self.params.sources, snapshots.shape[-1]
         if count <= sources:
-            raise ValueError(f"snapshots={count} must be > sources={sources} to separate noise and signals")
+            raise ValueError(
+                f"snapshots={count} must be > sources={sources} to separate noise and signals"
+            )
         covariance = sample_covariance(snapshots, sources)
         if sources == 1:
             peaks = estimate_directions(self.array, covariance[None], self._matrix)
-            directions, flaw = peaks.direction, "" if peaks.converged[0] else "peak refinement did not converge"
+            directions, flaw = (
+                peaks.direction,
+                "" if peaks.converged[0] else "peak refinement did not converge",
+            )
         else:
             several = estimate_several(self.array, covariance, sources, self._matrix)
             directions, flaw = several.direction, several.reason
         if not len(directions):
             return []
-        flaw = "; ".join(reason for reason in (flaw, self._crowded(covariance, count), self._mixed()) if reason)
+        flaw = "; ".join(
+            reason for reason in (flaw, self._crowded(covariance, count), self._mixed()) if reason
+        )
         found = eigen(covariance, len(self._used), sources)
         manifold = self._response(directions)
         noise, powers = self._powers(covariance, found, manifold, count)
@@ -152,7 +184,9 @@ class DoaEstimator:
     def _response(self, directions: Array) -> ComplexArray:
         """Return what the elements in use receive from each of `directions` (k, 3), (n, k)."""
         ideal = steering(self.array, directions).T
-        return ideal if self._matrix is None else np.asarray(self._matrix @ ideal, dtype=np.complex128)
+        return (
+            ideal if self._matrix is None else np.asarray(self._matrix @ ideal, dtype=np.complex128)
+        )
 
     def _mixed(self) -> str:
         """Return why uncertain phases spoil several sources, or "".
@@ -210,15 +244,25 @@ class DoaEstimator:
         # Least squares may make a weak source's power negative; the bound needs a positive one and
         # rejects it as weak.
         powers = np.maximum(np.diag(snr).real, 1e-6)
-        bound = direction_bound_rad2(self.array, directions, np.diag(powers).astype(complex), count, self._matrix)
+        bound = direction_bound_rad2(
+            self.array, directions, np.diag(powers).astype(complex), count, self._matrix
+        )
         found = len(directions)
         return [
-            self._one(t_s, directions[k], bound[k::found, k::found], float(powers[k]), flaw, misfits[k])
+            self._one(
+                t_s, directions[k], bound[k::found, k::found], float(powers[k]), flaw, misfits[k]
+            )
             for k in range(found)
         ]
 
     def _one(
-        self, t_s: float, direction: Array, cosines: Array, snr: float, flaw: str, misfit: ResponseMisfit
+        self,
+        t_s: float,
+        direction: Array,
+        cosines: Array,
+        snr: float,
+        flaw: str,
+        misfit: ResponseMisfit,
     ) -> DirectionEstimate:
         effective = 2.0 / (phase_radius_rad(self.array) ** 2 * float(np.trace(cosines)))
         # z is floored so that a direction in the array plane still has a covariance to be rejected
@@ -226,9 +270,13 @@ class DoaEstimator:
         slopes = cosine_slopes(np.append(direction[:2], max(float(direction[2]), 1e-9)))
         reasons = [flaw] if flaw else []
         if effective < self.params.effective_snr_min:
-            reasons.append(f"effective_snr={effective:.3g} must be >= {self.params.effective_snr_min:g}")
+            reasons.append(
+                f"effective_snr={effective:.3g} must be >= {self.params.effective_snr_min:g}"
+            )
         if direction[2] < self.params.boresight_cosine_min:
-            reasons.append(f"cos(theta)={direction[2]:.3g} must be >= {self.params.boresight_cosine_min:g}")
+            reasons.append(
+                f"cos(theta)={direction[2]:.3g} must be >= {self.params.boresight_cosine_min:g}"
+            )
         return DirectionEstimate(
             t_s=t_s,
             direction=direction,

@@ -34,7 +34,10 @@ class WatchParams(Params):
 
     # A short one for what sets in at once, a long one for what is small.
     directions: tuple[float, ...] = parameter(
-        (20.0, 100.0, 500.0), "directions over which the innovations are averaged", low=5.0, high=1e5
+        (20.0, 100.0, 500.0),
+        "directions over which the innovations are averaged",
+        low=5.0,
+        high=1e5,
     )
     false_alarm: float = parameter(
         1e-5, "probability that the innovations of a sound filter are refused", low=1e-12, high=0.1
@@ -112,7 +115,9 @@ class InnovationWatch:
         limit = float(chi_square_limit(np.array(3.0), NOTICED))
         if self.weight[0] < FEWEST or squares[best] <= limit:
             return np.zeros((3, 3))
-        bias = np.linalg.pinv(self.information[best], rcond=OBSERVED, hermitian=True) @ self.mean[best]
+        bias = (
+            np.linalg.pinv(self.information[best], rcond=OBSERVED, hermitian=True) @ self.mean[best]
+        )
         return np.asarray((1.0 - limit / squares[best]) * np.outer(bias, bias))
 
     def _mean_squares(self) -> Array:
@@ -120,7 +125,9 @@ class InnovationWatch:
         values, axes = np.linalg.eigh(self.spread)
         along = np.einsum("nij,ni->nj", axes, self.mean)
         seen = values > OBSERVED * values[:, -1:]
-        return np.asarray(np.sum(np.where(seen, along**2 / np.where(seen, values, 1.0), 0.0), axis=-1))
+        return np.asarray(
+            np.sum(np.where(seen, along**2 / np.where(seen, values, 1.0), 0.0), axis=-1)
+        )
 
 
 def chi_square_limit(freedom: Array, probability: float) -> Array:

@@ -16,7 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.attitude.rotations import tangent_rows
-from rf_pointing.array_sensors.doa.array import CircularArrayParams, phase_radius_rad, steering, steering_taylor
+from rf_pointing.array_sensors.doa.array import (
+    CircularArrayParams,
+    phase_radius_rad,
+    steering,
+    steering_taylor,
+)
 from rf_pointing.array_sensors.doa.covariance import eigen
 from rf_pointing.core.types import Array, ComplexArray
 
@@ -40,7 +45,10 @@ class Peaks:
 
 
 def refine_peaks(
-    array: CircularArrayParams, signal: ComplexArray, start: Array, response: ComplexArray | None = None
+    array: CircularArrayParams,
+    signal: ComplexArray,
+    start: Array,
+    response: ComplexArray | None = None,
 ) -> Peaks:
     """Return the maxima of g reached from `start` (n, 3).
 
@@ -61,9 +69,13 @@ def refine_peaks(
     active = np.arange(len(direction))
     for _ in range(MAX_ITERATIONS):
         here = direction[active]
-        fraction, gradient, hessian = _log_fraction(array, taylor, numerator[active], here, response)
+        fraction, gradient, hessian = _log_fraction(
+            array, taylor, numerator[active], here, response
+        )
         value[active] = fraction
-        direction[active], length = _newton_step(here, gradient, hessian, 0.5 / phase_radius_rad(array))
+        direction[active], length = _newton_step(
+            here, gradient, hessian, 0.5 / phase_radius_rad(array)
+        )
         # Only the starts that still move are computed again: most converge in a few steps.
         active = active[length > STEP_TOLERANCE_RAD]
         if not len(active):
@@ -100,8 +112,12 @@ def _log_derivatives(y: ComplexArray) -> tuple[Array, Array, Array]:
     base = y[..., :1].conj()
     slope = 2.0 * np.sum(base * y[..., 1:3], axis=1).real / power[:, None]
     second = np.sum(base * y[..., 3:6], axis=1)
-    uu, uv, vv = (second + np.stack([_inner(y, 1, 1), _inner(y, 1, 2), _inner(y, 2, 2)], axis=-1)).real.T
-    curve = 2.0 * np.stack([np.stack([uu, uv], -1), np.stack([uv, vv], -1)], -2) / power[:, None, None]
+    uu, uv, vv = (
+        second + np.stack([_inner(y, 1, 1), _inner(y, 1, 2), _inner(y, 2, 2)], axis=-1)
+    ).real.T
+    curve = (
+        2.0 * np.stack([np.stack([uu, uv], -1), np.stack([uv, vv], -1)], -2) / power[:, None, None]
+    )
     return power, slope, curve - slope[:, :, None] * slope[:, None, :]
 
 
@@ -109,13 +125,17 @@ def _inner(y: ComplexArray, i: int, j: int) -> ComplexArray:
     return np.asarray(np.sum(y[..., i].conj() * y[..., j], axis=1))
 
 
-def _newton_step(direction: Array, gradient: Array, hessian: Array, limit: float) -> tuple[Array, Array]:
+def _newton_step(
+    direction: Array, gradient: Array, hessian: Array, limit: float
+) -> tuple[Array, Array]:
     """Return the new direction (reflected to the front) and the length of the step taken."""
     basis = tangent_rows(direction)
     slope = np.einsum("nij,nj->ni", basis[:, :, :2], gradient)
     radial = np.sum(direction[:, :2] * gradient, axis=-1)
     curve = basis[:, :, :2] @ hessian @ basis[:, :, :2].swapaxes(-1, -2)
-    step = _climb(curve[:, 0, 0] - radial, curve[:, 0, 1], curve[:, 1, 1] - radial, slope, 1e-6 / limit**2)
+    step = _climb(
+        curve[:, 0, 0] - radial, curve[:, 0, 1], curve[:, 1, 1] - radial, slope, 1e-6 / limit**2
+    )
     length = np.hypot(step[:, 0], step[:, 1])
     # At most 0.5 / (k r): a longer step may leave the main lobe for a sidelobe.
     step *= np.minimum(1.0, limit / np.maximum(length, 1e-300))[:, None]
@@ -181,7 +201,9 @@ def estimate_directions(
         If a covariance is not finite, not Hermitian or without power (see `covariance.eigen`).
     """
     if covariance.ndim != 3:
-        raise ValueError(f"covariance has shape {covariance.shape}, must be (n, elements, elements)")
+        raise ValueError(
+            f"covariance has shape {covariance.shape}, must be (n, elements, elements)"
+        )
     # Spacing 0.5 / (k r) in the direction cosines is a sixth of the main lobe's width: the start
     # lies in the lobe of the global maximum.
     candidates, manifold = steered_lattice(array, 0.5 / phase_radius_rad(array))
@@ -206,7 +228,9 @@ def _estimate(
     manifold: ComplexArray,
     response: ComplexArray | None,
 ) -> Peaks:
-    principal = principal_eigenvectors(covariance, array.elements if response is None else len(response))
+    principal = principal_eigenvectors(
+        covariance, array.elements if response is None else len(response)
+    )
     spectrum = principal.conj() @ manifold.T
     # |v_1^H a|^2 orders the lattice as the MUSIC spectrum does when there is one source.
     start = candidates[np.argmax(spectrum.real**2 + spectrum.imag**2, axis=-1)]

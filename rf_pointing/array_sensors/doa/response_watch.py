@@ -42,7 +42,9 @@ class ResponseMisfit:
         return dimensions * ((1.0 + MODEL_SHARE) * self.noise_rad2 + phase_sigma_rad**2)
 
 
-def response_misfit(found: Eigen, sources: int, steered: ComplexArray, noise: float, snapshots: int) -> ResponseMisfit:
+def response_misfit(
+    found: Eigen, sources: int, steered: ComplexArray, noise: float, snapshots: int
+) -> ResponseMisfit:
     """Return the misfit of `steered` (M,), the response to one of the `sources` directions, to the
     eigenvectors of a covariance of `snapshots` and noise power `noise`.
     """
@@ -51,13 +53,19 @@ def response_misfit(found: Eigen, sources: int, steered: ComplexArray, noise: fl
     signal, values = found.vectors[:, :sources], np.maximum(found.values[:sources], 1.001 * noise)
     along = signal.conj().T @ steered
     outside = steered - signal @ along
-    variance = float(np.sum(np.abs(along) ** 2 * noise * values / (values - noise) ** 2)) / (2.0 * snapshots)
+    variance = float(np.sum(np.abs(along) ** 2 * noise * values / (values - noise) ** 2)) / (
+        2.0 * snapshots
+    )
     if sources > 1:
         return ResponseMisfit(
-            squared=float(np.sum(np.abs(outside) ** 2)), noise_rad2=variance, freedom=2 * (elements - sources) - 2
+            squared=float(np.sum(np.abs(outside) ** 2)),
+            noise_rad2=variance,
+            freedom=2 * (elements - sources) - 2,
         )
     phases = np.imag(outside * steered.conj() / np.abs(steered))
-    return ResponseMisfit(squared=float(np.sum(phases**2)), noise_rad2=variance, freedom=elements - 3)
+    return ResponseMisfit(
+        squared=float(np.sum(phases**2)), noise_rad2=variance, freedom=elements - 3
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +98,11 @@ class ResponseWatch:
         degrees = 2.0 * self.noise**2 / self.variance
         limit = chi_square_limit(degrees, params.false_alarm) / degrees
         # Phases that do not change are one draw, however many blocks show them.
-        known = phase_sigma_rad**2 * float(chi_square_limit(np.array(float(freedom)), params.false_alarm)) / freedom
+        known = (
+            phase_sigma_rad**2
+            * float(chi_square_limit(np.array(float(freedom)), params.false_alarm))
+            / freedom
+        )
         largest = limit * ((1.0 + MODEL_SHARE) * self.noise + known * self.freedom)
         worst = int(np.argmax(self.squared / largest))
         if self.squared[worst] <= largest[worst]:

@@ -35,7 +35,10 @@ class SeveralDirections:
 
 
 def estimate_several(
-    array: CircularArrayParams, covariance: ComplexArray, sources: int, response: ComplexArray | None = None
+    array: CircularArrayParams,
+    covariance: ComplexArray,
+    sources: int,
+    response: ComplexArray | None = None,
 ) -> SeveralDirections:
     """Return the directions of `sources` sources behind one covariance (M, M).
 
@@ -45,24 +48,38 @@ def estimate_several(
         If `sources` is not below the number of elements, or the covariance has lower rank
         than that.
     """
-    signal = eigen(covariance, array.elements if response is None else len(response), sources).vectors[:, :sources]
+    signal = eigen(
+        covariance, array.elements if response is None else len(response), sources
+    ).vectors[:, :sources]
     # Finer than for one source: two maxima closer than a lattice step would merge into one start.
     spacing = 0.2 / phase_radius_rad(array)
     starts = _lattice_maxima(array, signal, spacing, response)
-    peaks = refine_peaks(array, np.broadcast_to(signal, (len(starts), *signal.shape)), starts, response)
+    peaks = refine_peaks(
+        array, np.broadcast_to(signal, (len(starts), *signal.shape)), starts, response
+    )
     # Two starts often climb to the same maximum: keep the best and drop what lies within half a
     # step of it.
     order = np.argsort(-peaks.fraction)
     order = order[peaks.converged[order]]
     chosen: list[int] = []
     for index in order:
-        apart = [np.linalg.norm(peaks.direction[index] - peaks.direction[other]) > 0.5 * spacing for other in chosen]
+        apart = [
+            np.linalg.norm(peaks.direction[index] - peaks.direction[other]) > 0.5 * spacing
+            for other in chosen
+        ]
         if len(chosen) < sources and all(apart):
             chosen.append(int(index))
     missing = sources - len(chosen)
-    reason = f"{len(chosen)} of {sources} sources resolved: the others have no separate maximum" if missing else ""
+    reason = (
+        f"{len(chosen)} of {sources} sources resolved: the others have no separate maximum"
+        if missing
+        else ""
+    )
     return SeveralDirections(
-        direction=peaks.direction[chosen], fraction=peaks.fraction[chosen], sources=sources, reason=reason
+        direction=peaks.direction[chosen],
+        fraction=peaks.fraction[chosen],
+        sources=sources,
+        reason=reason,
     )
 
 
@@ -75,7 +92,9 @@ def _lattice_maxima(
     points, received = steered_lattice(array, spacing)
     if response is not None:
         received = received @ response.T
-    along = np.sum(np.abs(received @ signal.conj()) ** 2, axis=-1) / np.sum(np.abs(received) ** 2, axis=-1)
+    along = np.sum(np.abs(received @ signal.conj()) ** 2, axis=-1) / np.sum(
+        np.abs(received) ** 2, axis=-1
+    )
     place = np.rint(points[:, :2] / spacing).astype(int)
     place -= place.min(axis=0)
     side = int(place.max()) + 1

@@ -14,12 +14,19 @@ import numpy as np
 from rf_pointing.array_sensors.attitude.ground_stations import GroundPlace, view_stations
 from rf_pointing.array_sensors.attitude.multiplicative_filter import ProcessNoiseParams
 from rf_pointing.array_sensors.attitude.orbits import Orbit
-from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_roll_pitch_yaw, quaternion_to_matrix
+from rf_pointing.array_sensors.attitude.quaternion import (
+    quaternion_from_roll_pitch_yaw,
+    quaternion_to_matrix,
+)
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
 from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams
 from rf_pointing.array_sensors.doa.array_source import ArraySource, ArraySourceParams
 from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock, HeldTorque
-from rf_pointing.array_sensors.doa.simulated_satellite import NadirHoldParams, SatelliteTruth, SimulatedSatellite
+from rf_pointing.array_sensors.doa.simulated_satellite import (
+    NadirHoldParams,
+    SatelliteTruth,
+    SimulatedSatellite,
+)
 from rf_pointing.core import Params, parameter, random_stream
 from rf_pointing.core.types import Array
 
@@ -32,16 +39,30 @@ _STEP_S = 0.25
 class DoaScenarioParams(Params):
     """Link, access of the stations and true attitude at the start."""
 
-    snr_db: float = parameter(0.0, "signal-to-noise ratio of a station per element", low=-60.0, high=80.0)
-    access: str = parameter(
-        "in_turn", "in_turn: one station each period; together: all in one channel", choices=("in_turn", "together")
+    snr_db: float = parameter(
+        0.0, "signal-to-noise ratio of a station per element", low=-60.0, high=80.0
     )
-    elevation_min_rad: float = parameter(math.radians(10.0), "lowest elevation of the satellite", low=0.0, high=1.5)
-    boresight_cosine_min: float = parameter(0.15, "smallest cos(theta) that the array receives", low=1e-3, high=1.0)
-    roll_rad: float = parameter(math.radians(15.0), "true roll at the start", low=-math.pi, high=math.pi)
+    access: str = parameter(
+        "in_turn",
+        "in_turn: one station each period; together: all in one channel",
+        choices=("in_turn", "together"),
+    )
+    elevation_min_rad: float = parameter(
+        math.radians(10.0), "lowest elevation of the satellite", low=0.0, high=1.5
+    )
+    boresight_cosine_min: float = parameter(
+        0.15, "smallest cos(theta) that the array receives", low=1e-3, high=1.0
+    )
+    roll_rad: float = parameter(
+        math.radians(15.0), "true roll at the start", low=-math.pi, high=math.pi
+    )
     pitch_rad: float = parameter(math.radians(-10.0), "true pitch at the start", low=-1.5, high=1.5)
-    yaw_rad: float = parameter(math.radians(40.0), "true yaw at the start", low=-math.pi, high=math.pi)
-    rate_rad_s: float = parameter(math.radians(0.05), "true rate at the start, each axis", low=-0.1, high=0.1)
+    yaw_rad: float = parameter(
+        math.radians(40.0), "true yaw at the start", low=-math.pi, high=math.pi
+    )
+    rate_rad_s: float = parameter(
+        math.radians(0.05), "true rate at the start, each axis", low=-0.1, high=0.1
+    )
     unknown_torque_n_m: float = parameter(
         0.0, "constant torque besides that of disturbance.torque_n_m, each axis", low=-1.0, high=1.0
     )
@@ -93,7 +114,9 @@ class SimulatedDoa:
         self._torque = satellite.hold_torque(rate)
         truth = satellite.state
         return DoaMoment(
-            truth=truth, torque=HeldTorque(t_s=t_s, known=self._torque), heard=self._hear(t_s, truth.quaternion)
+            truth=truth,
+            torque=HeldTorque(t_s=t_s, known=self._torque),
+            heard=self._hear(t_s, truth.quaternion),
         )
 
     def _advanced(self, t_s: float) -> SimulatedSatellite:
@@ -115,9 +138,16 @@ class SimulatedDoa:
 
     def _started(self, t_s: float) -> SimulatedSatellite:
         scenario, (satellite, hold, noise) = self._scenario, self._bodies
-        turn = quaternion_from_roll_pitch_yaw([scenario.roll_rad, scenario.pitch_rad, scenario.yaw_rad])
-        rate = quaternion_to_matrix(turn).T @ self._orbit.point(t_s).frame_rate_rad_s + scenario.rate_rad_s
-        return SimulatedSatellite(satellite, hold, noise, t_s=t_s, quaternion=turn, rate_rad_s=rate, seed=self._seed)
+        turn = quaternion_from_roll_pitch_yaw(
+            [scenario.roll_rad, scenario.pitch_rad, scenario.yaw_rad]
+        )
+        rate = (
+            quaternion_to_matrix(turn).T @ self._orbit.point(t_s).frame_rate_rad_s
+            + scenario.rate_rad_s
+        )
+        return SimulatedSatellite(
+            satellite, hold, noise, t_s=t_s, quaternion=turn, rate_rad_s=rate, seed=self._seed
+        )
 
     def _hear(self, t_s: float, quaternion: Array) -> ChannelBlock | None:
         view = view_stations(self._orbit, self._stations, t_s)
@@ -131,5 +161,9 @@ class SimulatedDoa:
             # some.
             heard = heard[[self._turn % len(heard)]]
             self._turn += 1
-        block = self._source.step(t_s, directions[heard], np.full(len(heard), self._scenario.snr_db))
-        return ChannelBlock(transmitters=tuple(self._stations[index].name for index in heard.tolist()), block=block)
+        block = self._source.step(
+            t_s, directions[heard], np.full(len(heard), self._scenario.snr_db)
+        )
+        return ChannelBlock(
+            transmitters=tuple(self._stations[index].name for index in heard.tolist()), block=block
+        )

@@ -22,7 +22,12 @@ from rf_pointing.array_sensors.attitude.quaternion import (
     quaternion_to_matrix,
     unit_quaternion,
 )
-from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams, propagate, rigid_inertia
+from rf_pointing.array_sensors.attitude.rigid_body import (
+    KnownTorque,
+    SatelliteParams,
+    propagate,
+    rigid_inertia,
+)
 from rf_pointing.core import Params, parameter, random_stream, require_between, require_finite
 from rf_pointing.core.types import Array
 
@@ -79,7 +84,10 @@ class SimulatedSatellite:
         """A copy of the truth, to compare with or to resume from with `restore`."""
         generator = copy.deepcopy(dict(self._stream.bit_generator.state))
         return SatelliteTruth(
-            t_s=self._t_s, quaternion=self._quaternion.copy(), rate_rad_s=self._rate.copy(), generator=generator
+            t_s=self._t_s,
+            quaternion=self._quaternion.copy(),
+            rate_rad_s=self._rate.copy(),
+            generator=generator,
         )
 
     def restore(self, state: SatelliteTruth) -> None:
@@ -93,12 +101,16 @@ class SimulatedSatellite:
         rotation = quaternion_to_matrix(self._quaternion)
         relative = self._rate - np.einsum("...ji,...j->...i", rotation, frame_rate)
         # The sign of the scalar chooses the short way round; the other would unwind a full turn.
-        turn = 2.0 * self._quaternion[..., :3] * np.where(self._quaternion[..., 3:] < 0.0, -1.0, 1.0)
+        turn = (
+            2.0 * self._quaternion[..., :3] * np.where(self._quaternion[..., 3:] < 0.0, -1.0, 1.0)
+        )
         pull = self._hold.bandwidth_rad_s**2 * turn
         brake = 2.0 * self._hold.damping * self._hold.bandwidth_rad_s * relative
         none = np.zeros(3)
         return KnownTorque(
-            control_n_m=-(pull + brake) @ self._inertia.matrix, wheel_momentum_n_m_s=none, wheel_momentum_rate_n_m=none
+            control_n_m=-(pull + brake) @ self._inertia.matrix,
+            wheel_momentum_n_m_s=none,
+            wheel_momentum_rate_n_m=none,
         )
 
     def step(self, dt_s: float, known: KnownTorque, frame_rate: Array) -> None:
@@ -107,7 +119,9 @@ class SimulatedSatellite:
         `frame_rate` (3,) is the orbital frame's inertial rate in F_o.
         """
         require_between("dt_s", dt_s, 1e-6, 10.0)
-        quaternion, rate = propagate(self._inertia, self._quaternion, self._rate, known, frame_rate, dt_s)
+        quaternion, rate = propagate(
+            self._inertia, self._quaternion, self._rate, known, frame_rate, dt_s
+        )
         shape = rate.shape
         jitter = np.sqrt(self._noise.attitude_rad2_s * dt_s) * self._stream.standard_normal(shape)
         shake = np.sqrt(self._noise.rate_rad2_s3 * dt_s) * self._stream.standard_normal(shape)

@@ -80,17 +80,25 @@ def draw_covariances(
     require_choice("waveform", waveform, ("gaussian", "constant_modulus"))
     count = len(direction)
     # Sum of |s|^2 over the snapshots: the only property of the waveform that the covariance keeps.
-    energy = stream.gamma(snapshots, size=count) if waveform == "gaussian" else np.full(count, float(snapshots))
+    energy = (
+        stream.gamma(snapshots, size=count)
+        if waveform == "gaussian"
+        else np.full(count, float(snapshots))
+    )
     first = np.sqrt(snr * energy)[:, None] * steering(array, direction) + complex_normal(
         stream, (count, array.elements)
     )
     # Bartlett's decomposition draws the covariance of the noise without drawing its snapshots.
     rest = _wishart_root(count, array.elements, snapshots - 1, stream)
     outer = first[:, :, None] * first[:, None, :].conj()
-    return np.asarray((outer + rest @ rest.conj().swapaxes(-1, -2)) / snapshots, dtype=np.complex128)
+    return np.asarray(
+        (outer + rest @ rest.conj().swapaxes(-1, -2)) / snapshots, dtype=np.complex128
+    )
 
 
-def _wishart_root(count: int, elements: int, degrees: int, stream: np.random.Generator) -> ComplexArray:
+def _wishart_root(
+    count: int, elements: int, degrees: int, stream: np.random.Generator
+) -> ComplexArray:
     if degrees < elements:
         return complex_normal(stream, (count, elements, degrees))
     rows, columns = np.tril_indices(elements, -1)
@@ -105,9 +113,13 @@ def _root(source_covariance: ComplexArray, count: int) -> ComplexArray:
     matrix = np.asarray(source_covariance, dtype=np.complex128)
     if matrix.shape != (count, count):
         raise ValueError(f"source_covariance has shape {matrix.shape}, must be ({count}, {count})")
-    if not np.allclose(matrix, matrix.conj().T, rtol=0.0, atol=1e-12 * float(np.abs(matrix).max(initial=1.0))):
+    if not np.allclose(
+        matrix, matrix.conj().T, rtol=0.0, atol=1e-12 * float(np.abs(matrix).max(initial=1.0))
+    ):
         raise ValueError("source_covariance is not Hermitian")
-    if np.count_nonzero(matrix - np.diag(np.diag(matrix))) == 0 and np.all(np.diag(matrix).real >= 0.0):
+    if np.count_nonzero(matrix - np.diag(np.diag(matrix))) == 0 and np.all(
+        np.diag(matrix).real >= 0.0
+    ):
         return np.asarray(np.diag(np.sqrt(np.diag(matrix).real)), dtype=np.complex128)
     values, vectors = np.linalg.eigh(matrix)
     if values[0] < -1e-12 * abs(values[-1]):

@@ -45,7 +45,9 @@ def tracking_frame_dipole(received: ArrayLike, direction: ArrayLike) -> tuple[Ar
     """
     azimuth, elevation = forward_angles(direction)
     if np.any(np.abs(np.cos(azimuth)) < _SINGULAR) or np.any(np.cos(elevation) < _SINGULAR):
-        raise ValueError("azimuth1 or elevation1 is +-90 deg: the y and z dipoles do not see the whole field there")
+        raise ValueError(
+            "azimuth1 or elevation1 is +-90 deg: the y and z dipoles do not see the whole field there"
+        )
     along_y, along_z = np.moveaxis(np.asarray(received, dtype=np.float64), -1, 0)
     # The dipoles are along y and z of the array; off boresight the field across the path has both
     # components in each.
@@ -62,6 +64,8 @@ def roll_from_polarisation(amplitudes: ArrayLike, direction: ArrayLike) -> Array
     """
     across_y, across_z = tracking_frame_dipole(np.asarray(amplitudes)[..., 1], direction)
     if np.any(np.hypot(across_y, across_z) < _SINGULAR):
-        raise ValueError("the z dipole's couplings vanish: elevation2 is +-90 deg or there is no signal")
+        raise ValueError(
+            "the z dipole's couplings vanish: elevation2 is +-90 deg or there is no signal"
+        )
     # A ratio of two couplings of the same dipole: its gain and its excitation cancel.
     return np.arctan2(-across_y, across_z)

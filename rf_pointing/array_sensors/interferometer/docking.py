@@ -122,7 +122,9 @@ class RelativePoseTracker:
         """
         require_arrived(measurement.t_s, now_s)
         if self._latest_s is not None and measurement.t_s <= self._latest_s:
-            raise ValueError(f"t_s={measurement.t_s} is late: the pose is already at {self._latest_s}")
+            raise ValueError(
+                f"t_s={measurement.t_s} is late: the pose is already at {self._latest_s}"
+            )
         self.state, output = self.tracker.step(self.state, measurement)
         self._latest_s = measurement.t_s
         return output
@@ -145,5 +147,7 @@ class RelativePoseTracker:
 
 def true_pose(motion: RelativeMotion) -> Rep103Pose:
     """Return a true motion in REP-103 axes, with zero covariance."""
-    exact = PoseEstimate(t_s=0.0, motion=motion, covariance=np.zeros((12, 12)), excitation=np.ones(2))
+    exact = PoseEstimate(
+        t_s=0.0, motion=motion, covariance=np.zeros((12, 12)), excitation=np.ones(2)
+    )
     return rep103_pose(exact)

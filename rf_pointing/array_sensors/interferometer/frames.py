@@ -60,7 +60,9 @@ def small_rotation(
     As "published" the diagonal of (4-11) is zero; with it the updated direction would be orthogonal
     to the old one.
     """
-    angles = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (roll_rad, elevation_rad, azimuth_rad)))
+    angles = np.broadcast_arrays(
+        *(np.asarray(a, dtype=np.float64) for a in (roll_rad, elevation_rad, azimuth_rad))
+    )
     # Frames turn, not vectors: hence the minus sign.
     skew = -cross_matrix(np.stack(angles, axis=-1))
     return skew if is_published(variant) else skew + np.eye(3)
@@ -84,14 +86,20 @@ def rotation_vector(rotation: ArrayLike) -> Array:
     return turn_from_quaternion(quaternion_from_matrix(np.swapaxes(matrix, -1, -2)))
 
 
-def attitude_from_euler(azimuth_rad: ArrayLike, elevation_rad: ArrayLike, roll_rad: ArrayLike) -> Array:
+def attitude_from_euler(
+    azimuth_rad: ArrayLike, elevation_rad: ArrayLike, roll_rad: ArrayLike
+) -> Array:
     """Return A (..., 3, 3) of the passive spacecraft relative to the active one (PI83 eq. 2-1,
     listing ACOMP).
     """
-    return roll_rotation(roll_rad) @ elevation_rotation(elevation_rad) @ azimuth_rotation(azimuth_rad)
+    return (
+        roll_rotation(roll_rad) @ elevation_rotation(elevation_rad) @ azimuth_rotation(azimuth_rad)
+    )
 
 
-def euler_from_attitude(attitude: ArrayLike, variant: str = CORRECTED) -> tuple[Array, Array, Array]:
+def euler_from_attitude(
+    attitude: ArrayLike, variant: str = CORRECTED
+) -> tuple[Array, Array, Array]:
     """Return azimuth and roll in [-pi, pi] and elevation in [-pi/2, pi/2] of A (..., 3, 3).
 
     "corrected" is the listing's EULER, where a common gain error of A cancels; "published" is eq.
@@ -123,7 +131,9 @@ def direction_from_angles(azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> A
         np.asarray(azimuth_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64)
     )
     horizontal = np.cos(elevation)
-    return np.stack([horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), -np.sin(elevation)], axis=-1)
+    return np.stack(
+        [horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), -np.sin(elevation)], axis=-1
+    )
 
 
 def forward_angles(direction: ArrayLike) -> tuple[Array, Array]:

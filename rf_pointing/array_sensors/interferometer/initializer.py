@@ -24,7 +24,10 @@ from rf_pointing.core.types import Array
 
 def range_from_sum(ranges_m: ArrayLike, arrays: ArrayParams) -> Array:
     """Return the distance (...) from all nine two-way ranges (..., 3, 3) (PI83 eq. 3-7)."""
-    return np.asarray(np.sum(np.asarray(ranges_m, dtype=np.float64) - arrays.transponder_delay_m, axis=(-2, -1)) / 18.0)
+    return np.asarray(
+        np.sum(np.asarray(ranges_m, dtype=np.float64) - arrays.transponder_delay_m, axis=(-2, -1))
+        / 18.0
+    )
 
 
 def direction_cosines(centre_ranges_m: ArrayLike, radius_m: float) -> tuple[Array, Array, Array]:
@@ -46,7 +49,9 @@ def forward_direction(ranges_m: ArrayLike, range_m: ArrayLike, arrays: ArrayPara
     return _direction(ranges_m, range_m, arrays, -1, arrays.radius_active_m, 1.0)
 
 
-def reverse_direction_from_ranges(ranges_m: ArrayLike, range_m: ArrayLike, arrays: ArrayParams) -> Array:
+def reverse_direction_from_ranges(
+    ranges_m: ArrayLike, range_m: ArrayLike, arrays: ArrayParams
+) -> Array:
     """Return eta (..., 3), x <= 0, of the active array seen by the passive one (PI83 eqs. 3-27 to
     3-30).
     """
@@ -54,7 +59,12 @@ def reverse_direction_from_ranges(ranges_m: ArrayLike, range_m: ArrayLike, array
 
 
 def _direction(
-    ranges_m: ArrayLike, range_m: ArrayLike, arrays: ArrayParams, axis: int, radius_m: float, side: float
+    ranges_m: ArrayLike,
+    range_m: ArrayLike,
+    arrays: ArrayParams,
+    axis: int,
+    radius_m: float,
+    side: float,
 ) -> Array:
     # Averaging over the other array's elements leaves paths to its centre: their sum of positions
     # is zero.
@@ -126,5 +136,7 @@ def aperture_excess(ranges_m: ArrayLike, arrays: ArrayParams) -> tuple[Array, Ar
     ranges = np.asarray(ranges_m, dtype=np.float64)
     sides = ((-1, arrays.radius_active_m), (-2, arrays.radius_passive_m))
     # The cosines are made of differences: what all paths have in common drops out.
-    forward, reverse = (-direction_cosines(np.mean(ranges, axis=axis), radius)[2] for axis, radius in sides)
+    forward, reverse = (
+        -direction_cosines(np.mean(ranges, axis=axis), radius)[2] for axis, radius in sides
+    )
     return forward, reverse

@@ -55,7 +55,10 @@ def displaced(tracked: TrackedMotion, change: Array) -> TrackedMotion:
     distance = np.linalg.norm(motion.position_m, axis=-1)
     # Cross-track lengths over the distance are angles about the other two axes: hence the exchange
     # and the sign.
-    turn = np.stack([np.zeros_like(change[..., 0]), -change[..., 2], change[..., 1]], axis=-1) / distance[..., None]
+    turn = (
+        np.stack([np.zeros_like(change[..., 0]), -change[..., 2], change[..., 1]], axis=-1)
+        / distance[..., None]
+    )
     turning = _vector_rotation(_apply(axes, turn))
     velocity = motion.velocity_m_s + _apply(axes, change[..., VELOCITY])
     return TrackedMotion(
@@ -87,7 +90,9 @@ def local_difference(tracked: TrackedMotion, reference: TrackedMotion) -> Array:
     # direction.
     velocity = _apply(_vector_rotation(-turn), there.velocity_m_s) - here.velocity_m_s
     along = np.linalg.norm(there.position_m, axis=-1) - distance
-    position = np.stack([along, distance * local_turn[..., 2], -distance * local_turn[..., 1]], axis=-1)
+    position = np.stack(
+        [along, distance * local_turn[..., 2], -distance * local_turn[..., 1]], axis=-1
+    )
     attitude = rotation_vector(there.attitude @ np.swapaxes(here.attitude, -1, -2))
     parts = [position, _apply(back, velocity), attitude, there.rate_rad_s - here.rate_rad_s]
     return np.concatenate([*parts, tracked.excitation - reference.excitation], axis=-1)
@@ -141,7 +146,10 @@ def expected_path_rates_m_s(tracked: TrackedMotion, system: InterferometerSystem
     # At the rms of the slots' times from the epoch, before and after: the mean of all to the third
     # power of time.
     half_s = float(np.sqrt(np.mean(system.schedule.offsets_s(system.plan) ** 2)))
-    rates = [path_rates_m_s(*_of_motion(moved(tracked.motion, dt_s)), system.arrays) for dt_s in (-half_s, half_s)]
+    rates = [
+        path_rates_m_s(*_of_motion(moved(tracked.motion, dt_s)), system.arrays)
+        for dt_s in (-half_s, half_s)
+    ]
     return _weighted(0.5 * (rates[0] + rates[1]), system)
 
 
@@ -159,7 +167,9 @@ def _weighted(paths: Array, system: InterferometerSystem) -> Array:
     return forward * paths[..., :1, :1] + back * paths[..., 1:, 1:]
 
 
-def expected_reading(tracked: TrackedMotion, reading: Reading, system: InterferometerSystem) -> Array:
+def expected_reading(
+    tracked: TrackedMotion, reading: Reading, system: InterferometerSystem
+) -> Array:
     """Return the expected vector (..., 22) of `reading`.
 
     Ranges as its phases were treated, path rates, couplings.
@@ -186,7 +196,9 @@ def local_gradient(
     moves = np.diag(steps)
     # One call for all displacements: 29 stacked evaluations cost little more than one.
     values = expected_reading(
-        displaced(tracked, change + np.concatenate([np.zeros((1, SIZE)), moves, -moves])), reading, system
+        displaced(tracked, change + np.concatenate([np.zeros((1, SIZE)), moves, -moves])),
+        reading,
+        system,
     )
     return values[0], ((values[1 : SIZE + 1] - values[SIZE + 1 :]) / (2.0 * steps[:, None])).T
 

@@ -52,9 +52,13 @@ def moved(motion: RelativeMotion, dt_s: ArrayLike) -> RelativeMotion:
     dt = np.asarray(dt_s, dtype=np.float64)[..., None]
     return RelativeMotion(
         position_m=motion.position_m + motion.velocity_m_s * dt,
-        velocity_m_s=np.broadcast_to(motion.velocity_m_s, np.broadcast_shapes(motion.velocity_m_s.shape, dt.shape)),
+        velocity_m_s=np.broadcast_to(
+            motion.velocity_m_s, np.broadcast_shapes(motion.velocity_m_s.shape, dt.shape)
+        ),
         attitude=frame_rotation(motion.rate_rad_s * dt) @ motion.attitude,
-        rate_rad_s=np.broadcast_to(motion.rate_rad_s, np.broadcast_shapes(motion.rate_rad_s.shape, dt.shape)),
+        rate_rad_s=np.broadcast_to(
+            motion.rate_rad_s, np.broadcast_shapes(motion.rate_rad_s.shape, dt.shape)
+        ),
     )
 
 
@@ -65,11 +69,15 @@ def crude_attitude_rate(earlier: ArrayLike, later: ArrayLike, dt_s: float) -> Ar
     other way round.
     """
     _require_positive(dt_s)
-    turn = rotation_vector(np.asarray(later, dtype=np.float64) @ np.asarray(earlier, dtype=np.float64).T)
+    turn = rotation_vector(
+        np.asarray(later, dtype=np.float64) @ np.asarray(earlier, dtype=np.float64).T
+    )
     angle = float(np.linalg.norm(turn))
     # Beyond it sampling no longer shows which way round the body turned.
     if angle > math.pi / 2.0:
-        raise ValueError(f"attitude changed by {math.degrees(angle):.4g} deg between samples, must be <= 90 deg")
+        raise ValueError(
+            f"attitude changed by {math.degrees(angle):.4g} deg between samples, must be <= 90 deg"
+        )
     return turn / dt_s
 
 
@@ -88,19 +96,33 @@ class DockingApproach(Params):
 
     start_range_m: float = parameter(2000.0, "range at time zero", low=1.0, high=1e5)
     dock_range_m: float = parameter(5.0, "range approached in the end", low=0.1, high=1e4)
-    time_constant_s: float = parameter(1200.0, "time in which the remaining way shrinks by e", low=1.0, high=1e6)
-    azimuth_rad: float = parameter(math.radians(8.0), "mean direction of the passive spacecraft", low=-1.2, high=1.2)
-    elevation_rad: float = parameter(math.radians(-5.0), "mean direction, above", low=-1.2, high=1.2)
-    attitude_azimuth_rad: float = parameter(math.radians(10.0), "mean attitude; zero: same heading", low=-1.2, high=1.2)
+    time_constant_s: float = parameter(
+        1200.0, "time in which the remaining way shrinks by e", low=1.0, high=1e6
+    )
+    azimuth_rad: float = parameter(
+        math.radians(8.0), "mean direction of the passive spacecraft", low=-1.2, high=1.2
+    )
+    elevation_rad: float = parameter(
+        math.radians(-5.0), "mean direction, above", low=-1.2, high=1.2
+    )
+    attitude_azimuth_rad: float = parameter(
+        math.radians(10.0), "mean attitude; zero: same heading", low=-1.2, high=1.2
+    )
     sway_m: float = parameter(0.5, "amplitude of the sideways swaying", low=0.0, high=100.0)
-    sway_rad: float = parameter(math.radians(3.0), "amplitude of the swaying attitude", low=0.0, high=0.5)
+    sway_rad: float = parameter(
+        math.radians(3.0), "amplitude of the swaying attitude", low=0.0, high=0.5
+    )
     sway_period_s: float = parameter(240.0, "period of the swaying", low=1.0, high=1e5)
-    roll_rate_rad_s: float = parameter(math.radians(0.2), "steady roll of the passive spacecraft", low=-0.1, high=0.1)
+    roll_rate_rad_s: float = parameter(
+        math.radians(0.2), "steady roll of the passive spacecraft", low=-0.1, high=0.1
+    )
 
     def check_together(self) -> None:
         """Refuse an approach that moves away."""
         if self.dock_range_m >= self.start_range_m:
-            raise ValueError(f"dock_range_m={self.dock_range_m} must be < start_range_m={self.start_range_m}")
+            raise ValueError(
+                f"dock_range_m={self.dock_range_m} must be < start_range_m={self.start_range_m}"
+            )
 
     def pose_at(self, t_s: float) -> tuple[Array, Array]:
         """Return position (3,) and A (3, 3) at `t_s` after the start."""
@@ -114,13 +136,18 @@ class DockingApproach(Params):
             self.sway_rad * math.sin(1.3 * phase),
             self.roll_rate_rad_s * t_s,
         )
-        return distance * direction_from_angles(self.azimuth_rad, self.elevation_rad) + sideways, attitude
+        return distance * direction_from_angles(
+            self.azimuth_rad, self.elevation_rad
+        ) + sideways, attitude
 
     def motion_at(self, t_s: float) -> RelativeMotion:
         """Return pose and rates at `t_s`, rates as central differences over 20 ms."""
         # Central differences: the approach is smooth, and the error is below 1e-6 of the rates.
         step = 0.01
-        (before, attitude_before), (after, attitude_after) = self.pose_at(t_s - step), self.pose_at(t_s + step)
+        (before, attitude_before), (after, attitude_after) = (
+            self.pose_at(t_s - step),
+            self.pose_at(t_s + step),
+        )
         position, attitude = self.pose_at(t_s)
         return RelativeMotion(
             position_m=position,

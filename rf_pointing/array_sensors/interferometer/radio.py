@@ -41,7 +41,10 @@ class LinkParams(Params):
 
 
 def path_loss(
-    range_m: ArrayLike, frequency_hz: ArrayLike, speed_of_light_m_s: float = 3.0e8, variant: str = CORRECTED
+    range_m: ArrayLike,
+    frequency_hz: ArrayLike,
+    speed_of_light_m_s: float = 3.0e8,
+    variant: str = CORRECTED,
 ) -> Array:
     """Return Lp as a power ratio (PI83 eq. 8-19).
 
@@ -54,22 +57,39 @@ def path_loss(
     # measurement.
     if not np.all(distance > 0.0):
         raise ValueError(f"range_m={float(np.min(distance))} must be > 0")
-    return (turns * np.pi * distance * np.asarray(frequency_hz, dtype=np.float64) / speed_of_light_m_s) ** 2
+    return (
+        turns * np.pi * distance * np.asarray(frequency_hz, dtype=np.float64) / speed_of_light_m_s
+    ) ** 2
 
 
 def noise_power_w(link: LinkParams) -> float:
     """Return k T B F in watts (PI83 eqs. 5-41, 8-18)."""
-    return float(link.boltzmann * link.temperature_k * link.bandwidth_hz * 10.0 ** (0.1 * link.noise_figure_db))
+    return float(
+        link.boltzmann
+        * link.temperature_k
+        * link.bandwidth_hz
+        * 10.0 ** (0.1 * link.noise_figure_db)
+    )
 
 
 def received_power_w(
-    power_w: ArrayLike, range_m: ArrayLike, frequency_hz: ArrayLike, link: LinkParams, loss: str = CORRECTED
+    power_w: ArrayLike,
+    range_m: ArrayLike,
+    frequency_hz: ArrayLike,
+    link: LinkParams,
+    loss: str = CORRECTED,
 ) -> Array:
     """Return the received power in watts (PI83 eq. 5-38)."""
-    return np.asarray(power_w) * link.gains / path_loss(range_m, frequency_hz, link.speed_of_light_m_s, loss)
+    return (
+        np.asarray(power_w)
+        * link.gains
+        / path_loss(range_m, frequency_hz, link.speed_of_light_m_s, loss)
+    )
 
 
-def link_snr(power_w: ArrayLike, range_m: ArrayLike, frequency_hz: ArrayLike, link: LinkParams) -> Array:
+def link_snr(
+    power_w: ArrayLike, range_m: ArrayLike, frequency_hz: ArrayLike, link: LinkParams
+) -> Array:
     """Return the power ratio of signal and noise (PI83 eqs. 5-42, 8-17).
 
     Inverse of `required_power_w`.
@@ -77,7 +97,9 @@ def link_snr(power_w: ArrayLike, range_m: ArrayLike, frequency_hz: ArrayLike, li
     return received_power_w(power_w, range_m, frequency_hz, link) / noise_power_w(link)
 
 
-def required_power_w(snr: ArrayLike, range_m: ArrayLike, frequency_hz: ArrayLike, link: LinkParams) -> Array:
+def required_power_w(
+    snr: ArrayLike, range_m: ArrayLike, frequency_hz: ArrayLike, link: LinkParams
+) -> Array:
     """Return the radiated power in watts that gives `snr`; inverse of `link_snr`."""
     loss = path_loss(range_m, frequency_hz, link.speed_of_light_m_s)
     return np.asarray(snr) * noise_power_w(link) * loss / link.gains
@@ -87,15 +109,23 @@ def required_power_w(snr: ArrayLike, range_m: ArrayLike, frequency_hz: ArrayLike
 class RadioParams(Params):
     """Radiated powers per carrier and element; the defaults are the report's simulation."""
 
-    forward_power_w: float = parameter(2.2, "radiated by the active centre element", low=1e-9, high=1e6)
+    forward_power_w: float = parameter(
+        2.2, "radiated by the active centre element", low=1e-9, high=1e6
+    )
     return_power_w: float = parameter(1.1, "radiated by each passive element", low=1e-9, high=1e6)
     # Below it more power does not help: 1e-4 rad is that of 80 dB.
-    phase_noise_rad: float = parameter(1e-4, "sigma of a loop's phase besides receiver noise", low=0.0, high=1.0)
-    hardware_phase_rad: float = parameter(0.0, "sigma of a fixed, unknown phase of carrier and path", low=0.0, high=1.0)
+    phase_noise_rad: float = parameter(
+        1e-4, "sigma of a loop's phase besides receiver noise", low=0.0, high=1.0
+    )
+    hardware_phase_rad: float = parameter(
+        0.0, "sigma of a fixed, unknown phase of carrier and path", low=0.0, high=1.0
+    )
     hardware_rate_rad_s: float = parameter(
         0.0, "sigma of a fixed, unknown error of a path's phase rate", low=0.0, high=100.0
     )
-    hardware_coupling: float = parameter(0.0, "sigma of a fixed, unknown error of a coupling", low=0.0, high=1.0)
+    hardware_coupling: float = parameter(
+        0.0, "sigma of a fixed, unknown error of a coupling", low=0.0, high=1.0
+    )
 
 
 def signal_to_noise_ratios(
@@ -105,11 +135,17 @@ def signal_to_noise_ratios(
     out = np.asarray(outward_m, dtype=np.float64)[..., None]
     back = np.asarray(back_m, dtype=np.float64)[..., None, :, :]
     forward = link_snr(radio.forward_power_w, out, plan.forward_carriers_hz, link)
-    return forward, link_snr(radio.return_power_w, back, plan.return_carriers_hz[:, None, None], link)
+    return forward, link_snr(
+        radio.return_power_w, back, plan.return_carriers_hz[:, None, None], link
+    )
 
 
 def amplitude_sigma(
-    range_m: ArrayLike, radio: RadioParams, plan: CarrierPlan, link: LinkParams, variant: str = CORRECTED
+    range_m: ArrayLike,
+    radio: RadioParams,
+    plan: CarrierPlan,
+    link: LinkParams,
+    variant: str = CORRECTED,
 ) -> Array:
     """Return the noise sigma (...) of one coupling, largest coupling one, from K carriers.
 

@@ -37,16 +37,24 @@ HARDWARE = slice(SIZE, SIZE + 22)
 class FilterParams(Params):
     """Motion model and first uncertainties."""
 
-    acceleration_density_m_s2: float = parameter(0.01, "white acceleration, per root hertz", low=1e-9, high=100.0)
+    acceleration_density_m_s2: float = parameter(
+        0.01, "white acceleration, per root hertz", low=1e-9, high=100.0
+    )
     angular_acceleration_density_rad_s2: float = parameter(
         3e-4, "white angular acceleration, per root hertz", low=1e-12, high=10.0
     )
     excitation_drift: float = parameter(
         1e-4, "random walk of the excitation factors, per root second", low=0.0, high=1.0
     )
-    first_velocity_m_s: float = parameter(5.0, "first standard deviation of each velocity axis", low=1e-6, high=1e3)
-    first_rate_rad_s: float = parameter(0.05, "first standard deviation of each angular rate", low=1e-9, high=1.0)
-    first_excitation: float = parameter(0.5, "first standard deviation of the excitation factors", low=1e-3, high=10.0)
+    first_velocity_m_s: float = parameter(
+        5.0, "first standard deviation of each velocity axis", low=1e-6, high=1e3
+    )
+    first_rate_rad_s: float = parameter(
+        0.05, "first standard deviation of each angular rate", low=1e-9, high=1.0
+    )
+    first_excitation: float = parameter(
+        0.5, "first standard deviation of the excitation factors", low=1e-3, high=10.0
+    )
     track_excitation: bool = parameter(False, "treat the excitation factors as unknown")
 
 
@@ -88,7 +96,9 @@ def start(t_s: float, snapshot: Snapshot, reading: Reading, params: FilterParams
     if params.track_excitation:
         covariance[12:SIZE, 12:SIZE] = np.eye(2) * params.first_excitation**2
     covariance[HARDWARE, HARDWARE] = np.diag(reading.hardware)
-    return FilterState(t_s=t_s, tracked=snapshot.tracked, hardware=np.zeros(22), covariance=covariance)
+    return FilterState(
+        t_s=t_s, tracked=snapshot.tracked, hardware=np.zeros(22), covariance=covariance
+    )
 
 
 def predict(state: FilterState, t_s: float, params: FilterParams) -> FilterState:
@@ -123,7 +133,10 @@ def _process_noise(dt_s: float, params: FilterParams) -> Array:
     noise = np.zeros((SIZE, SIZE))
     # White acceleration integrated once and twice: the discrete noise of a constant-velocity model.
     block = np.array([[dt_s**3 / 3.0, dt_s**2 / 2.0], [dt_s**2 / 2.0, dt_s]])
-    densities = ((0, params.acceleration_density_m_s2), (6, params.angular_acceleration_density_rad_s2))
+    densities = (
+        (0, params.acceleration_density_m_s2),
+        (6, params.angular_acceleration_density_rad_s2),
+    )
     for first, density in densities:
         noise[first : first + 6, first : first + 6] = np.kron(block, np.eye(3)) * density**2
     if params.track_excitation:
@@ -132,7 +145,10 @@ def _process_noise(dt_s: float, params: FilterParams) -> Array:
 
 
 def update(
-    state: FilterState, reading: Reading, system: InterferometerSystem, around: TrackedMotion | None = None
+    state: FilterState,
+    reading: Reading,
+    system: InterferometerSystem,
+    around: TrackedMotion | None = None,
 ) -> FilterUpdate:
     """Return the state corrected by `reading`, linearised at `around` (default: the predicted
     motion).
@@ -170,4 +186,9 @@ def _recentred(state: FilterState, correction: Array, covariance: Array) -> Filt
         local_steps(state.tracked),
     )
     hardware = state.hardware + correction[HARDWARE]
-    return FilterState(t_s=state.t_s, tracked=tracked, hardware=hardware, covariance=_transformed(turning, covariance))
+    return FilterState(
+        t_s=state.t_s,
+        tracked=tracked,
+        hardware=hardware,
+        covariance=_transformed(turning, covariance),
+    )

@@ -22,7 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.array_sensors.interferometer.measurement import InterferometerMeasurement, phase_variance
+from rf_pointing.array_sensors.interferometer.measurement import (
+    InterferometerMeasurement,
+    phase_variance,
+)
 from rf_pointing.array_sensors.interferometer.system import (
     CarrierPlan,
     InterferometerSystem,
@@ -55,7 +58,9 @@ class ResolvedRanges:
         return np.asarray(np.max(np.abs(self.lane_residuals), axis=(-3, -2, -1)))
 
 
-def resolve_ranges(phases_rad: ArrayLike, plan: CarrierPlan, variant: str = CORRECTED) -> ResolvedRanges:
+def resolve_ranges(
+    phases_rad: ArrayLike, plan: CarrierPlan, variant: str = CORRECTED
+) -> ResolvedRanges:
     """Return the ranges of difference-frequency tracking from carrier phases (..., K, n, n),
     wrapped or not.
 
@@ -79,7 +84,9 @@ def resolve_ranges(phases_rad: ArrayLike, plan: CarrierPlan, variant: str = CORR
         ranges = fine[..., step, :, :] + lane * plan.ambiguities_m[step]
         lanes.append(lane)
         residuals.append(unrounded - lane)
-    return ResolvedRanges(ranges_m=ranges, lanes=np.stack(lanes, axis=-3), lane_residuals=np.stack(residuals, axis=-3))
+    return ResolvedRanges(
+        ranges_m=ranges, lanes=np.stack(lanes, axis=-3), lane_residuals=np.stack(residuals, axis=-3)
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,12 +97,21 @@ class ErrorFloor(Params):
     approach: many readings do not average them.
     """
 
-    phase_noise_rad: float = parameter(1e-4, "noise of a phase besides that of the receiver", low=0.0, high=1.0)
+    phase_noise_rad: float = parameter(
+        1e-4, "noise of a phase besides that of the receiver", low=0.0, high=1.0
+    )
     phase_rad: float = parameter(0.002, "hardware phase of a carrier on a path", low=0.0, high=1.0)
-    phase_rate_rad_s: float = parameter(0.02, "fixed error of a path's phase rate", low=0.0, high=100.0)
-    amplitude: float = parameter(0.002, "pattern ripple of a coupling, 0.06 dB is 0.007", low=0.0, high=1.0)
+    phase_rate_rad_s: float = parameter(
+        0.02, "fixed error of a path's phase rate", low=0.0, high=100.0
+    )
+    amplitude: float = parameter(
+        0.002, "pattern ripple of a coupling, 0.06 dB is 0.007", low=0.0, high=1.0
+    )
     path_acceleration_m_s2: float = parameter(
-        0.005, "two-way path acceleration in a sequence that the prediction does not know", low=0.0, high=100.0
+        0.005,
+        "two-way path acceleration in a sequence that the prediction does not know",
+        low=0.0,
+        high=100.0,
     )
     first_path_acceleration_m_s2: float = parameter(
         0.3, "two-way acceleration of all paths possible at acquisition", low=0.0, high=100.0
@@ -159,7 +175,9 @@ def read_ranges(
     # Predicted rates are quieter than measured ones, as long as the prediction holds.
     used = rates if expected is None else expected.rates_m_s
     known = np.zeros(9) if expected is None else expected.accelerations_m_s2.ravel()
-    common_m_s2 = floor.first_path_acceleration_m_s2 if expected is None else floor.path_acceleration_m_s2
+    common_m_s2 = (
+        floor.first_path_acceleration_m_s2 if expected is None else floor.path_acceleration_m_s2
+    )
     # Far away all paths bend alike; what differs is the turning of the arrays.
     prior = np.full((9, 9), common_m_s2**2) + floor.path_acceleration_m_s2**2 * np.eye(9)
     accelerations, left = known, np.zeros((9, 9))
@@ -184,7 +202,9 @@ def read_ranges(
     # Only carriers 1 and K make the fine range.
     lane = 2.0 * (floor.phase_rad * system.plan.ambiguities_m[-1] / (2.0 * np.pi)) ** 2
     return Reading(
-        vector=np.concatenate([resolved.ranges_m.ravel(), rates.ravel(), measurement.amplitudes.ravel()]),
+        vector=np.concatenate(
+            [resolved.ranges_m.ravel(), rates.ravel(), measurement.amplitudes.ravel()]
+        ),
         noise=noise,
         hardware=np.repeat([lane, rate_drift, floor.amplitude**2], [9, 9, 4]),
         used_rates_m_s=used,
@@ -201,7 +221,10 @@ class _Slots:
     """The slots of one measurement: their carriers, times and phase variances."""
 
     def __init__(
-        self, measurement: InterferometerMeasurement, system: InterferometerSystem, phase_noise_rad: float
+        self,
+        measurement: InterferometerMeasurement,
+        system: InterferometerSystem,
+        phase_noise_rad: float,
     ) -> None:
         self.carriers = system.schedule.carriers(system.plan)
         if len(self.carriers) != len(measurement.snr_forward):
@@ -216,7 +239,9 @@ class _Slots:
         self._back = phase_variance(measurement.snr_return) + phase_noise_rad**2
         self._mean_wave = 0.5 * (system.plan.forward_wave_rad_m + system.plan.return_wave_rad_m)
         self.metres_per_radian = 1.0 / self._mean_wave[self.carriers]
-        self._moments = {power: system.schedule.mean_offset_powers(system.plan, power) for power in (1, 2)}
+        self._moments = {
+            power: system.schedule.mean_offset_powers(system.plan, power) for power in (1, 2)
+        }
 
     def path_motion(self) -> tuple[Array, Array, Array, Array]:
         """Return path rates (3, 3) at the epoch and accelerations (3, 3), each with the covariance
@@ -231,7 +256,10 @@ class _Slots:
         found: list[Array] = []
         for weights in (level, slope):
             squares = (weights * self.metres_per_radian) ** 2 * 12.0 / self._dwell_s**2
-            common, single = np.sum(squares * self._forward), np.einsum("s,sij->ij", squares, self._back)
+            common, single = (
+                np.sum(squares * self._forward),
+                np.einsum("s,sij->ij", squares, self._back),
+            )
             found += [np.einsum("s,sij->ij", weights, rates), np.diag(single.ravel()) + common]
         return found[0], found[1], found[2], found[3]
 
@@ -253,7 +281,10 @@ class _Slots:
         share = np.mean(plan.return_wave_rad_m / self._mean_wave)
         outward = 0.5 * np.mean(rates)
         back = outward + (rates - np.mean(rates)) / share
-        turns = plan.forward_wave_rad_m[:, None, None] * outward + plan.return_wave_rad_m[:, None, None] * back
+        turns = (
+            plan.forward_wave_rad_m[:, None, None] * outward
+            + plan.return_wave_rad_m[:, None, None] * back
+        )
         return np.asarray(turns[self.carriers])
 
     def bend(self, phases: Array, prior: Array) -> tuple[float, Array, float]:
@@ -267,7 +298,11 @@ class _Slots:
         plan, steps = self._plan, np.arange(self._plan.count - 2)
         ratio = plan.ambiguities_m[:-1] / plan.ambiguities_m[1:]
         lanes_of = np.zeros((len(steps), plan.count))
-        lanes_of[:, 0], lanes_of[steps, steps + 1], lanes_of[steps, steps + 2] = 1.0 - ratio, ratio, -1.0
+        lanes_of[:, 0], lanes_of[steps, steps + 1], lanes_of[steps, steps + 2] = (
+            1.0 - ratio,
+            ratio,
+            -1.0,
+        )
         lanes_of /= 2.0 * np.pi
         forward, back = self._carrier_variance()
         # Noise of the mean over the paths, which share that of the way out.
@@ -276,7 +311,9 @@ class _Slots:
         slope = lanes_of @ turned
         mean = np.full(9, 1.0 / 9.0)
         variance = float(mean @ prior @ mean)
-        count = 1 + 2 * int(np.ceil(4.0 * math.sqrt(variance) * np.max(np.abs(slope)) / _LANES_APART))
+        count = 1 + 2 * int(
+            np.ceil(4.0 * math.sqrt(variance) * np.max(np.abs(slope)) / _LANES_APART)
+        )
         tried = np.linspace(-4.0, 4.0, count) * math.sqrt(variance)
         resolved = resolve_ranges(phases - (tried[:, None] * turned)[..., None, None], plan)
         off = np.mean(resolved.lane_residuals, axis=(-2, -1))
@@ -290,7 +327,9 @@ class _Slots:
         # Other lanes are another range of most paths; a single path the snapshot rejects.  Far from
         # its own minimum a parabola is that of other lanes.
         apart = np.abs(resolved.ranges_m - resolved.ranges_m[first]) > 0.5 * plan.ambiguities_m[-1]
-        others = (np.mean(apart, axis=(-2, -1)) > 0.5) & (np.abs(step) * np.max(np.abs(slope)) < _LANES_APART)
+        others = (np.mean(apart, axis=(-2, -1)) > 0.5) & (
+            np.abs(step) * np.max(np.abs(slope)) < _LANES_APART
+        )
         margin = float(np.min(cost[others]) - cost[first]) if np.any(others) else math.inf
         gain = prior @ mean / (variance + 1.0 / information)
         return float(best[first]), prior - np.outer(gain, mean @ prior), max(margin, 0.0)
@@ -306,9 +345,13 @@ class _Slots:
         """Return the covariance (9, 9) of the fine ranges: carriers 1 and K make them."""
         forward, back = self._carrier_variance()
         scale = (self._plan.ambiguities_m[-1] / (2.0 * np.pi)) ** 2
-        return np.asarray(scale * (np.diag((back[0] + back[-1]).ravel()) + forward[0] + forward[-1]))
+        return np.asarray(
+            scale * (np.diag((back[0] + back[-1]).ravel()) + forward[0] + forward[-1])
+        )
 
-    def lane_sigma(self, phase_rad: float, rate_variance: Array, acceleration_variance: Array) -> Array:
+    def lane_sigma(
+        self, phase_rad: float, rate_variance: Array, acceleration_variance: Array
+    ) -> Array:
         """Return the sigma (K - 2, 3, 3) of the unrounded lanes, (nu phi_n - phi_n+1)/2 pi with phi
         against carrier 1.
 
@@ -332,6 +375,9 @@ def rate_weights(system: InterferometerSystem) -> tuple[float, float]:
     each link.
     """
     carriers = system.schedule.carriers(system.plan)
-    forward, back = system.plan.forward_carriers_hz[carriers], system.plan.return_carriers_hz[carriers]
+    forward, back = (
+        system.plan.forward_carriers_hz[carriers],
+        system.plan.return_carriers_hz[carriers],
+    )
     mean = 0.5 * (forward + back)
     return float(np.mean(forward / mean)), float(np.mean(back / mean))

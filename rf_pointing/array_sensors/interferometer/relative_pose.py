@@ -65,7 +65,9 @@ def attitude_from_two_way(
 ) -> Array:
     """Return A (..., 3, 3) (PI83 eq. 2-2, listing A2COMP)."""
     # pi - a2: facing each other, the passive array sees the active one at azimuth 180 deg.
-    seen_by_passive = azimuth_rotation(np.pi - np.asarray(azimuth2_rad)) @ elevation_rotation(elevation2_rad)
+    seen_by_passive = azimuth_rotation(np.pi - np.asarray(azimuth2_rad)) @ elevation_rotation(
+        elevation2_rad
+    )
     seen_by_active = elevation_rotation(elevation1_rad) @ azimuth_rotation(azimuth1_rad)
     return seen_by_passive @ roll_rotation(roll_rad) @ seen_by_active
 
@@ -79,9 +81,13 @@ def roll_from_directions(forward: ArrayLike, reverse: ArrayLike, attitude: Array
     """Return the relative roll from Tx(roll) = Ty(-b2) Tz(a2 - pi) A Tz(-a1) Ty(-b1)."""
     reverse = np.asarray(reverse, dtype=np.float64)
     if np.any(np.hypot(reverse[..., 0], reverse[..., 1]) < _POLE_COSINE):
-        raise ValueError("elevation2 is +-90 deg: azimuth 2 and relative roll are not defined there")
+        raise ValueError(
+            "elevation2 is +-90 deg: azimuth 2 and relative roll are not defined there"
+        )
     azimuth1, elevation1 = forward_angles(forward)
     azimuth2, elevation2 = reverse_angles(reverse)
     left = elevation_rotation(-elevation2) @ azimuth_rotation(azimuth2 - np.pi)
-    middle = left @ np.asarray(attitude) @ azimuth_rotation(-azimuth1) @ elevation_rotation(-elevation1)
+    middle = (
+        left @ np.asarray(attitude) @ azimuth_rotation(-azimuth1) @ elevation_rotation(-elevation1)
+    )
     return np.asarray(np.arctan2(middle[..., 1, 2], middle[..., 2, 2]))

@@ -17,7 +17,11 @@ from numpy.typing import ArrayLike
 from rf_pointing.array_sensors.interferometer.coupling import coupling_from_two_way
 from rf_pointing.array_sensors.interferometer.frames import small_rotation
 from rf_pointing.array_sensors.interferometer.initializer import Geometry, range_from_sum
-from rf_pointing.array_sensors.interferometer.system import ArrayParams, two_way_gradients, two_way_ranges
+from rf_pointing.array_sensors.interferometer.system import (
+    ArrayParams,
+    two_way_gradients,
+    two_way_ranges,
+)
 from rf_pointing.array_sensors.interferometer.variant import CORRECTED, VARIANTS, is_published
 from rf_pointing.core import Params, parameter, wrap_rad
 from rf_pointing.core.types import Array
@@ -46,7 +50,9 @@ def minimum_variance_step(
     # Scaled to a unit diagonal first: metres and radians would make a sound problem look singular.
     scaled = information / (scale[..., :, None] * scale[..., None, :])
     if np.any(np.linalg.eigvalsh(scaled)[..., 0] < _SMALLEST_EIGENVALUE):
-        raise ValueError("gradient is rank deficient: the measurements do not determine all parameters")
+        raise ValueError(
+            "gradient is rank deficient: the measurements do not determine all parameters"
+        )
     h = np.linalg.inv(scaled) / (scale[..., :, None] * scale[..., None, :])
     projected = np.einsum("...mn,...m->...n", weighted, np.asarray(innovation, dtype=np.float64))
     return np.einsum("...ij,...j->...i", h, projected), h
@@ -54,7 +60,9 @@ def minimum_variance_step(
 
 def _weighted(gradient: Array, covariance: Array) -> Array:
     if not _is_positive_definite(covariance):
-        raise ValueError("covariance is singular or not positive definite: a measurement is certain or NaN")
+        raise ValueError(
+            "covariance is singular or not positive definite: a measurement is certain or NaN"
+        )
     return np.asarray(np.linalg.solve(covariance, gradient))
 
 
@@ -86,7 +94,9 @@ def range_step(
         return distance, np.full_like(distance, 1.0 / 36.0)
     forward = np.asarray(forward, dtype=np.float64)
     position = np.asarray(range_m)[..., None] * forward
-    gradient = np.einsum("...ijk,...k->...ij", two_way_gradients(position, attitude, arrays)[0], forward)
+    gradient = np.einsum(
+        "...ijk,...k->...ij", two_way_gradients(position, attitude, arrays)[0], forward
+    )
     innovation = np.asarray(ranges_m) - two_way_ranges(position, attitude, arrays)
     increment, variance = minimum_variance_step(_flat(gradient)[..., None], _flat(innovation))
     return np.asarray(range_m) + increment[..., 0], variance[..., 0, 0]
@@ -116,13 +126,20 @@ def direction_step(
     direction = np.asarray(direction, dtype=np.float64)
     predicted = sums(direction)
     # The listing's finite dither of 10 mrad, kept so that our numbers compare with the report's.
-    dithered = (turned_direction(direction, dither_rad, 0.0), turned_direction(direction, 0.0, dither_rad))
+    dithered = (
+        turned_direction(direction, dither_rad, 0.0),
+        turned_direction(direction, 0.0, dither_rad),
+    )
     gradient = np.stack([(sums(moved) - predicted) / dither_rad for moved in dithered], axis=-1)
-    increment, covariance = minimum_variance_step(gradient, np.sum(np.asarray(ranges_m), axis=-1) - predicted)
+    increment, covariance = minimum_variance_step(
+        gradient, np.sum(np.asarray(ranges_m), axis=-1) - predicted
+    )
     return turned_direction(direction, increment[..., 0], increment[..., 1]), covariance
 
 
-def turned_direction(direction: ArrayLike, azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> Array:
+def turned_direction(
+    direction: ArrayLike, azimuth_rad: ArrayLike, elevation_rad: ArrayLike
+) -> Array:
     """Return the direction turned by small angles, to first order and renormalised (PI83 eqs. 4-10,
     4-11).
     """
@@ -161,7 +178,9 @@ def excitation_step(
     """
     coupling = coupling_from_two_way(forward, reverse, roll_rad)
     if np.any(np.linalg.norm(coupling, axis=-2) < _SMALLEST_COUPLING):
-        raise ValueError(f"a dipole points along the path: its coupling is below {_SMALLEST_COUPLING}")
+        raise ValueError(
+            f"a dipole points along the path: its coupling is below {_SMALLEST_COUPLING}"
+        )
     gradient = np.zeros((*coupling.shape[:-2], 4, 2))
     gradient[..., 0, 0], gradient[..., 2, 0] = coupling[..., 0, 0], coupling[..., 1, 0]
     gradient[..., 1, 1], gradient[..., 3, 1] = coupling[..., 0, 1], coupling[..., 1, 1]
@@ -176,10 +195,16 @@ def _flat(matrix: Array) -> Array:
 class SequenceParams(Params):
     """How the sequence runs; the defaults are the corrected forms."""
 
-    iterations: int = parameter(2, "passes through the sequence per set of measurements", low=1, high=50)
+    iterations: int = parameter(
+        2, "passes through the sequence per set of measurements", low=1, high=50
+    )
     dither_rad: float = parameter(0.01, "step of the numerical gradients", low=1e-6, high=0.1)
-    range_estimator: str = parameter(CORRECTED, "published: sum/18; corrected: true gradients", choices=VARIANTS)
-    reverse_attitude: str = parameter(CORRECTED, "published: the listing's A^T for A, a slip", choices=VARIANTS)
+    range_estimator: str = parameter(
+        CORRECTED, "published: sum/18; corrected: true gradients", choices=VARIANTS
+    )
+    reverse_attitude: str = parameter(
+        CORRECTED, "published: the listing's A^T for A, a slip", choices=VARIANTS
+    )
     estimate_excitation: bool = parameter(False, "track the two dipoles' excitation factors")
 
 
@@ -215,7 +240,9 @@ def track(
     """
     result = track_once(geometry, ranges_m, amplitudes, arrays, params, excitation)
     for _ in range(params.iterations - 1):
-        result = track_once(result.geometry, ranges_m, amplitudes, arrays, params, result.excitation)
+        result = track_once(
+            result.geometry, ranges_m, amplitudes, arrays, params, result.excitation
+        )
     return result
 
 
@@ -236,7 +263,9 @@ def track_once(
     # A negative distance turns every direction round; the following steps would converge to the
     # mirror image.
     if np.any(distance <= 0.0):
-        raise ValueError(f"range_m={float(np.min(distance))} after the range step must be > 0: measurements disagree")
+        raise ValueError(
+            f"range_m={float(np.min(distance))} after the range step must be > 0: measurements disagree"
+        )
     forward, forward_covariance = direction_step(
         ranges, distance, geometry.forward, attitude, arrays, params.dither_rad
     )
@@ -251,7 +280,9 @@ def track_once(
         params.dither_rad,
     )
     # Last, because both directions enter the couplings.
-    roll, roll_variance = roll_step(amplitudes, forward, reverse, geometry.roll_rad, excitation, params.dither_rad)
+    roll, roll_variance = roll_step(
+        amplitudes, forward, reverse, geometry.roll_rad, excitation, params.dither_rad
+    )
     if params.estimate_excitation:
         excitation, _ = excitation_step(amplitudes, forward, reverse, roll)
     return SequenceResult(

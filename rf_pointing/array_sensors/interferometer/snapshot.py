@@ -11,11 +11,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rf_pointing.array_sensors.interferometer.initializer import Geometry, aperture_excess, initialize
-from rf_pointing.array_sensors.interferometer.measurement_model import SIZE, TrackedMotion, displaced, local_gradient
+from rf_pointing.array_sensors.interferometer.initializer import (
+    Geometry,
+    aperture_excess,
+    initialize,
+)
+from rf_pointing.array_sensors.interferometer.measurement_model import (
+    SIZE,
+    TrackedMotion,
+    displaced,
+    local_gradient,
+)
 from rf_pointing.array_sensors.interferometer.motion import RelativeMotion
 from rf_pointing.array_sensors.interferometer.reading import COUPLINGS, RANGES, RATES, Reading
-from rf_pointing.array_sensors.interferometer.sequence import SequenceParams, minimum_variance_step, track
+from rf_pointing.array_sensors.interferometer.sequence import (
+    SequenceParams,
+    minimum_variance_step,
+    track,
+)
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 from rf_pointing.core.types import Array
 
@@ -56,7 +69,9 @@ def coarse_geometry(
 
 def _require_inside(ranges: Array, path_variance_m2: float, system: InterferometerSystem) -> None:
     radii = (system.arrays.radius_active_m, system.arrays.radius_passive_m)
-    for side, excess, radius in zip(("active", "passive"), aperture_excess(ranges, system.arrays), radii, strict=True):
+    for side, excess, radius in zip(
+        ("active", "passive"), aperture_excess(ranges, system.arrays), radii, strict=True
+    ):
         # Five sigma of s_y^2 + s_z^2 at the rim, where its slope by the ranges is 2 / radius.
         allowed = 10.0 * math.sqrt(path_variance_m2) / radius
         if float(excess) > allowed:
@@ -67,7 +82,11 @@ def _require_inside(ranges: Array, path_variance_m2: float, system: Interferomet
 
 
 def refine(
-    geometry: Geometry, excitation: Array, reading: Reading, system: InterferometerSystem, fit_excitation: bool
+    geometry: Geometry,
+    excitation: Array,
+    reading: Reading,
+    system: InterferometerSystem,
+    fit_excitation: bool,
 ) -> Snapshot:
     """Return the joint weighted least-squares pose of the ranges and couplings, started at
     `geometry`.
@@ -111,7 +130,9 @@ def _started(geometry: Geometry, excitation: Array, reading: Reading) -> Tracked
     return TrackedMotion(motion=motion, excitation=excitation)
 
 
-def _pose_model(tracked: TrackedMotion, reading: Reading, system: InterferometerSystem) -> tuple[Array, Array]:
+def _pose_model(
+    tracked: TrackedMotion, reading: Reading, system: InterferometerSystem
+) -> tuple[Array, Array]:
     # Ranges at the epoch, free of the rates: take the lever out of the full model.
     rows = np.r_[RANGES, COUPLINGS]
     expected, gradient = local_gradient(tracked, np.zeros(SIZE), reading, system)

@@ -26,7 +26,11 @@ from rf_pointing.array_sensors.interferometer.radio import (
     signal_to_noise_ratios,
 )
 from rf_pointing.array_sensors.interferometer.relative_pose import reverse_direction
-from rf_pointing.array_sensors.interferometer.system import InterferometerSystem, path_lengths, path_rates_m_s
+from rf_pointing.array_sensors.interferometer.system import (
+    InterferometerSystem,
+    path_lengths,
+    path_rates_m_s,
+)
 from rf_pointing.core import random_stream, require_finite
 from rf_pointing.core.types import Array
 
@@ -58,7 +62,9 @@ class InterferometerSource:
         # A stream of its own: hardware errors do not change with the number of measurements drawn
         # before.
         hardware = random_stream(seed, "interferometer hardware")
-        self._hardware_rad = (hardware.normal(size=shape) * radio.hardware_phase_rad)[self._carriers]
+        self._hardware_rad = (hardware.normal(size=shape) * radio.hardware_phase_rad)[
+            self._carriers
+        ]
         self._hardware_rate_rad_s = hardware.normal(size=(3, 3)) * radio.hardware_rate_rad_s
         self._hardware_coupling = hardware.normal(size=(2, 2)) * radio.hardware_coupling
         self._rng = random_stream(seed, "interferometer")
@@ -81,7 +87,11 @@ class InterferometerSource:
         slots = moved(motion, self.system.schedule.offsets_s(self.system.plan))
         lengths = path_lengths(slots.position_m, slots.attitude, self.system.arrays)
         snr_forward, snr_return = self._ratios(lengths)
-        locked = (snr_return >= LOWEST_SNR) & (snr_forward >= LOWEST_SNR)[:, None, None] & _facing(motion)
+        locked = (
+            (snr_return >= LOWEST_SNR)
+            & (snr_forward >= LOWEST_SNR)[:, None, None]
+            & _facing(motion)
+        )
         phases, rates = self._loops(slots, lengths, snr_forward, snr_return, locked)
         amplitudes, sigma = self._couplings(motion)
         return InterferometerMeasurement(
@@ -103,10 +113,17 @@ class InterferometerSource:
         return forward[slots, self._carriers], back[slots, self._carriers]
 
     def _loops(
-        self, slots: RelativeMotion, lengths: Array, snr_forward: Array, snr_return: Array, locked: NDArray[np.bool_]
+        self,
+        slots: RelativeMotion,
+        lengths: Array,
+        snr_forward: Array,
+        snr_return: Array,
+        locked: NDArray[np.bool_],
     ) -> tuple[Array, Array]:
         arrays, dwell_s = self.system.arrays, self.system.schedule.dwell_s
-        path_rates = path_rates_m_s(slots.position_m, slots.velocity_m_s, slots.attitude, slots.rate_rad_s, arrays)
+        path_rates = path_rates_m_s(
+            slots.position_m, slots.velocity_m_s, slots.attitude, slots.rate_rad_s, arrays
+        )
         forward = np.sqrt(phase_variance(snr_forward))
         back = np.sqrt(phase_variance(snr_return) + self.radio.phase_noise_rad**2)
         phases = self._of_paths(lengths[:, 0, 0] + arrays.transponder_delay_m, lengths[:, 1:, 1:])
@@ -136,7 +153,10 @@ class InterferometerSource:
     def _couplings(self, motion: RelativeMotion) -> tuple[Array, float]:
         distance = float(np.linalg.norm(motion.position_m))
         sigma = float(
-            np.hypot(amplitude_sigma(distance, self.radio, self.system.plan, self.link), self.radio.phase_noise_rad)
+            np.hypot(
+                amplitude_sigma(distance, self.radio, self.system.plan, self.link),
+                self.radio.phase_noise_rad,
+            )
         )
         true = (
             coupling_amplitudes(motion.position_m / distance, motion.attitude) * self.excitation
@@ -147,4 +167,7 @@ class InterferometerSource:
 
 def _facing(motion: RelativeMotion) -> bool:
     """Return whether each array has the other in front of it."""
-    return bool(motion.position_m[0] > 0.0 and reverse_direction(motion.position_m, motion.attitude)[0] < 0.0)
+    return bool(
+        motion.position_m[0] > 0.0
+        and reverse_direction(motion.position_m, motion.attitude)[0] < 0.0
+    )

@@ -36,13 +36,21 @@ ORDERS = ("simultaneous", "ascending", "nested")
 class ArrayParams(Params):
     """Sizes of the two arrays and the transponder's delay, known from calibration."""
 
-    radius_active_m: float = parameter(1.0, "circle of the active array's three elements", low=1e-3, high=100.0)
-    radius_passive_m: float = parameter(1.0, "circle of the passive array's three elements", low=1e-3, high=100.0)
-    transponder_delay_m: float = parameter(0.0, "transponder and cable delay, as a length of path", low=0.0)
+    radius_active_m: float = parameter(
+        1.0, "circle of the active array's three elements", low=1e-3, high=100.0
+    )
+    radius_passive_m: float = parameter(
+        1.0, "circle of the passive array's three elements", low=1e-3, high=100.0
+    )
+    transponder_delay_m: float = parameter(
+        0.0, "transponder and cable delay, as a length of path", low=0.0
+    )
 
     def swapped(self) -> "ArrayParams":
         """Return the same system with the two arrays exchanged, for the reverse direction."""
-        return self.replace(radius_active_m=self.radius_passive_m, radius_passive_m=self.radius_active_m)
+        return self.replace(
+            radius_active_m=self.radius_passive_m, radius_passive_m=self.radius_active_m
+        )
 
 
 def element_positions(radius_m: float) -> Array:
@@ -79,20 +87,30 @@ def two_way_ranges(position_m: ArrayLike, attitude: ArrayLike, arrays: ArrayPara
 
 
 def path_rates_m_s(
-    position_m: ArrayLike, velocity_m_s: ArrayLike, attitude: ArrayLike, rate_rad_s: ArrayLike, arrays: ArrayParams
+    position_m: ArrayLike,
+    velocity_m_s: ArrayLike,
+    attitude: ArrayLike,
+    rate_rad_s: ArrayLike,
+    arrays: ArrayParams,
 ) -> Array:
     """Return d rho_ij/dt of all sixteen pairs, (..., 4, 4): u_ij . (v + A^T (omega x p_j))."""
     vectors = path_vectors(position_m, attitude, arrays)
     # A length changes only by the motion along it: the rate is the velocity's part along the path.
     units = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     rate = np.asarray(rate_rad_s, dtype=np.float64)[..., None, :]
-    swing = cross_product(rate, element_positions(arrays.radius_passive_m)) @ np.asarray(attitude, dtype=np.float64)
+    swing = cross_product(rate, element_positions(arrays.radius_passive_m)) @ np.asarray(
+        attitude, dtype=np.float64
+    )
     moving = np.asarray(velocity_m_s, dtype=np.float64)[..., None, :] + swing
     return np.asarray(np.einsum("...ijk,...jk->...ij", units, moving))
 
 
 def path_accelerations_m_s2(
-    position_m: ArrayLike, velocity_m_s: ArrayLike, attitude: ArrayLike, rate_rad_s: ArrayLike, arrays: ArrayParams
+    position_m: ArrayLike,
+    velocity_m_s: ArrayLike,
+    attitude: ArrayLike,
+    rate_rad_s: ArrayLike,
+    arrays: ArrayParams,
 ) -> Array:
     """Return d2 rho_ij/dt2 of all sixteen pairs, (..., 4, 4), at constant velocity and rate.
 
@@ -101,17 +119,23 @@ def path_accelerations_m_s2(
     """
     vectors = path_vectors(position_m, attitude, arrays)
     lengths = np.linalg.norm(vectors, axis=-1)
-    turned, rate = np.asarray(attitude, dtype=np.float64), np.asarray(rate_rad_s, dtype=np.float64)[..., None, :]
+    turned, rate = (
+        np.asarray(attitude, dtype=np.float64),
+        np.asarray(rate_rad_s, dtype=np.float64)[..., None, :],
+    )
     swing = cross_product(rate, element_positions(arrays.radius_passive_m))
     moving = np.asarray(velocity_m_s, dtype=np.float64)[..., None, :] + swing @ turned
     towards_axis = cross_product(rate, swing) @ turned
     across = (
-        np.sum(moving**2, axis=-1)[..., None, :] - (np.einsum("...ijk,...jk->...ij", vectors, moving) / lengths) ** 2
+        np.sum(moving**2, axis=-1)[..., None, :]
+        - (np.einsum("...ijk,...jk->...ij", vectors, moving) / lengths) ** 2
     )
     return np.asarray((np.einsum("...ijk,...jk->...ij", vectors, towards_axis) + across) / lengths)
 
 
-def two_way_gradients(position_m: ArrayLike, attitude: ArrayLike, arrays: ArrayParams) -> tuple[Array, Array]:
+def two_way_gradients(
+    position_m: ArrayLike, attitude: ArrayLike, arrays: ArrayParams
+) -> tuple[Array, Array]:
     """Return dR_ij/dr (..., 3, 3, 3) and dR_ij/dtheta (..., 3, 3, 3), last axis x, y, z.
 
     theta is the frame rotation vector in the passive frame, A = frame_rotation(theta) A0:
@@ -130,14 +154,20 @@ class CarrierPlan(Params):
     """Carriers of both links; the defaults are the report's simulation (listing FCOMP)."""
 
     count: int = parameter(9, "number of carriers K", low=3, high=25)
-    minimum_difference_hz: float = parameter(1250.0, "f0, carrier 2 minus carrier 1", low=1.0, high=1e9)
+    minimum_difference_hz: float = parameter(
+        1250.0, "f0, carrier 2 minus carrier 1", low=1.0, high=1e9
+    )
     ratio: float = parameter(6.1324, "nu, cycles resolved per step", low=1.01, high=1e4)
     forward_hz: float = parameter(3.0e9, "carrier 1 from active to passive", low=1e6, high=1e12)
     return_hz: float = parameter(2.0e9, "carrier 1 from passive to active", low=1e6, high=1e12)
     # A parameter because the report computes with 3e8 m/s, and its tables are compared to the last
     # digit.
-    speed_of_light_m_s: float = parameter(SPEED_OF_LIGHT_M_S, "speed of light", low=2.9e8, high=3.1e8)
-    exponents: str = parameter(CORRECTED, "published: first difference nu f0, as (7-1) reads", choices=VARIANTS)
+    speed_of_light_m_s: float = parameter(
+        SPEED_OF_LIGHT_M_S, "speed of light", low=2.9e8, high=3.1e8
+    )
+    exponents: str = parameter(
+        CORRECTED, "published: first difference nu f0, as (7-1) reads", choices=VARIANTS
+    )
 
     @property
     def offsets_hz(self) -> Array:

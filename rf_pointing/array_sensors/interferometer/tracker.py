@@ -30,11 +30,32 @@ from rf_pointing.array_sensors.interferometer.measurement_model import (
     expected_path_rates_m_s,
 )
 from rf_pointing.array_sensors.interferometer.motion import RelativeMotion
-from rf_pointing.array_sensors.interferometer.radio import LOWEST_SNR, LinkParams, RadioParams, link_snr
-from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams, FilterState, predict, start, update
-from rf_pointing.array_sensors.interferometer.reading import ErrorFloor, PathMotion, Reading, read_ranges
+from rf_pointing.array_sensors.interferometer.radio import (
+    LOWEST_SNR,
+    LinkParams,
+    RadioParams,
+    link_snr,
+)
+from rf_pointing.array_sensors.interferometer.rate_filter import (
+    FilterParams,
+    FilterState,
+    predict,
+    start,
+    update,
+)
+from rf_pointing.array_sensors.interferometer.reading import (
+    ErrorFloor,
+    PathMotion,
+    Reading,
+    read_ranges,
+)
 from rf_pointing.array_sensors.interferometer.sequence import SequenceParams
-from rf_pointing.array_sensors.interferometer.snapshot import Snapshot, chi_square_limit, coarse_geometry, refine
+from rf_pointing.array_sensors.interferometer.snapshot import (
+    Snapshot,
+    chi_square_limit,
+    coarse_geometry,
+    refine,
+)
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.types import Array
@@ -47,22 +68,39 @@ class TrackerParams(Params):
     """Gates and limits of the tracker."""
 
     # Noise moves a lane by far less when the power is right; 0.5 would accept every decision.
-    lane_guard: float = parameter(0.35, "largest distance of a lane from a whole number", low=0.05, high=0.5)
-    visit_agreement: float = parameter(0.7, "smallest resultant of repeated phases", low=0.0, high=1.0)
+    lane_guard: float = parameter(
+        0.35, "largest distance of a lane from a whole number", low=0.05, high=0.5
+    )
+    visit_agreement: float = parameter(
+        0.7, "smallest resultant of repeated phases", low=0.0, high=1.0
+    )
     # Five sigma of the decision below half a lane: a wrong one is as rare as that.
-    widest_lane_sigma: float = parameter(0.1, "largest sigma of a lane at acquisition", low=0.01, high=0.5)
+    widest_lane_sigma: float = parameter(
+        0.1, "largest sigma of a lane at acquisition", low=0.01, high=0.5
+    )
     # A lane error of the two coarsest steps at short range is 20 dB; antenna patterns are a few.
     level_tolerance_db: float = parameter(
-        6.0, "largest difference of the power from that of the range at acquisition", low=0.5, high=60.0
+        6.0,
+        "largest difference of the power from that of the range at acquisition",
+        low=0.5,
+        high=60.0,
     )
     # A wrong lane is hundreds of sigma: the gate can be wide and never reject a sound reading.
     gate_sigma: float = parameter(5.0, "residual gates, in normal deviates", low=1.0, high=20.0)
-    coast_limit_s: float = parameter(20.0, "longest time without an accepted reading", low=0.1, high=1e4)
+    coast_limit_s: float = parameter(
+        20.0, "longest time without an accepted reading", low=0.1, high=1e4
+    )
     # Five sequences, some ten seconds: a short interference must not end a docking.
-    most_rejected: int = parameter(5, "readings refused in a row before acquiring anew", low=1, high=1000)
+    most_rejected: int = parameter(
+        5, "readings refused in a row before acquiring anew", low=1, high=1000
+    )
     # At grazing directions s_x is the root of a small difference of noisy squares.
-    widest_angle_rad: float = parameter(1.4, "largest angle off boresight of either array", low=0.1, high=1.55)
-    acquisition_iterations: int = parameter(8, "passes of the sequence without prior", low=2, high=50)
+    widest_angle_rad: float = parameter(
+        1.4, "largest angle off boresight of either array", low=0.1, high=1.55
+    )
+    acquisition_iterations: int = parameter(
+        8, "passes of the sequence without prior", low=2, high=50
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,12 +157,18 @@ class InterferometerTracker:
     radio: RadioParams = field(default_factory=RadioParams)
     link: LinkParams = field(default_factory=LinkParams)
 
-    def step(self, state: TrackerState, measurement: InterferometerMeasurement) -> tuple[TrackerState, TrackerOutput]:
+    def step(
+        self, state: TrackerState, measurement: InterferometerMeasurement
+    ) -> tuple[TrackerState, TrackerOutput]:
         """Return the state after `measurement` and the output at its epoch."""
         if state.filter is not None and measurement.t_s <= state.filter.t_s:
             reason = f"t_s={measurement.t_s} must be > the last epoch {state.filter.t_s}"
             return state, self._output(state.filter, COASTING, reason)
-        predicted = None if state.filter is None else predict(state.filter, measurement.t_s, self.filter_params)
+        predicted = (
+            None
+            if state.filter is None
+            else predict(state.filter, measurement.t_s, self.filter_params)
+        )
         try:
             accepted = self._accepted(predicted, measurement)
         except ValueError as reason:
@@ -134,7 +178,9 @@ class InterferometerTracker:
         after = TrackerState(filter=accepted, accepted_t_s=measurement.t_s, rejected=0)
         return after, self._output(accepted, TRACKING, "")
 
-    def coast(self, state: TrackerState, t_s: float, reason: str) -> tuple[TrackerState, TrackerOutput]:
+    def coast(
+        self, state: TrackerState, t_s: float, reason: str
+    ) -> tuple[TrackerState, TrackerOutput]:
         """Return the state and output at `t_s` when no measurement came, or none that could be
         read.
         """
@@ -143,7 +189,9 @@ class InterferometerTracker:
         predicted = None if state.filter is None else predict(state.filter, t_s, self.filter_params)
         return self._refused(state, predicted, t_s, reason)
 
-    def _accepted(self, predicted: FilterState | None, measurement: InterferometerMeasurement) -> FilterState:
+    def _accepted(
+        self, predicted: FilterState | None, measurement: InterferometerMeasurement
+    ) -> FilterState:
         self._check_loops(measurement)
         reading = self._reading(predicted, measurement)
         snapshot = self._snapshot(reading, predicted)
@@ -155,7 +203,9 @@ class InterferometerTracker:
             return update(prior, reading, self.system).state
         return self._corrected(predicted, reading, snapshot)
 
-    def _reading(self, predicted: FilterState | None, measurement: InterferometerMeasurement) -> Reading:
+    def _reading(
+        self, predicted: FilterState | None, measurement: InterferometerMeasurement
+    ) -> Reading:
         # Predicted path rates resolve cycles at lower power; after a manoeuvre only the measured
         # ones are right.
         if predicted is not None:
@@ -185,8 +235,18 @@ class InterferometerTracker:
         range_m = float(np.linalg.norm(snapshot.tracked.motion.position_m))
         carriers = self.system.schedule.carriers(self.system.plan)
         links = (
-            ("forward", self.radio.forward_power_w, self.system.plan.forward_carriers_hz, measurement.snr_forward),
-            ("return", self.radio.return_power_w, self.system.plan.return_carriers_hz, measurement.snr_return),
+            (
+                "forward",
+                self.radio.forward_power_w,
+                self.system.plan.forward_carriers_hz,
+                measurement.snr_forward,
+            ),
+            (
+                "return",
+                self.radio.return_power_w,
+                self.system.plan.return_carriers_hz,
+                measurement.snr_return,
+            ),
         )
         for name, power_w, carriers_hz, snr in links:
             expected = np.mean(link_snr(power_w, range_m, carriers_hz[carriers], self.link))
@@ -201,10 +261,14 @@ class InterferometerTracker:
         if not np.all(measurement.locked):
             slot, active, passive = np.argwhere(~measurement.locked)[0]
             lost = int(np.sum(~measurement.locked))
-            raise ValueError(f"{lost} loops without lock, first: slot {slot}, path A{active + 1}-P{passive + 1}")
+            raise ValueError(
+                f"{lost} loops without lock, first: slot {slot}, path A{active + 1}-P{passive + 1}"
+            )
         for name, snr in (("forward", measurement.snr_forward), ("return", measurement.snr_return)):
             if np.min(snr) < LOWEST_SNR:
-                raise ValueError(f"{name} link snr={float(np.min(snr)):.3g} must be >= {LOWEST_SNR}")
+                raise ValueError(
+                    f"{name} link snr={float(np.min(snr)):.3g} must be >= {LOWEST_SNR}"
+                )
 
     def _doubt(self, reading: Reading) -> str:
         if reading.visit_agreement < self.params.visit_agreement:
@@ -230,7 +294,11 @@ class InterferometerTracker:
         sequence = SequenceParams(iterations=passes, estimate_excitation=fit)
         geometry, excitation = coarse_geometry(reading, prior, self.system, sequence)
         snapshot = refine(geometry, excitation, reading, self.system, fit)
-        self._gate("ranges and couplings contradict each other", snapshot.chi_square, snapshot.degrees_of_freedom)
+        self._gate(
+            "ranges and couplings contradict each other",
+            snapshot.chi_square,
+            snapshot.degrees_of_freedom,
+        )
         if np.min(snapshot.tracked.excitation) <= 0.0:
             raise ValueError(f"excitation={snapshot.tracked.excitation} must be > 0")
         self._check_angles(snapshot)
@@ -246,7 +314,9 @@ class InterferometerTracker:
                     f"must be <= {np.degrees(self.params.widest_angle_rad):.4g} deg"
                 )
 
-    def _corrected(self, predicted: FilterState, reading: Reading, snapshot: Snapshot) -> FilterState:
+    def _corrected(
+        self, predicted: FilterState, reading: Reading, snapshot: Snapshot
+    ) -> FilterState:
         motion = RelativeMotion(
             position_m=snapshot.tracked.motion.position_m,
             # Pose from the reading, rates from the prediction: the reading alone has no transverse
@@ -258,7 +328,9 @@ class InterferometerTracker:
         around = TrackedMotion(motion=motion, excitation=snapshot.tracked.excitation)
         result = update(predicted, reading, self.system, around)
         try:
-            self._gate("reading contradicts the prediction", result.chi_square, result.degrees_of_freedom)
+            self._gate(
+                "reading contradicts the prediction", result.chi_square, result.degrees_of_freedom
+            )
         except ValueError as error:
             raise _ContradictionError(str(error)) from error
         return result.state
@@ -267,7 +339,9 @@ class InterferometerTracker:
         limit = chi_square_limit(degrees_of_freedom, self.params.gate_sigma)
         # Written so that NaN is rejected.
         if not chi_square <= limit:
-            raise ValueError(f"{what} (wrong lane?): chi-square {chi_square:.4g} must be <= {limit:.4g}")
+            raise ValueError(
+                f"{what} (wrong lane?): chi-square {chi_square:.4g} must be <= {limit:.4g}"
+            )
 
     def _refused(
         self, state: TrackerState, predicted: FilterState | None, t_s: float, reason: str
@@ -277,8 +351,12 @@ class InterferometerTracker:
         rejected = state.rejected + 1
         silent_s = t_s - state.accepted_t_s
         if silent_s > self.params.coast_limit_s or rejected > self.params.most_rejected:
-            reason = f"dropped after {silent_s:.4g} s and {rejected} refused readings, last: {reason}"
-            return TrackerState(), TrackerOutput(t_s=t_s, status=ACQUIRING, reason=reason, estimate=None)
+            reason = (
+                f"dropped after {silent_s:.4g} s and {rejected} refused readings, last: {reason}"
+            )
+            return TrackerState(), TrackerOutput(
+                t_s=t_s, status=ACQUIRING, reason=reason, estimate=None
+            )
         after = replace(state, filter=predicted, rejected=rejected)
         output = self._output(predicted, COASTING, reason)
         return after, replace(output, estimate=None) if state.doubted else output

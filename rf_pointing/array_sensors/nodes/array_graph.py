@@ -68,7 +68,9 @@ def _tripulse(*stations: str) -> ArraySystem:
         for station in stations
     ]
     lines = [
-        Topic(f"{station}/tripulse_measurement", ours.TripulseMeasurement, STREAM, _PERIOD, receiver)
+        Topic(
+            f"{station}/tripulse_measurement", ours.TripulseMeasurement, STREAM, _PERIOD, receiver
+        )
         for station, receiver in zip(stations, receivers, strict=True)
     ]
     attitude = Topic("attitude", ours.Attitude, STREAM, _PERIOD, "tripulse_attitude")
@@ -87,11 +89,21 @@ _DOA = ArraySystem(
     nodes=("doa_source", "doa_attitude"),
     topics=(
         Topic(
-            "array_snapshots", ours.ArraySnapshots, STREAM, "once a period while a station is received", "doa_source"
+            "array_snapshots",
+            ours.ArraySnapshots,
+            STREAM,
+            "once a period while a station is received",
+            "doa_source",
         ),
         Topic("known_torque", ours.KnownTorque, STREAM, _PERIOD, "doa_source"),
         Topic("attitude", ours.Attitude, STREAM, "once a block", "doa_attitude"),
-        Topic("attitude_rate", TwistWithCovarianceStamped, STREAM, "once a valid attitude", "doa_attitude"),
+        Topic(
+            "attitude_rate",
+            TwistWithCovarianceStamped,
+            STREAM,
+            "once a valid attitude",
+            "doa_attitude",
+        ),
         Topic("sim/attitude", QuaternionStamped, STREAM, _PERIOD, "doa_source"),
         Topic("sim/attitude_rate", Vector3Stamped, STREAM, _PERIOD, "doa_source"),
         *_COMMON,
@@ -104,19 +116,54 @@ _INTERFEROMETER = ArraySystem(
     name="interferometer",
     nodes=("interferometer_source", "interferometer_tracker"),
     topics=(
-        Topic("interferometer_measurement", ours.InterferometerMeasurement, STREAM, _PERIOD, "interferometer_source"),
-        Topic("relative_pose", PoseWithCovarianceStamped, STREAM, "while there is a pose", "interferometer_tracker"),
-        Topic("relative_twist", TwistWithCovarianceStamped, STREAM, "while there is a pose", "interferometer_tracker"),
-        Topic("relative_pose_status", ours.RelativePoseStatus, STREAM, _PERIOD, "interferometer_tracker"),
-        Topic("sim/relative_pose", PoseWithCovarianceStamped, STREAM, _PERIOD, "interferometer_source"),
-        Topic("sim/relative_twist", TwistWithCovarianceStamped, STREAM, _PERIOD, "interferometer_source"),
+        Topic(
+            "interferometer_measurement",
+            ours.InterferometerMeasurement,
+            STREAM,
+            _PERIOD,
+            "interferometer_source",
+        ),
+        Topic(
+            "relative_pose",
+            PoseWithCovarianceStamped,
+            STREAM,
+            "while there is a pose",
+            "interferometer_tracker",
+        ),
+        Topic(
+            "relative_twist",
+            TwistWithCovarianceStamped,
+            STREAM,
+            "while there is a pose",
+            "interferometer_tracker",
+        ),
+        Topic(
+            "relative_pose_status",
+            ours.RelativePoseStatus,
+            STREAM,
+            _PERIOD,
+            "interferometer_tracker",
+        ),
+        Topic(
+            "sim/relative_pose", PoseWithCovarianceStamped, STREAM, _PERIOD, "interferometer_source"
+        ),
+        Topic(
+            "sim/relative_twist",
+            TwistWithCovarianceStamped,
+            STREAM,
+            _PERIOD,
+            "interferometer_source",
+        ),
         *_COMMON,
     ),
     paced="relative_pose_status",
     lag_s=4.5,
 )
 
-ARRAY_SYSTEMS = {system.name: system for system in (_tripulse("usingen", "hartebeesthoek"), _DOA, _INTERFEROMETER)}
+ARRAY_SYSTEMS = {
+    system.name: system
+    for system in (_tripulse("usingen", "hartebeesthoek"), _DOA, _INTERFEROMETER)
+}
 """The graphs that config/, launch/ and the example know, by name."""
 
 # The period of doa_source: a larger step would make it skip blocks.
@@ -149,12 +196,16 @@ class ArrayGraph:
         self.namespace = f"/{system.name}"
         self._node, self._system, self._spin_once = node, system, spin
         files = [share, *parameter_files]
-        self._nodes = ManagedGraph(node, self.namespace, files, logs, self.spin, patience_s=patience_s)
+        self._nodes = ManagedGraph(
+            node, self.namespace, files, logs, self.spin, patience_s=patience_s
+        )
         self._clock = node.create_publisher(Clock, f"{self.namespace}/clock", STREAM)
         # Time may run ahead of the estimates by the lag, and expects one of them within two lags.
         estimates = PacedStream(allowed_lag_s=system.lag_s, spacing_s=2.0 * system.lag_s)
         streams = {system.paced: estimates}
-        self._pacer = Pacer(start_s=start_s, tick_s=TICK_S, speed=speed, streams=streams, patience_s=PATIENCE_S)
+        self._pacer = Pacer(
+            start_s=start_s, tick_s=TICK_S, speed=speed, streams=streams, patience_s=PATIENCE_S
+        )
         (paced,) = (topic for topic in system.topics if topic.name == system.paced)
         node.create_subscription(
             paced.message_type,
@@ -168,7 +219,10 @@ class ArrayGraph:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._nodes.stop()
 
@@ -183,7 +237,10 @@ class ArrayGraph:
         self._nodes.start(names)
         self._nodes.configure(names)
         self._nodes.activate(names)
-        topics = [t.name if t.name.startswith("/") else f"{self.namespace}/{t.name}" for t in self._system.topics]
+        topics = [
+            t.name if t.name.startswith("/") else f"{self.namespace}/{t.name}"
+            for t in self._system.topics
+        ]
         # A topic without its publisher yet would lose the first messages of the run.
         self.wait_until(lambda: all(self._node.count_publishers(t) for t in topics), "every topic")
 

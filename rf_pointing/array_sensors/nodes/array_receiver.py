@@ -28,14 +28,18 @@ class ArrayReceiver(StationNode):
         self._array: SimulatedDishArray | None = None
 
     def configure(self) -> None:
-        self._array = SimulatedDishArray(self.parameters.value("array"), self.parameters.value("receiver").seed)
+        self._array = SimulatedDishArray(
+            self.parameters.value("array"), self.parameters.value("receiver").seed
+        )
         self._snapshots = self.stream(ArraySnapshots, "array_snapshots", STREAM)
         self.listen(PointingError, "sim/pointing_error", self._on_truth, STREAM)
 
     def _on_truth(self, message: PointingError) -> None:
         if self.active:
             block = self._array.receive(error_from_message(message))
-            self._snapshots.publish(convert.snapshots_to_message(ChannelBlock(transmitters=(), block=block)))
+            self._snapshots.publish(
+                convert.snapshots_to_message(ChannelBlock(transmitters=(), block=block))
+            )
 
 
 def main() -> None:

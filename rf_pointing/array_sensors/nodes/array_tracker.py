@@ -38,7 +38,9 @@ class ArrayTracker(StationNode):
 
     def _health(self) -> Health:
         reason = self._tracker.last_reason
-        return Health(WARN if reason else OK, reason or "errors are valid", dict(self._tracker.counts))
+        return Health(
+            WARN if reason else OK, reason or "errors are valid", dict(self._tracker.counts)
+        )
 
 
 def main() -> None:

@@ -18,8 +18,16 @@ from geometry_msgs.msg import (
 from numpy.typing import NDArray
 from rf_pointing_msgs import msg as ours
 
-from rf_pointing.array_sensors.attitude.attitude_report import AttitudeReport, RateReport, require_covariance
-from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_matrix, quaternion_to_matrix, unit_quaternion
+from rf_pointing.array_sensors.attitude.attitude_report import (
+    AttitudeReport,
+    RateReport,
+    require_covariance,
+)
+from rf_pointing.array_sensors.attitude.quaternion import (
+    quaternion_from_matrix,
+    quaternion_to_matrix,
+    unit_quaternion,
+)
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque
 from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
 from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock, HeldTorque
@@ -43,7 +51,9 @@ _TORQUE_FIELDS = {
 
 
 def frame_to_message(frame: TripulseFrame, sample_rate_hz: float) -> ours.TripulseFrame:
-    message = ours.TripulseFrame(station=frame.station, frame=frame.sequence, sample_rate=sample_rate_hz)
+    message = ours.TripulseFrame(
+        station=frame.station, frame=frame.sequence, sample_rate=sample_rate_hz
+    )
     message.header.stamp, message.header.frame_id = stamp_from_seconds(frame.t_s), ARRAY_FRAME
     message.steering = frame.steering
     message.samples_i, message.samples_q = frame.samples.real.tolist(), frame.samples.imag.tolist()
@@ -102,14 +112,18 @@ def snapshots_to_message(heard: ChannelBlock) -> ours.ArraySnapshots:
     message = ours.ArraySnapshots(transmitters=list(heard.transmitters))
     message.elements, message.snapshots = samples.shape
     message.header.stamp, message.header.frame_id = stamp_from_seconds(heard.block.t_s), BODY_FRAME
-    message.samples_i, message.samples_q = samples.real.ravel().tolist(), samples.imag.ravel().tolist()
+    message.samples_i, message.samples_q = (
+        samples.real.ravel().tolist(),
+        samples.imag.ravel().tolist(),
+    )
     return message
 
 
 def snapshots_from_message(message: ours.ArraySnapshots) -> ChannelBlock:
     samples = _complex(message, message.elements * message.snapshots)
     block = SnapshotBlock(
-        t_s=seconds_from_stamp(message.header.stamp), snapshots=samples.reshape(message.elements, message.snapshots)
+        t_s=seconds_from_stamp(message.header.stamp),
+        snapshots=samples.reshape(message.elements, message.snapshots),
     )
     return ChannelBlock(transmitters=tuple(message.transmitters), block=block)
 
@@ -123,7 +137,10 @@ def torque_to_message(torque: HeldTorque) -> ours.KnownTorque:
 
 
 def torque_from_message(message: ours.KnownTorque) -> HeldTorque:
-    values = {core: as_finite_array(wire, getattr(message, wire), (3,)) for wire, core in _TORQUE_FIELDS.items()}
+    values = {
+        core: as_finite_array(wire, getattr(message, wire), (3,))
+        for wire, core in _TORQUE_FIELDS.items()
+    }
     return HeldTorque(t_s=seconds_from_stamp(message.header.stamp), known=KnownTorque(**values))
 
 
@@ -175,7 +192,9 @@ def orientation_to_message(t_s: float, quaternion: Array, frame: str) -> Quatern
 
 def orientation_from_message(message: QuaternionStamped) -> tuple[float, Array]:
     """Return time and unit quaternion (4,)."""
-    return seconds_from_stamp(message.header.stamp), unit_quaternion(_components(message.quaternion))
+    return seconds_from_stamp(message.header.stamp), unit_quaternion(
+        _components(message.quaternion)
+    )
 
 
 def vector_to_message(t_s: float, vector: Array, frame: str) -> Vector3Stamped:
@@ -186,15 +205,23 @@ def vector_to_message(t_s: float, vector: Array, frame: str) -> Vector3Stamped:
 
 def vector_from_message(message: Vector3Stamped) -> tuple[float, Array]:
     """Return time and vector (3,)."""
-    return seconds_from_stamp(message.header.stamp), as_finite_array("vector", _components(message.vector), (3,))
+    return seconds_from_stamp(message.header.stamp), as_finite_array(
+        "vector", _components(message.vector), (3,)
+    )
 
 
 def sequence_to_message(measured: InterferometerMeasurement) -> ours.InterferometerMeasurement:
     message = ours.InterferometerMeasurement(coupling_sigma=float(measured.amplitude_sigma))
     message.header.stamp, message.header.frame_id = stamp_from_seconds(measured.t_s), ACTIVE_FRAME
-    message.phase, message.phase_rate = measured.phase_rad.ravel().tolist(), measured.phase_rate_rad_s.ravel().tolist()
+    message.phase, message.phase_rate = (
+        measured.phase_rad.ravel().tolist(),
+        measured.phase_rate_rad_s.ravel().tolist(),
+    )
     message.coupling = measured.amplitudes.ravel()
-    message.snr_forward, message.snr_return = measured.snr_forward.tolist(), measured.snr_return.ravel().tolist()
+    message.snr_forward, message.snr_return = (
+        measured.snr_forward.tolist(),
+        measured.snr_return.ravel().tolist(),
+    )
     message.locked = measured.locked.ravel().tolist()
     return message
 
@@ -203,7 +230,9 @@ def sequence_from_message(message: ours.InterferometerMeasurement) -> Interferom
     slots = len(message.snr_forward)
     for name in ("phase", "phase_rate", "snr_return", "locked"):
         if len(getattr(message, name)) != 9 * slots:
-            raise ValueError(f"{name} has {len(getattr(message, name))} values, must have 9 for each of {slots} slots")
+            raise ValueError(
+                f"{name} has {len(getattr(message, name))} values, must have 9 for each of {slots} slots"
+            )
     return InterferometerMeasurement(
         t_s=seconds_from_stamp(message.header.stamp),
         phase_rad=np.array(message.phase).reshape(slots, *_PATHS),
@@ -216,12 +245,16 @@ def sequence_from_message(message: ours.InterferometerMeasurement) -> Interferom
     )
 
 
-def pose_to_messages(t_s: float, pose: Rep103Pose) -> tuple[PoseWithCovarianceStamped, TwistWithCovarianceStamped]:
+def pose_to_messages(
+    t_s: float, pose: Rep103Pose
+) -> tuple[PoseWithCovarianceStamped, TwistWithCovarianceStamped]:
     """Return pose and twist of the passive body, both in the active body's frame."""
     where, moving = PoseWithCovarianceStamped(), TwistWithCovarianceStamped()
     for message in (where, moving):
         message.header.stamp, message.header.frame_id = stamp_from_seconds(t_s), ACTIVE_FRAME
-    where.pose.pose.position.x, where.pose.pose.position.y, where.pose.pose.position.z = map(float, pose.position_m)
+    where.pose.pose.position.x, where.pose.pose.position.y, where.pose.pose.position.z = map(
+        float, pose.position_m
+    )
     where.pose.pose.orientation = _quaternion(quaternion_from_matrix(pose.orientation))
     where.pose.covariance = pose.pose_covariance.ravel()
     moving.twist.twist.linear = _vector(pose.velocity_m_s)
@@ -241,10 +274,16 @@ def pose_from_messages(
     pose = Rep103Pose(
         position_m=as_finite_array("position", _components(where.pose.pose.position), (3,)),
         orientation=quaternion_to_matrix(quaternion),
-        pose_covariance=require_covariance("pose covariance", np.array(where.pose.covariance).reshape(6, 6), 6),
+        pose_covariance=require_covariance(
+            "pose covariance", np.array(where.pose.covariance).reshape(6, 6), 6
+        ),
         velocity_m_s=as_finite_array("velocity", _components(moving.twist.twist.linear), (3,)),
-        angular_velocity_rad_s=as_finite_array("angular velocity", _components(moving.twist.twist.angular), (3,)),
-        twist_covariance=require_covariance("twist covariance", np.array(moving.twist.covariance).reshape(6, 6), 6),
+        angular_velocity_rad_s=as_finite_array(
+            "angular velocity", _components(moving.twist.twist.angular), (3,)
+        ),
+        twist_covariance=require_covariance(
+            "twist covariance", np.array(moving.twist.covariance).reshape(6, 6), 6
+        ),
     )
     return seconds_from_stamp(where.header.stamp), pose
 

@@ -16,7 +16,11 @@ from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams
 from rf_pointing.array_sensors.attitude.pass_scene import PassSceneParams, pass_scene
 from rf_pointing.array_sensors.attitude.rigid_body import SatelliteParams
 from rf_pointing.array_sensors.doa.array import CircularArrayParams, ResponseParams
-from rf_pointing.array_sensors.doa.attitude_chain import DoaAttitude, DoaAttitudeReport, DoaChainParams
+from rf_pointing.array_sensors.doa.attitude_chain import (
+    DoaAttitude,
+    DoaAttitudeReport,
+    DoaChainParams,
+)
 from rf_pointing.array_sensors.doa.attitude_filter import DoaAttitudeParams
 from rf_pointing.array_sensors.doa.attitude_start import StartParams
 from rf_pointing.array_sensors.doa.estimator import DoaEstimatorParams
@@ -37,14 +41,22 @@ class DoaAttitudeNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("doa_attitude")
-        array = {"array": CircularArrayParams(), "estimator": DoaEstimatorParams(), "response": ResponseParams()}
+        array = {
+            "array": CircularArrayParams(),
+            "estimator": DoaEstimatorParams(),
+            "response": ResponseParams(),
+        }
         scene = {
             "orbit": SunSynchronousOrbitParams(),
             "stations": GroundNetworkParams(),
             "scene": PassSceneParams(),
             "satellite": SatelliteParams(),
         }
-        tuning = {"filter": DoaAttitudeParams(), "start": StartParams(), "noise": ProcessNoiseParams()}
+        tuning = {
+            "filter": DoaAttitudeParams(),
+            "start": StartParams(),
+            "noise": ProcessNoiseParams(),
+        }
         checks = {"gate": GateParams(), "watch": WatchParams(), "chain": DoaChainParams()}
         for prefix, defaults in {**array, **scene, **tuning, **checks}.items():
             self.parameters.declare(prefix, defaults)
@@ -64,8 +76,18 @@ class DoaAttitudeNode(ManagedNode):
         )
         self._attitudes = self.stream(Attitude, "attitude", STREAM)
         self._rates = self.publisher(TwistWithCovarianceStamped, "attitude_rate", STREAM)
-        self.listen(KnownTorque, "known_torque", lambda m: self._torques.take(lambda: self._on_torque(m)), STREAM)
-        self.listen(ArraySnapshots, "array_snapshots", lambda m: self._blocks.take(lambda: self._on_block(m)), STREAM)
+        self.listen(
+            KnownTorque,
+            "known_torque",
+            lambda m: self._torques.take(lambda: self._on_torque(m)),
+            STREAM,
+        )
+        self.listen(
+            ArraySnapshots,
+            "array_snapshots",
+            lambda m: self._blocks.take(lambda: self._on_block(m)),
+            STREAM,
+        )
         self.diagnostics.add("blocks", self._blocks.health)
         self.diagnostics.add("torques", self._torques.health)
 

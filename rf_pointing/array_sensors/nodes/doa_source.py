@@ -43,14 +43,22 @@ class DoaSource(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("doa_source")
-        array = {"array": CircularArrayParams(), "receiver": ArraySourceParams(), "response": ResponseParams()}
+        array = {
+            "array": CircularArrayParams(),
+            "receiver": ArraySourceParams(),
+            "response": ResponseParams(),
+        }
         scene = {
             "orbit": SunSynchronousOrbitParams(),
             "stations": GroundNetworkParams(),
             "scene": PassSceneParams(),
             "satellite": SatelliteParams(),
         }
-        truth = {"scenario": DoaScenarioParams(), "hold": NadirHoldParams(), "disturbance": ProcessNoiseParams()}
+        truth = {
+            "scenario": DoaScenarioParams(),
+            "hold": NadirHoldParams(),
+            "disturbance": ProcessNoiseParams(),
+        }
         for prefix, defaults in {"source": BlockParams(), **array, **scene, **truth}.items():
             self.parameters.declare(prefix, defaults)
         self._simulated: SimulatedDoa | None = None
@@ -77,7 +85,10 @@ class DoaSource(ManagedNode):
 
     def activate(self) -> None:
         self._blocks.open = True
-        self.every(self.parameters.value("source").period_s, lambda t_s: self._blocks.take(lambda: self._step(t_s)))
+        self.every(
+            self.parameters.value("source").period_s,
+            lambda t_s: self._blocks.take(lambda: self._step(t_s)),
+        )
 
     def deactivate(self) -> None:
         self._blocks.open = False
@@ -85,8 +96,12 @@ class DoaSource(ManagedNode):
     def _step(self, t_s: float) -> str:
         moment = self._simulated.step(t_s)
         truth = moment.truth
-        self._true_attitude.publish(convert.orientation_to_message(t_s, truth.quaternion, convert.ORBIT_FRAME))
-        self._true_rate.publish(convert.vector_to_message(t_s, truth.rate_rad_s, convert.BODY_FRAME))
+        self._true_attitude.publish(
+            convert.orientation_to_message(t_s, truth.quaternion, convert.ORBIT_FRAME)
+        )
+        self._true_rate.publish(
+            convert.vector_to_message(t_s, truth.rate_rad_s, convert.BODY_FRAME)
+        )
         self._torques.publish(convert.torque_to_message(moment.torque))
         if moment.heard is None:
             return "no station is above its horizon and in front of the array"

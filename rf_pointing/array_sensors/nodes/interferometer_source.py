@@ -16,7 +16,12 @@ from rf_pointing_msgs.msg import InterferometerMeasurement
 from rf_pointing.array_sensors.interferometer.docking import SimulatedDocking, true_pose
 from rf_pointing.array_sensors.interferometer.motion import DockingApproach
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
-from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan, InterferometerSystem, Schedule
+from rf_pointing.array_sensors.interferometer.system import (
+    ArrayParams,
+    CarrierPlan,
+    InterferometerSystem,
+    Schedule,
+)
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.core import Params, parameter
@@ -50,7 +55,9 @@ class InterferometerSourceNode(ManagedNode):
         duration_s, period_s = value("schedule").duration_s(value("plan")), value("source").period_s
         if period_s < duration_s:
             raise ValueError(f"source.period_s={period_s} must be >= the sequence's {duration_s} s")
-        self._measurements = self.stream(InterferometerMeasurement, "interferometer_measurement", STREAM)
+        self._measurements = self.stream(
+            InterferometerMeasurement, "interferometer_measurement", STREAM
+        )
         self._true_pose = self.publisher(PoseWithCovarianceStamped, "sim/relative_pose", STREAM)
         self._true_twist = self.publisher(TwistWithCovarianceStamped, "sim/relative_twist", STREAM)
         self.diagnostics.add("sequences", self._sequences.health)
@@ -58,7 +65,9 @@ class InterferometerSourceNode(ManagedNode):
     def activate(self) -> None:
         value = self.parameters.value
         self._simulated = SimulatedDocking(
-            InterferometerSystem(arrays=value("arrays"), plan=value("plan"), schedule=value("schedule")),
+            InterferometerSystem(
+                arrays=value("arrays"), plan=value("plan"), schedule=value("schedule")
+            ),
             value("radio"),
             value("link"),
             value("approach"),
@@ -66,7 +75,9 @@ class InterferometerSourceNode(ManagedNode):
             seed=value("source").seed,
         )
         self._sequences.open = True
-        self.every(value("source").period_s, lambda t_s: self._sequences.take(lambda: self._send(t_s)))
+        self.every(
+            value("source").period_s, lambda t_s: self._sequences.take(lambda: self._send(t_s))
+        )
 
     def deactivate(self) -> None:
         self._sequences.open = False

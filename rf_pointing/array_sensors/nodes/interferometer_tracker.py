@@ -16,8 +16,17 @@ from rf_pointing.array_sensors.interferometer.docking import RelativePoseTracker
 from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
 from rf_pointing.array_sensors.interferometer.rate_filter import FilterParams
 from rf_pointing.array_sensors.interferometer.reading import ErrorFloor
-from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan, InterferometerSystem, Schedule
-from rf_pointing.array_sensors.interferometer.tracker import InterferometerTracker, TrackerOutput, TrackerParams
+from rf_pointing.array_sensors.interferometer.system import (
+    ArrayParams,
+    CarrierPlan,
+    InterferometerSystem,
+    Schedule,
+)
+from rf_pointing.array_sensors.interferometer.tracker import (
+    InterferometerTracker,
+    TrackerOutput,
+    TrackerParams,
+)
 from rf_pointing.array_sensors.nodes import convert
 from rf_pointing.array_sensors.nodes.input_outcomes import InputOutcomes
 from rf_pointing.core import Params, parameter
@@ -30,7 +39,9 @@ from rf_pointing.ros.qos import STREAM
 class TrackingParams(Params):
     """When silence is noticed."""
 
-    silence_s: float = parameter(5.0, "time without a measurement after which the pose coasts", low=0.1, high=600.0)
+    silence_s: float = parameter(
+        5.0, "time without a measurement after which the pose coasts", low=0.1, high=600.0
+    )
 
 
 class InterferometerTrackerNode(ManagedNode):
@@ -49,7 +60,9 @@ class InterferometerTrackerNode(ManagedNode):
     def configure(self) -> None:
         value = self.parameters.value
         tracker = InterferometerTracker(
-            system=InterferometerSystem(arrays=value("arrays"), plan=value("plan"), schedule=value("schedule")),
+            system=InterferometerSystem(
+                arrays=value("arrays"), plan=value("plan"), schedule=value("schedule")
+            ),
             params=value("tracker"),
             filter_params=value("filter"),
             floor=value("floor"),

@@ -21,10 +21,16 @@ def array_description(name: str) -> LaunchDescription:
     parameters = Path(get_package_share_directory("rf_pointing")) / "config" / f"{name}.yaml"
     return LaunchDescription(
         [
-            DeclareLaunchArgument("namespace", default_value=name, description="namespace of the graph"),
-            DeclareLaunchArgument("params_file", default_value=str(parameters), description="parameters of its nodes"),
             DeclareLaunchArgument(
-                "autostart", default_value="true", description="nodes configure and activate themselves"
+                "namespace", default_value=name, description="namespace of the graph"
+            ),
+            DeclareLaunchArgument(
+                "params_file", default_value=str(parameters), description="parameters of its nodes"
+            ),
+            DeclareLaunchArgument(
+                "autostart",
+                default_value="true",
+                description="nodes configure and activate themselves",
             ),
             network_argument(),
             OpaqueFunction(function=lifecycle_nodes, args=[(CLOCK, *ARRAY_SYSTEMS[name].nodes)]),
@@ -45,7 +51,10 @@ def lifecycle_nodes(context: Any, names: Sequence[str]) -> list[Any]:
             executable=executable,
             name=executable,
             namespace="/".join([namespace, *below]),
-            parameters=[parameters, {"use_sim_time": executable != CLOCK, "lifecycle.autostart": start == "true"}],
+            parameters=[
+                parameters,
+                {"use_sim_time": executable != CLOCK, "lifecycle.autostart": start == "true"},
+            ],
             # Every graph has a clock of its own, so two graphs may run at different times on one
             # machine.
             remappings=[("/clock", f"/{namespace.strip('/')}/clock")],

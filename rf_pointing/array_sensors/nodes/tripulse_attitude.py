@@ -24,8 +24,16 @@ class TripulseAttitudeNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("tripulse_attitude")
-        scene = {"orbit": GeostationaryParams(), "stations": GroundNetworkParams(), "scene": PassSceneParams()}
-        for prefix, defaults in {"attitude": StationAttitudeParams(), "epochs": EpochParams(), **scene}.items():
+        scene = {
+            "orbit": GeostationaryParams(),
+            "stations": GroundNetworkParams(),
+            "scene": PassSceneParams(),
+        }
+        for prefix, defaults in {
+            "attitude": StationAttitudeParams(),
+            "epochs": EpochParams(),
+            **scene,
+        }.items():
             self.parameters.declare(prefix, defaults)
         self._solver: TripulseAttitude | None = None
         self._lines = InputOutcomes()
@@ -53,7 +61,9 @@ class TripulseAttitudeNode(ManagedNode):
     def _observe(self, message: TripulseMeasurement) -> str:
         found = self._solver.take(convert.line_from_message(message), self.now_s())
         for attitude in found:
-            self._attitudes.publish(convert.attitude_to_message(attitude_report(attitude), convert.ARRAY_FRAME))
+            self._attitudes.publish(
+                convert.attitude_to_message(attitude_report(attitude), convert.ARRAY_FRAME)
+            )
         return found[-1].reason if found else message.reason
 
 

@@ -35,8 +35,16 @@ class TripulseReceiverNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("tripulse_receiver")
-        groups = {"array": TripulseArrayParams(), "signal": TripulseSignalParams(), "tracker": TrackerParams()}
-        for prefix, defaults in {"station": StationParams(), "receiver": TripulseReceiverParams(), **groups}.items():
+        groups = {
+            "array": TripulseArrayParams(),
+            "signal": TripulseSignalParams(),
+            "tracker": TrackerParams(),
+        }
+        for prefix, defaults in {
+            "station": StationParams(),
+            "receiver": TripulseReceiverParams(),
+            **groups,
+        }.items():
             self.parameters.declare(prefix, defaults)
         self._receiver: TripulseReceiver | None = None
         self._station = ""
@@ -46,12 +54,22 @@ class TripulseReceiverNode(ManagedNode):
         value = self.parameters.value
         self._station = value("station").name or PurePosixPath(self.get_namespace()).name
         if not self._station:
-            raise ValueError("station.name='' must name the station, or the node must run in the station's namespace")
+            raise ValueError(
+                "station.name='' must name the station, or the node must run in the station's namespace"
+            )
         self._receiver = TripulseReceiver(
-            array=value("array"), signal=value("signal"), params=value("receiver"), tracker=value("tracker")
+            array=value("array"),
+            signal=value("signal"),
+            params=value("receiver"),
+            tracker=value("tracker"),
         )
         self._measurements = self.stream(TripulseMeasurement, "tripulse_measurement", STREAM)
-        self.listen(TripulseFrame, "tripulse_frame", lambda m: self._frames.take(lambda: self._measure(m)), STREAM)
+        self.listen(
+            TripulseFrame,
+            "tripulse_frame",
+            lambda m: self._frames.take(lambda: self._measure(m)),
+            STREAM,
+        )
         self.diagnostics.add("frames", self._frames.health)
 
     def activate(self) -> None:

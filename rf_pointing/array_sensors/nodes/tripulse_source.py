@@ -42,9 +42,22 @@ class TripulseSourceNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("tripulse_source")
-        groups = {"array": TripulseArrayParams(), "signal": TripulseSignalParams(), "link": TripulseSourceParams()}
-        scene = {"orbit": GeostationaryParams(), "stations": GroundNetworkParams(), "scene": PassSceneParams()}
-        for prefix, defaults in {"source": SendingParams(), **groups, **scene, "wobble": WobbleParams()}.items():
+        groups = {
+            "array": TripulseArrayParams(),
+            "signal": TripulseSignalParams(),
+            "link": TripulseSourceParams(),
+        }
+        scene = {
+            "orbit": GeostationaryParams(),
+            "stations": GroundNetworkParams(),
+            "scene": PassSceneParams(),
+        }
+        for prefix, defaults in {
+            "source": SendingParams(),
+            **groups,
+            **scene,
+            "wobble": WobbleParams(),
+        }.items():
             self.parameters.declare(prefix, defaults)
         self._simulated: SimulatedTripulse | None = None
         self._sending = InputOutcomes()
@@ -61,22 +74,31 @@ class TripulseSourceNode(ManagedNode):
             stations,
             value("source").seed,
         )
-        self._frames = {s.name: self.stream(TripulseFrame, f"{s.name}/tripulse_frame", STREAM) for s in stations}
+        self._frames = {
+            s.name: self.stream(TripulseFrame, f"{s.name}/tripulse_frame", STREAM) for s in stations
+        }
         self._truth = self.publisher(QuaternionStamped, "sim/attitude", STREAM)
         self.diagnostics.add("frames", self._sending.health)
 
     def activate(self) -> None:
         self._sending.open = True
-        self.every(self.parameters.value("source").period_s, lambda t_s: self._sending.take(lambda: self._send(t_s)))
+        self.every(
+            self.parameters.value("source").period_s,
+            lambda t_s: self._sending.take(lambda: self._send(t_s)),
+        )
 
     def deactivate(self) -> None:
         self._sending.open = False
 
     def _send(self, t_s: float) -> str:
         sent = self._simulated.step(t_s)
-        self._truth.publish(convert.orientation_to_message(t_s, sent.moment.quaternion, convert.ORBIT_FRAME))
+        self._truth.publish(
+            convert.orientation_to_message(t_s, sent.moment.quaternion, convert.ORBIT_FRAME)
+        )
         for frame in sent.frames:
-            message = convert.frame_to_message(frame, self.parameters.value("signal").sample_rate_hz)
+            message = convert.frame_to_message(
+                frame, self.parameters.value("signal").sample_rate_hz
+            )
             self._frames[frame.station].publish(message)
         return ""
 

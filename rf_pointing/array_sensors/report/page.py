@@ -10,7 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.array_sensors.report.pictures import draw_attitude, draw_pose
-from rf_pointing.array_sensors.report.series import ArraySeries, array_sensors, read_attitude_series, read_pose_series
+from rf_pointing.array_sensors.report.series import (
+    ArraySeries,
+    array_sensors,
+    read_attitude_series,
+    read_pose_series,
+)
 from rf_pointing.report.html import Cell, render
 
 SCHEMA = "rf_pointing/array_summary/1"
@@ -70,7 +75,9 @@ def write_array_report(bag: Path | str, output_dir: Path | str) -> list[ArrayErr
     path, folder = Path(bag), Path(output_dir)
     sensors = array_sensors(path)
     if not sensors:
-        raise ValueError(f"path={path} holds no attitude or relative_pose with its truth below sim/")
+        raise ValueError(
+            f"path={path} holds no attitude or relative_pose with its truth below sim/"
+        )
     folder.mkdir(parents=True, exist_ok=True)
     errors: list[ArrayErrors] = []
     figures: dict[Path, str] = {}
@@ -91,7 +98,9 @@ def write_array_report(bag: Path | str, output_dir: Path | str) -> list[ArrayErr
         rows=_rows(errors),
         words=(0, 1),
         notices={
-            f"{title}: epochs without a valid estimate": [f"{count}: {reason}" for reason, count in found.items()]
+            f"{title}: epochs without a valid estimate": [
+                f"{count}: {reason}" for reason, count in found.items()
+            ]
             for title, found in reasons.items()
             if found
         },
@@ -101,14 +110,18 @@ def write_array_report(bag: Path | str, output_dir: Path | str) -> list[ArrayErr
     (folder / "array_report.html").write_text(page, encoding="utf-8")
     lines = [asdict(each) for each in errors]
     summary = {"schema": SCHEMA, "bag": str(path), "errors": lines, "reasons": reasons}
-    (folder / "array_summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    (folder / "array_summary.json").write_text(
+        json.dumps(summary, indent=1) + "\n", encoding="utf-8"
+    )
     return errors
 
 
 def _heading(title: str, errors: Sequence[ArrayErrors]) -> str:
     """Return the title of a picture: how many epochs are valid, and the NEES of each quantity."""
     found = [f"{title}: {errors[0].valid} of {errors[0].epochs} epochs valid"]
-    found += [f"NEES of the {each.quantity} {each.nees:.2f}" for each in errors if each.nees is not None]
+    found += [
+        f"NEES of the {each.quantity} {each.nees:.2f}" for each in errors if each.nees is not None
+    ]
     return ", ".join(found) + (" (3 is expected)" if len(found) > 1 else "")
 
 
@@ -116,7 +129,17 @@ def array_errors(sensor: str, series: ArraySeries) -> list[ArrayErrors]:
     found = []
     if series.position_m is not None:
         nees = series.nees(0, series.position_error_m)
-        found.append(_line(sensor, "position", "m", series, series.position_error_m, series.position_sigma_m, nees))
+        found.append(
+            _line(
+                sensor,
+                "position",
+                "m",
+                series,
+                series.position_error_m,
+                series.position_sigma_m,
+                nees,
+            )
+        )
     degrees = (np.degrees(series.rotation_error_rad), np.degrees(series.rotation_sigma_rad))
     nees = series.nees(series.covariance.shape[-1] - 3, series.rotation_error_rad)
     return [*found, _line(sensor, "attitude", "deg", series, *degrees, nees)]

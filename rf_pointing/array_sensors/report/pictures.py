@@ -8,7 +8,13 @@ import numpy as np
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_to_roll_pitch_yaw
 from rf_pointing.array_sensors.report.series import ArraySeries
 from rf_pointing.core.types import Array
-from rf_pointing.report.picture_style import ALONE_COLOUR, AXIS_COLOURS, LIMIT_COLOUR, figure, legend_above
+from rf_pointing.report.picture_style import (
+    ALONE_COLOUR,
+    AXIS_COLOURS,
+    LIMIT_COLOUR,
+    figure,
+    legend_above,
+)
 
 _TRUE, _FOUND = LIMIT_COLOUR, AXIS_COLOURS[0]
 HAND_OFF_COLOUR = "#a6761d"
@@ -38,7 +44,9 @@ def draw_pose(series: ArraySeries, path: Path, title: str) -> None:
 def _columns(axes: Any, series: ArraySeries, first: int, what: str) -> None:
     """Draw the two columns from `first` on: values and errors of the three axes."""
     errors = ("in x", "in y", "in z") if what == "position" else ("about x", "about y", "about z")
-    values, error, sigma, names, units = _position(series) if what == "position" else _rotation(series)
+    values, error, sigma, names, units = (
+        _position(series) if what == "position" else _rotation(series)
+    )
     for row in range(3):
         left, right = axes[row, first], axes[row, first + 1]
         _draw_values(left, series, [column[:, row] for column in values])
@@ -61,7 +69,9 @@ def _columns(axes: Any, series: ArraySeries, first: int, what: str) -> None:
         legend_above(axes[0, place])
 
 
-def _position(series: ArraySeries) -> tuple[list[Array], Array, Array, tuple[str, ...], tuple[str, str]]:
+def _position(
+    series: ArraySeries,
+) -> tuple[list[Array], Array, Array, tuple[str, ...], tuple[str, str]]:
     error, sigma = series.position_error_m, series.position_sigma_m
     assert series.true_position_m is not None
     assert series.position_m is not None
@@ -69,13 +79,18 @@ def _position(series: ArraySeries) -> tuple[list[Array], Array, Array, tuple[str
     return [series.true_position_m, series.position_m], error, sigma, names, ("m", "m")
 
 
-def _rotation(series: ArraySeries) -> tuple[list[Array], Array, Array, tuple[str, ...], tuple[str, str]]:
+def _rotation(
+    series: ArraySeries,
+) -> tuple[list[Array], Array, Array, tuple[str, ...], tuple[str, str]]:
     quaternions = (series.true_quaternion, series.quaternion)
     # Unwrapped: a yaw through 180 deg would be drawn as a vertical line.
     values = [np.degrees(np.unwrap(quaternion_to_roll_pitch_yaw(q), axis=0)) for q in quaternions]
     error, sigma = np.degrees(series.rotation_error_rad), np.degrees(series.rotation_sigma_rad)
     unit = "deg"
-    if series.valid.any() and float(np.max(np.median(sigma[series.valid], axis=0))) < _MDEG_BELOW_DEG:
+    if (
+        series.valid.any()
+        and float(np.max(np.median(sigma[series.valid], axis=0))) < _MDEG_BELOW_DEG
+    ):
         error, sigma, unit = 1e3 * error, 1e3 * sigma, "mdeg"
     return values, error, sigma, ("roll", "pitch", "yaw"), ("deg", unit)
 
@@ -83,7 +98,14 @@ def _rotation(series: ArraySeries) -> tuple[list[Array], Array, Array, tuple[str
 def _draw_values(axes: Any, series: ArraySeries, values: list[Array]) -> None:
     valid = series.valid
     if not valid.all():
-        axes.plot(series.t_s[~valid], values[1][~valid], ".", color=ALONE_COLOUR, ms=2.5, label="not valid")
+        axes.plot(
+            series.t_s[~valid],
+            values[1][~valid],
+            ".",
+            color=ALONE_COLOUR,
+            ms=2.5,
+            label="not valid",
+        )
     axes.plot(series.t_s[valid], values[1][valid], ".", color=_FOUND, ms=3.5, label="estimated")
     axes.plot(series.t_s, values[0], color=_TRUE, lw=1.0, label="true")
     _limit(axes, np.concatenate([values[0], values[1][valid]]))
@@ -92,7 +114,9 @@ def _draw_values(axes: Any, series: ArraySeries, values: list[Array]) -> None:
 def _draw_error(axes: Any, series: ArraySeries, error: Array, sigma: Array, unit: str) -> None:
     valid = series.valid
     time, error, three_sigma = series.t_s[valid], error[valid], 3.0 * sigma[valid]
-    axes.fill_between(time, -three_sigma, three_sigma, color=_FOUND, alpha=0.15, lw=0.0, label="3 sigma")
+    axes.fill_between(
+        time, -three_sigma, three_sigma, color=_FOUND, alpha=0.15, lw=0.0, label="3 sigma"
+    )
     axes.plot(time, error, ".-", color=AXIS_COLOURS[1], lw=0.7, ms=3.0, label="error")
     axes.axhline(0.0, color="#aaaaaa", lw=0.7)
     if not len(error):
@@ -110,7 +134,9 @@ def _draw_error(axes: Any, series: ArraySeries, error: Array, sigma: Array, unit
         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5},
     )
     # The band before convergence would squeeze the rest.
-    reach = 1.6 * max(float(np.percentile(three_sigma, 80.0)), float(np.percentile(np.abs(error), 90.0)))
+    reach = 1.6 * max(
+        float(np.percentile(three_sigma, 80.0)), float(np.percentile(np.abs(error), 90.0))
+    )
     axes.set_ylim(-reach, reach)
 
 

@@ -12,7 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
-from rf_pointing.array_sensors.attitude.quaternion import conjugate, multiply, quaternion_to_rotation_vector
+from rf_pointing.array_sensors.attitude.quaternion import (
+    conjugate,
+    multiply,
+    quaternion_to_rotation_vector,
+)
 from rf_pointing.core.types import Array
 from rf_pointing.report.bag_source import open_bag
 from rf_pointing.report.topics import types_of
@@ -46,12 +50,16 @@ class ArraySeries:
         3 is expected.
         """
         block = self.covariance[:, first : first + 3, first : first + 3]
-        return np.asarray(np.einsum("ni,ni->n", errors, np.linalg.solve(block, errors[..., None])[..., 0]))
+        return np.asarray(
+            np.einsum("ni,ni->n", errors, np.linalg.solve(block, errors[..., None])[..., 0])
+        )
 
     @property
     def rotation_error_rad(self) -> Array:
         """Rotation vectors (n, 3) from true to estimated orientation, about the reference axes."""
-        return quaternion_to_rotation_vector(multiply(self.quaternion, conjugate(self.true_quaternion)))
+        return quaternion_to_rotation_vector(
+            multiply(self.quaternion, conjugate(self.true_quaternion))
+        )
 
     @property
     def rotation_sigma_rad(self) -> Array:
@@ -98,8 +106,12 @@ def read_attitude_series(bag: Path, namespace: str) -> ArraySeries:
         t_s=_seconds(stamps),
         true_position_m=None,
         position_m=None,
-        true_quaternion=np.array([_components(truth[stamp].quaternion, "xyzw") for stamp in stamps]),
-        quaternion=np.array([_components(estimates[stamp].orientation, "xyzw") for stamp in stamps]),
+        true_quaternion=np.array(
+            [_components(truth[stamp].quaternion, "xyzw") for stamp in stamps]
+        ),
+        quaternion=np.array(
+            [_components(estimates[stamp].orientation, "xyzw") for stamp in stamps]
+        ),
         covariance=np.array([estimates[stamp].covariance for stamp in stamps]).reshape(-1, 3, 3),
         valid=np.array([estimates[stamp].valid for stamp in stamps]),
         reasons=tuple(message.reason for message in estimates.values() if not message.valid),
@@ -113,7 +125,10 @@ def read_pose_series(bag: Path, namespace: str) -> ArraySeries:
     A pose is published only while there is one, so all are valid.
     """
     estimates, truth, status = _read(
-        bag, f"{namespace}/relative_pose", f"{namespace}/sim/relative_pose", f"{namespace}/relative_pose_status"
+        bag,
+        f"{namespace}/relative_pose",
+        f"{namespace}/sim/relative_pose",
+        f"{namespace}/relative_pose_status",
     )
     stamps = _common(estimates, truth, bag)
     found, true = ([messages[stamp].pose for stamp in stamps] for messages in (estimates, truth))
@@ -125,7 +140,9 @@ def read_pose_series(bag: Path, namespace: str) -> ArraySeries:
         quaternion=np.array([_components(each.pose.orientation, "xyzw") for each in found]),
         covariance=np.array([each.covariance for each in found]).reshape(-1, 6, 6),
         valid=np.ones(len(stamps), dtype=np.bool_),
-        reasons=tuple(message.reason for stamp, message in status.items() if stamp not in estimates),
+        reasons=tuple(
+            message.reason for stamp, message in status.items() if stamp not in estimates
+        ),
     )
 
 
@@ -142,7 +159,9 @@ def hand_offs(received: Messages, first: int) -> tuple[tuple[float, str], ...]:
             if index >= turns and (name not in last or index - last[name] > turns):
                 found.setdefault(stamp, []).append(name)
             last[name] = index
-    return tuple(((stamp - first) / 1e9, ", ".join(sorted(names))) for stamp, names in found.items())
+    return tuple(
+        ((stamp - first) / 1e9, ", ".join(sorted(names))) for stamp, names in found.items()
+    )
 
 
 def _read(bag: Path, *topics: str) -> list[Messages]:
@@ -172,7 +191,9 @@ def _read(bag: Path, *topics: str) -> list[Messages]:
 def _common(estimates: Messages, truth: Messages, bag: Path) -> list[int]:
     stamps = sorted(estimates.keys() & truth.keys())
     if not stamps:
-        raise ValueError(f"bag={bag}: {len(estimates)} estimates and {len(truth)} true values have no stamp in common")
+        raise ValueError(
+            f"bag={bag}: {len(estimates)} estimates and {len(truth)} true values have no stamp in common"
+        )
     return stamps
 
 

@@ -25,11 +25,19 @@ class TripulseArrayParams(Params):
 
     n_x: int = parameter(16, "elements along x, even", low=2, high=512)
     n_y: int = parameter(16, "elements along y, even", low=2, high=512)
-    spacing_x_wavelengths: float = parameter(3.0, "element spacing along x over the wavelength", low=0.1, high=100.0)
-    spacing_y_wavelengths: float = parameter(3.0, "element spacing along y over the wavelength", low=0.1, high=100.0)
-    taper_edge: float = parameter(1.0, "amplitude at the aperture's edge, 1 for a uniform aperture", low=0.0, high=1.0)
+    spacing_x_wavelengths: float = parameter(
+        3.0, "element spacing along x over the wavelength", low=0.1, high=100.0
+    )
+    spacing_y_wavelengths: float = parameter(
+        3.0, "element spacing along y over the wavelength", low=0.1, high=100.0
+    )
+    taper_edge: float = parameter(
+        1.0, "amplitude at the aperture's edge, 1 for a uniform aperture", low=0.0, high=1.0
+    )
     phase_bits: int = parameter(0, "bits of the phase shifters, 0 for exact phases", low=0, high=16)
-    failed: str = parameter("", "dead elements as column:row from 1:1, separated by commas, such as 3:16, 4:16")
+    failed: str = parameter(
+        "", "dead elements as column:row from 1:1, separated by commas, such as 3:16, 4:16"
+    )
 
     def check_together(self) -> None:
         """Refuse odd element counts: the halves of a difference beam must be equal."""
@@ -54,7 +62,9 @@ class TripulseArrayParams(Params):
         for word in words:
             numbers = word.split(":")
             if len(numbers) != 2 or not all(number.strip().isdecimal() for number in numbers):
-                raise ValueError(f"failed={self.failed!r} must be pairs such as 3:16, separated by commas")
+                raise ValueError(
+                    f"failed={self.failed!r} must be pairs such as 3:16, separated by commas"
+                )
             m, n = (int(number) for number in numbers)
             if not (1 <= m <= self.n_x and 1 <= n <= self.n_y):
                 raise ValueError(f"failed element {word} must be from 1:1 to {self.n_x}:{self.n_y}")
@@ -75,7 +85,9 @@ class TripulseArrayParams(Params):
     @property
     def unambiguous_projection(self) -> Array:
         """Largest projection error lambda/(N d) that (9) inverts, along x and y, shape (2,)."""
-        apertures = np.array([self.spacing_x_wavelengths * self.n_x, self.spacing_y_wavelengths * self.n_y])
+        apertures = np.array(
+            [self.spacing_x_wavelengths * self.n_x, self.spacing_y_wavelengths * self.n_y]
+        )
         return np.asarray(1.0 / apertures)
 
 
@@ -146,7 +158,9 @@ def element_weights(
     ------
     ValueError : if every element of an array failed.
     """
-    phase = quantised_phase_rad(steering_phase_rad(params, steering) + common_phase_rad, params.phase_bits)
+    phase = quantised_phase_rad(
+        steering_phase_rad(params, steering) + common_phase_rad, params.phase_bits
+    )
     if phase_errors_rad is not None:
         require_finite("phase_errors_rad", phase_errors_rad)
         phase = phase + np.asarray(phase_errors_rad, dtype=np.float64)
@@ -155,7 +169,9 @@ def element_weights(
     if failed is None:
         return np.asarray(weights if known is None else np.where(known, 0.0, weights))
     if failed.shape[-2:] != (params.n_x, params.n_y):
-        raise ValueError(f"failed has shape {failed.shape}, must be (..., {params.n_x}, {params.n_y})")
+        raise ValueError(
+            f"failed has shape {failed.shape}, must be (..., {params.n_x}, {params.n_y})"
+        )
     failed = failed if known is None else failed | known
     if np.any(np.all(failed, axis=(-2, -1))):
         raise ValueError(f"failed marks all {params.n_total} elements: the array has no beam")

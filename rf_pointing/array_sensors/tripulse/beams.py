@@ -38,7 +38,9 @@ def beam_signs(params: TripulseArrayParams) -> Array:
     return np.stack([np.outer(ones_x, ones_y), np.outer(x_sign, ones_y), np.outer(ones_x, y_sign)])
 
 
-def quadrant_signals(params: TripulseArrayParams, weights: ArrayLike, direction: ArrayLike) -> ComplexArray:
+def quadrant_signals(
+    params: TripulseArrayParams, weights: ArrayLike, direction: ArrayLike
+) -> ComplexArray:
     """Return the signals of quadrants 1-4, eq. (6), shape (..., 4), towards the projections
     `direction` (..., 2).
     """
@@ -49,7 +51,9 @@ def quadrant_signals(params: TripulseArrayParams, weights: ArrayLike, direction:
     return np.stack([np.sum(field[..., qx, qy], axis=(-2, -1)) for qx, qy in quadrants], axis=-1)
 
 
-def beam_signals(params: TripulseArrayParams, weights: ArrayLike, direction: ArrayLike) -> ComplexArray:
+def beam_signals(
+    params: TripulseArrayParams, weights: ArrayLike, direction: ArrayLike
+) -> ComplexArray:
     """Return Sigma, Delta_x, Delta_y, eq. (7), shape (..., 3), for any element weights (..., N_x,
     N_y).
     """
@@ -89,7 +93,9 @@ def monopulse_ratios(signals: ArrayLike, time_convention: str = "exp(-jwt)") -> 
     return np.asarray(ratio if time_convention == "exp(-jwt)" else -ratio)
 
 
-def _element_fields(params: TripulseArrayParams, weights: ArrayLike, direction: ArrayLike) -> ComplexArray:
+def _element_fields(
+    params: TripulseArrayParams, weights: ArrayLike, direction: ArrayLike
+) -> ComplexArray:
     t = np.asarray(direction, dtype=np.float64)
     require_finite("direction", t)
     along_x = np.exp(-1j * params.kd[0] * t[..., 0, None] * centred_indices(params.n_x))
@@ -140,15 +146,21 @@ def invert_with_weights(
     # The uniform aperture is the start: taper and dead elements change the slope, not the sign.
     error = invert_ratios(params, ratios)
     for _ in range(NEWTON_STEPS):
-        ratio, ratio_slope = ratio_and_slope(params, weights, np.asarray(steering, dtype=np.float64) + error)
+        ratio, ratio_slope = ratio_and_slope(
+            params, weights, np.asarray(steering, dtype=np.float64) + error
+        )
         # atan of the ratio is nearly linear in the direction, the ratio itself has a pole.
         value, slope = np.arctan(ratio), ratio_slope / (1.0 + ratio[..., None] ** 2)
         if np.any(np.abs(np.linalg.det(slope)) < SMALLEST_SLOPE * np.prod(params.kd)):
-            raise ValueError("the delta beams of this aperture do not respond to the direction: half of it is dead")
+            raise ValueError(
+                "the delta beams of this aperture do not respond to the direction: half of it is dead"
+            )
         step = np.linalg.solve(slope, (target - value)[..., None])[..., 0]
         error = error + step
         if np.any(np.abs(error) > limit):
-            raise ValueError(f"ratios={ratios!r} lie outside the unambiguous region of this aperture")
+            raise ValueError(
+                f"ratios={ratios!r} lie outside the unambiguous region of this aperture"
+            )
         if np.max(np.abs(step), initial=0.0) < PROJECTION_TOLERANCE:
             return np.asarray(error)
     raise ValueError(f"ratios={ratios!r} have no solution after {NEWTON_STEPS} Newton steps")
@@ -176,7 +188,9 @@ def polar_angles_rad(projections: ArrayLike) -> tuple[Array, Array]:
     return np.arcsin(np.hypot(t[..., 0], t[..., 1])), np.arctan2(t[..., 1], t[..., 0])
 
 
-def ratio_and_slope(params: TripulseArrayParams, weights: ArrayLike, direction: ArrayLike) -> tuple[Array, Array]:
+def ratio_and_slope(
+    params: TripulseArrayParams, weights: ArrayLike, direction: ArrayLike
+) -> tuple[Array, Array]:
     """Return the ratios (..., 2) of an aperture at `direction` (..., 2) and their derivative (...,
     2, 2) by it.
     """
@@ -188,5 +202,7 @@ def ratio_and_slope(params: TripulseArrayParams, weights: ArrayLike, direction: 
     moments = [-1j * params.kd[0] * index_x * w, -1j * params.kd[1] * index_y * w]
     slopes = np.stack([beam_signals(params, moment, direction) for moment in moments], axis=-1)
     ratio = signals[..., 1:] / signals[..., :1]
-    ratio_slope = (slopes[..., 1:, :] - ratio[..., None] * slopes[..., :1, :]) / signals[..., :1, None]
+    ratio_slope = (slopes[..., 1:, :] - ratio[..., None] * slopes[..., :1, :]) / signals[
+        ..., :1, None
+    ]
     return np.asarray(ratio.imag), np.asarray(ratio_slope.imag)

@@ -49,7 +49,9 @@ class Channels:
     shift_hz: float
 
 
-def channelise(signal: TripulseSignalParams, samples: ComplexArray, largest_shift_hz: float) -> Channels:
+def channelise(
+    signal: TripulseSignalParams, samples: ComplexArray, largest_shift_hz: float
+) -> Channels:
     """Return the segment averages of a frame (n,), its common frequency shift taken out.
 
     Raises
@@ -84,13 +86,19 @@ def channel_values(
     separations.
     """
     time_s = np.arange(signal.samples) / signal.sample_rate_hz
-    mixed = (samples * np.exp(-2j * np.pi * shift_hz * time_s)).reshape(signal.segments, signal.samples_per_segment)
+    mixed = (samples * np.exp(-2j * np.pi * shift_hz * time_s)).reshape(
+        signal.segments, signal.samples_per_segment
+    )
     # A separation makes whole turns per segment, so that one bank of tones serves all segments.
-    turns = np.outer(time_s[: signal.samples_per_segment], signal.tone_separation_hz * np.array(channels))
+    turns = np.outer(
+        time_s[: signal.samples_per_segment], signal.tone_separation_hz * np.array(channels)
+    )
     return np.asarray(mixed @ np.exp(-2j * np.pi * turns) / signal.samples_per_segment)
 
 
-def find_shift_hz(signal: TripulseSignalParams, samples: ComplexArray, largest_shift_hz: float) -> float:
+def find_shift_hz(
+    signal: TripulseSignalParams, samples: ComplexArray, largest_shift_hz: float
+) -> float:
     """Return the frequency shift within +-`largest_shift_hz` that explains the spectrum best.
 
     Two tones: where both references stand, judged by the weaker, so that the tripulse tone cannot
@@ -98,7 +106,9 @@ def find_shift_hz(signal: TripulseSignalParams, samples: ComplexArray, largest_s
     references). Interleaved: the strongest line of the sum segments.
     """
     if not 0.0 < largest_shift_hz < 0.5 * signal.tone_separation_hz:
-        raise ValueError(f"largest_shift_hz={largest_shift_hz} must be > 0 and < {0.5 * signal.tone_separation_hz}")
+        raise ValueError(
+            f"largest_shift_hz={largest_shift_hz} must be > 0 and < {0.5 * signal.tone_separation_hz}"
+        )
     two_tone = signal.scheme == "two_tone"
     # Only the sum segments: with the delta segments the line would have sidelobes at the switching
     # rate.
@@ -141,7 +151,9 @@ class ReferencePhase:
     lost: str
 
 
-def reference_phase(lower: ComplexArray, upper: ComplexArray, noise_variance: float) -> ReferencePhase:
+def reference_phase(
+    lower: ComplexArray, upper: ComplexArray, noise_variance: float
+) -> ReferencePhase:
     """Return the followed half phase of lower * upper.
 
     `noise_variance` is that of each reference's values.
@@ -162,7 +174,9 @@ def detect_with_references(
     return np.asarray(tone * np.exp(-1j * reference.phase_rad)), reference.lost
 
 
-def _first_loss(lower: ComplexArray, upper: ComplexArray, steps: Array, noise_variance: float) -> str:
+def _first_loss(
+    lower: ComplexArray, upper: ComplexArray, steps: Array, noise_variance: float
+) -> str:
     for name, values in (("lower", lower), ("upper", upper)):
         amplitude = np.abs(values)
         median = float(np.median(amplitude))
@@ -172,7 +186,9 @@ def _first_loss(lower: ComplexArray, upper: ComplexArray, steps: Array, noise_va
         faded = np.flatnonzero(amplitude < SMALLEST_AMPLITUDE * median)
         if len(faded):
             left = amplitude[faded[0]] / median
-            return f"lost lock in segment {faded[0]}: {name} reference faded to {left} of its median"
+            return (
+                f"lost lock in segment {faded[0]}: {name} reference faded to {left} of its median"
+            )
     jumps = np.flatnonzero(np.abs(steps) > LARGEST_STEP_RAD)
     if len(jumps):
         first = int(jumps[0])

@@ -12,7 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.array_sensors.attitude.ground_stations import GroundPlace, StationView, view_stations
+from rf_pointing.array_sensors.attitude.ground_stations import (
+    GroundPlace,
+    StationView,
+    view_stations,
+)
 from rf_pointing.array_sensors.attitude.orbits import Orbit, OrbitPoint, circular_frame
 from rf_pointing.array_sensors.attitude.quaternion import (
     conjugate,
@@ -32,9 +36,15 @@ RATE_STEP_S = 1.0
 class GeostationaryParams(Params):
     """Where the satellite stands."""
 
-    longitude_rad: float = parameter(math.radians(19.2), "mean longitude, east", low=-math.pi, high=math.pi)
-    inclination_rad: float = parameter(math.radians(2.0), "inclination of the orbit", low=0.0, high=0.3)
-    ascending_node_time_s: float = parameter(0.0, "UTC seconds since 1970 of one ascending node", low=-1e11, high=1e11)
+    longitude_rad: float = parameter(
+        math.radians(19.2), "mean longitude, east", low=-math.pi, high=math.pi
+    )
+    inclination_rad: float = parameter(
+        math.radians(2.0), "inclination of the orbit", low=0.0, high=0.3
+    )
+    ascending_node_time_s: float = parameter(
+        0.0, "UTC seconds since 1970 of one ascending node", low=-1e11, high=1e11
+    )
 
     def point(self, t_s: ArrayLike) -> OrbitPoint:
         """Return place, frame and frame rate at UTC times `t_s` (...)."""
@@ -51,7 +61,9 @@ class WobbleParams(Params):
     roll_rad: float = parameter(math.radians(0.03), "constant roll", low=-0.2, high=0.2)
     pitch_rad: float = parameter(math.radians(-0.02), "constant pitch", low=-0.2, high=0.2)
     yaw_rad: float = parameter(math.radians(0.1), "constant yaw", low=-math.pi, high=math.pi)
-    amplitude_rad: float = parameter(math.radians(0.03), "amplitude about each axis", low=0.0, high=0.2)
+    amplitude_rad: float = parameter(
+        math.radians(0.03), "amplitude about each axis", low=0.0, high=0.2
+    )
     period_s: float = parameter(600.0, "period of the oscillation", low=1.0, high=1e6)
 
 
@@ -84,7 +96,9 @@ def geostationary_point(orbit: GeostationaryParams, t_s: ArrayLike) -> OrbitPoin
     node = orbit.longitude_rad - along
     frame = circular_frame(along, node, orbit.inclination_rad)
     rate = np.array([0.0, -EARTH_RATE_RAD_S, 0.0])
-    return OrbitPoint(position_m=-ORBIT_RADIUS_M * frame[..., 2, :], frame=frame, frame_rate_rad_s=rate)
+    return OrbitPoint(
+        position_m=-ORBIT_RADIUS_M * frame[..., 2, :], frame=frame, frame_rate_rad_s=rate
+    )
 
 
 def wobble_quaternion(wobble: WobbleParams, t_s: float) -> Array:
@@ -95,13 +109,18 @@ def wobble_quaternion(wobble: WobbleParams, t_s: float) -> Array:
     return quaternion_from_roll_pitch_yaw(constant + wobble.amplitude_rad * np.sin(phases))
 
 
-def scene_moment(orbit: Orbit, wobble: WobbleParams, stations: Sequence[GroundPlace], t_s: float) -> SceneMoment:
+def scene_moment(
+    orbit: Orbit, wobble: WobbleParams, stations: Sequence[GroundPlace], t_s: float
+) -> SceneMoment:
     """Return the truth at `t_s`.
 
     Attitude, directions to the stations in the orbital frame, elevations, range rates.
     """
     view = view_stations(orbit, stations, t_s)
-    before, after = (view_stations(orbit, stations, t_s + step_s).range_m for step_s in (-RATE_STEP_S, RATE_STEP_S))
+    before, after = (
+        view_stations(orbit, stations, t_s + step_s).range_m
+        for step_s in (-RATE_STEP_S, RATE_STEP_S)
+    )
     return SceneMoment(
         t_s=t_s,
         quaternion=wobble_quaternion(wobble, t_s),

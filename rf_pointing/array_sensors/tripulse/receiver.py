@@ -44,7 +44,9 @@ class TripulseReceiverParams(Params):
     largest_shift_hz: float = parameter(5e4, "largest frequency shift searched", low=1.0, high=1e8)
     # Below 12 dB the ratio is biased by the noise of the sum beam, and its variance has no finite
     # value.
-    ratio_snr_min_db: float = parameter(12.0, "sum SNR from which the plain ratio is used", low=0.0, high=60.0)
+    ratio_snr_min_db: float = parameter(
+        12.0, "sum SNR from which the plain ratio is used", low=0.0, high=60.0
+    )
     snr_min_db: float = parameter(3.0, "lowest sum SNR of a measurement", low=-30.0, high=60.0)
     # A third of the 0.1 deg that the paper gives the initial attitude sensor.
     prior_sigma: float = parameter(
@@ -52,14 +54,22 @@ class TripulseReceiverParams(Params):
     )
     # At 0.75 the level one period away is 4.4 dB lower: twice the tolerance and its noise.
     largest_error_fraction: float = parameter(
-        0.75, "largest projection error believed, as a fraction of lambda/(N d)", low=0.01, high=0.99
+        0.75,
+        "largest projection error believed, as a fraction of lambda/(N d)",
+        low=0.01,
+        high=0.99,
     )
-    element_carrier_to_noise_db_hz: float = parameter(37.0, "nominal C/N0 of one array element", low=-20.0, high=120.0)
+    element_carrier_to_noise_db_hz: float = parameter(
+        37.0, "nominal C/N0 of one array element", low=-20.0, high=120.0
+    )
     reference_carrier_to_noise_db_hz: float = parameter(
         80.0, "nominal C/N0 of each reference tone", low=-20.0, high=160.0
     )
     level_tolerance_db: float = parameter(
-        2.0, "largest difference between the level of the sum beam and the nominal one", low=0.1, high=10.0
+        2.0,
+        "largest difference between the level of the sum beam and the nominal one",
+        low=0.1,
+        high=10.0,
     )
 
     def check_together(self) -> None:
@@ -139,7 +149,9 @@ class TripulseReceiver:
             return self._invalid(frame, channels, snr, found.lost)
         snr_db = 10.0 * math.log10(snr)
         if snr_db < self.params.snr_min_db:
-            return self._invalid(frame, channels, snr, f"sum SNR {snr_db} dB must be >= {self.params.snr_min_db} dB")
+            return self._invalid(
+                frame, channels, snr, f"sum SNR {snr_db} dB must be >= {self.params.snr_min_db} dB"
+            )
         try:
             return self._estimate(frame, channels, found, beams, noises, snr_db)
         # Estimators refuse in words; the frame stays on the wire as an invalid measurement with
@@ -205,7 +217,11 @@ class TripulseReceiver:
         noise_db = 3.0 * 20.0 / math.log(10.0) * math.sqrt(0.5 * 10.0 ** (-snr_db / 10.0))
         allowed_db = self.params.level_tolerance_db + noise_db
         if abs(gap_db) > allowed_db:
-            cause = "the nominal level is wrong" if gap_db > 0.0 else "the station may be in another lobe"
+            cause = (
+                "the nominal level is wrong"
+                if gap_db > 0.0
+                else "the station may be in another lobe"
+            )
             raise ValueError(
                 f"ambiguous: the sum beam is {gap_db:.3g} dB from its nominal level at this direction, must be within "
                 f"{allowed_db:.3g} dB: {cause}"
@@ -243,7 +259,9 @@ class TripulseReceiver:
         means = np.array([np.mean(found.values[beams == beam]) for beam in range(3)])
         return means, found.noise_variance / counts
 
-    def _from_ratio(self, steering: Array, beams: ComplexArray, noises: Array) -> tuple[Array, Array]:
+    def _from_ratio(
+        self, steering: Array, beams: ComplexArray, noises: Array
+    ) -> tuple[Array, Array]:
         # The receiver counts exp(+j w t): with the paper's convention every error would have the
         # wrong sign.
         ratios = monopulse_ratios(beams, "exp(+jwt)")
@@ -260,9 +278,13 @@ class TripulseReceiver:
         inverse = np.linalg.inv(slope)
         return error, inverse @ covariance @ inverse.T
 
-    def _from_posterior(self, found: _Detected, beams: ComplexArray, noises: Array) -> tuple[Array, Array]:
+    def _from_posterior(
+        self, found: _Detected, beams: ComplexArray, noises: Array
+    ) -> tuple[Array, Array]:
         if not self._is_uniform:
-            raise ValueError(f"sum SNR is below {self.params.ratio_snr_min_db} dB: too low for a non-uniform aperture")
+            raise ValueError(
+                f"sum SNR is below {self.params.ratio_snr_min_db} dB: too low for a non-uniform aperture"
+            )
         signals, variances = beams[None, :], noises
         if self.signal.scheme == "interleaved":
             signals, variances = self._cycle_means(found)
@@ -275,15 +297,21 @@ class TripulseReceiver:
     def _cycle_means(self, found: _Detected) -> tuple[ComplexArray, Array]:
         pattern = segment_beams(self.signal)[: len(self.signal.pattern)]
         cycles = found.values.reshape(self.signal.cycles, len(pattern))
-        means = np.stack([np.mean(cycles[:, pattern == beam], axis=1) for beam in range(3)], axis=-1)
-        return means, found.noise_variance / np.array([np.sum(pattern == beam) for beam in range(3)])
+        means = np.stack(
+            [np.mean(cycles[:, pattern == beam], axis=1) for beam in range(3)], axis=-1
+        )
+        return means, found.noise_variance / np.array(
+            [np.sum(pattern == beam) for beam in range(3)]
+        )
 
     @property
     def _is_uniform(self) -> bool:
         dead = self.failed is not None or bool(self.array.failed.strip())
         return not dead and self.array.taper_edge == 1.0 and self.array.phase_bits == 0
 
-    def _invalid(self, frame: TripulseFrame, channels: Channels, snr: float, reason: str) -> TripulseMeasurement:
+    def _invalid(
+        self, frame: TripulseFrame, channels: Channels, snr: float, reason: str
+    ) -> TripulseMeasurement:
         return TripulseMeasurement(
             t_s=frame.t_s,
             station=frame.station,

@@ -47,7 +47,9 @@ def signal_matrix(signals: ArrayLike, noise_variances: ArrayLike) -> Array:
     """
     s = np.asarray(signals, dtype=np.complex128)
     if s.ndim < 2 or s.shape[-1] != 3 or s.shape[-2] < 1:
-        raise ValueError(f"signals has shape {s.shape}, must be (..., cycles, 3) with at least 1 cycle")
+        raise ValueError(
+            f"signals has shape {s.shape}, must be (..., cycles, 3) with at least 1 cycle"
+        )
     require_finite("signals", s)
     real = s * np.array([1.0, -1j, -1j]) / np.sqrt(_noise(noise_variances))
     return np.asarray(np.einsum("...na,...nb->...ab", real, real.conj()).real)
@@ -84,7 +86,8 @@ def posterior_projection_error(
     ]
     mean, covariance = (np.concatenate(items) for items in zip(*parts, strict=True))
     return PosteriorEstimate(
-        projection_error=mean.reshape((*m.shape[:-2], 2)), covariance=covariance.reshape((*m.shape[:-2], 2, 2))
+        projection_error=mean.reshape((*m.shape[:-2], 2)),
+        covariance=covariance.reshape((*m.shape[:-2], 2, 2)),
     )
 
 
@@ -115,7 +118,9 @@ def _posterior(
     return mean, covariance
 
 
-def _posterior_mass(params: TripulseArrayParams, matrix: Array, noise: Array, prior: Array, grid: Array) -> Array:
+def _posterior_mass(
+    params: TripulseArrayParams, matrix: Array, noise: Array, prior: Array, grid: Array
+) -> Array:
     """Return the normalised posterior (batch, points x, points y) on `grid` (batch, points, 2)."""
     tangent = np.tan(grid * params.kd * np.array([params.n_x, params.n_y]) / 4.0)
     scale = 1.0 / np.sqrt(noise)
@@ -133,7 +138,9 @@ def _posterior_mass(params: TripulseArrayParams, matrix: Array, noise: Array, pr
 
 def _moments(mass: Array, grid: Array) -> tuple[Array, Array]:
     along_x, along_y = np.sum(mass, axis=2), np.sum(mass, axis=1)
-    mean = np.stack([np.sum(along_x * grid[..., 0], axis=1), np.sum(along_y * grid[..., 1], axis=1)], axis=-1)
+    mean = np.stack(
+        [np.sum(along_x * grid[..., 0], axis=1), np.sum(along_y * grid[..., 1], axis=1)], axis=-1
+    )
     offset = grid - mean[:, None, :]
     covariance = np.empty((len(mass), 2, 2))
     covariance[:, 0, 0] = np.sum(along_x * offset[..., 0] ** 2, axis=1)

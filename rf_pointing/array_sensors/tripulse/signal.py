@@ -22,11 +22,17 @@ SEGMENT_BEAMS = "Sxy"
 class TripulseSignalParams(Params):
     """Signal agreed on by satellite and stations; the defaults give each beam 80 microseconds."""
 
-    scheme: str = parameter("two_tone", "phase reference of the beams", choices=("two_tone", "interleaved"))
+    scheme: str = parameter(
+        "two_tone", "phase reference of the beams", choices=("two_tone", "interleaved")
+    )
     carrier_hz: float = parameter(12e9, "frequency of the tripulse tone f_t", low=1e8, high=1e11)
-    tone_separation_hz: float = parameter(4e5, "distance of the reference tones from f_t", low=1.0, high=1e9)
+    tone_separation_hz: float = parameter(
+        4e5, "distance of the reference tones from f_t", low=1.0, high=1e9
+    )
     sample_rate_hz: float = parameter(4e6, "complex samples per second", low=10.0, high=1e10)
-    samples_per_segment: int = parameter(40, "samples of one segment of one beam", low=8, high=1000000)
+    samples_per_segment: int = parameter(
+        40, "samples of one segment of one beam", low=8, high=1000000
+    )
     pattern: str = parameter("Sxy", "order of the beams in a cycle: S sum, x and y the differences")
     cycles: int = parameter(8, "repetitions of the pattern in a frame", low=1, high=100000)
 
@@ -90,7 +96,9 @@ class TripulseFrame:
 
 def segment_beams(signal: TripulseSignalParams) -> NDArray[np.intp]:
     """Return the beam of every segment of a frame: 0 sum, 1 delta x, 2 delta y."""
-    return np.array([SEGMENT_BEAMS.index(letter) for letter in signal.pattern] * signal.cycles, dtype=np.intp)
+    return np.array(
+        [SEGMENT_BEAMS.index(letter) for letter in signal.pattern] * signal.cycles, dtype=np.intp
+    )
 
 
 def segment_times_s(signal: TripulseSignalParams) -> NDArray[np.float64]:

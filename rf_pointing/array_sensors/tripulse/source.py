@@ -21,7 +21,11 @@ from rf_pointing.array_sensors.attitude.quaternion import require_rotation
 from rf_pointing.array_sensors.doa.snapshots import complex_normal
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams, element_weights
 from rf_pointing.array_sensors.tripulse.beams import beam_signals
-from rf_pointing.array_sensors.tripulse.signal import TripulseFrame, TripulseSignalParams, segment_beams
+from rf_pointing.array_sensors.tripulse.signal import (
+    TripulseFrame,
+    TripulseSignalParams,
+    segment_beams,
+)
 from rf_pointing.core import (
     Params,
     as_finite_array,
@@ -38,14 +42,24 @@ from rf_pointing.core.types import Array, ComplexArray
 class TripulseSourceParams(Params):
     """Link budget and clocks of the simulated satellite and stations."""
 
-    element_carrier_to_noise_db_hz: float = parameter(37.0, "C/N0 of one array element", low=-20.0, high=120.0)
-    reference_carrier_to_noise_db_hz: float = parameter(80.0, "C/N0 of each reference tone", low=-20.0, high=160.0)
-    satellite_linewidth_hz: float = parameter(10.0, "linewidth of the satellite's clock at f_t", low=0.0, high=1e6)
-    station_linewidth_hz: float = parameter(10.0, "linewidth of the stations' clocks at f_t", low=0.0, high=1e6)
+    element_carrier_to_noise_db_hz: float = parameter(
+        37.0, "C/N0 of one array element", low=-20.0, high=120.0
+    )
+    reference_carrier_to_noise_db_hz: float = parameter(
+        80.0, "C/N0 of each reference tone", low=-20.0, high=160.0
+    )
+    satellite_linewidth_hz: float = parameter(
+        10.0, "linewidth of the satellite's clock at f_t", low=0.0, high=1e6
+    )
+    station_linewidth_hz: float = parameter(
+        10.0, "linewidth of the stations' clocks at f_t", low=0.0, high=1e6
+    )
     quadrant_phase_rad: float = parameter(
         0.0, "sigma of a fixed, unknown phase of each quadrant's beamformer", low=0.0, high=math.pi
     )
-    elevation_min_rad: float = parameter(math.radians(5.0), "lowest elevation of the satellite", low=0.0, high=1.5)
+    elevation_min_rad: float = parameter(
+        math.radians(5.0), "lowest elevation of the satellite", low=0.0, high=1.5
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +76,9 @@ class StationLine:
 
     def __post_init__(self) -> None:
         direction = as_finite_array("direction", self.direction, (3,))
-        require_between("length of direction", float(np.linalg.norm(direction)), 1.0 - 1e-6, 1.0 + 1e-6)
+        require_between(
+            "length of direction", float(np.linalg.norm(direction)), 1.0 - 1e-6, 1.0 + 1e-6
+        )
         require_finite("range_rate_m_s", self.range_rate_m_s)
         require_finite("elevation_rad", self.elevation_rad)
         object.__setattr__(self, "direction", direction)
@@ -101,7 +117,10 @@ class TripulseSource:
         element_weights(array, [0.0, 0.0], failed=failed)
         self._stream = random_stream(seed, "tripulse_source")
         # A stream of its own: the phases of the hardware do not change with the noise drawn before.
-        quadrants = random_stream(seed, "tripulse beamformer").standard_normal((2, 2)) * params.quadrant_phase_rad
+        quadrants = (
+            random_stream(seed, "tripulse beamformer").standard_normal((2, 2))
+            * params.quadrant_phase_rad
+        )
         self._phase_errors_rad = np.kron(quadrants, np.ones((array.n_x // 2, array.n_y // 2)))
         self._sequence = 0
         self._t_s: float | None = None
@@ -124,7 +143,9 @@ class TripulseSource:
         """Steer the next frames by the rotation `prior` (3, 3), reference to array frame."""
         self._prior = require_rotation("prior", as_finite_array("prior", prior, (3, 3)))
 
-    def step(self, t_s: float, rotation: ArrayLike, lines: Sequence[StationLine]) -> list[TripulseFrame]:
+    def step(
+        self, t_s: float, rotation: ArrayLike, lines: Sequence[StationLine]
+    ) -> list[TripulseFrame]:
         """Return the frames sent at `t_s`, one per line of sight, for the true `rotation` (3, 3).
 
         Raises
@@ -151,14 +172,20 @@ class TripulseSource:
         for name, frame in (("attitude", rotation), ("prior attitude", self._prior)):
             height = float((frame @ line.direction)[2])
             if height <= 0.0:
-                raise ValueError(f"station {line.name} lies behind the array in its {name}: z={height} must be > 0")
+                raise ValueError(
+                    f"station {line.name} lies behind the array in its {name}: z={height} must be > 0"
+                )
 
     def _frame(self, t_s: float, rotation: Array, line: StationLine) -> TripulseFrame:
         steering = (self._prior @ line.direction)[:2]
-        weights = element_weights(self.array, steering, failed=self.failed, phase_errors_rad=self._phase_errors_rad)
+        weights = element_weights(
+            self.array, steering, failed=self.failed, phase_errors_rad=self._phase_errors_rad
+        )
         beams = beam_signals(self.array, weights, (rotation @ line.direction)[:2]).conj()
         samples = self._received(beams, line.range_rate_m_s)
-        return TripulseFrame(t_s=t_s, station=line.name, sequence=self._sequence, steering=steering, samples=samples)
+        return TripulseFrame(
+            t_s=t_s, station=line.name, sequence=self._sequence, steering=steering, samples=samples
+        )
 
     def _received(self, beams: ComplexArray, range_rate_m_s: float) -> ComplexArray:
         signal, params = self.signal, self.params
@@ -172,13 +199,19 @@ class TripulseSource:
             # Tones start at unknown phases: the receiver must not rely on their relation.
             start_rad = self._stream.uniform(0.0, 2.0 * math.pi)
             clock_rad = frequency_hz / signal.carrier_hz * satellite_rad - station_rad
-            return np.asarray(np.exp(1j * (2.0 * math.pi * offset_hz * time_s - travel_rad + clock_rad + start_rad)))
+            return np.asarray(
+                np.exp(
+                    1j * (2.0 * math.pi * offset_hz * time_s - travel_rad + clock_rad + start_rad)
+                )
+            )
 
         sent = np.repeat(beams[segment_beams(signal)], signal.samples_per_segment)
         total = 10.0 ** (params.element_carrier_to_noise_db_hz / 20.0) * sent * tone(0.0)
         if signal.scheme == "two_tone":
             reference = 10.0 ** (params.reference_carrier_to_noise_db_hz / 20.0)
-            total = total + reference * (tone(-signal.tone_separation_hz) + tone(signal.tone_separation_hz))
+            total = total + reference * (
+                tone(-signal.tone_separation_hz) + tone(signal.tone_separation_hz)
+            )
         # N_0 = 1 per hertz, so the samples have the variance of the sample rate.
         noise = math.sqrt(signal.sample_rate_hz) * complex_normal(self._stream, (signal.samples,))
         return np.asarray(total + noise)

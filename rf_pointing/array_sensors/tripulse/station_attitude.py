@@ -29,12 +29,17 @@ from rf_pointing.core import Params, as_finite_array, parameter, require_finite
 from rf_pointing.core.types import Array
 
 SMALLEST_HEIGHT = 1e-3
-SMALLEST_EIGENVALUE = 1e-12  # of the largest: rounding leaves 1e-16 of an exact zero, of either sign
+SMALLEST_EIGENVALUE = (
+    1e-12  # of the largest: rounding leaves 1e-16 of an exact zero, of either sign
+)
 """Least T_z: nearer to the plane of the array its error grows beyond every bound."""
 
 
 def bisector_rotation(
-    reference: ArrayLike, measured: ArrayLike, *, smallest_separation_rad: float = SMALLEST_SEPARATION_RAD
+    reference: ArrayLike,
+    measured: ArrayLike,
+    *,
+    smallest_separation_rad: float = SMALLEST_SEPARATION_RAD,
 ) -> Array:
     """Return R (..., 3, 3) with `measured` = R `reference` in the least-squares sense, unit vectors
     (..., 2, 3).
@@ -65,7 +70,9 @@ def directions_from_projections(projections: ArrayLike) -> Array:
     require_finite("projections", t)
     height2 = 1.0 - np.sum(t**2, axis=-1)
     if np.any(height2 < SMALLEST_HEIGHT**2):
-        raise ValueError(f"projections={t} leave T_z below {SMALLEST_HEIGHT}: in or behind the plane of the array")
+        raise ValueError(
+            f"projections={t} leave T_z below {SMALLEST_HEIGHT}: in or behind the plane of the array"
+        )
     return np.concatenate([t, np.sqrt(height2)[..., None]], axis=-1)
 
 
@@ -91,7 +98,9 @@ def shared_covariance(directions: ArrayLike, sigma: float, weights: ArrayLike) -
     """
     t, w = unit_directions("directions", directions), np.asarray(weights, dtype=np.float64)
     normal = np.einsum("l,lij->ij", w, np.eye(3) - t[:, :, None] * t[:, None, :])
-    turned = np.linalg.solve(normal, np.einsum("l,lij,ljk->ik", w, cross_matrix(t), cosine_slopes(t)))
+    turned = np.linalg.solve(
+        normal, np.einsum("l,lij,ljk->ik", w, cross_matrix(t), cosine_slopes(t))
+    )
     return np.asarray(sigma**2 * turned @ turned.T)
 
 
@@ -109,15 +118,23 @@ class StationAttitudeParams(Params):
     # Two periods of the frames: an older observation belongs to another attitude.
     age_max_s: float = parameter(2.0, "oldest observation used", low=1e-3, high=1e4)
     separation_min_rad: float = parameter(
-        math.radians(0.5), "smallest angle between stations as the satellite sees them", low=1e-6, high=1.5
+        math.radians(0.5),
+        "smallest angle between stations as the satellite sees them",
+        low=1e-6,
+        high=1.5,
     )
     # Phases of the quadrants off by p rms move a projection by 2 p/(N k d): 6e-4 is 5 deg of 16
     # elements three wavelengths apart.  No residual shows it: it turns all lines of sight alike.
     shared_sigma: float = parameter(
-        6e-4, "fixed error of each projection that all stations share (beamformer)", low=0.0, high=0.1
+        6e-4,
+        "fixed error of each projection that all stations share (beamformer)",
+        low=0.0,
+        high=0.1,
     )
     # At one epoch a second this rejects a sound attitude every twelve days.
-    false_alarm: float = parameter(1e-6, "probability that a sound residual is refused", low=1e-12, high=0.1)
+    false_alarm: float = parameter(
+        1e-6, "probability that a sound residual is refused", low=1e-12, high=0.1
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,8 +156,12 @@ class StationObservation:
 
     def __post_init__(self) -> None:
         require_finite("t_s", self.t_s)
-        object.__setattr__(self, "projections", as_finite_array("projections", self.projections, (2,)))
-        object.__setattr__(self, "covariance", as_finite_array("covariance", self.covariance, (2, 2)))
+        object.__setattr__(
+            self, "projections", as_finite_array("projections", self.projections, (2,))
+        )
+        object.__setattr__(
+            self, "covariance", as_finite_array("covariance", self.covariance, (2, 2))
+        )
         object.__setattr__(self, "reference", unit_directions("reference", self.reference))
         # Only to check: a singular covariance is refused with the observation and not at the next
         # estimate.
@@ -188,7 +209,9 @@ class StationAttitudeEstimator:
     @property
     def state(self) -> StationAttitudeState:
         """A copy of the state, to stop here and resume with `restore`."""
-        return StationAttitudeState(observations=tuple(self._newest.values()), quaternion=self._quaternion.copy())
+        return StationAttitudeState(
+            observations=tuple(self._newest.values()), quaternion=self._quaternion.copy()
+        )
 
     def restore(self, state: StationAttitudeState) -> None:
         """Continue from `state`."""
@@ -199,7 +222,9 @@ class StationAttitudeEstimator:
         """Take a station's report; refuse one that is not newer than the last of that station."""
         last = self._newest.get(observation.station)
         if last is not None and observation.t_s <= last.t_s:
-            raise ValueError(f"t_s={observation.t_s} of station {observation.station} must be > {last.t_s}")
+            raise ValueError(
+                f"t_s={observation.t_s} of station {observation.station} must be > {last.t_s}"
+            )
         self._newest[observation.station] = observation
 
     def estimate(self, t_s: float) -> StationAttitude:
@@ -213,7 +238,9 @@ class StationAttitudeEstimator:
             if not observation.valid:
                 refused.append(f"{observation.station}: {observation.reason}")
             elif not 0.0 <= age_s <= self.params.age_max_s:
-                refused.append(f"{observation.station}: age {age_s} s is not within 0 and {self.params.age_max_s} s")
+                refused.append(
+                    f"{observation.station}: age {age_s} s is not within 0 and {self.params.age_max_s} s"
+                )
             else:
                 used.append(observation)
         if len(used) < 2:
@@ -229,7 +256,9 @@ class StationAttitudeEstimator:
             return self._invalid(t_s, used, reason)
         projections = np.stack([observation.projections for observation in used])
         measured = directions_from_projections(projections)
-        spreads = direction_covariances(projections, np.stack([observation.covariance for observation in used]))
+        spreads = direction_covariances(
+            projections, np.stack([observation.covariance for observation in used])
+        )
         # The trace is a direction's variance, but for a factor that all stations share.
         weights = np.reciprocal(np.trace(spreads, axis1=-2, axis2=-1))
         try:
@@ -291,7 +320,9 @@ class StationAttitudeEstimator:
         )
 
 
-def _normalised_residual(projections: Array, used: list[StationObservation], rotation: Array) -> float:
+def _normalised_residual(
+    projections: Array, used: list[StationObservation], rotation: Array
+) -> float:
     """Return sum r^T C^-1 r of the projections' residuals, over all stations."""
     total = 0.0
     for projection, observation in zip(projections, used, strict=True):

@@ -8,10 +8,18 @@ from rf_pointing.array_sensors.attitude.attitude_report import AttitudeReport, r
 from rf_pointing.array_sensors.attitude.ground_stations import GroundPlace, view_stations
 from rf_pointing.array_sensors.attitude.orbits import Orbit
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
-from rf_pointing.array_sensors.tripulse.geostationary_scene import SceneMoment, WobbleParams, scene_moment
+from rf_pointing.array_sensors.tripulse.geostationary_scene import (
+    SceneMoment,
+    WobbleParams,
+    scene_moment,
+)
 from rf_pointing.array_sensors.tripulse.receiver import TripulseMeasurement
 from rf_pointing.array_sensors.tripulse.signal import TripulseFrame, TripulseSignalParams
-from rf_pointing.array_sensors.tripulse.source import StationLine, TripulseSource, TripulseSourceParams
+from rf_pointing.array_sensors.tripulse.source import (
+    StationLine,
+    TripulseSource,
+    TripulseSourceParams,
+)
 from rf_pointing.array_sensors.tripulse.station_attitude import (
     StationAttitude,
     StationAttitudeEstimator,
@@ -111,15 +119,23 @@ class TripulseAttitude:
         """
         require_arrived(measured.t_s, now_s)
         if measured.station not in self._stations:
-            raise ValueError(f"station={measured.station!r} must be one of {', '.join(self._stations)}")
+            raise ValueError(
+                f"station={measured.station!r} must be one of {', '.join(self._stations)}"
+            )
         if measured.t_s <= self._closed_s + SAME_EPOCH_S:
-            raise ValueError(f"t_s={measured.t_s} of station {measured.station} is late: {self._closed_s} is closed")
+            raise ValueError(
+                f"t_s={measured.t_s} of station {measured.station} is late: {self._closed_s} is closed"
+            )
         seen = self._observation(measured)
-        epoch = next((e for s, e in self._open.items() if abs(s - measured.t_s) <= SAME_EPOCH_S), None)
+        epoch = next(
+            (e for s, e in self._open.items() if abs(s - measured.t_s) <= SAME_EPOCH_S), None
+        )
         if epoch is None:
             epoch = self._open[measured.t_s] = {}
         if measured.station in epoch:
-            raise ValueError(f"t_s={measured.t_s} of station {measured.station} was reported before")
+            raise ValueError(
+                f"t_s={measured.t_s} of station {measured.station} was reported before"
+            )
         epoch[measured.station] = seen
         return [self._close(t_s) for t_s in self._due()]
 
@@ -129,7 +145,9 @@ class TripulseAttitude:
         # An epoch waits in the time of the frames, not of the clock: a slow machine loses no
         # station.
         ended = [
-            t_s for t_s in times if len(self._open[t_s]) == len(self._stations) or times[-1] - t_s > self._epochs.wait_s
+            t_s
+            for t_s in times
+            if len(self._open[t_s]) == len(self._stations) or times[-1] - t_s > self._epochs.wait_s
         ]
         return [t_s for t_s in times if ended and t_s <= ended[-1]]
 

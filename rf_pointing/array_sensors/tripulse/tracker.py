@@ -23,11 +23,19 @@ class TrackerParams(Params):
     phase_walk_rad2_s: float = parameter(
         130.0, "phase variance per second, 2 pi times the linewidth", low=0.0, high=1e7
     )
-    frequency_walk_rad2_s3: float = parameter(1e6, "variance of the angular frequency per second", low=0.0, high=1e15)
-    amplitude_walk_s: float = parameter(1.0, "relative amplitude variance per second", low=0.0, high=1e6)
-    frequency_sigma_hz: float = parameter(1000.0, "uncertainty of the frequency at the start", low=0.0, high=1e7)
+    frequency_walk_rad2_s3: float = parameter(
+        1e6, "variance of the angular frequency per second", low=0.0, high=1e15
+    )
+    amplitude_walk_s: float = parameter(
+        1.0, "relative amplitude variance per second", low=0.0, high=1e6
+    )
+    frequency_sigma_hz: float = parameter(
+        1000.0, "uncertainty of the frequency at the start", low=0.0, high=1e7
+    )
     # 25 is exceeded by noise once in 270 000 segments; a slip of half a turn is far above at 10 dB.
-    gate: float = parameter(25.0, "largest normalised innovation squared (2 degrees of freedom)", low=4.0, high=1e4)
+    gate: float = parameter(
+        25.0, "largest normalised innovation squared (2 degrees of freedom)", low=4.0, high=1e4
+    )
     # One miss may be interference; with two the phase in between is unknown to more than a turn.
     misses_allowed: int = parameter(1, "segments in a row that may miss the gate", low=0, high=100)
 
@@ -88,7 +96,9 @@ def predict(params: TrackerParams, state: TrackerState, t_s: float) -> TrackerSt
     )
 
 
-def update(params: TrackerParams, state: TrackerState, value: complex, noise_variance: float) -> TrackerState:
+def update(
+    params: TrackerParams, state: TrackerState, value: complex, noise_variance: float
+) -> TrackerState:
     """Return the state after the sum segment `value` at the state's own time.
 
     Raises
@@ -114,7 +124,11 @@ def update(params: TrackerParams, state: TrackerState, value: complex, noise_var
     keep = np.eye(3) - gain @ measure
     covariance = keep @ state.covariance @ keep.T + 0.5 * noise_variance * gain @ gain.T
     return TrackerState(
-        t_s=state.t_s, estimate=state.estimate + gain @ innovation, covariance=covariance, misses=0, lost=""
+        t_s=state.t_s,
+        estimate=state.estimate + gain @ innovation,
+        covariance=covariance,
+        misses=0,
+        lost="",
     )
 
 
@@ -123,4 +137,10 @@ def _missed(params: TrackerParams, state: TrackerState, surprise: float) -> Trac
     lost = ""
     if misses > params.misses_allowed:
         lost = f"lost lock at {state.t_s} s: innovation {surprise} > gate {params.gate} in {misses} segments in a row"
-    return TrackerState(t_s=state.t_s, estimate=state.estimate, covariance=state.covariance, misses=misses, lost=lost)
+    return TrackerState(
+        t_s=state.t_s,
+        estimate=state.estimate,
+        covariance=state.covariance,
+        misses=misses,
+        lost=lost,
+    )

@@ -45,7 +45,9 @@ class AccuracyPoint:
     outliers: float
 
 
-def accuracy_point(snapshots: int, theta_rad: float, estimates: int, seed: int, snr_db: float) -> AccuracyPoint:
+def accuracy_point(
+    snapshots: int, theta_rad: float, estimates: int, seed: int, snr_db: float
+) -> AccuracyPoint:
     """Return the point for sources within half a grid step of `theta_rad`, any azimuth, constant
     modulus.
     """
@@ -60,7 +62,9 @@ def accuracy_point(snapshots: int, theta_rad: float, estimates: int, seed: int, 
         for directions in (refined, nearest_node(refined, GRID_RAD))
         for error in polar_errors_rad(directions, truth)[:2]
     ]
-    bound = [float(np.degrees(sigma)) for sigma in polar_sigma_rad(ARRAY, theta_rad, snapshots, case.snr)]
+    bound = [
+        float(np.degrees(sigma)) for sigma in polar_sigma_rad(ARRAY, theta_rad, snapshots, case.snr)
+    ]
     return AccuracyPoint(
         snr_db=snr_db,
         effective_snr=effective_snr(ARRAY, snapshots, case.snr),
@@ -84,7 +88,9 @@ def accuracy_curve(
     executor: Executor | None = None,
 ) -> list[AccuracyPoint]:
     """Return one point per SNR, in this process or on any `concurrent.futures` executor."""
-    return sweep(partial(accuracy_point, snapshots, theta_rad, estimates, seed), list(snr_db), executor)
+    return sweep(
+        partial(accuracy_point, snapshots, theta_rad, estimates, seed), list(snr_db), executor
+    )
 
 
 def threshold(curve: Sequence[AccuracyPoint], excess: float = 0.05) -> tuple[float, float]:
@@ -101,7 +107,9 @@ def threshold(curve: Sequence[AccuracyPoint], excess: float = 0.05) -> tuple[flo
     # From the strong end: the curve crosses once, outliers only make it steeper.
     above = np.flatnonzero(ratio > 1.0 + excess)
     if not len(above) or above[-1] + 1 >= len(points):
-        raise ValueError(f"curve from {points[0].snr_db} to {points[-1].snr_db} dB does not cross 1 + excess={excess}")
+        raise ValueError(
+            f"curve from {points[0].snr_db} to {points[-1].snr_db} dB does not cross 1 + excess={excess}"
+        )
     low, high = int(above[-1]), int(above[-1]) + 1
     share = (ratio[low] - 1.0 - excess) / (ratio[low] - ratio[high])
     snr_db = points[low].snr_db + share * (points[high].snr_db - points[low].snr_db)
@@ -121,14 +129,31 @@ def draw_accuracy(curve: Sequence[AccuracyPoint], snapshots: int, path: Path) ->
     axes = figure.subplots(1, 3)
     snr_db = [point.snr_db for point in curve]
     for panel, angle in zip(axes[:2], ("theta", "phi"), strict=True):
-        panel.semilogy(snr_db, [getattr(p, f"{angle}_bound_deg") for p in curve], "k-", label="Cramér-Rao bound")
-        panel.semilogy(snr_db, [getattr(p, f"{angle}_deg") for p in curve], "o", label="MUSIC, refined peak")
-        panel.semilogy(snr_db, [getattr(p, f"grid_{angle}_deg") for p in curve], "x", label="MUSIC, 1° grid")
-        panel.set(xlabel="SNR per element (dB)", ylabel=f"RMSE of {angle} (deg)", title=f"{angle}, L = {snapshots}")
+        panel.semilogy(
+            snr_db,
+            [getattr(p, f"{angle}_bound_deg") for p in curve],
+            "k-",
+            label="Cramér-Rao bound",
+        )
+        panel.semilogy(
+            snr_db, [getattr(p, f"{angle}_deg") for p in curve], "o", label="MUSIC, refined peak"
+        )
+        panel.semilogy(
+            snr_db, [getattr(p, f"grid_{angle}_deg") for p in curve], "x", label="MUSIC, 1° grid"
+        )
+        panel.set(
+            xlabel="SNR per element (dB)",
+            ylabel=f"RMSE of {angle} (deg)",
+            title=f"{angle}, L = {snapshots}",
+        )
         panel.grid(visible=True, which="both", alpha=0.3)
     axes[0].legend()
     axes[2].plot(snr_db, [100.0 * p.outliers for p in curve], "o-")
-    axes[2].set(xlabel="SNR per element (dB)", ylabel="errors beyond 20° (%)", title="outliers: the threshold")
+    axes[2].set(
+        xlabel="SNR per element (dB)",
+        ylabel="errors beyond 20° (%)",
+        title="outliers: the threshold",
+    )
     axes[2].grid(visible=True, alpha=0.3)
     figure.savefig(path, dpi=110)
 
@@ -142,7 +167,10 @@ def draw_convergence(results: Sequence[CaseResult], path: Path) -> None:
     for panel, result in zip(axes, results, strict=True):
         panel.semilogy(np.arange(len(result.history_deg)), result.history_deg, lw=0.8)
         found = "refined" if result.case.refined else "1° grid"
-        panel.set(title=f"L = {result.case.snapshots}, {result.case.snr_db:g} dB, {found}", xlabel="time (s)")
+        panel.set(
+            title=f"L = {result.case.snapshots}, {result.case.snr_db:g} dB, {found}",
+            xlabel="time (s)",
+        )
         panel.set_ylabel("total attitude error (deg)")
         panel.grid(visible=True, which="both", alpha=0.3)
     figure.savefig(path, dpi=110)

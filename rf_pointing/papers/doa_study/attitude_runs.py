@@ -28,8 +28,17 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import (
     update,
 )
 from rf_pointing.array_sensors.attitude.quaternion import quaternion_from_roll_pitch_yaw
-from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, RigidInertia, propagate, rate_jacobian
-from rf_pointing.array_sensors.attitude.rotations import cross_matrix, matrix_from_quaternion, turn_from_quaternion
+from rf_pointing.array_sensors.attitude.rigid_body import (
+    KnownTorque,
+    RigidInertia,
+    propagate,
+    rate_jacobian,
+)
+from rf_pointing.array_sensors.attitude.rotations import (
+    cross_matrix,
+    matrix_from_quaternion,
+    turn_from_quaternion,
+)
 from rf_pointing.array_sensors.doa.array import CircularArrayParams
 from rf_pointing.array_sensors.doa.attitude_start import StartParams, best_of_bank, start_bank
 from rf_pointing.core import random_stream, require_between
@@ -195,7 +204,9 @@ def _pools(task: RunTask, truth: Array, stream: np.random.Generator) -> list[Err
     return [pools[case.level] for case in task.cases]
 
 
-def _measure(task: RunTask, pools: list[ErrorPool], truth: Array, stream: np.random.Generator) -> Array:
+def _measure(
+    task: RunTask, pools: list[ErrorPool], truth: Array, stream: np.random.Generator
+) -> Array:
     """Return measured directions (steps, cases, trials, 3)."""
     found: dict[tuple[int, float], Array] = {}
     for case, pool in zip(task.cases, pools, strict=True):
@@ -203,10 +214,15 @@ def _measure(task: RunTask, pools: list[ErrorPool], truth: Array, stream: np.ran
             continue
         if task.music_inside:
             repeated = np.repeat(truth, task.trials, axis=0)
-            found[case.level] = measure_directions(ARRAY, case, repeated, stream).reshape(-1, task.trials, 3)
+            found[case.level] = measure_directions(ARRAY, case, repeated, stream).reshape(
+                -1, task.trials, 3
+            )
         else:
             found[case.level] = draw_directions(pool, truth, task.trials, stream)
-    columns = [found[case.level] if case.refined else nearest_node(found[case.level], GRID_RAD) for case in task.cases]
+    columns = [
+        found[case.level] if case.refined else nearest_node(found[case.level], GRID_RAD)
+        for case in task.cases
+    ]
     return np.stack(columns, axis=1)
 
 
@@ -216,7 +232,9 @@ class _Batch:
     def __init__(self, task: RunTask, scene: Scene, pools: list[ErrorPool]) -> None:
         self._scene = scene
         if len({case.q for case in task.cases}) > 1:
-            raise ValueError("cases differ in q: the multiplicative filter takes one process noise per task")
+            raise ValueError(
+                "cases differ in q: the multiplicative filter takes one process noise per task"
+            )
         self._noise = process_noise_from_q(task.cases[0].q, STEP_S)
         self._count = len(task.cases) * task.trials
         self._sigma = np.repeat([pool.sigma_rad for pool in pools], task.trials)
@@ -239,7 +257,9 @@ class _Batch:
             if k == self._choose:
                 self._state = best_of_bank(self._state)
             known = _known(scene, k - 1)
-            self._state = predict(scene.inertia, self._noise, self._state, known, scene.frame_rate[k - 1], STEP_S)
+            self._state = predict(
+                scene.inertia, self._noise, self._state, known, scene.frame_rate[k - 1], STEP_S
+            )
         self._state = update(self._state, self._seen(k, measured[:, None]), GATE)
 
     def error_rad(self) -> Array:
@@ -261,7 +281,9 @@ class _Batch:
     def _seen(self, k: int, measured: Array) -> DirectionObservation:
         """Return the observation of directions (n, 3), or (n, 1, 3) for banks."""
         covariance = self._covariance(measured.reshape(-1, 3)).reshape(*measured.shape, 3)
-        return DirectionObservation(measured, covariance, np.broadcast_to(self._scene.reference[k], measured.shape))
+        return DirectionObservation(
+            measured, covariance, np.broadcast_to(self._scene.reference[k], measured.shape)
+        )
 
     def _covariance(self, measured: Array) -> Array:
         basis = polar_basis(measured)
@@ -294,7 +316,9 @@ class _PublishedBatch:
         if k:
             known = _known(scene, k - 1)
             frame_rate = scene.frame_rate[k - 1]
-            self._state = published_predict(scene.inertia, self._q, self._state, known, frame_rate, STEP_S)
+            self._state = published_predict(
+                scene.inertia, self._q, self._state, known, frame_rate, STEP_S
+            )
         reference = np.broadcast_to(scene.reference[k], measured.shape)
         self._state = published_update(self._state, measured, self._noise, reference)
 
@@ -327,7 +351,9 @@ class _Totals:
         self._attitude = np.zeros((*shape, 3))
         self._spread = np.zeros((*shape, 3))
         self._direction = np.zeros((len(task.cases), 2))
-        self._history = np.zeros((2, len(task.cases), -(-steps // PER_SECOND), task.trials), dtype=np.float32)
+        self._history = np.zeros(
+            (2, len(task.cases), -(-steps // PER_SECOND), task.trials), dtype=np.float32
+        )
 
     def add_directions(self, start: int, measured: Array, truth: Array) -> None:
         """Add measured directions (steps, cases, trials, 3)."""
@@ -342,7 +368,9 @@ class _Totals:
         shape = self._attitude.shape
         if k % PER_SECOND == 0:
             for place, error in enumerate((batch.error_rad(), batch.rate_error_rad_s(k))):
-                self._history[place, :, k // PER_SECOND] = np.degrees(np.linalg.norm(error, axis=-1)).reshape(shape[:2])
+                self._history[place, :, k // PER_SECOND] = np.degrees(
+                    np.linalg.norm(error, axis=-1)
+                ).reshape(shape[:2])
         if k >= self._first:
             self._attitude += np.reshape(batch.error_rad() ** 2, shape)
             self._spread += np.reshape(batch.spread_rad2(), shape)
@@ -376,4 +404,6 @@ def _start(count: int, scene: Scene) -> tuple[Array, Array]:
 
 def _known(scene: Scene, k: int) -> KnownTorque:
     none = np.zeros(3)
-    return KnownTorque(control_n_m=scene.control_n_m[k], wheel_momentum_n_m_s=none, wheel_momentum_rate_n_m=none)
+    return KnownTorque(
+        control_n_m=scene.control_n_m[k], wheel_momentum_n_m_s=none, wheel_momentum_rate_n_m=none
+    )

@@ -12,7 +12,11 @@ from rf_pointing.array_sensors.attitude.ground_stations import (
 )
 from rf_pointing.array_sensors.attitude.orbits import SunSynchronousOrbitParams, period_s
 from rf_pointing.array_sensors.doa.array import CircularArrayParams
-from rf_pointing.array_sensors.doa.cramer_rao import cosine_sigma_rad, effective_snr, search_grid_rmse
+from rf_pointing.array_sensors.doa.cramer_rao import (
+    cosine_sigma_rad,
+    effective_snr,
+    search_grid_rmse,
+)
 from rf_pointing.core.types import Array
 from rf_pointing.papers.doa_study.accuracy import accuracy_curve, threshold
 from rf_pointing.papers.doa_study.attitude_runs import CaseResult
@@ -83,7 +87,9 @@ def scene_rows() -> list[Row]:
 def accuracy_rows(seed: int, executor: Executor | None = None) -> list[Row]:
     """Return RMSE over bound at theta = 40 deg, and the threshold."""
     # Dense around the threshold, with two points far above it.
-    curve = accuracy_curve(100, (-14.0, -12.0, -10.0, -9.0, -8.0, 0.0, 14.0), seed=seed, executor=executor)
+    curve = accuracy_curve(
+        100, (-14.0, -12.0, -10.0, -9.0, -8.0, 0.0, 14.0), seed=seed, executor=executor
+    )
     found = []
     for point in curve:
         if point.effective_snr >= THRESHOLD:
@@ -126,7 +132,9 @@ def direction_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
             theory, lowest = (float(search_grid_rmse(each, STEP_DEG)) for each in (bound, least))
             pair = _pair_share(sigma, printed[0], printed[1])
             # Below the threshold a share of the estimates points anywhere.
-            expected = math.sqrt(theory**2 + grid.outliers * _outlier_rms_deg(angle, truth[::40]) ** 2)
+            expected = math.sqrt(
+                theory**2 + grid.outliers * _outlier_rms_deg(angle, truth[::40]) ** 2
+            )
             accuracy = 0.04 if _above(grid.case) else OUTLIER_ACCURACY
             remark = _reason(angle, grid, paper, lowest, expected, pair)
             found.append(
@@ -139,9 +147,15 @@ def direction_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
             if _above(grid.case):
                 name = case_name(snapshots, snr_db)
                 found.append(
-                    _ratio(f"{angle}: 1-deg grid / (bound + floor) along the passes, {name}", ours / theory, 0.04)
+                    _ratio(
+                        f"{angle}: 1-deg grid / (bound + floor) along the passes, {name}",
+                        ours / theory,
+                        0.04,
+                    )
                 )
-                found.append(_ratio(f"{angle}: refined / bound along the passes, {name}", peak / bound, 0.05))
+                found.append(
+                    _ratio(f"{angle}: refined / bound along the passes, {name}", peak / bound, 0.05)
+                )
     return found
 
 
@@ -156,7 +170,10 @@ def _outlier_rms_deg(angle: str, truth: Array) -> float:
     if angle == "phi":
         return AZIMUTH_OUTLIER_DEG
     # Even over the half sphere: heights in equal steps, azimuths by the golden angle.
-    height, azimuth = (np.arange(400) + 0.5) / 400.0, np.arange(400) * math.pi * (3.0 - math.sqrt(5.0))
+    height, azimuth = (
+        (np.arange(400) + 0.5) / 400.0,
+        np.arange(400) * math.pi * (3.0 - math.sqrt(5.0)),
+    )
     flat = np.sqrt(1.0 - height**2)
     anywhere = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), height], axis=-1)
     error = np.arccos(height)[None, :] - np.arccos(truth[:, 2])[:, None]
@@ -172,7 +189,9 @@ def _pair_share(sigma: float, theta: float, phi: float) -> float:
     return sum(sigma**2 / max(printed**2 - FLOOR_DEG**2, 1e-9) for printed in (theta, phi))
 
 
-def _reason(angle: str, grid: CaseResult, paper: float, least: float, theory: float, pair: float) -> str:
+def _reason(
+    angle: str, grid: CaseResult, paper: float, least: float, theory: float, pair: float
+) -> str:
     """Return why ours is not the paper's.
 
     A bound it breaks, outliers it does not share, or stations it does not name.
@@ -197,7 +216,11 @@ def _reason(angle: str, grid: CaseResult, paper: float, least: float, theory: fl
         )
         # A random azimuth has 103.9 deg rms: the share that makes the printed rms.
         needed = 100.0 * (paper / AZIMUTH_OUTLIER_DEG) ** 2
-        return f"{share}; the paper's would take {needed:.0f} % of random azimuths" if angle == "phi" else share
+        return (
+            f"{share}; the paper's would take {needed:.0f} % of random azimuths"
+            if angle == "phi"
+            else share
+        )
     return f"bound and grid along our passes {theory:.3f} deg; the paper's passes are not published"
 
 

@@ -43,7 +43,9 @@ def direction_from_polar(theta_rad: ArrayLike, phi_rad: ArrayLike) -> Array:
 
     Inverse of `polar_from_direction`.
     """
-    theta, phi = np.broadcast_arrays(np.asarray(theta_rad, dtype=np.float64), np.asarray(phi_rad, dtype=np.float64))
+    theta, phi = np.broadcast_arrays(
+        np.asarray(theta_rad, dtype=np.float64), np.asarray(phi_rad, dtype=np.float64)
+    )
     across = np.sin(theta)
     return np.stack([across * np.cos(phi), across * np.sin(phi), np.cos(theta)], axis=-1)
 
@@ -86,7 +88,10 @@ def polar_errors_rad(estimate: Array, truth: Array) -> tuple[Array, Array, Array
 
 
 def grid_search(
-    array: CircularArrayParams, covariance: ComplexArray, step_rad: float, theta_max_rad: float = np.pi / 2.0
+    array: CircularArrayParams,
+    covariance: ComplexArray,
+    step_rad: float,
+    theta_max_rad: float = np.pi / 2.0,
 ) -> Array:
     """Return the grid direction (n, 3) with the largest spectrum of each covariance (n, M, M)."""
     require_between("step_rad", step_rad, 1e-4, 0.5)
@@ -108,7 +113,9 @@ def nearest_node(direction: Array, step_rad: float) -> Array:
     """Return the node of the grid of theta and phi nearest to each refined peak (..., 3)."""
     require_between("step_rad", step_rad, 1e-4, 0.5)
     theta, phi = polar_from_direction(direction)
-    return direction_from_polar(np.round(theta / step_rad) * step_rad, np.round(phi / step_rad) * step_rad)
+    return direction_from_polar(
+        np.round(theta / step_rad) * step_rad, np.round(phi / step_rad) * step_rad
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,11 +162,15 @@ def measure_directions(
     array: CircularArrayParams, case: DirectionCase, truth: Array, stream: np.random.Generator
 ) -> Array:
     """Return a refined MUSIC estimate (n, 3) of each true direction (n, 3)."""
-    covariance = draw_covariances(array, truth, case.snr, case.snapshots, stream, waveform="constant_modulus")
+    covariance = draw_covariances(
+        array, truth, case.snr, case.snapshots, stream, waveform="constant_modulus"
+    )
     return estimate_directions(array, covariance).direction
 
 
-def error_pool(array: CircularArrayParams, case: DirectionCase, truth: Array, stream: np.random.Generator) -> ErrorPool:
+def error_pool(
+    array: CircularArrayParams, case: DirectionCase, truth: Array, stream: np.random.Generator
+) -> ErrorPool:
     """Return the pool of one MUSIC estimate per true direction (n, 3).
 
     The paper's tables use n >= 20 000.
@@ -183,7 +194,9 @@ def error_pool(array: CircularArrayParams, case: DirectionCase, truth: Array, st
     )
 
 
-def draw_directions(pool: ErrorPool, truth: Array, count: int, stream: np.random.Generator) -> Array:
+def draw_directions(
+    pool: ErrorPool, truth: Array, count: int, stream: np.random.Generator
+) -> Array:
     """Return `count` measured directions (n, count, 3) of each true direction (n, 3)."""
     theta, _ = polar_from_direction(truth)
     place = np.searchsorted(pool.theta_rad, theta)[:, None]

@@ -15,7 +15,16 @@ from rf_pointing.papers.row import Row
 
 ARRAY = CircularArrayParams()
 AXES = ("yaw", "roll", "pitch")
-FAIR = [(100, -10.0), (100, -8.0), (100, -6.0), (100, -2.0), (100, 0.0), (10, 0.0), (20, 0.0), (50, 0.0)]
+FAIR = [
+    (100, -10.0),
+    (100, -8.0),
+    (100, -6.0),
+    (100, -2.0),
+    (100, 0.0),
+    (10, 0.0),
+    (20, 0.0),
+    (50, 0.0),
+]
 """Rows above the threshold whose attitude errors are noise, not the repeating error of the grid."""
 SCENE_FACTOR = 2.5
 AVERAGED_S = 3000
@@ -98,7 +107,11 @@ def filter_rows(inside: CaseResult, drawn: CaseResult, published: list[CaseResul
     for name, ratio, tolerance in (
         ("theta RMSE", inside.theta_deg / drawn.theta_deg, 0.03),
         # The attitude of few trials scatters with their own transients.
-        ("worst axis of the attitude", _worst(inside) / _worst(drawn), 0.05 + 0.6 / math.sqrt(trials)),
+        (
+            "worst axis of the attitude",
+            _worst(inside) / _worst(drawn),
+            0.05 + 0.6 / math.sqrt(trials),
+        ),
     ):
         found.append(
             Row(
@@ -144,7 +157,10 @@ def _fair_rows(grid: CaseResult, refined: CaseResult) -> list[Row]:
 def _refinement_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
     found = []
     for snr_db, paper, bound, tolerance in ((14.0, 3.0, ">=", 0.0), (-10.0, 1.0, "==", 0.35)):
-        pair = [tables[DirectionCase(snapshots=100, snr_db=snr_db, refined=refined)] for refined in (False, True)]
+        pair = [
+            tables[DirectionCase(snapshots=100, snr_db=snr_db, refined=refined)]
+            for refined in (False, True)
+        ]
         found.append(
             Row(
                 f"worst axis on the 1-deg grid / refined, {case_name(100, snr_db)}", "gain of refining", paper,
@@ -178,7 +194,9 @@ def _reason(grid: CaseResult, refined: CaseResult) -> str:
             f"filter does not give it either); locked wrongly at the end: {lost[0]} of {trials} on the grid, {lost[1]} of "
             f"{trials} refined, and {begun:.0f} begin with an outlier"
         )
-    weak = math.degrees(cosine_sigma_rad(ARRAY, grid.case.snapshots, grid.case.snr)) >= 0.5 * FLOOR_DEG
+    weak = (
+        math.degrees(cosine_sigma_rad(ARRAY, grid.case.snapshots, grid.case.snr)) >= 0.5 * FLOOR_DEG
+    )
     if not weak and _worst(grid) >= SCENE_FACTOR * _worst(refined):
         return (
             "the error of the grid repeats with the direction, and the filter cannot average it away: "

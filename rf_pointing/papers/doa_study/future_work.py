@@ -36,7 +36,12 @@ from rf_pointing.array_sensors.attitude.quaternion import (
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque, SatelliteParams
 from rf_pointing.array_sensors.attitude.rotations import cosine_slopes
 from rf_pointing.array_sensors.attitude.wahba import attitude_covariance, fit_rotation
-from rf_pointing.array_sensors.doa.array import ArrayResponse, CircularArrayParams, coupling_basis, steering
+from rf_pointing.array_sensors.doa.array import (
+    ArrayResponse,
+    CircularArrayParams,
+    coupling_basis,
+    steering,
+)
 from rf_pointing.array_sensors.doa.attitude_chain import match_directions
 from rf_pointing.array_sensors.doa.attitude_start import StartParams, best_of_bank, start_bank
 from rf_pointing.array_sensors.doa.covariance import eigen, sample_covariance
@@ -57,7 +62,9 @@ STEP_TOLERANCE = 1e-10
 LARGEST_CONDITION = 1e6
 ARRAY = CircularArrayParams()
 GATE = GateParams()
-COUPLING = np.array([0.25 * np.exp(1.1j), 0.12 * np.exp(-2.0j), 0.06 * np.exp(0.4j), 0.04, 0.02j, 0.02])
+COUPLING = np.array(
+    [0.25 * np.exp(1.1j), 0.12 * np.exp(-2.0j), 0.06 * np.exp(0.4j), 0.04, 0.02j, 0.02]
+)
 """Coupling of -12, -18, -24 dB to the nearest neighbours: that of close quadrifilar helices, in
 kind."""
 # Sixty runs of six components: the 95 % band of the mean NEES is 15 % on either side.
@@ -82,7 +89,9 @@ class CouplingFit:
     iterations: int
 
 
-def fit_response(array: CircularArrayParams, directions: Array, covariances: ComplexArray) -> CouplingFit:
+def fit_response(
+    array: CircularArrayParams, directions: Array, covariances: ComplexArray
+) -> CouplingFit:
     """Return gains and coupling from covariances (P, M, M) of pilots at known `directions` (P, 3).
 
     Raises
@@ -92,7 +101,9 @@ def fit_response(array: CircularArrayParams, directions: Array, covariances: Com
         one), the fit does not converge, or shapes disagree.
     """
     if directions.shape != (len(covariances), 3):
-        raise ValueError(f"directions has shape {directions.shape}, must be ({len(covariances)}, 3)")
+        raise ValueError(
+            f"directions has shape {directions.shape}, must be ({len(covariances)}, 3)"
+        )
     principal = eigen(covariances, array.elements).vectors[..., 0]
     # What is off the eigenvector must vanish; its unknown complex amplitude drops out.
     off = np.eye(array.elements) - principal[:, :, None] * principal[:, None, :].conj()
@@ -109,8 +120,12 @@ def fit_response(array: CircularArrayParams, directions: Array, covariances: Com
         coupling[1:] += step[array.elements - 1 :]
         if np.max(np.abs(step)) < STEP_TOLERANCE:
             residual, jacobian = _linearise(off, shifted, gain, coupling)
-            return _fit(ArrayResponse(gain=gain, coupling=coupling[1:]), residual, jacobian, iteration)
-    raise ValueError(f"calibration did not converge in {MAX_ITERATIONS} iterations, last step {np.max(np.abs(step))}")
+            return _fit(
+                ArrayResponse(gain=gain, coupling=coupling[1:]), residual, jacobian, iteration
+            )
+    raise ValueError(
+        f"calibration did not converge in {MAX_ITERATIONS} iterations, last step {np.max(np.abs(step))}"
+    )
 
 
 def _linearise(
@@ -141,7 +156,9 @@ def _require_rank(jacobian: ComplexArray, elements: int) -> None:
         )
 
 
-def _fit(response: ArrayResponse, residual: ComplexArray, jacobian: ComplexArray, iterations: int) -> CouplingFit:
+def _fit(
+    response: ArrayResponse, residual: ComplexArray, jacobian: ComplexArray, iterations: int
+) -> CouplingFit:
     values = np.linalg.svd(jacobian, compute_uv=False)
     # each pilot loses one complex equation to its unknown complex amplitude
     freedom = residual.size - len(residual) - jacobian.shape[1]
@@ -167,7 +184,9 @@ def nees(error: Array, covariance: Array) -> Array:
     NaN is refused, not averaged.
     """
     require_finite("error", error)
-    return np.asarray(np.sum(error * np.linalg.solve(covariance, error[..., None])[..., 0], axis=-1))
+    return np.asarray(
+        np.sum(error * np.linalg.solve(covariance, error[..., None])[..., 0], axis=-1)
+    )
 
 
 def nees_band(dimension: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
@@ -218,7 +237,9 @@ def mean_nees(runs: int, seed: int, duration_s: float = 400.0) -> Array:
             satellite.step(STEP_S, known, frame_rate)
             state = predict(scene.inertia, noise, state, known, frame_rate, STEP_S)
         truth = satellite.state
-        expected = np.einsum("nji,j->ni", quaternion_to_matrix(truth.quaternion), scene.reference[k])
+        expected = np.einsum(
+            "nji,j->ni", quaternion_to_matrix(truth.quaternion), scene.reference[k]
+        )
         state = update(state, _observe(expected, scene.reference[k], sigma, stream), GATE)
         # Every 10 s: successive errors are correlated and add no information.
         if k % 40 == 39:
@@ -250,9 +271,16 @@ def any_start_error_deg(starts: int, seed: int, settle_s: float = 30.0) -> Array
                 wheel_momentum_rate_n_m=known_none,
             )
             bank = predict(
-                scene.inertia, ProcessNoiseParams(torque_n_m=0.0), bank, known, scene.frame_rate[k - 1], STEP_S
+                scene.inertia,
+                ProcessNoiseParams(torque_n_m=0.0),
+                bank,
+                known,
+                scene.frame_rate[k - 1],
+                STEP_S,
             )
-            bank = update(bank, _observe(scene.reference[k][None], scene.reference[k], sigma, stream), GATE)
+            bank = update(
+                bank, _observe(scene.reference[k][None], scene.reference[k], sigma, stream), GATE
+            )
         best = best_of_bank(bank)
         error = attitude_error(best, np.array([[0.0, 0.0, 0.0, 1.0]]), scene.frame_rate[-1:])
         errors.append(float(np.degrees(np.linalg.norm(error[0, :3]))))
@@ -281,9 +309,13 @@ def two_source_attitude_ratio(trials: int, seed: int) -> tuple[float, float]:
         if not found.complete:
             raise ValueError(f"two stations at 0 dB: {found.reason}")
         # Ordered by station, so that measured and reference directions belong together.
-        pairs = sorted(match_directions(found.direction, reference, np.radians(20.0)), key=lambda pair: pair[1])
+        pairs = sorted(
+            match_directions(found.direction, reference, np.radians(20.0)), key=lambda pair: pair[1]
+        )
         measured = found.direction[[pair[0] for pair in pairs]]
-        turn = quaternion_to_rotation_vector(quaternion_from_matrix(fit_rotation(reference, measured).rotation))
+        turn = quaternion_to_rotation_vector(
+            quaternion_from_matrix(fit_rotation(reference, measured).rotation)
+        )
         squares.append(float(np.sum(turn**2)))
     rmse = float(np.sqrt(np.mean(squares)))
     return float(np.degrees(rmse)), rmse / float(np.sqrt(predicted))
@@ -302,10 +334,14 @@ def coupling_rmse_deg(trials: int, seed: int) -> tuple[float, float, float]:
 
     def received(towards: Array, snr: float) -> NDArray[np.complex128]:
         power = np.array([[snr + 0j]])
-        return sample_covariance(draw_snapshots(ARRAY, towards[:, None], power, 100, stream, response=response.matrix))
+        return sample_covariance(
+            draw_snapshots(ARRAY, towards[:, None], power, 100, stream, response=response.matrix)
+        )
 
     pilots, truth = (
-        direction_from_polar(stream.uniform(0.2, 1.0, count), stream.uniform(0.0, 2.0 * np.pi, count))
+        direction_from_polar(
+            stream.uniform(0.2, 1.0, count), stream.uniform(0.0, 2.0 * np.pi, count)
+        )
         for count in (24, trials)
     )
     # Pilots at 30 dB: calibration is done with strong signals.
@@ -314,13 +350,19 @@ def coupling_rmse_deg(trials: int, seed: int) -> tuple[float, float, float]:
     bare = estimate_directions(ARRAY, covariance).direction - truth
     matched = estimate_directions(ARRAY, covariance, fit.response.matrix).direction - truth
     power = np.array([[10.0 + 0j]])
-    bound = np.mean([np.trace(direction_bound_rad2(ARRAY, s[None], power, 100, response.matrix)) for s in truth])
+    bound = np.mean(
+        [np.trace(direction_bound_rad2(ARRAY, s[None], power, 100, response.matrix)) for s in truth]
+    )
     ratio = float(np.sqrt(np.mean(np.sum(matched[:, :2] ** 2, axis=1)) / bound))
-    sky = [float(np.degrees(np.sqrt(np.mean(np.sum(error**2, axis=1))))) for error in (bare, matched)]
+    sky = [
+        float(np.degrees(np.sqrt(np.mean(np.sum(error**2, axis=1))))) for error in (bare, matched)
+    ]
     return sky[0], sky[1], ratio
 
 
-def _observe(expected: Array, reference: Array, sigma: float, stream: np.random.Generator) -> DirectionObservation:
+def _observe(
+    expected: Array, reference: Array, sigma: float, stream: np.random.Generator
+) -> DirectionObservation:
     """Return directions (n, 3) with MUSIC's error: `sigma` in each direction cosine."""
     basis = polar_basis(expected)
     # One sigma in a direction cosine is sigma / cos(theta) in theta: the bound's own shape.

@@ -15,10 +15,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rf_pointing.core import as_finite_array, require_between, require_choice, unit_vector_from_azel, wrap_rad
+from rf_pointing.core import (
+    as_finite_array,
+    require_between,
+    require_choice,
+    unit_vector_from_azel,
+    wrap_rad,
+)
 from rf_pointing.core.types import Array
 from rf_pointing.papers.orbit.measurements import KINDS, measured, partials
-from rf_pointing.papers.orbit.motion import Disturbances, Gravity, Site, Trajectory, propagate, to_inertial
+from rf_pointing.papers.orbit.motion import (
+    Disturbances,
+    Gravity,
+    Site,
+    Trajectory,
+    propagate,
+    to_inertial,
+)
 
 _FEWEST, _SWEEPS, _DEGREE = 10, 4, 3
 
@@ -51,7 +64,9 @@ class Arc:
             spread = np.broadcast_to(getattr(self, name), self.t_s.shape)
             object.__setattr__(self, name, as_finite_array(name, spread, (len(self.t_s),)))
         if np.any(self.sigma <= 0.0):
-            raise ValueError(f"sigma of {self.kind} at {self.site.name}={np.min(self.sigma)} must be > 0")
+            raise ValueError(
+                f"sigma of {self.kind} at {self.site.name}={np.min(self.sigma)} must be > 0"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +121,14 @@ def fit_orbit(
     state = as_finite_array("guess", guess, (6,)).copy()
     times = times_of(arcs)
     if orbit is not None and not np.array_equal(orbit.t_s, times):
-        raise ValueError(f"orbit is given at {len(orbit.t_s)} times, must be at the {len(times)} times of the arcs")
+        raise ValueError(
+            f"orbit is given at {len(orbit.t_s)} times, must be at the {len(times)} times of the arcs"
+        )
     known = orbit
     for iteration in range(1, _MAX_ITERATIONS + 1):
-        now = known or propagate(epoch_t_s, state, times, gravity, with_partials=True, disturbances=disturbances)
+        now = known or propagate(
+            epoch_t_s, state, times, gravity, with_partials=True, disturbances=disturbances
+        )
         matrix, residuals = _linearised(now, arcs)
         # The given orbit belongs to the guess: after the first step it must be propagated anew.
         known = None
@@ -122,7 +141,9 @@ def fit_orbit(
             # The gain is kept per arc: a bias of one station can be propagated alone.
             split = np.cumsum([len(arc.t_s) for arc in arcs])[:-1]
             gain = tuple(np.split(inverse / sigma, split, axis=1))
-            return OrbitResult(epoch_t_s, state, covariance, tuple(residuals), condition, iteration, gain)
+            return OrbitResult(
+                epoch_t_s, state, covariance, tuple(residuals), condition, iteration, gain
+            )
     raise ValueError(f"orbit fit has not settled after {_MAX_ITERATIONS} iterations")
 
 
@@ -136,7 +157,11 @@ def _linearised(orbit: Trajectory, arcs: Sequence[Arc]) -> tuple[Array, list[Arr
         computed = measured(arc.t_s, states, arc.site)[:, column]
         difference = arc.values - computed
         residuals.append(wrap_rad(difference) if arc.kind == "azimuth_rad" else difference)
-        rows.append(np.einsum("nj,njk->nk", partials(arc.t_s, states, arc.site)[:, column], orbit.partials[place]))
+        rows.append(
+            np.einsum(
+                "nj,njk->nk", partials(arc.t_s, states, arc.site)[:, column], orbit.partials[place]
+            )
+        )
     return np.concatenate(rows), residuals
 
 
@@ -144,11 +169,17 @@ def _pseudo_inverse(matrix: Array) -> tuple[Array, Array, float]:
     scale = np.linalg.norm(matrix, axis=0)
     if np.any(scale == 0.0) or len(matrix) < 6:
         silent = [name for name, size in zip(_STATE_NAMES, scale, strict=True) if size == 0.0]
-        raise ValueError(f"{len(matrix)} measurements do not determine {', '.join(silent or _STATE_NAMES)}")
+        raise ValueError(
+            f"{len(matrix)} measurements do not determine {', '.join(silent or _STATE_NAMES)}"
+        )
     left, singular, rotation = np.linalg.svd(matrix / scale, full_matrices=False)
     if singular[-1] < _RANK_TOLERANCE * singular[0]:
         direction = np.linalg.norm(rotation[singular < _RANK_TOLERANCE * singular[0]], axis=0)
-        names = [n for n, share in zip(_STATE_NAMES, direction / direction.max(), strict=True) if share > 0.1]
+        names = [
+            n
+            for n, share in zip(_STATE_NAMES, direction / direction.max(), strict=True)
+            if share > 0.1
+        ]
         raise ValueError(f"the measurements cannot separate {', '.join(names)} of the orbit")
     root = (rotation.T / singular) / scale[:, np.newaxis]
     return root @ left.T, root @ root.T, float(singular[0] / singular[-1])
@@ -181,7 +212,12 @@ def preliminary_orbit(
 
 
 def starting_state(
-    site: Site, t_s: Array, range_m: Array, azimuth_rad: Array, elevation_rad: Array, gravity: Gravity
+    site: Site,
+    t_s: Array,
+    range_m: Array,
+    azimuth_rad: Array,
+    elevation_rad: Array,
+    gravity: Gravity,
 ) -> tuple[float, Array]:
     """Return the middle time and a state (6,) there, good to the accuracy of the measured
     positions.
@@ -202,7 +238,9 @@ def starting_state(
     return epoch, np.concatenate([line[0], line[1] / half])
 
 
-def _positions(site: Site, t_s: Array, range_m: Array, azimuth_rad: Array, elevation_rad: Array) -> Array:
+def _positions(
+    site: Site, t_s: Array, range_m: Array, azimuth_rad: Array, elevation_rad: Array
+) -> Array:
     sight = as_finite_array("range_m", range_m, (len(t_s),))[:, np.newaxis] * unit_vector_from_azel(
         azimuth_rad, elevation_rad
     )

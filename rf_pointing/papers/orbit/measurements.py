@@ -84,7 +84,9 @@ def measured(t_s: Array, states: Array, site: Site) -> Array:
     east, north, up = relative.T
     distance = np.linalg.norm(relative, axis=1)
     rate = np.sum(relative * velocity, axis=1) / distance
-    return np.stack([np.arctan2(east, north), np.arctan2(up, np.hypot(east, north)), distance, rate], axis=1)
+    return np.stack(
+        [np.arctan2(east, north), np.arctan2(up, np.hypot(east, north)), distance, rate], axis=1
+    )
 
 
 def partials(t_s: Array, states: Array, site: Site) -> Array:
@@ -94,9 +96,13 @@ def partials(t_s: Array, states: Array, site: Site) -> Array:
     sight = relative / distance
     ground = np.hypot(relative[:, 0], relative[:, 1])[:, np.newaxis]
     rate = np.sum(sight * velocity, axis=1)[:, np.newaxis]
-    azimuth = np.stack([relative[:, 1], -relative[:, 0], np.zeros(len(relative))], axis=1) / ground**2
+    azimuth = (
+        np.stack([relative[:, 1], -relative[:, 0], np.zeros(len(relative))], axis=1) / ground**2
+    )
     elevation = (np.array([0.0, 0.0, 1.0]) - sight * sight[:, 2:]) / ground
-    by_position = np.stack([azimuth, elevation, sight, (velocity - rate * sight) / distance], axis=1)
+    by_position = np.stack(
+        [azimuth, elevation, sight, (velocity - rate * sight) / distance], axis=1
+    )
     to_axes = _axes_in_inertial(t_s, site)
     # Range rate sees the station's turning: d(rho_dot)/dr is in the inertial frame once v is taken
     # relative there.
@@ -111,7 +117,9 @@ def _relative(t_s: Array, states: Array, site: Site) -> tuple[Array, Array]:
     3) each.
     """
     station = to_inertial(np.broadcast_to(site.position_m(), (len(t_s), 3)), t_s)
-    moving = EARTH_RATE_RAD_S * np.stack([-station[:, 1], station[:, 0], np.zeros(len(t_s))], axis=1)
+    moving = EARTH_RATE_RAD_S * np.stack(
+        [-station[:, 1], station[:, 0], np.zeros(len(t_s))], axis=1
+    )
     to_axes = _axes_in_inertial(t_s, site)
     relative = np.einsum("nij,nj->ni", to_axes, states[:, :3] - station)
     return relative, np.einsum("nij,nj->ni", to_axes, states[:, 3:] - moving)
@@ -132,7 +140,11 @@ def _topocentric_series(t_s: Array, states: Array, site: Site, gravity: Gravity)
     velocity = to_earth_fixed(states[:, 3:], t_s) - np.cross(turning, position)
     acceleration = to_earth_fixed(gravity.acceleration(states[:, :3]), t_s)
     # Coriolis and centrifugal part: the station's axes turn with the Earth.
-    acceleration = acceleration - 2.0 * np.cross(turning, velocity) - np.cross(turning, np.cross(turning, position))
+    acceleration = (
+        acceleration
+        - 2.0 * np.cross(turning, velocity)
+        - np.cross(turning, np.cross(turning, position))
+    )
     series = np.stack([position - site.position_m(), velocity, 0.5 * acceleration])
     return series @ site.axes().T
 
@@ -144,13 +156,17 @@ class Elements(Params):
     semi_major_axis_m: float = parameter(description="semi-major axis", low=6.4e6, high=1e9)
     eccentricity: float = parameter(description="eccentricity of the ellipse", low=0.0, high=0.99)
     inclination_rad: float = parameter(description="inclination", low=0.0, high=math.pi)
-    node_rad: float = parameter(description="right ascension of the ascending node", low=-10.0, high=10.0)
+    node_rad: float = parameter(
+        description="right ascension of the ascending node", low=-10.0, high=10.0
+    )
     perigee_rad: float = parameter(description="argument of perigee", low=-10.0, high=10.0)
     mean_anomaly_rad: float = parameter(description="mean anomaly", low=-10.0, high=10.0)
 
     def state(self) -> Array:
         """Return position and velocity (6,), m and m/s; `from_state` is the inverse."""
-        angles = (np.array([value]) for value in (self.node_rad, self.perigee_rad, self.mean_anomaly_rad))
+        angles = (
+            np.array([value]) for value in (self.node_rad, self.perigee_rad, self.mean_anomaly_rad)
+        )
         return np.asarray(self.states(*angles)[0])
 
     def states(self, node_rad: Array, perigee_rad: Array, mean_anomaly_rad: Array) -> Array:
@@ -173,7 +189,9 @@ class Elements(Params):
         a = 1.0 / (2.0 / radius - float(velocity @ velocity) / EARTH_MU_M3_S2)
         # A preliminary orbit from noisy angles may come out hyperbolic.
         if a <= 0.0:
-            raise ValueError(f"semi_major_axis_m={a:.0f} must be > 0: the state is not a closed orbit")
+            raise ValueError(
+                f"semi_major_axis_m={a:.0f} must be > 0: the state is not a closed orbit"
+            )
         inclination = math.atan2(math.hypot(momentum[0], momentum[1]), momentum[2])
         # The node lies across the momentum's horizontal part; atan2 keeps its quadrant.
         node = math.atan2(momentum[0], -momentum[1])
@@ -205,15 +223,29 @@ def _eccentric_anomaly(mean_rad: Array, eccentricity: float) -> Array:
         anomaly = anomaly - step
         if np.max(np.abs(step), initial=0.0) <= _KEPLER_TOLERANCE_RAD:
             return anomaly
-    raise ValueError(f"eccentricity={eccentricity}: Kepler's equation needs more than {_KEPLER_ITERATIONS} steps")
+    raise ValueError(
+        f"eccentricity={eccentricity}: Kepler's equation needs more than {_KEPLER_ITERATIONS} steps"
+    )
 
 
 def _orbit_axes(node: Array, inclination: float, perigee: Array) -> tuple[Array, Array]:
     """Return the unit vectors (3, n) to perigee and a quarter turn ahead of it."""
     sin_o, cos_o, sin_w, cos_w = np.sin(node), np.cos(node), np.sin(perigee), np.cos(perigee)
     sin_i, cos_i = math.sin(inclination), math.cos(inclination)
-    toward = np.stack([cos_o * cos_w - sin_o * sin_w * cos_i, sin_o * cos_w + cos_o * sin_w * cos_i, sin_w * sin_i])
-    ahead = np.stack([-cos_o * sin_w - sin_o * cos_w * cos_i, -sin_o * sin_w + cos_o * cos_w * cos_i, cos_w * sin_i])
+    toward = np.stack(
+        [
+            cos_o * cos_w - sin_o * sin_w * cos_i,
+            sin_o * cos_w + cos_o * sin_w * cos_i,
+            sin_w * sin_i,
+        ]
+    )
+    ahead = np.stack(
+        [
+            -cos_o * sin_w - sin_o * cos_w * cos_i,
+            -sin_o * sin_w + cos_o * cos_w * cos_i,
+            cos_w * sin_i,
+        ]
+    )
     return toward, ahead
 
 
@@ -249,7 +281,9 @@ def visits(
     coarse = np.arange(0.0, days * 86400.0, _SEARCH_STEP_S)
     elevation = measured(epoch_t_s + coarse, secular_states(elements, coarse, gravity), site)[:, 1]
     # Strictly above the left neighbour only, so that a flat top counts once.
-    peaks = 1 + np.flatnonzero((elevation[1:-1] > elevation[:-2]) & (elevation[1:-1] >= elevation[2:]))
+    peaks = 1 + np.flatnonzero(
+        (elevation[1:-1] > elevation[:-2]) & (elevation[1:-1] >= elevation[2:])
+    )
     # Two degrees of reserve: mean elements miss the elevation by less.
     culminations = coarse[peaks[elevation[peaks] > lowest_rad - math.radians(2.0)]]
     if len(culminations) == 0:

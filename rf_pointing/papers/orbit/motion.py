@@ -78,8 +78,12 @@ class Site(Params):
     """A tracking station on the WGS-84 ellipsoid."""
 
     name: str = parameter(description="station name")
-    latitude_rad: float = parameter(description="geodetic latitude", low=-math.pi / 2.0, high=math.pi / 2.0)
-    longitude_rad: float = parameter(description="longitude, east positive", low=-math.pi, high=2.0 * math.pi)
+    latitude_rad: float = parameter(
+        description="geodetic latitude", low=-math.pi / 2.0, high=math.pi / 2.0
+    )
+    longitude_rad: float = parameter(
+        description="longitude, east positive", low=-math.pi, high=2.0 * math.pi
+    )
     height_m: float = parameter(0.0, "height above the ellipsoid", low=-500.0, high=9000.0)
 
     def position_m(self) -> Array:
@@ -90,7 +94,9 @@ class Site(Params):
         normal = EARTH_RADIUS_M / math.sqrt(1.0 - eccentricity2 * sin_lat**2)
         across = (normal + self.height_m) * cos_lat
         up = (normal * (1.0 - eccentricity2) + self.height_m) * sin_lat
-        return np.array([across * math.cos(self.longitude_rad), across * math.sin(self.longitude_rad), up])
+        return np.array(
+            [across * math.cos(self.longitude_rad), across * math.sin(self.longitude_rad), up]
+        )
 
     def axes(self) -> Array:
         """Return the rotation (3, 3) from Earth-fixed axes to east, north, up."""
@@ -115,10 +121,16 @@ def _turned(vector: Array, angle_rad: Array) -> Array:
 class Disturbances(Params):
     """Forces on the satellite besides the Earth's; none by default."""
 
-    ballistic_m2_kg: float = parameter(0.0, "drag coefficient times area over mass; 0: no drag", low=0.0, high=10.0)
-    air_density_kg_m3: float = parameter(1.17e-14, "density of the air at the reference height", low=0.0, high=1e-6)
+    ballistic_m2_kg: float = parameter(
+        0.0, "drag coefficient times area over mass; 0: no drag", low=0.0, high=10.0
+    )
+    air_density_kg_m3: float = parameter(
+        1.17e-14, "density of the air at the reference height", low=0.0, high=1e-6
+    )
     air_height_m: float = parameter(8.0e5, "reference height of the air", low=1e5, high=2e6)
-    air_scale_m: float = parameter(1.2464e5, "height in which the density falls to 1/e", low=1e3, high=1e6)
+    air_scale_m: float = parameter(
+        1.2464e5, "height in which the density falls to 1/e", low=1e3, high=1e6
+    )
     sun: bool = parameter(False, "whether the Sun's tide acts")
     moon: bool = parameter(False, "whether the Moon's tide acts")
 
@@ -127,7 +139,10 @@ class Disturbances(Params):
         total = np.zeros((len(states), 3))
         if self.ballistic_m2_kg > 0.0:
             total += self._drag(states)
-        for acts, place, strength in ((self.sun, sun_m, SUN_MU_M3_S2), (self.moon, moon_m, MOON_MU_M3_S2)):
+        for acts, place, strength in (
+            (self.sun, sun_m, SUN_MU_M3_S2),
+            (self.moon, moon_m, MOON_MU_M3_S2),
+        ):
             if acts:
                 total += _tide(states[:, :3], place(t_s), strength)
         return total
@@ -135,7 +150,9 @@ class Disturbances(Params):
     def _drag(self, states: Array) -> Array:
         position, velocity = states[:, :3], states[:, 3:]
         # The air turns with the Earth: drag acts on the velocity through it.
-        turning = EARTH_RATE_RAD_S * np.stack([-position[:, 1], position[:, 0], np.zeros(len(states))], axis=1)
+        turning = EARTH_RATE_RAD_S * np.stack(
+            [-position[:, 1], position[:, 0], np.zeros(len(states))], axis=1
+        )
         through = velocity - turning
         height = np.linalg.norm(position, axis=1) - EARTH_RADIUS_M
         density = self.air_density_kg_m3 * np.exp(-(height - self.air_height_m) / self.air_scale_m)
@@ -147,7 +164,11 @@ def sun_m(t_s: float) -> Array:
     """Return the geocentric place of the Sun (3,), mean equator and equinox of J2000."""
     centuries = (t_s - _J2000_T_S) / _CENTURY_S
     anomaly = np.radians(357.5256 + 35999.049 * centuries)
-    longitude = np.radians(282.9400) + anomaly + _ARC * (6892.0 * np.sin(anomaly) + 72.0 * np.sin(2.0 * anomaly))
+    longitude = (
+        np.radians(282.9400)
+        + anomaly
+        + _ARC * (6892.0 * np.sin(anomaly) + 72.0 * np.sin(2.0 * anomaly))
+    )
     distance = 1e9 * (149.619 - 2.499 * np.cos(anomaly) - 0.021 * np.cos(2.0 * anomaly))
     return _equatorial(longitude, 0.0, distance)
 
@@ -163,7 +184,9 @@ def moon_m(t_s: float) -> Array:
     _, suns, node, _ = arguments
     unequal = _ARC * _sum(_MOON_LONGITUDE, np.sin, arguments)
     up = _ARC * (412.0 * np.sin(2.0 * node) + 541.0 * np.sin(suns))
-    latitude = _ARC * (18520.0 * np.sin(node + unequal + up) + _sum(_MOON_LATITUDE, np.sin, arguments))
+    latitude = _ARC * (
+        18520.0 * np.sin(node + unequal + up) + _sum(_MOON_LATITUDE, np.sin, arguments)
+    )
     distance = 1e3 * (385000.0 + _sum(_MOON_DISTANCE_KM, np.cos, arguments))
     return _equatorial(mean + unequal, float(latitude), distance)
 
@@ -241,7 +264,9 @@ def propagate(
     if np.any(np.diff(times) < 0.0):
         raise ValueError("t_s must not decrease")
     bundle = _bundle(start) if with_partials else start[np.newaxis]
-    result = propagate_together(bundle, times - epoch_t_s, gravity, epoch_t_s=epoch_t_s, disturbances=disturbances)
+    result = propagate_together(
+        bundle, times - epoch_t_s, gravity, epoch_t_s=epoch_t_s, disturbances=disturbances
+    )
     return Trajectory(times, result[:, 0], _differences(result) if with_partials else None)
 
 
@@ -257,7 +282,10 @@ def propagate_together(
 
     The result is (n, m, 6).  `epoch_t_s` matters only to `disturbances`.
     """
-    bundle, times = as_finite_array("states", states, (None, 6)), as_finite_array("elapsed_s", elapsed_s, (None,))
+    bundle, times = (
+        as_finite_array("states", states, (None, 6)),
+        as_finite_array("elapsed_s", elapsed_s, (None,)),
+    )
     if np.any(np.diff(times) < 0.0):
         raise ValueError("elapsed_s must not decrease")
     result = np.empty((len(times), *bundle.shape))
@@ -280,7 +308,11 @@ def _differences(bundle: Array) -> Array:
 
 
 def _integrate(
-    bundle: Array, elapsed_s: Array, gravity: Gravity, epoch_t_s: float, disturbances: Disturbances | None
+    bundle: Array,
+    elapsed_s: Array,
+    gravity: Gravity,
+    epoch_t_s: float,
+    disturbances: Disturbances | None,
 ) -> Array:
     from scipy.integrate import solve_ivp
 
@@ -303,7 +335,13 @@ def _integrate(
     # Metres and metres per second: one absolute tolerance would suit neither.
     scale = np.tile([1e-5] * 3 + [1e-8] * 3, shape[0])
     solution = solve_ivp(
-        slope, (0.0, end), bundle.ravel(), method="DOP853", t_eval=wanted, rtol=_RELATIVE_TOLERANCE, atol=scale
+        slope,
+        (0.0, end),
+        bundle.ravel(),
+        method="DOP853",
+        t_eval=wanted,
+        rtol=_RELATIVE_TOLERANCE,
+        atol=scale,
     )
     if not solution.success:
         raise ValueError(f"orbit integration to {end:.0f} s failed: {solution.message}")
