@@ -23,6 +23,7 @@ EXECUTABLES = {
         "rf_receiver",
         "rotctld_server",
         "simulation_clock",
+        "station_alarms",
         "station_description",
         "station_executive",
         "station_process",
@@ -75,6 +76,8 @@ LIBRARIES = [
 tested; the oldest are those of Ubuntu 24.04."""
 
 EVERY = [f"{name} = {PACKAGE}.{room}.{name}:main" for room, names in EXECUTABLES.items() for name in names]
+# One small module starts each: it answers what needs no libraries.
+STARTED = [f"{name} = {PACKAGE}.__main__:start" for names in EXECUTABLES.values() for name in names]
 # colcon and bloom call these two; pip makes a wheel.
 INTO_ROS = bool({"develop", "install"} & set(sys.argv))
 
@@ -98,6 +101,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/config", sorted(glob("config/*.*"))),
         (f"share/{PACKAGE}/config/sros2", ["config/sros2/gs1.xml"]),
+        (f"share/{PACKAGE}/config/systemd", sorted(glob("config/systemd/*"))),
         (f"share/{PACKAGE}/config/viewers", sorted(glob("config/viewers/*"))),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.py"))),
     ],
@@ -111,7 +115,7 @@ setup(
     },
     zip_safe=False,
     entry_points={
-        "console_scripts": EVERY if INTO_ROS else [f"rf-pointing = {PACKAGE}.__main__:main"],
+        "console_scripts": STARTED if INTO_ROS else [f"rf-pointing = {PACKAGE}.__main__:main"],
         f"{PACKAGE}.executables": EVERY,
         f"{PACKAGE}.reports": [f"array_sensors = {PACKAGE}.array_sensors.report.page:report_array_sensors"],
     },

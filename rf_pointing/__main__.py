@@ -5,11 +5,19 @@ Without a name it lists them.  In a ROS install `ros2 run rf_pointing NAME` does
 
 import ast
 import difflib
+import importlib
 import signal
 import sys
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from rf_pointing.ros import NODE_USAGE
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+ROOMS = ("commands", "nodes", "array_sensors.nodes", "papers")
+"""Packages of the executables."""
 EXECUTABLES = "rf_pointing.executables"
 """Entry point group of all executables; setup.py has the table."""
 ROS = ("rclpy", "rf_pointing_msgs", "builtin_interfaces", "ament_index_python")
@@ -17,6 +25,9 @@ ROS = ("rclpy", "rf_pointing_msgs", "builtin_interfaces", "ament_index_python")
 
 def main(argv: list[str] | None = None) -> None:
     """Start the executable that the first argument names; exit code 2 for one that is not there."""
+    # Imported late: every executable starts here, and a node has no use for it.
+    from importlib.metadata import entry_points
+
     given = sys.argv[1:] if argv is None else argv
     found = {point.name: point for point in entry_points(group=EXECUTABLES)}
     if not given or given[0] in ("-h", "--help"):
@@ -39,7 +50,18 @@ def main(argv: list[str] | None = None) -> None:
     sys.exit(start())
 
 
-def listing(found: dict[str, EntryPoint]) -> list[str]:
+def start() -> None:
+    """Start the executable by whose name this program was called, as `ros2 run` does."""
+    name = Path(sys.argv[0]).name
+    module = next(each for room in ROOMS if _path(each := f"rf_pointing.{room}.{name}").is_file())
+    if ".nodes." in module and {"-h", "--help"} & set(sys.argv[1:]):
+        # Read, not imported: the libraries of a node take three times as long as its help.
+        print(f"{_docstring(module)}\n{NODE_USAGE}")
+        return
+    sys.exit(importlib.import_module(module).main())
+
+
+def listing(found: "dict[str, EntryPoint]") -> list[str]:
     """Return the usage and a line for each executable, the commands before the nodes."""
     lines = ["usage: rf-pointing NAME [ARGUMENT ...]; rf-pointing NAME --help says more", ""]
     nodes = [name for name, point in found.items() if ".nodes." in point.module]
@@ -50,10 +72,16 @@ def listing(found: dict[str, EntryPoint]) -> list[str]:
 
 def summary(module: str) -> str:
     """Return what an executable does in a line, read without importing it."""
-    path = Path(__file__).parent.joinpath(*module.split(".")[1:]).with_suffix(".py")
-    docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-    first = " ".join(docstring.partition("\n\n")[0].split())
+    first = " ".join(_docstring(module).partition("\n\n")[0].split())
     return first.partition(": ")[2] or first
+
+
+def _path(module: str) -> Path:
+    return Path(__file__).parent.joinpath(*module.split(".")[1:]).with_suffix(".py")
+
+
+def _docstring(module: str) -> str:
+    return ast.get_docstring(ast.parse(_path(module).read_text(encoding="utf-8"))) or ""
 
 
 def _refusal(text: str) -> int:

@@ -30,13 +30,13 @@ from rclpy.action.graph import (
 )
 from rclpy.signals import SignalHandlerOptions
 
-from rf_pointing.ros.graph import ARRAY_NODES, DESCRIPTION, EXECUTIVE, NODES, OPERATOR_PAGE, ROTCTLD
+from rf_pointing.ros.graph import ALARMS, ARRAY_NODES, DESCRIPTION, EXECUTIVE, NODES, OPERATOR_PAGE, ROTCTLD
 from rf_pointing.ros.leased_services import LEASED, SIGNED
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.station.description import read_station
 
 NAMESPACE = "/gs1"
-OF_STATION = (*NODES, *ARRAY_NODES, EXECUTIVE, ROTCTLD, DESCRIPTION, OPERATOR_PAGE)
+OF_STATION = (*NODES, *ARRAY_NODES, EXECUTIVE, ALARMS, ROTCTLD, DESCRIPTION, OPERATOR_PAGE)
 WITHOUT_STATION = ("simulation_clock", OPERATOR_PAGE)
 ON_A_DRIVE: dict[str, Any] = {"drive.type": "simulated_rotator", "wind.anemometer": True}
 STATIONS: tuple[tuple[str, dict[str, Any]], ...] = (("dss13", {}), ("dss13", ON_A_DRIVE), ("rotator_2m", {}))
@@ -128,6 +128,7 @@ def ros(namespace: str, station: Path) -> Iterator[None]:
     given["/**"] = {"use_sim_time": True}
     given["/**/ephemeris_publisher"]["source.refraction"] = "measured"
     given[f"/**/{EXECUTIVE}"]["executive.folder"] = str(station.with_suffix(""))
+    given[f"/**/{ALARMS}"]["folder"] = str(station.with_suffix(""))
     file = station.with_suffix(".parameters.yaml")
     file.write_text(yaml.safe_dump({name: {"ros__parameters": values} for name, values in given.items()}))
     rules = ["-r", f"__ns:={namespace}", "-r", "/clock:=clock", "--params-file", str(file), "--log-level", "FATAL"]

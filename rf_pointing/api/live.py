@@ -1,7 +1,7 @@
 """Runs on the live graph: what a request of `requests.py` starts, records and reports.
 
-`track`, `calibrate` and `identify` bring up the nodes of a station, each a process of its own, and
-return when all of them have ended.  Each result has a `code`: 0 done, 1 not reached, 2 not started.
+`track`, `calibrate` and `identify` bring up the nodes of a station, in some processes, and return
+when all of them have ended.  Each result has a `code`: 0 done, 1 not reached, 2 not started.
 What is refused raises ValueError, before anything is started.
 """
 
@@ -17,7 +17,7 @@ import yaml
 from rf_pointing_msgs.action import TrackPass
 
 from rf_pointing.api.requests import CalibrateRequest, IdentifyRequest, RunRequest, TrackRequest
-from rf_pointing.api.target import Target
+from rf_pointing.api.target import SOURCE, Target
 from rf_pointing.core import MDEG, Params, Sensor
 from rf_pointing.core.checks import id_of
 from rf_pointing.core.dates import utc_text
@@ -323,14 +323,7 @@ def _write_station(request: RunRequest, output: Path, scan: Params | None) -> Pa
 
 def _parameters(request: RunRequest, station: Path, output: Path) -> dict[str, dict[str, Any]]:
     """Return the parameters of every node that takes the station description."""
-    # The kept file and not its address: a run has the elements that it was planned with.
-    target, file = request.target, request.target.file
-    source = {
-        "source.satellite": target.satellite,
-        "source.elements": str(file.resolve()) if file else "",
-        "source.interpolation": target.interpolation,
-        "source.interpolation_degree": target.interpolation_degree,
-    }
+    source = {f"source.{name}": getattr(request.target, name) for name in SOURCE}
     error_s = request.ephemeris_error_s
     truth = {} if error_s is None else {"source.along_track_offset_s": error_s}
     # A real antenna keeps fault and turn over its runs.

@@ -13,9 +13,10 @@ from rf_pointing.api.keywords import angle_rad, span_s, time_s
 from rf_pointing.api.passes import Look, PassCertificate, StationPass
 from rf_pointing.api.plan import Plan
 from rf_pointing.api.simulated import SimulatedPass
-from rf_pointing.api.target import MAX_AGE_S, Target
+from rf_pointing.api.target import MAX_AGE_S, SOURCE, Target
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.ephemeris import Site, TopocentricTrack, find_passes
+from rf_pointing.ephemeris.passes import part_searched
 from rf_pointing.planning import AxisLimits
 from rf_pointing.simulation import StationSetup, simulate_pass
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
@@ -220,6 +221,12 @@ class Station:
         )
         return self._certified(one, one.searched_from_t_s, standing_rad)
 
+    def part_searched(
+        self, target: Target, *, start_t_s: float, hours: float | None = None, days: float | None = None
+    ) -> str:
+        """Return "" or the only parts of a search in which the target is known: it may decay."""
+        return part_searched(self.track_of(target), start_t_s, span_s(hours, days))
+
     def certificates(self, passes: Sequence[StationPass]) -> list[PassCertificate]:
         """Return the certificates of passes in a row, none left out.
 
@@ -334,13 +341,9 @@ class Station:
         window = one.window
         if minutes is not None:
             window = dataclasses.replace(window, los_t_s=min(window.los_t_s, window.aos_t_s + 60.0 * minutes))
-        source = {
-            "source.elements": str(one.target.file or ""), "source.satellite": one.target.satellite,
-            "source.interpolation": one.target.interpolation,
-            "source.interpolation_degree": one.target.interpolation_degree,
-        }  # fmt: skip
+        source = {f"source.{name}": getattr(one.target, name) for name in SOURCE}
         own: dict[str, dict[str, object]] = {
-            "ephemeris_publisher": {**source}, "rf_receiver": {**source, "signal.seed": seed},
+            "ephemeris_publisher": source, "rf_receiver": {**source, "signal.seed": seed},
             "antenna_servo": {"antenna.seed": seed},
         }  # fmt: skip
         for node, values in (changes or {}).items():

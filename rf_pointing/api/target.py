@@ -16,6 +16,8 @@ from rf_pointing.ephemeris.source import SourceParams, load_catalogue, load_targ
 if TYPE_CHECKING:
     from rf_pointing.station.pointing.multi_satellite_plan import Wish
 
+SOURCE = ("satellite", "elements", "interpolation", "interpolation_degree")
+"""Fields of a target that are the parameters `source.*` of the nodes that predict it."""
 MAX_AGE_S = SourceParams().max_age_days * DAY_S
 """Age from the epoch beyond which elements are refused."""
 FIRST_SATELLITE = "28057"
@@ -60,6 +62,11 @@ class Target:
             elements=self.location, satellite=self.satellite, site=site,
             interpolation=self.interpolation, interpolation_degree=self.interpolation_degree,
         )  # fmt: skip
+
+    @property
+    def elements(self) -> str:
+        """Whole path of `file`, "" without one: a run has the elements it was planned with."""
+        return str(self.file.resolve()) if self.file else ""
 
     @cached_property
     def found(self) -> Elements | TargetSource:

@@ -27,12 +27,12 @@ class SectorRule(Params):
     fewest: int = parameter(25, "observations a sector must have", low=1, high=10_000)
     most: int = parameter(30, "observations a sector may have", low=1, high=10_000)
 
+    ordered = ("fewest <= most",)
+
     def check_together(self) -> None:
-        """Refuse bands that do not rise and a minimum above the maximum."""
+        """Refuse bands that do not rise."""
         if any(high <= low for low, high in zip(self.elevation_edges_rad, self.elevation_edges_rad[1:], strict=False)):
             raise ValueError(f"elevation_edges_rad={self.elevation_edges_rad} must increase")
-        if self.fewest > self.most:
-            raise ValueError(f"fewest={self.fewest} must be <= most={self.most}")
 
     @property
     def count(self) -> int:

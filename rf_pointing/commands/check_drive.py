@@ -18,6 +18,7 @@ from pathlib import Path
 
 from rf_pointing.commands.options import between, ending_with_reason
 from rf_pointing.core.parameters import read_parameter_files, with_leaves
+from rf_pointing.core.types import Pair
 from rf_pointing.drives import Drive, DriveParams, make_drive
 from rf_pointing.drives.conformance import ConformanceCheck, Line
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
@@ -32,8 +33,9 @@ def main() -> None:
     options = _parser().parse_args()
     with ending_with_reason(PROGRAM), ExitStack() as ends:
         params = read_drive(options.params_file or [], options.station)
+        travel_rad = flown_rad(options.station) if options.station else None
         drive = made(params, options.namespace, ends)
-        run(drive, params, options)
+        run(drive, params, options, travel_rad)
 
 
 def made(params: DriveParams, namespace: str, ends: ExitStack) -> Drive:
@@ -48,10 +50,10 @@ def made(params: DriveParams, namespace: str, ends: ExitStack) -> Drive:
     return drive_beside(PROGRAM, namespace, params, ends)
 
 
-def run(drive: Drive, params: DriveParams, options: argparse.Namespace) -> None:
+def run(drive: Drive, params: DriveParams, options: argparse.Namespace, travel_rad: tuple[Pair, Pair] | None) -> None:
     """Check the drive, print every line, and exit with the code of the whole."""
     try:
-        lines = check(ConformanceCheck(drive, params, tick, math.radians(options.degrees)), options.move)
+        lines = check(ConformanceCheck(drive, params, tick, math.radians(options.degrees), travel_rad), options.move)
     except KeyboardInterrupt:
         sys.exit(2)
     finally:
@@ -86,6 +88,13 @@ def read_drive(files: list[Path], station: str = "") -> DriveParams:
         return with_leaves(AntennaParams(), of_drive).drive
     except ValueError as error:
         raise ValueError(f"antenna_servo: {error}") from error
+
+
+def flown_rad(station: str) -> tuple[Pair, Pair]:
+    """Return the lower and the upper ends of the travel that a station's description writes."""
+    mount = read_station(station).content.mount
+    low, high = zip(*(axis.travel_deg for axis in (mount.azimuth, mount.elevation)), strict=True)
+    return (math.radians(low[0]), math.radians(low[1])), (math.radians(high[0]), math.radians(high[1]))
 
 
 def tick(longest_s: float) -> float:

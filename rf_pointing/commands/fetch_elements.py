@@ -46,6 +46,8 @@ def show(outcome: Outcome, now_s: float) -> None:
     print(f"{record.address}: {outcome.state}")
     if outcome.problem:
         print(f"  problem: {outcome.problem}")
+    if record.refused:
+        print(f"  not used: {record.refused}")
     if outcome.state != "none":
         print(f"  {record.objects} objects, confirmed {age_text(now_s - record.fresh_t_s)} ago, in {outcome.file}")
     if record.epochs_t_s and outcome.state != "none":

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from rf_pointing.api.target import Target
+from rf_pointing.ephemeris.source import unused
 from rf_pointing.station.description import DEFAULT_STATION, shipped_stations
 
 
@@ -83,6 +84,7 @@ def target_from(location: str, satellite: str, interpolation: Sequence[str] = ("
     method, degree = interpolation_of(interpolation)
     target = Target(location=location, satellite=satellite, interpolation=method, interpolation_degree=degree)
     say_if("elements", target.problem)
+    say_if("elements not used", unused(location))
     return target
 
 

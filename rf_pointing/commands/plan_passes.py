@@ -68,6 +68,8 @@ def plan_one(request: PlanRequest) -> None:
         print(json.dumps([each.values() for each in wanted], indent=1))
     else:
         print("".join(f"{each}\n\n" for each in wanted) or "no pass\n", end="")
+    if part := station.part_searched(target, start_t_s=start_t_s, hours=request.span["hours"]):
+        say(PROGRAM, f"{target.name} {part}")
     if wanted:
         say_if(PROGRAM, wanted[-1].one.warning)
     if request.oem:
@@ -83,8 +85,8 @@ def plan_many(request: PlanRequest, targets: list[Target]) -> None:
     """Print the plan of many satellites, and write its files."""
     plan = request.station.plan(targets, gap_s=request.gap_s, **request.span)
     print(plan.to_json() if request.json else plan)
-    for name, reason in plan.day.unsearched:
-        say(PROGRAM, f"{name.name} was not searched: {reason}")
+    for one, reason in plan.day.unsearched:
+        say(PROGRAM, f"{one.name} {reason}")
     say_if(PROGRAM, plan.warning())
     if request.csv:
         write_whole(Path(request.csv), plan.to_csv())

@@ -9,6 +9,7 @@
     station offset --along 0.3 --cross 0.01
     station night pause | resume | stop | abort | skip [ID] | ack [ALARM]
     station log -n 50                       the journal of the executive
+    station test-alarms                     a message by every way out, and what came of it
 
 What moves or resets the antenna is signed with its key, if this user can read it: then it is served
 in somebody's pass too.
@@ -93,6 +94,8 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     night = add("night", "request something of the executive", StationClient.night)
     night("request", choices=tuple(NIGHT))
     night("name", nargs="?", default="", help="id of the pass, or the alarm (default: the present one, all)")
+    add("test-alarms", "send a message by every way out of the station, and say what came of it",
+        StationClient.test_alarms)  # fmt: skip
     log = add("log", "show the journal of the executive", StationClient.show_journal)
     log("-n", dest="count", metavar="N", type=int, default=30, help="last lines (default: 30)")
     given = vars(parser.parse_args(argv))

@@ -1,9 +1,9 @@
 """Executable `track`: bring up an antenna, track one pass, record it and report on it.
 
-Every node runs as a process of its own.  During the pass one line shows what the antenna does:
-redrawn in place on a terminal, or repeated every ten seconds in a log.  A station whose drive is
-not simulated is flown in real time, without simulation_clock and rf_receiver: `track` waits for the
-pass, and begins early enough for the antenna to be at its start.
+The nodes run in two processes, or as `--processes` says.  During the pass one line shows what the
+antenna does: redrawn in place on a terminal, or repeated every ten seconds in a log.  A station
+whose drive is not simulated is flown in real time, without simulation_clock and rf_receiver:
+`track` waits for the pass, and begins early enough for the antenna to be at its start.
 Exit code 0: the pass was tracked, as `core/pass_outcome.py` defines it; 1: it was not; 2: it could
 not be started.
 """

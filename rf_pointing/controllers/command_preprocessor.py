@@ -53,14 +53,13 @@ class CommandPreprocessorParams(Params):
     travel_min_rad: tuple[float, float] = parameter((-3.9, 0.04), "lower ends of travel", low=-50.0, high=50.0)
     travel_max_rad: tuple[float, float] = parameter((3.9, 1.6), "upper ends of travel", low=-50.0, high=50.0)
 
+    ordered = ("travel_min_rad < travel_max_rad",)
+
     def check_together(self) -> None:
-        """Refuse an empty travel and anything but one value per axis."""
+        """Refuse anything but one value per axis."""
         for name, values in asdict(self).items():
             if len(values) != 2:
                 raise ValueError(f"{name}={values} must have 2 values (azimuth, elevation)")
-        for low, high in zip(self.travel_min_rad, self.travel_max_rad, strict=True):
-            if low >= high:
-                raise ValueError(f"travel_min_rad={low} must be < travel_max_rad={high}")
 
 
 @dataclass(slots=True)

@@ -34,16 +34,11 @@ class OscillationDetectorParams(Params):
         math.radians(0.5), "error at which no further swing is waited for", low=1e-7, high=1.0
     )
 
-    def check_together(self) -> None:
-        """Refuse an empty band, and thresholds and counts of the wrong order."""
-        if self.high_pass_hz >= self.highest_hz:
-            raise ValueError(f"high_pass_hz={self.high_pass_hz} must be < highest_hz={self.highest_hz}")
-        if self.gross_threshold_rad < self.threshold_rad:
-            raise ValueError(
-                f"gross_threshold_rad={self.gross_threshold_rad} must be >= threshold_rad={self.threshold_rad}"
-            )
-        if self.gross_half_cycles > self.half_cycles:
-            raise ValueError(f"gross_half_cycles={self.gross_half_cycles} must be <= half_cycles={self.half_cycles}")
+    ordered = (
+        "high_pass_hz < highest_hz",
+        "gross_threshold_rad >= threshold_rad",
+        "gross_half_cycles <= half_cycles",
+    )
 
 
 @dataclass(slots=True)

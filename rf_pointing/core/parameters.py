@@ -18,6 +18,7 @@ the graph and the simulation:
 
 import dataclasses
 import math
+import operator
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self, TypeVar, get_args, get_origin
@@ -28,6 +29,7 @@ from rf_pointing.core.checks import require_between, require_choice
 from rf_pointing.core.whole_file import parse_yaml, read_whole
 
 P = TypeVar("P", bound="Params")
+_ORDERS = {"<": operator.lt, "<=": operator.le, ">=": operator.ge}
 
 _UNITS = {
     "_rad_s3": "rad/s^3",
@@ -84,11 +86,20 @@ def parameter_unit(name: str) -> str:
 class Params:
     """Base of every parameter set: fields are checked on construction and on `replace`."""
 
+    ordered = tuple[str, ...]()
+    """Orders that fields keep, as "shortest_s <= longest_s"; of tuples, value by value."""
+
     def __post_init__(self) -> None:
         for item in dataclasses.fields(self):
             value = getattr(self, item.name)
             _check_type(item, item.name, value)
             _check_range(item.name, value, item.metadata["low"], item.metadata["high"])
+        for name, sign, other in map(str.split, self.ordered):
+            pair = getattr(self, name), getattr(self, other)
+            one, two = (each if isinstance(each, tuple) else (each,) for each in pair)
+            for value, bound in zip(one, two, strict=False):
+                if not _ORDERS[sign](value, bound):
+                    raise ValueError(f"{name}={value} must be {sign} {other}={bound}")
         self.check_together()
 
     def check_together(self) -> None:
@@ -256,15 +267,17 @@ def read_parameter_files(paths: Sequence[Path]) -> dict[str, dict[str, Any]]:
                 raise ValueError(f"{path}: {key} must hold ros__parameters and nothing else")
             if not isinstance(section["ros__parameters"], Mapping):
                 raise ValueError(f"{path}: ros__parameters of {key} must map names to values")
-            merged.setdefault(str(key).rsplit("/", 1)[-1], {}).update(_flat(section["ros__parameters"]))
+            values = flat(section["ros__parameters"])
+            merged.setdefault(str(key).rsplit("/", 1)[-1], {}).update(values)
     return merged
 
 
-def _flat(section: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for key, value in section.items():
+def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested names as dotted ones, lists as tuples."""
+    found: dict[str, Any] = {}
+    for name, value in values.items():
         if isinstance(value, Mapping):
-            flat |= _flat(value, f"{prefix}{key}.")
+            found |= flat(value, f"{prefix}{name}.")
         else:
-            flat[f"{prefix}{key}"] = value
-    return flat
+            found[f"{prefix}{name}"] = _tuple(value)
+    return found

@@ -41,13 +41,19 @@ class Line:
 class ConformanceCheck:
     """The checks of one drive, in the order of the report; `tick` lets time pass.
 
-    `way_rad` is how far each axis is moved.
+    `way_rad` is how far each axis is moved, `flown_rad` the lower and the upper ends of the travel
+    that is flown, by default all that the parameters let the device reach.
     """
 
-    def __init__(self, drive: Drive, params: DriveParams, tick: Clock, way_rad: float = math.radians(10.0)) -> None:
+    def __init__(
+        self, drive: Drive, params: DriveParams, tick: Clock, way_rad: float = math.radians(10.0),
+        flown_rad: tuple[Pair, Pair] | None = None,
+    ) -> None:  # fmt: skip
         self._drive, self._params, self._tick, self._way_rad = drive, params, tick, way_rad
+        self._flown_rad = flown_rad or (params.rotator.travel_min_rad, params.rotator.travel_max_rad)
         self._rotator = Rotator(drive, params.rotator)
         self._t_s = tick(0.0)
+        self._before: dict[str, int] = {}
         self._readings: list[tuple[float, DriveReading, Pair]] = []
 
     def still(self) -> list[Line]:
@@ -57,6 +63,8 @@ class ConformanceCheck:
         if self._rotator.reading is None:
             return [Line("connection", False, self._drive.problem or "no position within 5 s")]
         lines = [Line("connection", True, f"first position after {self._t_s - begun_s:.2f} s")]
+        # A controller's dialect is recognised by its first answers.
+        self._before = dict(self._drive.losses)
         self._readings.clear()
         self._pass(WATCH_S)
         return [*lines, self._period(), self._age(), self._rest("rest"), self._inside(), self._losses()]
@@ -100,20 +108,24 @@ class ConformanceCheck:
         return Line(name, good, f"moves by {_degrees(spread)} deg, at most {_degrees(bound)} deg")
 
     def _inside(self) -> Line:
-        low, high = self._params.rotator.travel_min_rad, self._params.rotator.travel_max_rad
-        here = self._rotator.position_rad
-        good = all(a <= angle <= b for a, angle, b in zip(low, here, high, strict=True))
-        states, text = self._drive.capabilities.travel_rad, ""
-        if states is not None and not self._drive.capabilities.one_turn:
-            zero = self._params.rotator.zero_rad
-            device = [[angle + z for angle, z in zip(ends, zero, strict=True)] for ends in states]
-            good = good and all(a >= b - SAME_RAD for a, b in zip(low, device[0], strict=True))
-            good = good and all(a <= b + SAME_RAD for a, b in zip(high, device[1], strict=True))
-            text = f"; the device states {_degrees(device[0])} to {_degrees(device[1])} deg"
-        return Line("travel", good, f"at {_degrees(here)}, stated {_degrees(low)} to {_degrees(high)} deg{text}")
+        can, rotator = self._drive.capabilities, self._params.rotator
+        here, (low, high) = self._rotator.position_rad, self._flown_rad
+        axes = [axis for axis in (0, 1) if axis == 0 or can.has_elevation]
+        reach = rotator.travel_min_rad, rotator.travel_max_rad
+        good = all(reach[0][axis] <= here[axis] <= reach[1][axis] for axis in axes)
+        text = "" if can.has_elevation else "; the device has no elevation"
+        if can.travel_rad is not None and not can.one_turn:
+            device = [[angle + z for angle, z in zip(ends, rotator.zero_rad, strict=True)] for ends in can.travel_rad]
+            # A folded azimuth is sent to whatever turn the device takes.
+            held = [axis for axis in axes if axis == 1 or not rotator.takes_one_turn]
+            good = good and all(low[axis] >= device[0][axis] - SAME_RAD for axis in held)
+            good = good and all(high[axis] <= device[1][axis] + SAME_RAD for axis in held)
+            text += f"; the device states {_degrees(device[0])} to {_degrees(device[1])} deg"
+        return Line("travel", good, f"at {_degrees(here)}, flown {_degrees(low)} to {_degrees(high)} deg{text}")
 
     def _losses(self) -> Line:
-        lost = {name: count for name, count in self._drive.losses.items() if count and name != "late answer"}
+        new = {name: count - self._before.get(name, 0) for name, count in self._drive.losses.items()}
+        lost = {name: count for name, count in new.items() if count and name != "late answer"}
         text = ", ".join(f"{name}: {count}" for name, count in lost.items()) or "nothing was lost"
         return Line("losses", not lost, text)
 

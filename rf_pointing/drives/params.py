@@ -24,10 +24,7 @@ class LinkParams(Params):
     first_retry_s: float = parameter(0.5, "wait before the first attempt to reconnect", low=0.05, high=60.0)
     longest_retry_s: float = parameter(10.0, "longest wait; it doubles from attempt to attempt", low=0.05, high=3600.0)
 
-    def check_together(self) -> None:
-        """Refuse a first wait beyond the longest one."""
-        if self.first_retry_s > self.longest_retry_s:
-            raise ValueError(f"first_retry_s={self.first_retry_s} must be <= longest_retry_s={self.longest_retry_s}")
+    ordered = ("first_retry_s <= longest_retry_s",)
 
     @property
     def lost_s(self) -> float:
@@ -70,11 +67,7 @@ class RotatorParams(Params):
     reads_one_turn: bool = parameter(False, "whether it reads the azimuth modulo 360 deg")
     takes_one_turn: bool = parameter(False, "whether its azimuth set points are modulo 360 deg")
 
-    def check_together(self) -> None:
-        """Refuse an empty travel."""
-        for low, high in zip(self.travel_min_rad, self.travel_max_rad, strict=True):
-            if low >= high:
-                raise ValueError(f"travel_min_rad={low} must be < travel_max_rad={high}")
+    ordered = ("travel_min_rad < travel_max_rad",)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +78,11 @@ class DriveParams(Params):
         "simulated",
         "the drive: simulated, simulated_rotator, hamlib, gs232, easycomm, spid, topic, or one of an entry point",
     )
-    model: str = parameter("", "dialect: easycomm 2 or 3, spid rot1, rot2 or md01; empty: 2 and rot2")
+    model: str = parameter(
+        "",
+        "dialect: gs232 a, b, a_azimuth or b_azimuth (empty: recognised), hamlib azimuth, "
+        "easycomm 2, 3, 2_azimuth or 3_azimuth, spid rot1, rot2 or md01; empty: 2 and rot2",
+    )
     options: str = parameter("", "text for a drive of one's own")
     link: LinkParams = parameter(LinkParams(), "how the device is reached")
     rotator: RotatorParams = parameter(RotatorParams(), "how a device that takes positions moves")

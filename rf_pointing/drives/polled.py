@@ -263,7 +263,8 @@ class PolledDrive(Drive):
         # A position came after it: from now on it is an old answer.
         self._refused = ""
         self.problem, self._wait_s = "", self._timing.first_retry_s
-        if self._protocol.resolution_deg != self._resolution_deg:
+        can, protocol = self.capabilities, self._protocol
+        if (protocol.resolution_deg, protocol.has_elevation) != (self._resolution_deg, can.has_elevation):
             self._state_capabilities(self.capabilities.travel_rad)
         if self._stopped and before is not None and t_s - self._stop_s > STOP_AGAIN_S:
             steps = zip(self._reading.position_rad, before.position_rad, self.capabilities.resolution_rad, strict=True)

@@ -5,6 +5,9 @@
     easycomm  II and III: "AZ EL" -> "AZaaa.a ELeee.e", "AZaaa.a ELeee.e", "SA SE"; III: "GE" errors
     spid      Rot1Prog, Rot2Prog, MD-01: 13-byte commands, answers of 5 or 12 bytes
 
+Controllers of one kind differ in how they write a position: each has a table of dialects, which are
+recognised at every connection.  Boards without an elevation axis are one of them.
+
 `take` consumes what is complete in a buffer and leaves the rest: an answer may come in pieces, late
 or between noise.  Angles here are degrees, as on the wire.
 """
@@ -12,6 +15,7 @@ or between noise.  Angles here are degrees, as on the wire.
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 from rf_pointing.core.types import Pair
@@ -115,6 +119,65 @@ RPRT_ERRORS = {
 """Codes of rotctld and what they mean, for its client here and for its server."""
 
 
+AZIMUTH = "azimuth"
+"""Model of a controller that turns the azimuth alone."""
+_ANGLE = rb"([+-]?[0-9]{1,3}(?:\.[0-9]+)?)"
+_SIGNED = rb"([+-][0-9]{4}|[+-][0-9]{3}(?:\.[0-9]+)?)"
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a controller writes its position; `model` names it in the description."""
+
+    model: str
+    position: re.Pattern[bytes]
+
+    @property
+    def has_elevation(self) -> bool:
+        """Whether it has a second axis."""
+        return self.position.groups == 2
+
+
+def _dialect(model: str, form: bytes) -> Dialect:
+    # An azimuth alone must be the whole line: it may be the rest of a longer one.
+    return Dialect(
+        model, re.compile((b".*" if form.count(b"%s") == 2 else b"") + form.replace(b"%s", _ANGLE), re.DOTALL)
+    )
+
+
+class LineProtocol(DeviceProtocol):
+    """Controllers that answer in lines, in one of a few dialects recognised at every connection."""
+
+    dialects: ClassVar[tuple[Dialect, ...]] = ()
+    SURE = 3
+    """Answers without an elevation after which the axis is missing: one may be half an answer."""
+
+    def __init__(self, model: str = "") -> None:
+        self._named = next((one for one in self.dialects if one.model == model), None)
+        self._alone = 0
+        self.greeting()
+
+    @property
+    def has_elevation(self) -> bool:  # type: ignore[override]
+        return self._spoken is None or self._spoken.has_elevation
+
+    def greeting(self) -> list[Request]:
+        # The count stays: a slow board may need more than one connection.
+        self._spoken = self._named
+        return []
+
+    def _heard(self, line: bytes) -> Answer | None:
+        """Return the position in a line, None without one."""
+        for each in (self._spoken,) if self._spoken else self.dialects:
+            if found := each.position.fullmatch(line):
+                self._alone = 0 if each.has_elevation else self._alone + 1
+                if not (each.has_elevation or self._spoken or self._alone >= self.SURE):
+                    return Answer(REFUSED, "an azimuth alone, which may be the rest of an answer")
+                self._spoken = each
+                return _position(float(found[1]), float(found[2]) if each.has_elevation else 0.0, line)
+        return None
+
+
 class HamlibProtocol(DeviceProtocol):
     """Hamlib's rotctld; every line of its extended protocol names what it is."""
 
@@ -124,7 +187,8 @@ class HamlibProtocol(DeviceProtocol):
                         rb" (-?[0-9]+(?:\.[0-9]+)?)")  # fmt: skip
     _BEGIN = re.compile(rb"(get_pos|set_pos|stop|dump_state):(.*)")
 
-    def __init__(self) -> None:
+    def __init__(self, model: str = "") -> None:
+        self.has_elevation = model != AZIMUTH
         self._block = ""
         self._fields: dict[str, float] = {}
 
@@ -148,6 +212,8 @@ class HamlibProtocol(DeviceProtocol):
             self._fields[field[1].decode()] = float(field[2])
         elif end := re.fullmatch(rb"RPRT (-?[0-9]+)", line):
             yield from self._end(int(end[1]))
+        elif re.fullmatch(rb"rot_type=Az(imuth)?", line):
+            self.has_elevation = False
         elif self._block != "dump_state":
             yield _noise(line)
 
@@ -166,59 +232,75 @@ class HamlibProtocol(DeviceProtocol):
             yield Answer(DONE, block)
 
 
-class Gs232Protocol(DeviceProtocol):
+class Gs232Protocol(LineProtocol):
     """Yaesu GS-232A and GS-232B and what copies them; whole degrees, three digits."""
 
     name = "GS-232"
-    _BOTH = re.compile(rb"AZ=\s*([0-9]{3})\s*EL=\s*(-?[0-9]{3})$|\+0([0-9]{3})\+0([0-9]{3})$")
+    dialects = (
+        _dialect("b", rb"AZ\s*=\s*%s[\s,]*EL\s*=\s*%s"),
+        Dialect("a", re.compile(rb".*" + _SIGNED + rb"[\s,]*" + _SIGNED, re.DOTALL)),
+        _dialect("b_azimuth", rb"AZ\s*=\s*%s"),
+        Dialect("a_azimuth", re.compile(_SIGNED)),
+    )
+
+    _azimuth_alone = False
+    """Whether C2 was refused, which boards without elevation do not know."""
 
     def ask(self) -> Request:
-        return Request("C2", b"C2\r", POSITION)
+        name = "C" if self._azimuth_alone or not self.has_elevation else "C2"
+        return Request(name, f"{name}\r".encode(), POSITION)
 
     def go_to(self, azimuth_deg: float, elevation_deg: float) -> Request:
         # Three digits: a negative angle has no form on this wire.
         azimuth, elevation = max(0, round(azimuth_deg)), max(0, round(elevation_deg))
+        if not self.has_elevation:
+            return Request("M", f"M{azimuth:03d}\r".encode())
         return Request("W", f"W{azimuth:03d} {elevation:03d}\r".encode())
 
     def stop(self) -> Request:
         return Request("S", b"S\r")
 
     def _line(self, line: bytes) -> Iterator[Answer]:
-        if both := self._BOTH.search(line):
-            azimuth, elevation = (found for found in both.groups() if found is not None)
-            yield _position(float(azimuth), float(elevation), line)
+        if position := self._heard(line):
+            yield position
         elif line.startswith(b"?"):
+            self._azimuth_alone = self._spoken is None and not self._azimuth_alone
             yield Answer(REFUSED, "the controller answered ?>")
         else:
             yield _noise(line)
 
 
-class EasycommProtocol(DeviceProtocol):
+class EasycommProtocol(LineProtocol):
     """Easycomm II; III adds the error register."""
 
     name = "Easycomm"
     resolution_deg = (0.1, 0.1)
     ERRORS: ClassVar = {1: "sensor error", 2: "jam", 4: "homing error"}
-    _BOTH = re.compile(rb"AZ(-?[0-9]+(?:\.[0-9]+)?)\s+EL(-?[0-9]+(?:\.[0-9]+)?)$")
+    dialects = (
+        _dialect("azel", rb"AZ\s*=?\s*%s[\s,]*EL\s*=?\s*%s"),
+        _dialect(AZIMUTH, rb"AZ\s*=?\s*%s"),
+    )
 
-    def __init__(self, version: int) -> None:
-        self._version = version
+    def __init__(self, model: str) -> None:
+        self._version, _, dialect = model.partition("_")
+        super().__init__(dialect)
 
     def also(self) -> list[Request]:
-        return [Request("GE", b"GE\n", STATUS)] if self._version == 3 else []
+        return [Request("GE", b"GE\n", STATUS)] if self._version == "3" else []
 
     def ask(self) -> Request:
         return Request("AZ EL", b"AZ EL\n", POSITION)
 
     def go_to(self, azimuth_deg: float, elevation_deg: float) -> Request:
-        return Request("AZ EL set", f"AZ{azimuth_deg:.1f} EL{elevation_deg:.1f}\n".encode())
+        elevation = f" EL{elevation_deg:.1f}" if self.has_elevation else ""
+        return Request("AZ EL set", f"AZ{azimuth_deg:.1f}{elevation}\n".encode())
 
     def stop(self) -> Request:
         return Request("SA SE", b"SA SE\n")
 
     def _line(self, line: bytes) -> Iterator[Answer]:
-        if both := self._BOTH.search(line):
-            yield _position(float(both[1]), float(both[2]), line)
+        if position := self._heard(line):
+            yield position
         elif alarm := re.search(rb"AL([ -~]+)$", line):
             yield Answer(ALARM, f"alarm {alarm[1].decode()}")
         elif errors := re.search(rb"GE([0-9]{1,3})$", line):
@@ -302,24 +384,25 @@ class SpidProtocol(DeviceProtocol):
         return bytes([cls.START, *first, pulses[0], *second, pulses[1], command, cls.END])
 
 
-def _easycomm(model: str) -> DeviceProtocol:
-    return EasycommProtocol(int(_dialect("easycomm", model or "2", ("2", "3"))))
-
-
-def _spid(model: str) -> DeviceProtocol:
-    return SpidProtocol(_dialect("spid", model or "rot2", ("rot1", "rot2", "md01")))
-
-
-def _dialect(type_: str, model: str, known: tuple[str, ...]) -> str:
-    if model not in known:
-        raise ValueError(f"drive.model={model!r} of {type_} must be one of {', '.join(known)}")
-    return model
-
-
-PROTOCOLS: dict[str, Callable[[str], DeviceProtocol]] = {
-    "hamlib": lambda _: HamlibProtocol(),
-    "gs232": lambda _: Gs232Protocol(),
-    "easycomm": _easycomm,
-    "spid": _spid,
+MODELS = {
+    "hamlib": ("", AZIMUTH),
+    "gs232": ("", *(one.model for one in Gs232Protocol.dialects)),
+    "easycomm": ("2", "3", "2_azimuth", "3_azimuth"),
+    "spid": ("rot2", "rot1", "md01"),
 }
+"""Values of `drive.model` for each type; the first is meant by an empty one."""
+_MADE: dict[str, Callable[[str], DeviceProtocol]] = {
+    "hamlib": HamlibProtocol, "gs232": Gs232Protocol, "easycomm": EasycommProtocol, "spid": SpidProtocol,
+}  # fmt: skip
+
+
+def protocol_of(type_: str, model: str) -> DeviceProtocol:
+    """Return the words of a type of drive; ValueError for a model that it does not have."""
+    known = MODELS[type_]
+    if (model or known[0]) not in known:
+        raise ValueError(f"drive.model={model!r} of {type_} must be one of {', '.join(filter(None, known))}")
+    return _MADE[type_](model or known[0])
+
+
+PROTOCOLS = {type_: partial(protocol_of, type_) for type_ in MODELS}
 """The words of each type of drive, made for a model of it."""

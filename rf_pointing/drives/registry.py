@@ -8,16 +8,17 @@ A package of one's own registers a factory in its setup.cfg, which takes `DriveP
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from rf_pointing.core.types import Pair
 from rf_pointing.drives.drive import Drive
 from rf_pointing.drives.params import DriveParams
-from rf_pointing.drives.protocols import PROTOCOLS
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
+
+    from rf_pointing.drives.protocols import DeviceProtocol
 
 ENTRY_POINTS = "rf_pointing.drives"
 SIMULATED_ROTATOR = "simulated_rotator"
@@ -27,7 +28,7 @@ SIMULATED = ("simulated", SIMULATED_ROTATOR)
 
 def known_types() -> list[str]:
     """Return the names of the drives that `make_drive` can make here."""
-    return [SIMULATED_ROTATOR, *PROTOCOLS, *_factories()]
+    return [SIMULATED_ROTATOR, *_protocols(), *_factories()]
 
 
 def _factories() -> "Mapping[str, EntryPoint]":
@@ -37,16 +38,23 @@ def _factories() -> "Mapping[str, EntryPoint]":
     return {point.name: point for point in entry_points(group=ENTRY_POINTS)}
 
 
+def _protocols() -> "Mapping[str, Callable[[str], DeviceProtocol]]":
+    # Imported here: only the control unit of such a device needs their tables.
+    from rf_pointing.drives.protocols import PROTOCOLS
+
+    return PROTOCOLS
+
+
 def takes_positions(kind: str) -> bool:
     """Whether a drive of this package takes positions; one of an entry point says so itself."""
-    return kind == SIMULATED_ROTATOR or kind in PROTOCOLS
+    return kind == SIMULATED_ROTATOR or kind in _protocols()
 
 
 def simulated(params: DriveParams) -> DriveParams:
     """Return the drive of a simulation of the antenna: no simulation connects to a device."""
-    if params.type not in PROTOCOLS:
+    if params.type not in _protocols():
         return params if params.type == SIMULATED_ROTATOR else params.replace(type="simulated")
-    protocol = tuple(math.radians(step) for step in PROTOCOLS[params.type](params.model).resolution_deg)
+    protocol = tuple(math.radians(step) for step in _protocols()[params.type](params.model).resolution_deg)
     steps = tuple(own or theirs for own, theirs in zip(params.rotator.resolution_rad, protocol, strict=True))
     return params.replace(type=SIMULATED_ROTATOR, rotator=params.rotator.replace(resolution_rad=steps))
 
@@ -63,10 +71,10 @@ def make_drive(params: DriveParams, start_rad: Pair = (0.0, 0.0)) -> Drive:
         from rf_pointing.drives.simulated_rotator import SimulatedRotator
 
         return SimulatedRotator(params, start_rad)
-    if params.type in PROTOCOLS:
+    if params.type in _protocols():
         from rf_pointing.drives.polled import PolledDrive
 
-        return PolledDrive(PROTOCOLS[params.type](params.model), params)
+        return PolledDrive(_protocols()[params.type](params.model), params)
     if point := _factories().get(params.type):
         made: Drive = point.load()(params)
         return made

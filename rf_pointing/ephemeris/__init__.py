@@ -8,9 +8,9 @@ if TYPE_CHECKING:
     from rf_pointing.ephemeris.catalogue import CataloguePass, CatalogueSearch, CatalogueSky, find_catalogue_passes
     from rf_pointing.ephemeris.celestial import RADIO_SOURCES, moon, radio_source, sun
     from rf_pointing.ephemeris.earth_orientation import IersEarthOrientation
-    from rf_pointing.ephemeris.element_messages import read_elements
     from rf_pointing.ephemeris.elements import Elements, find_elements
-    from rf_pointing.ephemeris.oem import OemTarget, oem_text, read_oem
+    from rf_pointing.ephemeris.oem import OemTarget, oem_text
+    from rf_pointing.ephemeris.orbit_file import read_elements
     from rf_pointing.ephemeris.passes import Pass, find_passes, first_pass_above, passes_with_present
     from rf_pointing.ephemeris.satellite_antenna import SatelliteAntennaParams, orbital_axes, orbital_rate_rad_s
     from rf_pointing.ephemeris.sites import SITES, Site, site

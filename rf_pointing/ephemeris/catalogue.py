@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from sgp4.api import SGP4_ERRORS, Satrec, SatrecArray
+from sgp4.api import Satrec, SatrecArray
 
 from rf_pointing.core import azel_from_unit_vector, require_between, require_choice
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
@@ -26,11 +26,12 @@ from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, Iers
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.grid_passes import MARGIN, GridPasses, SampledSky, passes_on_grid
 from rf_pointing.ephemeris.look_angles import SENSES
-from rf_pointing.ephemeris.passes import Horizon
-from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
+from rf_pointing.ephemeris.passes import Horizon, Pass, find_passes, part_searched
+from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, LEAST_RADIUS_KM, earth_fixed_from_teme
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.state_vector import StateVector
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, leap_seconds
+from rf_pointing.ephemeris.track import TopocentricTrack
 
 _CIRCULAR_STEP_RAD, _ECCENTRIC_STEP_RAD = 0.45, 0.25
 # Largest eccentricity of the long step: the series of an eccentric orbit around its perigee
@@ -70,6 +71,18 @@ class CataloguePass:
     rises_before: bool
     sets_after: bool
 
+    @classmethod
+    def of_window(cls, elements: Elements, track: TopocentricTrack, window: Pass) -> "CataloguePass":
+        """Return a pass that the search of one object has found."""
+        looks = track.sample([window.aos_t_s, window.tca_t_s, window.los_t_s])
+        rise, highest, fall = (looks.azimuth_rad % math.tau).tolist()
+        return cls(
+            elements, window.aos_t_s, window.tca_t_s, window.los_t_s, window.peak_elevation_rad, rise, highest, fall,
+            (window.aos_azimuth_rad, window.azimuth_min_rad, window.azimuth_max_rad, window.los_azimuth_rad),
+            float(looks.elevation_rad[0]), float(looks.elevation_rad[2]), abs(float(looks.azimuth_rate_rad_s[1])),
+            float(looks.range_m[1]), window.rises_before, window.sets_after,
+        )  # fmt: skip
+
     @property
     def name(self) -> str:
         """Name of the object."""
@@ -83,7 +96,7 @@ class CataloguePass:
 
 @dataclass(frozen=True, slots=True)
 class CatalogueSearch:
-    """All passes in order of rise, and the objects that were not searched, each with the reason."""
+    """All passes in order of rise, and what was searched in part or not at all, with the reason."""
 
     passes: tuple[CataloguePass, ...]
     unsearched: tuple[tuple[Elements, str], ...]
@@ -103,8 +116,8 @@ def find_catalogue_passes(
 ) -> CatalogueSearch:
     """Return the passes of all `elements` above an elevation or a horizon (apparent) in a time.
 
-    Options are as for `TopocentricTrack`.  Objects that are too old or cannot be propagated through
-    the interval are listed, not skipped silently.
+    Options are as for `TopocentricTrack`.  Objects that are too old are listed, and those that
+    decay in the interval, which are searched one by one up to there.
     """
     require_between("duration_s", duration_s, 60.0, 31.0 * DAY_S)
     horizon = min_elevation_rad if callable(min_elevation_rad) else None
@@ -121,7 +134,16 @@ def find_catalogue_passes(
     usable, unsearched = _usable(elements, start_t_s, duration_s, max_age_s)
     for chunk, step_s in _chunks(usable, duration_s):
         sky, codes = _sampled(chunk, site, start_t_s, duration_s, step_s, SENSES[light_time], source)
-        unsearched += [(e, SGP4_ERRORS[int(code)]) for e, code in zip(chunk, codes, strict=True) if code]
+        for one in (e for e, code in zip(chunk, codes, strict=True) if code):
+            try:
+                track = TopocentricTrack(
+                    one, site, refraction=air, light_time=light_time, max_age_s=max_age_s, orientation=source
+                )
+                windows = find_passes(track, start_t_s, duration_s, min_elevation_rad)
+                passes += [CataloguePass.of_window(one, track, window) for window in windows]
+                unsearched.append((one, part_searched(track, start_t_s, duration_s)))
+            except ValueError as error:
+                unsearched.append((one, f"was not searched: {error}"))
         found = passes_on_grid(sky, codes == 0, duration_s, math.sin(true_mask_rad))
         if horizon:
             found = _above_horizon(found, sky, air, horizon)
@@ -214,7 +236,10 @@ def _usable(
             usable.append(one)
         else:
             unsearched.append(
-                (one, f"{age_s / DAY_S:.2f} days from its epoch, must be <= {max_age_s / DAY_S:.2f} days")
+                (
+                    one,
+                    f"was not searched: {age_s / DAY_S:.2f} days from its epoch, must be <= {max_age_s / DAY_S:.2f} days",
+                )
             )
     return usable, unsearched
 
@@ -261,7 +286,9 @@ def _orbits(
     # Only position and velocity are used here; whoever interpolates has derivatives of its own.
     none = (0.0, 0.0, 0.0)
     orbit = earth_fixed_from_teme(StateVector((x, y, z), (vx, vy, vz), none, none), t_s, orientation)
-    return orbit, codes.max(axis=1)
+    # On its way down SGP4 gives places without an error, of millions of kilometres at the end.
+    low = np.einsum("otc,otc->ot", position_km, position_km).min(axis=1) < LEAST_RADIUS_KM**2
+    return orbit, codes.max(axis=1) | low.astype(np.uint8)
 
 
 def _seen(orbit: StateVector, site: Site, sense: float) -> Array:

@@ -1,17 +1,18 @@
-"""Mean elements read from text: TLE, or orbit mean-elements messages (OMM, CCSDS 502.0-B).
+"""Orbit mean-elements messages (OMM, CCSDS 502.0-B): JSON, XML, CSV and KVN.
 
-An OMM comes as JSON, XML, CSV or KVN; the form is recognised from the text.  Two dialects are in
-use, numbers written as numbers and numbers written as strings; both are read.  The catalogue number
-is a plain integer of up to nine digits.  Only elements of the SGP4 theory in TEME and UTC are
-accepted: the same numbers mean another orbit in any other theory.  A unit that is written with a
-number must be the standard's, and a keyword that is given twice is an error.
+Each reader yields the elements of the good messages and a ValueError for every bad one, which
+begins with its line.  Two dialects are in use, numbers written as numbers and numbers written as
+strings; both are read.  The catalogue number is a plain integer of up to nine digits.  Only
+elements of the SGP4 theory in TEME and UTC are accepted: the same numbers mean another orbit in any
+other theory.  A unit that is written with a number must be the standard's, and a keyword that is
+given twice is an error.
 """
 
+import csv
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rf_pointing.core.checks import name_of
@@ -19,7 +20,7 @@ from rf_pointing.core.dates import DAY_S, from_utc_text
 from rf_pointing.core.kvn import key_and_value, without_unit
 from rf_pointing.core.whole_file import DEEPEST, parse_json
 from rf_pointing.ephemeris.elements import MEAN_MOTIONS, Elements
-from rf_pointing.ephemeris.tle import read_tle
+from rf_pointing.ephemeris.tle import SGP4_XP, read_tle, tle_columns
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -36,6 +37,7 @@ _MUST_BE = {
 }
 _UNITS = {
     "MEAN_MOTION": "rev/day",
+    "SEMI_MAJOR_AXIS": "km",
     "INCLINATION": "deg",
     "RA_OF_ASC_NODE": "deg",
     "ARG_OF_PERICENTER": "deg",
@@ -50,113 +52,193 @@ _MOST_ECCENTRIC = 0.9999999
 _TURN_DEG = (-360.0, 360.0)
 
 
-def read_elements(text: str) -> list[Elements]:
-    """Return all elements in TLE, 3LE or OMM (JSON, XML, CSV, KVN) text; none is an error."""
-    # Windows editors put a byte order mark in front, which is not a blank.
-    content = text.removeprefix("\ufeff").strip()
-    found = _reader(content)(content)
-    if not found:
-        raise ValueError(f"text holds no elements; it starts with {content[:40]!r}")
-    return found
+# A flat object of JSON; in a text with a damaged quote, one without a look at the quotes.
+_OBJECT = re.compile(r'\{(?:[^{}"]|"(?:[^"\\\n]|\\.)*")*\}')
+_DAMAGED_OBJECT = re.compile(r"\{[^{}]*\}?")
+_NAMES = ("tle0", "tle_line0", "line0", "object_name", "satname", "name")
+_OURS = {"MEAN_MOTION", "ECCENTRICITY", "BSTAR", "RA_OF_ASC_NODE", "MEAN_ANOMALY"}
+# SGP4's own, of WGS 72, as its mean motion is.
+_MU_KM3_S2 = 398600.8
+
+Found = Iterator[Elements | ValueError | UserWarning]
 
 
-def _reader(content: str) -> Callable[[str], list[Elements]]:
-    first_line = content.split("\n", 1)[0]
-    if content.startswith(("{", "[")):
-        return read_omm_json
-    if content.startswith("<"):
-        return read_omm_xml
-    if "," in first_line and "MEAN_MOTION" in first_line:
-        return read_omm_csv
-    # A KVN message may begin with comments.
-    if content.startswith(("CCSDS_OMM_VERS", "COMMENT")):
-        return read_omm_kvn
-    if content.startswith("CCSDS_"):
-        raise ValueError(
-            f"{first_line.split('=')[0].strip()} must be CCSDS_OMM_VERS, or CCSDS_OEM_VERS of an ephemeris"
-        )
-    return read_tle
-
-
-def read_omm_json(text: str) -> list[Elements]:
-    """Return the elements of one JSON object or an array of them."""
+def read_json(text: str, _name: str = "") -> Found:
+    """Yield the elements of every object in JSON that has those of an OMM, or lines of a TLE."""
+    wrong, parsed = "", None
     try:
-        parsed = parse_json(text, parse_constant=_no_constant, object_pairs_hook=partial(_once, "OMM JSON"))
+        parsed = parse_json(text, parse_constant=float)
     except json.JSONDecodeError as error:
-        raise ValueError(f"OMM JSON is malformed: {error}") from None
-    messages = parsed if isinstance(parsed, list) else [parsed]
-    for number, message in enumerate(messages, start=1):
-        if not isinstance(message, dict):
-            raise ValueError(f"OMM {number} must be a JSON object, is {message!r}")
-    return _elements_of(messages)
+        wrong = f"line {error.lineno}: OMM JSON is malformed: {error.msg}"
+    ours = clean = 0
+    for line, piece in _pieces(text, _DAMAGED_OBJECT if wrong else _OBJECT):
+        for found in _of_object(line, piece, ours + 1):
+            ours += 1
+            clean += not isinstance(found, ValueError)
+            yield found
+    # The damage may be around the objects; one that it has hit is listed already.
+    if wrong and clean == ours:
+        yield ValueError(wrong)
+    if not ours and not wrong:
+        # Objects in objects, with both lines of a TLE in one text.
+        yield from read_tle("\n".join(_texts(parsed)))
 
 
-def read_omm_xml(text: str) -> list[Elements]:
-    """Return the elements of an <omm> or of an <ndm> that holds several."""
+def _of_object(line: int, piece: str, number: int) -> Found:
+    """Yield what one flat object of JSON holds, nothing for one of another kind."""
+    try:
+        fields = parse_json(piece, parse_constant=_no_constant, object_pairs_hook=_once)
+    except ValueError as error:
+        # Damage to an object of another kind is nobody's concern.
+        if any(key in piece for key in _OURS) or tle_columns(piece):
+            reason = getattr(error, "msg", error)
+            yield ValueError(f"line {line}: OMM JSON {number} is malformed: {reason}")
+        return
+    if _OURS & fields.keys():
+        yield _omm(line, number, fields)
+        return
+    lines = [one for text in fields.values() if isinstance(text, str) for one in text.splitlines()
+             if tle_columns(one)]  # fmt: skip
+    named = {key.casefold(): value for key, value in fields.items() if isinstance(value, str)}
+    name = next((named[key] for key in _NAMES if named.get(key)), "")
+    for found in read_tle("\n".join([name, *lines])) if lines else ():
+        yield ValueError(f"line {line}: {found}") if isinstance(found, ValueError) else found
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    for each in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        yield from _texts(each)
+
+
+def read_omm_xml(text: str, _name: str = "") -> Found:
+    """Yield the elements of an <omm> or of an <ndm> that holds several."""
+    number = 0
+    for line, segment in xml_segments(text, "OMM"):
+        if isinstance(segment, ValueError):
+            yield segment
+            continue
+        number += 1
+        try:
+            fields = _once([_key_and_text(leaf) for leaf in segment.iter() if len(leaf) == 0])
+        except ValueError as error:
+            yield ValueError(f"line {line}: OMM XML: {error}")
+            continue
+        yield _omm(line, number, fields)
+
+
+def xml_segments(text: str, kind: str) -> Iterator[tuple[int, "Element | ValueError"]]:
+    """Yield line and tree of every <segment>; of malformed XML, of those that are whole."""
+    if "<!" in text.replace("<!--", ""):
+        raise ValueError(f"{kind} XML must not define entities or a document type")
+    pieces = list(_pieces(text, _SEGMENT))
+    from xml.etree.ElementTree import ParseError
+
+    try:
+        root = _tree(text, kind)
+    except ParseError as error:
+        bad = 0
+        for line, piece in pieces:
+            try:
+                yield line, _tree(re.sub(r"(?<=[<\s/])\w+:(?=[A-Za-z_]\w*[\s>/=])", "", piece), kind)
+            except ParseError as reason:
+                bad += 1
+                yield line, ValueError(f"line {line + reason.position[0] - 1}: {kind} XML is malformed: {reason}")
+        if not bad:
+            yield 1, ValueError(f"line {error.position[0]}: {kind} XML is malformed: {error}")
+        return
+    segments = [e for e in root.iter() if local_name(e.tag) == "segment"]
+    lines = [line for line, _ in pieces] if len(pieces) == len(segments) else [1] * len(segments)
+    yield from zip(lines, segments, strict=True)
+
+
+_SEGMENT = re.compile(r"<(\w+:)?segment\b(?:(?!</?(\w+:)?segment\b).)*(</(\w+:)?segment\s*>)?", re.DOTALL)
+
+
+def _tree(text: str, kind: str) -> "Element":
     from xml.etree import ElementTree
 
-    if "<!" in text.replace("<!--", ""):
-        raise ValueError("OMM XML must not define entities or a document type")
     parser: Any = ElementTree.XMLPullParser(("start", "end"))
     root, depth = ElementTree.Element("none"), 0
-    try:
-        parser.feed(text.strip())
-        parser.close()
-        for event, element in parser.read_events():
-            root = element if depth == 0 and event == "start" else root
-            depth += 1 if event == "start" else -1
-            if depth > DEEPEST:
-                raise ValueError(f"OMM XML is nested more than {DEEPEST} deep")
-    except ElementTree.ParseError as error:
-        raise ValueError(f"OMM XML is malformed: {error}") from None
-    segments = [e for e in root.iter() if _local_name(e.tag) == "segment"]
-    messages = [_once("OMM XML", [_key_and_text(leaf) for leaf in s.iter() if len(leaf) == 0]) for s in segments]
-    return _elements_of(messages)
+    parser.feed(text.strip())
+    parser.close()
+    for event, element in parser.read_events():
+        root = element if depth == 0 and event == "start" else root
+        depth += 1 if event == "start" else -1
+        if depth > DEEPEST:
+            raise ValueError(f"{kind} XML is nested more than {DEEPEST} deep")
+    return root
 
 
-def read_omm_csv(text: str) -> list[Elements]:
-    """Return the elements of a table whose first line names the columns."""
-    import csv
-    import io
-
-    try:
-        table = csv.DictReader(io.StringIO(text.strip(), newline=None))
-        rows = list(table)
-    except csv.Error as error:
-        raise ValueError(f"OMM CSV is malformed: {error}") from None
-    _once("OMM CSV", [(name, "") for name in table.fieldnames or ()])
-    for number, row in enumerate(rows, start=1):
-        # csv fills what is missing with None; an empty field is an empty text.
-        if None in row or None in row.values():
-            raise ValueError(f"OMM {number}: its line has not as many columns as the first line names")
-    return _elements_of(rows)
+def _pieces(text: str, pattern: re.Pattern[str]) -> Iterator[tuple[int, str]]:
+    """Yield every match of a pattern with the line on which it begins."""
+    line, read = 1, 0
+    for match in pattern.finditer(text):
+        line, read = line + text.count("\n", read, match.start()), match.start()
+        yield line, match[0]
 
 
-def read_omm_kvn(text: str) -> list[Elements]:
-    """Return the elements of KEY = value text; every CCSDS_OMM_VERS starts a new message."""
-    messages: list[dict[str, str]] = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        pair = key_and_value(line, number)
-        if pair is None:
+def read_omm_csv(text: str, _name: str = "") -> Found:
+    """Yield the elements of a table whose first line names the columns."""
+    lines = text.strip().splitlines()
+    # A line at a time: a quote that is lost must not swallow the lines below it.
+    names = next(csv.reader(lines[:1]))
+    _once([(name, "") for name in names])
+    for number, line in enumerate(lines[1:], start=1):
+        if not line.strip():
             continue
-        key, value = pair
-        if key == "CCSDS_OMM_VERS":
-            messages.append({})
-        if not messages:
-            raise ValueError(f"line {number}: {key} comes before CCSDS_OMM_VERS")
-        if key in messages[-1]:
-            raise ValueError(f"line {number}: {key} is given twice")
-        messages[-1][key] = value
-    return _elements_of(messages)
+        try:
+            row = next(csv.reader([line], strict=True))
+        except csv.Error as error:
+            yield ValueError(f"line {number + 1}: OMM CSV is malformed: {error}")
+            continue
+        if len(row) != len(names):
+            yield ValueError(f"line {number + 1}: OMM {number} has not as many columns as the first line names")
+        else:
+            yield _omm(number + 1, number, dict(zip(names, row, strict=True)))
 
 
-def _once(what: str, pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+def read_omm_kvn(text: str, _name: str = "") -> Found:
+    """Yield the elements of KEY = value text; every CCSDS_OMM_VERS starts a new message."""
+    fields: dict[str, str] | None = None
+    first, count, wrong = 0, 0, ""
+    for number, line in enumerate([*text.splitlines(), "CCSDS_END = "], start=1):
+        try:
+            key, value = key_and_value(line, number) or ("", "")
+        except ValueError as error:
+            key, value, wrong = "", "", wrong or str(error)
+        if key.startswith("CCSDS_"):
+            if fields is not None or wrong:
+                count += 1
+                yield ValueError(wrong) if wrong else _omm(first, count, fields or {})
+            fields, first, wrong = {}, number, ""
+            if key not in ("CCSDS_OMM_VERS", "CCSDS_END"):
+                wrong = f"line {number}: {key} must be CCSDS_OMM_VERS"
+        elif key and fields is None:
+            wrong = wrong or f"line {number}: {key} comes before CCSDS_OMM_VERS"
+        elif key and fields is not None:
+            if key in fields and key != "COMMENT":
+                wrong = wrong or f"line {number}: {key} is given twice"
+            fields[key] = value
+
+
+def _omm(line: int, number: int, fields: Fields) -> Elements | ValueError:
+    """Return the elements of one message, or why it has none."""
+    try:
+        return _elements(fields)
+    except ValueError as error:
+        label = fields.get("OBJECT_NAME") or fields.get("NORAD_CAT_ID") or "unnamed"
+        return ValueError(f"line {line}: OMM {number} ({label}): {error}")
+
+
+def _once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
     """Return the fields of one message; a keyword given twice is an error."""
     fields: dict[str, Any] = {}
     for key, value in pairs:
         if key in fields and key not in ("COMMENT", "USER_DEFINED"):
             of = fields.get("OBJECT_NAME") or fields.get("NORAD_CAT_ID")
-            raise ValueError(f"{what}{f' of {of}' if of else ''}: {key} is given twice")
+            raise ValueError(f"{f'{of}: ' if of else ''}{key} is given twice")
         fields[key] = value
     return fields
 
@@ -164,24 +246,14 @@ def _once(what: str, pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
 def _key_and_text(leaf: "Element") -> tuple[str, str]:
     """Return keyword and text of an XML leaf, its unit behind it as in KVN."""
     unit = leaf.get("units")
-    return _local_name(leaf.tag), f"{leaf.text or ''} [{unit}]" if unit else leaf.text or ""
-
-
-def _elements_of(messages: Iterable[Fields]) -> list[Elements]:
-    found = []
-    for number, fields in enumerate(messages, start=1):
-        try:
-            found.append(_elements(fields))
-        except ValueError as error:
-            label = fields.get("OBJECT_NAME") or fields.get("NORAD_CAT_ID") or "unnamed"
-            raise ValueError(f"OMM {number} ({label}): {error}") from None
-    return found
+    return local_name(leaf.tag), f"{leaf.text or ''} [{unit}]" if unit else leaf.text or ""
 
 
 def _elements(fields: Fields) -> Elements:
     for key, allowed in _MUST_BE.items():
         if key in fields and str(fields[key]).strip().upper() not in allowed:
-            raise ValueError(f"{key}={fields[key]!r} must be one of {', '.join(filter(None, allowed))}")
+            xp = " (4 is SGP4-XP, another theory)" if str(fields[key]).strip() == SGP4_XP else ""
+            raise ValueError(f"{key}={fields[key]!r} must be one of {', '.join(filter(None, allowed))}{xp}")
     per_day = 2.0 * math.pi / DAY_S
     catalogue_number = _integer(fields, "NORAD_CAT_ID")
     return Elements(
@@ -190,7 +262,7 @@ def _elements(fields: Fields) -> Elements:
         international_designator=_text(fields, "OBJECT_ID"),
         classification=_text(fields, "CLASSIFICATION_TYPE") or "U",
         epoch_t_s=from_utc_text(str(_present(fields, "EPOCH"))),
-        mean_motion_rad_s=_number(fields, "MEAN_MOTION", *MEAN_MOTIONS) * per_day,
+        mean_motion_rad_s=_mean_motion_per_day(fields) * per_day,
         eccentricity=_number(fields, "ECCENTRICITY", 0.0, _MOST_ECCENTRIC),
         inclination_rad=math.radians(_number(fields, "INCLINATION", 0.0, 180.0)),
         ascending_node_rad=math.radians(_number(fields, "RA_OF_ASC_NODE", *_TURN_DEG)),
@@ -198,18 +270,34 @@ def _elements(fields: Fields) -> Elements:
         mean_anomaly_rad=math.radians(_number(fields, "MEAN_ANOMALY", *_TURN_DEG)),
         drag_per_earth_radius=_number(fields, "BSTAR"),
         # Publishers copy the columns of the TLE, which hold half and a sixth of the derivatives.
-        mean_motion_dot_rad_s2=2.0 * _number(fields, "MEAN_MOTION_DOT") * per_day / DAY_S,
-        mean_motion_ddot_rad_s3=6.0 * _number(fields, "MEAN_MOTION_DDOT") * per_day / DAY_S**2,
-        element_set_number=_integer(fields, "ELEMENT_SET_NO") if fields.get("ELEMENT_SET_NO") else 0,
-        revolution_number=_integer(fields, "REV_AT_EPOCH") if fields.get("REV_AT_EPOCH") else 0,
+        # SGP4 uses neither, and version 3 does without.
+        mean_motion_dot_rad_s2=2.0 * _optional(fields, "MEAN_MOTION_DOT") * per_day / DAY_S,
+        mean_motion_ddot_rad_s3=6.0 * _optional(fields, "MEAN_MOTION_DDOT") * per_day / DAY_S**2,
+        element_set_number=_integer(fields, "ELEMENT_SET_NO") if _given(fields, "ELEMENT_SET_NO") else 0,
+        revolution_number=_integer(fields, "REV_AT_EPOCH") if _given(fields, "REV_AT_EPOCH") else 0,
     )
 
 
+def _mean_motion_per_day(fields: Fields) -> float:
+    """Return revolutions a day, where only the semi-major axis is given by Kepler's third law."""
+    if not _given(fields, "MEAN_MOTION") and _given(fields, "SEMI_MAJOR_AXIS"):
+        axis_km = _number(fields, "SEMI_MAJOR_AXIS", 5740.0, 4.2e6)
+        return math.sqrt(_MU_KM3_S2 / axis_km**3) * DAY_S / (2.0 * math.pi)
+    return _number(fields, "MEAN_MOTION", *MEAN_MOTIONS)
+
+
+def _given(fields: Fields, key: str) -> bool:
+    return fields.get(key) is not None and fields[key] != ""
+
+
+def _optional(fields: Fields, key: str) -> float:
+    return _number(fields, key) if _given(fields, key) else 0.0
+
+
 def _present(fields: Fields, key: str) -> Any:
-    value = fields.get(key)
-    if value is None or value == "":
+    if not _given(fields, key):
         raise ValueError(f"{key} is missing")
-    return value
+    return fields[key]
 
 
 def _text(fields: Fields, key: str) -> str:
@@ -243,7 +331,7 @@ def _integer(fields: Fields, key: str) -> int:
     return int(value)
 
 
-def _local_name(tag: str) -> str:
+def local_name(tag: str) -> str:
     return tag.rsplit("}", 1)[-1]
 
 

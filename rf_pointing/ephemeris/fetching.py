@@ -16,15 +16,14 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import SplitResult, urljoin, urlsplit
 
-from rf_pointing.core.checks import brief, is_number
+from rf_pointing.core.checks import brief
 from rf_pointing.core.whole_file import DATA_BYTES, KeptState, write_whole
-from rf_pointing.ephemeris import read_elements, read_oem
 from rf_pointing.ephemeris.element_files import cache_folder, is_address, kept_file
 
 HOUR_S = 3600.0
@@ -67,19 +66,12 @@ class Record:
     objects: int = 0
     epochs_t_s: tuple[float, float, float] | None = None
     """Oldest, median and newest epoch; None for an ephemeris."""
+    refused: str = ""
+    """Which sets of the kept file are damaged, with line and reason."""
     problem: str = ""
     """Why the newest answer was not taken."""
     hosts: tuple[str, ...] = ()
     """Other servers to which this one may send the request on."""
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            sound = (
-                is_number(value) if isinstance(item.default, (int, float)) else isinstance(value, (str, list, tuple))
-            )
-            if not sound and (item.name != "epochs_t_s" or value is not None):
-                raise ValueError(f"{item.name}={brief(value)} of a kept record is of a wrong type")
 
     def again_t_s(self, every_s: float) -> float:
         """Return when the address may be requested again."""
@@ -360,8 +352,10 @@ def _retry_after_s(text: str) -> float:
 
 def _taken(answer: _Answer, requested: Record, file: Path, now_s: float) -> Record:
     """Replace the kept file by an answer that holds elements; NotTakenError leaves it alone."""
+    from rf_pointing.ephemeris.orbit_file import decoded
+
     try:
-        text = answer.body.decode("utf-8-sig")
+        text = decoded(answer.body)
         found = _record_of(text, requested)
     except ValueError as error:
         start = " ".join(answer.body[:60].decode("utf-8", "replace").split())
@@ -382,12 +376,13 @@ def _taken(answer: _Answer, requested: Record, file: Path, now_s: float) -> Reco
 
 
 def _record_of(text: str, requested: Record) -> Record:
-    if text.lstrip().startswith("CCSDS_OEM_VERS"):
-        return replace(requested, objects=len({segment.object_id for segment in read_oem(text)}), epochs_t_s=None)
-    elements = read_elements(text)
-    epochs = sorted(one.epoch_t_s for one in elements)
-    objects = len({one.catalogue_number for one in elements})
-    return replace(requested, objects=objects, epochs_t_s=(epochs[0], statistics.median(epochs), epochs[-1]))
+    from rf_pointing.ephemeris.orbit_file import read_orbits
+
+    found = read_orbits(text)
+    objects = {one.catalogue_number for one in found.elements} | {one.object_id for one in found.segments}
+    epochs = sorted(one.epoch_t_s for one in found.elements)
+    ages = (epochs[0], statistics.median(epochs), epochs[-1]) if epochs else None
+    return replace(requested, objects=len(objects), epochs_t_s=ages, refused="; ".join(found.problems))
 
 
 def age_text(seconds: float) -> str:

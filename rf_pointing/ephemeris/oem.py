@@ -1,4 +1,4 @@
-"""Orbit ephemeris messages (CCSDS 502.0-B, KVN): read, written, and followed as a target.
+"""Orbit ephemeris messages (CCSDS 502.0-B, KVN and XML): read, written, followed as a target.
 
 Epochs are turned into TAI seconds, in which time runs evenly over a leap second.  A message must be
 complete and in km: one that ends before its STOP_TIME, or whose states no body near the Earth can
@@ -10,8 +10,8 @@ positions and velocities.  The polynomial of a window is solved for once, in a t
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -54,6 +54,15 @@ _FARTHEST_M = 3e9
 _FASTEST_ESCAPES = 3.0
 
 
+@dataclass(frozen=True, eq=False)
+class StateCovariance:
+    """Covariance (6, 6) of position and velocity [m, m/s] at `tai_s`, in axes of `frame`."""
+
+    tai_s: float
+    frame: str
+    matrix: Array
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OemSegment:
     """One segment: states at `tai_s` (n,) [TAI s since 1970], positions and velocities (n, 3).
@@ -72,38 +81,116 @@ class OemSegment:
     usable_to_s: float
     method: str
     degree: int
+    covariances: tuple[StateCovariance, ...] = ()
 
 
-def read_oem(text: str) -> list[OemSegment]:
-    """Return the segments of a KVN message in file order; ValueError names a malformed line."""
-    found: list[OemSegment] = []
-    meta: dict[str, str] | None = None
-    states: list[_State] = []
-    place = "header"
-    for number, raw in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
+class State(NamedTuple):
+    """One line of data; position and velocity in km and km/s."""
+
+    number: int
+    epoch: str
+    values: Sequence[float]
+
+
+@dataclass
+class Draft:
+    """One segment as a file states it: `meta` by the keywords of an OEM, and the first fault."""
+
+    meta: dict[str, str] = field(default_factory=dict)
+    states: list[State] = field(default_factory=list)
+    covariances: list[tuple[int, dict[str, str], list[float]]] = field(default_factory=list)
+    """Line, EPOCH and COV_REF_FRAME, and the 21 numbers of the lower lower in km and s."""
+    wrong: ValueError | None = None
+
+    def segment(self) -> "OemSegment | ValueError":
+        """Return the checked segment, or why it is refused."""
+        try:
+            return self.wrong or _segment(self)
+        except ValueError as error:
+            return error
+
+
+def read_oem(text: str, _name: str = "") -> Iterator[OemSegment | ValueError]:
+    """Yield the segments of a KVN message in file order; a ValueError names a malformed line."""
+    draft, place = None, "header"
+    for number, raw in enumerate(text.splitlines(), start=1):
         line = raw.strip()
-        if line == "META_START":
-            if meta is not None:
-                found.append(_segment(meta, states))
-            meta, states, place = {}, [], "meta"
-        elif line in ("META_STOP", "COVARIANCE_STOP"):
-            place = "data"
-        elif line == "COVARIANCE_START":
-            place = "covariance"
-        elif place == "data" and line and not line.startswith("COMMENT"):
-            states.append(_state(line, number))
-        elif place in ("header", "meta"):
-            pair = key_and_value(line, number)
-            if pair and meta is not None:
-                if pair[0] in meta:
-                    raise ValueError(f"line {number}: {pair[0]} is given twice")
-                meta[pair[0]] = pair[1]
-            elif pair and number == 1 and pair[0] != "CCSDS_OEM_VERS":
-                raise ValueError(f"line 1: {pair[0]} must be CCSDS_OEM_VERS")
-    if meta is None:
+        try:
+            if line == "META_START":
+                if draft is not None:
+                    yield draft.segment()
+                draft, place = Draft(), "meta"
+            elif line in ("META_STOP", "COVARIANCE_STOP"):
+                place = "data"
+            elif line == "COVARIANCE_START":
+                place = "covariance"
+            elif not line or line.startswith("COMMENT"):
+                continue
+            elif draft is None:
+                key_and_value(line, number)
+            elif place == "data":
+                draft.states.append(_state(line, number))
+            elif place == "covariance":
+                _take_covariance(draft, line, number)
+            else:
+                _take_keyword(draft.meta, line, number)
+        except ValueError as error:
+            if draft is None:
+                raise
+            draft.wrong = draft.wrong or error
+    if draft is None:
         raise ValueError("OEM has no META_START")
-    found.append(_segment(meta, states))
-    return found
+    yield draft.segment()
+
+
+def _take_keyword(into: dict[str, str], line: str, number: int) -> None:
+    key, value = key_and_value(line, number) or ("", "")
+    if key in into:
+        raise ValueError(f"line {number}: {key} is given twice")
+    into[key] = value
+
+
+def _take_covariance(draft: Draft, line: str, number: int) -> None:
+    if "=" not in line:
+        if not draft.covariances:
+            raise ValueError(f"line {number}: a covariance must begin with its EPOCH")
+        draft.covariances[-1][2].extend(numbers_of(line.split(), number, line))
+        return
+    if line.startswith("EPOCH"):
+        draft.covariances.append((number, {}, []))
+    if not draft.covariances:
+        raise ValueError(f"line {number}: a covariance must begin with its EPOCH")
+    draft.covariances[-1][1].update([key_and_value(line, number) or ("", "")])
+
+
+_STATE_LEAVES = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
+_COVARIANCE_LEAVES = [f"C{row}_{column}" for k, row in enumerate(_STATE_LEAVES) for column in _STATE_LEAVES[: k + 1]]
+
+
+def read_oem_xml(text: str, _name: str = "") -> Iterator[OemSegment | ValueError]:
+    """Yield the segments of an <oem>, in XML, in file order."""
+    from rf_pointing.ephemeris.element_messages import local_name, xml_segments
+
+    for line, segment in xml_segments(text, "OEM"):
+        if isinstance(segment, ValueError):
+            yield segment
+            continue
+        draft = Draft()
+        try:
+            for part in segment.iter():
+                leaves = {local_name(leaf.tag): (leaf.text or "").strip() for leaf in part}
+                kind = local_name(part.tag)
+                if kind == "metadata":
+                    draft.meta = leaves
+                elif kind == "stateVector":
+                    row = [leaves.get(name, "") for name in _STATE_LEAVES]
+                    draft.states.append(State(line, leaves.get("EPOCH", ""), numbers_of(row, line, str(row))))
+                elif kind == "covarianceMatrix":
+                    row = [leaves.get(name, "") for name in _COVARIANCE_LEAVES]
+                    draft.covariances.append((line, leaves, numbers_of(row, line, "its covariance")))
+        except ValueError as error:
+            draft.wrong = error
+        yield draft.segment()
 
 
 WRITTEN_STEP_S = 60.0
@@ -146,28 +233,26 @@ def oem_text(
     return "\n".join([*lines, *states]) + "\n"
 
 
-class _State(NamedTuple):
-    """One line of data; position and velocity in km and km/s."""
-
-    number: int
-    epoch: str
-    values: list[float]
-
-
-def _state(line: str, number: int) -> _State:
+def _state(line: str, number: int) -> State:
     fields = line.split()
     if len(fields) not in (7, 10):
         raise ValueError(f"line {number}: a state must have an epoch and 6 or 9 numbers, has {len(fields)} fields")
+    return State(number, fields[0], numbers_of(fields[1:], number, line)[:6])
+
+
+def numbers_of(fields: Sequence[str], number: int, line: str) -> list[float]:
+    """Return finite numbers; ValueError names the line."""
     try:
-        values = [float(field) for field in fields[1:7]]
+        values = [float(text) for text in fields]
     except ValueError:
         raise ValueError(f"line {number}: {line[:60]!r} holds something that is not a number") from None
     if not np.all(np.isfinite(values)):
         raise ValueError(f"line {number}: {line[:60]!r} must hold finite numbers")
-    return _State(number, fields[0], values)
+    return values
 
 
-def _segment(meta: dict[str, str], states: list[_State]) -> OemSegment:
+def _segment(draft: Draft) -> OemSegment:
+    meta, states = draft.meta, draft.states
     missing = [key for key in _REQUIRED if not meta.get(key)]
     if missing:
         raise ValueError(f"OEM segment of {meta.get('OBJECT_NAME', 'an unnamed object')} lacks {', '.join(missing)}")
@@ -183,6 +268,9 @@ def _segment(meta: dict[str, str], states: list[_State]) -> OemSegment:
             raise ValueError(f"line {state.number}: {state.epoch} must be later than the state before")
     # km and km/s to metres.
     values = np.array([state.values for state in states]) * 1e3
+    if values.shape[1] == 3:
+        # Positions alone: the slope between them serves the check, and Lagrange needs none.
+        values = np.hstack([values, np.gradient(values, tai_s, axis=0)])
     _require_near_the_earth(states, values)
     usable_from_s, usable_to_s = _usable(meta, tai_s)
     return OemSegment(
@@ -196,17 +284,31 @@ def _segment(meta: dict[str, str], states: list[_State]) -> OemSegment:
         usable_to_s=usable_to_s,
         method=method,
         degree=degree,
+        covariances=tuple(_covariance(*one, meta) for one in draft.covariances),
     )
 
 
-def _tai_of_line(state: _State, scale: str) -> float:
+def _covariance(number: int, keys: dict[str, str], lower: list[float], meta: dict[str, str]) -> StateCovariance:
+    if len(lower) != 21:
+        raise ValueError(f"line {number}: a covariance has {len(lower)} numbers, must have 21")
+    matrix = np.zeros((6, 6))
+    matrix[np.tril_indices(6)] = lower
+    matrix += np.tril(matrix, -1).T
+    if np.min(np.diag(matrix)) < 0.0:
+        raise ValueError(f"line {number}: a covariance has the variance {np.min(np.diag(matrix)):g}, must be >= 0")
+    state = State(number, keys.get("EPOCH", ""), ())
+    frame = keys.get("COV_REF_FRAME") or meta["REF_FRAME"]
+    return StateCovariance(_tai_of_line(state, meta["TIME_SYSTEM"]), frame.upper(), matrix * 1e6)
+
+
+def _tai_of_line(state: State, scale: str) -> float:
     try:
         return tai_from_text(state.epoch, scale)
     except ValueError as error:
         raise ValueError(f"line {state.number}: {error}") from None
 
 
-def _require_near_the_earth(states: list[_State], values: Array) -> None:
+def _require_near_the_earth(states: list[State], values: Array) -> None:
     """Refuse states that no satellite has: they are not in km and km/s."""
     distance, speed = (np.linalg.norm(part, axis=1) for part in (values[:, :3], values[:, 3:]))
     # States in ITRF carry the turning of the axes in their velocity.
@@ -382,7 +484,10 @@ def _window_size(segment: OemSegment, fallback: tuple[str, int] | None) -> tuple
     """Return whether velocities are used, how many states, and the degree."""
     method, degree = (segment.method, segment.degree) if segment.method else (fallback or ("", 0))
     if not method:
-        raise ValueError(f"OEM of {segment.name} declares no INTERPOLATION: give interpolation and its degree")
+        raise ValueError(
+            f"OEM of {segment.name} declares no INTERPOLATION: give interpolation and its degree, as in "
+            "--interpolation HERMITE 7 (of a node: source.interpolation)"
+        )
     require_choice("interpolation", method, METHODS)
     hermite = method == "HERMITE"
     # Positions and velocities come in pairs: an even degree has no whole number of states.

@@ -183,6 +183,17 @@ def _known(track: TopocentricTrack, start_t_s: float, duration_s: float) -> list
     return parts
 
 
+def part_searched(track: TopocentricTrack, start_t_s: float, duration_s: float) -> str:
+    """Return "" or the only parts of a search in which the target is known, and why."""
+    parts = _known(track, start_t_s, duration_s)
+    if sum(length_s for _, length_s in parts) >= duration_s - 1.0:
+        return ""
+    spans = ", ".join(f"{utc_text(first)} to {utc_text(first + length_s)}" for first, length_s in parts)
+    # Elements know every time but those on the ground.
+    why = "its elements end there: it decays" if hasattr(track.target, "elements") else "its ephemeris ends there"
+    return f"was searched only from {spans}: {why}"
+
+
 def _edge(t_s: float) -> str:
     return utc_text(t_s) if math.isfinite(t_s) else "any time"
 

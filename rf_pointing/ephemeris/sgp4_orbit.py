@@ -29,7 +29,7 @@ _STEP_S = 2.0
 _KM = 1e3
 # Below this radius nothing orbits.  In half of the step even an eccentric orbit sinks by 4 km only,
 # so that none falls to the ground, where SGP4 refuses it, between two steps.
-_LEAST_RADIUS_KM = 6378.135 + 20.0
+LEAST_RADIUS_KM = 6378.135 + 20.0
 _SCAN_STEP_S, _SCAN_BLOCK = 60.0, 10000
 
 
@@ -109,7 +109,7 @@ class Sgp4Orbit:
         whole = np.full(elapsed_s.shape, self._record.jdsatepoch)
         codes, positions, _ = self._record.sgp4_array(whole, self._record.jdsatepochF + elapsed_s / DAY_S)
         radius_km = np.sqrt(np.einsum("nc,nc->n", positions, positions))
-        return np.asarray((codes == 0) & (radius_km > _LEAST_RADIUS_KM))
+        return np.asarray((codes == 0) & (radius_km > LEAST_RADIUS_KM))
 
     def _check_age(self, t_s: Any, elapsed_s: Any) -> None:
         age_s = abs(elapsed_s) if isinstance(elapsed_s, float) else np.max(np.abs(elapsed_s), initial=0.0)

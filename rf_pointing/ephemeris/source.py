@@ -8,14 +8,14 @@ is out of date and the configuration counts.
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
-from rf_pointing.core.whole_file import DATA_BYTES, KeptState, read_whole
+from rf_pointing.core.whole_file import KeptState
 from rf_pointing.ephemeris import (
     RADIO_SOURCES,
     SITES,
@@ -27,12 +27,10 @@ from rf_pointing.ephemeris import (
     find_elements,
     moon,
     radio_source,
-    read_elements,
-    read_oem,
     sun,
     verification_elements,
 )
-from rf_pointing.ephemeris.element_files import element_files
+from rf_pointing.ephemeris.element_files import element_files, version_of
 from rf_pointing.ephemeris.oem import METHODS, OemSegment
 from rf_pointing.ephemeris.satellite_antenna import SatelliteAntennaParams
 
@@ -143,11 +141,15 @@ def first_time_s(params: SourceParams) -> float:
 
 @dataclass(frozen=True)
 class SourceContents:
-    """Elements of a file or of the files of a folder, by the name of the file or folder."""
+    """Elements of a file or of the files of a folder, by the name of the file or folder.
+
+    `problems` lists the sets and files that are not used, each with its line and the reason.
+    """
 
     name: str
     elements: list[Elements]
     segments: list[OemSegment]
+    problems: list[str]
 
     def find(self, params: SourceParams) -> Elements | OemTarget:
         """Return the wanted object: its elements, or else its ephemeris."""
@@ -171,20 +173,42 @@ class SourceContents:
 
 
 def read_source(location: str) -> SourceContents:
-    """Return what is in a file, folder or address; errors name the file."""
-    elements: list[Elements] = []
-    segments: list[OemSegment] = []
+    """Return what is in a file, folder or address; a place without one good set is an error.
+
+    The newest answer is kept while its files do not change: another satellite, or the list of what
+    is not used, costs no second reading of a large catalogue.
+    """
+    return _read_source(location, version_of(location))
+
+
+def unused(location: str) -> str:
+    """Return "" or which sets and files of a place that was read are not used, and why."""
+    try:
+        return "; ".join(read_source(location).problems) if location else ""
+    except (ValueError, OSError):
+        # A body of the sky needs no file.
+        return ""
+
+
+@lru_cache(maxsize=1)
+def _read_source(location: str, _version: object) -> SourceContents:
+    # Imported here: the readers of all formats, which a node needs once.
+    from rf_pointing.ephemeris.orbit_file import read_orbit_file
+
     files = element_files(location)
+    found = SourceContents(files[0].name if len(files) == 1 else Path(location).name, [], [], [])
     for path in files:
-        text = read_whole(path, DATA_BYTES, "utf-8-sig")
         try:
-            if text.lstrip().startswith("CCSDS_OEM_VERS"):
-                segments += read_oem(text)
-            else:
-                elements += read_elements(text)
+            one = read_orbit_file(path)
         except ValueError as error:
-            raise ValueError(f"{path.name}: {error}") from error
-    return SourceContents(files[0].name if len(files) == 1 else Path(location).name, elements, segments)
+            found.problems.append(f"{path.name}: {error}")
+            continue
+        found.elements.extend(one.elements)
+        found.segments.extend(one.segments)
+        found.problems.extend(f"{path.name}: {problem}" for problem in one.problems)
+    if not found.elements and not found.segments:
+        raise ValueError("; ".join(found.problems))
+    return found
 
 
 class TargetMemory:

@@ -1,4 +1,4 @@
-"""Two-line and three-line elements (TLE, 3LE), read and written.
+"""Two-line and three-line elements (TLE, 3LE), read wherever they stand, and written.
 
 Columns as in Spacetrack Report 3 and the CelesTrak FAQ.  Comment lines start with '#'.  Text after
 column 69 is ignored (the SGP4 verification file keeps its time grid there).  What does not fit the
@@ -11,6 +11,7 @@ the two leading digits, A = 10 ... Z = 33 without I and O, so 339999 (Z9999) is 
 import math
 import re
 from calendar import isleap
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -26,32 +27,65 @@ _TURN_DEG = (0.0, 360.0)
 _BROKEN_ON_PURPOSE = {"33333", "33334", "33335"}
 _ALPHA5 = re.compile(r"[0-9]{1,5}|[A-HJ-NP-Z][0-9]{4}")
 _LARGEST_ALPHA5 = 339999
+SGP4_XP = "4"
+"""Ephemeris type of elements that only SGP4-XP propagates."""
+# Quotes, keys, tags and separators of tables; none of them occurs in a TLE.
+_AROUND = re.compile(r"""[\"'<>|;,=:\t]+\s*""")
+# Bulletins explain the columns with letters: 1 AAAAAU 00  0  0 BBBBB.BBBBBBBB ...
+_LIKE_TLE = re.compile(r"[12] (?!AAAAA)(?=[ \dA-Z]{5}|.{60})")
+_LEAST_INSIDE = 60
+# Without a checksum only the places of points and blanks tell that no column is lost.
+_BARE = (
+    r"1 .{6} .{8} [ \d]{5}\.\d{8} [ +\-0]\.\d{8} ([ +-]\d{5}[+-]\d ){2}. [ \d]{4}",
+    r"2 .{5}( [ \d]{3}\.\d{4}){2} \d{7}( [ \d]{3}\.\d{4}){2} [ \d]\d\.\d{8}[ \d]{5}",
+)
 
 
-def read_tle(text: str) -> list[Elements]:
-    """Return the elements of TLE or 3LE text in file order; ValueError names the line."""
-    found: list[Elements] = []
+def read_tle(text: str, _name: str = "") -> Iterator[Elements | ValueError | UserWarning]:
+    """Yield the elements of the TLE lines in a text, and what is wrong with a line of it.
+
+    The lines may stand in a bulletin, behind a key or a quote, or indented; the name is the text
+    before them.
+    """
     name, first = "", (0, "")
-    for number, raw in enumerate(text.splitlines(), start=1):
-        line = raw.rstrip()
-        if not line or line.lstrip().startswith("#"):
+    for number, line in enumerate(map(str.strip, (*text.splitlines(), "end")), start=1):
+        if not line or line.startswith("#"):
             continue
-        if first[1]:
-            found.append(elements_from_tle(first[1], line, name=name, line_number=first[0]))
-            name, first = "", (0, "")
-        elif line.startswith("1 "):
-            first = (number, line)
-        elif line.startswith("2 "):
-            raise ValueError(f"line {number}: line 2 of a TLE without line 1: {line[:24]!r}")
-        elif name:
-            raise ValueError(f"line {number}: a name {line!r} follows the name {name!r} without elements")
-        else:
-            name = line.removeprefix("0 ").strip()
-    if first[1] or name:
-        raise ValueError(
-            f"line {first[0] or len(text.splitlines())}: the text ends before line 2 of {name or first[1]!r}"
-        )
-    return found
+        for piece in tle_columns(line) or [""]:
+            if first[1] and piece[:1] == "2":
+                try:
+                    yield _of_lines(first, (number, piece), name)
+                    if len(piece) < _LENGTH:
+                        yield UserWarning(f"line {number}: object {piece[2:7]} has no checksum")
+                except ValueError as error:
+                    yield error
+                name, first = "", (0, "")
+                continue
+            if first[1]:
+                yield ValueError(f"line {first[0]}: the text has no line 2 after {first[1][:24]!r}")
+            if piece[:1] == "2":
+                yield ValueError(f"line {number}: line 2 of a TLE without line 1: {piece[:24]!r}")
+            first = (number, piece) if piece[:1] == "1" else (0, "")
+            name = name if piece[:1] == "1" else _name_in(line, name)
+
+
+def tle_columns(line: str) -> list[str]:
+    """Return what looks like a line of a TLE in a line of any text, whole or damaged."""
+    pieces = [line] if _LIKE_TLE.match(line) else [piece.strip() for piece in _AROUND.split(line)]
+    # A short piece counts where a line begins: it may be the rest of a damaged one.
+    return [
+        piece
+        for place, piece in enumerate(pieces)
+        if _LIKE_TLE.match(piece) and (place == 0 or len(piece) >= _LEAST_INSIDE)
+    ]
+
+
+def _name_in(line: str, before: str) -> str:
+    """Return the name that a line of text gives to the elements below it."""
+    key = re.match(r"(\w+)\s*=\s*(.*)", line)
+    if key is None:
+        return line.removeprefix("0 ").strip(" \"',")
+    return key[2] if key[1].casefold() in ("name", "tle0") else before
 
 
 def number_from_alpha5(text: str) -> int:
@@ -74,17 +108,20 @@ def alpha5_from_number(number: int) -> str:
     return columns
 
 
-def elements_from_tle(line1: str, line2: str, *, name: str = "", line_number: int = 1) -> Elements:
+def _of_lines(first: tuple[int, str], second: tuple[int, str], name: str) -> Elements:
     """Return the elements of two lines; checks form, checksums, numbers and the same object."""
-    _check_line(line1, "1", line_number)
-    _check_line(line2, "2", line_number + 1)
-    # Two lines of different objects can each have a right checksum.
-    if line1[2:7] != line2[2:7]:
-        raise ValueError(f"line {line_number + 1}: line 2 is of object {line2[2:7]}, line 1 of {line1[2:7]}")
+    (number1, line1), (number2, line2) = first, second
+    # Old tools leave the column of the checksum out, of both lines: one alone has lost a column.
+    bare = len(line1) == len(line2) == _LENGTH - 1
+    _check_line(line1, "1", number1, _BARE[0] if bare else None)
+    _check_line(line2, "2", number2, _BARE[1] if bare else None)
     try:
+        # Two lines of different objects can each have a right checksum.
+        if number_from_alpha5(line1[2:7]) != number_from_alpha5(line2[2:7]):
+            raise ValueError(f"line 2 is of object {line2[2:7]}, line 1 of {line1[2:7]}")
         return _elements(line1, line2, name)
     except ValueError as error:
-        raise ValueError(f"line {line_number}: {error}") from None
+        raise ValueError(f"line {number1}: {error}") from None
 
 
 def verification_elements() -> list[Elements]:
@@ -101,7 +138,7 @@ def verification_elements() -> list[Elements]:
         elif line[2:7] not in _BROKEN_ON_PURPOSE:
             kept += [comment, line] if line.startswith("1 ") and comment else [line]
             comment = ""
-    return read_tle("\n".join(kept))
+    return [one for one in read_tle("\n".join(kept)) if isinstance(one, Elements)]
 
 
 def checksum(line: str) -> int:
@@ -109,11 +146,18 @@ def checksum(line: str) -> int:
     return sum(int(c) if c.isdigit() else c == "-" for c in line[: _LENGTH - 1]) % 10
 
 
-def _check_line(line: str, kind: str, number: int) -> None:
-    if len(line) < _LENGTH:
+def _check_line(line: str, kind: str, number: int, bare: str | None) -> None:
+    if len(line) < _LENGTH and bare is None:
         raise ValueError(f"line {number}: TLE line has {len(line)} columns, must have {_LENGTH}: {line!r}")
     if not line[:_LENGTH].isascii() or line[0] != kind or line[1] != " ":
         raise ValueError(f"line {number}: expected line {kind} of a TLE, found {line[:24]!r}")
+    if bare is not None:
+        if not re.fullmatch(bare, line):
+            raise ValueError(f"line {number}: TLE line without a checksum has its columns misplaced: {line!r}")
+        return
+    # One column too many: the checksum of a shifted line is right one time in ten.
+    if not line[_LENGTH : _LENGTH + 1].isspace() and len(line) > _LENGTH:
+        raise ValueError(f"line {number}: TLE line has {len(line)} columns, must have {_LENGTH}: {line!r}")
     stated, counted = line[_LENGTH - 1], checksum(line)
     if stated != str(counted):
         raise ValueError(f"line {number}: checksum of object {line[2:7]} is {counted}, the line states {stated}")
@@ -121,6 +165,8 @@ def _check_line(line: str, kind: str, number: int) -> None:
 
 def _elements(line1: str, line2: str, name: str) -> Elements:
     revolutions_per_day = 2.0 * math.pi / DAY_S
+    if line1[62] == SGP4_XP:
+        raise ValueError("ephemeris type 4 is SGP4-XP, another theory than SGP4")
     catalogue_number = number_from_alpha5(line1[2:7])
     return Elements(
         name=name_of(name) or str(catalogue_number),
@@ -128,7 +174,10 @@ def _elements(line1: str, line2: str, name: str) -> Elements:
         classification=line1[7].strip() or "U",
         international_designator=_read_designator(line1[9:17].strip()),
         epoch_t_s=_read_epoch(line1[18:20], line1[20:32]),
-        mean_motion_dot_rad_s2=2.0 * _number("mean motion derivative", line1[33:43]) * revolutions_per_day / DAY_S,
+        mean_motion_dot_rad_s2=2.0
+        * _number("mean motion derivative", line1[33:43], -1.0, 1.0)
+        * revolutions_per_day
+        / DAY_S,
         mean_motion_ddot_rad_s3=6.0
         * _read_exponent("second derivative", line1[44:52])
         * revolutions_per_day

@@ -147,10 +147,10 @@ class IdentificationParams(Params):
     refit_high_pass_hz: float = parameter(0.1, "corner of the high-pass before the residue fit", low=1e-4, high=10.0)
     settle_s: float = parameter(10.0, "start of each high-passed sequence that is left out", low=0.0, high=1e4)
 
+    ordered = ("order <= realization_order",)
+
     def check_together(self) -> None:
-        """Refuse a model larger than its realization or than the Markov parameters carry."""
-        if self.order > self.realization_order:
-            raise ValueError(f"order={self.order} must be <= realization_order={self.realization_order}")
+        """Refuse a realization larger than the Markov parameters carry."""
         if 2 * self.realization_order >= self.markov_count:
             raise ValueError(f"realization_order={self.realization_order} must be < {self.markov_count // 2}")
 

@@ -110,6 +110,7 @@ class AntennaServo(StationNode):
         jumped_s, stalled_s = self._schedule.jumped_s, self._schedule.stalled_s
         if stalled_s:
             self.get_logger().error(f"this process stalled for {stalled_s:.1f} s: stopped until the next command")
+        self._server.begin_tick(t_s)
         tick = self._operation.tick(t_s, self.now_s(), time.perf_counter(), jumped_s, stalled_s)
         self._server.send(tick, t_s)
 

@@ -34,6 +34,9 @@ from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import LIVE, ControllerParams
 from rf_pointing.tracking.sensors import load_trackers
 
+SIMULATED_WAIT_S = 1.0
+"""Wall time that a period of simulated time waits for what it should use."""
+
 
 class PointingControllerNode(StationNode):
     """Steps the goals of the pointing controller once a period, and between events."""
@@ -56,6 +59,9 @@ class PointingControllerNode(StationNode):
     def configure(self) -> None:
         core = PointingController(self._params())
         goals = self._goals = PassGoals(core, self._server, self._sensor, self.parameters.value(""))
+        if self.get_parameter("use_sim_time").value:
+            # Simulated time waits for the period, also on a busy machine.
+            goals.longest_wait_s = SIMULATED_WAIT_S
         key = CommandKey(self.parameters.value("key"), self.resolve_topic_name("joint_trajectory"))
         self._server.configure(goals, key)
 

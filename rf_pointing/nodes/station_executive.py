@@ -2,16 +2,18 @@
 
 Subscribes: antenna_status, joint_states, tracking_status, passes, target, pass_certificate,
 /diagnostics of the nodes of its namespace; schedule and executive_status of its partners.
-Publishes: schedule (latched), executive_status (once a second).
+Publishes: schedule (latched), executive_status (once a second), alarms (each message of an alarm,
+diagnostic_msgs/DiagnosticArray).
 Action: run_schedule (rf_pointing_msgs/RunSchedule).
 Services: ~/pause, ~/resume, ~/stop (after the present pass), ~/abort (now), std_srvs/Trigger;
-~/skip and ~/acknowledge (rf_pointing_msgs/Named); ~/change_schedule
-(rf_pointing_msgs/ChangeSchedule).
+~/test_alarms (a message by every way out); ~/skip and ~/acknowledge (rf_pointing_msgs/Named);
+~/change_schedule (rf_pointing_msgs/ChangeSchedule).
 Parameters: executive.* (files, folder, partners), between.* (what the antenna does between two
 passes), alarms.* (thresholds; the station description may set them), hooks.* (where alarms go),
 command_key_file (signs the calls of antenna_servo).
 """
 
+import platform
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,12 +24,13 @@ from rf_pointing_msgs.action import RunSchedule
 from rf_pointing_msgs.srv import ChangeSchedule, Named
 from std_srvs.srv import Trigger
 
+from rf_pointing import __version__
 from rf_pointing.operations import AlarmParams, BetweenParams
-from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros import night_messages as messages
+from rf_pointing.ros.command_key import CommandKeyParams
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.ros.main_loop import run
-from rf_pointing.ros.night_messages import executive_status_to_message, hear, hear_partner, schedule_to_message
 from rf_pointing.ros.one_goal import OneGoal
 from rf_pointing.ros.qos import LATCHED, STATUS
 from rf_pointing.ros.station_node import StationNode
@@ -56,17 +59,13 @@ class StationExecutive(StationNode):
         values = map(self.parameters.value, PARAMS)
         self.watch = watch = NightWatch(
             *values, self.station, self.band, self.get_namespace().strip("/"), connect=self._connect,
-            record=self._record, report=self._report, tell=self._tell,
+            record=self._record, report=self._report, tell=self._tell, publish=messages.AlarmTopic(self).publish,
         )  # fmt: skip
-        self._at_cleanup.callback(watch.hooks.close)
+        messages.serve_alarms(self, watch.alarms)
+        self._at_cleanup.callback(watch.alarms.hooks.close)
         self._at_cleanup.callback(watch.sender.close)
         self._published_wall_s = 0.0
-        own = self.parameters.value("executive")
-        key = CommandKeyParams(command_key_file=own.partners_key_file if own.partners else "")
-        self._key = CommandKey(key, parameter="executive.partners_key_file")
-        hear(self, watch)
-        for name in watch.partners:
-            hear_partner(self, watch, self._key, name)
+        self._key = messages.hear_night(self, watch, self.parameters.value("executive"))
         self._schedule = self.stream(ours.Schedule, SCHEDULE, LATCHED)
         self._status = self.stream(ours.ExecutiveStatus, EXECUTIVE_STATUS, STATUS)
         for name in ("pause", "resume", "stop", "abort"):
@@ -76,7 +75,6 @@ class StationExecutive(StationNode):
         change = lambda r: self._shown(watch.change(r.add, r.remove, self.now_s()))  # noqa: E731
         self.serve_action(ChangeSchedule, "~/change_schedule", change)
         self.diagnostics.add_report("night", watch.health)
-        self.diagnostics.add_report("alarms", watch.alarm_health)
 
     def activate(self) -> None:
         self.watch.begin(self.now_s())
@@ -108,19 +106,19 @@ class StationExecutive(StationNode):
 
         return Recorder(self, self.get_namespace(), bag, notes=notes)
 
-    def _report(self, folder: Path, messages: int, health: Mapping[str, Mapping[str, Any]]) -> None:
+    def _report(self, folder: Path, health: Mapping[str, Mapping[str, Any]]) -> None:
         from rf_pointing.report.night_report import night_of, write_night
 
-        shown = {**health, "inputs": {"lost": sum(self.inputs.lost.values())}}
-        write_night(night_of(self.watch.night.state(), self.station.name, messages=messages, health=shown), folder)
+        software = {
+            "rf_pointing": __version__,
+            "Python": platform.python_version(),
+            "description": self.station.digest[:12],
+        }
+        shown = {**health, "inputs": {"lost": sum(self.inputs.lost.values())}, "software": software}
+        write_night(night_of(self.watch.night.state(), self.station.name, health=shown), folder)
 
     def _tell(self, text: str, good: bool) -> None:
-        # Two lines: one line of code that logs at two levels raises.
-        if good:
-            self.get_logger().info(text)
-        else:
-            self.get_logger().warning(text)
-        self.diagnostics.publish()
+        messages.log(self, text, good=good)
 
     def _begin(self, request: RunSchedule.Goal) -> None:
         self.watch.start(request.schedule, request.resume, self.now_s())
@@ -129,7 +127,7 @@ class StationExecutive(StationNode):
     def _shown(self, answer: str = "") -> str:
         """Publish schedule and status if the schedule has changed; return the answer."""
         if (entries := self.watch.news()) is not None:
-            self._send(self._schedule, schedule_to_message(entries, self.now_s()), SCHEDULE)
+            self._send(self._schedule, messages.schedule_to_message(entries, self.now_s()), SCHEDULE)
             self._publish()
         return answer
 
@@ -139,7 +137,7 @@ class StationExecutive(StationNode):
 
     def _publish(self) -> None:
         self._published_wall_s = time.monotonic()
-        self._send(self._status, executive_status_to_message(self.watch.night, self.now_s()), EXECUTIVE_STATUS)
+        self._send(self._status, messages.executive_status_to_message(self.watch.night, self.now_s()), EXECUTIVE_STATUS)
         if self._goal.lasts:
             self._goal.report(RunSchedule.Feedback(**self.watch.progress()))
 

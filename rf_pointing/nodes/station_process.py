@@ -1,10 +1,10 @@
 """Executable `station_process`: several nodes of an antenna in one process.
 
 Each is the node of the executable NAME, with its name, parameters, lifecycle and diagnostics.  One
-that has failed or receives nothing is started again alone, half a second later.  A parameter file
-gives each its own (`/**/NAME:`); what follows `--ros-args` is for all of them.  They share one
-participant of DDS: 65 MB less memory each, and messages between them pass no socket.  /diagnostics
-(`process`) reports restarts, and when a node has held up the others.
+that has failed is started again alone, half a second later; one that receives nothing ends the
+process with 3.  A parameter file gives each its own (`/**/NAME:`); what follows `--ros-args` is for
+all of them.  They share one participant of DDS: 65 MB less memory each, and messages between them
+pass no socket.  /diagnostics (`process`) reports restarts, and when a node has held up the others.
 
     ros2 run rf_pointing station_process antenna_servo rf_receiver --ros-args -r __ns:=/gs1
 

@@ -227,7 +227,11 @@ class Executor:
         elif not (reasons := self._missing(block, run, now_s)):
             self._complete(block, run, now_s)
         elif block.fails and not self._unmet(block.fails, now_s, max([run.settled_s, *run.sent_s])):
-            self._fail(block.name, " and ".join(map(self.expected_state.shown, block.fails)), now_s)
+            # What a device says of it, rather than the conditions of the table.
+            seen = (self.expected_state.value(each.attribute) for each in block.fails)
+            words = "; ".join(each for each in seen if isinstance(each, str) and each)
+            words = words or " and ".join(map(self.expected_state.shown, block.fails))
+            self._fail(block.name, words, now_s)
         elif now_s - run.settled_s > block.timeout_s:
             self._fail(block.name, f"not shown: {reasons}", now_s)
 

@@ -31,7 +31,13 @@ PATIENCE_S = 60.0
 """After the set of a pass until its end must have shown."""
 OVERDUE_S = 10.0
 """After the scheduled end of a pass until it is ended; the elements may have moved its set."""
+READY_S = (900.0, 300.0, 0.0)
+"""Before the rise of a pass, when what it still lacks is reported again."""
 SCHEDULED_END = "the schedule ends it here"
+BY_OPERATOR = SKIPPED, ABORTED, STOPPED = (
+    "skipped by the operator", "the night was aborted", "stop was requested",
+)  # fmt: skip
+"""Reasons of passes that nobody has lost."""
 LATE_S = 5.0
 """How old a view of the station may be to begin something."""
 SEARCH_BACK_S = 60.0
@@ -105,6 +111,30 @@ class Night:
                 best, most_s = window, shared_s
         self.take("ephemeris", {"target": target, "pass": best, "pass_found": best is not None}, t_s)
 
+    def take_readiness(self, reasons: Sequence[str], now_s: float) -> None:
+        """Note what the next pass needs and has not, by the `reasons` of the nodes.
+
+        `next.stage` changes 15 min, 5 min and 0 min before the rise.  What has an alarm that holds
+        up the night is not noted.
+        """
+        entry = self.schedule.active or next(
+            (each for each in self.schedule.in_order if each.state == PassState.WAITING
+             and each.item.los_t_s > now_s and each.item.id not in self.taken), None,
+        )  # fmt: skip
+        waits = self.state_name != NightState.RUNNING or self.recovery.effect()[0] != "continue"
+        if entry is None or waits:
+            self.take("next", {"missing": ""}, now_s)
+            return
+        missing, in_s = list(reasons), entry.item.aos_t_s - now_s
+        if not missing and in_s < 0.0 and self._work is not None and not self._busy:
+            missing = self._work.reasons[-1:]
+        stage = sum(in_s < limit_s for limit_s in READY_S)
+        due = f"rises in {in_s / 60.0:.0f} min" if in_s > 0.0 else "has risen"
+        name = entry.item.name or entry.item.target
+        values = {"missing": "; ".join(missing), "name": name, "in_s": in_s,
+                  "stage": f"{entry.item.id} {stage}", "due": due}  # fmt: skip
+        self.take("next", values, now_s)
+
     def respond(self, number: int, accepted: bool, text: str, now_s: float) -> None:
         """Take the response to a directive."""
         if number not in self._numbers:
@@ -136,7 +166,7 @@ class Night:
         if self.state_name not in (NightState.IDLE, NightState.STOPPING):
             raise ValueError(f"the executive is {self.state_name}")
         if self.finished:
-            self.begun_s, self.records, self.book.history = now_s, [], []
+            self.begun_s, self.records, self.book.history, self.book.messages = now_s, [], [], 0
         self.ended_s, self._planned_s, self._rest = math.nan, -math.inf, ""
         self._become(NightState.RUNNING, now_s, "started", f"{len(self.schedule.entries)} passes")
 
@@ -158,13 +188,13 @@ class Night:
     def stop(self, now_s: float) -> None:
         """End the night after the pass in work."""
         self._require(NightState.RUNNING, NightState.PAUSED, NightState.STOPPING)
-        self._become(NightState.STOPPING, now_s, "stop was requested")
+        self._become(NightState.STOPPING, now_s, STOPPED)
 
     def abort(self, now_s: float) -> None:
         """End the pass in work and the night now."""
         self.stop(now_s)
         if self._work is not None:
-            self._end_early(self._work, "the night was aborted", now_s)
+            self._end_early(self._work, ABORTED, now_s)
 
     def skip(self, name: str, now_s: float) -> str:
         """Leave out a pass, the present one if the name is empty, or a block of the present one."""
@@ -177,9 +207,9 @@ class Night:
         name = name or self.active_id
         entry = self.schedule.entry(name)
         if work is not None and name == work.id:
-            self._end_early(work, "skipped by the operator", now_s)
+            self._end_early(work, SKIPPED, now_s)
         elif entry.state in (PassState.WAITING, PassState.YIELDS):
-            self.schedule.end(entry, PassState.SKIPPED, "skipped by the operator")
+            self.schedule.end(entry, PassState.SKIPPED, SKIPPED)
         else:
             raise ValueError(f"pass {name} is {entry.state}")
         self.change(now_s)
@@ -199,15 +229,15 @@ class Night:
     def step(self, now_s: float) -> None:
         """Do what is due."""
         work = self._work
-        unheld_s = 0.0 if work is None else work.follow(self.expected_state, self.schedule.entries[work.id].item, now_s)
-        self.take("pass", {"unheld_s": unheld_s}, now_s)
+        if work is not None:
+            work.follow(self.expected_state)
+        self.recovery.acts = self.state_name in (NightState.RUNNING, NightState.STOPPING)
         self.recovery.step(now_s)
         effect, cause = self.recovery.effect()
         if self._unproved and not self._look_again(now_s):
             return
         self._step_action(now_s)
-        moving_allowed = self.state_name in (NightState.RUNNING, NightState.STOPPING)
-        if self._action is None and moving_allowed and (due := self.recovery.due(now_s)):
+        if self._action is None and (due := self.recovery.due(now_s)):
             name, action = due
             self.recovery.note_try(name, now_s)
             self._note(now_s, "", "recovery", f"{name}: {action}")
@@ -222,9 +252,13 @@ class Night:
             self._save()
 
     def _progress(self) -> tuple[Any, ...]:
-        """Return what a restart must know of the present pass."""
+        """Return what a restart must know: of the present pass, and what was reported."""
         runs = self._work.executor.runs.items() if self._work else ()
-        return self.state_name, *((name, run.state, run.answered, len(run.sent_s)) for name, run in runs)
+        return (
+            self.state_name,
+            self.book.messages,
+            *((name, run.state, run.answered, len(run.sent_s)) for name, run in runs),
+        )
 
     def _seen(self, now_s: float) -> bool:
         """Return whether antenna and controller were seen just now."""
@@ -268,7 +302,10 @@ class Night:
             work.reasons.append(failed)
             work.count()
             self._note(now_s, work.id, "attempt failed", failed)
-            self.take("pass", {"refused": self.expected_state.value("track.refused") or ""}, now_s)
+            # A fault with an alarm of its own says nothing about this pass.
+            explained = effect != "continue" or self.expected_state.value("antenna.fault")
+            refused = "" if explained else self.expected_state.value("track.refused") or ""
+            self.take("pass", {"refused": refused}, now_s)
             self._save()
         too_late = entry.item.los_t_s - now_s < min(self.schedule.params.least_s, 0.5 * entry.item.duration_s)
         if too_late or self.state_name == NightState.STOPPING:
@@ -283,6 +320,7 @@ class Night:
             return
         work.number += 1
         work.failed_s, work.following = None, False
+        self.take("pass", {"refused": ""}, now_s)
         work.executor = self._pass_executor(entry, now_s)
         self._note(now_s, work.id, "tried again", f"attempt {work.number}")
 
@@ -302,9 +340,9 @@ class Night:
         share = entry.tracked_s / entry.item.duration_s
         if not why and share < self.least_share:
             why = f"{100 * share:.0f} % of the pass was held, must be >= {100 * self.least_share:.0f} %"
-            why = ": ".join(filter(None, (why, "; ".join(work.reasons))))
+            why = ": ".join(filter(None, (why, "; ".join(dict.fromkeys(work.reasons)))))
         state = PassState.LOST if why else PassState.TRACKED
-        if why.startswith("skipped"):
+        if why in BY_OPERATOR:
             state = PassState.SKIPPED
         elif why and self.recovery.effect()[0] == "weather":
             state = PassState.WEATHER
@@ -331,7 +369,7 @@ class Night:
             self._end_entry(entry, None, now_s)
             self._save()
         if self.state_name == NightState.STOPPING or effect == "stop":
-            self._finish(cause if effect == "stop" else "stop was requested", now_s)
+            self._finish(cause if effect == "stop" else STOPPED, now_s)
             return
         self._replan_in_time(now_s)
         following = self.schedule.next()
@@ -369,9 +407,10 @@ class Night:
             self._rest = "last stow"
             self._begin_action("stow", now_s)
             return
+        left = PassState.SKIPPED if why in BY_OPERATOR else PassState.MISSED
         for entry in self.schedule.entries.values():
             if entry.state in (PassState.WAITING, PassState.YIELDS) and entry.planned:
-                self.schedule.end(entry, PassState.MISSED, why)
+                self.schedule.end(entry, left, why)
                 self.records.append(record_of(entry, None, self.book, self.expected_state))
         self.reason, self.ended_s = why, now_s
         self._become(NightState.IDLE, now_s, "ended", why)
@@ -460,6 +499,7 @@ class Night:
             "schedule": self.schedule.state(),
             "attempt": self._work and self._work.state(),
             "alarms": self.book.state(),
+            "tries": self.recovery.state(),
             "records": [dataclasses.asdict(record) for record in self.records],
         }
 
@@ -474,6 +514,7 @@ class Night:
             self.schedule.restore(state["schedule"])
             self.state_name, self.begun_s = NightState(state["state"]), float(state["begun_s"] or now_s)
             self.book.restore(state["alarms"])
+            self.recovery.restore(state.get("tries", {}), now_s)
             self.records = [record_from(row) for row in state["records"]]
             if (kept := state["attempt"]) is not None:
                 executor = self._pass_executor(self.schedule.entry(kept["id"]), now_s)

@@ -24,6 +24,7 @@ _PLANNED = ("", "tracked")
 """Fates of rows of `plan_passes` that a schedule takes, unless all are wanted."""
 _PATH = ("aos_azimuth_deg", "azimuth_low_deg", "azimuth_high_deg", "azimuth_end_deg")
 _EXACT = "X-RF-POINTING-PASS"
+_REPEATED = ("RRULE", "RDATE", "EXDATE", "RECURRENCE-ID")
 _LARGEST = 1e9
 """Largest number of a row: degrees, hours, priorities."""
 
@@ -131,13 +132,19 @@ def _calendar_rows(text: str) -> list[dict[str, Any]]:
                 raise ValueError(f"{_EXACT} of {event.get('summary')} must be an object")
             rows.append(row)
             continue
-        begin, end = (event.decoded(key, None) for key in ("dtstart", "dtend"))
+        if str(event.get("status", "")).upper() == "CANCELLED":
+            continue
+        said = f"event {event.get('summary')}"
+        if repeated := next((key for key in _REPEATED if key in event), ""):
+            raise ValueError(f"{said} has {repeated}: repeated events are not read, give every pass its own")
+        begin, end, length = (event.decoded(key, None) for key in ("dtstart", "dtend", "duration"))
+        if end is None and isinstance(begin, datetime) and isinstance(length, timedelta):
+            end = begin + length
         if not isinstance(begin, datetime) or not isinstance(end, datetime):
-            raise ValueError(f"event {event.get('summary')} must have dtstart and dtend with a time of day")
-        times = {
-            key: utc_text((when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp())
-            for key, when in (("aos_utc", begin), ("los_utc", end))
-        }
+            raise ValueError(f"{said} must have dtstart, and dtend or duration, with a time of day")
+        if begin.tzinfo is None or end.tzinfo is None:
+            raise ValueError(f"{said} has a time without a zone, {begin.isoformat()}: write Z or TZID")
+        times = {key: utc_text(when.timestamp()) for key, when in (("aos_utc", begin), ("los_utc", end))}
         rows.append({"target": re.split(r",\s*peak", str(event.get("summary") or ""))[0].strip(), **times})
     return rows
 

@@ -5,16 +5,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from rf_pointing.core.dates import utc_text
 from rf_pointing.core.pass_outcome import SIDELOBE_DB
 from rf_pointing.operations.alarms import AlarmBook
 from rf_pointing.operations.executor import BlockState, Executor
 from rf_pointing.operations.expected_state import ExpectedState
-from rf_pointing.operations.schedule import Entry, ScheduledPass
+from rf_pointing.operations.schedule import Entry
 
-CAUSES_S = 600.0
-"""Alarms that were raised this long before a pass count among its causes."""
+VERDICT = "verdict.json"
+"""File of the record of a pass, with its recordings."""
 _COUNTED = "tracking.seconds_tracked", "tracking.seconds_lost", "tracking.mean_loss"
-_PASSING = "executor", "held_s", "counted"
+_PASSING = "executor", "counted"
 """Fields that are not kept: they change all the time, and each change would write the file."""
 
 
@@ -51,8 +52,6 @@ class PassWork:
     received_s: float = 0.0
     """Integral of the received power over the attempts before."""
     tracked_s: float = 0.0
-    held_s: float | None = None
-    """When the target was held last."""
     counted: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Seconds tracked and lost, and the mean loss in dB, as the controller counts them."""
     following: bool = False
@@ -67,22 +66,16 @@ class PassWork:
         return next((run.reason for name, run in self.executor.runs.items()
                      if run.state == BlockState.ANOMALY and not blocks[name].optional), "")  # fmt: skip
 
-    def follow(self, seen: ExpectedState, item: ScheduledPass, now_s: float) -> float:
-        """Take what the controller has counted; return for how long the target was not held."""
+    def follow(self, seen: ExpectedState) -> None:
+        """Take what the controller has counted."""
         if self.ending:
-            return 0.0
-        busy, held = bool(seen.value("tracking.target")), seen.actual("tracking.held")
-        if held is not None and held.value and busy:
-            self.held_s = held.t_s
+            return
+        busy = bool(seen.value("tracking.target"))
         tracked_s, lost_s, loss_db = (float(seen.value(name) or 0.0) for name in _COUNTED)
         # A controller that was killed begins at zero: what it had counted stays.
         self.following = self.following or busy
         if self.following and tracked_s + lost_s >= self.counted[0] + self.counted[1]:
             self.counted = tracked_s, lost_s, loss_db
-        if not busy or not item.aos_t_s <= now_s <= item.los_t_s:
-            return 0.0
-        begun_s = max(self.begun_s, item.aos_t_s)
-        return max(0.0, now_s - (begun_s if self.held_s is None else max(begun_s, self.held_s)))
 
     def count(self) -> None:
         """Add what the controller has counted in this attempt."""
@@ -108,12 +101,7 @@ class PassWork:
 def record_of(entry: Entry, work: PassWork | None, book: AlarmBook, seen: ExpectedState) -> PassRecord:
     """Return the record of a pass that has ended; `work` is None for one that has not begun."""
     item, age_h, recorded = entry.item, None, False
-    from_s = item.aos_t_s - CAUSES_S
-    causes = [
-        f"{name}: {message}" for t_s, event, name, _, message in book.history
-        if event in ("raised", "worse") and from_s <= t_s <= item.los_t_s
-    ]  # fmt: skip
-    causes += [f"{a.name}: {a.message}" for a in book.lasting if a.raised_t_s < from_s]
+    causes = causes_between(book, item.aos_t_s, item.los_t_s)
     if not math.isnan(item.element_age_s):
         age_h = item.element_age_s / 3600.0
     if work is not None:
@@ -127,6 +115,30 @@ def record_of(entry: Entry, work: PassWork | None, book: AlarmBook, seen: Expect
         reason=entry.reason, tracked_s=entry.tracked_s, lost_s=entry.lost_s, loss_db=entry.loss_db,
         attempts=work.number if work else 0, causes=tuple(dict.fromkeys(causes)), element_age_h=age_h, recorded=recorded,
     )  # fmt: skip
+
+
+def causes_between(book: AlarmBook, from_s: float, to_s: float) -> list[str]:
+    """Return the alarms that lasted between two times, each with its begin and its end."""
+    begun: dict[str, tuple[float, str]] = {a.name: (a.raised_t_s, a.message) for a in book.lasting}
+    open_, rows = dict[str, tuple[float, str]](), list[tuple[float, float | None, str, str]]()
+    for t_s, event, name, _, message in book.history:
+        if event == "raised":
+            open_[name] = t_s, message
+        elif event == "cleared" and name in open_:
+            raised_s, _ = open_.pop(name)
+            rows.append((raised_s, t_s, name, message))
+    # Alarms of before the night are not in its history.
+    rows += [(t_s, None, name, message) for name, (t_s, message) in (open_ | begun).items()]
+    return [
+        f"{name} {_clock(raised_s)} to {_clock(end_s)}, {end_s - raised_s:.0f} s: {message}"
+        if end_s is not None else f"{name} since {_clock(raised_s)}: {message}"
+        for raised_s, end_s, name, message in sorted(rows, key=lambda row: row[0])
+        if raised_s <= to_s and (end_s is None or end_s >= from_s)
+    ]  # fmt: skip
+
+
+def _clock(t_s: float) -> str:
+    return utc_text(t_s)[11:19]
 
 
 def record_from(row: Mapping[str, Any]) -> PassRecord:

@@ -10,6 +10,8 @@ The table is a YAML file; `tables/recovery.yaml` is the shipped one, a station m
         for_s: ${fault_s}
         level: error
         text: "the antenna has a latched fault: {antenna.fault}"
+        again: antenna.fault                     # another value of it is another message
+        unless: {drive.problem: {is_not: ""}}    # while all hold: not raised, and nothing tried
         do: [reset_fault]                        # by itself
         not_by_itself: runaway|hard limit        # ... unless the text matches this expression
         tries: 3
@@ -23,7 +25,7 @@ The table is a YAML file; `tables/recovery.yaml` is the shipped one, a station m
 
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -39,7 +41,10 @@ EFFECTS = ("continue", "wait", "weather", "stop")
 FORGET_S = 1800.0
 """A cause that stays away for so long is a new one."""
 _LEVELS = {"warning": WARNING, "error": ERROR}
-_CAUSE_KEYS = {"when", "for_s", "level", "text", "do", "not_by_itself", "tries", "every_s", "ask", "night", "last"}
+_CAUSE_KEYS = {
+    "when", "unless", "for_s", "level", "text", "again", "do", "not_by_itself", "tries", "every_s",
+    "ask", "night", "last",
+}  # fmt: skip
 _PLACE = re.compile(r"^\$\{(\w+)\}$")
 _SHOWN = re.compile(r"\{([\w.*]+)\}")
 
@@ -50,9 +55,11 @@ class Cause:
 
     name: str
     when: tuple[Condition, ...]
+    unless: tuple[Condition, ...]
     for_s: float
     level: int
     text: str
+    again: str
     do: tuple[str, ...]
     not_by_itself: str
     tries: int
@@ -131,8 +138,11 @@ def _cause(name: str, given: dict[str, Any], actions: Collection[str], known: Ma
     if not when:
         raise ValueError(f"causes.{name}.when must have at least one condition")
     return Cause(
-        name=name, when=when, for_s=float(numbers["for_s"]), level=_LEVELS[level],
-        text=str(values.get("text") or name.replace("_", " ")), do=do, not_by_itself=pattern,
+        name=name, when=when,
+        unless=read_conditions(f"causes.{name}.unless", values.get("unless", {})),
+        for_s=float(numbers["for_s"]), level=_LEVELS[level],
+        text=str(values.get("text") or name.replace("_", " ")), again=str(values.get("again", "")),
+        do=do, not_by_itself=pattern,
         tries=int(numbers["tries"]), every_s=float(numbers["every_s"]), ask=str(values.get("ask", "")),
         night=str(night), last=str(last),
     )  # fmt: skip
@@ -160,6 +170,7 @@ class Ongoing:
     device: str
     since_s: float
     raised: bool = False
+    held_off: bool = False
     tried: int = 0
     tried_s: float = -math.inf
     text: str = ""
@@ -183,11 +194,15 @@ class Ongoing:
 
 @dataclass(slots=True)
 class Recovery:
-    """Watches the devices by the table, keeps the alarms, and says which action is due."""
+    """Watches the devices by the table, keeps the alarms, and says which action is due.
+
+    While it does not act nothing is tried, so an operator is needed at once.
+    """
 
     table: RecoveryTable
     expected_state: ExpectedState
     book: AlarmBook
+    acts: bool = True
     ongoing: dict[str, Ongoing] = field(default_factory=dict)
     _gone: dict[str, tuple[int, float, float]] = field(default_factory=dict)
     """Causes that have gone: number and time of the trials, and when the cause went."""
@@ -197,15 +212,19 @@ class Recovery:
         present: set[str] = set()
         for cause in self.table.causes:
             for device in self._devices(cause):
-                if not self._holds(cause, device, now_s):
+                if not self._hold(cause.when, device, now_s):
                     continue
                 name = f"{cause.name} {device}".strip()
                 present.add(name)
                 one = self.ongoing.setdefault(name, self._begun(name, cause, device, now_s))
-                if now_s - one.since_s >= cause.for_s:
-                    one.raised, one.text = True, self._text(cause, device)
-                    ask = "" if one.by_itself else cause.ask
-                    self.book.raise_(name, cause.level, one.text, now_s, ask)
+                one.held_off = bool(cause.unless) and self._hold(cause.unless, device, now_s)
+                if one.held_off and not one.raised:
+                    one.since_s = now_s
+                elif not one.held_off and now_s - one.since_s >= cause.for_s:
+                    one.raised, one.text = True, self._text(cause.text, device)
+                    ask = "" if self.acts and one.by_itself else self._text(cause.ask, device)
+                    about = self._text(f"{{{cause.again}}}", device) if cause.again else ""
+                    self.book.raise_(name, cause.level, one.text, now_s, ask, about)
         for name in [name for name in self.ongoing if name not in present]:
             one = self.ongoing.pop(name)
             self._gone[name] = one.tried, one.tried_s, now_s
@@ -213,6 +232,7 @@ class Recovery:
         for alarm in self.book.lasting:
             if alarm.name not in self.ongoing and alarm.name.partition(" ")[0] in {c.name for c in self.table.causes}:
                 self.book.clear(alarm.name, now_s)
+        self.book.remind(now_s)
 
     def _begun(self, name: str, cause: Cause, device: str, now_s: float) -> Ongoing:
         """Return a cause that is there; one that comes back soon has the tries of before."""
@@ -223,8 +243,9 @@ class Recovery:
 
     def due(self, now_s: float) -> tuple[str, str] | None:
         """Return the name of the cause and the action to try now, or None."""
-        for one in self.ongoing.values():
-            if one.raised and one.by_itself and now_s - one.tried_s >= one.cause.every_s:
+        for one in self.ongoing.values() if self.acts else ():
+            waits = one.held_off or now_s - one.tried_s < one.cause.every_s
+            if one.raised and one.by_itself and not waits:
                 return one.name, one.cause.do[one.tried % len(one.cause.do)]
         return None
 
@@ -246,10 +267,11 @@ class Recovery:
         endings = tuple(f".{each}" for each in marked)
         return sorted({name.partition(".")[0] for name in self.expected_state.attributes() if name.endswith(endings)})
 
-    def _holds(self, cause: Cause, device: str, now_s: float) -> bool:
-        return not any(self.expected_state.reason_not_met(_of(each, device), now_s) for each in cause.when)
+    def _hold(self, conditions: Sequence[Condition], device: str, now_s: float) -> bool:
+        unmet = self.expected_state.reason_not_met
+        return not any(unmet(_of(each, device), now_s) for each in conditions)
 
-    def _text(self, cause: Cause, device: str) -> str:
+    def _text(self, text: str, device: str) -> str:
         def shown(match: re.Match[str]) -> str:
             name = match[1]
             if name == "device":
@@ -259,7 +281,22 @@ class Recovery:
                 return "unknown"
             return f"{seen.value:.4g}" if isinstance(seen.value, float) else str(seen.value)
 
-        return _SHOWN.sub(shown, cause.text)
+        return _SHOWN.sub(shown, text)
+
+    # State
+
+    def state(self) -> dict[str, tuple[int, float, float | None]]:
+        """Return number and time of the tries of each cause, and since when it has been away."""
+        ongoing = self.ongoing.items()
+        tries = {name: (one.tried, one.tried_s, None) for name, one in ongoing if one.tried}
+        return {**{name: row for name, row in self._gone.items() if row[0]}, **tries}
+
+    def restore(self, state: Mapping[str, Sequence[Any]], now_s: float) -> None:
+        """Take back what `state` has returned: a restart gives no cause further tries."""
+        self._gone = {
+            name: (tried, tried_s, now_s if gone_s is None else gone_s)
+            for name, (tried, tried_s, gone_s) in state.items()
+        }
 
 
 def _of(condition: Condition, device: str) -> Condition:

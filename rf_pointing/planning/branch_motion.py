@@ -7,15 +7,16 @@ with both together, the crossing is planned again with what the lags leave.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from rf_pointing.core.types import Array
+from rf_pointing.core.types import TURN, Array
 from rf_pointing.planning.crossing import AxisMotionLimits, Crossing, Gain, cross
 from rf_pointing.planning.limits import AxisLimits, AxisRates, MachineParams
 from rf_pointing.planning.over_the_top import cross_over, plunged, unplunged
+from rf_pointing.planning.stops import within_stops
 
 Triple = tuple[Array, Array, Array]
 # What axes stand ahead of a beam: position, velocity, acceleration (n, 2) from times (n,), rates
@@ -62,6 +63,11 @@ def branch_motions(
         within = partial(cross, t_s, *motion, gain=gain)
         crossing, axes = _planned(t_s, motion, motion, machine.planned, most_rad, lag, within)
         found.append(BranchMotion(plunge, motion, crossing, axes))
+        for ends_rad in _stops(axes[:, 0], limits) if crossing is None else ():
+            stopped = partial(within_stops, t_s, *motion, ends_rad, gain)
+            crossing, axes = _planned(t_s, motion, motion, machine.planned, math.inf, lag, stopped)
+            if crossing is not None:
+                found.append(BranchMotion(plunge, motion, crossing, axes))
     # An axis that ends at 95 or 100 deg cannot finish a pass over the top; the branch is
     # made anyway and shown with that reason.
     leans = len(sides) == 2 and limits.elevation_max_rad > 0.5 * math.pi
@@ -74,6 +80,16 @@ def branch_motions(
     return found
 
 
+def _stops(azimuth: Array, limits: AxisLimits) -> list[tuple[float, float]]:
+    """Return the ends of the travel on each turn that a part of a pass fits, none if all does."""
+    low, high = float(azimuth.min()), float(azimuth.max())
+    least, most = limits.azimuth_min_rad, limits.azimuth_max_rad
+    if math.ceil((least - low) / TURN) <= math.floor((most - high) / TURN):
+        return []
+    turns = range(math.ceil((least - high) / TURN), math.floor((most - low) / TURN) + 1)
+    return [(least - each * TURN, most - each * TURN) for each in turns]
+
+
 def _over(
     t_s: Array, plunge: bool, first: Triple, second: Triple, gain: Gain, limits: AxisMotionLimits
 ) -> Crossing | None:
@@ -84,7 +100,8 @@ def _over(
     if found is None:
         return None
     turned = plunged(found.position_rad, found.velocity_rad_s, found.acceleration_rad_s2)
-    return Crossing(found.t_s, *turned, found.error_rad, over_t_s=found.over_t_s, turn_rad=found.turn_rad)
+    position, velocity, acceleration = turned
+    return replace(found, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration)
 
 
 def _planned(

@@ -96,7 +96,13 @@ class Branch:
     def label(self) -> str:
         """The branch in words."""
         way = ("over back" if self.plunge else "over") if self.over else ("plunge" if self.plunge else "direct")
-        return f"{way}, {self.turns:+d} turns"
+        stop = self.crossing is not None and self.crossing.at_stop
+        return f"{way}, {self.turns:+d} turns" + (", unwinds" if self.turned else ", waits") * stop
+
+    @property
+    def turned(self) -> bool:
+        """Whether the azimuth is unwound by a turn in the pass."""
+        return self.crossing is not None and self.crossing.at_stop and self.crossing.turn_rad != 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,8 +34,16 @@ def certificate_lines(certificate: Certificate) -> list[str]:
     verdict = f"taken: {chosen.label}, start at azimuth {math.degrees(chosen.start_rad[0]):.1f} deg"
     if chosen.keyhole_s > 0.0:
         deep = "more than " if chosen.peak_loss_db >= SIDELOBE_DB else ""
+        stop = chosen.crossing is not None and chosen.crossing.at_stop
+        how = (
+            "unwinds in the pass"
+            if chosen.turned
+            else "waits at the stop"
+            if stop
+            else "crosses the zenith at its limits"
+        )
         verdict += (
-            f"; crosses the zenith at its limits: {chosen.keyhole_s:.1f} s off target, {chosen.lost_s:.1f} s below half "
+            f"; {how}: {chosen.keyhole_s:.1f} s off target, {chosen.lost_s:.1f} s below half "
             f"power, up to {deep}{chosen.peak_loss_db:.1f} dB"
         )
     if chosen.late_s > 0.0:

@@ -62,7 +62,10 @@ class Crossing:
     over_t_s: float | None = None
     """When the dish goes over the top, for a crossing that ends on the other side."""
     turn_rad: float = 0.0
-    """Whole turns by which the azimuth of the other side's motion is moved then."""
+    """Whole turns by which the azimuth is moved at `turn_t_s`."""
+    turn_t_s: float | None = None
+    at_stop: bool = False
+    """Whether an end of the azimuth's travel is crossed, and not the zenith."""
 
     @property
     def duration_s(self) -> float:

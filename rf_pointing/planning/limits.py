@@ -124,7 +124,7 @@ class MachineParams(Params):
         math.radians(0.065), "beamwidth that the loss is computed for", low=1e-6, high=1.4
     )
 
-    @property
+    @cached_property
     def planned(self) -> AxisRates:
         """The rates and accelerations that planning may use."""
         share = 1.0 - self.reserve

@@ -126,7 +126,7 @@ class _Sides:
         top = start + int(np.argmax(moved[0][:, 1] >= 0.5 * math.pi))
         return Crossing(
             self.t_s[part], position[part], velocity[part], bend[part], error, over_t_s=float(self.t_s[top]),
-            turn_rad=self.turn_rad,
+            turn_rad=self.turn_rad, turn_t_s=float(self.t_s[top]),
         )  # fmt: skip
 
     def _moved(self, start: int, end: int) -> tuple[Array, Array] | None:

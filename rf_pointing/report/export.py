@@ -14,7 +14,7 @@ export.
 import csv
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import astuple, dataclass, fields
 from functools import cache
 from pathlib import Path
@@ -133,9 +133,17 @@ def export_recording(recording: Recording, folder: Path, kind: str) -> list[Path
     described = [row for _, rows in tables.values() for row in rows]
     if kind == "mat":
         return [_write_mat(folder / "recording.mat", {name: each for name, (each, _) in tables.items()}, described)]
-    write = _write_csv if kind == "csv" else _write_parquet
-    files = [write(folder / f"{name}.{kind}", columns, rows) for name, (columns, rows) in tables.items()]
-    return [*files, _write_dictionary(folder / f"{DICTIONARY}.csv", described)]
+    files = [folder / f"{name}.{kind}" for name in tables]
+    for file, (columns, rows) in zip(files, tables.values(), strict=True):
+        if kind == "csv":
+            # tolist() gives Python's floats: their shortest text is read back to the last bit.
+            values = (column.tolist() for column in columns.values())
+            _write_csv(file, columns, zip(*values, strict=True))
+        else:
+            _write_parquet(file, columns, rows)
+    dictionary = folder / f"{DICTIONARY}.csv"
+    _write_csv(dictionary, [each.name for each in fields(ColumnMeaning)], map(astuple, described))
+    return [*files, dictionary]
 
 
 def _columns(recording: Recording, topic: str) -> tuple[Columns, list[ColumnMeaning]]:
@@ -210,23 +218,12 @@ def _file_name(topic: str) -> str:
     return topic.replace("/", "_")
 
 
-def _write_csv(path: Path, columns: Columns, _rows: list[ColumnMeaning]) -> Path:
+def _write_csv(path: Path, head: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    # tolist() gives Python's floats: their shortest text is read back to the last bit.
-    writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+    writer.writerow(head)
+    writer.writerows(rows)
     write_whole(path, text.getvalue())
-    return path
-
-
-def _write_dictionary(path: Path, rows: list[ColumnMeaning]) -> Path:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([each.name for each in fields(ColumnMeaning)])
-    writer.writerows(astuple(row) for row in rows)
-    write_whole(path, text.getvalue())
-    return path
 
 
 def _pyarrow() -> Any:
@@ -239,7 +236,7 @@ def _pyarrow() -> Any:
     return pyarrow
 
 
-def _write_parquet(path: Path, columns: Columns, rows: list[ColumnMeaning]) -> Path:
+def _write_parquet(path: Path, columns: Columns, rows: list[ColumnMeaning]) -> None:
     """Write a table whose fields carry unit, meaning and source as metadata."""
     arrow = _pyarrow()
     arrays = [arrow.array(column.tolist()) for column in columns.values()]
@@ -250,7 +247,6 @@ def _write_parquet(path: Path, columns: Columns, rows: list[ColumnMeaning]) -> P
     sink = io.BytesIO()
     arrow.parquet.write_table(arrow.Table.from_arrays(arrays, schema=arrow.schema(described)), sink)
     write_whole(path, sink.getvalue())
-    return path
 
 
 def _write_mat(path: Path, tables: Mapping[str, Columns], rows: list[ColumnMeaning]) -> Path:

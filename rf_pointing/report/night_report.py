@@ -1,7 +1,7 @@
-"""The morning report: one page of a night, `night.html`, and the same as `night.json`.
+"""The morning report: one page of a night, `night.html`, the same as `night.json`, and the index.
 
-What was planned, tracked and lost with the causes; alarms; ages of the elements; model, relays and
-disk; and first of all what there is to do today.
+First what there is to do today; then a line for each pass with its own causes and its report;
+alarms; what the station ran on.  `index.html` lists the nights of a folder, and their trend.
 """
 
 import json
@@ -10,15 +10,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from rf_pointing.core.dates import utc_text
-from rf_pointing.core.whole_file import write_whole
-from rf_pointing.operations.pass_work import PassRecord
+from rf_pointing.core.whole_file import DATA_BYTES, parse_json, read_whole, write_whole
+from rf_pointing.operations.alarms import AlarmBook
+from rf_pointing.operations.pass_work import PassRecord, causes_between
 from rf_pointing.report.html import render
 
 STALE_H = 48.0
 WIDTH, LANE = 1080.0, 26.0
 TRACKED = "tracked"
+BY_CHOICE = ("skipped", "yields")
+"""States of passes that an operator or the plan has left out: nobody has lost them."""
+MOST_NIGHTS = 400
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,25 +58,32 @@ class NightReport:
         return sum(each.state == TRACKED for each in self.passes)
 
     @property
+    def wanted(self) -> int:
+        """Passes that were to be tracked."""
+        return sum(each.state not in BY_CHOICE for each in self.passes)
+
+    @property
     def held_share(self) -> float:
-        """Share of the time of all passes in which the target was held."""
-        planned_s = sum(each.los_t_s - each.aos_t_s for each in self.passes)
-        return sum(each.tracked_s for each in self.passes) / planned_s if planned_s else 0.0
+        """Share of the time of the passes that were to be tracked in which the target was held."""
+        wanted = [each for each in self.passes if each.state not in BY_CHOICE]
+        planned_s = sum(each.los_t_s - each.aos_t_s for each in wanted)
+        return sum(each.tracked_s for each in wanted) / planned_s if planned_s else 0.0
 
 
 def night_of(
     state: Mapping[str, Any],
     station: str,
     *,
-    messages: int = 0,
     health: Mapping[str, Mapping[str, Any]] | None = None,
     ended_t_s: float | None = None,
 ) -> NightReport:
     """Return the report of the kept state of a night."""
     priorities = {row["pass"]["id"]: row["pass"]["priority"] for row in state["schedule"]}
     rows = sorted(state["records"], key=lambda row: row["aos_t_s"])
+    book = AlarmBook(lambda *_: None)
+    book.restore(state["alarms"])
     passes = tuple(
-        PassRecord(**{**row, "causes": tuple(row["causes"]), "priority": priorities.get(row["id"], 0)}) for row in rows
+        PassRecord(**{**row, "causes": _causes(row, book), "priority": priorities.get(row["id"], 0)}) for row in rows
     )
     history = [tuple(row) for row in state["alarms"]["history"]]
     alarms = _alarms(history)
@@ -80,9 +92,16 @@ def night_of(
     known = dict(health or {})
     return NightReport(
         station=station, begun_t_s=begun_s, ended_t_s=max(begun_s + 1.0, ended_t_s or last_s), passes=passes,
-        alarms=alarms, yielded=sum(row["state"] == "yields" for row in state["schedule"]), messages=messages,
+        alarms=alarms, yielded=sum(row["state"] == "yields" for row in state["schedule"]), messages=book.messages,
         to_do=_to_do(passes, alarms, state["alarms"]["alarms"], known), health=known,
     )  # fmt: skip
+
+
+def _causes(row: Mapping[str, Any], book: AlarmBook) -> tuple[str, ...]:
+    """Return the causes of a pass; an alarm that lasted when the pass ended has its end by now."""
+    alarms = tuple(f"{name} " for name in book.alarms)
+    own = [each for each in row["causes"] if not each.startswith(alarms)]
+    return tuple(dict.fromkeys([*causes_between(book, row["aos_t_s"], row["los_t_s"]), *own]))
 
 
 def _alarms(history: Sequence[tuple[Any, ...]]) -> tuple[NightAlarm, ...]:
@@ -113,13 +132,13 @@ def _to_do(
         f"{each.message}: {asks.get(each.name) or 'look into it'}" for each in sorted(lasting, key=lambda a: -a.level)
     ]
     old = sorted({each.name for each in passes if (each.element_age_h or 0.0) > STALE_H})
-    if old:
+    if old and not any(each.name == "stale_elements" for each in lasting):
         rows.append(f"fetch newer elements of {_listed(old)}: older than {STALE_H:.0f} h")
     again = {name: sum(each.name == name for each in alarms) for name in {each.name for each in alarms}}
     rows += [
         f"{name} came {count} times in the night: find out why" for name, count in sorted(again.items()) if count >= 3
     ]
-    lost = [each for each in passes if each.state not in (TRACKED, "skipped", "weather")]
+    lost = [each for each in passes if each.state not in (TRACKED, "weather", *BY_CHOICE)]
     if lost:
         rows.append(
             f"{len(lost)} passes were lost ({_listed([each.name for each in lost])}): plan them again if needed"
@@ -145,6 +164,28 @@ def write_night(report: NightReport, folder: Path) -> None:
     values = asdict(report) | {"tracked": report.tracked, "held_share": report.held_share}
     write_whole(folder / "night.json", json.dumps(values, indent=1) + "\n")
     write_whole(folder / "night.html", page(report))
+    write_whole(folder.parent / "index.html", index_page(folder.parent))
+
+
+def index_page(folder: Path) -> str:
+    """Return the HTML text of the nights of a folder, the newest first, with their trend."""
+    rows = []
+    for file in sorted(folder.glob("report-*/night.json"), reverse=True)[:MOST_NIGHTS]:
+        href = f"{file.parent.name}/night.html"
+        try:
+            night = parse_json(read_whole(file, DATA_BYTES))
+            passes = night["passes"]
+            rows.append({
+                "href": href, "begun": _minute(night["begun_t_s"]), "station": night["station"],
+                "tracked": int(night["tracked"]),
+                "wanted": sum(each["state"] not in BY_CHOICE for each in passes),
+                "held": 100.0 * float(night["held_share"]), "alarms": len(night["alarms"]),
+                "messages": int(night["messages"]), "to_do": len(night["to_do"]),
+            })  # fmt: skip
+        except (OSError, ValueError, KeyError, TypeError):
+            # A report that was cut short has its page all the same.
+            rows.append({"href": href, "begun": file.parent.name, "station": ""})
+    return render("nights.html", title="Nights", nights=rows)
 
 
 def page(report: NightReport) -> str:
@@ -158,28 +199,40 @@ def page(report: NightReport) -> str:
         ended=_minute(report.ended_t_s),
         timeline=_timeline(report),
         oldest_h=max(ages, default=None),
-        tables={
-            "passes": [
-                (_clock(each.aos_t_s), each.name, each.priority, round(each.los_t_s - each.aos_t_s), each.state,
-                 round(each.tracked_s), round(each.lost_s), each.loss_db, each.attempts, each.element_age_h,
-                 "yes" if each.recorded else "no", _why(each))
-                for each in report.passes
-            ],
-            "alarms": [
-                (_clock(each.raised_t_s), each.name, ("", "warning", "error")[each.level],
-                 "lasts" if each.until_t_s is None else _span(each.until_t_s - each.raised_t_s),
-                 "yes" if each.acknowledged else "no", each.message)
-                for each in report.alarms
-            ],
-            "health": [(device, name, str(value)) for device, values in sorted(report.health.items())
-                       for name, value in values.items()],
-        },
+        passes=[
+            {"clock": _clock(each.aos_t_s)[:5], "name": each.name, "state": each.state,
+             "why": _why(each), "lost_s": round(each.lost_s), "loss_db": each.loss_db,
+             "held": 100.0 * each.tracked_s / max(1.0, each.los_t_s - each.aos_t_s),
+             "report": f"../passes/{quote(each.id)}/report.html" if each.recorded else ""}
+            for each in report.passes
+        ],
+        alarms=[
+            {"clock": _clock(each.raised_t_s), "name": each.name.replace("_", " "),
+             "message": each.message, "level": ("", "warning", "error")[each.level],
+             "span": _lasted(each)}
+            for each in report.alarms
+        ],
+        health=[(device, name, str(value)) for device, values in sorted(report.health.items())
+                for name, value in values.items()],
     )  # fmt: skip
 
 
-def _why(one: PassRecord) -> str:
+def _lasted(one: NightAlarm) -> str:
+    span = "lasts" if one.until_t_s is None else _span(one.until_t_s - one.raised_t_s)
+    return f"{span}, acknowledged" if one.acknowledged else span
+
+
+def _why(one: PassRecord) -> list[str]:
+    """Return the lines under a pass: its reason, its causes, and what was unusual."""
     reasons = [] if one.state == TRACKED else [one.reason]
-    return "; ".join([*reasons, *one.causes])
+    more = (
+        (one.attempts > 1, f"joined {one.attempts - 1} times"),
+        (one.state == TRACKED and not one.recorded, "not recorded"),
+        ((one.element_age_h or 0.0) > STALE_H, f"elements {one.element_age_h or 0.0:.0f} h old"),
+    )
+    parts = (each.partition(" ") for each in one.causes)
+    causes = [f"{name.replace('_', ' ')} {rest}".strip() for name, _, rest in parts]
+    return list(dict.fromkeys([*reasons, *causes, *(text for said, text in more if said)]))
 
 
 def _timeline(report: NightReport) -> dict[str, Any]:

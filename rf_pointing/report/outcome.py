@@ -5,10 +5,14 @@ as the controller counted it (from axes, sensor and carrier), and as the certifi
 The verdict is that of the flight where the truth is known, else the controller's.
 """
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 
 from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL, PassOutcome
 from rf_pointing.core.types import IntArray
+from rf_pointing.core.whole_file import parse_json, read_whole
 from rf_pointing.report.analysis import Analysis
 from rf_pointing.report.recording import Pass
 from rf_pointing.report.summary import OutcomeNumbers, Verdict
@@ -51,6 +55,22 @@ def verdict(analysis: Analysis) -> Verdict:
         predicted=predicted,
         faults=faults,
     )
+
+
+def judged_by_night(found: Verdict, path: Path) -> Verdict:
+    """Return the verdict of the executive that ran the pass, else the one found.
+
+    A recording holds one attempt at the pass, or a part of it; the executive has counted all.
+    """
+    try:
+        record = parse_json(read_whole(path))
+        tracked_s, lost_s = float(record["tracked_s"]), float(record["lost_s"])
+        received_s = (tracked_s + lost_s) * 10.0 ** (-0.1 * float(record["loss_db"]))
+        night = _numbers(PassOutcome(tracked_s, lost_s, received_s))
+        tracked, reason = record["state"] == "tracked", str(record["reason"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return found
+    return replace(found, tracked=tracked, reason=reason, source="night", counted=night)
 
 
 def recorded_faults(analysis: Analysis) -> list[str]:

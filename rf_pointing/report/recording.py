@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Connection
 from rosbags.interfaces.typing import Typesdict
+from rosbags.rosbag2.storage_mcap import zstd  # type: ignore[attr-defined]  # whichever zstd it uses
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_typestore
 from rosbags.typesys.store import Typestore
@@ -28,6 +29,8 @@ from rf_pointing.report.topics import TOPICS, TopicData, as_column, head_reader,
 
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _DECODE_ERRORS = (SerdeError, AttributeError, *READ_ERRORS)
+_ZSTD = b"\x28\xb5\x2f\xfd"
+"""Begin of a compressed message; one of ROS begins with a zero."""
 _NUMBER = re.compile(r"\d+(\.\d+)?")
 Take = Callable[[int, bytes], None]
 
@@ -63,13 +66,19 @@ class _Rows:
 
     def data(self) -> TopicData:
         # Without messages the array still needs its columns.
+        logs = np.array(self.logs, dtype=np.int64)
         heads = np.array(self.heads, dtype=np.int64).reshape(len(self.heads), self.head_length)
+        rows = self.rows
+        # Splits may overlap in time, and are read one after the other.
+        if np.any(np.diff(logs) < 0):
+            order = np.argsort(logs, kind="stable")
+            logs, heads, rows = logs[order], heads[order], [rows[index] for index in order]
         names = self.layout.columns
-        values = list(zip(*self.rows, strict=True)) or [()] * len(names)
+        values = list(zip(*rows, strict=True)) or [()] * len(names)
         return TopicData(
             topic=self.topic,
             type_name=self.layout.type_name,
-            log_time_ns=np.array(self.logs, dtype=np.int64),
+            log_time_ns=logs,
             stamp_ns=heads[:, 0] if self.head_length > 0 else None,
             sequence=heads[:, 1] if self.head_length > 1 else None,
             columns={name: as_column(column) for name, column in zip(names, values, strict=True)},
@@ -131,7 +140,9 @@ class _Collector:
         count = 0
         try:
             for connection, log_time_ns, raw in reader.messages():
-                takers[connection.id](log_time_ns, raw)
+                # Without metadata only the message tells that it is compressed.
+                plain = zstd.decompress(raw) if raw[:4] == _ZSTD else raw
+                takers[connection.id](log_time_ns, plain)
                 count += 1
         except READ_ERRORS as error:
             self.problems.append(f"reading stopped after {count} messages of {reader.path.name}: {error}")

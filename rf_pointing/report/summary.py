@@ -125,7 +125,8 @@ class Verdict:
     """Whether the pass was tracked, else why not; and three answers to what it gave.
 
     `source` is what the verdict is judged by: "true" is the flight, "counted" the controller's
-    count.  `faults` are those of the antenna and of its encoders, reset or not.
+    count, "night" that of an executive over all attempts, which is then in `counted`.  `faults` are
+    those of the antenna and of its encoders, reset or not.
     """
 
     tracked: bool | None = None

@@ -1,11 +1,13 @@
 """From a bag to a report: `report.html`, and next to it `summary.json` and the pictures."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from pathlib import Path
 
+from rf_pointing.operations.pass_work import VERDICT
 from rf_pointing.report.analysis import analyse
 from rf_pointing.report.html import Cell, number, render
+from rf_pointing.report.outcome import judged_by_night
 from rf_pointing.report.pictures import Picture, draw_pictures
 from rf_pointing.report.recording import read_recording
 from rf_pointing.report.statistics import summarize
@@ -35,6 +37,7 @@ def write_report(bag_path: Path | str, output_dir: Path | str, *, namespace: str
     summary = summarize(analysis)
     folder = Path(output_dir)
     folder.mkdir(parents=True, exist_ok=True)
+    summary = replace(summary, outcome=judged_by_night(summary.outcome, folder / VERDICT))
     pictures = draw_pictures(analysis, folder)
     (folder / "report.html").write_text(page(summary, pictures), encoding="utf-8")
     (folder / "summary.json").write_text(to_json(summary), encoding="utf-8")
@@ -60,12 +63,13 @@ def page(summary: Summary, pictures: Mapping[Path, Picture]) -> str:
 
 def _tables(summary: Summary) -> dict[str, list[Row]]:
     """Return the rows of each table of the page by name."""
+    counter = "executive in all attempts" if summary.outcome.source == "night" else "controller"
     return {
         "outcome": [
             (name, *astuple(numbers))
             for name, numbers in (
                 ("predicted by the certificate", summary.outcome.predicted),
-                ("counted by the controller", summary.outcome.counted),
+                (f"counted by the {counter}", summary.outcome.counted),
                 ("flown, by the true error", summary.outcome.flown),
             )
             if numbers is not None

@@ -1,11 +1,7 @@
 """Array of patches on a dish: its geometry, its level, and its frame against the beam.
 
-The beam's frame has its axes to the right (cross-elevation), up (elevation) and along the beam.  An
-offset (x, u) on the sky, as `sky_offset_rad` gives it, is the direction
-
-    d = (x sin(s)/s, u sin(s)/s, cos(s)),   s = hypot(x, u).
-
-The array's frame is turned against it: d_array = R d, R = Rz(roll) Rx(elevation) Ry(-cross).
+The array's frame is turned against the beam's, whose axes are to the right (cross-elevation), up
+(elevation) and along the beam: d_array = R d, R = Rz(roll) Rx(elevation) Ry(-cross).
 """
 
 import math
@@ -30,8 +26,6 @@ BETWEEN = 0.01
 """By how much a lobe may be higher than at the lattice: (LATTICE / sqrt 2)^2 / 4 = 0.008."""
 LEAST_EFFECTIVE_SNR = 60.0
 """Least kappa = L S^2 / (1 + S) of a valid direction, S the SNR of all patches of a block of L."""
-# Below this separation its sine is itself to the last digit.
-SMALL_RAD = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,29 +90,3 @@ def least_level_db_hz(array: DishArrayParams) -> float:
     kappa = max(1.0 / spare, LEAST_EFFECTIVE_SNR)
     total = (kappa + math.sqrt(kappa**2 + 4.0 * SNAPSHOTS * kappa)) / (2.0 * SNAPSHOTS)
     return 10.0 * math.log10(total * SNAPSHOTS / PERIOD_S)
-
-
-def direction_from_offset(offset_rad: Array) -> Array:
-    """Return the unit vector (3,) in the beam's frame of an offset (2,) on the sky."""
-    angle = float(np.hypot(*offset_rad))
-    scale = math.sin(angle) / angle if angle > SMALL_RAD else 1.0
-    return np.array([scale * offset_rad[0], scale * offset_rad[1], math.cos(angle)])
-
-
-def offset_from_direction(direction: Array, covariance_rad2: Array) -> tuple[Array, Array]:
-    """Return the offset (2,) and its covariance (2, 2) of a unit vector (3,) in the beam's frame.
-
-    `covariance_rad2` (3, 3) is that of the direction, orthogonal to it.  Inverse of
-    `direction_from_offset`.
-    """
-    across = float(np.hypot(*direction[:2]))
-    angle = math.atan2(across, float(direction[2]))
-    if angle <= SMALL_RAD:
-        return direction[:2].copy(), covariance_rad2[:2, :2].copy()
-    right, up = direction[:2] / across
-    # Away from the beam an angle counts as it is; around it arcs grow by s / sin(s).
-    outward = np.array([right * direction[2], up * direction[2], -across])
-    around = (angle / across) * np.array([-up, right, 0.0])
-    turned = np.stack([outward, around])
-    axes = np.array([[right, -up], [up, right]])
-    return angle * np.array([right, up]), axes @ (turned @ covariance_rad2 @ turned.T) @ axes.T

@@ -19,10 +19,7 @@ class DropoutParams(Params):
     longest_s: float = parameter(20.0, "longest dropout", low=1e-3, high=3600.0)
     gap_s: float = parameter(5.0, "least time with a carrier between two", low=0.0, high=3600.0)
 
-    def check_together(self) -> None:
-        """Refuse an empty range of durations."""
-        if self.shortest_s > self.longest_s:
-            raise ValueError(f"shortest_s={self.shortest_s} must be <= longest_s={self.longest_s}")
+    ordered = ("shortest_s <= longest_s",)
 
 
 class Dropouts:

@@ -4,6 +4,7 @@ They are those of `antenna_servo`, and last until cleanup.
 """
 
 import math
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -24,11 +25,14 @@ from rf_pointing.ros.leased_services import LeasedServices
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
+from rf_pointing.ros.streams import STAMP_RESOLUTION_S
 from rf_pointing.station.antenna.modes import OPERATED
 from rf_pointing.station.antenna.operation import AntennaOperation, Tick
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 
 HEAD_BYTES = 4096
+EARLY_S, MOST_EARLY = 0.5, 10
+"""How far ahead of the ticks, and how many, commands in simulated time wait for them."""
 POINT_BYTES = 112
 """Length of a point of a command: its time, and four sequences of two numbers with lengths."""
 
@@ -43,6 +47,9 @@ class AntennaServer:
         self._status = node.stream(AntennaStatus, "antenna_status", STATUS)
         self._key = CommandKey(key, node.resolve_topic_name("joint_trajectory"))
         self.leased = LeasedServices(node, self._key)
+        self._simulated: bool = node.get_parameter("use_sim_time").value
+        self._early = deque[tuple[JointTrajectory, str, float]](maxlen=MOST_EARLY)
+        self._ticked_s = -math.inf
 
     def serve(self, operation: AntennaOperation, longest_command: Callable[[], int]) -> None:
         """Take commands of at most `longest_command()` points, and requests."""
@@ -69,16 +76,42 @@ class AntennaServer:
         self._node.serve_action(InjectFault, "~/inject_fault", self._inject)
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
-        issued_s = seconds_from_stamp(message.header.stamp)
+        # As every controller of ROS: stamp 0 begins now.
+        stamp_s = seconds_from_stamp(message.header.stamp)
+        issued_s = stamp_s or self._node.now_s()
         try:
             commander = self._key.check(message)
+            if self._key.signed and not stamp_s:
+                raise ValueError("a signed command has stamp 0, must have its time: it could be sent again")
+        except ValueError as error:
+            self._refuse(self._operation.antenna.reject(str(error)))
+            return
+        if self._simulated and self._ticked_s < issued_s - STAMP_RESOLUTION_S < self._ticked_s + EARLY_S:
+            self._early.append((message, commander, issued_s))
+        else:
+            self._take(message, commander, issued_s)
+
+    def begin_tick(self, t_s: float) -> None:
+        """Take the commands that were issued before a tick and arrived before the ticks until then.
+
+        So simulated time gives the same motion, whichever of command and clock arrives first.
+        """
+        while self._early and self._early[0][2] < t_s - STAMP_RESOLUTION_S:
+            self._take(*self._early.popleft())
+        self._ticked_s = t_s
+
+    def _take(self, message: JointTrajectory, commander: str, issued_s: float) -> None:
+        try:
             self.leased.note(commander, issued_s)
-            command = convert.trajectory_from_message(message)
+            command = convert.trajectory_from_message(message, issued_s)
             refused = self._operation.take(command, commander, issued_s, self._node.now_s())
         except ValueError as error:
             refused = self._operation.antenna.reject(str(error))
-        if refused:
-            self._node.log_once("command rejected", refused)
+        self._refuse(refused)
+
+    def _refuse(self, reason: str) -> None:
+        if reason:
+            self._node.log_once("command rejected", reason)
 
     def _on_wind(self, message: Vector3Stamped) -> None:
         age_s = self._node.now_s() - seconds_from_stamp(message.header.stamp)

@@ -7,7 +7,7 @@
 ROS 2 tells a Python node nothing of the publisher of a message, and anybody can send any name.  The
 key is a file of controller and control unit, not a message: a peer of the domain cannot read it.
 A command that is sent again is refused by its stamps, a call by its signature.  Signatures of calls
-that are stamped ahead of this computer's clock are kept beside the key: after a restart they would
+that are stamped ahead of this computer's clock are kept next to the key: after a restart they would
 not be older than it.  Without a file nothing is signed, and any commander with a name is taken.
 Executives that share a schedule have a key of their own (`executive.partners_key_file`).
 """

@@ -160,20 +160,33 @@ def trajectory_to_message(trajectory: core.JointTrajectory, stamp_s: float) -> T
     return message
 
 
-def trajectory_from_message(message: TrajectoryMessage) -> core.JointTrajectory:
+def trajectory_from_message(message: TrajectoryMessage, base_s: float) -> core.JointTrajectory:
+    """Return the command whose points lie after `base_s`: its stamp, or now where that is 0.
+
+    Rates that no point has are those of the positions, at rest at the end; accelerations are 0.
+    """
     order = _axis_order(list(message.joint_names))
-    base_s = seconds_from_stamp(message.header.stamp)
-    for name in ("positions", "velocities", "accelerations"):
-        for index, point in enumerate(message.points):
+    points = message.points
+    given = {
+        "positions": True,
+        **{name: any(getattr(p, name) for p in points) for name in ("velocities", "accelerations")},
+    }
+    for name in (name for name, stated in given.items() if stated):
+        for index, point in enumerate(points):
             count = len(getattr(point, name))
             if count != len(order):
                 raise ValueError(f"points[{index}].{name} has {count} values, must have {len(order)}")
-    times = [round(base_s + p.time_from_start.sec + p.time_from_start.nanosec * 1e-9, 6) for p in message.points]
+    since_s = [p.time_from_start.sec + p.time_from_start.nanosec * 1e-9 for p in points]
+    position, velocity, acceleration = (
+        _stacked([getattr(p, name) for p in points], order) if stated else np.zeros((len(points), len(order)))
+        for name, stated in given.items()
+    )
+    if not given["velocities"] and len(points) > 1 and min(np.diff(since_s)) > 0.0:
+        velocity = np.gradient(position, since_s, axis=0)
+        velocity[-1] = 0.0
+    times = np.round(base_s + np.array(since_s), 6)
     return core.JointTrajectory(
-        t_s=np.array(times),
-        position_rad=_stacked([p.positions for p in message.points], order),
-        velocity_rad_s=_stacked([p.velocities for p in message.points], order),
-        acceleration_rad_s2=_stacked([p.accelerations for p in message.points], order),
+        t_s=times, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration
     )
 
 

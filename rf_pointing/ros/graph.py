@@ -71,6 +71,8 @@ EXECUTIVE = "station_executive"
 """The node of a night without an operator; a station without it is whole."""
 ROTCTLD = "rotctld_server"
 """The node through which rotctld's clients steer; a station without it is whole, too."""
+ALARMS = "station_alarms"
+"""The node that tells of what goes wrong where no executive does."""
 DESCRIPTION = "station_description"
 """The node that shows a station to viewers; a station without it is whole."""
 OPERATOR_PAGE = "operator_page"
@@ -78,6 +80,7 @@ OPERATOR_PAGE = "operator_page"
 STATION_IN_USE = "station_in_use"
 SCHEDULE = "schedule"
 EXECUTIVE_STATUS = "executive_status"
+ALARM_TOPIC = "alarms"
 SATELLITE_ATTITUDE = "satellite_attitude"
 WIND, TEMPERATURE, PRESSURE, HUMIDITY = (f"weather/{name}" for name in ("wind", "temperature", "pressure", "humidity"))
 """Topics of a station's own instruments."""
@@ -168,6 +171,10 @@ def _topics() -> tuple[Topic, ...]:
         Topic(
             EXECUTIVE_STATUS, ours.ExecutiveStatus, STATUS, "1 Hz", EXECUTIVE, "what it does, and the alarms", frame=""
         ),
+        # Without an executive, of station_alarms.
+        Topic(
+            ALARM_TOPIC, DiagnosticArray, STATUS, "as they come", EXECUTIVE, "messages of alarms, what to do", frame=""
+        ),
     )
     in_use = Topic(STATION_IN_USE, ours.StationInUse, IN_USE, "latched", every, "station description and band")
     health = Topic("/diagnostics", DiagnosticArray, STREAM, "1 Hz", every, frame="")
@@ -204,8 +211,8 @@ ARRAY_NODES = tuple(node.name for node in ARRAY_GRAPH)
 DRIVE_NODES = ("antenna_servo", *STATION_NODES)
 """Executables of a station whose drive is a device; its receiver is its own."""
 _MOVES = ("simulation_clock", "antenna_servo", "rf_receiver", "array_receiver")
-"""What moves, and what receives while it moves: the first of two processes."""
-_APART = (EXECUTIVE, ROTCTLD, OPERATOR_PAGE)
+"""Nodes that move the antenna and receive meanwhile: the first of two processes."""
+_APART = (ALARMS, EXECUTIVE, ROTCTLD, OPERATOR_PAGE)
 """Clients of the station: they serve others, or work long."""
 PROCESSES = (1, 2, 8)
 """Numbers of processes of a station that may be chosen; 8 is one for each node."""
@@ -219,7 +226,7 @@ def partition(names: Sequence[str], processes: int) -> list[tuple[str, ...]]:
     Raises
     ------
     ValueError
-        When `processes` is none of `PROCESSES`.
+        When `processes` is not one of `PROCESSES`.
     """
     if processes not in PROCESSES:
         raise ValueError(f"processes={processes} must be 1, 2 or 8")

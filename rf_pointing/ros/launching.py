@@ -16,7 +16,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode, Node
 
 from rf_pointing.core import Sensor
-from rf_pointing.ros.graph import ARRAY_NODES, DESCRIPTION, EXECUTIVE, OPERATOR_PAGE, ROTCTLD, partition
+from rf_pointing.ros.graph import ALARMS, ARRAY_NODES, DESCRIPTION, EXECUTIVE, OPERATOR_PAGE, ROTCTLD, partition
 from rf_pointing.ros.main_loop import DRIVE_PRIORITY
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.description import StationDescription, read_station
@@ -54,6 +54,7 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
         ),
         network_argument(),
         DeclareLaunchArgument("executive", default_value="false", description="whether station_executive is started"),
+        DeclareLaunchArgument("alarms", default_value="true", description="whether station_alarms starts"),
         DeclareLaunchArgument(
             "description", default_value="true", description="whether viewers get URDF, tf and markers of the station"
         ),
@@ -101,7 +102,7 @@ def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
     """Return the actions that start `names`, and an array's where the band names that sensor."""
     simulated = "simulation_clock" in names
     names = (*names, *_array_nodes(context, simulated=simulated))
-    wanted = {"executive": EXECUTIVE, "page": OPERATOR_PAGE, "rotctld": ROTCTLD}
+    wanted = {"alarms": ALARMS, "executive": EXECUTIVE, "page": OPERATOR_PAGE, "rotctld": ROTCTLD}
     more = [name for argument, name in wanted.items() if LaunchConfiguration(argument).perform(context) == "true"]
     shown: list[Any] = []
     if LaunchConfiguration("description").perform(context) == "true":
@@ -235,6 +236,7 @@ def _kept(name: str, folder: Path, namespace: str) -> dict[str, str]:
         "antenna_servo": files,
         "pointing_controller": key,
         ROTCTLD: key,
+        ALARMS: {"folder": nights},
         EXECUTIVE: {
             **key,
             "executive.state_file": str(own / f"{EXECUTIVE}.json"),

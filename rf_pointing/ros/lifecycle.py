@@ -154,7 +154,7 @@ class Lifecycle(LifecycleNode):
 
     def now_s(self) -> float:
         """Return the node clock's time in seconds."""
-        # The handle itself: `Clock.now` takes 14 times as long, and every event asks.
+        # The handle itself: `Clock.now` takes 14 times as long, at every event.
         return seconds_from_nanoseconds(self.get_clock().handle.get_now().nanoseconds)
 
     def knows_time(self) -> bool:

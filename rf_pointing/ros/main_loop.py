@@ -28,6 +28,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from rf_pointing.ros import NODE_USAGE
 from rf_pointing.ros.diagnostics import OK, WARN, Health
 
 DRIVE_PRIORITY = 20
@@ -45,7 +46,6 @@ RESTART_S = 0.5
 """From the end of a node to its next start, as in the launch files."""
 STALL_S, STALL_SHOWN_S = 1.0, 60.0
 """Stall of a process that is reported, and for how long it is."""
-_USAGE = "usage: NAME --ros-args [-r __ns:=/gs1] [--params-file FILE] [-p NAME:=VALUE] ..."
 _SECURITY_WORDS = {"ROS_SECURITY_ENABLE": ("true", "false"), "ROS_SECURITY_STRATEGY": ("Enforce", "Permissive")}
 _IN_THE_SOURCE = re.compile(r"\s*, at \S+\.c(pp)?:\d+")
 """The place in rcl's own source that ends its messages: no help to a user."""
@@ -76,9 +76,10 @@ def run(
 ) -> None:
     """Run nodes until SIGINT or SIGTERM; an active node is deactivated before it ends.
 
-    A start that fails prints one line and exits with 2.  A node that fails makes the exit code 1,
-    one that receives nothing `DEAF`; with `restart` it is started again, alone.  `--help` prints
-    the `description`, by default the module's docstring.  Arguments are those of ROS and `known`.
+    A start that fails prints one line and exits with 2.  A node that fails makes the exit code 1;
+    with `restart` it is started again, alone.  One that receives nothing ends the process (`DEAF`).
+    `--help` prints the `description`, by default the module's docstring.  Arguments are those of
+    ROS and `known`.
     """
     signals: list[int] = []
     try:
@@ -107,7 +108,7 @@ def run(
 class NodeLoop:
     """The nodes of a process, made by `node_types`, in one executor; each lives and ends by itself.
 
-    With `restart` a node that has ended is made again, and brings itself up.
+    With `restart` a node that has failed is made again, and brings itself up.
     """
 
     def __init__(
@@ -127,15 +128,18 @@ class NodeLoop:
             node.diagnostics.add("process", self.health)
 
     def work(self, come_round: Callable[[], None] = lambda: None) -> int:
-        """Work until a signal or without nodes, `come_round` in each round; return the exit code."""
+        """Work until a signal or without a node, `come_round` each round; return the exit code."""
         code, looked_s = 0, time.monotonic()
         # Not `spin`: between two events the nodes do their own work and the signals are seen.
         while not self._signals and (self._nodes or self._missing):
             come_round()
             wait_s = LONGEST_WAIT_S
+            if any(node.input_watchdog.deaf for _, node in self._nodes):
+                # The participant of DDS does not receive, which all nodes of a process share.
+                break
             for make, node in tuple(self._nodes):
                 try:
-                    if node.failure is None and not node.input_watchdog.deaf:
+                    if node.failure is None:
                         node.bring_up()
                         wait_s = min(wait_s, node.turn())
                         continue
@@ -157,7 +161,8 @@ class NodeLoop:
             began_s, looked_s = looked_s, time.monotonic()
             if looked_s - began_s - wait_s > STALL_S:
                 self._stall_s, self._stalled_s = looked_s - began_s, looked_s
-        return max([0 if self._restart else code, *(self._end(make, node) for make, node in tuple(self._nodes))])
+        codes = [self._end(make, node) for make, node in tuple(self._nodes)]
+        return max([0 if self._restart else code, *codes])
 
     def _end(self, make: Callable[[], Any], node: Any) -> int:
         """End a node under control, and return what the exit code says of it."""
@@ -269,11 +274,11 @@ def _take_arguments(description: str, known: Sequence[str]) -> None:
     """Print the help and exit if requested; ValueError for an argument that is not one of ROS."""
     given = remove_ros_args(sys.argv)[1:]
     if {"-h", "--help"} & set(given):
-        print(f"{description}\n{_USAGE}")
+        print(f"{description}\n{NODE_USAGE}")
         sys.exit(0)
     for word in given:
         if word not in known:
-            raise ValueError(f"argument {word!r} is not known; {_USAGE}")
+            raise ValueError(f"argument {word!r} is not known; {NODE_USAGE}")
 
 
 class InstanceLock:

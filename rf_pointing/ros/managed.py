@@ -178,11 +178,13 @@ class ManagedNode(Lifecycle):
         begin: Callable[[Any], None],
         cancel: Callable[[], object],
         result: Callable[[], Any],
+        lost: str = "",
     ) -> None:
         """Offer an action as long as the node lives, one goal at a time.
 
         `accepts(request)` says whether a goal is taken, and `begin(goal)` begins it.  Whoever ends
-        it calls `goal.execute()`, which takes the `result()`.  `cancel()` requests that.
+        it calls `goal.execute()`, which takes the `result()`.  `cancel()` requests that.  Clients
+        of a process that was killed get a result with the words `lost`, "" for none.
         """
 
         def cancelled(_goal: Any) -> CancelResponse:
@@ -191,11 +193,22 @@ class ManagedNode(Lifecycle):
 
         # A callback that waited for the end would have to await a future, which this executor polls
         # in a busy loop.
-        ActionServer(
-            self, action_type, name, lambda goal: conclude(goal, result()), handle_accepted_callback=begin,
+        def concluded(goal: Any) -> Any:
+            if clients is not None:
+                clients.forget()
+            return conclude(goal, result())
+
+        server = ActionServer(
+            self, action_type, name, concluded, handle_accepted_callback=begin,
             goal_callback=lambda request: GoalResponse.ACCEPT if accepts(request) else GoalResponse.REJECT,
             cancel_callback=cancelled, result_timeout=RESULT_TIMEOUT_S,
         )  # fmt: skip
+        clients = None
+        if lost:
+            # Imported here: nodes that serve no action, and most do not, do without it.
+            from rf_pointing.ros.lost_goals import LostGoals
+
+            clients = LostGoals(self, server, action_type, name, lost)
 
     def stream(self, message_type: Any, topic: str, qos: Any) -> SequencedPublisher:
         """Create a publisher that numbers its messages."""

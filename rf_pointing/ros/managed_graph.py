@@ -243,8 +243,8 @@ class ManagedGraph(NodeProcesses):
     def check(self) -> None:
         """NotStartedError if a process has ended; one that no longer receives starts again."""
         ended = self.ended()
-        for name in [name for name, code in ended.items() if code == DEAF]:
-            self.start([name], self._simulated_time, autostart=True)
+        if deaf := [name for name, code in ended.items() if code == DEAF]:
+            self.start(deaf, self._simulated_time, autostart=True)
         if ended := self.ended():
             # The log of the process has the reason; its exit code has not.
             raise NotStartedError("; ".join(f"{name} ended: {self.complaint(name)}" for name in ended))

@@ -1,68 +1,79 @@
-"""Messages that an executive receives from antenna and partners, and those about its night."""
+"""Messages that an executive receives from antenna and partners, and those about night and alarms.
+
+`hear_station` and `serve_alarms` are what it shares with the node of a station without a night.
+"""
 
 import time
 from collections.abc import Iterable
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 from rf_pointing.operations.night import Night
 from rf_pointing.operations.schedule import Entry
 from rf_pointing.ros import convert
-from rf_pointing.ros.command_key import CALL_S, CommandKey
+from rf_pointing.ros.command_key import CALL_S, CommandKey, CommandKeyParams
 from rf_pointing.ros.convert_planning import entry_to_message
+from rf_pointing.ros.diagnostics import LEVELS
 from rf_pointing.ros.directives import plain_fields
-from rf_pointing.ros.graph import EXECUTIVE_STATUS, SCHEDULE
+from rf_pointing.ros.graph import ALARM_TOPIC, EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import LATCHED, STATUS, WATCHED
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
-from rf_pointing.station.clients.night_watch import NightWatch
+from rf_pointing.station.clients.alarm_hooks import LEVEL_NAMES, Message
+from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch
+from rf_pointing.station.clients.station_alarms import StationAlarms
 
 MOVING_RAD_S = 1e-4
 
 
-def hear(node: ManagedNode, watch: NightWatch) -> None:
-    """Subscribe until cleanup to what a watch must know."""
-    night, stamp = watch.night, seconds_from_stamp
+def hear_station(node: ManagedNode, alarms: StationAlarms) -> None:
+    """Subscribe until cleanup to what the alarms of a station must know."""
     mine = node.get_namespace().rstrip("/") + "/"
     joints = node.listen_latest(JointState, "joint_states", convert.joints_from_message, WATCHED)
 
     def take(device: str, message: Any, **more: Any) -> None:
-        night.take(device, plain_fields(message) | more, stamp(message.header.stamp))
+        alarms.take(device, plain_fields(message) | more, seconds_from_stamp(message.header.stamp))
 
     def on_antenna(message: ours.AntennaStatus) -> None:
         take("antenna", message, moving=max(map(abs, message.rate_command)) > MOVING_RAD_S)
         if (reading := joints.take()) is not None:
             azimuth, elevation = map(float, reading.position_rad)
-            night.take("antenna", {"azimuth": azimuth, "elevation": elevation}, reading.t_s)
-
-    def on_passes(message: ours.PassList) -> None:
-        windows = [(stamp(each.aos), stamp(each.los), each) for each in message.passes]
-        night.take_passes(message.target, windows, node.now_s())
-
-    def on_target(message: ours.Target) -> None:
-        # Without elements there is no covariance, and an age means nothing.
-        if message.covariance:
-            values = {"age_h": message.element_age / 3600.0, "target": message.target}
-            night.take("elements", values, stamp(message.header.stamp))
+            alarms.take("antenna", {"azimuth": azimuth, "elevation": elevation}, reading.t_s)
 
     def on_diagnostics(message: DiagnosticArray) -> None:
         for status in message.status:
             name, level = status.hardware_id, int.from_bytes(status.level, "little")
             if name.startswith(mine) and name != node.get_fully_qualified_name():
                 check, values = status.name.partition(": ")[2], {pair.key: pair.value for pair in status.values}
-                watch.take_check(name.removeprefix(mine), check, level, status.message, values, time.monotonic())
+                alarms.take_check(name.removeprefix(mine), check, level, status.message, values, time.monotonic())
 
     node.listen(ours.AntennaStatus, "antenna_status", on_antenna, WATCHED)
     node.listen(ours.TrackingStatus, "tracking_status", lambda m: take("tracking", m), WATCHED)
+    node.listen(DiagnosticArray, "/diagnostics", on_diagnostics, WATCHED)
+
+
+def hear_night(node: ManagedNode, watch: NightWatch, own: ExecutiveParams) -> CommandKey:
+    """Subscribe until cleanup to what a night must know; return the key shared with partners."""
+    night, stamp = watch.night, seconds_from_stamp
+
+    def on_passes(message: ours.PassList) -> None:
+        windows = [(stamp(each.aos), stamp(each.los), each) for each in message.passes]
+        night.take_passes(message.target, windows, node.now_s())
+
+    hear_station(node, watch.alarms)
     node.listen(ours.PassList, "passes", on_passes, LATCHED)
-    node.listen(ours.Target, "target", on_target, WATCHED)
     # Latched: it is of now when it arrives.
     certificate = lambda m: night.take("certificate", plain_fields(m), node.now_s())  # noqa: E731
     node.listen(ours.PassCertificate, "pass_certificate", certificate, LATCHED)
-    node.listen(DiagnosticArray, "/diagnostics", on_diagnostics, WATCHED)
+    params = CommandKeyParams(command_key_file=own.partners_key_file if own.partners else "")
+    key = CommandKey(params, parameter="executive.partners_key_file")
+    for name in watch.partners:
+        hear_partner(node, watch, key, name)
+    return key
 
 
 def hear_partner(node: ManagedNode, watch: NightWatch, key: CommandKey, name: str) -> None:
@@ -88,6 +99,48 @@ def hear_partner(node: ManagedNode, watch: NightWatch, key: CommandKey, name: st
 
     node.listen(ours.Schedule, f"/{name}/{SCHEDULE}", on_schedule, LATCHED)
     node.listen(ours.ExecutiveStatus, f"/{name}/{EXECUTIVE_STATUS}", on_status, STATUS)
+
+
+def serve_alarms(node: ManagedNode, alarms: StationAlarms) -> None:
+    """Show the alarms and the ways out of the station on /diagnostics, and try these on request."""
+    node.diagnostics.add_report("alarms", alarms.report)
+    node.diagnostics.add_report("hooks", alarms.hooks.report)
+    node.diagnostics.add_report("computer", alarms.computer)
+    node.serve_action(Trigger, "~/test_alarms", lambda _: alarms.test(node.now_s()))
+
+
+class AlarmTopic:
+    """Publishes each message of an alarm on `alarms`, and logs it."""
+
+    def __init__(self, node: ManagedNode) -> None:
+        self._node, self._publisher = node, node.publisher(DiagnosticArray, ALARM_TOPIC, STATUS)
+
+    def publish(self, message: Message) -> None:
+        """Publish and log one message."""
+        good, level = (
+            message["level"] == "ok" or message["event"] == "cleared",
+            LEVELS[LEVEL_NAMES.index(message["level"])],
+        )
+        values = [KeyValue(key=key, value=message[key]) for key in ("event", "to_do", "utc")]
+        status = DiagnosticStatus(
+            level=LEVELS[0] if good else level, name=message["alarm"], message=message["message"],
+            hardware_id=message["station"], values=values,
+        )  # fmt: skip
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(array)
+        words = f"alarm {message['event']}: {message['alarm']}: {message['message']}"
+        log(self._node, words if good else f"{words}; {message['to_do']}", good=good)
+
+
+def log(node: ManagedNode, text: str, *, good: bool) -> None:
+    """Log and show at once what an operator should see."""
+    # Two lines: one line of code that logs at two levels raises.
+    if good:
+        node.get_logger().info(text)
+    else:
+        node.get_logger().warning(text)
+    node.diagnostics.publish()
 
 
 def schedule_to_message(entries: Iterable[Entry], t_s: float) -> ours.Schedule:

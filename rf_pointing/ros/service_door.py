@@ -1,7 +1,7 @@
 """The services of a node: a thread takes and answers calls, the node's own loop carries them out.
 
 An answer blocks the process for 0.1 s where the middleware does not know the caller's end yet, and
-is lost: of 200 callers that had just started 14 were answered, and the node stood still for 4 s.
+is lost: of 200 callers that had just started 14 were answered, and the node did nothing for 4 s.
 Here an answer waits until the ends of all callers are known.  Whoever calls more often than can be
 served is refused at once.
 """

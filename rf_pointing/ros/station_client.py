@@ -9,12 +9,13 @@ import math
 import os
 import shutil
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.action import ActionClient
@@ -28,7 +29,7 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
-from rf_pointing.ros.graph import EXECUTIVE, EXECUTIVE_STATUS, SCHEDULE
+from rf_pointing.ros.graph import ALARMS, EXECUTIVE, EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.ros.leased_services import LEASED, OWNER, Caller
 from rf_pointing.ros.live_pass import LiveLine, LivePass, outcome_line
 from rf_pointing.ros.managed_graph import NotStartedError
@@ -37,6 +38,7 @@ from rf_pointing.ros.recorder import Recorder
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.station_run import FOLLOW_S, GraphRun
 from rf_pointing.ros.station_view import entry_values, pass_line, stamp_text, status_text, status_values, window_values
+from rf_pointing.station.clients.alarm_hooks import NO_WAY
 
 PATIENCE_S = 10.0
 """Wall time to find the station, or to get an answer."""
@@ -45,6 +47,10 @@ RESULT_S = 5.0
 LOOK_S = 1.5
 """Wall time in which a part that is there is seen."""
 WATCH_S = 1.0
+TESTED_S = 3.0
+"""Wall time in which every node that has alarms shows them on /diagnostics."""
+SENT_S = 60.0
+"""Wall time until it is known what came of a message: three tries of 10 s, and what waits."""
 NIGHT = {"pause": "pause", "resume": "resume", "stop": "stop", "abort": "abort", "skip": "skip", "ack": "acknowledge"}
 """Services of the executive by the words that request them."""
 ABOUT_ONE = ("skip", "ack")
@@ -136,6 +142,44 @@ class StationClient(GraphRun):
         """Request one of `NIGHT` of the executive; "" names the present pass, or all alarms."""
         service = f"{EXECUTIVE}/{NIGHT[request]}"
         return self._ask(Named, service, Named.Request(name=name)) if request in ABOUT_ONE else self.ask(service)
+
+    def test_alarms(self) -> bool:
+        """Send a message by every way out of the station, and say what came of it."""
+        found = dict[str, dict[str, str]]()
+
+        def note(message: DiagnosticArray) -> None:
+            for status in message.status:
+                if status.name.endswith(": hooks"):
+                    found[status.hardware_id] = {pair.key: pair.value for pair in status.values}
+
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", note, 100)
+        nodes = {f"{self.namespace.rstrip('/')}/{name}": name for name in (EXECUTIVE, ALARMS)}
+        with suppress(TimeoutError):
+            self.waiting.until(lambda: nodes.keys() <= found.keys(), "", TESTED_S)
+        tested = [full_name for full_name in nodes if full_name in found]
+        if not tested:
+            raise TimeoutError(f"neither {EXECUTIVE} nor {ALARMS} is in {self.namespace}")
+        came = [self._test_alarms(nodes[full_name], found, full_name) for full_name in tested]
+        return all(came)
+
+    def _test_alarms(
+        self, name: str, found: Mapping[str, Mapping[str, str]], full_name: str
+    ) -> bool:  # fmt: skip
+        answer = self._call(Trigger, f"{name}/test_alarms", Trigger.Request())
+        utc, _, named = answer.message.partition(" ")
+        if named == NO_WAY:
+            self.say(f"{name}: {named}")
+            return False
+        ways = named.split(", ")
+        with suppress(TimeoutError):
+            tried = lambda: all(utc in found[full_name].get(way, "") for way in ways)  # noqa: E731
+            self.waiting.until(tried, "", SENT_S)
+        last = {way: found[full_name].get(way, "") for way in ways}
+        late = f"not sent within {SENT_S:g} s"
+        came = {way: text if utc in text else late for way, text in last.items()}
+        for way, text in came.items():
+            self.say(f"{name}: {way}: {text}")
+        return all(text.startswith("sent") for text in came.values())
 
     def go(self, azimuth_rad: float, elevation_rad: float) -> bool:
         """Turn the axes to a position; the turn of the cables counts."""

@@ -51,7 +51,7 @@ class TrackPassServer:
         self._ephemeris = node.create_client(SelectTarget, "ephemeris_publisher/select_target")
         node.serve_goals(
             TrackPass, "track_pass", accepts=self._accepts, begin=self._begin, cancel=lambda: self._goals.cancel(),
-            result=self._result,
+            result=self._result, lost="pointing_controller was killed in the pass; send the goal again",
         )  # fmt: skip
 
     def configure(self, goals: PassGoals, key: CommandKey) -> None:

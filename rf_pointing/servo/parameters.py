@@ -58,16 +58,16 @@ class AxisParams(Params):
     encoder_bits: int = parameter(description="encoder resolution per turn", low=8, high=40)
     encoder_noise_rad: float = parameter(description="rms noise of one encoder reading", low=0.0, high=0.01)
 
+    ordered = ("travel_min_rad < travel_max_rad",)
+
     def check_together(self) -> None:
-        """Refuse unequal mode lists and an empty travel."""
+        """Refuse unequal mode lists."""
         count = len(self.mode_frequency_hz)
         for name in ("mode_damping", "mode_encoder_residue", "mode_beam_residue"):
             if len(getattr(self, name)) != count:
                 raise ValueError(f"{name} has {len(getattr(self, name))} values, mode_frequency_hz has {count}")
         if count == 0:
             raise ValueError("mode_frequency_hz has 0 values, must have at least 1")
-        if self.travel_min_rad >= self.travel_max_rad:
-            raise ValueError(f"travel_min_rad={self.travel_min_rad} must be < travel_max_rad={self.travel_max_rad}")
 
     @property
     def drive_bandwidth_rad_s(self) -> float:

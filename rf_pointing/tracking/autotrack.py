@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cached_property
 
 from rf_pointing.core import Mode, Params, Sensor, parameter, require_choice, require_finite
 from rf_pointing.tracking.sensors import NO_SENSOR, SENSORS, TABLE_WORDS, SensorTraits, sensors_of
@@ -56,29 +57,23 @@ class AutotrackParams(Params):
         2, "false locks of monopulse after which auto leaves it alone until a calibration", low=1, high=1000
     )
 
-    @property
+    @cached_property
     def own_level(self) -> bool:
         """Whether the sensor in use has a receiver of its own."""
         return any(traits.own_level for traits in sensors_of(self.sensor))
 
-    @property
+    @cached_property
     def carrier_db_hz(self) -> tuple[float, float]:
         """C/N0 from which the receiver of the sensor in use has a carrier, and below which none."""
         if self.own_level:
             return self.array_on_db_hz, self.array_off_db_hz
         return self.carrier_on_db_hz, self.carrier_off_db_hz
 
-    def check_together(self) -> None:
-        """Refuse a threshold without hysteresis."""
-        # Without one, noise on the C/N0 would change the mode every period.
-        for stem in ("carrier", Sensor.MONOPULSE, Sensor.ARRAY):
-            on, off = getattr(self, f"{stem}_on_db_hz"), getattr(self, f"{stem}_off_db_hz")
-            if off >= on:
-                raise ValueError(f"{stem}_off_db_hz={off} must be < {stem}_on_db_hz={on}")
-        if self.monopulse_off_db_hz < self.carrier_off_db_hz:
-            raise ValueError(
-                f"monopulse_off_db_hz={self.monopulse_off_db_hz} must be >= carrier_off_db_hz={self.carrier_off_db_hz}"
-            )
+    # Without hysteresis noise on the C/N0 would change the mode every period.
+    ordered = (
+        *(f"{stem}_off_db_hz < {stem}_on_db_hz" for stem in ("carrier", Sensor.MONOPULSE, Sensor.ARRAY)),
+        "monopulse_off_db_hz >= carrier_off_db_hz",
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,7 @@ import numpy as np
 from rf_pointing.core import CarrierPower, Params, PointingError, Sensor, parameter
 from rf_pointing.tracking.beam_fit import PowerWindow
 from rf_pointing.tracking.conscan_estimate import ConscanParams, estimate_window
-from rf_pointing.tracking.lock_watch import ResponseSums
+from rf_pointing.tracking.response import ResponseSums
 
 # The median of three: one bad sample among them does not decide.
 FEWEST_WITNESSES = 3

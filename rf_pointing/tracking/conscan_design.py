@@ -65,16 +65,7 @@ class ScanDesignParams(Params):
     shortest_period_s: float = parameter(4.0, "shortest turn the antenna can follow", low=0.1, high=3600.0)
     longest_period_s: float = parameter(64.0, "longest turn", low=0.1, high=3600.0)
 
-    def check_together(self) -> None:
-        """Refuse empty ranges."""
-        if self.preferred_loss_db > self.largest_loss_db:
-            raise ValueError(
-                f"preferred_loss_db={self.preferred_loss_db} must be <= largest_loss_db={self.largest_loss_db}"
-            )
-        if self.shortest_period_s > self.longest_period_s:
-            raise ValueError(
-                f"shortest_period_s={self.shortest_period_s} must be <= longest_period_s={self.longest_period_s}"
-            )
+    ordered = ("preferred_loss_db <= largest_loss_db", "shortest_period_s <= longest_period_s")
 
 
 def radius_for_loss_rad(half_power_beamwidth_rad: float, loss_db: float) -> float:

@@ -49,7 +49,7 @@ WRONG_TOKEN_S = 0.3
 HEADER_S = 5.0
 """Time for the head of a request, and for its body; what is idle for longer is closed."""
 MORE_CONNECTIONS = 50
-"""Connections beside those of viewers; then the oldest one without a request gives way."""
+"""Connections besides those of viewers; then the oldest one without a request gives way."""
 HEARTBEAT_S = 15.0
 SLOW_S = 15.0
 """A viewer that takes no message for so long is dropped."""
@@ -185,11 +185,12 @@ class PageApp:
         return response
 
     def give_way(self, server: Any) -> None:
-        """Close the oldest connection without a request, if there are too many."""
-        if len(server.connections) >= self._params.viewers + MORE_CONNECTIONS:
-            idle = [each for each in server.connections if each not in self._in_request]
-            if idle:
-                idle[0].force_close()
+        """Close the oldest connections without a request, if there are too many."""
+        # One that is being closed has no transport any more.
+        alive = [each for each in server.connections if each.transport is not None]
+        more = max(0, len(alive) + 1 - self._params.viewers - MORE_CONNECTIONS)
+        for each in [each for each in alive if each not in self._in_request][:more]:
+            each.force_close()
 
     def _require_ours(self, request: web.Request) -> None:
         host = request.headers.get("Host", "")

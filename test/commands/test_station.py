@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterType, ParameterValue, SetParametersResult
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.serialization import deserialize_message
@@ -33,6 +34,7 @@ from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.qos import LATCHED, STATUS
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.station_client import StationClient
+from rf_pointing.station.clients.alarm_hooks import NO_WAY
 from test.ros.fake_station import FakeStation, fake
 
 __all__ = ["fake"]
@@ -563,3 +565,29 @@ def test_the_last_lines_of_the_journal_are_shown(
         f"T8 begin            {'pass':<28} number 8", f"T9 begin            {'pass.go':<28} number 9",
     ]  # fmt: skip
     assert fake.calls[-1][1].names == ["executive.folder"]
+
+
+def hooks_of(node: str, **values: str) -> DiagnosticArray:
+    pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+    return DiagnosticArray(status=[DiagnosticStatus(name=f"{node}: hooks", hardware_id=f"/{node}", values=pairs)])
+
+
+def test_every_way_out_of_the_station_is_tried_and_each_says_what_came_of_it(
+    fake: FakeStation, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One way sends at once, one fails after a while; of a node without a way there is nothing to try."""
+    utc = "2026-01-01T00:00:00Z"
+    fake.services["station_executive/test_alarms"] = trigger(True, f"{utc} command, mail_server")
+    fake.services["station_alarms/test_alarms"] = trigger(True, f"{utc} {NO_WAY}")
+    for at_s, message in (
+        (0.1, hooks_of("gs1/station_alarms")), (0.2, hooks_of("gs1/station_executive", command="no message yet")),
+        (5.0, hooks_of("gs1/station_executive", command=f"sent: test of {utc}", mail_server="no message yet")),
+        (40.0, hooks_of("gs1/station_executive", command=f"sent: test of {utc}",
+                        mail_server=f"not sent: test of {utc}: refused")),
+    ):  # fmt: skip
+        fake.publish(at_s, "/diagnostics", message)
+    assert run("test-alarms") == 1
+    said = capsys.readouterr().err
+    assert f"station_executive: command: sent: test of {utc}" in said
+    assert f"station_executive: mail_server: not sent: test of {utc}: refused" in said
+    assert f"station_alarms: {NO_WAY}" in said

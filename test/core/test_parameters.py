@@ -138,23 +138,6 @@ def test_leaves_lists_every_field_below_by_its_edge_name() -> None:
     assert found["inner.pair_deg"] == pytest.approx((math.degrees(0.1), math.degrees(0.2)))
 
 
-def test_with_leaves_is_the_inverse_of_leaves(random: np.random.Generator) -> None:
-    wanted = Outer(
-        low_rad=-random.uniform(0.1, 1.0),
-        high_rad=random.uniform(0.1, 1.0),
-        count=7,
-        name="Ka",
-        kind="b",
-        on=False,
-        inner=Inner(rate_rad_s=random.uniform(0.0, 0.2), pair_rad=tuple(random.uniform(-1.0, 1.0, 2))),
-    )
-    edge = {name: value for name, (_, value) in leaves(wanted).items()}
-    made = {name: value for name, (_, value) in leaves(with_leaves(Outer(), edge)).items()}
-    assert list(made) == list(edge)
-    for name, value in edge.items():
-        assert made[name] == (pytest.approx(value, rel=1e-14) if "_deg" in name else value)
-
-
 def test_a_value_on_the_bound_is_accepted_in_degrees_too() -> None:
     """Bounds are converted; rounding must not make the bound itself refusable."""
     for low_deg in (-114.59155902616465, math.degrees(-2.0)):

@@ -43,8 +43,9 @@ class Bench:
 
     def connect(self) -> None:
         """Step without time until the link is open: opening is the only thing that takes real time."""
-        for _ in range(500):
-            reading = self.tick(0.0)
+        for count in range(500):
+            # A controller whose dialect is to be recognised needs more than one poll.
+            reading = self.tick(0.0 if count < 100 else TICK_S)
             if reading is not None and not self.drive.problem:
                 return
             time.sleep(0.005)

@@ -135,22 +135,32 @@ class Simulator:
 
 
 class Gs232(Simulator):
-    """GS-232A (`b=False`) or GS-232B: every command is ended by CR and answered by CR, data by CR LF."""
+    """GS-232A (`b=False`) or GS-232B: every command is ended by CR and answered by CR, data by CR LF.
 
-    def __init__(self, b: bool = True, start_deg: tuple[float, float] = (120.0, 45.0)) -> None:
-        self._b = b
+    A board without `elevation` knows neither C2 nor W.
+    """
+
+    def __init__(
+        self, b: bool = True, start_deg: tuple[float, float] = (120.0, 45.0), *, elevation: bool = True
+    ) -> None:
+        self._b, self._elevation = b, elevation
         super().__init__(start_deg)
 
     def _answer(self, command: bytes) -> bytes:
         azimuth, elevation = (round(each) for each in self._angles())
-        if command.upper() == b"C2":
+        if command.upper() == b"C" and not self._elevation:
+            return (f"AZ={azimuth:03d}" if self._b else f"+0{azimuth:03d}").encode() + b"\r\n"
+        if (match := re.fullmatch(rb"M([0-9]{3})", command)) and not self._elevation:
+            self._go(int(match[1]), 0.0)
+            return b"\r"
+        if command.upper() == b"C2" and self._elevation:
             return (
                 f"AZ={azimuth:03d}  EL={elevation:03d}" if self._b else f"+0{azimuth:03d}+0{elevation:03d}"
             ).encode() + b"\r\n"
         if command.upper() == b"S":
             self._stop()
             return b"\r"
-        if match := re.fullmatch(rb"[Ww]([0-9]{3}) ([0-9]{3})", command):
+        if (match := re.fullmatch(rb"[Ww]([0-9]{3}) ([0-9]{3})", command)) and self._elevation:
             goal = int(match[1]), int(match[2])
             if goal[0] > 450 or goal[1] > 180:
                 return b"?>\r\n"
@@ -239,6 +249,8 @@ class Rotctld(Simulator):
     """rotctld's extended response protocol over TCP, one client at a time."""
 
     resolution_deg = 0.01
+    travel_deg = ((-180.0, 450.0), (0.0, 180.0))
+    kind = b"AzEl"
 
     def _open(self) -> None:
         self._server = socket.create_server(("127.0.0.1", 0))
@@ -284,20 +296,24 @@ class Rotctld(Simulator):
 
     def _answer(self, command: bytes) -> bytes:
         if command == b"+\\dump_state":
-            return (
-                b"dump_state:\nrotctld Protocol Ver: 1\nRotor Model: 1\nMinimum Azimuth: -180.000000\n"
-                b"Maximum Azimuth: 450.000000\nMinimum Elevation: 0.000000\nMaximum Elevation: 180.000000\n"
-                b"South Zero: 0\nrot_type=AzEl\ndone\nRPRT 0\n"
+            (west, east), (low, high) = self.travel_deg
+            ends = (
+                f"Minimum Azimuth: {west:.6f}\nMaximum Azimuth: {east:.6f}\n"
+                f"Minimum Elevation: {low:.6f}\nMaximum Elevation: {high:.6f}\n"
             )
+            return (
+                b"dump_state:\nrotctld Protocol Ver: 1\nRotor Model: 1\n%sSouth Zero: 0\nrot_type=%s\ndone\nRPRT 0\n"
+            ) % (ends.encode(), self.kind)
         if command == b"+p":
             azimuth, elevation = self._angles()
+            elevation = elevation if self.kind == b"AzEl" else 0.0
             return f"get_pos:\nAzimuth: {azimuth:.2f}\nElevation: {elevation:.2f}\nRPRT 0\n".encode()
         if command == b"+S":
             self._stop()
             return b"stop:\nRPRT 0\n"
         if match := re.fullmatch(rb"\+P (-?[0-9.]+) (-?[0-9.]+)", command):
             goal = float(match[1]), float(match[2])
-            inside = -180.0 <= goal[0] <= 450.0 and 0.0 <= goal[1] <= 180.0
+            inside = all(low <= angle <= high for angle, (low, high) in zip(goal, self.travel_deg, strict=True))
             if inside:
                 self._go(*goal)
             return b"set_pos: %s %s\nRPRT %d\n" % (match[1], match[2], 0 if inside else -1)

@@ -8,12 +8,16 @@ from pathlib import Path
 import pytest
 
 from rf_pointing.commands import check_drive
+from rf_pointing.commands.check_drive import flown_rad
 from rf_pointing.core.types import Pair
 from rf_pointing.drives import DriveParams, LinkParams, RotatorParams, SimulatedRotator
 from rf_pointing.drives.conformance import ConformanceCheck, Line
 from rf_pointing.drives.drive import RATE, Capabilities, Drive, DriveReading
+from rf_pointing.station.derive.band import nearest_within
+from rf_pointing.station.description import read_station, shipped_stations
 from test.drives.benches import BOTH_AXES, TICK_S, Bench
-from test.drives.simulators import Easycomm
+from test.drives.rotctld import RealRotctld
+from test.drives.simulators import Easycomm, Gs232, Rotctld, Simulator
 
 
 def report(bench: Bench) -> dict[str, Line]:
@@ -260,9 +264,16 @@ def test_the_report_has_the_figures_of_the_drive() -> None:
 
 def test_losses_are_named_with_their_counts() -> None:
     drive = SimulatedRotator(DriveParams(type="simulated_rotator"), (1.0, 0.5))
-    drive.losses.update({"noise": 3, "late answer": 9, "connection": 0})
+    drive.losses.update({"noise": 5})
     ticks = iter(range(10_000))
-    line = ConformanceCheck(drive, DriveParams(), lambda _: TICK_S * next(ticks)).still()[-1]
+
+    def tick(_: float) -> float:
+        count = next(ticks)
+        if count == 50:
+            drive.losses.update({"noise": 3, "late answer": 9, "connection": 0})
+        return TICK_S * count
+
+    line = ConformanceCheck(drive, DriveParams(), tick).still()[-1]
     assert (line.name, line.passed, line.text) == ("losses", False, "noise: 3")
 
 
@@ -329,3 +340,57 @@ def test_a_drive_that_creeps_on_at_a_tenth_of_its_last_rate_fails(creep: float, 
     drive = RateDrive()
     drive.creep = creep
     assert failed_rates(drive) == fails
+
+
+@pytest.mark.parametrize("name", ["gs232 b_azimuth", "gs232 a_azimuth", "gs232", "hamlib"])
+def test_a_rotator_without_elevation_passes_and_is_named_as_one(name: str) -> None:
+    if name == "hamlib":
+        device: Simulator = Rotctld()
+        device.kind = b"Az"  # type: ignore[attr-defined]
+    else:
+        device = Gs232(b="b" in name.split()[-1], elevation=False)
+    bench = Bench(name, device, travel_max_rad=(math.radians(450.0), math.radians(180.0)))
+    assert not bench.drive.capabilities.has_elevation
+    lines = report(bench)
+    bench.close()
+    assert [line.name for line in lines.values() if not line.passed and line.name != "limits"] == []
+    assert "the device has no elevation" in lines["travel"].text
+    assert not any(line.startswith("elevation") for line in lines)
+
+
+STATIONS = [*shipped_stations(), *map(str, sorted(Path(__file__).parents[2].glob("examples/*.yaml")))]
+
+
+@pytest.mark.parametrize("short_deg", [0.0, 1.0])
+@pytest.mark.parametrize("station", STATIONS)
+def test_a_device_with_exactly_the_travel_of_a_station_passes_and_one_with_less_does_not(
+    station: str, short_deg: float
+) -> None:
+    mount = read_station(station).content.mount
+    (west, east), (low, high) = mount.azimuth.travel_deg, mount.elevation.travel_deg
+    device = Rotctld((nearest_within(0.0, (west, east)), 0.5 * (low + high)))
+    device.travel_deg = (west, east - short_deg), (low, high)
+    bench = Bench("hamlib", device)
+    rotator = read_station(station).sets("antenna_servo")["drive"].rotator
+    params = bench.params.replace(rotator=rotator.replace(zero_rad=(0.0, 0.0)))
+    check = ConformanceCheck(bench.drive, params, lambda _: (bench.tick(), bench.t_s)[1], flown_rad=flown_rad(station))
+    (line,) = (line for line in check.still() if line.name == "travel")
+    bench.close()
+    assert line.passed == (short_deg == 0.0)
+    assert f"flown {west:.2f}, {low:.2f} to {east:.2f}, {high:.2f} deg" in line.text
+    assert f"the device states {west:.2f}, {low:.2f} to {east - short_deg:.2f}, {high:.2f} deg" in line.text
+
+
+def test_the_first_step_of_the_documents_passes_on_the_dummy_rotator(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`rotctld -m 1` and examples/hamlib_rotator.yaml, as own_antenna.md says, on a port of the test's own."""
+    real = RealRotctld()
+    example = (Path(__file__).parents[2] / "examples" / "hamlib_rotator.yaml").read_text()
+    (own := tmp_path / "own.yaml").write_text(re.sub(r"port: \d+", f"port: {real.port}", example))
+    monkeypatch.setattr("sys.argv", ["check_drive", "--station", str(own)])
+    with pytest.raises(SystemExit) as ended:
+        check_drive.main()
+    real.kill()
+    assert capsys.readouterr().out.splitlines()[-1] == "6 of 6 passed"
+    assert ended.value.code == 0

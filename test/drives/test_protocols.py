@@ -47,7 +47,15 @@ ANSWERS = [
     ("hamlib", "", b"get_pos:\nAzimuth: 123.45\nElevation: -0.50\nRPRT 0\n", (123.45, -0.5)),
     ("gs232", "", b"+0123+0045\r\n", (123.0, 45.0)),
     ("gs232", "", b"AZ=123  EL=045\r\n", (123.0, 45.0)),
+    ("gs232", "", b"AZ=123 EL= -5\r\n", (123.0, -5.0)),
+    ("gs232", "", b"AZ=123.4EL=045.6\r\n", (123.4, 45.6)),
+    ("gs232", "", b"AZ = 5, EL = 45\r", (5.0, 45.0)),
+    ("gs232", "a", b"+0450-0005\r\n", (450.0, -5.0)),
+    ("gs232", "b", b"AZ=450  EL=180\n", (450.0, 180.0)),
+    ("gs232", "a", b"+0123 +0045\r", (123.0, 45.0)),
     ("easycomm", "2", b"AZ123.4 EL45.6\n", (123.4, 45.6)),
+    ("easycomm", "2", b"AZ=123.4,EL=45.6\r\n", (123.4, 45.6)),
+    ("easycomm", "2", b"AZ 7 EL 8\n", (7.0, 8.0)),
     ("easycomm", "3", b"AZ-10.0 EL5.0\r\n", (-10.0, 5.0)),
     ("spid", "rot2", bytes.fromhex("57 03 07 02 05 02 03 09 04 00 02 20"), (12.5, 34.0)),
     ("spid", "rot1", bytes.fromhex("57 03 07 02 20"), (12.0, 0.0)),
@@ -136,3 +144,50 @@ def test_a_digit_beyond_nine_makes_no_packet(place: int) -> None:
     assert positions(made("spid", "rot2"), bytes(packet)) == [(12.5, 34.0)]
     packet[place] = 10
     assert positions(made("spid", "rot2"), bytes(packet)) == []
+
+
+@pytest.mark.parametrize(
+    ("type_", "answer", "azimuth_deg", "named"),
+    [
+        ("gs232", b"AZ=229\r\n", 229.0, "b_azimuth"),
+        ("gs232", b"+0229\r\n", 229.0, "a_azimuth"),
+        ("easycomm", b"AZ229.5\n", 229.5, "2_azimuth"),
+    ],
+)
+def test_a_controller_without_elevation_is_recognised_or_named(
+    type_: str, answer: bytes, azimuth_deg: float, named: str
+) -> None:
+    """Not by one answer, which may be the rest of a longer one whose beginning was lost."""
+    words = made(type_)
+    assert positions(words, answer, answer) == []
+    assert words.has_elevation
+    assert positions(words, answer) == [(azimuth_deg, 0.0)]
+    assert not words.has_elevation
+    assert b"EL" not in words.go_to(123.0, 45.0).data
+    assert b"045" not in words.go_to(123.0, 45.0).data
+    # Once it is known, nothing else is a position; another connection begins anew.
+    assert positions(words, b"AZ=123 EL=045\r\n+0123+0045\r\n") == []
+    words.greeting()
+    assert words.has_elevation
+    assert positions(words, b"AZ=123 EL=045\r\n", b"AZ123.0 EL45.0\n")[0] == (123.0, 45.0)
+    assert positions(made(type_, named), answer) == [(azimuth_deg, 0.0)]
+
+
+def test_one_with_elevation_never_becomes_one_without() -> None:
+    words = made("gs232")
+    assert positions(words, b"+0123+0045\r\n", *[b"+0045\r\n"] * 9) == [(123.0, 45.0)]
+    assert words.has_elevation
+
+
+def test_rotctld_names_a_rotator_of_the_azimuth_alone() -> None:
+    words = made("hamlib")
+    buffer = bytearray(b"dump_state:\nMinimum Azimuth: 0.0\nrot_type=Az\ndone\nRPRT 0\n")
+    words.take(buffer)
+    assert not words.has_elevation
+    assert not made("hamlib", "azimuth").has_elevation
+
+
+@pytest.mark.parametrize(("type_", "model"), [("gs232", "c"), ("hamlib", "2"), ("easycomm", "1"), ("spid", "rot3")])
+def test_a_dialect_that_a_type_does_not_have_is_refused(type_: str, model: str) -> None:
+    with pytest.raises(ValueError, match=f"drive.model='{model}' of {type_} must be one of "):
+        made(type_, model)

@@ -4,6 +4,8 @@ import numpy as np
 
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Elements
+from rf_pointing.ephemeris.oem import OemSegment
+from rf_pointing.ephemeris.orbit_file import read_orbits
 
 START_T_S = 1151384300.0
 STEP_S = 60.0
@@ -27,7 +29,16 @@ def text_of(states: list[np.ndarray], *, times: np.ndarray = TIMES, header: str 
     lines += [f"{key} = {value}" for key, value in fields.items() if value]
     lines += ["META_STOP", "COMMENT states in km and km/s"]
     lines += [f"{utc_text(t)[:-1]} " + " ".join(f"{x:.9f}" for x in s) for t, s in zip(times, states, strict=True)]
-    return "\n".join([*lines, "COVARIANCE_START", "EPOCH = 2006-06-27T00:00:00", "1.0", "COVARIANCE_STOP", ""])
+    rows = [" ".join(["0.0"] * k + ["1e-6"]) for k in range(6)]
+    return "\n".join([*lines, "COVARIANCE_START", "EPOCH = 2006-06-27T00:00:00", *rows, "COVARIANCE_STOP", ""])
+
+
+def read_oem(text: str) -> list[OemSegment]:
+    """Return the segments of a text in which every one is good."""
+    found = read_orbits(text)
+    if found.refused:
+        raise ValueError("; ".join(found.refused))
+    return found.segments
 
 
 def teme_states(cbers: Elements) -> list[np.ndarray]:

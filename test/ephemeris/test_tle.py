@@ -20,7 +20,6 @@ from rf_pointing.ephemeris.tle import (
     alpha5_from_number,
     checksum,
     number_from_alpha5,
-    read_tle,
 )
 
 LINE1 = "1 28057U 03049A   06177.78615833  .00000060  00000-0  35940-4 0  1836"
@@ -86,9 +85,12 @@ def test_the_designator_keeps_its_century() -> None:
             "of object 28129, line 1 of",
         ),
         (LINE2, "line 1: line 2 of a TLE without line 1"),
-        (LINE1, "the text ends before line 2"),
-        (f"CBERS 2\nCBERS 3\n{LINE1}\n{LINE2}", "line 2: a name 'CBERS 3' follows the name 'CBERS 2'"),
-        (f"{LINE1}\n{LINE1}", "line 2: expected line 2 of a TLE"),
+        (LINE1, "line 1: the text has no line 2 after '1 28057U"),
+        (f"{LINE1}\n{LINE1}", "line 1: the text has no line 2 .*; line 2: the text has no line 2"),
+        (f"{LINE1}0\n{LINE2}", "line 1: TLE line has 70 columns, must have 69"),
+        (f"{LINE1[:-1]}\n{LINE2}", "line 1: TLE line has 68 columns, must have 69"),
+        (f"{LINE1[:-1]}\n{LINE2[:-2]}", "line 1: TLE line has 68 columns, must have 69"),
+        (f"{LINE1[:62]}4{LINE1[63:-1]}0\n{LINE2}", "line 1: ephemeris type 4 is SGP4-XP"),
         ("", "no elements"),
         ("# only a comment", "no elements"),
     ],
@@ -122,7 +124,7 @@ def test_a_bad_field_is_named_even_when_the_checksum_is_right(
         digit = sum(int(c) if c.isdigit() else c == "-" for c in changed) % 10
         lines[index] = "".join(changed) + str(digit)
     with pytest.raises(ValueError, match=message):
-        read_tle("\n".join(lines))
+        read_elements("\n".join(lines))
 
 
 @pytest.mark.parametrize(
@@ -241,7 +243,7 @@ def test_every_column_of_a_number_is_read() -> None:
         (63, "98765"),
     ):
         line2 = with_columns(line2, begin, text)
-    (found,) = read_tle(f"{line1}\n{line2}")
+    (found,) = read_elements(f"{line1}\n{line2}")
     day_s, turn = 86400.0, 2.0 * math.pi
     assert found.mean_motion_dot_rad_s2 == pytest.approx(-2.0 * 0.12345678 * turn / day_s**2, rel=1e-12)
     assert found.mean_motion_ddot_rad_s3 == pytest.approx(-6.0 * 0.98765e-4 * turn / day_s**3, rel=1e-12)
@@ -257,12 +259,12 @@ def test_every_column_of_a_number_is_read() -> None:
 @pytest.mark.parametrize(("columns", "year"), [("57", 1957), ("99", 1999), ("00", 2000), ("56", 2056)])
 def test_two_digits_of_a_year_are_of_1957_to_2056(columns: str, year: int) -> None:
     line1 = with_columns(with_columns(LINE1, 9, f"{columns}001ABC"), 18, f"{columns}001.00000000")
-    (found,) = read_tle(f"{line1}\n{LINE2}")
+    (found,) = read_elements(f"{line1}\n{LINE2}")
     assert found.epoch_t_s == from_utc_text(f"{year}-01-01T00:00:00")
     assert found.international_designator == f"{year}-001ABC"
     assert tle_lines(found)[0] == line1
 
 
 def test_a_blank_drag_is_none() -> None:
-    (found,) = read_tle(with_columns(LINE1, 53, " " * 8) + f"\n{LINE2}")
+    (found,) = read_elements(with_columns(LINE1, 53, " " * 8) + f"\n{LINE2}")
     assert found.drag_per_earth_radius == 0.0

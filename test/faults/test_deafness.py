@@ -42,7 +42,7 @@ def user_ports(domain: int) -> list[int]:
 def test_a_node_made_deaf_by_moved_sequence_numbers_says_so_and_ends(live: SimpleNamespace, ros_domain: int) -> None:
     said: list[TrackingStatus] = []
     live.node.create_subscription(TrackingStatus, "tracking_status", said.append, STREAM)
-    processes = live.start(NAMES, autostart=True)
+    processes = live.start(NAMES, autostart=True, processes=8)
     live.spin_until(lambda: len(said) > 5, "tracking_status")
     live.spin_until(lambda: 0.0 <= said[-1].axis_age < 1.0, "joint states at the controller")
     found = live.node.get_publishers_info_by_topic(f"{live.namespace}/joint_states")

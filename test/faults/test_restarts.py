@@ -67,7 +67,7 @@ class Stopwatch:
 class Station:
     """A whole simulated station whose nodes bring themselves up, and what they say."""
 
-    def __init__(self, live: SimpleNamespace, yaml: str) -> None:
+    def __init__(self, live: SimpleNamespace, yaml: str, processes: int = 8) -> None:
         self.live, self.heard, self.health, self.times = live, {}, {}, []
         live.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         live.node.create_subscription(Clock, "clock", lambda m: self.times.append(seconds_from_stamp(m.clock)), STREAM)
@@ -79,7 +79,9 @@ class Station:
         self.listen("rf_receiver", Monopulse, "monopulse", STREAM)
         self.listen("monopulse_tracker", PointingError, "pointing_error", STREAM, lambda m: m.sensor == "monopulse")
         self.listen("conscan_tracker", PointingError, "pointing_error", STREAM, lambda m: m.sensor != "monopulse")
-        self.processes: NodeProcesses = live.start(list(NAMES), yaml, autostart=True, simulated=True)
+        self.processes: NodeProcesses = live.start(
+            list(NAMES), yaml, autostart=True, simulated=True, processes=processes
+        )
         self.run_until(lambda: set(NAMES) <= set(self.heard), f"all of {', '.join(NAMES)}")
 
     def listen(self, name: str, kind: Any, topic: str, qos: Any, wanted: Callable[[Any], bool] = bool) -> None:
@@ -108,13 +110,15 @@ class Station:
         self.run_until(lambda: name in self.processes.ended(), f"the end of {name}")
         gone_s = time.monotonic() + 0.3
         self.run_until(lambda: time.monotonic() > gone_s, "the last messages")
-        self.heard.pop(name, None)
+        for each in self.processes.ended():
+            self.heard.pop(each, None)
 
     def restart(self, name: str) -> None:
-        """Start it again, and wait until it is heard."""
-        self.processes.start([name], autostart=True)
+        """Start it again with the nodes of its process, and wait until all are heard."""
+        names = list(self.processes.ended())
+        self.processes.start(names, autostart=True)
         watch = Stopwatch(*(self.processes.process_id(each) for each in {name, *PACING}))
-        self.run_until(lambda: watch.look() >= 0.0 and name in self.heard, name)
+        self.run_until(lambda: watch.look() >= 0.0 and set(names) <= set(self.heard), ", ".join(names))
         print(f"{name} back after {watch.net_s:.2f} s")
         assert watch.net_s < RESTART_S, f"{name} took {watch.net_s:.2f} s"
 
@@ -147,6 +151,18 @@ def test_every_node_is_killed_in_turn_and_is_back_within_3_s_with_what_it_knew(
     for name in ("rf_receiver", "monopulse_tracker", "conscan_tracker", "pointing_controller"):
         station.kill(name)
         station.restart(name)
+    assert station.heard["pointing_controller"].mode == "idle"
+
+
+def test_what_shares_a_process_is_killed_together_and_is_back_within_3_s_with_what_it_knew(
+    live: SimpleNamespace, tmp_path: Path
+) -> None:
+    """What moves, with the clock, whose time goes on where it stood; then what predicts, decides and measures."""
+    station = Station(live, settings(tmp_path), processes=2)
+    check_servo(station)
+    station.run(1.0)
+    assert all(later >= sooner for sooner, later in pairwise(station.times))
+    check_ephemeris(station)
     assert station.heard["pointing_controller"].mode == "idle"
 
 

@@ -111,6 +111,7 @@ def live_graph(folder: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
         simulated: bool = False,
         autostart: bool = False,
         station: dict[str, Any] | None = None,
+        processes: int = 1,
     ) -> Any:
         """Start nodes with `parameters` (YAML) and with other values for the keys of the description `station`."""
         files = []
@@ -122,19 +123,19 @@ def live_graph(folder: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
         if parameters:
             files.append(folder / "extra.yaml")
             files[-1].write_text(parameters)
-        processes = NodeProcesses(namespace, files, folder / "logs")
-        started.append(processes)
-        processes.start(names, simulated_time=simulated, autostart=autostart)
+        running = NodeProcesses(namespace, files, folder / "logs", processes=processes)
+        started.append(running)
+        running.start(names, simulated_time=simulated, autostart=autostart)
         if autostart:
-            return processes
+            return running
         client = LifecycleClient(node, namespace, Waiting(lambda s: executor.spin_once(timeout_sec=s), DEADLINE_S))
         client.wait_for(names)
         if state == "start":
-            return SimpleNamespace(processes=processes, client=client, refused=[])
+            return SimpleNamespace(processes=running, client=client, refused=[])
         refused = client.change(names, "configure")
         if state == "activate" and not refused:
             refused = client.change(names, "activate")
-        return SimpleNamespace(processes=processes, client=client, refused=refused)
+        return SimpleNamespace(processes=running, client=client, refused=refused)
 
     started: list[NodeProcesses] = []
     try:

@@ -33,7 +33,7 @@ from rf_pointing.ephemeris import tle_lines
 from rf_pointing.report import write_report
 from rf_pointing.ros.graph import NODES, STATION_NODES
 from rf_pointing.ros.recorder import Recorder
-from test.ros.test_launching import FOLDER, given, launched
+from test.ros.test_launching import FOLDER, actions, given
 from test.simulation.night_plan import orbits, small_night
 
 from .conftest import ask, executable
@@ -63,16 +63,18 @@ class Launched:
             self._run([ROS2, "launch", str(FOLDER / f"{name}.launch.py"), *words], {})
             return
         self._given |= arguments
-        for node in launched(name).values():
+        for node in actions(name):
             self._run(self._command(node), node["additional_env"])
 
     def _command(self, node: dict[str, Any]) -> list[str]:
         """Return the command line of a node: what is no file of parameters becomes one, in its place."""
-        full = f"/{node['namespace'].strip('/')}/{node['name']}"
-        words = ["--ros-args", "-r", f"__node:={node['name']}", "-r", f"__ns:={full.rpartition('/')[0]}"]
+        space = f"/{node['namespace'].strip('/')}"
+        words = [*node.get("arguments", ()), "--ros-args", "-r", f"__ns:={space}"]
+        words += ["-r", f"__node:={node['name']}"] if "name" in node else []
         for number, each in enumerate(node["parameters"]):
             path = each
             if isinstance(each, dict):
+                full = f"{space}/{node['name']}"
                 path = self._folder / f"{full.replace('/', '.')}-{number}.yaml"
                 path.write_text(yaml.safe_dump({full: {"ros__parameters": each}}))
             words += ["--params-file", str(path)]

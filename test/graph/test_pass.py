@@ -69,7 +69,10 @@ def tracked(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
 @pytest.fixture(scope="module")
 def side_by_side(tmp_path_factory: pytest.TempPathFactory) -> dict[str, SimpleNamespace]:
     """Two antennas in one domain at once: the same pass as `tracked` at another speed, and another satellite."""
-    lines = {"a": (*CBERS, "--speed", SPEED), "b": (*DELTA, "--seed", str(SEED))}
+    lines = {
+        "a": (*CBERS, "--speed", SPEED, "--processes", "1"),
+        "b": (*DELTA, "--seed", str(SEED), "--processes", "8"),
+    }
     folders = {name: tmp_path_factory.mktemp(name) for name in lines}
     runs = {
         name: start_track(*line, "--output", str(folders[name]), "--namespace", f"/{name}{os.getpid()}")
@@ -261,7 +264,8 @@ def test_interrupt_before_the_graph_is_up_leaves_nothing_running(tmp_path: Path)
 
 def flown(folder: Path, *line: str) -> tuple[str, dict[str, Any]]:
     """Return what `track` says of the top of a pass at full speed, and its table."""
-    run = start_track(*line, "--speed", "max", "--min-peak", "50", "--mask", "50", "--output", str(folder))
+    top = ("--speed", "max", "--processes", "1", "--min-peak", "50", "--mask", "50")
+    run = start_track(*line, *top, "--output", str(folder))
     said = run.communicate(timeout=DEADLINE_S)[1]
     assert run.returncode == 0, said
     return said, summary_of(folder, said)
@@ -291,7 +295,7 @@ def test_a_small_dish_tracks_by_its_array_of_patches_alone(tmp_path: Path) -> No
     given.write_text(f"/**/ephemeris_publisher: {antenna}\n/**/rf_receiver: {antenna}\n")
     run = start_track(
         "--station", "rotator_2m", "--sensor", "array", "--speed", "max", "--min-peak", "72", "--mask", "68",
-        "--ephemeris-error", "5", "--params-file", str(given), "--output", str(tmp_path / "run"),
+        "--processes", "1", "--ephemeris-error", "5", "--params-file", str(given), "--output", str(tmp_path / "run"),
     )  # fmt: skip
     said = run.communicate(timeout=DEADLINE_S)[1]
     assert run.returncode == 0, said

@@ -2,10 +2,15 @@
 
 import dataclasses
 import math
+import os
+import shutil
+import signal
 import socket
 import subprocess
+import threading
 import time
 from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,18 +18,25 @@ import numpy as np
 import pytest
 
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import AntennaStatus, PassCertificate, TrackingStatus
 from sensor_msgs.msg import JointState
 
 from rf_pointing.core import angular_distance_rad, azel_from_unit_vector
+from rf_pointing.drives.rotctld import Inquiry, RotctldServer, ServerParams, StationView
 from rf_pointing.ephemeris import TopocentricTrack, tle_lines
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
+from rf_pointing.station.clients.board import PageParams
 from rf_pointing.station.description import read_station
+from rf_pointing.web.page_server import PageServer
 from test.conftest import within
 from test.graph.real_station import satellite_over
 
 from .conftest import free_port, live_graph
+from .test_operator_page import start_browser
 
 pytestmark = pytest.mark.graph
 
@@ -231,5 +243,99 @@ def test_the_points_of_a_known_satellite_become_its_pass_and_end_with_their_clie
     assert station.certificate.accepted
     assert "the points are those of OVERHEAD (91000)" in station.log()
     assert rms(axes) < 0.01
+
+    # A controller that is killed in the pass: its points are followed until it tracks the pass again.
+    with socket.create_connection(("127.0.0.1", station.port), 5.0) as client:
+        os.kill(station.processes.process_id("pointing_controller"), signal.SIGKILL)
+        killed_s = time.time()
+        station.live.spin_until(lambda: "pointing_controller" in station.processes.ended(), "its end")
+        answers = station.fly(client, of(sent), 4.0)
+        assert station.antenna.commander.endswith("rotctld_server")
+        # What it has sent before its end may have arrived late.
+        station.tracking = TrackingStatus()
+        station.processes.start(["pointing_controller"], simulated_time=False, autostart=True)
+        while not (station.tracking.target == "OVERHEAD" and station.tracking.on_source):
+            assert within(time.time() - killed_s, 45.0), station.log()
+            answers += station.fly(client, of(sent), 2.0)
+        print(f"killed controller: on the target again after {time.time() - killed_s:.0f} s")
+        # The certificate may choose the other side of the zenith, so the axes may have a way to go.
+        assert answers[-1] == "RPRT 0"
+        assert set(answers) <= {"RPRT 0", "RPRT -9"}
     station.live.spin_until(lambda: station.tracking.target == "", "the end of a pass whose client has gone")
     assert "has been silent for" in station.log()
+
+
+def test_a_client_that_waits_for_the_result_of_a_killed_controller_gets_it_as_aborted(station: Watched) -> None:
+    client = ActionClient(station.live.node, TrackPass, "track_pass")
+    station.live.spin_until(client.server_is_ready, "track_pass")
+    sent = client.send_goal_async(TrackPass.Goal(satellite="OVERHEAD", sensor="program"))
+    station.live.spin_until(sent.done, "the accepted goal")
+    result = sent.result().get_result_async()
+    station.live.spin_until(lambda: station.tracking.target == "OVERHEAD", "its pass")
+    os.kill(station.processes.process_id("pointing_controller"), signal.SIGKILL)
+    station.live.spin_until(lambda: "pointing_controller" in station.processes.ended(), "its end")
+    station.processes.start(["pointing_controller"], simulated_time=False, autostart=True)
+    station.tracking = TrackingStatus()
+    station.live.spin_until(lambda: station.tracking.sequence > 0, "the controller again")
+    back_s = time.monotonic()
+    station.live.spin_until(result.done, "the result")
+    found = result.result()
+    assert (found.status, found.result.success) == (GoalStatus.STATUS_ABORTED, False)
+    assert found.result.message == "pointing_controller was killed in the pass; send the goal again"
+    assert within(time.monotonic() - back_s, 3.0)
+    client.destroy()
+
+
+HOSTILE = """<iframe name=frame></iframe><script>
+const body = "P 200 40\\nS\\nK\\n", tries = [];
+for (const port of PORTS) {
+  const address = `http://127.0.0.1:${port}/command`;
+  for (const method of ["POST", "GET", "P"]) for (const mode of ["no-cors", "cors"])
+    tries.push(() => fetch(address, {method, mode, body: method == "POST" ? body : undefined}));
+  tries.push(() => navigator.sendBeacon(address, body));
+  tries.push(() => new Promise(over => { const one = new WebSocket(`ws://127.0.0.1:${port}/live`);
+    one.onclose = over; one.onopen = () => { document.title = "open"; one.send(body); }; }));
+  tries.push(() => { const form = document.createElement("form"), field = document.createElement("textarea");
+    Object.assign(form, {action: address, method: "post", enctype: "text/plain", target: "frame"});
+    Object.assign(field, {name: "P 200 40\\r\\nS\\r\\n", value: body});
+    form.append(field); document.body.append(form); form.submit(); });
+}
+(async () => { for (const each of tries) try { await each(); } catch {}
+  setTimeout(() => document.title += "done", 1000); })();
+</script>"""
+
+
+@pytest.mark.skipif(not (shutil.which("chromium") and shutil.which("chromedriver")), reason="no browser")
+def test_a_page_of_another_site_in_a_real_browser_moves_nothing() -> None:
+    taken: list[Inquiry] = []
+    server = RotctldServer(ServerParams(port=0), StationView("x", (1.0, 2.0)), taken.append)
+    page = PageServer(PageParams(port=0), "the-token-of-this-test")
+
+    class Site(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(HOSTILE.replace("PORTS", f"[{server.port}, {page.port}]").encode())
+
+        def log_message(self, *_: object) -> None: ...
+
+    site = ThreadingHTTPServer(("127.0.0.1", 0), Site)
+    threading.Thread(target=site.serve_forever, daemon=True).start()
+    browser = start_browser()
+    try:
+        browser.get(f"http://localhost:{site.server_port}/")
+        begun_s = time.monotonic()
+        while not browser.title.endswith("done"):
+            assert within(time.monotonic() - begun_s, 30.0), browser.title
+        assert browser.title == "done", "no socket was opened"
+        assert (taken, page.requests.empty(), page.app.viewers) == ([], True, 0)
+        # Both were reached, by each way that a page has.
+        assert server.counts.ended >= 5
+        assert page.app.refused >= 5
+    finally:
+        browser.quit()
+        site.shutdown()
+        site.server_close()
+        page.close()
+        server.close()

@@ -302,6 +302,9 @@ class ActionServer:
         self.accepted, self.cancel = handle_accepted_callback, cancel_callback
         node.bench.actions[name] = self
 
+    def take_data(self) -> dict[str, Any]:
+        return {}
+
     def take(self, request: Any) -> Goal | None:
         if self.accepts(request) != GoalResponse.ACCEPT:
             return None

@@ -11,6 +11,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Vector3, Vector3Stamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.time import Time as ClockTime
 from rf_pointing_msgs.srv import GoTo, InjectFault, SignedCall, StowInFault
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -104,6 +105,29 @@ def test_a_command_that_cannot_be_used_is_counted_with_its_reason(make_bench: Ma
     assert (values["commands_rejected"], values["commands_accepted"]) == ("2", "1")
     assert values["last_rejection"].startswith("a message of ")
     assert any(words.startswith("command rejected: unknown joint roll") for _, words in bench.log)
+
+
+def test_a_command_with_stamp_0_begins_now_unless_it_is_signed(make_bench: MakeBench, tmp_path: Path) -> None:
+    """As the controllers of ROS have it; points of positions alone are legal."""
+    for key in ("", str(tmp_path / "command.key")):
+        bench = make_bench(AntennaServo, command_key_file=key).up()
+        take_a_command_now(bench, key)
+
+
+def take_a_command_now(bench: Any, key: str) -> None:
+    bench.run(0.1)
+    now = command(bench, *place_deg(bench))
+    now.header.stamp = stamp_from_seconds(0.0)
+    now.points[0].velocities, now.points[0].accelerations = [], []
+    now.points[0].time_from_start.nanosec = 200_000_000
+    topic = bench.node.resolve_topic_name("joint_trajectory")
+    CommandKey(CommandKeyParams(command_key_file=key), topic).sign(now, "/pointing_controller")
+    bench.give("joint_trajectory", now)
+    bench.run(0.1)
+    values = bench.health("drive").values
+    refused = "1" if key else "0"
+    assert (values["commands_rejected"], values["commands_accepted"]) == (refused, "0" if key else "1")
+    assert not key or values["last_rejection"].startswith("a signed command has stamp 0")
 
 
 def test_faults_are_injected_where_that_is_enabled_alone(make_bench: MakeBench) -> None:
@@ -335,3 +359,24 @@ def test_a_vendors_node_behind_topics_follows_and_its_silence_is_a_fault(on_driv
     assert until(bench, lambda: "no message on drive/state for" in bench.sent["antenna_status"][-1].fault, 3.0)
     assert until(bench, lambda: vendor.enabled is False, 2.0)
     vendor.end()
+
+
+def test_in_simulated_time_a_command_counts_behind_the_ticks_of_its_time_whichever_arrives_first(
+    make_bench: MakeBench,
+) -> None:
+    moved: list[list[float]] = []
+    for early in (True, False):
+        bench = make_bench(AntennaServo, use_sim_time=True)
+        bench.node.get_clock().set_ros_time_override(ClockTime(seconds=bench.t_s))
+        bench.up().run(0.1, 0.1)
+        azimuth, elevation = place_deg(bench)
+        goal = command(bench, azimuth + 5.0, elevation)
+        goal.header.stamp = stamp_from_seconds(bench.t_s + 0.1)
+        for given in (early, not early):
+            if given:
+                bench.give("joint_trajectory", goal)
+            bench.run(0.1, 0.1)
+        bench.run(0.2, 0.1)
+        moved.append([each.velocity[0] for each in bench.sent["joint_states"]])
+    assert moved[0] == moved[1]
+    assert abs(moved[0][-1]) > math.radians(0.05)

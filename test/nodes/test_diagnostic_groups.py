@@ -17,9 +17,10 @@ from rf_pointing.nodes.operator_page import OperatorPage
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
 from rf_pointing.nodes.rf_receiver import RfReceiver
 from rf_pointing.nodes.simulation_clock import SimulationClock
+from rf_pointing.nodes.station_alarms import AlarmNode
 from rf_pointing.nodes.station_description import StationDescriptionNode
 from rf_pointing.nodes.station_executive import StationExecutive
-from rf_pointing.ros.graph import DESCRIPTION, EXECUTIVE, NODES, OPERATOR_PAGE
+from rf_pointing.ros.graph import ALARMS, DESCRIPTION, EXECUTIVE, NODES, OPERATOR_PAGE
 from rf_pointing.ros.managed import ManagedNode
 from test.nodes.bench import Bench
 
@@ -27,10 +28,11 @@ ROOT = Path(__file__).parents[2]
 ANTENNA = "gs1"
 KINDS: tuple[type[ManagedNode], ...] = (
     AntennaServo, BiasCalibrator, ConscanTrackerNode, EphemerisPublisher, MonopulseTrackerNode, OperatorPage,
-    PointingControllerNode, RfReceiver, SimulationClock, StationDescriptionNode, StationExecutive,
+    PointingControllerNode, RfReceiver, SimulationClock, AlarmNode, StationDescriptionNode, StationExecutive,
 )  # fmt: skip
 FOLDERS: dict[Any, str] = {
     StationExecutive: "executive.folder",
+    AlarmNode: "folder",
     BiasCalibrator: "calibrator.folder",
     OperatorPage: "page.reports",
 }
@@ -124,7 +126,7 @@ def test_names_and_hardware_ids_are_those_of_the_nodes(published: list[Diagnosti
         assert re.fullmatch(r"[a-z][a-z ]*", check), status.name
         assert status.hardware_id == f"/{node}"
         nodes.add(node.removeprefix(f"{ANTENNA}/"))
-    assert nodes == {*NODES, EXECUTIVE, DESCRIPTION, OPERATOR_PAGE}
+    assert nodes == {*NODES, ALARMS, EXECUTIVE, DESCRIPTION, OPERATOR_PAGE}
 
 
 def test_keys_are_words_and_numbers_with_a_fraction_have_a_unit(published: list[DiagnosticStatus]) -> None:

@@ -46,6 +46,7 @@ from rf_pointing.nodes.pointing_controller import PointingControllerNode
 from rf_pointing.nodes.rf_receiver import RfReceiver
 from rf_pointing.nodes.rotctld_server import RotctldServerNode
 from rf_pointing.nodes.simulation_clock import SimulationClock
+from rf_pointing.nodes.station_alarms import AlarmNode
 from rf_pointing.nodes.station_description import StationDescriptionNode
 from rf_pointing.nodes.station_executive import StationExecutive
 from rf_pointing.planning import PassProfile
@@ -66,6 +67,7 @@ NODES: dict[Any, dict[str, Any]] = {
     SimulationClock: {"lifecycle.autostart": True},
     EphemerisPublisher: {"source.refraction": "measured", "source.antenna.half_power_beamwidth_deg": 60.0},
     StationDescriptionNode: {},
+    AlarmNode: {},
     StationExecutive: {
         "executive.record": False,
         "executive.partners": "gs2",

@@ -1,12 +1,12 @@
 """docs/parameters.md is what the nodes declare."""
 
-import importlib.util
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from test.scripts import script_module
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "parameters.md"
@@ -14,14 +14,7 @@ PAGE = ROOT / "docs" / "parameters.md"
 
 @pytest.fixture(scope="module")
 def script() -> Any:
-    spec = importlib.util.spec_from_file_location("parameter_page", ROOT / "scripts" / "parameter_page.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    # A dataclass looks its module up while it is made.
-    sys.modules["parameter_page"] = module
-    spec.loader.exec_module(module)
-    return module
+    return script_module("scripts/parameter_page.py")
 
 
 @pytest.fixture

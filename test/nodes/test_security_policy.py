@@ -1,12 +1,12 @@
 """config/sros2/gs1.xml allows each node what it has in the graph, and no more."""
 
-import importlib.util
-import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+
+from test.scripts import script_module
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "config" / "sros2" / "gs1.xml"
@@ -20,13 +20,7 @@ NAMES = {
 
 @pytest.fixture(scope="module")
 def script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("security_policy", ROOT / "scripts" / "security_policy.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["security_policy"] = module
-    spec.loader.exec_module(module)
-    return module
+    return script_module("scripts/security_policy.py")
 
 
 def rules(node: str) -> dict[str, set[str]]:

@@ -106,6 +106,11 @@ def test_three_of_the_ids_that_are_there_twice_are_named() -> None:
         read_passes("\n".join([f"id,{HEAD}", *rows]))
 
 
+def calendar_of(*lines: str) -> str:
+    event = ["BEGIN:VEVENT", "SUMMARY:S", *lines, "END:VEVENT"]
+    return "\r\n".join(["BEGIN:VCALENDAR", "VERSION:2.0", "PRODID:own", *event, "END:VCALENDAR", ""])
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -130,11 +135,17 @@ def test_three_of_the_ids_that_are_there_twice_are_named() -> None:
         ("BEGIN:VCALENDAR\r\nBEGIN:VEVENT\r\nSUMMARY:S\r\nX-RF-POINTING-PASS:[1]\r\nEND:VEVENT\r\nEND:VCALENDAR\r\n",
          "X-RF-POINTING-PASS of S must be an object"),
         ("BEGIN:VCALENDAR\r\nBEGIN:VEVENT\r\nSUMMARY:S\r\nDTSTART:20260101T010000Z\r\nEND:VEVENT\r\nEND:VCALENDAR\r\n",
-         "event S must have dtstart and dtend"),
+         "event S must have dtstart, and dtend or duration"),
         ("BEGIN:VCALENDAR\r\nBEGIN:VEVENT\r\nSUMMARY:S\r\nDTEND:20260101T010000Z\r\nEND:VEVENT\r\nEND:VCALENDAR\r\n",
-         "event S must have dtstart and dtend"),
+         "event S must have dtstart, and dtend or duration"),
         ("BEGIN:VCALENDAR\r\nBEGIN:VEVENT\r\nSUMMARY:S\r\nDTSTART;VALUE=DATE:20260101\r\nDTEND;VALUE=DATE:20260102\r\n"
          "END:VEVENT\r\nEND:VCALENDAR\r\n", "with a time of day"),
+        *((calendar_of("DTSTART:20260101T010000Z", "DTEND:20260101T011000Z", more), f"event S has {more.split(':')[0]}: ")
+          for more in ("RRULE:FREQ=DAILY;COUNT=3", "RDATE:20260102T010000Z", "EXDATE:20260102T010000Z",
+                       "RECURRENCE-ID:20260101T010000Z")),
+        (calendar_of("DTSTART:20260101T010000", "DTEND:20260101T011000"),
+         "event S has a time without a zone, 2026-01-01T01:00:00: write Z or TZID"),
+        (calendar_of("DTSTART:20260101T010000", "DURATION:PT10M"), "event S has a time without a zone"),
     ],
 )  # fmt: skip
 def test_what_is_no_pass_is_refused(text: str, message: str) -> None:
@@ -159,8 +170,9 @@ def test_an_event_holds_all_of_its_pass_in_whole_seconds_with_its_remark() -> No
     ("begin", "end"),
     [
         ("DTSTART:20260101T010000Z", "DTEND:20260101T011000Z"),
-        # Without a zone a time is UTC.
-        ("DTSTART:20260101T010000", "DTEND:20260101T011000"),
+        ("DTSTART:20260101T010000Z", "DURATION:PT10M"),
+        ("DTSTART:20260101T010000Z", "DURATION:PT600S"),
+        ("DTSTART;TZID=America/New_York:20251231T200000", "DURATION:P0DT0H10M0S"),
         ("DTSTART;TZID=Europe/Berlin:20260101T020000", "DTEND;TZID=Europe/Berlin:20260101T021000"),
     ],
 )
@@ -171,3 +183,9 @@ def test_times_of_a_calendar_are_utc_or_have_their_zone(begin: str, end: str) ->
     )  # fmt: skip
     (one,) = read_passes(text)
     assert (one.target, one.aos_t_s, one.duration_s) == ("NOAA 19", 1_767_229_200.0, 600.0)
+
+
+def test_a_cancelled_event_is_not_a_pass() -> None:
+    times = "DTSTART:20260101T010000Z", "DURATION:PT10M"
+    assert read_passes(calendar_of(*times, "STATUS:CANCELLED")) == []
+    assert len(read_passes(calendar_of(*times, "STATUS:CONFIRMED"))) == 1

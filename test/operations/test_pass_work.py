@@ -39,7 +39,7 @@ def test_attempts_are_counted_together_and_a_controller_that_begins_at_zero_take
     for rows in attempts:
         most = (0.0, 0.0, 0.0)
         for counts in rows:
-            work.follow(shown(AOS_S, counts=counts), entry.item, AOS_S)
+            work.follow(shown(AOS_S, counts=counts))
             most = counts if sum(counts[:2]) >= sum(most[:2]) else most
         work.count()
         tracked_s += most[0]
@@ -52,43 +52,33 @@ def test_attempts_are_counted_together_and_a_controller_that_begins_at_zero_take
 
 
 def test_what_the_controller_shows_of_the_pass_before_is_not_counted() -> None:
-    work, item = begun(), a_pass("a", AOS_S)
-    work.follow(shown(AOS_S, target="", counts=(150.0, 20.0, 9.0)), item, AOS_S)
+    work = begun()
+    work.follow(shown(AOS_S, target="", counts=(150.0, 20.0, 9.0)))
     assert work.counted == (0.0, 0.0, 0.0)
-    work.follow(shown(AOS_S, counts=(1.0, 2.0, 3.0)), item, AOS_S)
-    work.follow(shown(AOS_S, target="", counts=(4.0, 5.0, 6.0)), item, AOS_S)
+    work.follow(shown(AOS_S, counts=(1.0, 2.0, 3.0)))
+    work.follow(shown(AOS_S, target="", counts=(4.0, 5.0, 6.0)))
     assert work.counted == (4.0, 5.0, 6.0), "the last of a pass that has just ended"
     work.ending = "skipped"
-    work.follow(shown(AOS_S, counts=(7.0, 8.0, 9.0)), item, AOS_S)
+    work.follow(shown(AOS_S, counts=(7.0, 8.0, 9.0)))
     assert work.counted == (4.0, 5.0, 6.0)
 
 
-def test_the_time_without_the_target_counts_in_the_pass_from_when_it_was_held_last() -> None:
-    work, item = begun(), a_pass("a", AOS_S)
-    for t_s, held, unheld_s in (
-        (999.0, False, 0.0), (1000.0, False, 0.0), (1010.0, False, 10.0), (1012.0, True, 0.0), (1020.0, False, 8.0),
-        (1600.0, False, 588.0), (1601.0, False, 0.0),
-    ):  # fmt: skip
-        assert work.follow(shown(t_s, held=held), item, t_s) == pytest.approx(unheld_s), t_s
-    assert begun(1201.0).follow(shown(1205.0, held=False), item, 1205.0) == 4.0
-    assert begun().follow(shown(1200.0, target="", held=False), item, 1200.0) == 0.0, "nothing is tracked"
-    work.ending = "skipped"
-    assert work.follow(shown(1200.0, held=False), item, 1200.0) == 0.0
-
-
-def test_causes_of_a_pass_are_what_was_raised_from_ten_minutes_before_it_and_what_lasted_since() -> None:
+def test_causes_of_a_pass_are_what_lasted_in_it_with_its_times_and_nothing_that_ended_before() -> None:
     book = AlarmBook(lambda *_: None)
     for name, raised_s, cleared_s in (
-        ("old", 399.0, 390.0), ("lasting", 399.0, None), ("early", 401.0, 402.0), ("late", 1600.0, 1600.5),
-        ("after", 1600.5, 1600.6),
+        ("ended", 399.0, 999.0), ("early", 401.0, 1002.0), ("late", 1600.0, 1600.5), ("after", 1600.5, 1600.6),
     ):  # fmt: skip
         book.raise_(name, 1, f"of {name}", raised_s)
-        if cleared_s is not None:
-            book.clear(name, cleared_s)
-    book.raise_("worse", 1, "first", 300.0)
-    book.raise_("worse", 2, "second", 1200.0)
+        book.clear(name, cleared_s)
+    book.raise_("lasting", 1, "first", 300.0)
+    book.raise_("lasting", 2, "second", 1200.0)
+    # What was raised in a night before is not in this history.
+    book.history = [row for row in book.history if row[2] != "lasting"]
     record = record_of(Entry(a_pass("a", AOS_S)), None, book, ExpectedState())
-    assert record.causes == ("early: of early", "late: of late", "worse: second", "lasting: of lasting")
+    assert record.causes == (
+        "lasting since 00:05:00: second", "early 00:06:41 to 00:16:42, 601 s: of early",
+        "late 00:26:40 to 00:26:40, 0 s: of late",
+    )  # fmt: skip
     assert (record.attempts, record.recorded, record.name) == (0, False, "a")
 
 

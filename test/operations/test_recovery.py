@@ -1,5 +1,6 @@
-"""Alarms without storm or silence, and the recovery table as a file that a station may change."""
+"""The recovery table as a file that a station may change, and what it makes of what is seen."""
 
+import json
 from typing import Any
 
 import pytest
@@ -33,14 +34,11 @@ causes:
 """
 
 
-def book() -> tuple[AlarmBook, list[tuple[str, str]]]:
-    notified: list[tuple[str, str]] = []
-    return AlarmBook(lambda event, alarm: notified.append((event, alarm.name)), 600.0), notified
-
-
 def recovery(**thresholds: Any) -> tuple[Recovery, ExpectedState]:
     expected_state = ExpectedState()
-    return Recovery(read_table(TABLE, NAMES, AlarmParams(**thresholds)), expected_state, book()[0]), expected_state
+    return Recovery(
+        read_table(TABLE, NAMES, AlarmParams(**thresholds)), expected_state, AlarmBook(lambda *_: None)
+    ), expected_state
 
 
 def test_the_shipped_tables_belong_together_and_cover_what_they_must() -> None:
@@ -79,16 +77,19 @@ def cause_of(row: str, *, actions: str = "{reset: {send: reset}, go: {send: go}}
 def test_what_a_cause_does_not_say_is_usual() -> None:
     when = (Condition(attribute="a.b", test="is", wanted=1),)
     assert cause_of("{when: {a.b: 1}}") == Cause(
-        name="some_cause", when=when, for_s=0.0, level=ERROR, text="some cause", do=(), not_by_itself="", tries=0,
+        name="some_cause", when=when, unless=(), for_s=0.0, level=ERROR, text="some cause", again="",
+        do=(), not_by_itself="", tries=0,
         every_s=10.0, ask="", night="continue", last="continue",
     )  # fmt: skip
     assert cause_of("{when: {a.b: 1}, night: weather}").last == "weather"
     whole = (
-        "{when: {a.b: 1}, for_s: '${fault_s}', level: warning, text: t, do: [go, reset], not_by_itself: 'x|y',"
+        "{when: {a.b: 1}, unless: {a.b: 1}, for_s: '${fault_s}', level: warning, text: t,"
+        " again: a.c, do: [go, reset], not_by_itself: 'x|y',"
         " tries: 3, every_s: 0.5, ask: q, night: wait, last: stop}"
     )
     assert cause_of(whole, fault_s=7.5) == Cause(
-        name="some_cause", when=when, for_s=7.5, level=WARNING, text="t", do=("go", "reset"), not_by_itself="x|y",
+        name="some_cause", when=when, unless=when, for_s=7.5, level=WARNING, text="t", again="a.c",
+        do=("go", "reset"), not_by_itself="x|y",
         tries=3, every_s=0.5, ask="q", night="wait", last="stop",
     )  # fmt: skip
 
@@ -276,3 +277,33 @@ def test_alarms_of_before_a_restart_end_if_their_causes_have_gone_and_others_sta
         one.recovery.book.raise_(name, ERROR, name, 0.0)
     one.see(1.0, b__t=9.0)
     assert {each.name for each in one.recovery.book.lasting} == {"x b", "other"}
+
+
+@pytest.mark.parametrize("acts", [True, False])
+def test_nothing_is_tried_and_nobody_is_waited_for_in_vain_while_the_device_cannot_be_reached(acts: bool) -> None:
+    one = Watched(
+        "  x: {when: {a.fault: {is_not: ''}}, unless: {d.problem: {is_not: ''}}, do: [reset], tries: 2, every_s: 10,"
+        " ask: '{a.fault}: look', again: a.fault}"
+    )
+    one.recovery.acts, tried = acts, []
+    for k in range(700):
+        one.see(float(k), a__fault="lost", d__problem="refused" if 3 <= k < 603 else "")
+        if due := one.recovery.due(float(k)):
+            tried.append(k)
+            one.recovery.note_try(due[0], float(k))
+    assert tried == ([0, 603] if acts else [])
+    (alarm,) = one.recovery.book.lasting
+    assert (alarm.ask, alarm.about) == ("lost: look", "lost")
+    # A restart forgets no try: half an hour counts from when the cause was there last.
+    state = json.loads(json.dumps(one.recovery.state()))
+    again = Watched("  x: {when: {a.fault: {is_not: ''}}, do: [reset], tries: 2}")
+    again.recovery.restore(state, 5000.0)
+    again.see(5001.0, a__fault="lost")
+    assert again.recovery.ongoing["x"].tried == (2 if acts else 0)
+
+
+def test_what_cannot_be_reached_from_the_start_is_not_raised_before_it_can() -> None:
+    one = Watched("  x: {when: {a.fault: {is_not: ''}}, unless: {d.problem: {is_not: ''}}, for_s: 2, ask: look}")
+    for t_s, problem, raised in ((0.0, "refused", 0), (9.0, "refused", 0), (10.0, "", 0), (11.5, "", 1)):
+        one.see(t_s, a__fault="lost", d__problem=problem)
+        assert len(one.recovery.book.lasting) == raised, t_s

@@ -109,9 +109,6 @@ def test_without_anything_left_the_antenna_is_stowed() -> None:
     assert schedule_of().between(0.0, PARK) == ("stow", None)
 
 
-# Lists
-
-
 # Entries
 
 
@@ -123,18 +120,6 @@ def test_a_pass_that_yields_is_replaced_and_one_that_has_begun_may_come_again_un
     assert schedule.entry("b").state == PassState.TRACKED
     schedule.change([], ["b"])
     assert list(schedule.entries) == ["a"]
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"target": ""}, "target='' of pass 'a' must name"),
-        ({"los_t_s": 1000.0}, "aos=1000.0 of pass 'a' must be < los"),
-    ],
-)
-def test_a_pass_names_its_target_and_lasts(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        a_pass("a", 1000.0, **changes)
 
 
 def test_entries_are_in_order_of_rise_and_of_their_ids() -> None:

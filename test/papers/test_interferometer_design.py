@@ -1,6 +1,5 @@
 import math
 
-import numpy as np
 import pytest
 from scipy.special import erf
 
@@ -13,12 +12,6 @@ from rf_pointing.papers.interferometer_design import (
     required_ratio,
     step_error_probability,
 )
-
-DB, RATIO = 0.1, 5.1e-4
-
-
-def ratio(db: float) -> float:
-    return 10.0 ** (0.1 * db)
 
 
 def test_step_probability_is_the_error_function_of_half_a_lane() -> None:
@@ -33,19 +26,9 @@ def test_required_ratio_returns_the_probability() -> None:
             assert step_error_probability(nu, required_ratio(nu, p)) == pytest.approx(p, rel=1e-9)
 
 
-def test_scatter_of_the_unrounded_lane_is_lane_sigma(rng) -> None:
-    phases = rng.normal(0.0, 1.0 / math.sqrt(30.0), (200_000, 3))
-    unrounded = (-5.0 * phases[:, 0] + 6.0 * phases[:, 1] - phases[:, 2]) / (2.0 * math.pi)
-    assert np.std(unrounded) == pytest.approx(lane_sigma(6.0, 30.0), rel=0.01)
-
-
 def test_the_step_to_the_carrier_itself_is_1_37_db_worse() -> None:
     gain = (lane_sigma(6.0, 10.0, "carrier") / lane_sigma(6.0, 10.0)) ** 2
     assert 10.0 * math.log10(gain) == pytest.approx(1.37, abs=0.005)
-
-
-def db(ratio: float) -> float:
-    return 10.0 * math.log10(ratio)
 
 
 def test_nonsense_is_refused() -> None:

@@ -8,7 +8,6 @@ from rf_pointing.array_sensors.tripulse.beams import (
     closed_form_signals,
     invert_ratios,
     monopulse_ratios,
-    polar_angles_rad,
 )
 from rf_pointing.core import random_stream
 from rf_pointing.papers.tripulse_theory import (
@@ -50,32 +49,6 @@ def test_unequal_noise_reduces_to_17_and_follows_monte_carlo() -> None:
     n1, n2 = noise(rng, 0.03, (TRIALS,)), noise(rng, 0.004, (TRIALS,))
     found = float(np.var(np.imag((0.4j + n2) / (1.0 + n1))))
     assert ratio_variance_unequal(0.03, 0.004, 0.4) == pytest.approx(found, rel=0.015)
-
-
-def test_18_follows_monte_carlo_within_1_percent() -> None:
-    params = TripulseArrayParams(n_x=8, n_y=12, spacing_y_wavelengths=1.7)
-    element_snr = 10.0
-    signals = closed_form_signals(params, [1e-5, -2e-5]) + noise(
-        random_stream(1, "variance 18"), 1.0 / element_snr, (TRIALS, 3)
-    )
-    found = np.var(invert_ratios(params, monopulse_ratios(signals)), axis=0)
-    np.testing.assert_allclose(projection_variance(params, element_snr), found, rtol=0.01)
-
-
-@pytest.mark.parametrize("theta_deg", [5.0, 30.0])
-def test_corrected_21_is_the_variance_of_theta_and_the_published_one_is_at_least_twice_it(theta_deg: float) -> None:
-    theta, sigma = np.radians(theta_deg), 1e-4
-    t = np.sin(theta) * np.array([np.cos(0.7), np.sin(0.7)])
-    found = float(np.var(polar_angles_rad(t + sigma * random_stream(1, "variance 21").normal(size=(TRIALS, 2)))[0]))
-    assert polar_angle_variance_rad2(sigma**2, theta) == pytest.approx(found, rel=0.01)
-    assert polar_angle_variance_rad2(sigma**2, theta, "published") > 1.98 * found
-
-
-def test_published_21_is_the_mean_square_of_the_total_angle_at_boresight() -> None:
-    sigma = 1e-4
-    t = sigma * random_stream(1, "total angle").normal(size=(TRIALS, 2))
-    mean_square = float(np.mean(polar_angles_rad(t)[0] ** 2))
-    assert polar_angle_variance_rad2(sigma**2, 0.0, "published") == pytest.approx(mean_square, rel=0.01)
 
 
 def test_integration_time_is_set_by_the_slower_axis() -> None:

@@ -51,7 +51,7 @@ def test_the_plunged_side_is_not_bent_by_the_end_of_the_travel_and_the_direct_on
     t, first, second = sides(20.0, 1.0)
     machine = MachineParams(rate_limit_rad_s=LIMITS.rate_rad_s, acceleration_limit_rad_s2=LIMITS.acceleration_rad_s2)
     travel = AxisLimits(elevation_max_rad=65.0 * DEG)
-    direct, turned = branch_motions(t, {False: first, True: second}, machine, travel, beam(0.264), no_lag)
+    direct, turned, *_ = branch_motions(t, {False: first, True: second}, machine, travel, beam(0.264), no_lag)
     assert direct.crossing is not None
     assert direct.axes_rad[:, 1].max() == pytest.approx(65.0 * DEG)
     assert turned.crossing is None

@@ -104,7 +104,9 @@ def test_without_a_branch_the_refusal_says_by_how_much() -> None:
     narrow = AxisLimits(azimuth_min_rad=-100.0 * DEG, azimuth_max_rad=100.0 * DEG)
     found = certificate(arc(90.0, 130.0), narrow)
     assert found.chosen is None
-    assert "30.000 deg past the limit azimuth 100.0 deg" in found.reason
+    assert "waits: 400 s of 600 s would be lost, 33 % received, must be >= 80 %" in found.reason
+    reasons = [branch.reasons for branch in found.branches if branch.crossing is None]
+    assert ("30.000 deg past the limit azimuth 100.0 deg",) in reasons
     assert certificate_lines(found)[-1] == f"REFUSED: {found.reason}"
 
 

@@ -7,8 +7,12 @@ from typing import Any
 
 import pytest
 
+from rf_pointing.core.dates import utc_text
+from rf_pointing.operations.pass_work import VERDICT
 from rf_pointing.report import night_report
 from rf_pointing.report.night_report import night_of, page, write_night
+from rf_pointing.report.outcome import judged_by_night
+from rf_pointing.report.summary import OutcomeNumbers, Verdict
 
 T0 = 1_151_347_200.0
 
@@ -25,7 +29,7 @@ def record(name: str, start_s: float, **changes: Any) -> dict[str, Any]:
 def state(records: list[dict[str, Any]], history: Sequence[Any] = (), alarms: Sequence[Any] = ()) -> dict[str, Any]:
     schedule = [{"pass": {"id": each["id"], "priority": 3}, "state": each["state"]} for each in records]
     schedule.append({"pass": {"id": "other", "priority": 0}, "state": "yields"})
-    kept = {"history": list(history), "alarms": list(alarms)}
+    kept = {"history": list(history), "alarms": list(alarms), "messages": 3}
     return {"begun_s": T0, "schedule": schedule, "records": records, "alarms": kept}
 
 
@@ -37,6 +41,7 @@ def test_a_good_night_says_that_there_is_nothing_to_do() -> None:
     assert "Nothing to do today" in text
     assert "2 of 2" in text
     assert text.count("<rect") == 4, "two passes, each with the share that was lost"
+    assert 'href="../passes/SAT%201/report.html"' in text
 
 
 HISTORY = [
@@ -45,19 +50,20 @@ HISTORY = [
     [T0 + 5000.0, "raised", "full_disk", 1, "0.1 GB are free"],
     [T0 + 5100.0, "acknowledged", "full_disk", 1, "0.1 GB are free"],
 ]
-FAULT = {"name": "latched_fault", "ask": ""}
-DISK = {"name": "full_disk", "ask": "free space"}
+FAULT = {"name": "latched_fault", "level": 2, "message": "drives cut", "raised_t_s": T0 + 4000.0,
+         "cleared_t_s": T0 + 4060.0, "ask": ""}  # fmt: skip
+DISK = {"name": "full_disk", "level": 1, "message": "0.1 GB are free", "raised_t_s": T0 + 5000.0, "ask": "free space"}
 
 
 def bad_night() -> Any:
     records = [
         record("SAT 1", 600.0),
         record("<b>SAT 2", 3600.0, state="lost", reason="50 % of the pass was held", tracked_s=300.0, lost_s=300.0,
-               loss_db=3.0, attempts=2, causes=["latched_fault: drives cut"], element_age_h=90.0),
+               loss_db=3.0, attempts=2, causes=["latched_fault since 06:26:40: drives cut", "no carrier"], element_age_h=90.0),
         record("SAT 3", 6000.0, recorded=False),
     ]  # fmt: skip
     health = {"model": {"health": "4 days since the last observation", "level": 1}, "relays": {"starts": "412, 260"}}
-    return night_of(state(records, HISTORY, [FAULT, DISK]), "Dish", messages=3, health=health)
+    return night_of(state(records, HISTORY, [FAULT, DISK]), "Dish", health=health)
 
 
 def test_what_to_do_begins_with_what_lasts_and_names_every_cause() -> None:
@@ -79,14 +85,26 @@ def test_the_page_has_the_lost_seconds_with_their_causes_and_escapes_names(tmp_p
     report = bad_night()
     write_night(report, tmp_path / "night")
     text = (tmp_path / "night" / "night.html").read_text()
-    assert "latched_fault: drives cut" in text
+    # It lasted when the pass was written down; what lasts now has no end.
+    cause = f"latched_fault {utc_text(T0 + 4000.0)[11:19]} to {utc_text(T0 + 4060.0)[11:19]}, 60 s: "
+    assert cause.replace("_", " ") in text
+    assert "0.1 GB are free" in report.alarms[1].message
+    assert "3 messages sent" in text
+    assert "joined 1 times" in text
     assert "&lt;b&gt;SAT 2" in text
     assert "<b>SAT 2" not in text
     assert "412, 260" in text
     values = json.loads((tmp_path / "night" / "night.json").read_text())
     assert values["tracked"] == 2
     assert values["passes"][1]["lost_s"] == 300.0
-    assert values["passes"][1]["causes"] == ["latched_fault: drives cut"]
+    assert values["passes"][1]["causes"] == [f"{cause}the antenna has a latched fault: drives cut", "no carrier"]
+    # The index has every night of the folder, also one whose file was cut short.
+    (tmp_path / "report-2006-06-27T1800").mkdir()
+    (tmp_path / "report-2006-06-27T1800" / "night.json").write_text('{"begun')
+    write_night(report, tmp_path / "report-2006-06-26T1800")
+    index = (tmp_path / "index.html").read_text()
+    assert index.index("report-2006-06-27T1800/night.html") < index.index("report-2006-06-26T1800/night.html")
+    assert "2 of 3" in index
     assert values["to_do"] == list(report.to_do)
 
 
@@ -167,13 +185,16 @@ def test_the_tables_have_each_pass_alarm_and_device(shown: Any) -> None:
         [MIDNIGHT + 5001.0, "acknowledged", "disk", 1, ""],
     ]
     page = shown(10_800.0, records, history, relays={"starts": 412}, disk={"free": "1 GB"})
-    first, second, _ = page["tables"]["passes"]
-    assert first == ("00:01:00", "SAT 1", 3, 600, "tracked", 590, 10, 0.12, 1, None, "yes", "")
-    assert (second[4], second[10], second[11]) == ("lost", "no", "clouds; drives cut; wind")
-    assert [row[2:5] for row in page["tables"]["alarms"]] == [
-        ("", "119 s", "no"), ("warning", "2 min", "no"), ("error", "2 min", "no"), ("warning", "lasts", "yes"),
+    first, second, _ = page["passes"]
+    assert first == {"clock": "00:01", "name": "SAT 1", "state": "tracked", "held": pytest.approx(98.333, abs=1e-3),
+                     "why": ["alarm 0 00:00:00 to 00:01:59, 119 s:"], "lost_s": 10,
+                     "loss_db": 0.12, "report": "../passes/SAT%201/report.html"}  # fmt: skip
+    assert second["why"] == ["clouds", "drives cut", "wind"], "the disk was full later"
+    assert second["report"] == ""
+    assert [(each["level"], each["span"]) for each in page["alarms"]] == [
+        ("", "119 s"), ("warning", "2 min"), ("error", "2 min"), ("warning", "lasts, acknowledged"),
     ]  # fmt: skip
-    assert page["tables"]["health"] == [("disk", "free", "1 GB"), ("relays", "starts", "412")]
+    assert page["health"] == [("disk", "free", "1 GB"), ("relays", "starts", "412")]
     assert (page["begun"], page["ended"], page["oldest_h"]) == ("2006-06-26 00:00", "2006-06-26 03:00", 30.0)
     assert shown(10_800.0, records[:1])["oldest_h"] is None
 
@@ -202,3 +223,25 @@ def test_a_bar_is_where_its_pass_or_alarm_was(shown: Any) -> None:
     assert alarms == [(100.0, 200.0), (400.0, 3.0), (980.0, 100.0)]
     assert [each["lane"] for each in shows["alarms"]] == [0, 1, 0]
     assert (shows["names"], shows["height"]) == (["disk", "drives"], 70.0 + 2 * 26.0 + 24.0)
+
+
+def test_passes_that_were_left_out_by_choice_are_neither_lost_nor_counted() -> None:
+    left = [record("A", 600.0, state="skipped", tracked_s=0.0), record("B", 3600.0)]
+    report = night_of(state(left), "Dish")
+    assert (report.tracked, report.wanted, report.to_do, report.held_share) == (1, 1, (), pytest.approx(590.0 / 600.0))
+    assert "1 of 1" in page(report)
+
+
+def test_a_pass_has_one_verdict_that_of_the_night_over_all_attempts(tmp_path: Path) -> None:
+    """The recording of the last attempt alone would say: tracked, 89.86 %."""
+    counted = OutcomeNumbers(tracked_s=89.86, lost_s=10.14, held_percent=89.86, mean_loss_db=0.4)
+    found = Verdict(tracked=True, reason="loss of signal", source="counted", counted=counted, faults=[])
+    assert judged_by_night(found, tmp_path / VERDICT) == found
+    kept = record(
+        "A", 600.0, state="lost", reason="74 % of the pass was held", tracked_s=222.0, lost_s=78.0, loss_db=1.5
+    )
+    (tmp_path / VERDICT).write_text(json.dumps(kept))
+    judged = judged_by_night(found, tmp_path / VERDICT)
+    assert (judged.tracked, judged.reason, judged.source) == (False, "74 % of the pass was held", "night")
+    assert judged.counted is not None
+    assert (judged.counted.held_percent, judged.counted.mean_loss_db) == pytest.approx((74.0, 1.5))

@@ -3,11 +3,13 @@
 import math
 import re
 import shutil
+import sqlite3
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import zstandard
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from mcap_ros2.writer import Writer as IndependentWriter
@@ -69,6 +71,13 @@ def test_sqlite_and_mcap_bags_read_alike(bag: Path, tmp_path: Path, types: Defin
         assert np.array_equal(data.log_time_ns, second.topics[name].log_time_ns)
         for column in set(data.columns) - {"passes"}:
             assert np.array_equal(data[column], second.topics[name][column])
+
+
+def test_the_bags_of_a_pass_that_was_joined_again_are_read_as_one_recording(bag: Path, tmp_path: Path) -> None:
+    for name in ("bag", "bag-2"):
+        shutil.copytree(bag, tmp_path / "p0" / name)
+    once, both = (len(read_recording(path)["tracking_status"].stamp_ns) for path in (bag, tmp_path / "p0"))
+    assert both == 2 * once > 0
 
 
 def test_single_file_of_another_writer_is_read(tmp_path: Path, types: Definitions) -> None:
@@ -343,3 +352,120 @@ def test_metadata_that_cannot_be_read_costs_nothing(bag: Path, tmp_path: Path, t
     recording = read_recording(damaged)
     assert any("the bag is damaged" in problem for problem in recording.problems)
     assert len(recording.topics["joint_states"]) == len(read_recording(bag).topics["joint_states"])
+
+
+@pytest.fixture(scope="module")
+def splits(bag: Path, tmp_path_factory: pytest.TempPathFactory, types: Definitions) -> dict[StoragePlugin, list[Path]]:
+    """The bag in six files, overlapping in time as those of several caches do."""
+    parts: dict[StoragePlugin, list[Path]] = {}
+    with Reader(bag) as reader:
+        messages = list(reader.messages())
+    for plugin in StoragePlugin:
+        folder = tmp_path_factory.mktemp("splits")
+        for number in range(6):
+            with Writer(folder / f"part_{number}", version=9, storage_plugin=plugin) as writer:
+                known: dict[str, Any] = {}
+                for index, (connection, log_time_ns, data) in enumerate(messages):
+                    if (index * 6 // len(messages) + (index % 7 == 0)) % 6 != number:
+                        continue
+                    if connection.topic not in known:
+                        known[connection.topic] = writer.add_connection(
+                            connection.topic, connection.msgtype, typestore=types.typestore
+                        )
+                    writer.write(known[connection.topic], log_time_ns, data)
+        ending = "mcap" if plugin is StoragePlugin.MCAP else "db3"
+        parts[plugin] = [next((folder / f"part_{number}").glob(f"*.{ending}")) for number in range(6)]
+    return parts
+
+
+def packed(data: bytes) -> bytes:
+    return zstandard.ZstdCompressor().compress(data)
+
+
+@pytest.mark.parametrize("plugin", StoragePlugin)
+@pytest.mark.parametrize("left", [range(6), (0, 2, 3, 5)], ids=["all", "some"])
+@pytest.mark.parametrize("ending", ["", ".zstd", ".zst", "mixed"])
+def test_any_splits_of_a_bag_give_its_numbers_less_what_is_missing(
+    plugin: StoragePlugin, left: Any, ending: str, bag: Path, splits: Any, tmp_path: Path
+) -> None:
+    """Compressed or not, without metadata, overlapping in time."""
+    whole = read_recording(bag)
+    for number in left:
+        name = f"bag_{number}{splits[plugin][number].suffix}"
+        kind = ("", ".zstd")[number % 2] if ending == "mixed" else ending
+        data = splits[plugin][number].read_bytes()
+        (tmp_path / f"{name}{kind}").write_bytes(packed(data) if kind else data)
+    found = read_recording(tmp_path)
+    assert found.problems == ("metadata.yaml is missing: the recorder did not finish",)
+    for name, data in whole.topics.items():
+        mine = found.topics.get(name)
+        if mine is None:
+            # Its few messages were in the files that are missing.
+            assert len(left) < 6
+            assert len(data) < 10
+            continue
+        assert np.all(np.diff(mine.log_time_ns) >= 0)
+        if len(left) == 6:
+            assert np.array_equal(mine.log_time_ns, data.log_time_ns)
+            assert data.sequence is None or np.array_equal(mine.sequence, data.sequence)
+        else:
+            assert 0 < len(mine) <= len(data)
+            assert set(mine.log_time_ns.tolist()) <= set(data.log_time_ns.tolist())
+
+
+def test_messages_that_are_compressed_one_by_one_are_read_without_metadata(
+    bag: Path, tmp_path: Path, types: Definitions
+) -> None:
+    with Reader(bag) as reader, Writer(tmp_path / "packed", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topics = {
+            item.id: writer.add_connection(item.topic, item.msgtype, typestore=types.typestore)
+            for item in reader.connections
+        }
+        for connection, log_time_ns, data in reader.messages():
+            writer.write(topics[connection.id], log_time_ns, packed(data))
+    (tmp_path / "packed" / "metadata.yaml").unlink()
+    whole, found = read_recording(bag), read_recording(tmp_path / "packed")
+    assert {name: len(data) for name, data in found.topics.items()} == {n: len(d) for n, d in whole.topics.items()}
+    assert not any("decoded" in problem for problem in found.problems)
+
+
+def test_what_is_beside_the_splits_is_named(bag: Path, splits: Any, tmp_path: Path) -> None:
+    files = splits[StoragePlugin.MCAP]
+    shutil.copy(files[0], tmp_path / "bag_0.mcap")
+    (tmp_path / "bag_0.mcap.zstd").write_bytes(packed(files[0].read_bytes()))
+    (tmp_path / "bag_1.mcap.gz").write_bytes(b"\x1f\x8b")
+    (tmp_path / "bag_2.mcap.zstd").write_bytes(packed(files[2].read_bytes())[:-5000])
+    (tmp_path / "notes.txt").write_text("of the evening")
+    found = read_recording(tmp_path)
+    said = "; ".join(found.problems)
+    assert "bag_0.mcap.zstd is not used: bag_0.mcap is there too" in said
+    assert "bag_1.mcap.gz is not used: it is of no kind that is read" in said
+    assert "bag_2.mcap.zstd was unpacked up to " in said
+    assert "notes.txt" not in said
+    assert len(found.topics["sim/boresight"]) >= len(read_recording(tmp_path / "bag_0.mcap").topics["sim/boresight"])
+    listed = tmp_path / "listed"
+    shutil.copytree(bag, listed)
+    shutil.copy(files[1], listed / "later_1.mcap")
+    more = read_recording(listed)
+    assert more.problems == ("metadata.yaml does not list later_1.mcap: read all the same",)
+
+
+def test_what_sqlite_has_only_written_ahead_is_read(bag: Path, splits: Any, tmp_path: Path) -> None:
+    live = tmp_path / "live.db3"
+    shutil.copy(splits[StoragePlugin.SQLITE3][0], live)
+    before = read_recording(live).topics["sim/boresight"]
+    connection = sqlite3.connect(live)
+    connection.execute("PRAGMA journal_mode=WAL")
+    connection.execute("PRAGMA wal_autocheckpoint=0")
+    connection.execute(
+        "INSERT INTO messages(topic_id, timestamp, data) SELECT topic_id, timestamp + 1, data FROM messages"
+    )
+    connection.commit()
+    folder = tmp_path / "killed"
+    folder.mkdir()
+    for file in (live, live.with_name("live.db3-wal")):
+        shutil.copy(file, folder)
+    connection.close()
+    held = {file.name: file.read_bytes() for file in folder.iterdir()}
+    assert len(read_recording(folder).topics["sim/boresight"]) == 2 * len(before)
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == held

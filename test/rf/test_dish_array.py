@@ -1,4 +1,4 @@
-"""Frames of an array of patches on a dish, and its errors against the Fisher information of the samples."""
+"""The frame of an array of patches on a dish, and its errors against the Fisher information of the samples."""
 
 import math
 
@@ -7,54 +7,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.special import j0, jnp_zeros
 
-from rf_pointing.core import sky_offset_rad, unit_vector_from_azel
 from rf_pointing.rf.dish_array import (
     BETWEEN,
     PERIOD_S,
     SEPARATION,
     SNAPSHOTS,
     DishArrayParams,
-    direction_from_offset,
     direction_sigmas_rad,
     least_level_db_hz,
-    offset_from_direction,
 )
 
 SHIPPED = DishArrayParams()
-
-
-def test_an_offset_is_that_of_the_sky() -> None:
-    azimuth, elevation, beam = 1.3, 0.9, (1.1, 0.8)
-    offset = np.array([float(part) for part in sky_offset_rad(azimuth, elevation, *beam)])
-    forward, up = unit_vector_from_azel(*beam), unit_vector_from_azel(beam[0], beam[1] + math.pi / 2.0)
-    right = np.array([math.cos(beam[0]), -math.sin(beam[0]), 0.0])
-    sky = unit_vector_from_azel(azimuth, elevation)
-    np.testing.assert_allclose(direction_from_offset(offset), [sky @ right, sky @ up, sky @ forward], atol=1e-12)
-    np.testing.assert_allclose(
-        offset_from_direction(direction_from_offset(offset), np.zeros((3, 3)))[0], offset, atol=1e-12
-    )
-
-
-def test_the_covariance_is_carried_along_as_differences_are() -> None:
-    offset = np.array([0.4, -0.7])
-    slopes = np.stack(
-        [
-            (direction_from_offset(offset + step) - direction_from_offset(offset - step)) / 2e-6
-            for step in 1e-6 * np.eye(2)
-        ],
-        axis=1,
-    )
-    wanted = np.array([[4.0, 1.0], [1.0, 2.0]])
-    found = offset_from_direction(direction_from_offset(offset), slopes @ wanted @ slopes.T)[1]
-    np.testing.assert_allclose(found, wanted, rtol=1e-8)
-
-
-def test_on_the_axis_the_sky_is_flat() -> None:
-    direction, covariance = np.array([3e-10, -4e-10, 1.0]), np.diag([4.0, 9.0, 0.0]) + 0.5
-    offset, spread = offset_from_direction(direction, covariance)
-    np.testing.assert_array_equal(offset, direction[:2])
-    np.testing.assert_array_equal(spread, [[4.5, 0.5], [0.5, 9.5]])
-    np.testing.assert_array_equal(direction_from_offset(offset), direction)
 
 
 def test_the_arrays_frame_is_three_turns_of_the_beams() -> None:

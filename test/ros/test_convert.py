@@ -116,7 +116,7 @@ def trajectory(random: np.random.Generator, stamp_s: float) -> JointTrajectory:
 
 def test_a_trajectory_comes_back_unchanged_but_for_rounding_of_time(random: np.random.Generator) -> None:
     command = trajectory(random, T_S)
-    back = convert.trajectory_from_message(convert.trajectory_to_message(command, T_S))
+    back = convert.trajectory_from_message(convert.trajectory_to_message(command, T_S), T_S)
     np.testing.assert_allclose(back.t_s, command.t_s, rtol=0.0, atol=5e-7)
     for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2"):
         np.testing.assert_array_equal(getattr(back, name), getattr(command, name))
@@ -142,7 +142,19 @@ def test_trajectories_that_cannot_be_used_are_refused(
     message = convert.trajectory_to_message(trajectory(random, T_S), T_S)
     spoil(message)
     with pytest.raises(ValueError, match=complaint):
-        convert.trajectory_from_message(message)
+        convert.trajectory_from_message(message, T_S)
+
+
+def test_points_of_positions_alone_are_legal_and_end_at_rest(random: np.random.Generator) -> None:
+    """A straight line keeps its rate; the accelerations that no point has are 0."""
+    message = convert.trajectory_to_message(trajectory(random, T_S), T_S)
+    for index, point in enumerate(message.points):
+        point.positions, point.velocities, point.accelerations = [0.1 * index, 1.0 - 0.02 * index], [], []
+    back = convert.trajectory_from_message(message, T_S + 5.0)
+    assert back.t_s[0] == pytest.approx(T_S + 5.1)
+    np.testing.assert_allclose(back.velocity_rad_s[:-1], [[1.0, -0.2]] * 9)
+    np.testing.assert_array_equal(back.velocity_rad_s[-1], [0.0, 0.0])
+    np.testing.assert_array_equal(back.acceleration_rad_s2, np.zeros((10, 2)))
 
 
 def cluster(random: np.random.Generator, count: int = 5) -> MonopulseCluster:

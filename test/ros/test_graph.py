@@ -1,26 +1,18 @@
 """The table of nodes and topics is complete, and the documentation shows it as it is."""
 
-import importlib.util
 import re
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from rf_pointing.report.topics import TOPICS as REPORTED
 from rf_pointing.ros.graph import ARRAY_GRAPH, ESSENTIAL, EXECUTIVE, GRAPH, NODES, STATION_NODES, TOPICS, VIEWS
-
-ROOT = Path(__file__).parents[2]
+from test.scripts import script_module
 
 
 @pytest.fixture(scope="module")
 def script() -> Any:
-    spec = importlib.util.spec_from_file_location("topic_table", ROOT / "scripts" / "topic_table.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script_module("scripts/topic_table.py")
 
 
 def test_the_documentation_has_the_table_once_and_as_the_generator_prints_it(script: Any) -> None:

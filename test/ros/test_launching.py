@@ -1,7 +1,11 @@
 """The launch files start the nodes of the graph with the parameters of their arguments (`launch` itself is a stub)."""
 
+import configparser
 import importlib.util
 import os
+import shlex
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -10,7 +14,7 @@ from typing import Any
 import pytest
 import yaml
 
-from rf_pointing.ros.graph import ARRAY_NODES, DESCRIPTION, NODES, STATION_NODES
+from rf_pointing.ros.graph import ALARMS, ARRAY_NODES, DESCRIPTION, NODES, STATION_NODES
 from rf_pointing.station.description import read_station
 from rf_pointing.station.description.urdf import urdf
 
@@ -106,7 +110,7 @@ def with_drive(tmp_path: Path) -> str:
 def test_the_simulated_station_has_every_node_and_its_own_time(given: dict[str, str]) -> None:
     given["speed"] = "0"
     nodes = launched("simulated_station")
-    assert set(nodes) == {*NODES, DESCRIPTION}
+    assert set(nodes) == {*NODES, ALARMS, DESCRIPTION}
     for name, node in nodes.items():
         assert (node["package"], node["executable"], node["output"]) == ("rf_pointing", name, "screen")
         assert (node["respawn"], node["respawn_delay"], node["remappings"]) == (True, 0.5, [("/clock", "clock")])
@@ -116,7 +120,9 @@ def test_the_simulated_station_has_every_node_and_its_own_time(given: dict[str, 
     assert (servo["station"], servo["band"], servo["use_sim_time"]) == ("dss13", "", True)
     given["respawn"] = "false"
     assert not any(node["respawn"] for node in launched("simulated_station").values())
-    assert all(action["arguments"][-1] == "--no-restart" for action in actions("simulated_station"))
+    shared = [each["arguments"][-1] for each in actions("simulated_station") if "arguments" in each]
+    assert shared == ["--no-restart"] * len(shared)
+    assert shared
 
 
 @pytest.mark.parametrize(
@@ -127,11 +133,11 @@ def test_nodes_share_as_many_processes_as_are_wanted_but_a_real_control_unit_has
 ) -> None:
     """So have the clients of the station, and under security every node."""
     given |= {"processes": processes, **dict.fromkeys(MORE, "true")}
-    assert len(actions("simulated_station")) == simulated + len(MORE)
+    assert len(actions("simulated_station")) == simulated + len(MORE) + 1
     given["station"] = with_drive(tmp_path)
     found = actions("single_antenna")
-    assert len(found) == real + len(MORE)
-    assert {"antenna_servo", *MORE.values()} <= {action["executable"] for action in found}
+    assert len(found) == real + len(MORE) + 1
+    assert {"antenna_servo", ALARMS, *MORE.values()} <= {action["executable"] for action in found}
     given["processes"] = "3"
     with pytest.raises(ValueError, match="processes=3 must be 1, 2 or 8"):
         actions("single_antenna")
@@ -140,7 +146,7 @@ def test_nodes_share_as_many_processes_as_are_wanted_but_a_real_control_unit_has
 def test_a_station_with_its_own_drivers_keeps_the_other_nodes_and_the_time_of_the_system(given: dict[str, str]) -> None:
     given |= {"namespace": "gs7", "params_file": "my.yaml", "autostart": "false", "station": "dish.yaml", "band": "S"}
     nodes = launched("single_antenna")
-    assert tuple(nodes) == (*STATION_NODES, DESCRIPTION)
+    assert set(nodes) == {*STATION_NODES, ALARMS, DESCRIPTION}
     assert those_with(nodes, "state_file") == set()
     for node in nodes.values():
         assert (node["namespace"], node["remappings"]) == ("gs7", [])
@@ -155,7 +161,7 @@ def test_a_station_with_a_drive_starts_the_control_unit_on_it_with_a_priority(
 ) -> None:
     given["station"] = with_drive(tmp_path)
     nodes = launched("single_antenna")
-    assert tuple(nodes) == ("antenna_servo", *STATION_NODES, DESCRIPTION)
+    assert set(nodes) == {"antenna_servo", *STATION_NODES, ALARMS, DESCRIPTION}
     assert those_with(nodes, "lifecycle.realtime_priority") == {"antenna_servo"}
     assert parameters(nodes["antenna_servo"])["lifecycle.realtime_priority"] == 20
     assert those_with(launched("simulated_station"), "lifecycle.realtime_priority") == set()
@@ -164,7 +170,7 @@ def test_a_station_with_a_drive_starts_the_control_unit_on_it_with_a_priority(
 def test_a_station_with_an_array_starts_its_nodes(given: dict[str, str]) -> None:
     """A real array has receivers of its own; every node refuses a band that does not exist."""
     given["station"] = "rotator_2m"
-    assert set(launched("simulated_station")) == {*NODES, *ARRAY_NODES, DESCRIPTION}
+    assert set(launched("simulated_station")) == {*NODES, *ARRAY_NODES, ALARMS, DESCRIPTION}
     given["band"] = "S"
     assert {"array_tracker"} == set(launched("single_antenna")) & set(ARRAY_NODES)
     given["band"] = "W"
@@ -176,7 +182,7 @@ def test_a_station_is_named_for_a_real_antenna_and_an_unknown_one_is_left_to_the
     with pytest.raises(KeyError, match="station"):
         launched("single_antenna")
     given["station"] = "nowhere"
-    assert tuple(launched("single_antenna")) == (*STATION_NODES, DESCRIPTION)
+    assert set(launched("single_antenna")) == {*STATION_NODES, ALARMS, DESCRIPTION}
 
 
 @pytest.mark.parametrize("installed", [True, False])
@@ -200,7 +206,7 @@ def test_robot_state_publisher_turns_the_joints_where_it_is_installed(
         assert (publisher["package"], publisher["executable"]) == ("robot_state_publisher",) * 2
         assert (publisher["namespace"], publisher["remappings"]) == ("/north/gs7", [("/clock", "clock")])
         assert (publisher["respawn"], publisher["respawn_delay"], publisher["output"]) == (False, 0.5, "screen")
-    given["description"] = "false"
+    given |= {"description": "false", "alarms": "false"}
     assert set(launched("simulated_station")) == set(NODES)
 
 
@@ -233,6 +239,7 @@ def test_each_antenna_keeps_its_state_by_default_in_a_folder_of_its_own(
         "pointing_controller": key,
         "rotctld_server": key,
         "operator_page": {"page.reports": nights, **key},
+        "station_alarms": {"folder": nights},
         "station_executive": {
             "executive.state_file": str(folder / "station_executive.json"), "executive.folder": nights, **key,
         },
@@ -314,3 +321,34 @@ def test_the_target_reaches_the_publisher_and_the_simulated_receiver(
     for name in wanted:
         values = parameters(nodes[name])
         assert (values["source.elements"], values["source.satellite"]) == (place, satellite)
+
+
+def test_the_unit_of_systemd_gives_the_launch_file_arguments_that_it_has(given: dict[str, str], tmp_path: Path) -> None:
+    """Its command line is run with a launcher that prints what it gets; the settings are those of the shipped file."""
+    folder = Path(__file__).parents[2] / "config" / "systemd"
+    unit = configparser.ConfigParser(interpolation=None, delimiters="=", comment_prefixes="#", strict=True)
+    unit.optionxform = str  # type: ignore[assignment, method-assign]
+    unit.read(folder / "rf_pointing@.service")
+    assert (unit["Service"]["Restart"], unit["Unit"]["StartLimitIntervalSec"]) == ("always", "0")
+    assert unit["Install"]["WantedBy"] == "multi-user.target"
+    assert "network-online" not in unit["Unit"]["After"]
+    settings = dict(shlex.split(line)[0].split("=", 1) for line in (folder / "station.conf").read_text().splitlines()
+                    if not line.startswith("#"))  # fmt: skip
+    assert settings["LAUNCH"].split()[-1] in {file.name for file in FOLDER.iterdir()}
+    launcher = tmp_path / "launcher"
+    launcher.write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
+    launcher.chmod(0o755)
+    settings |= {"SETUP": "/dev/null", "LAUNCH": f"{launcher} file", "STATION": "/etc/my dish.yaml"}
+    line = shlex.split(unit["Service"]["ExecStart"].replace("%i", "gs1").replace("$$", "$"))
+    done = subprocess.run(line, env=os.environ | settings, capture_output=True, text=True, check=True, timeout=60)
+    first, *pairs = done.stdout.splitlines()
+    arguments = dict(each.split(":=", 1) for each in pairs)
+    given |= arguments | {"station": "leo_3m7"}
+    assert (first, arguments["namespace"], arguments["station"]) == ("file", "gs1", "/etc/my dish.yaml")
+    known = {each.positional[0] for each in importlib.import_module("rf_pointing.ros.launching").common_arguments()}
+    assert set(arguments) <= known
+    assert {"station_executive", "station_alarms", "operator_page"} <= set(launched("single_antenna"))
+    if shutil.which("systemd-analyze"):
+        done = subprocess.run(["systemd-analyze", "verify", folder / "rf_pointing@.service"], capture_output=True, text=True,
+                              timeout=60, check=False)  # fmt: skip
+        assert "rf_pointing@.service:" not in done.stderr

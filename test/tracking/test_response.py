@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.core import random_stream
-from rf_pointing.tracking.lock_watch import ResponseSums
+from rf_pointing.tracking.response import ResponseSums
 
 
 @pytest.mark.parametrize("response", [1.0, -1.0, 2.5 * np.exp(0.7j)])

@@ -301,7 +301,7 @@ def test_a_slow_viewer_drops_frames_and_does_not_grow(monkeypatch: pytest.Monkey
 
 
 def test_half_open_requests_give_way_and_are_closed_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page_server, "HEADER_S", 1.0)
+    monkeypatch.setattr(page_server, "HEADER_S", 3.0)
     server = PageServer(PageParams(port=0, viewers=5), TOKEN)
 
     async def work() -> None:
@@ -309,6 +309,8 @@ def test_half_open_requests_give_way_and_are_closed_in_time(monkeypatch: pytest.
             opened = [await asyncio.open_connection("127.0.0.1", server.port) for _ in range(300)]
             for _, writer in opened:
                 writer.write(b"POST /command HTTP/1.1\r\nHost: local")
+            # As many as are accepted between two looks may be there beside the 54.
+            await until(lambda: sum(not reader.at_eof() for reader, _ in opened) <= 54 + 100)
             assert await post(Base(session, server.address), {"name": page_server.UNLOCK}) == (
                 200, {"accepted": True, "message": "the token is right"},
             )  # fmt: skip

@@ -9,6 +9,11 @@ steering vectors have the correlation rho, the wrong one is taken with the proba
 exp(-kappa (1 - rho) / 2) / 2, kappa the effective SNR: with `SEPARATION` below 1e-8.  At a grating
 lobe rho is 1, so that no SNR is enough.  The phases must also be those of the direction: the search
 of MUSIC may end on a lobe that is nearly as high.
+
+In the beam's frame (`rf.dish_array`) an offset (x, u) on the sky, as `sky_offset_rad` gives it, is
+the direction
+
+    d = (x sin(s)/s, u sin(s)/s, cos(s)),   s = hypot(x, u).
 """
 
 import math
@@ -33,10 +38,10 @@ from rf_pointing.rf.dish_array import (
     SEPARATION,
     SNAPSHOTS,
     DishArrayParams,
-    direction_from_offset,
-    offset_from_direction,
 )
 
+# Below this separation its sine is itself to the last digit.
+SMALL_RAD = 1e-9
 FIT_SIGMAS = 8.0
 """Largest misfit, about chi squared of the patches; a separate lobe exceeds it."""
 
@@ -151,3 +156,29 @@ def rival(circle: CircularArrayParams, direction: Array) -> tuple[Array, float]:
     likeness[near] = 0.0
     best = int(np.argmax(likeness))
     return points[best], min(1.0, float(likeness[best]) + BETWEEN)
+
+
+def direction_from_offset(offset_rad: Array) -> Array:
+    """Return the unit vector (3,) in the beam's frame of an offset (2,) on the sky."""
+    angle = float(np.hypot(*offset_rad))
+    scale = math.sin(angle) / angle if angle > SMALL_RAD else 1.0
+    return np.array([scale * offset_rad[0], scale * offset_rad[1], math.cos(angle)])
+
+
+def offset_from_direction(direction: Array, covariance_rad2: Array) -> tuple[Array, Array]:
+    """Return the offset (2,) and its covariance (2, 2) of a unit vector (3,) in the beam's frame.
+
+    `covariance_rad2` (3, 3) is that of the direction, orthogonal to it.  Inverse of
+    `direction_from_offset`.
+    """
+    across = float(np.hypot(*direction[:2]))
+    angle = math.atan2(across, float(direction[2]))
+    if angle <= SMALL_RAD:
+        return direction[:2].copy(), covariance_rad2[:2, :2].copy()
+    right, up = direction[:2] / across
+    # Away from the beam an angle counts as it is; around it arcs grow by s / sin(s).
+    outward = np.array([right * direction[2], up * direction[2], -across])
+    around = (angle / across) * np.array([-up, right, 0.0])
+    turned = np.stack([outward, around])
+    axes = np.array([[right, -up], [up, right]])
+    return angle * np.array([right, up]), axes @ (turned @ covariance_rad2 @ turned.T) @ axes.T

@@ -24,7 +24,7 @@ from rf_pointing.station.pointing.status import Level, Report, TrackingStatus
 FEEDBACK_EVERY = 10
 TEMPERATURE_STEP_K = 0.1
 LONGEST_WAIT_S = 0.05
-"""Wall time that a period waits for the error of the one before; commands start after 0.1 s."""
+"""Wall time that a period waits for what it should use; commands start after 0.1 s."""
 PATIENCE_WALL_S = 30.0
 """Wall time that a goal waits for its pass or certificate, also while simulated time is held."""
 NEAR_S = 3600.0
@@ -103,6 +103,7 @@ class PassGoals:
         self, controller: PointingController, port: Port, sensor_of: Callable[[str], str], store: StoreParams
     ) -> None:
         self.controller = controller
+        self.longest_wait_s = LONGEST_WAIT_S
         self.window: Pass | None = None
         """The pass of the newest goal, once it is known."""
         self._port, self._sensor_of, self._store = port, sensor_of, store
@@ -263,8 +264,8 @@ class PassGoals:
             # Simulated time waits for the status of this period, so it does not run ahead of the
             # pass of a goal, or of its certificate, on a busy machine.
             self._period = (t_s, math.inf)
-        elif self.controller.awaits_error(t_s):
-            self._period = (t_s, wall_s + LONGEST_WAIT_S)
+        elif self.controller.awaits_input(t_s):
+            self._period = (t_s, wall_s + self.longest_wait_s)
         else:
             self._step(t_s)
 
@@ -275,7 +276,7 @@ class PassGoals:
         if self._period is None:
             return math.inf
         t_s, until_s = self._period
-        waits = self._search is not None or self.controller.missing or self.controller.awaits_error(t_s)
+        waits = self._search is not None or self.controller.missing or self.controller.awaits_input(t_s)
         if waits and until_s > wall_s:
             return until_s - wall_s
         self._finish_period()

@@ -6,11 +6,14 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from itertools import count
 from pathlib import Path
 from typing import Any, Protocol
 
 from rf_pointing.core.dates import utc_text
+from rf_pointing.core.whole_file import write_whole
 from rf_pointing.operations import JournalEntry
+from rf_pointing.operations.pass_work import VERDICT, PassRecord
 
 _REPORT = "import os; os.nice(19); from rf_pointing.commands.report import main; main()"
 
@@ -36,12 +39,8 @@ class NightFolder:
         self.problem = ""
         self._begin = record
         self._recording: Recording | None = None
+        self._folder: Path | None = None
         self._reports: list[subprocess.Popen[bytes]] = []
-
-    @property
-    def free_gb(self) -> float:
-        """Free space of the disk; OSError where it is unknown."""
-        return shutil.disk_usage(self.path).free / 1e9
 
     @property
     def recorder(self) -> str:
@@ -70,16 +69,30 @@ class NightFolder:
         return str(folder)
 
     def record(self, name: str, needed_gb: float, notes: Mapping[str, str]) -> str:
-        """Record a pass in a folder of its own, and return it; OSError on a disk that is full."""
+        """Record a pass in a folder of its own, and return it; OSError on a disk that is full.
+
+        A pass that is joined again goes on in its recording, after a restart in a further bag.
+        """
+        folder = self.path / "passes" / name
+        if self._folder == folder and self.recorder == "recording":
+            return str(folder)
         self.end_record()
-        if (free_gb := self.free_gb) < needed_gb:
+        if (free_gb := shutil.disk_usage(self.path).free / 1e9) < needed_gb:
             raise OSError(f"{free_gb:.3g} GB are free, must be >= {needed_gb:g} GB")
-        number = 1
-        while (folder := self.path / "passes" / f"{name}-{number:02d}").exists():
-            number += 1
-        folder.mkdir(parents=True)
-        self._recording = self._begin(folder / "bag", {**notes, "pass": name})
+        folder.mkdir(parents=True, exist_ok=True)
+        bags = (folder / f"bag{f'-{number}' if number > 1 else ''}" for number in count(1))
+        self._recording = self._begin(next(each for each in bags if not each.exists()), {**notes, "pass": name})
+        self._folder = folder
         return str(folder)
+
+    def judge(self, record: PassRecord) -> None:
+        """Write the verdict on a pass next to its recording: that of its report."""
+        folder = self.path / "passes" / record.id
+        if folder.is_dir():
+            try:
+                write_whole(folder / VERDICT, json.dumps(asdict(record), indent=1) + "\n")
+            except OSError as error:
+                self.problem = f"{folder / VERDICT} cannot be written: {error.strerror}"
 
     def end_record(self) -> str:
         """End the recording and begin its report; return its path."""
@@ -91,9 +104,10 @@ class NightFolder:
         return str(path)
 
     def report(self, name: str) -> str:
-        """Begin the report on a recording."""
+        """Begin the report on the recordings of a pass."""
         # Seconds of processor time: a process of its own, behind all others.
         nowhere = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-        process = subprocess.Popen([sys.executable, "-c", _REPORT, str(Path(name) / "bag")], **nowhere)  # type: ignore[call-overload]
+        command = [sys.executable, "-c", _REPORT, name, "--output", name]
+        process = subprocess.Popen(command, **nowhere)  # type: ignore[call-overload]
         self._reports.append(process)
         return name

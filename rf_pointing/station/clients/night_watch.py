@@ -11,26 +11,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.core import AXES, Params, parameter
+from rf_pointing.core import Params, parameter
 from rf_pointing.core.checks import brief
-from rf_pointing.core.dates import utc_text
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.operations import AlarmParams, BetweenParams
-from rf_pointing.operations.alarms import Alarm
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.operations.night import Night, NightState
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.operations.schedule import Entry, PassState, Schedule, ScheduledPass
-from rf_pointing.station.clients.alarm_hooks import AlarmHooks, HookParams
+from rf_pointing.station.clients.alarm_hooks import HookParams, Message
 from rf_pointing.station.clients.night_folder import NightFolder, Recording
-from rf_pointing.station.derive.nodes import NODES
+from rf_pointing.station.clients.station_alarms import NEEDED, StationAlarms
 from rf_pointing.station.description import StationDescription
 from rf_pointing.station.parameters import controller_params
 from rf_pointing.station.pointing.status import Level, Report
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, sensors_of
 
-NEEDED = ("antenna_servo", "pointing_controller", "ephemeris_publisher")
-"""Nodes without which no pass is tracked; the tracker of its sensor is another one."""
 CLAIMED = (PassState.WAITING, PassState.ACTIVE, PassState.TRACKED)
 BUSY = (PassState.ACTIVE, PassState.TRACKED)
 
@@ -60,39 +56,36 @@ class NightWatch:
 
     `connect(rows, own actions, responded, ended)` returns the sender of directives, as
     `ros.directives.DirectiveSender`; `record(bag, notes)` begins a recording of every topic;
-    `report(folder, messages, health)` writes the morning report; `tell(text, good)` logs.
+    `report(folder, health)` writes the morning report; `tell(text, good)` logs, and `publish` takes
+    what an operator receives.
     """
 
     def __init__(
         self, own: ExecutiveParams, between: BetweenParams, alarms: AlarmParams, hooks: HookParams,
         station: StationDescription, band: str, antenna: str, *, connect: Callable[..., Any],
         record: Callable[[Path, Mapping[str, str]], Recording], report: Callable[..., None],
-        tell: Callable[[str, bool], None],
+        tell: Callable[[str, bool], None], publish: Callable[[Message], None],
     ) -> None:  # fmt: skip
         if own.sensor and own.sensor not in SENSOR_CHOICES:
             raise ValueError(f"executive.sensor={own.sensor} must be one of {', '.join(SENSOR_CHOICES)}")
-        self._own, self._alarms, self._write_report, self._tell = own, alarms, report, tell
+        self._own, self._thresholds, self._write_report, self._tell = own, alarms, report, tell
         self._notes = {"station": station.name, "band": band}
         tables = read_tables(alarms, own.directives_file, own.procedure_file, own.recovery_file)
         controller = controller_params(station, band)
         self.folder = NightFolder(own.folder, record)
-        self.hooks = AlarmHooks(hooks, station.name)
         actions = {"record": self._record, "end_record": self.folder.end_record, "report": self.folder.report}
         self.sender = connect(tables.directives, actions, self._responded, self._ended)
         self.night = Night(
             Schedule(controller.limits, controller.machine.axes, between, antenna), tables.procedure, tables.recovery,
             self.sender.send, quiet_s=alarms.quiet_s, sensor=own.sensor or station.sensor(band),
-            least_share=controller.machine.least_share, notify=self._notify, save=self._keep,
+            least_share=controller.machine.least_share, save=self._keep,
         )  # fmt: skip
+        self.alarms = StationAlarms(
+            self.night.recovery, alarms, hooks, station.name, controller, self.folder.path, publish
+        )
         self._memory, self._ready_to_keep = KeptState(own.state_file), False
         self._t_s = 0.0
-        self._alive_s: dict[str, float] = {}
-        self._gone: set[str] = set()
-        conditions = (each.attribute for cause in tables.recovery.causes for each in cause.when)
-        self._named = {each.partition(".")[0] for each in conditions if each.endswith(".silent_s")}
-        self._healths: dict[str, dict[str, Any]] = {}
-        self._sent: Counter[str] = Counter()
-        self._report = ""
+        self._report, self._judged = "", 0
         self._partners: dict[str, tuple[Mapping[str, str], float]] = {}
         self._shown: Any = None
 
@@ -123,43 +116,16 @@ class NightWatch:
 
     # What is known
 
-    def take_check(
-        self, node: str, check: str, level: int, message: str, values: Mapping[str, str], wall_s: float
-    ) -> None:
-        """Note one check of a node: a sign of life, and the health of devices and model."""
-        # Anybody can send any name, and what no pass needs may end.
-        if node not in NODES and node not in self._named:
-            return
-        self._alive_s[node] = wall_s
-        if check == "state":
-            (self._gone.add if values.get("state") == "finalized" else self._gone.discard)(node)
-        if check == "device":
-            starts = (values.get(f"{axis}_starts") for axis in AXES)
-            self._healths["relays"] = {"starts": ", ".join(filter(None, starts))}
-            if node == "antenna_servo":
-                self._healths["drive"] = {"problem": message if level == 2 else ""}
-        if (node, check) == ("bias_calibrator", "model"):
-            self._healths["model"] = {"health": message, "level": level}
-
     def take_partner(self, name: str, states: Mapping[str, str] | None, wall_s: float) -> None:
         """Note a sign of life of a partner, and the states of its passes by id, if it sent them."""
         known = self._partners.get(name, ({}, 0.0))[0]
         self._partners[name] = known if states is None else states, wall_s
 
     def _observe(self, t_s: float, wall_s: float) -> None:
-        """Note what no message carries: silence, disk, recorder."""
+        """Note what no message carries: what nodes lack for the next pass, recorder, files."""
         needed = self._needed()
-        for name, seen_s in self._alive_s.items():
-            if name in needed:
-                self.night.take(name, {"silent_s": wall_s - seen_s}, t_s)
-            elif name not in self._gone:
-                self.night.take(name, {"missing_s": wall_s - seen_s}, t_s)
-        for device, values in self._healths.items():
-            self.night.take(device, values, t_s)
-        try:
-            self.night.take("disk", {"free_gb": self.folder.free_gb}, t_s)
-        except OSError as error:
-            self.night.take("disk", {"free_gb": 0.0, "problem": str(error)}, t_s)
+        self.alarms.observe(t_s, wall_s, needed)
+        self.night.take_readiness(self.alarms.reasons_not_ready(sorted(needed), wall_s), t_s)
         self.night.take("recorder", {"state": self.folder.recorder}, t_s)
         self.night.take("executive", {"problem": self._memory.problem or self.folder.problem}, t_s)
 
@@ -168,7 +134,7 @@ class NightWatch:
         entry = self.night.schedule.active or self.night.schedule.next()
         sensor = (entry.item.sensor if entry else "") or self.night.sensor
         trackers = (traits.node for traits in sensors_of(SENSOR_CHOICES.get(sensor, "")))
-        return {*NEEDED, *self._named, *trackers}
+        return {*NEEDED, *self.alarms.named, *trackers}
 
     def _share(self, t_s: float, wall_s: float) -> None:
         """Leave to the partners what they have: all that they plan if they come first by name.
@@ -178,7 +144,7 @@ class NightWatch:
         taken: set[str] = set()
         entries = self.night.schedule.entries
         for name, (states, seen_s) in self._partners.items():
-            alive = wall_s - seen_s <= self._alarms.node_silent_s
+            alive = wall_s - seen_s <= self._thresholds.node_silent_s
             first = name < self.night.schedule.antenna
             theirs = (CLAIMED if first else BUSY) if alive else (PassState.TRACKED,)
             taken |= {
@@ -203,6 +169,9 @@ class NightWatch:
         self._share(t_s, wall_s)
         before = self.night.state_name
         self.night.step(t_s)
+        for record in self.night.records[self._judged :]:
+            self.folder.judge(record)
+        self._judged = len(self.night.records)
         if self.night.journal:
             self.folder.write_journal(self.night.journal)
             self.night.journal.clear()
@@ -215,8 +184,7 @@ class NightWatch:
         return True
 
     def _write_morning(self, folder: Path) -> None:
-        health = {**self._healths, "disk": {"free_gb": self.folder.free_gb}}
-        self._write_report(folder, sum(self._sent.values()), health)
+        self._write_report(folder, self.alarms.healths)
 
     def _responded(self, number: int, accepted: bool, text: str) -> None:
         self.night.respond(number, accepted, text, self._t_s)
@@ -230,13 +198,6 @@ class NightWatch:
         if not succeeded:
             self.night.fail(number, message or "it has failed", self._t_s)
 
-    def _notify(self, event: str, alarm: Alarm) -> None:
-        # Called while the night is stepped: what an operator receives never waits for a server.
-        self._sent[alarm.name] += 1
-        t_s = self._t_s if alarm.notified_t_s is None else alarm.notified_t_s
-        self.hooks.put(event, alarm.name, alarm.level, alarm.message, alarm.ask, utc_text(t_s))
-        self._tell(f"alarm {event}: {alarm.name}: {alarm.message}", event == "cleared")
-
     def _keep(self) -> None:
         if self._ready_to_keep:
             self._memory.keep(self.night.state())
@@ -244,7 +205,7 @@ class NightWatch:
     def _record(self, name: str) -> str:
         if not self._own.record:
             raise ValueError("executive.record is false")
-        return self.folder.record(name, self._alarms.disk_free_gb, self._notes)
+        return self.folder.record(name, self._thresholds.disk_free_gb, self._notes)
 
     # Requests
 
@@ -319,19 +280,9 @@ class NightWatch:
         night = self.night
         values: dict[str, object] = {
             "pass": night.active_id, "passes": len(night.schedule.entries), "records": len(night.records),
-            "alarms_sent": self.hooks.sent, "alarms_not_sent": self.hooks.failed,
         }  # fmt: skip
-        problem = self._memory.problem or self.folder.problem or self.hooks.problem
+        problem = self._memory.problem or self.folder.problem
         return Report(Level(bool(problem)), problem or f"{night.state_name}: {night.reason}".rstrip(": "), values)
-
-    def alarm_health(self) -> Report:
-        """Return the worst level that is not acknowledged, the alarms in words, and since when."""
-        lasting = self.night.book.lasting
-        level = max((each.level for each in lasting if not each.acknowledged), default=0)
-        words = "; ".join(f"{each.name}: {each.message}" for each in lasting)
-        return Report(
-            Level(level), words or "none", {each.name: f"raised {utc_text(each.raised_t_s)}" for each in lasting}
-        )
 
 
 def passes_of(given: str) -> list[ScheduledPass]:

@@ -11,7 +11,7 @@ it, and move nothing.
 
 An accepted point means that the antenna follows.  Where it has followed nobody for `SILENT_S`, the
 points are refused; a pass that the controller no longer names is given up, its points are followed,
-and as soon as a controller is heard its goal is sent again.
+and as soon as a controller is back its goal is sent again.
 """
 
 import math
@@ -153,6 +153,10 @@ class Steering:
 
     def note_tracking(self, target: str, commands_sent: int) -> None:
         """Take the status of the pointing controller; `target` is "" between passes."""
+        if self._match is not None and not self._goal and target == self._match.name:
+            # The answer of a controller that has just started may be lost: its status tells it.
+            for number in [number for number, (*_, name, _) in self._waiting.items() if name == "track"]:
+                self.answered(number, Answer(0))
         self._target, self._sent, self._tracking_wall_s = target, commands_sent, self._wall_s
         mine = self._goal and self._match is not None and target == self._match.name
         if mine:
@@ -193,7 +197,7 @@ class Steering:
 
     @property
     def _tracked(self) -> str:
-        """The target of a controller that is heard, else ""."""
+        """The target of a controller that reports, else ""."""
         return self._target if self._wall_s - self._tracking_wall_s <= SILENT_S else ""
 
     # Orders

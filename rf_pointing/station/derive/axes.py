@@ -3,11 +3,10 @@
 from typing import Any
 
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
-from rf_pointing.core.parameters import leaves
+from rf_pointing.core.parameters import flat, leaves
 from rf_pointing.core.signals import AXES
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.station.derive.band import AXIS_KEYS, Band, nearest_within, site_of
-from rf_pointing.station.description.reading import flat
 
 
 def limits(of: Band) -> Rows:

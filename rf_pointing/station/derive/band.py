@@ -13,13 +13,12 @@ from functools import cached_property
 from typing import Any
 
 from rf_pointing.core.derived import Rows, Value, rounded
-from rf_pointing.core.parameters import Params, leaves, with_leaves
+from rf_pointing.core.parameters import Params, flat, leaves, with_leaves
 from rf_pointing.core.types import Pair
 from rf_pointing.drives.registry import takes_positions
 from rf_pointing.ephemeris.sites import SITES, Site
 from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.station.description.content import AxisSection, BandSection, Content
-from rf_pointing.station.description.reading import flat
 
 SPEED_OF_LIGHT_M_S = 299_792_458.0
 BEAM_FACTOR_DEG = 66.0
@@ -42,13 +41,15 @@ class Derived:
     """The parameter sets of one node, by their prefix, and where their numbers come from.
 
     `own` are the beginnings of the names that a parameter file gives where the description says
-    nothing, `root` the node's own sets without a prefix, `given` what `tuning` puts over the rows.
+    nothing, `either` those that `tuning` may give as well, `root` the node's own sets without a
+    prefix, `given` what `tuning` puts over the rows.
     """
 
     defaults: Mapping[str, Params]
     rows: Rows = field(default_factory=dict)
     own: tuple[str, ...] = ()
     root: tuple[Params, ...] = ()
+    either: tuple[str, ...] = ()
     given: Mapping[str, Value] = field(default_factory=dict)
 
     @cached_property
@@ -82,7 +83,7 @@ class Derived:
         # What only the simulation knows is the node's own where a trial may change it.
         if value is not None and not (value.key.startswith("simulation.") and name.startswith(self.own)):
             return value.key
-        return "" if name not in self.names or name.startswith(self.own) else f"tuning.{name}"
+        return "" if name not in self.names or name.startswith((*self.own, *self.either)) else f"tuning.{name}"
 
 
 def _flattened(rows: Rows, prefix: str = "") -> Iterator[tuple[str, Value]]:

@@ -9,6 +9,7 @@ from functools import cache
 
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
 from rf_pointing.core.modes import Sensor
+from rf_pointing.core.parameters import flat
 from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.station import parameters as own
 from rf_pointing.station.derive import axes
@@ -23,7 +24,6 @@ from rf_pointing.station.description.content import (
     MountSection,
     SiteSection,
 )
-from rf_pointing.station.description.reading import flat
 from rf_pointing.tracking.sensors import SENSORS
 
 
@@ -175,7 +175,16 @@ def station_executive(_: Band) -> Derived:
     sets = {
         "between": BetweenParams(), "alarms": AlarmParams(), "executive": ExecutiveParams(), "hooks": HookParams(),
     }  # fmt: skip
-    return Derived(sets, own=("executive.", "hooks."), root=(own.CommandKeyParams(),))
+    return Derived(sets, own=("executive.",), root=(own.CommandKeyParams(),), either=("hooks.",))
+
+
+def station_alarms(_: Band) -> Derived:
+    """Alarms where no executive runs."""
+    from rf_pointing.operations import AlarmParams
+    from rf_pointing.station.clients.alarm_hooks import HookParams
+    from rf_pointing.station.clients.station_alarms import AlarmNodeParams
+
+    return Derived({"alarms": AlarmParams(), "hooks": HookParams()}, root=(AlarmNodeParams(),), either=("hooks.",))
 
 
 def bias_calibrator(of: Band) -> Derived:
@@ -229,7 +238,7 @@ NODES: Mapping[str, Callable[[Band], Derived]] = {
     SENSORS[Sensor.STEPTRACK].node if each is carrier_tracker else each.__name__: each
     for each in (
         antenna_servo, pointing_controller, ephemeris_publisher, rf_receiver, monopulse_tracker, carrier_tracker,
-        array_receiver, array_tracker, station_executive, bias_calibrator, operator_page, rotctld_server,
+        array_receiver, array_tracker, station_executive, station_alarms, bias_calibrator, operator_page, rotctld_server,
         simulation_clock, station_description,
     )
 }  # fmt: skip

@@ -6,16 +6,17 @@ from typing import Any
 
 from rf_pointing.core import Params, Sensor, leaves
 from rf_pointing.core.checks import LONGEST_NAME, brief
-from rf_pointing.core.parameters import from_edge
+from rf_pointing.core.parameters import flat, from_edge
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.registry import known_types, takes_positions
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
+from rf_pointing.planning.horizon_file import in_order, read_horizon
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
 from rf_pointing.station.derive.nodes import NODES, described_parameters, reference
 from rf_pointing.station.description.content import ArraySection, BandSection, Content, MountSection
-from rf_pointing.station.description.reading import MOST_VALUES, Reader, flat, nearest
+from rf_pointing.station.description.reading import MOST_VALUES, Reader, nearest
 
 BEAMWIDTH_TOLERANCE = 0.2
 WIDEST_GAP_DEG = 90.0
@@ -107,6 +108,8 @@ def _mask(content: Content, reader: Reader) -> HorizonMask:
             reader.note(key, f"{key}=[] must have at least one point")
         return HorizonMask(clearance_rad=clearance)
     problems = len(reader.problems)
+    rows = in_order([(line, *point) for line, point in zip(lines or range(1, len(points) + 1), points, strict=True)])
+    points, lines = tuple((azimuth, elevation) for _, azimuth, elevation in rows), lines and [row[0] for row in rows]
     for index, (azimuth, elevation) in enumerate(points):
         where = f"{key} point {index + 1}" + (f" (line {lines[index]})" if lines else "")
         if not 0.0 <= azimuth <= 360.0:
@@ -123,37 +126,21 @@ def _mask(content: Content, reader: Reader) -> HorizonMask:
             )
     if len(reader.problems) > problems:
         return HorizonMask(clearance_rad=clearance)
-    if len(points) > 1 and points[-1][0] - points[0][0] >= 360.0:
-        # Surveys often repeat the first point at 360 deg.
-        points = points[:-1]
-    rows = [(math.radians(azimuth), math.radians(elevation)) for azimuth, elevation in points]
-    return HorizonMask(
-        azimuth_rad=tuple(row[0] for row in rows), elevation_rad=tuple(row[1] for row in rows), clearance_rad=clearance
-    )
+    azimuths, elevations = (tuple(map(math.radians, column)) for column in zip(*points, strict=True))
+    return HorizonMask(azimuth_rad=azimuths, elevation_rad=elevations, clearance_rad=clearance)
 
 
 def _mask_file(name: str, reader: Reader) -> tuple[tuple[tuple[float, float], ...], list[int]]:
-    points: list[tuple[float, float]] = []
-    lines: list[int] = []
     path = reader.path.parent / name
     try:
         text = read_whole(path, encoding="utf-8-sig")
     except (OSError, ValueError) as error:
         reader.note("mount.horizon_file", f"mount.horizon_file={name!r} cannot be read: {error}")
         return (), []
-    for number, line in enumerate(text.splitlines(), start=1):
-        fields = line.partition("#")[0].replace(",", " ").replace(";", " ").split()
-        if not fields:
-            continue
-        try:
-            azimuth, elevation = (float(field) for field in fields)
-            if not (math.isfinite(azimuth) and math.isfinite(elevation)):
-                raise ValueError
-        except ValueError:
-            reader.note("mount.horizon_file", f"{name}:{number}: {line.strip()!r} must be azimuth and elevation in deg")
-            continue
-        points.append((azimuth, elevation))
-        lines.append(number)
+    rows, wrong = read_horizon(text)
+    for number, line in wrong:
+        reader.note("mount.horizon_file", f"{name}:{number}: {line[:40]!r} must be azimuth and elevation in deg")
+    points, lines = [(azimuth, elevation) for _, azimuth, elevation in rows], [row[0] for row in rows]
     if not points:
         reader.note("mount.horizon_file", f"mount.horizon_file={name!r} must have at least one point")
     elif len(points) > MOST_VALUES:
@@ -232,11 +219,11 @@ def _check_tuning(values: Mapping[str, Any] | None, key: str, reader: Reader, no
             # A single node does not know the names of the others.
             if complete:
                 reader.note(f"{key}.{name}", f"{key}.{name}: no parameter of that name{nearest(name, known)}")
-        elif not owner:
+        elif not owner and not name.startswith(reference(known[name][0]).either):
             reader.note(
                 f"{key}.{name}", f"{key}.{name} is a parameter of {' and '.join(known[name])}, not of the station"
             )
-        elif not owner.startswith("tuning."):
+        elif owner and not owner.startswith("tuning."):
             reader.note(f"{key}.{name}", f"{key}.{name} is given by {owner}: change it there")
         else:
             wanted[name] = value

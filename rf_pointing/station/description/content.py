@@ -59,7 +59,7 @@ class AxisSection:
     )
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
-        """Yield keys that cannot be what they are beside the others, and what they must be.
+        """Yield keys that cannot be what they are with the others, and what they must be.
 
         A value of None, also of one that must not be, contradicts nothing.
         """

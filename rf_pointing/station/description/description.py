@@ -12,16 +12,15 @@ import yaml
 
 from rf_pointing.core.derived import Value
 from rf_pointing.core.modes import Sensor
-from rf_pointing.core.parameters import leaves
+from rf_pointing.core.parameters import flat, leaves
 from rf_pointing.core.whole_file import compose_yaml, read_whole
 from rf_pointing.drives.registry import SIMULATED
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference
-from rf_pointing.station.description.checks import check
 from rf_pointing.station.description.content import Content
-from rf_pointing.station.description.reading import Reader, StationError, flat, nearest
+from rf_pointing.station.description.reading import Reader, StationError, nearest
 from rf_pointing.tracking.sensors import SENSORS
 
 STATIONS = Path(__file__).parent / "stations"
@@ -258,6 +257,9 @@ def station_from(path: Path, text: str | None = None, nodes: tuple[str, ...] = t
 
     Raises StationError as `read_station` does.
     """
+    # Imported here: a node without a station file does without its rules.
+    from rf_pointing.station.description.checks import check
+
     reader = Reader(path)
     content = reader.content(text)
     mask = check(content, reader, nodes)

@@ -167,17 +167,6 @@ class Reader:
         return tuple(read(index, below) for index, below in enumerate(node.value))
 
 
-def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested names as dotted ones, lists as tuples."""
-    found: dict[str, Any] = {}
-    for name, value in values.items():
-        if isinstance(value, Mapping):
-            found |= flat(value, f"{prefix}{name}.")
-        else:
-            found[f"{prefix}{name}"] = tuple(value) if isinstance(value, list) else value
-    return found
-
-
 def _join(key: str, name: str) -> str:
     return f"{key}.{name}" if key else name
 

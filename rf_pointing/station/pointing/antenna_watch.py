@@ -50,10 +50,8 @@ class AntennaWatchParams(Params):
     )
     settle_periods: int = parameter(5, "periods in a row on target until on source", low=1, high=1000)
 
-    def check_together(self) -> None:
-        """Refuse a pass that would end before the antenna counts as silent."""
-        if self.patience_s < self.silence_s:
-            raise ValueError(f"patience_s={self.patience_s} must be >= silence_s={self.silence_s}")
+    # A pass must not end before the antenna counts as silent.
+    ordered = ("patience_s >= silence_s",)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

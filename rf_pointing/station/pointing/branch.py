@@ -37,8 +37,9 @@ class TrackingBranch:
         return self._branch is not None and self._branch.plunge != self._has_gone_over(t_s)
 
     def turned_rad(self, t_s: float) -> float:
-        """Return the turns that going over the top before `t_s` has added to the azimuth."""
-        return self._found.turn_rad if self._found and self._has_gone_over(t_s) else 0.0
+        """Return the turns that going over the top, or unwinding, has added before `t_s`."""
+        at_s = self._found.turn_t_s if self._found else None
+        return self._found.turn_rad if self._found and at_s is not None and t_s >= at_s else 0.0
 
     def crossing(self, t_s: float) -> bool:
         """Whether the antenna leaves the target at `t_s` because its axes are too slow for it."""

@@ -155,9 +155,11 @@ class PointingController:
         """Note the mode and the latched fault that the antenna publishes."""
         self.antenna.take_status(mode, fault)
 
-    def awaits_error(self, t_s: float) -> bool:
-        """Whether a sensor that reports every period is late with what this period should use."""
-        return self._pass is not None and self._mode.awaits_error(t_s)
+    def awaits_input(self, t_s: float) -> bool:
+        """Whether a sensor that reports every period, or the target, is late with what is used."""
+        if self._pass is None:
+            return False
+        return self._mode.awaits_error(t_s) or self._motion.targets.late(t_s)
 
     def calibrate(self) -> str:
         """Request a calibration scan of the feed; return why not, "" when it will begin."""
@@ -263,6 +265,7 @@ class PointingController:
             return None
         if self.state.mode == Mode.IDLE:
             self.antenna.unsettle()
+            self.plan.rejoin()
             # The axes wait at rest for the target to come back.
             return self._motion.halt(t_s) if before != Mode.IDLE else None
         joining = self.state.mode == Mode.SLEW and t_s >= window.aos_t_s
@@ -289,6 +292,8 @@ class PointingController:
         """Add the period to the outcome of the pass."""
         mode, course = self.state.mode, self.plan.course
         sensed = error if error is not None and error.valid and error.sensor == mode else None
+        # A stare measures the beam itself, axis error included; a scan the centre of it.
+        scanned = sensed is not None and SENSORS[sensed.sensor].scans
         timing, beamwidth_rad = self.params.pointing, self.corrections.half_power_beamwidth_rad
         newest_t_s = t_s - LEAST_AGE_PERIODS * timing.period_s
         oldest_t_s = newest_t_s - LEVEL_PERIODS * timing.period_s
@@ -296,7 +301,7 @@ class PointingController:
             sensor=self._mode.sensor,
             axes=self.antenna.state,
             sensed=sensed,
-            off_centre_rad=self._motion.off_centre_rad(),
+            off_centre_rad=self._motion.off_centre_rad() if scanned else None,
             power=self._levels.power(newest_t_s, oldest_t_s, self._mode.axis_db_hz),
             planned_rad=0.0 if course.direct else course.planned_error_rad(t_s),
         )

@@ -159,9 +159,11 @@ class CommandedMotion:
 
     def snapshot(self, t_s: float, window: Pass, error_t_s: float | None) -> MotionSnapshot:
         """Return what the state table must know; `error_t_s` is the time of the newest error."""
-        on_target = self._on_target(t_s, window)
-        beam = None if error_t_s is None else self.beam.offset(error_t_s)
-        self._fill_targets(t_s, window)
+        on_target, profile = self._on_target(t_s, window), self._plan.profile
+        end_s = t_s + self.params.horizon_s
+        # Where the prediction has not arrived, the profile of the pass goes on.
+        if t_s >= window.aos_t_s and profile is not None and not self.targets.covers(t_s, end_s):
+            self.targets.fill(profile, t_s, end_s, window.smallest_range_m)
         # The shortest trajectory has three points.
         ahead = self.targets.covers(t_s, t_s + self.params.transport_s + 2.0 * self.params.period_s)
         known = ahead or self.targets.covers(t_s, t_s)
@@ -170,25 +172,16 @@ class CommandedMotion:
         # Before the first sample of the target no distance is known, and nothing to compare the
         # beam with.
         if math.isfinite(self.targets.known_until_s):
-            path, error_path = (self._path_to(at_s) for at_s in (t_s, t_s if error_t_s is None else error_t_s))
+            then_s = t_s if error_t_s is None else error_t_s
+            path, error_path = map(self.targets.path, (t_s, then_s))
         return MotionSnapshot(
             # Before the pass the axes wait where it begins, which is always known.
             target_available=ahead or t_s < window.aos_t_s,
             on_target=on_target,
             path=path if known else None,
-            beam_rad=beam,
+            beam_rad=None if error_t_s is None else self.beam.offset(error_t_s),
             error_path=error_path,
         )
-
-    def _path_to(self, t_s: float) -> tuple[float, float]:
-        return float(self.targets.range_m(t_s)), self.targets.satellite_gain_db(t_s)
-
-    def _fill_targets(self, t_s: float, window: Pass) -> None:
-        """Go on with the profile of the pass where the prediction has not arrived."""
-        end_s = t_s + self.params.horizon_s
-        if t_s < window.aos_t_s or self._plan.profile is None or self.targets.covers(t_s, end_s):
-            return
-        self.targets.fill(self._plan.profile, t_s, end_s, window.smallest_range_m)
 
     def targets_late_s(self, t_s: float) -> float:
         """Return by how much the received prediction is shorter than the trajectories."""
@@ -278,7 +271,7 @@ class CommandedMotion:
         )
         if not plan.course.direct:
             trajectory = plan.course.to_axes(trajectory)
-        meeting = None if self.axes is None else plan.meeting_rad(t_s, self.axes, joining=joining)
+        meeting = plan.meeting_rad(t_s, self.axes) if joining and self.axes is not None else None
         if meeting is not None:
             still = np.zeros_like(trajectory.velocity_rad_s)
             trajectory = JointTrajectory(

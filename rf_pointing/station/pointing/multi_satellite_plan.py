@@ -7,6 +7,7 @@ takes a detour) is barred with its reason, and the plan is made again without it
 """
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from rf_pointing.ephemeris import (
     Site,
     TopocentricTrack,
     find_catalogue_passes,
+    find_passes,
 )
 from rf_pointing.ephemeris.passes import Horizon
 from rf_pointing.planning import (
@@ -35,6 +37,10 @@ from rf_pointing.planning import (
 )
 from rf_pointing.planning.schedule import schedule
 from rf_pointing.station.pointing.certificates import PlanningRules, SolarTable, planned_certificate
+
+LONG_S = 10800.0
+"""Stays of geostationary and highly eccentric orbits: they may be tracked in pieces."""
+LEAST_PIECE_S, MARGIN_S = 600.0, 5.0
 
 
 class Fate(StrEnum):
@@ -95,8 +101,8 @@ def plan_day(
 ) -> DayPlan:
     """Return the plan of one antenna that is at `encoder_rad`, at rest, at the start.
 
-    Passes begin and end above `least_rad` and the mask of `rules`.  An object that is above them
-    all the time has no pass and is not planned.
+    Passes begin and end above `least_rad` and the mask of `rules`.  An object that stays above them
+    for longer than `LONG_S`, or all the time, and yields gets the time between the tracked passes.
     """
     air, error = RadioRefraction.standard(site.altitude_m), uncertainty or ElementUncertainty()
     of = {id(wish.elements): wish for wish in wishes}
@@ -105,19 +111,29 @@ def plan_day(
         refraction=air, max_age_s=max_age_s,
     )  # fmt: skip
     wanted = [w for w in found.passes if w.peak_elevation_rad >= of[id(w.elements)].min_peak_rad]
-    candidates = [_candidate(window, of[id(window.elements)].priority, rules) for window in wanted]
-    barred = {k: _no_turn(wanted[k], rules.limits) for k, one in enumerate(candidates) if not one.turns}
-    barred |= {k: "is above the mask all the time" for k, w in enumerate(wanted) if w.rises_before and w.sets_after}
     issued = _Certificates(site, air, rules, (start_t_s, duration_s), max_age_s)
+    rest, cut = (start_t_s, encoder_rad), set[int]()
     while True:
-        # A candidate without a turn is never taken.
-        left = [dataclasses.replace(one, turns=()) if k in barred else one for k, one in enumerate(candidates)]
-        tracked = schedule(left, rules.machine.axes, (start_t_s, encoder_rad), gap_s)
-        certified, failed = issued.of([(k, wanted[k]) for k, _ in tracked], start_t_s, encoder_rad)
-        if not failed:
+        candidates = [_candidate(window, of[id(window.elements)].priority, rules) for window in wanted]
+        barred = {k: _no_turn(wanted[k], rules.limits) for k, one in enumerate(candidates) if not one.turns}
+        while True:
+            # A candidate without a turn is never taken.
+            left = [dataclasses.replace(one, turns=()) if k in barred else one for k, one in enumerate(candidates)]
+            tracked = schedule(left, rules.machine.axes, rest, gap_s)
+            certified, failed = issued.of([(k, wanted[k]) for k, _ in tracked], *rest)
+            if not failed:
+                break
+            barred |= failed
+        yields = reasons_against(left, tracked, rules.machine.axes, rest, gap_s)
+        long = [k for k in yields if _is_long(wanted[k]) and id(wanted[k].elements) not in cut]
+        if not long:
             break
-        barred |= failed
-    yields = reasons_against(left, tracked, rules.machine.axes, (start_t_s, encoder_rad), gap_s)
+        # The most wanted one first: what it leaves is the next one's.
+        k = max(long, key=lambda k: (candidates[k].priority, candidates[k].peak_rad))
+        cut.add(id(wanted[k].elements))
+        free = _free_times([certified[k][0] for k, _ in tracked], rest, start_t_s + duration_s)
+        pieces = issued.pieces(wanted[k], free, gap_s, _least(rules.mask, least_rad))
+        wanted = sorted([*wanted[:k], *(pieces or [wanted[k]]), *wanted[k + 1 :]], key=lambda w: w.aos_t_s)
     rows = []
     for k, window in enumerate(wanted):
         fate = Fate.TRACKED if k in certified else Fate.BARRED if k in barred else Fate.YIELDS
@@ -133,10 +149,37 @@ def plan_day(
     return DayPlan(start_t_s=start_t_s, duration_s=duration_s, passes=tuple(rows), unsearched=found.unsearched)
 
 
+def _is_long(window: CataloguePass) -> bool:
+    """Return whether an object stays up: it lends its time to others and takes what is left."""
+    return window.duration_s > LONG_S or (window.rises_before and window.sets_after)
+
+
+@dataclass(frozen=True)
+class _FreeTime:
+    """Time between two tracked passes, and where they leave and want the axes; None: anywhere."""
+
+    begin_s: float
+    from_rad: Pair
+    end_s: float
+    to_rad: Pair | None
+
+
+def _free_times(tracked: Sequence[Certificate], rest: tuple[float, Pair], end_s: float) -> list[_FreeTime]:
+    begins = [rest, *((one.los_t_s, one.chosen.end_rad) for one in tracked if one.chosen)]
+    ends = [*((one.aos_t_s, one.chosen.start_rad) for one in tracked if one.chosen), (end_s, None)]
+    return [_FreeTime(*begin, *end) for begin, end in zip(begins, ends, strict=True)]
+
+
 def _no_turn(window: CataloguePass, limits: AxisLimits) -> str:
     low, high = (math.degrees(azimuth) for azimuth in window.azimuth_path_rad[1:3])
     travel = f"{math.degrees(limits.azimuth_min_rad):.1f} to {math.degrees(limits.azimuth_max_rad):.1f} deg"
     return f"azimuth {low:.1f} to {high:.1f} deg fits no turn within the travel {travel}"
+
+
+def _on_every_turn(limits: AxisLimits, azimuth_rad: float, elevation_rad: float) -> list[Pair]:
+    """Return the positions of the axes for one direction, on every turn of the travel."""
+    path = azimuth_rad, azimuth_rad, azimuth_rad, azimuth_rad
+    return [start for start, _ in turns_within(limits, path, (elevation_rad, elevation_rad))]
 
 
 class _Certificates:
@@ -150,15 +193,43 @@ class _Certificates:
         self._sun = SolarTable(site, air, *span)
         self._issued: dict[tuple[int, float, Pair], tuple[Certificate, PassProfile]] = {}
 
+    def _track(self, elements: Elements) -> TopocentricTrack:
+        return TopocentricTrack(elements, self._site, refraction=self._air, max_age_s=self._max_age_s)
+
+    def pieces(
+        self, window: CataloguePass, free: Sequence[_FreeTime], gap_s: float, least: float | Horizon
+    ) -> list[CataloguePass]:
+        """Return the parts of a long stay that fit between the tracked passes, with the slews."""
+        track, axes, found = self._track(window.elements), self._rules.machine.axes, []
+        for time in free:
+            begin_s, end_s = max(time.begin_s, window.aos_t_s), min(time.end_s, window.los_t_s)
+            if end_s - begin_s < LEAST_PIECE_S:
+                continue
+            looks = track.sample([begin_s, end_s])
+            rows = zip(looks.azimuth_rad.tolist(), looks.elevation_rad.tolist(), strict=True)
+            places = [_on_every_turn(self._rules.limits, *row) for row in rows]
+            if not all(places):
+                continue
+            begin_s = max(
+                begin_s, time.begin_s + gap_s + MARGIN_S + min(axes.slew_s(time.from_rad, p) for p in places[0])
+            )
+            if time.to_rad is not None:
+                to_rad = time.to_rad
+                end_s = min(end_s, time.end_s - gap_s - MARGIN_S - min(axes.slew_s(p, to_rad) for p in places[1]))
+            if end_s - begin_s >= LEAST_PIECE_S:
+                stays = find_passes(track, begin_s, end_s - begin_s, least)
+                found += [CataloguePass.of_window(window.elements, track, stay) for stay in stays]
+        return found
+
     def of(
         self, windows: Sequence[tuple[int, CataloguePass]], free_t_s: float, encoder_rad: Pair
     ) -> tuple[dict[int, tuple[Certificate, PassProfile]], dict[int, str]]:
         """Return the certificates by number of the pass, and the reasons of passes without one."""
         certified, failed = {}, {}
         for number, window in windows:
-            key = number, free_t_s, encoder_rad
+            key = id(window), free_t_s, encoder_rad
             if key not in self._issued:
-                track = TopocentricTrack(window.elements, self._site, refraction=self._air, max_age_s=self._max_age_s)
+                track = self._track(window.elements)
                 self._issued[key] = planned_certificate(track, window, free_t_s, encoder_rad, self._rules, self._sun)
             certificate, profile = self._issued[key]
             if certificate.chosen is None:
@@ -178,11 +249,15 @@ def _least(mask: HorizonMask, least_rad: float) -> float | Horizon:
 
 def _candidate(window: CataloguePass, priority: int, rules: PlanningRules) -> Candidate:
     elevations = window.aos_elevation_rad, window.los_elevation_rad
+    begin, _, _, end = window.azimuth_path_rad
+    # A pass that fits no turn waits at a stop or unwinds: it ends on any turn, as its certificate.
+    rises, sets = (_on_every_turn(rules.limits, *place) for place in zip((begin, end), elevations, strict=True))
+    turns = turns_within(rules.limits, window.azimuth_path_rad, elevations)
     return Candidate(
         name=window.name,
         aos_t_s=window.aos_t_s,
         los_t_s=window.los_t_s,
         peak_rad=window.peak_elevation_rad,
         priority=priority,
-        turns=turns_within(rules.limits, window.azimuth_path_rad, elevations),
+        turns=turns or tuple(itertools.product(rises, sets)),
     )

@@ -58,7 +58,7 @@ class BeamEvidence:
     """Evidence of the beam in one period; None for what is not known.
 
     `sensed` is the valid error of the sensor that tracks.  `off_centre_rad` (2,) is how far the
-    encoders are from the centre of the scan, cross-elevation and elevation.  `power` is that of the
+    encoders are from the centre of its scan, cross-elevation and elevation.  `power` is that of the
     carrier over that on the axis.  `planned_rad` is by how much the certificate leaves the target.
     """
 
@@ -78,9 +78,8 @@ class BeamEvidence:
             return self.planned_rad + axes.distance_rad
         if self.sensed is not None:
             off = np.array([self.sensed.cross_elevation_rad, self.sensed.elevation_rad])
-            if SENSORS[self.sensed.sensor].scans and self.off_centre_rad is not None:
-                return float(np.hypot(*(off + self.off_centre_rad)))
-            # A stare measures the beam itself, axis error included.
+            if self.off_centre_rad is not None:
+                off += self.off_centre_rad
             return float(np.hypot(*off))
         if self.power is not None:
             return max(error_of_power_rad(self.power, beamwidth_rad), axes.distance_rad)

@@ -63,10 +63,7 @@ class AlarmParams(Params):
     lost_warning_s: float = parameter(1.0, "time without the target that is a warning", low=0.0, high=3600.0)
     lost_error_s: float = parameter(20.0, "time without the target that is an error", low=0.0, high=3600.0)
 
-    def check_together(self) -> None:
-        """Refuse an error that comes before the warning."""
-        if self.lost_error_s < self.lost_warning_s:
-            raise ValueError(f"lost_error_s={self.lost_error_s} must be >= lost_warning_s={self.lost_warning_s}")
+    ordered = ("lost_error_s >= lost_warning_s",)
 
 
 @dataclass(frozen=True, kw_only=True)

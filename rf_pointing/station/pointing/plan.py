@@ -202,18 +202,17 @@ class PassPlan:
             return start_rad
         return unplunged(corner, still, still)[0] if plunge else corner
 
-    def meeting_rad(self, t_s: float, axes: JointReading, *, joining: bool) -> Array | None:
+    def meeting_rad(self, t_s: float, axes: JointReading) -> Array | None:
         """Return where (2,) axes that join go, encoder angles; None: straight after the target.
 
         Axes that run after a target cut the corner of its path, towards a hill or the Sun that the
         path itself keeps away from.  Then they go by a free way to where the target will be, and
         wait for it; without one they stay where they are, and look again.
         """
-        goal, until_s = self._meeting
-        if joining and t_s >= until_s:
-            goal, until_s = self._meet(t_s, axes)
-        self._meeting = (goal, until_s) if joining else NO_MEETING
-        if not joining or goal is None:
+        if t_s >= self._meeting[1]:
+            self._meeting = self._meet(t_s, axes)
+        goal = self._meeting[0]
+        if goal is None:
             return None
         try:
             corner = self.approach(t_s, axes, goal)

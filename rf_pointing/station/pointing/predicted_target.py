@@ -20,7 +20,7 @@ from rf_pointing.ephemeris import (
     stale_warning,
 )
 from rf_pointing.ephemeris.element_updates import ElementUpdates
-from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at
+from rf_pointing.ephemeris.source import SourceParams, TargetMemory, load_track, refraction_at, unused
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.station.pointing.certificates import pass_profile
 from rf_pointing.station.pointing.status import Level, Report
@@ -65,6 +65,7 @@ class PredictedTarget:
         self.updates = ElementUpdates(self.source.elements)
         self.updates.require()
         self.track = load_track(self.source, self._memory.hold_t_s)
+        self._unused = unused(self.source.elements)
         self.passes: list[Pass] = []
         self._no_pass = self._unknown = self._not_renewed = self._weather_problem = ""
         self._weather: dict[str, float] = {}
@@ -150,7 +151,7 @@ class PredictedTarget:
         except (ValueError, OSError) as error:
             self._not_renewed = f"elements were not renewed: {error}"
             return self._not_renewed, True
-        self._not_renewed = ""
+        self._not_renewed, self._unused = "", unused(self.source.elements)
         return f"newer elements of {self.track.name} are in force", False
 
     def health(self, now_s: float) -> Report:
@@ -158,7 +159,7 @@ class PredictedTarget:
         age_s, sky = now_s - self._weather_s, self._sky(now_s)
         old = f"the measured weather is {age_s / 3600.0:.1f} h old" if age_s > WEATHER_AGE_S else ""
         problems = (self._no_pass, self._memory.problem, self.updates.problem, self._not_renewed, self._stale(now_s),
-                    self._weather_problem, old)  # fmt: skip
+                    self._unused and f"elements not used: {self._unused}", self._weather_problem, old)  # fmt: skip
         warnings = "; ".join(filter(None, (*self.track.warnings(now_s), *problems)))
         values: dict[str, object] = {
             "passes": len(self.passes),
@@ -174,6 +175,7 @@ class PredictedTarget:
             pass
         if sky is not None:
             values |= {
+                "target": self.track.name,
                 "element_age_h": round(sky.age_s / 3600.0, 3),
                 "along_track_sigma_s": round(sky.along_track_s, 4),
                 "along_track_sigma_deg": round(math.degrees(sky.along_track_rad), 5),

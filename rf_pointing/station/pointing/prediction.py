@@ -27,6 +27,8 @@ from rf_pointing.station.pointing.branch import TrackingBranch
 # guess.
 LARGEST_GAP_S = 2.5
 KEPT_S = 5.0
+# Half a period of the target, and its silence after which it has ended.
+LATE_S, ENDED_S = 0.05, 1.0
 RIM_RAD = math.radians(85.0)
 # Shorter than what a crossing holds on either side of the instant at which the dish goes over the
 # top.
@@ -48,7 +50,7 @@ class TargetBuffer:
         self._motions: list[Motion] = []
         self._ranges: list[float] = []
         self._gains: list[float] = []
-        self.received_until_s = -math.inf
+        self.received_until_s = self._ahead_s = -math.inf
 
     def clear(self) -> None:
         """Forget everything, for a new target."""
@@ -56,7 +58,7 @@ class TargetBuffer:
         self._motions.clear()
         self._ranges.clear()
         self._gains.clear()
-        self.received_until_s = -math.inf
+        self.received_until_s = self._ahead_s = -math.inf
 
     def add(self, target: Target) -> None:
         """Take one sample; a later one for the same time replaces the earlier."""
@@ -71,6 +73,15 @@ class TargetBuffer:
         )
         self.received_until_s = max(self.received_until_s, target.t_s)
         self._insert(target.t_s, motion, target.range_m, target.satellite_gain_db)
+
+    def late(self, t_s: float) -> bool:
+        """Whether the newest sample was further ahead of another period, and has not ended.
+
+        With it, how far a prediction is computed ahead does not depend on what arrives first.
+        """
+        ahead_s = self.received_until_s - t_s
+        self._ahead_s = max(self._ahead_s, ahead_s)
+        return LATE_S < self._ahead_s - ahead_s < ENDED_S
 
     def fill(self, profile: PassProfile, start_s: float, end_s: float, range_m: float) -> None:
         """Take the profile of the pass where nothing is known between two times.
@@ -133,9 +144,10 @@ class TargetBuffer:
         """Return the distances (n,), linear between samples, the nearest one outside."""
         return np.asarray(np.interp(np.asarray(t_s, dtype=np.float64), self._times, self._ranges))
 
-    def satellite_gain_db(self, t_s: float) -> float:
-        """Return the gain of the target's antenna towards the station, like `range_m`."""
-        return float(np.interp(t_s, self._times, self._gains))
+    def path(self, t_s: float) -> tuple[float, float]:
+        """Return the distance, and the gain (dB) of the target's antenna, like `range_m`."""
+        gain_db = np.interp(t_s, self._times, self._gains)
+        return float(np.interp(t_s, self._times, self._ranges)), float(gain_db)
 
     def _one(self, t_s: float) -> Motion:
         if not self.covers(t_s, t_s):

@@ -12,9 +12,11 @@ from rf_pointing.array_sensors.doa.dish_array import (
     DishArrayTracker,
     SimulatedDishArray,
     circle_of,
+    direction_from_offset,
+    offset_from_direction,
     rival,
 )
-from rf_pointing.core import Mode, PointingError, Sensor, random_stream, sky_offset_rad
+from rf_pointing.core import Mode, PointingError, Sensor, random_stream, sky_offset_rad, unit_vector_from_azel
 from rf_pointing.ephemeris import first_pass_above
 from rf_pointing.ephemeris.source import SourceParams, load_elements
 from rf_pointing.rf.dish_array import (
@@ -204,3 +206,37 @@ def test_an_error_is_stamped_in_the_middle_of_its_block_in_whole_microseconds() 
     weak = tracker.measure(source.receive(truth(3.0, np.array([0.02, -0.03]), 0.0)))
     assert (tracker.counts, tracker.last_reason) == ({"valid": 1, "invalid": 1}, weak.reason)
     assert weak.carrier_to_noise_db_hz >= 0.0
+
+
+def test_an_offset_is_that_of_the_sky() -> None:
+    azimuth, elevation, beam = 1.3, 0.9, (1.1, 0.8)
+    offset = np.array([float(part) for part in sky_offset_rad(azimuth, elevation, *beam)])
+    forward, up = unit_vector_from_azel(*beam), unit_vector_from_azel(beam[0], beam[1] + math.pi / 2.0)
+    right = np.array([math.cos(beam[0]), -math.sin(beam[0]), 0.0])
+    sky = unit_vector_from_azel(azimuth, elevation)
+    np.testing.assert_allclose(direction_from_offset(offset), [sky @ right, sky @ up, sky @ forward], atol=1e-12)
+    np.testing.assert_allclose(
+        offset_from_direction(direction_from_offset(offset), np.zeros((3, 3)))[0], offset, atol=1e-12
+    )
+
+
+def test_the_covariance_is_carried_along_as_differences_are() -> None:
+    offset = np.array([0.4, -0.7])
+    slopes = np.stack(
+        [
+            (direction_from_offset(offset + step) - direction_from_offset(offset - step)) / 2e-6
+            for step in 1e-6 * np.eye(2)
+        ],
+        axis=1,
+    )
+    wanted = np.array([[4.0, 1.0], [1.0, 2.0]])
+    found = offset_from_direction(direction_from_offset(offset), slopes @ wanted @ slopes.T)[1]
+    np.testing.assert_allclose(found, wanted, rtol=1e-8)
+
+
+def test_on_the_axis_the_sky_is_flat() -> None:
+    direction, covariance = np.array([3e-10, -4e-10, 1.0]), np.diag([4.0, 9.0, 0.0]) + 0.5
+    offset, spread = offset_from_direction(direction, covariance)
+    np.testing.assert_array_equal(offset, direction[:2])
+    np.testing.assert_array_equal(spread, [[4.5, 0.5], [0.5, 9.5]])
+    np.testing.assert_array_equal(direction_from_offset(offset), direction)

@@ -6,10 +6,6 @@ from rf_pointing.array_sensors.interferometer.measurement import (
     phase_rate_sigma_rad_s,
     phase_variance,
 )
-from rf_pointing.array_sensors.interferometer.radio import LinkParams, RadioParams
-from rf_pointing.array_sensors.interferometer.system import ArrayParams, CarrierPlan
-
-PLAN, LINK, RADIO, ARRAYS = CarrierPlan(speed_of_light_m_s=3.0e8), LinkParams(), RadioParams(), ArrayParams()
 
 
 def measurement(**changes) -> InterferometerMeasurement:

@@ -65,14 +65,6 @@ def test_pose_without_prior_is_consistent_with_its_covariance_and_residual(excit
         assert low < np.mean(squares) < high
 
 
-@pytest.mark.parametrize("roll", [np.pi, -np.pi + 1e-6, np.pi - 1e-6])
-def test_half_a_turn_of_roll_is_an_ordinary_pose(roll: float) -> None:
-    truth = far(roll)
-    found = snapshot(source(truth).measure(0.0, truth.motion))
-    off = local_difference(truth, found.tracked)[POSE]
-    assert off @ np.linalg.solve(found.covariance, off) < 30.0
-
-
 def with_wrong_lane(measurement, paths):
     """Phases as if the ranges of `paths` were longer by one finest lane: resolution cannot see it."""
     plan = SYSTEM.plan

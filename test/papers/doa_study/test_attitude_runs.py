@@ -16,7 +16,6 @@ from rf_pointing.array_sensors.attitude.multiplicative_filter import (
     update,
 )
 from rf_pointing.array_sensors.attitude.quaternion import (
-    multiply,
     quaternion_from_rotation_vector,
     quaternion_to_matrix,
     rotation_angle_between_rad,
@@ -37,42 +36,6 @@ NONE = KnownTorque(control_n_m=np.zeros(3), wheel_momentum_n_m_s=np.zeros(3), wh
 REFERENCE = np.array([0.48, -0.36, 0.8])
 CLEAR = DirectionCase(snapshots=100, snr_db=0.0)
 GRID = DirectionCase(snapshots=100, snr_db=0.0, refined=False)
-
-
-def printed_c_bo(vector: np.ndarray, scalar: float) -> np.ndarray:
-    """Equation (6)."""
-    inner = (scalar**2 - vector @ vector) * np.eye(3) + 2 * np.outer(vector, vector)
-    return inner - 2 * scalar * cross_matrix(vector)
-
-
-def test_printed_attitude_matrix_is_the_transpose_of_the_quaternions() -> None:
-    q = quaternion_from_rotation_vector([0.3, -0.8, 0.5])
-    assert printed_c_bo(q[:3], q[3]) == pytest.approx(quaternion_to_matrix(q).T)
-
-
-def test_factor_two_of_33_is_the_derivative_by_a_multiplicative_error() -> None:
-    q, h = quaternion_from_rotation_vector([0.4, -0.9, 0.7]), 1e-6
-    expected = printed_c_bo(q[:3], q[3]) @ REFERENCE
-
-    def seen(error: np.ndarray) -> np.ndarray:
-        turned = multiply(q, np.array([*error, np.sqrt(1 - error @ error)]))
-        return printed_c_bo(turned[:3], turned[3]) @ REFERENCE
-
-    slope = np.array([(seen(h * e) - seen(-h * e)) / (2 * h) for e in np.eye(3)]).T
-    assert slope == pytest.approx(2 * cross_matrix(expected), abs=1e-8)
-
-
-def test_factor_two_of_33_is_not_the_derivative_of_6_by_q() -> None:
-    """The additive update is consistent with (33) at q = 0 only: half a unit off at 50 deg."""
-    vector, h = quaternion_from_rotation_vector([0.4, -0.9, 0.7])[:3], 1e-6
-
-    def seen(v: np.ndarray) -> np.ndarray:
-        return printed_c_bo(v, np.sqrt(1 - v @ v)) @ REFERENCE
-
-    slope = np.array([(seen(vector + h * e) - seen(vector - h * e)) / (2 * h) for e in np.eye(3)]).T
-    assert np.abs(slope - 2 * cross_matrix(seen(vector))).max() > 0.5
-    at_zero = np.array([(seen(h * e) - seen(-h * e)) / (2 * h) for e in np.eye(3)]).T
-    assert at_zero == pytest.approx(2 * cross_matrix(REFERENCE), abs=1e-8)
 
 
 def test_transition_is_unit_plus_slope_times_step() -> None:

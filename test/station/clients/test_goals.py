@@ -263,7 +263,7 @@ def test_certificates_are_stored_once_and_a_full_disk_ends_no_pass(
 
 def test_a_period_waits_50_ms_for_the_error_of_the_one_before(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     awaited = [True]
-    monkeypatch.setattr(desk.controller, "awaits_error", lambda _t_s: awaited[0])
+    monkeypatch.setattr(desk.controller, "awaits_input", lambda _t_s: awaited[0])
     desk.goals.due(desk.world.t_s, desk.world.t_s, desk.world.wall_s)
     for left_s in (0.05, 0.01):
         assert desk.turn() == pytest.approx(left_s)

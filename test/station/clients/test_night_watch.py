@@ -11,10 +11,13 @@ import pytest
 from rf_pointing.core.dates import utc_text
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.dictionary import TABLES
-from rf_pointing.station.clients import night_folder
+from rf_pointing.operations.pass_work import record_of
+from rf_pointing.operations.schedule import Entry
+from rf_pointing.station.clients import night_folder, station_alarms
 from rf_pointing.station.clients.alarm_hooks import HookParams
 from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch
 from rf_pointing.station.description import read_station
+from test.operations.test_schedule import a_pass
 
 T_S, WALL_S = 1.8e9, 1000.0
 STATION = read_station("leo_3m7")
@@ -26,14 +29,14 @@ class Bench:
     def __init__(self, folder: Path, antenna: str = "gs2", **own: Any) -> None:
         self.told: list[tuple[str, bool]] = []
         self.reports: list[Any] = []
-        self.alarms: list[tuple[Any, ...]] = []
+        self.messages: list[dict[str, str]] = []
         self.folder, self.failure = folder / "night", ""
         given = {"folder": str(self.folder), "record": False} | own
         self.watch = NightWatch(
             ExecutiveParams(**given), BetweenParams(), AlarmParams(), HookParams(), STATION, "X", antenna,
             connect=self._connect, record=self._record, report=self._report, tell=lambda *told: self.told.append(told),
+            publish=self.messages.append,
         )  # fmt: skip
-        self.watch.hooks.put = lambda *alarm: self.alarms.append(alarm)
         self.night = self.watch.night
 
     def _connect(self, rows: Any, own: Any, responded: Any, ended: Any) -> Any:
@@ -44,10 +47,10 @@ class Bench:
         self.recording = SimpleNamespace(problem="", close=lambda: SimpleNamespace(path=bag), notes=notes)
         return self.recording
 
-    def _report(self, folder: Path, messages: int, health: Any) -> None:
+    def _report(self, folder: Path, health: Any) -> None:
         if self.failure:
             raise OSError(28, self.failure)
-        self.reports.append((folder, messages, health))
+        self.reports.append((folder, health))
 
     def known(self, attribute: str) -> Any:
         return self.night.expected_state.value(attribute)
@@ -85,7 +88,8 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Any:
         one.processes.append(command[-1])
         return SimpleNamespace(poll=lambda: 0)
 
-    monkeypatch.setattr(night_folder, "shutil", SimpleNamespace(disk_usage=usage))
+    for module in (night_folder, station_alarms):
+        monkeypatch.setattr(module, "shutil", SimpleNamespace(disk_usage=usage))
     monkeypatch.setattr(night_folder.subprocess, "Popen", begin)
     return one
 
@@ -120,9 +124,9 @@ def test_a_night_ends_with_its_report_once_and_with_a_result(tmp_path: Path, dis
     assert one.watch.request("abort", T_S) == "abort: the executive is stopping"
     assert one.step()
     assert not one.step()
-    ((folder, messages, health),) = one.reports
+    ((folder, health),) = one.reports
     assert folder == one.folder / f"report-{utc_text(T_S)[:16].replace(':', '')}"
-    assert (messages, health["disk"]) == (len(one.alarms), {"free_gb": 5.0})
+    assert health["disk"] == {"free_gb": 5.0}
     result = one.watch.result("")
     assert (result["success"], result["report"]) == (True, str(folder))
     one.watch.cancel(T_S)
@@ -165,7 +169,7 @@ def test_a_list_replaces_the_schedule_unless_it_resumes_and_is_never_a_file(tmp_
 def effect(one: Bench, later_s: float) -> tuple[str, set[str]]:
     """Return how the night goes on, and the names of the alarms, after a step."""
     one.step(later_s)
-    return one.night.recovery.effect()[0], {each.name for each in one.night.book.lasting}
+    return one.night.recovery.effect()[0], {each.name for each in one.night.book.lasting if "_node" in each.name}
 
 
 def test_only_a_node_that_a_pass_needs_holds_the_night(tmp_path: Path) -> None:
@@ -181,15 +185,15 @@ def test_only_a_node_that_a_pass_needs_holds_the_night(tmp_path: Path) -> None:
         "a\nb",
     )
     for node in nodes:
-        one.watch.take_check(node, "state", 0, "active", {"state": "active"}, WALL_S)
+        one.watch.alarms.take_check(node, "state", 0, "active", {"state": "active"}, WALL_S)
     # Whoever ends says so; one that is needed is missed all the same.
     for node in ("operator_page", "antenna_servo"):
-        one.watch.take_check(node, "state", 0, "finalized", {"state": "finalized"}, WALL_S)
+        one.watch.alarms.take_check(node, "state", 0, "finalized", {"state": "finalized"}, WALL_S)
     assert effect(one, 5.0) == ("continue", set())
     missing = {f"missing_node {node}" for node in ("monopulse_tracker", "rotctld_server")}
     assert effect(one, 5.1) == ("wait", {"lost_node antenna_servo", "lost_node conscan_tracker"} | missing)
     for node in ("antenna_servo", "conscan_tracker"):
-        one.watch.take_check(node, "state", 0, "active", {"state": "active"}, WALL_S + 5.2)
+        one.watch.alarms.take_check(node, "state", 0, "active", {"state": "active"}, WALL_S + 5.2)
     assert effect(one, 5.3) == ("continue", missing)
     # The sensor of the next pass decides which tracker is needed.
     one.watch.change(listed(900.0).replace("{", '{"sensor": "monopulse", '), ["p0"], T_S)
@@ -204,34 +208,35 @@ def test_a_node_that_the_recovery_table_names_is_needed_too(tmp_path: Path) -> N
     own.write_text(f"{shipped}  transmitter:\n    when: {{transmitter.silent_s: {{above: 60}}}}\n")
     one = Bench(tmp_path, recovery_file=str(own))
     one.start(600.0)
-    one.watch.take_check("transmitter", "state", 0, "active", {}, WALL_S)
+    assert one.watch.alarms.named == {"transmitter"}
+    one.watch.alarms.take_check("transmitter", "state", 0, "active", {}, WALL_S)
     assert effect(one, 5.1) == ("wait", {"lost_node transmitter"})
 
 
 def test_an_alarm_goes_to_the_hooks_warns_until_it_is_acknowledged_and_is_kept(tmp_path: Path) -> None:
     one = Bench(tmp_path, state_file=str(tmp_path / "kept.json"))
-    assert one.watch.alarm_health()[:2] == (0, "none")
+    assert one.watch.alarms.report()[:2] == (0, "none")
     one.watch.begin(T_S)
     one.night.book.raise_("disk", 1, "full", T_S, ask="delete")
     one.night.book.raise_("wind", 2, "strong", T_S)
-    assert one.watch.alarm_health() == (
+    assert one.watch.alarms.report() == (
         2,
         "wind: strong; disk: full",
         dict.fromkeys(("wind", "disk"), f"raised {utc_text(T_S)}"),
     )
     assert one.watch.acknowledge("wind", T_S) == "acknowledged: wind"
     assert "wind" in (tmp_path / "kept.json").read_text()
-    assert one.watch.alarm_health().level == 1
+    assert one.watch.alarms.report().level == 1
     for name in ("disk", "wind"):
         one.night.book.clear(name, T_S + 2.0)
     assert one.watch.acknowledge("", T_S) == "acknowledged: no alarm lasts"
     utc, later = utc_text(T_S), utc_text(T_S + 2.0)
-    assert one.alarms == [
-        ("raised", "disk", 1, "full", "delete", utc), ("raised", "wind", 2, "strong", "", utc),
-        ("cleared", "disk", 1, "full", "delete", later), ("cleared", "wind", 2, "strong", "", later),
+    assert [tuple(each.values())[1:] for each in one.messages] == [
+        ("raised", "disk", "warning", "full", "delete", utc),
+        ("raised", "wind", "error", "strong", "nothing: the station deals with it", utc),
+        ("cleared", "disk", "warning", "full", "delete", later),
+        ("cleared", "wind", "error", "strong", "nothing: it has ended", later),
     ]  # fmt: skip
-    assert one.told[-1] == ("alarm cleared: wind: strong", True)
-    assert one.told[0] == ("alarm raised: disk: full", False)
 
 
 def test_a_killed_executive_goes_on_with_the_night_that_it_kept_and_records_its_pass(tmp_path: Path, disk: Any) -> None:
@@ -252,7 +257,7 @@ def test_a_killed_executive_goes_on_with_the_night_that_it_kept_and_records_its_
     # A night in work is not replaced by its older state.
     second.watch.request("pause", T_S + 602.0)
     second.watch.end()
-    assert disk.processes == [str(second.folder / "passes" / "p0-01" / "bag")]
+    assert disk.processes == [str(second.folder / "passes" / "p0")]
     second.watch.begin(T_S + 603.0)
     assert second.night.state_name == "paused"
     disk.free = 0.0
@@ -261,19 +266,26 @@ def test_a_killed_executive_goes_on_with_the_night_that_it_kept_and_records_its_
     assert third.told[-1] == ("the rest of the pass is not recorded: 0 GB are free, must be >= 2 GB", False)
 
 
-def test_each_attempt_at_a_pass_has_a_recording_and_a_report_of_its_own(tmp_path: Path, disk: Any) -> None:
+def test_a_pass_has_one_folder_one_report_and_one_verdict_however_often_it_is_joined(tmp_path: Path, disk: Any) -> None:
     one = Bench(tmp_path, record=True)
-    passes = one.folder / "passes"
-    assert one.own["record"]("p0") == str(passes / "p0-01")
+    folder = one.folder / "passes" / "p0"
+    assert one.own["record"]("p0") == str(folder)
     one.step()
-    assert (one.known("recorder.state"), disk.processes) == ("recording", [])
+    assert one.known("recorder.state") == "recording"
+    first = one.recording
+    assert one.own["record"]("p0") == str(folder)
+    assert (one.recording, disk.processes) == (first, []), "it goes on"
     one.recording.problem = "no space"
     one.step()
     assert one.known("recorder.state") == "failed"
-    assert one.own["record"]("p0") == str(passes / "p0-02")
-    assert one.own["end_record"]() == str(passes / "p0-02" / "bag")
+    (folder / "bag").mkdir()
+    one.own["record"]("p0")
+    assert one.own["end_record"]() == str(folder / "bag-2")
     assert one.own["end_record"]() == "nothing is recorded"
-    assert disk.processes == [str(passes / f"p0-0{number}" / "bag") for number in (1, 2)]
+    assert disk.processes == [str(folder)] * 2
+    one.night.records.append(record_of(Entry(a_pass("p0", T_S)), None, one.night.book, one.night.expected_state))
+    one.step()
+    assert json.loads((folder / "verdict.json").read_text())["state"] == "waiting"
     disk.free = 1.99e9
     with pytest.raises(OSError, match="1.99 GB are free, must be >= 2 GB"):
         one.own["record"]("p0")

@@ -600,6 +600,16 @@ def test_a_pass_of_somebody_else_takes_the_antenna_from_the_points(desk: Desk) -
     assert desk.sent.count("stop_pass") == 0
 
 
+def test_a_pass_whose_acceptance_is_lost_is_known_by_its_status(known: Desk) -> None:
+    known.fly(4)
+    known.answer("select_target", passes=[(known.t_s - 60.0, known.t_s + 300.0, "the pass")])
+    known.wait(1.0)
+    known.track("BIRD", 1)
+    known.track("BIRD", 2)
+    assert known.steering.in_pass
+    assert known.step() is None, "the controller commands"
+
+
 def test_a_stop_frees_from_a_controller_that_is_gone_and_from_a_pass_that_is_being_begun(known: Desk) -> None:
     known.start_pass()
     codes = known.order("stop")

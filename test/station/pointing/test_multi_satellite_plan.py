@@ -109,7 +109,9 @@ def test_a_pass_through_the_sun_is_barred_and_the_plan_is_made_without_it(satell
 
 
 def test_a_keyhole_is_counted_and_bars_a_pass_of_a_slow_antenna(satellites: list[Elements]) -> None:
-    high = [i for i in day(satellites, hours=24.0).passes if i.certificate and i.certificate.chosen.keyhole_s > 0.0]
+    certified = [i for i in day(satellites, hours=24.0).passes if i.certificate]
+    crossing = [(i, i.certificate.chosen.crossing) for i in certified]
+    high = [i for i, found in crossing if found is not None and not found.at_stop]
     assert high
     assert all(i.window.tca_azimuth_rate_rad_s > RULES.machine.planned.rate_rad_s[0] for i in high)
     slow = RULES.machine.replace(rate_limit_rad_s=(math.radians(0.3),) * 2, least_share=0.99)
@@ -119,7 +121,7 @@ def test_a_keyhole_is_counted_and_bars_a_pass_of_a_slow_antenna(satellites: list
     assert all(item.fate is Fate.BARRED for item in barred)
 
 
-def test_an_object_that_never_sets_is_not_planned(satellites: list[Elements]) -> None:
+def test_an_object_that_never_sets_is_tracked_between_the_others(satellites: list[Elements]) -> None:
     still = dataclasses.replace(
         satellites[0], inclination_rad=1e-4, eccentricity=1e-4, mean_motion_rad_s=2.0 * math.pi / 86164.1,
         catalogue_number=99, name="GEO",
@@ -130,7 +132,22 @@ def test_an_object_that_never_sets_is_not_planned(satellites: list[Elements]) ->
         if plan.passes:
             break
     (item,) = plan.passes
-    assert (item.fate, item.reason) == (Fate.BARRED, "is above the mask all the time")
+    assert (item.fate, item.window.rises_before, item.window.sets_after) == (Fate.TRACKED, True, True)
+    # All but the slew from where the antenna is.
+    assert 12.0 * 3600.0 - 220.0 < item.window.duration_s <= 12.0 * 3600.0
+    low = [Wish(elements=one, priority=1) for one in satellites[:3]]
+    alone, plan = (
+        plan_day(wishes, PLACE, START_S, 12.0 * 3600.0, RULES, (0.0, 1.2), LEAST_RAD)
+        for wishes in (low, [Wish(elements=placed), *low])
+    )
+    tracked = [item for item in plan.passes if item.fate is Fate.TRACKED]
+    pieces = [item.window for item in tracked if item.window.name == "GEO"]
+    others = [item.window for item in tracked if item.window.name != "GEO"]
+    assert others == [item.window for item in alone.passes if item.fate is Fate.TRACKED]
+    assert len(pieces) > 3
+    # All but the passes of the others and two slews for each of them.
+    spent_s = sum(window.duration_s for window in (*pieces, *others))
+    assert 12.0 * 3600.0 - 600.0 - 2 * 220.0 * len(others) < spent_s <= 12.0 * 3600.0
 
 
 def test_the_expected_error_is_that_of_the_elements_age(satellites: list[Elements]) -> None:

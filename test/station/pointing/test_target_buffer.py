@@ -94,7 +94,7 @@ def test_a_profile_replaces_no_sample_and_brings_its_motion_and_gain() -> None:
     # From the sample on: 2.5 rad there, where the profile has 2.02 rad; 0.5 rad, where it has 0.59 rad.
     np.testing.assert_allclose(found.position, [[2.5, 0.5], [2.52, 0.49], [2.54, 0.48]], atol=1e-12)
     np.testing.assert_allclose(found.velocity, [[0.0, 0.0], [0.02, -0.01], [0.02, -0.01]])
-    assert [buffer.satellite_gain_db(t_s) for t_s in times[1:4]] == pytest.approx([-9.0, -2.0, -1.5])
+    assert [buffer.path(t_s)[1] for t_s in times[1:4]] == pytest.approx([-9.0, -2.0, -1.5])
     # One sample does not tell how the distance changes.
     np.testing.assert_array_equal(buffer.range_m(times[1:4]), [1e6, 1e6, 1e6])
 
@@ -110,3 +110,14 @@ def test_a_sample_outside_the_profile_does_not_move_it(ahead_s: float) -> None:
     shift = (0.5 - 0.02 * ahead_s) if 0.0 <= ahead_s <= 7.0 else 0.0
     # The row before, which is no mixture with the sample.
     assert buffer.at([begin_s - 1.0]).position[0, 0] == pytest.approx(2.0 + 0.1 + shift)
+
+
+def test_a_sample_is_late_that_lags_what_is_usual_by_a_period_and_one_that_has_ended_is_not() -> None:
+    buffer = TargetBuffer()
+    assert not buffer.late(START_S), "nothing has arrived yet"
+    for period in range(5):
+        buffer.add(sample(START_S + 2.0 + 0.1 * period))
+        assert not buffer.late(START_S + 0.1 * period)
+    assert [buffer.late(START_S + 0.1 * period) for period in (5, 6, 13, 15)] == [True, True, True, False]
+    buffer.clear()
+    assert not buffer.late(START_S)

@@ -1,0 +1,127 @@
+"""Files of orbits in any of the formats in use: one table, one loop.
+
+The first format whose pattern fits the beginning of a text reads it.  Its reader yields elements
+and segments, a ValueError for every one that is damaged, and a UserWarning for what is odd.  The
+good ones are used, the bad ones are listed.  Formats without a reader are named, so that nobody
+looks for a fault in a file of another kind.
+"""
+
+import codecs
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from rf_pointing.core.whole_file import DATA_BYTES, read_bytes
+from rf_pointing.ephemeris.element_messages import read_json, read_omm_csv, read_omm_kvn, read_omm_xml
+from rf_pointing.ephemeris.elements import Elements
+from rf_pointing.ephemeris.oem import OemSegment, read_oem, read_oem_xml
+from rf_pointing.ephemeris.state_tables import read_cpf, read_meme, read_sp3
+from rf_pointing.ephemeris.tle import read_tle
+
+Reader = Callable[[str, str], Iterator[Elements | OemSegment | ValueError | UserWarning]]
+
+
+class Format(NamedTuple):
+    """A format by the beginning of its text; None reads what is only named."""
+
+    name: str
+    begins: re.Pattern[str]
+    read: Reader | None
+
+
+def _row(name: str, begins: str, read: Reader | None = None) -> Format:
+    return Format(name, re.compile(r"\s*" + begins, re.IGNORECASE), read)
+
+
+FORMATS = (
+    _row("a web page", r"<!doctype html|<html"),
+    _row("an OEM in XML", r"(?=[\s\S]{0,4000}<(\w+:)?oem\b)<", read_oem_xml),
+    _row("an OMM in XML", r"<(?!(rss|kml|gpx|svg))", read_omm_xml),
+    _row("JSON", r"[\[{]\s*[\[{\"\]}]", read_json),
+    _row("an OEM", r"(COMMENT.*\s+)*CCSDS_OEM_VERS", read_oem),
+    _row("an OMM", r"(COMMENT.*\s+)*CCSDS_OMM_VERS|COMMENT", read_omm_kvn),
+    _row("another CCSDS message than an OMM or OEM", r"CCSDS_\w+_VERS"),
+    _row("an OMM table", r"[^\n]*MEAN_MOTION[^\n]*,|[^\n]*,[^\n]*MEAN_MOTION", read_omm_csv),
+    _row("MEME text", r"created:.*\s+ephemeris_start:|\d{13}\.\d{3} ", read_meme),
+    _row("CPF", r"H1\s+CPF", read_cpf),
+    _row("SP3", r"#[abcd][PV]\d{4}", read_sp3),
+    _row("an STK ephemeris", r"stk\.v\."),
+    _row("RINEX", r".{60}RINEX VERSION"),
+    _row("a YUMA almanac", r"\*+ *Week"),
+    _row("a SPICE kernel", r"DAF/|KPL/"),
+    _row("a calendar", r"BEGIN:VCALENDAR"),
+    _row("compressed", r"\x1f|PK\x03\x04|BZh|\ufffd7zXZ|\(\ufffd/\ufffd"),
+    _row("a PDF", r"%PDF"),
+    _row("a station description", r"(#.*\s+)*version:"),
+    _row("TLE", "", read_tle),
+)
+"""Formats in the order in which they are tried; text with lines of a TLE in it is TLE."""
+MOST_LISTED = 10
+
+
+@dataclass(frozen=True)
+class OrbitFile:
+    """Content of a text: its format, the good orbits, and the refused ones, each with its line."""
+
+    format: str
+    elements: list[Elements] = field(default_factory=list)
+    segments: list[OemSegment] = field(default_factory=list)
+    refused: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def problems(self) -> list[str]:
+        """The refused ones, as many as anybody reads, then one note."""
+        more = len(self.refused) - MOST_LISTED
+        last = [f"and {more} more are refused"] if more > 0 else []
+        return [*self.refused[:MOST_LISTED], *last, *self.notes[:1]]
+
+
+def read_orbits(text: str, name: str = "") -> OrbitFile:
+    """Return what a text holds; ValueError for one without a single good orbit.
+
+    `name` is that of its file, which names the object of formats that do not.
+    """
+    text = text.removeprefix("\ufeff")
+    form = next(form for form in FORMATS if form.begins.match(text))
+    found = OrbitFile(form.name)
+    begins = " ".join(text[:200].split())[:40]
+    if form.read is None:
+        raise ValueError(f"text holds no elements, it looks like {form.name}: it starts with {begins!r}")
+    try:
+        for each in form.read(text, name):
+            if isinstance(each, Elements):
+                found.elements.append(each)
+            elif isinstance(each, OemSegment):
+                found.segments.append(each)
+            else:
+                (found.notes if isinstance(each, UserWarning) else found.refused).append(str(each))
+    except ValueError as error:
+        found.refused.append(str(error))
+    if not found.elements and not found.segments:
+        what = "text" if form.name == "TLE" else form.name
+        none = f"{what} holds no elements; it starts with {begins!r}"
+        raise ValueError("; ".join(found.problems) or none)
+    return found
+
+
+def read_orbit_file(path: Path) -> OrbitFile:
+    """Return what a file holds; a byte that is not UTF-8 costs the line that it is in."""
+    return read_orbits(decoded(read_bytes(path, DATA_BYTES)), path.name)
+
+
+def decoded(data: bytes) -> str:
+    """Return text as editors and shells write it: UTF-8, or UTF-16 with its mark."""
+    wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    text = data.decode("utf-16" if wide else "utf-8", errors="replace")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_elements(text: str) -> list[Elements]:
+    """Return the elements of a text in which every set is good; ValueError names the bad ones."""
+    found = read_orbits(text)
+    if found.refused or not found.elements:
+        raise ValueError("; ".join(found.problems) or f"{found.format} holds an ephemeris and no elements")
+    return found.elements

@@ -1,0 +1,215 @@
+"""Alarms of a station, with or without an executive: what the nodes publish in, messages out.
+
+What is published is noted as attributes of devices, as the recovery table names them; the causes of
+the table are the alarms.  A check of /diagnostics that is in error and has no cause of its own is
+the alarm `failed_check` of its node.
+"""
+
+import shutil
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rf_pointing.core import AXES, Params, parameter
+from rf_pointing.core.dates import utc_text
+from rf_pointing.ephemeris.solar import SolarDirection
+from rf_pointing.operations import AlarmParams
+from rf_pointing.operations.alarms import Alarm
+from rf_pointing.operations.recovery import Recovery
+from rf_pointing.planning.forbidden_sky import angle_between
+from rf_pointing.station.clients.alarm_hooks import NO_WAY, AlarmHooks, HookParams, Message
+from rf_pointing.station.derive.nodes import NODES
+from rf_pointing.station.pointing.params import ControllerParams
+from rf_pointing.station.pointing.status import Level, Report
+
+NEEDED = ("antenna_servo", "pointing_controller", "ephemeris_publisher")
+"""Nodes without which no pass is tracked; the tracker of its sensor is another one."""
+SILENT_S = 5.0
+"""Wall time without a word of an executive after which its alarms are sent here."""
+EXECUTIVE = "station_executive"
+"""Its silence has a cause of its own: others notice it."""
+EXPLAINED = frozenset({
+    "device", "drive", "oscillation", "tracking", "executive", "alarms", "hooks", "night",
+    "computer", "clocks",
+})  # fmt: skip
+"""Checks whose subjects have causes of their own in the table."""
+MEMORY = Path("/proc/meminfo")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlarmNodeParams(Params):
+    """Files that the alarms of a station look at."""
+
+    folder: str = parameter("runs", "a folder on the disk of the recordings")
+    recovery_file: str = parameter("", "recovery table (YAML); empty: the shipped one")
+
+
+class StationAlarms:
+    """Keeps what is known of a station, and tells the alarms of a `Recovery` that watches it.
+
+    `folder` is on the disk of the recordings.  `tell(message)` logs and publishes what an operator
+    receives.  Times in UTC s, `wall_s` that of a steady clock.
+    """
+
+    def __init__(
+        self, recovery: Recovery, thresholds: AlarmParams, hooks: HookParams, station: str,
+        controller: ControllerParams, folder: Path, tell: Callable[[Message], object],
+    ) -> None:  # fmt: skip
+        self.recovery, self.book, self.known = recovery, recovery.book, recovery.expected_state
+        self.thresholds, self.hooks = thresholds, AlarmHooks(hooks, station)
+        self._folder, self._tell, self._sun = folder, tell, SolarDirection(controller.sun)
+        self._sun_radius_rad = controller.machine.sun_radius_rad
+        self._t_s = 0.0
+        conditions = (each.attribute for cause in recovery.table.causes for each in cause.when)
+        watched = {each.partition(".")[0] for each in conditions if each.endswith(".silent_s")}
+        self.named = watched - {"*"}
+        self._alive_s: dict[str, float] = {}
+        self._gone: set[str] = set()
+        self._states: dict[str, tuple[str, str]] = {}
+        self._failed: dict[str, dict[str, str]] = {}
+        self._executive_s = float("-inf")
+        self.healths: dict[str, dict[str, Any]] = {"disk": {"free_gb": 0.0}}
+        """Health of devices and model as the morning report shows it."""
+        self.book.notify = self._notify
+
+    def take(self, device: str, values: Mapping[str, Any], t_s: float) -> None:
+        """Note attributes of a device as they were at `t_s`."""
+        for name, value in values.items():
+            self.known.observe(f"{device}.{name}", value, t_s)
+
+    def take_check(
+        self, node: str, check: str, level: int, message: str, values: Mapping[str, str], wall_s: float
+    ) -> None:
+        """Note one check of a node: a sign of life, and the health of what it is about."""
+        # Anybody can send any name, and what no pass needs may end.
+        if node not in NODES and node not in self.named:
+            return
+        self._alive_s[node] = wall_s
+        if check == "state":
+            (self._gone.add if values.get("state") == "finalized" else self._gone.discard)(node)
+            self._states[node] = values.get("state", ""), message
+        if check not in EXPLAINED:
+            failed = self._failed.setdefault(node, {})
+            failed[check] = message if level == Level.ERROR else ""
+        if check == "device":
+            starts = (values.get(f"{axis}_starts") for axis in AXES)
+            self.healths["relays"] = {"starts": ", ".join(filter(None, starts))}
+            if node == "antenna_servo":
+                self.healths["drive"] = {"problem": message if level == Level.ERROR else ""}
+        elif check == "executive":
+            self.healths["executive"] = {"lost": message if level == Level.ERROR else ""}
+        elif check == "hooks" and values.get("alarms_sent") is not None:
+            # Only an executive that has a way out tells its alarms itself.
+            self._executive_s = wall_s if len(values) > 2 else self._executive_s
+        elif check == "clocks":
+            rows = values.items()
+            offsets = [abs(float(each)) for name, each in rows if name.startswith("offset_ms ")]
+            self.healths["clocks"] = {"offset_ms": max(offsets, default=0.0), "problem": message}
+        elif (node, check) == ("bias_calibrator", "model"):
+            self.healths["model"] = {"health": message, "level": level}
+        elif (node, check) == ("ephemeris_publisher", "target") and "element_age_h" in values:
+            age = {"age_h": float(values["element_age_h"]), "target": values.get("target", "")}
+            self.healths["elements"] = age
+
+    def reasons_not_ready(self, nodes: Collection[str], wall_s: float) -> list[str]:
+        """Return what is missing of these nodes, and has no alarm of its own."""
+        told = {each.name.partition(" ")[2] for each in self.book.lasting}
+        found = (self._not_ready(each, wall_s) for each in nodes if each not in told)
+        reasons = [reason for reason in found if reason]
+        placed = self.known.is_fresh("antenna.azimuth", self._t_s, SILENT_S)
+        if not reasons and not placed and NEEDED[0] not in told:
+            reasons.append("the drive reads no position")
+        return reasons
+
+    def _not_ready(self, node: str, wall_s: float) -> str:
+        silent_s = wall_s - self._alive_s.get(node, float("-inf"))
+        state, message = self._states.get(node, ("", ""))
+        if node not in self._alive_s:
+            return f"{node} has not been received"
+        if silent_s > self.thresholds.node_silent_s:
+            return f"{node} has been silent for {silent_s:.0f} s"
+        return "" if state in ("active", "") else f"{node} is {state}: {message}"
+
+    def observe(self, t_s: float, wall_s: float, needed: Collection[str] = NEEDED) -> None:
+        """Note what no message carries: silence, disk, memory, the Sun, the ways out."""
+        self._t_s = t_s
+        for name, seen_s in self._alive_s.items():
+            checks = self._failed.get(name, {}).items()
+            failed = "; ".join(f"{check}: {text}" for check, text in checks if text)
+            silent_s = wall_s - seen_s
+            self.take(name, {"failed": "" if silent_s > SILENT_S else failed}, t_s)
+            if name in needed:
+                self.take(name, {"silent_s": silent_s}, t_s)
+            elif name not in {*self._gone, EXECUTIVE}:
+                self.take(name, {"missing_s": silent_s}, t_s)
+        try:
+            free_gb, problem = shutil.disk_usage(self._folder).free / 1e9, ""
+        except OSError as error:
+            free_gb, problem = 0.0, str(error)
+        self.healths["disk"] = {"free_gb": free_gb} | ({"problem": problem} if problem else {})
+        for device, values in self.healths.items():
+            self.take(device, values, t_s)
+        for way in self.hooks.ways:
+            self.take(way.name, {"not_sent": way.problem}, t_s)
+        self.take("computer", {"memory_free_mb": free_memory_mb()}, t_s)
+        self.take("antenna", {"sun_margin_rad": self._sun_margin_rad(t_s)}, t_s)
+
+    def _sun_margin_rad(self, t_s: float) -> float:
+        azimuth, elevation = (self.known.value(f"antenna.{axis}") for axis in AXES)
+        sun = self._sun.at(t_s) if azimuth is not None and elevation is not None else None
+        if sun is None:
+            return float("inf")
+        apart_rad = float(angle_between(np.array([azimuth, elevation]), np.array(sun)))
+        return apart_rad - self._sun_radius_rad
+
+    def step(self, t_s: float, wall_s: float) -> None:
+        """Observe, raise and clear, and tell what is due: where no executive acts on it."""
+        self.book.held = wall_s - self._executive_s < SILENT_S
+        self.observe(t_s, wall_s)
+        self.recovery.step(t_s)
+
+    def _notify(self, event: str, alarm: Alarm) -> None:
+        # Called while the night is stepped: what an operator receives never waits for a server.
+        t_s = self._t_s if alarm.notified_t_s is None else alarm.notified_t_s
+        self._send(event, alarm.name, alarm.level, alarm.message, alarm.ask, utc_text(t_s))
+
+    def _send(self, *message: Any) -> None:
+        self._tell(self.hooks.put(*message))
+
+    def test(self, now_s: float) -> str:
+        """Send a message by every way; return its time and the ways."""
+        utc = utc_text(now_s)
+        words = "a test of the ways out of the station"
+        self._send("test", "test_alarms", 0, words, "nothing: it was requested", utc)
+        return f"{utc} {', '.join(way.name for way in self.hooks.ways) or NO_WAY}"
+
+    def report(self) -> Report:
+        """Return the worst level that is not acknowledged, the alarms in words, and since when."""
+        lasting = self.book.lasting
+        level = max((each.level for each in lasting if not each.acknowledged), default=0)
+        words = "; ".join(f"{each.name}: {each.message}" for each in lasting)
+        return Report(
+            Level(level), words or "none", {each.name: f"raised {utc_text(each.raised_t_s)}" for each in lasting}
+        )
+
+    def computer(self) -> Report:
+        """Return whether disk and memory of the computer suffice."""
+        alarms = (each for each in self.book.lasting if each.name in ("full_disk", "low_memory"))
+        words, disk_mb = "; ".join(each.message for each in alarms), 1e3 * self.healths["disk"]["free_gb"]
+        free = {"disk_free_mb": disk_mb, "memory_free_mb": free_memory_mb()}
+        return Report(
+            Level(bool(words)), words or "ok", {name: round(each) for name, each in free.items() if each < 1e12}
+        )
+
+
+def free_memory_mb() -> float:
+    """Return the memory that programs may still take; unlimited where it is unknown."""
+    try:
+        lines = MEMORY.read_text(encoding="ascii").splitlines()
+        free = next(line for line in lines if line.startswith("MemAvailable:"))
+        return float(free.split()[1]) / 1024.0
+    except (OSError, StopIteration):
+        return float("inf")
