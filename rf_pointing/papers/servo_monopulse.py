@@ -6,7 +6,7 @@ has the paper's size.
 """
 
 import math
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -112,23 +112,14 @@ def _mistuning() -> list[Row]:
         "measured conflict: a notch below the mode leads it, one above is benign; the residue that gives beta = 0.33 its "
         f"limit makes this one.  Sampled at 10 Hz with 0.1 s delay the loop at 0.4 Hz is stable ({bounded:.2f} mdeg)"
     )
-    common = {"source": "BWG Sec. IV-B", "unit": "Hz", "bound": ">="}
+    limit = partial(Row, source="BWG Sec. IV-B", unit="Hz", bound=">=", paper=0.4, tolerance=0.0)
     return [
-        Row(
-            quantity="stability limit, notch 10 % high",
-            paper=0.4,
-            ours=high,
-            tolerance=0.0,
-            **common,
-        ),  # type: ignore[arg-type]
-        Row(
+        limit(quantity="stability limit, notch 10 % high", ours=high),
+        limit(
             quantity="stability limit, notch 10 % low",
-            paper=0.4,
             ours=low,
-            tolerance=0.0,
             remark=conflict,
             explained=low < 0.4 <= high and bounded < 1.0,
-            **common,  # type: ignore[arg-type]
         ),
     ]
 
