@@ -83,14 +83,10 @@ class OperatorPage(ManagedNode):
         self.listen(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         token, path = read_token("token_file", params.token_file, self.lock.path.with_suffix(".token"))
         self._server = PageServer(params, token)
-        self._at_cleanup.callback(self._close)
+        self._at_cleanup.callback(setattr, self, "_server", None)
+        self._at_cleanup.callback(self._server.close)
         self.diagnostics.add_report("page", lambda: report(self._server))
         self.get_logger().info(f"operator's page at {self._server.address}; the token of commands is in {path}")
-
-    def _close(self) -> None:
-        if self._server is not None:
-            self._server.close()
-        self._server = None
 
     def turn(self) -> float:
         if self._server is None:

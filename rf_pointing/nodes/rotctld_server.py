@@ -86,17 +86,13 @@ class RotctldServerNode(StationNode):
         file = params.password_file
         password = read_token("server.password_file", file, Path(file))[0] if file else ""
         self._server = RotctldServer(params, self._steering.view, self._inbox.put, self._refused.append, password)
-        self._at_deactivation.callback(self._close)
+        self._at_deactivation.callback(setattr, self, "_server", None)
+        self._at_deactivation.callback(self._server.close)
         self.get_logger().info(f"rotctld clients are served at {params.host}:{self._server.port}")
         self.every(PERIOD_S, self._step)
 
     def deactivate(self) -> None:
         self._steering.rest()
-
-    def _close(self) -> None:
-        if self._server is not None:
-            self._server.close()
-        self._server = None
 
     def turn(self) -> float:
         """Carry out what clients have requested since the last turn."""
