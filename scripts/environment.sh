@@ -28,20 +28,46 @@ digest() { cat "$@" | sha256sum | cut -d' ' -f1; }
 
 # once STAMP DIGEST MESSAGE COMMAND...: run the command unless it already succeeded for this digest.
 once() {
-  local stamp=$STATE/$1 want=$2 message=$3
+  local stamp=$STATE/$1 want=$2 message=$3 began=$SECONDS reporter='' status=0
   shift 3
   [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$want" ] && return
   say "$message"
-  "$@" >>"$LOG" 2>&1 || { tail -n 15 "$LOG" >&2; die "set-up step '$*' failed; the whole log is $LOG"; }
+  # Without job control a command in the background would not hear Ctrl-C: the report is there, the work is here.
+  if [ -t 2 ]; then report_progress & reporter=$!; fi
+  "$@" >>"$LOG" 2>&1 || status=$?
+  [ -z "$reporter" ] || { kill "$reporter"; wait "$reporter" || true; printf '\r\033[K' >&2; } 2>/dev/null
+  [ $status = 0 ] || { tail -n 15 "$LOG" >&2; die "set-up step '$*' failed; the whole log is $LOG"; }
+  say "done in $((SECONDS - began)) s"
   echo "$want" >"$stamp"
 }
 
+# The seconds and the last line of the log, each second, until it is ended.
+report_progress() {
+  local began=$SECONDS
+  while sleep 1; do
+    printf '\r\033[K  %s s: %.70s' $((SECONDS - began)) "$(tail -n 1 "$LOG" | tr -dc '[:print:]')" >&2
+  done
+}
+
+# install_wheels LIST...: the pinned wheels of these lists of requirements/.  Python compiles what is imported, not all.
+install_wheels() {
+  local lists=() name
+  for name in "$@"; do lists+=(-r "$ROOT/requirements/$name.txt"); done
+  "$STATE/env/bin/python" -m pip install --disable-pip-version-check --no-input --no-compile --no-cache-dir \
+    "${lists[@]}" -c "$ROOT/requirements/lock.txt"
+}
+
 make_wheel_environment() {
-  local r=$ROOT/requirements
-  python3 -m venv --clear "$STATE/env" &&
-    "$STATE/env/bin/python" -m pip install --disable-pip-version-check --no-input \
-      -r "$r/ros.txt" -r "$r/numeric.txt" -r "$r/runtime.txt" -r "$r/test.txt" -r "$r/extras.txt" -c "$r/lock.txt" &&
-    mend_cmake_exports
+  python3 -m venv --clear "$STATE/env" && install_wheels ros numeric runtime && mend_cmake_exports && shrink_environment
+}
+
+# The wheels of ROS bring the same libraries up to eight times, and a link as a copy: 60 MB.  Others bring their tests: 30 MB.
+shrink_environment() {
+  local sum file before='' first=''
+  find "$STATE"/env/lib/python3.*/site-packages/{numpy,scipy,matplotlib} -depth -type d -name tests -exec rm -r {} +
+  find "$STATE/env/lib" -type f -name '*.so*' -size +100k -exec sha256sum {} + | sort | while read -r sum file; do
+    if [ "$sum" = "$before" ]; then ln -f "$first" "$file"; else before=$sum first=$file; fi
+  done
 }
 
 # Never under running nodes: what they import later would be of another version, or gone.
@@ -64,9 +90,20 @@ mend_cmake_exports() {
 }
 
 add_python_libraries() {
-  python3 -m pip install --disable-pip-version-check --no-input --upgrade --target "$STATE/python" \
-    --no-deps -r "$ROOT/requirements/runtime.txt" -r "$ROOT/requirements/test.txt" \
-    -r "$ROOT/requirements/beside-jazzy.txt"
+  local lists=() name
+  for name in "$@"; do lists+=(-r "$ROOT/requirements/$name.txt"); done
+  python3 -m pip install --disable-pip-version-check --no-input --upgrade --target "$STATE/python" --no-deps "${lists[@]}"
+}
+
+# What scripts/check, scripts/test and benchmarks/ need beside it.
+add_test_libraries() {
+  local r=$ROOT/requirements
+  if has_jazzy; then
+    once test-libraries "$(digest "$r"/{test,beside-jazzy}.txt)" "adding the libraries of the tests" add_python_libraries test
+  else
+    once env/test-wheels "$(digest "$r"/{test,extras,lock}.txt)" "adding the wheels of the tests (500 MB, once)" \
+      install_wheels test extras
+  fi
 }
 
 # Whether ROS itself, as found so far, has a package; what was built here before does not count.
@@ -78,14 +115,27 @@ distributed() {
   return 1
 }
 
-build_workspace() {
-  # Links to files that are gone since the last build would fail it; the Python package is made anew in seconds.
-  rm -rf "$STATE/build/rf_pointing" "$STATE/install/rf_pointing"
-  local packages=(. msg_defs)
-  distributed tf2_msgs || packages+=(extern/tf2_msgs)
-  cd "$ROOT" && "$@" --log-base "$STATE/log" build --base-paths "${packages[@]}" --symlink-install \
-    --build-base "$STATE/build" --install-base "$STATE/install" \
+# colcon_build FOLDER...: the packages there.  Without MAKEFLAGS colcon asks make to wait for an idle machine.
+# colcon_build ARGUMENT...: without MAKEFLAGS colcon asks make to wait for an idle machine.
+colcon_build() {
+  cd "$ROOT" && MAKEFLAGS=-j$(nproc) colcon --log-base "$STATE/log" build \
+    --build-base "$STATE/build" --install-base "$STATE/install" "$@" \
     --cmake-args "-DPython3_EXECUTABLE=$(command -v python3)" -DBUILD_TESTING=OFF
+}
+
+# What was generated and compiled on the way is 60 MB and not used again.
+build_interfaces() {
+  local packages=(msg_defs) folders
+  distributed tf2_msgs || packages+=(extern/tf2_msgs)
+  folders=("$STATE"/{build,install}/{rf_pointing_msgs,tf2_msgs})
+  rm -rf "${folders[@]}"
+  colcon_build --base-paths "${packages[@]}" && rm -rf "${folders[@]:0:2}"
+}
+
+# Links to files that are gone since the last build would fail it; the Python package is made anew in seconds.
+build_workspace() {
+  rm -rf "$STATE/build/rf_pointing" "$STATE/install/rf_pointing"
+  colcon_build --base-paths . --symlink-install
 }
 
 enter_wheel_environment() {
@@ -93,8 +143,8 @@ enter_wheel_environment() {
     need "python3 -c 'import ensurepip, venv, sys; assert (3, 11) <= sys.version_info < (3, 15)'" python3 python3-venv
   need "command -v g++ && command -v make" g++ make
   need "command -v cmake" cmake
-  once wheels "$(digest "$ROOT"/requirements/*.txt <(environment_python))" \
-    "building the Python environment from pinned wheels (about two minutes, once)" replace_wheel_environment
+  once wheels "$(digest "$ROOT"/requirements/{ros,numeric,runtime,lock}.txt <(environment_python))" \
+    "building the Python environment from pinned wheels (450 MB, about a minute, once)" replace_wheel_environment
   export VIRTUAL_ENV=$STATE/env PATH=$STATE/env/bin:$PATH
   # Setting these here spares every process the bootstrap that would start Python a second time to set them.
   LD_LIBRARY_PATH=$(printf '%s:' "$STATE"/env/lib "$STATE"/env/lib/python3.*/site-packages/ros_*.libs)${LD_LIBRARY_PATH:-}
@@ -106,11 +156,12 @@ enter_jazzy_environment() {
   need "python3 -m pip --version" python3-pip
   need "python3 -c 'import numpy, scipy, matplotlib, yaml, requests, aiohttp'" python3-numpy python3-scipy python3-matplotlib \
     python3-yaml python3-requests python3-aiohttp
-  once python-libraries "$(digest "$ROOT"/requirements/*.txt)" \
-    "adding the Python libraries that have no Debian package" add_python_libraries
+  once python-libraries "$(digest "$ROOT"/requirements/{runtime,beside-jazzy}.txt)" \
+    "adding the Python libraries that have no Debian package" add_python_libraries runtime beside-jazzy
   export PYTHONPATH=$STATE/python${PYTHONPATH:+:$PYTHONPATH}
 }
 
+# enter_environment [tests]
 enter_environment() {
   mkdir -p "$STATE"
   exec 9>"$STATE/lock"
@@ -125,10 +176,14 @@ enter_environment() {
   else
     enter_wheel_environment
   fi
-  local sources
-  sources=$(find "$ROOT/msg_defs" "$ROOT/extern" "$ROOT/config" "$ROOT/launch" -type f | sort)
-  once workspace "$how $(echo "$sources" | sha256sum | cut -c1-16) $(digest "$ROOT"/setup.* "$ROOT"/package.xml \
-    $(find "$ROOT/msg_defs" "$ROOT/extern" -type f | sort))" "building rf_pointing and its interfaces" build_workspace colcon
+  [ "${1:-}" != tests ] || add_test_libraries
+  local interfaces sources
+  interfaces=$(find "$ROOT/msg_defs" "$ROOT/extern" -type f | sort)
+  sources=$(find "$ROOT/config" "$ROOT/launch" -type f | sort)
+  # shellcheck disable=SC2086
+  once interfaces "$how $(digest <(echo "$interfaces") $interfaces)" "building the interfaces (a minute, once)" build_interfaces
+  once workspace "$how $(digest <(echo "$sources") "$ROOT"/setup.* "$ROOT/package.xml" "$STATE/interfaces")" \
+    "building rf_pointing" build_workspace
   set +u
   # shellcheck disable=SC1091
   . "$STATE/install/local_setup.bash"

@@ -19,7 +19,9 @@ make_wheel_environment() {
   chmod +x "$STATE/env/bin/python"
   echo made >> "$STATE/made"
 }
-build_workspace() { mkdir -p "$STATE/install"; touch "$STATE/install/local_setup.bash"; }
+install_wheels() { echo "$@" >> "$STATE/added"; }
+build_interfaces() { mkdir -p "$STATE/install"; touch "$STATE/install/local_setup.bash"; echo built >> "$STATE/interfaces-built"; }
+build_workspace() { :; }
 """.replace("VERSION", platform.python_version())
 
 
@@ -27,9 +29,10 @@ build_workspace() { mkdir -p "$STATE/install"; touch "$STATE/install/local_setup
 def root(tmp_path: Path) -> Path:
     (tmp_path / "scripts").mkdir()
     shutil.copy(ROOT / "scripts/environment.sh", tmp_path / "scripts")
-    for folder in ("requirements", "msg_defs", "extern", "config", "launch"):
+    shutil.copytree(ROOT / "requirements", tmp_path / "requirements")
+    for folder in ("msg_defs", "extern", "config", "launch"):
         (tmp_path / folder).mkdir()
-        (tmp_path / folder / "one.txt").write_text("numpy==1.0\n")
+        (tmp_path / folder / "one.txt").touch()
     for name in ("setup.py", "setup.cfg", "package.xml"):
         (tmp_path / name).touch()
     return tmp_path
@@ -54,6 +57,28 @@ def test_environment_is_made_once_and_whatever_python_comes_first_on_the_path(ro
     assert times_made(root) == 1
 
 
+def test_wheels_of_the_tests_come_with_the_tests_and_stay_as_long_as_the_environment(root: Path) -> None:
+    added = root / ".ros/added"
+    enter(root)
+    assert not added.exists()
+    for _ in range(2):
+        enter(root, "enter_environment tests")
+    assert added.read_text() == "test extras\n"
+
+
+def test_interfaces_are_built_again_only_if_one_changed(root: Path) -> None:
+    enter(root)
+    (root / "setup.py").write_text("# another executable\n")
+    enter(root)
+    (root / "launch/other.py").touch()
+    enter(root)
+    built = root / ".ros/interfaces-built"
+    assert built.read_text().count("built") == 1
+    (root / "msg_defs/one.txt").write_text("float64 angle\n")
+    enter(root)
+    assert built.read_text().count("built") == 2
+
+
 def test_environment_in_use_is_not_replaced(root: Path) -> None:
     enter(root)
     # As scripts/run does: the process replaces the shell and keeps its lock.
@@ -64,7 +89,7 @@ def test_environment_in_use_is_not_replaced(root: Path) -> None:
     try:
         assert running.stdout is not None
         assert running.stdout.readline() == b"in\n"
-        (root / "requirements/one.txt").write_text("numpy==2.0\n")
+        (root / "requirements/runtime.txt").write_text("numpy==2.0\n")
         refused = enter(root)
         assert refused.returncode == 1
         assert "processes run from it: end them first" in refused.stderr
