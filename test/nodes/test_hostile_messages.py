@@ -6,6 +6,7 @@ added or overwritten by a number beyond anything.  The operator's page has the s
 
 import math
 import os
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -57,6 +58,9 @@ from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.topic_drive import TopicDrive
 
 PAYLOADS, BASES, WORK_EVERY = 1000, 50, 25
+# Made by whoever needs it first, gone with this process.
+_FOLDER = tempfile.TemporaryDirectory()
+PARTNERS_KEY = f"{_FOLDER.name}/partners.key"
 NODES: dict[Any, dict[str, Any]] = {
     AntennaServo: {},
     BiasCalibrator: {},
@@ -71,7 +75,7 @@ NODES: dict[Any, dict[str, Any]] = {
     StationExecutive: {
         "executive.record": False,
         "executive.partners": "gs2",
-        "executive.partners_key_file": "partners.key",
+        "executive.partners_key_file": PARTNERS_KEY,
     },
     RotctldServerNode: {"server.port": 0},
     ArrayReceiver: {},
@@ -176,7 +180,7 @@ def fill(message: Any, random: Random, now_s: float) -> None:
         message.covariance = [0.0] * len(message.terms) ** 2
     elif isinstance(message, (Schedule, ExecutiveStatus)):
         topic = "schedule" if isinstance(message, Schedule) else "executive_status"
-        CommandKey(CommandKeyParams(command_key_file="partners.key")).sign_claim(message, topic, "gs2")
+        CommandKey(CommandKeyParams(command_key_file=PARTNERS_KEY)).sign_claim(message, topic, "gs2")
     elif isinstance(message, ArraySnapshots):
         message.elements, message.snapshots = DishArrayParams().elements, int(random.integers(8, 40))
         for name in ("samples_i", "samples_q"):

@@ -24,8 +24,8 @@ from rf_pointing.station.description.urdf import size_m, urdf
 
 TFMessage = pytest.importorskip("tf2_msgs.msg", reason="ROS without tf2").TFMessage
 NAMESPACE = "/gs4"
-UNNAMED = {"joint_trajectory", "/diagnostics"}
-"""Their frame_id is the commander's name; nothing."""
+UNNAMED = {"joint_trajectory", "schedule", "executive_status", "/diagnostics", "alarms"}
+"""Their frame_id is the name of the commander or of the antenna; nothing."""
 
 
 def rotation(q: Quaternion) -> Rotation:

@@ -45,7 +45,7 @@ def test_truth_travels_under_sim_only_and_comes_from_the_source(name: str) -> No
 def test_stations_of_the_tripulse_graph_are_those_of_its_parameter_file() -> None:
     sections = read_parameter_files([ROOT / "config" / "tripulse.yaml"])
     receivers = [node for node in ARRAY_SYSTEMS["tripulse"].nodes if "/" in node]
-    stations = [receiver.split("/")[0] for receiver in receivers]
+    stations = tuple(receiver.split("/")[0] for receiver in receivers)
     for node in ("tripulse_source", "tripulse_attitude"):
         assert sections[node]["stations.names"] == stations
 
