@@ -185,35 +185,6 @@ def test_commands_that_stop_are_carried_on_for_a_second_and_end_in_a_stop(driven
     assert subject.device.model.reversals == [0, 0], "a stop does not turn back"
 
 
-def test_stop_pause_disable_park_and_stow_are_five_different_things(driven) -> None:
-    subject = driven("hamlib")
-    antenna = subject.antenna
-    subject.move()
-    subject.run(2.0)
-    assert antenna.pause() == ""
-    subject.run(2.0)
-    paused = subject.true_deg
-    subject.run(1.0)
-    assert subject.mode == "paused"
-    assert subject.true_deg == pytest.approx(paused, abs=0.05)
-    assert antenna.resume() == ""
-    subject.run(3.0)
-    assert subject.mode == "tracking"
-    antenna.stop("stop was requested")
-    subject.run(4.0, lambda: subject.mode == "fault")
-    subject.path = None
-    subject.run(1.5)
-    assert antenna.reset_fault() == ""
-    assert antenna.disable() == ""
-    subject.run(3.0, lambda: subject.mode == "disabled")
-    assert antenna.resume() == ""
-    assert antenna.stow() == ""
-    subject.run(1.0)
-    assert subject.mode == "stowing"
-    subject.run(30.0, lambda: subject.mode == "stowed")
-    assert subject.true_deg[1] == pytest.approx(90.0, abs=0.1)
-
-
 def test_the_hard_limit_stops_the_device(driven) -> None:
     subject = driven("hamlib")
     subject.run(1.0)
