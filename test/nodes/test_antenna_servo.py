@@ -262,7 +262,7 @@ def test_faults_are_injected_into_the_simulated_drive_alone(on_drive) -> None:
     assert "needs drive.type=simulated" in bench.health("state").message
 
 
-def test_a_simulated_rotator_is_kept_connected_publishes_its_truth_and_feels_the_wind(on_drive) -> None:
+def test_a_simulated_rotator_is_kept_connected_publishes_its_truth_and_has_no_anemometer_to_hear(on_drive) -> None:
     own = {"antenna.start_azimuth_deg": 20.0}
     bench = on_drive(real_time=False, own=own, type="simulated_rotator")
     assert bench.step("configure")
