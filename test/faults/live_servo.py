@@ -8,8 +8,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Vector3Stamped
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import SetParametersAtomically
 from rf_pointing_msgs.msg import AntennaStatus
 from rf_pointing_msgs.srv import InjectFault
 from sensor_msgs.msg import JointState
@@ -47,7 +45,6 @@ class Servo:
         self.caller = Caller(live.node, self.key)
         self.live, self.status, self.joints = live, AntennaStatus(), []
         self.simulated, self.wind_m_s = simulated, 3.0
-        self.travel_max_deg = [223.0, 91.5 if simulated else 90.0]
         self.said: dict[str, str] = {}
         self.commanders = DiagnosticStatus()
         self.seen: list[AntennaStatus] = []
@@ -127,24 +124,6 @@ class Servo:
         answer = self.ask("inject_fault", InjectFault, InjectFault.Request(fault=fault, value=value))
         assert answer.success
         return float(answer.message.split()[-1])
-
-    def retune(self, name: str, value: list[float]) -> None:
-        """Set limits of the commands, which needs drives that are disabled, and enable them again."""
-        if self.status.mode != "disabled":
-            assert self.ask("disable").success
-            self.mode("disabled")
-        reason = self.set_limits(name, value)
-        assert not reason, reason
-        assert self.ask("resume").success
-
-    def set_limits(self, name: str, value: list[float]) -> str:
-        """Set limits of the commands, and return "" or why they are refused."""
-        content = ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=value)
-        request = SetParametersAtomically.Request(
-            parameters=[Parameter(name=f"loops.preprocessor.{name}", value=content)]
-        )
-        answer = self.ask("set_parameters_atomically", SetParametersAtomically, request).result
-        return "" if answer.successful else str(answer.reason)
 
     def fault_at(self) -> float:
         """Return when the latched fault was seen, by the servo's own ticks."""

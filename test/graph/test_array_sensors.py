@@ -167,68 +167,23 @@ def test_relative_poses_arrive_and_agree_with_the_truth(bench: Callable[[str], B
 
 
 NAN = float("nan")
-
-
-def nan_first(values: Any) -> list[float]:
-    return [NAN, *list(values)[1:]]
-
-
-BAD: list[tuple[str, str, str, str, Callable[[Any], Any], str]] = [
-    ("tripulse", "usingen/tripulse_receiver", "usingen/tripulse_frame", "samples_i", nan_first, "samples_i"),
-    (
-        "tripulse",
-        "usingen/tripulse_receiver",
-        "usingen/tripulse_frame",
-        "station",
-        lambda _: "nowhere",
-        "station='nowhere' must be 'usingen'",
-    ),
-    ("tripulse", "tripulse_attitude", "usingen/tripulse_measurement", "covariance", nan_first, "covariance"),
-    (
-        "doa",
-        "doa_attitude",
-        "array_snapshots",
-        "samples_q",
-        lambda v: list(v)[1:],
-        "samples: 1200 I and 1199 Q, must be 1200 of each",
-    ),
-    ("doa", "doa_attitude", "known_torque", "control_torque", nan_first, "control_torque"),
-    (
-        "interferometer",
-        "interferometer_tracker",
-        "interferometer_measurement",
-        "phase",
-        lambda v: list(v)[1:],
-        "phase has 161 values, must have 9 for each of 18 slots",
-    ),
-    (
-        "interferometer",
-        "interferometer_tracker",
-        "interferometer_measurement",
-        "coupling",
-        nan_first,
-        "coupling must be finite",
-    ),
+BAD: list[tuple[str, str, str, str, str]] = [
+    ("tripulse", "tripulse_attitude", "usingen/tripulse_measurement", "covariance", "covariance"),
+    ("doa", "doa_attitude", "known_torque", "control_torque", "control_torque"),
+    ("interferometer", "interferometer_tracker", "interferometer_measurement", "coupling", "coupling must be finite"),
 ]
+"""One of each system; what else is refused is the table of `test/array_sensors/nodes/test_convert.py`."""
 ESTIMATES = {"tripulse": "attitude", "doa": "attitude", "interferometer": "relative_pose"}
 
 
-@pytest.mark.parametrize(
-    ("name", "node", "topic", "field", "change", "words"), BAD, ids=[f"{n}-{t}-{f}" for n, _, t, f, *_ in BAD]
-)
+@pytest.mark.parametrize(("name", "node", "topic", "field", "words"), BAD, ids=[name for name, *_ in BAD])
 def test_bad_input_is_refused_with_its_reason_and_estimates_go_on(
-    bench: Callable[[str], Bench],
-    name: str,
-    node: str,
-    topic: str,
-    field: str,
-    change: Callable[[Any], Any],
-    words: str,
+    bench: Callable[[str], Bench], name: str, node: str, topic: str, field: str, words: str
 ) -> None:
     running = bench(name)
     running.wait(lambda: bool(running.messages[topic]), topic)
     bad = running.messages[topic][-1]
-    setattr(bad, field, change(getattr(bad, field)))
+    setattr(bad, field, [NAN, *list(getattr(bad, field))[1:]])
     running.send(topic, bad)
     running.wait(lambda: words in running.refused(node), f"the refusal of {field} by {node}")
     seen = len(running.messages[ESTIMATES[name]])

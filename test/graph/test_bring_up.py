@@ -3,12 +3,10 @@
 import subprocess
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-import yaml
 
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
 from lifecycle_msgs.msg import Transition
@@ -28,7 +26,6 @@ from rf_pointing.ros import convert_planning
 from rf_pointing.ros.graph import EXECUTIVE, NODES, TOPICS
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
-from rf_pointing.station.description import read_station
 from rf_pointing.station.pointing.certificates import pass_profile
 
 from .conftest import ask, executable
@@ -54,15 +51,18 @@ def station(live: SimpleNamespace) -> Any:
     names = list(NODES)
     started = live.start(names, text, state="configure", simulated=True)
     assert started.refused == []
-    # The held time reaches the nodes one by one, and a node without a time refuses to become active.
-    waiting = names[1:]
+    activate(live, started, names[1:])
+    return started
+
+
+def activate(live: SimpleNamespace, started: Any, waiting: list[str]) -> None:
+    """Activate nodes: the held time reaches them one by one, and one without a time refuses."""
 
     def activated() -> bool:
         waiting[:] = started.client.change(waiting, "activate", 30.0)
         return not waiting
 
     live.spin_until(activated, "activation")
-    return started
 
 
 def endpoints(node: Any, name: str, namespace: str) -> Iterator[str]:
@@ -197,27 +197,6 @@ def test_a_node_is_stopped_restarted_and_remapped_without_its_neighbour_noticing
             process.communicate(timeout=30)
 
 
-def test_a_pass_is_refused_while_a_node_runs_on_another_description(live: SimpleNamespace, tmp_path: Path) -> None:
-    other = tmp_path / "other.yaml"
-    read_station("dss13").write(other, {"mount.horizon_deg": [[0.0, 10.0]]})
-    own = {"/**/ephemeris_publisher": {"ros__parameters": {"station": str(other)}}}
-    live.start(["ephemeris_publisher", "pointing_controller"], yaml.safe_dump(own))
-    client = ActionClient(live.node, TrackPass, "track_pass")
-    live.spin_until(client.server_is_ready, "track_pass")
-    goal = TrackPass.Goal(target_pass=convert_planning.pass_to_message(first_pass()), sensor="program")
-    deadline_s = time.monotonic() + 20.0
-    message = ""
-    # The other node's latched declaration arrives when discovery is through.
-    while "different station descriptions" not in message and time.monotonic() < deadline_s:
-        sent = client.send_goal_async(goal)
-        live.spin_until(sent.done, "an answer")
-        result = sent.result().get_result_async()
-        live.spin_until(result.done, "the refusal")
-        message = result.result().result.message
-    assert "ephemeris_publisher on Goldstone DSS-13" in message
-    client.destroy()
-
-
 class Goal:
     """A live servo and a controller without an ephemeris, and what the controller makes of a goal."""
 
@@ -260,13 +239,7 @@ def test_simulated_time_waits_for_a_late_profile_and_nothing_moves_before_the_ce
     start_s = round(window.aos_t_s) - 1000.0
     text = f"/**/simulation_clock: {{ros__parameters: {{start_s: {start_s}, speed: 0.0, tick_s: 0.1}}}}"
     started = live.start(["simulation_clock", *Goal.NODES], text, state="configure", simulated=True)
-    waiting = list(Goal.NODES)
-
-    def activated() -> bool:
-        waiting[:] = started.client.change(waiting, "activate", 30.0)
-        return not waiting
-
-    live.spin_until(activated, "activation")
+    activate(live, started, list(Goal.NODES))
     assert started.client.change(["simulation_clock"], "activate", 20.0) == []
     # The streams of the nodes that are not there are given up after five seconds.
     live.spin_until(lambda: goal.t_s > start_s + 5.0, "simulated time")

@@ -26,8 +26,6 @@ from rf_pointing.simulation import PassLog, StationSetup, simulate_pass
 from .conftest import left_segments, processes_of, start_track
 
 pytestmark = pytest.mark.graph
-
-ROOT = Path(__file__).parents[2]
 DEADLINE_S = 280.0
 CBERS = ("--start", "2006-06-27T16:00:00", "--min-peak", "19", "--mask", "18.8")
 """The top of a pass of CBERS-2, two minutes away from the wind; the whole pass would take ten."""

@@ -18,7 +18,6 @@ from rclpy.signals import SignalHandlerOptions
 from rf_pointing.commands import check_drive, plan_passes
 from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.nodes.antenna_servo import AntennaServo
-from rf_pointing.nodes.pointing_controller import PointingControllerNode
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.simulation.pass_simulation import StationSetup
@@ -31,7 +30,6 @@ import parameter_page
 KINDS = parameter_page.node_classes()
 OF_STATION = [kind for kind in KINDS if "array_sensors" not in kind.__module__]
 UNCONFIGURED = LifecycleState(state_id=1, label="unconfigured")
-FOLDERS = ("executive.folder", "calibrator.folder", "executive.state_file")
 
 
 class Started:
@@ -145,16 +143,6 @@ def test_a_dump_gives_the_same_node_back(
 
 def as_plain(value: Any) -> Any:
     return list(value) if hasattr(value, "__iter__") and not isinstance(value, str) else value
-
-
-def test_another_number_than_the_description_gives_is_refused(started: Callable[..., Started], tmp_path: Path) -> None:
-    dumped = started(PointingControllerNode).dump()
-    changed = dumped | {"limits.azimuth_max_deg": dumped["limits.azimuth_max_deg"] + 1.0}
-    file = written(tmp_path / "dump.yaml", "/gs1/pointing_controller", changed)
-    node = started(PointingControllerNode, "--params-file", str(file)).node
-    assert node.parameters.reasons == [
-        "limits.azimuth_max_deg is given by the station description: mount.azimuth.travel_deg"
-    ]
 
 
 NEAREST = "no such parameter of antenna_servo; did you mean wrap_file?"

@@ -168,14 +168,6 @@ def test_what_a_partner_has_said_before_is_not_said_again(shared: Any) -> None:
     assert "10.5 s old" in bench.health("inputs").values["last_refusal"]
 
 
-def test_a_pass_that_has_not_risen_cannot_have_been_tracked(shared: Any) -> None:
-    bench, say = shared
-    say("tracked")
-    for later_s, taken in ((1.0, set()), (597.0, set()), (4.0, {"p0"})):
-        bench.run(later_s, 1.0)
-        assert bench.node.watch.night.taken == taken
-
-
 def test_schedule_and_status_bear_the_name_of_the_antenna(make: Callable[..., Any]) -> None:
     bench = make().up()
     bench.goal("run_schedule", RunSchedule.Goal(schedule=LIST))

@@ -11,34 +11,6 @@ from rf_pointing.operations.dictionary import TABLES, read_tables
 from rf_pointing.operations.recovery import Cause, Recovery, read_table
 
 NAMES = {"reset": (), "go": ("azimuth",)}
-TABLE = """
-version: 1
-actions:
-  reset: {send: reset, expect: {a.fault: ""}}
-causes:
-  fault:
-    when: {a.fault: {is_not: ""}}
-    for_s: ${fault_s}
-    do: [reset]
-    not_by_itself: hard
-    tries: 2
-    every_s: 10
-    text: "fault {a.fault}"
-    ask: look
-    night: wait
-    last: stop
-  silent:
-    when: {"*.silent_s": {above: "${node_silent_s}"}}
-    text: "{device} for {*.silent_s} s"
-    level: warning
-"""
-
-
-def recovery(**thresholds: Any) -> tuple[Recovery, ExpectedState]:
-    expected_state = ExpectedState()
-    return Recovery(
-        read_table(TABLE, NAMES, AlarmParams(**thresholds)), expected_state, AlarmBook(lambda *_: None)
-    ), expected_state
 
 
 def test_the_shipped_tables_belong_together_and_cover_what_they_must() -> None:

@@ -71,11 +71,6 @@ def test_a_pass_may_peak_at_its_ends_but_must_last(window: Pass, tca_s: float, l
             convert_planning.pass_from_message(message)
 
 
-def test_a_pass_from_the_wire_is_a_whole_one(window: Pass) -> None:
-    back = convert_planning.pass_from_message(convert_planning.pass_to_message(window))
-    assert (back.rises_before, back.sets_after) == (False, False)
-
-
 def test_a_scheduled_pass_reaches_the_wire_with_its_name_state_and_losses() -> None:
     item = ScheduledPass(
         id="7", target="25544", name="ISS", aos_t_s=1e9, los_t_s=1e9 + 600.0, priority=3, peak_rad=0.75

@@ -6,76 +6,47 @@ from typing import Any
 import pytest
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import Parameter
-from rclpy.task import Future
 
 from rf_pointing.ros import repeated_call
 from rf_pointing.ros.repeated_call import AGAIN_S, ParametersOf, RepeatedCall
 from test.nodes import bench
-
-
-class Time:
-    """Wall time of the test."""
-
-    def __init__(self) -> None:
-        self.now_s = 100.0
-
-    def monotonic(self) -> float:
-        return self.now_s
-
-
-class Service:
-    """A client whose service answers call number `answered` with `answer`, and loses what is before."""
-
-    def __init__(self, answered: int, answer: Any) -> None:
-        self.ready, self.calls, self.removed = True, [], []  # type: bool, list[Any], list[Any]
-        self._answered, self._answer = answered, answer
-
-    def service_is_ready(self) -> bool:
-        return self.ready
-
-    def call_async(self, request: Any) -> Future:
-        future: Future = Future()
-        self.calls.append(request)
-        if len(self.calls) == self._answered:
-            future.set_result(self._answer)
-        return future
-
-    def remove_pending_request(self, future: Future) -> None:
-        self.removed.append(future)
+from test.ros.fake_station import Wall
 
 
 @pytest.fixture
-def wall(monkeypatch: pytest.MonkeyPatch) -> Time:
-    wall = Time()
+def wall(monkeypatch: pytest.MonkeyPatch) -> Wall:
+    wall = Wall()
     monkeypatch.setattr(repeated_call, "time", wall)
     return wall
 
 
-def test_a_lost_answer_is_one_call_more_after_a_while(wall: Time) -> None:
-    service = Service(answered=2, answer="found")
+def test_a_lost_answer_is_one_call_more_after_a_while(wall: Wall) -> None:
+    service = bench.Service()
     call = RepeatedCall(service, "request")
-    assert (call.done(), call.done(), service.calls) == (False, False, ["request"])
+    assert (call.done(), call.done(), service.requests) == (False, False, ["request"])
     wall.now_s += 0.9 * AGAIN_S
-    assert (call.done(), len(service.calls)) == (False, 1)
+    assert (call.done(), len(service.requests)) == (False, 1)
     wall.now_s += 0.2 * AGAIN_S
-    assert call.done() or call.done()
-    assert (call.result(), len(service.calls), len(service.removed)) == ("found", 2, 1)
+    assert (call.done(), len(service.requests)) == (False, 2)
+    service.answer("found")
+    assert (call.done(), call.result(), service.futures[0].cancelled()) == (True, "found", True)
     wall.now_s += 10.0 * AGAIN_S
-    assert (call.done(), len(service.calls)) == (True, 2)
+    assert (call.done(), len(service.requests)) == (True, 2)
 
 
-def test_a_service_that_is_not_offered_is_not_called(wall: Time) -> None:
-    service = Service(answered=1, answer="found")
+def test_a_service_that_is_not_offered_is_not_called(wall: Wall) -> None:
+    service = bench.Service()
     service.ready = False
     call = RepeatedCall(service, "request")
     wall.now_s += 3.0 * AGAIN_S
-    assert (call.done(), call.made, call.result(), service.calls) == (False, False, None, [])
+    assert (call.done(), call.made, call.result(), service.requests) == (False, False, None, [])
     service.ready = True
     call.done()
+    service.answer("found")
     assert (call.done(), call.made, call.result()) == (True, True, "found")
 
 
-def test_parameters_of_another_node_are_read_every_period(wall: Time) -> None:
+def test_parameters_of_another_node_are_read_every_period(wall: Wall) -> None:
     service: Any = bench.Service()
     node: Any = SimpleNamespace(create_client=lambda _kind, _name: service)
     reader = ParametersOf(node, "pointing_controller", ["low", "unset", "mask"], 600.0)

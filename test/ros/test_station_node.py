@@ -30,15 +30,6 @@ def limits_of(node: Any, station: str = "dss13") -> ParameterGroups:
     return groups
 
 
-def test_parameters_begin_with_the_numbers_of_the_description(make_node: MakeNode) -> None:
-    node = make_node()
-    limits = limits_of(node).value("limits")
-    for name, value in read_station("dss13").parameters(CONTROLLER).items():
-        if name.startswith("limits."):
-            assert node.get_parameter(name).value == value
-    assert limits != AxisLimits(elevation_min_rad=0.5)
-
-
 def test_a_file_cannot_set_what_the_description_gives_and_says_where_it_is_given(make_node: MakeNode) -> None:
     node = make_node(given={"limits.azimuth_min_deg": -10.0})
     groups = limits_of(node)

@@ -1,6 +1,5 @@
 """A drive behind topics: what it sends to a vendor's node, and what it makes of the state that comes back."""
 
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -10,7 +9,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from rf_pointing.drives import DriveParams
-from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.topic_drive import TopicDrive
 
@@ -117,15 +115,3 @@ def test_a_state_older_or_newer_than_the_loss_of_the_device_is_none(bench: Bench
     assert bench.drive.problem == "", "a step that came late is not silence"
     bench.drive.step(NOW_S + 2.0 * lost_s + 0.03)
     assert "no message on drive/state for" in bench.drive.problem
-
-
-def test_the_state_of_a_vendors_node_arrives_with_the_periods(bench: Bench, make_node: Callable[..., Any]) -> None:
-    vendor = make_node("vendor")
-    states = vendor.create_publisher(JointState, "drive/state", STREAM)
-    message = JointState(name=list(NAMES), position=[1.0, 0.5])
-    message.header.stamp = stamp_from_seconds(NOW_S)
-    deadline_s = time.monotonic() + 20.0
-    while bench.drive.step(NOW_S) is None:
-        assert time.monotonic() < deadline_s
-        states.publish(message)
-    assert bench.drive.step(NOW_S).position_rad == (1.0, 0.5)

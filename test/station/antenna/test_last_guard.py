@@ -87,14 +87,6 @@ def test_a_position_behind_a_hill_is_reached_over_it() -> None:
     assert station.antenna.status(station.t_s).fault == ""
 
 
-def test_a_position_below_the_mask_is_refused_by_how_much_and_moves_nothing() -> None:
-    station = Station(40.0, 10.0)
-    words = "elevation 10.000 deg at azimuth 75.0 deg is 25.000 deg below the horizon mask"
-    assert station.go(75.0, 10.0, 1.0) == words
-    assert station.axes_deg == pytest.approx([40.0, 10.0], abs=0.002)
-    assert station.antenna.status(station.t_s).commands_accepted == 0
-
-
 @pytest.mark.parametrize("rate_deg_s", [0.05, 0.5, 1.7])
 def test_a_motion_that_runs_on_towards_a_hill_is_stopped_before_it_and_says_why(rate_deg_s: float) -> None:
     """Each message ends clear of the hill; where the last one would be carried on to is what only the guard sees."""
@@ -183,19 +175,6 @@ def test_a_steady_motion_towards_the_sun_is_stopped_at_its_zone() -> None:
     station.run(6.0)
     assert "from the Sun" in station.antenna.status(station.t_s).fault
     assert 4.0 * DEG - GUARD_RAD < station.nearest < 5.5 * DEG
-
-
-def test_the_sun_is_renewed_and_what_is_not_known_is_said() -> None:
-    solar = SolarDirection(SunParams())
-    first, later = solar.at(START_S), solar.at(START_S + 9.0)
-    assert first is not None
-    assert first == later
-    moved = solar.at(START_S + 60.0)
-    assert moved is not None
-    assert 0.1 * DEG < abs(moved[0] - first[0]) < 1.0 * DEG
-    assert solar.at(0.0) is None
-    assert solar.unknown
-    assert SolarDirection(SunParams(watched=False)).at(START_S) is None
 
 
 def follow(station: Station, path: list[tuple[float, float]]) -> None:

@@ -138,17 +138,3 @@ def test_the_file_is_written_after_half_a_degree_and_with_every_change_of_rest_o
     subject.fault = "brake"
     assert written() is not None
     assert written() is None
-
-
-def test_what_could_not_be_written_is_tried_again_and_told(tmp_path: Path) -> None:
-    folder = tmp_path / "state"
-    subject, memory = Standing(), AntennaMemory(str(folder / "s.json"))
-    folder.rmdir()
-    folder.write_text("no folder")
-    memory.keep(subject, START_S)  # type: ignore[arg-type]
-    assert memory.problem != ""
-    folder.unlink()
-    folder.mkdir()
-    memory.keep(subject, START_S)  # type: ignore[arg-type]
-    assert memory.problem == ""
-    assert (folder / "s.json").is_file()

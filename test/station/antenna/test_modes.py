@@ -83,16 +83,6 @@ def test_an_antenna_at_rest_or_on_its_way_there_takes_no_command(mode: AntennaMo
     assert clock.antenna.mode == mode
 
 
-def test_a_fault_outlasts_deactivation() -> None:
-    clock = enabled()
-    clock.antenna.stop("stop was requested")
-    clock.run(1.0)
-    clock.antenna.deactivate()
-    clock.antenna.enable()
-    assert clock.antenna.mode == "fault"
-    assert "fault latched" in clock.antenna.accept(ramp(clock.t_s), clock.t_s)
-
-
 def test_a_parked_antenna_is_stowed_in_high_wind_and_a_disabled_one_says_that_it_is_not() -> None:
     near = SafetyParams(park_azimuth_rad=STANDING[0], park_elevation_rad=STANDING[1] + 0.03, stow_elevation_rad=1.15)
     clock = enabled(safety=near)

@@ -137,6 +137,8 @@ def test_a_night_ends_with_its_report_once_and_with_a_result(tmp_path: Path, dis
     assert one.watch.result("")["report"] == ""
     assert one.watch.health()[:2] == (1, f"report {folder} cannot be written: No space left")
     disk.free = -1.0
+    one.step(2.0)
+    assert one.watch.alarms.healths["disk"] == {"free_gb": 0.0, "problem": "the disk is gone"}
 
 
 def test_a_list_replaces_the_schedule_unless_it_resumes_and_is_never_a_file(tmp_path: Path) -> None:
