@@ -171,24 +171,6 @@ def test_zeros_that_a_crashed_file_system_leaves_are_dropped(whole: Path, tmp_pa
     assert times(cut) == list(range(first.message_end_time + 1))
 
 
-def flat(path: Path, count: int) -> bytes:
-    """Write a file without chunks; return its bytes."""
-    with path.open("wb") as stream:
-        writer = McapWriter(stream, use_chunking=False)
-        writer.start(profile="ros2", library="independent")
-        channel = writer.register_channel("/a", "cdr", writer.register_schema("a/msg/B", "ros2msg", b"string c\n"))
-        for number in range(count):
-            writer.add_message(channel, number, bytes(64), number, number)
-        writer.finish()
-    return path.read_bytes()
-
-
-def chunk(data: bytes, start: int, end: int) -> bytes:
-    """Return a chunk without compression and checksum."""
-    content = struct.pack("<QQQIIQ", start, end, len(data), 0, 0, len(data)) + data
-    return struct.pack("<BQ", 6, len(content)) + content
-
-
 # Damage in the middle
 
 
