@@ -59,19 +59,6 @@ def test_from_slightly_outside_every_motion_inward_is_allowed(past_deg: float) -
     assert not gate(HILL).check("manual", under, deg((90.0, 24.0))).allowed
 
 
-def test_the_way_between_two_free_points_goes_over_the_hill_between_them() -> None:
-    decision = gate(HILL).check("slew", (60.0 * DEG, 10.0 * DEG), deg((120.0, 10.0)))
-    assert decision.allowed
-    corners = np.array(decision.way) / DEG
-    assert corners[-1] == pytest.approx([120.0, 10.0])
-    assert np.max(corners[:, 1]) > 30.0
-    here = (60.0 * DEG, 10.0 * DEG)
-    for corner in decision.way:
-        _, leg, _ = slew_path(Moving(1.0, here), corner, AXES)
-        assert np.all(leg[:, 1] >= HILL.lowest_all(leg[:, 0]) - 1e-9)
-        here = corner
-
-
 def test_a_free_way_has_no_corners_and_a_hill_as_high_as_the_travel_has_no_way() -> None:
     assert gate().check("slew", (0.0, 0.2), deg((100.0, 40.0))).way == ()
     walls = HorizonMask(azimuth_rad=(0.5, 1.0, 1.5, 3.5, 4.0, 4.5), elevation_rad=(0.0, 1.5, 0.0, 0.0, 1.5, 0.0))
@@ -80,20 +67,8 @@ def test_a_free_way_has_no_corners_and_a_hill_as_high_as_the_travel_has_no_way()
     assert "below the horizon mask on the way, and no detour is free" in refused.reason
 
 
-def test_a_slew_through_the_sun_is_led_round_it() -> None:
-    sun, here = (50.0 * DEG, 40.0 * DEG), (20.0 * DEG, 40.0 * DEG)
-    made = gate(sun_radius_rad=5.0 * DEG)
-    decision = made.check("slew", here, deg((80.0, 40.0)), sun_rad=sun)
-    assert decision.allowed
-    assert len(decision.way) > 1
-    for corner in decision.way:
-        for azimuth, elevation in slew_path(Moving(1.0, here), corner, AXES)[1].tolist():
-            near = math.acos(
-                math.sin(elevation) * math.sin(sun[1])
-                + math.cos(elevation) * math.cos(sun[1]) * math.cos(azimuth - sun[0])
-            )
-            assert near >= 5.0 * DEG - 1e-9
-        here = corner
+def test_the_zone_of_the_sun_is_no_goal_but_of_a_stow_and_may_be_left() -> None:
+    sun, made = (50.0 * DEG, 40.0 * DEG), gate(sun_radius_rad=5.0 * DEG)
     aimed = made.check("slew", (20.0 * DEG, 40.0 * DEG), deg((53.0, 40.0)), sun_rad=sun)
     assert "2.298 deg from the Sun, must be >= 5.000 deg" in aimed.reason
     assert made.check("track", sun, deg((53.0, 40.0)), sun_rad=sun).allowed, "out of the Sun's zone is inward"
