@@ -77,7 +77,7 @@ def level(azimuth_rad: np.ndarray) -> np.ndarray:
     ],
 )
 def test_every_pass_is_that_of_the_single_search(options: dict, horizon: Any) -> None:
-    """A level horizon too is the mask of its height, where the search of one object takes the number."""
+    """A level horizon is the mask of its height: there the search of one object takes the number."""
     orbits, place = random_orbits(8), site("Canberra DSS-43")
     found = find_catalogue_passes(orbits, place, START_T_S, DAY_S, horizon, **options)
     mask = MASK_RAD if horizon is level else horizon

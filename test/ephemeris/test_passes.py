@@ -229,7 +229,7 @@ def test_a_pass_crosses_north_where_its_azimuths_are_of_two_turns(
 def test_a_pass_states_what_the_track_does_between_its_rise_and_its_set(
     track: TopocentricTrack, cbers: Elements
 ) -> None:
-    """By brute force every 0.02 s; the pass is found from samples a second apart.  The last one is cut off."""
+    """By brute force every 0.02 s; passes are found from samples a second apart, the last is cut off."""
     passes = find_passes(track, cbers.epoch_t_s, DAY_S, MASK_RAD)
     assert [one.sets_after for one in passes] == [False] * 4 + [True]
     for found in passes:
