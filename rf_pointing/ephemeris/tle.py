@@ -82,7 +82,8 @@ def tle_columns(line: str) -> list[str]:
 
 def _name_in(line: str, before: str) -> str:
     """Return the name that a line of text gives to the elements below it."""
-    key = re.match(r"(\w+)\s*=\s*(.*)", line)
+    # The keys of Gpredict's files; any other text with an equals sign is a name.
+    key = re.match(r"(name|tle0|nickname|version|website|status)\s*=\s*(.*)", line, re.IGNORECASE)
     if key is None:
         return line.removeprefix("0 ").strip(" \"',")
     return key[2] if key[1].casefold() in ("name", "tle0") else before

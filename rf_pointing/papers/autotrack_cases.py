@@ -61,14 +61,22 @@ def moved_mount(band: str, right_rad: float, up_rad: float) -> dict[str, object]
     `up_rad` in elevation.
     """
     known = read_model(model_file(band)).model
-    mount = {item.name: known.coefficients[item.name.rsplit("_", 1)[0]] for item in dataclasses.fields(MountParams)}
+    mount = {
+        item.name: known.coefficients[item.name.rsplit("_", 1)[0]]
+        for item in dataclasses.fields(MountParams)
+    }
     # Collimation moves the beam in cross-elevation by the same angle at every elevation; an azimuth
     # offset would not.
     mount["collimation_rad"] += right_rad
     mount["elevation_offset_rad"] += up_rad
-    degrees = {name: (name.removesuffix("_rad") + "_deg", math.degrees(value)) for name, value in mount.items()}
+    degrees = {
+        name: (name.removesuffix("_rad") + "_deg", math.degrees(value))
+        for name, value in mount.items()
+    }
     return {
-        f"mount.{as_degrees if name.endswith('_rad') else name}": in_degrees if name.endswith("_rad") else mount[name]
+        f"mount.{as_degrees if name.endswith('_rad') else name}": in_degrees
+        if name.endswith("_rad")
+        else mount[name]
         for name, (as_degrees, in_degrees) in degrees.items()
     }
 
@@ -80,7 +88,9 @@ def low_orbit_pass(peak_deg: float = 40.0, mask_deg: float = 40.0) -> Pass:
     """
     source = SourceParams()
     begin_s = load_elements(source).epoch_t_s
-    return first_pass_above(load_track(source), begin_s, math.radians(peak_deg), math.radians(mask_deg), 2.0 * 86400.0)
+    return first_pass_above(
+        load_track(source), begin_s, math.radians(peak_deg), math.radians(mask_deg), 2.0 * 86400.0
+    )
 
 
 def fly(case: Case, window: Pass, heard: Callable[[Reception], object] | None = None) -> PassLog:
@@ -89,7 +99,9 @@ def fly(case: Case, window: Pass, heard: Callable[[Reception], object] | None = 
     `heard` gets everything from the receiver.
     """
     short = dataclasses.replace(window, los_t_s=min(window.aos_t_s + case.seconds, window.los_t_s))
-    changes: dict[str, dict[str, object]] = {node: dict(values) for node, values in case.changes.items()}
+    changes: dict[str, dict[str, object]] = {
+        node: dict(values) for node, values in case.changes.items()
+    }
     # Start at rest on the first point of the pass: the slew to it is not part of the case.
     changes.setdefault("antenna_servo", {}).update(
         {
@@ -105,7 +117,9 @@ def fly(case: Case, window: Pass, heard: Callable[[Reception], object] | None = 
 
 def first_time_s(log: PassLog, mode: str) -> float:
     """Return the time at which a mode was first entered, infinite if never."""
-    return next((t_s for t_s, name in zip(log.t_s, log.mode, strict=True) if name == mode), math.inf)
+    return next(
+        (t_s for t_s, name in zip(log.t_s, log.mode, strict=True) if name == mode), math.inf
+    )
 
 
 def acquired_s(log: PassLog, within_rad: float) -> float:
@@ -139,4 +153,6 @@ def reacquisitions_s(log: PassLog, mode: str) -> Array:
     silent = level <= 0.0
     back = times[1:][silent[:-1] & ~silent[1:]]
     tracking = times[np.array(log.mode) == mode]
-    return np.array([float(np.min(tracking[tracking >= t_s], initial=math.inf)) - t_s for t_s in back])
+    return np.array(
+        [float(np.min(tracking[tracking >= t_s], initial=math.inf)) - t_s for t_s in back]
+    )

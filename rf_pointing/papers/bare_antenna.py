@@ -36,8 +36,12 @@ class BareAntenna:
         """Move through tick `k` and return the rate commands (2,) in force during it."""
         encoder_rad = self.plant.encoder_rad
         rates = self._rates(k, encoder_rad)
-        azimuth_rad, elevation_rad = encoder_rad.tolist() if self._attitude is None else self._attitude(k)
-        self.plant.step(rates, self._wind.step(self._tick_s, azimuth_rad, elevation_rad), self._tick_s)
+        azimuth_rad, elevation_rad = (
+            encoder_rad.tolist() if self._attitude is None else self._attitude(k)
+        )
+        self.plant.step(
+            rates, self._wind.step(self._tick_s, azimuth_rad, elevation_rad), self._tick_s
+        )
         return rates
 
 
@@ -46,7 +50,9 @@ class LawsOnCommand:
     for `BareAntenna`.
     """
 
-    def __init__(self, laws: Sequence[AnyLaw], tick_s: float, command: Callable[[int], Command]) -> None:
+    def __init__(
+        self, laws: Sequence[AnyLaw], tick_s: float, command: Callable[[int], Command]
+    ) -> None:
         self._laws, self._tick_s, self._command = laws, tick_s, command
 
     def __call__(self, k: int, encoder_rad: Array) -> list[float]:

@@ -49,7 +49,9 @@ class Row:
         if not (math.isfinite(self.factor) and self.factor >= 1.0):
             raise ValueError(f"factor={self.factor} must be finite and >= 1")
         if self.factor > 1.0 and (self.bound != "==" or self.tolerance > 0.0 or self.paper <= 0.0):
-            raise ValueError(f"factor={self.factor} goes with a positive number, without bound and tolerance")
+            raise ValueError(
+                f"factor={self.factor} goes with a positive number, without bound and tolerance"
+            )
         if self.explained and not self.remark:
             raise ValueError(f"explained={self.explained} needs a remark for {self.quantity!r}")
 
@@ -93,10 +95,14 @@ def as_table(rows: Sequence[Row]) -> str:
         lines.append(_line(cell, widths))
         if row.remark:
             # Below the row: a column of remarks would be wider than any terminal.
-            lines += textwrap.wrap(row.remark, WIDTH, initial_indent="    ", subsequent_indent="    ")
+            lines += textwrap.wrap(
+                row.remark, WIDTH, initial_indent="    ", subsequent_indent="    "
+            )
     kept = sum(row.holds for row in rows)
     explained = sum(row.explained and not row.holds for row in rows)
-    lines.append(f"{kept} of {len(rows)} rows hold, {explained} explained, {len(rows) - kept - explained} open")
+    lines.append(
+        f"{kept} of {len(rows)} rows hold, {explained} explained, {len(rows) - kept - explained} open"
+    )
     return "\n".join(lines)
 
 

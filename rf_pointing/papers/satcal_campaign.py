@@ -82,10 +82,18 @@ in height, and the drifts are those of the orbit's turn.
 """
 
 SITES = {
-    "Mauritius": Site(name="Mauritius", latitude_rad=math.radians(-20.34), longitude_rad=math.radians(57.45)),
-    "Bangalore": Site(name="Bangalore", latitude_rad=math.radians(13.03), longitude_rad=math.radians(77.51)),
-    "Lucknow": Site(name="Lucknow", latitude_rad=math.radians(26.91), longitude_rad=math.radians(80.96)),
-    "Sriharikota": Site(name="Sriharikota", latitude_rad=math.radians(13.72), longitude_rad=math.radians(80.23)),
+    "Mauritius": Site(
+        name="Mauritius", latitude_rad=math.radians(-20.34), longitude_rad=math.radians(57.45)
+    ),
+    "Bangalore": Site(
+        name="Bangalore", latitude_rad=math.radians(13.03), longitude_rad=math.radians(77.51)
+    ),
+    "Lucknow": Site(
+        name="Lucknow", latitude_rad=math.radians(26.91), longitude_rad=math.radians(80.96)
+    ),
+    "Sriharikota": Site(
+        name="Sriharikota", latitude_rad=math.radians(13.72), longitude_rad=math.radians(80.23)
+    ),
 }
 
 IRS_P3 = Elements(
@@ -165,7 +173,9 @@ def sky_filling_points(
     passes = [
         seen
         for satellite in satellites
-        for seen in visits(site, satellite, epoch_t_s, days, _GRAVITY, step_s=10.0, lowest_rad=np.radians(10.0))
+        for seen in visits(
+            site, satellite, epoch_t_s, days, _GRAVITY, step_s=10.0, lowest_rad=np.radians(10.0)
+        )
     ]
     return select_observations([points_of(passes, sigma_rad)], SectorRule(), require_full=True)[0]
 
@@ -187,7 +197,9 @@ def orbit_error_m(points: Observations, random: np.random.Generator) -> Array:
     radial = a * np.cos(phase) + b * np.sin(phase)
     # Clohessy-Wiltshire: the ellipse along the track is twice that in height and a quarter turn
     # ahead.
-    along = 2.0 * (b * np.cos(phase) - a * np.sin(phase)) + random.normal(0.0, _AHEAD_M, count)[place]
+    along = (
+        2.0 * (b * np.cos(phase) - a * np.sin(phase)) + random.normal(0.0, _AHEAD_M, count)[place]
+    )
     return np.stack([along, across, radial], axis=1)
 
 
@@ -199,8 +211,14 @@ def observed(
     noise = random.standard_normal((2, len(points)))
     return replace(
         points,
-        observed_azimuth_rad=points.true_azimuth_rad + offset[0] + shift[0] + points.sigma_azimuth_rad * noise[0],
-        observed_elevation_rad=points.true_elevation_rad + offset[1] + shift[1] + points.sigma_elevation_rad * noise[1],
+        observed_azimuth_rad=points.true_azimuth_rad
+        + offset[0]
+        + shift[0]
+        + points.sigma_azimuth_rad * noise[0],
+        observed_elevation_rad=points.true_elevation_rad
+        + offset[1]
+        + shift[1]
+        + points.sigma_elevation_rad * noise[1],
     )
 
 
@@ -240,6 +258,10 @@ def many_runs(
     fits = []
     for _ in range(runs):
         data = observed(points, model, random, orbit_error(points, random))
-        fits.append(fit_bias_model(data, terms=names, held=held_at_zero(names), pass_priors=pass_priors))
+        fits.append(
+            fit_bias_model(data, terms=names, held=held_at_zero(names), pass_priors=pass_priors)
+        )
     truth = np.array([model.coefficients[name] for name in names])
-    return Runs(names, truth, np.array([f.values for f in fits]), np.array([f.sigma for f in fits]), fits[0])
+    return Runs(
+        names, truth, np.array([f.values for f in fits]), np.array([f.sigma for f in fits]), fits[0]
+    )

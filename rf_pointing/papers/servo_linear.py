@@ -45,7 +45,9 @@ class ClosedLoop:
     def response(self, frequency_hz: Array, output: Array, inputs: slice) -> ComplexArray:
         """Return the transfer function (f, rows, 2) from `inputs` to `output`."""
         s = 2j * np.pi * np.asarray(frequency_hz)[:, None, None]
-        solved = np.linalg.solve(s * np.eye(len(self.a)) - self.a, self.b[:, inputs].astype(np.complex128))
+        solved = np.linalg.solve(
+            s * np.eye(len(self.a)) - self.a, self.b[:, inputs].astype(np.complex128)
+        )
         return np.asarray(output @ solved)
 
 
@@ -69,7 +71,9 @@ def closed_loop(
         gain = 2.0 * math.pi * bandwidth_hz[axis]
         rate_row, rate_input = -gain * beam[axis], gain * (_unit(axis) + _unit(6 + axis))
         a[size + 8 + axis], b[size + 8 + axis] = rate_row, rate_input
-        row, through = _controller(axis, size, a, b, loops[axis], offset[axis] - encoder[axis], rate_row, rate_input)
+        row, through = _controller(
+            axis, size, a, b, loops[axis], offset[axis] - encoder[axis], rate_row, rate_input
+        )
         a[:size] += np.outer(model.b_command[:, axis], row)
         b[:size] += np.outer(model.b_command[:, axis], through)
     return ClosedLoop(a, b, encoder, beam, offset)
@@ -147,5 +151,7 @@ def peak_sensitivity(
     frequency = np.geomspace(1e-3, 20.0, 4000)
     loop = closed_loop(plant, loops)
     s = 2j * np.pi * frequency
-    both = loop.response(frequency, loop.beam, COMMAND) + s[:, None, None] * loop.response(frequency, loop.beam, RATE)
+    both = loop.response(frequency, loop.beam, COMMAND) + s[:, None, None] * loop.response(
+        frequency, loop.beam, RATE
+    )
     return float(np.max(np.abs(1.0 / (1.0 + both[:, axis, axis] * 2.0 * math.pi * f_m / s))))

@@ -49,7 +49,9 @@ def averaging_gain(cut_off_hz: float) -> float:
     total = float(CLUSTER)
     for k in range(1, CLUSTER):
         phase = 2.0 * math.pi * k * SAMPLE_S
-        mean = (math.sin(phase * nyquist) - math.sin(phase * cut_off_hz)) / (phase * (nyquist - cut_off_hz))
+        mean = (math.sin(phase * nyquist) - math.sin(phase * cut_off_hz)) / (
+            phase * (nyquist - cut_off_hz)
+        )
         total += 2.0 * (CLUSTER - k) * mean
     return CLUSTER**2 / total
 

@@ -54,7 +54,16 @@ class RadioLoop:
         errors = sum(np.exp(-k * RADIO_PERIOD_S * s) for k in range(self.mean_of)) / self.mean_of
         samples = sum(np.exp(-k * SAMPLE_S * s) for k in range(self.cluster)) / self.cluster
         line = np.exp(-0.5 * RADIO_PERIOD_S * s) * np.sinc(frequency_hz * RADIO_PERIOD_S)
-        whole = 2.0 * math.pi * self.bandwidth_hz / s * np.exp(-self.wait_s * s) * errors * samples * line
+        whole = (
+            2.0
+            * math.pi
+            * self.bandwidth_hz
+            / s
+            * np.exp(-self.wait_s * s)
+            * errors
+            * samples
+            * line
+        )
         return np.asarray(whole, dtype=np.complex128)
 
 
@@ -121,7 +130,9 @@ class AxisResponse:
         return float(np.max(np.abs(np.linalg.eigvals(closed))))
 
     def _solve(self, points: ComplexArray, a: Array, b: Array) -> ComplexArray:
-        solved = np.linalg.solve(points[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128))
+        solved = np.linalg.solve(
+            points[:, None, None] * np.eye(len(a)) - a, b.astype(np.complex128)
+        )
         return np.asarray((self.outputs @ solved)[:, :, 0])
 
 
@@ -158,14 +169,23 @@ def loop_quality(
     gusts = davenport_psd(frequency, wind_m_s, 0.005)
     rms = math.sqrt(float(np.trapezoid(np.abs(error) ** 2 * gusts, frequency)))
     peaks = float(np.max(np.abs(sensitivity))), float(np.max(np.abs(radio)))
-    stable = response.closed_radius(law.matrices) < 1.0 and (radio_loop is None or encircles_not(around))
+    stable = response.closed_radius(law.matrices) < 1.0 and (
+        radio_loop is None or encircles_not(around)
+    )
     return LoopQuality(rms, *peaks, stable)
 
 
 def davenport_psd(frequency_hz: Array, mean_speed_m_s: float, drag_coefficient: float) -> Array:
     """Return the one-sided spectrum of the gust speed in (m/s)^2/Hz at `frequency_hz` > 0."""
     x = GUST_LENGTH_M * frequency_hz / mean_speed_m_s
-    psd: Array = 4.0 * drag_coefficient * mean_speed_m_s**2 / frequency_hz * x**2 / (1.0 + x**2) ** (4.0 / 3.0)
+    psd: Array = (
+        4.0
+        * drag_coefficient
+        * mean_speed_m_s**2
+        / frequency_hz
+        * x**2
+        / (1.0 + x**2) ** (4.0 / 3.0)
+    )
     return psd
 
 
@@ -181,14 +201,18 @@ def _varied(plant: PlantParams, name: str, variation: Variation) -> PlantParams:
     axis = getattr(plant, name)
     changed = axis.replace(
         mode_frequency_hz=tuple(variation.frequency * value for value in axis.mode_frequency_hz),
-        mode_encoder_residue=tuple(variation.residue * value for value in axis.mode_encoder_residue),
+        mode_encoder_residue=tuple(
+            variation.residue * value for value in axis.mode_encoder_residue
+        ),
         mode_beam_residue=tuple(variation.residue * value for value in axis.mode_beam_residue),
     )
     return plant.replace(**{name: changed})
 
 
 def _grid() -> Array:
-    fine = [np.linspace(low, high, count) for low, high, count in ((1.3, 2.7, 300), (2.7, 6.0, 160))]
+    fine = [
+        np.linspace(low, high, count) for low, high, count in ((1.3, 2.7, 300), (2.7, 6.0, 160))
+    ]
     return np.unique(np.concatenate([np.geomspace(1e-3, 24.0, 700), *fine]))
 
 

@@ -51,7 +51,9 @@ class LowOrbitPass:
         spin = along * vc - across * va
         azimuth_rate = spin / ground**2
         ground_rate = (along * va + across * vc) / ground
-        azimuth_acceleration = (along * ac - across * aa) / ground**2 - 2.0 * azimuth_rate * ground_rate / ground
+        azimuth_acceleration = (
+            along * ac - across * aa
+        ) / ground**2 - 2.0 * azimuth_rate * ground_rate / ground
         ground_acceleration = (va**2 + vc**2 + along * aa + across * ac - ground_rate**2) / ground
         distance = np.hypot(ground, up)
         elevation_rate = (ground * vu - up * ground_rate) / distance**2

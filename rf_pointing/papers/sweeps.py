@@ -13,7 +13,9 @@ Case = TypeVar("Case")
 Result = TypeVar("Result")
 
 
-def sweep(task: Callable[[Case], Result], cases: Sequence[Case], executor: Executor | None = None) -> list[Result]:
+def sweep(
+    task: Callable[[Case], Result], cases: Sequence[Case], executor: Executor | None = None
+) -> list[Result]:
     """Return `task` of every case in order, here or on `executor`; the first failure is raised."""
     return list(map(task, cases) if executor is None else executor.map(task, cases))
 

@@ -112,7 +112,9 @@ def _phase_rows(seed: int) -> list[Row]:
     }
     totals = {
         common: math.degrees(
-            quantiser_errors(rounding, OFFSET, 0.15, 4000, seed, random_common_phase=common).three_sigma_total_rad
+            quantiser_errors(
+                rounding, OFFSET, 0.15, 4000, seed, random_common_phase=common
+            ).three_sigma_total_rad
         )
         for common in remarks
     }

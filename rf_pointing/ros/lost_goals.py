@@ -114,8 +114,8 @@ class LostGoals:
 
 def _place(head: Any) -> Any:
     """Return the bytes of a head (`rmw_request_id_t`), None where they are laid out otherwise."""
-    # rclpy shows only the number; in an object of pybind11 the address of the head follows the fields
-    # of every object.  Nobody knows what lies there in an object of another kind.
+    # rclpy shows only the number; in an object of pybind11 the address of the head follows the
+    # fields of every object.  Nobody knows what lies there in an object of another kind.
     if type(type(head)).__name__ != "pybind11_type":
         return None
     address = ctypes.c_void_p.from_address(id(head) + object.__basicsize__).value

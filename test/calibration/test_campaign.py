@@ -25,18 +25,26 @@ SLEW = Slew(rate_rad_s=1.0, settle_s=60.0)
 SMALL = SectorRule(azimuth_sectors=4, elevation_edges_rad=(0.17, 0.5, 1.2), fewest=5, most=8)
 
 
-@pytest.fixture
-def candidates(track, random):
+def offered(track, random, count, every_s, start_s=0.0):
+    """Return passes that begin so many seconds apart, to either side, far and near."""
     return [
         CandidatePass(
             name=f"pass {number}",
             track=track(
-                10.0, random.choice([-1, 1]) * random.uniform(2e5, 2e6), random.uniform(0, 6.3), 6000.0 * number
+                10.0,
+                random.choice([-1, 1]) * random.uniform(2e5, 2e6),
+                random.uniform(0, 6.3),
+                start_s + every_s * number,
             ),
             sigma_rad=1e-4,
         )
-        for number in range(40)
+        for number in range(count)
     ]
+
+
+@pytest.fixture
+def candidates(track, random):
+    return offered(track, random, 40, 6000.0)
 
 
 def filled(passes, rule):
@@ -62,22 +70,14 @@ def test_no_earlier_end_is_possible(candidates):
 
 def test_of_overlapping_passes_no_two_fill_the_sky_earlier(track):
     """Every pair is tried; exchanging passes in order of their end comes 20 min later."""
-    rng = np.random.default_rng(52)
-    offered = [
-        CandidatePass(
-            name=f"pass {number}",
-            track=track(10.0, rng.choice([-1, 1]) * rng.uniform(2e5, 2e6), rng.uniform(0, 6.3), 250.0 * number),
-            sigma_rad=1e-4,
-        )
-        for number in range(16)
-    ]
-    counts = [filled([one], SMALL).counts for one in offered]
+    overlapping = offered(track, np.random.default_rng(52), 16, 250.0)
+    counts = [filled([one], SMALL).counts for one in overlapping]
     ends = []
     for one, other in itertools.combinations(range(16), 2):
         full = np.all(counts[one] + counts[other] >= SMALL.fewest)
-        if full and SLEW.allows(offered[one], offered[other]):
-            ends.append(offered[other].end_t_s)
-    assert plan_campaign(offered, SMALL, SLEW).full_at_t_s == min(ends)
+        if full and SLEW.allows(overlapping[one], overlapping[other]):
+            ends.append(overlapping[other].end_t_s)
+    assert plan_campaign(overlapping, SMALL, SLEW).full_at_t_s == min(ends)
 
 
 def test_a_campaign_goes_on_where_an_interrupted_one_left_the_sky_thin(candidates):
@@ -144,14 +144,7 @@ def test_a_high_pass_is_advised_for_collimation(on_offer):
 
 def test_no_advised_pass_overlaps_another_or_begins_before_the_antenna_is_there(track, random):
     slew = Slew(rate_rad_s=0.03, settle_s=60.0)
-    crowd = [
-        CandidatePass(
-            name=f"pass {number}",
-            track=track(10.0, random.uniform(2e5, 2e6), random.uniform(0.0, 6.0), 2e9 + 350.0 * number),
-            sigma_rad=1e-4,
-        )
-        for number in range(12)
-    ]
+    crowd = offered(track, random, 12, 350.0, 2e9)
     start = uninformed_covariance(TERM_NAMES)
     advice = next_best_passes(TERM_NAMES, start, crowd, chosen=("collimation",), count=12, slew=slew)
     assert 2 <= len(advice) < 12
@@ -209,12 +202,12 @@ def test_of_plans_that_do_not_fill_the_sky_the_one_that_brings_more_of_what_is_m
     poor, rich = resting("poor", 0.0, 10.0, EAST, (1.0, 0.1)), resting("rich", 5.0, 100.0, EAST, EAST, EAST)
     found = plan_campaign([rich, poor], HALVES, SLOW)
     assert ([one.name for one in found.passes], found.full_at_t_s) == (["rich"], None)
-    offered = [
+    waiting = [
         resting("a", 0.0, 100.0, EAST, EAST), resting("b", 90.0, 200.0, WEST, WEST, WEST),
         resting("c", 195.0, 300.0, WEST, WEST),
     ]  # fmt: skip
     for begun in (None, np.array([1, 0])):
-        found = plan_campaign(offered, HALVES, SLOW, begun)
+        found = plan_campaign(waiting, HALVES, SLOW, begun)
         assert [one.name for one in found.passes] == ["a", "c"]
         assert found.coverage.counts.tolist() == [2 if begun is None else 3, 2]
     assert plan_campaign([], HALVES, SLOW, np.array([1, 0])).coverage.counts.tolist() == [1, 0]

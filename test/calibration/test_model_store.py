@@ -39,8 +39,6 @@ def test_a_model_of_another_station_a_taken_and_an_unknown_name_are_refused(stor
         store.add(replace(file, station="gs2", name="d"))
     with pytest.raises(ValueError, match="name='a' is taken"):
         store.add(file)
-    with pytest.raises(ValueError, match=r"name='\.\./d' must be usable"):
-        store.add(replace(file, name="../d"))
     with pytest.raises(ValueError, match="name='z' must be one of a, b, c"):
         store.accept("z", 1.8e9)
 
@@ -51,7 +49,7 @@ def test_a_model_that_is_not_valid_is_not_accepted(store):
     assert store.active() is None
 
 
-@pytest.mark.parametrize("name", ["", ".hidden", "a/b", "a:b", "a*", 'a"b', "a|b", "a\\b", "a?", "<a>"])
+@pytest.mark.parametrize("name", ["", ".hidden", "../d", "a/b", "a:b", "a*", 'a"b', "a|b", "a\\b", "a?", "<a>"])
 def test_a_name_that_is_no_file_name_on_every_system_is_refused(store, file, name):
     with pytest.raises(ValueError, match="must be usable as a file name"):
         store.add(replace(file, name=name))

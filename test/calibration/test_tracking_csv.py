@@ -122,19 +122,25 @@ def test_a_disk_that_is_full_leaves_the_file_as_it_was(data, tmp_path, monkeypat
     assert journal(tmp_path).points.t_s == pytest.approx(data.t_s[:5])
 
 
-@pytest.mark.parametrize("kind", ["observed", "true"])
-def test_points_in_radians_are_refused_by_the_column_that_shows_it(data, tmp_path, kind):
-    path = tmp_path / "o.csv"
+def write_changed(path, data, names, change):
+    """Write points with `change` done to the cells of these columns."""
     write_observations(path, data)
     lines = path.read_text().splitlines()
     header = next(k for k, line in enumerate(lines) if not line.startswith("#"))
-    places = [lines[header].split(",").index(f"{kind}_{axis}_deg") for axis in ("azimuth", "elevation")]
+    places = [lines[header].split(",").index(name) for name in names]
     for k, line in enumerate(lines[header + 1 :], header + 1):
         cells = line.split(",")
         for place in places:
-            cells[place] = repr(np.radians(float(cells[place])).item())
+            cells[place] = change(cells[place])
         lines[k] = ",".join(cells)
     path.write_text("\n".join(lines) + "\n")
+
+
+@pytest.mark.parametrize("kind", ["observed", "true"])
+def test_points_in_radians_are_refused_by_the_column_that_shows_it(data, tmp_path, kind):
+    path = tmp_path / "o.csv"
+    names = [f"{kind}_{axis}_deg" for axis in ("azimuth", "elevation")]
+    write_changed(path, data, names, lambda cell: repr(np.radians(float(cell)).item()))
     with pytest.raises(ValueError, match=rf"{kind}_elevation_deg is at most .* radians given where degrees"):
         read_observations(path)
 
@@ -212,16 +218,9 @@ def test_remarks_and_empty_lines_are_no_rows(tmp_path):
     ],
 )
 def test_points_that_are_none_are_refused_with_the_file(data, tmp_path, name, value, message):
-    path = tmp_path / "o.csv"
-    write_observations(path, data)
-    lines = path.read_text().splitlines()
-    header = next(k for k, line in enumerate(lines) if not line.startswith("#"))
-    cells = lines[header + 1].split(",")
-    cells[lines[header].split(",").index(name)] = value
-    lines[header + 1] = ",".join(cells)
-    path.write_text("\n".join(lines) + "\n")
+    write_changed(tmp_path / "o.csv", data, [name], lambda _: value)
     with pytest.raises(ValueError, match=rf"o\.csv: {message}"):
-        read_observations(path)
+        read_observations(tmp_path / "o.csv")
 
 
 @pytest.mark.parametrize("bare", [False, True], ids=["ranges", "temperatures"])

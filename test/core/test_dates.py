@@ -19,7 +19,11 @@ def test_ordinal_and_calendar_texts_of_one_instant_agree():
     assert from_utc_text("1970-01-02T00:00:00") == 86400.0
 
 
-@pytest.mark.parametrize("text", ["1996-03-21", "1996-13-01T00:00:00", "1995-366T00:00:00", "21/03/1996T00:00:00", ""])
+@pytest.mark.parametrize(
+    "text",
+    ["1996-03-21", "1996-13-01T00:00:00", "1995-366T00:00:00", "21/03/1996T00:00:00", "", "nan", "06-06-26T00:00:00",
+     "2006-06-26T25:00:00", "2006-06-26T00:00:75", "2006-000T00:00:00", "2006-06-26T00:00:00+01:00"],
+)  # fmt: skip
 def test_other_texts_are_refused(text):
     with pytest.raises(ValueError, match="date="):
         from_utc_text(text)

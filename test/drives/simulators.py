@@ -271,12 +271,6 @@ class Rotctld(Simulator):
             self._client.close()
             self._client = None
 
-    def plug(self) -> None:
-        """Start the program again on its port."""
-        self._server = socket.create_server(("127.0.0.1", self.port))
-        self._server.setblocking(False)
-        self._master = 0
-
     def _read(self) -> bytes:
         with contextlib.suppress(BlockingIOError):
             client, _ = self._server.accept()

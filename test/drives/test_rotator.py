@@ -235,14 +235,6 @@ def test_a_simulated_set_point_acts_after_its_latency_within_a_long_step_too_and
     assert drive.truth_rad == pytest.approx((0.52, 0.51))
 
 
-def read(params: RotatorParams, *rows: tuple[float, float, float], **capabilities: object) -> Rotator:
-    """A rotator after it has read these rows."""
-    rotator = Rotator(Readings(*rows, **capabilities), params)
-    for row in rows:
-        rotator.step(row[0])
-    return rotator
-
-
 def at_rest(azimuth: float, elevation: float) -> Motion:
     return Motion(np.array([azimuth, elevation]), np.zeros(2), np.zeros(2))
 
@@ -380,11 +372,6 @@ class Chase:
                 found.append((self.place, after))
         return found
 
-    def stand(self, place: float, seconds: float = 2.0) -> list[float]:
-        """Let the target stand; return the new set points of the azimuth."""
-        self.place = place
-        return [after for _, after in self.go(0.0, seconds)]
-
 
 def test_no_set_point_passes_a_goal_that_stands() -> None:
     chase = Chase()
@@ -436,22 +423,10 @@ def test_starts_and_changes_of_direction_are_counted_by_axis_from_each_beginning
     assert go(70.0, 1.2, 0.7) == MoveCounts(1, (1, 1), (0, 0))
 
 
-def measured(goals: list[tuple[float, float]], rows: list[tuple[float, float]], **params: object) -> float:
-    """The latency of an azimuth that was sent to goals and shows rows, each with its time; 0.1 s is stated."""
-    usual = {"latency_s": 0.1, "rate_rad_s": (0.1, 0.1), "minimum_interval_s": 0.0}
-    drive = Readings(*((t_s, azimuth, 0.6) for t_s, azimuth in rows))
-    rotator = Rotator(drive, RotatorParams(**{**TRAVEL, **usual, **params}))
-    left = sorted(goals)
-    for t_s, _ in rows:
-        while left and left[0][0] < t_s:
-            sent_s, goal = left.pop(0)
-            rotator.follow(sent_s, at_rest(goal, 0.6), at_rest(goal, 0.6))
-        rotator.step(t_s)
-    return rotator.latency_s
-
-
 def test_a_reading_that_is_not_trusted_is_replaced_in_place_and_rate() -> None:
-    rotator = read(RotatorParams(**TRAVEL), (5.0, 0.5, 0.6), (5.25, 0.6, 0.7), (5.5, 3.0, 3.0))
+    rotator = Rotator(Readings((5.0, 0.5, 0.6), (5.25, 0.6, 0.7), (5.5, 3.0, 3.0)), RotatorParams(**TRAVEL))
+    for t_s in (5.0, 5.25, 5.5):
+        rotator.step(t_s)
     rotator.correct((0.7, 0.5))
     assert rotator.position_rad == (0.7, 0.5)
     assert rotator.rate_rad_s == pytest.approx((0.4, -0.2))

@@ -6,7 +6,7 @@ import random
 import socket
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 
 import pytest
@@ -21,6 +21,7 @@ from rf_pointing.drives.rotctld import (
     direction_rad,
 )
 from test.drives.rotctld import RealRotctld
+from test.drives.test_link import until
 
 
 class Station:
@@ -59,13 +60,6 @@ def debian() -> Iterator[RealRotctld]:
 
 def connect(port: int) -> socket.socket:
     return socket.create_connection(("127.0.0.1", port), 5.0)
-
-
-def until(condition: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + 5.0
-    while not condition():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.01)
 
 
 def talk(port: int, sent: bytes, ended_by: bytes | None = None) -> bytes:

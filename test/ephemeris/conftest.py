@@ -1,5 +1,6 @@
 """The satellites and the stations that several ephemeris tests share."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,6 +8,7 @@ import pytest
 
 from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_elements, site, verification_elements
 from rf_pointing.ephemeris.earth_orientation import EarthOrientation
+from test.ephemeris.element_server import Source, serving
 
 
 @pytest.fixture(scope="session")
@@ -22,6 +24,12 @@ def goldstone() -> Site:
 @pytest.fixture(scope="session")
 def track(cbers: Elements, goldstone: Site) -> TopocentricTrack:
     return TopocentricTrack(cbers, goldstone)
+
+
+@pytest.fixture
+def source() -> Iterator[Source]:
+    with serving() as made:
+        yield made
 
 
 @dataclass(frozen=True)

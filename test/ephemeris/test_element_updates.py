@@ -2,11 +2,7 @@
 
 import subprocess
 import time
-from collections.abc import Iterator
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Thread
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,43 +11,30 @@ import pytest
 from rf_pointing.ephemeris import element_updates, find_elements, tle_lines, verification_elements
 from rf_pointing.ephemeris.element_files import element_files
 from rf_pointing.ephemeris.element_updates import ElementUpdates
+from test.ephemeris.element_server import Source
 
 TEXT = "\n".join(("CBERS 2", *tle_lines(find_elements(verification_elements(), "28057")))) + "\n"
 ADDRESS = "https://example.org/cbers.tle"
 
 
-class Quiet(SimpleHTTPRequestHandler):
-    def log_message(self, *arguments: Any) -> None:
-        pass
-
-
-@pytest.fixture
-def server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """Yield the address of a server of the files in tmp_path, with a cache folder of the test's own."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    made = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path)))
-    made.daemon_threads = True
-    Thread(target=made.serve_forever, daemon=True).start()
-    yield f"http://127.0.0.1:{made.server_port}/cbers.tle"
-    made.shutdown()
-    made.server_close()
+@pytest.fixture(autouse=True)
+def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
 
 
 def test_an_address_is_fetched_when_nothing_is_kept_and_renewed_by_the_command(
-    server: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    source: Source, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "cbers.tle").write_text(TEXT)
-    ElementUpdates(server).require()
-    (kept,) = element_files(server)
+    source.body = TEXT.encode()
+    ElementUpdates(source.address).require()
+    (kept,) = element_files(source.address)
     monkeypatch.setattr(element_updates, "EVERY_S", 0.0)
-    for text, changes, problem in ((TEXT.replace("CBERS 2", "CBERS"), True, ""), (None, False, "answered 404")):
+    source.body = TEXT.replace("CBERS 2", "CBERS").encode()
+    for status, changes, problem in ((200, True, ""), (404, False, "answered 404")):
         # Within the source's rule the command sends nothing: the note of the last request is taken away.
         kept.with_name(f".{kept.name}.json").unlink()
-        if text is None:
-            (tmp_path / "cbers.tle").unlink()
-        else:
-            (tmp_path / "cbers.tle").write_text(text)
-        updates, deadline_s = ElementUpdates(server), time.monotonic() + 60.0
+        source.status = status
+        updates, deadline_s = ElementUpdates(source.address), time.monotonic() + 60.0
         while not (updates.changed() if changes else updates.problem or updates.changed()):
             assert time.monotonic() < deadline_s
             time.sleep(0.05)
@@ -60,9 +43,10 @@ def test_an_address_is_fetched_when_nothing_is_kept_and_renewed_by_the_command(
         assert kept.read_text() == TEXT.replace("CBERS 2", "CBERS")
 
 
-def test_an_address_that_gives_nothing_is_the_reason_why_a_node_cannot_be_configured(server: str) -> None:
+def test_an_address_that_gives_nothing_is_the_reason_why_a_node_cannot_be_configured(source: Source) -> None:
+    source.status = 404
     with pytest.raises(ValueError, match=r"elements='http://127.0.0.1:.*': http://.*answered 404"):
-        ElementUpdates(server).require()
+        ElementUpdates(source.address).require()
 
 
 class Process:
@@ -82,7 +66,7 @@ class Process:
 
 
 @pytest.fixture
-def source(monkeypatch: pytest.MonkeyPatch) -> Any:
+def surroundings(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return the surroundings of an address: `version` of what is kept, the wall clock, and what was started."""
     made = SimpleNamespace(version="a", t_s=5000.0, started=[], runs=[], answer=None)
 
@@ -101,35 +85,35 @@ def source(monkeypatch: pytest.MonkeyPatch) -> Any:
     return made
 
 
-def test_the_command_runs_each_ten_minutes_and_once_at_a_time(source: Any) -> None:
+def test_the_command_runs_each_ten_minutes_and_once_at_a_time(surroundings: Any) -> None:
     updates = ElementUpdates(ADDRESS)
     for after_s, ended, count in ((0.0, False, 1), (700.0, False, 1), (0.0, True, 1), (0.0, True, 2), (599.0, True, 2),
                                   (1.0, False, 3)):  # fmt: skip
-        source.t_s += after_s
+        surroundings.t_s += after_s
         if ended:
-            source.started[-1].returncode = 0
+            surroundings.started[-1].returncode = 0
         assert not updates.changed()
-        assert len(source.started) == count
-    assert source.started[0].command[-1] == ADDRESS
-    source.version = "b"
+        assert len(surroundings.started) == count
+    assert surroundings.started[0].command[-1] == ADDRESS
+    surroundings.version = "b"
     assert updates.changed()
     updates.accept()
     assert not updates.changed()
     updates.end()
     updates.end()
-    assert [each.killed for each in source.started] == [0, 0, 1]
+    assert [each.killed for each in surroundings.started] == [0, 0, 1]
 
 
-def test_a_failure_of_the_command_is_the_problem_until_it_succeeds(source: Any) -> None:
+def test_a_failure_of_the_command_is_the_problem_until_it_succeeds(surroundings: Any) -> None:
     updates = ElementUpdates(ADDRESS)
     for returncode, errors, problem in (
         (1, "fetch_elements: no route\nfetch_elements: answered 503\n", "answered 503"), (1, "", ""), (0, "a note\n", ""),
     ):  # fmt: skip
         updates.changed()
-        source.started[-1].returncode, source.started[-1].errors = returncode, errors
+        surroundings.started[-1].returncode, surroundings.started[-1].errors = returncode, errors
         updates.changed()
         assert updates.problem == problem
-        source.t_s += 600.0
+        surroundings.t_s += 600.0
 
 
 @pytest.mark.parametrize(
@@ -140,12 +124,12 @@ def test_a_failure_of_the_command_is_the_problem_until_it_succeeds(source: Any) 
         (subprocess.TimeoutExpired("fetch", 90.0), "were not fetched within 90 s"),
     ],
 )
-def test_without_elements_the_reason_names_the_address(source: Any, done: Any, words: str) -> None:
+def test_without_elements_the_reason_names_the_address(surroundings: Any, done: Any, words: str) -> None:
     def answer() -> Any:
         if isinstance(done, Exception):
             raise done
         return done
 
-    source.version, source.answer = "", answer
+    surroundings.version, surroundings.answer = "", answer
     with pytest.raises(ValueError, match=f"^elements='{ADDRESS}'.* ?{words}$"):
         ElementUpdates(ADDRESS).require()

@@ -7,7 +7,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
 from threading import enumerate as running_threads
@@ -23,14 +23,8 @@ from rf_pointing.ephemeris.element_files import element_files, kept_file
 from rf_pointing.ephemeris.fetching import LONGEST_WAIT_S, Outcome, refresh
 from rf_pointing.ephemeris.source import load_catalogue
 from test.conftest import within
-from test.ephemeris.element_server import FRESH, NOW_S, RULE_S, Source, serving, tle_text
+from test.ephemeris.element_server import FRESH, NOW_S, RULE_S, Source, tle_text
 from test.ephemeris.oem_text import teme_states, text_of
-
-
-@pytest.fixture
-def source() -> Iterator[Source]:
-    with serving() as made:
-        yield made
 
 
 @pytest.fixture
@@ -208,14 +202,6 @@ def test_the_kept_files_are_a_folder_of_elements(source: Source, ask: Callable[.
     (tmp_path / "notes.md").write_text("not elements")
     wanted = {one.catalogue_number for one in read_elements(tle_text())} | {FRESH[5].catalogue_number}
     assert {one.catalogue_number for one in load_catalogue(str(tmp_path))} == wanted
-
-
-def test_an_address_that_was_never_fetched_is_refused_with_what_to_do(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    with pytest.raises(ValueError, match="has not been fetched: run fetch_elements 'https://celestrak.org/x'"):
-        load_catalogue("https://celestrak.org/x")
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,9 @@ OEM as stations receive it: what is refused, with its line, and which oddities c
 """
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
-import sgp4
 from skyfield.api import EarthSatellite, load
 from skyfield.framelib import itrs
 
@@ -28,6 +26,7 @@ from rf_pointing.ephemeris.oem import tai_from_text
 from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from test.ephemeris.conftest import AssumedOrientation
 from test.ephemeris.oem_text import START_T_S, STEP_S, TIMES, read_oem, teme_states, text_of
+from test.ephemeris.test_track import tle_lines
 
 INSIDE = np.linspace(TIMES[0], TIMES[-1], 333)
 LAGRANGE = {"INTERPOLATION": "LAGRANGE", "INTERPOLATION_DEGREE": "9"}
@@ -100,9 +99,7 @@ def test_an_oem_of_a_pass_points_where_its_elements_point(
 def test_every_frame_points_to_the_same_satellite(frame: str, cbers: Elements, goldstone: Site) -> None:
     """States from skyfield in its own frames, without polar motion on either side."""
     scale = load.timescale(builtin=True)
-    lines = (Path(sgp4.__file__).parent / "SGP4-VER.TLE").read_text().splitlines()
-    line1, line2 = [line[:69] for line in lines if line[2:7] == "28057"]
-    at = EarthSatellite(line1, line2, "x", scale).at(scale.utc(1970, 1, 1 + TIMES // 86400, 0, 0, TIMES % 86400))
+    at = EarthSatellite(*tle_lines("28057"), "x", scale).at(scale.utc(1970, 1, 1 + TIMES // 86400, 0, 0, TIMES % 86400))
     if frame == "TEME":
         states = teme_states(cbers)
     elif frame.startswith("ITRF"):
@@ -204,13 +201,6 @@ def test_an_along_track_offset_moves_the_times_at_which_an_ephemeris_is_known(
     assert held.target_at(last + 3600.0).elevation_rad == track.target_at(first).elevation_rad
 
 
-def test_a_message_without_interpolation_needs_one(cbers: Elements) -> None:
-    text = text_of(teme_states(cbers), INTERPOLATION="", INTERPOLATION_DEGREE="")
-    with pytest.raises(ValueError, match="CBERS 2 declares no INTERPOLATION"):
-        OemTarget(read_oem(text))
-    OemTarget(read_oem(text), interpolation=("LAGRANGE", 7)).motion_at(float(TIMES[3]))
-
-
 @pytest.mark.parametrize(
     ("meta", "message"),
     [
@@ -277,12 +267,6 @@ def test_states_in_other_units_than_km_are_refused(factors: tuple[float, float],
     states = [state * np.repeat(factors, 3) for state in teme_states(cbers)]
     with pytest.raises(ValueError, match=message):
         read_oem(text_of(states))
-
-
-def test_a_byte_order_mark_and_windows_line_ends_change_nothing(cbers: Elements) -> None:
-    text = text_of(teme_states(cbers))
-    (plain,), (marked,) = read_oem(text), read_oem("\ufeff" + text.replace("\n", "\r\n"))
-    np.testing.assert_array_equal(marked.position_m, plain.position_m)
 
 
 def test_states_inside_a_leap_second_are_read() -> None:

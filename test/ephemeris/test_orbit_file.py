@@ -292,7 +292,9 @@ def test_a_table_that_is_cut_off_is_refused(form: str, oem: str) -> None:
 
 def mutants(text: str, alphabet: str) -> st.SearchStrategy[str]:
     def damaged(place: int, byte: str, kind: str) -> str:
-        kind = "change" if alphabet != ANY and text[place] in "0123456789.-e" else kind
+        if alphabet != ANY and text[place] in "0123456789.-e":
+            # A blank in place of the first digit, or of the last, leaves a number.
+            kind = "insert" if byte.isspace() else "change"
         return text[:place] + {"change": byte, "insert": byte + text[place], "delete": ""}[kind] + text[place + 1 :]
 
     kinds = st.sampled_from(("change", "insert", "delete"))

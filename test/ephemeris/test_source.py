@@ -35,6 +35,7 @@ from rf_pointing.ephemeris.source import (
     read_source,
     unused,
 )
+from test.ephemeris.oem_text import TIMES, teme_states, text_of
 
 PASS_T_S = 1151384323.8
 """AOS of the first pass above 40 deg, 12 minutes long."""
@@ -81,13 +82,6 @@ def test_malformed_elements_name_the_file(cbers_2: Path) -> None:
         load_elements(SourceParams(elements=str(cbers_2)))
 
 
-def test_an_unknown_satellite_is_refused_with_near_names(cbers_2: Path) -> None:
-    with pytest.raises(ValueError, match=r"satellite='CBERS 3' is not among 1 elements; nearest: CBERS 2"):
-        load_elements(SourceParams(elements=str(cbers_2), satellite="CBERS 3"))
-    with pytest.raises(ValueError, match=r"satellite='99999' is not among"):
-        load_elements(SourceParams(satellite="99999"))
-
-
 def test_expired_elements_are_refused() -> None:
     track = load_track(SourceParams(max_age_days=2.0))
     epoch_t_s = load_elements(SourceParams()).epoch_t_s
@@ -97,24 +91,11 @@ def test_expired_elements_are_refused() -> None:
 
 
 @pytest.fixture
-def oem(tmp_path: Path) -> SourceParams:
-    """Return an ephemeris file of 20 minutes about a pass of CBERS-2, states in TEME every 30 s."""
-    record = find_elements(verification_elements(), "28057").satrec()
-    times = PASS_T_S - 240.0 + 30.0 * np.arange(41)
-    rows = []
-    for t_s in times:
-        minutes = (t_s - load_elements(SourceParams()).epoch_t_s) / 60.0
-        positions = [np.array(record.sgp4_tsince(minutes + k / 60.0)[1]) for k in (-1, 0, 1)]
-        state = np.concatenate([positions[1], 0.5 * (positions[2] - positions[0])])
-        rows.append(f"{utc_text(t_s)[:-1]} " + " ".join(f"{x:.9f}" for x in state))
-    head = [
-        "CCSDS_OEM_VERS = 2.0", "ORIGINATOR = TEST", "META_START", "OBJECT_NAME = CBERS 2", "OBJECT_ID = 2003-049A",
-        "CENTER_NAME = EARTH", "REF_FRAME = TEME", "TIME_SYSTEM = UTC", f"START_TIME = {utc_text(times[0])[:-1]}",
-        f"STOP_TIME = {utc_text(times[-1])[:-1]}", f"USEABLE_STOP_TIME = {utc_text(times[-5])[:-1]}",
-        "INTERPOLATION = LAGRANGE", "INTERPOLATION_DEGREE = 7", "META_STOP",
-    ]  # fmt: skip
+def oem(tmp_path: Path, cbers: Elements) -> SourceParams:
+    """Return an ephemeris file of 14 minutes about a pass of CBERS-2, the last one not usable."""
     path = tmp_path / "cbers.oem"
-    path.write_text("\n".join([*head, *rows]))
+    usable = {"USEABLE_STOP_TIME": utc_text(TIMES[-2])}
+    path.write_text(text_of(teme_states(cbers), **usable, INTERPOLATION="LAGRANGE"))
     return SourceParams(elements=str(path), satellite="cbers 2")
 
 
@@ -130,12 +111,12 @@ def test_an_ephemeris_message_is_a_source_like_elements(oem: SourceParams) -> No
 
 def test_passes_are_looked_for_where_the_ephemeris_is_usable_and_nowhere_beyond(oem: SourceParams) -> None:
     track = load_track(oem)
-    assert first_time_s(oem) == pytest.approx(PASS_T_S - 239.0, abs=1e-3)
+    assert first_time_s(oem) == pytest.approx(TIMES[0] + 1.0, abs=1e-3)
     (window,) = find_passes(track, first_time_s(oem), 86400.0, math.radians(5.0))
     assert window.aos_t_s == pytest.approx(PASS_T_S, abs=0.05)
     assert window.los_t_s == pytest.approx(PASS_T_S + 714.7, abs=0.1)
     (cut,) = find_passes(track, first_time_s(oem), 86400.0, 0.0)
-    assert cut.los_t_s <= PASS_T_S - 240.0 + 30.0 * 36
+    assert cut.los_t_s <= TIMES[-2]
     with pytest.raises(ValueError, match="outside the usable span"):
         track.target_at(PASS_T_S + 900.0)
     with pytest.raises(ValueError, match="outside the usable span"):
@@ -150,7 +131,7 @@ def test_an_ephemeris_that_declares_no_interpolation_takes_the_operators(oem: So
     with pytest.raises(ValueError, match=r"cbers\.oem: OEM of CBERS 2 declares no INTERPOLATION"):
         load_track(oem)
     assert load_track(oem.replace(interpolation="LAGRANGE")).target_at(t_s) == declared
-    with pytest.raises(ValueError, match="has 41 states|must be odd"):
+    with pytest.raises(ValueError, match="must be odd"):
         load_track(oem.replace(interpolation="HERMITE", interpolation_degree=6))
 
 
@@ -224,8 +205,6 @@ def test_an_ephemeris_of_a_folder_is_preferred_to_elements_of_the_same_name(cber
 def test_a_folder_without_elements_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"is a folder without elements: no file ends in \.elements, \.tle"):
         load_elements(SourceParams(elements=str(tmp_path)))
-    with pytest.raises(ValueError, match=r"elements='https://celestrak.org/x' has not been fetched"):
-        load_elements(SourceParams(elements="https://celestrak.org/x"))
 
 
 def test_stale_elements_are_told_with_age_and_error_and_fresh_ones_are_not() -> None:

@@ -6,18 +6,11 @@ import numpy as np
 import pytest
 
 from rf_pointing.planning import AxisLimits, MachineParams
-from rf_pointing.planning.branch_motion import Triple, branch_motions, no_lag
+from rf_pointing.planning.branch_motion import branch_motions, no_lag
 from test.planning.test_crossing import LIMITS, beam
 from test.planning.test_over_the_top import sides
 
 DEG = math.pi / 180.0
-# The crossing lies in rows 4 to 7.
-
-
-def path(rate: float = 0.0) -> Triple:
-    """A target whose own rates outside the crossing are no matter of it."""
-    rows = np.arange(24.0).reshape(12, 2)
-    return 1e-3 * rows, np.full((12, 2), rate), np.full((12, 2), rate)
 
 
 def test_a_dish_that_leans_may_go_over_from_either_side() -> None:

@@ -59,19 +59,6 @@ def test_from_slightly_outside_every_motion_inward_is_allowed(past_deg: float) -
     assert not gate(HILL).check("manual", under, deg((90.0, 24.0))).allowed
 
 
-def test_the_way_between_two_free_points_goes_over_the_hill_between_them() -> None:
-    decision = gate(HILL).check("slew", (60.0 * DEG, 10.0 * DEG), deg((120.0, 10.0)))
-    assert decision.allowed
-    corners = np.array(decision.way) / DEG
-    assert corners[-1] == pytest.approx([120.0, 10.0])
-    assert np.max(corners[:, 1]) > 30.0
-    here = (60.0 * DEG, 10.0 * DEG)
-    for corner in decision.way:
-        _, leg, _ = slew_path(Moving(1.0, here), corner, AXES)
-        assert np.all(leg[:, 1] >= HILL.lowest_all(leg[:, 0]) - 1e-9)
-        here = corner
-
-
 def test_a_free_way_has_no_corners_and_a_hill_as_high_as_the_travel_has_no_way() -> None:
     assert gate().check("slew", (0.0, 0.2), deg((100.0, 40.0))).way == ()
     walls = HorizonMask(azimuth_rad=(0.5, 1.0, 1.5, 3.5, 4.0, 4.5), elevation_rad=(0.0, 1.5, 0.0, 0.0, 1.5, 0.0))
@@ -80,40 +67,12 @@ def test_a_free_way_has_no_corners_and_a_hill_as_high_as_the_travel_has_no_way()
     assert "below the horizon mask on the way, and no detour is free" in refused.reason
 
 
-def test_a_slew_through_the_sun_is_led_round_it() -> None:
-    sun, here = (50.0 * DEG, 40.0 * DEG), (20.0 * DEG, 40.0 * DEG)
-    made = gate(sun_radius_rad=5.0 * DEG)
-    decision = made.check("slew", here, deg((80.0, 40.0)), sun_rad=sun)
-    assert decision.allowed
-    assert len(decision.way) > 1
-    for corner in decision.way:
-        for azimuth, elevation in slew_path(Moving(1.0, here), corner, AXES)[1].tolist():
-            near = math.acos(
-                math.sin(elevation) * math.sin(sun[1])
-                + math.cos(elevation) * math.cos(sun[1]) * math.cos(azimuth - sun[0])
-            )
-            assert near >= 5.0 * DEG - 1e-9
-        here = corner
+def test_the_zone_of_the_sun_is_no_goal_but_of_a_stow_and_may_be_left() -> None:
+    sun, made = (50.0 * DEG, 40.0 * DEG), gate(sun_radius_rad=5.0 * DEG)
     aimed = made.check("slew", (20.0 * DEG, 40.0 * DEG), deg((53.0, 40.0)), sun_rad=sun)
     assert "2.298 deg from the Sun, must be >= 5.000 deg" in aimed.reason
     assert made.check("track", sun, deg((53.0, 40.0)), sun_rad=sun).allowed, "out of the Sun's zone is inward"
     assert made.check("stow", (20.0 * DEG, 40.0 * DEG), deg((50.0, 41.0)), sun_rad=sun).allowed
-
-
-def test_a_slew_ends_where_it_must_within_the_rates_and_in_the_time_of_the_closed_form() -> None:
-    for start, end in (((10.0, 40.0), (130.0, 20.0)), ((0.0, 10.0), (-1.0, 12.0)), ((0.0, 10.0), (0.0, 10.0))):
-        here, there = (start[0] * DEG, start[1] * DEG), (end[0] * DEG, end[1] * DEG)
-        times, positions, rates = slew_path(Moving(1.0, here), there, AXES)
-        assert positions[0] == pytest.approx(here)
-        assert positions[-1] == pytest.approx(there, abs=1e-12)
-        assert rates[[0, -1]] == pytest.approx(0.0, abs=1e-12)
-        assert np.max(np.abs(rates)) <= 1.8 * DEG + 1e-12
-        assert times[-1] == pytest.approx(AXES.slew_s(here, there))
-        # At constant acceleration the mean of two rates is exact.
-        travelled = np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(times)[:, None], axis=0)
-        assert travelled == pytest.approx(positions[1:] - here, abs=1e-12)
-    assert AXES.slew_s((0.0, 0.0), (120.0 * DEG, 0.0)) == pytest.approx(120.0 / 1.8 + 1.8 / 0.8)
-    assert AXES.slew_s((0.0, 0.0), (0.8 * DEG, 0.0)) == pytest.approx(2.0)
 
 
 def test_what_is_left_of_a_stopped_motion_is_that_of_a_simulated_stop() -> None:
@@ -194,38 +153,15 @@ def test_a_way_keeps_clear_of_where_the_sun_will_be_at_its_end() -> None:
     assert "0.900 deg from the Sun" in sky.reason_of_path(line, sun, 0.4 * DEG)
 
 
-def test_motions_between_points_have_their_names() -> None:
-    assert motion_between((0.0, 0.5), (1.0, 0.6)) == "slew"
-    assert motion_between((3.6, 0.5), (-1.0, 0.6)) == "unwind"
-    assert motion_between((0.0, 0.5), (3.0, 2.6)) == "flip"
-
-
 def test_high_wind_lets_only_the_stow_pass() -> None:
     for kind in MOTIONS:
         decision = gate().check(kind, (0.0, 0.5), deg((0.0, 89.0)), high_wind="gust 31.0 m/s, limit 25.0 m/s")
         assert decision.allowed == (kind == "stow")
 
 
-def test_a_rate_that_cannot_stop_before_the_limit_is_refused() -> None:
-    """1 deg/s^2 from 1.5 deg/s takes 1.125 deg."""
-    made = gate(axes=AxisRates((2.0 * DEG, 2.0 * DEG), (1.0 * DEG, 1.0 * DEG)))
-    rate = deg((1.5, 0.0))
-    assert made.check("manual", (0.0, 0.5), deg((218.8, 45.0)), rate).allowed
-    refused = made.check("manual", (0.0, 0.5), deg((219.0, 45.0)), rate)
-    assert "needs 1.125 deg to stop, 1.000 deg are left to the limit 220.000 deg" in refused.reason
-    assert made.check("manual", (0.0, 0.5), deg((219.0, 45.0)), -rate).allowed
-    assert "exceeds the axis limit" in made.check("manual", (0.0, 0.5), deg((0.0, 45.0)), deg((2.5, 0.0))).reason
-
-
-def test_the_tiers_follow_each_other_outward() -> None:
-    made = gate()
-    assert made.warning(0.0, 45.0 * DEG) == ""
-    assert made.warning(218.5 * DEG, 45.0 * DEG) == "azimuth 1.50 deg inside its limit"
-    assert made.hard((220.2 * DEG, 0.5), (0.01, 0.0)) == ""
-    assert "0.050 deg past the hard limit 220.250 deg" in made.hard((220.3 * DEG, 0.5), (0.01, 0.0))
-    assert made.hard((220.3 * DEG, 0.5), (-0.01, 0.0)) == "", "inward"
-    stood = (220.3 * DEG, 0.5)
-    assert made.hard((220.32 * DEG, 0.5), (0.01, 0.0), stood) == "", "it swings where it stood"
+def test_the_drives_are_not_cut_while_an_axis_swings_where_it_stood() -> None:
+    made, stood = gate(), (220.3 * DEG, 0.5)
+    assert made.hard((220.32 * DEG, 0.5), (0.01, 0.0), stood) == ""
     assert "past the hard limit 220.350 deg" in made.hard((220.4 * DEG, 0.5), (0.01, 0.0), stood)
 
 
@@ -324,6 +260,7 @@ def test_the_drives_are_cut_beyond_a_limit_while_an_axis_goes_on_outwards(
     [
         ((0.0, 88.4), (0.0, 1.5), "elevation rate 1.500 deg/s needs 1.125 deg to stop, 1.100 deg are left to 89.500"),
         ((0.0, 88.3), (0.0, 1.5), ""),
+        ((0.0, 88.4), (0.0, -1.5), ""),
         ((0.0, 5.1), (0.0, -1.5), "elevation rate -1.500 deg/s needs 1.125 deg to stop, 1.100 deg are left to 4.000"),
         ((0.0, 5.2), (0.0, -1.5), ""),
         (

@@ -119,6 +119,3 @@ def test_only_an_elevation_axis_that_passes_the_zenith_goes_over_it() -> None:
         travel = AxisLimits(elevation_max_rad=most_deg * DEG)
         found = branch_motions(t, {False: first, True: second}, machine, travel, beam(0.264), no_lag)
         assert any(one.crossing is not None and one.crossing.over_t_s is not None for one in found) is over
-
-
-BEFORE, AFTER = np.array([[3e-4, 1e-4], [2e-6, -1e-6]]), np.array([[-2e-4, 4e-4], [-1e-6, 3e-6]])

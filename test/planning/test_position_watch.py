@@ -98,19 +98,6 @@ def test_after_a_jump_that_stayed_a_single_wrong_reading_is_bridged_again() -> N
     assert watch.step(0.6, (2.0, 0.0), AT_REST, 0.0) == ((1.0, 0.0), "")
 
 
-def stands(limits: PositionLimits, t_s: float, angle: float, goal: float, latency_s: float = 0.0, watch=None) -> float:  # type: ignore[no-untyped-def]
-    """Return how long an elevation stands before it is told, by readings 10 ms apart; 0: never in 6 s."""
-    if watch is None:
-        watch = PositionWatch(limits)
-        watch.step(t_s, (0.0, angle), (None, goal), latency_s)
-    for reading in range(1, 600):
-        said = watch.step(t_s + 0.01 * reading, (0.0, angle), (None, goal), latency_s)[1]
-        if said:
-            assert said.startswith("elevation stands still for ")
-            return 0.01 * reading
-    return 0.0
-
-
 def test_a_step_of_the_encoder_with_every_reading_is_motion() -> None:
     watch = PositionWatch(LIMITS)
     for reading in range(40):

@@ -131,17 +131,6 @@ def test_nothing_to_track_is_an_empty_plan() -> None:
     assert reasons_against([lost], [], AXES, START) == {}
 
 
-def test_the_first_pass_of_a_plan_is_named_by_one_that_overlaps_it() -> None:
-    turns = turns_within(LIMITS, (1.0, 1.0, 2.0, 2.0), (0.1, 0.1))
-    made = [
-        Candidate(name=name, aos_t_s=aos, los_t_s=aos + 600.0, peak_rad=peak, priority=0, turns=turns)
-        for name, aos, peak in (("A", 1000.0, 1.2), ("B", 1200.0, 0.3), ("C", 5000.0, 1.2))
-    ]
-    plan = schedule(made, AXES, START, GAP_S)
-    assert {k for k, _ in plan} == {0, 2}
-    assert reasons_against(made, plan, AXES, START, GAP_S)[1].startswith("overlaps A for ")
-
-
 def at(
     name: str, aos_t_s: float, los_t_s: float, *azimuths: float, peak_rad: float = 0.5, priority: int = 0
 ) -> Candidate:

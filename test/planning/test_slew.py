@@ -152,6 +152,8 @@ def test_an_axis_under_way_ends_at_rest_within_its_limits(rate_deg_s: float, end
 
 
 def test_the_chords_of_a_slew_are_the_curve() -> None:
+    at_rest = slew_path(Moving(1.0, (0.3, 0.2)), (1.4, 0.7), AXES)
+    assert at_rest[0][-1] == pytest.approx(AXES.slew_s((0.3, 0.2), (1.4, 0.7)))
     start = Moving(0.8, (0.3, 0.2), (0.01, -0.02))
     times, positions, _ = slew_path(start, (1.4, 0.7), AXES)
     dense = np.linspace(0.0, times[-1], 20_001)

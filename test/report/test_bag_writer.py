@@ -132,13 +132,6 @@ def test_misuse_is_named(tmp_path: Path, types: Definitions, maker: Any) -> None
         bag.write("/joint_states", 0, maker.serialized(JOINTS))
 
 
-def test_empty_bag_is_readable(tmp_path: Path, types: Definitions) -> None:
-    with BagWriter(tmp_path / "bag", types) as bag:
-        bag.register("/joint_states", JOINTS)
-    with Reader(tmp_path / "bag") as reader:
-        assert reader.message_count == 0
-
-
 def fill(bag: BagWriter, count: int) -> None:
     for number in range(count):
         bag.write(f"/{'ab'[number % 2]}", 1_000 + number, LARGE)
@@ -213,8 +206,12 @@ def test_no_room_to_begin_leaves_no_directory_behind(tmp_path: Path, types: Defi
     assert not (tmp_path / "bag").exists()
 
 
-def test_storage_is_the_one_ros_uses_by_default(tmp_path: Path, types: Definitions) -> None:
+def test_an_empty_bag_is_readable_and_its_storage_the_one_ros_uses_by_default(
+    tmp_path: Path, types: Definitions
+) -> None:
     with BagWriter(tmp_path / "bag", types) as bag:
         bag.register("/joint_states", JOINTS)
     assert StoragePlugin[metadata(tmp_path / "bag")["storage_identifier"].upper()] is StoragePlugin.MCAP
     assert sorted(item.name for item in (tmp_path / "bag").iterdir()) == ["bag.mcap", "metadata.yaml"]
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == 0

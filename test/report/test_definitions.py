@@ -5,14 +5,12 @@ Profiles as a bag stores them.
 
 import json
 import os
-from enum import Enum
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability, QosTime
 
-from rf_pointing.report.definitions import Definitions, definitions, qos_from_profile
+from rf_pointing.report.definitions import Definitions, definitions
 from test.report.conftest import offered_qos
 
 
@@ -66,22 +64,8 @@ def test_type_that_contains_an_unknown_type_is_refused_when_used(tmp_path: Path)
         definitions(tmp_path).schema("partial_msgs/msg/Whole")
 
 
-def test_absent_durations_are_infinite_as_ros_writes_them() -> None:
-    profile = offered_qos()
-    assert profile.deadline == profile.lifespan == QosTime(9223372036, 854775807)
-
-
-def test_profile_object_is_read_by_its_attributes() -> None:
-    names = Enum("names", ["KEEP_LAST", "RELIABLE", "TRANSIENT_LOCAL"])
-    profile = SimpleNamespace(
-        depth=1,
-        history=names.KEEP_LAST,
-        reliability=names.RELIABLE,
-        durability=names.TRANSIENT_LOCAL,
-        deadline=SimpleNamespace(nanoseconds=500_000_000),
-        lifespan=SimpleNamespace(nanoseconds=0),
-    )
-    stored = qos_from_profile(profile)
+def test_a_profile_is_read_by_its_attributes_and_an_absent_duration_is_infinite() -> None:
+    stored = offered_qos(depth=1, durability="TRANSIENT_LOCAL", deadline_ns=500_000_000)
     assert (stored.history, stored.depth) == (QosHistory.KEEP_LAST, 1)
     assert stored.reliability is QosReliability.RELIABLE
     assert stored.durability is QosDurability.TRANSIENT_LOCAL

@@ -16,20 +16,40 @@ from rf_pointing.report.mcap_tail import complete, salvage
 COUNT = 2_000
 
 
-@pytest.fixture(scope="module", params=[CompressionType.NONE, CompressionType.ZSTD, CompressionType.LZ4])
-def whole(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A file of another writer, in many small chunks."""
-    path = tmp_path_factory.mktemp("mcap") / "whole.mcap"
+def written(path: Path, compression: CompressionType, contents: list[bytes]) -> Path:
+    """A file of another writer, in many small chunks: these messages by turns on two topics."""
     with path.open("wb") as stream:
-        writer = McapWriter(stream, chunk_size=4_096, compression=request.param)
+        writer = McapWriter(stream, chunk_size=4_096, compression=compression)
         writer.start(profile="ros2", library="independent")
         schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data\n")
         channels = [writer.register_channel(topic, "cdr", schema) for topic in ("/a", "/b")]
-        for number in range(COUNT):
-            data = b"\0\1\0\0" + number.to_bytes(60, "little")
+        for number, data in enumerate(contents):
             writer.add_message(channels[number % 2], number, data, number, number)
         writer.finish()
     return path
+
+
+@pytest.fixture(scope="module", params=[CompressionType.NONE, CompressionType.ZSTD, CompressionType.LZ4])
+def compression(request: pytest.FixtureRequest) -> CompressionType:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def whole(compression: CompressionType, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    contents = [b"\0\1\0\0" + number.to_bytes(60, "little") for number in range(COUNT)]
+    return written(tmp_path_factory.mktemp("mcap") / "whole.mcap", compression, contents)
+
+
+@pytest.fixture(scope="module")
+def marked(compression: CompressionType, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file whose messages begin and end with bytes that are not zero; the last one is empty."""
+    contents = [b"\1" * 60 + (number + 1).to_bytes(3, "little") + b"\1" for number in range(199)]
+    return written(tmp_path_factory.mktemp("mcap") / "marked.mcap", compression, [*contents, b""])
+
+
+def summary_of(path: Path) -> Any:
+    with path.open("rb") as stream:
+        return make_reader(stream).get_summary()
 
 
 def times(path: Path) -> list[int]:
@@ -57,10 +77,7 @@ def test_cut_file_gives_its_first_messages_without_gap(whole: Path, tmp_path: Pa
 
 
 def test_every_cut_inside_one_chunk_and_its_index_is_closed_alike(whole: Path, tmp_path: Path) -> None:
-    data = whole.read_bytes()
-    with whole.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
+    data, summary = whole.read_bytes(), summary_of(whole)
     third, fourth = summary.chunk_indexes[2:4]
     before = summary.chunk_indexes[1].message_end_time + 1
     for end in range(third.chunk_start_offset, fourth.chunk_start_offset + 1, 41):
@@ -72,17 +89,13 @@ def test_every_cut_inside_one_chunk_and_its_index_is_closed_alike(whole: Path, t
 
 
 def test_index_that_was_cut_off_is_written_as_it_was(whole: Path, tmp_path: Path) -> None:
-    with whole.open("rb") as stream:
-        original = make_reader(stream).get_summary()
-    assert original is not None
+    original = summary_of(whole)
     third = original.chunk_indexes[2]
     cut = tmp_path / "cut.mcap"
     end = third.chunk_start_offset + third.chunk_length
     cut.write_bytes(whole.read_bytes()[: end + third.message_index_length // 2])
     complete(cut)
-    with cut.open("rb") as stream:
-        closed = make_reader(stream).get_summary()
-    assert closed is not None
+    closed = summary_of(cut)
     assert closed.chunk_indexes == original.chunk_indexes[:3]
     assert closed.schemas == original.schemas
     assert closed.channels == original.channels
@@ -97,10 +110,7 @@ def test_whole_file_keeps_every_message(whole: Path, tmp_path: Path) -> None:
 
 
 def test_damaged_chunk_ends_what_can_be_used(whole: Path, tmp_path: Path) -> None:
-    data = bytearray(whole.read_bytes())
-    with whole.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
+    data, summary = bytearray(whole.read_bytes()), summary_of(whole)
     damaged = summary.chunk_indexes[3]
     middle = damaged.chunk_start_offset + damaged.chunk_length // 2
     data[middle : middle + 40] = bytes(255 - value for value in data[middle : middle + 40])
@@ -128,11 +138,6 @@ def test_file_without_chunks_is_closed_too(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-200])
     complete(path)
     assert times(path) == list(range(97))
-
-
-def summary_of(path: Path) -> Any:
-    with path.open("rb") as stream:
-        return make_reader(stream).get_summary()
 
 
 def records(data: bytes) -> Iterator[tuple[int, int, bytes]]:
@@ -171,24 +176,6 @@ def test_zeros_that_a_crashed_file_system_leaves_are_dropped(whole: Path, tmp_pa
     assert times(cut) == list(range(first.message_end_time + 1))
 
 
-def flat(path: Path, count: int) -> bytes:
-    """Write a file without chunks; return its bytes."""
-    with path.open("wb") as stream:
-        writer = McapWriter(stream, use_chunking=False)
-        writer.start(profile="ros2", library="independent")
-        channel = writer.register_channel("/a", "cdr", writer.register_schema("a/msg/B", "ros2msg", b"string c\n"))
-        for number in range(count):
-            writer.add_message(channel, number, bytes(64), number, number)
-        writer.finish()
-    return path.read_bytes()
-
-
-def chunk(data: bytes, start: int, end: int) -> bytes:
-    """Return a chunk without compression and checksum."""
-    content = struct.pack("<QQQIIQ", start, end, len(data), 0, 0, len(data)) + data
-    return struct.pack("<BQ", 6, len(content)) + content
-
-
 # Damage in the middle
 
 
@@ -200,22 +187,6 @@ def messages(path: Path) -> list[tuple[str, int, int, bytes]]:
 
 LENGTH = 9 + 22 + 64
 """Bytes of each message of `marked`, but for the last."""
-
-
-@pytest.fixture(scope="module", params=[CompressionType.NONE, CompressionType.ZSTD, CompressionType.LZ4])
-def marked(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A file whose messages begin and end with bytes that are not zero; the last one is empty."""
-    path = tmp_path_factory.mktemp("mcap") / "marked.mcap"
-    with path.open("wb") as stream:
-        writer = McapWriter(stream, chunk_size=4_096, compression=request.param)
-        writer.start(profile="ros2", library="independent")
-        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data\n")
-        channels = [writer.register_channel(topic, "cdr", schema) for topic in ("/a", "/b")]
-        for number in range(200):
-            data = b"" if number == 199 else b"\1" * 60 + (number + 1).to_bytes(3, "little") + b"\1"
-            writer.add_message(channels[number % 2], number, data, number, number)
-        writer.finish()
-    return path
 
 
 def test_zeros_cost_the_messages_that_they_cover_and_no_other(marked: Path, tmp_path: Path) -> None:

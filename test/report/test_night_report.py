@@ -75,12 +75,6 @@ def test_what_to_do_begins_with_what_lasts_and_names_every_cause() -> None:
         assert part in words
 
 
-def test_alarms_have_their_time_and_whether_they_are_known() -> None:
-    first, second = bad_night().alarms
-    assert (first.until_t_s - first.raised_t_s, first.acknowledged) == (60.0, False)
-    assert (second.until_t_s, second.acknowledged) == (None, True)
-
-
 def test_the_page_has_the_lost_seconds_with_their_causes_and_escapes_names(tmp_path: Path) -> None:
     report = bad_night()
     write_night(report, tmp_path / "night")

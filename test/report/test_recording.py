@@ -33,18 +33,6 @@ def bag(tmp_path_factory: pytest.TempPathFactory, synthetic_run: Runs, types: De
     return path
 
 
-def copied(bag: Path, target: Path, plugin: StoragePlugin, types: Definitions) -> Path:
-    """The same messages as rosbags' own writer stores them."""
-    with Reader(bag) as reader, Writer(target, version=9, storage_plugin=plugin) as writer:
-        topics = {
-            item.id: writer.add_connection(item.topic, item.msgtype, typestore=types.typestore)
-            for item in reader.connections
-        }
-        for connection, log_time_ns, data in reader.messages():
-            writer.write(topics[connection.id], log_time_ns, data)
-    return target
-
-
 def test_topics_come_with_stamps_log_times_sequences_and_columns(bag: Path) -> None:
     recording = read_recording(bag)
     assert (recording.namespace, recording.problems, recording.notes) == ("/gs1", (), {"seed": "1"})
@@ -62,21 +50,10 @@ def test_topics_come_with_stamps_log_times_sequences_and_columns(bag: Path) -> N
     assert [item.los_ns - item.aos_ns for item in recording.passes] == [8 * 10**9]
 
 
-def test_sqlite_and_mcap_bags_read_alike(bag: Path, tmp_path: Path, types: Definitions) -> None:
-    first = read_recording(bag)
-    second = read_recording(copied(bag, tmp_path / "sqlite", StoragePlugin.SQLITE3, types))
-    assert second.problems == ()
-    assert list(first.topics) == list(second.topics)
-    for name, data in first.topics.items():
-        assert np.array_equal(data.log_time_ns, second.topics[name].log_time_ns)
-        for column in set(data.columns) - {"passes"}:
-            assert np.array_equal(data[column], second.topics[name][column])
-
-
 def test_the_bags_of_a_pass_that_was_joined_again_are_read_as_one_recording(bag: Path, tmp_path: Path) -> None:
     for name in ("bag", "bag-2"):
         shutil.copytree(bag, tmp_path / "p0" / name)
-    once, both = (len(read_recording(path).topics["tracking_status"].stamp_ns) for path in (bag, tmp_path / "p0"))
+    once, both = (len(read_recording(path).topics["tracking_status"]) for path in (bag, tmp_path / "p0"))
     assert both == 2 * once > 0
 
 
@@ -408,6 +385,8 @@ def test_any_splits_of_a_bag_give_its_numbers_less_what_is_missing(
         if len(left) == 6:
             assert np.array_equal(mine.log_time_ns, data.log_time_ns)
             assert data.sequence is None or np.array_equal(mine.sequence, data.sequence)
+            for column in set(data.columns) - {"passes"}:
+                assert np.array_equal(mine[column], data[column])
         else:
             assert 0 < len(mine) <= len(data)
             assert set(mine.log_time_ns.tolist()) <= set(data.log_time_ns.tolist())

@@ -7,7 +7,7 @@ import typing
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.report.summary import Link, Spread, Summary, to_json
+from rf_pointing.report.summary import Spread, Summary, to_json
 
 KEYS = Path(__file__).parent / "data" / "summary_keys.json"
 
@@ -45,4 +45,3 @@ def test_every_number_names_its_unit() -> None:
                     check(inner)
 
     check(Summary)
-    assert "source" in {item.name for item in dataclasses.fields(Link)}

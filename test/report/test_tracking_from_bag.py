@@ -4,15 +4,9 @@ import numpy as np
 import pytest
 
 from rf_pointing.calibration import TrackedPass
-from rf_pointing.report.definitions import definitions
 from rf_pointing.report.tracking_from_bag import tracking_from_bag
 
-from .conftest import MDEG, MSG_DEFS, SyntheticRun
-
-
-@pytest.fixture(scope="module")
-def types():
-    return definitions(MSG_DEFS)
+from .conftest import MDEG, SyntheticRun
 
 
 def bag(tmp_path, types, notes=None, **changes):
