@@ -20,7 +20,11 @@ make_wheel_environment() {
   echo made >> "$STATE/made"
 }
 install_wheels() { echo "$@" >> "$STATE/added"; }
-build_interfaces() { mkdir -p "$STATE/install"; touch "$STATE/install/local_setup.bash"; echo built >> "$STATE/interfaces-built"; }
+build_interfaces() {
+  mkdir -p "$STATE/install"
+  touch "$STATE/install/local_setup.bash"
+  echo built >> "$STATE/interfaces-built"
+}
 build_workspace() { :; }
 """.replace("VERSION", platform.python_version())
 
