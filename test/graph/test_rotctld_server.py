@@ -79,6 +79,8 @@ class Watched:
             f"/**/rotctld_server:\n  ros__parameters: {{server.port: {self.port}, match.silence_s: 4.0, "
             f"command_key_file: {folder / 'command.key'}}}\n",
             autostart=True,
+            # The controller is killed alone.
+            processes=8,
         )
         live.spin_until(lambda: self.antenna.mode == "holding" and self._listens(), "a station that listens")
 

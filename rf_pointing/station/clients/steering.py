@@ -440,6 +440,7 @@ class Steering:
             f"the points are those of {found.name} ({found.catalogue_number}): within "
             f"{math.degrees(found.distance_rad):.2f} deg of its track, {found.lead_s:+.1f} s ahead of it"
         )
+        again_s = AGAIN_S
         try:
             answer = yield "select_target", {"target": str(found.catalogue_number)}
             coming = [each for each in answer.passes if each[1] > self._t_s]
@@ -454,10 +455,11 @@ class Steering:
             elif not answer.code:
                 answer = Answer(REJECTED, answer.text)
         except NoAnswer as error:
-            answer = error.args[0]
+            # Nobody has refused it: a node that has just been started again answers the next time.
+            answer, again_s = error.args[0], ANSWER_S
         if answer.code:
             self._warn("no pass", f"{found.name} is not tracked, its points are followed: {answer.text}")
-            self._end_match(found)
+            self._end_match(found, again_s)
         return 0
 
     def ended(self, number: int, message: str, tracked_s: float) -> None:
@@ -469,8 +471,8 @@ class Steering:
                 self._forget()
             self._end_match(self._match)
 
-    def _end_match(self, match: Match) -> None:
-        self._refused[match.catalogue_number] = self._t_s + AGAIN_S
+    def _end_match(self, match: Match, again_s: float = AGAIN_S) -> None:
+        self._refused[match.catalogue_number] = self._t_s + again_s
         self._goal, self._match, self._certified = 0, None, False
 
 
