@@ -34,7 +34,7 @@ class StateSpace:
     def response(self, frequency_hz: ArrayLike) -> ComplexArray:
         """Return the transfer function (f, q, m)."""
         z = np.exp(2j * np.pi * np.asarray(frequency_hz, dtype=np.float64) * self.sample_s)[:, None, None]
-        solved = np.linalg.solve(z * np.eye(self.order) - self.a, self.b.astype(np.complex128))
+        solved = np.linalg.solve(z * np.eye(self.order) - self.a, self.b.astype(np.complex128)[None])
         return np.asarray(self.c @ solved + self.d)
 
     def simulate(self, inputs: ArrayLike) -> Array:

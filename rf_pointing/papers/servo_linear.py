@@ -46,7 +46,7 @@ class ClosedLoop:
         """Return the transfer function (f, rows, 2) from `inputs` to `output`."""
         s = 2j * np.pi * np.asarray(frequency_hz)[:, None, None]
         solved = np.linalg.solve(
-            s * np.eye(len(self.a)) - self.a, self.b[:, inputs].astype(np.complex128)
+            s * np.eye(len(self.a)) - self.a, self.b[None, :, inputs].astype(np.complex128)
         )
         return np.asarray(output @ solved)
 

@@ -183,7 +183,7 @@ def draw_residuals(points: Observations, fit: FitResult, path: Path) -> None:
             limit = 1.15 * float(np.max(np.abs(values[:, fit.used]))) / MDEG
             grid[row][0].set(ylabel=f"{name}, mdeg on the sky", ylim=(-limit, limit))
         legend_above(grid[0][0])
-        for handle in grid[0][0].get_legend().legend_handles:
+        for handle in grid[0][0].get_legend().get_lines():
             handle.set_markersize(7.0)
 
 

@@ -440,9 +440,11 @@ class Steering:
             f"the points are those of {found.name} ({found.catalogue_number}): within "
             f"{math.degrees(found.distance_rad):.2f} deg of its track, {found.lead_s:+.1f} s ahead of it"
         )
-        again_s = AGAIN_S
+        # Where nobody has refused it: a node that was just started again answers the next time.
+        again_s = ANSWER_S
         try:
             answer = yield "select_target", {"target": str(found.catalogue_number)}
+            again_s = AGAIN_S
             coming = [each for each in answer.passes if each[1] > self._t_s]
             if not answer.code and coming:
                 aos_t_s, _, wanted = coming[0]
@@ -455,8 +457,8 @@ class Steering:
             elif not answer.code:
                 answer = Answer(REJECTED, answer.text)
         except NoAnswer as error:
-            # Nobody has refused it: a node that has just been started again answers the next time.
-            answer, again_s = error.args[0], ANSWER_S
+            answer = error.args[0]
+            again_s = ANSWER_S if answer.code == TIMED_OUT else again_s
         if answer.code:
             self._warn("no pass", f"{found.name} is not tracked, its points are followed: {answer.text}")
             self._end_match(found, again_s)

@@ -24,7 +24,7 @@ def rng() -> np.random.Generator:
 
 @pytest.mark.parametrize("count", [2, 3, 7])
 def test_exact_directions_give_the_exact_rotation(rng: np.random.Generator, count: int) -> None:
-    truth = Rotation.random(300, rng=rng).as_matrix()
+    truth = Rotation.random(300, rng).as_matrix()
     reference = unit(rng.normal(size=(300, count, 3)))
     fit = fit_rotation(reference, np.einsum("nij,nlj->nli", truth, reference))
     np.testing.assert_allclose(fit.rotation, truth, atol=1e-11)
@@ -34,7 +34,7 @@ def test_exact_directions_give_the_exact_rotation(rng: np.random.Generator, coun
 def test_weighted_noisy_fit_agrees_with_scipy(rng: np.random.Generator) -> None:
     for _ in range(50):
         reference = unit(rng.normal(size=(4, 3)))
-        measured = unit(Rotation.random(rng=rng).apply(reference) + 0.1 * rng.normal(size=(4, 3)))
+        measured = unit(Rotation.random(None, rng).apply(reference) + 0.1 * rng.normal(size=(4, 3)))
         weights = rng.uniform(0.1, 3.0, size=4)
         expected = Rotation.align_vectors(measured, reference, weights=weights)[0].as_matrix()
         np.testing.assert_allclose(fit_rotation(reference, measured, weights).rotation, expected, atol=1e-10)
@@ -44,7 +44,7 @@ def test_fit_is_a_proper_rotation_although_half_of_two_direction_fits_need_the_r
     rng: np.random.Generator,
 ) -> None:
     reference = unit(rng.normal(size=(2000, 2, 3)))
-    measured = unit(np.einsum("nij,nlj->nli", Rotation.random(2000, rng=rng).as_matrix(), reference))
+    measured = unit(np.einsum("nij,nlj->nli", Rotation.random(2000, rng).as_matrix(), reference))
     fit = fit_rotation(reference, measured)
     np.testing.assert_allclose(np.linalg.det(fit.rotation), 1.0, atol=ROUNDING)
     assert 0.4 < np.mean(fit.reflected) < 0.6
@@ -52,7 +52,7 @@ def test_fit_is_a_proper_rotation_although_half_of_two_direction_fits_need_the_r
 
 def test_covariance_31_follows_monte_carlo_within_3_sigma_of_its_own_scatter(rng: np.random.Generator) -> None:
     trials, sigma_rad = 20_000, 1e-4
-    truth = Rotation.random(rng=rng).as_matrix()
+    truth = Rotation.random(None, rng).as_matrix()
     reference = unit(rng.normal(size=(3, 3)))
     t = reference @ truth.T
     sigmas = sigma_rad * np.array([1.0, 2.0, 0.5])
@@ -121,7 +121,7 @@ def test_the_covariance_of_directions_that_are_one_is_refused() -> None:
 def test_a_mirrored_set_is_refused_whatever_its_axes_and_the_scale_of_its_weights(
     rng: np.random.Generator, scale: float
 ) -> None:
-    for turn in Rotation.random(20, rng=rng).as_matrix():
+    for turn in Rotation.random(20, rng).as_matrix():
         with pytest.raises(ValueError, match="mirror the reference directions"):
             fit_rotation(np.eye(3), -turn.T, scale * np.array([1e4, 1.0, 1.0]))
         fit_rotation(np.eye(3), turn.T, scale * np.array([1e4, 1.0, 1.0]))

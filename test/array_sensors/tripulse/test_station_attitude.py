@@ -41,7 +41,7 @@ def directions(rng: np.random.Generator, count: int) -> np.ndarray:
 def test_bisector_equals_the_svd_for_two_noisy_stations() -> None:
     rng = random_stream(1, "bisector")
     reference = directions(rng, 500)
-    turned = np.einsum("nij,nlj->nli", Rotation.random(500, rng=rng).as_matrix(), reference)
+    turned = np.einsum("nij,nlj->nli", Rotation.random(500, rng).as_matrix(), reference)
     noisy = turned + 0.1 * rng.normal(size=turned.shape)
     measured = noisy / np.linalg.norm(noisy, axis=-1, keepdims=True)
     svd = fit_rotation(reference, measured).rotation

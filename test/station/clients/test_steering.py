@@ -456,7 +456,9 @@ def test_points_of_a_known_satellite_become_its_pass_once_the_controller_command
 @pytest.mark.parametrize(
     "reason", ["no target", "no pass", "over", "later", "refused", "absent", "silent", "no goal", "ended"]
 )
-def test_a_satellite_that_cannot_be_tracked_is_followed_by_its_points_for_120_s(known: Desk, reason: str) -> None:
+def test_a_satellite_that_is_refused_is_followed_by_its_points_for_120_s_and_one_without_an_answer_for_less(
+    known: Desk, reason: str
+) -> None:
     if reason == "absent":
         known.offered.remove("select_target")
     known.fly(4)
@@ -476,6 +478,14 @@ def test_a_satellite_that_cannot_be_tracked_is_followed_by_its_points_for_120_s(
     reported = any("BIRD is not tracked, its points are followed" in line for line in known.log)
     assert reported is (reason != "ended")
     assert (known.step() is None) is (reason == "no goal"), "20 s later the points are old"
+    if reason in ("absent", "silent", "no goal"):
+        known.offered.add("select_target")
+        count = known.sent.count("select_target")
+        known.wait(2.6)
+        known.known.sky = Sky(known.t_s)
+        known.fly(5)
+        assert known.sent.count("select_target") == count + 1
+        return
     again_s = known.t_s + 120.0
     count = known.sent.count("select_target")
     known.known.sky = Sky(again_s - 3.1)
