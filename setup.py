@@ -5,8 +5,10 @@ An install into a prefix of ROS (`setup.cfg`, colcon) has each of them in lib/rf
 PATH: their names are too common for it.
 """
 
+import os
 import sys
 from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
@@ -80,6 +82,12 @@ EVERY = [f"{name} = {PACKAGE}.{room}.{name}:main" for room, names in EXECUTABLES
 STARTED = [f"{name} = {PACKAGE}.__main__:start" for names in EXECUTABLES.values() for name in names]
 # colcon and bloom call these two; pip makes a wheel.
 INTO_ROS = bool({"develop", "install"} & set(sys.argv))
+PREFIXES = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+if INTO_ROS and not any(Path(prefix, "share", f"{PACKAGE}_msgs").is_dir() for prefix in PREFIXES):
+    sys.exit(
+        f"{PACKAGE} needs its messages, which colcon does not search for below it: "
+        f"colcon build --base-paths src/{PACKAGE} src/{PACKAGE}/msg_defs"
+    )
 
 setup(
     name=PACKAGE,

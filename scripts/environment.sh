@@ -135,7 +135,7 @@ build_interfaces() {
 # Links to files that are gone since the last build would fail it; the Python package is made anew in seconds.
 build_workspace() {
   rm -rf "$STATE/build/rf_pointing" "$STATE/install/rf_pointing"
-  colcon_build --base-paths . --symlink-install
+  AMENT_PREFIX_PATH=$STATE/install/rf_pointing_msgs:$AMENT_PREFIX_PATH colcon_build --base-paths . --symlink-install
 }
 
 enter_wheel_environment() {

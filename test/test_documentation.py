@@ -251,7 +251,7 @@ def test_a_command_line_is_one_that_its_program_takes(
     assert name in executables(), page
     if ".nodes." in executables()[name] or arguments == ["--help"]:
         return
-    pytest.importorskip("rclpy", reason="commands need ROS 2", exc_type=ImportError)
+    pytest.importorskip("rclpy", reason="commands need ROS 2")
     monkeypatch.chdir(tmp_path)
     try:
         parse(name, arguments, monkeypatch)
@@ -262,7 +262,7 @@ def test_a_command_line_is_one_that_its_program_takes(
 def test_a_command_line_with_an_unknown_option_is_found(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    pytest.importorskip("rclpy", reason="commands need ROS 2", exc_type=ImportError)
+    pytest.importorskip("rclpy", reason="commands need ROS 2")
     (page := tmp_path / "page.md").write_text(
         "```\nX=1 scripts/run plan_passes \\\n  --params-file a.yaml > b  # c\n```\n"
     )

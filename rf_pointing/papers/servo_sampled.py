@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from rf_pointing.controllers import LawMatrices, LqgDesign, PositionLoopParams
 from rf_pointing.core.types import Array, ComplexArray
@@ -167,7 +168,7 @@ def loop_quality(
     radio = 1.0 / (1.0 + around)
     error = (wind_beam - beam * gain * wind_encoder * sensitivity) * radio
     gusts = davenport_psd(frequency, wind_m_s, 0.005)
-    rms = math.sqrt(float(np.trapezoid(np.abs(error) ** 2 * gusts, frequency)))
+    rms = math.sqrt(float(trapezoid(np.abs(error) ** 2 * gusts, frequency)))
     peaks = float(np.max(np.abs(sensitivity))), float(np.max(np.abs(radio)))
     stable = response.closed_radius(law.matrices) < 1.0 and (
         radio_loop is None or encircles_not(around)

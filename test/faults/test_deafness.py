@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
-rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 from rf_pointing_msgs.msg import TrackingStatus
 
 from rf_pointing.ros.input_watchdog import INPUT_SILENCE_S

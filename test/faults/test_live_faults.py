@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 
 pytestmark = [pytest.mark.graph, pytest.mark.alone]
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "live_stalls.py"

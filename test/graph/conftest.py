@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
-rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 from ament_index_python.packages import get_package_prefix
 
 from rf_pointing.ros.main_loop import make_executor

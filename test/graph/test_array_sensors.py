@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 from rclpy.qos import QoSProfile
 
 from rf_pointing.array_sensors.attitude.quaternion import (

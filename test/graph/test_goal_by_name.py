@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import yaml
 
-rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 from rclpy.action import ActionClient
 from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import PassList

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import ActionClient
 from rf_pointing_msgs.action import RunSchedule

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 import requests
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rf_pointing_msgs.msg import Alarm, ExecutiveStatus, Schedule, ScheduledPass

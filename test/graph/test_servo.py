@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParametersAtomically

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2", exc_type=ImportError)
+rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 
 pytestmark = pytest.mark.graph
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "two_computers.py"

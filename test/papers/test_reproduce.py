@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytest.importorskip("rclpy", reason="nodes need ROS 2", exc_type=ImportError)
+pytest.importorskip("rclpy", reason="nodes need ROS 2")
 
 from rf_pointing import papers
 from rf_pointing.papers.reproduce import PAPERS, main

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("rclpy", reason="topics need ROS 2", exc_type=ImportError)
+pytest.importorskip("rclpy", reason="topics need ROS 2")
 from rf_pointing.array_sensors.nodes import array_graph
 from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, CLOCK, ArrayGraph
 from rf_pointing.core.parameters import read_parameter_files

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytest.importorskip("rclpy", reason="nodes need ROS 2", exc_type=ImportError)
+pytest.importorskip("rclpy", reason="nodes need ROS 2")
 
 from rf_pointing.array_sensors.attitude.quaternion import rotation_angle_between_rad
 from rf_pointing.array_sensors.nodes import convert

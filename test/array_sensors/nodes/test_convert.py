@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytest.importorskip("rclpy", reason="messages need ROS 2", exc_type=ImportError)
+pytest.importorskip("rclpy", reason="messages need ROS 2")
 from rclpy.serialization import deserialize_message, serialize_message
 
 from rf_pointing.array_sensors.attitude.attitude_report import AttitudeReport, RateReport

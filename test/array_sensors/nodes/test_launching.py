@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("rclpy", reason="launch files need ROS 2", exc_type=ImportError)
+pytest.importorskip("rclpy", reason="launch files need ROS 2")
 from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, CLOCK
 from test.ros.test_launching import given, launched
 
