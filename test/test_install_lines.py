@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[1]
 LINES = re.search(r"## With a ROS 2 install.*?```\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[
     1
 ].splitlines()
+ROSDEP = [sys.executable, "-c", "import sys; from rosdep2.main import rosdep_main; rosdep_main(sys.argv[1:])"]
 FOLDERS = ("msg_defs", "extern", "config", "launch", "resource", "rf_pointing")
 
 
@@ -80,14 +81,16 @@ def rosdep(workspace: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
         "ROSDEP_SOURCE_PATH": str(folder / "sources"),
         "ROS_HOME": str(folder / "home"),
         "ROSDISTRO_INDEX_URL": f"file://{folder}/index.yaml",
+        # What is here already is not on the machine of the README.
+        "AMENT_PREFIX_PATH": str(folder),
     }
-    updated = run([sys.executable, "-m", "rosdep2.main", "update", "--rosdistro", "jazzy"], workspace, **environment)
+    updated = run([*ROSDEP, "update", "--rosdistro", "jazzy"], workspace, **environment)
     assert updated.returncode == 0, updated.stderr
     return environment
 
 
 def test_rosdep_resolves_every_dependency_of_both_packages(workspace: Path, rosdep: dict[str, str]) -> None:
-    line = [sys.executable, "-m", "rosdep2.main", *words("rosdep install")[1:]]
+    line = [*ROSDEP, *words("rosdep install")[1:]]
     found = run([*line, "--simulate", "--rosdistro", "jazzy", "--os", "ubuntu:noble"], workspace, **rosdep)
     assert found.returncode == 0, found.stderr
     installed = set(re.findall(r"apt-get install -y (\S+)", found.stdout))
