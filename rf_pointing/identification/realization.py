@@ -152,8 +152,10 @@ def _split(model: StateSpace) -> tuple[StateSpace, StateSpace]:
         raise ValueError(f"largest pole magnitude {largest:.12g} must be <= 1")
     # Schur, not eigenvectors: two nearly equal poles at z = 1 have nearly parallel eigenvectors.
     upper, basis, count = scipy.linalg.schur(model.a, sort=lambda re, im: np.hypot(re, im) > 1.0 - _EDGE)
-    # The Sylvester equation removes what couples the two blocks.
-    coupling = scipy.linalg.solve_sylvester(upper[:count, :count], -upper[count:, count:], -upper[:count, count:])
+    # The Sylvester equation removes what couples the two blocks; scipy 1.11 refuses an empty one.
+    first, second, coupling = upper[:count, :count], upper[count:, count:], upper[:count, count:]
+    if coupling.size:
+        coupling = scipy.linalg.solve_sylvester(first, -second, -coupling)
     b = basis.T @ model.b
     c = model.c @ basis
     edge = StateSpace(

@@ -89,7 +89,9 @@ def _draw_lines(axes: Any, plan: DayPlan, rows: Sequence[int], colours: dict[int
     ]
     keys = keys[: len(COLOURS)]
     keys += [Patch(color=YIELDS_COLOUR, label="yields"), Patch(fc="white", ec=BARRED_COLOUR, label="barred")]
-    axes.figure.legend(handles=keys, loc="outside lower left", ncols=len(keys))
+    # Below the hours and their name.
+    below = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "borderaxespad": 4.0}
+    axes.legend(handles=keys, ncols=len(keys), **below)
     total = len({item.window.elements.catalogue_number for item in plan.passes})
     if total > len(rows):
         axes.set_title(

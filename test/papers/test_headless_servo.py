@@ -11,7 +11,7 @@ from rf_pointing.servo import AntennaPlant, PlantParams, WindParams, dss13_plant
 TICK_S = 0.02
 
 
-def setup(ticks: int = 200, plant: PlantParams | None = None, **changes: object) -> ServoRunSetup:
+def run_setup(ticks: int = 200, plant: PlantParams | None = None, **changes: object) -> ServoRunSetup:
     time = TICK_S * np.arange(ticks)[:, None]
     rate, start = np.array([4e-3, -2e-3]), np.array([0.3, 0.9])
     return ServoRunSetup(
@@ -24,7 +24,7 @@ def setup(ticks: int = 200, plant: PlantParams | None = None, **changes: object)
 
 
 def test_a_run_is_plant_and_loops_stepped_in_turn() -> None:
-    case = setup(ticks=50)
+    case = run_setup(ticks=50)
     run = run_servo(case)
     plant = AntennaPlant(case.plant, random_stream(1, "encoder"), case.position_rad[0])
     loops = [PositionLoop(params) for params in case.loops]
@@ -41,7 +41,7 @@ def test_a_run_is_plant_and_loops_stepped_in_turn() -> None:
 
 
 def test_monte_carlo_gives_each_seed_its_own_run_whatever_the_number_of_workers() -> None:
-    case = setup(ticks=60, plant=dss13_plant(), wind=WindParams(mean_speed_m_s=8.0))
+    case = run_setup(ticks=60, plant=dss13_plant(), wind=WindParams(mean_speed_m_s=8.0))
     alone = servo_monte_carlo(case, [3, 4, 5], workers=1)
     together = servo_monte_carlo(case, [3, 4, 5], workers=2)
     np.testing.assert_array_equal(alone, together)
@@ -49,7 +49,7 @@ def test_monte_carlo_gives_each_seed_its_own_run_whatever_the_number_of_workers(
 
 
 def test_tables_of_unequal_length_are_refused() -> None:
-    case = setup(ticks=10)
+    case = run_setup(ticks=10)
     with pytest.raises(ValueError, match=r"velocity_rad_s has shape \(9, 2\), must be \(10, 2\)"):
         ServoRunSetup(
             position_rad=case.position_rad,
@@ -59,7 +59,7 @@ def test_tables_of_unequal_length_are_refused() -> None:
 
 
 def test_statistics_are_of_the_second_half_on_the_sky_each_command_against_the_beam_at_its_time() -> None:
-    case = setup(ticks=8)
+    case = run_setup(ticks=8)
     miss = np.zeros((8, 2))
     # The beam at the end of tick k belongs to command k + 1.
     miss[1:] = 1e-3 * np.arange(1.0, 8.0)[:, None] * np.array([1.0, -2.0])
@@ -72,4 +72,4 @@ def test_statistics_are_of_the_second_half_on_the_sky_each_command_against_the_b
 
 def test_too_many_workers_are_refused() -> None:
     with pytest.raises(ValueError, match="workers=257 must be <= 256"):
-        servo_monte_carlo(setup(ticks=3), [1], workers=257)
+        servo_monte_carlo(run_setup(ticks=3), [1], workers=257)
