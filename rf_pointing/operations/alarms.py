@@ -44,7 +44,7 @@ class Alarm:
     """One cause; `cleared_t_s` is None while it lasts.
 
     `ask` is what somebody should do, "" while nobody is needed.  `about` is which of several things
-    it is, as the words of a fault: another one is news.  `told` is what was reported last:
+    it is, as the words of a fault: another one is news.  `reported` is what was reported last:
     the level (0: nothing, or its end), whether somebody is needed, and about what.
     """
 
@@ -58,7 +58,7 @@ class Alarm:
     count: int = 0
     notified_t_s: float | None = None
     about: str = ""
-    told: tuple[int, bool, str] = (0, False, "")
+    reported: tuple[int, bool, str] = (0, False, "")
 
     @property
     def lasts(self) -> bool:
@@ -68,7 +68,7 @@ class Alarm:
     @property
     def news(self) -> str:
         """Event of `Notify` that has not been reported, "" for nothing."""
-        level, needed, about = self.told
+        level, needed, about = self.reported
         if not self.lasts:
             return "cleared" if level else ""
         if not level:
@@ -166,7 +166,7 @@ class AlarmBook:
         if not event or self.held or not waited:
             return
         alarm.notified_t_s = t_s
-        alarm.told = (alarm.level, bool(alarm.ask), alarm.about) if alarm.lasts else (0, False, "")
+        alarm.reported = (alarm.level, bool(alarm.ask), alarm.about) if alarm.lasts else (0, False, "")
         self.messages += 1
         self.notify(event, alarm)
 
@@ -185,7 +185,7 @@ class AlarmBook:
         """Take back what `state` has returned."""
         self.alarms = {row["name"]: Alarm(**row) for row in state["alarms"]}
         for alarm in self.alarms.values():
-            level, needed, about = alarm.told
-            alarm.told = level, needed, about
+            level, needed, about = alarm.reported
+            alarm.reported = level, needed, about
         self.history = [tuple(row) for row in state["history"]]
         self.messages = state.get("messages", 0)

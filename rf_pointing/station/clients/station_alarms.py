@@ -116,11 +116,11 @@ class StationAlarms:
 
     def reasons_not_ready(self, nodes: Collection[str], wall_s: float) -> list[str]:
         """Return what is missing of these nodes, and has no alarm of its own."""
-        told = {each.name.partition(" ")[2] for each in self.book.lasting}
-        found = (self._not_ready(each, wall_s) for each in nodes if each not in told)
+        known = {each.name.partition(" ")[2] for each in self.book.lasting}
+        found = (self._not_ready(each, wall_s) for each in nodes if each not in known)
         reasons = [reason for reason in found if reason]
         placed = self.known.is_fresh("antenna.azimuth", self._t_s, SILENT_S)
-        if not reasons and not placed and NEEDED[0] not in told:
+        if not reasons and not placed and NEEDED[0] not in known:
             reasons.append("the drive reads no position")
         return reasons
 
