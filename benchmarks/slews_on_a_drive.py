@@ -190,8 +190,8 @@ def measure(name: str, count: int, stalls: bool, seed: int) -> int:
             found = slews.slew(goal_deg, stall)
             if found:
                 wrong.append(found)
-                reported = f", stalled {stall[1]:.2f} s after {stall[0]:.2f} s" if stall else ""
-                print(f"  {name}: {way_deg:.1f} deg{reported}: {found}", flush=True)
+                stalled = f", stalled {stall[1]:.2f} s after {stall[0]:.2f} s" if stall else ""
+                print(f"  {name}: {way_deg:.1f} deg{stalled}: {found}", flush=True)
     load, took_s = os.getloadavg()[0], time.monotonic() - begun_s
     print(f"{name}: {len(wrong)} of {count} slews went wrong, {took_s:.0f} s, load {load:.0f}", flush=True)
     return len(wrong)

@@ -44,7 +44,7 @@ class AnyAlarms(RuleBasedStateMachine):
     def a_cause_is_there(self, name: str, level: int, ask: str, about: str) -> None:
         before = self.book.alarms.get(name)
         first = before is None
-        worse = before is not None and before.lasts and before.told[0] != 0 and level > before.level
+        worse = before is not None and before.lasts and before.reported[0] != 0 and level > before.level
         sent = len(self.sent[name])
         self.book.raise_(name, level, "m", self.t_s, ask, about)
         if first or worse:
