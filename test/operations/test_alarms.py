@@ -54,7 +54,7 @@ class AnyAlarms(RuleBasedStateMachine):
     def a_cause_has_gone(self, name: str) -> None:
         self.book.clear(name, self.t_s)
         alarm = self.book.alarms.get(name)
-        assert alarm is None or alarm.told[0] == 0, "its end is told at once, if its begin was"
+        assert alarm is None or alarm.reported[0] == 0, "its end is told at once, if its begin was"
 
     @rule(name=st.sampled_from(["", "x", "y"]))
     def an_operator_knows(self, name: str) -> None:
