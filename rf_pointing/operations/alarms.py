@@ -165,8 +165,8 @@ class AlarmBook:
         waited = last_s is None or abs(t_s - last_s) >= alarm.patience_s(self.quiet_s)
         if not event or self.held or not waited:
             return
-        alarm.notified_t_s = t_s
-        alarm.reported = (alarm.level, bool(alarm.ask), alarm.about) if alarm.lasts else (0, False, "")
+        present = alarm.level, bool(alarm.ask), alarm.about
+        alarm.notified_t_s, alarm.reported = t_s, present if alarm.lasts else (0, False, "")
         self.messages += 1
         self.notify(event, alarm)
 
