@@ -44,6 +44,7 @@ def damaged_state(tai_s: Array, position_m: Array, velocity_m_s: Array | None, *
     if v is not None:
         fast = np.maximum(fast, np.linalg.norm(v, axis=1) / distance)
     broken: list[tuple[tuple[int, ...], float]] = []
+    rows: tuple[int, ...]
     sound = np.zeros(len(r), dtype=bool)
     for k in (1, 2):
         if v is not None:

@@ -9,6 +9,7 @@ from rf_pointing.core.checks import LONGEST_NAME, brief
 from rf_pointing.core.parameters import flat, from_edge
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.params import DriveParams
+from rf_pointing.drives.protocols import turns_azimuth_alone
 from rf_pointing.drives.registry import known_types, takes_positions
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
@@ -79,6 +80,10 @@ def _check_mount(content: Content, mount: MountSection, reader: Reader) -> None:
             "mount.elevation.travel_deg", f"mount.elevation.travel_deg={list(elevation)} must lie within [-12, 192]"
         )
     begins = pass_elevation_deg(content)
+    drive = content.drive or {}
+    if mount.fixed_elevation_deg is None and turns_azimuth_alone(str(drive.get("type")), str(drive.get("model", ""))):
+        reader.note("mount.fixed_elevation_deg", f"mount.fixed_elevation_deg must say where the antenna looks: drive.model="
+            f"{drive['model']} turns the azimuth alone")  # fmt: skip
     # A pass begins on the limit itself otherwise, and is refused as 0.000 deg past it.
     if begins <= elevation[0]:
         reader.note("mount.pass_elevation_deg", f"mount.pass_elevation_deg={begins} must be > {elevation[0]}, the lowest "
