@@ -299,6 +299,11 @@ class InstanceLock:
             holder = self._file.read().strip() or "unknown"
             self._file.close()
             raise RuntimeError(f"{full_name} already runs in ROS domain {_domain()} (process {holder})") from error
+        self.take_over()
+
+    def take_over(self) -> None:
+        """Name this process as the holder: the first one, or its child that goes on for it."""
+        self._file.seek(0)
         self._file.truncate(0)
         self._file.write(str(os.getpid()))
         self._file.flush()
