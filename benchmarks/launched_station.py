@@ -325,5 +325,3 @@ class LaunchedStation:
 
 def say(text: str) -> None:
     print(f"{utc_text(time.time())[11:19]} {text}", flush=True)
-
-

@@ -63,7 +63,11 @@ STALE_PASS = [kind for kind, _, _ in IN_PASS].index("stale elements")
 
 def faults_of(count: int) -> list[Fault]:
     """Return the first faults of the list, in pass and between by turns."""
-    both = [(row, in_pass) for pair in zip(IN_PASS, BETWEEN, strict=True) for row, in_pass in zip(pair, (True, False), strict=True)]
+    both = [
+        (row, in_pass)
+        for pair in zip(IN_PASS, BETWEEN, strict=True)
+        for row, in_pass in zip(pair, (True, False), strict=True)
+    ]
     return [Fault(*row, in_pass) for row, in_pass in both[:count]]
 
 
@@ -113,10 +117,10 @@ def fly(count: int, folder: Path) -> int:
     culminations = [begun_s + FIRST_S + EVERY_S * k for k in range((count + 1) // 2)]
     ages = [OLD_H if k == STALE_PASS else 0.0 for k in range(len(culminations))]
     free_gb = os.statvfs(folder).f_bavail * os.statvfs(folder).f_frsize / 1e9
-    changes = (
-        f"  alarms.elements_stale_h: {STALE_H}\n  alarms.disk_free_gb: {free_gb - 0.5 * SPARE_GB:.3f}\n"
+    changes = f"  alarms.elements_stale_h: {STALE_H}\n  alarms.disk_free_gb: {free_gb - 0.5 * SPARE_GB:.3f}\n"
+    station = LaunchedStation(
+        folder, culminations, ages_h=ages, changes=changes, anemometer=True, words=("page:=true",)
     )
-    station = LaunchedStation(folder, culminations, ages_h=ages, changes=changes, anemometer=True, words=("page:=true",))
     try:
         station.own_silent = False
         say(f"{count} faults, {len(culminations)} passes, until {utc_text(culminations[-1])[11:19]}; {folder}")
@@ -164,7 +168,9 @@ def judge(faults: list[Fault], told: list[dict[str, str]], report: dict[str, Any
         own = [each for t_s, each in raised if fault.begun_s <= t_s < until_s]
         right = [each for each in own if each["alarm"] == fault.alarm]
         foreign = sorted(each["alarm"] for each in own if each["alarm"] != fault.alarm)
-        listed = [each for each in alarms if each["name"] == fault.alarm and fault.begun_s <= each["raised_t_s"] < until_s]
+        listed = [
+            each for each in alarms if each["name"] == fault.alarm and fault.begun_s <= each["raised_t_s"] < until_s
+        ]
         good = len(right) == 1 and bool(listed) and not foreign
         wrong += not good
         delay = f"after {parse_utc(right[0]['utc']) - fault.begun_s:.1f} s" if right else "NEVER"
@@ -186,5 +192,3 @@ def judge(faults: list[Fault], told: list[dict[str, str]], report: dict[str, Any
     print(f"{'as asked' if not wrong and not missing else 'NOT AS ASKED'}: {wrong} lines wrong, passes not in the report: "
           f"{', '.join(sorted(missing)) or '-'}")  # fmt: skip
     return int(bool(wrong or missing))
-
-

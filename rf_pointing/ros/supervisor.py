@@ -51,9 +51,8 @@ class _Child:
     shown: int = 0
 
     def state(self) -> dict[str, Any]:
-        alive = self.running is not None and self.running.poll() is None
         return {
-            "nodes": list(self.process.nodes), "process": self.running.pid if alive else None,
+            "nodes": list(self.process.nodes), "process": self.running.pid if self.due_s is None else None,
             "started_t_s": self.started_t_s, "starts": self.starts, "last_end": self.last_end,
         }  # fmt: skip
 
