@@ -1,5 +1,6 @@
 """DOA: a simulated satellite whose array receives ground stations, and its attitude.
 
+scripts/launch doa namespace:=doa
 ros2 launch rf_pointing doa.launch.py namespace:=doa
 """
 

@@ -1,5 +1,6 @@
 """Polarized interferometer: a simulated approach of two spacecraft, and their relative pose.
 
+scripts/launch interferometer namespace:=interferometer
 ros2 launch rf_pointing interferometer.launch.py namespace:=interferometer
 """
 

@@ -1,5 +1,6 @@
 """The nodes of a real station: with antenna_servo where its description names a drive.
 
+    scripts/launch single_antenna station:=my_dish.yaml namespace:=gs1
     ros2 launch rf_pointing single_antenna.launch.py station:=my_dish.yaml namespace:=gs1
 
 Every node configures and activates itself; a station that manages lifecycles itself passes

@@ -1,5 +1,6 @@
 """Tripulse: the simulated satellite, a receiver in the namespace of each station, and the attitude.
 
+scripts/launch tripulse namespace:=tripulse
 ros2 launch rf_pointing tripulse.launch.py namespace:=tripulse
 """
 

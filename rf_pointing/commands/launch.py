@@ -26,7 +26,7 @@ from rf_pointing.commands.options import say
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.whole_file import parse_json, read_whole
 from rf_pointing.ros.launching import LaunchFile, Process, launch_files
-from rf_pointing.ros.main_loop import InstanceLock, last_holder
+from rf_pointing.ros.main_loop import InstanceLock, present_holder
 from rf_pointing.ros.supervisor import STATE, Supervisor, to_terminal
 from rf_pointing.station.antenna.memory import state_folder
 from rf_pointing.station.description.reading import nearest
@@ -135,8 +135,7 @@ def running(words: list[str]) -> list[dict[str, Any]]:
     for path in sorted(state_folder().rglob(f"{LOGS}/{STATE}")):
         with suppress(OSError, ValueError):
             state = parse_json(read_whole(path))
-            holds = last_holder(lock_name(state["namespace"])) == state["process"]
-            if holds and Path(f"/proc/{state['process']}").exists():
+            if present_holder(lock_name(state["namespace"])) == state["process"]:
                 found.append(state | {"folder": path.parent})
     wanted = {word.strip("/") for word in words}
     return [state for state in found if not wanted or state["namespace"].strip("/") in wanted]
@@ -178,7 +177,7 @@ def ended(words: list[str]) -> int:
     os.kill(process, signal.SIGINT)
     deadline_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline_s:
-        if not Path(f"/proc/{process}").exists():
+        if present_holder(lock_name(found[0]["namespace"])) != process:
             say(PROGRAM, f"{names} has ended")
             return 0
         time.sleep(ENDED_FOR_S)

@@ -272,7 +272,9 @@ def test_the_unit_of_systemd_gives_the_launch_file_arguments_that_it_has(tmp_pat
     assert "network-online" not in unit["Unit"]["After"]
     settings = dict(shlex.split(line)[0].split("=", 1) for line in (folder / "station.conf").read_text().splitlines()
                     if not line.startswith("#"))  # fmt: skip
-    assert settings["LAUNCH"].split()[-1] in {file.name for file in FOLDER.iterdir()}
+    program, name = settings["LAUNCH"].split()
+    assert program.endswith("/scripts/launch")
+    assert name in launch_files()
     launcher = tmp_path / "launcher"
     launcher.write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
     launcher.chmod(0o755)
