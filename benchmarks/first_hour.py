@@ -123,7 +123,12 @@ def clone(table: Table, folder: Path, given: argparse.Namespace) -> None:
     table.within(f"stop ({said.strip()})", time.monotonic() - begun_s if code == 0 else math.inf, BACK_S)
     logs = list((home / ".local" / "state").rglob("log/*.log"))
     foreign = [path for path in home.rglob("*.log") if path not in logs]
-    table.add("logs in one folder", f"{len(logs)} in {logs[0].parent if logs else '-'}, {len(foreign)} elsewhere", bool(logs) and not foreign)  # fmt: skip
+    shown = f"{len(logs)} in {logs[0].parent if logs else '-'}, {len(foreign)} elsewhere"
+    table.add("logs in one folder", shown, bool(logs) and not foreign)
+
+
+def succeeds(code: int, _said: str) -> bool:
+    return code == 0
 
 
 def offline(table: Table, folder: Path, _given: argparse.Namespace) -> None:
@@ -145,15 +150,18 @@ def offline(table: Table, folder: Path, _given: argparse.Namespace) -> None:
     elements = folder / "my.tle"
     elements.write_text("\n".join((one.name, *tle_lines(one))) + "\n")
     lines: dict[str, tuple[list[str], Callable[[int, str], bool]]] = {
-        "new_station": (["new_station", str(folder / "new.yaml")], lambda code, said: code == 0),
-        "check_station of the example": (["check_station", str(example)], lambda code, said: code == 0),
-        "check_drive of the example": (["check_drive", str(example)], lambda code, said: code == 0),
-        "check_drive --move": (["check_drive", str(example), "--move"], lambda code, said: code == 0),
+        "new_station": (["new_station", str(folder / "new.yaml")], succeeds),
+        "check_station of the example": (["check_station", str(example)], succeeds),
+        "check_drive of the example": (["check_drive", str(example)], succeeds),
+        "check_drive --move": (["check_drive", str(example), "--move"], succeeds),
         "check_drive of a topic drive does not call its type unknown": (
-            ["check_drive", str(topic), "--namespace", "/gs9"], lambda code, said: "must be one of" not in said,
+            ["check_drive", str(topic), "--namespace", "/gs9"], lambda _code, said: "must be one of" not in said,
         ),
         "a plan with fillers": (
-            ["plan_passes", "--station", str(example), "--elements", str(elements), "--satellites", str(fillers), "--hours", "6"],
+            [
+                *("plan_passes", "--station", str(example), "--elements", str(elements)),
+                *("--satellites", str(fillers), "--hours", "6"),
+            ],
             lambda code, said: code == 0 and "Sun" in said,
         ),
     }  # fmt: skip

@@ -89,7 +89,7 @@ class Relay:
             allow_reuse_address = True
             daemon_threads = True
 
-            def verify_request(self, request: Any, client_address: Any) -> bool:
+            def verify_request(self, *_: Any) -> bool:
                 return relay.mode != "cut"
 
         self._server = Server(("127.0.0.1", 0), Handler)

@@ -175,8 +175,11 @@ def judge(faults: list[Fault], told: list[dict[str, str]], report: dict[str, Any
         wrong += not good
         delay = f"after {parse_utc(right[0]['utc']) - fault.begun_s:.1f} s" if right else "NEVER"
         words = right[0]["message"] if right else ""
-        print(f"{'ok ' if good else 'BAD'} {utc_text(fault.begun_s)[11:19]} {fault.kind:<24} -> {fault.alarm:<32} told {len(right)} "
-              f"{delay}, in the report {len(listed)}; others told: {', '.join(foreign) or '-'}: {words}")  # fmt: skip
+        print(
+            f"{'ok ' if good else 'BAD'} {utc_text(fault.begun_s)[11:19]} {fault.kind:<24} -> {fault.alarm:<32} "
+            f"told {len(right)} {delay}, in the report {len(listed)}; "
+            f"others told: {', '.join(foreign) or '-'}: {words}"
+        )
     for row in report.get("passes", []):
         under = [f.alarm for f in faults if f.begun_s < row["los_t_s"] and f.ended_s + AFTER_S > row["aos_t_s"]]
         named = [alarm for alarm in under if any(cause.startswith(alarm) for cause in row["causes"])]

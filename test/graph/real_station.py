@@ -46,7 +46,8 @@ def satellite_over(site: Site, culmination_s: float, *, age_s: float = 0.0, numb
 
 def elements(epoch_t_s: float, node: float, anomaly: float, mean_motion: float, number: int) -> Elements:
     return Elements(
-        name="OVERHEAD" if number == 1 else f"OVERHEAD {number}", catalogue_number=90999 + number, epoch_t_s=epoch_t_s, inclination_rad=INCLINATION_RAD,
+        name="OVERHEAD" if number == 1 else f"OVERHEAD {number}", catalogue_number=90999 + number,
+        epoch_t_s=epoch_t_s, inclination_rad=INCLINATION_RAD,
         ascending_node_rad=node % (2.0 * math.pi), eccentricity=1e-4, argument_of_perigee_rad=0.0,
         mean_anomaly_rad=anomaly % (2.0 * math.pi), mean_motion_rad_s=mean_motion, drag_per_earth_radius=0.0,
         international_designator="26001A",
