@@ -204,6 +204,8 @@ class Lifecycle(LifecycleNode):
             if not self.ready():
                 return
             self.trigger_activate()
+            if self.active:
+                self.get_logger().info("active")
         # Once it has been active a manager may take it down.
         self.brings_itself_up = self._state_name in ("unconfigured", "inactive")
         self._next_try_s = time.monotonic() + self._wait_s
@@ -306,7 +308,7 @@ class Lifecycle(LifecycleNode):
         if self.active and (silent := self.silent_because()):
             return Health(WARN, silent, values)
         awaited, managed = self._awaited(), not self.active and not self.brings_itself_up
-        if news := self._wait.news(awaited, time.monotonic()):
+        if (news := self._wait.news(awaited, time.monotonic())) and self._state_name != "finalized":
             self.get_logger().info(f"{self._state_name}: {news}")
         if awaited and not self._reason and not managed:
             return Health(WARN, f"waits for {awaited}", values)
