@@ -194,6 +194,11 @@ def topics_of(names: Collection[str]) -> tuple[Topic, ...]:
 
 
 TOPICS = _topics()
+FOREIGN = (
+    WIND, TEMPERATURE, PRESSURE, HUMIDITY, SATELLITE_ATTITUDE, "carrier_power", "monopulse", "array_snapshots",
+    "tripulse_frame", "interferometer_measurement",
+)  # fmt: skip
+"""Topics that devices of the station may publish, subscribed as `INSTRUMENT`."""
 SOURCES = {topic.name: topic.publisher for topic in TOPICS} | dict.fromkeys(
     ("carrier_power", "monopulse"), "rf_receiver, or a receiver of your own"
 )

@@ -13,10 +13,10 @@ from typing import Any
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.publisher import Publisher
 
-from rf_pointing.ros.graph import FRAMES
+from rf_pointing.ros.graph import FOREIGN, FRAMES
 from rf_pointing.ros.input_watchdog import InputWatchdog
 from rf_pointing.ros.lifecycle import Lifecycle, Schedule
-from rf_pointing.ros.qos import LATCHED, SERVICE
+from rf_pointing.ros.qos import INSTRUMENT, LATCHED, SERVICE
 from rf_pointing.ros.service_door import ServiceDoor
 from rf_pointing.ros.streams import (
     FramedPublisher,
@@ -80,6 +80,9 @@ class ManagedNode(Lifecycle):
         is sent all the time while its publisher is active: this node is deaf if it is silent then.
         Without a `required` one it has nothing to work on, and says so while it waits.
         """
+        # In simulated time our own nodes send it, and a lost message would change the result.
+        if topic in FOREIGN and not self.get_parameter("use_sim_time").value:
+            qos = INSTRUMENT
         most = most_bytes or (lambda: LATCHED_BYTES if qos is LATCHED else STREAM_BYTES)
         # Raw messages are not decoded, so their numbers are not seen.
         counted = hasattr(message_type, "sequence") and not raw

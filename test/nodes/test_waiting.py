@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from rclpy.qos import ReliabilityPolicy
 from std_msgs.msg import Header
 
 from rf_pointing.array_sensors.nodes.array_receiver import ArrayReceiver
@@ -12,6 +13,7 @@ from rf_pointing.array_sensors.nodes.array_tracker import ArrayTracker
 from rf_pointing.array_sensors.nodes.doa_attitude import DoaAttitudeNode
 from rf_pointing.array_sensors.nodes.interferometer_tracker import InterferometerTrackerNode
 from rf_pointing.array_sensors.nodes.tripulse_receiver import TripulseReceiverNode
+from rf_pointing.nodes.antenna_servo import AntennaServo
 from rf_pointing.nodes.bias_calibrator import BiasCalibrator
 from rf_pointing.nodes.conscan_tracker import ConscanTrackerNode
 from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
@@ -24,8 +26,9 @@ from rf_pointing.nodes.station_alarms import AlarmNode
 from rf_pointing.nodes.station_description import StationDescriptionNode
 from rf_pointing.nodes.station_executive import StationExecutive
 from rf_pointing.ros.diagnostics import ERROR, OK, PATIENCE_S, WARN
-from rf_pointing.ros.graph import TOPICS
+from rf_pointing.ros.graph import FOREIGN, TOPICS
 from rf_pointing.ros.stamps import stamp_from_seconds
+from rf_pointing.station.description import read_station
 
 JOINTS, TARGET = "joint_states (antenna_servo)", "target (ephemeris_publisher)"
 ANTENNA, TRACKING = "antenna_status (antenna_servo)", "tracking_status (pointing_controller)"
@@ -138,3 +141,23 @@ def test_elements_without_a_name_mean_their_first(make_bench: Callable[..., Any]
     bench = make_bench(EphemerisPublisher, **{"source.elements": str(file), "source.satellite": ""})
     assert bench.step("configure"), bench.health("state").message
     assert bench.node.prediction.track.name == "MYSAT"
+
+
+@pytest.mark.parametrize("simulated", [False, True], ids=["wall time", "simulated time"])
+def test_instruments_are_heard_whatever_they_publish_with_and_own_streams_are_reliable(
+    make_bench: Callable[..., Any], tmp_path: Any, simulated: bool
+) -> None:
+    read_station("rotator_2m").write(tmp_path / "windy.yaml", {"wind.anemometer": True})
+    heard = {}
+    for kind, more in {
+        **{each: {} for each in WAITS if each not in (AlarmNode, OperatorPage, StationExecutive)},
+        AntennaServo: {"station": str(tmp_path / "windy.yaml"), "drive.type": "simulated_rotator"},
+        EphemerisPublisher: {"source.refraction": "measured", "source.antenna.half_power_beamwidth_deg": 60.0},
+    }.items():
+        bench = make_bench(kind, **OWN.get(kind, {}) | more | {"use_sim_time": simulated})
+        assert bench.step("configure"), bench.health("state").message
+        for each in bench.node.subscriptions:
+            heard[each.topic_name.lstrip("/")] = each.qos_profile.reliability
+    assert set(FOREIGN) <= set(heard)
+    found = {name for name, each in heard.items() if each == ReliabilityPolicy.BEST_EFFORT} - {"clock"}
+    assert found == (set() if simulated else set(FOREIGN)), "a reliable subscriber does not hear SensorDataQoS"
