@@ -194,6 +194,17 @@ def topics_of(names: Collection[str]) -> tuple[Topic, ...]:
 
 
 TOPICS = _topics()
+FOREIGN = (
+    WIND, TEMPERATURE, PRESSURE, HUMIDITY, SATELLITE_ATTITUDE, "carrier_power", "monopulse", "array_snapshots",
+    "tripulse_frame", "interferometer_measurement",
+)  # fmt: skip
+"""Topics that devices of the station may publish, subscribed as `INSTRUMENT`."""
+SOURCES = {topic.name: topic.publisher for topic in TOPICS} | dict.fromkeys(
+    ("carrier_power", "monopulse"), "rf_receiver, or a receiver of your own"
+)
+"""Who sends a topic, for a node that waits for it."""
+PAUSES = ("target", "array_snapshots")
+"""Topics that are silent while the target, or the transmitter, is down."""
 VIEWS = (
     Topic("robot_description", String, LATCHED, "latched", DESCRIPTION, "the URDF", frame=""),
     # Each marker has a frame of its own.
