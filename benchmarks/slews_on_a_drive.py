@@ -15,6 +15,7 @@ import math
 import os
 import random
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -40,7 +41,6 @@ SPEED_DEG_S = 6.0
 LEAST_DEG, MOST_DEG = 4.0, 16.0
 ARRIVED_DEG = 0.2
 PATIENCE_S = 60.0
-PORT = 14533
 DEVICE_PRIORITY = DRIVE_PRIORITY + 5
 
 
@@ -55,9 +55,12 @@ def device(ends: ExitStack, line: list[str], **options: Any) -> subprocess.Popen
 
 def rotctld(ends: ExitStack) -> str:
     """Start Hamlib's dummy rotator, and return the drive of the description."""
-    line = ["rotctld", "-m", "1", "-T", "127.0.0.1", "-t", str(PORT)]
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    line = ["rotctld", "-m", "1", "-T", "127.0.0.1", "-t", str(port)]
     device(ends, line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    return f"{{type: hamlib, link: {{host: 127.0.0.1, port: {PORT}}}, rotator: {{latency_s: 0.0}}}}"
+    return f"{{type: hamlib, link: {{host: 127.0.0.1, port: {port}}}, rotator: {{latency_s: 0.0}}}}"
 
 
 def pty(ends: ExitStack) -> str:
@@ -207,6 +210,7 @@ def main() -> None:
     options = parser.parse_args()
     # An end by a signal ends the devices, too.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(2))
+    os.environ["ROS_DOMAIN_ID"] = str(random.randrange(1, 100))
     # As the nodes: a stopped process leaves no shared memory for which others would wait.
     os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
     busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(options.busy)]
