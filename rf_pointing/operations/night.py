@@ -26,7 +26,7 @@ Send = Callable[[int, str, dict[str, Any]], None]
 """Sends the directive of this name; its number comes back with the response.  Must not block."""
 REPLAN_S = 60.0
 RETRY_S = 5.0
-"""Wait after an attempt that tracked less than `REJOIN_S`, and as much more after each further one."""
+"""Wait after an attempt that tracked less than `REJOIN_S`; as much more after each further one."""
 REJOIN_S = 10.0
 """What must be left of a pass in work for another attempt."""
 PATIENCE_S = 60.0
