@@ -37,7 +37,7 @@ from rcl_interfaces.msg import Parameter, ParameterDescriptor, ParameterType, Pa
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParametersAtomically
 from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile
-from real_station import DEVICES, SPEED_DEG_S, Station, free_port
+from real_station import DEVICES, PATIENCE_S, SPEED_DEG_S, Station, free_port
 from rf_pointing_msgs.action import RunSchedule, TrackPass
 from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus
 from rf_pointing_msgs.srv import SignedCall
@@ -145,14 +145,17 @@ class Attacked(Station):
 
     def at_rest(self) -> None:
         """Bring the station to where every scenario begins: no fault, no pass, holding."""
-        if self.antenna.fault:
-            self.call("antenna_servo/reset_fault")
-        if self.tracking.target:
-            self.call("pointing_controller/stop")
-        self.until(lambda: not self.tracking.target and self.antenna.mode != "tracking", "the end of a pass")
-        if self.antenna.mode != "holding":
-            self.call("antenna_servo/resume")
-        self.until(lambda: self.antenna.mode == "holding" and not self.antenna.fault, "an antenna at rest")
+        begun_s = time.monotonic()
+        while self.tracking.target or self.antenna.fault or self.antenna.mode != "holding":
+            if time.monotonic() > begun_s + PATIENCE_S:
+                raise TimeoutError(f"not at rest after {PATIENCE_S:.0f} s: {self.said()}")
+            if self.antenna.fault:
+                self.call("antenna_servo/reset_fault")
+            if self.tracking.target:
+                self.call("pointing_controller/stop")
+            elif self.antenna.mode not in ("holding", "stopping", "tracking"):
+                self.call("antenna_servo/resume")
+            self.spin(1.0)
         self.spin(1.0)
 
     def wait_for_height(self) -> str:

@@ -141,14 +141,22 @@ class Pty(Device):
         "import sys, time, math, test; test.__path__ = [sys.argv[1]]\n"
         "from rf_pointing.drives import RotatorModel\n"
         "from test.drives.simulators import MODEL, Easycomm\n"
+        "class Controller(Easycomm):\n"
+        "    def _read(self):\n"
+        "        data = super()._read()\n"
+        "        self.model.step(time.monotonic())\n"
+        "        return data\n"
         "low, high = (math.radians(-180.0), 0.0), (math.radians(360.0), math.radians(90.0))\n"
-        "device, step = Easycomm(), (math.radians(0.1),) * 2\n"
+        "device, step = Controller(), (math.radians(0.1),) * 2\n"
         "params = MODEL.replace(travel_min_rad=low, travel_max_rad=high)\n"
         "device.model = RotatorModel(params, step, (0.0, math.radians(30.0)))\n"
         "print(device.device, flush=True)\n"
         "while True:\n    device.step(time.monotonic())\n    time.sleep(0.005)\n"
     )
-    """The simulators belong to the tests, whose folder Python's own package `test` hides."""
+    """The simulators belong to the tests, whose folder Python's own package `test` hides.
+
+    A request is answered with where the device is after its arrival, however late this process is.
+    """
 
     def prepare(self) -> None:
         self.name = self._folder / "rotator"
