@@ -86,7 +86,7 @@ class AntennaServo(StationNode):
         antenna = self._connection.antenna(params)
         self._at_cleanup.callback(antenna.close)
         # Keeps the drive connected while there are no ticks.
-        look = self.create_timer(INACTIVE_PERIOD_S, lambda: self.active or antenna.hardware.look(self.now_s()))
+        look = self.timer(INACTIVE_PERIOD_S, lambda: self.active or antenna.hardware.look(self.now_s()))
         self._at_cleanup.callback(self.destroy_timer, look)
         return antenna
 
