@@ -24,7 +24,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -99,7 +99,7 @@ def scenario(bound: float) -> Callable[[Callable[["Attacked"], Measured]], Calla
 class Attacked(Station):
     """A station with everything that listens, behind a library that spoils its network and its clock."""
 
-    def __init__(self, folder: Path, drive: str) -> None:
+    def __init__(self, ends: ExitStack, folder: Path, drive: str) -> None:
         self.drive, self.page_port, self.server_port = drive, free_port(), free_port()
         (folder / "token").write_text(TOKEN)
         (folder / "token").chmod(0o600)
@@ -107,6 +107,7 @@ class Attacked(Station):
         self.disk.mkdir()
         # A small disk of its own for what the station writes.
         subprocess.run(["mount", "-t", "tmpfs", "-o", "size=32m", "tmpfs", str(self.disk)], check=True)
+        ends.callback(subprocess.run, ["umount", "-l", str(self.disk)], check=True)
         self._spoilt = folder / "spoilt"
         self.clock_s = 0.0
         self.spoil()
@@ -119,12 +120,8 @@ class Attacked(Station):
         }  # fmt: skip
         culminations = {f"OVERHEAD {number + 1}": FIRST_S + number * EVERY_S for number in range(PASSES)}
         own["antenna_servo"] = {"state_file": str(self.disk / "servo.json"), "wrap_file": str(self.disk / "turn.json")}
-        super().__init__(folder, drive, NODES, culminations, own, **{"tuning.alarms.disk_free_gb": 0.001})
+        super().__init__(ends, folder, drive, NODES, culminations, own, **{"tuning.alarms.disk_free_gb": 0.001})
         self.until(lambda: self._listens(self.page_port) and self._listens(self.server_port), "its ports")
-
-    def close(self) -> None:
-        super().close()
-        subprocess.run(["umount", str(self.disk)], check=True)
 
     def spoil(self, *, lost: float = 0.0, damaged: float = 0.0, ahead_s: float | None = None) -> None:
         """Lose and damage these shares of the datagrams of the nodes, and step their clocks."""
@@ -636,15 +633,15 @@ def two_executives(station: Attacked) -> Measured:
             log = Path(folder) / f"{shared}.log"
             plain = {"LD_PRELOAD": "", "TMPDIR": folder}
             inner = both.start(0, [*line, both.names[1], shared], shared, **plain)
-            inner.wait(240.0)
+            inner.wait(400.0)
             found = log.read_text(errors="replace").strip().splitlines() or ["nothing"]
             wrong, said = wrong + (inner.returncode != 0), [*said, f"{shared} locks: {found[-1]}"]
     return Measured(wrong, "of 2 cases in which not exactly one steers", "; ".join(said))
 
 
-def second_executive(folder: Path, drive: str, other: str, shared: str) -> int:
+def second_executive(ends: ExitStack, folder: Path, drive: str, other: str, shared: str) -> int:
     """Do `two_executives` on the first computer, this one; return the exit code."""
-    station = Attacked(folder, drive)
+    station = Attacked(ends, folder, drive)
     statuses: dict[str, ExecutiveStatus] = {}
 
     def note(message: ExecutiveStatus) -> None:
@@ -682,30 +679,28 @@ def second_executive(folder: Path, drive: str, other: str, shared: str) -> int:
     finally:
         process.kill()
         process.wait()
-        station.close()
 
 
 def attack(drive: str, names: list[str]) -> list[Verdict]:
     """Run scenarios on a drive and print a row for each."""
     verdicts = []
-    with tempfile.TemporaryDirectory(prefix="attack") as folder:
-        station = Attacked(Path(folder), drive)
-        try:
-            for name in names:
-                bound, function = SCENARIOS[name]
-                try:
-                    found = function(station)
-                except (TimeoutError, OSError) as error:
-                    found = Measured(math.inf, "not tried", f"{type(error).__name__}: {error}")
-                    station.spoil(ahead_s=0.0)
-                died(station)
-                good = found.value <= bound
-                verdicts.append(Verdict(drive, name, good, found.value, bound, found.unit, found.words))
-                load = f"load {os.getloadavg()[0]:.0f}"
-                print(f"{'ok' if good else 'FAILS':<6}{drive:<8}{name:<34}{found.value:>9.3g} <= {bound:<7g}"
-                      f"{found.unit}; {found.words}; {load}", flush=True)  # fmt: skip
-        finally:
-            station.close()
+    with ExitStack() as ends:
+        folder = ends.enter_context(tempfile.TemporaryDirectory(prefix="attack"))
+        station = Attacked(ends, Path(folder), drive)
+        for name in names:
+            bound, function = SCENARIOS[name]
+            try:
+                found = function(station)
+            except (TimeoutError, OSError) as error:
+                found = Measured(math.inf, "not tried", f"{type(error).__name__}: {error}")
+                station.spoil(ahead_s=0.0)
+            if dead := died(station):
+                found = found._replace(words="; ".join([found.words, *dead]))
+            good = found.value <= bound
+            verdicts.append(Verdict(drive, name, good, found.value, bound, found.unit, found.words))
+            load = f"load {os.getloadavg()[0]:.0f}"
+            print(f"{'ok' if good else 'FAILS':<6}{drive:<8}{name:<34}{found.value:>9.3g} <= {bound:<7g}"
+                  f"{found.unit}; {found.words}; {load}", flush=True)  # fmt: skip
     return verdicts
 
 
@@ -724,8 +719,9 @@ def main() -> int:
     rclpy.init()
     try:
         if options.inside:
-            with tempfile.TemporaryDirectory(prefix="attack") as folder:
-                return second_executive(Path(folder), options.drive[0], *options.inside)
+            with ExitStack() as ends:
+                folder = ends.enter_context(tempfile.TemporaryDirectory(prefix="attack"))
+                return second_executive(ends, Path(folder), options.drive[0], *options.inside)
         names = options.scenarios or list(SCENARIOS)
         verdicts = [row for drive in options.drive for row in attack(drive, names)]
     finally:

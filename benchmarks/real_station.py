@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ from rf_pointing.station.description import read_station
 ROOT = Path(__file__).parents[1]
 DEVICE_PRIORITY = DRIVE_PRIORITY + 5
 SPEED_DEG_S = 6.0
-PATIENCE_S = 60.0
+PATIENCE_S, BRING_UP_S = 60.0, 240.0
 EARTH_RAD_S = 7.292115e-5
 
 
@@ -200,16 +200,18 @@ class Station:
     """Live nodes on a device, what they publish, and the ways to attack them.
 
     `culminations` maps the names of satellites to when they culminate, in s after the start; `own`
-    are parameters by node.  The servo has its real-time priority, as the launch file gives it.
+    are parameters by node.  The servo has its real-time priority, as the launch file gives it.  What
+    is begun is ended by `ends`.
     """
 
     def __init__(
-        self, folder: Path, drive: str, nodes: Sequence[str], culminations: Mapping[str, float],
+        self, ends: ExitStack, folder: Path, drive: str, nodes: Sequence[str], culminations: Mapping[str, float],
         own: Mapping[str, Mapping[str, Any]], **changes: Any,
     ) -> None:  # fmt: skip
         self.folder, self.nodes, self.begun_s = folder, tuple(nodes), time.time()
         self.namespace = f"/attack{os.getpid()}"
         self.device = DEVICES[drive](folder, self.namespace)
+        ends.callback(lambda: self.device.kill())
         station = write_station(folder, self.device, **changes)
         self.description = read_station(station)
         lines, self.tracks = [], dict[str, TopocentricTrack]()
@@ -240,7 +242,9 @@ class Station:
         sections = {f"/**/{name}": {"ros__parameters": values} for name, values in given.items()}
         (folder / "run.yaml").write_text(json.dumps(sections))
         self.node = rclpy.create_node("attacker", namespace=self.namespace)
+        ends.callback(self.node.destroy_node)
         self.executor = make_executor()
+        ends.callback(self.executor.shutdown)
         self.executor.add_node(self.node)
         self.antenna, self.tracking, self.tracking_s = AntennaStatus(), TrackingStatus(), -math.inf
         self.axes: list[tuple[float, float, float]] = []
@@ -251,8 +255,9 @@ class Station:
         listen(JointState, "joint_states", self._on_joints, STREAM)
         listen(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         self.processes = NodeProcesses(self.namespace, [folder / "run.yaml"], folder / "logs")
+        ends.callback(self.processes.stop)
         self.start(nodes)
-        self.until(lambda: self.antenna.mode and self.tracking.sequence > 0, "the station")
+        self.until(lambda: self.antenna.mode and self.tracking.sequence > 0, "the station", BRING_UP_S)
 
     def _on_tracking(self, message: TrackingStatus) -> None:
         self.tracking, self.tracking_s = message, time.monotonic()
@@ -268,12 +273,6 @@ class Station:
     def start(self, nodes: Sequence[str]) -> None:
         """Start nodes, which bring themselves up."""
         self.processes.start(nodes, simulated_time=False, autostart=True)
-
-    def close(self) -> None:
-        self.processes.stop()
-        self.executor.shutdown()
-        self.node.destroy_node()
-        self.device.kill()
 
     def spin(self, seconds: float) -> None:
         until_s = time.monotonic() + seconds

@@ -25,6 +25,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -77,7 +78,9 @@ class Fault:
 class Soak:
     """The night, the faults, and what was seen."""
 
-    def __init__(self, folder: Path, drive: str, minutes: float, random_: random.Random) -> None:
+    def __init__(
+        self, ends: ExitStack, folder: Path, drive: str, minutes: float, random_: random.Random
+    ) -> None:  # fmt: skip
         self.random, self.faults, self.ended = random_, list[Fault](), list[str]()
         self.told: list[tuple[float, str]] = []
         self.schedule, self.status = Schedule(), ExecutiveStatus()
@@ -94,7 +97,7 @@ class Soak:
         own = {"station_executive": night, "rotctld_server": server, "operator_page": page}
         # The disk of this computer is not the question.
         changes = {"mount.pass_elevation_deg": MASK_DEG, "tuning.alarms.disk_free_gb": 0.001}
-        self.station = station = Station(folder, drive, NODES, names, own, **changes)
+        self.station = station = Station(ends, folder, drive, NODES, names, own, **changes)
         band = station.description.sets("pointing_controller")
         self.half_rad = 0.5 * band["machine"].half_power_beamwidth_rad
         above = math.radians(MASK_DEG)
@@ -291,16 +294,13 @@ def main() -> int:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(2))
     os.environ |= {"ROS_DOMAIN_ID": str(random.randrange(1, 100)), "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
     rclpy.init()
-    with tempfile.TemporaryDirectory(prefix="soak") as temporary:
-        folder = options.keep or Path(temporary)
+    with ExitStack() as ends:
+        ends.callback(rclpy.try_shutdown)
+        folder = options.keep or Path(ends.enter_context(tempfile.TemporaryDirectory(prefix="soak")))
         folder.mkdir(parents=True, exist_ok=True)
-        soak = Soak(folder, options.drive, options.minutes, random.Random(options.seed))
-        try:
-            soak.run()
-            wrong = soak.verdict()
-        finally:
-            soak.station.close()
-            rclpy.try_shutdown()
+        soak = Soak(ends, folder, options.drive, options.minutes, random.Random(options.seed))
+        soak.run()
+        wrong = soak.verdict()
     if options.json:
         options.json.write_text(json.dumps([asdict(each) for each in soak.faults], indent=1))
     return int(bool(wrong))
