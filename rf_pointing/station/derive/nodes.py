@@ -74,6 +74,7 @@ def antenna_servo(of: Band) -> Derived:
 def pointing_controller(of: Band) -> Derived:
     """The pointing controller."""
     from rf_pointing.station.derive import array, loop, watches
+    from rf_pointing.station.derive.signal import link
     from rf_pointing.station.pointing.certificates import StoreParams
     from rf_pointing.station.pointing.params import ControllerParams
     from rf_pointing.tracking.power_tracker import scans_of_band
@@ -94,7 +95,7 @@ def pointing_controller(of: Band) -> Derived:
         "calibration": {"half_power_beamwidth_deg": of.width},
         "trim": loop.trim(of),
         "watch": loop.lock_watch(of),
-        "link": axes.link(of),
+        "link": link(of),
         "array": array.array(of),
         "gate": axes.gate(of),
         "sun": axes.sun(of),

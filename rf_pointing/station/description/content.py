@@ -153,6 +153,39 @@ class WindSection:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StageSection:
+    """One cable, filter or amplifier behind the antenna: its loss, or its noise and gain."""
+
+    loss_db: float | None = parameter(None, "loss of a cable, filter or coupler", low=0.0, high=60.0)
+    noise_figure_db: float | None = parameter(None, "noise figure of an amplifier", low=0.0, high=40.0)
+    noise_k: float | None = parameter(
+        None, "noise temperature of an amplifier, in place of its figure", low=0.0, high=1e6
+    )
+    gain_db: float = parameter(0.0, "gain of an amplifier", low=-60.0, high=120.0)
+    physical_k: float = parameter(290.0, "temperature of what loses", low=1.0, high=400.0)
+
+    def contradiction(self) -> str:
+        """Return "" or why this is not one part of the chain."""
+        given = [self.loss_db, self.noise_figure_db, self.noise_k]
+        if sum(each is not None for each in given) != 1:
+            return "must have one of loss_db, noise_figure_db, noise_k"
+        if self.loss_db is not None and self.gain_db != 0.0:
+            return f"gain_db={self.gain_db}: a part with loss_db has no gain of its own"
+        return ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseSection:
+    """Parts of the system noise, in place of system_noise_k."""
+
+    chain: tuple[StageSection, ...] = parameter(description="parts behind the antenna, in the order of the signal")
+    spillover_k: float = parameter(8.0, "ground seen beside the reflector, feed and mirrors", low=0.0, high=300.0)
+    dichroic_loss_db: float = parameter(
+        0.0, "reflection and ohmic loss of a dichroic plate in the beam; 0: none", low=0.0, high=3.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class BandSection:
     """One frequency band."""
 
@@ -167,6 +200,14 @@ class BandSection:
     )
     system_noise_k: float | None = parameter(
         None, "system noise temperature at the zenith; default: 120, below 1 GHz 400", low=5.0, high=10000.0
+    )
+    noise: NoiseSection | None = parameter(None, "parts of the system noise, in place of system_noise_k")
+    satellite_eirp_dbw: float | None = parameter(
+        None, "EIRP of the satellite less polarisation loss, in place of zenith_carrier_to_noise_db_hz",
+        low=-60.0, high=90.0,
+    )  # fmt: skip
+    gain_dbi: float | None = parameter(
+        None, "gain of the antenna; default: 26 000 deg^2 over the square of the beamwidth", low=0.0, high=90.0
     )
     zenith_carrier_to_noise_db_hz: float = parameter(
         60.0, "C/N0 to expect from a satellite at the zenith, at reference_range_km", low=0.0, high=140.0
