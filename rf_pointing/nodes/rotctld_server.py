@@ -23,7 +23,8 @@ from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, Inquiry, RotctldServer, ServerParams, StationView
+from rf_pointing.drives.line_server import IO_ERROR, REJECTED, Inquiry, ServerParams
+from rf_pointing.drives.rotctld import RotctldServer, StationView
 from rf_pointing.ros import convert, convert_calibration
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.directives import DirectiveSender

@@ -11,15 +11,8 @@ from contextlib import suppress
 
 import pytest
 
-from rf_pointing.drives.rotctld import (
-    Habit,
-    Inquiry,
-    RotctldServer,
-    ServerParams,
-    Session,
-    StationView,
-    direction_rad,
-)
+from rf_pointing.drives.line_server import Inquiry, ServerParams, Session
+from rf_pointing.drives.rotctld import Habit, RotatorWords, RotctldServer, StationView, direction_rad
 from test.drives.rotctld import RealRotctld
 from test.drives.test_link import until
 
@@ -131,7 +124,7 @@ def test_pipelined_lines_are_answered_in_their_order(server: RotctldServer, stat
     assert talk(server.port, lines) == (
         b"RPRT 0\n9.01\n15.20\nRPRT 0\nget_pos:\nAzimuth: 9.01\nElevation: 15.20\nRPRT 0\nRPRT 0\nTest dish\nRPRT -1\nRPRT 0\n"
     )
-    assert [(each.order.name, each.order.values_deg) for each in station.inquiries] == [
+    assert [(each.order.name, each.order.values) for each in station.inquiries] == [
         ("set_pos", (1.0, 2.0)), ("stop", ()), ("park", ()), ("set_pos", (3.0, 4.0)),
     ]  # fmt: skip
 
@@ -208,10 +201,10 @@ def test_damaged_lines_of_directions_either_are_refused_or_say_a_direction() -> 
         line = bytearray(b"P 123.45 67.89")
         for _ in range(chosen.randrange(1, 4)):
             line[chosen.randrange(len(line))] = chosen.randrange(256)
-        for order in Session().take(bytes(line) + b"\n"):
+        for order in Session(RotatorWords(StationView("x"))).take(bytes(line) + b"\n"):
             if order.name == "set_pos" and not order.code:
                 accepted += 1
-                azimuth, elevation = direction_rad(order.values_deg[0], order.values_deg[1])
+                azimuth, elevation = direction_rad(order.values[0], order.values[1])
                 assert 0.0 <= azimuth < 2.0 * math.pi
                 assert 0.0 <= elevation <= math.pi / 2.0
     assert 0 < accepted < 4000
@@ -320,7 +313,7 @@ def test_debians_rotctl_runs_its_whole_command_set_against_the_server(server: Ro
     assert rotctl("p") == "9.01\n15.20\n"
     assert rotctl("P", "120.5", "33.25") == ""
     assert rotctl("S") == rotctl("K") == ""
-    assert [(each.order.name, each.order.values_deg) for each in station.inquiries] == [
+    assert [(each.order.name, each.order.values) for each in station.inquiries] == [
         ("set_pos", (120.5, 33.25)), ("stop", ()), ("park", ()),
     ]  # fmt: skip
     assert "Test dish" in rotctl("_")

@@ -25,7 +25,8 @@ from rf_pointing_msgs.msg import AntennaStatus, PassCertificate, TrackingStatus
 from sensor_msgs.msg import JointState
 
 from rf_pointing.core import angular_distance_rad, azel_from_unit_vector
-from rf_pointing.drives.rotctld import Inquiry, RotctldServer, ServerParams, StationView
+from rf_pointing.drives.line_server import Inquiry, ServerParams
+from rf_pointing.drives.rotctld import RotctldServer, StationView
 from rf_pointing.ephemeris import TopocentricTrack, tle_lines
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp

@@ -214,7 +214,7 @@ def operator_page(_: Band) -> Derived:
 
 def rotctld_server(_: Band) -> Derived:
     """The server of rotctld's clients."""
-    from rf_pointing.drives.rotctld import ServerParams
+    from rf_pointing.drives.line_server import ServerParams
     from rf_pointing.station.clients.points import FollowParams, MatchParams
     from rf_pointing.station.clients.steering import SteeringParams
 
