@@ -16,7 +16,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode, Node
 
 from rf_pointing.core import Sensor
-from rf_pointing.ros.graph import ALARMS, ARRAY_NODES, DESCRIPTION, EXECUTIVE, OPERATOR_PAGE, ROTCTLD, partition
+from rf_pointing.ros.graph import ALARMS, ARRAY_NODES, DESCRIPTION, EXECUTIVE, OPERATOR_PAGE, RADIO, ROTCTLD, partition
 from rf_pointing.ros.main_loop import DRIVE_PRIORITY
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.description import StationDescription, read_station
@@ -59,6 +59,7 @@ def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
             "description", default_value="true", description="whether viewers get URDF, tf and markers of the station"
         ),
         DeclareLaunchArgument("rotctld", default_value="false", description="whether rotctld_server is started"),
+        DeclareLaunchArgument("radio", default_value="false", description="whether radio_control is started"),
         DeclareLaunchArgument("page", default_value="false", description="whether operator_page is started"),
         DeclareLaunchArgument("respawn", default_value="true", description="start nodes again that have ended"),
         DeclareLaunchArgument(
@@ -102,7 +103,7 @@ def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
     """Return the actions that start `names`, and an array's where the band names that sensor."""
     simulated = "simulation_clock" in names
     names = (*names, *_array_nodes(context, simulated=simulated))
-    wanted = {"alarms": ALARMS, "executive": EXECUTIVE, "page": OPERATOR_PAGE, "rotctld": ROTCTLD}
+    wanted = {"alarms": ALARMS, "executive": EXECUTIVE, "page": OPERATOR_PAGE, "radio": RADIO, "rotctld": ROTCTLD}
     more = [name for argument, name in wanted.items() if LaunchConfiguration(argument).perform(context) == "true"]
     shown: list[Any] = []
     if LaunchConfiguration("description").perform(context) == "true":

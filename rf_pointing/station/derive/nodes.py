@@ -27,6 +27,10 @@ from rf_pointing.station.description.content import (
 from rf_pointing.tracking.sensors import SENSORS
 
 
+RADIO_PORT = 4534
+"""Port of radio_control: Hamlib's own are 4532 for a rig and 4533 for a rotator."""
+
+
 def antenna_servo(of: Band) -> Derived:
     """The antenna's control unit, and the truth of a simulated one."""
     from rf_pointing.station.antenna.operation import ServoNodeParams
@@ -222,6 +226,21 @@ def rotctld_server(_: Band) -> Derived:
     return Derived(sets, own=tuple(sets), root=(SteeringParams(), own.CommandKeyParams()))
 
 
+def radio_control(of: Band) -> Derived:
+    """Radio beside the antenna: where its transmitter may send, and the port of its clients."""
+    from rf_pointing.drives.line_server import ServerParams
+    from rf_pointing.ephemeris.solar import SunParams
+    from rf_pointing.planning.gate import GateParams
+    from rf_pointing.station.radio.inhibit import InhibitParams
+
+    sets = {
+        "server": ServerParams(port=RADIO_PORT), "inhibit": InhibitParams(), "mask": HorizonMask(),
+        "gate": GateParams(), "sun": SunParams(),
+    }  # fmt: skip
+    rows = {"mask": axes.mask(of), "gate": axes.gate(of), "sun": axes.sun(of)}
+    return Derived(sets, rows, ("server.", "inhibit."))
+
+
 def simulation_clock(_: Band) -> Derived:
     """Simulation time."""
     from rf_pointing.station.clients.pacing import ClockParams
@@ -240,7 +259,7 @@ NODES: Mapping[str, Callable[[Band], Derived]] = {
     for each in (
         antenna_servo, pointing_controller, ephemeris_publisher, rf_receiver, monopulse_tracker, carrier_tracker,
         array_receiver, array_tracker, station_executive, station_alarms, bias_calibrator, operator_page, rotctld_server,
-        simulation_clock, station_description,
+        radio_control, simulation_clock, station_description,
     )
 }  # fmt: skip
 """Derivation of each node's parameters from a band, by the node's name."""

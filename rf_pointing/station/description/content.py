@@ -234,6 +234,50 @@ class ReceiverSection:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RigSection:
+    """The receiver or the transmitter, behind rigctld of Hamlib."""
+
+    host: str = parameter("localhost", "host of rigctld")
+    port: int = parameter(4532, "TCP port of rigctld; the same for both sides: one rig in split", low=1, high=65535)
+    oscillator_mhz: float = parameter(
+        0.0, "local oscillator of the converter (LNB, transverter) before the rig; 0: none", low=0.0, high=400000.0
+    )
+    offset_hz: float = parameter(0.0, "added to the tuning, for the errors of both oscillators", low=-1e6, high=1e6)
+    step_hz: float = parameter(1.0, "smallest step of the tuning", low=0.1, high=10000.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransponderSection:
+    """What a satellite sends, and what it receives."""
+
+    downlink_mhz: float = parameter(description="middle of the downlink", low=10.0, high=400000.0)
+    uplink_mhz: float | None = parameter(
+        None, "middle of the uplink; omit for a satellite that is only received", low=10.0, high=400000.0
+    )
+    passband_khz: float = parameter(0.0, "width of a transponder; 0: one channel", low=0.0, high=1e6)
+    inverting: bool = parameter(False, "whether the top of the uplink is the bottom of the downlink")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RadioSection:
+    """The radio that node radio_control tunes, and lets send or not."""
+
+    transponders: dict[str, TransponderSection] = parameter(
+        description="frequencies by the satellite's name; any: of every other one"
+    )
+    receive: RigSection | None = parameter(None, "the receiver; omit if something else tunes it")
+    transmit: RigSection | None = parameter(None, "the transmitter; omit for a station that only receives")
+    eirp_dbw: float = parameter(0.0, "largest EIRP of the station", low=-60.0, high=150.0)
+    eirp_sectors: tuple[tuple[float, float, float, float], ...] = parameter(
+        (), "azimuths from and to, elevation below which, and the largest EIRP in dBW allowed there",
+        low=-360.0, high=360.0,
+    )  # fmt: skip
+    transmit_line: str = parameter(
+        "", "high while the transmitter may send: a GPIO's file, /dev/ttyX:rts or :dtr, or run PROGRAM; empty: none"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class SimulatedWindSection:
     """Wind that blows on the simulated antenna."""
 
@@ -281,6 +325,7 @@ class Content:
         metadata={"description": "the drive: its type, simulated by default, and the keys of that type"},
     )
     receiver: ReceiverSection = field(default_factory=ReceiverSection, metadata={"description": "the receiver"})
+    radio: RadioSection | None = parameter(None, "frequencies and transmitter; omit for a station without a radio")
     simulation: SimulationSection = field(
         default_factory=SimulationSection, metadata={"description": "truth of the simulated antenna and receiver"}
     )
