@@ -245,7 +245,7 @@ class LineServer:
         refused: Callable[[str], object] = str,
         password: str = "",
     ) -> None:
-        self._params, self._words, self._inbox, self._refused = params, words, inbox, refused
+        self._params, self.words, self._inbox, self._refused = params, words, inbox, refused
         self._password = password
         self._unheard: dict[str, asyncio.StreamWriter] = {}
         self.counts = ServerCounts()
@@ -321,7 +321,7 @@ class LineServer:
         writer.write(f"RPRT {REJECTED}\n".encode())
 
     async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, name: str) -> None:
-        session, refused, known = Session(self._words.client()), 0, not self._password
+        session, refused, known = Session(self.words.client()), 0, not self._password
         while data := await asyncio.wait_for(reader.read(_READ_BYTES), self._params.idle_s):
             at_s = self.counts.connected[name] = time.monotonic()
             for order in session.take(data):

@@ -9,7 +9,6 @@ code.  The door is that of `line_server.py`.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -19,11 +18,8 @@ from rf_pointing.drives.line_server import (
     NOT_IMPLEMENTED,
     NUMBER,
     Fields,
-    Inquiry,
-    LineServer,
     Order,
     ServedWords,
-    ServerParams,
     shown,
 )
 from rf_pointing.drives.protocols import LIMIT_NAMES
@@ -148,11 +144,11 @@ class RotatorWords(ServedWords):
 
     def __init__(self, view: StationView, host: Habit | None = None) -> None:
         # Clients that connect anew for every command have the habit of the one before.
-        self._view, self._host = view, host or Habit()
+        self.view, self._host = view, host or Habit()
         self._habit = Habit(self._host.negative, self._host.over)
 
     def client(self) -> Self:
-        return type(self)(self._view, self._host)
+        return type(self)(self.view, self._host)
 
     def judged(self, name: str, arguments: list[str]) -> tuple[int, str, tuple[float, ...]]:
         if name in ("move", "reset"):
@@ -161,27 +157,12 @@ class RotatorWords(ServedWords):
         return INVALID if reason else 0, reason, values
 
     def fields(self, order: Order) -> Fields | None:
-        return self._view.fields(order.name, self._habit)
+        return self.view.fields(order.name, self._habit)
 
     def obeyed(self, order: Order) -> None:
         if order.name == "set_pos":
             self._habit.take(order.values[0], order.values[1])
             self._host.negative, self._host.over = self._habit.negative, self._habit.over
-
-
-class RotctldServer(LineServer):
-    """Serves rotctld's protocol; the station replaces what `view` shows as it learns it."""
-
-    def __init__(
-        self,
-        params: ServerParams,
-        view: StationView,
-        inbox: Callable[[Inquiry], None],
-        refused: Callable[[str], object] = str,
-        password: str = "",
-    ) -> None:
-        self.view = view
-        super().__init__(params, RotatorWords(view), inbox, refused, password)
 
 
 def direction_rad(azimuth_deg: float, elevation_deg: float) -> Pair:

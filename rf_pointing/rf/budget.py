@@ -11,7 +11,6 @@ Seen by a beam far wider than the disc that is flux times effective area over 2 
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,14 +18,8 @@ from numpy.typing import ArrayLike
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.types import Array
 from rf_pointing.rf.beam import Beam, BeamParams
-from rf_pointing.rf.link import ZENITH_RAD, Link
-from rf_pointing.rf.noise import (
-    BOLTZMANN_J_K,
-    AtmosphereParams,
-    NoiseParams,
-    atmosphere_loss_db,
-    system_noise_k,
-)
+from rf_pointing.rf.link import Link
+from rf_pointing.rf.noise import BOLTZMANN_J_K, atmosphere_loss_db
 
 GAIN_DEG2 = 26_000.0
 """Gain times the square of the beamwidth: typical of dishes and Yagis."""
@@ -66,7 +59,8 @@ def sun_brightness_k(frequency_hz: float) -> float:
 
 def disc_noise_k(brightness_k: float, gain_dbi: float, beam: Beam, distance_rad: ArrayLike) -> Array:
     """Return the noise (n,) of a disc of the Sun's size, (n,) away from the axis of the beam."""
-    apart = np.atleast_1d(np.asarray(distance_rad, dtype=np.float64))[:, None]
+    # Farther than a half turn, as where nobody looks, is the other side of the sky.
+    apart = np.minimum(np.atleast_1d(np.asarray(distance_rad, dtype=np.float64)), math.pi)[:, None]
     # In steps of the beam where it is narrower than the disc, over the rings that the disc reaches.
     inner = np.maximum(apart - DISC_RAD, 0.0)
     ring = inner + (apart + DISC_RAD - inner) * (np.arange(STEPS) + 0.5) / STEPS
@@ -79,63 +73,24 @@ def disc_noise_k(brightness_k: float, gain_dbi: float, beam: Beam, distance_rad:
     return np.asarray(brightness_k * 10.0 ** (0.1 * gain_dbi) * 0.5 * power * width)
 
 
-@dataclass(frozen=True, kw_only=True)
-class LinkBudget:
-    """One band of a station, with the level of its satellite at the zenith in `link`.
+def noise_parts_k(
+    link: Link, beam: BeamParams, gain_dbi: float, frequency_hz: float, elevation_rad: Array,
+    sun_rad: ArrayLike = math.inf, moon_rad: ArrayLike = math.inf,
+) -> dict[str, Array]:  # fmt: skip
+    """Return what each part adds to the noise temperature, (n,) each; `system` is the sum.
 
-    Elevations (n,) lie within [0, pi]; distances (n,) of Sun and Moon from the beam are None
-    where they are far away.
+    `sun_rad` and `moon_rad` are their distances (n,) from the axis of the beam.
     """
-
-    frequency_hz: float
-    gain_dbi: float
-    link: Link
-    beam: BeamParams
-
-    @property
-    def noise(self) -> NoiseParams:
-        """The parts of the noise."""
-        return self.link.noise
-
-    @property
-    def atmosphere(self) -> AtmosphereParams:
-        """The air."""
-        return self.link.atmosphere
-
-    def parts_k(
-        self, elevation_rad: ArrayLike, sun_rad: ArrayLike | None = None, moon_rad: ArrayLike | None = None
-    ) -> dict[str, Array]:
-        """Return what each part adds to the noise temperature, (n,) each; `system` is the sum."""
-        loss_db = atmosphere_loss_db(self.atmosphere, np.atleast_1d(elevation_rad))
-        passed = 10.0 ** (-0.1 * loss_db)
-        even = np.ones_like(passed)
-        beam, brightness = Beam(self.beam), {"sun": sun_brightness_k(self.frequency_hz), "moon": MOON_K}
-        parts = {
-            "cosmic": self.noise.cosmic_k * passed,
-            "air": self.atmosphere.physical_temperature_k * (1.0 - passed),
-            "ground": self.noise.ground_k * even,
-            "dichroic": self.noise.dichroic_k * even,
-            "chain": self.noise.lna_k * even,
-        }
-        for name, apart in (("sun", sun_rad), ("moon", moon_rad)):
-            disc = 0.0 * even if apart is None else disc_noise_k(brightness[name], self.gain_dbi, beam, apart)
-            parts[name] = disc * passed
-        return parts | {"system": np.sum(list(parts.values()), axis=0)}
-
-    def figure_of_merit_db_k(self, noise_k: ArrayLike) -> Array:
-        """Return G/T at these system noise temperatures."""
-        return np.asarray(self.gain_dbi - 10.0 * np.log10(noise_k))
-
-    def carrier_to_noise_db_hz(self, range_m: ArrayLike, elevation_rad: ArrayLike, noise_k: ArrayLike) -> Array:
-        """Return the C/N0 that the simulated receiver has, less what Sun and Moon cost."""
-        clear_k = system_noise_k(self.noise, self.atmosphere, elevation_rad)
-        level = self.link.carrier_to_noise_db_hz(range_m, elevation_rad)
-        return np.asarray(level - 10.0 * np.log10(np.asarray(noise_k) / clear_k))
-
-    @property
-    def eirp_dbw(self) -> float:
-        """What the satellite sends, as the level at the zenith says, without further losses."""
-        params, zenith_k = self.link.params, float(self.parts_k(ZENITH_RAD)["system"][0])
-        loss_db = float(atmosphere_loss_db(self.atmosphere, ZENITH_RAD))
-        level = zenith_level_db_hz(0.0, self.gain_dbi, self.frequency_hz, params.reference_range_m, loss_db, zenith_k)
-        return params.zenith_carrier_to_noise_db_hz - level
+    passed = 10.0 ** (-0.1 * atmosphere_loss_db(link.atmosphere, elevation_rad))
+    bodies = {"sun": (sun_brightness_k(frequency_hz), sun_rad), "moon": (MOON_K, moon_rad)}
+    parts = {
+        "cosmic": link.noise.cosmic_k * passed,
+        "air": link.atmosphere.physical_temperature_k * (1.0 - passed),
+        "ground": np.full_like(passed, link.noise.ground_k),
+        "dichroic": np.full_like(passed, link.noise.dichroic_k),
+        "chain": np.full_like(passed, link.noise.lna_k),
+        **{
+            name: passed * disc_noise_k(kelvin, gain_dbi, Beam(beam), apart) for name, (kelvin, apart) in bodies.items()
+        },
+    }
+    return parts | {"system": np.sum(list(parts.values()), axis=0)}

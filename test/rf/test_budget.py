@@ -12,9 +12,9 @@ from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.rf.beam import Beam, BeamParams
 from rf_pointing.rf.budget import (
     DISC_RAD,
-    LinkBudget,
     disc_noise_k,
     gain_of_beam_dbi,
+    noise_parts_k,
     sun_brightness_k,
     zenith_level_db_hz,
 )
@@ -100,32 +100,26 @@ def test_the_sky_at_408_mhz_and_at_vhf_is_that_of_the_surveys() -> None:
     assert sky_k(8e9) == pytest.approx(2.725, abs=0.01)
 
 
-def budget(eirp_dbw: float = -3.0) -> LinkBudget:
-    noise, air = NoiseParams(lna_k=60.0, ground_k=8.0), AtmosphereParams()
-    gain_dbi = gain_of_beam_dbi(2.4)
-    zenith_k = float(system_noise_k(noise, air, 0.5 * math.pi))
-    level = zenith_level_db_hz(eirp_dbw, gain_dbi, 2.25e9, 5e5, air.zenith_loss_db, zenith_k)
-    params = LinkParams(zenith_carrier_to_noise_db_hz=level, reference_range_m=5e5)
+def test_the_parts_add_up_to_the_noise_of_the_receiver_and_the_sun_to_what_it_is_in_the_beam() -> None:
+    link = Link(LinkParams(), AtmosphereParams(), NoiseParams(lna_k=60.0, dichroic_k=1.3))
+    elevation, gain_dbi = np.radians([5.0, 30.0, 90.0]), gain_of_beam_dbi(2.4)
     beam = BeamParams(half_power_beamwidth_rad=math.radians(2.4))
-    return LinkBudget(frequency_hz=2.25e9, gain_dbi=gain_dbi, link=Link(params, air, noise), beam=beam)
+    clear = noise_parts_k(link, beam, gain_dbi, 2.25e9, elevation)
+    np.testing.assert_allclose(clear["system"], system_noise_k(link.noise, link.atmosphere, elevation), rtol=1e-12)
+    apart = np.radians([0.0, 1.2, 90.0])
+    with_sun = noise_parts_k(link, beam, gain_dbi, 2.25e9, elevation, apart)
+    passed = clear["cosmic"] / link.noise.cosmic_k
+    sun_k = passed * disc_noise_k(sun_brightness_k(2.25e9), gain_dbi, Beam(beam), apart)
+    np.testing.assert_allclose(with_sun["system"] - clear["system"], sun_k, rtol=1e-9, atol=1e-9)
+    assert sun_k[0] > 200.0
 
 
-def test_the_level_is_eirp_plus_figure_of_merit_less_losses_at_every_elevation() -> None:
-    one, elevation, range_m = budget(), np.radians([5.0, 30.0, 90.0]), np.array([1.8e6, 9e5, 5e5])
-    parts = one.parts_k(elevation)
-    np.testing.assert_allclose(parts["system"], system_noise_k(one.noise, one.atmosphere, elevation), rtol=1e-12)
-    air_db = -10.0 * np.log10((parts["cosmic"]) / one.noise.cosmic_k)
-    spreading_db = 20.0 * np.log10(4.0 * math.pi * range_m * 2.25e9 / SPEED_OF_LIGHT_M_S)
-    merit = one.figure_of_merit_db_k(parts["system"])
-    expected = -3.0 + merit - spreading_db - air_db + 228.599
-    np.testing.assert_allclose(one.carrier_to_noise_db_hz(range_m, elevation, parts["system"]), expected, atol=1e-3)
-    assert one.eirp_dbw == pytest.approx(-3.0, abs=1e-9)
-
-
-def test_the_sun_in_the_beam_costs_what_it_adds_to_the_noise() -> None:
-    one, elevation = budget(), np.radians([40.0, 40.0])
-    parts = one.parts_k(elevation, sun_rad=np.radians([0.0, 90.0]))
-    level = one.carrier_to_noise_db_hz(9e5, elevation, parts["system"])
-    assert level[1] - level[0] == pytest.approx(10.0 * math.log10(parts["system"][0] / parts["system"][1]), abs=1e-9)
-    assert parts["sun"][0] > 200.0
-    assert parts["sun"][1] == pytest.approx(0.0, abs=1e-6)
+@given(st.floats(-30.0, 60.0), st.floats(0.0, 70.0), st.floats(1e8, 4e10), st.floats(1e5, 4e7), st.floats(10.0, 1e3))
+def test_the_level_is_the_power_received_over_the_noise_density(
+    eirp_dbw: float, gain_dbi: float, frequency_hz: float, range_m: float, noise_k: float
+) -> None:
+    """Flux of the satellite over a sphere, times effective area, over k T."""
+    area = 10.0 ** (0.1 * gain_dbi) * (SPEED_OF_LIGHT_M_S / frequency_hz) ** 2 / (4.0 * math.pi)
+    power = 10.0 ** (0.1 * (eirp_dbw - 1.5)) / (4.0 * math.pi * range_m**2) * area
+    found = zenith_level_db_hz(eirp_dbw, gain_dbi, frequency_hz, range_m, 1.5, noise_k)
+    assert found == pytest.approx(10.0 * math.log10(power / (BOLTZMANN_J_K * noise_k)), abs=1e-9)

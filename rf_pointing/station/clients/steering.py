@@ -25,8 +25,8 @@ import numpy as np
 from rf_pointing.core import JointReading, JointTrajectory, Params, Sensor, parameter
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import read_whole
-from rf_pointing.drives.line_server import IO_ERROR, REJECTED, TIMED_OUT, Inquiry
-from rf_pointing.drives.rotctld import RotctldServer, StationView, direction_rad
+from rf_pointing.drives.line_server import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, LineServer
+from rf_pointing.drives.rotctld import StationView, direction_rad
 from rf_pointing.ephemeris import CatalogueSky
 from rf_pointing.operations.dictionary import TABLES, DirectiveRow, read_directives
 from rf_pointing.station.antenna.modes import AntennaMode
@@ -174,7 +174,7 @@ class Steering:
         """Take the state of the executive."""
         self._executive = state
 
-    def report(self, server: RotctldServer | None) -> Report:
+    def report(self, server: LineServer | None) -> Report:
         """Return what the antenna does for clients, and what became of them at the port."""
         if server is None:
             return Report(Level.OK, "not served", {})

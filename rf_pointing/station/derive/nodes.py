@@ -26,7 +26,6 @@ from rf_pointing.station.description.content import (
 )
 from rf_pointing.tracking.sensors import SENSORS
 
-
 RADIO_PORT = 4534
 """Port of radio_control: Hamlib's own are 4532 for a rig and 4533 for a rotator."""
 

@@ -273,7 +273,7 @@ class RadioSection:
         low=-360.0, high=360.0,
     )  # fmt: skip
     transmit_line: str = parameter(
-        "", "high while the transmitter may send: a GPIO's file, /dev/ttyX:rts or :dtr, or run PROGRAM; empty: none"
+        "", "high while the transmitter may send: a file (GPIO), /dev/ttyX:rts or /dev/ttyX:dtr; empty: none"
     )
 
 

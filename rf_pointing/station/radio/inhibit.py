@@ -7,8 +7,6 @@ error, and the EIRP that a sector of the sky may get.
 
 import math
 import os
-import shlex
-import subprocess
 from dataclasses import dataclass
 
 import serial
@@ -20,8 +18,6 @@ from rf_pointing.station.description.content import RadioSection
 
 AGAIN_S = 1.0
 """A line is set again after so long, whoever else has set it."""
-COMMAND_S = 2.0
-"""Longest time of a program that sets a line."""
 NOT_ON_TARGET = (Mode.IDLE, Mode.SLEW, Mode.SEARCH, Mode.CALIBRATE)
 
 
@@ -92,88 +88,53 @@ class TransmitRules:
 class TransmitLine:
     """A line that is high while the transmitter may send, low otherwise and at the end.
 
-    `where` is a file that takes 1 and 0, as a GPIO does, `/dev/ttyUSB1:rts` or `:dtr` for a line of
-    a serial port, or `run PROGRAM ...`, which is started with 1 or 0 as its last argument.  A wire
-    that breaks, and a computer without power, leave the transmitter off.
+    `where` is a file that takes 1 and 0, as a GPIO does, or a line of a serial port, as in
+    `/dev/ttyUSB1:rts` or `:dtr`.  A wire that breaks, and a computer without power, leave the
+    transmitter off.
     """
 
     def __init__(self, where: str) -> None:
         self._where = where
         self.problem = ""
         self._port: serial.Serial | None = None
-        self._program: subprocess.Popen[bytes] | None = None
-        self._begun_s = self._set_s = -math.inf
         self._set: bool | None = None
+        self._set_s = -math.inf
 
     def step(self, allowed: bool, t_s: float) -> None:
         """Set the line where it is not set, or has been for long; `t_s` is steady time."""
-        if not self._where:
+        if not self._where or (allowed == self._set and 0.0 <= t_s - self._set_s <= AGAIN_S):
             return
-        if self._program is not None:
-            self._wait(t_s)
-        if self._program is None and (allowed != self._set or t_s - self._set_s > AGAIN_S):
-            try:
-                self._write(allowed, t_s)
-            except (OSError, ValueError) as error:
-                self._fail(f"{error}")
-            self._set, self._set_s = allowed, t_s
+        self._set, self._set_s = allowed, t_s
+        try:
+            self._write(allowed)
+        except (OSError, ValueError) as error:
+            self.problem = f"the transmit line {self._where} cannot be set: {error}"
+            if self._port is not None:
+                self._port.close()
+            self._port = None
+        else:
+            self.problem = ""
 
     def close(self) -> None:
         """Take the line down for good."""
-        if self._program is not None:
-            self._program.kill()
-            self._program.wait()
-            self._program = None
-        self._set = None
-        self.step(False, 0.0)
+        self.step(False, math.inf)
         if self._port is not None:
             self._port.close()
-        if self._program is not None:
-            try:
-                self._program.wait(COMMAND_S)
-            except subprocess.TimeoutExpired:
-                self._program.kill()
 
-    def _write(self, allowed: bool, t_s: float) -> None:
+    def _write(self, allowed: bool) -> None:
         path, _, name = self._where.rpartition(":")
-        if self._where.startswith("run "):
-            words = [*shlex.split(self._where[4:]), str(int(allowed))]
-            self._program, self._begun_s = subprocess.Popen(words, stdin=subprocess.DEVNULL), t_s
-            return
-        if name in ("rts", "dtr"):
-            if self._port is None:
-                # Before it is opened, or the kernel raises both lines with the port.
-                port = serial.Serial()
-                port.port, port.rts, port.dtr, port.exclusive = path, False, False, True
-                port.open()
-                self._port = port
-            setattr(self._port, name, allowed)
-        else:
+        if name not in ("rts", "dtr"):
             # Not the usual open: a pipe that nobody reads would hold up the station.
             file = os.open(self._where, os.O_WRONLY | os.O_NONBLOCK)
             try:
                 os.write(file, b"1\n" if allowed else b"0\n")
             finally:
                 os.close(file)
-        self.problem = ""
-
-    def _wait(self, t_s: float) -> None:
-        assert self._program is not None
-        code = self._program.poll()
-        if code is None and t_s - self._begun_s <= COMMAND_S:
             return
-        if code is None:
-            self._program.kill()
-            self._program.wait()
-            self._fail(f"no end after {COMMAND_S:g} s")
-        elif code:
-            self._fail(f"exit code {code}")
-        else:
-            self.problem = ""
-        self._program = None
-
-    def _fail(self, why: str) -> None:
-        self.problem = f"the transmit line {self._where} cannot be set: {why}"
-        if self._port is not None:
-            self._port.close()
-        self._port = None
+        if self._port is None:
+            # Before it is opened, or the kernel raises both lines with the port.
+            port = serial.Serial()
+            port.port, port.rts, port.dtr, port.exclusive = path, False, False, True
+            port.open()
+            self._port = port
+        setattr(self._port, name, allowed)
