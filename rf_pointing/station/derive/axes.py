@@ -129,17 +129,6 @@ def wind_limits(of: Band) -> Rows:
     return {name: Value(getattr(of.content.wind, key), f"wind.{key}") for name, key in keys.items()}
 
 
-def link(of: Band) -> Rows:
-    """Strength of the carrier to expect."""
-    section = of.section
-    return {
-        "zenith_carrier_to_noise_db_hz": Value(
-            section.zenith_carrier_to_noise_db_hz, "bands.*.zenith_carrier_to_noise_db_hz"
-        ),
-        "reference_range_m": Value(1e3 * section.reference_range_km, "bands.*.reference_range_km"),
-    }
-
-
 def lag_averaging(of: Band) -> Value:
     """Time in which the lags of the mount build up."""
     return Value(of.content.simulation.lag_averaging_s, "simulation.lag_averaging_s")

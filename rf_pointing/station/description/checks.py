@@ -199,6 +199,12 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
                 if own != wanted:
                     reader.note(f"{key}.bias_model", f"{key}.bias_model={section.bias_model!r} is of {what} {own!r}, must be "
                         f"of {wanted!r}")  # fmt: skip
+    if section.noise is not None:
+        if section.system_noise_k is not None:
+            reader.note(f"{key}.noise", f"{key}.noise and system_noise_k give the same twice: leave one out")
+        for index, stage in enumerate(section.noise.chain or ()):
+            if why := stage.contradiction():
+                reader.note(f"{key}.noise.chain", f"{key}.noise.chain[{index}] {why}")
     _check_tuning(section.tuning, f"{key}.tuning", reader, nodes)
     if "antenna_servo" in nodes:
         _check_errors(section.mount_errors, f"{key}.mount_errors", reader)
