@@ -15,6 +15,7 @@ from rf_pointing.api.plan import Plan
 from rf_pointing.api.simulated import SimulatedPass
 from rf_pointing.api.target import MAX_AGE_S, SOURCE, Target
 from rf_pointing.calibration import BiasModel, read_model
+from rf_pointing.core import require_choice
 from rf_pointing.ephemeris import Site, TopocentricTrack, find_passes
 from rf_pointing.ephemeris.passes import part_searched
 from rf_pointing.planning import AxisLimits
@@ -60,8 +61,7 @@ class Station:
     ) -> None:
         self.description = station if isinstance(station, StationDescription) else read_station(station)
         self.band = self.description.default_band if band is None else band
-        if self.band not in self.bands:
-            raise ValueError(f"band={self.band!r} of {self.name} must be one of {', '.join(self.bands)}")
+        require_choice(f"{self.name}: band", self.band, self.bands)
         self._model = model
 
     def __repr__(self) -> str:

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
-from rf_pointing.core.checks import is_number, names_in
+from rf_pointing.core.checks import is_number, names_in, require_choice
 from rf_pointing.core.whole_file import parse_yaml
 from rf_pointing.operations.expected_state import Condition, ExpectedState, read_conditions
 
@@ -172,8 +172,7 @@ def _directive(
 ) -> Directive:
     values = _mapping(where, given, _DIRECTIVE_KEYS)
     name = str(values.get("send") or "")
-    if name not in dictionary:
-        raise ValueError(f"{where}: send={name!r} must be one of {', '.join(sorted(dictionary))}")
+    require_choice(f"{where}: send", name, sorted(dictionary))
     arguments = _mapping(f"{where}.with", values.get("with") or {}, set(dictionary[name]))
     for key, value in arguments.items():
         place = _PLACE.match(value) if isinstance(value, str) else None

@@ -68,6 +68,7 @@ class ManagedNode(Lifecycle):
         *,
         raw: bool = False,
         steady: bool = False,
+        required: bool = False,
         most_bytes: Callable[[], int] | None = None,
         refused: Callable[[str], object] = str,
     ) -> None:
@@ -77,12 +78,15 @@ class ManagedNode(Lifecycle):
         and when a stamp or a number in it is impossible.  With `raw` the callback gets the bytes,
         of which only the length has been checked.  `refused` takes each reason.  A `steady` topic
         is sent all the time while its publisher is active: this node is deaf if it is silent then.
+        Without a `required` one it has nothing to work on: it says so while it waits (`missing`).
         """
         most = most_bytes or (lambda: LATCHED_BYTES if qos is LATCHED else STREAM_BYTES)
         # Raw messages are not decoded, so their numbers are not seen.
         counted = hasattr(message_type, "sequence") and not raw
         take = self.inputs.watching(topic, callback) if counted else callback
         arrived = self.input_watchdog.watch(topic) if steady else None
+        if required:
+            callback = self.inputs.requiring(topic, callback)
 
         def door(payload: bytes) -> None:
             if arrived is not None:

@@ -36,7 +36,7 @@ def test_a_station_is_what_its_description_says(station: rp.Station, tmp_path: P
     mine = rp.Station(tmp_path / "mine.yaml", band="Ka")
     assert (mine.name, mine.band) == (station.name, "Ka")
     assert repr(mine) == "Station('Goldstone DSS-13', band='Ka')"
-    with pytest.raises(ValueError, match="band='L' of Goldstone DSS-13 must be one of S, X, Ka"):
+    with pytest.raises(ValueError, match="Goldstone DSS-13: band='L' must be one of S, X, Ka"):
         rp.Station(band="L")
     assert rp.Station(model=BiasModel.zero()).model == BiasModel.zero()
     assert station.model != BiasModel.zero()
