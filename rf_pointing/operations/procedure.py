@@ -59,6 +59,13 @@ class Directive:
             for key, value in self.arguments.items()
         }
 
+    def shown(self, arguments: Mapping[str, Any]) -> str:
+        """Return filled arguments in a line: a number or a text, else where its value is from."""
+        return ", ".join(
+            f"{key}={value}" if isinstance(value, str | int | float) else f"{key} from {str(self.arguments[key])[2:-1]}"
+            for key, value in arguments.items()
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Block:
