@@ -298,7 +298,7 @@ class InstanceLock:
             self._file.seek(0)
             holder = self._file.read().strip() or "unknown"
             self._file.close()
-            raise RuntimeError(f"{full_name} already runs in ROS domain {_domain()} (process {holder})") from error
+            raise RuntimeError(f"{full_name} already runs in ROS domain {ros_domain()} (process {holder})") from error
         self._file.truncate(0)
         self._file.write(str(os.getpid()))
         self._file.flush()
@@ -390,12 +390,13 @@ def read_token(name: str, given: str, own: Path) -> tuple[str, Path]:
     return token, path
 
 
-def _domain() -> str:
+def ros_domain() -> str:
+    """Return the number of the present ROS domain."""
     return os.environ.get("ROS_DOMAIN_ID", "0")
 
 
 def _path(full_name: str) -> Path:
-    return _runtime_folder() / f"domain{_domain()}{full_name.replace('/', '.')}.lock"
+    return _runtime_folder() / f"domain{ros_domain()}{full_name.replace('/', '.')}.lock"
 
 
 def _runtime_folder() -> Path:

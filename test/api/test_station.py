@@ -42,6 +42,14 @@ def test_a_station_is_what_its_description_says(station: rp.Station, tmp_path: P
     assert station.model != BiasModel.zero()
 
 
+def test_a_pass_over_another_station_is_refused_with_both_sites(passes: list[rp.StationPass]) -> None:
+    other = rp.Station("leo_3m7")
+    assert other.site != passes[0].station.site
+    for use in (other.certificate, other.simulate, other.track, lambda one: other.certificates([one])):
+        with pytest.raises(ValueError, match=r"is over Goldstone DSS-13 at 35.* deg north.*; passes of .* at .* its"):
+            use(passes[0])
+
+
 def test_passes_are_those_of_the_track_in_degrees(station: rp.Station, passes: list[rp.StationPass]) -> None:
     track, start_t_s = CBERS.track(station.site), from_utc_text(START)
     wanted = find_passes(track, start_t_s, 12.5 * 3600.0, station.rules.mask.above(math.radians(5.0)))
