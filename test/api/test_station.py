@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import rf_pointing as rp
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core.dates import from_utc_text
 from rf_pointing.ephemeris import find_passes
+from rf_pointing.simulation import PassLog
 from rf_pointing.station.description import read_station
 
 CBERS = rp.elements("CBERS 2")
@@ -171,5 +173,9 @@ def test_a_simulated_pass_is_held_to_a_thousandth_of_a_degree(station: rp.Statio
     assert again.errors_mdeg().tolist() != other.errors_mdeg().tolist()
     with pytest.raises(ValueError, match="no sample in conscan; there are"):
         log.rms_mdeg("conscan")
+    # Its mean would be NaN, which tells nobody that the loop was unstable.
+    cut = replace(log, log=PassLog(*[[0.0] * 3] * 3, mode=["slew"] * 3, fault="azimuth oscillates"))
+    with pytest.raises(ValueError, match=r"there are slew 0\.3 s; the antenna stopped: azimuth oscillates"):
+        cut.errors_mdeg("monopulse")
     with pytest.raises(ValueError, match="sensor=array: X band"):
         station.simulate(one, sensor="array")
