@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
 
+from rf_pointing.core import require_choice
 from rf_pointing.core.types import Pair
 
 POSITION, DONE, REFUSED, LIMITS, ALARM, STATUS, NOISE = (
@@ -406,8 +407,7 @@ _MADE: dict[str, Callable[[str], DeviceProtocol]] = {
 def protocol_of(type_: str, model: str) -> DeviceProtocol:
     """Return the words of a type of drive; ValueError for a model that it does not have."""
     known = MODELS[type_]
-    if (model or known[0]) not in known:
-        raise ValueError(f"drive.model={model!r} of {type_} must be one of {', '.join(filter(None, known))}")
+    require_choice(f"{type_}: drive.model", model or known[0], known)
     return _MADE[type_](model or known[0])
 
 

@@ -190,5 +190,5 @@ def test_the_length_of_an_answer_tells_a_spid_controller_of_the_azimuth_alone() 
     [("gs232", "c", ""), ("hamlib", "2", ""), ("easycomm", "1", "2, 3"), ("spid", "rot3", "")],
 )
 def test_a_dialect_that_a_type_does_not_have_is_refused_with_the_known_ones(type_: str, model: str, known: str) -> None:
-    with pytest.raises(ValueError, match=f"drive.model='{model}' of {type_} must be one of {known}"):
+    with pytest.raises(ValueError, match=f"{type_}: drive.model='{model}' must be one of {known}"):
         made(type_, model)
