@@ -248,7 +248,7 @@ def read_station(name_or_path: str | Path, nodes: tuple[str, ...] = tuple(NODES)
         path = Path(text).expanduser()
         if not path.is_file():
             shipped = shipped_stations()
-            raise StationError(text, [(1, f"no such file, and no shipped station{nearest(text, shipped)}")])
+            raise StationError(text, [(0, f"no such file, and no shipped station{nearest(text, shipped)}")])
     return station_from(path, nodes=nodes)
 
 
