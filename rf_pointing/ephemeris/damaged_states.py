@@ -27,7 +27,7 @@ _ECCENTRIC = 30.0
 
 
 def damaged_state(tai_s: Array, position_m: Array, velocity_m_s: Array | None, *, turning: bool) -> tuple[int, float]:
-    """Return the first damaged state and how far off it lies [m], (-1, 0.0) where there is none.
+    """Return the first damaged state and how far off it lies [m]; (-1, 0.0) for a sound table.
 
     Parameters
     ----------
@@ -44,6 +44,7 @@ def damaged_state(tai_s: Array, position_m: Array, velocity_m_s: Array | None, *
     if v is not None:
         fast = np.maximum(fast, np.linalg.norm(v, axis=1) / distance)
     broken: list[tuple[tuple[int, ...], float]] = []
+    rows: tuple[int, ...]
     sound = np.zeros(len(r), dtype=bool)
     for k in (1, 2):
         if v is not None:

@@ -30,7 +30,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from rf_pointing.core import leaves
+from rf_pointing.core import leaves, require_choice
 from rf_pointing.core.checks import is_number, names_in
 from rf_pointing.core.whole_file import parse_yaml
 from rf_pointing.operations.alarms import ERROR, WARNING, AlarmBook, AlarmParams
@@ -126,8 +126,7 @@ def _cause(name: str, given: dict[str, Any], actions: Collection[str], known: Ma
     night, level = values.get("night", "continue"), values.get("level", "error")
     last = values.get("last", night)
     for key, value, choices in (("night", night, EFFECTS), ("last", last, EFFECTS), ("level", level, _LEVELS)):
-        if not isinstance(value, str) or value not in choices:
-            raise ValueError(f"causes.{name}.{key}={value!r} must be one of {', '.join(choices)}")
+        require_choice(f"causes.{name}.{key}", value, choices)
     numbers = {key: values.get(key, default) for key, default in (("for_s", 0.0), ("tries", 0), ("every_s", 10.0))}
     for key, value in numbers.items():
         if not is_number(value, 0.0):

@@ -71,6 +71,8 @@ EXECUTIVE = "station_executive"
 """The node of a night without an operator; a station without it is whole."""
 ROTCTLD = "rotctld_server"
 """The node through which rotctld's clients steer; a station without it is whole, too."""
+RADIO = "radio_control"
+"""The node that tunes a radio and lets it send or not."""
 ALARMS = "station_alarms"
 """The node that tells of what goes wrong where no executive does."""
 DESCRIPTION = "station_description"
@@ -212,6 +214,12 @@ VIEWS = (
     Topic("sky_markers", MarkerArray, LATCHED, "latched", DESCRIPTION, "horizon mask and pass", frame=""),
 )
 """Topics for viewers; all of it follows from `TOPICS`, so it is not recorded."""
+RADIO_TOPICS = (
+    Topic(
+        "transmit_inhibit", String, STATUS, "10 Hz", RADIO, "why the transmitter may not send; empty: it may", frame=""
+    ),
+)
+"""Topics of the radio."""
 FRAMES = {topic.name: topic.frame for topic in TOPICS if topic.frame}
 """Frame in the header of each topic."""
 NODES = tuple(node.name for node in GRAPH)
@@ -223,7 +231,7 @@ DRIVE_NODES = ("antenna_servo", *STATION_NODES)
 """Executables of a station whose drive is a device; its receiver is its own."""
 MOVES = ("simulation_clock", "antenna_servo", "rf_receiver", "array_receiver")
 """Nodes that move the antenna and receive meanwhile: the first of two processes."""
-APART = (ALARMS, EXECUTIVE, ROTCTLD, OPERATOR_PAGE)
+APART = (ALARMS, EXECUTIVE, ROTCTLD, RADIO, OPERATOR_PAGE)
 """Clients of the station: they serve others, or work long."""
 PROCESSES = (1, 2, 8)
 """Numbers of processes of a station that may be chosen; 8 is one for each node."""

@@ -8,8 +8,7 @@ antenna publishes /diagnostics once a second of wall time, so a node is deaf if
     an input that is sent all the time   is silent for 10 s of wall and of node time, although its
                                       publisher has just reported on /diagnostics that it is active,
                                       and not that it is silent and why
-    or its own periodic work          is not done for as long and two periods: its timer waits for
-                                      hours where the clock is set back
+    or its own periodic work          is not done for as long and two periods
 
 A node that was killed leaves the graph after 20 s.  One neighbour alone proves nothing: it may
 work on something long.

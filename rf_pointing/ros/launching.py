@@ -24,6 +24,7 @@ from rf_pointing.ros.graph import (
     NODES,
     OPERATOR_PAGE,
     PROCESSES,
+    RADIO,
     ROTCTLD,
     STATION_NODES,
     partition,
@@ -187,6 +188,7 @@ def station_arguments(*, simulated: bool) -> tuple[Argument, ...]:
         Argument("alarms", "whether station_alarms starts", "true", bool),
         Argument("description", "whether viewers get URDF, tf and markers of the station", "true", bool),
         Argument("rotctld", "whether rotctld_server is started", "false", bool),
+        Argument("radio", "whether radio_control is started", "false", bool),
         Argument("page", "whether operator_page is started", "false", bool),
         Argument("respawn", "start nodes again that have ended", "true", bool),
         Argument(
@@ -234,7 +236,7 @@ def _station_processes(
         names = (*names, *(ARRAY_NODES if simulated else ARRAY_NODES[1:]))
     if values["description"]:
         names = (*names, DESCRIPTION)
-    wanted = {"alarms": ALARMS, "executive": EXECUTIVE, "page": OPERATOR_PAGE, "rotctld": ROTCTLD}
+    wanted = {"alarms": ALARMS, "executive": EXECUTIVE, "page": OPERATOR_PAGE, "radio": RADIO, "rotctld": ROTCTLD}
     names = (*names, *(name for argument, name in wanted.items() if values[argument]))
     given = {name: _parameters(values, name, simulated=simulated) for name in names}
     space, respawn = values["namespace"], values["respawn"]

@@ -14,8 +14,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.timer import Timer
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.signals import LONGEST_GAP_S
@@ -187,8 +189,15 @@ class Lifecycle(LifecycleNode):
                 self.failure = error
                 raise
 
-        self._at_deactivation.callback(self.destroy_timer, self.create_timer(period_s, fire))
+        self._at_deactivation.callback(self.destroy_timer, self.timer(period_s, fire))
         return schedule
+
+    def timer(self, period_s: float, callback: Callable[[], object]) -> Timer:
+        """Return a timer that no step of the clock delays; simulated time is followed."""
+        # One of the node clock waits for as long as that is set back, while a device goes on.
+        simulated = self.get_parameter("use_sim_time").value
+        clock = None if simulated else Clock(clock_type=ClockType.STEADY_TIME)
+        return self.create_timer(period_s, callback, clock=clock)
 
     # What the main loop and rclpy call
 

@@ -299,7 +299,7 @@ class InstanceLock:
             self._file.seek(0)
             holder = self._file.read().strip() or "unknown"
             self._file.close()
-            raise RuntimeError(f"{full_name} already runs in ROS domain {_domain()} (process {holder})") from error
+            raise RuntimeError(f"{full_name} already runs in ROS domain {ros_domain()} (process {holder})") from error
         self.take_over()
 
     def take_over(self) -> None:
@@ -406,12 +406,13 @@ def read_token(name: str, given: str, own: Path) -> tuple[str, Path]:
     return token, path
 
 
-def _domain() -> str:
+def ros_domain() -> str:
+    """Return the number of the present ROS domain."""
     return os.environ.get("ROS_DOMAIN_ID", "0")
 
 
 def _path(full_name: str) -> Path:
-    return _runtime_folder() / f"domain{_domain()}{full_name.replace('/', '.')}.lock"
+    return _runtime_folder() / f"domain{ros_domain()}{full_name.replace('/', '.')}.lock"
 
 
 def _runtime_folder() -> Path:

@@ -12,10 +12,10 @@ from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from rf_pointing.operations.night import Night
+from rf_pointing.operations.night import Night, NightState
 from rf_pointing.operations.schedule import Entry
 from rf_pointing.ros import convert
-from rf_pointing.ros.command_key import CALL_S, CommandKey, CommandKeyParams
+from rf_pointing.ros.command_key import CALL_S, INSTANCE, CommandKey, CommandKeyParams
 from rf_pointing.ros.convert_planning import entry_to_message
 from rf_pointing.ros.diagnostics import LEVELS
 from rf_pointing.ros.directives import plain_fields
@@ -74,7 +74,22 @@ def hear_night(node: ManagedNode, watch: NightWatch, own: ExecutiveParams) -> Co
     key = CommandKey(params, parameter="executive.partners_key_file")
     for name in watch.partners:
         hear_partner(node, watch, key, name)
+    hear_rival(node, watch, key)
     return key
+
+
+def hear_rival(node: ManagedNode, watch: NightWatch, key: CommandKey) -> None:
+    """Subscribe until cleanup to another executive of this antenna, on another computer."""
+
+    def on_status(message: ours.ExecutiveStatus) -> None:
+        who = message.header.frame_id.rpartition(" ")[2]
+        if who != INSTANCE:
+            if key.signed:
+                key.check_claim(message, EXECUTIVE_STATUS, node.get_namespace().strip("/"), node.now_s())
+            night = message.state != NightState.IDLE
+            watch.take_rival(who, night=night, first=who < INSTANCE, wall_s=time.monotonic())
+
+    node.listen(ours.ExecutiveStatus, EXECUTIVE_STATUS, on_status, STATUS)
 
 
 def hear_partner(node: ManagedNode, watch: NightWatch, key: CommandKey, name: str) -> None:

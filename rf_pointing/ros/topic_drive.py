@@ -14,7 +14,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-from rf_pointing.core import AXES, JointReading
+from rf_pointing.core import AXES, JointReading, require_choice
 from rf_pointing.core.signals import BASE
 from rf_pointing.core.types import Pair
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, make_drive
@@ -37,8 +37,7 @@ class TopicDrive(Drive):
 
     def __init__(self, beside: Node, params: DriveParams) -> None:
         model = params.model or POSITION
-        if model not in (POSITION, RATE):
-            raise ValueError(f"drive.model={params.model!r} of topic must be one of {POSITION}, {RATE}")
+        require_choice("drive.model", model, (POSITION, RATE))
         rotator = params.rotator
         first, second = (step or 1e-4 for step in rotator.resolution_rad)
         self.capabilities = Capabilities(

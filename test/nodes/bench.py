@@ -22,7 +22,6 @@ import pytest
 import rclpy
 import rclpy.node
 from rclpy.action import CancelResponse, GoalResponse
-from rclpy.clock import ClockType
 from rclpy.context import Context
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -109,7 +108,7 @@ class Bench:
         return str(self.node.set_parameters_atomically(parameters).reason)
 
     def run(self, seconds: float, step_s: float = 0.0) -> None:
-        """Let both clocks go on, with the timers that node time drives, and the turns between events."""
+        """Let both clocks go on, with the timers of the node's work, and the turns between events."""
         step_s = step_s or min((1e-9 * timer.timer_period_ns for timer in self._timers()), default=seconds)
         for _ in range(max(1, round(seconds / step_s))):
             self.wait(step_s)
@@ -130,7 +129,7 @@ class Bench:
         return float(self.node.turn())
 
     def _timers(self) -> list[Any]:
-        return [timer for timer in self.node.timers if timer.clock.clock_type != ClockType.STEADY_TIME]
+        return [timer for timer in self.node.timers if timer.callback != self.node.diagnostics.publish]
 
     # What arrives and what is sent
 

@@ -122,7 +122,7 @@ def test_an_action_is_a_procedure_of_one_block_that_may_be_given_a_place() -> No
     assert action.parameters == {"azimuth": 0.0, "elevation": 0.0}
     (block,) = action.blocks.values()
     assert (block.name, block.timeout_s, [each.name for each in block.directives]) == ("go", 7.0, ["go"])
-    assert [str(each) for each in block.directives[0].when] == ["a.b is 1"]
+    assert [str(each) for each in block.directives[0].when] == ["a b must be 1"]
 
 
 def test_thresholds_are_filled_in_wherever_they_stand() -> None:
