@@ -201,7 +201,7 @@ class RigWords(ServedWords):
     of_station = ("set_freq", "set_split_freq", "set_ptt")
 
     def __init__(self, view: RadioView) -> None:
-        self._view = view
+        self.view = view
 
     def judged(self, name: str, arguments: list[str]) -> tuple[int, str, tuple[float, ...]]:
         if name not in self.of_station:
@@ -211,7 +211,7 @@ class RigWords(ServedWords):
         return 0, "", (float(arguments[0]),)
 
     def fields(self, order: Order) -> Fields | None:
-        view = self._view
+        view = self.view
         match order.name:
             case "get_freq":
                 return _hertz("Frequency", view.receive_hz)

@@ -27,7 +27,7 @@ from rf_pointing.ephemeris.solar import SolarDirection, SunParams
 from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask
 from rf_pointing.planning.gate import GateParams
 from rf_pointing.ros import convert
-from rf_pointing.ros.graph import RADIO, RADIO_INHIBIT
+from rf_pointing.ros.graph import INHIBIT, RADIO
 from rf_pointing.ros.main_loop import read_token, run
 from rf_pointing.ros.qos import STATUS, STREAM
 from rf_pointing.ros.station_node import StationNode
@@ -66,7 +66,7 @@ class RadioControlNode(StationNode):
         self._radio = RadioControl(radio, TransmitRules(value("inhibit"), radio, sky), view, self.get_logger().info)
         self._at_cleanup.callback(self._radio.close)
         self._sun = SolarDirection(value("sun"))
-        self._inhibits = self.publisher(String, RADIO_INHIBIT, STATUS)
+        self._inhibits = self.publisher(String, INHIBIT.name, INHIBIT.qos)
         self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
         self.listen(ours.Target, "target", self._on_target, STREAM)
         self.listen(ours.AntennaStatus, "antenna_status", self._on_antenna, STATUS)

@@ -71,8 +71,6 @@ EXECUTIVE = "station_executive"
 """The node of a night without an operator; a station without it is whole."""
 ROTCTLD = "rotctld_server"
 """The node through which rotctld's clients steer; a station without it is whole, too."""
-RADIO = "radio_control"
-"""The node that tunes a radio and lets it send or not."""
 ALARMS = "station_alarms"
 """The node that tells of what goes wrong where no executive does."""
 DESCRIPTION = "station_description"
@@ -214,12 +212,11 @@ VIEWS = (
     Topic("sky_markers", MarkerArray, LATCHED, "latched", DESCRIPTION, "horizon mask and pass", frame=""),
 )
 """Topics for viewers; all of it follows from `TOPICS`, so it is not recorded."""
-RADIO_TOPICS = (
-    Topic(
-        "transmit_inhibit", String, STATUS, "10 Hz", RADIO, "why the transmitter may not send; empty: it may", frame=""
-    ),
+RADIO = "radio_control"
+"""The node that tunes a radio and lets it send or not."""
+INHIBIT = Topic(
+    "radio/inhibit", String, STATUS, "10 Hz", RADIO, "why the transmitter may not send; empty: it may", frame=""
 )
-"""Topics of the radio."""
 FRAMES = {topic.name: topic.frame for topic in TOPICS if topic.frame}
 """Frame in the header of each topic."""
 NODES = tuple(node.name for node in GRAPH)

@@ -21,7 +21,12 @@ from rf_pointing.station.description import read_station
 from rf_pointing.station.description.urdf import urdf
 
 FOLDER = Path(__file__).parents[2] / "launch"
-MORE = {"executive": "station_executive", "page": "operator_page", "rotctld": "rotctld_server"}
+MORE = {
+    "executive": "station_executive",
+    "page": "operator_page",
+    "radio": "radio_control",
+    "rotctld": "rotctld_server",
+}
 EVERY = dict.fromkeys(MORE, "true")
 STATION = {"station": "dss13"}
 

@@ -228,12 +228,14 @@ class RadioControl:
         elif self._line.problem:
             level, words = Level.ERROR, self._line.problem
         found["transmit"] = Report(level, words, values)
+        found["clients"] = Report(Level.OK, "not served", {})
         if server is not None:
             counts = server.counts
-            found["clients"] = Report(Level.OK, f"{len(counts.connected)} connected", {
+            values = {
                 "port": server.port, "refused lines": counts.refused_lines, "last refused": counts.last_refusal,
                 "refused clients": counts.refused_clients,
-            })  # fmt: skip
+            }  # fmt: skip
+            found["clients"] = Report(Level.OK, f"{len(counts.connected)} connected", values)
         return found
 
     def _rig(self, rig: Rig | None, command: str, wanted_hz: float | None) -> Report:

@@ -18,8 +18,10 @@ from rf_pointing.core import Target
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.station.description.content import RigSection, TransponderSection
 
-KEPT = 100
-"""Targets that are kept: 10 s, of which 2 s lie ahead."""
+KEPT = 1000
+"""Most targets that are kept; they come 2 s ahead, ten in a second."""
+GAP_S = 1.0
+"""Longest time between two of them: a line misses a low orbit by 0.7 Hz at 1 GHz then."""
 
 
 @dataclass(frozen=True)
@@ -81,9 +83,11 @@ class Motion:
         self._known: deque[Target] = deque(maxlen=KEPT)
 
     def take(self, target: Target) -> None:
-        """Take the next target; another satellite, or a step back in time, begins anew."""
-        if target.name != self.name or (self._known and target.t_s <= self._known[-1].t_s):
+        """Take the next target; it replaces what was said of later times, or another satellite."""
+        if target.name != self.name:
             self._known.clear()
+        while self._known and self._known[-1].t_s >= target.t_s:
+            self._known.pop()
         self.name = target.name
         self._known.append(target)
 
@@ -101,7 +105,7 @@ class Motion:
         later = None
         for each in reversed(self._known):
             if each.t_s <= t_s:
-                if later is None:
+                if later is None or later.t_s - each.t_s > GAP_S:
                     return (each.range_rate_m_s, each.range_m) if each.t_s == t_s else None
                 share = (t_s - each.t_s) / (later.t_s - each.t_s)
                 rate_m_s = each.range_rate_m_s + share * (later.range_rate_m_s - each.range_rate_m_s)

@@ -60,8 +60,10 @@ class TransmitRules:
                 return f"{name} is silent"
         if antenna.axes_rad is None or antenna.fault or antenna.inhibit:
             return antenna.inhibit or f"antenna fault: {antenna.fault}"
-        if antenna.mode in NOT_ON_TARGET or antenna.target != target:
-            return f"{antenna.target or 'no pass'} is tracked ({antenna.mode}), the radio is on {target or 'nothing'}"
+        if antenna.mode in NOT_ON_TARGET:
+            return f"the controller is not on a target: {antenna.mode}"
+        if antenna.target != target:
+            return f"{antenna.target} is tracked, and the radio is on {target}"
         if reason := self._sky.reason(*antenna.axes_rad, None, sun_rad):
             return reason
         most_rad = self._params.most_error_beamwidths * antenna.beamwidth_rad

@@ -138,6 +138,13 @@ def test_a_time_before_the_first_and_after_the_last_message_is_not_known_and_ano
     shifts = known.at(10.05)
     assert shifts is not None
     assert shifts.down == pytest.approx(1.0 - 7000.0 / SPEED_OF_LIGHT_M_S, abs=1e-15)
-    known.take(target(10.3, "B"))
+    # A publisher that starts again repeats a time, with a newer rate; over a gap nothing is known.
+    known.take(target(10.2, rate=6000.0))
+    shifts = known.at(10.15)
+    assert shifts is not None
+    assert shifts.down == pytest.approx(1.0 - 6500.0 / SPEED_OF_LIGHT_M_S, abs=1e-15)
+    known.take(target(11.3))
+    assert known.at(11.0) is None
+    known.take(target(11.2, "B"))
     assert known.at(10.15) is None
     assert known.name == "B"
