@@ -16,6 +16,7 @@ from rf_pointing.api.plan import Plan
 from rf_pointing.api.simulated import SimulatedPass
 from rf_pointing.api.target import MAX_AGE_S, SOURCE, Target
 from rf_pointing.calibration import BiasModel, read_model
+from rf_pointing.core import require_choice
 from rf_pointing.ephemeris import Site, TopocentricTrack, find_passes
 from rf_pointing.ephemeris.passes import part_searched
 from rf_pointing.planning import AxisLimits
@@ -61,8 +62,7 @@ class Station:
     ) -> None:
         self.description = station if isinstance(station, StationDescription) else read_station(station)
         self.band = self.description.default_band if band is None else band
-        if self.band not in self.bands:
-            raise ValueError(f"band={self.band!r} of {self.name} must be one of {', '.join(self.bands)}")
+        require_choice(f"{self.name}: band", self.band, self.bands)
         self._model = model
 
     def __repr__(self) -> str:
@@ -242,7 +242,19 @@ class Station:
                 standing_rad, free_t_s = chosen.end_rad, one.los_t_s
         return found
 
+    def _require_mine(self, one: StationPass) -> None:
+        if one.station.site != self.site:
+            where, here = (
+                f"{each.name} at {math.degrees(each.site.latitude_rad):.4f} deg north, "
+                f"{math.degrees(each.site.longitude_rad):.4f} deg east"
+                for each in (one.station, self)
+            )
+            raise ValueError(
+                f"one: this pass of {one.name} is over {where}; passes of {here} are found by its passes()"
+            )
+
     def _certified(self, one: StationPass, free_t_s: float, standing_rad: tuple[float, float]) -> PassCertificate:
+        self._require_mine(one)
         track = self.track_of(one.target)
         certificate, profile = planned_certificate(track, one.window, free_t_s, standing_rad, self.rules)
         return PassCertificate(one, PlannedPass(window=one.window, profile=profile, certificate=certificate))
@@ -348,6 +360,7 @@ class Station:
         ValueError
             A sensor that the band does not have, or a parameter that does not exist.
         """
+        self._require_mine(one)
         window = one.window
         if minutes is not None:
             window = dataclasses.replace(window, los_t_s=min(window.los_t_s, window.aos_t_s + 60.0 * minutes))
@@ -373,6 +386,7 @@ class Station:
 
         Returns the `rf_pointing.api.live.TrackResult`: exit code, folder of the report, bag.
         """
+        self._require_mine(one)
         # Not at the top: the rest of the front door does without ROS.
         live, requests = (importlib.import_module(f"rf_pointing.api.{name}") for name in ("live", "requests"))
         return live.track(requests.TrackRequest(station=self, target=one.target, chosen=one.window, **options))

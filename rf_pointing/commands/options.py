@@ -2,10 +2,11 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 
 from rf_pointing.api.target import Target
+from rf_pointing.core.checks import one_of
 from rf_pointing.ephemeris.source import unused
 from rf_pointing.station.description import DEFAULT_STATION, shipped_stations
 
@@ -42,6 +43,17 @@ def between(low: float, high: float) -> Callable[[str], float]:
         if not low <= value <= high:
             raise argparse.ArgumentTypeError(f"{text} must be between {low:g} and {high:g}")
         return value
+
+    return parse
+
+
+def named(choices: Collection[str]) -> Callable[[str], str]:
+    """Return an argparse type: one of the choices; a wrong one is refused with the nearest."""
+
+    def parse(text: str) -> str:
+        if text not in choices:
+            raise argparse.ArgumentTypeError(f"{text!r} must be {one_of(text, choices)}")
+        return text
 
     return parse
 

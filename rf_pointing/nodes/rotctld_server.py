@@ -75,9 +75,10 @@ class RotctldServerNode(StationNode):
             self._at_cleanup.callback(part.close)
         self._commands = self.publisher(JointTrajectory, "joint_trajectory", COMMAND)
         self._key = CommandKey(value("key"), self.resolve_topic_name("joint_trajectory"))
-        self._latest = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
-        self.listen(ours.AntennaStatus, "antenna_status", self._on_antenna, STATUS)
-        self.listen(ours.TrackingStatus, "tracking_status", self._on_tracking, STREAM)
+        joints = convert.joints_from_message
+        self._latest = self.listen_latest(JointState, "joint_states", joints, STREAM, required=True)
+        self.listen(ours.AntennaStatus, "antenna_status", self._on_antenna, STATUS, required=True)
+        self.listen(ours.TrackingStatus, "tracking_status", self._on_tracking, STREAM, required=True)
         self.listen(ours.ExecutiveStatus, EXECUTIVE_STATUS, lambda m: steering.note_executive(m.state), STATUS)
         self.listen(ours.PointingModel, "pointing_model", self._on_model, LATCHED)
         self.diagnostics.add_report("clients", lambda: steering.report(self._server))

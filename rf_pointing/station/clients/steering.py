@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rf_pointing.core import JointReading, JointTrajectory, Params, Sensor, parameter
+from rf_pointing.core import JointReading, JointTrajectory, Params, Sensor, parameter, require_choice
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.line_server import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, LineServer
@@ -105,8 +105,7 @@ class Steering:
         *, node: str, send: Callable[[int, str, Mapping[str, Any]], None], heard_s: Callable[[str], float],
         inform: Callable[[str], object], warn: Callable[[str, str], object],
     ) -> None:  # fmt: skip
-        if params.sensor not in SENSOR_CHOICES:
-            raise ValueError(f"sensor={params.sensor} must be one of {', '.join(SENSOR_CHOICES)}")
+        require_choice("sensor", params.sensor, SENSOR_CHOICES)
         self._params, self._match_params = params, match
         self.follower, self._known, self.view = follower, known, view
         self._node, self._send, self._heard_s, self._inform, self._warn = node, send, heard_s, inform, warn

@@ -31,6 +31,12 @@ def commanded(of: Band) -> Rows:
     }  # fmt: skip
 
 
+def fixed_elevation(of: Band) -> Rows:
+    """Elevation of an antenna that turns in azimuth alone; nothing where both axes turn."""
+    given = of.content.mount.fixed_elevation_deg
+    return {} if given is None else {"fixed_elevation_deg": Value((given,), "mount.fixed_elevation_deg")}
+
+
 def preprocessor(of: Band) -> Rows:
     """Limits of every command in the control unit."""
     rows = dict(commanded(of))

@@ -91,7 +91,8 @@ def pointing_controller(of: Band) -> Derived:
         "integrator": loop.integrator(of),
         "spiral": spiral_of_band(of),
         "machine": {
-            **axes.commanded(of), "half_power_beamwidth_deg": of.width, "sun_radius_deg": axes.sun_radius(of)
+            **axes.commanded(of), **axes.fixed_elevation(of), "half_power_beamwidth_deg": of.width,
+            "sun_radius_deg": axes.sun_radius(of),
         },
         "mask": axes.mask(of),
         **scans_of_band(of),

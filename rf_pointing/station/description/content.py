@@ -86,6 +86,9 @@ class MountSection:
 
     azimuth: AxisSection = parameter(description="azimuth axis; more than 360 deg of travel is the cable wrap")
     elevation: AxisSection = parameter(description="elevation axis; beyond 90 deg the dish looks over its back")
+    fixed_elevation_deg: float | None = parameter(
+        None, "where an antenna looks that turns in azimuth alone; default: both axes turn", low=-10.0, high=180.0
+    )
     park_deg: Pair | None = parameter(
         None, "azimuth and elevation of the park position; default: the angles of the travel nearest to 0 and 45",
         low=-1000.0, high=1000.0,

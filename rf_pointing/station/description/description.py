@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from rf_pointing.core import require_choice
 from rf_pointing.core.derived import Value
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import flat, leaves
@@ -227,8 +228,7 @@ class StationDescription:
 
     def _band(self, band: str | None) -> str:
         chosen = self.default_band if band is None else band
-        if chosen not in self.content.bands:
-            raise ValueError(f"band={chosen!r} of {self.name} must be one of {', '.join(self.bands)}")
+        require_choice(f"{self.name}: band", chosen, self.bands)
         return chosen
 
 
