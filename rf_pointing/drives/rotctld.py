@@ -31,6 +31,8 @@ from rf_pointing.core import Params, parameter
 from rf_pointing.core.types import Pair
 from rf_pointing.drives.protocols import LIMIT_NAMES, LONGEST_LINE
 
+ZENITH_DEG = 1.0
+"""As far as a bias model may turn the beam past the zenith of a mount that points there."""
 INVALID, NOT_IMPLEMENTED, TIMED_OUT, IO_ERROR, REJECTED = -1, -4, -5, -6, -9
 """Codes of `RPRT_ERRORS` that this side gives."""
 # The direction counts: the station chooses the turn and the side of the dish.
@@ -118,7 +120,13 @@ class Habit:
         self.over = elevation_deg > 90.0
 
     def shown_deg(self, azimuth_deg: float, elevation_deg: float) -> Pair:
-        """Return a direction (any turn, either side of the zenith) in the client's range."""
+        """Return a direction (any turn, either side of the zenith) in the client's range.
+
+        The azimuth stays that of the axes within `ZENITH_DEG` beyond the zenith, where the other
+        side would name the opposite one for a beam that has hardly moved.
+        """
+        if not self.over and 90.0 < elevation_deg <= 90.0 + ZENITH_DEG:
+            elevation_deg = 90.0
         if (elevation_deg > 90.0) != self.over:
             azimuth_deg, elevation_deg = azimuth_deg + 180.0, 180.0 - elevation_deg
         # Rounded first: 359.996 is shown as 0.00 and not as 360.00.
@@ -157,11 +165,15 @@ class Session:
         return Order("", code=INVALID, reason=f"a line is longer than {LONGEST_LINE} bytes", foreign=True)
 
     @staticmethod
-    def answer(order: Order, code: int = 0, fields: tuple[tuple[str, str], ...] = ()) -> bytes:
-        """Return the answer; `fields` are its lines in the extended and in the plain form."""
+    def answer(order: Order, code: int = 0, fields: tuple[tuple[str, str], ...] = (), reason: str = "") -> bytes:
+        """Return the answer; `fields` are its lines in the extended and in the plain form.
+
+        The extended form has room for the `reason` of a refusal, the plain one for its code only.
+        """
         if order.separator:
             head = f"{order.name}: {order.text}" if order.text else f"{order.name}:"
-            lines = [head, *(extended for extended, _ in fields), f"RPRT {code}"]
+            refused = [f"Reason: {reason}"] if code and reason else []
+            lines = [head, *(extended for extended, _ in fields), *refused, f"RPRT {code}"]
             return (order.separator.join(lines) + "\n").encode()
         plain = [text for _, text in fields] if fields and not code else [f"RPRT {code}"]
         return ("\n".join(plain) + "\n").encode()
@@ -231,6 +243,8 @@ class StationView:
     position_deg: Pair | None = None
     moving: tuple[int, int] = (0, 0)
     """Sign of the motion of azimuth and elevation."""
+    refusal: str = ""
+    """Why the newest order was refused; `get_info` tells it to clients of the plain form too."""
 
     def fields(self, name: str, habit: Habit) -> tuple[tuple[str, str], ...] | None:
         """Return the lines of an answer, extended and plain; None where it is not known yet."""
@@ -241,7 +255,8 @@ class StationView:
                 named = zip(("Azimuth", "Elevation"), habit.shown_deg(*self.position_deg), strict=True)
                 return tuple((f"{label}: {value:.2f}", f"{value:.2f}") for label, value in named)
             case "get_info":
-                return ((f"Info: {self.name}", self.name),)
+                info = f"{self.name}; refused: {self.refusal}" if self.refusal else self.name
+                return ((f"Info: {info}", info),)
             case "get_status":
                 flags = self._flags()
                 return ((f"Status flags: {flags}", flags),)
@@ -453,7 +468,8 @@ class RotctldServer:
         elif order.name != "password":
             fields = self.view.fields(order.name, session.habit)
             code = IO_ERROR if fields is None else 0
-        return session.answer(order, code, fields or ())
+        # A wrong line is answered as by Hamlib's own program, byte for byte.
+        return session.answer(order, code, fields or (), "" if order.code else self.view.refusal)
 
     async def _carried_out(self, order: Order, name: str, at_s: float) -> int:
         """Hand an order to the station; return its code, or that of a station that is silent."""
