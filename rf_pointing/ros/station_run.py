@@ -40,11 +40,6 @@ PUNCTUAL = ("simulation_clock", "antenna_servo")
 CLOCK = NODES[:1]
 
 
-def say(program: str, text: str) -> None:
-    """Report to the user on stderr; stdout is for data."""
-    print(f"{program}: {text}", file=sys.stderr, flush=True)
-
-
 def parameter_file(folder: Path, given: Mapping[str, Mapping[str, Any]]) -> Path:
     """Write the parameters `given` by node into a folder, and return the file."""
     written = folder / "run.yaml"
