@@ -59,6 +59,9 @@ def start() -> None:
         # Read, not imported: the libraries of a node take three times as long as its help.
         print(f"{_docstring(module)}\n{NODE_USAGE}")
         return
+    if ".nodes." in module:
+        # Until a node takes signals itself, in `ros/main_loop.py`, it ends by them without a trace.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     sys.exit(importlib.import_module(module).main())
 
 

@@ -126,7 +126,8 @@ def ros(namespace: str, station: Path) -> Iterator[None]:
     }
     given[f"/**/{OPERATOR_PAGE}"] = {"page.port": 0}
     given["/**"] = {"use_sim_time": True}
-    given["/**/ephemeris_publisher"]["source.refraction"] = "measured"
+    given["/**/ephemeris_publisher"] |= {"source.refraction": "measured", "source.satellite": "Moon"}
+    given["/**/rf_receiver"]["source.satellite"] = "Moon"
     given[f"/**/{EXECUTIVE}"]["executive.folder"] = str(station.with_suffix(""))
     given[f"/**/{ALARMS}"]["folder"] = str(station.with_suffix(""))
     file = station.with_suffix(".parameters.yaml")

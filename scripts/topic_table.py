@@ -13,7 +13,7 @@ from pathlib import Path
 
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from rf_pointing.ros.graph import TOPICS, VIEWS, Topic
+from rf_pointing.ros.graph import FOREIGN, TOPICS, VIEWS, Topic
 
 ROOT = Path(__file__).parents[1]
 BETWEEN = re.compile(r"(?<=<!-- topics -->\n).*?(?=<!-- /topics -->)", re.DOTALL)
@@ -34,7 +34,7 @@ def pages() -> list[Path]:
 def _row(topic: Topic) -> tuple[str, ...]:
     meaning = f" ({topic.meaning})" if topic.meaning else ""
     frame = f"`{topic.frame}`" if topic.frame else ""
-    qos = ", ".join(_qos(topic.qos))
+    qos = ", ".join(_qos(topic.qos)) + "; heard best effort" * (topic.name in FOREIGN)
     return f"`{topic.name}`{meaning}", f"`{topic.type_name}`", topic.rate, qos, topic.publisher, frame
 
 

@@ -28,10 +28,11 @@ from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES
 from rf_pointing.ros.live_pass import outcome_line, track_pass
-from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end, say
+from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, fit_of_kept
+from rf_pointing.station.log_lines import say
 from rf_pointing.tracking.power_tracker import scan_tuning
 
 OF_STATION = tuple(node.name for node in (*GRAPH, *ARRAY_GRAPH) if node.name != "simulation_clock")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.api.keywords import angle_rad, span_s, time_s
+from rf_pointing.api.link_budget import LinkBudgetTable
 from rf_pointing.api.passes import Look, PassCertificate, StationPass
 from rf_pointing.api.plan import Plan
 from rf_pointing.api.simulated import SimulatedPass
@@ -302,6 +303,15 @@ class Station:
             max_age_s=MAX_AGE_S,
         )  # fmt: skip
         return Plan(self, day)
+
+    def link_budget(self, one: StationPass | None = None) -> LinkBudgetTable:
+        """Return noise, G/T and C/N0 of the band over elevation, or along a pass.
+
+        Examples
+        --------
+        >>> print(rp.Station("leo_3m7", "S").link_budget())
+        """
+        return LinkBudgetTable.of(self, one)
 
     def slew_s(
         self,

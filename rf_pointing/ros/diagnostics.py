@@ -59,18 +59,16 @@ class Wait:
     """Decides when to say what a node waits for: once it has lasted, and when it has come."""
 
     def __init__(self) -> None:
-        self._awaited, self._since_s, self._said = "", 0.0, False
+        self._awaited, self._since_s, self._told = "", 0.0, ""
 
     def news(self, awaited: str, wall_s: float) -> str:
         """Return what to log now about what is `awaited`, "" for nothing."""
         if awaited != self._awaited:
-            came, self._said = self._said and not awaited, False
             self._awaited, self._since_s = awaited, wall_s
-            return "waits no longer" if came else ""
-        if not awaited or self._said or wall_s - self._since_s < PATIENCE_S:
+        if awaited == self._told or (awaited and wall_s - self._since_s < PATIENCE_S):
             return ""
-        self._said = True
-        return f"waits for {awaited}"
+        self._told = awaited
+        return f"waits for {awaited}" if awaited else "waits no longer"
 
 
 class Diagnostics:

@@ -14,8 +14,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.timer import Timer
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.signals import LONGEST_GAP_S
@@ -187,8 +189,15 @@ class Lifecycle(LifecycleNode):
                 self.failure = error
                 raise
 
-        self._at_deactivation.callback(self.destroy_timer, self.create_timer(period_s, fire))
+        self._at_deactivation.callback(self.destroy_timer, self.timer(period_s, fire))
         return schedule
+
+    def timer(self, period_s: float, callback: Callable[[], object]) -> Timer:
+        """Return a timer that no step of the clock delays; simulated time is followed."""
+        # One of the node clock waits for as long as that is set back, while a device goes on.
+        simulated = self.get_parameter("use_sim_time").value
+        clock = None if simulated else Clock(clock_type=ClockType.STEADY_TIME)
+        return self.create_timer(period_s, callback, clock=clock)
 
     # What the main loop and rclpy call
 
@@ -204,6 +213,8 @@ class Lifecycle(LifecycleNode):
             if not self.ready():
                 return
             self.trigger_activate()
+            if self.active:
+                self.get_logger().info("active")
         # Once it has been active a manager may take it down.
         self.brings_itself_up = self._state_name in ("unconfigured", "inactive")
         self._next_try_s = time.monotonic() + self._wait_s
@@ -306,7 +317,7 @@ class Lifecycle(LifecycleNode):
         if self.active and (silent := self.silent_because()):
             return Health(WARN, silent, values)
         awaited, managed = self._awaited(), not self.active and not self.brings_itself_up
-        if news := self._wait.news(awaited, time.monotonic()):
+        if (news := self._wait.news(awaited, time.monotonic())) and self._state_name != "finalized":
             self.get_logger().info(f"{self._state_name}: {news}")
         if awaited and not self._reason and not managed:
             return Health(WARN, f"waits for {awaited}", values)

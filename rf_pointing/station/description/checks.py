@@ -9,6 +9,7 @@ from rf_pointing.core.checks import LONGEST_NAME, brief, one_of
 from rf_pointing.core.parameters import flat, from_edge
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.params import DriveParams
+from rf_pointing.drives.protocols import turns_azimuth_alone
 from rf_pointing.drives.registry import known_types, takes_positions
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
@@ -79,6 +80,10 @@ def _check_mount(content: Content, mount: MountSection, reader: Reader) -> None:
             "mount.elevation.travel_deg", f"mount.elevation.travel_deg={list(elevation)} must lie within [-12, 192]"
         )
     begins = pass_elevation_deg(content)
+    drive = content.drive or {}
+    if mount.fixed_elevation_deg is None and turns_azimuth_alone(str(drive.get("type")), str(drive.get("model", ""))):
+        reader.note("mount.fixed_elevation_deg", f"mount.fixed_elevation_deg must say where the antenna looks: drive.model="
+            f"{drive['model']} turns the azimuth alone")  # fmt: skip
     # A pass begins on the limit itself otherwise, and is refused as 0.000 deg past it.
     if begins <= elevation[0]:
         reader.note("mount.pass_elevation_deg", f"mount.pass_elevation_deg={begins} must be > {elevation[0]}, the lowest "
@@ -195,6 +200,12 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
                 if own != wanted:
                     reader.note(f"{key}.bias_model", f"{key}.bias_model={section.bias_model!r} is of {what} {own!r}, must be "
                         f"of {wanted!r}")  # fmt: skip
+    if section.noise is not None:
+        if section.system_noise_k is not None:
+            reader.note(f"{key}.noise", f"{key}.noise and system_noise_k give the same twice: leave one out")
+        for index, stage in enumerate(section.noise.chain or ()):
+            if why := stage.contradiction():
+                reader.note(f"{key}.noise.chain", f"{key}.noise.chain[{index}] {why}")
     _check_tuning(section.tuning, f"{key}.tuning", reader, nodes)
     if "antenna_servo" in nodes:
         _check_errors(section.mount_errors, f"{key}.mount_errors", reader)

@@ -12,17 +12,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, unit_vector_from_azel
-from rf_pointing.drives.rotctld import (
-    IO_ERROR,
-    REJECTED,
-    TIMED_OUT,
-    Habit,
-    Inquiry,
-    Order,
-    ServerCounts,
-    Session,
-    StationView,
-)
+from rf_pointing.drives.line_server import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, Order, ServerCounts, Session
+from rf_pointing.drives.rotctld import Habit, StationView
 from rf_pointing.station.clients.points import Follower, FollowParams, MatchParams
 from rf_pointing.station.clients.steering import Answer, Steering, SteeringParams, steering_rows
 from rf_pointing.station.description import read_station
@@ -411,7 +402,7 @@ def test_a_client_that_sees_a_code_alone_can_ask_for_the_reason(desk: Desk) -> N
     assert view.refusal.endswith("the antenna was parked by somebody else; release it first")
     assert view.refusal in view.fields("get_info", Habit())[0][0]
     order = Order("set_pos", (110.0, 40.0), "110 40", "\n")
-    asked = Session().answer(order, REJECTED, (), view.refusal).decode().splitlines()
+    asked = Session.answer(order, REJECTED, (), view.refusal).decode().splitlines()
     assert asked == ["set_pos: 110 40", f"Reason: {view.refusal}", "RPRT -9"]
     # The next order that is carried out has none.
     desk.antenna("holding")
