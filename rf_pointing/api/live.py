@@ -190,7 +190,12 @@ class IdentifyResult:
 
 def identify(request: IdentifyRequest) -> IdentifyResult:
     """Shake the antenna axis by axis; leave models and pictures."""
-    from rf_pointing.report.identification_report import error_table, save_recordings, write_identification
+    from rf_pointing.report.identification_report import (
+        error_table,
+        save_recordings,
+        tuning_block,
+        write_identification,
+    )
 
     params, output = request.excitation, request.output
     output.mkdir(parents=True, exist_ok=True)
@@ -223,7 +228,8 @@ def identify(request: IdentifyRequest) -> IdentifyResult:
     text = f"{params.kind} input, {request.sequences} sequences of {params.samples}"
     write_identification(output, studies, text)
     say("identify_antenna", f"models {output / 'models.json'}, pictures and errors in the same folder")
-    return IdentifyResult(0, recordings, error_table(studies))
+    say("identify_antenna", f"loops for the station description in {output / 'loops.yaml'}")
+    return IdentifyResult(0, recordings, f"{error_table(studies)}\n\n{tuning_block(studies)}")
 
 
 # The setup of a run

@@ -62,7 +62,7 @@ def report(station: StationDescription, band: str, everything: bool) -> Iterable
         simulated = FIRST_LOOP not in given.formula and name.startswith(
             ("plant.", "loops.azimuth.", "loops.elevation.", "loops.lqg_")
         )
-        if FIRST_LOOP in given.formula and not name.endswith(("_gain", "lead_s")) and not everything:
+        if FIRST_LOOP in given.formula and not name.endswith(("proportional_gain", "integral_gain")) and not everything:
             continue
         # Several parameters that one key gives are one number to the user.
         title = name if everything or given.key.startswith(("tuning.", f"bands.{band}.tuning.")) else given.key

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rf_pointing.controllers import PositionLoopParams, dss13_loops
+from rf_pointing.controllers.position_loop import FEEDFORWARD_LAG_S
 from rf_pointing.core import AXES, leaves
 from rf_pointing.core.derived import Rows, Value, tuned
 from rf_pointing.core.parameters import flat
@@ -47,7 +48,6 @@ MOMENT = 0.1
 """Moment coefficient of the wind on a reflector (servo/wind.py)."""
 AIR_DENSITY = 1.225
 HOLDING_RESERVE = 1.1
-FEEDFORWARD_LAG_S = 1.0 / (2.0 * math.pi * 10.0)
 TICK_S = 0.02
 GAIN_MARGIN = 2.0
 SHARE, BRAKING = 0.2, 0.6
