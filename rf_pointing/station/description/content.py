@@ -251,7 +251,7 @@ class RigSection:
 
 @dataclass(frozen=True, kw_only=True)
 class TransponderSection:
-    """What a satellite sends, and what it receives."""
+    """Frequencies of one satellite."""
 
     downlink_mhz: float = parameter(description="middle of the downlink", low=10.0, high=400000.0)
     uplink_mhz: float | None = parameter(

@@ -44,12 +44,18 @@ class RadioControl:
         make_rig: Callable[..., Rig] = Rig,
     ) -> None:
         self._radio, self._rules, self.view, self._say = radio, rules, view, say
-        self._channels = {name.casefold(): Channel.of(each) for name, each in radio.transponders.items()}
+        self._channels = {
+            name.casefold(): Channel.of(each) for name, each in radio.transponders.items()
+        }
         receive, transmit = radio.receive, radio.transmit
-        self._receive_dial, self._transmit_dial = (Dial(each or RigSection()) for each in (receive, transmit))
+        self._receive_dial, self._transmit_dial = (
+            Dial(each or RigSection()) for each in (receive, transmit)
+        )
         split = receive is not None and transmit is not None and _place(receive) == _place(transmit)
         self._receiver = make_rig(_link(receive), sends=split, split=split) if receive else None
-        self._transmitter = make_rig(_link(transmit), sends=True) if transmit and not split else None
+        self._transmitter = (
+            make_rig(_link(transmit), sends=True) if transmit and not split else None
+        )
         if split:
             self._transmitter = self._receiver
         self._transmit_command = TRANSMIT if split else RECEIVE
@@ -82,10 +88,14 @@ class RadioControl:
         self, mode: str, target: str, errors_rad: tuple[float, ...], beam_rad: float, wall_s: float
     ) -> None:
         """Take what the controller tracks; the largest of the errors (each >= 0) counts."""
-        self._know(wall_s, 2, mode=mode, target=target, error_rad=max(errors_rad), beamwidth_rad=beam_rad)
+        self._know(
+            wall_s, 2, mode=mode, target=target, error_rad=max(errors_rad), beamwidth_rad=beam_rad
+        )
 
     def _know(self, wall_s: float, source: int, **values: object) -> None:
-        heard = [wall_s if index == source else each for index, each in enumerate(self.antenna.heard_s)]
+        heard = [
+            wall_s if index == source else each for index, each in enumerate(self.antenna.heard_s)
+        ]
         self.antenna = replace(self.antenna, heard_s=tuple(heard), **values)  # type: ignore[arg-type]
         self._decide(wall_s)
 
@@ -100,7 +110,9 @@ class RadioControl:
         """Carry out the order of a client; its reply may come later."""
         order = inquiry.order
         if order.name != "set_ptt":
-            inquiry.reply(self._retune(order.values[0], order.name == "set_split_freq", t_s, inquiry.client))
+            inquiry.reply(
+                self._retune(order.values[0], order.name == "set_split_freq", t_s, inquiry.client)
+            )
         elif not order.values[0]:
             self._key(False, inquiry.reply)
         elif self.refusal:
@@ -126,7 +138,10 @@ class RadioControl:
             uplink_hz = self._transmit_dial.frequency_hz(dial_hz, channel.up_hz or 0.0) / shifts.up
             above_hz = channel.above_hz(uplink_hz)
         else:
-            above_hz = self._receive_dial.frequency_hz(dial_hz, channel.down_hz) / shifts.down - channel.down_hz
+            above_hz = (
+                self._receive_dial.frequency_hz(dial_hz, channel.down_hz) / shifts.down
+                - channel.down_hz
+            )
         # A client may give back what it has read, a step of the dial and a moment later.
         if abs(above_hz) > channel.half_hz + 100.0:
             self._say(f"{client}: {dial_hz:.0f} Hz is {above_hz:.0f} Hz from the middle of the passband of "
@@ -141,7 +156,9 @@ class RadioControl:
         """Tune, key, and set the line, as is due now."""
         self._active, self._wall_s, self._sun_rad = True, wall_s, sun_rad
         self._tune(t_s)
-        for rig in {id(each): each for each in (self._receiver, self._transmitter) if each}.values():
+        for rig in {
+            id(each): each for each in (self._receiver, self._transmitter) if each
+        }.values():
             rig.step(wall_s)
         self._decide(wall_s)
         self.view.keyed = self._transmitter is not None and bool(self._transmitter.keyed)
@@ -179,7 +196,9 @@ class RadioControl:
         """Return the frequencies on the air at the station, received and sent."""
         above_hz = self._above_hz.get(self._motion.name, 0.0)
         uplink_hz = channel.uplink_hz(above_hz)
-        return (channel.down_hz + above_hz) * shifts.down, None if uplink_hz is None else uplink_hz * shifts.up
+        return (
+            channel.down_hz + above_hz
+        ) * shifts.down, None if uplink_hz is None else uplink_hz * shifts.up
 
     def _channel(self) -> Channel | None:
         return self._channels.get(self._motion.name.casefold()) or self._channels.get(ANY)
@@ -190,14 +209,23 @@ class RadioControl:
         self.inhibit = self._reason(wall_s)
         self._line.step(not self.inhibit, wall_s)
         rig = self._transmitter
-        if self.inhibit and rig is not None and rig.keyed and wall_s - self._unkeyed_s > UNKEY_AGAIN_S:
+        if (
+            self.inhibit
+            and rig is not None
+            and rig.keyed
+            and wall_s - self._unkeyed_s > UNKEY_AGAIN_S
+        ):
             self._unkeyed_s, self._tries, self.unkeyed = wall_s, self._tries + 1, self.unkeyed + 1
             self._say(f"the transmitter is unkeyed: {self.inhibit}")
             rig.key(False, wall_s)
         elif rig is None or not rig.keyed:
             self._tries = 0
         if bool(before) != bool(self.inhibit):
-            self._say(f"the transmitter may not send: {self.inhibit}" if self.inhibit else "the transmitter may send")
+            self._say(
+                f"the transmitter may not send: {self.inhibit}"
+                if self.inhibit
+                else "the transmitter may send"
+            )
 
     def _reason(self, wall_s: float) -> str:
         if not self._active:
@@ -216,7 +244,9 @@ class RadioControl:
     def reports(self, server: LineServer | None) -> dict[str, Report]:
         """Return the checks of both rigs, of the key, and of the clients."""
         found = {"receiver": self._rig(self._receiver, RECEIVE, self.view.receive_hz)}
-        found["transmitter"] = self._rig(self._transmitter, self._transmit_command, self.view.transmit_hz)
+        found["transmitter"] = self._rig(
+            self._transmitter, self._transmit_command, self.view.transmit_hz
+        )
         values: dict[str, object] = {
             "keyed": self.view.keyed,
             "unkeyed": self.unkeyed,

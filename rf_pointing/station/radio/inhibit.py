@@ -26,14 +26,19 @@ class InhibitParams(Params):
     """When the transmitter may not send."""
 
     most_error_beamwidths: float = parameter(
-        0.5, "largest pointing error with the transmitter on, in half-power beamwidths", low=0.01, high=10.0
+        0.5,
+        "largest pointing error with the transmitter on, in half-power beamwidths",
+        low=0.01,
+        high=10.0,
     )
-    silence_s: float = parameter(0.5, "antenna and controller may be silent for so long", low=0.15, high=5.0)
+    silence_s: float = parameter(
+        0.5, "antenna and controller may be silent for so long", low=0.15, high=5.0
+    )
 
 
 @dataclass(slots=True)
 class Antenna:
-    """What the station says; the times are steady ones of the last messages."""
+    """State of the station, from its messages; their times are steady ones."""
 
     axes_rad: Pair | None = None
     inhibit: str = ""
@@ -43,7 +48,7 @@ class Antenna:
     error_rad: float = 0.0
     beamwidth_rad: float = 1.0
     heard_s: tuple[float, float, float] = (-math.inf, -math.inf, -math.inf)
-    """Of joint_states, antenna_status and tracking_status."""
+    """Last joint_states, antenna_status and tracking_status."""
 
 
 class TransmitRules:

@@ -58,7 +58,9 @@ class Station:
         section = read_station(EXAMPLE).content.radio
         assert section is not None
         self.section = replace(section, transmit_line=line, **changes)
-        mask = HorizonMask(azimuth_rad=(0.0, 1.0, 2.0), elevation_rad=(0.0, 0.0, math.radians(30.0)))
+        mask = HorizonMask(
+            azimuth_rad=(0.0, 1.0, 2.0), elevation_rad=(0.0, 0.0, math.radians(30.0))
+        )
         rules = TransmitRules(InhibitParams(), self.section, ForbiddenSky(mask, math.radians(10.0)))
         self.rigs: list[Any] = []
         self.said: list[str] = []
@@ -79,14 +81,22 @@ class Station:
         wall_s, radio = self.t_s - T_S, self.radio
         rest = dict.fromkeys(("azimuth_rad", "elevation_rad", "azimuth_rate_rad_s", "elevation_rate_rad_s",
             "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2", "refraction_rad"), 0.0)  # fmt: skip
-        radio.note_target(Target(t_s=self.t_s + 2.0, name=self.target, range_m=1e6, range_rate_m_s=RATE_M_S, **rest))
+        radio.note_target(
+            Target(
+                t_s=self.t_s + 2.0, name=self.target, range_m=1e6, range_rate_m_s=RATE_M_S, **rest
+            )
+        )
         place = np.radians(self.axes)
         if "joints" not in self.silent:
-            radio.note_axes(JointReading(t_s=self.t_s, position_rad=place, velocity_rad_s=np.zeros(2)), wall_s)
+            radio.note_axes(
+                JointReading(t_s=self.t_s, position_rad=place, velocity_rad_s=np.zeros(2)), wall_s
+            )
         if "antenna" not in self.silent:
             radio.note_antenna(self.inhibit, self.fault, wall_s)
         if "controller" not in self.silent:
-            radio.note_tracking(self.mode, self.tracked, (math.radians(self.error_deg), 0.0), BEAM_RAD, wall_s)
+            radio.note_tracking(
+                self.mode, self.tracked, (math.radians(self.error_deg), 0.0), BEAM_RAD, wall_s
+            )
         radio.step(self.t_s, wall_s, self.sun)
 
     def run(self, seconds: float) -> None:
@@ -120,23 +130,34 @@ def test_both_rigs_follow_the_satellite_in_an_inverting_transponder(station: Sta
     station.step()
     assert receiver.tuned_hz[RECEIVE] == pytest.approx(dial_hz, abs=1.0)
     above = 12_000.0 / (1.0 - q)
-    assert transmitter.tuned_hz[RECEIVE] == pytest.approx((145.965e6 - above) * (1.0 + q + 2 * q * q), abs=1.0)
+    assert transmitter.tuned_hz[RECEIVE] == pytest.approx(
+        (145.965e6 - above) * (1.0 + q + 2 * q * q), abs=1.0
+    )
     assert station.order("set_split_freq", transmitter.tuned_hz[RECEIVE] + 12_000.0) == 0
     station.step()
-    assert receiver.tuned_hz[RECEIVE] == pytest.approx(435.640e6 * (1.0 - q), abs=2.0), "back in the middle"
+    assert receiver.tuned_hz[RECEIVE] == pytest.approx(435.640e6 * (1.0 - q), abs=2.0), (
+        "back in the middle"
+    )
 
 
-def test_a_tuning_outside_the_passband_and_one_without_a_satellite_are_refused(station: Station) -> None:
+def test_a_tuning_outside_the_passband_and_one_without_a_satellite_are_refused(
+    station: Station,
+) -> None:
     before = dict(station.rigs[0].tuned_hz)
     assert station.order("set_freq", 435.72e6) == INVALID
-    assert "Hz from the middle of the passband of RS-44, must be within 30000 Hz" in station.said[-1]
+    assert (
+        "Hz from the middle of the passband of RS-44, must be within 30000 Hz" in station.said[-1]
+    )
     station.step()
     assert station.rigs[0].tuned_hz == before
     station.target = "NOAA 19"
     station.run(2.2)
     assert station.order("set_freq", 435.64e6) == IO_ERROR
     report = station.radio.reports(None)["receiver"]
-    assert (report.level, report.message) == (Level.WARN, "no frequency: NOAA 19 is not in radio.transponders")
+    assert (report.level, report.message) == (
+        Level.WARN,
+        "no frequency: NOAA 19 is not in radio.transponders",
+    )
     assert station.radio.inhibit == "no uplink is known of NOAA 19 (radio.transponders)"
 
 
@@ -168,7 +189,9 @@ REASONS: dict[str, tuple[Callable[[Station], object], str]] = {
 
 
 @pytest.mark.parametrize("name", REASONS)
-def test_every_reason_refuses_the_key_and_unkeys_within_100_ms_of_its_message(station: Station, name: str) -> None:
+def test_every_reason_refuses_the_key_and_unkeys_within_100_ms_of_its_message(
+    station: Station, name: str
+) -> None:
     assert station.order("set_ptt", 1.0) == 0
     station.run(0.1)
     assert station.transmitter.keyed
@@ -188,7 +211,9 @@ def test_every_reason_refuses_the_key_and_unkeys_within_100_ms_of_its_message(st
     assert station.order("set_ptt", 0.0) == 0
 
 
-def test_a_transmitter_keyed_at_its_microphone_is_unkeyed_and_one_that_sends_on_is_an_error(station: Station) -> None:
+def test_a_transmitter_keyed_at_its_microphone_is_unkeyed_and_one_that_sends_on_is_an_error(
+    station: Station,
+) -> None:
     station.inhibit = "the antenna is parked"
     station.step()
     station.transmitter.keyed = True
@@ -202,7 +227,9 @@ def test_a_transmitter_keyed_at_its_microphone_is_unkeyed_and_one_that_sends_on_
     assert report.message == "the transmitter sends although it may not: the antenna is parked"
 
 
-def test_at_rest_nothing_is_sent_and_a_station_without_a_transmitter_never_sends(station: Station) -> None:
+def test_at_rest_nothing_is_sent_and_a_station_without_a_transmitter_never_sends(
+    station: Station,
+) -> None:
     assert station.order("set_ptt", 1.0) == 0
     station.radio.rest(station.t_s - T_S)
     assert not station.transmitter.keyed
