@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from rf_pointing.core import JointReading, Mode, Target
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.drives.line_server import INVALID, IO_ERROR, REJECTED, Inquiry, Order

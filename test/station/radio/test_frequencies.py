@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from skyfield.api import EarthSatellite, load, wgs84
-
 from rf_pointing.core import Target
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.ephemeris import (
@@ -22,6 +20,7 @@ from rf_pointing.ephemeris import (
 from rf_pointing.station.description.content import RigSection, TransponderSection
 from rf_pointing.station.radio.control import PERIOD_S
 from rf_pointing.station.radio.frequencies import Channel, Dial, Motion
+from skyfield.api import EarthSatellite, load, wgs84
 
 SITE = SITES["Goldstone DSS-13"]
 LOW_ORBITS = ("28057", "06251", "29238")
