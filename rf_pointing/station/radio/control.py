@@ -7,9 +7,8 @@ at its microphone, is unkeyed with the next step or message that brings the reas
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
-from rf_pointing.core import JointReading, Target
+from rf_pointing.core import Target
 from rf_pointing.core.types import Pair
 from rf_pointing.drives.line_server import INVALID, IO_ERROR, REJECTED, Inquiry, LineServer
 from rf_pointing.drives.params import LinkParams
@@ -75,28 +74,11 @@ class RadioControl:
         """Take where the target will be."""
         self._motion.take(target)
 
-    def note_axes(self, axes: JointReading, wall_s: float) -> None:
-        """Take where the antenna is."""
-        azimuth, elevation = axes.position_rad.tolist()
-        self._know(wall_s, 0, axes_rad=(azimuth, elevation))
-
-    def note_antenna(self, inhibit: str, fault: str, wall_s: float) -> None:
-        """Take why the antenna does not let the transmitter send."""
-        self._know(wall_s, 1, inhibit=inhibit, fault=fault)
-
-    def note_tracking(
-        self, mode: str, target: str, errors_rad: tuple[float, ...], beam_rad: float, wall_s: float
-    ) -> None:
-        """Take what the controller tracks; the largest of the errors (each >= 0) counts."""
-        self._know(
-            wall_s, 2, mode=mode, target=target, error_rad=max(errors_rad), beamwidth_rad=beam_rad
-        )
-
-    def _know(self, wall_s: float, source: int, **values: object) -> None:
-        heard = [
-            wall_s if index == source else each for index, each in enumerate(self.antenna.heard_s)
-        ]
-        self.antenna = replace(self.antenna, heard_s=tuple(heard), **values)  # type: ignore[arg-type]
+    def note(self, topic: str, wall_s: float, **known: object) -> None:
+        """Take fields of `Antenna` from a message, and unkey at once if they say so."""
+        for name, value in known.items():
+            setattr(self.antenna, name, value)
+        self.antenna.heard_s[topic] = wall_s
         self._decide(wall_s)
 
     @property
@@ -258,14 +240,8 @@ class RadioControl:
         elif self._line.problem:
             level, words = Level.ERROR, self._line.problem
         found["transmit"] = Report(level, words, values)
-        found["clients"] = Report(Level.OK, "not served", {})
-        if server is not None:
-            counts = server.counts
-            values = {
-                "port": server.port, "refused lines": counts.refused_lines, "last refused": counts.last_refusal,
-                "refused clients": counts.refused_clients,
-            }  # fmt: skip
-            found["clients"] = Report(Level.OK, f"{len(counts.connected)} connected", values)
+        clients = server.values() if server is not None else {}
+        found["clients"] = Report(Level.OK, "served" if clients else "not served", clients)
         return found
 
     def _rig(self, rig: Rig | None, command: str, wanted_hz: float | None) -> Report:

@@ -8,9 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from rf_pointing.core import JointReading, Mode, Target
+from rf_pointing.core import Mode, Target
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.drives.line_server import INVALID, IO_ERROR, REJECTED, Inquiry, Order
 from rf_pointing.drives.rigctld import RECEIVE, TRANSMIT, RadioView
@@ -85,17 +84,16 @@ class Station:
                 t_s=self.t_s + 2.0, name=self.target, range_m=1e6, range_rate_m_s=RATE_M_S, **rest
             )
         )
-        place = np.radians(self.axes)
-        if "joints" not in self.silent:
-            radio.note_axes(
-                JointReading(t_s=self.t_s, position_rad=place, velocity_rad_s=np.zeros(2)), wall_s
-            )
-        if "antenna" not in self.silent:
-            radio.note_antenna(self.inhibit, self.fault, wall_s)
-        if "controller" not in self.silent:
-            radio.note_tracking(
-                self.mode, self.tracked, (math.radians(self.error_deg), 0.0), BEAM_RAD, wall_s
-            )
+        messages: dict[str, dict[str, Any]] = {
+            "joint_states": {"axes_rad": tuple(map(math.radians, self.axes))},
+            "antenna_status": {"inhibit": self.inhibit, "fault": self.fault},
+            "tracking_status": {
+                "mode": self.mode, "target": self.tracked, "error_rad": math.radians(self.error_deg),
+                "beamwidth_rad": BEAM_RAD,
+            },
+        }  # fmt: skip
+        for topic in messages.keys() - self.silent:
+            radio.note(topic, wall_s, **messages[topic])
         radio.step(self.t_s, wall_s, self.sun)
 
     def run(self, seconds: float) -> None:
@@ -180,9 +178,9 @@ REASONS: dict[str, tuple[Callable[[Station], object], str]] = {
     "another target": (lambda s: setattr(s, "tracked", "ISS"), "ISS is tracked, and the radio is on RS-44"),
     "sector": (lambda s: setattr(s, "axes", (30.0, 8.0)), "EIRP 26 dBW exceeds 20 dBW, allowed below 10 deg at azimuth 0"),
     "sector over the top": (lambda s: setattr(s, "axes", (210.0, 172.0)), "EIRP 26 dBW exceeds 20 dBW"),
-    "silent antenna": (lambda s: s.silent.add("antenna"), "antenna_servo is silent"),
-    "silent joints": (lambda s: s.silent.add("joints"), "antenna_servo (joint_states) is silent"),
-    "silent controller": (lambda s: s.silent.add("controller"), "pointing_controller is silent"),
+    "silent antenna": (lambda s: s.silent.add("antenna_status"), "antenna_servo is silent"),
+    "silent joints": (lambda s: s.silent.add("joint_states"), "antenna_servo (joint_states) is silent"),
+    "silent controller": (lambda s: s.silent.add("tracking_status"), "pointing_controller is silent"),
     "rig": (lambda s: setattr(s.transmitter, "problem", "rigctld at localhost:4542: gone"), "rigctld at localhost:4542: gone"),
 }  # fmt: skip
 
@@ -233,7 +231,7 @@ def test_at_rest_nothing_is_sent_and_a_station_without_a_transmitter_never_sends
     station.radio.rest(station.t_s - T_S)
     assert not station.transmitter.keyed
     assert station.radio.refusal == RESTING
-    station.radio.note_antenna("", "", station.t_s - T_S)
+    station.radio.note("antenna_status", station.t_s - T_S)
     assert station.radio.refusal == RESTING, "a message does not wake it"
     station.radio.close()
     assert all(rig.closed for rig in station.rigs)
