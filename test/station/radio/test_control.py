@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rf_pointing.core import Mode, Target
+from rf_pointing.core import Mode
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.drives.line_server import INVALID, IO_ERROR, REJECTED, Inquiry, Order
 from rf_pointing.drives.rigctld import RECEIVE, TRANSMIT, RadioView
@@ -18,6 +18,7 @@ from rf_pointing.station.description import read_station
 from rf_pointing.station.pointing.status import Level
 from rf_pointing.station.radio.control import RESTING, RadioControl
 from rf_pointing.station.radio.inhibit import InhibitParams, TransmitLine, TransmitRules
+from test.station.radio.targets import target
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "transponder_radio.yaml"
 T_S, RATE_M_S = 1.8e9, 6500.0
@@ -77,13 +78,7 @@ class Station:
     def step(self) -> None:
         self.t_s = round(self.t_s + 0.02, 6)
         wall_s, radio = self.t_s - T_S, self.radio
-        rest = dict.fromkeys(("azimuth_rad", "elevation_rad", "azimuth_rate_rad_s", "elevation_rate_rad_s",
-            "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2", "refraction_rad"), 0.0)  # fmt: skip
-        radio.note_target(
-            Target(
-                t_s=self.t_s + 2.0, name=self.target, range_m=1e6, range_rate_m_s=RATE_M_S, **rest
-            )
-        )
+        radio.note_target(target(self.t_s + 2.0, self.target))
         messages: dict[str, dict[str, Any]] = {
             "joint_states": {"axes_rad": tuple(map(math.radians, self.axes))},
             "antenna_status": {"inhibit": self.inhibit, "fault": self.fault},

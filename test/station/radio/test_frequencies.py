@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rf_pointing.core import Target
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.ephemeris import (
     SITES,
@@ -21,6 +20,7 @@ from rf_pointing.station.description.content import RigSection, TransponderSecti
 from rf_pointing.station.radio.control import PERIOD_S
 from rf_pointing.station.radio.frequencies import Channel, Dial, Motion
 from skyfield.api import EarthSatellite, load, wgs84
+from test.station.radio.targets import target
 
 SITE = SITES["Goldstone DSS-13"]
 LOW_ORBITS = ("28057", "06251", "29238")
@@ -146,22 +146,17 @@ def test_an_ku_band_lnb_and_a_transverter_above_the_signal() -> None:
 def test_a_time_before_the_first_and_after_the_last_message_is_not_known_and_another_satellite_begins_anew() -> (
     None
 ):
-    def target(t_s: float, name: str = "A", rate: float = 7000.0) -> Target:
-        rest = dict.fromkeys(("azimuth_rad", "elevation_rad", "azimuth_rate_rad_s", "elevation_rate_rad_s",
-            "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2", "refraction_rad"), 0.0)  # fmt: skip
-        return Target(t_s=t_s, name=name, range_m=1e6, range_rate_m_s=rate, **rest)
-
     known = Motion()
     assert known.at(10.0) is None
     for t_s in (10.0, 10.1, 10.2):
-        known.take(target(t_s))
+        known.take(target(t_s, rate_m_s=7000.0))
     assert known.at(9.99) is None
     assert known.at(10.21) is None
     shifts = known.at(10.05)
     assert shifts is not None
     assert shifts.down == pytest.approx(1.0 - 7000.0 / SPEED_OF_LIGHT_M_S, abs=1e-15)
     # A publisher that starts again repeats a time, with a newer rate; over a gap nothing is known.
-    known.take(target(10.2, rate=6000.0))
+    known.take(target(10.2, rate_m_s=6000.0))
     shifts = known.at(10.15)
     assert shifts is not None
     assert shifts.down == pytest.approx(1.0 - 6500.0 / SPEED_OF_LIGHT_M_S, abs=1e-15)
