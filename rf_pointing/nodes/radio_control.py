@@ -1,4 +1,4 @@
-"""Executable `radio_control`: the radio beside the antenna, by `radio` of the description.
+"""Executable `radio_control`: the radio of the antenna, by `radio` of the description.
 
 Tunes receiver and transmitter behind rigctld after the Doppler shift of the target, as rigctld of
 its own answers programs that ask (port 4534), and lets the transmitter send or not: `set_ptt` is
@@ -106,10 +106,10 @@ class RadioControlNode(StationNode):
 
     def _publish(self, wall_s: float) -> None:
         # Numbers in the words change all the time; a change that matters is published at once.
-        refusal = self._radio.refusal
-        if bool(refusal) != bool(self._published) or wall_s - self._published_s >= PUBLISHED_S:
-            self._published, self._published_s = refusal, wall_s
-            self._inhibits.publish(String(data=refusal))
+        reason = self._radio.reason
+        if bool(reason) != bool(self._published) or wall_s - self._published_s >= PUBLISHED_S:
+            self._published, self._published_s = reason, wall_s
+            self._inhibits.publish(String(data=reason))
 
     def _on_target(self, message: ours.Target) -> None:
         self._radio.note_target(convert.target_from_message(message))

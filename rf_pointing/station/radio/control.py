@@ -82,7 +82,7 @@ class RadioControl:
         self._decide(wall_s)
 
     @property
-    def refusal(self) -> str:
+    def reason(self) -> str:
         """Why the key is refused, "" while it is not."""
         return self.inhibit or self._line.problem
 
@@ -97,8 +97,8 @@ class RadioControl:
             )
         elif not order.values[0]:
             self._key(False, inquiry.reply)
-        elif self.refusal:
-            self._say(f"{inquiry.client}: the key is refused: {self.refusal}")
+        elif self.reason:
+            self._say(f"{inquiry.client}: the key is refused: {self.reason}")
             inquiry.reply(REJECTED)
         else:
             self._key(True, inquiry.reply)

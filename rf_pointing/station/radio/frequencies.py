@@ -88,7 +88,7 @@ class Motion:
         self._known: deque[Target] = deque(maxlen=KEPT)
 
     def take(self, target: Target) -> None:
-        """Take the next target; it replaces what was said of later times, or another satellite."""
+        """Take the next target; it replaces those of later times, or another satellite's."""
         if target.name != self.name:
             self._known.clear()
         while self._known and self._known[-1].t_s >= target.t_s:

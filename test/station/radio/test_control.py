@@ -187,7 +187,7 @@ def test_every_reason_refuses_the_key_and_unkeys_within_100_ms_of_its_message(
     assert station.order("set_ptt", 1.0) == 0
     station.run(0.1)
     assert station.transmitter.keyed
-    assert station.radio.refusal == ""
+    assert station.radio.reason == ""
     change, words = REASONS[name]
     change(station)
     took_s = 0.0
@@ -196,7 +196,7 @@ def test_every_reason_refuses_the_key_and_unkeys_within_100_ms_of_its_message(
         took_s += 0.02
     # What is silent is missed after its silence.
     assert took_s <= (0.52 if name.startswith("silent") else 0.02) + 0.04
-    assert words in station.radio.refusal
+    assert words in station.radio.reason
     assert station.order("set_ptt", 1.0) == REJECTED
     assert "1.2.3.4:5: the key is refused: " in station.said[-1]
     assert not station.transmitter.keyed
@@ -225,13 +225,13 @@ def test_at_rest_nothing_is_sent_and_a_station_without_a_transmitter_never_sends
     assert station.order("set_ptt", 1.0) == 0
     station.radio.rest(station.t_s - T_S)
     assert not station.transmitter.keyed
-    assert station.radio.refusal == RESTING
+    assert station.radio.reason == RESTING
     station.radio.note("antenna_status", station.t_s - T_S)
-    assert station.radio.refusal == RESTING, "a message does not wake it"
+    assert station.radio.reason == RESTING, "a message does not wake it"
     station.radio.close()
     assert all(rig.closed for rig in station.rigs)
     deaf = Station(transmit=None)
-    assert deaf.radio.refusal == "the station has no transmitter (radio.transmit)"
+    assert deaf.radio.reason == "the station has no transmitter (radio.transmit)"
     assert deaf.order("set_ptt", 1.0) == REJECTED
 
 
