@@ -212,7 +212,7 @@ def restarts(station: LaunchedStation) -> int:
 
 def unplug(table: Table, station: LaunchedStation, culmination_s: float) -> None:
     """Unplug the drive for a minute in a pass."""
-    station.until(lambda: time.time() >= culmination_s - 40.0, EVERY_S)
+    station.until(lambda: time.time() >= culmination_s - 65.0, EVERY_S)
     before, began_s = restarts(station), time.time()
     say(f"unplugged: {station.antenna.mode}, {station.tracking.mode}, held {station.tracking.held}")
     station.relay.set("cut")
