@@ -21,12 +21,12 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
-from rf_pointing.commands.options import say
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ros.launching import LaunchFile, Process, launch_files
 from rf_pointing.ros.main_loop import InstanceLock, present_holder
 from rf_pointing.ros.supervisor import Supervisor, lock_name, log_folder, running, to_terminal
 from rf_pointing.station.description.reading import nearest
+from rf_pointing.station.log_lines import say
 
 PROGRAM = "launch"
 PATIENCE_S = 60.0
