@@ -33,7 +33,7 @@ PICTURES = ROOT / "runs" / "first_hour"
 SETUP_MB, SETUP_S = 450.0, 300.0
 HOOK_S, READY_S, BACK_S = 60.0, 30.0, 60.0
 UNPLUGGED_S = 60.0
-EVERY_S, LEAD_S = 330.0, 45.0
+EVERY_S, LEAD_S = 270.0, 45.0
 """From one culmination to the next; the first pass culminates so long after rotctld has come."""
 LONGEST_S = 1800.0
 
