@@ -30,13 +30,22 @@ from rclpy.action.graph import (
 )
 from rclpy.signals import SignalHandlerOptions
 
-from rf_pointing.ros.graph import ALARMS, ARRAY_NODES, DESCRIPTION, EXECUTIVE, NODES, OPERATOR_PAGE, ROTCTLD
+from rf_pointing.ros.graph import (
+    ALARMS,
+    ARRAY_NODES,
+    DESCRIPTION,
+    EXECUTIVE,
+    NODES,
+    OPERATOR_PAGE,
+    RECEIVER_NODES,
+    ROTCTLD,
+)
 from rf_pointing.ros.leased_services import LEASED, SIGNED
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.station.description import read_station
 
 NAMESPACE = "/gs1"
-OF_STATION = (*NODES, *ARRAY_NODES, EXECUTIVE, ALARMS, ROTCTLD, DESCRIPTION, OPERATOR_PAGE)
+OF_STATION = (*NODES, *ARRAY_NODES, *RECEIVER_NODES, EXECUTIVE, ALARMS, ROTCTLD, DESCRIPTION, OPERATOR_PAGE)
 WITHOUT_STATION = ("simulation_clock", OPERATOR_PAGE)
 ON_A_DRIVE: dict[str, Any] = {"drive.type": "simulated_rotator", "wind.anemometer": True}
 STATIONS: tuple[tuple[str, dict[str, Any]], ...] = (("dss13", {}), ("dss13", ON_A_DRIVE), ("rotator_2m", {}))

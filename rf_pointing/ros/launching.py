@@ -16,7 +16,16 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode, Node
 
 from rf_pointing.core import Sensor
-from rf_pointing.ros.graph import ALARMS, ARRAY_NODES, DESCRIPTION, EXECUTIVE, OPERATOR_PAGE, ROTCTLD, partition
+from rf_pointing.ros.graph import (
+    ALARMS,
+    ARRAY_NODES,
+    DESCRIPTION,
+    EXECUTIVE,
+    OPERATOR_PAGE,
+    ROTCTLD,
+    partition,
+    with_receiver,
+)
 from rf_pointing.ros.main_loop import DRIVE_PRIORITY
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.description import StationDescription, read_station
@@ -24,7 +33,7 @@ from rf_pointing.station.description.urdf import urdf
 
 RESPAWN_DELAY_S = 0.5
 # The publisher predicts the target, and the simulated receiver receives it.
-SEES_TARGET = ("ephemeris_publisher", "rf_receiver")
+SEES_TARGET = ("ephemeris_publisher", "rf_receiver", "signal_source")
 # What decides who can reach the nodes; an integrator who sets one of them has decided.
 DISCOVERY = ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DISCOVERY_SERVER")
 
@@ -101,7 +110,9 @@ def network_environment(network: str) -> dict[str, str]:
 def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
     """Return the actions that start `names`, and an array's where the band names that sensor."""
     simulated = "simulation_clock" in names
-    names = (*names, *_array_nodes(context, simulated=simulated))
+    station = _station(context)
+    names = (*with_receiver(names, station.receiver if station else "simulated"),
+             *_array_nodes(context, simulated=simulated))  # fmt: skip
     wanted = {"alarms": ALARMS, "executive": EXECUTIVE, "page": OPERATOR_PAGE, "rotctld": ROTCTLD}
     more = [name for argument, name in wanted.items() if LaunchConfiguration(argument).perform(context) == "true"]
     shown: list[Any] = []

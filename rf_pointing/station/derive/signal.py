@@ -5,6 +5,9 @@ import math
 import numpy as np
 
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
+from rf_pointing.core.parameters import flat, leaves
+from rf_pointing.receiver.params import OUTLET_FORMATS as FORMATS
+from rf_pointing.receiver.params import SignalReceiverParams
 from rf_pointing.station.derive.axes import link
 from rf_pointing.station.derive.band import Band
 
@@ -15,13 +18,63 @@ COSMIC_K, AIR_K, GROUND_K = 2.725, 275.0, 8.0
 TICK_S = 0.02
 
 
+OPEN = "link", "iq", "signal", "level"
+"""Sections of `receiver` whose keys are those of the node's parameters."""
+
+
+def receiver(of: Band) -> dict[str, Value]:
+    """The receiver of the station, as signal_receiver takes it."""
+    section = of.content.receiver
+    given = {f"{name}.{key}": value for name in OPEN for key, value in flat(getattr(section, name)).items()}
+    own = {"type": section.type, "options": section.options}
+    return (
+        {name: Value(value, f"receiver.{name}") for name, (_, value) in leaves(SignalReceiverParams()).items()}
+        | {name: Value(value, f"receiver.{name}") for name, value in (own | given).items()}
+        | {
+            "period_s": Value(section.power_period_s, "receiver.power_period_s"),
+            "frequency_hz": Value(1e6 * of.section.frequency_mhz, "bands.*.frequency_mhz"),
+            "system_noise_k": system_noise(of),
+        }
+    )
+
+
+def radio(of: Band) -> dict[str, Value]:
+    """The radio of a simulated station whose receiver takes samples."""
+    taken = {name: each.value for name, each in receiver(of).items()}
+    received_hz = abs(taken["frequency_hz"] - 1e6 * taken["iq.converter_mhz"])
+    return {
+        "carrier_hz": Value(received_hz, "receiver.iq.converter_mhz"),
+        "doppler_hz": Value(taken["frequency_hz"], "bands.*.frequency_mhz"),
+        "centre_hz": Value(1e6 * taken["iq.centre_mhz"] or received_hz, "receiver.iq.centre_mhz"),
+        "generator.rate_hz": Value(taken["iq.rate_hz"], "receiver.iq.rate_hz"),
+        "generator.channels": Value(taken["signal.channels"], "receiver.signal.channels"),
+    }
+
+
+def outlet(of: Band) -> dict[str, Value]:
+    """How the radio of a simulated station is reached."""
+    taken = {name: each.value for name, each in receiver(of).items()}
+    kind = taken["type"] if taken["type"] in FORMATS else FORMATS[0]
+    host = {"localhost": "127.0.0.1"}.get(taken["link.host"], taken["link.host"])
+    return {
+        "format": Value(kind, "receiver.type"),
+        "host": Value(host, "receiver.link.host"),
+        "port": Value(taken["link.port"], "receiver.link.port"),
+    }
+
+
+def system_noise(of: Band) -> Value:
+    """System noise temperature at the zenith."""
+    given, low = of.section.system_noise_k, of.section.frequency_mhz < 1000.0
+    noise_k = given if given is not None else 400.0 if low else 120.0
+    return Value(noise_k, "bands.*.system_noise_k", "120 K, below 1 GHz 400 K, unless given")
+
+
 def signal(of: Band) -> Rows:
     """Signal, noise and clusters of the simulated receiver."""
     section = of.section
     loss_db = rounded(float(np.interp(math.log(section.frequency_mhz), np.log(_LOSS_MHZ), _LOSS_DB)), 3)
-    noise_k = section.system_noise_k
-    if noise_k is None:
-        noise_k = 400.0 if section.frequency_mhz < 1000.0 else 120.0
+    noise_k = system_noise(of).value
     passed = 10.0 ** (-0.1 * loss_db)
     sky_k = COSMIC_K * passed + AIR_K * (1.0 - passed)
     return {
@@ -32,9 +85,7 @@ def signal(of: Band) -> Rows:
             "lna_k": tuned(max(0.0, noise_k - GROUND_K - sky_k), "what sky and ground leave of system_noise_k"),
             "dichroic_k": tuned(0.0, "none"),
         },
-        "receiver": {
-            "system_noise_k": Value(noise_k, "bands.*.system_noise_k", "120 K, below 1 GHz 400 K, unless given")
-        },
+        "receiver": {"system_noise_k": system_noise(of)},
         "cluster_samples": tuned(
             max(3, round(of.content.receiver.power_period_s / TICK_S)), "samples in a power period"
         ),
