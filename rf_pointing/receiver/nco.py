@@ -31,12 +31,14 @@ class Oscillator:
         self.params, self._rng = params, rng
         table = np.exp(2j * np.pi * np.arange(2**params.phase_bits) / 2**params.phase_bits)
         if params.table_bits:
-            # Below full scale by one output step, which the dither may need.
-            scale = 2.0 ** (params.table_bits - 1) - 2.0 ** (
-                params.table_bits - max(params.amplitude_bits, 1)
+            # Two output steps below full scale: the dither never needs more (NCO section X).
+            full = 2.0 ** (params.table_bits - 1)
+            scale = full - (
+                2.0 ** (params.table_bits - params.amplitude_bits + 1)
+                if params.amplitude_bits
+                else 1.0
             )
-            scale -= 1.0 if not params.amplitude_bits else 0.0
-            table = (np.rint(scale * table.real) + 1j * np.rint(scale * table.imag)) / scale
+            table = (np.rint(scale * table.real) + 1j * np.rint(scale * table.imag)) / full
         self._table = table.astype(np.complex64)
 
     def words(self, cycles: Array) -> NDArray[np.int64]:

@@ -1,6 +1,7 @@
 """Outlets of generated samples: an rtl_tcp server, DIFI over UDP, a ZMQ PUB, a SigMF recording."""
 
 import json
+import select
 import socket
 import struct
 import threading
@@ -73,12 +74,12 @@ class RtlTcpServer(Outlet):
         self._socket = socket.create_server((params.host, params.port), backlog=1)
         self._socket.settimeout(WAIT_S)
         self.port: int = self._socket.getsockname()[1]
-        self._connected = False
+        self.connected = False
         self._thread = threading.Thread(target=self._serve, name="rtl_tcp server", daemon=True)
         self._thread.start()
 
     def send(self, samples: Samples, _t_s: float) -> None:
-        if self._connected:
+        if self.connected:
             # A client that does not read loses what is older, as the device itself would.
             if len(self._queue) >= KEPT_S * self.rate_hz / samples.shape[1]:
                 self._queue.popleft()
@@ -100,21 +101,19 @@ class RtlTcpServer(Outlet):
                 except OSError:
                     pass
                 finally:
-                    self._connected = False
+                    self.connected = False
                     self._queue.clear()
 
     def _talk(self, client: socket.socket) -> None:
         client.settimeout(KEPT_S)
         client.sendall(RTL_MAGIC + struct.pack(">II", R820T, GAINS))
-        self._connected, commands = True, b""
+        self.connected, commands = True, b""
         while not self._ended.is_set():
-            try:
-                more = client.recv(512, socket.MSG_DONTWAIT)
+            if select.select([client], [], [], 0.0)[0]:
+                more = client.recv(512)
                 if not more:
                     return
                 commands += more
-            except BlockingIOError:
-                pass
             while len(commands) >= 5:
                 command, value = struct.unpack(">BI", commands[:5])
                 commands = commands[5:]
