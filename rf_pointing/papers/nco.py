@@ -119,7 +119,7 @@ def _sum_below(x: Array, count: int) -> Array:
 
 
 def spur_dbc(bits: int, dithers: int, further: int = 1) -> float:
-    """Return the largest line at R cycles in 2^(bits + further) samples, relative to the carrier."""
+    """Return the largest line at R cycles in 2^(bits + further) samples, against the carrier."""
     period = 2 ** (bits + further)
     wave = expected_cosine((R * np.arange(period) / period) % 1.0, bits, dithers)
     lines = np.abs(np.fft.rfft(wave)) ** 2
@@ -143,6 +143,6 @@ def _noise_db(bits: int, frequency: float, seed: int) -> float:
     oscillator = Oscillator(
         OscillatorParams(phase_bits=bits), random_stream(seed, f"oscillator at {frequency}")
     )
-    cycles = (frequency * np.arange(32 * POINTS)) % 1.0
+    cycles = np.asarray((frequency * np.arange(32 * POINTS)) % 1.0, dtype=np.float64)
     error = oscillator.samples(cycles).real - expected_cosine(cycles, bits, 1)
     return float(10.0 * math.log10(2.0 * np.mean(error**2)))

@@ -10,7 +10,7 @@ The standard deviation is stated, or that of successive levels and half a step o
 import math
 
 from rf_pointing.core import CarrierPower
-from rf_pointing.receiver.params import SignalReceiverParams
+from rf_pointing.receiver.params import UNKNOWN_FLOOR_DBM, SignalReceiverParams
 from rf_pointing.receiver.source import Level
 from rf_pointing.rf.noise import BOLTZMANN_J_K
 
@@ -19,7 +19,6 @@ NEPER = 0.1 * math.log(10.0)
 SCATTER_LEVELS = 100
 FEWEST = 8
 FIRST_SIGMA_DB = 1.0
-UNKNOWN_FLOOR_DBM = -200.0
 LEVELS_DB_HZ = 0.0, 140.0
 
 

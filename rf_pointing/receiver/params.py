@@ -7,6 +7,9 @@ from rf_pointing.core import Params, parameter
 CARRIER, BAND, PREAMBLE = "carrier", "band", "preamble"
 DETECTORS = (CARRIER, BAND, PREAMBLE)
 LEVEL_KINDS = ("dbm", "c_n0_db_hz", "es_n0_db")
+LEVELS = ("scpi", "rigctl", "level")
+"""Receivers that give levels, not samples."""
+UNKNOWN_FLOOR_DBM = -200.0
 OUTLET_FORMATS = ("rtl_tcp", "vita49", "zmq", "sigmf")
 SAMPLE_FORMATS = ("cf32", "ci16", "ci8", "cu8")
 

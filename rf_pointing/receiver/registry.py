@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from rf_pointing.receiver.params import PREAMBLE, SignalReceiverParams
+from rf_pointing.receiver.params import LEVELS, PREAMBLE, SignalReceiverParams
 from rf_pointing.receiver.preamble import constellation
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 ENTRY_POINTS = "rf_pointing.receivers"
 SIMULATED, TOPIC = "simulated", "topic"
-LEVELS = ("scpi", "rigctl", "level")
 SAMPLES = ("rtl_tcp", "soapy", "sigmf", "zmq", "vita49")
 TYPES = (SIMULATED, TOPIC, *SAMPLES, *LEVELS)
 _MODULES = {

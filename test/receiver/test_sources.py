@@ -75,8 +75,7 @@ class Line:
         self.receiver.step(self.t_s)
 
     def open_outlet(self) -> Outlet:
-        outlet = make_outlet(OutletParams(format=self.kind, port=self.port), RATE_HZ, CENTRE_HZ)
-        return outlet
+        return make_outlet(OutletParams(format=self.kind, port=self.port), RATE_HZ, CENTRE_HZ)
 
     def connect(self) -> None:
         if isinstance(self.outlet, RtlTcpServer):

@@ -5,7 +5,8 @@
 Boresights come in, one per control tick, and each gives the samples since the one before.
 """
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,9 +16,14 @@ from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.types import ComplexArray
 from rf_pointing.ephemeris import TopocentricTrack
 from rf_pointing.receiver.generator import GeneratorParams, SignalGenerator
-from rf_pointing.receiver.spectrum import Samples
+from rf_pointing.receiver.meter import SignalMeter
+from rf_pointing.receiver.params import SignalReceiverParams
+from rf_pointing.receiver.spectrum import IqSamples, Samples
 from rf_pointing.rf import Beam
-from rf_pointing.station.antenna.receiver import Arriving, ArrivingSignal, SignalParams
+from rf_pointing.station.antenna.receiver import Arriving, ArrivingSignal, Reception, SignalParams
+
+AHEAD_S, SPAN_S = 0.1, 5.0
+"""Spacing and span of the range rates that a meter is given ahead of time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +82,32 @@ class SimulatedRadio(ArrivingSignal):
         return np.asarray(feed * 10.0 ** (arriving.level_db_hz / 20.0), dtype=np.complex128)
 
 
+class SampledReceiver:
+    """A radio and the meter of its samples, in place of the simulated receiver.
+
+    `predicted` is the target as the station predicts it: its Doppler is what the meter expects.
+    """
+
+    def __init__(self, radio: SimulatedRadio, receiver: SignalReceiverParams, predicted: TopocentricTrack) -> None:
+        self._radio, self.meter, self._predicted = radio, SignalMeter(receiver), predicted
+        self._index, self._predicted_s = 0, -math.inf
+
+    def take(self, boresight: Boresight) -> Reception | None:
+        """Take one boresight; return the reception when it completes a report."""
+        if boresight.t_s >= self._predicted_s - 1.0:
+            times = boresight.t_s + AHEAD_S * np.arange(round(SPAN_S / AHEAD_S))
+            for t_s, rate in zip(times, self._predicted.sample(times).range_rate_m_s, strict=True):
+                self.meter.doppler.take(float(t_s), float(rate))
+            self._predicted_s = float(times[-1])
+        piece = self._radio.take(boresight)
+        if piece is None:
+            return None
+        arrived = IqSamples(piece.samples, self.meter.layout.rate_hz, self._index, boresight.t_s, t_s=piece.t_s)
+        self._index += piece.samples.shape[1]
+        measured = self.meter.take(arrived)
+        return Reception(measured[-1].cluster, measured[-1].power, piece.truth) if measured else None
+
+
 def seeded(radio: RadioParams, seed: int) -> RadioParams:
     """Return the radio whose noise has the seed of a run."""
-    return radio.replace(generator=replace(radio.generator, seed=seed))
+    return radio.replace(generator=radio.generator.replace(seed=seed))

@@ -73,9 +73,9 @@ class SignalParams(Params):
 
 
 class Reception(NamedTuple):
-    """One cluster of samples, its carrier power, and the true target minus beam."""
+    """A cluster of samples (None of one channel), carrier power, and true target minus beam."""
 
-    cluster: MonopulseCluster
+    cluster: MonopulseCluster | None
     power: CarrierPower
     truth: PointingError
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
 from rf_pointing.core.parameters import flat, leaves
+from rf_pointing.receiver.params import LEVELS, UNKNOWN_FLOOR_DBM, SignalReceiverParams
 from rf_pointing.receiver.params import OUTLET_FORMATS as FORMATS
-from rf_pointing.receiver.params import SignalReceiverParams
 from rf_pointing.station.derive.axes import link
 from rf_pointing.station.derive.band import Band
 
@@ -36,6 +36,12 @@ def receiver(of: Band) -> dict[str, Value]:
             "system_noise_k": system_noise(of),
         }
     )
+
+
+def level_known(of: Band) -> bool:
+    """Whether the C/N0 of the receiver is one: a power without its noise is not."""
+    taken = {name: each.value for name, each in receiver(of).items()}
+    return taken["type"] not in LEVELS or taken["level.kind"] != "dbm" or taken["level.floor_dbm"] > UNKNOWN_FLOOR_DBM
 
 
 def radio(of: Band) -> dict[str, Value]:
