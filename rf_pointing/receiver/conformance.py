@@ -15,7 +15,7 @@ from rf_pointing.receiver.params import LEVELS
 from rf_pointing.receiver.receiver import SignalReceiver
 
 CONNECT_S = 10.0
-LATEST_S = 1.0
+LATEST_S = 0.5
 """Age of a report at which a scan of 4 s still closes."""
 
 
