@@ -14,16 +14,14 @@ from collections import Counter, deque
 from rf_pointing.core.types import Pair
 from rf_pointing.drives.drive import POSITION as POSITION_SET_POINTS
 from rf_pointing.drives.drive import Capabilities, Drive, DriveReading
-from rf_pointing.drives.link import Link, Opening, link_name
+from rf_pointing.drives.link import KeptLink, Link
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.protocols import (
     ALARM,
-    DONE,
     LIMITS,
     NOISE,
     POSITION,
     REFUSED,
-    STATUS,
     Answer,
     DeviceProtocol,
     Request,
@@ -45,22 +43,21 @@ class PolledDrive(Drive):
 
     def __init__(self, protocol: DeviceProtocol, params: DriveParams) -> None:
         self._protocol, self._params, self._timing = protocol, params.rotator, params.link
-        self._link_params, self._where = params.link, f"{protocol.name} at {link_name(params.link)}"
+        self._kept = KeptLink(protocol.name, params.link, protocol.baud)
         self.losses: Counter[str] = Counter()
-        self.problem = f"{self._where} is not connected yet"
-        self._link: Link | None = None
-        self._opening: Opening | None = None
+        self.problem = self._kept.problem
         self._buffer = bytearray()
         self._queue: deque[Request] = deque()
         self._pending: tuple[Request, float] | None = None
+        self._owed_s: deque[float] = deque()
+        """When the requests of the position were sent whose answers may still come."""
         self._reading: DriveReading | None = None
         self._stop_first()
         self._latency_s, self._alarm, self._refused = 0.0, "", ""
         self._t_s: float | None = None
-        self._retry_s = self._poll_s = self._also_s = self._known_s = self._stop_s = -1e9
+        self._poll_s = self._also_s = self._known_s = self._stop_s = -1e9
         self._asked_s = math.inf
         """When the position was first requested since the last one."""
-        self._wait_s = params.link.first_retry_s
         self._state_capabilities(None)
 
     def _state_capabilities(self, travel_rad: tuple[Pair, Pair] | None) -> None:
@@ -89,12 +86,16 @@ class PolledDrive(Drive):
                 self._shift_waits(late_s)
             elif late_s > LATE_S:
                 self._known_s, self._asked_s = self._known_s + late_s, self._asked_s + late_s
+                if self._pending is not None:
+                    self._pending = self._pending[0], self._pending[1] + late_s
         self._t_s = t_s
-        if self._link is None:
-            self._connect(t_s)
-        if self._link is not None:
+        if self._kept.step(t_s):
+            self._begin(t_s)
+        elif self._kept.link is None:
+            self.problem = self._kept.problem
+        if self._kept.link is not None:
             try:
-                self._exchange(self._link, t_s)
+                self._exchange(self._kept.link, t_s)
             except OSError as error:
                 self._lose(t_s, f"the link is lost: {error}")
         return self._reading
@@ -108,14 +109,10 @@ class PolledDrive(Drive):
         self._send_now()
 
     def close(self) -> None:
-        if self._link is not None:
-            if self._stop_due:
-                self._try_last_stop(self._link)
-            self._link.close()
-        elif self._opening is not None:
-            self._opening.abandon()
-        self._link = self._opening = None
-        self.problem = f"{self._where} is closed"
+        if self._kept.link is not None and self._stop_due:
+            self._try_last_stop(self._kept.link)
+        self._kept.close()
+        self.problem = self._kept.problem
 
     def _try_last_stop(self, link: Link) -> None:
         try:
@@ -130,20 +127,10 @@ class PolledDrive(Drive):
         self._stop_due, self._stopped = True, True
         self._set_point = None
 
-    def _connect(self, t_s: float) -> None:
-        if self._opening is None:
-            if t_s >= self._retry_s:
-                self._opening = Opening(self._link_params, self._protocol.baud)
-            return
-        try:
-            link = self._opening.result()
-        except OSError as error:
-            self._opening = None
-            self._back_off(t_s, f"{error.strerror or error}")
-            return
-        if link is None:
-            return
-        self._opening, self._link, self._pending = None, link, None
+    def _begin(self, t_s: float) -> None:
+        """Begin the exchange on a link that has just been opened."""
+        self._pending = None
+        self._owed_s.clear()
         self._buffer.clear()
         self._stop_first()
         self._queue = deque(self._protocol.greeting())
@@ -151,24 +138,19 @@ class PolledDrive(Drive):
         self._poll_s = t_s - self._timing.poll_period_s
 
     def _lose(self, t_s: float, why: str) -> None:
-        assert self._link is not None
         self.losses["connection"] += 1
-        self._link.close()
-        self._link, self._pending = None, None
-        self._back_off(t_s, why)
-
-    def _back_off(self, t_s: float, why: str) -> None:
-        self.problem = f"{self._where}: {why}"
-        self._retry_s = t_s + self._wait_s
-        self._wait_s = min(2.0 * self._wait_s, self._timing.longest_retry_s)
+        self._pending = None
+        self._kept.lose(t_s, why)
+        self.problem = self._kept.problem
 
     def _shift_waits(self, by_s: float) -> None:
-        self._retry_s += by_s
+        self._kept.shift(by_s)
         self._poll_s += by_s
         self._also_s += by_s
         self._known_s += by_s
         self._asked_s += by_s
         self._stop_s += by_s
+        self._owed_s = deque(each + by_s for each in self._owed_s)
         if self._pending is not None:
             self._pending = self._pending[0], self._pending[1] + by_s
 
@@ -194,9 +176,9 @@ class PolledDrive(Drive):
 
     def _send_now(self) -> None:
         """Send a new set point or a stop without waiting for the next tick."""
-        if self._link is not None and self._t_s is not None:
+        if self._kept.link is not None and self._t_s is not None:
             try:
-                self._send(self._link, self._t_s)
+                self._send(self._kept.link, self._t_s)
             except OSError as error:
                 self._lose(self._t_s, f"the link is lost: {error}")
 
@@ -206,6 +188,8 @@ class PolledDrive(Drive):
             link.write(request.data)
             if request.answer:
                 self._pending = request, t_s
+            if request.answer == POSITION:
+                self._owed_s.append(t_s)
 
     def _next(self, t_s: float) -> Request | None:
         """Return what is to be sent now: a stop before a set point before what is only read."""
@@ -219,6 +203,11 @@ class PolledDrive(Drive):
             angles, self._set_point = self._set_point, None
             return self._protocol.go_to(*(math.degrees(angle) for angle in angles))
         if t_s - self._poll_s >= self._timing.poll_period_s - 1e-6:
+            if self._owed_s and self._owed_s[-1] < self._known_s:
+                # Answers bear no number: one that is overdue would be taken for the next one's.
+                if t_s - self._known_s <= self._timing.answer_s:
+                    return None
+                self._owed_s.clear()
             self._poll_s = t_s
             self._asked_s = min(self._asked_s, t_s)
             if t_s - self._also_s >= ALSO_S:
@@ -230,7 +219,7 @@ class PolledDrive(Drive):
     def _take(self, answer: Answer, t_s: float) -> None:
         pending = self._pending
         if answer.kind == POSITION:
-            self._take_position(answer, t_s, pending)
+            self._take_position(answer, t_s)
         elif answer.kind == LIMITS:
             self._take_limits(answer.angles_deg)
         elif answer.kind == REFUSED:
@@ -240,15 +229,14 @@ class PolledDrive(Drive):
             self._alarm = answer.text
         elif answer.kind == NOISE:
             self.losses["noise"] += 1
-        ends = answer.kind == REFUSED or (pending is not None and answer.kind == pending[0].answer)
-        if ends and answer.kind in (POSITION, LIMITS, REFUSED, STATUS, DONE):
+        if answer.kind == REFUSED or (pending is not None and answer.kind == pending[0].answer):
             self._pending = None
 
-    def _take_position(self, answer: Answer, t_s: float, pending: tuple[Request, float] | None) -> None:
+    def _take_position(self, answer: Answer, t_s: float) -> None:
         # The device measured between the request and the answer; one that nobody requested is as
         # old as answers usually are.
-        if pending is not None and pending[0].answer == POSITION:
-            self._latency_s = t_s - pending[1]
+        if self._owed_s:
+            self._latency_s = t_s - self._owed_s.popleft()
         else:
             self.losses["late answer"] += 1
         first, second = (math.radians(angle) for angle in answer.angles_deg)
@@ -262,7 +250,8 @@ class PolledDrive(Drive):
         )
         # A position came after it: from now on it is an old answer.
         self._refused = ""
-        self.problem, self._wait_s = "", self._timing.first_retry_s
+        self._kept.answers()
+        self.problem = ""
         can, protocol = self.capabilities, self._protocol
         if (protocol.resolution_deg, protocol.has_elevation) != (self._resolution_deg, can.has_elevation):
             self._state_capabilities(self.capabilities.travel_rad)

@@ -3,7 +3,7 @@
 In place of rf_receiver where the receiver of a simulated station is a real one: the signal passes
 as samples only.  Subscribes: sim/boresight, passes (which satellite is selected).  Publishes:
 sim/pointing_error (10 Hz, truth).  Serves: rtl_tcp, DIFI, ZMQ or a SigMF recording.
-Parameters: source.*, signal.* as rf_receiver; radio.* (radio and transmitter), outlet.* (where).
+Parameters: source.*, signal.* as rf_receiver; sdr.* (radio and transmitter), outlet.* (where).
 """
 
 from rf_pointing_msgs.msg import Boresight, PassList, PointingError
@@ -27,7 +27,7 @@ class SignalSource(StationNode):
         super().__init__("signal_source")
         self.parameters.declare("source", SourceParams())
         self.parameters.declare("signal", SignalParams())
-        self.parameters.declare("radio", RadioParams())
+        self.parameters.declare("sdr", RadioParams())
         self.parameters.declare("outlet", OutletParams())
         self._radio: SimulatedRadio | None = None
         self._outlet: Outlet | None = None
@@ -36,7 +36,7 @@ class SignalSource(StationNode):
     def configure(self) -> None:
         value, source = self.parameters.value, self.parameters.value("source")
         ElementUpdates(source.elements).require()
-        signal, radio = value("signal"), value("radio")
+        signal, radio = value("signal"), value("sdr")
         self._radio = SimulatedRadio(signal, seeded(radio, signal.seed), load_track(source))
         self._outlet = make_outlet(value("outlet"), radio.generator.rate_hz, radio.centre_hz)
         self._at_cleanup.callback(self._outlet.close)

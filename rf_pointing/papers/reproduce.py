@@ -30,6 +30,7 @@ PAPERS = (
     "interferometer",
     "monopulse",
     "nco",
+    "receive",
     "satcal",
     "sensors",
     "servo",

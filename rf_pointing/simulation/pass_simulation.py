@@ -51,6 +51,8 @@ class PassLog:
     command_t_s: list[float] = field(default_factory=list)
     command_rad: list[tuple[float, float]] = field(default_factory=list)
     certificate: Certificate | None = None
+    fault: str = ""
+    """What the antenna had latched at the end."""
 
     def errors_rad(self, *modes: str) -> Array:
         """Return the true errors (n, 2) of the clusters in these modes (all when none is named)."""
@@ -148,7 +150,7 @@ class StationSetup:
         signal, real = sets["signal"], load_track(sets["source"])
         if self.station.receiver not in SAMPLED:
             return SimulatedReceiver(signal, real)
-        radio = seeded(self.sets("signal_source")["radio"], signal.seed)
+        radio = seeded(self.sets("signal_source")["sdr"], signal.seed)
         taken = self.sets("signal_receiver")["receiver"]
         return SampledReceiver(SimulatedRadio(signal, radio, real), taken, self.track())
 
@@ -218,4 +220,5 @@ def simulate_pass(
             log.mode.append(mode)
             if on_reception is not None:
                 on_reception(reception)
+    log.fault = antenna.safety.latch.text
     return log

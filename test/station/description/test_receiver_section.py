@@ -30,9 +30,9 @@ def test_the_section_reaches_the_node_with_the_numbers_of_the_band(tmp_path: Pat
     assert (params.type, params.link.host, params.link.port, params.iq.rate_hz) == ("rtl_tcp", "dish", 7, 1e6)
     assert (params.frequency_hz, params.system_noise_k, params.period_s) == (8.2e9, 110.0, 0.1)
     source = read_station(tmp_path / "station.yaml").sets("signal_source", "X")
-    assert (source["radio"].carrier_hz, source["radio"].doppler_hz) == (1.2e9, 8.2e9)
+    assert (source["sdr"].carrier_hz, source["sdr"].doppler_hz) == (1.2e9, 8.2e9)
     assert (source["outlet"].format, source["outlet"].port) == ("rtl_tcp", 7)
-    assert source["radio"].generator.rate_hz == 1e6
+    assert source["sdr"].generator.rate_hz == 1e6
 
 
 @pytest.mark.parametrize(
