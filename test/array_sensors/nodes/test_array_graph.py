@@ -1,6 +1,5 @@
 """The graphs of the array sensors: every node is an executable with parameters in the system's file, and is launched."""
 
-import ast
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,13 +21,6 @@ def test_every_node_has_an_executable_and_a_section_of_the_parameter_file(name: 
     assert all(f'"{executable}",' in (ROOT / "setup.py").read_text() for executable in executables)
     sections = read_parameter_files([ROOT / "config" / "array_sensors" / f"{name}.yaml"])
     assert sections.keys() == {*executables, CLOCK}
-
-
-@pytest.mark.parametrize("name", ARRAY_SYSTEMS)
-def test_launch_file_describes_the_system_of_its_name(name: str) -> None:
-    tree = ast.parse((ROOT / "launch" / f"{name}.launch.py").read_text())
-    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
-    assert [(call.func.id, call.args[0].value) for call in calls] == [("array_description", name)]
 
 
 @pytest.mark.parametrize("name", ARRAY_SYSTEMS)
