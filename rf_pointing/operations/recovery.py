@@ -241,6 +241,14 @@ class Recovery:
         tried, tried_s, _ = self._gone[name]
         return Ongoing(cause, device, now_s, tried=tried, tried_s=tried_s)
 
+    def set_back(self, by_s: float) -> None:
+        """Go on with a clock that was set back: every wait stays as long as it was."""
+        for one in self.ongoing.values():
+            one.since_s, one.tried_s = one.since_s - by_s, one.tried_s - by_s
+        self._gone = {
+            name: (tried, tried_s - by_s, gone_s - by_s) for name, (tried, tried_s, gone_s) in self._gone.items()
+        }
+
     def due(self, now_s: float) -> tuple[str, str] | None:
         """Return the name of the cause and the action to try now, or None."""
         for one in self.ongoing.values() if self.acts else ():

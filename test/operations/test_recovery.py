@@ -4,11 +4,13 @@ import json
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rf_pointing.operations import AlarmParams, Condition, ExpectedState
 from rf_pointing.operations.alarms import ERROR, WARNING, AlarmBook
 from rf_pointing.operations.dictionary import TABLES, read_tables
-from rf_pointing.operations.recovery import Cause, Recovery, read_table
+from rf_pointing.operations.recovery import Cause, Recovery, RecoveryTable, read_table
 
 NAMES = {"reset": (), "go": ("azimuth",)}
 
@@ -279,3 +281,29 @@ def test_what_cannot_be_reached_from_the_start_is_not_raised_before_it_can() -> 
     for t_s, problem, raised in ((0.0, "refused", 0), (9.0, "refused", 0), (10.0, "", 0), (11.5, "", 1)):
         one.see(t_s, a__fault="lost", d__problem=problem)
         assert len(one.recovery.book.lasting) == raised, t_s
+
+
+@given(back_s=st.floats(0.1, 1e5), at_s=st.integers(0, 90))
+def test_a_clock_that_is_set_back_lengthens_no_wait(back_s: float, at_s: int) -> None:
+    """Tries come when they would have come: 5 of them, 20 s apart, from 2 s after the cause on."""
+
+    def tries(back_s: float) -> list[int]:
+        cause = cause_of("{when: {a.b: 1}, for_s: 2, do: [reset], tries: 5, every_s: 20}")
+        seen, found = ExpectedState(), list[int]()
+        recovery = Recovery(RecoveryTable((cause,), {}), seen, AlarmBook(lambda *_: None, 600.0))
+        for wall_s in range(130):
+            if wall_s == at_s:
+                seen.set_back(back_s)
+                recovery.set_back(back_s)
+            now_s = 1e6 + wall_s - (back_s if wall_s >= at_s else 0.0)
+            seen.observe("a.b", 1, now_s)
+            recovery.step(now_s)
+            if due := recovery.due(now_s):
+                recovery.note_try(due[0], now_s)
+                found.append(wall_s)
+        return found
+
+    usual = tries(0.0)
+    assert len(usual) == 5
+    # The rounding of such times may cost a step.
+    assert tries(back_s) == pytest.approx(usual, abs=5)
