@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.api.keywords import angle_rad, span_s, time_s
+from rf_pointing.api.link_budget import LinkBudgetTable
 from rf_pointing.api.passes import Look, PassCertificate, StationPass
 from rf_pointing.api.plan import Plan
 from rf_pointing.api.simulated import SimulatedPass
 from rf_pointing.api.target import MAX_AGE_S, SOURCE, Target
 from rf_pointing.calibration import BiasModel, read_model
-from rf_pointing.ephemeris import Site, TopocentricTrack, find_passes
+from rf_pointing.core import require_choice
+from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_passes
 from rf_pointing.ephemeris.passes import part_searched
 from rf_pointing.planning import AxisLimits
 from rf_pointing.simulation import StationSetup, simulate_pass
@@ -60,8 +62,7 @@ class Station:
     ) -> None:
         self.description = station if isinstance(station, StationDescription) else read_station(station)
         self.band = self.description.default_band if band is None else band
-        if self.band not in self.bands:
-            raise ValueError(f"band={self.band!r} of {self.name} must be one of {', '.join(self.bands)}")
+        require_choice(f"{self.name}: band", self.band, self.bands)
         self._model = model
 
     def __repr__(self) -> str:
@@ -241,7 +242,19 @@ class Station:
                 standing_rad, free_t_s = chosen.end_rad, one.los_t_s
         return found
 
+    def _require_mine(self, one: StationPass) -> None:
+        if one.station.site != self.site:
+            where, here = (
+                f"{each.name} at {math.degrees(each.site.latitude_rad):.4f} deg north, "
+                f"{math.degrees(each.site.longitude_rad):.4f} deg east"
+                for each in (one.station, self)
+            )
+            raise ValueError(
+                f"one: this pass of {one.name} is over {where}; passes of {here} are found by its passes()"
+            )
+
     def _certified(self, one: StationPass, free_t_s: float, standing_rad: tuple[float, float]) -> PassCertificate:
+        self._require_mine(one)
         track = self.track_of(one.target)
         certificate, profile = planned_certificate(track, one.window, free_t_s, standing_rad, self.rules)
         return PassCertificate(one, PlannedPass(window=one.window, profile=profile, certificate=certificate))
@@ -258,11 +271,12 @@ class Station:
         mask_rad: float | None = None,
         gap_s: float = 0.0,
     ) -> Plan:
-        """Return which passes of these satellites the antenna tracks, and which yield and why.
+        """Return which passes of these targets the antenna tracks, and which yield and why.
 
         Parameters
         ----------
-        targets : satellites with mean elements; their `priority` and `min_peak_deg` count.
+        targets : satellites, Sun, Moon and radio sources; their `priority` and `min_peak_deg`
+            count.  What stays up for hours is tracked in the gaps between the others.
         start, start_t_s : begin of the plan, UTC text or s since 1970; by default now, or the
             newest epoch where the elements do not reach from now to the end of the plan.
         hours, days : length of the plan; 24 h by default.
@@ -272,14 +286,16 @@ class Station:
         Raises
         ------
         ValueError
-            No target, one without mean elements, or what `passes` refuses.
+            No target, or what `passes` refuses.
         """
         wishes = [target.wish() for target in targets]
         if not wishes:
             raise ValueError("targets: give at least one satellite")
         length_s, begin_s = span_s(hours, days), time_s("start", start, start_t_s)
         if begin_s is None:
-            newest_s, now_s = max(wish.elements.epoch_t_s for wish in wishes), time.time()
+            now_s = time.time()
+            epochs = [wish.target.epoch_t_s for wish in wishes if isinstance(wish.target, Elements)]
+            newest_s = max(epochs, default=now_s)
             begin_s = now_s if abs(now_s - newest_s) <= MAX_AGE_S - length_s else newest_s
         least_rad = angle_rad("mask", mask_deg, mask_rad, self.lowest_rad)
         day = plan_day(
@@ -287,6 +303,15 @@ class Station:
             max_age_s=MAX_AGE_S,
         )  # fmt: skip
         return Plan(self, day)
+
+    def link_budget(self, one: StationPass | None = None) -> LinkBudgetTable:
+        """Return noise, G/T and C/N0 of the band over elevation, or along a pass.
+
+        Examples
+        --------
+        >>> print(rp.Station("leo_3m7", "S").link_budget())
+        """
+        return LinkBudgetTable.of(self, one)
 
     def slew_s(
         self,
@@ -338,6 +363,7 @@ class Station:
         ValueError
             A sensor that the band does not have, or a parameter that does not exist.
         """
+        self._require_mine(one)
         window = one.window
         if minutes is not None:
             window = dataclasses.replace(window, los_t_s=min(window.los_t_s, window.aos_t_s + 60.0 * minutes))
@@ -363,6 +389,7 @@ class Station:
 
         Returns the `rf_pointing.api.live.TrackResult`: exit code, folder of the report, bag.
         """
+        self._require_mine(one)
         # Not at the top: the rest of the front door does without ROS.
         live, requests = (importlib.import_module(f"rf_pointing.api.{name}") for name in ("live", "requests"))
         return live.track(requests.TrackRequest(station=self, target=one.target, chosen=one.window, **options))

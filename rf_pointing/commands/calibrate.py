@@ -15,7 +15,7 @@ import sys
 from rf_pointing.api import live
 from rf_pointing.api.requests import CALIBRATION_START, DEFAULT_MODELS, CalibrateRequest
 from rf_pointing.api.target import Target
-from rf_pointing.commands.options import ELEMENTS_HELP, add_station_options, between, ending_with_reason
+from rf_pointing.commands.options import ELEMENTS_HELP, add_station_options, between, ending_with_reason, named
 from rf_pointing.commands.track_options import add_run_options, run_fields
 from rf_pointing.core.modes import Sensor
 from rf_pointing.tracking.sensors import SENSORS
@@ -28,7 +28,8 @@ def request_of(argv: list[str] | None = None) -> CalibrateRequest:
     )
     add = parser.add_argument
     add_station_options(parser)
-    add("--sensor", choices=[*SENSORS, Sensor.AUTO], help="(default: that of the station's band)")
+    sensors = (*SENSORS, Sensor.AUTO)
+    add("--sensor", type=named(sensors), choices=sensors, help="(default: that of the station's band)")
     add("--elements", metavar="FILE|DIR|URL", default="",
         help=f"satellites that the station receives, for a real drive: {ELEMENTS_HELP}")  # fmt: skip
     add("--start", metavar="UTC", help=f"begin (default: {CALIBRATION_START}, of a real drive the present)")

@@ -1,8 +1,9 @@
 """Executable `fit_bias_model FILE...`: from recorded data to a model file and a report.
 
-Input: rosbag2 recordings (folder or .mcap), CSV (calibration points, or raw tracking data of one
-pass), CCSDS TDM. Raw data of CSV and TDM need --elements.  With --points and --tdm it also writes
-the points of the fit as CSV and the raw data as a CCSDS message, for other software.
+Input: rosbag2 recordings (folder or .mcap), CSV (calibration points, raw tracking data of one pass,
+or a table of offsets: utc,target,azimuth_offset_deg,elevation_offset_deg), CCSDS TDM. Raw data of
+CSV and TDM need --elements, offsets where a target is a satellite. With --points and --tdm it also
+writes the points of the fit as CSV and the raw data as a CCSDS message, for other software.
 
 Exit code 0: the model was fitted; 2: it was not, and nothing was written.
 """
@@ -43,7 +44,7 @@ def request_from(argv: list[str] | None = None) -> FitCommand:
     """Return the request of a command line; ValueError for a wrong station, model or file."""
     parser = argparse.ArgumentParser(prog="fit_bias_model", description="Fit the pointing model of an antenna.")
     add = parser.add_argument
-    add("files", nargs="+", type=Path, metavar="FILE", help="recording, CSV or TDM")
+    add("files", nargs="*", type=Path, metavar="FILE", help="recording, CSV or TDM")
     add_station_options(parser)
     add("--namespace", help="antenna, where a recording holds several")
     add("--elements", metavar="FILE|DIR|URL", default="", help=f"{ELEMENTS_HELP}: the targets of CSV and TDM data")
@@ -75,6 +76,12 @@ def request_from(argv: list[str] | None = None) -> FitCommand:
     add("--points", type=Path, metavar="FILE", help="write the points of the fit as CSV too")
     add("--tdm", type=Path, metavar="FILE", help="write the good samples of the raw data as a TDM too")
     options = parser.parse_args(argv)
+    # argparse gives a list of terms the files that follow it.
+    files = [word for word in options.terms if word not in TERM_NAMES and Path(word).exists()]
+    options.files += [Path(word) for word in files]
+    options.terms = [word for word in options.terms if word not in files]
+    if not options.files:
+        parser.error("the following arguments are required: FILE")
     station = Station(options.station, options.band)
     known = read_model(options.start_model) if options.start_model else None
     if known is not None:

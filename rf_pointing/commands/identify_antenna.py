@@ -23,6 +23,9 @@ from rf_pointing.commands.options import (
 from rf_pointing.core import AXES
 from rf_pointing.identification import ExcitationParams
 
+USUAL, QUICK = (8, 4, ExcitationParams().samples), (6, 2, 2048)
+"""Sequences of an axis, those that are held out, and samples of each: 22 and 4 min at 50 Hz."""
+
 
 def request_of(argv: list[str] | None = None) -> IdentifyRequest:
     """Return the request of a command line; ValueError with the reason where it cannot be."""
@@ -30,9 +33,10 @@ def request_of(argv: list[str] | None = None) -> IdentifyRequest:
     parser = argparse.ArgumentParser(prog="identify_antenna", description="Identify the antenna from its own motion.")
     add = parser.add_argument
     add("--axes", nargs="+", choices=AXES, default=list(AXES), help="axes to drive (default: both)")
-    add("--sequences", type=int, default=8, help="sequences per axis (default: 8)")
-    add("--held-out", type=int, default=4, help="the last of them, kept for the check (default: 4)")
-    add("--samples", type=int, default=usual.samples, help="samples per sequence (default: 8192)")
+    add("--quick", action="store_true", help=f"4 min an axis: {QUICK[0]} sequences of {QUICK[2]}, {QUICK[1]} held out")
+    add("--sequences", type=int, help=f"sequences per axis (default: {USUAL[0]})")
+    add("--held-out", type=int, help=f"the last of them, kept for the check (default: {USUAL[1]})")
+    add("--samples", type=int, help=f"samples per sequence (default: {USUAL[2]})")
     add("--kind", choices=("white", "multisine"), default=usual.kind, help="(default: white)")
     for name in ("mean", "rms", "peak"):
         value = math.degrees(getattr(usual, f"{name}_rad_s"))
@@ -46,9 +50,11 @@ def request_of(argv: list[str] | None = None) -> IdentifyRequest:
     add("--simulated", action="store_true", help="start a simulated antenna, in wind of 0.3 m/s")
     add("--params-file", action="append", default=[], help="parameter file for it, may be repeated")
     given = parser.parse_args(argv)
+    known = zip((given.sequences, given.held_out, given.samples), QUICK if given.quick else USUAL, strict=True)
+    sequences, held_out, samples = (usual_one if one is None else one for one, usual_one in known)
     excitation = ExcitationParams(
         kind=given.kind,
-        samples=given.samples,
+        samples=samples,
         sample_s=given.tick,
         high_hz=min(usual.high_hz, 0.5 / given.tick),
         mean_rad_s=math.radians(given.mean_deg_s),
@@ -59,8 +65,8 @@ def request_of(argv: list[str] | None = None) -> IdentifyRequest:
     return IdentifyRequest(
         station=Station(given.station, given.band),
         axes=tuple(given.axes),
-        sequences=given.sequences,
-        held_out=given.held_out,
+        sequences=sequences,
+        held_out=held_out,
         seed=given.seed,
         excitation=excitation,
         simulated=given.simulated,

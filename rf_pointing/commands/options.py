@@ -2,17 +2,14 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 
 from rf_pointing.api.target import Target
+from rf_pointing.core.checks import one_of
 from rf_pointing.ephemeris.source import unused
 from rf_pointing.station.description import DEFAULT_STATION, shipped_stations
-
-
-def say(program: str, text: str) -> None:
-    """Report to the user on stderr; stdout is for data."""
-    print(f"{program}: {text}", file=sys.stderr, flush=True)
+from rf_pointing.station.log_lines import say
 
 
 def say_if(program: str, text: str) -> None:
@@ -27,7 +24,7 @@ def ending_with_reason(program: str) -> Iterator[None]:
     try:
         yield
     except (ValueError, OSError) as error:
-        say(program, str(error))
+        say(program, str(error), "ERROR")
         sys.exit(2)
 
 
@@ -42,6 +39,17 @@ def between(low: float, high: float) -> Callable[[str], float]:
         if not low <= value <= high:
             raise argparse.ArgumentTypeError(f"{text} must be between {low:g} and {high:g}")
         return value
+
+    return parse
+
+
+def named(choices: Collection[str]) -> Callable[[str], str]:
+    """Return an argparse type: one of the choices; a wrong one is refused with the nearest."""
+
+    def parse(text: str) -> str:
+        if text not in choices:
+            raise argparse.ArgumentTypeError(f"{text!r} must be {one_of(text, choices)}")
+        return text
 
     return parse
 

@@ -15,7 +15,13 @@ from pathlib import Path
 from rf_pointing.api import live
 from rf_pointing.api.requests import DEFAULT_MODELS, TrackRequest
 from rf_pointing.api.target import Target
-from rf_pointing.commands.options import add_target_options, between, ending_with_reason, interpolation_of
+from rf_pointing.commands.options import (
+    add_target_options,
+    between,
+    ending_with_reason,
+    interpolation_of,
+    named,
+)
 from rf_pointing.commands.track_options import add_run_options, run_fields
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
@@ -29,7 +35,12 @@ def request_of(argv: list[str] | None = None) -> TrackRequest:
     add_target_options(parser)
     add = parser.add_argument
     add("--min-peak", type=between(0.0, 90.0), default=40.0, help="least peak elevation in deg (default: 40)")
-    add("--sensor", choices=tuple(SENSOR_CHOICES), help="(default: that of the station's band)")
+    add(
+        "--sensor",
+        type=named(SENSOR_CHOICES),
+        choices=tuple(SENSOR_CHOICES),
+        help="(default: that of the station's band)",
+    )
     add("--scan-sigma", metavar="MDEG", type=float, help="accuracy of the scan per axis at the pass's weakest "
         "carrier: chooses radius and period (default: the station's)")  # fmt: skip
     add_run_options(

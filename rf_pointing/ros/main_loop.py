@@ -19,17 +19,20 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import rclpy
 from rclpy.action import ActionClient, ActionServer
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl import rcutils_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from rf_pointing.ros import NODE_USAGE
 from rf_pointing.ros.diagnostics import OK, WARN, Health
+from rf_pointing.station.log_lines import ROS_FORMAT, json_lines, quoted, say
 
 DRIVE_PRIORITY = 20
 """Real-time priority of a real drive loop, below the kernel's own threads (50)."""
@@ -85,6 +88,7 @@ def run(
     try:
         _take_arguments(description or str(sys.modules[node_types[0].__module__].__doc__), known)
         _check_security(os.environ)
+        log_as_chosen()
         # The handlers of rclpy would shut the context down before the motion has ended.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         for sign in (signal.SIGINT, signal.SIGTERM):
@@ -208,9 +212,25 @@ class NodeLoop:
         return Health(WARN if words else OK, "; ".join(words) or "all run", values)
 
 
+def log_as_chosen() -> None:
+    """Make every logger of this process write JSON where that is chosen; before `rclpy.init`."""
+    if not json_lines():
+        return
+    os.environ["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = ROS_FORMAT
+    write = rcutils_logger.RcutilsLogger.log
+
+    def log(self: Any, message: str, severity: Any, **more: Any) -> bool:
+        # rcutils puts a text between quotes as it is.
+        return bool(write(self, quoted(str(message)), severity, **more))
+
+    rcutils_logger.RcutilsLogger.log = log
+    # rclpy knows a line by its caller, which is not this function.
+    rcutils_logger._internal_callers.append(os.path.realpath(__file__))
+
+
 def _say_not_started(error: Exception) -> None:
     # One line for the operator; a traceback would hide what is wrong.
-    print(f"rf_pointing: not started: {_IN_THE_SOURCE.sub('', str(error))}", file=sys.stderr, flush=True)
+    say("rf_pointing", f"not started: {_IN_THE_SOURCE.sub('', str(error))}", "FATAL")
 
 
 def take_priority(realtime: int) -> str:
@@ -298,7 +318,12 @@ class InstanceLock:
             self._file.seek(0)
             holder = self._file.read().strip() or "unknown"
             self._file.close()
-            raise RuntimeError(f"{full_name} already runs in ROS domain {_domain()} (process {holder})") from error
+            raise RuntimeError(f"{full_name} already runs in ROS domain {ros_domain()} (process {holder})") from error
+        self.take_over()
+
+    def take_over(self) -> None:
+        """Name this process as the holder: the first one, or its child that goes on for it."""
+        self._file.seek(0)
         self._file.truncate(0)
         self._file.write(str(os.getpid()))
         self._file.flush()
@@ -316,6 +341,16 @@ def last_holder(full_name: str) -> int | None:
     except (OSError, ValueError):
         # Never taken, or being taken at this moment.
         return None
+
+
+def present_holder(full_name: str) -> int | None:
+    """Return the process that holds the name now, None where it is free."""
+    with suppress(OSError), os.fdopen(os.open(_path(full_name), os.O_RDONLY | os.O_NOFOLLOW)) as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return last_holder(full_name)
+    return None
 
 
 def private_folder(folder: Path) -> None:
@@ -390,12 +425,13 @@ def read_token(name: str, given: str, own: Path) -> tuple[str, Path]:
     return token, path
 
 
-def _domain() -> str:
+def ros_domain() -> str:
+    """Return the number of the present ROS domain."""
     return os.environ.get("ROS_DOMAIN_ID", "0")
 
 
 def _path(full_name: str) -> Path:
-    return _runtime_folder() / f"domain{_domain()}{full_name.replace('/', '.')}.lock"
+    return _runtime_folder() / f"domain{ros_domain()}{full_name.replace('/', '.')}.lock"
 
 
 def _runtime_folder() -> Path:

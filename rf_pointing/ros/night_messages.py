@@ -33,7 +33,8 @@ MOVING_RAD_S = 1e-4
 def hear_station(node: ManagedNode, alarms: StationAlarms) -> None:
     """Subscribe until cleanup to what the alarms of a station must know."""
     mine = node.get_namespace().rstrip("/") + "/"
-    joints = node.listen_latest(JointState, "joint_states", convert.joints_from_message, WATCHED)
+    read = convert.joints_from_message
+    joints = node.listen_latest(JointState, "joint_states", read, WATCHED, required=True)
 
     def take(device: str, message: Any, **more: Any) -> None:
         alarms.take(device, plain_fields(message) | more, seconds_from_stamp(message.header.stamp))
@@ -51,8 +52,8 @@ def hear_station(node: ManagedNode, alarms: StationAlarms) -> None:
                 check, values = status.name.partition(": ")[2], {pair.key: pair.value for pair in status.values}
                 alarms.take_check(name.removeprefix(mine), check, level, status.message, values, time.monotonic())
 
-    node.listen(ours.AntennaStatus, "antenna_status", on_antenna, WATCHED)
-    node.listen(ours.TrackingStatus, "tracking_status", lambda m: take("tracking", m), WATCHED)
+    node.listen(ours.AntennaStatus, "antenna_status", on_antenna, WATCHED, required=True)
+    node.listen(ours.TrackingStatus, "tracking_status", lambda m: take("tracking", m), WATCHED, required=True)
     node.listen(DiagnosticArray, "/diagnostics", on_diagnostics, WATCHED)
 
 

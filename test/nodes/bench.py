@@ -30,6 +30,10 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
+from rf_pointing.nodes.rf_receiver import RfReceiver
+from rf_pointing.ros.station_node import StationNode
+
 NOW_S, WALL_S = 1.8e9, 1000.0
 """Node time, and the steady clock, when a bench is made."""
 
@@ -53,6 +57,7 @@ class Bench:
         """Full names of the nodes that the graph shows as publishers of a topic."""
         self.log: list[tuple[str, str]] = []
         self._replace(patch)
+        given = _named(node_type) | given
         words = [word for name, value in given.items() for word in ("-p", f"{name}:={_yaml(value)}")]
         # Of its own: the arguments of a context are those of all its nodes.
         self.context = Context()
@@ -163,6 +168,12 @@ class Bench:
         """Return the names of the checks on /diagnostics."""
         self.node.diagnostics.publish()
         return {each.name.partition(": ")[2] for each in self.sent["/diagnostics"][-1].status}
+
+
+def _named(node_type: Any) -> dict[str, str]:
+    """Return the station, and the target, of a node that takes them: neither has a default."""
+    station = {"station": "dss13"} if issubclass(node_type, StationNode) else {}
+    return station | ({"source.satellite": "28057"} if node_type in (EphemerisPublisher, RfReceiver) else {})
 
 
 def _yaml(value: Any) -> str:

@@ -9,7 +9,7 @@ import math
 import os
 from pathlib import Path
 
-from rf_pointing.core import AXES
+from rf_pointing.core import AXES, require_choice
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.planning import WrapCount
 from rf_pointing.station.antenna.control_unit import ControlUnit
@@ -42,6 +42,19 @@ def state_files(folder: Path, namespace: str) -> dict[str, str]:
     return {parameter: str(kept / name) for parameter, name in names.items()}
 
 
+def move_state(folder: Path, former: str, namespace: str) -> str:
+    """Move the files of an antenna to those of its full namespace, once; return what was done."""
+    files = {Path(each).name for each in state_files(folder, former).values()}
+    old, new = (folder / each.strip("/") for each in (former, namespace))
+    found = sorted(path for path in old.glob("*") if path.name in files)
+    if not found or any((new / name).exists() for name in files):
+        return ""
+    new.mkdir(parents=True, exist_ok=True)
+    for path in found:
+        path.rename(new / path.name)
+    return f"state of {namespace}: {', '.join(path.name for path in found)} moved from {old} to {new}"
+
+
 class AntennaMemory:
     """The state file of one antenna; an empty name remembers nothing."""
 
@@ -63,8 +76,8 @@ class AntennaMemory:
                 raise ValueError(
                     f"state file {name}: {key}={value!r} must be {'a text' if kind is str else 'a number'}"
                 )
-        if self._kept and self._kept["mode"] not in ("", *AT_REST):
-            raise ValueError(f"state file {name}: mode={self._kept['mode']!r} must be one of {', '.join(AT_REST)}")
+        if self._kept:
+            require_choice(f"state file {name}: mode", self._kept["mode"], ("", *AT_REST))
         self._written: tuple[float, float, str, str] | None = None
 
     def start(self, params: AntennaParams) -> AntennaParams:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.core import Params, parameter
+from rf_pointing.core import Params, parameter, require_choice
 from rf_pointing.core.checks import brief
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.operations import AlarmParams, BetweenParams
@@ -66,8 +66,7 @@ class NightWatch:
         record: Callable[[Path, Mapping[str, str]], Recording], report: Callable[..., None],
         tell: Callable[[str, bool], None], publish: Callable[[Message], None],
     ) -> None:  # fmt: skip
-        if own.sensor and own.sensor not in SENSOR_CHOICES:
-            raise ValueError(f"executive.sensor={own.sensor} must be one of {', '.join(SENSOR_CHOICES)}")
+        require_choice("executive.sensor", own.sensor, ("", *SENSOR_CHOICES))
         self._own, self._thresholds, self._write_report, self._tell = own, alarms, report, tell
         self._notes = {"station": station.name, "band": band}
         tables = read_tables(alarms, own.directives_file, own.procedure_file, own.recovery_file)

@@ -5,7 +5,6 @@ from typing import Any
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
 from rf_pointing.core.parameters import flat, leaves
 from rf_pointing.core.signals import AXES
-from rf_pointing.drives.params import DriveParams
 from rf_pointing.station.derive.band import AXIS_KEYS, Band, nearest_within, site_of
 
 
@@ -29,6 +28,12 @@ def commanded(of: Band) -> Rows:
             of.accelerations_deg_s2, "mount.*.command_acceleration_deg_s2", "0.4 of the drive's acceleration, unless given"
         ),
     }  # fmt: skip
+
+
+def fixed_elevation(of: Band) -> Rows:
+    """Elevation of an antenna that turns in azimuth alone; nothing where both axes turn."""
+    given = of.content.mount.fixed_elevation_deg
+    return {} if given is None else {"fixed_elevation_deg": Value((given,), "mount.fixed_elevation_deg")}
 
 
 def preprocessor(of: Band) -> Rows:
@@ -58,6 +63,8 @@ def rest(of: Band) -> Rows:
 
 def drive(of: Band) -> dict[str, Value]:
     """The drive; one that takes positions moves as the mount says, unless its section says more."""
+    from rf_pointing.drives.params import DriveParams
+
     low, high = zip(*of.stops_deg, strict=True)
     steps = tuple(axis.resolution_deg or 0.0 for axis in of.axes)
     of_mount: dict[str, tuple[Any, str, str]] = {
@@ -121,17 +128,6 @@ def wind_limits(of: Band) -> Rows:
         "mean_limit_m_s": "mean_limit_m_s",
     }
     return {name: Value(getattr(of.content.wind, key), f"wind.{key}") for name, key in keys.items()}
-
-
-def link(of: Band) -> Rows:
-    """Strength of the carrier to expect."""
-    section = of.section
-    return {
-        "zenith_carrier_to_noise_db_hz": Value(
-            section.zenith_carrier_to_noise_db_hz, "bands.*.zenith_carrier_to_noise_db_hz"
-        ),
-        "reference_range_m": Value(1e3 * section.reference_range_km, "bands.*.reference_range_km"),
-    }
 
 
 def lag_averaging(of: Band) -> Value:

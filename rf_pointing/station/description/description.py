@@ -10,11 +10,11 @@ from typing import Any
 
 import yaml
 
+from rf_pointing.core import require_choice
 from rf_pointing.core.derived import Value
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import flat, leaves
 from rf_pointing.core.whole_file import compose_yaml, read_whole
-from rf_pointing.drives.registry import SIMULATED
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.station.derive.band import Band, Derived, site_of
@@ -77,6 +77,8 @@ class StationDescription:
     @property
     def simulated(self) -> bool:
         """Whether its antenna is a simulated one; any other moves a device in real time."""
+        from rf_pointing.drives.registry import SIMULATED
+
         return self.drive["type"] in SIMULATED
 
     def sensors(self, band: str | None = None) -> tuple[str, ...]:
@@ -227,8 +229,7 @@ class StationDescription:
 
     def _band(self, band: str | None) -> str:
         chosen = self.default_band if band is None else band
-        if chosen not in self.content.bands:
-            raise ValueError(f"band={chosen!r} of {self.name} must be one of {', '.join(self.bands)}")
+        require_choice(f"{self.name}: band", chosen, self.bands)
         return chosen
 
 
@@ -248,7 +249,7 @@ def read_station(name_or_path: str | Path, nodes: tuple[str, ...] = tuple(NODES)
         path = Path(text).expanduser()
         if not path.is_file():
             shipped = shipped_stations()
-            raise StationError(text, [(1, f"no such file, and no shipped station{nearest(text, shipped)}")])
+            raise StationError(text, [(0, f"no such file, and no shipped station{nearest(text, shipped)}")])
     return station_from(path, nodes=nodes)
 
 
