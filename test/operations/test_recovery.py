@@ -335,7 +335,7 @@ def test_a_drive_that_was_lost_and_found_is_one_alarm_unless_its_fault_stays(hel
 def test_what_a_lost_drive_leaves_is_reset_after_every_outage(outages: list[int]) -> None:
     """By the shipped table, 2 s after the drive is back, however many outages there were in half an hour."""
     one = Recovery(read_tables(AlarmParams()).recovery, ExpectedState(), AlarmBook(lambda *_: None))
-    t_s = 0.0
+    t_s, fault = 0.0, ""
     for lasts_s in outages:
         for k in range(lasts_s + 40):
             t_s += 1.0
