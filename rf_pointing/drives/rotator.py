@@ -57,6 +57,13 @@ class _Axis:
         self.timing: tuple[float, float, float] | None = None
         self.back_since_s: float | None = None
 
+    def set_back(self, by_s: float) -> None:
+        """Go on with a clock that was set back."""
+        if by_s > 0.0:
+            self.timing = None
+            self.sent_s = self.sent_s - by_s if self.sent is not None else -math.inf
+            self.back_since_s = None
+
 
 class Rotator:
     """A drive that takes positions, in continuous joint angles; `step` once a tick.
@@ -71,7 +78,7 @@ class Rotator:
         self.position_rad: Pair = (0.0, 0.0)
         self._axes = (_Axis(), _Axis())
         self._history: deque[tuple[float, Pair]] = deque()
-        self._sent_s = -math.inf
+        self._sent_s = self._t_s = -math.inf
         self._commands = 0
         self._count_from = MoveCounts()
 
@@ -79,6 +86,11 @@ class Rotator:
 
     def step(self, t_s: float) -> bool:
         """Let the drive work; return whether there is a new reading."""
+        # Where the clock has gone back every wait stays as long as it was.
+        back_s, self._t_s = max(0.0, self._t_s - t_s), t_s
+        self._sent_s -= back_s
+        for axis in self._axes:
+            axis.set_back(back_s)
         reading = self.drive.step(t_s)
         if reading is None or reading is self.reading:
             return False

@@ -106,6 +106,12 @@ class Executor:
         active = (BlockState.EXECUTING, BlockState.PAUSED)
         return not any(run.state in active or self._may_begin(name) for name, run in self.runs.items())
 
+    def set_back(self, by_s: float) -> None:
+        """Go on with a clock that was set back: every wait stays as long as it was."""
+        for run in self.runs.values():
+            run.ready_s, run.settled_s = run.ready_s - by_s, run.settled_s - by_s
+            run.sent_s = [t_s - by_s for t_s in run.sent_s]
+
     def step(self, now_s: float) -> None:
         """Begin, go on with and complete what can be at `now_s`."""
         # In the order of the network, so that a block begins in the step in which the last one

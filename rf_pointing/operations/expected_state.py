@@ -111,6 +111,10 @@ class ExpectedState:
         if present is None or t_s >= present.t_s:
             self._actual[attribute] = Observed(value, t_s)
 
+    def set_back(self, by_s: float) -> None:
+        """Go on with a clock that was set back: every value stays as old as it was."""
+        self._actual = {name: Observed(seen.value, seen.t_s - by_s) for name, seen in self._actual.items()}
+
     def actual(self, attribute: str) -> Observed | None:
         """Return the newest value, None if nothing was ever published."""
         return self._actual.get(attribute)

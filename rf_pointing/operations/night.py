@@ -92,6 +92,7 @@ class Night:
         self._number = 0
         self._planned_s = -math.inf
         self._rest, self._rest_s = "", -math.inf
+        self._now_s = -math.inf
         self._saved: tuple[Any, ...] = ()
         self._unproved = False
         """Whether the station has not been seen since a restart."""
@@ -230,6 +231,9 @@ class Night:
 
     def step(self, now_s: float) -> None:
         """Do what is due."""
+        if now_s < self._now_s:
+            self._set_back(self._now_s - now_s, now_s)
+        self._now_s = now_s
         work = self._work
         if work is not None:
             work.follow(self.expected_state)
@@ -252,6 +256,18 @@ class Night:
         if progress != self._saved:
             self._saved = progress
             self._save()
+
+    def _set_back(self, by_s: float, now_s: float) -> None:
+        """Go on with a clock that was set back: every wait stays as long as it was."""
+        self._note(now_s, "", "the clock was set back", f"by {by_s:.1f} s")
+        self.expected_state.set_back(by_s)
+        self.recovery.set_back(by_s)
+        self._planned_s, self._rest_s = self._planned_s - by_s, self._rest_s - by_s
+        if self._work is not None and self._work.failed_s is not None:
+            self._work.failed_s -= by_s
+        for executor in (self._action, self._work.executor if self._work is not None else None):
+            if executor is not None:
+                executor.set_back(by_s)
 
     def _progress(self) -> tuple[Any, ...]:
         """Return what a restart must know: of the present pass, and what was reported."""

@@ -4,11 +4,13 @@ import json
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rf_pointing.operations import AlarmParams, Condition, ExpectedState
 from rf_pointing.operations.alarms import ERROR, WARNING, AlarmBook
 from rf_pointing.operations.dictionary import TABLES, read_tables
-from rf_pointing.operations.recovery import Cause, Recovery, read_table
+from rf_pointing.operations.recovery import Cause, Recovery, RecoveryTable, read_table
 
 NAMES = {"reset": (), "go": ("azimuth",)}
 
@@ -282,6 +284,32 @@ def test_what_cannot_be_reached_from_the_start_is_not_raised_before_it_can() -> 
         assert len(one.recovery.book.lasting) == raised, t_s
 
 
+@given(back_s=st.floats(0.1, 1e5), at_s=st.integers(0, 90))
+def test_a_clock_that_is_set_back_lengthens_no_wait(back_s: float, at_s: int) -> None:
+    """Tries come when they would have come: 5 of them, 20 s apart, from 2 s after the cause on."""
+
+    def tries(back_s: float) -> list[int]:
+        cause = cause_of("{when: {a.b: 1}, for_s: 2, do: [reset], tries: 5, every_s: 20}")
+        seen, found = ExpectedState(), list[int]()
+        recovery = Recovery(RecoveryTable((cause,), {}), seen, AlarmBook(lambda *_: None, 600.0))
+        for wall_s in range(130):
+            if wall_s == at_s:
+                seen.set_back(back_s)
+                recovery.set_back(back_s)
+            now_s = 1e6 + wall_s - (back_s if wall_s >= at_s else 0.0)
+            seen.observe("a.b", 1, now_s)
+            recovery.step(now_s)
+            if due := recovery.due(now_s):
+                recovery.note_try(due[0], now_s)
+                found.append(wall_s)
+        return found
+
+    usual = tries(0.0)
+    assert len(usual) == 5
+    # The rounding of such times may cost a step.
+    assert tries(back_s) == pytest.approx(usual, abs=5)
+
+
 @pytest.mark.parametrize("helps", [True, False])
 def test_a_drive_that_was_lost_and_found_is_one_alarm_unless_its_fault_stays(helps: bool) -> None:
     """By the shipped table: the fault that it leaves is reset without a word, and told when no try has helped."""
@@ -323,3 +351,24 @@ def test_a_link_that_is_lost_each_five_minutes_costs_its_passes_and_never_waits_
             fault = ""
     assert [row for row in told if row[0] != "reminder"] == [("raised", "lost_drive"), ("cleared", "lost_drive")] * 12
     assert fault == ""
+
+
+@given(outages=st.lists(st.integers(2, 120), min_size=6, max_size=12))
+def test_what_a_lost_drive_leaves_is_reset_after_every_outage(outages: list[int]) -> None:
+    """By the shipped table, 2 s after the drive is back, however many outages there were in half an hour."""
+    one = Recovery(read_tables(AlarmParams()).recovery, ExpectedState(), AlarmBook(lambda *_: None))
+    t_s, fault = 0.0, ""
+    for lasts_s in outages:
+        for k in range(lasts_s + 40):
+            t_s += 1.0
+            lost = "refused" if k < lasts_s else ""
+            fault = "drive lost: refused" if lost else fault
+            for attribute, value in {"antenna.fault": fault, "drive.problem": lost}.items():
+                one.expected_state.observe(attribute, value, t_s)
+            one.step(t_s)
+            if due := one.due(t_s):
+                one.note_try(due[0], t_s)
+                assert not lost
+                assert k <= lasts_s + 3
+                fault = ""
+        assert fault == ""

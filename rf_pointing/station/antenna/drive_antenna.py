@@ -54,7 +54,7 @@ class DriveHardware:
         self.powered = False
         self._watch = PositionWatch(_limits(can, params))
         self._longest_s = max(params.link.lost_s, 2.0 * can.period_s)
-        self._reason, self._lost, self._t_s = "", "", math.inf
+        self._reason, self._lost, self._t_s = "", "", -math.inf
         self._encoder_rad: Pair = (0.0, 0.0)
         self.sampled_s = self._unseen_s = 0.0
         self._wind_m_s = math.nan
@@ -63,6 +63,9 @@ class DriveHardware:
 
     def look(self, t_s: float) -> None:
         """Let the drive work at `t_s`, and check what it reads."""
+        if t_s < self._t_s:
+            # A clock that goes back says nothing about how fast the device moves.
+            self._watch.reset()
         # Time in which nobody looked is not silence of the device.
         late_s, self._t_s = max(0.0, t_s - self._t_s), t_s
         self._unseen_s += late_s if late_s > LATE_S else 0.0

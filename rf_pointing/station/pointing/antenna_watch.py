@@ -25,6 +25,8 @@ from rf_pointing.core import AXES, JointReading, Params, angular_distance_rad, p
 from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.core.types import Array
 
+UNREAD_S = 0.2
+"""Time between two readings from which on it is no evidence of a frozen encoder."""
 # Share of `frozen_rad` that an encoder may toggle by and still keep its angle.
 TOGGLE_SHARE = 0.25
 # Share of the window: a gust pushes the axes off and lets them come back within it.
@@ -169,6 +171,8 @@ class AntennaWatch:
         if self._anchor is None or unread_s > self.params.reaction_s:
             self._anchor = np.full(2, reading.t_s), reading.position_rad.copy(), command.copy()
         since_s, kept, wanted = self._anchor
+        # What was not read is not known to stand: a control unit that stalls sends no set points.
+        since_s += unread_s if unread_s > UNREAD_S else 0.0
         turned = np.abs(reading.position_rad - kept) > TOGGLE_SHARE * self.params.frozen_rad
         since_s[turned], kept[turned], wanted[turned] = reading.t_s, reading.position_rad[turned], command[turned]
         asked = np.abs(command - wanted)
