@@ -25,6 +25,8 @@ EXECUTABLES = {
         "radio_control",
         "rf_receiver",
         "rotctld_server",
+        "signal_receiver",
+        "signal_source",
         "simulation_clock",
         "station_alarms",
         "station_description",
@@ -34,6 +36,7 @@ EXECUTABLES = {
     "commands": [
         "calibrate",
         "check_drive",
+        "check_receiver",
         "check_station",
         "fetch_elements",
         "fit_bias_model",
@@ -123,6 +126,7 @@ setup(
     install_requires=LIBRARIES,
     extras_require={
         "sweep": ["dask", "distributed"],
+        "zmq": ["pyzmq>=25"],
         "tables": ["pandas>=2.1", "pyarrow>=14"],
         # `colcon test` runs pytest where this extra names it.
         "test": ["pytest>=8", "pytest-timeout", "hypothesis"],
