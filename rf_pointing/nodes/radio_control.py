@@ -62,10 +62,11 @@ class RadioControlNode(StationNode):
         self._at_cleanup.callback(self._radio.close)
         self._sun = SolarDirection(value("sun"))
         self._inhibits = self.publisher(String, INHIBIT.name, INHIBIT.qos)
-        self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
-        self.listen(ours.Target, "target", self._on_target, STREAM)
-        self.listen(ours.AntennaStatus, "antenna_status", self._on_antenna, STATUS)
-        self.listen(ours.TrackingStatus, "tracking_status", self._on_tracking, STREAM)
+        joints = convert.joints_from_message
+        self._joints = self.listen_latest(JointState, "joint_states", joints, STREAM, required=True)
+        self.listen(ours.Target, "target", self._on_target, STREAM, required=True)
+        self.listen(ours.AntennaStatus, "antenna_status", self._on_antenna, STATUS, required=True)
+        self.listen(ours.TrackingStatus, "tracking_status", self._on_tracking, STREAM, required=True)
         for name in CHECKS:
             self.diagnostics.add_report(name, lambda name=name: self._radio.reports(self._server)[name])
 

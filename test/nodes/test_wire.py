@@ -16,8 +16,8 @@ from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque
 from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
 from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock, HeldTorque
 from rf_pointing.array_sensors.interferometer.measurement import InterferometerMeasurement
-from rf_pointing.array_sensors.nodes import convert as convert_arrays
 from rf_pointing.array_sensors.interferometer.tracker import ACQUIRING, COASTING, TRACKING
+from rf_pointing.array_sensors.nodes import convert as convert_arrays
 from rf_pointing.array_sensors.tripulse.signal import TripulseFrame
 from rf_pointing.core import (
     AXES,
@@ -319,7 +319,9 @@ def branch() -> Branch:
 )  # fmt: skip
 def test_an_interface_has_a_constant_for_every_word_of_a_closed_set(interface: Any, prefix: str, words: Any) -> None:
     names = [name for name in dir(type(interface)) if name.startswith(f"{prefix}_")]
-    assert {name: getattr(interface, name) for name in names} == {f"{prefix}_{word.upper()}": str(word) for word in words}
+    assert {name: getattr(interface, name) for name in names} == {
+        f"{prefix}_{word.upper()}": str(word) for word in words
+    }
 
 
 def test_levels_are_those_of_diagnostics() -> None:
