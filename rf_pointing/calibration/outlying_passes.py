@@ -151,13 +151,13 @@ class _Equations:
         held = np.arange(len(size)) == (-1 if free is None else free)
         size[held] = _FREE
         for _ in range(_ROUNDS):
-            found = self.estimates(size, *self.terms(size))
-            square = np.concatenate([np.sum(values**2, axis=0) for values, _ in found]) / size**2
-            variances = np.split(size**2, levels)
-            freedom = np.concatenate([
-                np.sum(np.maximum(1.0 - variance / before, 0.0), axis=0)
-                for (_, variance), before in zip(found, variances, strict=True)
-            ])  # fmt: skip
+            sums = [
+                (np.sum((values / one) ** 2, axis=0), np.sum(np.maximum(1.0 - variance / one**2, 0.0), axis=0))
+                for (values, variance), one in zip(
+                    self.estimates(size, *self.terms(size)), np.split(size, levels), strict=True
+                )
+            ]
+            square, freedom = (np.concatenate(each) for each in zip(*sums, strict=True))
             total, count = (np.bincount(groups, some, len(size))[groups] for some in (square, freedom))
             change = np.sqrt(np.where((count >= _FEWEST_SEEN) & ~held, total / np.maximum(count, _FEWEST_SEEN), 1.0))
             before, size = size, np.maximum(size * change, _LEAST)
@@ -230,11 +230,8 @@ def _with_prior(products: Array, size: Array) -> Array:
 def _errors(mine: Array, solved: Array, values: Array, covariance: Array) -> tuple[Array, Array]:
     """Return errors (g, p) and their variances, from how they follow from the other unknowns."""
     across = solved[:, :, :-1]
-    variance = np.einsum("gii->gi", np.linalg.inv(mine))
-    variance = variance + np.einsum("gij,gjk,gik->gi", across, np.broadcast_to(
-        covariance, (len(mine), *covariance.shape[1:])), across, optimize=True)  # fmt: skip
-    return solved[:, :, -1] - np.einsum("gij,gj->gi", across, np.broadcast_to(
-        values, (len(mine), values.shape[1]))), variance  # fmt: skip
+    variance = np.einsum("gii->gi", np.linalg.inv(mine)) + np.sum((across @ covariance) * across, axis=2)
+    return solved[:, :, -1] - (across @ values[..., np.newaxis])[..., 0], variance
 
 
 def warnings_of(fit: FitResult, points: Observations) -> tuple[str, ...]:

@@ -176,7 +176,7 @@ def _without_acceleration(moved: Array, covariance: Array, taken_s: float) -> Sy
     left, (there, here) = misfit(np.array([-taken_s, tau]))
     tau += taken_s
     # Mounts that have acceleration lags of their own tell nothing of a clock.
-    if abs(tau) < _LEAST_CLOCK_S or there - here < _LIKELY:
+    if here <= _ONE_CLOCK and (abs(tau) < _LEAST_CLOCK_S or there - here < _LIKELY):
         return None
     lags = "s^2 and ".join(f"{value:+.3f} +/- {size:.3f} " for value, size in
                            zip(left[0], np.sqrt(np.diag(covariance))[2:], strict=True))  # fmt: skip

@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 from typing import Self
 
-from rf_pointing.papers.row import Row, as_due
+from rf_pointing.papers.row import Row, near
 from rf_pointing.rf.noise import (
     REFERENCE_K,
     Stage,
@@ -141,7 +141,7 @@ def _plate_rows() -> list[Row]:
             Row(
                 f"noise of the plate at {REFERENCE_K:g} K, {name}", where, paper, cold, "K", within,
                 remark="One temperature gives all three: 293 K, and not the 290 K of noise figures.",
-                explained=as_due(cold * PLATE_K / REFERENCE_K, paper, 0.006),
+                due=near(paper * REFERENCE_K / PLATE_K, 0.006),
             ),
         ]  # fmt: skip
     calculated = noise_of_plate_k(PLATE[1][1] + PLATE[1][2], PLATE_K)
@@ -188,7 +188,7 @@ def _two_port_rows() -> list[Row]:
         Row(
             "T_n as printed", "HEMT p. 73", due, printed, "K", 1e-9 * due,
             remark="Printed with |Z_g - Z_opt|^2 below the line: the mismatch would lower the noise to T_min.",
-            explained=as_due(printed, CHIP.least_noise_k, 1e-3),
+            due=near(CHIP.least_noise_k, 1e-3),
         ),
         Row("T_min of a chip at 32 GHz", "HEMT, Pospieszalski", 2.543, low_k, "K", 6e-4),
         Row("R_opt of a chip at 32 GHz", "HEMT, Pospieszalski", 24.57, low_ohm, "ohm", 6e-3),

@@ -195,6 +195,8 @@ class OfflineFit:
             if judged and np.all(np.abs(result.values - before.values) < SETTLED * result.sigma):
                 break
         clock = self._common_clock(result, known, late) if request.time_error_s is None else None
+        # The station's own clock is not doubted because nothing proves it.
+        clock = None if self._data.recorded and clock is not None and not clock.refuse else clock
         air, gains = systematic_errors.refraction_and_site(result, every, self._air)
         self._free = {name for name in gains if name == "refraction" and gains[name] > MAYBE_WRONG}
         if self._free:

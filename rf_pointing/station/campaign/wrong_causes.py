@@ -27,7 +27,8 @@ from rf_pointing.ephemeris.time_scales import TAI_MINUS_GPS_S, TT_MINUS_TAI_S, l
 _SAMPLES, _PASSES = 40, 12
 # A mount and its orbits are off by less; a cause must leave less than this share of the distance.
 _UNEXPLAINED_RAD, _LARGEST_SHARE = math.radians(0.25), 0.35
-_LATEST_S, _STEP_S, _FINE_S = 120.0, 1.0, 0.02
+# Lags of the mount look like less than so many seconds.
+_LEAST_S, _LATEST_S, _STEP_S, _FINE_S = 4.0, 120.0, 1.0, 0.02
 _ZONE_S, _ZONES = 1800.0, 28
 _SITE_ROUNDS, _LEAST_SITE_M = 6, 500.0
 _SCALE_S = 0.7
@@ -107,6 +108,8 @@ class _Hypotheses:
 
         coarse = min(np.arange(-_LATEST_S, _LATEST_S + _STEP_S, _STEP_S).tolist(), key=off)
         late_s = min(np.arange(coarse - _STEP_S, coarse + _STEP_S, _FINE_S).tolist(), key=off)
+        if abs(late_s) < _LEAST_S:
+            return
         tai_s = float(leap_seconds().tai_minus_utc_s(float(self.passes[0].t_s[0])))
         scales = {"GPS time": tai_s - TAI_MINUS_GPS_S, "TAI": tai_s, "TT": tai_s + TT_MINUS_TAI_S}
         scale = [name for name, ahead_s in scales.items() if abs(late_s - ahead_s) < _SCALE_S]
