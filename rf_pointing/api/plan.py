@@ -165,4 +165,14 @@ def table_text(plan: DayPlan) -> str:
             f"{math.degrees(window.peak_elevation_rad):6.2f} {azimuths}  {item.fate}: {fate}"
         )
     counts = {fate: sum(item.fate is fate for item in plan.passes) for fate in Fate}
+    pieces: dict[str, list[float]] = {}
+    for item in plan.passes:
+        # What was up before its piece began fills a gap; a pass in progress does so once.
+        if item.fate is Fate.TRACKED and item.window.rises_before:
+            pieces.setdefault(item.window.name, []).append(item.window.duration_s)
+    lines += [
+        f"{name} is tracked in {len(each)} gaps, {sum(each) / 3600.0:.1f} h"
+        for name, each in pieces.items()
+        if len(each) > 1
+    ]
     return "\n".join([*lines, f"{len(plan.passes)} passes: " + ", ".join(f"{n} {fate}" for fate, n in counts.items())])

@@ -30,7 +30,7 @@ class SimulatedPass:
         """Return the true pointing errors (n, 2): cross-elevation and elevation, in millidegrees.
 
         Those of the samples in `modes` ("monopulse", "program", ...), of all when none is named.
-        ValueError where there are none, with the fault that ended the pass: an unstable loop has no
+        ValueError without a sample, with the fault that ended the pass: an unstable loop has no
         error that could be averaged.
         """
         errors = self.log.errors_rad(*modes) / MDEG

@@ -155,7 +155,7 @@ def draw_beam(analysis: Analysis, path: Path) -> None:
                 whole.plot(chosen[:, 0], chosen[:, 1], ".", color=mode_colour(mode), ms=2.0, label=label)
         reach = np.nanmax(np.abs(np.concatenate([alone, errors.error_rad[tracking] / MDEG, [[half, half]]])))
         _frame(whole, half, 1.15 * max(float(reach), _SMALLEST_MDEG), "whole beam")
-        # Beside the axes: inside it would lie over the points.
+        # Below the axes: inside it would lie over the points.
         whole.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3, markerscale=4.0)
         _draw_middle(middle, errors.error_rad[settled] / MDEG, half, analysis.acquired_ns is not None)
 

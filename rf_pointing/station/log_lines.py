@@ -17,7 +17,7 @@ ROS_FORMAT = '{"t_s": {time}, "level": "{severity}", "name": "{name}", "text": "
 
 
 def json_lines() -> bool:
-    """Return whether lines of JSON are wanted; ValueError for a word that is no choice."""
+    """Return whether lines of JSON are wanted; ValueError for an unknown word."""
     chosen = os.environ.get(_CHOSEN, "")
     if chosen not in _CHOICES:
         raise ValueError(f"{_CHOSEN}={chosen!r} must be text or json")

@@ -86,12 +86,12 @@ def board_metrics(
     return families
 
 
-def page_metrics(viewers: int, commands: int, refusals: int) -> list[Family]:
+def page_metrics(viewers: int, commands: int, refused: int) -> list[Family]:
     """Return what the page counts of itself."""
     return [
         Family("page_viewers", "", "Viewers of the page now.", [({}, viewers)]),
         Family("page_commands", "", "Commands of viewers since the page started.", [({}, commands)], "counter"),
-        Family("page_refusals", "", "Requests refused since the page started.", [({}, refusals)], "counter"),
+        Family("page_refusals", "", "Requests refused since the page started.", [({}, refused)], "counter"),
     ]
 
 

@@ -210,7 +210,7 @@ class PageApp:
 
     async def _metrics(self, _: web.Request) -> web.Response:
         made_s, families = self.measured
-        # A node that has stalled measures nothing: what it made is no present value.
+        # A node that has stalled measures nothing, and its last values are old.
         known = families if time.monotonic() - made_s <= STALE_S else ()
         text = exposition([*known, *page_metrics(self.viewers, self.commands, self.refused)])
         return web.Response(body=text.encode(), headers={"Content-Type": CONTENT_TYPE})

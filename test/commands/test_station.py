@@ -108,6 +108,13 @@ def test_a_command_line_means_a_call(line: str, call: str, wanted: dict[str, Any
     assert request.arguments == wanted
 
 
+def test_a_list_of_passes_leaves_the_file_that_follows_it(tmp_path: Path) -> None:
+    night = tmp_path / "night.csv"
+    night.write_text("target,aos_utc,los_utc\nISS,2026-11-26T18:00:00,2026-11-26T18:10:00\n")
+    asked = station.request_of(["queue", "--remove", "a", "b", str(night)]).arguments
+    assert (asked["remove"], asked["text"]) == (["a", "b"], night.read_text())
+
+
 def test_a_tracker_of_another_package_can_be_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
     choices = dict(station.SENSOR_CHOICES)
     monkeypatch.setattr(station, "SENSOR_CHOICES", choices)

@@ -15,6 +15,7 @@ from aiohttp.test_utils import TestClient, TestServer
 from rf_pointing.ros.main_loop import read_token
 from rf_pointing.station.clients.board import PageParams
 from rf_pointing.web import page_server
+from rf_pointing.web.metrics import CONTENT_TYPE, STALE_S, Family
 from rf_pointing.web.page_server import LONGEST_BODY, PageApp, PageServer, Request, shown
 
 TOKEN = "a-token-of-the-test"
@@ -60,6 +61,23 @@ async def post(client: Any, body: Any, **headers: str) -> tuple[int, dict[str, A
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(page_server, "WRONG_TOKEN_S", 0.0)
+
+
+def test_metrics_are_for_who_may_read_the_page_and_never_old() -> None:
+    async def work(client: TestClient, page: PageApp, _station: Station) -> None:
+        one = Family("axis_error", "degrees", "Error.", [({"axis": "azimuth"}, 0.5)])
+        for age_s, shown_there in ((0.0, True), (STALE_S + 1.0, False)):
+            page.measured = time.monotonic() - age_s, [one]
+            async with client.get("/metrics") as response:
+                text = await response.text()
+                assert (response.status, response.headers["Content-Type"]) == (200, CONTENT_TYPE)
+            assert ('rf_pointing_axis_error_degrees{axis="azimuth"} 0.5\n' in text) == shown_there
+            assert text.endswith("rf_pointing_page_refusals_total 0.0\n# EOF\n")
+        for headers in ({"Host": "evil.example"}, {"Origin": "http://evil.example"}):
+            async with client.get("/metrics", headers=headers) as response:
+                assert response.status == 403
+
+    served(work)
 
 
 def test_a_command_with_the_token_reaches_the_station() -> None:

@@ -228,7 +228,7 @@ class Board:
 
     @property
     def age_s(self) -> dict[str, float]:
-        """Age of the newest message of each source that was heard, in s."""
+        """Age of the newest message of each source that was received, in s."""
         names = ("antenna", "tracking", "target", "executive")
         return {name: round(max(0.0, self._age_s(name)), 1) for name in names if name in self._seen_s}
 
