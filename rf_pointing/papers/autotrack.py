@@ -106,7 +106,7 @@ def station_gain_db(changes: Changes, seed: int) -> float:
     single, averaged = [], []
     for reception, mode in zip(heard, log.mode, strict=True):
         cluster = reception.cluster
-        if mode != "monopulse" or cluster.t_s[0] <= begun_s:
+        if cluster is None or mode != "monopulse" or cluster.t_s[0] <= begun_s:
             continue
         averaged.append(_measured(tracker, cluster) - truth(cluster.t_s).mean(axis=0))
         single += [

@@ -29,6 +29,7 @@ PAPERS = (
     "doa",
     "interferometer",
     "monopulse",
+    "nco",
     "receive",
     "satcal",
     "sensors",
