@@ -228,7 +228,7 @@ def unplug(table: Table, station: LaunchedStation, culmination_s: float) -> None
         "unplugged for 60 s in a pass: no node ends", f"{restarts(station) - before} ended", restarts(station) == before
     )
     table.add("one alarm", ", ".join(raised) or "-", raised == ["lost_drive"])
-    table.within("plugged in: held again", held_s, READY_S)
+    table.within("plugged in: held again", held_s, BACK_S)
 
 
 def power_cut(table: Table, station: LaunchedStation, culmination_s: float) -> None:

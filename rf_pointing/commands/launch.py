@@ -6,7 +6,7 @@
 
 Arguments are those of `ros2 launch rf_pointing NAME.launch.py`, which this replaces where ROS has
 no such tool.  A process that ends is started again (`respawn:=false`: not); Ctrl-C ends all of them
-in order and stops the antenna.  Exit code 0: ended as it was told; 1: it cannot start, or a process
+in order and stops the antenna.  Exit code 0: ended on request; 1: it cannot start, or a process
 without respawn has failed; with `status`: something of it does not run.
 """
 

@@ -14,7 +14,7 @@ The table is a YAML file; `tables/recovery.yaml` is the shipped one, a station m
         unless: {drive.problem: {is_not: ""}}    # while all hold: not raised, and nothing tried
         do: [reset_fault]                        # by itself
         not_by_itself: runaway|hard limit        # ... unless the text matches this expression
-        told_by_another: drive lost              # such a text is told when nothing is left to try
+        reported_by_another: drive lost              # is reported when nothing is left to try
         tries: 3
         every_s: 30
         ask: look at the antenna, then reset the fault
@@ -43,7 +43,7 @@ FORGET_S = 1800.0
 """A cause that stays away for so long is a new one."""
 _LEVELS = {"warning": WARNING, "error": ERROR}
 _CAUSE_KEYS = {
-    "when", "unless", "for_s", "level", "text", "again", "do", "not_by_itself", "told_by_another", "tries",
+    "when", "unless", "for_s", "level", "text", "again", "do", "not_by_itself", "reported_by_another", "tries",
     "every_s", "ask", "night", "last",
 }  # fmt: skip
 _PLACE = re.compile(r"^\$\{(\w+)\}$")
@@ -63,7 +63,7 @@ class Cause:
     again: str
     do: tuple[str, ...]
     not_by_itself: str
-    told_by_another: str
+    reported_by_another: str
     tries: int
     every_s: float
     ask: str
@@ -131,7 +131,7 @@ def _cause(name: str, given: dict[str, Any], actions: Collection[str], known: Ma
     for key, value in numbers.items():
         if not is_number(value, 0.0):
             raise ValueError(f"causes.{name}.{key}={value!r} must be a number >= 0")
-    patterns = {key: str(values.get(key, "")) for key in ("not_by_itself", "told_by_another")}
+    patterns = {key: str(values.get(key, "")) for key in ("not_by_itself", "reported_by_another")}
     for key, pattern in patterns.items():
         try:
             re.compile(pattern)
@@ -190,9 +190,9 @@ class Ongoing:
         return bool(self.cause.do) and allowed and self.tried < self.cause.tries
 
     @property
-    def told_by_another(self) -> bool:
-        """Whether it is what another cause has left behind, which was told."""
-        pattern = self.cause.told_by_another
+    def reported_by_another(self) -> bool:
+        """Whether another cause has left it behind, which was reported."""
+        pattern = self.cause.reported_by_another
         return bool(pattern and re.search(pattern, self.text))
 
     @property
@@ -232,14 +232,14 @@ class Recovery:
                 elif not one.held_off and now_s - one.since_s >= cause.for_s:
                     one.raised, one.text = True, self._text(cause.text, device)
                     dealt_with = self.acts and one.by_itself
-                    if dealt_with and one.told_by_another:
+                    if dealt_with and one.reported_by_another:
                         continue
                     ask = "" if dealt_with else self._text(cause.ask, device)
                     about = self._text(f"{{{cause.again}}}", device) if cause.again else ""
                     self.book.raise_(name, cause.level, one.text, now_s, ask, about)
         for name in [name for name in self.ongoing if name not in present]:
             one = self.ongoing.pop(name)
-            if not one.told_by_another:
+            if not one.reported_by_another:
                 self._gone[name] = one.tried, one.tried_s, now_s
         # Also those of before a restart whose causes have gone meanwhile.
         for alarm in self.book.lasting:

@@ -1,8 +1,8 @@
-"""Processes of a launch file, kept running until they are told to end; needs no `launch`.
+"""Processes of a launch file, kept running until they are to end; needs no `launch`.
 
 Each writes a log of its own and, ended by itself, is started again after 0.5 s; a process that
 ends within `SETTLED_S` of its start waits twice as long each time, 8 s at most.  They are ended in
-three rounds: who asks (executive, page), who points, and last what moves and receives.
+three rounds: clients (executive, page), who points, and last what moves and receives.
 """
 
 import json
@@ -237,7 +237,7 @@ def _how(code: int) -> str:
 
 
 def to_terminal(line: str) -> None:
-    """Print a line; a terminal that is closed is no reason to end."""
+    """Print a line; whoever closes the terminal does not end the station by that."""
     try:
         print(line, flush=True)
     except OSError:

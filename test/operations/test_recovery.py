@@ -52,18 +52,18 @@ def test_what_a_cause_does_not_say_is_usual() -> None:
     when = (Condition(attribute="a.b", test="is", wanted=1),)
     assert cause_of("{when: {a.b: 1}}") == Cause(
         name="some_cause", when=when, unless=(), for_s=0.0, level=ERROR, text="some cause", again="",
-        do=(), not_by_itself="", told_by_another="", tries=0,
+        do=(), not_by_itself="", reported_by_another="", tries=0,
         every_s=10.0, ask="", night="continue", last="continue",
     )  # fmt: skip
     assert cause_of("{when: {a.b: 1}, night: weather}").last == "weather"
     whole = (
         "{when: {a.b: 1}, unless: {a.b: 1}, for_s: '${fault_s}', level: warning, text: t,"
-        " again: a.c, do: [go, reset], not_by_itself: 'x|y', told_by_another: z,"
+        " again: a.c, do: [go, reset], not_by_itself: 'x|y', reported_by_another: z,"
         " tries: 3, every_s: 0.5, ask: q, night: wait, last: stop}"
     )
     assert cause_of(whole, fault_s=7.5) == Cause(
         name="some_cause", when=when, unless=when, for_s=7.5, level=WARNING, text="t", again="a.c",
-        do=("go", "reset"), not_by_itself="x|y", told_by_another="z",
+        do=("go", "reset"), not_by_itself="x|y", reported_by_another="z",
         tries=3, every_s=0.5, ask="q", night="wait", last="stop",
     )  # fmt: skip
 
@@ -79,7 +79,7 @@ def test_what_a_cause_does_not_say_is_usual() -> None:
         ("{when: {a.b: 1}, tries: .inf}", "tries=inf must be a number >= 0"),
         ("{when: {a.b: 1}, tries: -1}", "tries=-1 must be a number >= 0"),
         ("{when: {a.b: 1}, not_by_itself: '('}", "is not a regular expression"),
-        ("{when: {a.b: 1}, told_by_another: '('}", "told_by_another='[(]' is not a regular expression"),
+        ("{when: {a.b: 1}, reported_by_another: '('}", "reported_by_another='[(]' is not a regular expression"),
         ("{when: {a.b: 1}, for_s: '${fault}'}", "fault must be one of the thresholds node_silent_s"),
         ("{when: {a.b: 1}, asks: look}", "unknown asks; known are"),
         ("{when: {a.b: 1}, level: 3}", "level=3 must be one of warning, error"),

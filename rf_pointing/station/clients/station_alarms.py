@@ -139,7 +139,7 @@ class StationAlarms:
     def observe(self, t_s: float, wall_s: float, needed: Collection[str] = NEEDED) -> None:
         """Note what no message carries: silence, disk, memory, the Sun, the ways out."""
         self._t_s = t_s
-        # What was not heard while this process stood still is not the silence of others.
+        # Messages that this process was too late to receive do not count as silence of others.
         if (stalled_s := wall_s - self._observed_s - STEP_S) > 0.0:
             self._alive_s = {name: seen_s + stalled_s for name, seen_s in self._alive_s.items()}
             self._executive_s += stalled_s
