@@ -104,7 +104,7 @@ class ServedWords:
         raise NotImplementedError
 
     @property
-    def refusal(self) -> str:
+    def reason(self) -> str:
         """Why the station has refused the newest order, in words; "" if it has not."""
         return ""
 
@@ -162,7 +162,7 @@ class Session:
     def answer(order: Order, code: int = 0, fields: tuple[tuple[str, str], ...] = (), reason: str = "") -> bytes:
         """Return the answer; `fields` are its lines in the extended and in the plain form.
 
-        The extended form has room for the `reason` of a refusal, the plain one for its code only.
+        The extended form has room for the `reason`, the plain one for its code only.
         """
         if order.separator:
             head = f"{order.name}: {order.text}" if order.text else f"{order.name}:"
@@ -385,7 +385,7 @@ class LineServer:
             fields = session.words.fields(order)
             code = IO_ERROR if fields is None else 0
         # A wrong line is answered as by Hamlib's own program, byte for byte.
-        return session.answer(order, code, fields or (), "" if order.code else session.words.refusal)
+        return session.answer(order, code, fields or (), "" if order.code else session.words.reason)
 
     async def _carried_out(self, order: Order, name: str, at_s: float) -> int:
         """Hand an order to the station; return its code, or that of a station that is silent."""

@@ -86,7 +86,7 @@ class StationView:
     position_deg: Pair | None = None
     moving: tuple[int, int] = (0, 0)
     """Sign of the motion of azimuth and elevation."""
-    refusal: str = ""
+    reason: str = ""
     """Why the newest order was refused; `get_info` tells it to clients of the plain form too."""
 
     def fields(self, name: str, habit: Habit) -> Fields | None:
@@ -98,7 +98,7 @@ class StationView:
                 named = zip(("Azimuth", "Elevation"), habit.shown_deg(*self.position_deg), strict=True)
                 return tuple((f"{label}: {value:.2f}", f"{value:.2f}") for label, value in named)
             case "get_info":
-                info = f"{self.name}; refused: {self.refusal}" if self.refusal else self.name
+                info = f"{self.name}; refused: {self.reason}" if self.reason else self.name
                 return ((f"Info: {info}", info),)
             case "get_status":
                 flags = self._flags()
@@ -171,8 +171,8 @@ class RotatorWords(ServedWords):
         return self.view.fields(order.name, self._habit)
 
     @property
-    def refusal(self) -> str:
-        return self.view.refusal
+    def reason(self) -> str:
+        return self.view.reason
 
     def obeyed(self, order: Order) -> None:
         if order.name == "set_pos":

@@ -206,12 +206,12 @@ class Steering:
 
     def _warn(self, subject: str, text: str) -> None:
         """Log why something was not done; a client that asks for the reason gets it as well."""
-        self.view.refusal = f"{subject}: {text}"
+        self.view.reason = f"{subject}: {text}"
         self._log(subject, text)
 
     def order(self, inquiry: Inquiry) -> None:
         """Carry out the order of a client; its reply may come later."""
-        order, self.view.refusal = inquiry.order, self._refusal
+        order, self.view.reason = inquiry.order, self._refusal
         code, reason = self._reason_against(inquiry.client, order.name)
         if code and order.name == "set_pos" and self._joins(inquiry):
             inquiry.reply(0)

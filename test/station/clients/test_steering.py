@@ -399,15 +399,15 @@ def test_a_client_that_sees_a_code_alone_can_ask_for_the_reason(desk: Desk) -> N
     desk.antenna("parked")
     assert desk.point(110.0) == [REJECTED]
     view = desk.steering.view
-    assert view.refusal.endswith("the antenna was parked by somebody else; release it first")
-    assert view.refusal in view.fields("get_info", Habit())[0][0]
+    assert view.reason.endswith("the antenna was parked by somebody else; release it first")
+    assert view.reason in view.fields("get_info", Habit())[0][0]
     order = Order("set_pos", (110.0, 40.0), "110 40", "\n")
-    asked = Session.answer(order, REJECTED, (), view.refusal).decode().splitlines()
-    assert asked == ["set_pos: 110 40", f"Reason: {view.refusal}", "RPRT -9"]
+    asked = Session.answer(order, REJECTED, (), view.reason).decode().splitlines()
+    assert asked == ["set_pos: 110 40", f"Reason: {view.reason}", "RPRT -9"]
     # The next order that is carried out has none.
     desk.antenna("holding")
     desk.point(110.0)
-    assert view.refusal == ""
+    assert view.reason == ""
 
 
 @given(azimuth_deg=st.floats(-170.0, 170.0), elevation_deg=st.floats(89.0, 90.0), bias_deg=st.floats(-0.5, 0.5))
