@@ -230,10 +230,16 @@ class BandSection:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverSection:
-    """The receiver that measures the carrier."""
+    """The receiver that measures the carrier: simulated, or a device of yours."""
 
+    type: str = parameter("simulated", "where the signal comes from, as receiver.type of signal_receiver")
     power_period_s: float = parameter(0.1, "time between two carrier powers", low=0.06, high=10.0)
     delay_s: float = parameter(0.0, "time from the beam's direction to the power that it gives", low=-60.0, high=60.0)
+    options: str = parameter("", "text for a receiver of your own")
+    link: Open = field(default_factory=dict, metadata={"description": "how the device is reached"})
+    iq: Open = field(default_factory=dict, metadata={"description": "samples of a radio"})
+    signal: Open = field(default_factory=dict, metadata={"description": "what is measured in samples"})
+    level: Open = field(default_factory=dict, metadata={"description": "what a reported level means"})
 
 
 @dataclass(frozen=True, kw_only=True)
