@@ -54,7 +54,9 @@ def test_launched_nodes_are_executables() -> None:
     # The trackers' are those of their traits.
     named |= {traits.node for traits in SENSORS.values() if not traits.own_level}
     # These are started where they are wanted, and are no part of a graph.
-    named |= set(re.findall(r'^(?:EXECUTIVE|ALARMS|DESCRIPTION|OPERATOR_PAGE|ROTCTLD) = "(\w+)"', source, re.MULTILINE))
+    named |= set(
+        re.findall(r'^(?:EXECUTIVE|ALARMS|DESCRIPTION|OPERATOR_PAGE|RADIO|ROTCTLD) = "(\w+)"', source, re.MULTILINE)
+    )
     of_array = set(re.findall(r'GraphNode\(\s*"(array_\w+)"', source))
     # Not a node: it runs several of them.
     named.add("station_process")

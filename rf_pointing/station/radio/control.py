@@ -110,7 +110,7 @@ class RadioControl:
             self._transmitter.key(on, self._wall_s, reply)
 
     def _retune(self, dial_hz: float, split: bool, t_s: float, client: str) -> int:
-        """Move to another point of the passband; return 0 or the code of a refusal."""
+        """Move to another point of the passband; return 0 or an error code."""
         channel, shifts = self._channel(), self._motion.at(t_s)
         if channel is None or shifts is None:
             return IO_ERROR
