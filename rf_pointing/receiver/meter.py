@@ -19,9 +19,8 @@ from rf_pointing.receiver.carrier import CarrierTracker, power_bound
 from rf_pointing.receiver.noise import DC_BINS, Line, NoiseDensity, strongest_line
 from rf_pointing.receiver.params import BAND, CARRIER, PREAMBLE, IqParams, SignalReceiverParams
 from rf_pointing.receiver.preamble import Burst, PreambleDetector
-from rf_pointing.receiver.prediction import DopplerPrediction
 from rf_pointing.receiver.spectrum import IqSamples, Layout, Spectrum, SpectrumStream
-from rf_pointing.receiver.stream_clock import StreamClock
+from rf_pointing.receiver.stream_clock import DopplerPrediction, StreamClock
 from rf_pointing.rf.noise import BOLTZMANN_J_K
 
 FLOOR_DB_HZ = 0.0
