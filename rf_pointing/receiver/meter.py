@@ -1,7 +1,7 @@
 """From samples to what trackers take: carrier power with its sigma, clusters of three channels.
 
 Every block of the stream is placed in time, its frequency predicted from range rate, frequencies
-and clock of the radio; a detector follows the signal beside that.  A report covers whole blocks.
+and clock of the radio; a detector follows what is left.  A report covers whole blocks.
 """
 
 import math
@@ -346,7 +346,7 @@ class SignalMeter:
 
 
 def channel_noise(block: Spectrum, frame: int) -> Array:
-    """Return the noise power of every channel (channels,), from the bins beside the signal."""
+    """Return the noise power of every channel (channels,), from the bins next to the signal."""
     half = block.values.shape[1] // 2
     bins = half + frame + np.r_[-NOISE_BINS:-GUARD_BINS, GUARD_BINS:NOISE_BINS]
     bins = bins[(bins >= 0) & (bins < block.values.shape[1])]
