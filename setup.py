@@ -102,21 +102,24 @@ setup(
     license="Apache-2.0",
     maintainer="rf_pointing maintainers",
     maintainer_email="maintainers@rf-pointing.example",
-    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    packages=[*find_packages(include=[PACKAGE, f"{PACKAGE}.*"]), f"{PACKAGE}.config"],
+    # In the package as well as in share/: Python finds it where there is no ament.
+    package_dir={f"{PACKAGE}.config": "config"},
     package_data={
         f"{PACKAGE}.controllers": ["*.json"],
         f"{PACKAGE}.web": ["page/*"],
         f"{PACKAGE}.operations": ["tables/*"],
         f"{PACKAGE}.report": ["templates/*", "messages/*.msg"],
-        f"{PACKAGE}.station.description": ["stations/*"],
+        f"{PACKAGE}.config": ["stations/*", "array_sensors/*"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/config", sorted(glob("config/*.*"))),
-        (f"share/{PACKAGE}/config/sros2", ["config/sros2/gs1.xml"]),
-        (f"share/{PACKAGE}/config/systemd", sorted(glob("config/systemd/*"))),
-        (f"share/{PACKAGE}/config/viewers", sorted(glob("config/viewers/*"))),
+        *(
+            (f"share/{PACKAGE}/config/{folder}", sorted(glob(f"config/{folder}/*")))
+            for folder in ("array_sensors", "sros2", "stations", "systemd", "viewers")
+        ),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.py"))),
     ],
     python_requires=">=3.11",

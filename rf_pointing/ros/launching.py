@@ -279,7 +279,7 @@ def full_namespace(pushed: str, namespace: str) -> str:
 
 
 def adopt_state(values: Mapping[str, Any], former: str) -> str:
-    """Move what an antenna kept below its `namespace:=` alone; return what is to be said of it.
+    """Move what an antenna kept below its `namespace:=` alone; return what was moved.
 
     Two sites that include the file with the same `former` one shared it: the first takes it,
     unless an antenna of that namespace runs.

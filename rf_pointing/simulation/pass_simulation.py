@@ -52,7 +52,7 @@ class PassLog:
     command_rad: list[tuple[float, float]] = field(default_factory=list)
     certificate: Certificate | None = None
     fault: str = ""
-    """What the antenna had latched at the end."""
+    """The fault that was latched at the end, "" without one."""
 
     def errors_rad(self, *modes: str) -> Array:
         """Return the true errors (n, 2) of the clusters in these modes (all when none is named)."""

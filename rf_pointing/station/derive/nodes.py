@@ -247,7 +247,7 @@ def rotctld_server(_: Band) -> Derived:
 
 
 def radio_control(of: Band) -> Derived:
-    """Radio beside the antenna: where its transmitter may send, and the port of its clients."""
+    """Radio of the antenna: where its transmitter may send, and the port of its clients."""
     from rf_pointing.drives.line_server import ServerParams
     from rf_pointing.ephemeris.solar import SunParams
     from rf_pointing.planning.gate import GateParams

@@ -182,7 +182,7 @@ class NoiseSection:
     """Parts of the system noise, in place of system_noise_k."""
 
     chain: tuple[StageSection, ...] = parameter(description="parts behind the antenna, in the order of the signal")
-    spillover_k: float = parameter(8.0, "ground seen beside the reflector, feed and mirrors", low=0.0, high=300.0)
+    spillover_k: float = parameter(8.0, "ground seen past the reflector, feed and mirrors", low=0.0, high=300.0)
     dichroic_loss_db: float = parameter(
         0.0, "reflection and ohmic loss of a dichroic plate in the beam; 0: none", low=0.0, high=3.0
     )
@@ -257,7 +257,7 @@ class RigSection:
 
 @dataclass(frozen=True, kw_only=True)
 class TransponderSection:
-    """What a satellite sends, and what it receives."""
+    """Frequencies of one satellite."""
 
     downlink_mhz: float = parameter(description="middle of the downlink", low=10.0, high=400000.0)
     uplink_mhz: float | None = parameter(

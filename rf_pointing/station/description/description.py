@@ -23,8 +23,9 @@ from rf_pointing.station.description.content import Content, ReceiverSection
 from rf_pointing.station.description.reading import Reader, StationError, nearest
 from rf_pointing.tracking.sensors import SENSORS
 
-STATIONS = Path(__file__).parent / "stations"
-"""Folder of the shipped descriptions; it is installed with the package."""
+_PACKAGE = Path(__file__).parents[2]
+STATIONS = next(filter(Path.is_dir, (_PACKAGE / "config/stations", _PACKAGE.parent / "config/stations")))
+"""Folder of the shipped descriptions: installed with the package, or config/ of a checkout."""
 DEFAULT_STATION = "dss13"
 OF_EVERY_NODE = (
     "lifecycle.autostart", "lifecycle.realtime_priority", "station", "band", "use_sim_time",
