@@ -16,8 +16,8 @@ from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque
 from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
 from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock, HeldTorque
 from rf_pointing.array_sensors.interferometer.measurement import InterferometerMeasurement
-from rf_pointing.array_sensors.nodes import convert as convert_arrays
 from rf_pointing.array_sensors.interferometer.tracker import ACQUIRING, COASTING, TRACKING
+from rf_pointing.array_sensors.nodes import convert as convert_arrays
 from rf_pointing.array_sensors.tripulse.signal import TripulseFrame
 from rf_pointing.core import (
     AXES,
