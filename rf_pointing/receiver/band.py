@@ -2,7 +2,7 @@
 
     C = P - N0 B,   P = sum over the band's bins |S|^2 / (0.375 N^2)
 
-B is the stated band, N0 the density beside it.  The band is put where it holds most power, once
+B is the stated band, N0 the density next to it.  The band is put where it holds most power, once
 that stands out of the noise; until then it is where it is predicted.  The standard deviation comes
 from the differences of successive blocks, which a slow change of the level does not reach.  Where
 noise dominates, its bound is N0 sqrt(B / T); a constant envelope is known better.

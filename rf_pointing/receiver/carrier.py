@@ -51,7 +51,7 @@ def frequency_bound_hz(ratio_hz: float, seconds: float) -> float:
 
 
 class Loop:
-    """The loop filter: frequency beside the prediction, from errors in cycles and hertz."""
+    """The loop filter: frequency from the prediction, by errors in cycles and hertz."""
 
     def __init__(self, bandwidth_hz: float, step_s: float) -> None:
         self._natural, self._assist, self._step_s = (
@@ -84,7 +84,7 @@ class Loop:
 
 
 class CarrierTracker:
-    """Finds and follows one carrier; `offset_hz` is its frequency beside the predicted one."""
+    """Finds and follows one carrier; `offset_hz` is its offset from the predicted frequency."""
 
     def __init__(self, params: SignalSearchParams, layout: Layout, channels: int) -> None:
         self.params, self._layout, self._channels = params, layout, channels
@@ -107,7 +107,7 @@ class CarrierTracker:
 
     @property
     def offset_hz(self) -> float | None:
-        """Frequency of the carrier beside the predicted one, None until it was found."""
+        """Offset of the carrier from the predicted one, None until it was found."""
         return self._loop.slow_hz if self.tracking else self._last_hz
 
     @property

@@ -219,7 +219,7 @@ class Soapy(Source):
             return ()
         if found.ret == self._soapy.SOAPY_SDR_OVERFLOW:
             self.losses["overflow"] += 1
-            # How many were lost is not told: a gap in the count begins a new stream.
+            # The number of lost ones is unknown: a gap in the count begins a new stream.
             self.index += 1
             return ()
         if found.ret < 0:

@@ -1,4 +1,4 @@
-"""Sources of a level: instruments that are asked (SCPI, rigctld), and receivers that send text."""
+"""Sources of a level: instruments that answer (SCPI, rigctld), and receivers that send text."""
 
 import re
 import time
@@ -102,7 +102,7 @@ class Rigctl(LineSource):
 
 
 class TextLevel(LineSource):
-    """A beacon receiver or modem that sends its level by itself, or when it is asked."""
+    """A beacon receiver or modem that sends its level by itself, or on request."""
 
     @property
     def transport(self) -> str:  # type: ignore[override]

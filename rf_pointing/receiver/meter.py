@@ -1,7 +1,7 @@
 """From samples to what trackers take: carrier power with its sigma, clusters of three channels.
 
 Every block of the stream is placed in time, its frequency predicted from range rate, frequencies
-and clock of the radio; a detector follows the signal beside that.  A report covers whole blocks.
+and clock of the radio; a detector follows what is left.  A report covers whole blocks.
 """
 
 import math
@@ -19,9 +19,8 @@ from rf_pointing.receiver.carrier import CarrierTracker, power_bound
 from rf_pointing.receiver.noise import DC_BINS, Line, NoiseDensity, strongest_line
 from rf_pointing.receiver.params import BAND, CARRIER, PREAMBLE, IqParams, SignalReceiverParams
 from rf_pointing.receiver.preamble import Burst, PreambleDetector
-from rf_pointing.receiver.prediction import DopplerPrediction
 from rf_pointing.receiver.spectrum import IqSamples, Layout, Spectrum, SpectrumStream
-from rf_pointing.receiver.stream_clock import StreamClock
+from rf_pointing.receiver.stream_clock import DopplerPrediction, StreamClock
 from rf_pointing.rf.noise import BOLTZMANN_J_K
 
 FLOOR_DB_HZ = 0.0
@@ -347,7 +346,7 @@ class SignalMeter:
 
 
 def channel_noise(block: Spectrum, frame: int) -> Array:
-    """Return the noise power of every channel (channels,), from the bins beside the signal."""
+    """Return the noise power of every channel (channels,), from the bins next to the signal."""
     half = block.values.shape[1] // 2
     bins = half + frame + np.r_[-NOISE_BINS:-GUARD_BINS, GUARD_BINS:NOISE_BINS]
     bins = bins[(bins >= 0) & (bins < block.values.shape[1])]

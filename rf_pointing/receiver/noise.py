@@ -1,4 +1,4 @@
-"""Noise density beside a signal, and what is not noise: lines, and steps of the gain.
+"""Noise density next to a signal, and what is not noise: lines, and steps of the gain.
 
 Each report has its own density, the mean of the bins that are not a line; the average of several
 reports is used until a report differs by more than chance: then gain or noise has stepped, and the
@@ -23,7 +23,7 @@ LINE_REPORTED = 8.0
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line that is not the signal: where, beside the predicted frequency, and how strong."""
+    """A line that is not the signal: where, from the predicted frequency, and how strong."""
 
     offset_hz: float
     level_db_hz: float

@@ -18,9 +18,7 @@ SAMPLE_FORMATS = ("cf32", "ci16", "ci8", "cu8")
 class SourceLinkParams(Params):
     """How the source is reached, and how long it may be silent."""
 
-    host: str = parameter(
-        "localhost", "host of the source; of UDP, the address that is listened on"
-    )
+    host: str = parameter("localhost", "host of the source; of UDP, the address to receive on")
     port: int = parameter(1234, "its TCP or UDP port", low=1, high=65535)
     device: str = parameter(
         "", "serial port, e.g. /dev/ttyUSB0, or the arguments of an SDR; empty: over the network"
@@ -81,7 +79,7 @@ class SignalSearchParams(Params):
     )
     uncertainty_hz: float = parameter(
         20e3,
-        "half the range in which the signal is searched, beside its predicted frequency",
+        "half the range in which the signal is searched around its predicted frequency",
         low=10.0,
         high=1e7,
     )
@@ -119,7 +117,7 @@ class LevelParams(Params):
     )
     locked: str = parameter("1", "text of the group lock that means a lock")
     request: str = parameter(
-        "", "line that asks for the level; empty: it comes by itself (scpi: the usual one)"
+        "", "line that requests the level; empty: it comes by itself (scpi: the usual one)"
     )
     transport: str = parameter("udp", "how `level` comes", choices=("udp", "tcp", "serial"))
     scale_db: float = parameter(1.0, "dB of one unit of the number", low=-100.0, high=100.0)

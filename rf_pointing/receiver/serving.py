@@ -48,7 +48,7 @@ class OutletParams(Params):
 
 
 class Outlet:
-    """Base of the outlets; `send` never waits for whoever listens."""
+    """Base of the outlets; `send` never waits for any client."""
 
     def __init__(self, params: OutletParams, rate_hz: float, centre_hz: float) -> None:
         self.params, self.rate_hz, self.centre_hz = params, rate_hz, centre_hz

@@ -161,7 +161,7 @@ class ByteSource(Source):
         self.greet()
 
     def greet(self) -> None:
-        """Say what the source needs to hear first."""
+        """Send what the source needs first."""
 
     def receive(self) -> bytes:
         """Return what has arrived, a datagram of UDP; b"" after `WAIT_S` without any."""

@@ -1,4 +1,4 @@
-"""Times of samples without time stamps: the count of samples against the times of their arrival.
+"""Time and frequency of samples: the count of samples against arrivals, and the Doppler to expect.
 
 The network only delays.  So the smallest of arrival - count / rate over the last seconds is the
 time of sample 0, and what arrivals exceed it by is their jitter.  Two windows, one filling and one
@@ -6,8 +6,12 @@ full, follow a clock that is 50 ppm off to 0.5 ms.
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
+from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
+
+KEPT, FARTHEST_S = 60, 10.0
 WINDOW_S = 5.0
 SETTLED_S = 0.25
 """Stretch at the stated rate after which a burst of what had waited counts as over."""
@@ -95,3 +99,38 @@ class StreamClock:
             self._low = self._high = arrival_s - index_end / self.rate_hz
             self._low_before = math.inf
         self._since = index_end, arrival_s
+
+
+class DopplerPrediction:
+    """Frequency offset over time: linear between the points, and beyond them for `FARTHEST_S`."""
+
+    def __init__(self, carrier_hz: float) -> None:
+        self._carrier_hz = carrier_hz
+        self._points: deque[tuple[float, float]] = deque(maxlen=KEPT)
+
+    def take(self, t_s: float, range_rate_m_s: float) -> None:
+        """Note a range rate; a step back in time forgets what was known."""
+        if self._points and t_s <= self._points[-1][0]:
+            if t_s == self._points[-1][0]:
+                return
+            self._points.clear()
+        self._points.append((t_s, -self._carrier_hz * range_rate_m_s / SPEED_OF_LIGHT_M_S))
+
+    def known(self, t_s: float) -> bool:
+        """Whether points near `t_s` are known."""
+        points = self._points
+        return bool(points) and points[0][0] - FARTHEST_S <= t_s <= points[-1][0] + FARTHEST_S
+
+    def offset_hz(self, t_s: float) -> float:
+        """Return the Doppler offset at `t_s`; 0 where nothing is known."""
+        if not self.known(t_s):
+            return 0.0
+        points = self._points
+        if len(points) == 1:
+            return points[0][1]
+        # The newest points lead time by seconds: look from their end.
+        at = len(points) - 1
+        while at > 1 and points[at - 1][0] > t_s:
+            at -= 1
+        (before_s, before), (after_s, after) = points[at - 1], points[at]
+        return before + (after - before) * (t_s - before_s) / (after_s - before_s)
