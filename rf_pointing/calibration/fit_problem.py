@@ -7,6 +7,7 @@ columns are half the work of the full matrix.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,9 +87,13 @@ class Level:
     parents: Places
 
 
+def _root(covariance: Array) -> Any:
+    return np.linalg.cholesky(covariance)
+
+
 def _joined(levels: tuple[Level, ...], solution: Solution) -> tuple[Array, Array]:
     """Return values (g, m) and root (g, m, r) of the covariance of all that acts on a pass."""
-    values, root = solution.values[np.newaxis], np.linalg.cholesky(solution.covariance)[np.newaxis]
+    values, root = solution.values[np.newaxis], _root(solution.covariance)[np.newaxis]
     for one in levels:
         values, root = one.heads.joint(values[one.parents], root[one.parents])
     return values, root
@@ -356,7 +361,8 @@ class FitProblem:
             return np.zeros((2, count))
         terms = len(self.names)
         rows = self._full_rows(np.zeros((2 * count, terms + 1)), one) / self._scale(one)
-        return np.einsum("ij,ij->i", rows, self._of_rows(levels, values)).reshape(2, count)
+        moved: Array = np.einsum("ij,ij->i", rows, self._of_rows(levels, values)).reshape(2, count)
+        return moved
 
     def _own(self) -> tuple[Pair, PassPriors]:
         """Return the partials by the passes' errors, seen with the lags of the last solution."""

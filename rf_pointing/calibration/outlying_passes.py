@@ -15,6 +15,7 @@ covariance counts as n measurements.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -187,7 +188,8 @@ class _Equations:
         found, place = [], np.zeros(len(solved), dtype=np.int64)
         if self.sharing is not None:
             mine = _with_prior(rest[:, :own, :own], size[own:])
-            found.append(_errors(mine, np.linalg.solve(mine, rest[:, :own, own:]), values, joint))
+            shared: Any = np.linalg.solve(mine, rest[:, :own, own:])
+            found.append(_errors(mine, shared, values, joint))
             across = -np.linalg.solve(mine, rest[:, :own, own:-1])
             upper = across @ covariance
             both = np.linalg.inv(mine) + upper @ np.swapaxes(across, 1, 2)
@@ -214,7 +216,7 @@ class _Equations:
             turned = np.swapaxes(self.sharing.turns, 1, 2)
             rest = np.block([[turned @ seen, turned @ across], [np.swapaxes(turned @ across, 1, 2), rest]])
             across = np.concatenate([seen, across], axis=2)
-        solved = np.linalg.solve(self.mine(size), across)
+        solved: Any = np.linalg.solve(self.mine(size), across)
         rest = rest - np.swapaxes(across, 1, 2) @ solved
         if self.sharing is None:
             return solved, rest

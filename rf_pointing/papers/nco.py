@@ -14,7 +14,7 @@ import numpy as np
 
 from rf_pointing.core import random_stream
 from rf_pointing.core.types import Array
-from rf_pointing.papers.row import Row, as_due
+from rf_pointing.papers.row import Row
 from rf_pointing.receiver.nco import Oscillator, OscillatorParams
 
 POINTS, SAMPLE_HZ, R = 8192, 160e6, 5
@@ -54,6 +54,7 @@ def noise_rows(seed: int) -> list[Row]:
     per_hertz = 10.0 * math.log10(SAMPLE_HZ / 2.0)
     worst_db = _noise_db(5, R / 2**6, seed)
     generic_db = _noise_db(5, GENERIC, seed)
+    sixth_db = 6.93 - 6.02 * 5 + 10.0 * math.log10(4.0 / 3.0)
     density = [
         Row(f"noise density, {bits} bits", "NCO Table 1", paper,
             10.0 * math.log10(0.5 * math.pi**2) - 20.0 * bits * math.log10(2.0) - per_hertz, "dBc/Hz", 0.006)
@@ -66,7 +67,7 @@ def noise_rows(seed: int) -> list[Row]:
         Row("noise at any frequency against the bound, 5 bits", "NCO eq. 6", 6.93 - 6.02 * 5, generic_db, "dBc", 0.1,
             "<=", remark="eq. 6 is called an upper bound but is the mean of the worst spurs, Var eps = step^2 / 8; "
             f"elsewhere it is step^2 / 6: {generic_db - 6.93 + 6.02 * 5:.2f} dB more. The bound is step^2 / 4: 3 dB",
-            explained=as_due(generic_db - (6.93 - 6.02 * 5), 10.0 * math.log10(4.0 / 3.0), 0.1)),
+            due=(sixth_db - 0.1, sixth_db + 0.1)),
         Row("noise at any frequency, Var eps = step^2 / 4", "NCO after eq. 5", 9.94 - 6.02 * 5, generic_db, "dBc", 0.0,
             "<="),
     ]  # fmt: skip

@@ -7,7 +7,7 @@ leave over, and the noise of slow residuals is known after a fit only.
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -408,7 +408,7 @@ def _earlier(points: Observations, seconds: float) -> Observations:
         return points
     azimuth, elevation, *rates = points.motion()
     bend = rates[2:]
-    moved = {"t_s": points.t_s - seconds}
+    moved: dict[str, Any] = {"t_s": points.t_s - seconds}
     for name, angle, rate, acceleration in zip(
         ("azimuth", "elevation"), (azimuth, elevation), rates, bend, strict=False
     ):

@@ -12,6 +12,8 @@ as a median over all passes; a cause is named only where it takes most of the di
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 
@@ -56,7 +58,7 @@ class _Seen:
 class _Hypotheses:
     passes: Sequence[_Seen]
     site: Site
-    refraction: RadioRefraction | str | None
+    refraction: RadioRefraction | Literal["standard"] | None
 
     def best(self) -> str:
         """Return the cause that explains the distance from the reference, "" where none does."""
@@ -73,6 +75,9 @@ class _Hypotheses:
         track = TopocentricTrack(one.elements, site or self.site, max_age_s=math.inf, refraction=self.refraction)
         look = track.sample(t_s)
         return look.azimuth_rad, look.elevation_rad, look.range_m
+
+    def _look_late(self, late_s: float, one: _Seen) -> tuple[Array, ...]:
+        return self._look(one, one.t_s - late_s)
 
     def _distance(self, expected: Callable[[_Seen], tuple[Array, ...]], angles: Angles | None = None) -> float:
         found = []
@@ -92,8 +97,7 @@ class _Hypotheses:
         for zone in (k for k in range(-_ZONES, _ZONES + 1) if k):
             late_s = zone * _ZONE_S
             hours = f"{abs(late_s) / 3600.0:g} h {'ahead' if late_s > 0.0 else 'behind'}"
-            yield (self._distance(lambda one, late_s=late_s: self._look(one, one.t_s - late_s)),
-                   f"the time tags are {hours}: those of a time zone?")  # fmt: skip
+            yield self._distance(partial(self._look_late, late_s)), f"the time tags are {hours}: those of a time zone?"
         grids = [(one, np.arange(one.t_s[0] - _LATEST_S - 2.0, one.t_s[-1] + _LATEST_S + 2.0)) for one in self.passes]
         known = {id(one): (t_s, unit_vector_from_azel(*self._look(one, t_s)[:2])) for one, t_s in grids}
         seen = {id(one): unit_vector_from_azel(one.azimuth_rad, one.elevation_rad) for one in self.passes}
@@ -138,7 +142,7 @@ class _Hypotheses:
             weight = np.ones(len(wanted))
             for _ in range(_SITE_ROUNDS):
                 # By the sum of the sizes, not of the squares: one pass may be of another target.
-                step, *_ = np.linalg.lstsq(matrix * weight[:, np.newaxis], wanted * weight, rcond=None)
+                step: Any = np.linalg.lstsq(matrix * weight[:, np.newaxis], wanted * weight, rcond=None)[0]
                 size = np.abs(wanted - matrix @ step)
                 weight = np.maximum(size / max(float(np.median(size)), 1e-9), 1.0) ** -0.5
             offsets = step[3:]
