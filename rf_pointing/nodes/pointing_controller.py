@@ -101,7 +101,7 @@ class PointingControllerNode(StationNode):
 
     def _sensor(self, sensor: str) -> str:
         assert self.station is not None
-        return self.station.chosen_sensor(sensor or self.station.sensor(self.band), self.band)
+        return self.station.chosen_sensor(sensor, self.band)
 
     def _params(self) -> ControllerParams:
         return ControllerParams(**{prefix: self.parameters.value(prefix) for prefix in ControllerParams().sets()})
