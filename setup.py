@@ -22,6 +22,7 @@ EXECUTABLES = {
         "monopulse_tracker",
         "operator_page",
         "pointing_controller",
+        "radio_control",
         "rf_receiver",
         "rotctld_server",
         "simulation_clock",
@@ -37,6 +38,8 @@ EXECUTABLES = {
         "fetch_elements",
         "fit_bias_model",
         "identify_antenna",
+        "launch",
+        "link_budget",
         "new_station",
         "plan_calibration",
         "plan_passes",
@@ -125,6 +128,10 @@ setup(
     entry_points={
         "console_scripts": STARTED if INTO_ROS else [f"rf-pointing = {PACKAGE}.__main__:main"],
         f"{PACKAGE}.executables": EVERY,
+        f"{PACKAGE}.launch_files": [
+            f"{name} = {PACKAGE}.array_sensors.nodes.launching:{name.upper()}"
+            for name in ("doa", "interferometer", "tripulse")
+        ],
         f"{PACKAGE}.reports": [f"array_sensors = {PACKAGE}.array_sensors.report.page:report_array_sensors"],
     },
 )

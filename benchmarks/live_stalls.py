@@ -79,33 +79,60 @@ SHIM = r"""
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <fcntl.h>
+#include <math.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
+#include <sys/time.h>
+#include <time.h>
 #include <unistd.h>
-static volatile double *share; /* of the datagrams that are lost */
+static volatile double *share; /* of the datagrams that are lost, and damaged; s by which the clock is ahead */
+#define REAL(name) static __typeof__(name) *real; if (!real) real = (__typeof__(name) *)dlsym(RTLD_NEXT, #name)
 __attribute__((constructor)) static void begin(void) {
   int file = open(getenv("DATAGRAM_LOSS"), O_RDONLY);
-  share = mmap(0, sizeof(double), PROT_READ, MAP_SHARED, file, 0);
+  share = mmap(0, 3 * sizeof(double), PROT_READ, MAP_SHARED, file, 0);
   srand48(getpid());
 }
-static int lost(int file) {
+static int chosen(int file, double part) {
   int type = 0;
   socklen_t size = sizeof type;
-  return *share > 0.0 && !getsockopt(file, SOL_SOCKET, SO_TYPE, &type, &size) && type == SOCK_DGRAM && drand48() < *share;
+  return part > 0.0 && !getsockopt(file, SOL_SOCKET, SO_TYPE, &type, &size) && type == SOCK_DGRAM && drand48() < part;
+}
+static ssize_t damaged(int file, const void *data, size_t size, int flags, const struct sockaddr *to, socklen_t length) {
+  REAL(sendto);
+  char copy[65536];
+  memcpy(copy, data, size);
+  for (int count = 1 + lrand48() % 8; count && size; count--) copy[lrand48() % size] = (char)lrand48();
+  return real(file, copy, lrand48() % 4 ? size : lrand48() % size, flags, to, length) < 0 ? -1 : (ssize_t)size;
 }
 ssize_t sendto(int file, const void *data, size_t size, int flags, const struct sockaddr *to, socklen_t length) {
-  static ssize_t (*real)(int, const void *, size_t, int, const struct sockaddr *, socklen_t);
-  if (!real) real = dlsym(RTLD_NEXT, "sendto");
-  return lost(file) ? (ssize_t)size : real(file, data, size, flags, to, length);
+  REAL(sendto);
+  if (chosen(file, share[0])) return (ssize_t)size;
+  return chosen(file, share[1]) ? damaged(file, data, size, flags, to, length) : real(file, data, size, flags, to, length);
 }
 ssize_t sendmsg(int file, const struct msghdr *message, int flags) {
-  static ssize_t (*real)(int, const struct msghdr *, int);
+  REAL(sendmsg);
   ssize_t size = 0;
-  if (!real) real = dlsym(RTLD_NEXT, "sendmsg");
-  if (!lost(file)) return real(file, message, flags);
-  for (size_t part = 0; part < message->msg_iovlen; part++) size += message->msg_iov[part].iov_len;
-  return size;
+  int lost = chosen(file, share[0]);
+  if (!lost && !chosen(file, share[1])) return real(file, message, flags);
+  char whole[65536];
+  for (size_t part = 0; part < message->msg_iovlen; part++) {
+    memcpy(whole + size, message->msg_iov[part].iov_base, message->msg_iov[part].iov_len);
+    size += message->msg_iov[part].iov_len;
+  }
+  return lost ? size : damaged(file, whole, size, flags, message->msg_name, message->msg_namelen);
+}
+int clock_gettime(clockid_t clock, struct timespec *now) {
+  REAL(clock_gettime);
+  int failed = real(clock, now);
+  if (clock == CLOCK_REALTIME && share && share[2] != 0.0) {
+    double whole = floor(share[2]);
+    now->tv_sec += (time_t)whole;
+    now->tv_nsec += (long)(1e9 * (share[2] - whole));
+    if (now->tv_nsec >= 1000000000L) now->tv_nsec -= 1000000000L, now->tv_sec++;
+  }
+  return failed;
 }
 """
 
@@ -192,7 +219,7 @@ class LivePass:
         parameters.write_text(json.dumps({name: {"ros__parameters": each} for name, each in given.items()}))
         self._share = folder / "loss"
         self.lose(0.0)
-        lossy = {"LD_PRELOAD": str(_built(folder)), "DATAGRAM_LOSS": str(self._share)}
+        lossy = {"LD_PRELOAD": str(built(folder)), "DATAGRAM_LOSS": str(self._share)}
         os.environ |= lossy
         try:
             self.processes = NodeProcesses(NAMESPACE, [parameters], folder / "logs")
@@ -275,7 +302,7 @@ class LivePass:
     def lose(self, share: float) -> None:
         """Drop this share of what the nodes send from now on."""
         with self._share.open("r+b" if self._share.exists() else "wb") as file:
-            file.write(struct.pack("d", share))
+            file.write(struct.pack("3d", share, 0.0, 0.0))
 
     def until(self, condition: Callable[[], bool], what: str) -> None:
         """Wait for a condition while the goal is kept; TimeoutError with the state of the pass."""
@@ -327,8 +354,8 @@ class LivePass:
                 self._states[node] = seconds_from_stamp(message.header.stamp)
 
 
-def _built(folder: Path) -> Path:
-    """Return the library that drops datagrams, compiled."""
+def built(folder: Path) -> Path:
+    """Return the library that drops and damages datagrams and steps the clock, compiled."""
     source, library = folder / "loss.c", folder / "libloss.so"
     source.write_text(SHIM)
     subprocess.run(["cc", "-shared", "-fPIC", "-O2", "-o", str(library), str(source), "-ldl"], check=True)

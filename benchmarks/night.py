@@ -3,6 +3,7 @@
     scripts/run-python benchmarks/night.py                          both stations, without faults
     scripts/run-python benchmarks/night.py --faults 20 --seed 1     the same with 20 faults at random times
     scripts/run-python benchmarks/night.py --station leo_3m7 --hours 1 --report /var/tmp/night
+    scripts/run-python benchmarks/night.py --drive rotctld          20 faults in an hour of wall time (see live_night.py)
 
 The satellites are the low ones of the synthetic catalogue of benchmarks/ephemeris.py; the schedule is made by
 `plan_passes`, handed over as JSON.  Printed: passes planned, tracked, lost with their reasons; requests of an operator;
@@ -145,7 +146,12 @@ def main() -> None:
     parser.add_argument("--faults", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--report", help="folder of the morning report")
+    parser.add_argument("--drive", choices=("simulated", "rotctld"), default="simulated")
     options = parser.parse_args()
+    if options.drive == "rotctld":
+        from live_night import fly
+
+        sys.exit(fly(min(20, options.faults or 20), Path(options.report or tempfile.mkdtemp(prefix="night-"))))
     good = [measure(options, station) for station in ([options.station] if options.station else STATIONS)]
     sys.exit(0 if all(good) else 1)
 

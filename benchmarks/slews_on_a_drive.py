@@ -20,11 +20,12 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import rclpy
+from real_station import DEVICES, PATIENCE_S, SPEED_DEG_S, write_station
 from rf_pointing_msgs.msg import AntennaStatus
 from rf_pointing_msgs.srv import GoTo
 from sensor_msgs.msg import JointState
@@ -35,70 +36,18 @@ from rf_pointing.ros.managed_graph import NodeProcesses
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.repeated_call import AGAIN_S, RepeatedCall
 
-ROOT = Path(__file__).parents[1]
-SPEED_DEG_S = 6.0
+NAMESPACE = "/slews"
 LEAST_DEG, MOST_DEG = 4.0, 16.0
 ARRIVED_DEG = 0.2
-PATIENCE_S = 60.0
-PORT = 14533
-DEVICE_PRIORITY = DRIVE_PRIORITY + 5
-
-
-def device(ends: ExitStack, line: list[str], **options: Any) -> subprocess.Popen[str]:
-    """Start a process that stands for hardware: it goes before the nodes, where that is permitted."""
-    process = subprocess.Popen(line, text=True, **options)
-    ends.callback(process.kill)
-    with suppress(PermissionError):
-        os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(DEVICE_PRIORITY))
-    return process
-
-
-def rotctld(ends: ExitStack) -> str:
-    """Start Hamlib's dummy rotator, and return the drive of the description."""
-    line = ["rotctld", "-m", "1", "-T", "127.0.0.1", "-t", str(PORT)]
-    device(ends, line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    return f"{{type: hamlib, link: {{host: 127.0.0.1, port: {PORT}}}, rotator: {{latency_s: 0.0}}}}"
-
-
-def pty(ends: ExitStack) -> str:
-    """Start an Easycomm controller on a pseudo terminal in a process of its own."""
-    # The simulators belong to the tests, whose folder Python's own package `test` hides.
-    program = (
-        "import sys, time, math, test; test.__path__ = [sys.argv[1]]\n"
-        "from rf_pointing.drives import RotatorModel\n"
-        "from test.drives.simulators import MODEL, Easycomm\n"
-        "low, high = (math.radians(-180.0), 0.0), (math.radians(360.0), math.radians(90.0))\n"
-        "device, step = Easycomm(), (math.radians(0.1),) * 2\n"
-        "params = MODEL.replace(travel_min_rad=low, travel_max_rad=high)\n"
-        "device.model = RotatorModel(params, step, (0.0, math.radians(30.0)))\n"
-        "print(device.device, flush=True)\n"
-        "while True:\n    device.step(time.monotonic())\n    time.sleep(0.005)\n"
-    )
-    process = device(ends, [sys.executable, "-c", program, str(ROOT / "test")], stdout=subprocess.PIPE)
-    assert process.stdout is not None
-    return f"{{type: easycomm, link: {{device: {process.stdout.readline().strip()}}}}}"
-
-
-def topic(ends: ExitStack) -> str:
-    """Start the example of a driver behind topics."""
-    line = [sys.executable, str(ROOT / "examples" / "topic_drive_node.py"), "--ros-args", "-r", "__ns:=/slews"]
-    device(ends, line)
-    return "{type: topic, model: position, rotator: {latency_s: 0.05}}"
-
-
-DRIVES: dict[str, Callable[[ExitStack], str]] = {"rotctld": rotctld, "pty": pty, "topic": topic}
 
 
 class Slews:
     """A running antenna_servo and what it publishes."""
 
     def __init__(self, folder: Path, drive: str, ends: ExitStack) -> None:
-        station = folder / "station.yaml"
-        text = (ROOT / "examples" / "hamlib_rotator.yaml").read_text()
-        # Easycomm has steps of 0.1 deg, Hamlib's dummy of 0.01 deg.
-        text = text.replace("resolution_deg: 0.01", f"resolution_deg: {0.1 if 'easycomm' in drive else 0.01}")
-        lines = [f"drive: {drive}" if line.startswith("drive:") else line for line in text.splitlines()]
-        station.write_text("\n".join(lines) + "\n")
+        device = DEVICES[drive](folder, NAMESPACE)
+        ends.callback(device.kill)
+        station = write_station(folder, device)
         parameters = folder / "parameters.yaml"
         # As single_antenna.launch.py starts it.
         given = {"station": str(station), "lifecycle.realtime_priority": DRIVE_PRIORITY}
@@ -106,7 +55,7 @@ class Slews:
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
         ends.callback(rclpy.try_shutdown, context=self.context)
-        self.node = rclpy.create_node("slews", namespace="/slews", context=self.context)
+        self.node = rclpy.create_node("slews", namespace=NAMESPACE, context=self.context)
         self.executor = make_executor(self.context)
         self.executor.add_node(self.node)
         self.status, self.place_deg = AntennaStatus(), (math.nan, math.nan)
@@ -116,7 +65,7 @@ class Slews:
             name: self.node.create_client(kind, f"antenna_servo/{name}")
             for name, kind in (("go_to", GoTo), ("reset_fault", Trigger))
         }
-        self.servo = NodeProcesses("/slews", [parameters], folder / "logs")
+        self.servo = NodeProcesses(NAMESPACE, [parameters], folder / "logs")
         ends.callback(self.servo.stop)
         self.servo.start(["antenna_servo"], simulated_time=False, autostart=True)
         self.until(lambda: self.status.mode == "holding" and self.calls["go_to"].service_is_ready())
@@ -181,7 +130,7 @@ def measure(name: str, count: int, stalls: bool, seed: int) -> int:
     with ExitStack() as ends:
         folder = Path(ends.enter_context(tempfile.TemporaryDirectory()))
         os.environ["XDG_STATE_HOME"] = str(folder)
-        slews = Slews(folder, DRIVES[name](ends), ends)
+        slews = Slews(folder, name, ends)
         for _ in range(count):
             side = [1.0 if here < middle else -1.0 for here, middle in zip(slews.place_deg, (0.0, 45.0), strict=True)]
             way_deg = random_.uniform(LEAST_DEG, MOST_DEG)
@@ -199,7 +148,7 @@ def measure(name: str, count: int, stalls: bool, seed: int) -> int:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--drive", nargs="+", choices=DRIVES, default=list(DRIVES))
+    parser.add_argument("--drive", nargs="+", choices=DEVICES, default=list(DEVICES))
     parser.add_argument("--slews", type=int, default=200)
     parser.add_argument("--busy", type=int, default=0, help="processes that compute meanwhile")
     parser.add_argument("--stalls", action="store_true", help="stop the servo for 0.1 to 0.9 s in every slew")
@@ -207,6 +156,7 @@ def main() -> None:
     options = parser.parse_args()
     # An end by a signal ends the devices, too.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(2))
+    os.environ["ROS_DOMAIN_ID"] = str(random.randrange(1, 100))
     # As the nodes: a stopped process leaves no shared memory for which others would wait.
     os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
     busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(options.busy)]

@@ -1,6 +1,7 @@
 """Flies one pass with rclpy alone, as a program of yours would: goal by name, feedback, errors, stop.
 
-ros2 launch rf_pointing simulated_station.launch.py        # or a station of your own
+scripts/launch simulated_station                           # or a station of your own
+ros2 launch rf_pointing simulated_station.launch.py        # the same in a ROS 2 install
 python3 examples/fly_a_pass.py /gs1 28057                  # Ctrl-C stops the antenna under control
 """
 

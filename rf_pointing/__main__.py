@@ -4,7 +4,6 @@ Without a name it lists them.  In a ROS install `ros2 run rf_pointing NAME` does
 """
 
 import ast
-import difflib
 import importlib
 import signal
 import sys
@@ -37,7 +36,9 @@ def main(argv: list[str] | None = None) -> None:
         return
     name = given[0].replace("-", "_")
     if name not in found:
-        near = difflib.get_close_matches(name, found, n=1, cutoff=0.4)
+        from rf_pointing.core.checks import near_names
+
+        near = near_names(name, found, 0.4)
         hint = f", did you mean {near[0]}?" if near else ";"
         sys.exit(_refusal(f"there is no {given[0]!r}{hint} `rf-pointing` lists what there is"))
     sys.argv = [name, *given[1:]]
@@ -58,6 +59,9 @@ def start() -> None:
         # Read, not imported: the libraries of a node take three times as long as its help.
         print(f"{_docstring(module)}\n{NODE_USAGE}")
         return
+    if ".nodes." in module:
+        # Until a node takes signals itself, in `ros/main_loop.py`, it ends by them without a trace.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     sys.exit(importlib.import_module(module).main())
 
 

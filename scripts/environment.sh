@@ -26,11 +26,14 @@ need() {
 
 digest() { cat "$@" | sha256sum | cut -d' ' -f1; }
 
+# made STAMP DIGEST: whether a command already succeeded for this digest.
+made() { [ -f "$STATE/$1" ] && [ "$(cat "$STATE/$1")" = "$2" ]; }
+
 # once STAMP DIGEST MESSAGE COMMAND...: run the command unless it already succeeded for this digest.
 once() {
+  made "$1" "$2" && return
   local stamp=$STATE/$1 want=$2 message=$3 began=$SECONDS reporter='' status=0
   shift 3
-  [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$want" ] && return
   say "$message"
   # Without job control a command in the background would not hear Ctrl-C: the report is there, the work is here.
   if [ -t 2 ]; then report_progress & reporter=$!; fi
@@ -141,8 +144,6 @@ build_workspace() {
 enter_wheel_environment() {
   [ -x "$STATE/env/bin/python" ] ||
     need "python3 -c 'import ensurepip, venv, sys; assert (3, 11) <= sys.version_info < (3, 15)'" python3 python3-venv
-  need "command -v g++ && command -v make" g++ make
-  need "command -v cmake" cmake
   once wheels "$(digest "$ROOT"/requirements/{ros,numeric,runtime,lock}.txt <(environment_python))" \
     "building the Python environment from pinned wheels (450 MB, about a minute, once)" replace_wheel_environment
   export VIRTUAL_ENV=$STATE/env PATH=$STATE/env/bin:$PATH
@@ -181,7 +182,13 @@ enter_environment() {
   interfaces=$(find "$ROOT/msg_defs" "$ROOT/extern" -type f | sort)
   sources=$(find "$ROOT/config" "$ROOT/launch" -type f | sort)
   # shellcheck disable=SC2086
-  once interfaces "$how $(digest <(echo "$interfaces") $interfaces)" "building the interfaces (a minute, once)" build_interfaces
+  interfaces="$how $(digest <(echo "$interfaces") $interfaces)"
+  # What is built needs no compiler: a container has none.
+  if [ $how = wheels ] && ! made interfaces "$interfaces"; then
+    need "command -v g++ && command -v make" g++ make
+    need "command -v cmake" cmake
+  fi
+  once interfaces "$interfaces" "building the interfaces (a minute, once)" build_interfaces
   once workspace "$how $(digest <(echo "$sources") "$ROOT"/setup.* "$ROOT/package.xml" "$STATE/interfaces")" \
     "building rf_pointing" build_workspace
   set +u

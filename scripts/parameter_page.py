@@ -20,8 +20,11 @@ from rclpy.signals import SignalHandlerOptions
 import rf_pointing
 from rf_pointing.core import leaves, parameter_unit, to_degrees
 from rf_pointing.ros.managed import ManagedNode
+from rf_pointing.ros.station_node import StationParams
 
 PACKAGE = Path(rf_pointing.__file__).parent
+STATION = "dss13"
+"""The station whose numbers the page shows as defaults."""
 EVERY_NODE = ("lifecycle", "description")
 """Prefixes of the sets that every node has; the page shows them once."""
 HEADER = """\
@@ -92,15 +95,13 @@ def node_classes() -> list[type[ManagedNode]]:
 
 def declarations() -> dict[str, list[Declared]]:
     """Return the parameters of every node by its name, in the order of their declaration."""
-    own_context = not rclpy.ok()
-    if own_context:
-        # A namespace of its own: the name of a node that runs on this machine is taken.
-        rclpy.init(args=["--ros-args", "-r", "__ns:=/parameter_page"], signal_handler_options=SignalHandlerOptions.NO)
+    # A namespace of its own: the name of a node that runs on this machine is taken.
+    given = ["--ros-args", "-r", "__ns:=/parameter_page", "-p", f"station:={STATION}"]
+    rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
     try:
         return dict(sorted(_of_node(each) for each in node_classes()))
     finally:
-        if own_context:
-            rclpy.try_shutdown()
+        rclpy.try_shutdown()
 
 
 def parameter_page(nodes: dict[str, list[Declared]]) -> str:
@@ -145,6 +146,7 @@ def _of_node(kind: type[ManagedNode]) -> tuple[str, list[Declared]]:
 
 def _read(groups: Any) -> Iterator[Declared]:
     sets = {group: leaves(defaults) for group, defaults in groups.declared().items()}
+    sets |= {"description": leaves(StationParams())} if "description" in sets else {}
     for name, (group, edge) in groups.names().items():
         item, value = sets[group][edge]
         yield Declared(

@@ -30,16 +30,19 @@ from rclpy.action.graph import (
 )
 from rclpy.signals import SignalHandlerOptions
 
-from rf_pointing.ros.graph import ALARMS, ARRAY_NODES, DESCRIPTION, EXECUTIVE, NODES, OPERATOR_PAGE, ROTCTLD
+from rf_pointing.ros.graph import ALARMS, ARRAY_NODES, DESCRIPTION, EXECUTIVE, NODES, OPERATOR_PAGE, RADIO, ROTCTLD
 from rf_pointing.ros.leased_services import LEASED, SIGNED
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.station.description import read_station
 
 NAMESPACE = "/gs1"
-OF_STATION = (*NODES, *ARRAY_NODES, EXECUTIVE, ALARMS, ROTCTLD, DESCRIPTION, OPERATOR_PAGE)
+OF_STATION = (*NODES, *ARRAY_NODES, EXECUTIVE, ALARMS, RADIO, ROTCTLD, DESCRIPTION, OPERATOR_PAGE)
 WITHOUT_STATION = ("simulation_clock", OPERATOR_PAGE)
 ON_A_DRIVE: dict[str, Any] = {"drive.type": "simulated_rotator", "wind.anemometer": True}
-STATIONS: tuple[tuple[str, dict[str, Any]], ...] = (("dss13", {}), ("dss13", ON_A_DRIVE), ("rotator_2m", {}))
+WITH_A_RADIO: dict[str, Any] = {"radio.transponders.any.downlink_mhz": 2250.0}
+STATIONS: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("dss13", WITH_A_RADIO), ("dss13", WITH_A_RADIO | ON_A_DRIVE), ("rotator_2m", WITH_A_RADIO),
+)  # fmt: skip
 DRIVE_TOPICS = (("publish", "drive/set_point"), ("publish", "drive/enable"), ("subscribe", "drive/state"))
 """Topics of a drive of the type `topic`, which waits for its driver's first message."""
 OPERATOR = "operator"
@@ -126,7 +129,8 @@ def ros(namespace: str, station: Path) -> Iterator[None]:
     }
     given[f"/**/{OPERATOR_PAGE}"] = {"page.port": 0}
     given["/**"] = {"use_sim_time": True}
-    given["/**/ephemeris_publisher"]["source.refraction"] = "measured"
+    given["/**/ephemeris_publisher"] |= {"source.refraction": "measured", "source.satellite": "Moon"}
+    given["/**/rf_receiver"]["source.satellite"] = "Moon"
     given[f"/**/{EXECUTIVE}"]["executive.folder"] = str(station.with_suffix(""))
     given[f"/**/{ALARMS}"]["folder"] = str(station.with_suffix(""))
     file = station.with_suffix(".parameters.yaml")

@@ -3,8 +3,8 @@ page that has them.
 
     scripts/run-python scripts/topic_table.py
 
-The table is made from `TOPICS` and `VIEWS` of rf_pointing/ros/graph.py; a test compares the page
-with it.
+The table is made from `TOPICS`, `VIEWS` and `INHIBIT` of rf_pointing/ros/graph.py; a test compares
+the page with it.
 """
 
 import re
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from rf_pointing.ros.graph import TOPICS, VIEWS, Topic
+from rf_pointing.ros.graph import FOREIGN, INHIBIT, TOPICS, VIEWS, Topic
 
 ROOT = Path(__file__).parents[1]
 BETWEEN = re.compile(r"(?<=<!-- topics -->\n).*?(?=<!-- /topics -->)", re.DOTALL)
@@ -22,7 +22,7 @@ BETWEEN = re.compile(r"(?<=<!-- topics -->\n).*?(?=<!-- /topics -->)", re.DOTALL
 def topic_table() -> str:
     """Return the Markdown table "Topics of one antenna"."""
     head = ("topic", "type", "rate", "QoS", "published by", "frame")
-    rows = [head, ("---",) * len(head), *map(_row, (*TOPICS, *VIEWS))]
+    rows = [head, ("---",) * len(head), *map(_row, (*TOPICS, *VIEWS, INHIBIT))]
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
@@ -34,7 +34,7 @@ def pages() -> list[Path]:
 def _row(topic: Topic) -> tuple[str, ...]:
     meaning = f" ({topic.meaning})" if topic.meaning else ""
     frame = f"`{topic.frame}`" if topic.frame else ""
-    qos = ", ".join(_qos(topic.qos))
+    qos = ", ".join(_qos(topic.qos)) + "; heard best effort" * (topic.name in FOREIGN)
     return f"`{topic.name}`{meaning}", f"`{topic.type_name}`", topic.rate, qos, topic.publisher, frame
 
 

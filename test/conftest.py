@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import numpy as np
 import pytest
 
@@ -22,6 +23,10 @@ DOMAINS = 100
 """ROS domains 1 to 100 keep their ports below the range that the kernel hands out."""
 LOOPBACK = Path(__file__).parents[1] / "config" / "fastdds_loopback.xml"
 
+
+# How long an example takes says how busy the machine is.
+hypothesis.settings.register_profile("busy", deadline=None)
+hypothesis.settings.load_profile("busy")
 
 _APPROX = pytest.approx
 

@@ -285,3 +285,35 @@ def test_options_of_a_script_are_in_the_script(page: Path) -> None:
         options = [word for word in command[2:] if word.startswith("--")]
         missing += [f"{command[1]} {option}" for option in options if f'"{option}"' not in source]
     assert not missing
+
+
+LAUNCHED = re.compile(r"(ros2 launch rf_pointing|scripts/launch) (\w+)(?:\.launch\.py)?((?: [\w.]+:=[^\s`\"]+)*)")
+"""A line that starts a station: by the tool of ROS or by the script, the launch file, its arguments."""
+
+
+def launch_words(words: list[str]) -> dict[str, object]:
+    """Return the values of a command line of scripts/launch; ValueError for what it does not take."""
+    launch = pytest.importorskip("rf_pointing.commands.launch", reason="launch files need ROS 2")
+    file, given = launch.launch_file(words[0]), launch.pairs(words[1:])
+    named = {} if "station" not in [argument.name for argument in file.arguments] else {"station": "my_dish.yaml"}
+    return dict(file.values(named | given))
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        *PAGES,
+        *sorted((ROOT / "launch").glob("*.py")),
+        *sorted((ROOT / "examples").glob("*.py")),
+        ROOT / "config/systemd/station.conf",
+    ],
+    ids=shown,
+)
+def test_whoever_has_no_ros2_launch_reads_the_line_of_scripts_launch(page: Path) -> None:
+    """Each line with the one stands beside the same line with the other, and its arguments are taken."""
+    found: dict[str, set[tuple[str, str]]] = {"ros2 launch rf_pointing": set(), "scripts/launch": set()}
+    for tool, name, words in LAUNCHED.findall(page.read_text()):
+        if name not in ("status", "stop", "NAME"):
+            found[tool].add((name, words))
+            launch_words([name, *words.split()])
+    assert found["ros2 launch rf_pointing"] <= found["scripts/launch"]

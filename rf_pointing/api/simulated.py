@@ -30,14 +30,19 @@ class SimulatedPass:
         """Return the true pointing errors (n, 2): cross-elevation and elevation, in millidegrees.
 
         Those of the samples in `modes` ("monopulse", "program", ...), of all when none is named.
+        ValueError where there are none, with the fault that ended the pass: an unstable loop has no
+        error that could be averaged.
         """
-        return self.log.errors_rad(*modes) / MDEG
+        errors = self.log.errors_rad(*modes) / MDEG
+        if not len(errors):
+            spent = ", ".join(f"{mode} {time_s:.1f} s" for mode, time_s in self.seconds.items())
+            fault = f"; the antenna stopped: {self.log.fault}" if self.log.fault else ""
+            raise ValueError(f"no sample in {', '.join(modes) or 'the pass'}; there are {spent or 'none'}{fault}")
+        return errors
 
     def rms_mdeg(self, *modes: str) -> tuple[float, float]:
         """Return the rms error in cross-elevation and elevation; ValueError without a sample."""
         errors = self.errors_mdeg(*modes)
-        if not len(errors):
-            raise ValueError(f"no sample in {', '.join(modes) or 'the pass'}; there are {', '.join(self.seconds)}")
         cross, elevation = np.sqrt(np.mean(errors**2, axis=0)).tolist()
         return cross, elevation
 

@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.api.keywords import angle_rad, span_s, time_s
+from rf_pointing.api.link_budget import LinkBudgetTable
 from rf_pointing.api.passes import Look, PassCertificate, StationPass
 from rf_pointing.api.plan import Plan
 from rf_pointing.api.simulated import SimulatedPass
 from rf_pointing.api.target import MAX_AGE_S, Target
 from rf_pointing.calibration import BiasModel, read_model
+from rf_pointing.core import require_choice
 from rf_pointing.ephemeris import TopocentricTrack, find_passes
 from rf_pointing.ephemeris.passes import part_searched
 from rf_pointing.planning import AxisLimits
@@ -69,8 +71,7 @@ class Station:
         own = self.description
         self.name, self.site, self.simulated, self.bands = own.name, own.site, own.simulated, own.bands
         self.band = own.default_band if band is None else band
-        if self.band not in self.bands:
-            raise ValueError(f"band={self.band!r} of {self.name} must be one of {', '.join(self.bands)}")
+        require_choice(f"{self.name}: band", self.band, self.bands)
         self.sensors = own.sensors(self.band)
         self._model = model
 
@@ -226,7 +227,19 @@ class Station:
                 standing_rad, free_t_s = chosen.end_rad, one.los_t_s
         return found
 
+    def _require_mine(self, one: StationPass) -> None:
+        if one.station.site != self.site:
+            where, here = (
+                f"{each.name} at {math.degrees(each.site.latitude_rad):.4f} deg north, "
+                f"{math.degrees(each.site.longitude_rad):.4f} deg east"
+                for each in (one.station, self)
+            )
+            raise ValueError(
+                f"one: this pass of {one.name} is over {where}; passes of {here} are found by its passes()"
+            )
+
     def _certified(self, one: StationPass, free_t_s: float, standing_rad: tuple[float, float]) -> PassCertificate:
+        self._require_mine(one)
         track = self.track_of(one.target)
         certificate, profile = planned_certificate(track, one.window, free_t_s, standing_rad, self.rules)
         return PassCertificate(one, PlannedPass(window=one.window, profile=profile, certificate=certificate))
@@ -272,6 +285,15 @@ class Station:
             max_age_s=MAX_AGE_S,
         )  # fmt: skip
         return Plan(self, day)
+
+    def link_budget(self, one: StationPass | None = None) -> LinkBudgetTable:
+        """Return noise, G/T and C/N0 of the band over elevation, or along a pass.
+
+        Examples
+        --------
+        >>> print(rp.Station("leo_3m7", "S").link_budget())
+        """
+        return LinkBudgetTable.of(self, one)
 
     def slew_s(
         self,
@@ -323,6 +345,7 @@ class Station:
         ValueError
             A sensor that the band does not have, or a parameter that does not exist.
         """
+        self._require_mine(one)
         window = one.window
         if minutes is not None:
             window = dataclasses.replace(window, los_t_s=min(window.los_t_s, window.aos_t_s + 60.0 * minutes))
@@ -334,7 +357,7 @@ class Station:
         for node, values in (changes or {}).items():
             own[node] = own.get(node, {}) | dict(values)
         setup = StationSetup(self.description, self.band, changes=own, model=self.model, tracker=tracker)
-        chosen = self.description.chosen_sensor(sensor or "", self.band)
+        chosen = self.description.chosen_sensor(sensor, self.band)
         log = simulate_pass(setup, window, math.floor(window.aos_t_s) - BEFORE_S, chosen)
         return SimulatedPass(one, chosen, log)
 
@@ -348,6 +371,7 @@ class Station:
 
         Returns the `rf_pointing.api.live.TrackResult`: exit code, folder of the report, bag.
         """
+        self._require_mine(one)
         # Not at the top: the rest of the front door does without ROS.
         live, requests = (importlib.import_module(f"rf_pointing.api.{name}") for name in ("live", "requests"))
         return live.track(requests.TrackRequest(station=self, target=one.target, chosen=one.window, **options))

@@ -9,6 +9,7 @@ import json
 from pathlib import Path
 
 from rf_pointing.calibration.model_file import ModelVersion, read_model, write_model
+from rf_pointing.core import require_choice
 from rf_pointing.core.whole_file import parse_json, read_whole, write_whole
 
 
@@ -40,8 +41,7 @@ class ModelStore:
 
     def read(self, name: str) -> ModelVersion:
         """Return one version."""
-        if name not in self.names():
-            raise ValueError(f"name={name!r} must be one of {', '.join(self.names()) or 'none'}")
+        require_choice("name", name, self.names())
         return read_model(self._path(name))
 
     def active(self) -> ModelVersion | None:

@@ -15,7 +15,7 @@ from functools import partial
 
 from rf_pointing.api import live
 from rf_pointing.api.requests import CALIBRATION_START, DEFAULT_MODELS, CalibrateRequest
-from rf_pointing.commands.options import ELEMENTS_HELP, add_options, between, ending_with_reason, requested
+from rf_pointing.commands.options import ELEMENTS_HELP, add_options, between, ending_with_reason, named, requested
 from rf_pointing.commands.track import RUN
 from rf_pointing.core.modes import Sensor
 from rf_pointing.tracking.sensors import SENSORS
@@ -28,7 +28,8 @@ def arguments() -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add_options(parser, "station band")
-    add("--sensor", choices=[*SENSORS, Sensor.AUTO], default="", help="(default: that of the station's band)")
+    sensors = (*SENSORS, Sensor.AUTO)
+    add("--sensor", type=named(sensors), choices=sensors, help="(default: that of the station's band)")
     add_options(
         parser, "elements start",
         elements=f"satellites that the station receives, for a real drive: {ELEMENTS_HELP}",

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rf_pointing.commands.options import ending_with_reason
+from rf_pointing.core.checks import one_of
 from rf_pointing.station.description import STATIONS, StationError, station_from
 from rf_pointing.station.description.content import BandSection
 from rf_pointing.station.description.schema import SCHEMA
@@ -65,7 +66,7 @@ class NewStation:
     def description(self) -> str:
         """Return the text of the description; ValueError with every problem."""
         unknown = [name for name in self.bands if name not in FREQUENCIES_MHZ]
-        problems = [f"bands={name!r} must be one of {', '.join(FREQUENCIES_MHZ)}" for name in unknown]
+        problems = [f"bands={name!r} must be {one_of(name, FREQUENCIES_MHZ)}" for name in unknown]
         if self.diameter is None and self.beamwidth is None:
             problems.append(
                 "an antenna needs its diameter (--diameter), or one without a dish its beamwidth (--beamwidth)"

@@ -6,12 +6,13 @@ makes the request with `requested`.
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
 from rf_pointing.api.target import FIRST_SATELLITE, Target
+from rf_pointing.core.checks import one_of
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris.source import unused
 from rf_pointing.station.description import DEFAULT_STATION, shipped_stations
@@ -63,6 +64,17 @@ def between(low: float, high: float) -> Callable[[str], float]:
         if not low <= value <= high:
             raise argparse.ArgumentTypeError(f"{text} must be between {low:g} and {high:g}")
         return value
+
+    return parse
+
+
+def named(choices: Collection[str]) -> Callable[[str], str]:
+    """Return an argparse type: one of the choices; a wrong one is refused with the nearest."""
+
+    def parse(text: str) -> str:
+        if text not in choices:
+            raise argparse.ArgumentTypeError(f"{text!r} must be {one_of(text, choices)}")
+        return text
 
     return parse
 

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.commands.options import add_options, between, ending_with_reason, refusing
+from rf_pointing.commands.options import add_options, between, ending_with_reason, named, refusing
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.core.whole_file import DATA_BYTES, read_whole
 from rf_pointing.operations.pass_list import read_passes
@@ -65,7 +65,7 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     passes("--json", dest="as_json", action="store_true", help="print JSON")
     track = add("track", "track the next pass of a satellite, record it and report on it", StationClient.track)
     track("satellite", help="catalogue number or name")
-    track("--sensor", choices=tuple(SENSOR_CHOICES), default="auto", help="(default: auto)")
+    track("--sensor", type=named(SENSOR_CHOICES), choices=tuple(SENSOR_CHOICES), default="auto", help="(default: auto)")
     track("--min-peak", dest="min_peak_rad", metavar="MIN_PEAK", type=_degrees(0.0, 90.0), default=0.0,
         help="least peak elevation in deg (default: 0)")  # fmt: skip
     track("--near", dest="near_s", type=refusing(parse_utc), metavar="UTC",

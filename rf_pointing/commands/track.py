@@ -15,7 +15,7 @@ from pathlib import Path
 
 from rf_pointing.api import live
 from rf_pointing.api.requests import DEFAULT_MODELS, TrackRequest
-from rf_pointing.commands.options import add_options, ending_with_reason, requested
+from rf_pointing.commands.options import add_options, ending_with_reason, named, requested
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
 RUN = "speed seed reset-fault processes ephemeris-error models namespace params-file output"
@@ -33,7 +33,8 @@ def arguments() -> argparse.ArgumentParser:
         min_peak={"default": 40.0, "help": "least peak elevation in deg (default: 40)"},
     )  # fmt: skip
     add = parser.add_argument
-    add("--sensor", choices=tuple(SENSOR_CHOICES), default="", help="(default: that of the station's band)")
+    add("--sensor", type=named(SENSOR_CHOICES), choices=tuple(SENSOR_CHOICES),
+        help="(default: that of the station's band)")  # fmt: skip
     add("--scan-sigma", dest="scan_sigma_mdeg", metavar="MDEG", type=float, help="accuracy of the scan per axis at "
         "the pass's weakest carrier: chooses radius and period (default: the station's)")  # fmt: skip
     add_options(

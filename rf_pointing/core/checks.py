@@ -3,7 +3,7 @@
 import math
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
@@ -88,11 +88,26 @@ def require_between(name: str, value: float, low: float | None, high: float | No
         raise ValueError(f"{name}={value} must be <= {high}")
 
 
-def require_choice(name: str, value: str, choices: Iterable[str]) -> None:
-    """Raise ValueError unless `value` is one of `choices`."""
+def near_names(name: str, known: Iterable[str], cutoff: float = 0.7) -> list[str]:
+    """Return the known names that `name` may be meant for, the nearest first; case is ignored."""
+    # Imported late: a node that starts has no wrong name.
+    import difflib
+
+    plain = {each.casefold(): each for each in known}
+    return [plain[each] for each in difflib.get_close_matches(name.casefold(), plain, cutoff=cutoff)]
+
+
+def one_of(value: str, choices: Iterable[str]) -> str:
+    """Return "one of A, B, C" for a refused value, and which of them may be meant."""
     names = list(choices)
-    if value not in names:
-        raise ValueError(f"{name}={value!r} must be one of {', '.join(names)}")
+    near = near_names(value, names)[:1]
+    return f"one of {', '.join(names) or 'none'}" + "".join(f"; did you mean {each}?" for each in near)
+
+
+def require_choice(name: str, value: str, choices: Collection[str]) -> None:
+    """Raise ValueError unless `value` is one of `choices`."""
+    if not isinstance(value, str) or value not in choices:
+        raise ValueError(f"{name}={brief(value)} must be {one_of(str(value), filter(None, choices))}")
 
 
 def as_finite_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:

@@ -113,7 +113,9 @@ class ConformanceCheck:
         axes = [axis for axis in (0, 1) if axis == 0 or can.has_elevation]
         reach = rotator.travel_min_rad, rotator.travel_max_rad
         good = all(reach[0][axis] <= here[axis] <= reach[1][axis] for axis in axes)
-        text = "" if can.has_elevation else "; the device has no elevation"
+        text = (
+            "" if can.has_elevation else "; the device has no elevation: mount.fixed_elevation_deg says where it looks"
+        )
         if can.travel_rad is not None and not can.one_turn:
             device = [[angle + z for angle, z in zip(ends, rotator.zero_rad, strict=True)] for ends in can.travel_rad]
             # A folded azimuth is sent to whatever turn the device takes.

@@ -4,6 +4,7 @@ Reading and writing take what is possible now.  Only opening can wait (a host th
 a port that is slow to open), so it has a thread of its own.  A lost link is an OSError.
 """
 
+import math
 import os
 import socket
 import threading
@@ -130,3 +131,65 @@ class Opening:
             if self._abandoned:
                 link.close()
             self._link = link
+
+
+class KeptLink:
+    """A link that is opened again whenever it is lost; the waits double up to the longest.
+
+    `link` is None while there is none; `problem` says why until the device is known to answer.
+    """
+
+    def __init__(self, name: str, params: LinkParams, baud: int) -> None:
+        self._where, self._params, self._baud = f"{name} at {link_name(params)}", params, baud
+        self.problem = f"{self._where} is not connected yet"
+        self.link: Link | None = None
+        self._opening: Opening | None = None
+        self._retry_s, self._wait_s = -math.inf, params.first_retry_s
+
+    def step(self, t_s: float) -> bool:
+        """Go on with the opening; return whether the link has just been opened."""
+        if self.link is not None:
+            return False
+        if self._opening is None:
+            if t_s >= self._retry_s:
+                self._opening = Opening(self._params, self._baud)
+            return False
+        try:
+            self.link = self._opening.result()
+        except OSError as error:
+            self._opening = None
+            self._back_off(t_s, f"{error.strerror or error}")
+            return False
+        if self.link is None:
+            return False
+        self._opening = None
+        return True
+
+    def lose(self, t_s: float, why: str) -> None:
+        """Close the link, and wait before it is opened again."""
+        if self.link is not None:
+            self.link.close()
+        self.link = None
+        self._back_off(t_s, why)
+
+    def answers(self) -> None:
+        """Note that the device has answered."""
+        self.problem, self._wait_s = "", self._params.first_retry_s
+
+    def shift(self, by_s: float) -> None:
+        """Keep the wait as long as it was when the clock has been set."""
+        self._retry_s += by_s
+
+    def close(self) -> None:
+        """Close the link for good."""
+        if self.link is not None:
+            self.link.close()
+        elif self._opening is not None:
+            self._opening.abandon()
+        self.link = self._opening = None
+        self.problem = f"{self._where} is closed"
+
+    def _back_off(self, t_s: float, why: str) -> None:
+        self.problem = f"{self._where}: {why}"
+        self._retry_s = t_s + self._wait_s
+        self._wait_s = min(2.0 * self._wait_s, self._params.longest_retry_s)

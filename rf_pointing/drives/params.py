@@ -22,7 +22,7 @@ class LinkParams(Params):
         1.0, "time without a position after which the device is lost; at least two polls", low=0.1, high=60.0
     )
     first_retry_s: float = parameter(0.5, "wait before the first attempt to reconnect", low=0.05, high=60.0)
-    longest_retry_s: float = parameter(10.0, "longest wait; it doubles from attempt to attempt", low=0.05, high=3600.0)
+    longest_retry_s: float = parameter(2.0, "longest wait; it doubles from attempt to attempt", low=0.05, high=3600.0)
 
     ordered = ("first_retry_s <= longest_retry_s",)
 

@@ -14,7 +14,7 @@ from collections import Counter, deque
 from rf_pointing.core.types import Pair
 from rf_pointing.drives.drive import POSITION as POSITION_SET_POINTS
 from rf_pointing.drives.drive import Capabilities, Drive, DriveReading
-from rf_pointing.drives.link import Link, Opening, link_name
+from rf_pointing.drives.link import KeptLink, Link
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.protocols import (
     ALARM,
@@ -45,11 +45,9 @@ class PolledDrive(Drive):
 
     def __init__(self, protocol: DeviceProtocol, params: DriveParams) -> None:
         self._protocol, self._params, self._timing = protocol, params.rotator, params.link
-        self._link_params, self._where = params.link, f"{protocol.name} at {link_name(params.link)}"
+        self._kept = KeptLink(protocol.name, params.link, protocol.baud)
         self.losses: Counter[str] = Counter()
-        self.problem = f"{self._where} is not connected yet"
-        self._link: Link | None = None
-        self._opening: Opening | None = None
+        self.problem = self._kept.problem
         self._buffer = bytearray()
         self._queue: deque[Request] = deque()
         self._pending: tuple[Request, float] | None = None
@@ -57,10 +55,9 @@ class PolledDrive(Drive):
         self._stop_first()
         self._latency_s, self._alarm, self._refused = 0.0, "", ""
         self._t_s: float | None = None
-        self._retry_s = self._poll_s = self._also_s = self._known_s = self._stop_s = -1e9
+        self._poll_s = self._also_s = self._known_s = self._stop_s = -1e9
         self._asked_s = math.inf
         """When the position was first requested since the last one."""
-        self._wait_s = params.link.first_retry_s
         self._state_capabilities(None)
 
     def _state_capabilities(self, travel_rad: tuple[Pair, Pair] | None) -> None:
@@ -90,11 +87,13 @@ class PolledDrive(Drive):
             elif late_s > LATE_S:
                 self._known_s, self._asked_s = self._known_s + late_s, self._asked_s + late_s
         self._t_s = t_s
-        if self._link is None:
-            self._connect(t_s)
-        if self._link is not None:
+        if self._kept.step(t_s):
+            self._begin(t_s)
+        elif self._kept.link is None:
+            self.problem = self._kept.problem
+        if self._kept.link is not None:
             try:
-                self._exchange(self._link, t_s)
+                self._exchange(self._kept.link, t_s)
             except OSError as error:
                 self._lose(t_s, f"the link is lost: {error}")
         return self._reading
@@ -108,14 +107,10 @@ class PolledDrive(Drive):
         self._send_now()
 
     def close(self) -> None:
-        if self._link is not None:
-            if self._stop_due:
-                self._try_last_stop(self._link)
-            self._link.close()
-        elif self._opening is not None:
-            self._opening.abandon()
-        self._link = self._opening = None
-        self.problem = f"{self._where} is closed"
+        if self._kept.link is not None and self._stop_due:
+            self._try_last_stop(self._kept.link)
+        self._kept.close()
+        self.problem = self._kept.problem
 
     def _try_last_stop(self, link: Link) -> None:
         try:
@@ -130,20 +125,9 @@ class PolledDrive(Drive):
         self._stop_due, self._stopped = True, True
         self._set_point = None
 
-    def _connect(self, t_s: float) -> None:
-        if self._opening is None:
-            if t_s >= self._retry_s:
-                self._opening = Opening(self._link_params, self._protocol.baud)
-            return
-        try:
-            link = self._opening.result()
-        except OSError as error:
-            self._opening = None
-            self._back_off(t_s, f"{error.strerror or error}")
-            return
-        if link is None:
-            return
-        self._opening, self._link, self._pending = None, link, None
+    def _begin(self, t_s: float) -> None:
+        """Begin the exchange on a link that has just been opened."""
+        self._pending = None
         self._buffer.clear()
         self._stop_first()
         self._queue = deque(self._protocol.greeting())
@@ -151,19 +135,13 @@ class PolledDrive(Drive):
         self._poll_s = t_s - self._timing.poll_period_s
 
     def _lose(self, t_s: float, why: str) -> None:
-        assert self._link is not None
         self.losses["connection"] += 1
-        self._link.close()
-        self._link, self._pending = None, None
-        self._back_off(t_s, why)
-
-    def _back_off(self, t_s: float, why: str) -> None:
-        self.problem = f"{self._where}: {why}"
-        self._retry_s = t_s + self._wait_s
-        self._wait_s = min(2.0 * self._wait_s, self._timing.longest_retry_s)
+        self._pending = None
+        self._kept.lose(t_s, why)
+        self.problem = self._kept.problem
 
     def _shift_waits(self, by_s: float) -> None:
-        self._retry_s += by_s
+        self._kept.shift(by_s)
         self._poll_s += by_s
         self._also_s += by_s
         self._known_s += by_s
@@ -194,9 +172,9 @@ class PolledDrive(Drive):
 
     def _send_now(self) -> None:
         """Send a new set point or a stop without waiting for the next tick."""
-        if self._link is not None and self._t_s is not None:
+        if self._kept.link is not None and self._t_s is not None:
             try:
-                self._send(self._link, self._t_s)
+                self._send(self._kept.link, self._t_s)
             except OSError as error:
                 self._lose(self._t_s, f"the link is lost: {error}")
 
@@ -262,7 +240,8 @@ class PolledDrive(Drive):
         )
         # A position came after it: from now on it is an old answer.
         self._refused = ""
-        self.problem, self._wait_s = "", self._timing.first_retry_s
+        self._kept.answers()
+        self.problem = ""
         can, protocol = self.capabilities, self._protocol
         if (protocol.resolution_deg, protocol.has_elevation) != (self._resolution_deg, can.has_elevation):
             self._state_capabilities(self.capabilities.travel_rad)

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
 
+from rf_pointing.core import require_choice
 from rf_pointing.core.types import Pair
 
 POSITION, DONE, REFUSED, LIMITS, ALARM, STATUS, NOISE = (
@@ -312,7 +313,10 @@ class EasycommProtocol(LineProtocol):
 
 
 class SpidProtocol(DeviceProtocol):
-    """SPID Rot1Prog (azimuth alone), Rot2Prog and MD-01, which answers set points too."""
+    """SPID Rot1Prog (azimuth alone), Rot2Prog and MD-01, which answers set points too.
+
+    Whether there is an elevation is seen by the length of an answer, whatever the model was named.
+    """
 
     _STATUS, _STOP, _SET = 0x1F, 0x0F, 0x2F
     START, END = 0x57, 0x20
@@ -322,7 +326,6 @@ class SpidProtocol(DeviceProtocol):
         self.name, self.has_elevation = f"SPID {model}", model != "rot1"
         self.baud = 1200 if model == "rot1" else 600
         self.resolution_deg = (1.0, 1.0) if model == "rot1" else (0.5, 0.5)
-        self._size = 5 if model == "rot1" else 12
         self._answers_set = model == "md01"
         self._pulses: tuple[int, int] | None = None
 
@@ -349,24 +352,29 @@ class SpidProtocol(DeviceProtocol):
 
     def take(self, buffer: bytearray) -> list[Answer]:
         found = []
-        while len(buffer) >= self._size:
-            answer = self._packet(bytes(buffer[: self._size]))
+        # The fifth byte of a long answer is a digit, of a short one its end.
+        while len(buffer) >= (size := 5 if buffer[4:5] == bytes([self.END]) else 12) or (
+            buffer and buffer[0] != self.START
+        ):
+            answer = self._packet(bytes(buffer[:size]))
             if answer is None:
                 # Not a packet here: the next byte may begin one.
                 found.append(_noise(bytes(buffer[:1])))
                 del buffer[:1]
             else:
                 found.append(answer)
-                del buffer[: self._size]
+                self.has_elevation = size == 12
+                del buffer[:size]
         return found
 
     def _packet(self, packet: bytes) -> Answer | None:
-        if packet[0] != self.START or packet[-1] != self.END:
+        if packet[0] != self.START or packet[-1] != self.END or len(packet) < 5:
             return None
-        digits = packet[1:4] if self._size == 5 else packet[1:5] + packet[6:10]
+        digits = packet[1:4] if len(packet) == 5 else packet[1:5] + packet[6:10]
         if any(digit > 9 for digit in digits):
             return None
-        if self._size == 5:
+        if len(packet) == 5:
+            self.resolution_deg = (1.0, 1.0)
             return _position(100.0 * digits[0] + 10.0 * digits[1] + digits[2] - 360.0, 0.0, packet)
         if packet[5] not in self.PULSES or packet[10] not in self.PULSES:
             return None
@@ -399,9 +407,13 @@ _MADE: dict[str, Callable[[str], DeviceProtocol]] = {
 def protocol_of(type_: str, model: str) -> DeviceProtocol:
     """Return the words of a type of drive; ValueError for a model that it does not have."""
     known = MODELS[type_]
-    if (model or known[0]) not in known:
-        raise ValueError(f"drive.model={model!r} of {type_} must be one of {', '.join(filter(None, known))}")
+    require_choice(f"{type_}: drive.model", model or known[0], known)
     return _MADE[type_](model or known[0])
+
+
+def turns_azimuth_alone(type_: str, model: str) -> bool:
+    """Return whether this model of a type is known to have no elevation axis."""
+    return model in MODELS.get(type_, ()) and not protocol_of(type_, model).has_elevation
 
 
 PROTOCOLS = {type_: partial(protocol_of, type_) for type_ in MODELS}

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from rf_pointing.core.checks import one_of
 from rf_pointing.core.types import Pair
 from rf_pointing.drives.drive import Drive
 from rf_pointing.drives.params import DriveParams
@@ -80,4 +81,5 @@ def make_drive(params: DriveParams, start_rad: Pair = (0.0, 0.0)) -> Drive:
         return made
     if params.type in ("simulated", "topic"):
         raise ValueError(f"drive.type={params.type!r} is made by antenna_servo, and topic by check_drive --namespace")
-    raise ValueError(f"drive.type={params.type!r} must be one of simulated, topic, {', '.join(known_types())}")
+    known = one_of(params.type, ("simulated", "topic", *known_types()))
+    raise ValueError(f"drive.type={params.type!r} must be {known}")

@@ -1,108 +1,32 @@
-"""The server side of rotctld's protocol: lines in, orders out, answers in the client's form.
+"""The server side of rotctld's protocol: the antenna as a rotator of Hamlib.
 
     P az el   set_pos      p  get_pos      S  stop      K  park      _  get_info
     s  get_status          1  dump_caps    \\dump_state             q  quit
 
-A prefix `+` requests the extended form, with the lines of an answer joined by newlines; `;`, `|`
-and `,` join them by themselves.  Answers are those of Hamlib 4.5.4, byte for byte.  Where Hamlib
-accepts NaN, waits for the rest of a short line in the next one, or answers an unknown command with
-silence, the line is refused with its code.
-
-`RotctldServer` serves the clients in a thread of its own.  What moves the antenna goes to the
-station, one order of each client at a time; memory for each client is bounded.
-
-Any web page can have a browser on this computer send bytes here: the body of its request would be
-read as lines.  So a line that no rotator client writes ends the connection: the head of an HTTP
-request, bytes that are not text, as those of TLS, or more than 200 of them without an end.
+Answers are those of Hamlib 4.5.4, byte for byte.  Where Hamlib accepts NaN, waits for the rest of a
+short line in the next one, or answers an unknown command with silence, the line is refused with its
+code.  The door is that of `line_server.py`.
 """
 
-import asyncio
 import math
-import re
-import socket
-import threading
-import time
-from collections.abc import Callable, Iterator
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from ipaddress import ip_address, ip_network
+from dataclasses import dataclass
+from typing import ClassVar, Self
 
-from rf_pointing.core import Params, parameter
 from rf_pointing.core.types import Pair
-from rf_pointing.drives.protocols import LIMIT_NAMES, LONGEST_LINE
+from rf_pointing.drives.line_server import (
+    INVALID,
+    NOT_IMPLEMENTED,
+    NUMBER,
+    Fields,
+    Order,
+    ServedWords,
+    shown,
+)
+from rf_pointing.drives.protocols import LIMIT_NAMES
 
-INVALID, NOT_IMPLEMENTED, TIMED_OUT, IO_ERROR, REJECTED = -1, -4, -5, -6, -9
-"""Codes of `RPRT_ERRORS` that this side gives."""
 # The direction counts: the station chooses the turn and the side of the dish.
 AZIMUTH_DEG, ELEVATION_DEG = (-180.0, 450.0), (0.0, 180.0)
 MODEL = 2
-_COMMANDS = {
-    "P": ("set_pos", 2), "p": ("get_pos", 0), "S": ("stop", 0), "K": ("park", 0), "R": ("reset", 1), "M": ("move", 2),
-    "_": ("get_info", 0), "s": ("get_status", 0), "1": ("dump_caps", 0), "q": ("quit", 0), "Q": ("quit", 0),
-}  # fmt: skip
-_BY_NAME = {**dict(_COMMANDS.values()), "dump_state": 0, "password": 1}
-OF_STATION = ("set_pos", "stop", "park")
-"""Commands that the station carries out."""
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
-# A page of another site may choose the method where a name of its own leads here: the first header
-# that browsers then send is Host.
-_OF_HTTP = re.compile(
-    r"(GET|HEAD|POST|PUT|PATCH|DELETE|OPTIONS|CONNECT|TRACE|PRI)\b|host\s*:|.*\bHTTP/\d", re.IGNORECASE
-)
-_READ_BYTES = 4096
-_ANSWER_S = 3.0
-WRONG_S = 0.3
-"""Delay of the answer to a wrong password."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ServerParams(Params):
-    """Where clients connect, and how many."""
-
-    host: str = parameter("127.0.0.1", "address of the port; others reach any but loopback: see allow, password_file")
-    port: int = parameter(4533, "TCP port; 0: any free one", low=0, high=65535)
-    allow: str = parameter("", "addresses and networks of the clients, separated by commas; empty: any")
-    password_file: str = parameter("", "file (mode 600) of the word that \\password must give first; empty: none")
-    most_refused: int = parameter(20, "lines refused in a row that end a connection", low=1, high=1000)
-    most_clients: int = parameter(
-        100, "clients at one time; then one that has sent no line gives way, else further ones are refused",
-        low=1, high=500,
-    )  # fmt: skip
-    idle_s: float = parameter(600.0, "a client that sends nothing for so long is disconnected", low=1.0, high=86400.0)
-    patience_s: float = parameter(5.0, "a client that reads no answer for so long is disconnected", low=0.1, high=60.0)
-
-    def check_together(self) -> None:
-        """Refuse a list of clients that cannot be read."""
-        self.allows("127.0.0.1")
-
-    def allows(self, address: str) -> bool:
-        """Return whether a client may come from an address."""
-        try:
-            networks = [ip_network(each.strip()) for each in self.allow.split(",") if each.strip()]
-        except ValueError as error:
-            raise ValueError(f"allow={self.allow!r} must be addresses or networks, as 10.0.0.0/24: {error}") from None
-        with suppress(ValueError):
-            given = ip_address(address.partition("%")[0].removeprefix("::ffff:"))
-            return not networks or any(given in each for each in networks)
-        return not networks
-
-
-@dataclass(frozen=True, slots=True)
-class Order:
-    """One line of a client.
-
-    `text` are the arguments as they were written, `separator` joins the lines of an extended
-    answer ("" for the plain form).  A line that is refused has a `code` and the `reason`; one that
-    is `foreign` is not of this protocol.
-    """
-
-    name: str
-    values_deg: tuple[float, ...] = ()
-    text: str = ""
-    separator: str = ""
-    code: int = 0
-    reason: str = ""
-    foreign: bool = False
 
 
 @dataclass(slots=True)
@@ -128,95 +52,18 @@ class Habit:
         return azimuth_deg, elevation_deg
 
 
-class Session:
-    """The lines of one client; `habit` is that of its host until it commands by itself."""
-
-    def __init__(self, habit: Habit | None = None) -> None:
-        self.habit = habit or Habit()
-        self._buffer = bytearray()
-        self._discarding = False
-
-    def take(self, data: bytes) -> Iterator[Order]:
-        """Yield the orders of the lines that are complete; a half line waits for its end."""
-        *lines, rest = (bytes(self._buffer) + data).split(b"\n")
-        for line in lines:
-            # The end of a line that was too long: its beginning has been refused.
-            if self._discarding:
-                self._discarding = False
-            elif len(line) > LONGEST_LINE:
-                yield self._too_long()
-            elif (order := _order(line)) is not None:
-                yield order
-        if len(rest) > LONGEST_LINE and not self._discarding:
-            self._discarding = True
-            yield self._too_long()
-        self._buffer = bytearray(b"" if self._discarding else rest)
-
-    @staticmethod
-    def _too_long() -> Order:
-        return Order("", code=INVALID, reason=f"a line is longer than {LONGEST_LINE} bytes", foreign=True)
-
-    @staticmethod
-    def answer(order: Order, code: int = 0, fields: tuple[tuple[str, str], ...] = ()) -> bytes:
-        """Return the answer; `fields` are its lines in the extended and in the plain form."""
-        if order.separator:
-            head = f"{order.name}: {order.text}" if order.text else f"{order.name}:"
-            lines = [head, *(extended for extended, _ in fields), f"RPRT {code}"]
-            return (order.separator.join(lines) + "\n").encode()
-        plain = [text for _, text in fields] if fields and not code else [f"RPRT {code}"]
-        return ("\n".join(plain) + "\n").encode()
-
-
-def _order(line: bytes) -> Order | None:
-    """Return the order of a line without its end, None for an empty line or a comment."""
-    text = line.strip(b" \t\r").decode("ascii", errors="replace")
-    if not text or text.startswith("#"):
-        return None
-    if not text.isascii() or not text.isprintable():
-        return Order("", code=INVALID, reason="a line holds bytes that are not text", foreign=True)
-    if _OF_HTTP.match(text):
-        return Order("", code=INVALID, reason=f"{_shown(text)} is of a web page", foreign=True)
-    separator = {"+": "\n", ";": ";", "|": "|", ",": ","}.get(text[0], "")
-    word, *arguments = text[1 if separator else 0 :].split() or [""]
-    if word.startswith("\\"):
-        name, count = word[1:], _BY_NAME.get(word[1:])
-    elif len(word) == 1:
-        name, count = _COMMANDS.get(word, (word, None))
-    else:
-        return Order("", separator=separator, code=INVALID, reason=f"{_shown(word)} is not a command")
-    written = " ".join(arguments)
-    if count is None:
-        reason = f"command {_shown(name)} is not known"
-        return Order(name, text=written, separator=separator, code=NOT_IMPLEMENTED, reason=reason)
-    reason = ""
-    values: tuple[float, ...] = ()
-    if len(arguments) != count:
-        reason = f"{name} has {len(arguments)} arguments, must have {count}"
-    elif name == "set_pos":
-        reason, values = _angles(arguments)
-    code = INVALID if reason else 0
-    if not reason and name in ("move", "reset"):
-        code, reason = NOT_IMPLEMENTED, f"{name} is not offered"
-    return Order(name, values, written, separator, code, reason)
-
-
 def _angles(arguments: list[str]) -> tuple[str, tuple[float, ...]]:
     """Return why the arguments are not a direction ("" if they are one), and the angles in deg."""
     values = []
     bounds = (("azimuth", AZIMUTH_DEG), ("elevation", ELEVATION_DEG))
     for text, (name, (low, high)) in zip(arguments, bounds, strict=True):
-        # float() reads "nan", "inf" and "1_0", too.
-        if not _NUMBER.fullmatch(text):
-            return f"{name} {_shown(text)} is not a number", ()
+        if not NUMBER.fullmatch(text):
+            return f"{name} {shown(text)} is not a number", ()
         value = float(text)
         if not low <= value <= high:
-            return f"{name} {_shown(text)} must be {low:g} to {high:g} deg", ()
+            return f"{name} {shown(text)} must be {low:g} to {high:g} deg", ()
         values.append(value)
     return "", tuple(values)
-
-
-def _shown(text: str) -> str:
-    return repr(text[:24])
 
 
 @dataclass(slots=True)
@@ -232,7 +79,7 @@ class StationView:
     moving: tuple[int, int] = (0, 0)
     """Sign of the motion of azimuth and elevation."""
 
-    def fields(self, name: str, habit: Habit) -> tuple[tuple[str, str], ...] | None:
+    def fields(self, name: str, habit: Habit) -> Fields | None:
         """Return the lines of an answer, extended and plain; None where it is not known yet."""
         match name:
             case "get_pos":
@@ -283,196 +130,39 @@ def _state_fields() -> tuple[tuple[str, str], ...]:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Inquiry:
-    """An order of a client that the station carries out; `reply` takes its code, in any thread.
+class RotatorWords(ServedWords):
+    """A rotator for one client; `host` is the habit of the clients before it."""
 
-    `at_s` is the steady time at which the line was read.
-    """
+    title = "rotctld"
+    letters: ClassVar = {
+        "P": ("set_pos", 2), "p": ("get_pos", 0), "S": ("stop", 0), "K": ("park", 0), "R": ("reset", 1),
+        "M": ("move", 2), "_": ("get_info", 0), "s": ("get_status", 0), "1": ("dump_caps", 0), "q": ("quit", 0),
+        "Q": ("quit", 0),
+    }  # fmt: skip
+    names: ClassVar = {"dump_state": 0}
+    of_station = ("set_pos", "stop", "park")
 
-    order: Order
-    client: str
-    at_s: float
-    reply: Callable[[int], None]
+    def __init__(self, view: StationView, host: Habit | None = None) -> None:
+        # Clients that connect anew for every command have the habit of the one before.
+        self.view, self._host = view, host or Habit()
+        self._habit = Habit(self._host.negative, self._host.over)
 
+    def client(self) -> Self:
+        return type(self)(self.view, self._host)
 
-@dataclass(slots=True)
-class ServerCounts:
-    """Counts of the port since it was opened."""
+    def judged(self, name: str, arguments: list[str]) -> tuple[int, str, tuple[float, ...]]:
+        if name in ("move", "reset"):
+            return NOT_IMPLEMENTED, f"{name} is not offered", ()
+        reason, values = _angles(arguments) if name == "set_pos" else ("", ())
+        return INVALID if reason else 0, reason, values
 
-    clients: int = 0
-    refused_clients: int = 0
-    refused_lines: int = 0
-    ended: int = 0
-    """Clients that were disconnected for what they sent."""
-    last_refusal: str = ""
-    connected: dict[str, float] = field(default_factory=dict)
-    """Clients by address and port, with the steady time of the last bytes of each."""
+    def fields(self, order: Order) -> Fields | None:
+        return self.view.fields(order.name, self._habit)
 
-
-class RotctldServer:
-    """Serves rotctld's protocol on a TCP port until `close`.
-
-    `inbox` is called in the thread of the server with what the station carries out, and
-    `refused` with each line that was refused, in words.  With a `password` a client must give it
-    first, as text or as its MD5 in hexadecimal digits, which is what Hamlib sends.
-
-    Raises
-    ------
-    ValueError
-        When the port cannot be opened.
-    """
-
-    def __init__(
-        self,
-        params: ServerParams,
-        view: StationView,
-        inbox: Callable[[Inquiry], None],
-        refused: Callable[[str], object] = str,
-        password: str = "",
-    ) -> None:
-        self._params, self.view, self._inbox, self._refused = params, view, inbox, refused
-        self._password = password
-        self._unheard: dict[str, asyncio.StreamWriter] = {}
-        self.counts = ServerCounts()
-        self._habit = Habit()
-        self._socket = socket.socket(socket.AF_INET6 if ":" in params.host else socket.AF_INET)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            self._socket.bind((params.host, params.port))
-            self._socket.listen(128)
-        except OSError as error:
-            self._socket.close()
-            raise ValueError(f"server.host={params.host}, server.port={params.port}: {error.strerror}") from error
-        self.port: int = self._socket.getsockname()[1]
-        self._loop = asyncio.new_event_loop()
-        self._tasks: set[asyncio.Task[None]] = set()
-        self._stop = asyncio.Event()
-        self._thread = threading.Thread(target=self._run, name="rotctld", daemon=True)
-        self._thread.start()
-
-    def heard_s(self, client: str) -> float:
-        """Return the steady time of a client's last bytes, minus infinity if it is gone."""
-        return self.counts.connected.get(client, -math.inf)
-
-    def close(self) -> None:
-        """Disconnect every client and free the port."""
-        self._loop.call_soon_threadsafe(self._stop.set)
-        self._thread.join(timeout=5.0)
-
-    def _run(self) -> None:
-        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
-            runner.run(self._serve())
-
-    async def _serve(self) -> None:
-        server = await asyncio.start_server(self._client, sock=self._socket, limit=_READ_BYTES)
-        await self._stop.wait()
-        server.close()
-        for task in list(self._tasks):
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
-
-    async def _client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        task = asyncio.current_task()
-        assert task is not None
-        self._tasks.add(task)
-        host, port = (writer.get_extra_info("peername") or ("?", 0))[:2]
-        name = f"{host}:{port}"
-        try:
-            full = len(self.counts.connected) >= self._params.most_clients
-            allowed = self._params.allows(host)
-            if full and allowed and (silent := next(iter(self._unheard), "")):
-                self._unheard.pop(silent).transport.abort()
-                self.counts.connected.pop(silent)
-                full = False
-            if not allowed:
-                self._refuse_client(writer, f"{name} is not in server.allow={self._params.allow}")
-            elif full:
-                self._refuse_client(writer, f"{name}: {self._params.most_clients} clients are connected")
-            else:
-                self.counts.connected[name], self._unheard[name] = time.monotonic(), writer
-                self.counts.clients += 1
-                await self._talk(reader, writer, name)
-        except (TimeoutError, OSError, asyncio.CancelledError):
-            # Gone, silent, or it reads no answers: its half line is forgotten.
-            writer.transport.abort()
-        finally:
-            self.counts.connected.pop(name, None)
-            self._unheard.pop(name, None)
-            self._tasks.discard(task)
-            writer.close()
-
-    def _refuse_client(self, writer: asyncio.StreamWriter, reason: str) -> None:
-        self.counts.refused_clients += 1
-        self._refused(reason)
-        writer.write(f"RPRT {REJECTED}\n".encode())
-
-    async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, name: str) -> None:
-        session, refused, known = Session(Habit(self._habit.negative, self._habit.over)), 0, not self._password
-        while data := await asyncio.wait_for(reader.read(_READ_BYTES), self._params.idle_s):
-            at_s = self.counts.connected[name] = time.monotonic()
-            for order in session.take(data):
-                self._unheard.pop(name, None)
-                if order.name == "quit" and not order.code:
-                    return
-                if order.name == "password" and not order.code:
-                    known = known or self._is_password(order.text)
-                    order = replace(order, text="", code=0 if known else REJECTED, reason="the password is wrong")
-                    await asyncio.sleep(0.0 if known else WRONG_S)
-                elif not known and not order.foreign:
-                    order = replace(order, code=REJECTED, reason="\\password must come first")
-                writer.write(await self._answer(session, order, name, at_s))
-                refused = refused + 1 if order.code else 0
-                if order.foreign or refused >= self._params.most_refused:
-                    self.counts.ended += 1
-                    self._refused(f"{name} is disconnected after {refused} refused lines; the last: {order.reason}")
-                    return
-            await asyncio.wait_for(writer.drain(), self._params.patience_s)
-
-    def _is_password(self, given: str) -> bool:
-        import hashlib
-        import hmac
-
-        wanted = self._password.encode()
-        # Not a secret's protection: the form in which Hamlib's own clients send it.
-        digest = hashlib.md5(wanted, usedforsecurity=False).hexdigest().encode()
-        return any(hmac.compare_digest(given.encode(), each) for each in (wanted, digest))
-
-    async def _answer(self, session: Session, order: Order, name: str, at_s: float) -> bytes:
-        code, fields = order.code, None
-        if code:
-            self.counts.refused_lines += 1
-            self.counts.last_refusal = f"{name}: {order.reason}"
-            self._refused(self.counts.last_refusal)
-        elif order.name in OF_STATION:
-            code = await self._carried_out(order, name, at_s)
-            if order.name == "set_pos" and not code:
-                session.habit.take(order.values_deg[0], order.values_deg[1])
-                # Clients that connect anew for every command have the habit of the one before.
-                self._habit = Habit(session.habit.negative, session.habit.over)
-        elif order.name != "password":
-            fields = self.view.fields(order.name, session.habit)
-            code = IO_ERROR if fields is None else 0
-        return session.answer(order, code, fields or ())
-
-    async def _carried_out(self, order: Order, name: str, at_s: float) -> int:
-        """Hand an order to the station; return its code, or that of a station that is silent."""
-        answered: asyncio.Future[int] = self._loop.create_future()
-
-        def take(code: int) -> None:
-            if not answered.done():
-                answered.set_result(code)
-
-        def reply(code: int) -> None:
-            # The server may have been closed meanwhile.
-            with suppress(RuntimeError):
-                self._loop.call_soon_threadsafe(take, code)
-
-        self._inbox(Inquiry(order, name, at_s, reply))
-        try:
-            return await asyncio.wait_for(answered, _ANSWER_S)
-        except TimeoutError:
-            return TIMED_OUT
+    def obeyed(self, order: Order) -> None:
+        if order.name == "set_pos":
+            self._habit.take(order.values[0], order.values[1])
+            self._host.negative, self._host.over = self._habit.negative, self._habit.over
 
 
 def direction_rad(azimuth_deg: float, elevation_deg: float) -> Pair:

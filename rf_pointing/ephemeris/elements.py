@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 from sgp4.api import WGS72, Satrec
 
 from rf_pointing.core import require_between, require_finite
+from rf_pointing.core.checks import near_names
 from rf_pointing.core.dates import DAY_S
 
 # From 1949-12-31T00:00, where the propagator counts from, to 1970-01-01.
@@ -85,14 +86,13 @@ def find_elements(elements: Sequence[Elements], wanted: str) -> Elements:
     key = wanted.strip().casefold()
     found = [e for e in elements if e.name.casefold() == key or (key.isdigit() and e.catalogue_number == int(key))]
     if not found:
-        import difflib
-
-        # The nearest names of a typing error; without any near one, the first few.
         # Comparing with each of a hundred thousand names would take minutes.
         some = elements[:: max(1, len(elements) // MOST_COMPARED)]
-        names = [label for e in some for label in (e.name, str(e.catalogue_number)) if label]
-        near = difflib.get_close_matches(wanted, names, n=5, cutoff=0.4) or names[:5]
-        raise ValueError(f"satellite={wanted!r} is not among {len(elements)} elements; nearest: {', '.join(near)}")
+        labels = [str(e.catalogue_number) if key.isdigit() else e.name for e in some]
+        # One wrong digit of five is near, two are another satellite.
+        near = near_names(key, filter(None, labels), 0.75 if key.isdigit() else 0.6)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(e.name for e in some[:3])}, ..."
+        raise ValueError(f"satellite={wanted!r} is not among {len(elements)} elements; {hint}")
     numbers = sorted({e.catalogue_number for e in found})
     if len(numbers) > 1:
         raise ValueError(f"satellite={wanted!r} names several objects: {', '.join(map(str, numbers))}; give the number")

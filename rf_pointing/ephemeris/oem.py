@@ -25,6 +25,7 @@ from rf_pointing.core.dates import DAY_S, from_utc_text, to_utc_text, utc_text
 from rf_pointing.core.kvn import key_and_value
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S, earth_fixed_from_gcrs
+from rf_pointing.ephemeris.damaged_states import OFF_M, damaged_state
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource, IersEarthOrientation
 from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, earth_fixed_from_teme
 from rf_pointing.ephemeris.state_vector import StateVector, Vector, rotated, seen_from_rotating_axes
@@ -52,6 +53,8 @@ _LEAST_DEGREE = {"HERMITE": 3, "LAGRANGE": 1, "LINEAR": 1}
 _FARTHEST_M = 3e9
 # No satellite moves at so many times the speed of escape; turning axes may add to it.
 _FASTEST_ESCAPES = 3.0
+# Whoever knows a position to a million kilometres does not know it.
+_LARGEST_KM2 = 1e12
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,18 +271,26 @@ def _segment(draft: Draft) -> OemSegment:
             raise ValueError(f"line {state.number}: {state.epoch} must be later than the state before")
     # km and km/s to metres.
     values = np.array([state.values for state in states]) * 1e3
-    if values.shape[1] == 3:
+    alone = values.shape[1] == 3
+    if alone:
         # Positions alone: the slope between them serves the check, and Lagrange needs none.
         values = np.hstack([values, np.gradient(values, tai_s, axis=0)])
     _require_near_the_earth(states, values)
+    position, velocity, frame = values[:, :3], values[:, 3:], meta["REF_FRAME"].upper()
+    row, off_m = damaged_state(tai_s, position, None if alone else velocity, turning=frame.startswith("ITRF"))
+    if row >= 0:
+        raise ValueError(
+            f"line {states[row].number}: the state at {states[row].epoch} lies {1e-3 * off_m:.3g} km off the "
+            f"orbit through its neighbours, must be <= {1e-3 * OFF_M:g} km"
+        )
     usable_from_s, usable_to_s = _usable(meta, tai_s)
     return OemSegment(
         name=name_of(meta["OBJECT_NAME"]),
         object_id=meta["OBJECT_ID"],
-        frame=meta["REF_FRAME"].upper(),
+        frame=frame,
         tai_s=tai_s,
-        position_m=values[:, :3],
-        velocity_m_s=values[:, 3:],
+        position_m=position,
+        velocity_m_s=velocity,
         usable_from_s=usable_from_s,
         usable_to_s=usable_to_s,
         method=method,
@@ -291,6 +302,8 @@ def _segment(draft: Draft) -> OemSegment:
 def _covariance(number: int, keys: dict[str, str], lower: list[float], meta: dict[str, str]) -> StateCovariance:
     if len(lower) != 21:
         raise ValueError(f"line {number}: a covariance has {len(lower)} numbers, must have 21")
+    if max(map(abs, lower)) > _LARGEST_KM2:
+        raise ValueError(f"line {number}: a covariance of {max(map(abs, lower)):g} must be <= {_LARGEST_KM2:g} km2")
     matrix = np.zeros((6, 6))
     matrix[np.tril_indices(6)] = lower
     matrix += np.tril(matrix, -1).T
@@ -302,10 +315,14 @@ def _covariance(number: int, keys: dict[str, str], lower: list[float], meta: dic
 
 
 def _tai_of_line(state: State, scale: str) -> float:
+    return _tai_of(f"line {state.number}", state.epoch, scale)
+
+
+def _tai_of(place: str, text: str, scale: str) -> float:
     try:
-        return tai_from_text(state.epoch, scale)
+        return tai_from_text(text, scale)
     except ValueError as error:
-        raise ValueError(f"line {state.number}: {error}") from None
+        raise ValueError(f"{place}: {error}") from None
 
 
 def _require_near_the_earth(states: list[State], values: Array) -> None:
@@ -329,7 +346,7 @@ def _require_near_the_earth(states: list[State], values: Array) -> None:
 def _usable(meta: dict[str, str], tai_s: Array) -> tuple[float, float]:
     """Return the usable span in TAI seconds; its ends may lie a step beyond the states."""
     keys = [f"USEABLE_{key}" if meta.get(f"USEABLE_{key}") else key for key in ("START_TIME", "STOP_TIME")]
-    first, last = (tai_from_text(meta[key], meta["TIME_SYSTEM"]) for key in keys)
+    first, last = (_tai_of(key, meta[key], meta["TIME_SYSTEM"]) for key in keys)
     if not first < last:
         raise ValueError(f"{keys[0]}={meta[keys[0]]} must be before {keys[1]}={meta[keys[1]]}")
     # The ends may lie up to a step beyond the states; further means lines are missing.

@@ -75,11 +75,21 @@ class SourceParams(Params):
     antenna: SatelliteAntennaParams = parameter(SatelliteAntennaParams(), "the satellite's antenna and attitude")
 
 
+NO_TARGET = SourceParams(satellite="")
+"""Where nothing is tracked unless it is named."""
+
+
 def load_target(params: SourceParams) -> Elements | TargetSource:
     """Return the wanted object; errors name the file or the object."""
     body = BODIES.get(params.satellite.casefold())
     if body is not None:
         return body()
+    if not params.elements and not params.satellite:
+        bodies = ", ".join(name.title() for name in BODIES)
+        raise ValueError(
+            "no target is named: elements='' must be a file, a folder or an address of elements, "
+            f"or satellite='' one of {bodies}"
+        )
     if not params.elements:
         return find_elements(verification_elements(), params.satellite)
     contents = read_source(params.elements)

@@ -60,6 +60,13 @@ def _parts(draft: Draft, step_s: float | None = None) -> Found:
             )  # fmt: skip
 
 
+def _damaged(error: Exception, number: int, line: str) -> ValueError:
+    """Return a reason that names its line."""
+    if str(error).startswith("line "):
+        return ValueError(str(error))
+    return ValueError(f"line {number}: {line[:40]!r} is damaged or cut off")
+
+
 def read_meme(text: str, name: str = "") -> Found:
     """Yield the segment of an operator's file, mean equator of J2000, with its UVW covariance.
 
@@ -106,14 +113,13 @@ def read_cpf(text: str, _name: str = "") -> Found:
                         raise ValueError(f"line {number}: reference frame {fields[19]} must be 0 (Earth-fixed)")
                     draft.meta["REF_FRAME"] = "ITRF"
                 case ["10"]:
-                    day, second, _, *metres = numbers_of(fields[2:8], number, line)
+                    day, second, _, x, y, z = numbers_of(fields[2:8], number, line)
                     epoch = to_utc_text((day + _JD_OF_MJD - POSIX_EPOCH_JD) * DAY_S + second)
-                    draft.states.append(State(number, epoch, [1e-3 * value for value in metres]))
+                    draft.states.append(State(number, epoch, [1e-3 * x, 1e-3 * y, 1e-3 * z]))
                 case ["99"]:
                     ended = True
-        except (ValueError, IndexError) as error:
-            wrong = error if isinstance(error, ValueError) else ValueError(f"line {number}: {line[:40]!r} is cut off")
-            draft.wrong = draft.wrong or wrong
+        except (ValueError, IndexError, OverflowError, OSError) as error:
+            draft.wrong = draft.wrong or _damaged(error, number, line)
     if not ended:
         draft.wrong = draft.wrong or ValueError("CPF ends before its record 99: is the message whole?")
     yield from _parts(draft)
@@ -124,7 +130,7 @@ def read_sp3(text: str, _name: str = "") -> Found:
     lines = text.splitlines()
     scale = next((line[9:12].strip() for line in lines[:30] if line.startswith("%c")), "")
     if scale not in _SP3_SCALES:
-        raise ValueError(f"time system {scale} must be one of {', '.join(filter(None, _SP3_SCALES))}")
+        raise ValueError(f"line with %c: time system {scale} must be one of {', '.join(filter(None, _SP3_SCALES))}")
     found: dict[str, Draft] = {}
     epoch, epochs, ended = "", 0, False
     for number, line in enumerate(lines, start=1):
@@ -143,10 +149,11 @@ def read_sp3(text: str, _name: str = "") -> Found:
                     draft.states.append(State(number, epoch, values))
             ended |= line.startswith("EOF")
         except ValueError as error:
-            draft.wrong = draft.wrong or error
+            draft.wrong = draft.wrong or _damaged(error, number, line)
             if line.startswith("*"):
                 raise ValueError(f"line {number}: {line!r} must be an epoch") from None
-    if not ended or epochs != int(lines[0][32:39]):
-        raise ValueError(f"SP3 has {epochs} epochs of {lines[0][32:39].strip()}: is the message whole?")
+    stated = lines[0][32:39].strip()
+    if not ended or str(epochs) != stated:
+        raise ValueError(f"line 1: SP3 has {epochs} epochs of {stated}: is the message whole?")
     for draft in found.values():
         yield from _parts(draft)

@@ -86,7 +86,7 @@ class AntennaServo(StationNode):
         antenna = self._connection.antenna(params)
         self._at_cleanup.callback(antenna.close)
         # Keeps the drive connected while there are no ticks.
-        look = self.create_timer(INACTIVE_PERIOD_S, lambda: self.active or antenna.hardware.look(self.now_s()))
+        look = self.timer(INACTIVE_PERIOD_S, lambda: self.active or antenna.hardware.look(self.now_s()))
         self._at_cleanup.callback(self.destroy_timer, look)
         return antenna
 
@@ -101,10 +101,11 @@ class AntennaServo(StationNode):
 
     def activate(self) -> None:
         now_s = self.now_s()
-        self._server.send(self._operation.start(now_s), now_s)
         # A device cannot live through the past: it gets one tick for all that were missed.
         simulated = self.parameters.value("drive").type in SIMULATED
         self._schedule = self.every(self._operation.tick_s, self._tick, catches_up=simulated)
+        # Last: brakes that are released without ticks would hold nothing.
+        self._server.send(self._operation.start(now_s), now_s)
 
     def _tick(self, t_s: float) -> None:
         jumped_s, stalled_s = self._schedule.jumped_s, self._schedule.stalled_s

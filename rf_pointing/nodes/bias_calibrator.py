@@ -60,11 +60,12 @@ class BiasCalibrator(StationNode):
     def configure(self) -> None:
         self.calibrator = own = Calibrator(self.parameters.value("calibrator"), self.parameters.value("shadow"))
         self._models = self.stream(PointingModel, "pointing_model", LATCHED)
-        self.listen(Target, "target", lambda m: own.log.take_target(convert.target_from_message(m)), STREAM)
-        self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
+        target, joints = convert.target_from_message, convert.joints_from_message
+        self.listen(Target, "target", lambda m: own.log.take_target(target(m)), STREAM, required=True)
+        self._joints = self.listen_latest(JointState, "joint_states", joints, STREAM, required=True)
         self.listen(PointingError, "pointing_error", self._on_error, STREAM)
         status = convert.scan_centre_from_message
-        self.listen(TrackingStatus, "tracking_status", lambda m: own.log.take_status(*status(m)), STREAM)
+        self.listen(TrackingStatus, "tracking_status", lambda m: own.log.take_status(*status(m)), STREAM, required=True)
         self.serve_action(Trigger, "~/accept", lambda _: self._publish(own.accept(self.now_s())))
         self.serve_action(Trigger, "~/reject", lambda _: f"{own.keeper.reject()} is dropped")
         self.serve_action(Trigger, "~/rollback", lambda _: self._publish(own.roll_back()))

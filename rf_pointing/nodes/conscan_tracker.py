@@ -32,9 +32,9 @@ class ConscanTrackerNode(StationNode):
         sets = PowerTrackerParams().sets()
         self._tracker = PowerTracker(PowerTrackerParams(**{prefix: self.parameters.value(prefix) for prefix in sets}))
         self._errors = self.stream(PointingError, "pointing_error", STREAM)
-        self.listen(CarrierPower, "carrier_power", self._on_power, STREAM)
-        self.listen(JointState, "joint_states", self._on_joints, STREAM, raw=True)
-        self.listen(TrackingStatus, "tracking_status", self._on_status, STREAM)
+        self.listen(CarrierPower, "carrier_power", self._on_power, STREAM, required=True)
+        self.listen(JointState, "joint_states", self._on_joints, STREAM, raw=True, required=True)
+        self.listen(TrackingStatus, "tracking_status", self._on_status, STREAM, required=True)
         self.diagnostics.add("samples", self._health)
 
     def _on_joints(self, raw: bytes) -> None:
@@ -54,7 +54,11 @@ class ConscanTrackerNode(StationNode):
     def _health(self) -> Health:
         rejected, reason = self._tracker.rejections
         values = {**self._counts, "rejected": rejected, "delay_s": round(self._tracker.delay_s, 4)}
-        return Health(WARN if reason else OK, reason or "samples are used", values)
+        return Health(
+            WARN if reason else OK,
+            reason or ("samples are used" if any(self._counts.values()) else "no sample yet"),
+            values,
+        )
 
 
 def main() -> None:

@@ -20,7 +20,7 @@ from rf_pointing_msgs.srv import SelectTarget
 from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
 
 from rf_pointing.ephemeris import ElementUncertainty, Pass
-from rf_pointing.ephemeris.source import SourceParams
+from rf_pointing.ephemeris.source import NO_TARGET
 from rf_pointing.planning import HorizonMask, PassProfile
 from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros.graph import HUMIDITY, PRESSURE, SATELLITE_ATTITUDE, TEMPERATURE
@@ -44,7 +44,7 @@ class EphemerisPublisher(StationNode):
 
     def __init__(self) -> None:
         super().__init__("ephemeris_publisher")
-        self.parameters.declare("source", SourceParams(), live=LIVE_SOURCE)
+        self.parameters.declare("source", NO_TARGET, live=LIVE_SOURCE)
         self.parameters.declare("publisher", PublisherParams(), live=("lead_s", "margin_s"))
         self.parameters.declare("mask", HorizonMask())
         self.parameters.declare("uncertainty", ElementUncertainty(), live=True)
@@ -63,7 +63,7 @@ class EphemerisPublisher(StationNode):
         source = self.prediction.source
         for topic, (kind, name, read) in WEATHER.items() if source.refraction == "measured" else ():
             take = lambda m, name=name, read=read: self.prediction.take_weather(name, read(m), self.now_s())  # noqa: E731
-            self.listen(kind, topic, take, STREAM)
+            self.listen(kind, topic, take, STREAM, required=True)
         if source.antenna.half_power_beamwidth_rad > 0.0:
             self.listen(Attitude, SATELLITE_ATTITUDE, self._on_attitude, STREAM)
         self.serve(SelectTarget, "~/select_target", self._on_select)

@@ -36,8 +36,8 @@ class MonopulseTrackerNode(StationNode):
         value, self._reads_joints = self.parameters.value, False
         self._tracker = ClusterTracker(value("monopulse"), value("calibration"), value("").calibration_file)
         self._errors = self.stream(PointingError, "pointing_error", STREAM)
-        self.listen(Monopulse, "monopulse", self._on_cluster, STREAM)
-        self.listen(TrackingStatus, "tracking_status", self._on_status, STREAM)
+        self.listen(Monopulse, "monopulse", self._on_cluster, STREAM, required=True)
+        self.listen(TrackingStatus, "tracking_status", self._on_status, STREAM, required=True)
         self.diagnostics.add("clusters", self._health)
         self.diagnostics.add("calibration", self._calibration_health)
 

@@ -75,8 +75,12 @@ class OperatorPage(ManagedNode):
         for part in (self._sender, *self._readers.values()):
             self._at_cleanup.callback(part.close)
         self._newest: dict[str, Any] = {}
-        self._streams = {name: self.listen_latest(*row[:2], lambda m: m, row[2]) for name, row in STREAMS.items()}
-        self._streams["joints"] = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
+        self._streams = {
+            name: self.listen_latest(kind, topic, lambda m: m, qos, required=True)
+            for name, (kind, topic, qos) in STREAMS.items()
+        }
+        joints = convert.joints_from_message
+        self._streams["joints"] = self.listen_latest(JointState, "joint_states", joints, STREAM, required=True)
         for name, (kind, topic, values, qos) in SECTIONS.items():
             self.listen(kind, topic, partial(self._keep, name, values), qos)
         self.listen(ours.PassProfileList, "pass_profiles", self._on_profiles, LATCHED)

@@ -74,8 +74,9 @@ class PointingControllerNode(StationNode):
         def take_error(message: ours.PointingError) -> None:
             core.take_error(convert.error_from_message(message))
 
-        self.listen(ours.Target, "target", lambda m: core.take_target(convert.target_from_message(m)), STREAM)
-        self.listen(ours.AntennaStatus, "antenna_status", take_status, STATUS, steady=True)
+        target = convert.target_from_message
+        self.listen(ours.Target, "target", lambda m: core.take_target(target(m)), STREAM, required=True)
+        self.listen(ours.AntennaStatus, "antenna_status", take_status, STATUS, steady=True, required=True)
         self.listen(ours.PointingError, "pointing_error", take_error, STREAM)
         self.listen(ours.PointingModel, "pointing_model", lambda m: goals.take_model(model_from_message(m)), LATCHED)
         self.listen(Temperature, TEMPERATURE, self._on_temperature, STREAM)

@@ -8,7 +8,7 @@ real offset from its elements included), signal.* (link, beam, feed, noise).
 from rf_pointing_msgs.msg import Boresight, CarrierPower, Monopulse, PassList, PointingError
 
 from rf_pointing.ephemeris.element_updates import ElementUpdates
-from rf_pointing.ephemeris.source import SourceParams, load_track
+from rf_pointing.ephemeris.source import NO_TARGET, SourceParams, load_track
 from rf_pointing.ros import convert
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, SAMPLES, STREAM
@@ -21,7 +21,7 @@ class RfReceiver(StationNode):
 
     def __init__(self) -> None:
         super().__init__("rf_receiver")
-        self.parameters.declare("source", SourceParams())
+        self.parameters.declare("source", NO_TARGET)
         self.parameters.declare("signal", SignalParams())
         self._receiver: SimulatedReceiver | None = None
 
@@ -32,7 +32,7 @@ class RfReceiver(StationNode):
         self._monopulse = self.stream(Monopulse, "monopulse", STREAM)
         self._power = self.stream(CarrierPower, "carrier_power", STREAM)
         self._truth = self.stream(PointingError, "sim/pointing_error", STREAM)
-        self.listen(Boresight, "sim/boresight", self._on_boresight, SAMPLES)
+        self.listen(Boresight, "sim/boresight", self._on_boresight, SAMPLES, required=True)
         self.listen(PassList, "passes", self._on_passes, LATCHED)
 
     def _on_passes(self, message: PassList) -> None:

@@ -23,7 +23,8 @@ from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, Inquiry, RotctldServer, ServerParams, StationView
+from rf_pointing.drives.line_server import IO_ERROR, REJECTED, Inquiry, LineServer, ServerParams
+from rf_pointing.drives.rotctld import RotatorWords, StationView
 from rf_pointing.ros import convert, convert_calibration
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.directives import DirectiveSender
@@ -51,7 +52,7 @@ class RotctldServerNode(StationNode):
         self.parameters.declare("", CommandKeyParams(), group="key")
         for prefix, params in {"server": ServerParams(), "follow": FollowParams(), "match": MatchParams()}.items():
             self.parameters.declare(prefix, params)
-        self._server: RotctldServer | None = None
+        self._server: LineServer | None = None
         self._inbox: SimpleQueue[Inquiry] = SimpleQueue()
         self._refused: deque[str] = deque(maxlen=100)
 
@@ -74,9 +75,10 @@ class RotctldServerNode(StationNode):
             self._at_cleanup.callback(part.close)
         self._commands = self.publisher(JointTrajectory, "joint_trajectory", COMMAND)
         self._key = CommandKey(value("key"), self.resolve_topic_name("joint_trajectory"))
-        self._latest = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
-        self.listen(ours.AntennaStatus, "antenna_status", self._on_antenna, STATUS)
-        self.listen(ours.TrackingStatus, "tracking_status", self._on_tracking, STREAM)
+        joints = convert.joints_from_message
+        self._latest = self.listen_latest(JointState, "joint_states", joints, STREAM, required=True)
+        self.listen(ours.AntennaStatus, "antenna_status", self._on_antenna, STATUS, required=True)
+        self.listen(ours.TrackingStatus, "tracking_status", self._on_tracking, STREAM, required=True)
         self.listen(ours.ExecutiveStatus, EXECUTIVE_STATUS, lambda m: steering.note_executive(m.state), STATUS)
         self.listen(ours.PointingModel, "pointing_model", self._on_model, LATCHED)
         self.diagnostics.add_report("clients", lambda: steering.report(self._server))
@@ -85,7 +87,9 @@ class RotctldServerNode(StationNode):
         params = self.parameters.value("server")
         file = params.password_file
         password = read_token("server.password_file", file, Path(file))[0] if file else ""
-        self._server = RotctldServer(params, self._steering.view, self._inbox.put, self._refused.append, password)
+        self._server = LineServer(
+            params, RotatorWords(self._steering.view), self._inbox.put, self._refused.append, password
+        )
         self._at_deactivation.callback(setattr, self, "_server", None)
         self._at_deactivation.callback(self._server.close)
         self.get_logger().info(f"rotctld clients are served at {params.host}:{self._server.port}")

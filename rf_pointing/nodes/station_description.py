@@ -66,8 +66,9 @@ class StationDescriptionNode(StationNode):
         self._base, self._beam = (frame_in(self.get_namespace(), name) for name in (BASE, BEAM))
         self._sun = SolarDirection(SunParams(watched=self._zone_rad > 0.0, site=self.station.site))
         self._profiles, self._drawn = [], None
-        self._targets = self.listen_latest(Target, "target", convert.target_from_message, STREAM)
-        self._joints = self.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM)
+        target, joints = convert.target_from_message, convert.joints_from_message
+        self._targets = self.listen_latest(Target, "target", target, STREAM, required=True)
+        self._joints = self.listen_latest(JointState, "joint_states", joints, STREAM, required=True)
         self.listen(PassProfileList, "pass_profiles", self._on_profiles, LATCHED)
         self._moving = self.publisher(MarkerArray, "beam_markers", STREAM)
         self._latched = self.publisher(MarkerArray, "sky_markers", LATCHED)

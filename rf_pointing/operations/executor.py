@@ -251,7 +251,7 @@ class Executor:
         self._number += 1
         self._sent[self._number] = block.name
         run.sent_s.append(now_s)
-        self._note(now_s, block.name, directive.name, "sent", ", ".join(f"{k}={v}" for k, v in arguments.items()))
+        self._note(now_s, block.name, directive.name, "sent", directive.shown(arguments))
         self._send(self._number, directive, arguments)
 
     def _recover(self, block: Block, run: BlockRun, now_s: float) -> None:

@@ -32,9 +32,20 @@ class Condition:
     wanted: Any
     max_age_s: float = OLDEST_S
 
-    def __str__(self) -> str:
+    @property
+    def demand(self) -> str:
+        """What the value must be, in words."""
         wanted = " or ".join(map(_shown, self.wanted)) if self.test == "one_of" else _shown(self.wanted)
-        return f"{self.attribute} {'is' if self.test == 'one_of' else self.test.replace('_', ' ')} {wanted}"
+        test = {"is": "be", "is_not": "not be", "one_of": "be"}.get(self.test, f"be {self.test}")
+        return f"must {test} {wanted}"
+
+    def __str__(self) -> str:
+        return f"{self.words} {self.demand}"
+
+    @property
+    def words(self) -> str:
+        """The attribute as an operator reads it: antenna fault for antenna.fault."""
+        return self.attribute.replace(".", " ").replace("_", " ")
 
     def holds(self, value: Value) -> bool:
         """Return whether a value satisfies the test."""
@@ -121,19 +132,19 @@ class ExpectedState:
         """
         seen = self._actual.get(condition.attribute)
         if seen is None:
-            return f"{condition.attribute} is unknown, must be: {condition}"
+            return f"{condition.words} is unknown, {condition.demand}"
         if seen.t_s < since_s:
-            return f"{condition.attribute} is not known since the directive, must be: {condition}"
+            return f"{condition.words} has not been reported since the directive, {condition.demand}"
         if now_s - seen.t_s > condition.max_age_s:
-            return f"{condition.attribute} is {now_s - seen.t_s:.1f} s old, must be <= {condition.max_age_s:g} s"
+            return f"{condition.words} is {now_s - seen.t_s:.1f} s old, must be <= {condition.max_age_s:g} s"
         if not condition.holds(seen.value):
-            return f"{condition.attribute}={_shown(seen.value)}, must be: {condition}"
+            return f"{condition.words} is {_shown(seen.value)}, {condition.demand}"
         return ""
 
     def shown(self, condition: Condition) -> str:
         """Return the present value of a condition's attribute in words."""
         seen = self._actual.get(condition.attribute)
-        return f"{condition.attribute}={_shown(seen.value) if seen else 'unknown'}"
+        return f"{condition.words} is {_shown(seen.value) if seen else 'unknown'}"
 
     def attributes(self) -> dict[str, Observed]:
         """Return every attribute with its newest value."""
@@ -141,4 +152,5 @@ class ExpectedState:
 
 
 def _shown(value: Any) -> str:
-    return repr(value) if isinstance(value, str) and not value else str(value)
+    # True and "" are words of a program.
+    return {"": "none", "True": "yes", "False": "no"}.get(str(value), str(value))

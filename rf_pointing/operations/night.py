@@ -26,7 +26,9 @@ Send = Callable[[int, str, dict[str, Any]], None]
 """Sends the directive of this name; its number comes back with the response.  Must not block."""
 REPLAN_S = 60.0
 RETRY_S = 5.0
-"""Between two attempts at one pass."""
+"""Wait after an attempt that tracked less than `REJOIN_S`; as much more after each further one."""
+REJOIN_S = 10.0
+"""What must be left of a pass in work for another attempt."""
 PATIENCE_S = 60.0
 """After the set of a pass until its end must have shown."""
 OVERDUE_S = 10.0
@@ -234,7 +236,7 @@ class Night:
         self.recovery.acts = self.state_name in (NightState.RUNNING, NightState.STOPPING)
         self.recovery.step(now_s)
         effect, cause = self.recovery.effect()
-        if self._unproved and not self._look_again(now_s):
+        if self._unproved and not self._has_looked(now_s):
             return
         self._step_action(now_s)
         if self._action is None and (due := self.recovery.due(now_s)):
@@ -264,7 +266,7 @@ class Night:
         """Return whether antenna and controller were seen just now."""
         return all(self.expected_state.is_fresh(name, now_s, LATE_S) for name in ("antenna.mode", "tracking.mode"))
 
-    def _look_again(self, now_s: float) -> bool:
+    def _has_looked(self, now_s: float) -> bool:
         """Return whether the station has been seen since the restart; then go on."""
         if not self._seen(now_s):
             return False
@@ -299,6 +301,7 @@ class Night:
         """Try a pass again once what stopped it has gone, as long as enough of it is left."""
         if work.failed_s is None:
             work.failed_s = now_s
+            work.fruitless = 0 if work.counted[0] >= REJOIN_S else work.fruitless + 1
             work.reasons.append(failed)
             work.count()
             self._note(now_s, work.id, "attempt failed", failed)
@@ -307,12 +310,12 @@ class Night:
             refused = "" if explained else self.expected_state.value("track.refused") or ""
             self.take("pass", {"refused": refused}, now_s)
             self._save()
-        too_late = entry.item.los_t_s - now_s < min(self.schedule.params.least_s, 0.5 * entry.item.duration_s)
+        too_late = entry.item.los_t_s - now_s < REJOIN_S
         if too_late or self.state_name == NightState.STOPPING:
             self._close(work, entry, cause or failed if too_late else failed, now_s)
             return
         held_up = effect != "continue" or self.state_name != NightState.RUNNING or self._action is not None
-        if held_up or not self._seen(now_s) or now_s - work.failed_s < RETRY_S * min(6, work.number):
+        if held_up or not self._seen(now_s) or now_s - work.failed_s < RETRY_S * min(6, work.fruitless):
             return
         if self._busy:
             # What is left of the attempt before would refuse the next one.
@@ -522,5 +525,9 @@ class Night:
                 executor.restore(kept["executor"], now_s)
         except (KeyError, TypeError) as error:
             raise ValueError(f"no state of a night: {error}") from error
-        self._unproved = True
         self._note(now_s, "", "restored", str(self.state_name))
+        self.look_again()
+
+    def look_again(self) -> None:
+        """Do nothing before the station has been seen: it was left alone until now."""
+        self._unproved = True

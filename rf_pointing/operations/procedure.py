@@ -30,7 +30,7 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
-from rf_pointing.core.checks import is_number, names_in
+from rf_pointing.core.checks import is_number, names_in, require_choice
 from rf_pointing.core.whole_file import parse_yaml
 from rf_pointing.operations.expected_state import Condition, ExpectedState, read_conditions
 
@@ -58,6 +58,13 @@ class Directive:
             key: _filled(f"{self.name}: {key}", value, parameters, expected_state)
             for key, value in self.arguments.items()
         }
+
+    def shown(self, arguments: Mapping[str, Any]) -> str:
+        """Return filled arguments in a line: a number or a text, else where its value is from."""
+        return ", ".join(
+            f"{key}={value}" if isinstance(value, str | int | float) else f"{key} from {str(self.arguments[key])[2:-1]}"
+            for key, value in arguments.items()
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,8 +179,7 @@ def _directive(
 ) -> Directive:
     values = _mapping(where, given, _DIRECTIVE_KEYS)
     name = str(values.get("send") or "")
-    if name not in dictionary:
-        raise ValueError(f"{where}: send={name!r} must be one of {', '.join(sorted(dictionary))}")
+    require_choice(f"{where}: send", name, sorted(dictionary))
     arguments = _mapping(f"{where}.with", values.get("with") or {}, set(dictionary[name]))
     for key, value in arguments.items():
         place = _PLACE.match(value) if isinstance(value, str) else None

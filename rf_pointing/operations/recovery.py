@@ -14,6 +14,7 @@ The table is a YAML file; `tables/recovery.yaml` is the shipped one, a station m
         unless: {drive.problem: {is_not: ""}}    # while all hold: not raised, and nothing tried
         do: [reset_fault]                        # by itself
         not_by_itself: runaway|hard limit        # ... unless the text matches this expression
+        told_by_another: drive lost              # such a text is told when nothing is left to try
         tries: 3
         every_s: 30
         ask: look at the antenna, then reset the fault
@@ -29,7 +30,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from rf_pointing.core import leaves
+from rf_pointing.core import leaves, require_choice
 from rf_pointing.core.checks import is_number, names_in
 from rf_pointing.core.whole_file import parse_yaml
 from rf_pointing.operations.alarms import ERROR, WARNING, AlarmBook, AlarmParams
@@ -42,8 +43,8 @@ FORGET_S = 1800.0
 """A cause that stays away for so long is a new one."""
 _LEVELS = {"warning": WARNING, "error": ERROR}
 _CAUSE_KEYS = {
-    "when", "unless", "for_s", "level", "text", "again", "do", "not_by_itself", "tries", "every_s",
-    "ask", "night", "last",
+    "when", "unless", "for_s", "level", "text", "again", "do", "not_by_itself", "told_by_another", "tries",
+    "every_s", "ask", "night", "last",
 }  # fmt: skip
 _PLACE = re.compile(r"^\$\{(\w+)\}$")
 _SHOWN = re.compile(r"\{([\w.*]+)\}")
@@ -62,6 +63,7 @@ class Cause:
     again: str
     do: tuple[str, ...]
     not_by_itself: str
+    told_by_another: str
     tries: int
     every_s: float
     ask: str
@@ -124,16 +126,17 @@ def _cause(name: str, given: dict[str, Any], actions: Collection[str], known: Ma
     night, level = values.get("night", "continue"), values.get("level", "error")
     last = values.get("last", night)
     for key, value, choices in (("night", night, EFFECTS), ("last", last, EFFECTS), ("level", level, _LEVELS)):
-        if not isinstance(value, str) or value not in choices:
-            raise ValueError(f"causes.{name}.{key}={value!r} must be one of {', '.join(choices)}")
+        require_choice(f"causes.{name}.{key}", value, choices)
     numbers = {key: values.get(key, default) for key, default in (("for_s", 0.0), ("tries", 0), ("every_s", 10.0))}
     for key, value in numbers.items():
         if not is_number(value, 0.0):
             raise ValueError(f"causes.{name}.{key}={value!r} must be a number >= 0")
-    try:
-        re.compile(pattern := str(values.get("not_by_itself", "")))
-    except (re.error, RecursionError, OverflowError) as error:
-        raise ValueError(f"causes.{name}.not_by_itself={pattern!r} is not a regular expression: {error}") from error
+    patterns = {key: str(values.get(key, "")) for key in ("not_by_itself", "told_by_another")}
+    for key, pattern in patterns.items():
+        try:
+            re.compile(pattern)
+        except (re.error, RecursionError, OverflowError) as error:
+            raise ValueError(f"causes.{name}.{key}={pattern!r} is not a regular expression: {error}") from error
     when = read_conditions(f"causes.{name}.when", values.get("when"))
     if not when:
         raise ValueError(f"causes.{name}.when must have at least one condition")
@@ -142,7 +145,7 @@ def _cause(name: str, given: dict[str, Any], actions: Collection[str], known: Ma
         unless=read_conditions(f"causes.{name}.unless", values.get("unless", {})),
         for_s=float(numbers["for_s"]), level=_LEVELS[level],
         text=str(values.get("text") or name.replace("_", " ")), again=str(values.get("again", "")),
-        do=do, not_by_itself=pattern,
+        do=do, **patterns,
         tries=int(numbers["tries"]), every_s=float(numbers["every_s"]), ask=str(values.get("ask", "")),
         night=str(night), last=str(last),
     )  # fmt: skip
@@ -187,6 +190,12 @@ class Ongoing:
         return bool(self.cause.do) and allowed and self.tried < self.cause.tries
 
     @property
+    def told_by_another(self) -> bool:
+        """Whether it is what another cause has left behind, which was told."""
+        pattern = self.cause.told_by_another
+        return bool(pattern and re.search(pattern, self.text))
+
+    @property
     def effect(self) -> str:
         """How the night goes on while it lasts."""
         return self.cause.night if self.by_itself or not self.cause.do else self.cause.last
@@ -222,7 +231,10 @@ class Recovery:
                     one.since_s = now_s
                 elif not one.held_off and now_s - one.since_s >= cause.for_s:
                     one.raised, one.text = True, self._text(cause.text, device)
-                    ask = "" if self.acts and one.by_itself else self._text(cause.ask, device)
+                    dealt_with = self.acts and one.by_itself
+                    if dealt_with and one.told_by_another:
+                        continue
+                    ask = "" if dealt_with else self._text(cause.ask, device)
                     about = self._text(f"{{{cause.again}}}", device) if cause.again else ""
                     self.book.raise_(name, cause.level, one.text, now_s, ask, about)
         for name in [name for name in self.ongoing if name not in present]:

@@ -29,6 +29,7 @@ PAPERS = (
     "doa",
     "interferometer",
     "monopulse",
+    "receive",
     "satcal",
     "sensors",
     "servo",

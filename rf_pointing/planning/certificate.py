@@ -223,6 +223,11 @@ class _Certifier:
         preposition_s, barred = self.slew(self.encoder_rad, start)
         begin_s = float(self.profile.t_s[first])
         loss = CrossingLoss.of(crossing, self.gain, begin_s)
+        for fixed in self.machine.fixed_elevation_rad:
+            looks = np.column_stack([ahead[:, 0], np.full(len(ahead), fixed)])
+            beside = angle_between(looks, self.profile.position_rad[first:])
+            step_s = float(self.profile.t_s[1] - self.profile.t_s[0])
+            loss = dataclasses.replace(loss, **CrossingLoss.of_errors(beside, self.gain, step_s))
         # Late is what the slew takes beyond the rise.
         late_s = max(0.0, self.issued_t_s + preposition_s - begin_s)
         above = -float(np.max(self.sky.under_mask_all(ahead)))

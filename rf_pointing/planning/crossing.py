@@ -247,11 +247,16 @@ class CrossingLoss:
         if crossing is None or begin_s > crossing.t_s[-1]:
             return cls()
         step_s, ahead = float(crossing.t_s[1] - crossing.t_s[0]), crossing.t_s >= begin_s
-        received = np.maximum(gain(crossing.error_rad[ahead]), SIDELOBE_POWER)
         off = crossing.error_rad[ahead] > OFF_TARGET * np.max(crossing.error_rad)
-        return cls(
-            keyhole_s=float(np.sum(off) * step_s),
-            lost_s=float(np.sum(received < HALF_POWER) * step_s),
-            lost_signal_s=float(np.sum(1.0 - received) * step_s),
-            peak_loss_db=float(pointing_loss_db(received.min())),
-        )
+        seconds = float(np.sum(off) * step_s)
+        return cls(keyhole_s=seconds, **cls.of_errors(crossing.error_rad[ahead], gain, step_s))
+
+    @staticmethod
+    def of_errors(error_rad: Array, gain: Gain, step_s: float) -> dict[str, float]:
+        """Return the cost of angles (n,) off the beam axis, `step_s` apart, without `keyhole_s`."""
+        received = np.maximum(gain(error_rad), SIDELOBE_POWER)
+        return {
+            "lost_s": float(np.sum(received < HALF_POWER) * step_s),
+            "lost_signal_s": float(np.sum(1.0 - received) * step_s),
+            "peak_loss_db": float(pointing_loss_db(received.min())),
+        }

@@ -196,7 +196,7 @@ class Gate:
                 )
         return ""
 
-    def why_silent(self, elevation_rad: float) -> str:
+    def too_low_to_send(self, elevation_rad: float) -> str:
         """Return "" when the transmitter may be on at this elevation, else why not."""
         lowest = self.params.transmit_elevation_rad
         # Over the top the horizon is as near as on this side.

@@ -123,6 +123,9 @@ class MachineParams(Params):
     half_power_beamwidth_rad: float = parameter(
         math.radians(0.065), "beamwidth that the loss is computed for", low=1e-6, high=1.4
     )
+    fixed_elevation_rad: tuple[float, ...] = parameter(
+        (), "where an antenna looks that turns in azimuth alone; empty: both axes turn", low=-0.2, high=3.2
+    )
 
     @cached_property
     def planned(self) -> AxisRates:

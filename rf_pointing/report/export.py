@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rf_pointing.core import AXES
+from rf_pointing.core import AXES, require_choice
 from rf_pointing.core.whole_file import write_whole
 from rf_pointing.report.recording import Recording
 from rf_pointing.report.topics import TOPICS, TopicData
@@ -122,8 +122,7 @@ def export_recording(recording: Recording, folder: Path, kind: str) -> list[Path
     ValueError
         An unknown format, Parquet without pyarrow, or a recording without a topic to export.
     """
-    if kind not in FORMATS:
-        raise ValueError(f"export={kind!r} must be one of {', '.join(FORMATS)}")
+    require_choice("export", kind, FORMATS)
     if kind == "parquet":
         _pyarrow()
     topics = exported_topics(recording)
@@ -148,8 +147,7 @@ def export_recording(recording: Recording, folder: Path, kind: str) -> list[Path
 
 def _columns(recording: Recording, topic: str) -> tuple[Columns, list[ColumnMeaning]]:
     """Return the columns of a topic, and what they mean."""
-    if topic not in meanings():
-        raise ValueError(f"topic={topic!r} must be one of {', '.join(meanings())}")
+    require_choice("topic", topic, meanings())
     data = recording.get(topic)
     if data is None:
         raise ValueError(f"{recording.path} has no message of {topic}; it has {', '.join(exported_topics(recording))}")

@@ -72,7 +72,7 @@ class AntennaServer:
 
     def take_wind(self) -> None:
         """Take what the station's anemometer publishes."""
-        self._node.listen(Vector3Stamped, WIND, self._on_wind, STREAM)
+        self._node.listen(Vector3Stamped, WIND, self._on_wind, STREAM, required=True)
 
     def offer_faults(self) -> None:
         """Let faults be injected into a simulated antenna."""

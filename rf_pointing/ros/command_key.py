@@ -2,7 +2,8 @@
 
     frame_id = NAME + " " + first 128 bits of HMAC-SHA256(key, topic, NAME, stamp, joints, points)
     signature of a call = first 128 bits of HMAC-SHA256(key, service, caller, stamp, request)
-    frame_id of a claim = NAME + " " + first 128 bits of HMAC-SHA256(key, topic, NAME, stamp, rows)
+    frame_id of a claim = NAME + " " + first 128 bits of HMAC-SHA256(key, topic, NAME, stamp, rows,
+                          process) + " " + process; "-" without a key
 
 ROS 2 tells a Python node nothing of the publisher of a message, and anybody can send any name.  The
 key is a file of controller and control unit, not a message: a peer of the domain cannot read it.
@@ -12,7 +13,9 @@ not be older than it.  Without a file nothing is signed, and any commander with 
 Executives that share a schedule have a key of their own (`executive.partners_key_file`).
 """
 
+import os
 import re
+import socket
 import struct
 import time
 from collections.abc import Iterable
@@ -23,6 +26,7 @@ from typing import Any
 from rf_pointing_msgs.srv import SignedCall
 from trajectory_msgs.msg import JointTrajectory
 
+from rf_pointing.core.dates import to_utc_text
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Health
 from rf_pointing.ros.graph import ROTCTLD
@@ -36,6 +40,8 @@ SHOWN_S = 10.0
 # Age of a call by the clocks of both computers; a longer one lets clocks differ, and keeps more
 # signatures.
 CALL_S = 10.0
+INSTANCE = f"{to_utc_text(time.time())}@{socket.gethostname()}:{os.getpid()}"
+"""This process and its start: of two executives of an antenna the first by this text steers."""
 
 
 class CommandKey:
@@ -111,13 +117,15 @@ class CommandKey:
         return KeptState(f"{self.path}.taken")
 
     def sign_claim(self, message: Any, topic: str, name: str) -> None:
-        """Write the name of an executive into its schedule or status, signed if there is a key."""
-        message.header.frame_id = f"{name} {self._claim_signature(message, topic, name)}" if self._key else name
+        """Write who an executive is into its schedule or status, signed if there is a key."""
+        signature = self._claim_signature(message, topic, name, INSTANCE) if self._key else "-"
+        message.header.frame_id = f"{name} {signature} {INSTANCE}"
 
     def check_claim(self, message: Any, topic: str, name: str, now_s: float) -> None:
         """Refuse a schedule or status that is not signed by `name`, or is ahead of `now_s`."""
-        signature, stamp_s = message.header.frame_id.partition(" ")[2], seconds_from_stamp(message.header.stamp)
-        if not self._key or not _same(signature, self._claim_signature(message, topic, name)):
+        _, signature, instance = (*message.header.frame_id.split(" "), "", "")[:3]
+        stamp_s = seconds_from_stamp(message.header.stamp)
+        if not self._key or not _same(signature, self._claim_signature(message, topic, name, instance)):
             raise ValueError(f"it is not signed by {name} with the key of the partners ({self.path})")
         if stamp_s > now_s + CALL_S:
             raise ValueError(f"the clock of {name} is {stamp_s - now_s:.1f} s ahead, must be <= {CALL_S:.0f} s")
@@ -150,10 +158,10 @@ class CommandKey:
         head = struct.pack("<4sqI", b"call", call.stamp.sec, call.stamp.nanosec)
         return self._digest([head, _counted(call.service), _counted(call.caller), bytes(call.request)])
 
-    def _claim_signature(self, message: Any, topic: str, name: str) -> str:
+    def _claim_signature(self, message: Any, topic: str, name: str, instance: str) -> str:
         stamp = message.header.stamp
         head = struct.pack("<4sqI", b"says", stamp.sec, stamp.nanosec)
-        words = [topic, name, getattr(message, "state", "")]
+        words = [topic, name, instance, getattr(message, "state", "")]
         for each in getattr(message, "passes", ()):
             words += [each.id, each.state, f"{each.aos.sec}.{each.aos.nanosec}", f"{each.los.sec}.{each.los.nanosec}"]
         return self._digest([head, *map(_counted, words)])

@@ -14,6 +14,8 @@ from rf_pointing.station.pointing.status import Report
 
 OK, WARN, ERROR = LEVELS = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 QUIET_S, SHORTEST_S, MOST_EVENTS = 60.0, 1.0, 200
+PATIENCE_S = 3.0
+"""How long a node waits for something before it says so: a graph takes as long to start."""
 _NUMBER = re.compile(r"\d+(\.\d+)?(e[+-]?\d+)?")
 
 
@@ -51,6 +53,22 @@ class EventLog:
         if not repeated:
             self._logged[subject] = wall_s
         return not repeated
+
+
+class Wait:
+    """Decides when to say what a node waits for: once it has lasted, and when it has come."""
+
+    def __init__(self) -> None:
+        self._awaited, self._since_s, self._told = "", 0.0, ""
+
+    def news(self, awaited: str, wall_s: float) -> str:
+        """Return what to log now about what is `awaited`, "" for nothing."""
+        if awaited != self._awaited:
+            self._awaited, self._since_s = awaited, wall_s
+        if awaited == self._told or (awaited and wall_s - self._since_s < PATIENCE_S):
+            return ""
+        self._told = awaited
+        return f"waits for {awaited}" if awaited else "waits no longer"
 
 
 class Diagnostics:

@@ -15,6 +15,7 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from rf_pointing.core import require_choice
 from rf_pointing.operations.dictionary import DirectiveRow
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.leased_services import Caller
@@ -82,8 +83,7 @@ class DirectiveSender:
 
     def _connect(self, row: DirectiveRow) -> None:
         if row.kind == "own":
-            if row.address not in self._own:
-                raise ValueError(f"directive {row.name}: own={row.address!r} must be one of {', '.join(self._own)}")
+            require_choice(f"directive {row.name}: own", row.address, self._own)
             return
         if row.kind == "parameter":
             owner = row.address.rpartition("/")[0]

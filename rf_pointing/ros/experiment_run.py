@@ -58,7 +58,7 @@ class ExperimentRun(GraphRun):
                 lambda: self._client.server_is_ready() and self.node.count_publishers("manual_rate") > 0, "identify"
             )
         except TimeoutError as error:
-            raise NotStartedError(f"no antenna offers identify in {self.namespace}") from error
+            raise NotStartedError(f"no antenna offers identify in {self.place}") from error
 
     def record(self, axis: str) -> Recording:
         """Drive one axis and return its complete sequences."""

@@ -194,6 +194,17 @@ def topics_of(names: Collection[str]) -> tuple[Topic, ...]:
 
 
 TOPICS = _topics()
+FOREIGN = (
+    WIND, TEMPERATURE, PRESSURE, HUMIDITY, SATELLITE_ATTITUDE, "carrier_power", "monopulse", "array_snapshots",
+    "tripulse_frame", "interferometer_measurement",
+)  # fmt: skip
+"""Topics that devices of the station may publish, subscribed as `INSTRUMENT`."""
+SOURCES = {topic.name: topic.publisher for topic in TOPICS} | dict.fromkeys(
+    ("carrier_power", "monopulse"), "rf_receiver, or a receiver of your own"
+)
+"""Who sends a topic, for a node that waits for it."""
+PAUSES = ("target", "array_snapshots")
+"""Topics that are silent while the target, or the transmitter, is down."""
 VIEWS = (
     Topic("robot_description", String, LATCHED, "latched", DESCRIPTION, "the URDF", frame=""),
     # Each marker has a frame of its own.
@@ -201,6 +212,11 @@ VIEWS = (
     Topic("sky_markers", MarkerArray, LATCHED, "latched", DESCRIPTION, "horizon mask and pass", frame=""),
 )
 """Topics for viewers; all of it follows from `TOPICS`, so it is not recorded."""
+RADIO = "radio_control"
+"""The node that tunes a radio and lets it send or not."""
+INHIBIT = Topic(
+    "radio/inhibit", String, STATUS, "10 Hz", RADIO, "why the transmitter may not send; empty: it may", frame=""
+)
 FRAMES = {topic.name: topic.frame for topic in TOPICS if topic.frame}
 """Frame in the header of each topic."""
 NODES = tuple(node.name for node in GRAPH)
@@ -210,9 +226,9 @@ STATION_NODES = tuple(node.name for node in GRAPH if not node.simulated)
 ARRAY_NODES = tuple(node.name for node in ARRAY_GRAPH)
 DRIVE_NODES = ("antenna_servo", *STATION_NODES)
 """Executables of a station whose drive is a device; its receiver is its own."""
-_MOVES = ("simulation_clock", "antenna_servo", "rf_receiver", "array_receiver")
+MOVES = ("simulation_clock", "antenna_servo", "rf_receiver", "array_receiver")
 """Nodes that move the antenna and receive meanwhile: the first of two processes."""
-_APART = (ALARMS, EXECUTIVE, ROTCTLD, OPERATOR_PAGE)
+APART = (ALARMS, EXECUTIVE, ROTCTLD, RADIO, OPERATOR_PAGE)
 """Clients of the station: they serve others, or work long."""
 PROCESSES = (1, 2, 8)
 """Numbers of processes of a station that may be chosen; 8 is one for each node."""
@@ -233,9 +249,9 @@ def partition(names: Sequence[str], processes: int) -> list[tuple[str, ...]]:
     if processes == 8 or os.environ.get("ROS_SECURITY_ENABLE") == "true":
         # Under SROS2 each node has an enclave, which is that of its process.
         return [(name,) for name in names]
-    alone = _APART if "simulation_clock" in names else ("antenna_servo", *_APART)
+    alone = APART if "simulation_clock" in names else ("antenna_servo", *APART)
     rooms: dict[Any, list[str]] = {}
     for name in names:
-        key = name if name in alone else processes == 1 or name in _MOVES
+        key = name if name in alone else processes == 1 or name in MOVES
         rooms.setdefault(key, []).append(name)
     return [tuple(room) for room in rooms.values()]

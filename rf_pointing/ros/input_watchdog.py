@@ -8,13 +8,13 @@ antenna publishes /diagnostics once a second of wall time, so a node is deaf if
     an input that is sent all the time   is silent for 10 s of wall and of node time, although its
                                       publisher has just reported on /diagnostics that it is active,
                                       and not that it is silent and why
-    or its own periodic work          is not done for as long and two periods: its timer waits for
-                                      hours where the clock is set back
+    or its own periodic work          is not done for as long and two periods
 
 A node that was killed leaves the graph after 20 s.  One neighbour alone proves nothing: it may
 work on something long.
 """
 
+import math
 import re
 import time
 from collections.abc import Callable
@@ -24,6 +24,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Health
+from rf_pointing.ros.graph import PAUSES, SOURCES
 from rf_pointing.ros.qos import STREAM
 
 TOPIC = "/diagnostics"
@@ -68,20 +69,52 @@ class InputWatchdog:
         self._own = node.get_fully_qualified_name()
         self._neighbours: dict[str, _Neighbour] = {}
         self._inputs: list[_Input] = []
+        self._required: dict[str, float] = {}
         self._looked: tuple[float, float] | None = None
         self.deaf = ""
         node.create_subscription(DiagnosticArray, TOPIC, self.note, STREAM, raw=True)
         node.diagnostics.add("hearing", self.look)
 
-    def watch(self, topic: str) -> Callable[[], None]:
-        """Return what is to be called for each message of an input that is sent all the time."""
+    def watch(self, topic: str) -> tuple[Callable[[], None], Callable[[], None]]:
+        """Return what is to be called for each message of an input that is sent all the time, and
+        what when it ends.
+        """
         words = f"{topic} has been silent for {{:.0f}} s although its publisher is active"
-        return self._watch(_Input(lambda: self._sent(topic), words))[0]
+        return self._watch(_Input(lambda: self._sent(topic), words))
 
     def watch_work(self, period_s: float) -> tuple[Callable[[], None], Callable[[], None]]:
         """Return what is to be called for each step of work, and when it is no longer due."""
         words = f"the work of every {period_s:g} s has not been done for {{:.0f}} s"
         return self._watch(_Input(lambda: self._node.active, words, INPUT_SILENCE_S + 2.0 * period_s))
+
+    def require(self, topic: str, take: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return `take` of an input without which the node has nothing to work on."""
+        self._required[topic] = -math.inf
+
+        def noted(message: Any) -> None:
+            take(message)
+            self._required[topic] = self._steady_s()
+
+        return noted
+
+    def require_no_longer(self, topic: str) -> None:
+        """Forget an input that ends."""
+        del self._required[topic]
+
+    def missing(self) -> str:
+        """Return the required inputs that do not arrive, each with who sends it, "" without any.
+
+        One is missing until its first message, and when nobody is left to send it.  A topic that
+        pauses between passes arrives while somebody may send it.
+        """
+        late_s, words = self._steady_s() - SILENCE_S, list[str]()
+        space = f"{self._node.get_namespace().rstrip('/')}/"
+        for topic, heard_s in self._required.items():
+            if heard_s > late_s or (self._publishers(topic) and (heard_s > -math.inf or topic in PAUSES)):
+                continue
+            name = self._node.resolve_topic_name(topic).removeprefix(space)
+            words.append(f"{name} ({SOURCES[topic]})" if topic in SOURCES else name)
+        return ", ".join(words)
 
     def _watch(self, watched: _Input) -> tuple[Callable[[], None], Callable[[], None]]:
         self._inputs.append(watched)

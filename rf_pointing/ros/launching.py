@@ -1,231 +1,300 @@
-"""Common part of the launch files: arguments, and nodes that bring themselves up after every start.
+"""Processes of every launch file, as data: arguments, nodes, parameters, remappings, restarts.
 
-Imported by launch files only, so `launch` and `launch_ros` are needed nowhere else.
+`ros/launch_actions.py` makes actions of `launch` of them, and the command `launch` runs them where
+ROS has no such tool.  Both refuse the same arguments with the same words.
 """
 
+import math
 import os
-import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
-from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import LifecycleNode, Node
 
 from rf_pointing.core import Sensor
-from rf_pointing.ros.graph import ALARMS, ARRAY_NODES, DESCRIPTION, EXECUTIVE, OPERATOR_PAGE, ROTCTLD, partition
+from rf_pointing.ros.graph import (
+    ALARMS,
+    ARRAY_NODES,
+    DESCRIPTION,
+    EXECUTIVE,
+    NODES,
+    OPERATOR_PAGE,
+    PROCESSES,
+    RADIO,
+    ROTCTLD,
+    STATION_NODES,
+    partition,
+)
 from rf_pointing.ros.main_loop import DRIVE_PRIORITY
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.description import StationDescription, read_station
+from rf_pointing.station.description.reading import nearest
 from rf_pointing.station.description.urdf import urdf
 
-RESPAWN_DELAY_S = 0.5
+PACKAGE = "rf_pointing"
+NOTHING = "none"
+"""Word for an empty value, which `ros2 launch` does not take."""
+SEVERAL = "station_process"
+"""Executable of a process with several nodes."""
+BOOLEANS = {"true": True, "True": True, "1": True, "false": False, "False": False, "0": False}
 # The publisher predicts the target, and the simulated receiver receives it.
 SEES_TARGET = ("ephemeris_publisher", "rf_receiver")
 # What decides who can reach the nodes; an integrator who sets one of them has decided.
 DISCOVERY = ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DISCOVERY_SERVER")
 
 
-def common_arguments(*, simulated: bool = False) -> list[DeclareLaunchArgument]:
-    """Return the arguments that every launch file takes."""
-    station = "station description: a YAML file, or a shipped name"
+@dataclass(frozen=True)
+class Argument:
+    """One argument `name:=TEXT` of a launch file; without a `default` it must be given."""
+
+    name: str
+    description: str
+    default: str | None = None
+    kind: type[Any] = str
+    """`bool`, `int`, `float` or `str`."""
+    choices: tuple[str, ...] = ()
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Every text that is taken; () where it is not a closed set."""
+        return tuple(BOOLEANS) if self.kind is bool else self.choices
+
+    def value(self, text: str) -> Any:
+        """Return the value of a text; ValueError with name, text and what it must be."""
+        if self.words and text not in self.words:
+            shown = ("true", "false") if self.kind is bool else self.choices
+            raise ValueError(f"{self.name}:={text} must be {' or '.join(shown)}")
+        if self.kind is bool:
+            return BOOLEANS[text]
+        try:
+            value = self.kind(text)
+        except ValueError:
+            value = math.nan
+        if self.kind is float and not math.isfinite(value):
+            raise ValueError(f"{self.name}:={text} must be a number")
+        return "" if value == NOTHING else value
+
+
+@dataclass(frozen=True)
+class Process:
+    """One process: its executable, its nodes, and what they are given."""
+
+    executable: str
+    namespace: str
+    nodes: tuple[str, ...]
+    parameters: tuple[Mapping[str, Mapping[str, Any]] | str, ...] = ()
+    """Files, and values of each node; the last is in force."""
+    remappings: tuple[tuple[str, str], ...] = ()
+    environment: Mapping[str, str] = field(default_factory=dict)
+    respawn: bool = True
+    arguments: tuple[str, ...] = ()
+    ros_arguments: tuple[str, ...] = ()
+    package: str = PACKAGE
+
+    @property
+    def name(self) -> str:
+        """Name of the process: that of its first node, below its namespace."""
+        return self.nodes[0]
+
+    def values(self, node: str) -> dict[str, Any]:
+        """Return the parameters of a node, but for those of files."""
+        found: dict[str, Any] = {}
+        for each in self.parameters:
+            found |= {} if isinstance(each, str) else each.get(node, {})
+        return found
+
+    def command(self, folder: Path) -> list[str]:
+        """Return the command line; the values become files of parameters in `folder`."""
+        program = Path(get_package_prefix(self.package)) / "lib" / self.package / self.executable
+        space = f"/{self.namespace.strip('/')}"
+        words = [str(program), *self.arguments, "--ros-args", "-r", f"__ns:={space}"]
+        words += [] if self.executable == SEVERAL else ["-r", f"__node:={self.name}"]
+        for number, each in enumerate(self.parameters):
+            path = each
+            if not isinstance(each, str):
+                path = str(folder / f"{space[1:]}.{self.name}.{number}.yaml".replace("/", "."))
+                sections = {f"/**/{node}": {"ros__parameters": dict(own)} for node, own in each.items()}
+                Path(path).write_text(yaml.safe_dump(sections))
+            words += ["--params-file", str(path)]
+        for source, target in self.remappings:
+            words += ["-r", f"{source}:={target}"]
+        return [*words, *self.ros_arguments]
+
+
+@dataclass(frozen=True)
+class LaunchFile:
+    """Arguments of one launch file, and the processes that follow from their values."""
+
+    name: str
+    about: str
+    arguments: tuple[Argument, ...]
+    processes: Callable[[Mapping[str, Any]], list[Process]]
+
+    def values(self, given: Mapping[str, str]) -> dict[str, Any]:
+        """Return the values of all arguments.
+
+        Raises
+        ------
+        ValueError
+            For a name that is not known, with the nearest one; a missing one; a wrong value.
+        """
+        known = {argument.name: argument for argument in self.arguments}
+        for name in given:
+            if name not in known:
+                raise ValueError(f"{name}:= is not an argument of {self.name}{nearest(name, known)}")
+        texts = {name: given.get(name, argument.default) for name, argument in known.items()}
+        for name, text in texts.items():
+            if text is None:
+                raise ValueError(f"{name}:= must be given to {self.name}: {known[name].description}")
+        return {name: known[name].value(text) for name, text in texts.items() if text is not None}
+
+
+NETWORK = Argument(
+    "network", "loopback: this computer alone; environment: as the DDS settings of the environment say",
+    "loopback", choices=("loopback", "environment"),
+)  # fmt: skip
+AUTOSTART = Argument("autostart", "nodes configure and activate themselves", "true", bool)
+
+
+def station_arguments(*, simulated: bool) -> tuple[Argument, ...]:
+    """Return the arguments of the launch file of a station."""
     # A real antenna must not move by the numbers of another one: launch requires a station.
-    named = {"default_value": "dss13"} if simulated else {}
-    return [
-        DeclareLaunchArgument("namespace", default_value="gs1", description="namespace of the antenna"),
-        DeclareLaunchArgument("station", description=station, **named),
-        DeclareLaunchArgument("band", default_value="", description="band in use; empty: the station's default"),
-        DeclareLaunchArgument(
-            "elements", default_value="", description="TLE, OMM or OEM: a file, a folder of files, or an address"
-        ),
-        DeclareLaunchArgument(
-            "satellite", default_value="", description="first target, by name or number; empty: the first of elements"
-        ),
-        DeclareLaunchArgument("params_file", default_value="", description="ROS parameters over all others"),
-        DeclareLaunchArgument("use_sim_time", default_value=str(simulated).lower(), description="time from /clock"),
-        DeclareLaunchArgument("autostart", default_value="true", description="nodes configure and activate themselves"),
-        DeclareLaunchArgument(
-            "state_folder",
-            default_value=str(state_folder()),
-            description="folder of what the antenna remembers over a restart; empty: nothing",
-        ),
-        network_argument(),
-        DeclareLaunchArgument("executive", default_value="false", description="whether station_executive is started"),
-        DeclareLaunchArgument("alarms", default_value="true", description="whether station_alarms starts"),
-        DeclareLaunchArgument(
-            "description", default_value="true", description="whether viewers get URDF, tf and markers of the station"
-        ),
-        DeclareLaunchArgument("rotctld", default_value="false", description="whether rotctld_server is started"),
-        DeclareLaunchArgument("page", default_value="false", description="whether operator_page is started"),
-        DeclareLaunchArgument("respawn", default_value="true", description="start nodes again that have ended"),
-        DeclareLaunchArgument(
-            "processes",
-            # Nodes of a real station do not share each other's faults unless the user says so.
-            default_value="2" if simulated else "8",
-            description="1, 2 (what moves, and the other nodes), 8: one for each; a real drive always has its own",
-        ),
-    ]
-
-
-def network_argument() -> DeclareLaunchArgument:
-    """Return the argument that says which computers may reach the nodes."""
-    return DeclareLaunchArgument(
-        "network",
-        default_value="loopback",
-        description="loopback: this computer alone; environment: as the DDS settings of the environment say",
+    named = "dss13" if simulated else None
+    # Nodes of a real station do not share each other's faults unless the user says so.
+    shared = "2" if simulated else "8"
+    time = (
+        Argument("start_s", "UTC seconds at which time starts", "1151384173.0", float),
+        Argument("speed", "factor of real time, 0 for max", "1.0", float),
     )
+    return (
+        Argument("namespace", "namespace of the antenna", "gs1"),
+        Argument("station", "station description: a YAML file, or a shipped name", named),
+        Argument("band", "band in use; empty: the station's default", ""),
+        Argument("elements", "TLE, OMM or OEM: a file, a folder of files, or an address", ""),
+        Argument("satellite", "first target, by name or number; empty: the first of elements", ""),
+        Argument("params_file", "ROS parameters over all others", ""),
+        Argument("use_sim_time", "time from /clock", str(simulated).lower(), bool),
+        AUTOSTART,
+        Argument(
+            "state_folder", "folder of what the antenna remembers over a restart; none: nothing", str(state_folder())
+        ),
+        NETWORK,
+        Argument("executive", "whether station_executive is started", "false", bool),
+        Argument("alarms", "whether station_alarms starts", "true", bool),
+        Argument("description", "whether viewers get URDF, tf and markers of the station", "true", bool),
+        Argument("rotctld", "whether rotctld_server is started", "false", bool),
+        Argument("radio", "whether radio_control is started", "false", bool),
+        Argument("page", "whether operator_page is started", "false", bool),
+        Argument("respawn", "start nodes again that have ended", "true", bool),
+        Argument(
+            "processes", "1, 2 (what moves, and the other nodes), 8: one for each; a real drive always has its own",
+            shared, int, tuple(map(str, PROCESSES)),
+        ),
+        *(time if simulated else ()),
+    )  # fmt: skip
 
 
 def network_environment(network: str) -> dict[str, str]:
-    """Return the environment of the nodes: nothing leaves this computer unless the user has chosen.
-
-    Raises
-    ------
-    ValueError
-        When the argument is neither `loopback` nor `environment`.
-    """
-    if network not in ("loopback", "environment"):
-        raise ValueError(f"network:={network} must be loopback or environment")
+    """Return the environment of the nodes: none leaves this computer unless the user has chosen."""
     if network == "environment" or any(os.environ.get(name) for name in DISCOVERY):
         return {}
     if os.environ.get("RMW_IMPLEMENTATION") not in (None, "", "rmw_fastrtps_cpp"):
         # The profile is one of Fast DDS.
         return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    profile = Path(get_package_share_directory("rf_pointing")) / "config" / "fastdds_loopback.xml"
+    profile = Path(get_package_share_directory(PACKAGE)) / "config" / "fastdds_loopback.xml"
     return {"FASTRTPS_DEFAULT_PROFILES_FILE": str(profile), "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"}
 
 
-def managed_nodes(context: Any, names: Sequence[str]) -> list[Any]:
-    """Return the actions that start `names`, and an array's where the band names that sensor."""
-    simulated = "simulation_clock" in names
-    names = (*names, *_array_nodes(context, simulated=simulated))
-    wanted = {"alarms": ALARMS, "executive": EXECUTIVE, "page": OPERATOR_PAGE, "rotctld": ROTCTLD}
-    more = [name for argument, name in wanted.items() if LaunchConfiguration(argument).perform(context) == "true"]
-    shown: list[Any] = []
-    if LaunchConfiguration("description").perform(context) == "true":
-        names, shown = (*names, DESCRIPTION), _state_publisher(context, simulated=simulated)
-    processes = int(LaunchConfiguration("processes").perform(context))
-    given = {name: _parameters(context, name, simulated=simulated) for name in (*names, *more)}
-    if shown:
-        given[DESCRIPTION]["view.publish_tf"] = False
-    rooms = partition((*names, *more), processes)
-    return [_process(context, {name: given[name] for name in room}, simulated=simulated) for room in rooms] + shown
+def simulated_station(values: Mapping[str, Any]) -> list[Process]:
+    """Return the processes of a simulated station with time of its own."""
+    return _station_processes(values, read_station(values["station"]), NODES)
 
 
-def station_nodes(context: Any, names: Sequence[str]) -> list[Any]:
-    """Return the actions that start `names`, and the antenna's own where the station has a drive.
+def single_antenna(values: Mapping[str, Any]) -> list[Process]:
+    """Return the processes of a real station: with the antenna's own where it has a drive.
 
     A station whose drive is simulated has a driver of its own on joint_trajectory.
     """
-    station = _station(context)
-    simulated = station is None or station.drive["type"] == "simulated"
-    return managed_nodes(context, names if simulated else ("antenna_servo", *names))
+    station = read_station(values["station"])
+    own = () if station.drive["type"] == "simulated" else ("antenna_servo",)
+    return _station_processes(values, station, (*own, *STATION_NODES))
 
 
-def _array_nodes(context: Any, *, simulated: bool) -> tuple[str, ...]:
-    """Return the nodes of the array on the dish; a real array has receivers of its own."""
-    station, band = _station(context), str(LaunchConfiguration("band").perform(context))
+def _station_processes(
+    values: Mapping[str, Any], station: StationDescription, names: Sequence[str]
+) -> list[Process]:  # fmt: skip
+    simulated = "simulation_clock" in names
+    if values["params_file"] and not Path(values["params_file"]).is_file():
+        raise ValueError(f"params_file:={values['params_file']} does not exist")
+    if Sensor.ARRAY in station.sensors(values["band"] or None):
+        # A real array has receivers of its own.
+        names = (*names, *(ARRAY_NODES if simulated else ARRAY_NODES[1:]))
+    if values["description"]:
+        names = (*names, DESCRIPTION)
+    wanted = {"alarms": ALARMS, "executive": EXECUTIVE, "page": OPERATOR_PAGE, "radio": RADIO, "rotctld": ROTCTLD}
+    names = (*names, *(name for argument, name in wanted.items() if values[argument]))
+    given = {name: _parameters(values, name, simulated=simulated) for name in names}
+    space, respawn = values["namespace"], values["respawn"]
+    # Each antenna has its own simulation time; without the clock node, /clock is the user's.
+    remappings = (("/clock", "clock"),) if simulated else ()
+    environment = network_environment(values["network"])
+    shown: list[Process] = []
+    if values["description"] and _has("robot_state_publisher"):
+        given[DESCRIPTION]["view.publish_tf"] = False
+        own = {
+            "robot_description": urdf(station), "frame_prefix": f"{space.strip('/')}/",
+            "use_sim_time": values["use_sim_time"],
+        }  # fmt: skip
+        name = "robot_state_publisher"
+        shown = [Process(name, space, (name,), ({name: own},), remappings, environment, respawn, package=name)]
+    # Last: what a user writes is in force.
+    files = (values["params_file"],) if values["params_file"] else ()
+    found = []
+    for room in partition(names, values["processes"]):
+        alone = len(room) == 1
+        found.append(Process(
+            executable=room[0] if alone else SEVERAL,
+            namespace=space,
+            nodes=room,
+            parameters=({name: given[name] for name in room}, *files),
+            remappings=remappings,
+            environment=environment,
+            respawn=respawn,
+            arguments=() if alone else room if respawn else (*room, "--no-restart"),
+            ros_arguments=enclave(space, room[0]) if alone else (),
+        ))  # fmt: skip
+    return found + shown
+
+
+def _has(package: str) -> bool:
     try:
-        has_array = station is not None and Sensor.ARRAY in station.sensors(band or None)
-    except ValueError:
-        return ()  # every node refuses the band and says why
-    return (ARRAY_NODES if simulated else ARRAY_NODES[1:]) if has_array else ()
-
-
-def _station(context: Any) -> StationDescription | None:
-    """Return the station, None for one that every node refuses and says why."""
-    try:
-        return read_station(str(LaunchConfiguration("station").perform(context)))
-    except (ValueError, OSError):
-        return None
-
-
-def _state_publisher(context: Any, *, simulated: bool) -> list[Any]:
-    """Return robot_state_publisher for the station, where it is installed."""
-    station = _station(context)
-    try:
-        get_package_prefix("robot_state_publisher")
+        return bool(get_package_prefix(package))
     except PackageNotFoundError:
-        station = None
-    if station is None:
-        return []
-    namespace = str(LaunchConfiguration("namespace").perform(context))
-    return [Node(
-        package="robot_state_publisher",
-        executable="robot_state_publisher",
-        name="robot_state_publisher",
-        namespace=namespace,
-        parameters=[
-            {"robot_description": urdf(station), "frame_prefix": f"{namespace.strip('/')}/"},
-            {"use_sim_time": LaunchConfiguration("use_sim_time").perform(context) == "true"},
-        ],
-        remappings=[("/clock", "clock")] if simulated else [],
-        additional_env=network_environment(LaunchConfiguration("network").perform(context)),
-        respawn=LaunchConfiguration("respawn").perform(context) == "true",
-        respawn_delay=RESPAWN_DELAY_S,
-        output="screen",
-    )]  # fmt: skip
+        return False
 
 
-def _parameters(context: Any, name: str, *, simulated: bool) -> dict[str, Any]:
+def _parameters(values: Mapping[str, Any], name: str, *, simulated: bool) -> dict[str, Any]:
     """Return the parameters of a node, as the launch arguments give them."""
-
-    def given(argument: str) -> str:
-        return str(LaunchConfiguration(argument).perform(context))
-
-    own: dict[str, Any] = {"lifecycle.autostart": given("autostart") == "true"}
+    own: dict[str, Any] = {"lifecycle.autostart": values["autostart"]}
     if name == "antenna_servo" and not simulated:
         # A real drive loop comes before everything else on its computer.
         own["lifecycle.realtime_priority"] = DRIVE_PRIORITY
-    if given("state_folder"):
-        own |= _kept(name, Path(given("state_folder")), given("namespace"))
+    if values["state_folder"]:
+        own |= _kept(name, Path(values["state_folder"]), values["namespace"])
     if name == "simulation_clock":
-        own |= {"start_s": float(given("start_s")), "speed": float(given("speed"))}
+        own |= {"start_s": values["start_s"], "speed": values["speed"]}
     elif name != OPERATOR_PAGE:
         # The page shows the station's own time and limits.
-        own["use_sim_time"] = given("use_sim_time") == "true"
+        own["use_sim_time"] = values["use_sim_time"]
         # Relative to where launch was started, which the node does not know.
-        own |= {"station": _absolute(given("station")), "band": given("band")}
-    if name in SEES_TARGET and (given("elements") or given("satellite")):
-        own |= {"source.elements": _absolute(given("elements")), "source.satellite": given("satellite")}
+        own |= {"station": _absolute(values["station"]), "band": values["band"]}
+    if name in SEES_TARGET and (values["elements"] or values["satellite"]):
+        own |= {"source.elements": _absolute(values["elements"]), "source.satellite": values["satellite"]}
     return own
-
-
-def _process(context: Any, nodes: Mapping[str, dict[str, Any]], *, simulated: bool) -> Node:
-    """Return the action that starts nodes, each with its parameters, in one process."""
-
-    def given(argument: str) -> str:
-        return str(LaunchConfiguration(argument).perform(context))
-
-    respawn = given("respawn") == "true"
-    common: dict[str, Any] = {
-        "package": "rf_pointing",
-        "namespace": given("namespace"),
-        # Each antenna has its own simulation time; without the clock node, /clock is the user's.
-        "remappings": [("/clock", "clock")] if simulated else [],
-        "additional_env": network_environment(given("network")),
-        "respawn": respawn,
-        "respawn_delay": RESPAWN_DELAY_S,
-        "output": "screen",
-    }
-    # Last: what a user writes is in force.
-    files = [given("params_file")] if given("params_file") else []
-    if len(nodes) == 1:
-        ((name, own),) = nodes.items()
-        return LifecycleNode(
-            executable=name, name=name, parameters=[own, *files],
-            ros_arguments=enclave(given("namespace"), name), **common,
-        )  # fmt: skip
-    sections = {f"/**/{name}": {"ros__parameters": own} for name, own in nodes.items()}
-    with tempfile.NamedTemporaryFile("w", prefix="rf_pointing-", suffix=".yaml", delete=False) as file:
-        yaml.safe_dump(sections, file)
-    return Node(
-        executable="station_process", arguments=[*nodes, *([] if respawn else ["--no-restart"])],
-        parameters=[file.name, *files], **common,
-    )  # fmt: skip
 
 
 def _kept(name: str, folder: Path, namespace: str) -> dict[str, str]:
@@ -248,11 +317,30 @@ def _kept(name: str, folder: Path, namespace: str) -> dict[str, str]:
     }.get(name, {})
 
 
-def enclave(namespace: str, name: str) -> list[str]:
+def enclave(namespace: str, name: str) -> tuple[str, ...]:
     """Return the arguments of a node that runs under SROS2: its own enclave, as in the policy."""
     secured = os.environ.get("ROS_SECURITY_ENABLE") == "true"
-    return ["--enclave", f"/{namespace.strip('/')}/{name}"] if secured else []
+    return ("--enclave", f"/{namespace.strip('/')}/{name}") if secured else ()
 
 
 def _absolute(path: str) -> str:
     return str(Path(path).resolve()) if path and Path(path).exists() else path
+
+
+SIMULATED_STATION = LaunchFile(
+    "simulated_station", "the whole simulated station, with its own simulation time",
+    station_arguments(simulated=True), simulated_station,
+)  # fmt: skip
+SINGLE_ANTENNA = LaunchFile(
+    "single_antenna", "the nodes of a real station: with antenna_servo where its description names a drive",
+    station_arguments(simulated=False), single_antenna,
+)  # fmt: skip
+GROUP = "rf_pointing.launch_files"
+"""Entry point group of further launch files, by their names."""
+
+
+def launch_files() -> dict[str, Callable[[], LaunchFile]]:
+    """Return every launch file by its name; those of other rooms are read when they are called."""
+    more = {point.name: point.load for point in entry_points(group=GROUP)}
+    own = {each.name: lambda each=each: each for each in (SINGLE_ANTENNA, SIMULATED_STATION)}
+    return {**own, **more}

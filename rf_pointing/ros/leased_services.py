@@ -16,6 +16,7 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 from rf_pointing_msgs.srv import SignedCall
 
+from rf_pointing.core import require_choice
 from rf_pointing.ros.command_key import CommandKey
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.station.antenna.modes import OPERATED
@@ -72,8 +73,7 @@ class LeasedServices:
             self._key.check_call(call)
         except ValueError as error:
             raise ValueError(self._refuse(f"{call.service} is refused: {error}")) from error
-        if call.service not in self._offered:
-            raise ValueError(f"service={call.service!r} must be one of {', '.join(self._offered)}")
+        require_choice("service", call.service, self._offered)
         service_type, act = self._offered[call.service]
         return act(deserialize_message(bytes(call.request), service_type.Request))
 

@@ -14,12 +14,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.timer import Timer
 
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.signals import LONGEST_GAP_S
-from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Diagnostics, EventLog, Health
+from rf_pointing.ros.diagnostics import ERROR, OK, WARN, Diagnostics, EventLog, Health, Wait
 from rf_pointing.ros.main_loop import InstanceLock, take_priority
 from rf_pointing.ros.params import ParameterGroups
 from rf_pointing.ros.stamps import seconds_from_nanoseconds
@@ -107,7 +109,7 @@ class Lifecycle(LifecycleNode):
         if refused := take_priority(self.parameters.value("lifecycle").realtime_priority):
             self.get_logger().warning(refused)
         self._wait_s, self._next_try_s = FIRST_WAIT_S, -math.inf
-        self._events = EventLog()
+        self._events, self._wait = EventLog(), Wait()
         self.diagnostics = Diagnostics(self)
         self.diagnostics.add("state", self._state_health)
         self._state_name, self._reason = "unconfigured", ""
@@ -135,6 +137,10 @@ class Lifecycle(LifecycleNode):
 
     def silent_because(self) -> str:
         """Return why an active node does not send all of its steady topics, "" while it does."""
+        return ""
+
+    def missing_inputs(self) -> str:
+        """Return which required inputs do not reach an active node, "" if all do."""
         return ""
 
     def turn(self) -> float:
@@ -183,8 +189,15 @@ class Lifecycle(LifecycleNode):
                 self.failure = error
                 raise
 
-        self._at_deactivation.callback(self.destroy_timer, self.create_timer(period_s, fire))
+        self._at_deactivation.callback(self.destroy_timer, self.timer(period_s, fire))
         return schedule
+
+    def timer(self, period_s: float, callback: Callable[[], object]) -> Timer:
+        """Return a timer that no step of the clock delays; simulated time is followed."""
+        # One of the node clock waits for as long as that is set back, while a device goes on.
+        simulated = self.get_parameter("use_sim_time").value
+        clock = None if simulated else Clock(clock_type=ClockType.STEADY_TIME)
+        return self.create_timer(period_s, callback, clock=clock)
 
     # What the main loop and rclpy call
 
@@ -200,6 +213,8 @@ class Lifecycle(LifecycleNode):
             if not self.ready():
                 return
             self.trigger_activate()
+            if self.active:
+                self.get_logger().info("active")
         # Once it has been active a manager may take it down.
         self.brings_itself_up = self._state_name in ("unconfigured", "inactive")
         self._next_try_s = time.monotonic() + self._wait_s
@@ -301,4 +316,21 @@ class Lifecycle(LifecycleNode):
             return Health(WARN, f"waits, and tries again every {LONGEST_WAIT_S:.0f} s: {self._reason}", values)
         if self.active and (silent := self.silent_because()):
             return Health(WARN, silent, values)
+        awaited, managed = self._awaited(), not self.active and not self.brings_itself_up
+        if (news := self._wait.news(awaited, time.monotonic())) and self._state_name != "finalized":
+            self.get_logger().info(f"{self._state_name}: {news}")
+        if awaited and not self._reason and not managed:
+            return Health(WARN, f"waits for {awaited}", values)
         return Health(ERROR if self._reason else OK, self._reason or self._state_name, values)
+
+    def _awaited(self) -> str:
+        """Return what must come before this node works, "" for nothing."""
+        if self.active:
+            return self.missing_inputs()
+        if self.brings_itself_up:
+            return "" if self.knows_time() else f"the time on {self.resolve_topic_name('/clock')}"
+        call = f"`ros2 lifecycle set {self.get_fully_qualified_name()}"
+        if self._state_name == "inactive":
+            return f"{call} activate`"
+        by_itself = ", or a start with `-p lifecycle.autostart:=true`"
+        return f"{call} configure`{by_itself}" if self._state_name == "unconfigured" else ""

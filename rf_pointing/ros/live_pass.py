@@ -10,6 +10,7 @@ from rclpy.action import ActionClient
 from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.msg import PassCertificate
 
+from rf_pointing.core.pass_outcome import gaussian_loss_db
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import certificate_lines
 from rf_pointing.ros import convert_planning
@@ -20,6 +21,8 @@ from rf_pointing.ros.station_run import GraphRun, StationRun
 LOG_PERIOD_S = 10.0
 CERTIFICATE_S = 40.0
 """How long to wait until an accepted goal is certified or refused."""
+LARGE_RAD = math.radians(0.1)
+"""An error on the sky is shown in degrees from here on, and from a beamwidth on."""
 BAR = 24
 """Characters of the progress bar."""
 
@@ -49,15 +52,24 @@ def describe(feedback: TrackPass.Feedback) -> str:
     status = feedback.status
     done = round(BAR * feedback.progress)
     to_los_s = max(0.0, seconds_from_stamp(status.los) - seconds_from_stamp(status.header.stamp))
-    error = math.degrees(math.hypot(status.cross_elevation_error, status.elevation_error)) * 1e3
+    error = math.hypot(status.cross_elevation_error, status.elevation_error)
+    carrier = f"  C/N0 {status.carrier_to_noise:4.1f} dB-Hz" if status.carrier_to_noise > 0.0 else ""
     # The command alone would show a motion while the antenna stands still.
     axes = "on source" if status.on_source else f"axes {math.degrees(status.axis_distance):.3f} deg off"
     return (
         f"[{'#' * done}{'.' * (BAR - done)}] LOS in {to_los_s:4.0f} s  {status.mode:<13}"
         f" command az {math.degrees(status.azimuth) % 360.0:6.2f} el {math.degrees(status.elevation):5.2f} deg"
-        f"  error {error:6.2f} mdeg  C/N0 {status.carrier_to_noise:4.1f} dB-Hz  {axes}"
+        f"  error {_error_text(error, status.beamwidth)}{carrier}  {axes}"
         + (f"  {status.alarm}" if status.alarm else "")
     )
+
+
+def _error_text(error_rad: float, beamwidth_rad: float) -> str:
+    """Return an error on the sky with what it costs in a Gaussian beam; in a slew it is degrees."""
+    if error_rad > max(beamwidth_rad, LARGE_RAD):
+        return f"{math.degrees(error_rad):6.2f} deg"
+    loss = f" {float(gaussian_loss_db(error_rad, beamwidth_rad)):5.2f} dB" if beamwidth_rad > 0.0 else ""
+    return f"{math.degrees(error_rad) * 1e3:6.2f} mdeg{loss}"
 
 
 def outcome_line(result: TrackPass.Result) -> str:

@@ -19,6 +19,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -298,7 +299,12 @@ class InstanceLock:
             self._file.seek(0)
             holder = self._file.read().strip() or "unknown"
             self._file.close()
-            raise RuntimeError(f"{full_name} already runs in ROS domain {_domain()} (process {holder})") from error
+            raise RuntimeError(f"{full_name} already runs in ROS domain {ros_domain()} (process {holder})") from error
+        self.take_over()
+
+    def take_over(self) -> None:
+        """Name this process as the holder: the first one, or its child that goes on for it."""
+        self._file.seek(0)
         self._file.truncate(0)
         self._file.write(str(os.getpid()))
         self._file.flush()
@@ -316,6 +322,16 @@ def last_holder(full_name: str) -> int | None:
     except (OSError, ValueError):
         # Never taken, or being taken at this moment.
         return None
+
+
+def present_holder(full_name: str) -> int | None:
+    """Return the process that holds the name now, None where it is free."""
+    with suppress(OSError), os.fdopen(os.open(_path(full_name), os.O_RDONLY | os.O_NOFOLLOW)) as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return last_holder(full_name)
+    return None
 
 
 def private_folder(folder: Path) -> None:
@@ -390,12 +406,13 @@ def read_token(name: str, given: str, own: Path) -> tuple[str, Path]:
     return token, path
 
 
-def _domain() -> str:
+def ros_domain() -> str:
+    """Return the number of the present ROS domain."""
     return os.environ.get("ROS_DOMAIN_ID", "0")
 
 
 def _path(full_name: str) -> Path:
-    return _runtime_folder() / f"domain{_domain()}{full_name.replace('/', '.')}.lock"
+    return _runtime_folder() / f"domain{ros_domain()}{full_name.replace('/', '.')}.lock"
 
 
 def _runtime_folder() -> Path:

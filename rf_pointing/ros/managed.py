@@ -13,10 +13,10 @@ from typing import Any
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.publisher import Publisher
 
-from rf_pointing.ros.graph import FRAMES
+from rf_pointing.ros.graph import FOREIGN, FRAMES
 from rf_pointing.ros.input_watchdog import InputWatchdog
 from rf_pointing.ros.lifecycle import Lifecycle, Schedule
-from rf_pointing.ros.qos import LATCHED, SERVICE
+from rf_pointing.ros.qos import INSTRUMENT, LATCHED, SERVICE
 from rf_pointing.ros.service_door import ServiceDoor
 from rf_pointing.ros.streams import (
     FramedPublisher,
@@ -68,6 +68,7 @@ class ManagedNode(Lifecycle):
         *,
         raw: bool = False,
         steady: bool = False,
+        required: bool = False,
         most_bytes: Callable[[], int] | None = None,
         refused: Callable[[str], object] = str,
     ) -> None:
@@ -77,12 +78,22 @@ class ManagedNode(Lifecycle):
         and when a stamp or a number in it is impossible.  With `raw` the callback gets the bytes,
         of which only the length has been checked.  `refused` takes each reason.  A `steady` topic
         is sent all the time while its publisher is active: this node is deaf if it is silent then.
+        Without a `required` one it has nothing to work on, and says so while it waits.
         """
+        # In simulated time our own nodes send it, and a lost message would change the result.
+        if topic in FOREIGN and not self.get_parameter("use_sim_time").value:
+            qos = INSTRUMENT
         most = most_bytes or (lambda: LATCHED_BYTES if qos is LATCHED else STREAM_BYTES)
         # Raw messages are not decoded, so their numbers are not seen.
         counted = hasattr(message_type, "sequence") and not raw
         take = self.inputs.watching(topic, callback) if counted else callback
-        arrived = self.input_watchdog.watch(topic) if steady else None
+        if required:
+            take = self.input_watchdog.require(topic, take)
+            self._at_cleanup.callback(self.input_watchdog.require_no_longer, topic)
+        arrived = None
+        if steady:
+            arrived, forget = self.input_watchdog.watch(topic)
+            self._at_cleanup.callback(forget)
 
         def door(payload: bytes) -> None:
             if arrived is not None:
@@ -100,12 +111,16 @@ class ManagedNode(Lifecycle):
         self._at_cleanup.callback(self.destroy_subscription, subscription)
 
     def listen_latest(
-        self, message_type: Any, topic: str, convert: Callable[[Any], Any], qos: Any, *, steady: bool = False
-    ) -> Latest:
+        self, message_type: Any, topic: str, convert: Callable[[Any], Any], qos: Any, *, steady: bool = False,
+        required: bool = False,
+    ) -> Latest:  # fmt: skip
         """Subscribe until cleanup to a fast stream of which only the newest message counts."""
         latest = Latest(message_type, convert, lambda reason: self._ignore(topic, reason))
-        self.listen(message_type, topic, latest.note, qos, raw=True, steady=steady)
+        self.listen(message_type, topic, latest.note, qos, raw=True, steady=steady, required=required)
         return latest
+
+    def missing_inputs(self) -> str:
+        return self.input_watchdog.missing()
 
     def _ignore(self, topic: str, reason: str) -> None:
         self.inputs.note_refusal(topic, reason)

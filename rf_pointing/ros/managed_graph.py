@@ -75,8 +75,8 @@ class NodeProcesses:
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=subprocess.STDOUT,
-                    env=_environment(),
-                    preexec_fn=_bind_to_parent if urgent else _bind_in_the_background,
+                    env=node_environment(),
+                    preexec_fn=bind_to_parent if urgent else _bind_in_the_background,
                 )
             self._running |= dict.fromkeys(room, process)
             for name in room[1:]:
@@ -105,14 +105,7 @@ class NodeProcesses:
 
     def stop(self) -> None:
         """Interrupt every process, then terminate and finally kill those that do not end."""
-        for sign, grace_s in _ENDINGS:
-            alive = [process for process in set(self._running.values()) if process.poll() is None]
-            for process in alive:
-                process.send_signal(sign)
-            deadline_s = time.monotonic() + grace_s
-            for process in alive:
-                with suppress(subprocess.TimeoutExpired):
-                    process.wait(max(0.01, deadline_s - time.monotonic()))
+        end_processes(list(set(self._running.values())))
         self._running.clear()
 
     def log(self, name: str) -> Path:
@@ -120,23 +113,35 @@ class NodeProcesses:
         return self._logs / f"{name.replace('/', '.')}.log"
 
 
-def _environment() -> dict[str, str]:
+def end_processes(processes: Sequence["subprocess.Popen[bytes]"]) -> None:
+    """Interrupt processes together, then terminate and finally kill those that do not end."""
+    for sign, grace_s in _ENDINGS:
+        alive = [process for process in processes if process.poll() is None]
+        for process in alive:
+            process.send_signal(sign)
+        deadline_s = time.monotonic() + grace_s
+        for process in alive:
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(max(0.01, deadline_s - time.monotonic()))
+
+
+def node_environment() -> dict[str, str]:
     """Return the environment of the nodes."""
     # UDP instead of shared memory: as fast for messages this small, and a killed node leaves no
     # port for which a restarted one would wait.  One thread: the matrices are small.
     return {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"} | os.environ
 
 
-def _bind_to_parent() -> None:
-    # A group of its own: Ctrl-C in a terminal reaches only this process, which ends the nodes
-    # in order.
+def bind_to_parent() -> None:
+    """Let this process end with its parent, in a group that Ctrl-C in a terminal does not reach."""
+    # Ctrl-C is then for the parent alone, which ends the nodes in order.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     os.setpgid(0, 0)
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def _bind_in_the_background() -> None:
-    _bind_to_parent()
+    bind_to_parent()
     os.nice(NICENESS)
 
 

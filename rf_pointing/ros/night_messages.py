@@ -12,10 +12,10 @@ from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from rf_pointing.operations.night import Night
+from rf_pointing.operations.night import Night, NightState
 from rf_pointing.operations.schedule import Entry
 from rf_pointing.ros import convert
-from rf_pointing.ros.command_key import CALL_S, CommandKey, CommandKeyParams
+from rf_pointing.ros.command_key import CALL_S, INSTANCE, CommandKey, CommandKeyParams
 from rf_pointing.ros.convert_planning import entry_to_message
 from rf_pointing.ros.diagnostics import LEVELS
 from rf_pointing.ros.directives import plain_fields
@@ -33,7 +33,8 @@ MOVING_RAD_S = 1e-4
 def hear_station(node: ManagedNode, alarms: StationAlarms) -> None:
     """Subscribe until cleanup to what the alarms of a station must know."""
     mine = node.get_namespace().rstrip("/") + "/"
-    joints = node.listen_latest(JointState, "joint_states", convert.joints_from_message, WATCHED)
+    read = convert.joints_from_message
+    joints = node.listen_latest(JointState, "joint_states", read, WATCHED, required=True)
 
     def take(device: str, message: Any, **more: Any) -> None:
         alarms.take(device, plain_fields(message) | more, seconds_from_stamp(message.header.stamp))
@@ -51,8 +52,8 @@ def hear_station(node: ManagedNode, alarms: StationAlarms) -> None:
                 check, values = status.name.partition(": ")[2], {pair.key: pair.value for pair in status.values}
                 alarms.take_check(name.removeprefix(mine), check, level, status.message, values, time.monotonic())
 
-    node.listen(ours.AntennaStatus, "antenna_status", on_antenna, WATCHED)
-    node.listen(ours.TrackingStatus, "tracking_status", lambda m: take("tracking", m), WATCHED)
+    node.listen(ours.AntennaStatus, "antenna_status", on_antenna, WATCHED, required=True)
+    node.listen(ours.TrackingStatus, "tracking_status", lambda m: take("tracking", m), WATCHED, required=True)
     node.listen(DiagnosticArray, "/diagnostics", on_diagnostics, WATCHED)
 
 
@@ -73,7 +74,22 @@ def hear_night(node: ManagedNode, watch: NightWatch, own: ExecutiveParams) -> Co
     key = CommandKey(params, parameter="executive.partners_key_file")
     for name in watch.partners:
         hear_partner(node, watch, key, name)
+    hear_rival(node, watch, key)
     return key
+
+
+def hear_rival(node: ManagedNode, watch: NightWatch, key: CommandKey) -> None:
+    """Subscribe until cleanup to another executive of this antenna, on another computer."""
+
+    def on_status(message: ours.ExecutiveStatus) -> None:
+        who = message.header.frame_id.rpartition(" ")[2]
+        if who != INSTANCE:
+            if key.signed:
+                key.check_claim(message, EXECUTIVE_STATUS, node.get_namespace().strip("/"), node.now_s())
+            night = message.state != NightState.IDLE
+            watch.take_rival(who, night=night, first=who < INSTANCE, wall_s=time.monotonic())
+
+    node.listen(ours.ExecutiveStatus, EXECUTIVE_STATUS, on_status, STATUS)
 
 
 def hear_partner(node: ManagedNode, watch: NightWatch, key: CommandKey, name: str) -> None:

@@ -85,7 +85,7 @@ class StationClient(GraphRun):
         try:
             super().until(condition, what)
         except TimeoutError as error:
-            raise TimeoutError(f"{error} in {self.namespace}") from error
+            raise TimeoutError(f"{error} in {self.place}") from error
 
     # What it shows
 
@@ -105,7 +105,7 @@ class StationClient(GraphRun):
         """Print what the station does, with `watch` once a second; return whether all is well."""
         self._look("antenna_status", "tracking_status", EXECUTIVE_STATUS)
         if "antenna_status" not in self.newest:
-            raise TimeoutError(f"no antenna in {self.namespace}")
+            raise TimeoutError(f"no antenna in {self.place}")
         while True:
             tracking = self.newest.get("tracking_status", TrackingStatus())
             executive = self.newest.get(EXECUTIVE_STATUS, ExecutiveStatus(state="none"))
@@ -158,7 +158,7 @@ class StationClient(GraphRun):
             self.waiting.until(lambda: nodes.keys() <= found.keys(), "", TESTED_S)
         tested = [full_name for full_name in nodes if full_name in found]
         if not tested:
-            raise TimeoutError(f"neither {EXECUTIVE} nor {ALARMS} is in {self.namespace}")
+            raise TimeoutError(f"neither {EXECUTIVE} nor {ALARMS} is in {self.place}")
         came = [self._test_alarms(nodes[full_name], found, full_name) for full_name in tested]
         return all(came)
 

@@ -22,7 +22,7 @@ from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import IN_USE, STATUS, WATCHED
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.station.derive.nodes import NODES
-from rf_pointing.station.description import StationDescription, owner, read_station
+from rf_pointing.station.description import StationDescription, owner, read_station, shipped_stations
 
 EXECUTIVE_SILENT_S = 5.0
 """Wall time after which a silent executive is an error; it reports once a second."""
@@ -40,7 +40,7 @@ SHOWN_DIGITS = 12
 class StationParams(Params):
     """Which antenna a node belongs to."""
 
-    station: str = parameter("dss13", "station description: a shipped name or a YAML file")
+    station: str = parameter("", "station description: a YAML file, or a shipped name")
     band: str = parameter("", "band in use; empty: the description's default")
 
 
@@ -58,6 +58,9 @@ class StationNode(ManagedNode):
         self.station: StationDescription | None = None
         choice: StationParams = self.parameters.value("description")
         try:
+            if not choice.station:
+                known = ", ".join(shipped_stations())
+                raise ValueError(f"station='' must name a station description: your YAML file, or one of {known}")
             station = read_station(
                 choice.station, tuple(each for each in NODES if self.CHECKS_EVERY_NODE or each == name)
             )

@@ -19,7 +19,7 @@ from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 
 from rf_pointing.ros.graph import NODES, TOPICS, Topic, topics_of
-from rf_pointing.ros.main_loop import make_executor, settle_garbage
+from rf_pointing.ros.main_loop import make_executor, ros_domain, settle_garbage
 from rf_pointing.ros.managed_graph import ManagedGraph, NotStartedError
 from rf_pointing.ros.recorder import Recorder
 from rf_pointing.ros.waiting import Waiting
@@ -69,6 +69,11 @@ class GraphRun:
         self._program, self._executor = program, make_executor()
         self._executor.add_node(self.node)
         self.waiting = Waiting(self.spin, patience_s, self.check)
+
+    @property
+    def place(self) -> str:
+        """Where it looks: the same namespace of another domain is another station."""
+        return f"{self.namespace} of ROS domain {ros_domain()}"
 
     def say(self, text: str) -> None:
         """Report to the user on stderr."""

@@ -14,12 +14,12 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-from rf_pointing.core import AXES, JointReading
+from rf_pointing.core import AXES, JointReading, require_choice
 from rf_pointing.core.signals import BASE
 from rf_pointing.core.types import Pair
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, make_drive
 from rf_pointing.drives.drive import POSITION, RATE
-from rf_pointing.ros.qos import LATCHED, STREAM
+from rf_pointing.ros.qos import INSTRUMENT, LATCHED, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.streams import checked_message, frame_in, require_length
 from rf_pointing.station.antenna.drive_antenna import CONNECT_S, DriveAntenna, connected_antenna
@@ -37,8 +37,7 @@ class TopicDrive(Drive):
 
     def __init__(self, beside: Node, params: DriveParams) -> None:
         model = params.model or POSITION
-        if model not in (POSITION, RATE):
-            raise ValueError(f"drive.model={params.model!r} of topic must be one of {POSITION}, {RATE}")
+        require_choice("drive.model", model, (POSITION, RATE))
         rotator = params.rotator
         first, second = (step or 1e-4 for step in rotator.resolution_rad)
         self.capabilities = Capabilities(
@@ -61,7 +60,7 @@ class TopicDrive(Drive):
         )  # fmt: skip
         self._set_points = self.node.create_publisher(JointState, "drive/set_point", STREAM)
         self._enabled = self.node.create_publisher(Bool, "drive/enable", LATCHED)
-        self.node.create_subscription(JointState, "drive/state", self.take_state, STREAM, raw=True)
+        self.node.create_subscription(JointState, "drive/state", self.take_state, INSTRUMENT, raw=True)
         self._executor = SingleThreadedExecutor(context=beside.context)
         self._executor.add_node(self.node)
         self.problem = "no message on drive/state yet"

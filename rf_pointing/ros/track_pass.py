@@ -60,7 +60,8 @@ class TrackPassServer:
         self._commands = node.publisher(JointTrajectory, "joint_trajectory", COMMAND)
         self._status = node.stream(ours.TrackingStatus, "tracking_status", STREAM)
         self._certificates = node.stream(ours.PassCertificate, "pass_certificate", LATCHED)
-        self._joints = node.listen_latest(JointState, "joint_states", convert.joints_from_message, STREAM, steady=True)
+        joints = convert.joints_from_message
+        self._joints = node.listen_latest(JointState, "joint_states", joints, STREAM, steady=True, required=True)
         self._census, self._message, self._sent = StationCensus(), ours.TrackingStatus(), 0
         node.listen(StationInUse, STATION_IN_USE, self._census.note, IN_USE)
 

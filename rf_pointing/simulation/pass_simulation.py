@@ -49,6 +49,8 @@ class PassLog:
     command_t_s: list[float] = field(default_factory=list)
     command_rad: list[tuple[float, float]] = field(default_factory=list)
     certificate: Certificate | None = None
+    fault: str = ""
+    """What the antenna had latched at the end."""
 
     def errors_rad(self, *modes: str) -> Array:
         """Return the true errors (n, 2) of the clusters in these modes (all when none is named)."""
@@ -207,4 +209,5 @@ def simulate_pass(
             log.mode.append(mode)
             if on_reception is not None:
                 on_reception(reception)
+    log.fault = antenna.safety.latch.text
     return log

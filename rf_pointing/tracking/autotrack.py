@@ -104,7 +104,7 @@ class AutotrackInputs:
     sidelobe: bool = False
 
     def __post_init__(self) -> None:
-        require_choice("request", self.request, Request)
+        require_choice("request", self.request, tuple(Request))
         require_finite("t_s", self.t_s)
 
 

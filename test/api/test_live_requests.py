@@ -112,7 +112,7 @@ REFUSED = [
     ("track --min-peak -1", "-1 must be between 0 and 90"),
     ("track --mask 95", "95 must be between 0 and 89"),
     ("track --ephemeris-error 61", "61 must be between -60 and 60"),
-    ("track --sensor nose", "invalid choice: 'nose'"),
+    ("track --sensor nose", "'nose' must be one of program"),
     ("track --seed 1.5", "argument --seed: 1.5 must be a whole number from 0 to 2147483647"),
     ("track --seed 2147483648", "2147483648 must be a whole number"),
     ("track --speed fast", "speed='fast' must be a factor or max"),
@@ -129,7 +129,7 @@ REFUSED = [
     ("track --satellite 99999", "satellite='99999' is not among"),
     ("track --satellite Sputnik", "satellite='Sputnik' is not among"),
     ("track --station Atlantis", "Atlantis:1: no such file, and no shipped station"),
-    ("track --band Q", "band='Q' of Goldstone DSS-13 must be one of S, X, Ka"),
+    ("track --band Q", "Goldstone DSS-13: band='Q' must be one of S, X, Ka"),
     ("track --min-peak 89.99", "has no pass above 89.99 deg in 48.00 h"),
     ("track --satellite 14128", "none rises above the mask"),
     ("track --start 2006-08-01T00:00:00", "days"),
@@ -153,7 +153,7 @@ REFUSED = [
     ("identify_antenna --held-out 8", "held_out=8 must be >= 1 and < sequences=8"),
     ("identify_antenna --tick 0.0009", "0.0009 must be between 0.001 and 0.1"),
     ("identify_antenna --peak-deg-s 0.01", "together must be <="),
-    ("identify_antenna --band Q", "band='Q' of Goldstone DSS-13 must be one of"),
+    ("identify_antenna --band Q", "Goldstone DSS-13: band='Q' must be one of"),
 ]
 
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import rf_pointing as rp
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core.dates import from_utc_text
 from rf_pointing.ephemeris import find_passes
+from rf_pointing.simulation import PassLog
 from rf_pointing.station.description import read_station
 
 CBERS = rp.elements("CBERS 2")
@@ -36,10 +38,18 @@ def test_a_station_is_what_its_description_says(station: rp.Station, tmp_path: P
     mine = rp.Station(tmp_path / "mine.yaml", band="Ka")
     assert (mine.name, mine.band) == (station.name, "Ka")
     assert repr(mine) == "Station('Goldstone DSS-13', band='Ka')"
-    with pytest.raises(ValueError, match="band='L' of Goldstone DSS-13 must be one of S, X, Ka"):
+    with pytest.raises(ValueError, match="Goldstone DSS-13: band='L' must be one of S, X, Ka"):
         rp.Station(band="L")
     assert rp.Station(model=BiasModel.zero()).model == BiasModel.zero()
     assert station.model != BiasModel.zero()
+
+
+def test_a_pass_over_another_station_is_refused_with_both_sites(passes: list[rp.StationPass]) -> None:
+    other = rp.Station("leo_3m7")
+    assert other.site != passes[0].station.site
+    for use in (other.certificate, other.simulate, other.track, lambda one: other.certificates([one])):
+        with pytest.raises(ValueError, match=r"is over Goldstone DSS-13 at 35.* deg north.*; passes of .* at .* its"):
+            use(passes[0])
 
 
 def test_passes_are_those_of_the_track_in_degrees(station: rp.Station, passes: list[rp.StationPass]) -> None:
@@ -163,5 +173,9 @@ def test_a_simulated_pass_is_held_to_a_thousandth_of_a_degree(station: rp.Statio
     assert again.errors_mdeg().tolist() != other.errors_mdeg().tolist()
     with pytest.raises(ValueError, match="no sample in conscan; there are"):
         log.rms_mdeg("conscan")
+    # Its mean would be NaN, which tells nobody that the loop was unstable.
+    cut = replace(log, log=PassLog(*[[0.0] * 3] * 3, mode=["slew"] * 3, fault="azimuth oscillates"))
+    with pytest.raises(ValueError, match=r"there are slew 0\.3 s; the antenna stopped: azimuth oscillates"):
+        cut.errors_mdeg("monopulse")
     with pytest.raises(ValueError, match="sensor=array: X band"):
         station.simulate(one, sensor="array")

@@ -477,7 +477,7 @@ def test_the_status_is_shown_as_soon_as_all_of_it_is_there(
 
 def test_an_antenna_alone_has_a_status_and_none_has_not(fake: FakeStation, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("status") == 2
-    assert capsys.readouterr().err == "station: no antenna in /gs1\n"
+    assert capsys.readouterr().err == "station: no antenna in /gs1 of ROS domain 0\n"
     fake.publish(fake.wall.passed_s + 0.1, "antenna_status", ANTENNA)
     assert run("status") == 0
     (line,) = capsys.readouterr().out.splitlines()

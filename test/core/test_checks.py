@@ -47,7 +47,14 @@ def test_a_value_outside_is_refused_with_the_bound(
 def test_an_unknown_choice_is_refused_with_the_known_ones() -> None:
     require_choice("band", "X", ("S", "X"))
     with pytest.raises(ValueError, match=r"^band='Q' must be one of S, X$"):
-        require_choice("band", "Q", (name for name in ("S", "X")))
+        require_choice("band", "Q", ["S", "X"])
+
+
+@pytest.mark.parametrize("known", ["monopulse", "hamlib", "easycomm", "Goldstone DSS-13"])
+def test_a_name_with_a_letter_left_out_is_refused_with_the_one_that_is_meant(known: str) -> None:
+    for place in range(len(known)):
+        with pytest.raises(ValueError, match=rf"; did you mean {known}\?$"):
+            require_choice("name", (known[:place] + known[place + 1 :]).upper(), [known, "program", "SPID"])
 
 
 def test_as_finite_array_converts_and_checks_the_shape() -> None:

@@ -1,6 +1,7 @@
-"""Debian's rotctld with its dummy rotator (6 deg/s, 0.01 deg), started by a test."""
+"""Debian's rotctld with its dummy rotator (6 deg/s, 0.01 deg), and rigctld with its dummy rig, started by a test."""
 
 import shutil
+import signal
 import socket
 import subprocess
 import time
@@ -9,9 +10,11 @@ import time
 class RealRotctld:
     """`rotctld -m 1` on a port of its own."""
 
+    NAME, OPTIONS = "rotctld", ("-m", "1")
+
     def __init__(self) -> None:
-        program = shutil.which("rotctld")
-        assert program, "rotctld is missing: sudo apt-get install libhamlib-utils"
+        program = shutil.which(self.NAME)
+        assert program, f"{self.NAME} is missing: sudo apt-get install libhamlib-utils"
         self._program = program
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
@@ -20,7 +23,7 @@ class RealRotctld:
 
     def start(self) -> None:
         self._process = subprocess.Popen(
-            [self._program, "-m", "1", "-T", "127.0.0.1", "-t", str(self.port)],
+            [self._program, *self.OPTIONS, "-T", "127.0.0.1", "-t", str(self.port)],
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
         for _ in range(200):
@@ -30,7 +33,7 @@ class RealRotctld:
                 time.sleep(0.02)
             else:
                 return
-        raise AssertionError("rotctld does not listen")
+        raise AssertionError(f"{self.NAME} does not listen")
 
     def kill(self) -> None:
         self._process.kill()
@@ -51,3 +54,19 @@ class RealRotctld:
                 text += client.recv(100)
         azimuth, elevation = text.split()[:2]
         return float(azimuth), float(elevation)
+
+
+class RealRigctld(RealRotctld):
+    """`rigctld -m 1` with a key."""
+
+    NAME, OPTIONS = "rigctld", ("-m", "1", "-P", "RIG")
+
+    def hang(self, *, hangs: bool) -> None:
+        """Stop the process, or let it go on."""
+        self._process.send_signal(signal.SIGSTOP if hangs else signal.SIGCONT)
+
+    def ask(self, line: str) -> str:
+        """Return what another client gets for a line."""
+        with socket.create_connection(("127.0.0.1", self.port), 2.0) as client:
+            client.sendall(f"{line}\n".encode())
+            return client.recv(200).decode().strip()

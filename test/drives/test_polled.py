@@ -111,7 +111,7 @@ def test_attempts_to_reconnect_become_rarer_up_to_the_longest_wait(monkeypatch: 
 
         def abandon(self) -> None: ...
 
-    monkeypatch.setattr("rf_pointing.drives.polled.Opening", Refused)
+    monkeypatch.setattr("rf_pointing.drives.link.Opening", Refused)
     drive = make_drive(DriveParams(type="hamlib", link=LinkParams(first_retry_s=0.5, longest_retry_s=4.0)))
     while now[0] < 30.0:
         assert drive.step(now[0]) is None
@@ -209,7 +209,7 @@ def test_what_is_commanded_while_the_link_opens_is_not_sent_and_closing_gives_th
         def abandon(self) -> None:
             abandoned.append(self)
 
-    monkeypatch.setattr("rf_pointing.drives.polled.Opening", Waiting)
+    monkeypatch.setattr("rf_pointing.drives.link.Opening", Waiting)
     drive = make_drive(DriveParams(type="hamlib"))
     for t_s in (1.0, 2.0):
         assert drive.step(t_s) is None
@@ -244,7 +244,7 @@ class Scripted:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, type_: str) -> None:
         self.link = Script()
-        monkeypatch.setattr("rf_pointing.drives.polled.Opening", lambda *_: self.link)
+        monkeypatch.setattr("rf_pointing.drives.link.Opening", lambda *_: self.link)
         self.drive = make_drive(DriveParams(type=type_))
 
     def at(self, t_s: float, arriving: bytes = b"") -> list[bytes]:

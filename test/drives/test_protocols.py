@@ -59,6 +59,15 @@ ANSWERS = [
     ("easycomm", "3", b"AZ-10.0 EL5.0\r\n", (-10.0, 5.0)),
     ("spid", "rot2", bytes.fromhex("57 03 07 02 05 02 03 09 04 00 02 20"), (12.5, 34.0)),
     ("spid", "rot1", bytes.fromhex("57 03 07 02 20"), (12.0, 0.0)),
+    ("spid", "rot2", bytes.fromhex("57 03 07 02 20"), (12.0, 0.0)),
+    ("spid", "rot1", bytes.fromhex("57 03 07 02 05 0A 03 09 04 00 0A 20"), (12.5, 34.0)),
+    ("spid", "md01", bytes.fromhex("57 08 01 00 00 04 05 04 00 09 04 20"), (450.0, 180.9)),
+    ("gs232", "", b"AZ=-12.5 EL=045.6\r\n", (-12.5, 45.6)),
+    ("gs232", "", b"\r\n>AZ=180  EL=001\r\n", (180.0, 1.0)),
+    ("easycomm", "2", b"AZ123 EL45\r\n", (123.0, 45.0)),
+    ("easycomm", "3", b"AZ0.0 EL0.0\r", (0.0, 0.0)),
+    ("easycomm", "2", b"AZ359.99 EL89.99\n", (359.99, 89.99)),
+    ("hamlib", "", b"get_pos:\nAzimuth: -179.990000\nElevation: 90.000000\nRPRT 0\n", (-179.99, 90.0)),
 ]
 
 
@@ -168,10 +177,18 @@ def test_rotctld_names_a_rotator_of_the_azimuth_alone() -> None:
     assert not made("hamlib", "azimuth").has_elevation
 
 
+def test_the_length_of_an_answer_tells_a_spid_controller_of_the_azimuth_alone() -> None:
+    words = made("spid")
+    assert positions(words, bytes.fromhex("57 03 07 02 20")) == [(12.0, 0.0)]
+    assert (words.has_elevation, words.go_to(123.0, 45.0).data) == (False, made("spid", "rot1").go_to(123.0, 0.0).data)
+    assert positions(words, bytes.fromhex("57 03 07 02 05 02 03 09 04 00 02 20")) == [(12.5, 34.0)]
+    assert words.has_elevation
+
+
 @pytest.mark.parametrize(
     ("type_", "model", "known"),
     [("gs232", "c", ""), ("hamlib", "2", ""), ("easycomm", "1", "2, 3"), ("spid", "rot3", "")],
 )
 def test_a_dialect_that_a_type_does_not_have_is_refused_with_the_known_ones(type_: str, model: str, known: str) -> None:
-    with pytest.raises(ValueError, match=f"drive.model='{model}' of {type_} must be one of {known}"):
+    with pytest.raises(ValueError, match=f"{type_}: drive.model='{model}' must be one of {known}"):
         made(type_, model)

@@ -11,15 +11,8 @@ from contextlib import suppress
 
 import pytest
 
-from rf_pointing.drives.rotctld import (
-    Habit,
-    Inquiry,
-    RotctldServer,
-    ServerParams,
-    Session,
-    StationView,
-    direction_rad,
-)
+from rf_pointing.drives.line_server import Inquiry, LineServer, ServerParams, Session
+from rf_pointing.drives.rotctld import Habit, RotatorWords, StationView, direction_rad
 from test.drives.rotctld import RealRotctld
 from test.drives.test_link import until
 
@@ -43,9 +36,9 @@ def station() -> Station:
 
 
 @pytest.fixture
-def server(station: Station) -> Iterator[RotctldServer]:
+def server(station: Station) -> Iterator[LineServer]:
     params = ServerParams(port=0, patience_s=0.3, most_clients=100)
-    one = RotctldServer(params, StationView("Test dish", (9.012, 15.2)), station.take)
+    one = LineServer(params, RotatorWords(StationView("Test dish", (9.012, 15.2))), station.take)
     yield one
     one.close()
 
@@ -83,15 +76,13 @@ def talk(port: int, sent: bytes, ended_by: bytes | None = None) -> bytes:
      "P 500 2", "+P 500 2", "+\\set_pos 1 2", "S", "+S", "\\stop", "K", "+K", "\\park", "\\dump_state", "+\\dump_state",
      ";\\dump_state", "|\\dump_state", "P abc 2", "+P abc 2"],
 )  # fmt: skip
-def test_an_answer_is_that_of_debians_rotctld_byte_for_byte(
-    server: RotctldServer, debian: RealRotctld, line: str
-) -> None:
+def test_an_answer_is_that_of_debians_rotctld_byte_for_byte(server: LineServer, debian: RealRotctld, line: str) -> None:
     with connect(debian.port) as client:
         client.sendall(f"{line}\nq\n".encode())
         expected = b""
         while data := client.recv(65536):
             expected += data
-    server.view.position_deg = (0.0, 0.0)
+    server.words.view.position_deg = (0.0, 0.0)
     # Its dummy is another model, and its dish does not go over the top.
     expected = expected.replace(b"Rotor Model: 1", b"Rotor Model: 2").replace(b"1\n1\nmin", b"1\n2\nmin")
     expected = expected.replace(b"Maximum Elevation: 90", b"Maximum Elevation: 180").replace(
@@ -116,7 +107,7 @@ def test_an_answer_is_that_of_debians_rotctld_byte_for_byte(
      ("Gpredict", -1, "is not a command")],
 )  # fmt: skip
 def test_a_line_that_is_no_order_is_refused_with_its_code_and_moves_nothing(
-    server: RotctldServer, station: Station, line: str, code: int, words: str
+    server: LineServer, station: Station, line: str, code: int, words: str
 ) -> None:
     answer = talk(server.port, f"{line}\np\nq\n".encode())
     assert answer.endswith(b"9.01\n15.20\n"), "the next line is served"
@@ -126,17 +117,17 @@ def test_a_line_that_is_no_order_is_refused_with_its_code_and_moves_nothing(
     assert station.inquiries == []
 
 
-def test_pipelined_lines_are_answered_in_their_order(server: RotctldServer, station: Station) -> None:
+def test_pipelined_lines_are_answered_in_their_order(server: LineServer, station: Station) -> None:
     lines = b"P 1 2\np\n# a comment\n\nS\r\n+p\nK\n_\nP nan 1\nP 3 4\nq\n"
     assert talk(server.port, lines) == (
         b"RPRT 0\n9.01\n15.20\nRPRT 0\nget_pos:\nAzimuth: 9.01\nElevation: 15.20\nRPRT 0\nRPRT 0\nTest dish\nRPRT -1\nRPRT 0\n"
     )
-    assert [(each.order.name, each.order.values_deg) for each in station.inquiries] == [
+    assert [(each.order.name, each.order.values) for each in station.inquiries] == [
         ("set_pos", (1.0, 2.0)), ("stop", ()), ("park", ()), ("set_pos", (3.0, 4.0)),
     ]  # fmt: skip
 
 
-def test_a_half_line_at_the_end_is_forgotten(server: RotctldServer, station: Station) -> None:
+def test_a_half_line_at_the_end_is_forgotten(server: LineServer, station: Station) -> None:
     for half in (b"P 10 20", b"P 10", b"p\nP 1", b"S", b"K"):
         talk(server.port, half)
     with connect(server.port) as client:
@@ -155,7 +146,7 @@ def test_a_half_line_at_the_end_is_forgotten(server: RotctldServer, station: Sta
      "P \uff11\uff10 20\n", "z\n" * 20, "P 1 nan\n" * 20],
 )  # fmt: skip
 def test_what_no_rotator_client_sends_ends_its_connection_and_the_body_is_not_read(
-    server: RotctldServer, station: Station, sent: str
+    server: LineServer, station: Station, sent: str
 ) -> None:
     body = b"\nP 200 40\nS\nK\n"
     assert set(talk(server.port, sent.encode() + body).splitlines()) <= {b"RPRT -1", b"RPRT -4"}
@@ -166,7 +157,7 @@ def test_what_no_rotator_client_sends_ends_its_connection_and_the_body_is_not_re
 
 def test_only_addresses_of_the_list_are_served(station: Station) -> None:
     for allow, served in (("127.0.0.0/8", True), ("10.0.0.1, ::1", False), ("10.0.0.1,127.0.0.1", True)):
-        server = RotctldServer(ServerParams(port=0, allow=allow), StationView("x", (1.0, 2.0)), station.take)
+        server = LineServer(ServerParams(port=0, allow=allow), RotatorWords(StationView("x", (1.0, 2.0))), station.take)
         try:
             assert (talk(server.port, b"p\nq\n") == b"1.00\n2.00\n") is served
             assert server.counts.refused_clients == (not served)
@@ -179,7 +170,7 @@ def test_only_addresses_of_the_list_are_served(station: Station) -> None:
 def test_with_a_password_nothing_is_served_before_it(station: Station) -> None:
     word = "correct-horse-battery"
     view = StationView("x", (1.0, 2.0))
-    server = RotctldServer(ServerParams(port=0, most_refused=3), view, station.take, password=word)
+    server = LineServer(ServerParams(port=0, most_refused=3), RotatorWords(view), station.take, password=word)
     try:
         for given in (word, "9c6fca4b2c6c2e1a4b5b1d4f1c", hashlib.md5(word.encode()).hexdigest()):
             right = given == word or len(given) == 32
@@ -192,7 +183,7 @@ def test_with_a_password_nothing_is_served_before_it(station: Station) -> None:
         server.close()
 
 
-def test_random_bytes_never_become_a_motion(server: RotctldServer, station: Station) -> None:
+def test_random_bytes_never_become_a_motion(server: LineServer, station: Station) -> None:
     chosen = random.Random(7)
     for _ in range(20):
         noise = bytes(chosen.randrange(256) for _ in range(5000)).replace(b"q", b"x").replace(b"Q", b"x")
@@ -208,16 +199,16 @@ def test_damaged_lines_of_directions_either_are_refused_or_say_a_direction() -> 
         line = bytearray(b"P 123.45 67.89")
         for _ in range(chosen.randrange(1, 4)):
             line[chosen.randrange(len(line))] = chosen.randrange(256)
-        for order in Session().take(bytes(line) + b"\n"):
+        for order in Session(RotatorWords(StationView("x"))).take(bytes(line) + b"\n"):
             if order.name == "set_pos" and not order.code:
                 accepted += 1
-                azimuth, elevation = direction_rad(order.values_deg[0], order.values_deg[1])
+                azimuth, elevation = direction_rad(order.values[0], order.values[1])
                 assert 0.0 <= azimuth < 2.0 * math.pi
                 assert 0.0 <= elevation <= math.pi / 2.0
     assert 0 < accepted < 4000
 
 
-def test_a_hundred_clients_are_served_and_one_more_is_refused(server: RotctldServer) -> None:
+def test_a_hundred_clients_are_served_and_one_more_is_refused(server: LineServer) -> None:
     clients = [connect(server.port) for _ in range(100)]
     try:
         began_s = time.monotonic()
@@ -243,7 +234,7 @@ def test_a_hundred_clients_are_served_and_one_more_is_refused(server: RotctldSer
     assert talk(server.port, b"p\nq\n") == b"9.01\n15.20\n"
 
 
-def test_a_client_that_never_reads_is_disconnected_and_others_are_served_meanwhile(server: RotctldServer) -> None:
+def test_a_client_that_never_reads_is_disconnected_and_others_are_served_meanwhile(server: LineServer) -> None:
     with connect(server.port) as deaf:
         deaf.settimeout(0.05)
         name = "{}:{}".format(*deaf.getsockname())
@@ -262,7 +253,7 @@ def test_a_client_that_never_reads_is_disconnected_and_others_are_served_meanwhi
 
 
 def test_a_client_that_sends_nothing_is_disconnected() -> None:
-    server = RotctldServer(ServerParams(port=0, idle_s=1.0), StationView("x"), Station().take)
+    server = LineServer(ServerParams(port=0, idle_s=1.0), RotatorWords(StationView("x")), Station().take)
     try:
         with connect(server.port) as silent:
             silent.sendall(b"P 1")
@@ -274,21 +265,21 @@ def test_a_client_that_sends_nothing_is_disconnected() -> None:
 
 
 def test_a_refusal_of_the_station_and_a_station_that_is_silent_have_their_codes(
-    server: RotctldServer, station: Station
+    server: LineServer, station: Station
 ) -> None:
     station.code = -9
     assert talk(server.port, b"P 1 2\n+S\nq\n") == b"RPRT -9\nstop:\nRPRT -9\n"
     station.code = None
     assert talk(server.port, b"P 1 2\nq\n") == b"RPRT -5\n"
-    server.view.position_deg = None
+    server.words.view.position_deg = None
     assert talk(server.port, b"p\n+p\nq\n") == b"RPRT -6\nget_pos:\nRPRT -6\n"
 
 
-def test_the_position_is_read_back_in_the_range_of_the_client(server: RotctldServer) -> None:
-    server.view.position_deg = (-30.0, 100.0)
+def test_the_position_is_read_back_in_the_range_of_the_client(server: LineServer) -> None:
+    server.words.view.position_deg = (-30.0, 100.0)
     assert talk(server.port, b"p\nq\n") == b"150.00\n80.00\n"
     assert talk(server.port, b"P -20 10\np\nq\n").splitlines()[1:] == [b"150.00", b"80.00"]
-    server.view.position_deg = (200.0, 10.0)
+    server.words.view.position_deg = (200.0, 10.0)
     # Clients that connect for each command keep the habit of the command before.
     assert talk(server.port, b"p\nq\n") == b"-160.00\n10.00\n"
     assert talk(server.port, b"P 200 120\np\nq\n").splitlines()[1:] == [b"20.00", b"170.00"]
@@ -304,12 +295,12 @@ def test_a_shown_azimuth_stays_in_its_range_at_the_seam(negative: bool) -> None:
         assert abs(math.remainder(shown - azimuth, 360.0)) < 0.0051
 
 
-def test_a_port_that_is_taken_is_refused_by_its_name(server: RotctldServer) -> None:
+def test_a_port_that_is_taken_is_refused_by_its_name(server: LineServer) -> None:
     with pytest.raises(ValueError, match=f"server.port={server.port}: Address already in use"):
-        RotctldServer(ServerParams(port=server.port), StationView("x"), Station().take)
+        LineServer(ServerParams(port=server.port), RotatorWords(StationView("x")), Station().take)
 
 
-def test_debians_rotctl_runs_its_whole_command_set_against_the_server(server: RotctldServer, station: Station) -> None:
+def test_debians_rotctl_runs_its_whole_command_set_against_the_server(server: LineServer, station: Station) -> None:
     def rotctl(*words: str) -> str:
         done = subprocess.run(
             ["rotctl", "-m", "2", "-r", f"127.0.0.1:{server.port}", *words],
@@ -320,7 +311,7 @@ def test_debians_rotctl_runs_its_whole_command_set_against_the_server(server: Ro
     assert rotctl("p") == "9.01\n15.20\n"
     assert rotctl("P", "120.5", "33.25") == ""
     assert rotctl("S") == rotctl("K") == ""
-    assert [(each.order.name, each.order.values_deg) for each in station.inquiries] == [
+    assert [(each.order.name, each.order.values) for each in station.inquiries] == [
         ("set_pos", (120.5, 33.25)), ("stop", ()), ("park", ()),
     ]  # fmt: skip
     assert "Test dish" in rotctl("_")
@@ -359,7 +350,7 @@ def test_the_capabilities_are_those_of_the_bounds() -> None:
         assert line in lines, line
 
 
-def test_when_a_client_was_heard_last_is_known_while_it_is_connected(server: RotctldServer) -> None:
+def test_when_a_client_was_heard_last_is_known_while_it_is_connected(server: LineServer) -> None:
     with connect(server.port) as client:
         before_s = time.monotonic()
         client.sendall(b"p\n")

@@ -21,7 +21,7 @@ def test_the_newest_set_wins(cbers: Elements) -> None:
 
 
 def test_an_unknown_satellite_is_refused_with_the_nearest_names() -> None:
-    with pytest.raises(ValueError, match="satellite='CBERS 4' is not among 30 elements; nearest: CBERS 2"):
+    with pytest.raises(ValueError, match="satellite='CBERS 4' is not among 30 elements; did you mean CBERS 2"):
         find_elements(verification_elements(), "CBERS 4")
     with pytest.raises(ValueError, match=r"satellite='99999' is not among"):
         find_elements(verification_elements(), "99999")

@@ -3,12 +3,15 @@
 import dataclasses
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from rf_pointing.core.dates import from_utc_text
 from rf_pointing.ephemeris import (
@@ -20,6 +23,7 @@ from rf_pointing.ephemeris import (
     tle_lines,
     verification_elements,
 )
+from rf_pointing.ephemeris.damaged_states import damaged_state
 from rf_pointing.ephemeris.orbit_file import OrbitFile, decoded, read_elements, read_orbits
 from rf_pointing.ephemeris.source import SourceParams, load_target
 
@@ -309,10 +313,12 @@ def orbit(one: Elements) -> tuple[float, ...]:
     return one.satrec().sgp4_tsince(100.0)[1]
 
 
-def refused(text: str) -> OrbitFile | None:
+def refused(text: str, *, reason: str = "") -> OrbitFile | None:
     try:
         return read_orbits(text)
-    except ValueError:
+    except ValueError as error:
+        if not re.search(reason, str(error)):
+            raise
         return None
 
 
@@ -336,3 +342,99 @@ def test_no_byte_of_the_frame_of_an_omm_makes_another_orbit(text: str) -> None:
     wanted, found = orbit(read_elements(NOTATIONS["CSV"])[0]), refused(text)
     for one in found.elements if found else ():
         assert orbit(one) == pytest.approx(wanted, rel=1e-3)
+
+
+def as_meme(rows: list[list[str]], meta: dict[str, str]) -> str:
+    """Axes that stand still in place of the message's, which turn with the Earth."""
+    lines = ["created:2026-11-25 00:00:00 UTC", "ephemeris_start:x step_size:60", "ephemeris_source:blend", "UVW"]
+    for row in rows:
+        date, clock = row[0].split("T")
+        day = (np.datetime64(date) - np.datetime64(f"{date[:4]}-01-01")).astype(int) + 1
+        values = np.array(row[1:], dtype=float)
+        turn, spin = 7.292115e-5 * from_utc_text(row[0]), np.array([0.0, 0.0, 7.292115e-5])
+        turned = Rotation.from_rotvec([0.0, 0.0, turn]).apply([values[:3], values[3:] + np.cross(spin, values[:3])])
+        lines.append(f"{date[:4]}{day:03d}{clock.replace(':', '')[:10]} {' '.join(f'{x:.9f}' for x in turned.ravel())}")
+        lines += [" ".join(["1.0e-03"] * 7)] * 3
+    return "\n".join(lines) + "\n"
+
+
+def eccentric(step_s: float, place: int, turn: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, positions, velocities [m] of an orbit of e = 0.7 about its perigee, or of a circle, J2 included."""
+    low = 6.9e6 + 1e5 * place
+    speed = math.sqrt(398600.4418e9 / low * (1.0 + 0.7 * (place % 2)))
+    state = np.array([low, 0.0, 0.0, 0.0, speed * math.cos(turn), speed * math.sin(turn)])
+
+    def pull(_: float, s: np.ndarray) -> np.ndarray:
+        far = np.linalg.norm(s[:3])
+        flat = 1.5 * 1.0826e-3 * (6378137.0 / far) ** 2 * (5.0 * (s[2] / far) ** 2 - np.array([1.0, 1.0, 3.0]))
+        return np.hstack([s[3:], -398600.4418e9 / far**3 * s[:3] * (1.0 - flat)])
+
+    times = step_s * np.arange(-10.0, 11.0)
+    back = solve_ivp(pull, (0.0, times[0]), state, rtol=1e-10, atol=1e-3).y[:, -1]
+    found = solve_ivp(pull, (times[0], times[-1]), back, t_eval=times, rtol=1e-10, atol=1e-3).y.T
+    return times, found[:, :3], found[:, 3:]
+
+
+ORBITS = st.builds(eccentric, st.floats(10.0, 240.0), st.integers(0, 350), st.floats(0.0, 3.1))
+
+
+@settings(max_examples=30)
+@given(ORBITS, st.integers(0, 20), st.booleans(), st.floats(0.0, 6.3), st.floats(1.0, 100.0))
+def test_one_state_off_its_orbit_is_found_and_an_orbit_is_not(
+    orbit: tuple[np.ndarray, np.ndarray, np.ndarray], row: int, moving: bool, way: float, factor: float
+) -> None:
+    times, position, velocity = orbit
+    speeds = velocity if moving else None
+    assert damaged_state(times, position, speeds, turning=False)[0] == -1
+    low = 398600.4418e9 / np.linalg.norm(position, axis=1).min() ** 3
+    truncated = 2.0 * 30.0 * (math.sqrt(2.0 * low) * 2.0 * (times[1] - times[0])) ** 5 * 4e7 / 240.0
+    position[row] += (300.0 + truncated) * factor * np.array([math.cos(way), math.sin(way), 0.0])
+    assert damaged_state(times, position, speeds, turning=False)[0] == row
+
+
+@settings(max_examples=30)
+@given(ORBITS, st.integers(3, 17), st.floats(0.0, 1.0), st.floats(0.001, 300.0))
+def test_a_manoeuvre_is_not_a_damaged_state(
+    orbit: tuple[np.ndarray, np.ndarray, np.ndarray], row: int, share: float, speed: float
+) -> None:
+    times, position, velocity = orbit
+    h = times[1] - times[0]
+    position[row:] += speed * h * (np.arange(len(times) - row) + share)[:, None] * np.array([0.0, 0.6, 0.8])
+    velocity[row:] += speed * np.array([0.0, 0.6, 0.8])
+    assert damaged_state(times, position, velocity, turning=False)[0] == -1
+
+
+class Ephemeris:
+    """A file in one form, which a failing example does not print."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+
+@pytest.fixture(scope="module", params=["OEM", "OEM in XML", "MEME", "CPF", "SP3"])
+def ephemeris(request: pytest.FixtureRequest, oem: str) -> Ephemeris:
+    parts = parts_of(oem)
+    tables = {"OEM": oem, "MEME": as_meme(*parts), **{form: write(*parts) for form, (write, _) in TABLES.items()}}
+    return Ephemeris(tables[request.param])
+
+
+@settings(max_examples=30)
+@given(data=st.data())
+def test_no_byte_of_an_ephemeris_makes_another_orbit(data: st.DataObject, ephemeris: Ephemeris) -> None:
+    """A digit that moves a state by more than 0.1 km is found by its neighbours."""
+    text = ephemeris.text
+    (wanted,) = read_orbits(text).segments
+    damaged = data.draw(mutants(text, ANY))
+    found = refused(damaged, reason=r"line \d|must be|must read|holds no elements|lacks|whole")
+    if found is None:
+        return
+    one = OemTarget([wanted])
+    ((first, last),) = one.spans_t_s
+    for segment in found.segments:
+        if not segment.method or segment.frame[:4] not in ("ITRF", "EME2"):
+            continue  # refused where it is used
+        other = OemTarget([segment])
+        for t_s in np.linspace(first, last, 25).tolist():
+            if any(low <= t_s <= high for low, high in other.spans_t_s):
+                gap = np.linalg.norm(np.subtract(one.motion_at(t_s).position, other.motion_at(t_s).position))
+                assert gap < 400.0, (segment.tai_s, t_s)

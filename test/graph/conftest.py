@@ -20,9 +20,12 @@ from rf_pointing.ros.main_loop import make_executor
 from rf_pointing.ros.managed_graph import LifecycleClient, NodeProcesses
 from rf_pointing.ros.repeated_call import RepeatedCall
 from rf_pointing.ros.waiting import Waiting
+from rf_pointing.station.derive.nodes import NODES
 from rf_pointing.station.description import read_station
 from test.conftest import within
 
+STATION_NODES = set(NODES) - {"simulation_clock", "operator_page"}
+TARGETED = ("ephemeris_publisher", "rf_receiver")
 DEADLINE_S = 60.0
 """On an idle machine; a busy one gets as much more as it is slower."""
 
@@ -114,12 +117,15 @@ def live_graph(folder: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
         processes: int = 1,
     ) -> Any:
         """Start nodes with `parameters` (YAML) and with other values for the keys of the description `station`."""
-        files = []
         if station is not None:
             read_station("dss13").write(folder / "station.yaml", station)
-            files.append(folder / "in_use.yaml")
-            own = {f"/**/{name}": {"ros__parameters": {"station": str(folder / "station.yaml")}} for name in names}
-            files[-1].write_text(yaml.safe_dump(own))
+        place, target = "dss13" if station is None else str(folder / "station.yaml"), {"source.satellite": "28057"}
+        own = {
+            f"/**/{name}": {"ros__parameters": {"station": place} | (target if name in TARGETED else {})}
+            for name in STATION_NODES.intersection(names)
+        }
+        files = [folder / "in_use.yaml"]
+        files[-1].write_text(yaml.safe_dump(own))
         if parameters:
             files.append(folder / "extra.yaml")
             files[-1].write_text(parameters)

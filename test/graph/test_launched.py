@@ -1,11 +1,10 @@
 """Every launch file as it is started: its processes come up by themselves, and a user's own TLE is flown by name.
 
 Where `ros2 launch` is installed it starts them, and `ros2 action` and `ros2 bag` do the rest.  The wheels have
-none of the three: there each node is started with the command line that launch_ros makes of its action, the
-goal is sent by rclpy, and the package's own recorder records.
+none of the three: there the package's own command starts them, the goal is sent by rclpy, and the package's own
+recorder records.
 """
 
-import os
 import shutil
 import signal
 import subprocess
@@ -33,12 +32,11 @@ from rf_pointing.ephemeris import tle_lines
 from rf_pointing.report import write_report
 from rf_pointing.ros.graph import NODES, STATION_NODES
 from rf_pointing.ros.recorder import Recorder
-from test.ros.test_launching import FOLDER, actions, given
+from test.ros.test_launching import FOLDER
 from test.simulation.night_plan import orbits, small_night
 
 from .conftest import ask, executable
 
-__all__ = ["given"]
 pytestmark = [pytest.mark.graph, pytest.mark.alone]
 ROS2, LAUNCH_TEST = shutil.which("ros2"), shutil.which("launch_test")
 SPEED = 8.0
@@ -50,45 +48,18 @@ ARRAYS = {
 
 
 class Launched:
-    """The processes of one launch file; `started` are the names of its nodes."""
+    """One launch file that runs, by `ros2 launch` or by this package's own command."""
 
-    def __init__(self, live: SimpleNamespace, folder: Path, given: dict[str, str]) -> None:
-        self._live, self._folder, self._given = live, folder, given
+    def __init__(self, live: SimpleNamespace, folder: Path) -> None:
+        self._live, self._folder = live, folder
         self._running: list[subprocess.Popen[bytes]] = []
 
     def start(self, name: str, **arguments: str) -> None:
         arguments |= {"namespace": self._live.namespace.strip("/")}
-        if ROS2:
-            words = [f"{key}:={value}" for key, value in arguments.items()]
-            self._run([ROS2, "launch", str(FOLDER / f"{name}.launch.py"), *words], {})
-            return
-        self._given |= arguments
-        for node in actions(name):
-            self._run(self._command(node), node["additional_env"])
-
-    def _command(self, node: dict[str, Any]) -> list[str]:
-        """Return the command line of a node: what is no file of parameters becomes one, in its place."""
-        space = f"/{node['namespace'].strip('/')}"
-        words = [*node.get("arguments", ()), "--ros-args", "-r", f"__ns:={space}"]
-        words += ["-r", f"__node:={node['name']}"] if "name" in node else []
-        for number, each in enumerate(node["parameters"]):
-            path = each
-            if isinstance(each, dict):
-                full = f"{space}/{node['name']}"
-                path = self._folder / f"{full.replace('/', '.')}-{number}.yaml"
-                path.write_text(yaml.safe_dump({full: {"ros__parameters": each}}))
-            words += ["--params-file", str(path)]
-        for source, target in node["remappings"]:
-            words += ["-r", f"{source}:={target}"]
-        return [executable(node["executable"]), *words]
-
-    def _run(self, command: list[str], environment: dict[str, str]) -> None:
-        with (self._folder / f"log-{len(self._running)}").open("wb") as log:
-            self._running.append(
-                subprocess.Popen(
-                    command, env=os.environ | environment, stdout=log, stderr=log, stdin=subprocess.DEVNULL
-                )
-            )
+        words = [f"{key}:={value}" for key, value in arguments.items()]
+        command = [ROS2, "launch", str(FOLDER / f"{name}.launch.py")] if ROS2 else [executable("launch"), name]
+        with (self._folder / "log").open("wb") as log:
+            self._running.append(subprocess.Popen([*command, *words], stdout=log, stderr=log, stdin=subprocess.DEVNULL))
 
     def wait_active(self, names: tuple[str, ...]) -> None:
         def active(name: str) -> bool:
@@ -99,13 +70,12 @@ class Launched:
             self._live.spin_until(lambda name=name: active(name), f"{name} active")
 
     def stop(self) -> list[int]:
-        """End all processes as launch does; return their exit codes."""
-        for process in self._running:
-            process.send_signal(signal.SIGINT)
+        """Interrupt what runs, as Ctrl-C does; return its exit code."""
         codes = []
         for process in self._running:
+            process.send_signal(signal.SIGINT)
             with suppress(subprocess.TimeoutExpired):
-                codes.append(process.wait(15.0))
+                codes.append(process.wait(40.0))
             process.kill()
             process.wait()
         self._running.clear()
@@ -113,8 +83,9 @@ class Launched:
 
 
 @pytest.fixture
-def launch_file(live: SimpleNamespace, tmp_path: Path, given: dict[str, str]) -> Iterator[Launched]:
-    one = Launched(live, tmp_path, given)
+def launch_file(live: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Launched]:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    one = Launched(live, tmp_path)
     yield one
     one.stop()
 
@@ -141,7 +112,7 @@ def test_a_station_of_its_own_comes_up_with_what_the_user_has_written_last(
             }
         )
     )
-    arguments = {"station": "leo_3m7", "band": "X", "satellite": "Sun", "params_file": str(own), "state_folder": ""}
+    arguments = {"station": "leo_3m7", "band": "X", "satellite": "Sun", "params_file": str(own), "state_folder": "none"}
     launch_file.start("single_antenna", **arguments)
     launch_file.wait_active(STATION_NODES)
     wanted = {
@@ -161,7 +132,7 @@ def test_the_simulated_station_flies_a_users_tle_by_its_name(
     _, _, passes = small_night(tmp_path)
     elements = tmp_path / "my.tle"
     elements.write_text("".join(f"{one.name}\n" + "\n".join(tle_lines(one)) + "\n" for one in orbits(2)))
-    arguments = {"elements": str(elements), "station": str(tmp_path / "station.yaml"), "state_folder": ""}
+    arguments = {"elements": str(elements), "station": str(tmp_path / "station.yaml"), "state_folder": "none"}
     # The nodes need some seconds of the simulated time to come up.
     start_s = round(passes[1].aos_t_s) - 12.0 * SPEED
     launch_file.start("simulated_station", start_s=str(start_s), speed=str(SPEED), **arguments)

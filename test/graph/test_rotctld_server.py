@@ -25,7 +25,8 @@ from rf_pointing_msgs.msg import AntennaStatus, PassCertificate, TrackingStatus
 from sensor_msgs.msg import JointState
 
 from rf_pointing.core import angular_distance_rad, azel_from_unit_vector
-from rf_pointing.drives.rotctld import Inquiry, RotctldServer, ServerParams, StationView
+from rf_pointing.drives.line_server import Inquiry, LineServer, ServerParams
+from rf_pointing.drives.rotctld import RotatorWords, StationView
 from rf_pointing.ephemeris import TopocentricTrack, tle_lines
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
@@ -310,7 +311,7 @@ for (const port of PORTS) {
 @pytest.mark.skipif(not (shutil.which("chromium") and shutil.which("chromedriver")), reason="no browser")
 def test_a_page_of_another_site_in_a_real_browser_moves_nothing() -> None:
     taken: list[Inquiry] = []
-    server = RotctldServer(ServerParams(port=0), StationView("x", (1.0, 2.0)), taken.append)
+    server = LineServer(ServerParams(port=0), RotatorWords(StationView("x", (1.0, 2.0))), taken.append)
     page = PageServer(PageParams(port=0), "the-token-of-this-test")
 
     class Site(BaseHTTPRequestHandler):

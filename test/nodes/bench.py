@@ -22,7 +22,6 @@ import pytest
 import rclpy
 import rclpy.node
 from rclpy.action import CancelResponse, GoalResponse
-from rclpy.clock import ClockType
 from rclpy.context import Context
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -30,6 +29,10 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from std_srvs.srv import Trigger
+
+from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
+from rf_pointing.nodes.rf_receiver import RfReceiver
+from rf_pointing.ros.station_node import StationNode
 
 NOW_S, WALL_S = 1.8e9, 1000.0
 """Node time, and the steady clock, when a bench is made."""
@@ -54,6 +57,7 @@ class Bench:
         """Full names of the nodes that the graph shows as publishers of a topic."""
         self.log: list[tuple[str, str]] = []
         self._replace(patch)
+        given = _named(node_type) | given
         words = [word for name, value in given.items() for word in ("-p", f"{name}:={_yaml(value)}")]
         # Of its own: the arguments of a context are those of all its nodes.
         self.context = Context()
@@ -104,7 +108,7 @@ class Bench:
         return str(self.node.set_parameters_atomically(parameters).reason)
 
     def run(self, seconds: float, step_s: float = 0.0) -> None:
-        """Let both clocks go on, with the timers that node time drives, and the turns between events."""
+        """Let both clocks go on, with the timers of the node's work, and the turns between events."""
         step_s = step_s or min((1e-9 * timer.timer_period_ns for timer in self._timers()), default=seconds)
         for _ in range(max(1, round(seconds / step_s))):
             self.wait(step_s)
@@ -125,7 +129,7 @@ class Bench:
         return float(self.node.turn())
 
     def _timers(self) -> list[Any]:
-        return [timer for timer in self.node.timers if timer.clock.clock_type != ClockType.STEADY_TIME]
+        return [timer for timer in self.node.timers if timer.callback != self.node.diagnostics.publish]
 
     # What arrives and what is sent
 
@@ -164,6 +168,12 @@ class Bench:
         """Return the names of the checks on /diagnostics."""
         self.node.diagnostics.publish()
         return {each.name.partition(": ")[2] for each in self.sent["/diagnostics"][-1].status}
+
+
+def _named(node_type: Any) -> dict[str, str]:
+    """Return the station, and the target, of a node that takes them: neither has a default."""
+    station = {"station": "dss13"} if issubclass(node_type, StationNode) else {}
+    return station | ({"source.satellite": "28057"} if node_type in (EphemerisPublisher, RfReceiver) else {})
 
 
 def _yaml(value: Any) -> str:

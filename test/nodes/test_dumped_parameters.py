@@ -149,7 +149,7 @@ NEAREST = "no such parameter of antenna_servo; did you mean wrap_file?"
 
 
 def test_a_node_refuses_an_unknown_name_with_the_nearest(started: Callable[..., Started]) -> None:
-    subject = started(AntennaServo, "-p", "wrap_fil:=x")
+    subject = started(AntennaServo, "-p", "station:=dss13", "-p", "wrap_fil:=x")
     assert subject.node.on_configure(UNCONFIGURED) == TransitionCallbackReturn.FAILURE
     assert subject.node.parameters.reasons == [f"wrap_fil: {NEAREST}"]
     subject.dump()

@@ -44,6 +44,7 @@ from rf_pointing.nodes.conscan_tracker import ConscanTrackerNode
 from rf_pointing.nodes.ephemeris_publisher import EphemerisPublisher
 from rf_pointing.nodes.monopulse_tracker import MonopulseTrackerNode
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
+from rf_pointing.nodes.radio_control import RadioControlNode
 from rf_pointing.nodes.rf_receiver import RfReceiver
 from rf_pointing.nodes.rotctld_server import RotctldServerNode
 from rf_pointing.nodes.simulation_clock import SimulationClock
@@ -78,6 +79,7 @@ NODES: dict[Any, dict[str, Any]] = {
         "executive.partners_key_file": PARTNERS_KEY,
     },
     RotctldServerNode: {"server.port": 0},
+    RadioControlNode: {"server.port": 0, "station": "examples/transponder_radio.yaml"},
     ArrayReceiver: {},
     ArrayTracker: {},
     DoaAttitudeNode: {},

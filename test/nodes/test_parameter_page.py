@@ -1,6 +1,5 @@
 """docs/parameters.md is what the nodes declare."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ def script() -> Any:
 
 
 @pytest.fixture
-def declared(script: Any, default_context: Iterator[None]) -> dict[str, list[Any]]:
+def declared(script: Any, ros_domain: int) -> dict[str, list[Any]]:
     return dict(script.declarations())
 
 

@@ -27,7 +27,7 @@ from rf_pointing.nodes.station_executive import StationExecutive
 from rf_pointing.operations import AlarmParams
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.ros import convert
-from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.command_key import INSTANCE, CommandKey, CommandKeyParams
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN
 from rf_pointing.ros.directives import type_of
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
@@ -171,7 +171,8 @@ def test_what_a_partner_has_said_before_is_not_said_again(shared: Any) -> None:
 def test_schedule_and_status_bear_the_name_of_the_antenna(make: Callable[..., Any]) -> None:
     bench = make().up()
     bench.goal("run_schedule", RunSchedule.Goal(schedule=LIST))
-    assert {bench.sent[topic][-1].header.frame_id for topic in ("schedule", "executive_status")} == {"gs1"}
+    shown = {bench.sent[topic][-1].header.frame_id for topic in ("schedule", "executive_status")}
+    assert shown == {f"gs1 - {INSTANCE}"}
     with pytest.raises(ValueError, match="must name the key that is shared with partners=gs2"):
         ExecutiveParams(partners="gs2")
 

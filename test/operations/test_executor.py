@@ -8,7 +8,7 @@ import pytest
 
 from rf_pointing.operations import Directive, Executor, ExpectedState, Procedure, read_procedure
 
-DICTIONARY = dict.fromkeys("abcdefg", ("value",)) | {"station/do": ("what",)}
+DICTIONARY = dict.fromkeys("abcdefg", ("value",)) | {"station/do": ("what", "which")}
 DURATIONS_S = {"a": 6.0, "b": 9.0, "c": 8.0, "d": 7.0, "e": 5.0, "f": 4.0, "g": 6.0}
 NETWORK = {"a": [], "b": ["a"], "c": ["a"], "d": ["a"], "e": ["b", "c"], "f": ["d"], "g": ["e", "f"]}
 TICK_S = 0.1
@@ -141,7 +141,7 @@ def test_preconditions_are_waited_for_from_when_the_block_might_have_begun() -> 
     one = Run("  one: {window_s: [10, 90], before: {x.y: 1}, timeout_s: 5, directives: [{send: a}]}")
     assert one.step(0.0, 9.0, 10.0, 15.0) == "inactive"
     assert one.step(15.25) == "anomaly"
-    assert one.reason() == "preconditions: x.y is unknown, must be: x.y is 1"
+    assert one.reason() == "preconditions: x y is unknown, must be 1"
     assert one.executor.finished
     assert not one.executor.succeeded
     one = Run("  one: {window_s: [10, 90], before: {x.y: 1}, timeout_s: 5, directives: [{send: a}]}")
@@ -172,7 +172,7 @@ def test_a_state_is_waited_for_from_the_last_response_on() -> None:
     one.executor.respond(2, True, "", 8.0)
     assert one.step(18.0) == "executing"
     assert one.step(18.25) == "anomaly"
-    assert one.reason() == "not shown: x.y is unknown, must be: x.y is 1"
+    assert one.reason() == "not shown: x y is unknown, must be 1"
 
 
 def test_what_is_left_to_show_is_named_of_every_directive_and_of_the_block() -> None:
@@ -181,7 +181,7 @@ def test_what_is_left_to_show_is_named_of_every_directive_and_of_the_block() -> 
     one.executor.respond(1, True, "", 1.0)
     assert one.step(5.0) == "anomaly"
     assert one.reason() == (
-        "not shown: x.y is unknown, must be: x.y is 1; x.z is unknown, must be: x.z is 2; p.q is unknown, must be: p.q is 3"
+        "not shown: x y is unknown, must be 1; x z is unknown, must be 2; p q is unknown, must be 3"
     )
 
 
@@ -211,7 +211,7 @@ def test_what_shows_a_failure_ends_a_block_at_once_if_it_is_from_after_the_respo
     assert one.step(2.0) == "executing", "one of two"
     one.expected_state.observe("x.z", 8, 2.0)
     assert one.step(2.5) == "anomaly"
-    assert one.reason() == "x.y=9 and x.z=8"
+    assert one.reason() == "x y is 9 and x z is 8"
 
 
 def test_a_directive_whose_condition_does_not_hold_is_left_out_and_needs_nothing_to_show() -> None:
@@ -235,12 +235,15 @@ def test_after_a_directive_that_is_left_out_the_block_has_its_whole_time() -> No
 
 
 def test_what_is_sent_and_accepted_is_noted_and_only_what_shows_later_counts() -> None:
-    one = Run("  one: {directives: [{send: station/do, with: {what: '${w}'}, expect: {x.y: 1}}]}", "{w: 5}")
+    given = "{what: '${w}', which: '${x.pass}'}"
+    one = Run(f"  one: {{directives: [{{send: station/do, with: {given}, expect: {{x.y: 1}}}}]}}", "{w: 5}")
     one.expected_state.observe("x.y", 1, 1.0)
+    # A whole message takes 900 characters of a line.
+    one.expected_state.observe("x.pass", object(), 1.0)
     one.step(2.0)
     one.executor.respond(1, True, "on its way", 3.0)
     noted = [(e.event, e.detail) for e in one.executor.journal]
-    assert noted == [("executing", ""), ("sent", "what=5"), ("accepted", "on its way")]
+    assert noted == [("executing", ""), ("sent", "what=5, which from x.pass"), ("accepted", "on its way")]
     assert one.step(3.0) == "executing", "what was seen before the directive does not count"
     one.expected_state.observe("x.y", 1, 3.5)
     one.step(4.0)

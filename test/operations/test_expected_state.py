@@ -10,10 +10,11 @@ from rf_pointing.operations.expected_state import OLDEST_S, Condition, ExpectedS
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ("parked", ["antenna.mode is parked"]),
-        ({"is_not": ""}, ["antenna.mode is not ''"]),
-        ({"one_of": ["parked", ""]}, ["antenna.mode is parked or ''"]),
-        ({"above": 3, "below": 4.5}, ["antenna.mode above 3", "antenna.mode below 4.5"]),
+        ("parked", ["antenna mode must be parked"]),
+        (True, ["antenna mode must be yes"]),
+        ({"is_not": ""}, ["antenna mode must not be none"]),
+        ({"one_of": ["parked", ""]}, ["antenna mode must be parked or none"]),
+        ({"above": 3, "below": 4.5}, ["antenna mode must be above 3", "antenna mode must be below 4.5"]),
     ],
 )
 def test_a_condition_says_in_words_what_it_tests(given: object, words: list[str]) -> None:
@@ -85,22 +86,22 @@ def test_a_value_counts_from_the_directive_on_and_up_to_its_age() -> None:
     expected_state, condition = ExpectedState(), Condition(attribute="a.b", test="is", wanted=1, max_age_s=2.0)
     expected_state.observe("a.b", 1, 10.0)
     assert expected_state.reason_not_met(condition, 12.0, since_s=10.0) == ""
-    assert expected_state.reason_not_met(condition, 12.25) == "a.b is 2.2 s old, must be <= 2 s"
+    assert expected_state.reason_not_met(condition, 12.25) == "a b is 2.2 s old, must be <= 2 s"
     assert (
         expected_state.reason_not_met(condition, 11.0, 10.25)
-        == "a.b is not known since the directive, must be: a.b is 1"
+        == "a b has not been reported since the directive, must be 1"
     )
     assert (
         expected_state.reason_not_met(Condition(attribute="a.b", test="is", wanted=""), 11.0)
-        == "a.b=1, must be: a.b is ''"
+        == "a b is 1, must be none"
     )
 
 
 def test_the_present_value_is_shown_in_words() -> None:
     expected_state = ExpectedState()
     condition = Condition(attribute="a.b", test="is", wanted=1)
-    assert expected_state.shown(condition) == "a.b=unknown"
+    assert expected_state.shown(condition) == "a b is unknown"
     expected_state.observe("a.b", "", 1.0)
-    assert expected_state.shown(condition) == "a.b=''"
+    assert expected_state.shown(condition) == "a b is none"
     expected_state.observe("a.b", "no", 2.0)
-    assert expected_state.shown(condition) == "a.b=no"
+    assert expected_state.shown(condition) == "a b is no"

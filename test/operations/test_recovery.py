@@ -50,18 +50,18 @@ def test_what_a_cause_does_not_say_is_usual() -> None:
     when = (Condition(attribute="a.b", test="is", wanted=1),)
     assert cause_of("{when: {a.b: 1}}") == Cause(
         name="some_cause", when=when, unless=(), for_s=0.0, level=ERROR, text="some cause", again="",
-        do=(), not_by_itself="", tries=0,
+        do=(), not_by_itself="", told_by_another="", tries=0,
         every_s=10.0, ask="", night="continue", last="continue",
     )  # fmt: skip
     assert cause_of("{when: {a.b: 1}, night: weather}").last == "weather"
     whole = (
         "{when: {a.b: 1}, unless: {a.b: 1}, for_s: '${fault_s}', level: warning, text: t,"
-        " again: a.c, do: [go, reset], not_by_itself: 'x|y',"
+        " again: a.c, do: [go, reset], not_by_itself: 'x|y', told_by_another: z,"
         " tries: 3, every_s: 0.5, ask: q, night: wait, last: stop}"
     )
     assert cause_of(whole, fault_s=7.5) == Cause(
         name="some_cause", when=when, unless=when, for_s=7.5, level=WARNING, text="t", again="a.c",
-        do=("go", "reset"), not_by_itself="x|y",
+        do=("go", "reset"), not_by_itself="x|y", told_by_another="z",
         tries=3, every_s=0.5, ask="q", night="wait", last="stop",
     )  # fmt: skip
 
@@ -77,6 +77,7 @@ def test_what_a_cause_does_not_say_is_usual() -> None:
         ("{when: {a.b: 1}, tries: .inf}", "tries=inf must be a number >= 0"),
         ("{when: {a.b: 1}, tries: -1}", "tries=-1 must be a number >= 0"),
         ("{when: {a.b: 1}, not_by_itself: '('}", "is not a regular expression"),
+        ("{when: {a.b: 1}, told_by_another: '('}", "told_by_another='[(]' is not a regular expression"),
         ("{when: {a.b: 1}, for_s: '${fault}'}", "fault must be one of the thresholds node_silent_s"),
         ("{when: {a.b: 1}, asks: look}", "unknown asks; known are"),
         ("{when: {a.b: 1}, level: 3}", "level=3 must be one of warning, error"),
@@ -121,7 +122,7 @@ def test_an_action_is_a_procedure_of_one_block_that_may_be_given_a_place() -> No
     assert action.parameters == {"azimuth": 0.0, "elevation": 0.0}
     (block,) = action.blocks.values()
     assert (block.name, block.timeout_s, [each.name for each in block.directives]) == ("go", 7.0, ["go"])
-    assert [str(each) for each in block.directives[0].when] == ["a.b is 1"]
+    assert [str(each) for each in block.directives[0].when] == ["a b must be 1"]
 
 
 def test_thresholds_are_filled_in_wherever_they_stand() -> None:
@@ -279,3 +280,24 @@ def test_what_cannot_be_reached_from_the_start_is_not_raised_before_it_can() -> 
     for t_s, problem, raised in ((0.0, "refused", 0), (9.0, "refused", 0), (10.0, "", 0), (11.5, "", 1)):
         one.see(t_s, a__fault="lost", d__problem=problem)
         assert len(one.recovery.book.lasting) == raised, t_s
+
+
+@pytest.mark.parametrize("helps", [True, False])
+def test_a_drive_that_was_lost_and_found_is_one_alarm_unless_its_fault_stays(helps: bool) -> None:
+    """By the shipped table: the fault that it leaves is reset without a word, and told when no try has helped."""
+    told: list[tuple[int, str, str]] = []
+    book = AlarmBook(lambda event, alarm: told.append((k, event, alarm.name)))
+    one = Recovery(read_tables(AlarmParams()).recovery, ExpectedState(), book)
+    fault, k = "", 0
+    for k in range(300):
+        lost = "refused" if 10 <= k < 70 else ""
+        fault = "drive lost: refused" if lost else fault
+        for attribute, value in {"antenna.fault": fault, "drive.problem": lost}.items():
+            one.expected_state.observe(attribute, value, float(k))
+        one.step(float(k))
+        if due := one.due(float(k)):
+            one.note_try(due[0], float(k))
+            fault = "" if helps else fault
+    assert told[:2] == [(13, "raised", "lost_drive"), (70, "cleared", "lost_drive")]
+    # Five tries, 20 s apart, from 2 s after the drive has come back.
+    assert [row for row in told[2:] if row[1] != "reminder"] == ([] if helps else [(152, "raised", "latched_fault")])

@@ -197,6 +197,19 @@ def test_the_expected_loss_is_that_of_lateness_acquisition_and_scan() -> None:
     assert late.mean_loss_db == pytest.approx(-10.0 * math.log10(received_s / 600.0), abs=1e-3)
 
 
+@pytest.mark.parametrize("fixed_deg", [-5.0, 20.0, 50.0, 60.0])
+def test_an_antenna_that_turns_in_azimuth_alone_loses_what_its_beam_does_not_reach(fixed_deg: float) -> None:
+    profile, wide = arc(150.0, 200.0), MACHINE.replace(half_power_beamwidth_rad=50.0 * DEG, least_share=0.0)
+    found = certificate(profile, machine=wide.replace(fixed_elevation_rad=(fixed_deg * DEG,)))
+    share = np.exp(-2.77 * ((profile.position_rad[:, 1] - fixed_deg * DEG) / (50.0 * DEG)) ** 2)
+    received = float(np.mean(np.maximum(share, 1e-2)))
+    assert found.chosen.mean_loss_db == pytest.approx(-10.0 * math.log10(received), abs=0.02)
+    assert found.chosen.lost_s == pytest.approx(0.1 * np.sum(share < 0.5), abs=0.2)
+    assert f"elevation fixed at {fixed_deg:.1f} deg" in certificate_lines(found)[-1]
+    behind = wide.replace(fixed_elevation_rad=(120.0 * DEG,), least_share=0.5)
+    assert "600 s of 600 s would be lost" in certificate(profile, machine=behind).reason
+
+
 def test_a_long_crossing_costs_the_acquisition_twice() -> None:
     fast, machine = arc(10.0, 190.0, peak_deg=89.0, seconds=120.0), MACHINE.replace(least_share=0.0)
     for memory_s, times in ((math.inf, 1.0), (1.0, 2.0)):

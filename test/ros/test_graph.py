@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from rf_pointing.report.topics import TOPICS as REPORTED
-from rf_pointing.ros.graph import ARRAY_GRAPH, ESSENTIAL, EXECUTIVE, GRAPH, NODES, STATION_NODES, TOPICS, VIEWS
+from rf_pointing.ros.graph import ARRAY_GRAPH, ESSENTIAL, EXECUTIVE, GRAPH, INHIBIT, NODES, STATION_NODES, TOPICS, VIEWS
 from test.scripts import script_module
 
 
@@ -25,7 +25,7 @@ def test_the_documentation_has_the_table_once_and_as_the_generator_prints_it(scr
 def test_the_table_has_a_row_of_type_quality_of_service_and_publisher_for_every_topic(script: Any) -> None:
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in script.topic_table().splitlines()[2:]]
     cells = {re.findall(r"`([^`]+)`", row[0])[0]: row[1:] for row in rows}
-    assert list(cells) == [topic.name for topic in (*TOPICS, *VIEWS)]
+    assert list(cells) == [topic.name for topic in (*TOPICS, *VIEWS, INHIBIT)]
     assert cells["pass_certificate"] == [
         "`rf_pointing_msgs/PassCertificate`", "latched", "reliable, transient local, 1", "pointing_controller",
         "`base_link`",

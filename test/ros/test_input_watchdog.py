@@ -28,7 +28,7 @@ class Graph:
         self.sends = self.active = self.works = True
         self.diagnostics = SimpleNamespace(add=lambda *_given: None)
         self.watchdog = InputWatchdog(self, lambda: self.t_s)
-        self.count = self.watchdog.watch(INPUT)
+        self.count, _ = self.watchdog.watch(INPUT)
         self.done, self.forget = self.watchdog.watch_work(0.5)
 
     def get_fully_qualified_name(self) -> str:
@@ -36,6 +36,9 @@ class Graph:
 
     def get_namespace(self) -> str:
         return "/gs1"
+
+    def resolve_topic_name(self, topic: str) -> str:
+        return {"weather/wind": "/site/wind"}.get(topic, f"/gs1/{topic}")
 
     def now_s(self) -> float:
         return self.node_s
@@ -135,3 +138,27 @@ def test_seconds_in_which_the_node_itself_did_not_look_prove_nothing(stall_s: fl
         assert graph.watchdog.deaf == ""
     level, message = graph.run(2)
     assert (level, message.rpartition("for ")[2]) == (ERROR, "26 s: the node starts again")
+
+
+def test_an_input_that_ends_proves_nothing_any_more() -> None:
+    graph = Graph()
+    _, forget = graph.watchdog.watch(INPUT)
+    forget()
+    assert graph.run(60)[1] == "3 neighbours"
+
+
+def test_a_required_input_is_missing_until_it_comes_and_when_its_last_sender_has_gone() -> None:
+    graph, taken = Graph(), list[str]()
+    take = {topic: graph.watchdog.require(topic, taken.append) for topic in (INPUT, "target", "weather/wind")}
+    assert graph.watchdog.missing() == ("joint_states (antenna_servo), target (ephemeris_publisher), /site/wind")
+    # The target is silent between passes: somebody who may send it is enough.
+    graph.present["target"] = ["/gs1/ephemeris_publisher"]
+    take[INPUT]("state")
+    take["weather/wind"]("gust")
+    assert (graph.watchdog.missing(), taken) == ("", ["state", "gust"])
+    graph.run(30)
+    assert graph.watchdog.missing() == "/site/wind", "nobody sends it, and nothing came for 25 s"
+    graph.present = {TOPIC: [OWN], "weather/wind": ["/gs1/anemometer"]}
+    assert graph.watchdog.missing() == "joint_states (antenna_servo), target (ephemeris_publisher)"
+    graph.watchdog.require_no_longer(INPUT)
+    assert graph.watchdog.missing() == "target (ephemeris_publisher)"

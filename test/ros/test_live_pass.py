@@ -39,6 +39,11 @@ def test_the_line_tells_what_the_operator_asks() -> None:
         "[############............] LOS in  123 s  monopulse     command az 350.00 el 43.21 deg  error   2.86 mdeg"
         "  C/N0 57.3 dB-Hz  axes 0.002 deg off"
     )
+    # Half power is 3.01 dB; a slew is told in degrees, and no carrier where nobody measures one.
+    half, slew = (feedback(elevation_error=e, cross_elevation_error=0.0, beamwidth=0.02) for e in (0.01, 2.1))
+    assert "error 572.96 mdeg  3.01 dB  C/N0" in describe(half)
+    assert "error 120.32 deg  C/N0" in describe(slew)
+    assert describe(feedback(carrier_to_noise=0.0)).endswith("error   2.86 mdeg  axes 0.002 deg off")
     assert describe(feedback(on_source=True, alarm="coast: the carrier is lost")).endswith(
         "on source  coast: the carrier is lost"
     )

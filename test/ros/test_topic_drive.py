@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -115,3 +116,8 @@ def test_a_state_older_or_newer_than_the_loss_of_the_device_is_none(bench: Bench
     assert bench.drive.problem == "", "a step that came late is not silence"
     bench.drive.step(NOW_S + 2.0 * lost_s + 0.03)
     assert "no message on drive/state for" in bench.drive.problem
+
+
+def test_a_driver_that_publishes_best_effort_is_heard(bench: Bench) -> None:
+    (heard,) = (each for each in bench.drive.node.subscriptions if each.topic_name.endswith("drive/state"))
+    assert heard.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT

@@ -32,7 +32,7 @@ class ArrayReceiver(StationNode):
             self.parameters.value("array"), self.parameters.value("receiver").seed
         )
         self._snapshots = self.stream(ArraySnapshots, "array_snapshots", STREAM)
-        self.listen(PointingError, "sim/pointing_error", self._on_truth, STREAM)
+        self.listen(PointingError, "sim/pointing_error", self._on_truth, STREAM, required=True)
 
     def _on_truth(self, message: PointingError) -> None:
         if self.active:

@@ -28,7 +28,7 @@ class ArrayTracker(StationNode):
     def configure(self) -> None:
         self._tracker = DishArrayTracker(self.parameters.value("array"))
         self._errors = self.stream(PointingError, "pointing_error", STREAM)
-        self.listen(ArraySnapshots, "array_snapshots", self._on_snapshots, STREAM)
+        self.listen(ArraySnapshots, "array_snapshots", self._on_snapshots, STREAM, required=True)
         self.diagnostics.add("blocks", self._health)
 
     def _on_snapshots(self, message: ArraySnapshots) -> None:

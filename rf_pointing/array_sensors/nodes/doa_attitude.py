@@ -87,6 +87,7 @@ class DoaAttitudeNode(ManagedNode):
             "array_snapshots",
             lambda m: self._blocks.take(lambda: self._on_block(m)),
             STREAM,
+            required=True,
         )
         self.diagnostics.add("blocks", self._blocks.health)
         self.diagnostics.add("torques", self._torques.health)

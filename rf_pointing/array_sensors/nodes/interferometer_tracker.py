@@ -78,6 +78,7 @@ class InterferometerTrackerNode(ManagedNode):
             "interferometer_measurement",
             lambda message: self._sequences.take(lambda: self._track(message)),
             STREAM,
+            required=True,
         )
         self.diagnostics.add("sequences", self._sequences.health)
 

@@ -1,67 +1,54 @@
-"""Common part of the launch files of the array sensors; imported by launch files only."""
+"""Processes of the launch files of the array sensors: each graph has simulation time of its own."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import LifecycleNode
 
 from rf_pointing.array_sensors.nodes.array_graph import ARRAY_SYSTEMS, CLOCK
-from rf_pointing.ros.launching import RESPAWN_DELAY_S, network_argument, network_environment
+from rf_pointing.ros.launching import AUTOSTART, NETWORK, PACKAGE, Argument, LaunchFile, Process
+from rf_pointing.ros.launching import network_environment as environment
 
 
-def array_description(name: str) -> LaunchDescription:
-    """Return the simulated graph `name` of ARRAY_SYSTEMS, with simulation time of its own that runs
-    at real speed.
-    """
-    parameters = Path(get_package_share_directory("rf_pointing")) / "config" / f"{name}.yaml"
-    return LaunchDescription(
-        [
-            DeclareLaunchArgument(
-                "namespace", default_value=name, description="namespace of the graph"
-            ),
-            DeclareLaunchArgument(
-                "params_file", default_value=str(parameters), description="parameters of its nodes"
-            ),
-            DeclareLaunchArgument(
-                "autostart",
-                default_value="true",
-                description="nodes configure and activate themselves",
-            ),
-            network_argument(),
-            OpaqueFunction(function=lifecycle_nodes, args=[(CLOCK, *ARRAY_SYSTEMS[name].nodes)]),
-        ]
-    )
-
-
-def lifecycle_nodes(context: Any, names: Sequence[str]) -> list[Any]:
-    namespace, parameters, start, network = (
-        LaunchConfiguration(argument).perform(context)
-        for argument in ("namespace", "params_file", "autostart", "network")
-    )
-    actions: list[Any] = []
+def array_processes(names: Sequence[str], values: Mapping[str, Any]) -> list[Process]:
+    """Return a process for each node, named `executable` or `below/executable`."""
+    found = []
     for name in names:
         *below, executable = name.split("/")
-        node = LifecycleNode(
-            package="rf_pointing",
-            executable=executable,
-            name=executable,
-            namespace="/".join([namespace, *below]),
-            parameters=[
-                parameters,
-                {"use_sim_time": executable != CLOCK, "lifecycle.autostart": start == "true"},
-            ],
-            # Every graph has a clock of its own, so two graphs may run at different times on one
-            # machine.
-            remappings=[("/clock", f"/{namespace.strip('/')}/clock")],
-            additional_env=network_environment(network),
-            respawn=start == "true",
-            respawn_delay=RESPAWN_DELAY_S,
-            output="screen",
+        own = {"use_sim_time": executable != CLOCK, "lifecycle.autostart": values["autostart"]}
+        found.append(
+            Process(
+                executable=executable,
+                namespace="/".join([values["namespace"], *below]),
+                nodes=(executable,),
+                parameters=(values["params_file"], {executable: own}),
+                # Every graph has a clock of its own, so two graphs may run at different times on
+                # one machine.
+                remappings=(("/clock", f"/{values['namespace'].strip('/')}/clock"),),
+                environment=environment(values["network"]),
+                respawn=values["autostart"],
+            )
         )
-        actions.append(node)
-    return actions
+    return found
+
+
+def _launch_file(name: str) -> LaunchFile:
+    parameters = Path(get_package_share_directory(PACKAGE)) / "config" / f"{name}.yaml"
+    arguments = (
+        Argument("namespace", "namespace of the graph", name),
+        Argument("params_file", "parameters of its nodes", str(parameters)),
+        AUTOSTART,
+        NETWORK,
+    )
+    nodes = (CLOCK, *ARRAY_SYSTEMS[name].nodes)
+    return LaunchFile(
+        name, f"the simulated graph of {name}", arguments, partial(array_processes, nodes)
+    )
+
+
+DOA, INTERFEROMETER, TRIPULSE = (
+    _launch_file(name) for name in ("doa", "interferometer", "tripulse")
+)
+"""The graph of each array sensor, at real speed."""

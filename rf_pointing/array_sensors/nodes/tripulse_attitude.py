@@ -49,6 +49,7 @@ class TripulseAttitudeNode(ManagedNode):
                 f"{station.name}/tripulse_measurement",
                 lambda message: self._lines.take(lambda: self._observe(message)),
                 STREAM,
+                required=True,
             )
         self.diagnostics.add("lines of sight", self._lines.health)
 

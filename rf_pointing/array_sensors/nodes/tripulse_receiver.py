@@ -69,6 +69,7 @@ class TripulseReceiverNode(ManagedNode):
             "tripulse_frame",
             lambda m: self._frames.take(lambda: self._measure(m)),
             STREAM,
+            required=True,
         )
         self.diagnostics.add("frames", self._frames.health)
 

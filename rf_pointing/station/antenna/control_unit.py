@@ -405,7 +405,7 @@ class ControlUnit:
             or self._ran_dry
             or safety.warning(t_s, self.mode, pair(commanded)),
             high_wind=safety.wind.reason,
-            transmit_inhibit=silent or safety.gate.why_silent(float(axes.encoder_rad[1])),
+            transmit_inhibit=silent or safety.gate.too_low_to_send(float(axes.encoder_rad[1])),
             commander=safety.authority.holder,
         )
 

@@ -232,9 +232,6 @@ class DriveAntenna(ControlUnit):
         if not 0.0 < passed_s <= (LONGEST_GAP_S if positions else KEPT_RATE_S) + spare_s:
             passed_s = self.params.tick_s
             self.axes.regain()
-        elif passed_s > KEPT_RATE_S + spare_s:
-            # Axes that got no set point have fallen behind, which is not a swing.
-            self.axes.loops.calm()
         reading = self.tick(t_s, passed_s)
         truth = self.hardware.drive.truth_rad
         boresight = None
@@ -279,19 +276,7 @@ class DriveAntenna(ControlUnit):
         (low_az, high_az), (low_el, high_el) = ((max(low, a), min(high, b)) for (low, high), a, b in rows)
         motion = motion.replace(travel_min_rad=(low_az, low_el), travel_max_rad=(high_az, high_el))
         loops = loops.replace(preprocessor=motion)
-        if not self.hardware.takes_positions:
-            return loops
-        # Between two moves the error is a saw tooth: it swings with every set point.
-        rotator, detector = self.hardware.rotator, loops.oscillation
-        steps = zip(rotator.smallest_rad, rotator.params.rate_rad_s, strict=True)
-        tooth = max(2.0 * step + 0.5 * rate * rotator.params.minimum_interval_s for step, rate in steps)
-        suited = detector.replace(
-            threshold_rad=min(max(detector.threshold_rad, tooth), 0.1),
-            gross_threshold_rad=min(max(detector.gross_threshold_rad, 2.0 * tooth), 1.0),
-            # A device slower than stated falls behind in a slew, which is not a swing.
-            largest_rad=1.0,
-        )
-        return loops.replace(law=BY_DRIVE, oscillation=suited)
+        return loops.replace(law=BY_DRIVE) if self.hardware.takes_positions else loops
 
     def _travel_rad(self) -> list[Pair]:
         """Return what the drive reaches of each axis, by its parameters and by the device."""

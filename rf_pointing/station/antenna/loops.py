@@ -133,10 +133,6 @@ class AxisLoops:
     ) -> None:
         """Start on this motion as if the laws had given `command_rad_s`, with calm detectors."""
         self._start(position_rad, velocity_rad_s, measured_rad, command_rad_s)
-        self.calm()
-
-    def calm(self) -> None:
-        """Let the detectors of oscillation begin anew."""
         for watch in self.watch:
             watch.reset()
 
@@ -144,12 +140,14 @@ class AxisLoops:
         """Return the rate commands (2,) for a feasible command and the encoders of this tick."""
         measured = measured_rad.tolist()
         if self.params.law == BY_DRIVE:
+            # No law runs here that could swing: a device behind its slews shows what they are, to
+            # and fro, and the watch of its set points sees it swing about one.
             given = command.velocity
         else:
             given = np.array(law_rates(self._laws, [part.tolist() for part in command], measured, self._tick_s))
-        for watch, position, shown in zip(self.watch, command.position.tolist(), measured, strict=True):
-            # The error of the feasible command: that of the raw one is large in every slew.
-            watch.update(position - shown, self._tick_s)
+            for watch, position, shown in zip(self.watch, command.position.tolist(), measured, strict=True):
+                # The error of the feasible command: that of the raw one is large in every slew.
+                watch.update(position - shown, self._tick_s)
         # Kept for an exchange of the law: the next one starts where this one is.
         self._newest = (command.position, command.velocity, measured_rad, given)
         return given

@@ -9,7 +9,7 @@ import math
 import os
 from pathlib import Path
 
-from rf_pointing.core import AXES
+from rf_pointing.core import AXES, require_choice
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.planning import WrapCount
 from rf_pointing.station.antenna.control_unit import ControlUnit
@@ -63,8 +63,8 @@ class AntennaMemory:
                 raise ValueError(
                     f"state file {name}: {key}={value!r} must be {'a text' if kind is str else 'a number'}"
                 )
-        if self._kept and self._kept["mode"] not in ("", *AT_REST):
-            raise ValueError(f"state file {name}: mode={self._kept['mode']!r} must be one of {', '.join(AT_REST)}")
+        if self._kept:
+            require_choice(f"state file {name}: mode", self._kept["mode"], ("", *AT_REST))
         self._written: tuple[float, float, str, str] | None = None
 
     def start(self, params: AntennaParams) -> AntennaParams:

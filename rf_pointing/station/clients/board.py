@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from rf_pointing.core import Params, leaves, parameter, with_leaves
+from rf_pointing.core.checks import one_of
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.ephemeris.solar import SolarDirection, SunParams
@@ -249,7 +250,7 @@ class Board:
 
     def _checked(self, name: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
         if name not in self.rows:
-            raise ValueError(f"command {name[:LONGEST_TEXT]!r} must be one of {', '.join(self.rows)}")
+            raise ValueError(f"command {name[:LONGEST_TEXT]!r} must be {one_of(name[:LONGEST_TEXT], self.rows)}")
         found = checked_arguments(self.rows[name], arguments)
         if name == "track":
             return {"target_pass": self._row(found.get("aos_utc", "")), "sensor": found.get("sensor", "auto")}

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.core import Params, parameter
+from rf_pointing.core import Params, parameter, require_choice
 from rf_pointing.core.checks import brief
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.operations import AlarmParams, BetweenParams
@@ -66,8 +66,7 @@ class NightWatch:
         record: Callable[[Path, Mapping[str, str]], Recording], report: Callable[..., None],
         tell: Callable[[str, bool], None], publish: Callable[[Message], None],
     ) -> None:  # fmt: skip
-        if own.sensor and own.sensor not in SENSOR_CHOICES:
-            raise ValueError(f"executive.sensor={own.sensor} must be one of {', '.join(SENSOR_CHOICES)}")
+        require_choice("executive.sensor", own.sensor, ("", *SENSOR_CHOICES))
         self._own, self._thresholds, self._write_report, self._tell = own, alarms, report, tell
         self._notes = {"station": station.name, "band": band}
         tables = read_tables(alarms, own.directives_file, own.procedure_file, own.recovery_file)
@@ -87,6 +86,8 @@ class NightWatch:
         self._t_s = 0.0
         self._report, self._judged = "", 0
         self._partners: dict[str, tuple[Mapping[str, str], float]] = {}
+        self._rivals: dict[str, tuple[bool, float]] = {}
+        self._steered_by = ""
         self._shown: Any = None
 
     @property
@@ -120,6 +121,25 @@ class NightWatch:
         """Note a sign of life of a partner, and the states of its passes by id, if it sent them."""
         known = self._partners.get(name, ({}, 0.0))[0]
         self._partners[name] = known if states is None else states, wall_s
+
+    def take_rival(self, who: str, *, night: bool, first: bool, wall_s: float) -> None:
+        """Note another executive of this antenna: whether it has a `night`, and began `first`."""
+        if night:
+            self._rivals[who] = first, wall_s
+        else:
+            self._rivals.pop(who, None)
+
+    def _stand_aside(self, wall_s: float) -> bool:
+        """Return whether another executive steers; of two nights that of the first goes on."""
+        silent_s, idle = self._thresholds.node_silent_s, self.night.finished
+        self._rivals = {who: row for who, row in self._rivals.items() if wall_s - row[1] <= silent_s}
+        steers = next((who for who, (first, _) in self._rivals.items() if first or idle), "")
+        if steers != self._steered_by:
+            if not idle:
+                self._tell(f"{_steers(steers)}: stands aside" if steers else "steers the antenna again", not steers)
+                self.night.look_again()
+            self._steered_by = steers
+        return bool(steers) and not idle
 
     def _observe(self, t_s: float, wall_s: float) -> None:
         """Note what no message carries: what nodes lack for the next pass, recorder, files."""
@@ -168,6 +188,8 @@ class NightWatch:
         self._observe(t_s, wall_s)
         self._share(t_s, wall_s)
         before = self.night.state_name
+        if self._stand_aside(wall_s):
+            return False
         self.night.step(t_s)
         for record in self.night.records[self._judged :]:
             self.folder.judge(record)
@@ -235,6 +257,8 @@ class NightWatch:
     def start(self, given: str, resume: bool, now_s: float) -> None:
         """Begin a night with the passes of a list, or take part in the present one."""
         passes, night = passes_of(given), self.night
+        if self._steered_by:
+            raise ValueError(_steers(self._steered_by))
         if not night.finished and not resume:
             raise ValueError(f"the executive is {night.state_name}: resume, or abort first")
         if night.finished and not passes and not (resume and night.schedule.entries):
@@ -282,7 +306,15 @@ class NightWatch:
             "pass": night.active_id, "passes": len(night.schedule.entries), "records": len(night.records),
         }  # fmt: skip
         problem = self._memory.problem or self.folder.problem
+        if self._rivals:
+            steers = self._steered_by and not night.finished
+            problem = _steers(self._steered_by) if self._steered_by else f"{_steers(next(iter(self._rivals)))}, too"
+            return Report(Level.ERROR if steers else Level.WARN, problem, values)
         return Report(Level(bool(problem)), problem or f"{night.state_name}: {night.reason}".rstrip(": "), values)
+
+
+def _steers(who: str) -> str:
+    return f"station_executive {who} has a night of this antenna: end one of the two"
 
 
 def passes_of(given: str) -> list[ScheduledPass]:

@@ -29,6 +29,8 @@ NEEDED = ("antenna_servo", "pointing_controller", "ephemeris_publisher")
 """Nodes without which no pass is tracked; the tracker of its sensor is another one."""
 SILENT_S = 5.0
 """Wall time without a word of an executive after which its alarms are sent here."""
+STEP_S = 1.0
+"""Longest time between two steps of a process that does not stall."""
 EXECUTIVE = "station_executive"
 """Its silence has a cause of its own: others notice it."""
 EXPLAINED = frozenset({
@@ -70,7 +72,7 @@ class StationAlarms:
         self._gone: set[str] = set()
         self._states: dict[str, tuple[str, str]] = {}
         self._failed: dict[str, dict[str, str]] = {}
-        self._executive_s = float("-inf")
+        self._executive_s, self._observed_s = float("-inf"), float("inf")
         self.healths: dict[str, dict[str, Any]] = {"disk": {"free_gb": 0.0}}
         """Health of devices and model as the morning report shows it."""
         self.book.notify = self._notify
@@ -136,6 +138,11 @@ class StationAlarms:
     def observe(self, t_s: float, wall_s: float, needed: Collection[str] = NEEDED) -> None:
         """Note what no message carries: silence, disk, memory, the Sun, the ways out."""
         self._t_s = t_s
+        # What was not heard while this process stood still is not the silence of others.
+        if (stalled_s := wall_s - self._observed_s - STEP_S) > 0.0:
+            self._alive_s = {name: seen_s + stalled_s for name, seen_s in self._alive_s.items()}
+            self._executive_s += stalled_s
+        self._observed_s = wall_s
         for name, seen_s in self._alive_s.items():
             checks = self._failed.get(name, {}).items()
             failed = "; ".join(f"{check}: {text}" for check, text in checks if text)
@@ -167,8 +174,8 @@ class StationAlarms:
 
     def step(self, t_s: float, wall_s: float) -> None:
         """Observe, raise and clear, and tell what is due: where no executive acts on it."""
-        self.book.held = wall_s - self._executive_s < SILENT_S
         self.observe(t_s, wall_s)
+        self.book.held = wall_s - self._executive_s < SILENT_S
         self.recovery.step(t_s)
 
     def _notify(self, event: str, alarm: Alarm) -> None:

@@ -22,10 +22,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rf_pointing.core import JointReading, JointTrajectory, Params, Sensor, parameter
+from rf_pointing.core import JointReading, JointTrajectory, Params, Sensor, parameter, require_choice
 from rf_pointing.core.types import Array
 from rf_pointing.core.whole_file import read_whole
-from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, RotctldServer, StationView, direction_rad
+from rf_pointing.drives.line_server import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, LineServer
+from rf_pointing.drives.rotctld import StationView, direction_rad
 from rf_pointing.ephemeris import CatalogueSky
 from rf_pointing.operations.dictionary import TABLES, DirectiveRow, read_directives
 from rf_pointing.station.antenna.modes import AntennaMode
@@ -104,8 +105,7 @@ class Steering:
         *, node: str, send: Callable[[int, str, Mapping[str, Any]], None], heard_s: Callable[[str], float],
         inform: Callable[[str], object], warn: Callable[[str, str], object],
     ) -> None:  # fmt: skip
-        if params.sensor not in SENSOR_CHOICES:
-            raise ValueError(f"sensor={params.sensor} must be one of {', '.join(SENSOR_CHOICES)}")
+        require_choice("sensor", params.sensor, SENSOR_CHOICES)
         self._params, self._match_params = params, match
         self.follower, self._known, self.view = follower, known, view
         self._node, self._send, self._heard_s, self._inform, self._warn = node, send, heard_s, inform, warn
@@ -173,7 +173,7 @@ class Steering:
         """Take the state of the executive."""
         self._executive = state
 
-    def report(self, server: RotctldServer | None) -> Report:
+    def report(self, server: LineServer | None) -> Report:
         """Return what the antenna does for clients, and what became of them at the port."""
         if server is None:
             return Report(Level.OK, "not served", {})
@@ -275,7 +275,7 @@ class Steering:
         if sky is None or not self._tracked or self._goal or self._match is not None or self._followed():
             self._joined = -1
             return False
-        points.add(self._t_s - (self._wall_s - inquiry.at_s), *direction_rad(*inquiry.order.values_deg))
+        points.add(self._t_s - (self._wall_s - inquiry.at_s), *direction_rad(*inquiry.order.values))
         if self._joined < 0:
             found = identify(sky, *points.history, self._match_params)
             self._joined = found.row if found is not None and found.name == self._target else -1
@@ -294,7 +294,7 @@ class Steering:
 
     def _point(self, inquiry: Inquiry) -> Steps:
         self.client, self._steered_wall_s = inquiry.client, self._wall_s
-        azimuth_deg, elevation_deg = inquiry.order.values_deg
+        azimuth_deg, elevation_deg = inquiry.order.values
         arrived_s, moved = self._t_s - (self._wall_s - inquiry.at_s), self.follower.points.moving
         self.follower.points.add(arrived_s, *direction_rad(azimuth_deg, elevation_deg))
         if self._goal:

@@ -31,6 +31,12 @@ def commanded(of: Band) -> Rows:
     }  # fmt: skip
 
 
+def fixed_elevation(of: Band) -> Rows:
+    """Elevation of an antenna that turns in azimuth alone; nothing where both axes turn."""
+    given = of.content.mount.fixed_elevation_deg
+    return {} if given is None else {"fixed_elevation_deg": Value((given,), "mount.fixed_elevation_deg")}
+
+
 def preprocessor(of: Band) -> Rows:
     """Limits of every command in the control unit."""
     rows = dict(commanded(of))
@@ -121,17 +127,6 @@ def wind_limits(of: Band) -> Rows:
         "mean_limit_m_s": "mean_limit_m_s",
     }
     return {name: Value(getattr(of.content.wind, key), f"wind.{key}") for name, key in keys.items()}
-
-
-def link(of: Band) -> Rows:
-    """Strength of the carrier to expect."""
-    section = of.section
-    return {
-        "zenith_carrier_to_noise_db_hz": Value(
-            section.zenith_carrier_to_noise_db_hz, "bands.*.zenith_carrier_to_noise_db_hz"
-        ),
-        "reference_range_m": Value(1e3 * section.reference_range_km, "bands.*.reference_range_km"),
-    }
 
 
 def lag_averaging(of: Band) -> Value:

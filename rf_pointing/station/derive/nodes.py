@@ -26,6 +26,9 @@ from rf_pointing.station.description.content import (
 )
 from rf_pointing.tracking.sensors import SENSORS
 
+RADIO_PORT = 4534
+"""Port of radio_control: Hamlib's own are 4532 for a rig and 4533 for a rotator."""
+
 
 def antenna_servo(of: Band) -> Derived:
     """The antenna's control unit, and the truth of a simulated one."""
@@ -74,6 +77,7 @@ def antenna_servo(of: Band) -> Derived:
 def pointing_controller(of: Band) -> Derived:
     """The pointing controller."""
     from rf_pointing.station.derive import array, loop, watches
+    from rf_pointing.station.derive.signal import link
     from rf_pointing.station.pointing.certificates import StoreParams
     from rf_pointing.station.pointing.params import ControllerParams
     from rf_pointing.tracking.power_tracker import scans_of_band
@@ -87,14 +91,15 @@ def pointing_controller(of: Band) -> Derived:
         "integrator": loop.integrator(of),
         "spiral": spiral_of_band(of),
         "machine": {
-            **axes.commanded(of), "half_power_beamwidth_deg": of.width, "sun_radius_deg": axes.sun_radius(of)
+            **axes.commanded(of), **axes.fixed_elevation(of), "half_power_beamwidth_deg": of.width,
+            "sun_radius_deg": axes.sun_radius(of),
         },
         "mask": axes.mask(of),
         **scans_of_band(of),
         "calibration": {"half_power_beamwidth_deg": of.width},
         "trim": loop.trim(of),
         "watch": loop.lock_watch(of),
-        "link": axes.link(of),
+        "link": link(of),
         "array": array.array(of),
         "gate": axes.gate(of),
         "sun": axes.sun(of),
@@ -213,12 +218,27 @@ def operator_page(_: Band) -> Derived:
 
 def rotctld_server(_: Band) -> Derived:
     """The server of rotctld's clients."""
-    from rf_pointing.drives.rotctld import ServerParams
+    from rf_pointing.drives.line_server import ServerParams
     from rf_pointing.station.clients.points import FollowParams, MatchParams
     from rf_pointing.station.clients.steering import SteeringParams
 
     sets = {"server": ServerParams(), "follow": FollowParams(), "match": MatchParams()}
     return Derived(sets, own=tuple(sets), root=(SteeringParams(), own.CommandKeyParams()))
+
+
+def radio_control(of: Band) -> Derived:
+    """Radio beside the antenna: where its transmitter may send, and the port of its clients."""
+    from rf_pointing.drives.line_server import ServerParams
+    from rf_pointing.ephemeris.solar import SunParams
+    from rf_pointing.planning.gate import GateParams
+    from rf_pointing.station.radio.inhibit import InhibitParams
+
+    sets = {
+        "server": ServerParams(port=RADIO_PORT), "inhibit": InhibitParams(), "mask": HorizonMask(),
+        "gate": GateParams(), "sun": SunParams(),
+    }  # fmt: skip
+    rows = {"mask": axes.mask(of), "gate": axes.gate(of), "sun": axes.sun(of)}
+    return Derived(sets, rows, ("server.", "inhibit."))
 
 
 def simulation_clock(_: Band) -> Derived:
@@ -239,7 +259,7 @@ NODES: Mapping[str, Callable[[Band], Derived]] = {
     for each in (
         antenna_servo, pointing_controller, ephemeris_publisher, rf_receiver, monopulse_tracker, carrier_tracker,
         array_receiver, array_tracker, station_executive, station_alarms, bias_calibrator, operator_page, rotctld_server,
-        simulation_clock, station_description,
+        radio_control, simulation_clock, station_description,
     )
 }  # fmt: skip
 """Derivation of each node's parameters from a band, by the node's name."""

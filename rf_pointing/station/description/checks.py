@@ -5,10 +5,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from rf_pointing.core import Params, Sensor, leaves
-from rf_pointing.core.checks import LONGEST_NAME, brief
+from rf_pointing.core.checks import LONGEST_NAME, brief, one_of
 from rf_pointing.core.parameters import flat, from_edge
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.params import DriveParams
+from rf_pointing.drives.protocols import turns_azimuth_alone
 from rf_pointing.drives.registry import known_types, takes_positions
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
@@ -29,7 +30,7 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
     Of the tuning, and of the errors of the mount, what concerns these `nodes` is judged.
     """
     if isinstance(content.site, str) and content.site not in SITES:
-        reader.note("site", f"site={content.site!r} must be coordinates or one of {', '.join(SITES)}")
+        reader.note("site", f"site={content.site!r} must be coordinates or {one_of(content.site, SITES)}")
     if content.name is not None and not 0 < len(content.name.strip()) <= LONGEST_NAME:
         reader.note("name", f"name={brief(content.name)} must have 1 to {LONGEST_NAME} signs")
     mask = _mask(content, reader)
@@ -45,8 +46,8 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
     _check_names({"drive": DriveParams()}, rows, "drive", reader, strip="drive.")
     kind = (content.drive or {}).get("type", "simulated")
     if kind not in ("simulated", "topic") and not takes_positions(kind) and kind not in known_types():
-        known = ", ".join(("simulated", "topic", *known_types()))
-        reader.note("drive.type", f"drive.type={kind!r} must be one of {known}")
+        known = one_of(kind, ("simulated", "topic", *known_types()))
+        reader.note("drive.type", f"drive.type={kind!r} must be {known}")
     if content.simulation is not None and "antenna_servo" in nodes:
         _check_errors(content.simulation.mount_errors, "simulation.mount_errors", reader)
     return mask
@@ -79,6 +80,10 @@ def _check_mount(content: Content, mount: MountSection, reader: Reader) -> None:
             "mount.elevation.travel_deg", f"mount.elevation.travel_deg={list(elevation)} must lie within [-12, 192]"
         )
     begins = pass_elevation_deg(content)
+    drive = content.drive or {}
+    if mount.fixed_elevation_deg is None and turns_azimuth_alone(str(drive.get("type")), str(drive.get("model", ""))):
+        reader.note("mount.fixed_elevation_deg", f"mount.fixed_elevation_deg must say where the antenna looks: drive.model="
+            f"{drive['model']} turns the azimuth alone")  # fmt: skip
     # A pass begins on the limit itself otherwise, and is refused as 0.000 deg past it.
     if begins <= elevation[0]:
         reader.note("mount.pass_elevation_deg", f"mount.pass_elevation_deg={begins} must be > {elevation[0]}, the lowest "
@@ -157,7 +162,8 @@ def _check_bands(content: Content, reader: Reader, nodes: tuple[str, ...]) -> No
     if not bands:
         reader.note("bands", "bands must have at least one band")
     elif content.default_band and content.default_band not in bands:
-        reader.note("default_band", f"default_band={content.default_band!r} must be one of {', '.join(bands)}")
+        known = one_of(content.default_band, bands)
+        reader.note("default_band", f"default_band={content.default_band!r} must be {known}")
     for name, section in bands.items():
         if section is not None:
             _check_band(content, name, section, reader, nodes)
@@ -194,6 +200,12 @@ def _check_band(content: Content, name: str, section: BandSection, reader: Reade
                 if own != wanted:
                     reader.note(f"{key}.bias_model", f"{key}.bias_model={section.bias_model!r} is of {what} {own!r}, must be "
                         f"of {wanted!r}")  # fmt: skip
+    if section.noise is not None:
+        if section.system_noise_k is not None:
+            reader.note(f"{key}.noise", f"{key}.noise and system_noise_k give the same twice: leave one out")
+        for index, stage in enumerate(section.noise.chain or ()):
+            if why := stage.contradiction():
+                reader.note(f"{key}.noise.chain", f"{key}.noise.chain[{index}] {why}")
     _check_tuning(section.tuning, f"{key}.tuning", reader, nodes)
     if "antenna_servo" in nodes:
         _check_errors(section.mount_errors, f"{key}.mount_errors", reader)

@@ -86,6 +86,9 @@ class MountSection:
 
     azimuth: AxisSection = parameter(description="azimuth axis; more than 360 deg of travel is the cable wrap")
     elevation: AxisSection = parameter(description="elevation axis; beyond 90 deg the dish looks over its back")
+    fixed_elevation_deg: float | None = parameter(
+        None, "where an antenna looks that turns in azimuth alone; default: both axes turn", low=-10.0, high=180.0
+    )
     park_deg: Pair | None = parameter(
         None, "azimuth and elevation of the park position; default: the angles of the travel nearest to 0 and 45",
         low=-1000.0, high=1000.0,
@@ -153,6 +156,39 @@ class WindSection:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StageSection:
+    """One cable, filter or amplifier behind the antenna: its loss, or its noise and gain."""
+
+    loss_db: float | None = parameter(None, "loss of a cable, filter or coupler", low=0.0, high=60.0)
+    noise_figure_db: float | None = parameter(None, "noise figure of an amplifier", low=0.0, high=40.0)
+    noise_k: float | None = parameter(
+        None, "noise temperature of an amplifier, in place of its figure", low=0.0, high=1e6
+    )
+    gain_db: float = parameter(0.0, "gain of an amplifier", low=-60.0, high=120.0)
+    physical_k: float = parameter(290.0, "temperature of what loses", low=1.0, high=400.0)
+
+    def contradiction(self) -> str:
+        """Return "" or why this is not one part of the chain."""
+        given = [self.loss_db, self.noise_figure_db, self.noise_k]
+        if sum(each is not None for each in given) != 1:
+            return "must have one of loss_db, noise_figure_db, noise_k"
+        if self.loss_db is not None and self.gain_db != 0.0:
+            return f"gain_db={self.gain_db}: a part with loss_db has no gain of its own"
+        return ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseSection:
+    """Parts of the system noise, in place of system_noise_k."""
+
+    chain: tuple[StageSection, ...] = parameter(description="parts behind the antenna, in the order of the signal")
+    spillover_k: float = parameter(8.0, "ground seen beside the reflector, feed and mirrors", low=0.0, high=300.0)
+    dichroic_loss_db: float = parameter(
+        0.0, "reflection and ohmic loss of a dichroic plate in the beam; 0: none", low=0.0, high=3.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class BandSection:
     """One frequency band."""
 
@@ -167,6 +203,14 @@ class BandSection:
     )
     system_noise_k: float | None = parameter(
         None, "system noise temperature at the zenith; default: 120, below 1 GHz 400", low=5.0, high=10000.0
+    )
+    noise: NoiseSection | None = parameter(None, "parts of the system noise, in place of system_noise_k")
+    satellite_eirp_dbw: float | None = parameter(
+        None, "EIRP of the satellite less polarisation loss, in place of zenith_carrier_to_noise_db_hz",
+        low=-60.0, high=90.0,
+    )  # fmt: skip
+    gain_dbi: float | None = parameter(
+        None, "gain of the antenna; default: 26 000 deg^2 over the square of the beamwidth", low=0.0, high=90.0
     )
     zenith_carrier_to_noise_db_hz: float = parameter(
         60.0, "C/N0 to expect from a satellite at the zenith, at reference_range_km", low=0.0, high=140.0
@@ -190,6 +234,50 @@ class ReceiverSection:
 
     power_period_s: float = parameter(0.1, "time between two carrier powers", low=0.06, high=10.0)
     delay_s: float = parameter(0.0, "time from the beam's direction to the power that it gives", low=-60.0, high=60.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigSection:
+    """The receiver or the transmitter, behind rigctld of Hamlib."""
+
+    host: str = parameter("localhost", "host of rigctld")
+    port: int = parameter(4532, "TCP port of rigctld; the same for both sides: one rig in split", low=1, high=65535)
+    oscillator_mhz: float = parameter(
+        0.0, "local oscillator of the converter (LNB, transverter) before the rig; 0: none", low=0.0, high=400000.0
+    )
+    offset_hz: float = parameter(0.0, "added to the tuning, for the errors of both oscillators", low=-1e6, high=1e6)
+    step_hz: float = parameter(1.0, "smallest step of the tuning", low=0.1, high=10000.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransponderSection:
+    """What a satellite sends, and what it receives."""
+
+    downlink_mhz: float = parameter(description="middle of the downlink", low=10.0, high=400000.0)
+    uplink_mhz: float | None = parameter(
+        None, "middle of the uplink; omit for a satellite that is only received", low=10.0, high=400000.0
+    )
+    passband_khz: float = parameter(0.0, "width of a transponder; 0: one channel", low=0.0, high=1e6)
+    inverting: bool = parameter(False, "whether the top of the uplink is the bottom of the downlink")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RadioSection:
+    """The radio that node radio_control tunes, and lets send or not."""
+
+    transponders: dict[str, TransponderSection] = parameter(
+        description="frequencies by the satellite's name; any: of every other one"
+    )
+    receive: RigSection | None = parameter(None, "the receiver; omit if something else tunes it")
+    transmit: RigSection | None = parameter(None, "the transmitter; omit for a station that only receives")
+    eirp_dbw: float = parameter(0.0, "largest EIRP of the station", low=-60.0, high=150.0)
+    eirp_sectors: tuple[tuple[float, float, float, float], ...] = parameter(
+        (), "azimuths from and to, elevation below which, and the largest EIRP in dBW allowed there",
+        low=-360.0, high=360.0,
+    )  # fmt: skip
+    transmit_line: str = parameter(
+        "", "high while the transmitter may send: a file (GPIO), /dev/ttyX:rts or /dev/ttyX:dtr; empty: none"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,6 +328,7 @@ class Content:
         metadata={"description": "the drive: its type, simulated by default, and the keys of that type"},
     )
     receiver: ReceiverSection = field(default_factory=ReceiverSection, metadata={"description": "the receiver"})
+    radio: RadioSection | None = parameter(None, "frequencies and transmitter; omit for a station without a radio")
     simulation: SimulationSection = field(
         default_factory=SimulationSection, metadata={"description": "truth of the simulated antenna and receiver"}
     )

@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from rf_pointing.core import require_choice
 from rf_pointing.core.derived import Value
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import flat, leaves
@@ -60,8 +61,8 @@ class StationDescription:
         """Return what a band can track with, the default first; empty for program track alone."""
         return self.content.bands[self._band(band)].sensors
 
-    def chosen_sensor(self, sensor: str = "", band: str | None = None) -> str:
-        """Return the sensor that the operator's choice means in a band, "" for its default.
+    def chosen_sensor(self, sensor: str | None = None, band: str | None = None) -> str:
+        """Return the sensor that the operator's choice means in a band, by default the first.
 
         `auto` is monopulse or conscan, as the carrier allows, where the band has both; else the one
         of them that it has; else its first sensor.
@@ -201,8 +202,7 @@ class StationDescription:
 
     def _band(self, band: str | None) -> str:
         chosen = self.default_band if band is None else band
-        if chosen not in self.content.bands:
-            raise ValueError(f"band={chosen!r} of {self.name} must be one of {', '.join(self.bands)}")
+        require_choice(f"{self.name}: band", chosen, self.bands)
         return chosen
 
 

@@ -5,7 +5,6 @@ read on, so that a user mends a file once.
 """
 
 import dataclasses
-import difflib
 import math
 import types
 from collections.abc import Callable, Iterable, Mapping
@@ -15,7 +14,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 import yaml
 
 from rf_pointing.core import parameter_unit, require_between, require_choice
-from rf_pointing.core.checks import brief, require_finite, require_id
+from rf_pointing.core.checks import brief, near_names, require_finite, require_id
 from rf_pointing.core.whole_file import YamlError, compose_yaml, read_whole
 from rf_pointing.station.description.content import Content
 
@@ -36,8 +35,7 @@ class StationError(ValueError):
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return "; did you mean X?" for the known name nearest to `name`, else what is known."""
     names = sorted(known)
-    found = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    if found:
+    if found := near_names(name, names):
         return f"; did you mean {found[0]}?"
     return f"; it has {', '.join(names)}" if len(names) <= 20 else ""
 

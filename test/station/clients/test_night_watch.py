@@ -2,11 +2,14 @@
 
 import json
 import os
+from collections.abc import Collection
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from rf_pointing.core.dates import utc_text
 from rf_pointing.operations import AlarmParams, BetweenParams
@@ -31,9 +34,9 @@ class Bench:
         self.reports: list[Any] = []
         self.messages: list[dict[str, str]] = []
         self.folder, self.failure = folder / "night", ""
-        given = {"folder": str(self.folder), "record": False} | own
+        values = {"folder": str(self.folder), "record": False} | own
         self.watch = NightWatch(
-            ExecutiveParams(**given), BetweenParams(), AlarmParams(), HookParams(), STATION, "X", antenna,
+            ExecutiveParams(**values), BetweenParams(), AlarmParams(), HookParams(), STATION, "X", antenna,
             connect=self._connect, record=self._record, report=self._report, tell=lambda *told: self.told.append(told),
             publish=self.messages.append,
         )  # fmt: skip
@@ -92,6 +95,44 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Any:
         monkeypatch.setattr(module, "shutil", SimpleNamespace(disk_usage=usage))
     monkeypatch.setattr(night_folder.subprocess, "Popen", begin)
     return one
+
+
+@given(
+    begun=st.permutations(range(3)), nights=st.lists(st.booleans(), min_size=3, max_size=3),
+    deaf=st.lists(st.booleans(), min_size=3, max_size=3),
+)  # fmt: skip
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_of_executives_of_one_antenna_that_hear_each_other_exactly_one_steers(
+    tmp_path_factory: pytest.TempPathFactory, begun: list[int], nights: list[bool], deaf: list[bool]
+) -> None:
+    """The first with a night; the others say who, take no night, and go on where that falls silent."""
+    folder = tmp_path_factory.mktemp("rivals")
+    several = [Bench(folder / str(index)) for index in range(3)]
+    for one, night in zip(several, nights, strict=True):
+        if night:
+            one.start(5000.0)
+
+    def second(at_s: float, alive: Collection[int]) -> set[int]:
+        """Let the living tell each other, and step; return those that have stepped their nights."""
+        for me, one in enumerate(several):
+            for other in set(alive) - {me}:
+                has = not several[other].night.finished
+                one.watch.take_rival(f"at {other}", night=has, first=begun[other] < begun[me], wall_s=WALL_S + at_s)
+        for one in several:
+            one.step(at_s)
+        return {i for i, one in enumerate(several) if not one.night.finished and one.watch.health().level < 2}
+
+    with_night = {index for index, night in enumerate(nights) if night}
+    steers = second(1.0, range(3))
+    assert steers == set(sorted(with_night, key=begun.__getitem__)[:1])
+    for index, one in enumerate(several):
+        if index not in steers and with_night:
+            with pytest.raises(ValueError, match="station_executive at . has a night of this antenna"):
+                one.start(6000.0)
+    left = {index for index in range(3) if not deaf[index]} - steers
+    second(7.0, left)
+    after = second(8.0, left) & left
+    assert after == set(sorted(with_night & left, key=begun.__getitem__)[:1])
 
 
 @pytest.mark.parametrize(

@@ -180,3 +180,16 @@ def test_a_way_that_fails_is_told_by_those_that_are_left(tmp_path: Path, disk: A
     assert ("raised", "alarm_not_sent webhook") in [row[1:] for row in bench.run(2)]
     command.close(20.0)
     assert "alarm_not_sent webhook" in out.read_text()
+
+
+def test_a_process_that_stood_still_itself_blames_nobody_for_the_silence(bench: Bench) -> None:
+    """Its own stall of a minute is not heard as one of every node; a node that is silent afterwards is lost as ever."""
+    for node in ("antenna_servo", "pointing_controller", "bias_calibrator"):
+        bench.checks[node, "state"] = OK, "active", {"state": "active"}
+    bench.run(20)
+    bench.now_s += 60.0
+    # The first step comes before what has arrived meanwhile is read.
+    bench.alarms.step(T_S + bench.now_s, bench.now_s)
+    assert bench.run(20) == []
+    del bench.checks["antenna_servo", "state"]
+    assert [row[1:] for row in bench.run(10)] == [("raised", "lost_node antenna_servo")]

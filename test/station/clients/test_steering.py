@@ -12,7 +12,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, unit_vector_from_azel
-from rf_pointing.drives.rotctld import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, Order, ServerCounts, StationView
+from rf_pointing.drives.line_server import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, Order, ServerCounts
+from rf_pointing.drives.rotctld import StationView
 from rf_pointing.station.clients.points import Follower, FollowParams, MatchParams
 from rf_pointing.station.clients.steering import Answer, Steering, SteeringParams, steering_rows
 from rf_pointing.station.description import read_station

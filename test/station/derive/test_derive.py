@@ -258,3 +258,45 @@ def test_what_a_parameter_file_may_name(node: str, names: list[str], said: str) 
 )
 def test_a_trial_changes_what_only_the_simulation_knows(name: str, key: str) -> None:
     assert owner_of_name(name) == key
+
+
+CHAIN = [{"loss_db": 0.3}, {"noise_figure_db": 0.5, "gain_db": 30.0}, {"loss_db": 6.0}, {"noise_k": 900.0}]
+"""Feed, amplifier, cable, receiver."""
+
+
+def test_a_stated_chain_and_eirp_give_the_receiver_and_the_controller_the_same_level() -> None:
+    """Feed 20.7 K, amplifier 35.39 K / 0.9333, cable 864.5 K and receiver 900 K 3.981 behind 1000 / 1.0715."""
+    band = {
+        "noise": {"chain": CHAIN, "dichroic_loss_db": 0.02},
+        "satellite_eirp_dbw": -3.0,
+        "reference_range_km": 500.0,
+    }
+    station = described(BAND=band)
+    values = station.parameters("rf_receiver")
+    chain_k = 20.744 + 35.387 * 1.07152 + (864.51 + 900.0 * 3.98107) * 1.07152e-3
+    assert values["signal.noise.lna_k"] == pytest.approx(chain_k, abs=0.01)
+    assert values["signal.noise.dichroic_k"] == pytest.approx(1.3324, abs=1e-4)
+    assert values["signal.noise.ground_k"] == 8.0
+    passed = 10.0 ** (-0.1 * values["signal.atmosphere.zenith_loss_db"])
+    system_k = chain_k + 1.3324 + 8.0 + values["signal.noise.cosmic_k"] * passed + 275.0 * (1.0 - passed)
+    assert values["signal.receiver.system_noise_k"] == pytest.approx(system_k, abs=0.01)
+    wavelength = 299792458.0 / 8.4e9
+    gain = 26000.0 / (66.0 * wavelength / 3.0) ** 2
+    spreading = (4.0 * math.pi * 5e5 / wavelength) ** 2
+    level = -3.0 + 10.0 * math.log10(gain * passed / (spreading * 1.380649e-23 * system_k))
+    for node, name in (("rf_receiver", "signal.link"), ("pointing_controller", "link")):
+        assert station.parameters(node)[f"{name}.zenith_carrier_to_noise_db_hz"] == pytest.approx(level, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("noise", "words"),
+    [({"chain": [{"gain_db": 20.0}]}, r"chain\[0\] must have one of loss_db, noise_figure_db, noise_k"),
+     ({"chain": [{"noise_k": 30.0, "loss_db": 1.0}]}, "must have one of"),
+     ({"chain": [{"loss_db": 1.0, "gain_db": 3.0}]}, "gain_db=3.0: a part with loss_db has no gain of its own"),
+     ({"chain": [{"loss_db": 70.0}]}, "loss_db=70.0 must be <= 60.0"), ({}, "noise.chain is missing")],
+)  # fmt: skip
+def test_a_chain_that_contradicts_itself_is_refused_by_name(noise: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        described(BAND={"noise": noise})
+    with pytest.raises(ValueError, match="noise and system_noise_k give the same twice"):
+        described(BAND={"noise": {"chain": CHAIN}, "system_noise_k": 100.0})

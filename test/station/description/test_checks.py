@@ -106,6 +106,8 @@ def test_what_is_missing_or_of_another_kind_is_the_one_problem(
         ({"mount__elevation__travel_deg": [0, 40], "mount__horizon_deg": [[0, 40]]},
             "mount.elevation.travel_deg=[0.0, 40.0] ends below the horizon mask"),
         ({"mount__azimuth__travel_deg": [10, 10]}, "mount.azimuth.travel_deg=[10.0, 10.0] must rise"),
+        ({"drive": {"type": "spid", "model": "rot1"}},
+            "mount.fixed_elevation_deg must say where the antenna looks: drive.model=rot1 turns the azimuth alone"),
     ],
 )  # fmt: skip
 def test_each_contradiction_is_one_problem_in_these_words(tmp_path: Path, changes: dict[str, Any], words: str) -> None:

@@ -38,7 +38,7 @@ def test_the_first_band_counts_unless_one_is_named() -> None:
     assert (other.default_band, other.chosen_sensor(), other.chosen_sensor(band="S")) == ("X", "conscan", "steptrack")
     assert station.sensors("UHF") == ()
     assert station.chosen_sensor(band="UHF") == "program"
-    with pytest.raises(ValueError, match="band='Ka' of Mine must be one of S, X, UHF, L"):
+    with pytest.raises(ValueError, match="Mine: band='Ka' must be one of S, X, UHF, L"):
         station.sensors("Ka")
 
 

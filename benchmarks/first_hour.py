@@ -1,0 +1,311 @@
+"""Do what a new user does in the first hour and the first night; print each acceptance with its measured value.
+
+    scripts/run-python benchmarks/first_hour.py                       everything, 45 min
+    scripts/run-python benchmarks/first_hour.py --only boot page      some parts
+    scripts/run-python benchmarks/first_hour.py --reuse .ros/env      a clone with this Python environment
+
+Needed: Debian's `rotctld` (libhamlib-utils), and `chromium` for the pictures, which go to runs/first_hour.
+
+    clone    a fresh clone in an empty environment: two pasted lines to a live page, size, time; what is refused
+    offline  the commands before the first motion, each in one line, with the exit code that is expected
+    boot     rotctld is off at the boot and comes `--minutes` later; unplugged in a pass; a power cut in another
+    page     pictures of the page at 1400 and 390 px, light and dark
+"""
+
+import argparse
+import math
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from launched_station import ROOT, LaunchedStation, executable, say
+
+from rf_pointing.core.dates import parse_utc
+
+PICTURES = ROOT / "runs" / "first_hour"
+SETUP_MB, SETUP_S = 450.0, 300.0
+HOOK_S, READY_S, BACK_S = 60.0, 30.0, 60.0
+UNPLUGGED_S = 60.0
+EVERY_S, LEAD_S = 330.0, 45.0
+"""From one culmination to the next; the first pass culminates so long after rotctld has come."""
+LONGEST_S = 1800.0
+
+
+class Table:
+    """Acceptances with their verdicts."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[str, str, bool]] = []
+
+    def add(self, what: str, measured: str, good: bool) -> None:
+        """Add a row, and print it."""
+        self.rows.append((what, measured, good))
+        say(f"{'ok ' if good else 'BAD'} {what}: {measured}")
+
+    def within(self, what: str, seconds: float, bound_s: float) -> None:
+        """Add a time that must be at most `bound_s`."""
+        self.add(f"{what} within {bound_s:g} s", f"{seconds:.1f} s", seconds <= bound_s)
+
+    def show(self) -> int:
+        """Print all rows as a table; return the exit code."""
+        print("\n| acceptance | measured | |\n|---|---|---|")
+        for what, measured, good in self.rows:
+            print(f"| {what} | {measured} | {'ok' if good else '**not met**'} |")
+        return int(not all(good for _, _, good in self.rows))
+
+
+def ask(words: Sequence[str], environment: dict[str, str], folder: Path, patience_s: float = 120.0) -> tuple[int, str]:
+    """Run a command to its end; return its exit code and what it said."""
+    done = subprocess.run(
+        words, env=environment, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=patience_s,
+        check=False,
+    )  # fmt: skip
+    return done.returncode, done.stdout + done.stderr
+
+
+def answers(port: int, patience_s: float) -> float:
+    """Return after how many seconds the page answers, infinite for never."""
+    begun_s = time.monotonic()
+    while time.monotonic() - begun_s < patience_s:
+        with suppress(OSError), urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=5.0) as answer:
+            if answer.status == 200:
+                return time.monotonic() - begun_s
+        time.sleep(0.5)
+    return math.inf
+
+
+# Parts
+
+
+def clone(table: Table, folder: Path, given: argparse.Namespace) -> None:
+    """Two pasted lines on a computer that has nothing, and what is said of a wrong line."""
+    home, checkout = folder / "home", folder / "rf_pointing"
+    home.mkdir()
+    # Nothing of this shell: no ROS, no Python environment, no locale, no state.
+    environment = {"HOME": str(home), "PATH": "/usr/local/bin:/usr/bin:/bin", "ROS_DOMAIN_ID": "71"}
+    subprocess.run(["git", "clone", "-q", str(ROOT), str(checkout)], check=True)
+    if given.reuse:
+        (checkout / ".ros").mkdir()
+        (checkout / ".ros" / "env").symlink_to(given.reuse.resolve())
+        shutil.copy(given.reuse.resolve().parent / "wheels", checkout / ".ros")
+    launch, port = [str(checkout / "scripts" / "launch")], 8080
+    begun_s = time.monotonic()
+    line = [*launch, "simulated_station", "page:=true", "--detach"]
+    code, said = ask(line, environment, checkout, LONGEST_S)
+    set_up_s = time.monotonic() - begun_s
+    table.add("the second pasted line exits with 0", f"{code}: {said.strip().splitlines()[-1]}", code == 0)
+    table.within("set-up and start of the second line", set_up_s, SETUP_S)
+    table.within("then a live page", answers(port, 120.0), 60.0)
+    code, said = ask(["du", "-sLm", ".ros"] if given.reuse else ["du", "-sm", ".ros"], environment, checkout)
+    table.add(f"at most {SETUP_MB:g} MB in .ros", f"{said.split()[0]} MB", float(said.split()[0]) <= SETUP_MB)
+    code, said = ask([*launch, "simulated_station", "page:=true"], environment, checkout)
+    table.add("a second start is refused by name", f"{code}: {said.strip()}", code == 1 and "already runs" in said)
+    code, said = ask([*launch, "status"], environment, checkout)
+    table.add("status: all run", f"{code}, {said.count('process ') - 1} processes", code == 0)
+    wrong = {
+        "unknown argument": (["single_antenna", "staton:=x"], "did you mean station"),
+        "unknown launch file": (["single_anttena"], "did you mean single_antenna"),
+        "wrong station file": (["single_antenna", "station:=no.yaml"], "no such file"),
+        "wrong value": (["single_antenna", "station:=dss13", "page:=ja"], "must be true or false"),
+    }
+    for what, (words, wanted) in wrong.items():
+        code, said = ask([*launch, *words], environment, checkout)
+        table.add(what, f"{code}: {said.strip()}", code == 1 and wanted in said and said.count("\n") == 1)
+    begun_s = time.monotonic()
+    code, said = ask([*launch, "stop"], environment, checkout)
+    table.within(f"stop ({said.strip()})", time.monotonic() - begun_s if code == 0 else math.inf, BACK_S)
+    logs = list((home / ".local" / "state").rglob("log/*.log"))
+    foreign = [path for path in home.rglob("*.log") if path not in logs]
+    shown = f"{len(logs)} in {logs[0].parent if logs else '-'}, {len(foreign)} elsewhere"
+    table.add("logs in one folder", shown, bool(logs) and not foreign)
+
+
+def succeeds(code: int, _said: str) -> bool:
+    return code == 0
+
+
+def offline(table: Table, folder: Path, _given: argparse.Namespace) -> None:
+    """Run what a user does before the first motion, on the real rotctld."""
+    from launched_station import rotctld
+
+    server, environment = rotctld.RealRotctld(), dict(os.environ)
+    example = folder / "hamlib_rotator.yaml"
+    text = (ROOT / "examples" / "hamlib_rotator.yaml").read_text()
+    example.write_text(text.replace("port: 4533", f"port: {server.port}"))
+    topic = folder / "topic.yaml"
+    topic.write_text(text[: text.index("drive:")] + "drive: {type: topic, model: rate}\n")
+    fillers = folder / "list.txt"
+    fillers.write_text("OVERHEAD, priority=5\nSun\nMoon\n")
+    from launched_station import over, read_station, tle_lines
+
+    site = read_station(example).site
+    one = over.satellite_over(site, time.time() + 3600.0)
+    elements = folder / "my.tle"
+    elements.write_text("\n".join((one.name, *tle_lines(one))) + "\n")
+    lines: dict[str, tuple[list[str], Callable[[int, str], bool]]] = {
+        "new_station": (["new_station", str(folder / "new.yaml")], succeeds),
+        "check_station of the example": (["check_station", str(example)], succeeds),
+        "check_drive of the example": (["check_drive", str(example)], succeeds),
+        "check_drive --move": (["check_drive", str(example), "--move"], succeeds),
+        "check_drive of a topic drive does not call its type unknown": (
+            ["check_drive", str(topic), "--namespace", "/gs9"], lambda _code, said: "must be one of" not in said,
+        ),
+        "a plan with fillers": (
+            [
+                *("plan_passes", "--station", str(example), "--elements", str(elements)),
+                *("--satellites", str(fillers), "--hours", "6"),
+            ],
+            lambda code, said: code == 0 and "Sun" in said,
+        ),
+    }  # fmt: skip
+    for what, (words, good) in lines.items():
+        begun_s = time.monotonic()
+        code, said = ask([executable(words[0]), *words[1:]], environment, folder, 400.0)
+        last = (said.strip().splitlines() or ["-"])[-1]
+        table.add(what, f"exit {code} in {time.monotonic() - begun_s:.0f} s: {last[:160]}", good(code, said))
+    server.kill()
+
+
+def boot(table: Table, folder: Path, given: argparse.Namespace) -> None:
+    """One run in wall time: rotctld comes late, is unplugged in a pass, and everything is killed in another."""
+    began_s = time.time()
+    comes_s = began_s + 60.0 * given.minutes
+    culminations = [comes_s + LEAD_S + EVERY_S * k for k in range(3)]
+    station = LaunchedStation(folder, culminations, rotctld_on=False, words=("page:=true", "rotctld:=true"))
+    try:
+        station.until(lambda: station.executive.state, 120.0)
+        client = station.queue()
+        station.until(lambda: station.executive.state == "running", 120.0)
+        queued_s = time.monotonic()
+        told = station.until(lambda: station.told(), max(120.0, comes_s - time.time()))
+        table.within("rotctld off at the boot: the hook after the queue", told, HOOK_S)
+        say(f"{time.monotonic() - queued_s:.0f} s after the queue: {[each['alarm'] for each in station.told()]}")
+        station.until(lambda: time.time() >= comes_s, comes_s - time.time() + 10.0)
+        table.add("nothing has ended while it waited", f"{restarts(station)} restarts", restarts(station) == 0)
+        station.relay.set("pass")
+        ready_s = station.until(lambda: station.antenna.mode not in ("", "inactive") and station.fresh(), 300.0)
+        table.within(f"rotctld comes after {given.minutes:g} min: the antenna is ready", ready_s, READY_S)
+        joined_s = station.until(lambda: station.tracking.held and station.tracking.target, 200.0)
+        table.add("the pass in progress is joined", f"held {joined_s:.0f} s after that", math.isfinite(joined_s))
+        unplug(table, station, culminations[1])
+        power_cut(table, station, culminations[2])
+        station.until(lambda: client.poll() is not None or station.executive.state == "idle", EVERY_S)
+        passes = station.report().get("passes", [])
+        shown = "; ".join(f"{row['id']} {row['state']} {row['tracked_s']:.0f} s" for row in passes)
+        table.add("all passes are in the morning report", shown or "-", len(passes) == len(culminations))
+        table.add("Ctrl-C: exit code", str(code := station.stop()), code == 0)
+    finally:
+        station.close()
+
+
+def restarts(station: LaunchedStation) -> int:
+    """Return how often a node was started again."""
+    return sum(each["starts"] - 1 for each in station.state()["processes"].values())
+
+
+def unplug(table: Table, station: LaunchedStation, culmination_s: float) -> None:
+    """Unplug the drive for a minute in a pass."""
+    station.until(lambda: time.time() >= culmination_s - 40.0, EVERY_S)
+    before, began_s = restarts(station), time.time()
+    say(f"unplugged: {station.antenna.mode}, {station.tracking.mode}, held {station.tracking.held}")
+    station.relay.set("cut")
+    station.spin(UNPLUGGED_S)
+    station.relay.set("pass")
+    held_s = station.until(lambda: station.tracking.held, 60.0)
+    station.spin(5.0)
+    raised = [
+        each["alarm"] for each in station.told() if each["event"] == "raised" and parse_utc(each["utc"]) > began_s
+    ]
+    table.add(
+        "unplugged for 60 s in a pass: no node ends", f"{restarts(station) - before} ended", restarts(station) == before
+    )
+    table.add("one alarm", ", ".join(raised) or "-", raised == ["lost_drive"])
+    table.within("plugged in: held again", held_s, READY_S)
+
+
+def power_cut(table: Table, station: LaunchedStation, culmination_s: float) -> None:
+    """Kill launcher and nodes in a pass, and start the launcher again as the unit of systemd does."""
+    station.until(lambda: time.time() >= culmination_s - 50.0, EVERY_S)
+    say(f"power cut: {station.antenna.mode}, {station.tracking.mode}, held {station.tracking.held}")
+    station.kill_all()
+    station.spin(2.0)
+    station.launch()
+    begun_s = station.tracking.sequence
+    back_s = station.until(lambda: station.tracking.sequence < begun_s and station.tracking.held, 150.0)
+    table.within("kill -9 of everything in a pass: held again without a hand", back_s, BACK_S)
+
+
+def page(table: Table, folder: Path, _given: argparse.Namespace) -> None:
+    """Take pictures of the page in a pass."""
+    from selenium import webdriver
+
+    if not (shutil.which("chromium") and shutil.which("chromedriver")):
+        table.add("pictures of the page", "no chromium here", False)
+        return
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    culmination_s = time.time() + 120.0
+    station = LaunchedStation(folder, [culmination_s, culmination_s + EVERY_S], words=("page:=true",))
+    try:
+        table.within("the page is live", answers(station.page_port, 120.0), 60.0)
+        station.until(station.fresh, 120.0)
+        station.queue()
+        station.until(lambda: station.tracking.held, 150.0)
+        for theme in ("light", "dark"):
+            for width in (1400, 390):
+                options = webdriver.ChromeOptions()
+                options.binary_location = str(shutil.which("chromium"))
+                for word in ("headless=new", "no-sandbox", "disable-dev-shm-usage", "disable-gpu", "hide-scrollbars"):
+                    options.add_argument(f"--{word}")
+                browser = webdriver.Chrome(
+                    options=options, service=webdriver.ChromeService(shutil.which("chromedriver"))
+                )
+                features = [{"name": "prefers-color-scheme", "value": theme}]
+                browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+                size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
+                browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+                browser.get(f"http://127.0.0.1:{station.page_port}/")
+                station.spin(8.0)
+                wide, high = browser.execute_script(
+                    "const e = document.documentElement; return [e.scrollWidth, e.scrollHeight]"
+                )
+                browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size | {"height": high})
+                station.spin(2.0)
+                browser.save_screenshot(str(PICTURES / f"page-{width}-{theme}.png"))
+                browser.quit()
+                table.add(f"the page at {width} px, {theme}, does not scroll sideways", f"{wide} px", wide <= width)
+    finally:
+        station.close()
+
+
+PARTS = {"clone": clone, "offline": offline, "boot": boot, "page": page}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
+    parser.add_argument(
+        "--minutes", type=float, default=10.0, help="rotctld comes so long after the boot (default: 10)"
+    )
+    parser.add_argument("--reuse", type=Path, help="Python environment of the clone, instead of a new one")
+    parser.add_argument("--folder", type=Path, help="where everything is kept (default: a temporary folder)")
+    given = parser.parse_args()
+    table = Table()
+    for name in given.only:
+        folder = Path(tempfile.mkdtemp(prefix=f"first-{name}-", dir=given.folder))
+        say(f"{name}: {folder}")
+        try:
+            PARTS[name](table, folder, given)
+        except (OSError, RuntimeError, AssertionError, subprocess.SubprocessError) as error:
+            table.add(f"{name} comes to its end", f"{type(error).__name__}: {error}", False)
+    sys.exit(table.show())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,267 @@
+"""The brain of `radio_control`: tunes both rigs, and lets the transmitter send or not.
+
+Orders of clients arrive from `drives/rigctld.py`: a tuning within the passband, and the key.  With
+a reason against sending the key is refused; a transmitter that sends nevertheless, by a client or
+at its microphone, is unkeyed with the next step or message that brings the reason.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+from rf_pointing.core import JointReading, Target
+from rf_pointing.core.types import Pair
+from rf_pointing.drives.line_server import INVALID, IO_ERROR, REJECTED, Inquiry, LineServer
+from rf_pointing.drives.params import LinkParams
+from rf_pointing.drives.rigctld import RECEIVE, TRANSMIT, RadioView, Rig
+from rf_pointing.station.description.content import RadioSection, RigSection
+from rf_pointing.station.pointing.status import Level, Report
+from rf_pointing.station.radio.frequencies import Channel, Dial, Motion, Shifts
+from rf_pointing.station.radio.inhibit import Antenna, TransmitLine, TransmitRules
+
+RESTING = "radio_control is not active"
+PERIOD_S = 0.02
+"""A low orbit moves 1 GHz by up to 400 Hz/s: 8 Hz from update to update."""
+ANY = "any"
+UNKEY_AGAIN_S = 0.1
+TRIES = 3
+"""Times that a transmitter is unkeyed before it counts as one that cannot be."""
+
+
+class RadioControl:
+    """Steps both rigs; `say` takes words for the operator.
+
+    `inhibit` is "" while the transmitter may send, else why not.  Times `t_s` are UTC, `wall_s`
+    steady.
+    """
+
+    def __init__(
+        self,
+        radio: RadioSection,
+        rules: TransmitRules,
+        view: RadioView,
+        say: Callable[[str], object] = str,
+        make_rig: Callable[..., Rig] = Rig,
+    ) -> None:
+        self._radio, self._rules, self.view, self._say = radio, rules, view, say
+        self._channels = {name.casefold(): Channel.of(each) for name, each in radio.transponders.items()}
+        receive, transmit = radio.receive, radio.transmit
+        self._receive_dial, self._transmit_dial = (Dial(each or RigSection()) for each in (receive, transmit))
+        split = receive is not None and transmit is not None and _place(receive) == _place(transmit)
+        self._receiver = make_rig(_link(receive), sends=split, split=split) if receive else None
+        self._transmitter = make_rig(_link(transmit), sends=True) if transmit and not split else None
+        if split:
+            self._transmitter = self._receiver
+        self._transmit_command = TRANSMIT if split else RECEIVE
+        self._line = TransmitLine(radio.transmit_line)
+        self.antenna = Antenna()
+        self._motion = Motion()
+        self._above_hz: dict[str, float] = {}
+        """Where in the passband each satellite is used."""
+        self._active, self.inhibit = False, RESTING
+        self._sun_rad: Pair | None = None
+        self._wall_s = 0.0
+        self._unkeyed_s, self._tries, self.unkeyed = -math.inf, 0, 0
+
+    # What is known
+
+    def note_target(self, target: Target) -> None:
+        """Take where the target will be."""
+        self._motion.take(target)
+
+    def note_axes(self, axes: JointReading, wall_s: float) -> None:
+        """Take where the antenna is."""
+        azimuth, elevation = axes.position_rad.tolist()
+        self._know(wall_s, 0, axes_rad=(azimuth, elevation))
+
+    def note_antenna(self, inhibit: str, fault: str, wall_s: float) -> None:
+        """Take why the antenna does not let the transmitter send."""
+        self._know(wall_s, 1, inhibit=inhibit, fault=fault)
+
+    def note_tracking(
+        self, mode: str, target: str, errors_rad: tuple[float, ...], beam_rad: float, wall_s: float
+    ) -> None:
+        """Take what the controller tracks; the largest of the errors (each >= 0) counts."""
+        self._know(wall_s, 2, mode=mode, target=target, error_rad=max(errors_rad), beamwidth_rad=beam_rad)
+
+    def _know(self, wall_s: float, source: int, **values: object) -> None:
+        heard = [wall_s if index == source else each for index, each in enumerate(self.antenna.heard_s)]
+        self.antenna = replace(self.antenna, heard_s=tuple(heard), **values)  # type: ignore[arg-type]
+        self._decide(wall_s)
+
+    @property
+    def refusal(self) -> str:
+        """Why the key is refused, "" while it is not."""
+        return self.inhibit or self._line.problem
+
+    # Orders
+
+    def order(self, inquiry: Inquiry, t_s: float) -> None:
+        """Carry out the order of a client; its reply may come later."""
+        order = inquiry.order
+        if order.name != "set_ptt":
+            inquiry.reply(self._retune(order.values[0], order.name == "set_split_freq", t_s, inquiry.client))
+        elif not order.values[0]:
+            self._key(False, inquiry.reply)
+        elif self.refusal:
+            self._say(f"{inquiry.client}: the key is refused: {self.refusal}")
+            inquiry.reply(REJECTED)
+        else:
+            self._key(True, inquiry.reply)
+
+    def _key(self, on: bool, reply: Callable[[int], object] = int) -> None:
+        if self._transmitter is None:
+            reply(REJECTED)
+        else:
+            self._transmitter.key(on, self._wall_s, reply)
+
+    def _retune(self, dial_hz: float, split: bool, t_s: float, client: str) -> int:
+        """Move to another point of the passband; return 0 or the code of a refusal."""
+        channel, shifts = self._channel(), self._motion.at(t_s)
+        if channel is None or shifts is None:
+            return IO_ERROR
+        if split and channel.up_hz is None:
+            return REJECTED
+        if split:
+            uplink_hz = self._transmit_dial.frequency_hz(dial_hz, channel.up_hz or 0.0) / shifts.up
+            above_hz = channel.above_hz(uplink_hz)
+        else:
+            above_hz = self._receive_dial.frequency_hz(dial_hz, channel.down_hz) / shifts.down - channel.down_hz
+        # A client may give back what it has read, a step of the dial and a moment later.
+        if abs(above_hz) > channel.half_hz + 100.0:
+            self._say(f"{client}: {dial_hz:.0f} Hz is {above_hz:.0f} Hz from the middle of the passband of "
+                      f"{self._motion.name}, must be within {channel.half_hz:.0f} Hz")  # fmt: skip
+            return INVALID
+        self._above_hz[self._motion.name] = min(max(above_hz, -channel.half_hz), channel.half_hz)
+        return 0
+
+    # Periodic work
+
+    def step(self, t_s: float, wall_s: float, sun_rad: Pair | None) -> None:
+        """Tune, key, and set the line, as is due now."""
+        self._active, self._wall_s, self._sun_rad = True, wall_s, sun_rad
+        self._tune(t_s)
+        for rig in {id(each): each for each in (self._receiver, self._transmitter) if each}.values():
+            rig.step(wall_s)
+        self._decide(wall_s)
+        self.view.keyed = self._transmitter is not None and bool(self._transmitter.keyed)
+
+    def rest(self, wall_s: float) -> None:
+        """Unkey, and take the line down, until the next step."""
+        self._active = False
+        self._decide(wall_s)
+
+    def close(self) -> None:
+        """Unkey, and release rigs and line."""
+        self._active = False
+        self._line.close()
+        for rig in (self._transmitter, self._receiver):
+            if rig is not None:
+                rig.close()
+
+    def _tune(self, t_s: float) -> None:
+        channel = self._channel()
+        # The middle of the time until the next update.
+        shifts = self._motion.at(t_s + 0.5 * PERIOD_S)
+        if channel is None or shifts is None:
+            self.view.receive_hz = self.view.transmit_hz = None
+            return
+        receive_hz, transmit_hz = self.frequencies_hz(channel, shifts)
+        dial_hz = self._receive_dial.of(receive_hz)
+        self.view.receive_hz = dial_hz
+        self.view.transmit_hz = None if transmit_hz is None else self._transmit_dial.of(transmit_hz)
+        if self._receiver is not None:
+            self._receiver.tune(RECEIVE, dial_hz)
+        if self._transmitter is not None and self.view.transmit_hz is not None:
+            self._transmitter.tune(self._transmit_command, self.view.transmit_hz)
+
+    def frequencies_hz(self, channel: Channel, shifts: Shifts) -> tuple[float, float | None]:
+        """Return the frequencies on the air at the station, received and sent."""
+        above_hz = self._above_hz.get(self._motion.name, 0.0)
+        uplink_hz = channel.uplink_hz(above_hz)
+        return (channel.down_hz + above_hz) * shifts.down, None if uplink_hz is None else uplink_hz * shifts.up
+
+    def _channel(self) -> Channel | None:
+        return self._channels.get(self._motion.name.casefold()) or self._channels.get(ANY)
+
+    def _decide(self, wall_s: float) -> None:
+        """Find whether the transmitter may send; unkey it at once where it may not."""
+        self._wall_s, before = wall_s, self.inhibit
+        self.inhibit = self._reason(wall_s)
+        self._line.step(not self.inhibit, wall_s)
+        rig = self._transmitter
+        if self.inhibit and rig is not None and rig.keyed and wall_s - self._unkeyed_s > UNKEY_AGAIN_S:
+            self._unkeyed_s, self._tries, self.unkeyed = wall_s, self._tries + 1, self.unkeyed + 1
+            self._say(f"the transmitter is unkeyed: {self.inhibit}")
+            rig.key(False, wall_s)
+        elif rig is None or not rig.keyed:
+            self._tries = 0
+        if bool(before) != bool(self.inhibit):
+            self._say(f"the transmitter may not send: {self.inhibit}" if self.inhibit else "the transmitter may send")
+
+    def _reason(self, wall_s: float) -> str:
+        if not self._active:
+            return RESTING
+        channel = self._channel()
+        if self._radio.transmit is None:
+            return "the station has no transmitter (radio.transmit)"
+        if channel is None or channel.up_hz is None:
+            return f"no uplink is known of {self._motion.name or 'the target'} (radio.transponders)"
+        if self._transmitter is not None and self._transmitter.problem:
+            return self._transmitter.problem
+        return self._rules.reason(self.antenna, self._motion.name, self._sun_rad, wall_s)
+
+    # Reports
+
+    def reports(self, server: LineServer | None) -> dict[str, Report]:
+        """Return the checks of both rigs, of the key, and of the clients."""
+        found = {"receiver": self._rig(self._receiver, RECEIVE, self.view.receive_hz)}
+        found["transmitter"] = self._rig(self._transmitter, self._transmit_command, self.view.transmit_hz)
+        values: dict[str, object] = {
+            "keyed": self.view.keyed,
+            "unkeyed": self.unkeyed,
+            "line": self._line.problem or "ok",
+        }
+        level, words = Level.OK, self.inhibit or "may send"
+        if self._tries > TRIES:
+            level, words = Level.ERROR, f"the transmitter sends although it may not: {self.inhibit}"
+        elif self._line.problem:
+            level, words = Level.ERROR, self._line.problem
+        found["transmit"] = Report(level, words, values)
+        found["clients"] = Report(Level.OK, "not served", {})
+        if server is not None:
+            counts = server.counts
+            values = {
+                "port": server.port, "refused lines": counts.refused_lines, "last refused": counts.last_refusal,
+                "refused clients": counts.refused_clients,
+            }  # fmt: skip
+            found["clients"] = Report(Level.OK, f"{len(counts.connected)} connected", values)
+        return found
+
+    def _rig(self, rig: Rig | None, command: str, wanted_hz: float | None) -> Report:
+        if rig is None:
+            return Report(Level.OK, "not controlled", {})
+        values: dict[str, object] = {
+            "wanted_hz": wanted_hz, "tuned_hz": rig.tuned_hz.get(command), "answer_ms": round(1e3 * rig.answer_s, 1),
+            "largest_step_hz": round(rig.step_hz, 1), **rig.losses,
+        }  # fmt: skip
+        if rig.problem:
+            return Report(Level.ERROR, rig.problem, values)
+        if rig.refused:
+            return Report(Level.WARN, "refused: " + "; ".join(rig.refused.values()), values)
+        if wanted_hz is None:
+            name = self._motion.name
+            known = self._channel() is not None
+            words = f"no frequency: {name or 'no target'} " + (
+                "is not predicted now" if known else "is not in radio.transponders"
+            )
+            return Report(Level.WARN if name else Level.OK, words, values)
+        return Report(Level.OK, f"follows {self._motion.name}", values)
+
+
+def _place(rig: RigSection) -> tuple[str, int]:
+    return rig.host, rig.port
+
+
+def _link(rig: RigSection) -> LinkParams:
+    return LinkParams(host=rig.host, port=rig.port, longest_retry_s=5.0)

@@ -1,0 +1,142 @@
+"""Whether the transmitter may send, and the line that says so to its hardware.
+
+The reasons against it, in this order: what a station that is not known cannot allow, the antenna's
+own (mode, fault, elevation), the horizon mask and the Sun for where the beam is, the pointing
+error, and the EIRP that a sector of the sky may get.
+"""
+
+import math
+import os
+from dataclasses import dataclass
+
+import serial
+
+from rf_pointing.core import Mode, Params, parameter
+from rf_pointing.core.types import Pair
+from rf_pointing.planning.forbidden_sky import ForbiddenSky
+from rf_pointing.station.description.content import RadioSection
+
+AGAIN_S = 1.0
+"""A line is set again after so long, whoever else has set it."""
+NOT_ON_TARGET = (Mode.IDLE, Mode.SLEW, Mode.SEARCH, Mode.CALIBRATE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InhibitParams(Params):
+    """When the transmitter may not send."""
+
+    most_error_beamwidths: float = parameter(
+        0.5, "largest pointing error with the transmitter on, in half-power beamwidths", low=0.01, high=10.0
+    )
+    silence_s: float = parameter(0.5, "antenna and controller may be silent for so long", low=0.15, high=5.0)
+
+
+@dataclass(slots=True)
+class Antenna:
+    """What the station says; the times are steady ones of the last messages."""
+
+    axes_rad: Pair | None = None
+    inhibit: str = ""
+    fault: str = ""
+    mode: str = Mode.IDLE
+    target: str = ""
+    error_rad: float = 0.0
+    beamwidth_rad: float = 1.0
+    heard_s: tuple[float, float, float] = (-math.inf, -math.inf, -math.inf)
+    """Of joint_states, antenna_status and tracking_status."""
+
+
+class TransmitRules:
+    """The reasons of one station."""
+
+    def __init__(self, params: InhibitParams, radio: RadioSection, sky: ForbiddenSky) -> None:
+        self._params, self._radio, self._sky = params, radio, sky
+
+    def reason(self, antenna: Antenna, target: str, sun_rad: Pair | None, wall_s: float) -> str:
+        """Return "" when the transmitter may send to `target`, else why not."""
+        names = ("antenna_servo (joint_states)", "antenna_servo", "pointing_controller")
+        for name, heard_s in zip(names, antenna.heard_s, strict=True):
+            if wall_s - heard_s > self._params.silence_s:
+                return f"{name} is silent"
+        if antenna.axes_rad is None or antenna.fault or antenna.inhibit:
+            return antenna.inhibit or f"antenna fault: {antenna.fault}"
+        if antenna.mode in NOT_ON_TARGET:
+            return f"the controller is not on a target: {antenna.mode}"
+        if antenna.target != target:
+            return f"{antenna.target} is tracked, and the radio is on {target}"
+        if reason := self._sky.reason(*antenna.axes_rad, None, sun_rad):
+            return reason
+        most_rad = self._params.most_error_beamwidths * antenna.beamwidth_rad
+        if antenna.error_rad > most_rad:
+            error_deg, most_deg = math.degrees(antenna.error_rad), math.degrees(most_rad)
+            return f"pointing error {error_deg:.3f} deg exceeds {most_deg:.3f} deg"
+        return self._sector(*map(math.degrees, antenna.axes_rad))
+
+    def _sector(self, azimuth_deg: float, elevation_deg: float) -> str:
+        # Over the top the beam is on the other side of the sky.
+        if elevation_deg > 90.0:
+            azimuth_deg, elevation_deg = azimuth_deg + 180.0, 180.0 - elevation_deg
+        eirp_dbw = self._radio.eirp_dbw
+        for first, last, below, most_dbw in self._radio.eirp_sectors:
+            inside = (azimuth_deg - first) % 360.0 <= (last - first) % 360.0
+            if inside and elevation_deg < below and eirp_dbw > most_dbw:
+                return (
+                    f"EIRP {eirp_dbw:g} dBW exceeds {most_dbw:g} dBW, allowed below {below:g} deg at azimuth "
+                    f"{first:g} to {last:g} deg"
+                )
+        return ""
+
+
+class TransmitLine:
+    """A line that is high while the transmitter may send, low otherwise and at the end.
+
+    `where` is a file that takes 1 and 0, as a GPIO does, or a line of a serial port, as in
+    `/dev/ttyUSB1:rts` or `:dtr`.  A wire that breaks, and a computer without power, leave the
+    transmitter off.
+    """
+
+    def __init__(self, where: str) -> None:
+        self._where = where
+        self.problem = ""
+        self._port: serial.Serial | None = None
+        self._set: bool | None = None
+        self._set_s = -math.inf
+
+    def step(self, allowed: bool, t_s: float) -> None:
+        """Set the line where it is not set, or has been for long; `t_s` is steady time."""
+        if not self._where or (allowed == self._set and 0.0 <= t_s - self._set_s <= AGAIN_S):
+            return
+        self._set, self._set_s = allowed, t_s
+        try:
+            self._write(allowed)
+        except (OSError, ValueError) as error:
+            self.problem = f"the transmit line {self._where} cannot be set: {error}"
+            if self._port is not None:
+                self._port.close()
+            self._port = None
+        else:
+            self.problem = ""
+
+    def close(self) -> None:
+        """Take the line down for good."""
+        self.step(False, math.inf)
+        if self._port is not None:
+            self._port.close()
+
+    def _write(self, allowed: bool) -> None:
+        path, _, name = self._where.rpartition(":")
+        if name not in ("rts", "dtr"):
+            # Not the usual open: a pipe that nobody reads would hold up the station.
+            file = os.open(self._where, os.O_WRONLY | os.O_NONBLOCK)
+            try:
+                os.write(file, b"1\n" if allowed else b"0\n")
+            finally:
+                os.close(file)
+            return
+        if self._port is None:
+            # Before it is opened, or the kernel raises both lines with the port.
+            port = serial.Serial()
+            port.port, port.rts, port.dtr, port.exclusive = path, False, False, True
+            port.open()
+            self._port = port
+        setattr(self._port, name, allowed)
