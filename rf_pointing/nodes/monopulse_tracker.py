@@ -15,8 +15,6 @@ from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.ros.streams import checked_message
-from rf_pointing.station.parameters import FileParams
-from rf_pointing.tracking import MonopulseParams, MonopulseScanParams
 from rf_pointing.tracking.cluster_tracker import ClusterTracker
 
 
@@ -24,10 +22,7 @@ class MonopulseTrackerNode(StationNode):
     """Measures; whether the antenna acts on it is the pointing controller's business."""
 
     def __init__(self) -> None:
-        super().__init__("monopulse_tracker")
-        self.parameters.declare("monopulse", MonopulseParams(), live=True)
-        self.parameters.declare("calibration", MonopulseScanParams())
-        self.parameters.declare("", FileParams())
+        super().__init__("monopulse_tracker", live={"monopulse": True})
         self.parameters.on_change(self._retune)
         self._tracker: ClusterTracker | None = None
         self._reads_joints = False

@@ -21,19 +21,17 @@ from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from rf_pointing.drives.line_server import Inquiry, LineServer, ServerParams
+from rf_pointing.drives.line_server import Inquiry, LineServer
 from rf_pointing.drives.rigctld import RadioView, RigWords
-from rf_pointing.ephemeris.solar import SolarDirection, SunParams
-from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask
-from rf_pointing.planning.gate import GateParams
+from rf_pointing.ephemeris.solar import SolarDirection
+from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.ros import convert
 from rf_pointing.ros.graph import INHIBIT, RADIO
 from rf_pointing.ros.main_loop import read_token, run
 from rf_pointing.ros.qos import STATUS, STREAM
 from rf_pointing.ros.station_node import StationNode
-from rf_pointing.station.derive.nodes import RADIO_PORT
 from rf_pointing.station.radio.control import PERIOD_S, RadioControl
-from rf_pointing.station.radio.inhibit import InhibitParams, TransmitRules
+from rf_pointing.station.radio.inhibit import TransmitRules
 
 PUBLISHED_S = 0.1
 CHECKS = ("receiver", "transmitter", "transmit", "clients")
@@ -44,12 +42,6 @@ class RadioControlNode(StationNode):
 
     def __init__(self) -> None:
         super().__init__(RADIO)
-        sets = {
-            "server": ServerParams(port=RADIO_PORT), "inhibit": InhibitParams(), "mask": HorizonMask(),
-            "gate": GateParams(), "sun": SunParams(),
-        }  # fmt: skip
-        for prefix, params in sets.items():
-            self.parameters.declare(prefix, params)
         self._server: LineServer | None = None
         self._inbox: SimpleQueue[Inquiry] = SimpleQueue()
         self._refused: deque[str] = deque(maxlen=100)
