@@ -97,7 +97,8 @@ def clone(table: Table, folder: Path, given: argparse.Namespace) -> None:
         shutil.copy(given.reuse.resolve().parent / "wheels", checkout / ".ros")
     launch, port = [str(checkout / "scripts" / "launch")], 8080
     begun_s = time.monotonic()
-    line = [*launch, "simulated_station", "page:=true", "--detach"]
+    shown = ["simulated_station", "station:=leo_3m7", "satellite:=Moon", "page:=true"]
+    line = [*launch, *shown, "--detach"]
     code, said = ask(line, environment, checkout, LONGEST_S)
     set_up_s = time.monotonic() - begun_s
     table.add("the second pasted line exits with 0", f"{code}: {said.strip().splitlines()[-1]}", code == 0)
@@ -105,7 +106,7 @@ def clone(table: Table, folder: Path, given: argparse.Namespace) -> None:
     table.within("then a live page", answers(port, 120.0), 60.0)
     code, said = ask(["du", "-sLm", ".ros"] if given.reuse else ["du", "-sm", ".ros"], environment, checkout)
     table.add(f"at most {SETUP_MB:g} MB in .ros", f"{said.split()[0]} MB", float(said.split()[0]) <= SETUP_MB)
-    code, said = ask([*launch, "simulated_station", "page:=true"], environment, checkout)
+    code, said = ask([*launch, *shown], environment, checkout)
     table.add("a second start is refused by name", f"{code}: {said.strip()}", code == 1 and "already runs" in said)
     code, said = ask([*launch, "status"], environment, checkout)
     table.add("status: all run", f"{code}, {said.count('process ') - 1} processes", code == 0)

@@ -80,6 +80,8 @@ SHIM = r"""
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <math.h>
+#include <pthread.h>
+#include <semaphore.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -88,6 +90,12 @@ SHIM = r"""
 #include <time.h>
 #include <unistd.h>
 static volatile double *share; /* of the datagrams that are lost, and damaged; s by which the clock is ahead */
+/* Ends of waits are told by the clock that is ahead, and the kernel has another. */
+static struct timespec told(const struct timespec *end) {
+  struct timespec found = *end;
+  if (share && end->tv_sec > 1000000000L) found.tv_sec -= (time_t)share[2];
+  return found;
+}
 #define REAL(name) static __typeof__(name) *real; if (!real) real = (__typeof__(name) *)dlsym(RTLD_NEXT, #name)
 __attribute__((constructor)) static void begin(void) {
   int file = open(getenv("DATAGRAM_LOSS"), O_RDONLY);
@@ -122,6 +130,18 @@ ssize_t sendmsg(int file, const struct msghdr *message, int flags) {
     size += message->msg_iov[part].iov_len;
   }
   return lost ? size : damaged(file, whole, size, flags, message->msg_name, message->msg_namelen);
+}
+int pthread_cond_timedwait(pthread_cond_t *condition, pthread_mutex_t *mutex, const struct timespec *end) {
+  static __typeof__(pthread_cond_timedwait) *real;
+  if (!real) real = (__typeof__(pthread_cond_timedwait) *)dlvsym(RTLD_NEXT, "pthread_cond_timedwait", "GLIBC_2.3.2");
+  if (!real) real = (__typeof__(pthread_cond_timedwait) *)dlsym(RTLD_NEXT, "pthread_cond_timedwait");
+  struct timespec then = told(end);
+  return real(condition, mutex, &then);
+}
+int sem_timedwait(sem_t *semaphore, const struct timespec *end) {
+  REAL(sem_timedwait);
+  struct timespec then = told(end);
+  return real(semaphore, &then);
 }
 int clock_gettime(clockid_t clock, struct timespec *now) {
   REAL(clock_gettime);

@@ -1,8 +1,8 @@
 """Flies one pass with rclpy alone, as a program of yours would: goal by name, feedback, errors, stop.
 
-scripts/launch simulated_station                           # or a station of your own
-ros2 launch rf_pointing simulated_station.launch.py        # the same in a ROS 2 install
-python3 examples/fly_a_pass.py /gs1 28057                  # Ctrl-C stops the antenna under control
+scripts/launch simulated_station station:=leo_3m7 elements:=my.tle
+ros2 launch rf_pointing simulated_station.launch.py station:=leo_3m7 elements:=my.tle   # in ROS 2
+python3 examples/fly_a_pass.py /gs1 MYSAT                  # Ctrl-C stops the antenna under control
 """
 
 import signal

@@ -1,10 +1,13 @@
 """Fit a bias model to recordings, files or points, and keep it with its report."""
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
+
+import numpy as np
 
 from rf_pointing import __version__, calibration
 from rf_pointing.api.station import Station
@@ -14,7 +17,7 @@ from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import Elements
 from rf_pointing.ephemeris.source import read_source
-from rf_pointing.station.campaign import recorded_input
+from rf_pointing.station.campaign import offset_table, recorded_input
 from rf_pointing.station.campaign.offline_fit import FitData, FitRequest, Fitted, OfflineFit, remarks, summary
 
 TABULAR = (".csv", ".tdm", ".kvn", ".txt")
@@ -27,7 +30,7 @@ class DataFiles:
 
     Attributes
     ----------
-    paths : rosbag2 recordings, CSV (points, or raw data of one pass), CCSDS TDM.
+    paths : rosbag2 recordings, CSV (points, raw data of one pass, or offsets), CCSDS TDM.
     elements : of the targets of CSV and TDM, which need them.
     max_age_s : greatest age of these elements.
     refraction, time_error_s, ionosphere : air, lateness of the time tags, and ionosphere of the
@@ -50,6 +53,9 @@ class DataFiles:
     def read(self, station: Station) -> FitData:
         """Return the data of all files as those of a station; ValueError names what is wrong."""
         tables = [path for path in self.paths if path.is_file() and path.suffix in TABULAR]
+        offsets = [path for path in tables if path.suffix == ".csv" and offset_table.holds_offsets(path)]
+        if offsets:
+            return self._offsets(offsets, station)
         of_points = [path for path in tables if path.suffix == ".csv" and recorded_input.holds_points(path)]
         points = recorded_input.read_points(of_points)
         raw = [one for path in tables if path not in of_points for one in recorded_input.read_raw(path, station.band)]
@@ -60,6 +66,20 @@ class DataFiles:
             if path not in tables:
                 passes += self._recorded(path, station)
         return FitData(points, passes, recorded=len(tables) < len(self.paths))
+
+    def _offsets(self, paths: Sequence[Path], station: Station) -> FitData:
+        if len(paths) < len(self.paths):
+            raise ValueError(f"{paths[0]} is a table of offsets: it is fitted alone, not with other data")
+        parts = [
+            offset_table.read_offsets(
+                path, station.name, station.band, station.site, math.radians(station.beamwidth_deg), self.elements,
+                self.max_age_s, self.refraction,
+            )
+            for path in paths
+        ]  # fmt: skip
+        points = Observations.concatenate(parts)
+        points = replace(points, pass_id=np.arange(len(points)))
+        return FitData(points, [], offered=offset_table.terms_of_offsets(points))
 
     def _reference(self, raw: calibration.RawTracking, station: Station) -> calibration.ReferenceTrack:
         if not self.elements:
@@ -206,7 +226,12 @@ def fit(
 
 
 def fitted(request: FitRequest, data: FitData, name: str = "", created_t_s: float | None = None) -> Fit:
-    """Return the fit of data that have been read."""
+    """Return the fit of data that have been read.
+
+    Data that carry few terms choose among those, unless the request names its own.
+    """
+    if data.offered and request.terms == calibration.TERM_NAMES:
+        request = replace(request, terms=data.offered, select=True)
     done = OfflineFit(request, data).run()
     version = ModelVersion.from_fit(
         done.result, name=name or f"fit-{done.result.last_t_s:.0f}", software=f"rf_pointing {__version__}",

@@ -28,10 +28,11 @@ from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES
 from rf_pointing.ros.live_pass import outcome_line, track_pass
-from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end, say
+from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, fit_of_kept
+from rf_pointing.station.log_lines import say
 
 OF_STATION = tuple(node.name for node in (*GRAPH, *ARRAY_GRAPH) if node.name != "simulation_clock")
 """The nodes that take the station description."""
@@ -190,7 +191,12 @@ class IdentifyResult:
 
 def identify(request: IdentifyRequest) -> IdentifyResult:
     """Shake the antenna axis by axis; leave models and pictures."""
-    from rf_pointing.report.identification_report import error_table, save_recordings, write_identification
+    from rf_pointing.report.identification_report import (
+        error_table,
+        save_recordings,
+        tuning_block,
+        write_identification,
+    )
 
     params, output = request.excitation, request.output
     output.mkdir(parents=True, exist_ok=True)
@@ -223,7 +229,8 @@ def identify(request: IdentifyRequest) -> IdentifyResult:
     text = f"{params.kind} input, {request.sequences} sequences of {params.samples}"
     write_identification(output, studies, text)
     say("identify_antenna", f"models {output / 'models.json'}, pictures and errors in the same folder")
-    return IdentifyResult(0, recordings, error_table(studies))
+    say("identify_antenna", f"loops for the station description in {output / 'loops.yaml'}")
+    return IdentifyResult(0, recordings, f"{error_table(studies)}\n\n{tuning_block(studies)}")
 
 
 # The setup of a run

@@ -97,7 +97,7 @@ class Plan:
 def row_values(item: DayPass, beamwidth_rad: float) -> dict[str, Any]:
     """Return one pass as names and plain values: times in UTC, angles in degrees."""
     window = item.window
-    values: dict[str, Any] = {"name": window.name, "catalogue_number": window.elements.catalogue_number}
+    values: dict[str, Any] = {"name": window.name, "catalogue_number": window.catalogue_number}
     values |= {"priority": item.priority, "fate": str(item.fate), "reason": item.reason}
     values |= {f"{name}_utc": utc_text(getattr(window, f"{name}_t_s")) for name in ("aos", "tca", "los")}
     values["duration_s"] = window.duration_s
@@ -109,7 +109,7 @@ def row_values(item: DayPass, beamwidth_rad: float) -> dict[str, Any]:
     names_of_path |= {"aos_elevation_rad": window.aos_elevation_rad, "los_elevation_rad": window.los_elevation_rad}
     values |= dict(to_degrees(name, value) for name, value in names_of_path.items())
     values |= {"tca_range_m": window.tca_range_m, "rises_before": window.rises_before, "sets_after": window.sets_after}
-    values["element_age_h"] = item.age_s / 3600.0
+    values["element_age_h"] = item.age_s / 3600.0 if window.catalogue_number is not None else None
     values |= {
         "along_track_sigma_deg": math.degrees(item.along_rad),
         "along_track_sigma_beams": item.along_rad / beamwidth_rad,
@@ -126,7 +126,7 @@ def _remark(item: DayPass) -> str:
     window, chosen = item.window, item.certificate.chosen if item.certificate else None
     branch, peak_deg = chosen.label if chosen else "", math.degrees(window.peak_elevation_rad)
     return (
-        f"Catalogue number {window.elements.catalogue_number}, priority {item.priority}, branch {branch}\n"
+        f"Catalogue number {window.label}, priority {item.priority}, branch {branch}\n"
         f"Closest approach {utc_text(window.tca_t_s)}, {peak_deg:.2f} deg"
     )
 
@@ -137,7 +137,7 @@ def stale_text(plan: DayPlan, stale_s: float, beamwidth_rad: float) -> str:
     if not stale:
         return ""
     worst = max(stale, key=lambda item: item.along_rad)
-    names = {item.window.elements.catalogue_number for item in stale}
+    names = {item.window.label for item in stale}
     return (
         f"stale elements of {len(names)} tracked satellites, older than {stale_s / DAY_S:g} days; the worst, "
         f"{worst.window.name}: {worst.age_s / DAY_S:.1f} days, {error_text(worst.along_rad, beamwidth_rad)}"

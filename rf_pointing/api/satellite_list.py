@@ -1,9 +1,10 @@
-"""A list of satellites to plan for: names or catalogue numbers, with priority and least peak.
+"""A list of targets to plan for: names or catalogue numbers, with priority and least peak.
 
-A list is a text file, one satellite a line; `#` between blanks begins a comment:
+A list is a text file, one target a line; `#` between blanks begins a comment:
 
     25544, priority=5, peak=20    # ISS, passes that peak above 20 deg
     CBERS 2
+    Moon, priority=-1             # in the gaps; Sun and radio sources as well
 """
 
 import re
@@ -11,9 +12,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rf_pointing.api.target import Target, of_elements
+from rf_pointing.api.target import elements as elements_of
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.ephemeris import Elements, find_elements
-from rf_pointing.ephemeris.source import load_catalogue
+from rf_pointing.ephemeris.source import BODIES, load_catalogue
 
 PRIORITIES = (-1000, 1000)
 MOST_ERRORS = 10
@@ -39,11 +41,16 @@ def satellites(where: str, named: Sequence[str], *, min_peak_deg: float = 0.0) -
     by_name: dict[str, list[Elements]] = {}
     for one in catalogue:
         by_name.setdefault(one.name.casefold(), []).append(one)
-    found: dict[int, Target] = {}
+    found: dict[int | str, Target] = {}
     errors: list[str] = []
     for place, text in _entries(named):
         try:
             name, priority, peak_deg = _entry(text, min_peak_deg)
+            if name.casefold() in BODIES:
+                body = elements_of("", satellite=name, priority=priority, min_peak_deg=peak_deg)
+                if found.setdefault(body.name, body) is not body:
+                    raise ValueError(f"satellite={name!r} is named twice")
+                continue
             same = by_name.get(name.casefold(), [])
             if name.isdecimal() and int(name) in by_number:
                 same = [by_number[int(name)]]

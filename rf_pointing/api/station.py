@@ -17,7 +17,7 @@ from rf_pointing.api.simulated import SimulatedPass
 from rf_pointing.api.target import MAX_AGE_S, Target
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.core import require_choice
-from rf_pointing.ephemeris import TopocentricTrack, find_passes
+from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes
 from rf_pointing.ephemeris.passes import part_searched
 from rf_pointing.planning import AxisLimits
 from rf_pointing.simulation import StationSetup, simulate_pass
@@ -256,11 +256,12 @@ class Station:
         mask_rad: float | None = None,
         gap_s: float = 0.0,
     ) -> Plan:
-        """Return which passes of these satellites the antenna tracks, and which yield and why.
+        """Return which passes of these targets the antenna tracks, and which yield and why.
 
         Parameters
         ----------
-        targets : satellites with mean elements; their `priority` and `min_peak_deg` count.
+        targets : satellites, Sun, Moon and radio sources; their `priority` and `min_peak_deg`
+            count.  What stays up for hours is tracked in the gaps between the others.
         start, start_t_s : begin of the plan, UTC text or s since 1970; by default now, or the
             newest epoch where the elements do not reach from now to the end of the plan.
         hours, days : length of the plan; 24 h by default.
@@ -270,14 +271,16 @@ class Station:
         Raises
         ------
         ValueError
-            No target, one without mean elements, or what `passes` refuses.
+            No target, or what `passes` refuses.
         """
         wishes = [target.wish() for target in targets]
         if not wishes:
             raise ValueError("targets: give at least one satellite")
         length_s, begin_s = span_s(hours, days), time_s("start", start, start_t_s)
         if begin_s is None:
-            newest_s, now_s = max(wish.elements.epoch_t_s for wish in wishes), time.time()
+            now_s = time.time()
+            epochs = [wish.target.epoch_t_s for wish in wishes if isinstance(wish.target, Elements)]
+            newest_s = max(epochs, default=now_s)
             begin_s = now_s if abs(now_s - newest_s) <= MAX_AGE_S - length_s else newest_s
         least_rad = angle_rad("mask", mask_deg, mask_rad, self.lowest_rad)
         day = plan_day(

@@ -96,12 +96,10 @@ class Target:
         return element_files(self.location)[0] if is_address(self.location) else Path(self.location)
 
     def wish(self) -> "Wish":
-        """Return the satellite as the plan of many takes it; ValueError without mean elements."""
-        if not isinstance(self.found, Elements):
-            raise ValueError(f"{self.name} is not tracked from mean elements")
+        """Return the target as the plan of many takes it."""
         from rf_pointing.station.pointing.multi_satellite_plan import Wish
 
-        return Wish(elements=self.found, priority=self.priority, min_peak_rad=math.radians(self.min_peak_deg or 0.0))
+        return Wish(target=self.found, priority=self.priority, min_peak_rad=math.radians(self.min_peak_deg or 0.0))
 
     def to_oem(self, *, start_t_s: float, duration_s: float, created_t_s: float) -> str:
         """Return its motion over a time as a CCSDS OEM."""

@@ -15,6 +15,7 @@ from rf_pointing.core import parameter_unit
 from rf_pointing.core.derived import Value
 from rf_pointing.station.derive.band import Band
 from rf_pointing.station.derive.nodes import described_parameters
+from rf_pointing.station.derive.plants import FIRST_LOOP
 from rf_pointing.station.description import StationDescription, read_station, shipped_stations
 from rf_pointing.station.description.urdf import urdf
 
@@ -57,7 +58,12 @@ def report(station: StationDescription, band: str, everything: bool) -> Iterable
     yield f"\nderived for band {band}:"
     shown: set[str] = set()
     for name, given in sorted(values.items()):
-        simulated = name.startswith(("plant.", "loops.azimuth.", "loops.elevation.", "loops.lqg_"))
+        # The first loops of a device are what its first motion depends on.
+        simulated = FIRST_LOOP not in given.formula and name.startswith(
+            ("plant.", "loops.azimuth.", "loops.elevation.", "loops.lqg_")
+        )
+        if FIRST_LOOP in given.formula and not name.endswith(("proportional_gain", "integral_gain")) and not everything:
+            continue
         # Several parameters that one key gives are one number to the user.
         title = name if everything or given.key.startswith(("tuning.", f"bands.{band}.tuning.")) else given.key
         if given.formula and title not in shown and (everything or not simulated):

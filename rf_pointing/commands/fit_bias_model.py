@@ -1,8 +1,9 @@
 """Executable `fit_bias_model FILE...`: from recorded data to a model file and a report.
 
-Input: rosbag2 recordings (folder or .mcap), CSV (calibration points, or raw tracking data of one
-pass), CCSDS TDM. Raw data of CSV and TDM need --elements.  With --points and --tdm it also writes
-the points of the fit as CSV and the raw data as a CCSDS message, for other software.
+Input: rosbag2 recordings (folder or .mcap), CSV (calibration points, raw tracking data of one pass,
+or a table of offsets: utc,target,azimuth_offset_deg,elevation_offset_deg), CCSDS TDM. Raw data of
+CSV and TDM need --elements, offsets where a target is a satellite. With --points and --tdm it also
+writes the points of the fit as CSV and the raw data as a CCSDS message, for other software.
 
 Exit code 0: the model was fitted; 2: it was not, and nothing was written.
 """
@@ -44,7 +45,7 @@ def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = argparse.ArgumentParser(prog="fit_bias_model", description="Fit the pointing model of an antenna.")
     add = parser.add_argument
-    add("files", nargs="+", type=Path, metavar="FILE", help="recording, CSV or TDM")
+    add("files", nargs="*", type=Path, metavar="FILE", help="recording, CSV or TDM")
     add_options(parser, "station band")
     add("--namespace", help="antenna, where a recording holds several")
     add_options(parser, "elements", elements=f"{ELEMENTS_HELP}: the targets of CSV and TDM data")
@@ -81,6 +82,12 @@ def arguments() -> argparse.ArgumentParser:
 def request_with(**given: Any) -> FitCommand:
     """Return the request of the options; ValueError for a wrong station, model or file."""
     options = argparse.Namespace(**given)
+    # argparse gives a list of terms the files that follow it.
+    files = [word for word in options.terms if word not in TERM_NAMES and Path(word).exists()]
+    options.files += [Path(word) for word in files]
+    options.terms = [word for word in options.terms if word not in files]
+    if not options.files:
+        arguments().error("the following arguments are required: FILE")
     station, location = options.station, options.target.location
     known = read_model(options.start_model) if options.start_model else None
     if known is not None:

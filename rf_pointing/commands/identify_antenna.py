@@ -18,6 +18,9 @@ from rf_pointing.commands.options import add_options, between, ending_with_reaso
 from rf_pointing.core import AXES
 from rf_pointing.identification import ExcitationParams
 
+USUAL, QUICK = (8, 4, ExcitationParams().samples), (6, 2, 2048)
+"""Sequences of an axis, those that are held out, and samples of each: 22 and 4 min at 50 Hz."""
+
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
@@ -25,9 +28,10 @@ def arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="identify_antenna", description="Identify the antenna from its own motion.")
     add = parser.add_argument
     add("--axes", nargs="+", choices=AXES, default=list(AXES), help="axes to drive (default: both)")
-    add("--sequences", type=int, default=8, help="sequences per axis (default: 8)")
-    add("--held-out", type=int, default=4, help="the last of them, kept for the check (default: 4)")
-    add("--samples", type=int, default=usual.samples, help="samples per sequence (default: 8192)")
+    add("--quick", action="store_true", help=f"4 min an axis: {QUICK[0]} sequences of {QUICK[2]}, {QUICK[1]} held out")
+    add("--sequences", type=int, help=f"sequences per axis (default: {USUAL[0]})")
+    add("--held-out", type=int, help=f"the last of them, kept for the check (default: {USUAL[1]})")
+    add("--samples", type=int, help=f"samples per sequence (default: {USUAL[2]})")
     add("--kind", choices=("white", "multisine"), default=usual.kind, help="(default: white)")
     for name in ("mean", "rms", "peak"):
         value = math.degrees(getattr(usual, f"{name}_rad_s"))
@@ -45,16 +49,18 @@ def arguments() -> argparse.ArgumentParser:
 
 
 def request_with(
-    *, tick: float, idle_deg_s: float, kind: str, samples: int, mean_deg_s: float, rms_deg_s: float, peak_deg_s: float,
-    **others: Any,
+    *, tick: float, idle_deg_s: float, kind: str, mean_deg_s: float, rms_deg_s: float, peak_deg_s: float, quick: bool,
+    sequences: int | None, held_out: int | None, samples: int | None, **others: Any,
 ) -> IdentifyRequest:  # fmt: skip
     """Return the request of the options; the band ends at half of the control rate."""
+    known = zip((sequences, held_out, samples), QUICK if quick else USUAL, strict=True)
+    sequences, held_out, samples = (usual if one is None else one for one, usual in known)
     excitation = ExcitationParams(
         kind=kind, samples=samples, sample_s=tick, high_hz=min(ExcitationParams().high_hz, 0.5 / tick),
         mean_rad_s=math.radians(mean_deg_s), rms_rad_s=math.radians(rms_deg_s),
         peak_rad_s=math.radians(peak_deg_s), idle_rate_rad_s=math.radians(idle_deg_s),
     )  # fmt: skip
-    return IdentifyRequest(excitation=excitation, **others)
+    return IdentifyRequest(excitation=excitation, sequences=sequences, held_out=held_out, **others)
 
 
 request_of = partial(requested, arguments, request_with)

@@ -22,7 +22,6 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
-from rf_pointing.commands.options import say
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.whole_file import parse_json, read_whole
 from rf_pointing.ros.launching import LaunchFile, Process, launch_files
@@ -30,6 +29,7 @@ from rf_pointing.ros.main_loop import InstanceLock, present_holder
 from rf_pointing.ros.supervisor import STATE, Supervisor, to_terminal
 from rf_pointing.station.antenna.memory import state_folder
 from rf_pointing.station.description.reading import nearest
+from rf_pointing.station.log_lines import say
 
 PROGRAM = "launch"
 LOGS = "log"

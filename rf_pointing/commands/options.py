@@ -16,13 +16,9 @@ from rf_pointing.core.checks import one_of
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris.source import unused
 from rf_pointing.station.description import DEFAULT_STATION, shipped_stations
+from rf_pointing.station.log_lines import say
 
 Made = TypeVar("Made")
-
-
-def say(program: str, text: str) -> None:
-    """Report to the user on stderr; stdout is for data."""
-    print(f"{program}: {text}", file=sys.stderr, flush=True)
 
 
 def say_if(program: str, text: str) -> None:
@@ -37,7 +33,7 @@ def ending_with_reason(program: str) -> Iterator[None]:
     try:
         yield
     except (ValueError, OSError) as error:
-        say(program, str(error))
+        say(program, str(error), "ERROR")
         sys.exit(2)
 
 

@@ -101,6 +101,9 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     given = vars(parser.parse_args(argv))
     if given["call"] is StationClient.set_offset and given["along_track_s"] is given["cross_track_deg"] is None:
         parser.error("offset needs --along or --cross")
+    if given["call"] is StationClient.queue and not given["text"] and Path((given["remove"] or [""])[-1]).is_file():
+        # argparse gives a list of passes the file that follows it.
+        given["text"] = _passes(given["remove"].pop())
     if given["call"] is StationClient.queue and not (given["text"] or given["remove"] or given["start"]):
         parser.error("queue needs a file, --remove or --start")
     return StationRequest(given.pop("namespace"), given.pop("key"), given.pop("call"), given)

@@ -15,6 +15,9 @@ from rf_pointing.controllers.filters import LawMatrices, Section, SectionParams,
 from rf_pointing.controllers.position_law import LawState, PositionLaw
 from rf_pointing.core import Params, parameter, require_between
 
+FEEDFORWARD_LAG_S = 1.0 / (2.0 * math.pi * 10.0)
+"""Lag of the low-pass of the feedforward, which the feedforward leads as well."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PositionLoopParams(Params):

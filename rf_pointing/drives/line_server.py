@@ -103,6 +103,11 @@ class ServedWords:
         """Return the lines of an answer, None where it is not known yet."""
         raise NotImplementedError
 
+    @property
+    def refusal(self) -> str:
+        """Why the station has refused the newest order, in words; "" if it has not."""
+        return ""
+
     def obeyed(self, order: "Order") -> None:
         """Note an order that the station has carried out."""
 
@@ -154,11 +159,15 @@ class Session:
         return Order("", code=INVALID, reason=f"a line is longer than {LONGEST_LINE} bytes", foreign=True)
 
     @staticmethod
-    def answer(order: Order, code: int = 0, fields: tuple[tuple[str, str], ...] = ()) -> bytes:
-        """Return the answer; `fields` are its lines in the extended and in the plain form."""
+    def answer(order: Order, code: int = 0, fields: tuple[tuple[str, str], ...] = (), reason: str = "") -> bytes:
+        """Return the answer; `fields` are its lines in the extended and in the plain form.
+
+        The extended form has room for the `reason` of a refusal, the plain one for its code only.
+        """
         if order.separator:
             head = f"{order.name}: {order.text}" if order.text else f"{order.name}:"
-            lines = [head, *(extended for extended, _ in fields), f"RPRT {code}"]
+            refused = [f"Reason: {reason}"] if code and reason else []
+            lines = [head, *(extended for extended, _ in fields), *refused, f"RPRT {code}"]
             return (order.separator.join(lines) + "\n").encode()
         plain = [text for _, text in fields] if fields and not code else [f"RPRT {code}"]
         return ("\n".join(plain) + "\n").encode()
@@ -364,7 +373,8 @@ class LineServer:
         elif order.name != "password":
             fields = session.words.fields(order)
             code = IO_ERROR if fields is None else 0
-        return session.answer(order, code, fields or ())
+        # A wrong line is answered as by Hamlib's own program, byte for byte.
+        return session.answer(order, code, fields or (), "" if order.code else session.words.refusal)
 
     async def _carried_out(self, order: Order, name: str, at_s: float) -> int:
         """Hand an order to the station; return its code, or that of a station that is silent."""

@@ -18,12 +18,10 @@ from rf_pointing.drives.link import KeptLink, Link
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.protocols import (
     ALARM,
-    DONE,
     LIMITS,
     NOISE,
     POSITION,
     REFUSED,
-    STATUS,
     Answer,
     DeviceProtocol,
     Request,
@@ -51,6 +49,8 @@ class PolledDrive(Drive):
         self._buffer = bytearray()
         self._queue: deque[Request] = deque()
         self._pending: tuple[Request, float] | None = None
+        self._owed_s: deque[float] = deque()
+        """When the requests of the position were sent whose answers may still come."""
         self._reading: DriveReading | None = None
         self._stop_first()
         self._latency_s, self._alarm, self._refused = 0.0, "", ""
@@ -86,6 +86,8 @@ class PolledDrive(Drive):
                 self._shift_waits(late_s)
             elif late_s > LATE_S:
                 self._known_s, self._asked_s = self._known_s + late_s, self._asked_s + late_s
+                if self._pending is not None:
+                    self._pending = self._pending[0], self._pending[1] + late_s
         self._t_s = t_s
         if self._kept.step(t_s):
             self._begin(t_s)
@@ -128,6 +130,7 @@ class PolledDrive(Drive):
     def _begin(self, t_s: float) -> None:
         """Begin the exchange on a link that has just been opened."""
         self._pending = None
+        self._owed_s.clear()
         self._buffer.clear()
         self._stop_first()
         self._queue = deque(self._protocol.greeting())
@@ -147,6 +150,7 @@ class PolledDrive(Drive):
         self._known_s += by_s
         self._asked_s += by_s
         self._stop_s += by_s
+        self._owed_s = deque(each + by_s for each in self._owed_s)
         if self._pending is not None:
             self._pending = self._pending[0], self._pending[1] + by_s
 
@@ -184,6 +188,8 @@ class PolledDrive(Drive):
             link.write(request.data)
             if request.answer:
                 self._pending = request, t_s
+            if request.answer == POSITION:
+                self._owed_s.append(t_s)
 
     def _next(self, t_s: float) -> Request | None:
         """Return what is to be sent now: a stop before a set point before what is only read."""
@@ -197,6 +203,11 @@ class PolledDrive(Drive):
             angles, self._set_point = self._set_point, None
             return self._protocol.go_to(*(math.degrees(angle) for angle in angles))
         if t_s - self._poll_s >= self._timing.poll_period_s - 1e-6:
+            if self._owed_s and self._owed_s[-1] < self._known_s:
+                # Answers bear no number: one that is overdue would be taken for the next one's.
+                if t_s - self._known_s <= self._timing.answer_s:
+                    return None
+                self._owed_s.clear()
             self._poll_s = t_s
             self._asked_s = min(self._asked_s, t_s)
             if t_s - self._also_s >= ALSO_S:
@@ -208,7 +219,7 @@ class PolledDrive(Drive):
     def _take(self, answer: Answer, t_s: float) -> None:
         pending = self._pending
         if answer.kind == POSITION:
-            self._take_position(answer, t_s, pending)
+            self._take_position(answer, t_s)
         elif answer.kind == LIMITS:
             self._take_limits(answer.angles_deg)
         elif answer.kind == REFUSED:
@@ -218,15 +229,14 @@ class PolledDrive(Drive):
             self._alarm = answer.text
         elif answer.kind == NOISE:
             self.losses["noise"] += 1
-        ends = answer.kind == REFUSED or (pending is not None and answer.kind == pending[0].answer)
-        if ends and answer.kind in (POSITION, LIMITS, REFUSED, STATUS, DONE):
+        if answer.kind == REFUSED or (pending is not None and answer.kind == pending[0].answer):
             self._pending = None
 
-    def _take_position(self, answer: Answer, t_s: float, pending: tuple[Request, float] | None) -> None:
+    def _take_position(self, answer: Answer, t_s: float) -> None:
         # The device measured between the request and the answer; one that nobody requested is as
         # old as answers usually are.
-        if pending is not None and pending[0].answer == POSITION:
-            self._latency_s = t_s - pending[1]
+        if self._owed_s:
+            self._latency_s = t_s - self._owed_s.popleft()
         else:
             self.losses["late answer"] += 1
         first, second = (math.radians(angle) for angle in answer.angles_deg)

@@ -27,6 +27,8 @@ from rf_pointing.drives.protocols import LIMIT_NAMES
 # The direction counts: the station chooses the turn and the side of the dish.
 AZIMUTH_DEG, ELEVATION_DEG = (-180.0, 450.0), (0.0, 180.0)
 MODEL = 2
+ZENITH_DEG = 1.0
+"""As far as a bias model may turn the beam past the zenith of a mount that points there."""
 
 
 @dataclass(slots=True)
@@ -42,7 +44,13 @@ class Habit:
         self.over = elevation_deg > 90.0
 
     def shown_deg(self, azimuth_deg: float, elevation_deg: float) -> Pair:
-        """Return a direction (any turn, either side of the zenith) in the client's range."""
+        """Return a direction (any turn, either side of the zenith) in the client's range.
+
+        The azimuth stays that of the axes within `ZENITH_DEG` beyond the zenith, where the other
+        side would name the opposite one for a beam that has hardly moved.
+        """
+        if not self.over and 90.0 < elevation_deg <= 90.0 + ZENITH_DEG:
+            elevation_deg = 90.0
         if (elevation_deg > 90.0) != self.over:
             azimuth_deg, elevation_deg = azimuth_deg + 180.0, 180.0 - elevation_deg
         # Rounded first: 359.996 is shown as 0.00 and not as 360.00.
@@ -78,6 +86,8 @@ class StationView:
     position_deg: Pair | None = None
     moving: tuple[int, int] = (0, 0)
     """Sign of the motion of azimuth and elevation."""
+    refusal: str = ""
+    """Why the newest order was refused; `get_info` tells it to clients of the plain form too."""
 
     def fields(self, name: str, habit: Habit) -> Fields | None:
         """Return the lines of an answer, extended and plain; None where it is not known yet."""
@@ -88,7 +98,8 @@ class StationView:
                 named = zip(("Azimuth", "Elevation"), habit.shown_deg(*self.position_deg), strict=True)
                 return tuple((f"{label}: {value:.2f}", f"{value:.2f}") for label, value in named)
             case "get_info":
-                return ((f"Info: {self.name}", self.name),)
+                info = f"{self.name}; refused: {self.refusal}" if self.refusal else self.name
+                return ((f"Info: {info}", info),)
             case "get_status":
                 flags = self._flags()
                 return ((f"Status flags: {flags}", flags),)
@@ -158,6 +169,10 @@ class RotatorWords(ServedWords):
 
     def fields(self, order: Order) -> Fields | None:
         return self.view.fields(order.name, self._habit)
+
+    @property
+    def refusal(self) -> str:
+        return self.view.refusal
 
     def obeyed(self, order: Order) -> None:
         if order.name == "set_pos":

@@ -31,7 +31,7 @@ from rf_pointing.ephemeris.sgp4_orbit import GMST_RATE_RAD_S, LEAST_RADIUS_KM, e
 from rf_pointing.ephemeris.sites import Site
 from rf_pointing.ephemeris.state_vector import StateVector
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, leap_seconds
-from rf_pointing.ephemeris.track import TopocentricTrack
+from rf_pointing.ephemeris.track import TargetSource, TopocentricTrack
 
 _CIRCULAR_STEP_RAD, _ECCENTRIC_STEP_RAD = 0.45, 0.25
 # Largest eccentricity of the long step: the series of an eccentric orbit around its perigee
@@ -53,7 +53,8 @@ _CHUNK = 256
 class CataloguePass:
     """One stay of one object above the mask; angles apparent, azimuths in [0, 2 pi)."""
 
-    elements: Elements
+    target: Elements | TargetSource
+    """Mean elements; an ephemeris or a body where `of_window` made the pass."""
     aos_t_s: float
     tca_t_s: float
     los_t_s: float
@@ -72,12 +73,12 @@ class CataloguePass:
     sets_after: bool
 
     @classmethod
-    def of_window(cls, elements: Elements, track: TopocentricTrack, window: Pass) -> "CataloguePass":
+    def of_window(cls, target: Elements | TargetSource, track: TopocentricTrack, window: Pass) -> "CataloguePass":
         """Return a pass that the search of one object has found."""
         looks = track.sample([window.aos_t_s, window.tca_t_s, window.los_t_s])
         rise, highest, fall = (looks.azimuth_rad % math.tau).tolist()
         return cls(
-            elements, window.aos_t_s, window.tca_t_s, window.los_t_s, window.peak_elevation_rad, rise, highest, fall,
+            target, window.aos_t_s, window.tca_t_s, window.los_t_s, window.peak_elevation_rad, rise, highest, fall,
             (window.aos_azimuth_rad, window.azimuth_min_rad, window.azimuth_max_rad, window.los_azimuth_rad),
             float(looks.elevation_rad[0]), float(looks.elevation_rad[2]), abs(float(looks.azimuth_rate_rad_s[1])),
             float(looks.range_m[1]), window.rises_before, window.sets_after,
@@ -86,7 +87,17 @@ class CataloguePass:
     @property
     def name(self) -> str:
         """Name of the object."""
-        return self.elements.name
+        return self.target.name
+
+    @property
+    def catalogue_number(self) -> int | None:
+        """Number of the object; a body of the sky has none."""
+        return self.target.catalogue_number if isinstance(self.target, Elements) else None
+
+    @property
+    def label(self) -> str:
+        """The catalogue number, else the name: it tells the objects of a plan apart."""
+        return self.name if self.catalogue_number is None else str(self.catalogue_number)
 
     @property
     def duration_s(self) -> float:

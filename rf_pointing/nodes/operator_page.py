@@ -33,6 +33,7 @@ from rf_pointing.ros.qos import IN_USE, LATCHED, STATUS, STREAM
 from rf_pointing.ros.repeated_call import ParametersOf
 from rf_pointing.station.clients.board import LONGEST_TEXT, READ, Board, PageParams
 from rf_pointing.tracking.sensors import load_trackers
+from rf_pointing.web.metrics import board_metrics
 from rf_pointing.web.page_server import PageServer, report
 
 PARAMETERS_S = 5.0
@@ -83,7 +84,8 @@ class OperatorPage(ManagedNode):
         self._streams["joints"] = self.listen_latest(JointState, "joint_states", joints, STREAM, required=True)
         for name, (kind, topic, values, qos) in SECTIONS.items():
             self.listen(kind, topic, partial(self._keep, name, values), qos)
-        self.listen(ours.PassProfileList, "pass_profiles", self._on_profiles, LATCHED)
+        profiles = lambda m: board.take_profiles([profile_from_message(each) for each in m.profiles])  # noqa: E731
+        self.listen(ours.PassProfileList, "pass_profiles", profiles, LATCHED)
         self.listen(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         token, path = read_token("token_file", params.token_file, self.lock.path.with_suffix(".token"))
         self._server = PageServer(params, token)
@@ -118,9 +120,6 @@ class OperatorPage(ManagedNode):
         self._board.keep(name, values(message))
         self._newest[name] = message
 
-    def _on_profiles(self, message: ours.PassProfileList) -> None:
-        self._board.profiles = [profile_from_message(each) for each in message.profiles]
-
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             level = LEVELS.index(status.level) if status.level in LEVELS else 2
@@ -128,20 +127,20 @@ class OperatorPage(ManagedNode):
 
     def _show(self, server: PageServer) -> None:
         for name, stream in self._streams.items():
-            message = stream.take()
-            if message is not None:
+            if (message := stream.take()) is not None:
                 self._newest[name] = message
                 self._board.seen(name)
+        board, live = self._board, station_view.live_values(self._newest)
+        server.app.measured = time.monotonic(), board_metrics(live, board.age_s, board.kept, board.nodes)
         if not server.app.viewers:
             return
         for node, reader in self._readers.items():
-            values = reader.take()
-            if values is not None:
+            if (values := reader.take()) is not None:
                 try:
                     self._board.note_parameters(node, values)
                 except ValueError as error:
                     self.inputs.note_refusal("get_parameters", str(error))
-        server.put(self._board.sections(station_view.live_values(self._newest)))
+        server.put(board.sections(live))
 
     def _send(self, number: int, name: str, arguments: Mapping[str, Any]) -> None:
         if name == "track":

@@ -45,7 +45,8 @@ class SimulationClock(ManagedNode):
         params: ClockParams = self.parameters.value("")
         self._output = self.publisher(Clock, "clock", STREAM)
         streams = {topic.name: self._paced(topic) for topic in TOPICS if topic.allowed_lag_s is not None}
-        self._pacer = Pacer(start_s=params.start_s, tick_s=params.tick_s, speed=params.speed, streams=streams)
+        start_s = params.start_s or time.time()
+        self._pacer = Pacer(start_s=start_s, tick_s=params.tick_s, speed=params.speed, streams=streams)
         resumed_s = None
         if self.brings_itself_up:
             # Next to the instance lock.

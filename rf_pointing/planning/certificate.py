@@ -315,7 +315,7 @@ def _reasons_against(closest: str, margin: float, above: float, sun: float, mach
     least = machine.sun_radius_rad + SUN_CLEARANCE_RAD
     if machine.sun_radius_rad > 0.0 and sun < SUN_CLEARANCE_RAD:
         near = math.degrees(sun + machine.sun_radius_rad)
-        found.append(f"{near:.3f} deg from the Sun, must be >= {math.degrees(least):.3f} deg")
+        found.append(f"{near:.3f} deg from the Sun, must be >= {math.degrees(least):.3f} deg (sun.radius_deg)")
     return tuple(found)
 
 

@@ -43,7 +43,7 @@ class Candidate:
     aos_t_s: float
     los_t_s: float
     peak_rad: float
-    priority: int
+    priority: float
     turns: tuple[tuple[Pair, Pair], ...]
 
     @property
@@ -241,9 +241,9 @@ def _overlap(one: Candidate, other: Candidate) -> str:
 def _why(one: Candidate, others: Sequence[Candidate]) -> str:
     highest = max(other.priority for other in others)
     if highest > one.priority:
-        return f": priority {highest} is above {one.priority}"
+        return f": priority {highest:g} is above {one.priority:g}"
     peak, best = math.degrees(one.peak_rad), math.degrees(max(other.peak_rad for other in others))
     if len(others) == 1 and best >= peak:
-        return f": of equal priority {one.priority} the higher peak, {best:.1f} deg against {peak:.1f} deg"
+        return f": of equal priority {one.priority:g} the higher peak, {best:.1f} deg against {peak:.1f} deg"
     # It peaks higher and yields all the same: it would exclude more than the one that it meets.
-    return f": of equal priority {one.priority} the plan with more passes, or higher ones"
+    return f": of equal priority {one.priority:g} the plan with more passes, or higher ones"

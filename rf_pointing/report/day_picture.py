@@ -47,23 +47,23 @@ def draw_day(plan: DayPlan, station: str, mask: HorizonMask, path: Path) -> None
         _draw_sky(drawn.add_subplot(position, projection="polar"), tracked, rows, mask, colours)
 
 
-def _rows(plan: DayPlan) -> list[int]:
-    """Return the catalogue numbers of the satellites that are shown, in order of the rows."""
-    tracked_s: dict[int, float] = {}
-    priority: dict[int, int] = {}
+def _rows(plan: DayPlan) -> list[str]:
+    """Return the labels of the targets that are shown, in order of the rows."""
+    tracked_s: dict[str, float] = {}
+    priority: dict[str, int] = {}
     for item in plan.passes:
-        number = item.window.elements.catalogue_number
+        number = item.window.label
         tracked_s[number] = tracked_s.get(number, 0.0) + item.window.duration_s * (item.fate is Fate.TRACKED)
         priority[number] = item.priority
     return sorted(tracked_s, key=lambda n: (-priority[n], -tracked_s[n], n))[:MOST_ROWS]
 
 
-def _draw_lines(axes: Any, plan: DayPlan, rows: Sequence[int], colours: dict[int, str]) -> None:
+def _draw_lines(axes: Any, plan: DayPlan, rows: Sequence[str], colours: dict[int, str]) -> None:
     place = {number: k + 1 for k, number in enumerate(rows)}
-    names: dict[int, str] = {}
+    names: dict[str, str] = {}
     bars: dict[tuple[str, Any, float], list[tuple[float, float, float]]] = {}
     for item in plan.passes:
-        number, colour = item.window.elements.catalogue_number, colours[item.priority]
+        number, colour = item.window.label, colours[item.priority]
         begin, width = (item.window.aos_t_s - plan.start_t_s) / 3600.0, item.window.duration_s / 3600.0
         if item.fate is Fate.TRACKED:
             bars.setdefault((colour, colour, 0.75), []).append((0.0, begin, width))
@@ -92,7 +92,7 @@ def _draw_lines(axes: Any, plan: DayPlan, rows: Sequence[int], colours: dict[int
     # Below the hours and their name.
     below = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "borderaxespad": 4.0}
     axes.legend(handles=keys, ncols=len(keys), **below)
-    total = len({item.window.elements.catalogue_number for item in plan.passes})
+    total = len({item.window.label for item in plan.passes})
     if total > len(rows):
         axes.set_title(
             f"{len(rows)} of {total} satellites: highest priority, then most tracked time. "
@@ -122,11 +122,11 @@ def _clock_axis(axes: Any, plan: DayPlan) -> None:
 
 
 def _draw_sky(
-    axes: Any, tracked: Sequence[DayPass], rows: Sequence[int], mask: HorizonMask, colours: dict[int, str]
+    axes: Any, tracked: Sequence[DayPass], rows: Sequence[str], mask: HorizonMask, colours: dict[int, str]
 ) -> None:
     sky_axes(axes)
     draw_hills(axes, mask)
-    shown = [item for item in tracked if item.window.elements.catalogue_number in set(rows)][:MOST_PATHS]
+    shown = [item for item in tracked if item.window.label in set(rows)][:MOST_PATHS]
     for item in shown:
         if item.profile is None:
             continue

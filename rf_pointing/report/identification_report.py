@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from rf_pointing.controllers.position_loop import FEEDFORWARD_LAG_S
 from rf_pointing.identification import CrossCheck, Recording, ResponseStudy, StraightCheck, modes_of, save_models
+from rf_pointing.identification.tuning import tuned_loop
 from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure, marked_level
 
 LEAST_COHERENCE = 0.8
@@ -29,8 +31,31 @@ def write_identification(folder: Path, studies: Sequence[ResponseStudy], provena
     rows = [_row(response) for response in studies]
     (folder / "errors.json").write_text(json.dumps(rows, indent=1) + "\n")
     (folder / "errors.txt").write_text(error_table(studies) + "\n")
+    (folder / "loops.yaml").write_text(tuning_block(studies))
     for response in studies:
         draw_response(folder / f"{response.driven}_to_{response.shown}.png", response)
+
+
+def tuning_block(studies: Sequence[ResponseStudy]) -> str:
+    """Return the loops tuned on the identified axes, as the lines that a description takes."""
+    lines = ["tuning:"]
+    for one in studies:
+        if one.driven != one.shown:
+            continue
+        try:
+            loop = tuned_loop(one.identified.model)
+        except ValueError as error:
+            lines.append(f"  # loops.{one.driven}: {error}")
+            continue
+        lead_s = loop.lag_s + FEEDFORWARD_LAG_S
+        lines += [
+            f"  # |S| <= {loop.sensitivity:.2f} on the identified response: gain margin 2, phase margin 29 deg",
+            f"  loops.{one.driven}:",
+            f"    {{proportional_gain: {loop.proportional_gain:.4g}, integral_gain: {loop.integral_gain:.4g},",
+            f"     feedforward_lead_s: {lead_s:.4f}, drive_lag_s: {loop.lag_s:.4f},",
+            "     notch_enabled: false, shaping_enabled: false}",
+        ]
+    return "\n".join(lines) + "\n"
 
 
 def error_table(studies: Sequence[ResponseStudy]) -> str:

@@ -3,7 +3,7 @@
 Each is drawn only if the recording has its data.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,7 @@ from rf_pointing.report.picture_style import (
     sky_place,
 )
 from rf_pointing.report.statistics import axis_motion, link_series
+from rf_pointing.report.summary import Latency
 from rf_pointing.report.traffic import latencies
 
 # Half the width of a drawing of errors that are all zero.
@@ -98,19 +99,21 @@ def _decades(radial: Array, alone: Array, beamwidth_mdeg: float) -> tuple[float,
 
 def draw_link(analysis: Analysis, path: Path) -> None:
     """Draw C/N0, and below it the pointing loss: mean of each second strong, largest light."""
-    time = TimeAxis(analysis)
-    with figure(path, 10.0, 5.0) as drawn:
-        above, below = drawn.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.2))
-        series = link_series(analysis.recording)
+    time, series = TimeAxis(analysis), link_series(analysis.recording)
+    # Empty axes would look like a fault of the receiver.
+    heights = [1.0] * (series is not None) + [1.2] * _has_errors(analysis)
+    with figure(path, 10.0, 0.6 + 2.0 * sum(heights)) as drawn:
+        panels = list(drawn.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0])
         if series is not None:
             name, stamps, values = series
-            above.plot(time.minutes(stamps), values, color="black", lw=0.6)
-            above.set_title(f"C/N0 measured on {name}", loc="right", fontsize=9.0, color=LIMIT_COLOUR)
-        above.set(ylabel="C/N0, dB-Hz")
-        if analysis.errors is not None:
-            _draw_losses(below, time, analysis)
-        below.set(xlabel=time.label, ylabel="pointing loss, dB")
-        legend_above(above, below)
+            panels[0].plot(time.minutes(stamps), values, color="black", lw=0.6)
+            panels[0].set_title(f"C/N0 measured on {name}", loc="right", fontsize=9.0, color=LIMIT_COLOUR)
+            panels[0].set(ylabel="C/N0, dB-Hz")
+        if _has_errors(analysis):
+            _draw_losses(panels[-1], time, analysis)
+            panels[-1].set(ylabel="pointing loss, dB")
+        panels[-1].set(xlabel=time.label)
+        legend_above(*panels)
 
 
 def _draw_losses(axes: Any, time: TimeAxis, analysis: Analysis) -> None:
@@ -152,7 +155,8 @@ def draw_beam(analysis: Analysis, path: Path) -> None:
                 whole.plot(chosen[:, 0], chosen[:, 1], ".", color=mode_colour(mode), ms=2.0, label=label)
         reach = np.nanmax(np.abs(np.concatenate([alone, errors.error_rad[tracking] / MDEG, [[half, half]]])))
         _frame(whole, half, 1.15 * max(float(reach), _SMALLEST_MDEG), "whole beam")
-        whole.legend(loc="upper right", markerscale=4.0)
+        # Beside the axes: inside it would lie over the points.
+        whole.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3, markerscale=4.0)
         _draw_middle(middle, errors.error_rad[settled] / MDEG, half, analysis.acquired_ns is not None)
 
 
@@ -168,7 +172,7 @@ def _draw_middle(axes: Any, error_mdeg: Array, half_mdeg: float, acquired: bool)
         1.3 * max(reach, _SMALLEST_MDEG),
         "after acquisition, enlarged" if acquired else "tracking, enlarged",
     )
-    axes.legend(loc="upper right")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
 
 
 def _frame(axes: Any, half_mdeg: float, reach_mdeg: float, title: str) -> None:
@@ -236,12 +240,16 @@ def _draw_commanded(axes: Any, analysis: Analysis) -> None:
     found = analysis.target_pass
     if found is None or not len(stamps):
         return
-    for name, time_ns in (("AOS", found.aos_ns), ("TCA", found.tca_ns), ("LOS", found.los_ns)):
+    # To three sides: the marks of a short pass are close together.
+    sides = (("AOS", found.aos_ns, "right", (-7, 5)), ("TCA", found.tca_ns, "center", (0, -14)),
+             ("LOS", found.los_ns, "left", (7, 5)))  # fmt: skip
+    for name, time_ns, side, place in sides:
         index = int(np.argmin(np.abs(stamps - time_ns)))
         # A pass may begin before or end after the recording: a mark then would be at a wrong place.
         if abs(int(stamps[index]) - time_ns) < _MARK_REACH_NS:
             axes.plot(theta[index], radius[index], "o", color="black", ms=5.0)
-            axes.annotate(name, (theta[index], radius[index]), xytext=(7, 5), textcoords="offset points", weight="bold")
+            at = theta[index], radius[index]
+            axes.annotate(name, at, xytext=place, textcoords="offset points", weight="bold", ha=side)
 
 
 def draw_axes(analysis: Analysis, path: Path) -> None:
@@ -270,10 +278,12 @@ def draw_axes(analysis: Analysis, path: Path) -> None:
 
 def draw_timing(analysis: Analysis, path: Path) -> None:
     """Draw the command lead over time, and the latency of each hop (median to 99th percentile)."""
+    hops = [row for row in latencies(analysis.recording) if row.count]
     with figure(path, 10.0, 3.8) as drawn:
-        left, right = drawn.subplots(1, 2, width_ratios=(1.0, 1.1))
-        _draw_lead(left, analysis)
-        _draw_hops(right, analysis)
+        panels = drawn.subplots(1, 2, width_ratios=(1.0, 1.1))[:] if hops else [drawn.subplots()]
+        _draw_lead(panels[0], analysis)
+        if hops:
+            _draw_hops(panels[1], hops)
 
 
 def _draw_lead(axes: Any, analysis: Analysis) -> None:
@@ -292,9 +302,7 @@ def _draw_lead(axes: Any, analysis: Analysis) -> None:
         axes.legend(loc="lower right")
 
 
-def _draw_hops(axes: Any, analysis: Analysis) -> None:
-    # A hop that nothing passed has no place on a logarithmic axis.
-    rows = [row for row in latencies(analysis.recording) if row.count]
+def _draw_hops(axes: Any, rows: Sequence[Latency]) -> None:
     for number, row in enumerate(reversed(rows)):
         # A time can be negative when the effect reached the recorder first.
         ends = np.maximum(np.array([row.median_ms, row.p99_ms], dtype=np.float64), 0.01)
@@ -302,7 +310,7 @@ def _draw_hops(axes: Any, analysis: Analysis) -> None:
         axes.plot(ends[0], number, "o", color=mode_colour(Mode.MONOPULSE), ms=6.0)
         axes.plot(ends[1], number, "|", color=mode_colour(Mode.MONOPULSE), ms=12.0, mew=2.0)
     axes.set_yticks(range(len(rows)), [f"{row.cause} → {row.effect}" for row in reversed(rows)], fontsize=8.5)
-    axes.set_ylim(-0.6, max(len(rows), 1) - 0.4)
+    axes.set_ylim(-0.6, len(rows) - 0.4)
     drawn = [ends for line in axes.lines for ends in line.get_xdata()]
     axes.set_xlim(min([0.1, *drawn]) / 1.5, 1.5 * max([10.0, *drawn]))
     plain_log_scale(axes.xaxis)

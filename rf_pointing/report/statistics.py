@@ -167,7 +167,8 @@ def link_series(recording: Recording) -> tuple[str, IntArray, Array] | None:
         if data is not None and data.stamp_ns is not None:
             values = data["carrier_to_noise"].astype(np.float64)
             good = np.isfinite(values)
-            if np.any(good):
+            # 0 throughout: nobody has measured it.
+            if np.any(values[good] > 0.0):
                 return name, data.stamp_ns[good], values[good]
     return None
 

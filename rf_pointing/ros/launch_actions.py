@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode, Node
 
 from launch import LaunchDescription
-from rf_pointing.ros.launching import PACKAGE, Argument, LaunchFile, Process
+from rf_pointing.ros.launching import PACKAGE, Argument, LaunchFile, Process, adopt_state, full_namespace
 from rf_pointing.ros.main_loop import RESTART_S
 
 
@@ -33,7 +33,11 @@ def _declared(argument: Argument) -> DeclareLaunchArgument:
 def _actions(context: Any, file: LaunchFile) -> list[Any]:
     names = [argument.name for argument in file.arguments]
     values = file.values({name: str(LaunchConfiguration(name).perform(context)) for name in names})
-    return [_action(process) for process in file.processes(values)]
+    # What an antenna keeps, its frames and its enclave belong to the namespace of its nodes.
+    former, pushed = values["namespace"], context.launch_configurations.get("ros_namespace", "")
+    values["namespace"] = full_namespace(pushed, former)
+    said = [LogInfo(msg=words) for words in [adopt_state(values, former)] if words]
+    return [*said, *(_action(process) for process in file.processes(values))]
 
 
 def _action(process: Process) -> Node:

@@ -29,8 +29,8 @@ from rf_pointing.ros.graph import (
     STATION_NODES,
     partition,
 )
-from rf_pointing.ros.main_loop import DRIVE_PRIORITY
-from rf_pointing.station.antenna.memory import state_files, state_folder
+from rf_pointing.ros.main_loop import DRIVE_PRIORITY, present_holder
+from rf_pointing.station.antenna.memory import move_state, state_files, state_folder
 from rf_pointing.station.description import StationDescription, read_station
 from rf_pointing.station.description.reading import nearest
 from rf_pointing.station.description.urdf import urdf
@@ -162,20 +162,21 @@ AUTOSTART = Argument("autostart", "nodes configure and activate themselves", "tr
 
 def station_arguments(*, simulated: bool) -> tuple[Argument, ...]:
     """Return the arguments of the launch file of a station."""
-    # A real antenna must not move by the numbers of another one: launch requires a station.
-    named = "dss13" if simulated else None
     # Nodes of a real station do not share each other's faults unless the user says so.
     shared = "2" if simulated else "8"
     time = (
-        Argument("start_s", "UTC seconds at which time starts", "1151384173.0", float),
+        Argument("start_s", "UTC seconds at which time starts; 0: now", "0.0", float),
         Argument("speed", "factor of real time, 0 for max", "1.0", float),
     )
     return (
         Argument("namespace", "namespace of the antenna", "gs1"),
-        Argument("station", "station description: a YAML file, or a shipped name", named),
+        # An antenna must not move by the numbers of another one.
+        Argument("station", "station description: a YAML file, or a shipped name"),
         Argument("band", "band in use; empty: the station's default", ""),
         Argument("elements", "TLE, OMM or OEM: a file, a folder of files, or an address", ""),
-        Argument("satellite", "first target, by name or number; empty: the first of elements", ""),
+        Argument(
+            "satellite", "first target: a name or number in elements (empty: their first), or Sun, Moon, ...", ""
+        ),
         Argument("params_file", "ROS parameters over all others", ""),
         Argument("use_sim_time", "time from /clock", str(simulated).lower(), bool),
         AUTOSTART,
@@ -268,6 +269,25 @@ def _station_processes(
             ros_arguments=enclave(space, room[0]) if alone else (),
         ))  # fmt: skip
     return found + shown
+
+
+def full_namespace(pushed: str, namespace: str) -> str:
+    """Return the namespace that `launch` gives nodes: below the one `pushed`, unless absolute."""
+    joined = namespace if namespace.startswith("/") else f"{pushed}/{namespace}"
+    return "".join(f"/{part}" for part in joined.split("/") if part)
+
+
+def adopt_state(values: Mapping[str, Any], former: str) -> str:
+    """Move what an antenna kept below its `namespace:=` alone; return what is to be said of it.
+
+    Two sites that include the file with the same `former` one shared it: the first takes it,
+    unless an antenna of that namespace runs.
+    """
+    folder, space = values.get("state_folder"), values["namespace"]
+    servo = f"/{former.strip('/')}/antenna_servo"
+    if not folder or space.strip("/") == former.strip("/") or present_holder(servo) is not None:
+        return ""
+    return move_state(Path(folder), former, space)
 
 
 def _has(package: str) -> bool:

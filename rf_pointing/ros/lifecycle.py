@@ -193,7 +193,7 @@ class Lifecycle(LifecycleNode):
         return schedule
 
     def timer(self, period_s: float, callback: Callable[[], object]) -> Timer:
-        """Return a timer that no step of the clock delays; simulated time is followed."""
+        """Return a timer that no step of the computer's clock delays; it follows simulated time."""
         # One of the node clock waits for as long as that is set back, while a device goes on.
         simulated = self.get_parameter("use_sim_time").value
         clock = None if simulated else Clock(clock_type=ClockType.STEADY_TIME)

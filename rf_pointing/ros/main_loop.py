@@ -26,11 +26,13 @@ from typing import Any
 import rclpy
 from rclpy.action import ActionClient, ActionServer
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl import rcutils_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from rf_pointing.ros import NODE_USAGE
 from rf_pointing.ros.diagnostics import OK, WARN, Health
+from rf_pointing.station.log_lines import ROS_FORMAT, json_lines, quoted, say
 
 DRIVE_PRIORITY = 20
 """Real-time priority of a real drive loop, below the kernel's own threads (50)."""
@@ -86,6 +88,7 @@ def run(
     try:
         _take_arguments(description or str(sys.modules[node_types[0].__module__].__doc__), known)
         _check_security(os.environ)
+        log_as_chosen()
         # The handlers of rclpy would shut the context down before the motion has ended.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         for sign in (signal.SIGINT, signal.SIGTERM):
@@ -209,9 +212,25 @@ class NodeLoop:
         return Health(WARN if words else OK, "; ".join(words) or "all run", values)
 
 
+def log_as_chosen() -> None:
+    """Make every logger of this process write JSON where that is chosen; before `rclpy.init`."""
+    if not json_lines():
+        return
+    os.environ["RCUTILS_CONSOLE_OUTPUT_FORMAT"] = ROS_FORMAT
+    write = rcutils_logger.RcutilsLogger.log
+
+    def log(self: Any, message: str, severity: Any, **more: Any) -> bool:
+        # rcutils puts a text between quotes as it is.
+        return bool(write(self, quoted(str(message)), severity, **more))
+
+    rcutils_logger.RcutilsLogger.log = log
+    # rclpy knows a line by its caller, which is not this function.
+    rcutils_logger._internal_callers.append(os.path.realpath(__file__))
+
+
 def _say_not_started(error: Exception) -> None:
     # One line for the operator; a traceback would hide what is wrong.
-    print(f"rf_pointing: not started: {_IN_THE_SOURCE.sub('', str(error))}", file=sys.stderr, flush=True)
+    say("rf_pointing", f"not started: {_IN_THE_SOURCE.sub('', str(error))}", "FATAL")
 
 
 def take_priority(realtime: int) -> str:

@@ -6,7 +6,6 @@ An antenna with a drive runs in real time; what its receiver publishes is record
 
 import math
 import signal
-import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -19,10 +18,11 @@ from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
 
 from rf_pointing.ros.graph import NODES, TOPICS, Topic, topics_of
-from rf_pointing.ros.main_loop import make_executor, ros_domain, settle_garbage
+from rf_pointing.ros.main_loop import log_as_chosen, make_executor, ros_domain, settle_garbage
 from rf_pointing.ros.managed_graph import ManagedGraph, NotStartedError
 from rf_pointing.ros.recorder import Recorder
 from rf_pointing.ros.waiting import Waiting
+from rf_pointing.station.log_lines import say
 
 PATIENCE_S = 120.0
 """Wall time that one step of the bring-up may take; a process that has ended is noticed at once."""
@@ -38,11 +38,6 @@ PUNCTUAL = ("simulation_clock", "antenna_servo")
 """These have priority in real time."""
 # All nodes wake at once every 0.1 s; only the servo's 50 Hz cannot wait some milliseconds.
 CLOCK = NODES[:1]
-
-
-def say(program: str, text: str) -> None:
-    """Report to the user on stderr; stdout is for data."""
-    print(f"{program}: {text}", file=sys.stderr, flush=True)
 
 
 def parameter_file(folder: Path, given: Mapping[str, Mapping[str, Any]]) -> Path:
@@ -260,11 +255,12 @@ def run_to_end(program: str, make: Callable[[], RunType], work: Callable[[RunTyp
     Return the exit code: that of `work`, 1 for an interrupted run, 2 for one that did not start.
     """
     # Ctrl-C must cancel the goal and end the run in order, not end rclpy under it.
+    log_as_chosen()
     rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     try:
         run = make()
     except (OSError, ValueError) as error:
-        say(program, str(error))
+        say(program, str(error), "ERROR")
         rclpy.try_shutdown()
         return 2
     handlers = {sign: signal.signal(sign, run.interrupt) for sign in (signal.SIGINT, signal.SIGTERM)}

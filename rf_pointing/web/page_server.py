@@ -6,6 +6,7 @@ What is requested waits in `requests`.
     GET  /           the page; /page.css, /page.js
     GET  /live       WebSocket: every message is an object of the sections that have changed
     GET  /reports/…  files of the reports folder
+    GET  /metrics    the newest values as OpenMetrics (`web/metrics.py`)
     POST /command    {"name": …, "arguments": {…}} with `Authorization: Bearer TOKEN`
 
 A request under a foreign host name or from the page of another origin is refused: a name that an
@@ -19,7 +20,8 @@ import logging
 import math
 import os
 import threading
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+import time
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
@@ -34,6 +36,7 @@ from aiohttp import web
 from rf_pointing.core.whole_file import parse_json
 from rf_pointing.station.clients.board import LARGEST, PageParams
 from rf_pointing.station.pointing.status import Level, Report
+from rf_pointing.web.metrics import CONTENT_TYPE, STALE_S, Family, exposition, page_metrics
 
 FILES = Path(__file__).with_name("page")
 """Folder of the page itself; it is installed with the package."""
@@ -137,6 +140,8 @@ class PageApp:
         self.dropped = 0
         """Viewers that were too slow."""
         self.requests: SimpleQueue[Request] = SimpleQueue()
+        self.measured: tuple[float, Sequence[Family]] = -math.inf, ()
+        """The newest metrics of the station, and the steady time at which they were made."""
         self._params, self._token = params, token.encode()
         own = ("localhost", "127.0.0.1", "::1", params.address)
         self._names = {name.strip().lower() for name in (*own, *params.hosts.split(",")) if name.strip()}
@@ -158,6 +163,7 @@ class PageApp:
         app.router.add_get("/live", self._live)
         app.router.add_get("/reports/{path:.+}", self._report)
         app.router.add_post("/command", self._take)
+        app.router.add_get("/metrics", self._metrics)
         app.router.add_get("/{name:[a-z.]+}", self._file)
         return app
 
@@ -201,6 +207,13 @@ class PageApp:
         if origin is not None and origin not in (f"http://{host}", f"https://{host}"):
             self.refused += 1
             raise web.HTTPForbidden(text=f"a page of {origin[:80]!r} may not use this one")
+
+    async def _metrics(self, _: web.Request) -> web.Response:
+        made_s, families = self.measured
+        # A node that has stalled measures nothing: what it made is no present value.
+        known = families if time.monotonic() - made_s <= STALE_S else ()
+        text = exposition([*known, *page_metrics(self.viewers, self.commands, self.refused)])
+        return web.Response(body=text.encode(), headers={"Content-Type": CONTENT_TYPE})
 
     async def _file(self, request: web.Request) -> web.Response:
         name = request.match_info.get("name", "index.html")

@@ -128,7 +128,7 @@ REFUSED = [
     ("track --interpolation LAGRANGE x", "interpolation=LAGRANGE 'x': the degree must be a whole number"),
     ("track --satellite 99999", "satellite='99999' is not among"),
     ("track --satellite Sputnik", "satellite='Sputnik' is not among"),
-    ("track --station Atlantis", "Atlantis:1: no such file, and no shipped station"),
+    ("track --station Atlantis", "Atlantis: no such file, and no shipped station"),
     ("track --band Q", "Goldstone DSS-13: band='Q' must be one of S, X, Ka"),
     ("track --min-peak 89.99", "has no pass above 89.99 deg in 48.00 h"),
     ("track --satellite 14128", "none rises above the mask"),

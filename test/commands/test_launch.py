@@ -45,8 +45,8 @@ def said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[object, str]:
         ("single_antenna staton:=a", "staton:= is not an argument of single_antenna; did you mean station?"),
         ("single_antenna station=a", "argument 'station=a' must be written NAME:=VALUE"),
         ("single_antenna station:=", "argument 'station:=' must be written NAME:=VALUE"),
-        ("single_antenna station:=no.yaml", "no.yaml:1: no such file"),
-        ("simulated_station.launch.py speed:=fast", "speed:=fast must be a number"),
+        ("single_antenna station:=no.yaml", "no.yaml: no such file"),
+        ("simulated_station.launch.py station:=dss13 speed:=fast", "speed:=fast must be a number"),
         ("stop", "nothing runs"),
         ("status nobody", "nothing runs in nobody"),
     ],
@@ -68,7 +68,7 @@ def test_every_launch_file_shows_its_arguments_and_the_command_lines_of_its_node
     code, text = said(capsys, f"{name}.launch.py", "--show-args")
     assert code == 0
     assert [f"'{argument.name}':" in text for argument in file.arguments] == [True] * len(file.arguments)
-    given = ["station:=dss13"] if name == "single_antenna" else []
+    given = ["station:=dss13"] if name in ("single_antenna", "simulated_station") else []
     code, text = said(capsys, name, *given, "--print")
     values = file.values(launch.pairs(given))
     assert (code, text.count("\n")) == (0, len(file.processes(values)))

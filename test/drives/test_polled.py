@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from rf_pointing.drives import DriveParams, LinkParams, make_drive, simulated, takes_positions
 from test.drives.benches import BOTH_AXES, TICK_S, Bench
@@ -268,6 +270,39 @@ def test_a_reading_is_of_the_middle_between_request_and_answer(monkeypatch: pyte
     assert subject.drive.losses == {"late answer": 1}
     assert subject.at(10.19) == []
     assert subject.at(10.2) == [b"AZ EL\n"]
+
+
+@given(
+    delays_s=st.lists(st.floats(0.0, 0.9) | st.just(math.inf), min_size=40, max_size=40),
+    measured=st.lists(st.floats(0.0, 1.0), min_size=40, max_size=40),
+)  # fmt: skip
+@settings(deadline=None, max_examples=60)
+def test_no_reading_claims_a_time_at_which_the_device_was_elsewhere(
+    delays_s: list[float], measured: list[float]
+) -> None:
+    """However late answers come and whichever is lost: 10 deg/s, measured anywhere between request and answer."""
+    with pytest.MonkeyPatch.context() as patch:
+        subject = Scripted(patch, "easycomm")
+        t_s, due, count, last_s, newest = 9.98, list[tuple[float, float]](), 0, math.inf, None
+        while t_s < 16.0:
+            arriving = [angle for when_s, angle in due if when_s <= t_s]
+            due = [each for each in due if each[0] > t_s]
+            written = subject.at(t_s, b"".join(b"AZ%.1f EL20.0\n" % angle for angle in arriving))
+            if subject.drive.problem and t_s > 11.0:
+                return
+            reading = subject.reading
+            if reading is not newest:
+                was_s = 10.0 + 0.1 * math.degrees(reading.position_rad[0])
+                assert abs(was_s - reading.t_s) <= reading.within_s + 0.02 + 1e-6
+            newest = reading
+            for _ in range(written.count(b"AZ EL\n")):
+                delay_s, share = delays_s[count % 40], measured[count % 40]
+                if math.isfinite(delay_s):
+                    # A serial line keeps the order, and what is overdue comes within `answer_s` of the one before.
+                    last_s = max([t_s, min(last_s + 0.48, t_s + delay_s), *(when_s for when_s, _ in due)])
+                    due.append((last_s, 10.0 * (t_s + share * (last_s - t_s) - 10.0)))
+                count += 1
+            t_s = round(t_s + 0.02, 6)
 
 
 def test_an_answer_is_stamped_when_it_is_read_however_long_the_process_slept(monkeypatch: pytest.MonkeyPatch) -> None:

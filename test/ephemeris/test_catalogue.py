@@ -218,7 +218,7 @@ def test_every_object_has_the_passes_of_the_search_of_one(name: str, goldstone: 
     assert bool(partly) == any(one.name in ("DECAY", "reent A") for one in elements)
     for one in elements:
         track = TopocentricTrack(one, goldstone)
-        mine = [window for window in found.passes if window.elements is one]
+        mine = [window for window in found.passes if window.target is one]
         wanted = find_passes(track, start_s, length_s, MASK_RAD)
         assert len(mine) == len(wanted)
         for window, single in zip(mine, wanted, strict=True):

@@ -187,7 +187,7 @@ def test_limits_change_while_the_controller_works_and_timing_does_not(station: S
         ({"limits.elevation_min_deg": 5.0}, "limits.elevation_min_deg is given by the station description: mount.elev"),
         ({"pointing.period_s": math.nan}, "period_s"),
         ({"pointing.transport_s": 0.15}, "transport_s=0.15 must be a whole number of period_s"),
-        ({"station": "nowhere.yaml"}, "nowhere.yaml:1: no such file"),
+        ({"station": "nowhere.yaml"}, "nowhere.yaml: no such file"),
         ({"autotrack.sensor": 7}, "sensor"),
     ],
 )

@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
@@ -16,7 +16,7 @@ import yaml
 
 from rf_pointing.commands.launch import launch_file
 from rf_pointing.ros.graph import ALARMS, ARRAY_NODES, DESCRIPTION, NODES, STATION_NODES
-from rf_pointing.ros.launching import Process, launch_files, station_arguments
+from rf_pointing.ros.launching import Process, adopt_state, full_namespace, launch_files, station_arguments
 from rf_pointing.station.description import read_station
 from rf_pointing.station.description.urdf import urdf
 
@@ -34,7 +34,8 @@ STATION = {"station": "dss13"}
 def launched(name: str, **given: str) -> dict[str, Process]:
     """Return the process of every node of a launch file, by the node's name."""
     file = launch_file(name)
-    return {node: process for process in file.processes(file.values(given)) for node in process.nodes}
+    named = STATION if name == "simulated_station" else {}
+    return {node: process for process in file.processes(file.values(named | given)) for node in process.nodes}
 
 
 def values(nodes: dict[str, Process], name: str) -> dict[str, Any]:
@@ -60,7 +61,7 @@ def test_the_simulated_station_has_every_node_and_its_own_time() -> None:
         assert (node.package, node.respawn, node.remappings) == ("rf_pointing", True, (("/clock", "clock"),))
         assert values(nodes, name)["lifecycle.autostart"] is True
     clock, servo = (values(nodes, name) for name in ("simulation_clock", "antenna_servo"))
-    assert clock == {"lifecycle.autostart": True, "start_s": 1151384173.0, "speed": 0.0}
+    assert clock == {"lifecycle.autostart": True, "start_s": 0.0, "speed": 0.0}
     assert (servo["station"], servo["band"], servo["use_sim_time"]) == ("dss13", "", True)
     ended = launched("simulated_station", respawn="false").values()
     assert not any(node.respawn for node in ended)
@@ -124,7 +125,7 @@ def test_a_station_with_an_array_starts_its_nodes() -> None:
         (STATION | {"network": "open"}, "network:=open must be loopback or environment"),
         (STATION | {"band": "W"}, "W"),
         (STATION | {"params_file": "nowhere.yaml"}, "params_file:=nowhere.yaml does not exist"),
-        ({"station": "nowhere"}, "nowhere:1: no such file, and no shipped station"),
+        ({"station": "nowhere"}, "nowhere: no such file, and no shipped station"),
     ],
 )
 def test_what_cannot_be_launched_is_refused_by_name_value_and_bound(given: dict[str, str], words: str) -> None:
@@ -133,6 +134,8 @@ def test_what_cannot_be_launched_is_refused_by_name_value_and_bound(given: dict[
         launched("single_antenna", **given)
     with pytest.raises(ValueError, match="speed:=fast must be a number"):
         launched("simulated_station", speed="fast")
+    with pytest.raises(ValueError, match="station:= must be given to simulated_station: station description"):
+        launch_file("simulated_station").values({})
 
 
 @pytest.mark.parametrize("text", ["True", "1", "true"])
@@ -203,6 +206,59 @@ def test_each_antenna_keeps_its_state_by_default_in_a_folder_of_its_own(
     nodes = launched("simulated_station", state_folder="none", **EVERY)
     for name in ("state_file", "command_key_file", "executive.folder", "page.reports"):
         assert those_with(nodes, name) == set()
+
+
+@pytest.mark.parametrize(
+    ("pushed", "namespace", "full"),
+    [
+        ("", "gs1", "/gs1"), ("", "/north/gs1/", "/north/gs1"), ("/site_a", "gs1", "/site_a/gs1"),
+        ("/site_a", "/gs1", "/gs1"), ("/site_a", "", "/site_a"), ("", "", ""),
+    ],
+)  # fmt: skip
+def test_a_launch_file_included_below_a_namespace_knows_the_whole_of_it(pushed: str, namespace: str, full: str) -> None:
+    assert full_namespace(pushed, namespace) == full
+
+
+def test_two_stations_of_one_name_at_two_sites_share_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rf_pointing.ros.launching.get_package_prefix", lambda _package: "/opt")
+    monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
+    kept: list[set[str]] = []
+    for site in ("/site_a", "/site_b"):
+        space = full_namespace(site, "gs1")
+        nodes = launched("simulated_station", namespace=space, state_folder=str(tmp_path), **EVERY)
+        assert values(nodes, "robot_state_publisher")["frame_prefix"] == f"{space[1:]}/"
+        texts = {str(text) for name in nodes for text in values(nodes, name).values()}
+        # The key of partners is shared by all antennas of a folder: they share passes with it.
+        partners = str(tmp_path / "partners.key")
+        kept.append({text for text in texts if text.startswith(str(tmp_path)) and text != partners})
+        kept[-1] |= {node.ros_arguments[1] for node in nodes.values() if node.ros_arguments}
+        assert all(space in text for text in kept[-1])
+    assert len(kept[0]) == len(kept[1]) > 15
+    assert kept[0] & kept[1] == set()
+
+
+def test_what_two_sites_shared_goes_once_to_the_first_that_asks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old, files = tmp_path / "gs1", ("antenna_servo.json", "azimuth_turn.json", "command.key")
+    old.mkdir()
+    for name in files:
+        (old / name).write_text(name)
+    given = {"state_folder": str(tmp_path), "namespace": "/site_a/gs1"}
+    monkeypatch.setattr(
+        "rf_pointing.ros.launching.present_holder", lambda name: 7 if name == "/gs1/antenna_servo" else None
+    )
+    assert adopt_state(given, "gs1") == "", "the antenna of that namespace runs"
+    monkeypatch.setattr("rf_pointing.ros.launching.present_holder", lambda _name: None)
+    for other in ({"namespace": "/gs1"}, {"state_folder": ""}):
+        assert adopt_state(given | other, "gs1") == ""
+    said = adopt_state(given, "gs1")
+    assert said.startswith("state of /site_a/gs1: antenna_servo.json, azimuth_turn.json, command.key moved from ")
+    assert [(tmp_path / "site_a" / "gs1" / name).read_text() for name in files] == list(files)
+    assert list(old.iterdir()) == []
+    (old / "command.key").write_text("new")
+    assert adopt_state(given, "gs1") == "", "never over its own"
+    assert adopt_state(given | {"namespace": "/site_b/gs1"}, "gs1").endswith("site_b/gs1")
 
 
 def test_a_node_has_an_enclave_of_its_own_where_security_is_on(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -307,7 +363,7 @@ class Action:
 @pytest.mark.parametrize("name", launch_files())
 def test_launch_gets_every_argument_and_every_process_as_it_is(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """`launch` is a stub here; its own parser refuses what is not among the choices."""
-    given = STATION if name == "single_antenna" else {}
+    given = STATION if name in ("single_antenna", "simulated_station") else {}
 
     class Configuration(Action):
         def perform(self, _context: Any) -> str:
@@ -315,7 +371,7 @@ def test_launch_gets_every_argument_and_every_process_as_it_is(name: str, monkey
 
     contents: dict[str, dict[str, Any]] = {
         "launch": {"LaunchDescription": Action},
-        "launch.actions": {"DeclareLaunchArgument": Action, "OpaqueFunction": Action},
+        "launch.actions": {"DeclareLaunchArgument": Action, "LogInfo": Action, "OpaqueFunction": Action},
         "launch.substitutions": {"LaunchConfiguration": Configuration},
         "launch_ros": {},
         "launch_ros.actions": {"LifecycleNode": Action, "Node": Action},
@@ -337,8 +393,10 @@ def test_launch_gets_every_argument_and_every_process_as_it_is(name: str, monkey
     for argument in file.arguments:
         assert declared[argument.name].get("default_value") == argument.default
         assert tuple(declared[argument.name].get("choices", ())) == argument.words
-    processes = file.processes(file.values(given))
-    actions = [action.named for action in start.named["function"](None, *start.named["args"])]
+    values = file.values(given)
+    processes = file.processes(values | {"namespace": f"/site/{values['namespace']}"})
+    context = SimpleNamespace(launch_configurations={"ros_namespace": "/site"})
+    actions = [action.named for action in start.named["function"](context, *start.named["args"])]
     monkeypatch.delitem(sys.modules, "rf_pointing.ros.launch_actions")
     assert len(actions) == len(processes)
     for action, process in zip(actions, processes, strict=True):

@@ -1,5 +1,6 @@
 """One node of a name per namespace and domain on a machine."""
 
+import json
 import os
 import signal
 import subprocess
@@ -425,3 +426,18 @@ def test_help_is_given_beside_other_arguments(
         main_loop.run(Node)
     assert left.value.code == 0
     assert capsys.readouterr().out.startswith(f"{__doc__}\nusage: ")
+
+
+def test_every_logger_of_a_process_writes_json_where_it_is_chosen() -> None:
+    program = (
+        "import rclpy; from rf_pointing.ros.main_loop import log_as_chosen; log_as_chosen(); rclpy.init();"
+        "log = rclpy.create_node('quoting').get_logger(); log.warn('a \"b\"\\\\\\n c'); log.info('plain')"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60.0, check=True,
+        env={**os.environ, "RF_POINTING_LOG": "json"},
+    )  # fmt: skip
+    rows = [json.loads(line) for line in found.stderr.splitlines()]
+    assert [(row["level"], row["name"], row["text"]) for row in rows] == [
+        ("WARN", "quoting", 'a "b"\\\n c'), ("INFO", "quoting", "plain")
+    ]  # fmt: skip

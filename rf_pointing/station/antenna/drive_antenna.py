@@ -97,7 +97,8 @@ class DriveHardware:
         """Return why the reading is too old to be trusted, "" if it is not."""
         if reading is None:
             return "the drive has given no position yet"
-        age_s, most_s = reading.age_s(t_s), self._longest_s
+        # The device answered at the end of the time in which it may have measured.
+        age_s, most_s = reading.age_s(t_s) - reading.within_s, self._longest_s
         return f"no position from the drive for {age_s:.1f} s, at most {most_s:.1f} s" if age_s > most_s else ""
 
     @property

@@ -42,6 +42,19 @@ def state_files(folder: Path, namespace: str) -> dict[str, str]:
     return {parameter: str(kept / name) for parameter, name in names.items()}
 
 
+def move_state(folder: Path, former: str, namespace: str) -> str:
+    """Move the files of an antenna to those of its full namespace, once; return what was done."""
+    files = {Path(each).name for each in state_files(folder, former).values()}
+    old, new = (folder / each.strip("/") for each in (former, namespace))
+    found = sorted(path for path in old.glob("*") if path.name in files)
+    if not found or any((new / name).exists() for name in files):
+        return ""
+    new.mkdir(parents=True, exist_ok=True)
+    for path in found:
+        path.rename(new / path.name)
+    return f"state of {namespace}: {', '.join(path.name for path in found)} moved from {old} to {new}"
+
+
 class AntennaMemory:
     """The state file of one antenna; an empty name remembers nothing."""
 

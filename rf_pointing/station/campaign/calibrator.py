@@ -144,9 +144,9 @@ class Calibrator:
             "candidate": keeper.candidate.name if keeper.candidate else "",
             "shadow": keeper.verdict_text(),
         }
-        name, missing = (keeper.active.name, "") if keeper.active else ("", "no model: commands are not corrected")
-        problems = "; ".join(filter(None, (self.log.problem, missing)))
-        return Report(Level(bool(problems)), problems or name, values)
+        # A station need not have one: a warning that stays for ever is read by nobody.
+        name = keeper.active.name if keeper.active else "no model: commands are not corrected"
+        return Report(Level(bool(self.log.problem)), self.log.problem or name, values)
 
 
 class Campaign:

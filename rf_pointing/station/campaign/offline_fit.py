@@ -96,12 +96,14 @@ class FitRequest:
 class FitData:
     """Calibration points (None without any) and raw passes; `recorded` by the station itself.
 
-    The station's own recordings have one clock, one site and one refraction.
+    The station's own recordings have one clock, one site and one refraction.  `offered` are the
+    terms that few points can tell apart; () where the request decides.
     """
 
     points: Observations | None
     passes: Sequence[TrackedPass]
     recorded: bool = False
+    offered: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -127,6 +127,7 @@ class Board:
         self._events: deque[dict[str, Any]] = deque(maxlen=EVENTS)
         self._next_s = self._slow_s = -math.inf
         self._viewers = 0
+        self._carrier_seen = False
 
     def turn(self, now_s: float, utc_s: float, viewers: int) -> bool:
         """Set steady and UTC time (s) of what follows; return whether to look at the streams.
@@ -154,6 +155,10 @@ class Board:
     def seen(self, name: str) -> None:
         """Note that a message of a stream has arrived."""
         self._seen_s[name] = self._now_s
+
+    def take_profiles(self, profiles: Sequence[PassProfile]) -> None:
+        """Take the coming passes of the selected target."""
+        self.profiles = profiles
 
     def keep(self, name: str, values: Any) -> None:
         """Take a section that is shown as it is."""
@@ -191,24 +196,41 @@ class Board:
 
         The time of `live` is its `t_s`, if it has one.
         """
-        names = ("antenna", "tracking", "target", "executive")
-        age_s = {name: round(max(0.0, self._age_s(name)), 1) for name in names if name in self._seen_s}
-        found: dict[str, Any] = {"live": {"age_s": age_s, "viewers": self._viewers, **live}}
+        age_s = self.age_s
+        # A station without a receiver has no carrier to lose.
+        self._carrier_seen |= (live.get("carrier_to_noise_db_hz") or 0.0) > 0.0
+        more = {"age_s": age_s, "viewers": self._viewers, "carrier_seen": self._carrier_seen}
+        found: dict[str, Any] = {"live": {**more, **live}}
         if self._now_s < self._slow_s:
             return found
         self._slow_s = self._now_s + SLOW_S
         t_s = live.get("t_s", self._utc_s)
         sun = self._sun.at(t_s) if self._sun else None
-        nodes = [
+        own = {"namespace": self._namespace, "sensors": list(SENSOR_CHOICES)}
+        return found | self._kept | {
+            "station": own | self._kept["station"] | self._parameters, "sun": degrees(sun, 2) if sun else None,
+            "path": self._path_at(t_s), "nodes": self.nodes, "events": list(self._events),
+        }  # fmt: skip
+
+    @property
+    def kept(self) -> Mapping[str, Any]:
+        """The sections that are shown as they are, by name."""
+        return self._kept
+
+    @property
+    def age_s(self) -> dict[str, float]:
+        """Age of the newest message of each source that was heard, in s."""
+        names = ("antenna", "tracking", "target", "executive")
+        return {name: round(max(0.0, self._age_s(name)), 1) for name in names if name in self._seen_s}
+
+    @property
+    def nodes(self) -> list[dict[str, Any]]:
+        """The nodes of the namespace with their checks, and for how long they have been silent."""
+        return [
             {"name": name, "silent_s": round(silent_s) if (silent_s := self._now_s - row["seen_s"]) > SILENT_S else 0,
              "checks": [[check, *state] for check, state in row["checks"].items()]}
             for name, row in sorted(self._nodes.items())
         ]  # fmt: skip
-        own = {"namespace": self._namespace, "sensors": list(SENSOR_CHOICES)}
-        return found | self._kept | {
-            "station": own | self._kept["station"] | self._parameters, "sun": degrees(sun, 2) if sun else None,
-            "path": self._path_at(t_s), "nodes": nodes, "events": list(self._events),
-        }  # fmt: skip
 
     def _age_s(self, name: str) -> float:
         return self._now_s - self._seen_s.get(name, -math.inf)

@@ -274,12 +274,15 @@ class Follower:
         self.azimuth_rad = None
 
     def beam_rad(self, axes: JointReading) -> Pair:
-        """Return azimuth and elevation of the beam."""
+        """Return azimuth and elevation of the beam, on the axes' side of the zenith."""
         beam = tuple(axes.position_rad)
+        azimuth = float(beam[0])
         if self.model is not None:
             # At the mount's zenith the model has no inverse: the axes are near enough.
             with suppress(ValueError):
                 beam = self.model.remove(*beam, *axes.velocity_rad_s, 0.0, 0.0)
+        if math.cos(beam[0] - azimuth) < 0.0:
+            beam = beam[0] + math.pi, math.pi - beam[1]
         return float(beam[0]), float(beam[1])
 
     def place_rad(self, axes: JointReading) -> Array:

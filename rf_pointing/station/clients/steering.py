@@ -108,7 +108,7 @@ class Steering:
         require_choice("sensor", params.sensor, SENSOR_CHOICES)
         self._params, self._match_params = params, match
         self.follower, self._known, self.view = follower, known, view
-        self._node, self._send, self._heard_s, self._inform, self._warn = node, send, heard_s, inform, warn
+        self._node, self._send, self._heard_s, self._inform, self._log = node, send, heard_s, inform, warn
         self.client = ""
         self._t_s = self._wall_s = 0.0
         self._axes: JointReading | None = None
@@ -208,9 +208,14 @@ class Steering:
         for number in [number for number, (*_, until_s) in self._waiting.items() if wall_s > until_s]:
             self.answered(number, Answer(TIMED_OUT, "no answer"))
 
+    def _warn(self, subject: str, text: str) -> None:
+        """Log why something was not done; a client that asks for the reason gets it as well."""
+        self.view.refusal = f"{subject}: {text}"
+        self._log(subject, text)
+
     def order(self, inquiry: Inquiry) -> None:
         """Carry out the order of a client; its reply may come later."""
-        order = inquiry.order
+        order, self.view.refusal = inquiry.order, self._refusal
         code, reason = self._reason_against(inquiry.client, order.name)
         if code and order.name == "set_pos" and self._joins(inquiry):
             inquiry.reply(0)

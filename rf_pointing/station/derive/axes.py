@@ -5,7 +5,6 @@ from typing import Any
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
 from rf_pointing.core.parameters import flat, leaves
 from rf_pointing.core.signals import AXES
-from rf_pointing.drives.params import DriveParams
 from rf_pointing.station.derive.band import AXIS_KEYS, Band, nearest_within, site_of
 
 
@@ -64,6 +63,8 @@ def rest(of: Band) -> Rows:
 
 def drive(of: Band) -> dict[str, Value]:
     """The drive; one that takes positions moves as the mount says, unless its section says more."""
+    from rf_pointing.drives.params import DriveParams
+
     low, high = zip(*of.stops_deg, strict=True)
     steps = tuple(axis.resolution_deg or 0.0 for axis in of.axes)
     of_mount: dict[str, tuple[Any, str, str]] = {

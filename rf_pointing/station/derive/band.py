@@ -15,7 +15,6 @@ from typing import Any
 from rf_pointing.core.derived import Rows, Value, rounded
 from rf_pointing.core.parameters import Params, flat, leaves, with_leaves
 from rf_pointing.core.types import Pair
-from rf_pointing.drives.registry import takes_positions
 from rf_pointing.ephemeris.sites import SITES, Site
 from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.station.description.content import AxisSection, BandSection, Content
@@ -135,6 +134,9 @@ class Band:
     @property
     def positions(self) -> bool:
         """Whether the drive takes positions."""
+        # Imported here, as below: a node without a drive does without them.
+        from rf_pointing.drives.registry import takes_positions
+
         return takes_positions(str(self.content.drive.get("type")))
 
     @cached_property

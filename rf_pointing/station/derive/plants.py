@@ -4,14 +4,29 @@ A structure of diameter D is that of the 34-m antenna scaled: its modes go with 
 with D^4.  A small mount is stiff: one gear with play, no paired drives, and modes far above the
 loop.  The inertia about an axis includes the motors through the gears, so it is at least what lets
 the motors hold the antenna in the wind at which it is stowed, T_wind <= 0.9 I a.
+
+A drive that takes rates and was not identified has the loop
+
+    k_p = c / L,    k_i = k_p^2 / 4,    c = min(0.2, sqrt(0.6 a L / v))
+
+with L its lag: that of the structure's rate loop, `drive.rotator.latency_s` and half a period.  The
+first bound leaves a gain margin of pi / (2 c) = 7.9 over a dead time L.  With the second the lag of
+a slew, L v, is braked by k_p^2 L v within the 0.6 of the acceleration a that commands leave, so
+the drive does not saturate to and fro.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from rf_pointing.controllers import PositionLoopParams, dss13_loops
+from rf_pointing.controllers.position_loop import FEEDFORWARD_LAG_S
 from rf_pointing.core import AXES, leaves
 from rf_pointing.core.derived import Rows, Value, tuned
+from rf_pointing.core.parameters import flat
+from rf_pointing.drives.params import DriveParams
+from rf_pointing.drives.registry import takes_positions
 from rf_pointing.servo import AxisParams, PlantParams, dss13_plant
 from rf_pointing.station.antenna.loops import closed_loop_pole
 from rf_pointing.station.derive.axes import preprocessor
@@ -33,9 +48,11 @@ MOMENT = 0.1
 """Moment coefficient of the wind on a reflector (servo/wind.py)."""
 AIR_DENSITY = 1.225
 HOLDING_RESERVE = 1.1
-FEEDFORWARD_LAG_S = 1.0 / (2.0 * math.pi * 10.0)
 TICK_S = 0.02
 GAIN_MARGIN = 2.0
+SHARE, BRAKING = 0.2, 0.6
+"""Largest k_p L of a loop, and share of the acceleration that commanded motion leaves to it."""
+LONGEST_DEAD_S = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +80,13 @@ def plant_and_loops(of: Band) -> tuple[Rows, Rows]:
         for axis, stop in zip(of.axes, of.stops_deg, strict=True)
     )
     plant = plant_of(structure, diameter, (azimuth, elevation), of.content.wind.mean_limit_m_s)
+    first = takes_rates(of.content.drive or {})
+    if first:
+        # What guards the gains of an operator, too, is a plant with the latency of the device.
+        dead_s = min(drive_latency_s(of), LONGEST_DEAD_S)
+        plant = plant.replace(
+            azimuth=plant.azimuth.replace(drive_delay_s=dead_s), elevation=plant.elevation.replace(drive_delay_s=dead_s)
+        )
     rows: dict[str, Value] = {}
     for name, (_, value) in leaves(plant).items():
         axis, _, last = name.rpartition(".")
@@ -71,12 +95,30 @@ def plant_and_loops(of: Band) -> tuple[Rows, Rows]:
         rows[name] = Value(value, f"mount.{axis}.{AXIS_KEYS[last]}") if given else tuned(value, formula)
     loops: dict[str, Rows | Value] = {"preprocessor": preprocessor(of), "oscillation": oscillation(of)}
     formula = f"PI loop of a {structure} structure with a gain margin of 2"
-    for axis, own, loop in zip(AXES, of.axes, position_loops(structure, diameter, plant), strict=True):
+    for axis, own, loop in zip(AXES, of.axes, position_loops(structure, diameter, plant, first=first), strict=True):
         rate = f"mount.{axis}.rate_deg_s"
+        if first:
+            share = loop.proportional_gain * loop.drive_lag_s
+            formula = f"k_p = c / L, k_i = k_p^2 / 4, c = {share:.2g}, L = {loop.drive_lag_s:.3g} s; {FIRST_LOOP}"
         for name, (_, value) in leaves(loop).items():
             loops[f"{axis}.{name}"] = Value(value, rate if name == "rate_limit_deg_s" else "", formula)
         loops[f"lqg_{axis}.rate_limit_deg_s"] = Value(own.rate_deg_s, rate)
     return rows, loops
+
+
+FIRST_LOOP = "until identify_antenna has measured it"
+
+
+def takes_rates(drive: Mapping[str, Any]) -> bool:
+    """Return whether a drive section names a device whose position loop this station closes."""
+    kind = str(drive.get("type", "simulated"))
+    return kind != "simulated" and not takes_positions(kind) and drive.get("model") != "position"
+
+
+def drive_latency_s(of: Band) -> float:
+    """Return the time from a command to the motion, as the description or its default says."""
+    given = flat(of.content.drive or {}).get("rotator.latency_s", DriveParams().rotator.latency_s)
+    return float(given)
 
 
 def wind_torque_n_m(diameter_m: float, speed_m_s: float) -> float:
@@ -130,12 +172,15 @@ def _axis(structure: str, reference: AxisParams, scale: float, axis: MountAxis, 
 
 
 def position_loops(
-    structure: str, diameter_m: float, plant: PlantParams
+    structure: str, diameter_m: float, plant: PlantParams, *, first: bool = False
 ) -> tuple[PositionLoopParams, PositionLoopParams]:
-    """Return PI loops for azimuth and elevation that stay stable at twice their gain."""
+    """Return PI loops for azimuth and elevation that stay stable at twice their gain.
+
+    The `first` loops of a device that was not identified are those of the module's docstring.
+    """
     tuned = dss13_loops("tuned")
     scale = REFERENCE_M / diameter_m
-    if structure == "flexible" and scale == 1.0:
+    if structure == "flexible" and scale == 1.0 and not first:
         azimuth, elevation = (
             loop.replace(rate_limit_rad_s=axis.rate_limit_rad_s)
             for loop, axis in zip(tuned, (plant.azimuth, plant.elevation), strict=True)
@@ -145,6 +190,8 @@ def position_loops(
     for index, (loop, axis) in enumerate(zip(tuned, (plant.azimuth, plant.elevation), strict=True)):
         lag_s = 1.0 / axis.drive_bandwidth_rad_s + axis.drive_delay_s + 0.5 * TICK_S
         wanted = _stiff(lag_s, axis) if structure == "stiff" else _scaled(loop, scale, lag_s)
+        if first:
+            wanted = _first(wanted, lag_s, axis)
         found.append(_with_margin(wanted.replace(rate_limit_rad_s=axis.rate_limit_rad_s), plant, index))
     return found[0], found[1]
 
@@ -162,6 +209,13 @@ def _stiff(lag_s: float, axis: AxisParams) -> PositionLoopParams:
         notch_enabled=False,
         drive_lag_s=lag_s,
     )
+
+
+def _first(loop: PositionLoopParams, lag_s: float, axis: AxisParams) -> PositionLoopParams:
+    """Return the loop with the gains of the module's docstring, or its own where they are less."""
+    braking = math.sqrt(BRAKING * axis.acceleration_limit_rad_s2 * lag_s / axis.rate_limit_rad_s)
+    gain = min(loop.proportional_gain, min(SHARE, braking) / lag_s)
+    return loop.replace(proportional_gain=gain, integral_gain=0.25 * gain**2)
 
 
 def _scaled(loop: PositionLoopParams, scale: float, lag_s: float) -> PositionLoopParams:

@@ -14,7 +14,6 @@ from rf_pointing.core.derived import Value
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import flat, leaves
 from rf_pointing.core.whole_file import compose_yaml, read_whole
-from rf_pointing.drives.registry import SIMULATED
 from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference
@@ -53,9 +52,14 @@ class StationDescription:
         """The band that counts when none is named."""
         self.drive: Mapping[str, Any] = {"type": "simulated"} | content.drive
         """The drive section: its `type` and the keys of that type."""
-        self.simulated = self.drive["type"] in SIMULATED
-        """Whether its antenna is a simulated one; any other moves a device in real time."""
         self._derived: dict[tuple[str, str], Derived] = {}
+
+    @property
+    def simulated(self) -> bool:
+        """Whether its antenna is a simulated one; any other moves a device in real time."""
+        from rf_pointing.drives.registry import SIMULATED
+
+        return self.drive["type"] in SIMULATED
 
     def sensors(self, band: str | None = None) -> tuple[str, ...]:
         """Return what a band can track with, the default first; empty for program track alone."""
@@ -222,7 +226,7 @@ def read_station(name_or_path: str | Path, nodes: tuple[str, ...] = tuple(NODES)
         path = Path(text).expanduser()
         if not path.is_file():
             shipped = shipped_stations()
-            raise StationError(text, [(1, f"no such file, and no shipped station{nearest(text, shipped)}")])
+            raise StationError(text, [(0, f"no such file, and no shipped station{nearest(text, shipped)}")])
     return station_from(path, nodes=nodes)
 
 

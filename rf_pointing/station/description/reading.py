@@ -25,11 +25,11 @@ MOST_PROBLEMS = 100
 
 
 class StationError(ValueError):
-    """A description that cannot be used; `problems` are all of them, by their lines."""
+    """A description that cannot be used; `problems` are all of them, by lines (0: none)."""
 
     def __init__(self, file: str, problems: Iterable[tuple[int, str]]) -> None:
         self.problems = sorted(set(problems))
-        super().__init__("\n".join(f"{file}:{line}: {text}" for line, text in self.problems))
+        super().__init__("\n".join(f"{file}{f':{line}' if line else ''}: {text}" for line, text in self.problems))
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -1,9 +1,13 @@
-"""Which passes of many satellites one antenna tracks in a time, each with its certificate.
+"""Which passes of many targets one antenna tracks in a time, each with its certificate.
 
 All passes above the mask are found together, the best plan is made of them
 (`planning.schedule`), and the passes of the plan are certified in order, each slew from where the
 one before leaves the axes.  A pass that no branch works for (keyhole, Sun, travel, a slew that
 takes a detour) is barred with its reason, and the plan is made again without it.
+
+What stays up for hours (a geostationary satellite, the Moon, a radio source) ranks below the passes
+of its priority, and is tracked in the gaps that they leave.  A pass that lasts already at the start
+is joined as soon as the antenna can be there.
 """
 
 import dataclasses
@@ -21,6 +25,7 @@ from rf_pointing.ephemeris import (
     Elements,
     ElementUncertainty,
     Site,
+    TargetSource,
     TopocentricTrack,
     find_catalogue_passes,
     find_passes,
@@ -41,6 +46,8 @@ from rf_pointing.station.pointing.certificates import PlanningRules, SolarTable,
 LONG_S = 10800.0
 """Stays of geostationary and highly eccentric orbits: they may be tracked in pieces."""
 LEAST_PIECE_S, MARGIN_S = 600.0, 5.0
+LEAST_SEARCH_S, JOIN_STEP_S = 60.0, 30.0
+"""Shortest time that is searched, and steps in which the begin of a pass that lasts is put off."""
 
 
 class Fate(StrEnum):
@@ -53,9 +60,9 @@ class Fate(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """A satellite to track: its priority (larger first) and the least peak of a pass."""
+    """A target to track: its priority (larger first) and the least peak of a pass."""
 
-    elements: Elements
+    target: Elements | TargetSource
     priority: int = 0
     min_peak_rad: float = 0.0
 
@@ -71,7 +78,7 @@ class DayPass:
     along_rad: float
     """One sigma of the elements' error along the track at the closest approach."""
     age_s: float
-    """Age of the elements then."""
+    """Age of the elements then, 0 for what is tracked without them."""
     certificate: Certificate | None = None
     profile: PassProfile | None = None
 
@@ -105,16 +112,27 @@ def plan_day(
     for longer than `LONG_S`, or all the time, and yields gets the time between the tracked passes.
     """
     air, error = RadioRefraction.standard(site.altitude_m), uncertainty or ElementUncertainty()
-    of = {id(wish.elements): wish for wish in wishes}
-    found = find_catalogue_passes(
-        [wish.elements for wish in wishes], site, start_t_s, duration_s, _least(rules.mask, least_rad),
-        refraction=air, max_age_s=max_age_s,
-    )  # fmt: skip
-    wanted = [w for w in found.passes if w.peak_elevation_rad >= of[id(w.elements)].min_peak_rad]
+    of = {id(wish.target): wish for wish in wishes}
+    least = _least(rules.mask, least_rad)
     issued = _Certificates(site, air, rules, (start_t_s, duration_s), max_age_s)
     rest, cut = (start_t_s, encoder_rad), set[int]()
+    found = find_catalogue_passes(
+        [wish.target for wish in wishes if isinstance(wish.target, Elements)], site, start_t_s, duration_s, least,
+        refraction=air, max_age_s=max_age_s,
+    )  # fmt: skip
+    windows = list(found.passes)
+    for wish in wishes:
+        if not isinstance(wish.target, Elements):
+            windows += issued.passes(wish.target, start_t_s, duration_s, least)
+    wanted = [w for w in windows if w.peak_elevation_rad >= of[id(w.target)].min_peak_rad]
+    at_once = [_FreeTime(start_t_s, encoder_rad, start_t_s + duration_s, None)]
+    wanted = [
+        one
+        for w in wanted
+        for one in (w.rises_before and not _is_long(w) and issued.pieces(w, at_once, 0.0, least, 0.0)) or [w]
+    ]
     while True:
-        candidates = [_candidate(window, of[id(window.elements)].priority, rules) for window in wanted]
+        candidates = [_candidate(window, of[id(window.target)].priority, rules) for window in wanted]
         barred = {k: _no_turn(wanted[k], rules.limits) for k, one in enumerate(candidates) if not one.turns}
         while True:
             # A candidate without a turn is never taken.
@@ -125,24 +143,26 @@ def plan_day(
                 break
             barred |= failed
         yields = reasons_against(left, tracked, rules.machine.axes, rest, gap_s)
-        long = [k for k in yields if _is_long(wanted[k]) and id(wanted[k].elements) not in cut]
+        long = [k for k in yields if _is_long(wanted[k]) and id(wanted[k].target) not in cut]
         if not long:
             break
         # The most wanted one first: what it leaves is the next one's.
         k = max(long, key=lambda k: (candidates[k].priority, candidates[k].peak_rad))
-        cut.add(id(wanted[k].elements))
+        cut.add(id(wanted[k].target))
         free = _free_times([certified[k][0] for k, _ in tracked], rest, start_t_s + duration_s)
-        pieces = issued.pieces(wanted[k], free, gap_s, _least(rules.mask, least_rad))
+        pieces = issued.pieces(wanted[k], free, gap_s, least, LEAST_PIECE_S)
         wanted = sorted([*wanted[:k], *(pieces or [wanted[k]]), *wanted[k + 1 :]], key=lambda w: w.aos_t_s)
     rows = []
     for k, window in enumerate(wanted):
         fate = Fate.TRACKED if k in certified else Fate.BARRED if k in barred else Fate.YIELDS
-        age_s = abs(window.tca_t_s - window.elements.epoch_t_s)
+        target = window.target
+        age_s = abs(window.tca_t_s - target.epoch_t_s) if isinstance(target, Elements) else 0.0
         certificate, profile = certified.get(k, (None, None))
         rows.append(
             DayPass(
-                window=window, priority=candidates[k].priority, fate=fate, age_s=age_s,
-                reason=barred.get(k) or yields.get(k, ""), along_rad=error.sigmas_m(age_s)[0] / window.tca_range_m,
+                window=window, priority=of[id(target)].priority, fate=fate, age_s=age_s,
+                reason=barred.get(k) or yields.get(k, ""),
+                along_rad=error.sigmas_m(age_s)[0] / window.tca_range_m if isinstance(target, Elements) else 0.0,
                 certificate=certificate, profile=profile,
             )
         )  # fmt: skip
@@ -193,32 +213,46 @@ class _Certificates:
         self._sun = SolarTable(site, air, *span)
         self._issued: dict[tuple[int, float, Pair], tuple[Certificate, PassProfile]] = {}
 
-    def _track(self, elements: Elements) -> TopocentricTrack:
-        return TopocentricTrack(elements, self._site, refraction=self._air, max_age_s=self._max_age_s)
+    def _track(self, target: Elements | TargetSource) -> TopocentricTrack:
+        return TopocentricTrack(target, self._site, refraction=self._air, max_age_s=self._max_age_s)
+
+    def passes(
+        self, target: Elements | TargetSource, start_s: float, duration_s: float, least: float | Horizon
+    ) -> list[CataloguePass]:
+        """Return the passes of one target in a time, as the search of one satellite finds them."""
+        track = self._track(target)
+        return [CataloguePass.of_window(target, track, stay) for stay in find_passes(track, start_s, duration_s, least)]
 
     def pieces(
-        self, window: CataloguePass, free: Sequence[_FreeTime], gap_s: float, least: float | Horizon
+        self, window: CataloguePass, free: Sequence[_FreeTime], gap_s: float, least: float | Horizon, shortest_s: float
     ) -> list[CataloguePass]:
-        """Return the parts of a long stay that fit between the tracked passes, with the slews."""
-        track, axes, found = self._track(window.elements), self._rules.machine.axes, []
+        """Return the parts of a stay that fit into free times, with the slews before and after."""
+        axes, found = self._rules.machine.axes, list[CataloguePass]()
         for time in free:
             begin_s, end_s = max(time.begin_s, window.aos_t_s), min(time.end_s, window.los_t_s)
-            if end_s - begin_s < LEAST_PIECE_S:
-                continue
-            looks = track.sample([begin_s, end_s])
-            rows = zip(looks.azimuth_rad.tolist(), looks.elevation_rad.tolist(), strict=True)
-            places = [_on_every_turn(self._rules.limits, *row) for row in rows]
-            if not all(places):
-                continue
-            begin_s = max(
-                begin_s, time.begin_s + gap_s + MARGIN_S + min(axes.slew_s(time.from_rad, p) for p in places[0])
-            )
-            if time.to_rad is not None:
-                to_rad = time.to_rad
-                end_s = min(end_s, time.end_s - gap_s - MARGIN_S - min(axes.slew_s(p, to_rad) for p in places[1]))
-            if end_s - begin_s >= LEAST_PIECE_S:
-                stays = find_passes(track, begin_s, end_s - begin_s, least)
-                found += [CataloguePass.of_window(window.elements, track, stay) for stay in stays]
+
+            stays: list[CataloguePass] = []
+            # A satellite moves on during the slew to it, and what is left may fit more turns.
+            while end_s - begin_s > max(shortest_s, LEAST_SEARCH_S):
+                stays = self.passes(window.target, begin_s, end_s - begin_s, least)
+                if not stays:
+                    break
+                starts = (turn[0] for turn in _turns(stays[0], self._rules.limits))
+                slew_s = min((axes.slew_s(time.from_rad, start) for start in starts), default=math.inf)
+                late_s = time.begin_s + gap_s + MARGIN_S + slew_s - stays[0].aos_t_s
+                if late_s <= 0.0:
+                    break
+                begin_s, stays = stays[0].aos_t_s + max(1.0, min(late_s, JOIN_STEP_S)), []
+            if stays and time.to_rad is not None:
+                ends = (turn[1] for turn in _turns(stays[-1], self._rules.limits))
+                slew_s = min((axes.slew_s(end, time.to_rad) for end in ends), default=math.inf)
+                end_s = min(end_s, time.end_s - gap_s - MARGIN_S - slew_s)
+                lasts = end_s - begin_s > max(shortest_s, LEAST_SEARCH_S)
+                stays = self.passes(window.target, begin_s, end_s - begin_s, least) if lasts else []
+            if stays and end_s == window.los_t_s:
+                # The search ended there; whether the object sets was known before.
+                stays[-1] = dataclasses.replace(stays[-1], sets_after=window.sets_after)
+            found += stays
         return found
 
     def of(
@@ -229,7 +263,7 @@ class _Certificates:
         for number, window in windows:
             key = id(window), free_t_s, encoder_rad
             if key not in self._issued:
-                track = self._track(window.elements)
+                track = self._track(window.target)
                 self._issued[key] = planned_certificate(track, window, free_t_s, encoder_rad, self._rules, self._sun)
             certificate, profile = self._issued[key]
             if certificate.chosen is None:
@@ -247,17 +281,22 @@ def _least(mask: HorizonMask, least_rad: float) -> float | Horizon:
     return mask.above(least_rad)
 
 
-def _candidate(window: CataloguePass, priority: int, rules: PlanningRules) -> Candidate:
+def _turns(window: CataloguePass, limits: AxisLimits) -> tuple[tuple[Pair, Pair], ...]:
+    """Return where the axes begin and end a pass on each turn of the travel."""
     elevations = window.aos_elevation_rad, window.los_elevation_rad
     begin, _, _, end = window.azimuth_path_rad
     # A pass that fits no turn waits at a stop or unwinds: it ends on any turn, as its certificate.
-    rises, sets = (_on_every_turn(rules.limits, *place) for place in zip((begin, end), elevations, strict=True))
-    turns = turns_within(rules.limits, window.azimuth_path_rad, elevations)
+    rises, sets = (_on_every_turn(limits, *place) for place in zip((begin, end), elevations, strict=True))
+    return turns_within(limits, window.azimuth_path_rad, elevations) or tuple(itertools.product(rises, sets))
+
+
+def _candidate(window: CataloguePass, priority: int, rules: PlanningRules) -> Candidate:
     return Candidate(
         name=window.name,
         aos_t_s=window.aos_t_s,
         los_t_s=window.los_t_s,
         peak_rad=window.peak_elevation_rad,
-        priority=priority,
-        turns=turns or tuple(itertools.product(rises, sets)),
+        # Above a whole number below: what stays up lends its time to the passes of its priority.
+        priority=priority - 0.5 * _is_long(window),
+        turns=_turns(window, rules.limits),
     )

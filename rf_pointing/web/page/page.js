@@ -46,6 +46,7 @@ function refill(parent, data, rows) {
 }
 refill.made = new WeakMap();
 
+const words = (name) => (name || "").replaceAll("_", " ");
 const fixed = (value, digits) => Number.isFinite(value) ? value.toFixed(digits).replace("-", "−") : "–";
 const mark = (level) => make("span", {class: `mark ${LEVELS[level][0]}`}, LEVELS[level][1]);
 const clock = (utc) => (utc || "").slice(11, 19);
@@ -110,7 +111,7 @@ function toast(text, good) {
 
 async function command(name, args) {
   if (!token) {
-    toast(`NOT SENT: ${name.replaceAll("_", " ")} needs the token. Unlock the commands first.`, false);
+    toast(`NOT SENT: ${words(name)} needs the token. Unlock the commands first.`, false);
     byId("door").showModal();
     return null;
   }
@@ -119,10 +120,10 @@ async function command(name, args) {
       headers: {"Content-Type": "application/json", "Authorization": `Bearer ${token}`}});
     const answer = await response.json();
     if (response.status === 401) setToken("");
-    toast(`${name.replaceAll("_", " ")}: ${answer.message}`, answer.accepted);
+    toast(`${words(name)}: ${answer.message}`, answer.accepted);
     return answer;
   } catch (error) {
-    toast(`NOT SENT: ${name.replaceAll("_", " ")}: no connection to the station`, false);
+    toast(`NOT SENT: ${words(name)}: no connection to the station`, false);
     return null;
   }
 }
@@ -207,6 +208,15 @@ function buildSky() {
   for (const id of ["sky-zone", "sky-sun", "sky-target", "sky-beam"]) byId(id).style.display = "none";
 }
 
+// Beside the end of a path, where neither the path nor a tick nor the label of the other end is.
+function beside(way) {
+  const [[x, y], [nextX, nextY]] = way, length = Math.hypot(nextX - x, nextY - y) || 1;
+  const [dx, dy] = [(nextX - x) / length, (nextY - y) / length], side = x * dy - y * dx > 0 ? -1 : 1;
+  const [labelX, labelY] = [x + side * 13 * dy - 7 * dx, y - side * 13 * dx - 7 * dy];
+  const inside = Math.min(1, 82 / Math.max(1, Math.hypot(labelX, labelY)));
+  return {x: labelX * inside, y: labelY * inside};
+}
+
 function put(id, position) {
   const visible = position && Number.isFinite(position[0]) && position[1] > -5 && position[1] < 185;
   byId(id).style.display = visible ? "" : "none";
@@ -239,7 +249,10 @@ function showBeam(live) {
     trail = [...trail.slice(1 - TRAIL), [x, y]];
     dot.setAttribute("transform", `translate(${x.toFixed(1)} ${y.toFixed(1)})`);
     write("error", size > 99 ? ">99" : fixed(size, size < 0.1 ? 3 : 2));
-    write("error-angle", `${fixed(size * live.beamwidth_deg * 1000, 1)} mdeg of ${fixed(live.beamwidth_deg, 3)}°`);
+    const off = size * live.beamwidth_deg, width = `${fixed(live.beamwidth_deg, 3)}°`;
+    // A Gaussian beam: half power is 3.01 dB at half a beamwidth.  A slew is told in degrees.
+    write("error-angle", size > 1 ? `${fixed(off, 2)}° off a beam of ${width}`
+      : `${fixed(off * 1000, 1)} mdeg of ${width}, ${fixed(12.04 * size * size, 2)} dB`);
     write("held", `${live.held ? "● held" : "✖ not held"}: ${live.on_source ? "axes on source" : `axes ${fixed(live.axis_distance_deg, 3)}° off`}`);
     byId("held").className = `words ${live.held ? "good" : "bad"}`;
   }
@@ -283,7 +296,8 @@ function showAxes(live) {
 
 function showCarrier(live) {
   const value = live.carrier_to_noise_db_hz, known = Number.isFinite(value) && value > 0 && (live.age_s.tracking ?? 99) < STALE_S;
-  write("carrier", known ? fixed(value, 1) : "no carrier");
+  byId("carrier-card").classList.toggle("folded", !live.carrier_seen);
+  write("carrier", known ? fixed(value, 1) : live.carrier_seen ? "no carrier" : "");
   const last = strip.length ? strip[strip.length - 1] : [-Infinity];
   if (live.t_s < last[0]) strip = [];
   if (live.t_s - last[0] < 0.4) return;
@@ -304,7 +318,10 @@ function showCarrier(live) {
 function countdown(live) {
   const busy = !["", "idle", undefined].includes(live.tracking), path = shown.path, executive = shown.executive;
   if (busy && live.los_s > live.t_s) return ["Loss of signal in", span(live.los_s - live.t_s)];
-  if (executive && executive.state !== "idle" && executive.next_s > live.t_s) return [`Next pass (${executive.next.slice(0, 40)}) in`, span(executive.next_s - live.t_s)];
+  if (executive && executive.state !== "idle" && executive.next_s > live.t_s) {
+    const next = (shown.schedule || []).find((row) => row.id === executive.next);
+    return [`Next pass (${(next ? next.target : executive.next).slice(0, 40)}) in`, span(executive.next_s - live.t_s)];
+  }
   if (path && path.aos_s > live.t_s) return ["Acquisition in", span(path.aos_s - live.t_s)];
   if (path && path.los_s > live.t_s) return ["Above the horizon for", span(path.los_s - live.t_s)];
   return ["Countdown", "no pass"];
@@ -324,8 +341,8 @@ const show = {
     const utc = live.utc || "";
     write("clock", clock(utc) || "--:--:--");
     write("date", utc.slice(0, 10));
-    write("antenna-mode", live.antenna || "no antenna");
-    write("tracking-mode", "tracking" in live.age_s ? live.tracking || "–" : "no controller");
+    write("antenna-mode", words(live.antenna) || "no antenna");
+    write("tracking-mode", "tracking" in live.age_s ? words(live.tracking) || "–" : "no controller");
     write("target", live.target || (live.sky_target || {}).name || "none");
     const [what, left] = countdown(live);
     write("countdown-what", what);
@@ -374,9 +391,11 @@ const show = {
   path(path) {
     const points = path ? path.points_deg.map((each) => place(...each)) : [];
     byId("sky-track").setAttribute("d", line(points));
-    for (const [id, text, at] of [["sky-aos", "AOS", points[0]], ["sky-los", "LOS", points[points.length - 1]]]) {
-      write(id, at ? text : "");
-      if (at) for (const [name, value] of [["x", at[0] + (at[0] > 70 ? -15 : 15)], ["y", at[1]]]) byId(id).setAttribute(name, value.toFixed(1));
+    const ends = [["sky-aos", "AOS", points], ["sky-los", "LOS", [...points].reverse()]];
+    for (const [id, text, way] of ends) {
+      write(id, way.length > 1 ? text : "");
+      if (way.length < 2) continue;
+      for (const [name, value] of Object.entries(beside(way))) byId(id).setAttribute(name, value.toFixed(1));
     }
   },
   certificate(given) {
@@ -409,13 +428,13 @@ const show = {
     refill(byId("alarms"), executive.alarms, () => !executive.alarms.length ? [make("li", {class: "good"}, "● no alarm")] : executive.alarms.map((alarm) => {
       const button = make("button", {type: "button", "data-key": alarm.name}, "Acknowledge");
       button.addEventListener("click", () => command("night_acknowledge", {name: alarm.name}));
-      return make("li", {}, mark(Math.min(alarm.level, 2)), make("span", {class: "grow"}, make("strong", {}, alarm.name), ` ${alarm.message} `, make("small", {}, `since ${clock(alarm.raised_utc)}${alarm.count > 1 ? `, ${alarm.count} times` : ""}`)),
+      return make("li", {}, mark(Math.min(alarm.level, 2)), make("span", {class: "grow"}, make("strong", {}, words(alarm.name)), ` ${alarm.message} `, make("small", {}, `since ${clock(alarm.raised_utc)}${alarm.count > 1 ? `, ${alarm.count} times` : ""}`)),
         alarm.acknowledged ? make("span", {}, "✔ acknowledged") : button);
     }));
   },
   schedule(rows) {
     refill(byId("schedule").tBodies[0], rows, () => rows.map((row) => make("tr", {}, make("td", {}, `${row.target} `, make("small", {}, row.id)), make("td", {}, `${clock(row.aos_utc)}–${clock(row.los_utc)}`),
-      make("td", {}, `${fixed(row.peak_deg, 0)}°`), make("td", {}, STATES[row.state] || row.state), make("td", {}, row.reason))));
+      make("td", {}, `${fixed(row.peak_deg, 0)}°`), make("td", {}, STATES[row.state] || row.state), make("td", {}, make("div", {class: "reason", title: row.reason}, row.reason)))));
     const svg = byId("timeline"), times = rows.flatMap((row) => [seconds(row.aos_utc), seconds(row.los_utc)]).filter(Number.isFinite);
     if (!times.length) return svg.replaceChildren();
     const now = (shown.live || {}).t_s || times[0], begin = Math.min(...times, now) - 60, end = Math.max(...times, now) + 60;

@@ -12,8 +12,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, unit_vector_from_azel
-from rf_pointing.drives.line_server import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, Order, ServerCounts
-from rf_pointing.drives.rotctld import StationView
+from rf_pointing.drives.line_server import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, Order, ServerCounts, Session
+from rf_pointing.drives.rotctld import Habit, StationView
 from rf_pointing.station.clients.points import Follower, FollowParams, MatchParams
 from rf_pointing.station.clients.steering import Answer, Steering, SteeringParams, steering_rows
 from rf_pointing.station.description import read_station
@@ -393,6 +393,35 @@ def test_clients_read_where_the_beam_is_until_the_antenna_is_silent_for_2_s(
     assert desk.order(name, *((100.0, 50.0) if name == "set_pos" else ())) == ([] if code is None else [code])
     desk.step()
     assert (desk.steering.view.position_deg is None) is (code is not None)
+
+
+def test_a_client_that_sees_a_code_alone_can_ask_for_the_reason(desk: Desk) -> None:
+    desk.antenna("parked")
+    assert desk.point(110.0) == [REJECTED]
+    view = desk.steering.view
+    assert view.refusal.endswith("the antenna was parked by somebody else; release it first")
+    assert view.refusal in view.fields("get_info", Habit())[0][0]
+    order = Order("set_pos", (110.0, 40.0), "110 40", "\n")
+    asked = Session.answer(order, REJECTED, (), view.refusal).decode().splitlines()
+    assert asked == ["set_pos: 110 40", f"Reason: {view.refusal}", "RPRT -9"]
+    # The next order that is carried out has none.
+    desk.antenna("holding")
+    desk.point(110.0)
+    assert view.refusal == ""
+
+
+@given(azimuth_deg=st.floats(-170.0, 170.0), elevation_deg=st.floats(89.0, 90.0), bias_deg=st.floats(-0.5, 0.5))
+@settings(deadline=None, max_examples=30)
+def test_near_the_zenith_a_client_reads_the_azimuth_of_the_axes(
+    azimuth_deg: float, elevation_deg: float, bias_deg: float
+) -> None:
+    desk = Desk()
+    zero = dict(BiasModel.zero().coefficients)
+    desk.steering.follower.model = BiasModel(zero | {"elevation_offset": math.radians(bias_deg)})
+    desk.axes(azimuth_deg, elevation_deg)
+    azimuth, elevation = Habit(negative=True).shown_deg(*desk.steering.view.position_deg)
+    assert azimuth == pytest.approx(azimuth_deg, abs=0.006)
+    assert elevation == pytest.approx(min(90.0, elevation_deg - bias_deg), abs=0.006)
 
 
 def test_an_antenna_that_a_client_parked_is_released_by_the_next_place(desk: Desk) -> None:

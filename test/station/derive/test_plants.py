@@ -2,9 +2,10 @@
 
 import math
 
+import numpy as np
 import pytest
 
-from rf_pointing.controllers import dss13_loops
+from rf_pointing.controllers import PositionLoop, PositionLoopParams, dss13_loops
 from rf_pointing.servo import dss13_plant
 from rf_pointing.station.antenna.loops import closed_loop_pole
 from rf_pointing.station.derive.plants import MountAxis, plant_of, position_loops, wind_torque_n_m
@@ -82,3 +83,55 @@ def test_the_34_m_antenna_keeps_its_tuned_loops() -> None:
     plant = plant_of("flexible", 34.0, (SLOW, SLOW), 5.0)
     for loop, tuned in zip(position_loops("flexible", 34.0, plant), dss13_loops("tuned"), strict=True):
         assert loop == tuned.replace(rate_limit_rad_s=SLOW.rate_rad_s)
+
+
+RANDOM_PLANTS = 50
+
+
+def swing(loop: PositionLoopParams, own: MountAxis, lag_s: float, dead_s: float, start_rad: float) -> np.ndarray:
+    """Return the errors of 30 s of a loop on a planted drive with its limits, released off its goal."""
+    law, tick_s = PositionLoop(loop), 0.02
+    law.reset(start_rad, 0.0, start_rad, 0.0)
+    queue = [0.0] * max(1, round(dead_s / tick_s))
+    position, rate, errors = start_rad, 0.0, []
+    for _ in range(1500):
+        command = law.output(0.0, 0.0, position, 0.0)
+        law.update(tick_s, command)
+        queue.append(command)
+        wanted = (queue.pop(0) - rate) / lag_s
+        rate += tick_s * float(np.clip(wanted, -own.acceleration_rad_s2, own.acceleration_rad_s2))
+        rate = float(np.clip(rate, -own.rate_rad_s, own.rate_rad_s))
+        position += tick_s * rate
+        errors.append(position)
+    return np.array(errors)
+
+
+def test_the_first_loops_of_fifty_rate_drives_settle_without_saturating_to_and_fro(
+    random: np.random.Generator,
+) -> None:
+    """Drives that were never identified: half as slow again as stated, released a slew's lag off."""
+    for _ in range(RANDOM_PLANTS):
+        rate_deg_s, latency_s = float(np.exp(random.uniform(-1.2, 2.3))), float(random.uniform(0.0, 0.5))
+        own = MountAxis(
+            rate_rad_s=rate_deg_s * DEG, acceleration_rad_s2=rate_deg_s * DEG * float(random.uniform(0.3, 3.0)),
+            stop_rad=(-5.0, 4.0), encoder_bits=18, backlash_rad=None,
+        )  # fmt: skip
+        diameter_m = float(np.exp(random.uniform(0.5, 3.7)))
+        structure = "stiff" if diameter_m < 10.0 else "flexible"
+        plant = plant_of(structure, diameter_m, (own, own), 15.0)
+        late = plant.azimuth.replace(drive_delay_s=latency_s)
+        plant = plant.replace(azimuth=late, elevation=late)
+        loop, _ = position_loops(structure, diameter_m, plant, first=True)
+        # Closed form: over a dead time L, k_p e^(-s L) / s swings at k_p L = pi / 2.
+        lag_s = 1.0 / late.drive_bandwidth_rad_s + latency_s + 0.01
+        share = loop.proportional_gain * lag_s
+        assert 0.0 < share <= 0.2 + 1e-9
+        assert 0.5 * math.pi / share >= 7.8
+        assert loop.proportional_gain**2 * lag_s * own.rate_rad_s <= 0.6 * own.acceleration_rad_s2 * (1.0 + 1e-9)
+        assert loop.integral_gain == pytest.approx(0.25 * loop.proportional_gain**2)
+        errors = swing(loop, own, 1.5 / late.drive_bandwidth_rad_s, 1.5 * latency_s, own.rate_rad_s * lag_s)
+        half = len(errors) // 2
+        assert np.max(np.abs(errors)) < 1.3 * abs(errors[0])
+        assert np.max(np.abs(errors[half:])) < max(0.35 * abs(errors[0]), 1e-5)
+        crossings = int(np.sum(np.diff(np.sign(errors[np.abs(errors) > 1e-4 * abs(errors[0])])) != 0))
+        assert crossings <= 3, (rate_deg_s, latency_s, diameter_m)

@@ -1,15 +1,18 @@
 """The plan of a day: certificates of all that is tracked, mask, Sun and travel, and reasons for the rest."""
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from rf_pointing import planning
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core.constants import EARTH_MU_M3_S2
-from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes, site
+from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes, moon, site
 from rf_pointing.planning import HorizonMask
 from rf_pointing.station.pointing.certificates import PlanningRules, planned_certificate
 from rf_pointing.station.pointing.multi_satellite_plan import DayPlan, Fate, Wish, plan_day
@@ -50,7 +53,7 @@ def satellites() -> list[Elements]:
 
 
 def day(satellites: list[Elements], rules: PlanningRules = RULES, hours: float = 12.0, **options: float) -> DayPlan:
-    wishes = [Wish(elements=one, priority=one.catalogue_number % 3) for one in satellites]
+    wishes = [Wish(target=one, priority=one.catalogue_number % 3) for one in satellites]
     return plan_day(wishes, PLACE, START_S, hours * 3600.0, rules, (0.0, 1.2), LEAST_RAD, **options)
 
 
@@ -66,7 +69,7 @@ def test_tracked_passes_have_certificates_that_follow_on_each_other(satellites: 
         assert item.window.aos_t_s >= free_s
         # Issued where the antenna is when the pass before ends, and in time for the slew from there.
         assert item.certificate.issued_t_s == free_s
-        track = TopocentricTrack(item.window.elements, PLACE)
+        track = TopocentricTrack(item.window.target, PLACE)
         again, _ = planned_certificate(track, item.window, free_s, place, RULES)
         assert again.chosen is not None
         assert again.chosen.label == branch.label
@@ -81,11 +84,14 @@ def test_a_hill_cuts_passes_where_the_search_of_one_satellite_does(satellites: l
     plan = day(satellites, rules)
     count = 0
     for one in satellites:
-        mine = [item.window for item in plan.passes if item.window.elements is one]
+        mine = [item.window for item in plan.passes if item.window.target is one]
         wanted = find_passes(TopocentricTrack(one, PLACE), START_S, 12.0 * 3600.0, HILL.above(LEAST_RAD))
-        assert [w.aos_t_s for w in mine] == pytest.approx([w.aos_t_s for w in wanted], abs=0.05)
+        # One that lasts already is joined after the slew to it.
+        first = int(bool(wanted) and wanted[0].rises_before)
+        assert [w.aos_t_s for w in mine[first:]] == pytest.approx([w.aos_t_s for w in wanted[first:]], abs=0.05)
         assert [w.los_t_s for w in mine] == pytest.approx([w.los_t_s for w in wanted], abs=0.05)
-        assert [w.peak_elevation_rad for w in mine] == pytest.approx([w.peak_elevation_rad for w in wanted], abs=1e-5)
+        peaks = [w.peak_elevation_rad for w in wanted[first:]]
+        assert [w.peak_elevation_rad for w in mine[first:]] == pytest.approx(peaks, abs=1e-5)
         assert [(w.rises_before, w.sets_after) for w in mine] == [(w.rises_before, w.sets_after) for w in wanted]
         count += len(wanted)
     assert count > len(day(satellites).passes) * 0.9
@@ -102,7 +108,7 @@ def test_a_pass_through_the_sun_is_barred_and_the_plan_is_made_without_it(satell
     (same,) = (
         i
         for i in plan.passes
-        if i.window.elements is by_angle.window.elements and i.window.aos_t_s == by_angle.window.aos_t_s
+        if i.window.target is by_angle.window.target and i.window.aos_t_s == by_angle.window.aos_t_s
     )
     assert same.fate is Fate.BARRED
     assert "deg from the Sun, must be >=" in same.reason
@@ -135,10 +141,10 @@ def test_an_object_that_never_sets_is_tracked_between_the_others(satellites: lis
     assert (item.fate, item.window.rises_before, item.window.sets_after) == (Fate.TRACKED, True, True)
     # All but the slew from where the antenna is.
     assert 12.0 * 3600.0 - 220.0 < item.window.duration_s <= 12.0 * 3600.0
-    low = [Wish(elements=one, priority=1) for one in satellites[:3]]
+    low = [Wish(target=one, priority=1) for one in satellites[:3]]
     alone, plan = (
         plan_day(wishes, PLACE, START_S, 12.0 * 3600.0, RULES, (0.0, 1.2), LEAST_RAD)
-        for wishes in (low, [Wish(elements=placed), *low])
+        for wishes in (low, [Wish(target=placed), *low])
     )
     tracked = [item for item in plan.passes if item.fate is Fate.TRACKED]
     pieces = [item.window for item in tracked if item.window.name == "GEO"]
@@ -150,9 +156,57 @@ def test_an_object_that_never_sets_is_tracked_between_the_others(satellites: lis
     assert 12.0 * 3600.0 - 600.0 - 2 * 220.0 * len(others) < spent_s <= 12.0 * 3600.0
 
 
+@given(share=st.floats(0.0, 0.7), azimuth_rad=st.floats(-3.0, 3.0))
+@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_pass_in_progress_is_joined_as_soon_as_the_slew_allows(
+    satellites: list[Elements], share: float, azimuth_rad: float
+) -> None:
+    satellite, axes = satellites[0], RULES.machine.axes
+    track = TopocentricTrack(satellite, PLACE)
+    whole = max(find_passes(track, START_S, 43200.0, LEAST_RAD), key=lambda w: w.duration_s)
+    start_s, place = whole.aos_t_s + share * whole.duration_s, (azimuth_rad, 1.2)
+    plan = plan_day([Wish(target=satellite)], PLACE, start_s, 3600.0, RULES, place, LEAST_RAD)
+
+    def late_s(t_s: float) -> float:
+        (left,) = find_passes(track, t_s, whole.los_t_s - t_s, LEAST_RAD)
+        path = left.aos_azimuth_rad, left.azimuth_min_rad, left.azimuth_max_rad, left.los_azimuth_rad
+        turns = planning.turns_within(RULES.limits, path, (track.target_at(t_s).elevation_rad, LEAST_RAD))
+        return start_s + min(axes.slew_s(place, begin) for begin, _ in turns) - t_s
+
+    item = plan.passes[0]
+    assert item.window.los_t_s == pytest.approx(whole.los_t_s, abs=0.1)
+    assert late_s(item.window.aos_t_s) <= 0.0
+    # It is joined no more than a step late.
+    assert item.window.aos_t_s == start_s or late_s(max(start_s, item.window.aos_t_s - 40.0)) > -10.0
+    assert item.fate is Fate.TRACKED or "would be lost" in item.reason
+
+
+def test_bodies_of_the_sky_fill_the_gaps_that_passes_leave(satellites: list[Elements]) -> None:
+    bodies = [moon()]
+    low = [Wish(target=one) for one in satellites[:6]]
+    alone, plan = (
+        plan_day(wishes, PLACE, START_S, 43200.0, RULES, (0.0, 1.2), LEAST_RAD)
+        for wishes in (low, [*(Wish(target=body) for body in bodies), *low])
+    )
+    names = {body.name for body in bodies}
+    fillers = [item for item in plan.passes if item.window.name in names and item.fate is Fate.TRACKED]
+    tracked = [item.window for item in plan.passes if item.fate is Fate.TRACKED]
+    # No pass is given up for what is up for hours, not even of the same priority.
+    assert [w for w in tracked if w.name not in names] == [
+        item.window for item in alone.passes if item.fate is Fate.TRACKED
+    ]
+    assert len(fillers) > 3
+    assert all(one.los_t_s <= other.aos_t_s for one, other in itertools.pairwise(tracked))
+    stays = {body.name: find_passes(TopocentricTrack(body, PLACE), START_S, 43200.0, LEAST_RAD) for body in bodies}
+    for item in fillers:
+        begin_s, end_s = item.window.aos_t_s + 0.1, item.window.los_t_s - 0.1
+        assert any(w.aos_t_s <= begin_s < end_s <= w.los_t_s for w in stays[item.window.name])
+        assert (item.age_s, item.along_rad, item.window.catalogue_number) == (0.0, 0.0, None)
+
+
 def test_the_expected_error_is_that_of_the_elements_age(satellites: list[Elements]) -> None:
     item = day(satellites).passes[-1]
-    age_s = item.window.tca_t_s - item.window.elements.epoch_t_s
+    age_s = item.window.tca_t_s - item.window.target.epoch_t_s
     along_m = 700.0 + 1000.0 * age_s / 86400.0 + 200.0 * (age_s / 86400.0) ** 2
-    target = TopocentricTrack(item.window.elements, PLACE).target_at(item.window.tca_t_s)
+    target = TopocentricTrack(item.window.target, PLACE).target_at(item.window.tca_t_s)
     assert item.along_rad == pytest.approx(along_m / target.range_m, rel=1e-4)
