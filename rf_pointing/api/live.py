@@ -26,7 +26,7 @@ from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
-from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES
+from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES, RECEIVER_NODES, with_receiver
 from rf_pointing.ros.live_pass import outcome_line, track_pass
 from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end
 from rf_pointing.station.antenna.memory import state_files, state_folder
@@ -34,7 +34,9 @@ from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, fit_of_kept
 from rf_pointing.station.log_lines import say
 
-OF_STATION = tuple(node.name for node in (*GRAPH, *ARRAY_GRAPH) if node.name != "simulation_clock")
+OF_STATION = (
+    *(node.name for node in (*GRAPH, *ARRAY_GRAPH) if node.name != "simulation_clock"), *RECEIVER_NODES
+)  # fmt: skip
 """The nodes that take the station description."""
 LIGHT_WIND_M_S = 0.3
 REAL_TIME_SPEED = 3.0
@@ -240,7 +242,8 @@ def nodes_of(request: RunRequest) -> tuple[str, ...]:
     """Return the executables of a run, in the order of their start."""
     array = ARRAY_NODES if Sensor.ARRAY in request.station.sensors else ()
     # A real array has receivers of its own.
-    return (*NODES, *array) if request.station.simulated else (*DRIVE_NODES, *array[1:])
+    names = (*NODES, *array) if request.station.simulated else (*DRIVE_NODES, *array[1:])
+    return with_receiver(names, request.station.description.receiver)
 
 
 def run_setup(program: str, request: RunRequest, window: Pass, output: Path) -> RunSetup:
@@ -326,6 +329,7 @@ def _parameters(request: RunRequest, output: Path) -> dict[str, dict[str, Any]]:
     own: dict[str, dict[str, Any]] = {
         "ephemeris_publisher": source,
         "rf_receiver": {**source, **truth, "signal.seed": seed},
+        "signal_source": {**source, **truth, "signal.seed": seed},
         "array_receiver": {"receiver.seed": seed},
         "antenna_servo": kept,
         "pointing_controller": {

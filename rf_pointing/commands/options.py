@@ -153,6 +153,11 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "dest": "parameter_files", "metavar": "PARAMS_FILE", "type": Path, "action": "append", "default": [],
         "help": "further ROS parameter file, may be repeated",
     },
+    "receiver": {
+        "metavar": "ADDRESS", "default": "",
+        "help": "receiver in place of the station's, with further keys after ?: "
+        "rtl_tcp://localhost:1234?iq.rate_hz=240000; a simulated antenna serves its samples there",
+    },
     "output": {"type": Path, "metavar": "DIR"},
 }  # fmt: skip
 """Settings of each option; its `dest` is a field of the requests."""

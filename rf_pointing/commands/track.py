@@ -18,7 +18,7 @@ from rf_pointing.api.requests import DEFAULT_MODELS, TrackRequest
 from rf_pointing.commands.options import add_options, ending_with_reason, named, requested
 from rf_pointing.tracking.sensors import SENSOR_CHOICES, load_trackers
 
-RUN = "speed seed reset-fault processes ephemeris-error models namespace params-file output"
+RUN = "speed seed reset-fault receiver processes ephemeris-error models namespace params-file output"
 """Options of every run that starts the nodes of a station."""
 
 

@@ -239,7 +239,8 @@ class Recovery:
                     self.book.raise_(name, cause.level, one.text, now_s, ask, about)
         for name in [name for name in self.ongoing if name not in present]:
             one = self.ongoing.pop(name)
-            self._gone[name] = one.tried, one.tried_s, now_s
+            # Each outage of a drive is told, and its fault costs the next one no try.
+            self._gone[name] = 0 if one.told_by_another else one.tried, one.tried_s, now_s
         # Also those of before a restart whose causes have gone meanwhile.
         for alarm in self.book.lasting:
             if alarm.name not in self.ongoing and alarm.name.partition(" ")[0] in {c.name for c in self.table.causes}:
