@@ -175,7 +175,7 @@ def main(count: int = 20, passes: int = 100) -> None:
         band = station.default_band
         values = station.parameters("antenna_servo")
         print(
-            f"{station.name:18} {band:3} {values['plant.azimuth.encoder_bits']:3} bits {station.sensor():10}",
+            f"{station.name:18} {band:3} {values['plant.azimuth.encoder_bits']:3} bits {station.chosen_sensor():10}",
             end=" ",
             flush=True,
         )

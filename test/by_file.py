@@ -29,8 +29,7 @@ class ByFile(LoadFileScheduling):
             del left[file]
         self.workqueue.update(left)
         if self.workqueue:
-            for other in self.assigned_work:
-                self._reschedule(other)
+            self.schedule()
         return deadly
 
     def _assign_work_unit(self, node: Any) -> None:

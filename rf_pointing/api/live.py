@@ -17,11 +17,10 @@ import yaml
 from rf_pointing_msgs.action import TrackPass
 
 from rf_pointing.api.requests import CalibrateRequest, IdentifyRequest, RunRequest, TrackRequest
-from rf_pointing.api.target import SOURCE, Target
-from rf_pointing.core import MDEG, Params, Sensor
+from rf_pointing.api.target import Target
+from rf_pointing.core import MDEG, Sensor
 from rf_pointing.core.checks import id_of
 from rf_pointing.core.dates import utc_text
-from rf_pointing.core.parameters import flat
 from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study
@@ -33,15 +32,15 @@ from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, ru
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, fit_of_kept
-from rf_pointing.station.derive.signal import OPEN as RECEIVER_SECTIONS
 from rf_pointing.station.log_lines import say
-from rf_pointing.tracking.power_tracker import scan_tuning
 
 OF_STATION = (
     *(node.name for node in (*GRAPH, *ARRAY_GRAPH) if node.name != "simulation_clock"), *RECEIVER_NODES
 )  # fmt: skip
 """The nodes that take the station description."""
 LIGHT_WIND_M_S = 0.3
+REAL_TIME_SPEED = 3.0
+"""Up to this speed the clock ticks at the servo's 50 Hz, above it at the controller's 10 Hz."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ def prepare_track(request: TrackRequest) -> Flight:
         say("track", warning)
     stem = f"{id_of(request.target.satellite)}-{datetime.fromtimestamp(window.aos_t_s, UTC):%Y%m%dT%H%M%S}"
     output = output_folder(request, stem)
-    setup = run_setup("track", request, window, output, scan)
+    setup = run_setup("track", request, window, output)
     say("track", f"{window.name} over {request.station.name}, {request.station.band} band, {request.sensor}: "
         f"AOS {utc_text(window.aos_t_s)}, {window.duration_s:.0f} s, "
         f"peak {math.degrees(window.peak_elevation_rad):.1f} deg")  # fmt: skip
@@ -247,19 +246,19 @@ def nodes_of(request: RunRequest) -> tuple[str, ...]:
     return with_receiver(names, request.station.description.receiver)
 
 
-def run_setup(program: str, request: RunRequest, window: Pass, output: Path, scan: Params | None = None) -> RunSetup:
+def run_setup(program: str, request: RunRequest, window: Pass, output: Path) -> RunSetup:
     """Return the setup of a run whose first pass is `window`; its files are written to `output`."""
-    station, before_s = request.station, request.before_pass_s(window)
-    values = {"seed": str(_seed(request)), "speed": request.speed_text}
-    kind = values if station.simulated else {"drive": str(station.description.drive["type"])}
-    parameters = _parameters(request, _write_station(request, output, scan), output)
+    station, before_s, factor = request.station, request.before_pass_s(window), request.factor
+    # The servo ticks one by one, or five ticks at once.
+    ticks = not station.simulated or 0.0 < factor <= REAL_TIME_SPEED
+    kind = {"drive": str(station.description.drive["type"])}
+    station.description.write(output / "station.yaml", request.changes)
+    parameters = _parameters(request, output)
     if station.simulated:
-        clock = {
-            "start_s": float(math.floor(window.aos_t_s) - before_s),
-            "speed": request.factor,
-            # At 10 Hz the servo makes up its ticks at once: 80 % less traffic of the clock.
-            "tick_s": 0.02 if request.in_real_time else 0.1,
-        }
+        kind = {"seed": str(request.seed), "speed": f"{factor:g}" if factor else "max"}
+        # At 10 Hz the servo makes up its ticks at once: 80 % less traffic of the clock.
+        start_s = float(math.floor(window.aos_t_s) - before_s)
+        clock = {"start_s": start_s, "speed": factor, "tick_s": 0.02 if ticks else 0.1}
         parameters = {"simulation_clock": clock} | parameters
     return RunSetup(
         program=program,
@@ -270,7 +269,7 @@ def run_setup(program: str, request: RunRequest, window: Pass, output: Path, sca
         logs=output / "logs",
         bag=request.record or output / "bag",
         notes={"station": station.name, "band": station.band, "sensor": request.sensor, **kind},
-        punctual=request.in_real_time,
+        punctual=ticks,
         reset_fault=request.reset_fault,
         begin_s=window.aos_t_s - before_s,
         awaited=window.name,
@@ -285,7 +284,7 @@ def check_files(request: RunRequest) -> None:
     """
     if problem := request.target.problem:
         say("elements", problem)
-    own = _parameters(request, Path(), Path())
+    own = _parameters(request, Path())
     for node, said in request.said.items():
         if node not in (*nodes_of(request), "**"):
             raise ValueError(f"params-file: {node} is not a node; there are {', '.join(nodes_of(request))}")
@@ -318,39 +317,20 @@ def output_folder(request: RunRequest, stem: str) -> Path:
     raise ValueError(f"runs/{stem}-* are all taken")
 
 
-def _seed(request: RunRequest) -> int:
-    return 1 if request.seed is None else request.seed
-
-
-def _write_station(request: RunRequest, output: Path, scan: Params | None) -> Path:
-    """Write the station of a run, with what the request changes of it, into its folder."""
-    tuning = {} if scan is None else scan_tuning(scan)
-    changes = {f"bands.{request.station.band}.tuning.{name}": value for name, value in tuning.items()}
-    if isinstance(request, TrackRequest) and request.mask_deg is not None:
-        changes["mount.pass_elevation_deg"] = request.mask_deg
-    if request.receiver:
-        section = request.station.description.content.receiver
-        own = {name: getattr(section, name) for name in ("type", *RECEIVER_SECTIONS)}
-        changes |= {f"receiver.{name}": value for name, value in flat(own).items()}
-    written = output / "station.yaml"
-    request.station.description.write(written, changes)
-    return written
-
-
-def _parameters(request: RunRequest, station: Path, output: Path) -> dict[str, dict[str, Any]]:
+def _parameters(request: RunRequest, output: Path) -> dict[str, dict[str, Any]]:
     """Return the parameters of every node that takes the station description."""
-    source = {f"source.{name}": getattr(request.target, name) for name in SOURCE}
+    source, seed = request.target.parameters, request.seed
     error_s = request.ephemeris_error_s
     truth = {} if error_s is None else {"source.along_track_offset_s": error_s}
     # A real antenna keeps fault and turn over its runs.
     kept = state_files(state_folder(), request.namespace) if not request.station.simulated else {
-        "antenna.seed": _seed(request), "command_key_file": str((output / "command.key").resolve())
+        "antenna.seed": seed, "command_key_file": str((output / "command.key").resolve())
     }  # fmt: skip
     own: dict[str, dict[str, Any]] = {
         "ephemeris_publisher": source,
-        "rf_receiver": {**source, **truth, "signal.seed": _seed(request)},
-        "signal_source": {**source, **truth, "signal.seed": _seed(request)},
-        "array_receiver": {"receiver.seed": _seed(request)},
+        "rf_receiver": {**source, **truth, "signal.seed": seed},
+        "signal_source": {**source, **truth, "signal.seed": seed},
+        "array_receiver": {"receiver.seed": seed},
         "antenna_servo": kept,
         "pointing_controller": {
             "certificate_folder": str(output.resolve()),
@@ -361,5 +341,5 @@ def _parameters(request: RunRequest, station: Path, output: Path) -> dict[str, d
             "calibrator.keep_observations": request.keep_observations,
         },
     }
-    common = {"station": str(station.resolve()), "band": request.station.band}
+    common = {"station": str((output / "station.yaml").resolve()), "band": request.station.band}
     return {node: common | own.get(node, {}) for node in OF_STATION if node in nodes_of(request)}

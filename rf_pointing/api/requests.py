@@ -7,6 +7,7 @@ ValueErrors in the operator's words.
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -33,11 +34,10 @@ from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, CampaignParams, schedule_calibration
 from rf_pointing.station.derive.signal import OPEN
 from rf_pointing.station.description.content import ReceiverSection
+from rf_pointing.tracking.power_tracker import scan_tuning
 
 DEFAULT_MODELS = "runs/models"
 """Where `calibrate` leaves accepted models and `track` finds them."""
-REAL_TIME_SPEED = 3.0
-"""Up to this speed the clock ticks at the servo's 50 Hz, above it at the controller's 10 Hz."""
 SLEW_TIME_S = 150.0
 """Least time from the start of a run to acquisition."""
 SETTLE_S = 30.0
@@ -72,7 +72,7 @@ class RunRequest:
     keep_observations: bool = False
     receiver: str = ""
     namespace: str = "/gs1"
-    parameter_files: tuple[Path, ...] = ()
+    parameter_files: Sequence[Path] = ()
     record: Path | None = None
     output: Path | None = None
 
@@ -91,15 +91,17 @@ class RunRequest:
             object.__setattr__(self, "speed", 1.0)
         if not self.station.simulated:
             self._check_real_time()
-        description, band = self.station.description, self.station.band
-        object.__setattr__(self, "sensor", description.chosen_sensor(self.sensor or description.sensor(band), band))
+        elif self.seed is None:
+            object.__setattr__(self, "seed", 1)
+        sensor = self.station.description.chosen_sensor(self.sensor, self.station.band)
+        object.__setattr__(self, "sensor", sensor)
 
     def _check_real_time(self) -> None:
         """Refuse options of a simulation on a real drive, and a start in the past."""
         real = (
             f"drive.type={self.station.description.drive['type']} of {self.station.name} moves a device, in real time"
         )
-        given = {"speed": self.speed and self.speed_text, "seed": self.seed, "ephemeris-error": self.ephemeris_error_s}
+        given = {"speed": self.speed, "seed": self.seed, "ephemeris-error": self.ephemeris_error_s}
         for name, value in given.items():
             if value is not None:
                 raise ValueError(f"{name}={value}: {real}; it is for a simulated drive")
@@ -114,14 +116,13 @@ class RunRequest:
         return 0.0 if self.speed in (None, "max") else float(self.speed)
 
     @property
-    def speed_text(self) -> str:
-        """The speed as a command line says it."""
-        return f"{self.factor:g}" if self.factor else "max"
-
-    @property
-    def in_real_time(self) -> bool:
-        """Whether the servo ticks one by one, rather than five ticks at once."""
-        return not self.station.simulated or 0.0 < self.factor <= REAL_TIME_SPEED
+    def changes(self) -> dict[str, Any]:
+        """Values over those of the station's description, by dotted key: another receiver."""
+        if not self.receiver:
+            return {}
+        section = self.station.description.content.receiver
+        own = {name: getattr(section, name) for name in ("type", *OPEN)}
+        return {f"receiver.{name}": value for name, value in flat(own).items()}
 
     @cached_property
     def said(self) -> dict[str, dict[str, Any]]:
@@ -228,6 +229,14 @@ class TrackRequest(RunRequest):
         track, stale_s = self.station.track_of(self.target), SourceParams().stale_days * DAY_S
         return stale_warning(track, self.window.tca_t_s, stale_s, ElementUncertainty(), beamwidth_rad)
 
+    @property
+    def changes(self) -> dict[str, Any]:
+        """The requested scan, and where passes begin."""
+        tuning = {} if self.scan is None else scan_tuning(self.scan)
+        scan = {f"bands.{self.station.band}.tuning.{name}": value for name, value in tuning.items()}
+        own = {**super().changes, **scan}
+        return own if self.mask_deg is None else {**own, "mount.pass_elevation_deg": self.mask_deg}
+
     @cached_property
     def scan(self) -> Params | None:
         """The scan for the requested accuracy at the weakest carrier, None without one."""
@@ -310,7 +319,7 @@ class IdentifyRequest:
     """
 
     station: Station
-    axes: tuple[str, ...] = AXES
+    axes: Sequence[str] = AXES
     sequences: int = 8
     held_out: int = 4
     seed: int = 1
@@ -319,7 +328,7 @@ class IdentifyRequest:
     )
     simulated: bool = False
     namespace: str = "/gs1"
-    parameter_files: tuple[Path, ...] = ()
+    parameter_files: Sequence[Path] = ()
     output: Path = Path("runs/identification")
 
     def __post_init__(self) -> None:

@@ -14,10 +14,10 @@ from rf_pointing.api.link_budget import LinkBudgetTable
 from rf_pointing.api.passes import Look, PassCertificate, StationPass
 from rf_pointing.api.plan import Plan
 from rf_pointing.api.simulated import SimulatedPass
-from rf_pointing.api.target import MAX_AGE_S, SOURCE, Target
+from rf_pointing.api.target import MAX_AGE_S, Target
 from rf_pointing.calibration import BiasModel, read_model
 from rf_pointing.core import require_choice
-from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_passes
+from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes
 from rf_pointing.ephemeris.passes import part_searched
 from rf_pointing.planning import AxisLimits
 from rf_pointing.simulation import StationSetup, simulate_pass
@@ -41,6 +41,13 @@ class Station:
     band : one of its bands; its default band if None.
     model : bias model in place of the station's: a file, or `BiasModel.zero()` for none.
 
+    Attributes
+    ----------
+    name, site : of the station, to which models and observations belong; where the antenna stands.
+    band, bands : the band in use, and the names of all in the order of the file.
+    sensors : of the band, the default first; empty for program track alone.
+    simulated : whether its drive is simulated; any other moves a device in real time.
+
     Raises
     ------
     ValueError
@@ -61,37 +68,15 @@ class Station:
         model: BiasModel | str | Path | None = None,
     ) -> None:
         self.description = station if isinstance(station, StationDescription) else read_station(station)
-        self.band = self.description.default_band if band is None else band
+        own = self.description
+        self.name, self.site, self.simulated, self.bands = own.name, own.site, own.simulated, own.bands
+        self.band = own.default_band if band is None else band
         require_choice(f"{self.name}: band", self.band, self.bands)
+        self.sensors = own.sensors(self.band)
         self._model = model
 
     def __repr__(self) -> str:
         return f"Station({self.name!r}, band={self.band!r})"
-
-    @property
-    def name(self) -> str:
-        """Name of the station; models and observations belong to it."""
-        return self.description.name
-
-    @property
-    def bands(self) -> tuple[str, ...]:
-        """Names of its bands, in the order of the file."""
-        return self.description.bands
-
-    @property
-    def site(self) -> Site:
-        """Where the antenna stands."""
-        return self.description.site
-
-    @property
-    def simulated(self) -> bool:
-        """Whether its drive is simulated; any other moves a device in real time."""
-        return self.description.simulated
-
-    @property
-    def sensors(self) -> tuple[str, ...]:
-        """Sensors of the band, the default first; empty for program track alone."""
-        return self.description.sensors(self.band)
 
     @cached_property
     def controller(self) -> ControllerParams:
@@ -367,7 +352,7 @@ class Station:
         window = one.window
         if minutes is not None:
             window = dataclasses.replace(window, los_t_s=min(window.los_t_s, window.aos_t_s + 60.0 * minutes))
-        source = {f"source.{name}": getattr(one.target, name) for name in SOURCE}
+        source = one.target.parameters
         own: dict[str, dict[str, object]] = {
             "ephemeris_publisher": source, "rf_receiver": {**source, "signal.seed": seed},
             "antenna_servo": {"antenna.seed": seed},
@@ -375,7 +360,7 @@ class Station:
         for node, values in (changes or {}).items():
             own[node] = own.get(node, {}) | dict(values)
         setup = StationSetup(self.description, self.band, changes=own, model=self.model, tracker=tracker)
-        chosen = self.description.chosen_sensor(sensor or setup.sensor, self.band)
+        chosen = self.description.chosen_sensor(sensor, self.band)
         log = simulate_pass(setup, window, math.floor(window.aos_t_s) - BEFORE_S, chosen)
         return SimulatedPass(one, chosen, log)
 

@@ -16,8 +16,6 @@ from rf_pointing.ephemeris.source import SourceParams, load_catalogue, load_targ
 if TYPE_CHECKING:
     from rf_pointing.station.pointing.multi_satellite_plan import Wish
 
-SOURCE = ("satellite", "elements", "interpolation", "interpolation_degree")
-"""Fields of a target that are the parameters `source.*` of the nodes that predict it."""
 MAX_AGE_S = SourceParams().max_age_days * DAY_S
 """Age from the epoch beyond which elements are refused."""
 FIRST_SATELLITE = "28057"
@@ -56,23 +54,24 @@ class Target:
 
         return current_elements(self.location)
 
-    def source(self, site: Site) -> SourceParams:
-        """Return the parameters of a node for this target, seen from `site`."""
-        return SourceParams(
-            elements=self.location, satellite=self.satellite, site=site,
-            interpolation=self.interpolation, interpolation_degree=self.interpolation_degree,
-        )  # fmt: skip
-
     @property
-    def elements(self) -> str:
-        """Whole path of `file`, "" without one: a run has the elements it was planned with."""
-        return str(self.file.resolve()) if self.file else ""
+    def parameters(self) -> dict[str, object]:
+        """Parameters of the nodes that predict it; a run has the elements it was planned with."""
+        return {
+            "source.satellite": self.satellite,
+            "source.elements": str(self.file.resolve()) if self.file else "",
+            "source.interpolation": self.interpolation,
+            "source.interpolation_degree": self.interpolation_degree,
+        }
 
     @cached_property
     def found(self) -> Elements | TargetSource:
         """The elements, the ephemeris or the body; ValueError names the file and what is near."""
         _ = self.problem
-        return load_target(self.source(SourceParams().site))
+        return load_target(SourceParams(
+            elements=self.location, satellite=self.satellite,
+            interpolation=self.interpolation, interpolation_degree=self.interpolation_degree,
+        ))  # fmt: skip
 
     @property
     def name(self) -> str:

@@ -11,56 +11,50 @@ models is in force; 1: interrupted, stopped by a fault of the antenna, or no mod
 
 import argparse
 import sys
+from functools import partial
 
 from rf_pointing.api import live
 from rf_pointing.api.requests import CALIBRATION_START, DEFAULT_MODELS, CalibrateRequest
-from rf_pointing.api.target import Target
-from rf_pointing.commands.options import ELEMENTS_HELP, add_station_options, between, ending_with_reason, named
-from rf_pointing.commands.track_options import add_run_options, run_fields
+from rf_pointing.commands.options import ELEMENTS_HELP, add_options, between, ending_with_reason, named, requested
+from rf_pointing.commands.track import RUN
 from rf_pointing.core.modes import Sensor
 from rf_pointing.tracking.sensors import SENSORS
 
 
-def request_of(argv: list[str] | None = None) -> CalibrateRequest:
-    """Return the request of a command line; ValueError with the reason where it cannot be."""
+def arguments() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="calibrate", description="Calibrate the pointing model of a station, simulated or real."
     )
     add = parser.add_argument
-    add_station_options(parser)
+    add_options(parser, "station band")
     sensors = (*SENSORS, Sensor.AUTO)
     add("--sensor", type=named(sensors), choices=sensors, help="(default: that of the station's band)")
-    add("--elements", metavar="FILE|DIR|URL", default="",
-        help=f"satellites that the station receives, for a real drive: {ELEMENTS_HELP}")  # fmt: skip
-    add("--start", metavar="UTC", help=f"begin (default: {CALIBRATION_START}, of a real drive the present)")
-    add(
-        "--longest",
-        metavar="S",
-        type=between(60.0, 86400.0),
-        help="length of the campaign at most (default: 4800, real: 86400)",
-    )
+    add_options(
+        parser, "elements start",
+        elements=f"satellites that the station receives, for a real drive: {ELEMENTS_HELP}",
+        start=f"begin (default: {CALIBRATION_START}, of a real drive the present)",
+    )  # fmt: skip
+    add("--longest", dest="longest_s", metavar="S", type=between(60.0, 86400.0),
+        help="length of the campaign at most (default: 4800, real: 86400)")  # fmt: skip
     add("--fewest", type=int, default=25, help="observations in each sector (default: 25)")
-    add("--orbit-prior", metavar="M", type=between(0.01, 1e6), default=5.0,
+    add("--orbit-prior", dest="orbit_prior_m", metavar="M", type=between(0.01, 1e6), default=5.0,
         help="error of the beacons' orbits that the fit allows for in each pass (default: 5)")  # fmt: skip
     add("--resume", action="store_true", help="continue an interrupted campaign: only what its observations left thin")
-    add("--shadow", metavar="N", type=int, choices=range(2, 21), default=3,
+    add("--shadow", dest="acceptance_passes", metavar="N", type=int, choices=range(2, 21), default=3,
         help="passes with the new model in the shadow before it is accepted (default: 3)")  # fmt: skip
-    add_run_options(
+    add_options(
         parser,
-        models=f"(default: {DEFAULT_MODELS})",
+        RUN,
+        models={"default": DEFAULT_MODELS, "help": f"(default: {DEFAULT_MODELS})"},
         ephemeris_error="of the beacons (default: 0)",
         output="folder of bag and report (default: runs/calibration-TIME-NUMBER)",
     )
-    given = parser.parse_args(argv)
-    return CalibrateRequest(
-        **run_fields(vars(given)),
-        target=Target(location=given.elements, satellite=""),
-        longest_s=given.longest,
-        fewest=given.fewest,
-        acceptance_passes=given.shadow,
-        orbit_prior_m=given.orbit_prior,
-        resume=given.resume,
-    )
+    return parser
+
+
+request_of = partial(requested, arguments, CalibrateRequest)
+"""Returns the request of a command line; ValueError with the reason where it cannot be."""
 
 
 def main(argv: list[str] | None = None) -> None:

@@ -10,13 +10,14 @@ Exit code 0: the model was fitted; 2: it was not, and nothing was written.
 
 import argparse
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from rf_pointing.api.calibration import ELECTRONS_PER_TECU, DataFiles, fitted, require_raw
 from rf_pointing.api.station import Station
 from rf_pointing.calibration import TERM_NAMES, Ionosphere, read_model
-from rf_pointing.commands.options import ELEMENTS_HELP, add_station_options, ending_with_reason, target_from
+from rf_pointing.commands.options import ELEMENTS_HELP, add_options, ending_with_reason, requested, say_of_elements
 from rf_pointing.core import MDEG
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
@@ -40,14 +41,14 @@ class FitCommand:
     tdm: Path | None
 
 
-def request_from(argv: list[str] | None = None) -> FitCommand:
-    """Return the request of a command line; ValueError for a wrong station, model or file."""
+def arguments() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(prog="fit_bias_model", description="Fit the pointing model of an antenna.")
     add = parser.add_argument
     add("files", nargs="*", type=Path, metavar="FILE", help="recording, CSV or TDM")
-    add_station_options(parser)
+    add_options(parser, "station band")
     add("--namespace", help="antenna, where a recording holds several")
-    add("--elements", metavar="FILE|DIR|URL", default="", help=f"{ELEMENTS_HELP}: the targets of CSV and TDM data")
+    add_options(parser, "elements", elements=f"{ELEMENTS_HELP}: the targets of CSV and TDM data")
     add("--max-age", type=float, default=14.0, metavar="DAYS", help="of the elements (default: 14)")
     air = parser.add_mutually_exclusive_group()
     air.add_argument("--weather", nargs=3, type=float, metavar=("HPA", "CELSIUS", "PERCENT"), help="pressure, temperature and "
@@ -75,19 +76,24 @@ def request_from(argv: list[str] | None = None) -> FitCommand:
     add("--report", type=Path, metavar="DIR", help="folder of the report (default: next to the output)")
     add("--points", type=Path, metavar="FILE", help="write the points of the fit as CSV too")
     add("--tdm", type=Path, metavar="FILE", help="write the good samples of the raw data as a TDM too")
-    options = parser.parse_args(argv)
+    return parser
+
+
+def request_with(**given: Any) -> FitCommand:
+    """Return the request of the options; ValueError for a wrong station, model or file."""
+    options = argparse.Namespace(**given)
     # argparse gives a list of terms the files that follow it.
     files = [word for word in options.terms if word not in TERM_NAMES and Path(word).exists()]
     options.files += [Path(word) for word in files]
     options.terms = [word for word in options.terms if word not in files]
     if not options.files:
-        parser.error("the following arguments are required: FILE")
-    station = Station(options.station, options.band)
+        arguments().error("the following arguments are required: FILE")
+    station, location = options.station, options.target.location
     known = read_model(options.start_model) if options.start_model else None
     if known is not None:
         known.check_for(station.name, station.band, known.valid_from_t_s)
-    target_from(options.elements, "")
-    elements = read_source(options.elements).elements if options.elements else []
+    say_of_elements(options.target)
+    elements = read_source(location).elements if location else []
     refraction = air_of(options.weather, removed=options.refraction_removed)
     ionosphere = None
     if options.ionosphere:
@@ -108,6 +114,10 @@ def request_from(argv: list[str] | None = None) -> FitCommand:
         station=station, files=files, fit=request, name=options.name, output=options.output, report=options.report,
         points=options.points, tdm=options.tdm,
     )  # fmt: skip
+
+
+request_from = partial(requested, arguments, request_with)
+"""Returns the request of a command line; ValueError for a wrong station, model or file."""
 
 
 def air_of(weather: list[float] | None, *, removed: bool) -> RadioRefraction | Literal["standard"] | None:

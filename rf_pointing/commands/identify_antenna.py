@@ -8,18 +8,13 @@ not carry a model; 2: it could not be started.
 import argparse
 import math
 import sys
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from rf_pointing.api import live
 from rf_pointing.api.requests import IDLE_DEG_S, IdentifyRequest
-from rf_pointing.api.station import Station
-from rf_pointing.commands.options import (
-    add_namespace_option,
-    add_station_options,
-    between,
-    ending_with_reason,
-    seed,
-)
+from rf_pointing.commands.options import add_options, between, ending_with_reason, requested
 from rf_pointing.core import AXES
 from rf_pointing.identification import ExcitationParams
 
@@ -27,8 +22,8 @@ USUAL, QUICK = (8, 4, ExcitationParams().samples), (6, 2, 2048)
 """Sequences of an axis, those that are held out, and samples of each: 22 and 4 min at 50 Hz."""
 
 
-def request_of(argv: list[str] | None = None) -> IdentifyRequest:
-    """Return the request of a command line; ValueError with the reason where it cannot be."""
+def arguments() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     usual = ExcitationParams()
     parser = argparse.ArgumentParser(prog="identify_antenna", description="Identify the antenna from its own motion.")
     add = parser.add_argument
@@ -42,38 +37,34 @@ def request_of(argv: list[str] | None = None) -> IdentifyRequest:
         value = math.degrees(getattr(usual, f"{name}_rad_s"))
         add(f"--{name}-deg-s", type=float, default=value, help=f"{name} of the rate ({value:.3f})")
     add("--idle-deg-s", type=float, default=IDLE_DEG_S, help=f"rate of the other axis (default: {IDLE_DEG_S})")
-    add("--seed", type=seed, default=1, help="seed of the random input (default: 1)")
+    add_options(parser, "seed", seed={"default": 1, "help": "seed of the random input (default: 1)"})
     add("--tick", type=between(0.001, 0.1), default=usual.sample_s, help="control period in s (default: 0.02)")
-    add_namespace_option(parser)
-    add_station_options(parser)
-    add("--output", metavar="DIR", default="runs/identification", help="folder of the results")
+    add_options(
+        parser, "namespace station band output params-file",
+        output={"default": Path("runs/identification"), "help": "folder of the results"},
+        params_file="parameter file of a simulated antenna, may be repeated",
+    )  # fmt: skip
     add("--simulated", action="store_true", help="start a simulated antenna, in wind of 0.3 m/s")
-    add("--params-file", action="append", default=[], help="parameter file for it, may be repeated")
-    given = parser.parse_args(argv)
-    known = zip((given.sequences, given.held_out, given.samples), QUICK if given.quick else USUAL, strict=True)
-    sequences, held_out, samples = (usual_one if one is None else one for one, usual_one in known)
+    return parser
+
+
+def request_with(
+    *, tick: float, idle_deg_s: float, kind: str, mean_deg_s: float, rms_deg_s: float, peak_deg_s: float, quick: bool,
+    sequences: int | None, held_out: int | None, samples: int | None, **others: Any,
+) -> IdentifyRequest:  # fmt: skip
+    """Return the request of the options; the band ends at half of the control rate."""
+    known = zip((sequences, held_out, samples), QUICK if quick else USUAL, strict=True)
+    sequences, held_out, samples = (usual if one is None else one for one, usual in known)
     excitation = ExcitationParams(
-        kind=given.kind,
-        samples=samples,
-        sample_s=given.tick,
-        high_hz=min(usual.high_hz, 0.5 / given.tick),
-        mean_rad_s=math.radians(given.mean_deg_s),
-        rms_rad_s=math.radians(given.rms_deg_s),
-        peak_rad_s=math.radians(given.peak_deg_s),
-        idle_rate_rad_s=math.radians(given.idle_deg_s),
-    )
-    return IdentifyRequest(
-        station=Station(given.station, given.band),
-        axes=tuple(given.axes),
-        sequences=sequences,
-        held_out=held_out,
-        seed=given.seed,
-        excitation=excitation,
-        simulated=given.simulated,
-        namespace=given.namespace,
-        parameter_files=tuple(map(Path, given.params_file)),
-        output=Path(given.output),
-    )
+        kind=kind, samples=samples, sample_s=tick, high_hz=min(ExcitationParams().high_hz, 0.5 / tick),
+        mean_rad_s=math.radians(mean_deg_s), rms_rad_s=math.radians(rms_deg_s),
+        peak_rad_s=math.radians(peak_deg_s), idle_rate_rad_s=math.radians(idle_deg_s),
+    )  # fmt: skip
+    return IdentifyRequest(excitation=excitation, sequences=sequences, held_out=held_out, **others)
+
+
+request_of = partial(requested, arguments, request_with)
+"""Returns the request of a command line; ValueError with the reason where it cannot be."""
 
 
 def main(argv: list[str] | None = None) -> None:

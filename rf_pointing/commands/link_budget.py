@@ -8,35 +8,37 @@ needed.
 """
 
 import argparse
+from pathlib import Path
 
 from rf_pointing.api.link_budget import LinkBudgetTable
-from rf_pointing.api.station import Station
-from rf_pointing.commands.options import add_target_options, ending_with_reason, say, target_from
-from rf_pointing.core.dates import parse_utc
+from rf_pointing.commands.options import add_options, ending_with_reason, requested, say, say_of_elements
 
 PROGRAM = "link_budget"
 
 
-def main(argv: list[str] | None = None) -> None:
-    """Entry point of `ros2 run rf_pointing link_budget`."""
+def arguments() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(prog=PROGRAM, description="Print the link budget of a band of a station.")
-    add_target_options(parser)
+    add_options(parser, "elements interpolation satellite station band start mask")
     add = parser.add_argument
     add("--along-pass", action="store_true", help="along the first pass of --satellite, Sun and Moon included")
     add("--json", action="store_true", help="print JSON")
-    add("--picture", metavar="FILE", help="draw the budget into this PNG")
-    options = parser.parse_args(argv)
+    add("--picture", type=Path, metavar="FILE", help="draw the budget into this PNG")
+    return parser
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Entry point of `ros2 run rf_pointing link_budget`."""
     with ending_with_reason(PROGRAM):
-        station, one = Station(options.station, options.band), None
-        if options.along_pass:
-            target = target_from(options.elements, options.satellite, options.interpolation)
-            start_t_s = parse_utc(options.start) if options.start else None
-            found = station.passes(target, start_t_s=start_t_s, mask_deg=options.mask)
-            if not found:
-                raise ValueError(f"{target.name} has no pass over {station.name} in the 24 h after --start")
-            one = found[0]
-        table = LinkBudgetTable.of(station, one)
-        print(table.to_json() if options.json else table)
-        if options.picture:
-            table.draw(options.picture)
-            say(PROGRAM, options.picture)
+        given = requested(arguments, dict, argv)
+        station, target, found = given["station"], given["target"], [None]
+        if given["along_pass"]:
+            say_of_elements(target)
+            found = station.passes(target, start_t_s=given["start_s"], mask_deg=given["mask_deg"])
+        if not found:
+            raise ValueError(f"{target.name} has no pass over {station.name} in the 24 h after --start")
+        table = LinkBudgetTable.of(station, found[0])
+        print(table.to_json() if given["json"] else table)
+        if given["picture"]:
+            table.draw(given["picture"])
+            say(PROGRAM, str(given["picture"]))

@@ -1,15 +1,24 @@
-"""The options that several executables share, and the argparse types of their numbers."""
+"""The options that several executables share, and what they mean.
+
+A command adds those of `OPTIONS` that it has, with the names of the fields of its request, and
+makes the request with `requested`.
+"""
 
 import argparse
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
 
-from rf_pointing.api.target import Target
+from rf_pointing.api.target import FIRST_SATELLITE, Target
 from rf_pointing.core.checks import one_of
+from rf_pointing.core.dates import parse_utc
 from rf_pointing.ephemeris.source import unused
 from rf_pointing.station.description import DEFAULT_STATION, shipped_stations
 from rf_pointing.station.log_lines import say
+
+Made = TypeVar("Made")
 
 
 def say_if(program: str, text: str) -> None:
@@ -26,6 +35,18 @@ def ending_with_reason(program: str) -> Iterator[None]:
     except (ValueError, OSError) as error:
         say(program, str(error), "ERROR")
         sys.exit(2)
+
+
+def refusing(read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """Return an argparse type that refuses with the words of the ValueError of `read`."""
+
+    def parse(text: str) -> Any:
+        try:
+            return read(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from error
+
+    return parse
 
 
 def between(low: float, high: float) -> Callable[[str], float]:
@@ -62,9 +83,11 @@ def seed(text: str) -> int:
     return int(text)
 
 
-def add_namespace_option(parser: argparse.ArgumentParser) -> None:
-    """Add --namespace to a command line; its first slash may be omitted."""
-    parser.add_argument("--namespace", type=_namespace, default="/gs1", help="namespace of the antenna (default: /gs1)")
+def _speed(text: str) -> float | str:
+    try:
+        return text if text == "max" else float(text)
+    except ValueError as error:
+        raise ValueError(f"speed={text!r} must be a factor or max") from error
 
 
 def _namespace(text: str) -> str:
@@ -74,55 +97,103 @@ def _namespace(text: str) -> str:
 
     name = text if text.startswith("/") else f"/{text}"
     if name == "/":
-        raise argparse.ArgumentTypeError(f"{text!r} must name the antenna, as /gs1 does")
+        raise ValueError(f"{text!r} must name the antenna, as /gs1 does")
     # Without this check ROS itself would refuse the name, later and with a traceback.
     try:
         validate_namespace(name)
     except InvalidNamespaceException as error:
-        reason = str(error).splitlines()[0]
-        raise argparse.ArgumentTypeError(f"{text!r} is not a ROS namespace: {reason}") from error
+        raise ValueError(f"{text!r} is not a ROS namespace: {str(error).splitlines()[0]}") from error
     return name
 
 
-def target_from(location: str, satellite: str, interpolation: Sequence[str] = ("", "7")) -> Target:
-    """Return what --elements, --satellite and --interpolation name; say if an address failed.
-
-    Raises ValueError for a degree that is not a whole number, and for an address without elements.
-    """
-    method, degree = interpolation_of(interpolation)
-    target = Target(location=location, satellite=satellite, interpolation=method, interpolation_degree=degree)
-    say_if("elements", target.problem)
-    say_if("elements not used", unused(location))
-    return target
-
-
-def interpolation_of(words: Sequence[str]) -> tuple[str, int]:
-    """Return method and degree of --interpolation."""
-    method, degree = words
-    if not degree.isdecimal():
-        raise ValueError(f"interpolation={method} {degree!r}: the degree must be a whole number")
-    return method.upper(), int(degree)
-
-
 ELEMENTS_HELP = "elements: a file, a folder, or an http(s) address, which is requested at most every 2 h"
+OPTIONS: dict[str, dict[str, Any]] = {
+    "elements": {
+        "metavar": "FILE|DIR|URL", "default": "", "help": f"{ELEMENTS_HELP} (default: verification set of sgp4)",
+    },
+    "interpolation": {
+        "nargs": 2, "metavar": ("METHOD", "DEGREE"), "default": ("", "7"),
+        "help": "HERMITE, LAGRANGE or LINEAR, for an OEM that declares none",
+    },
+    "satellite": {"default": FIRST_SATELLITE, "help": "catalogue number or name (default: 28057, CBERS-2)"},
+    "station": {
+        "metavar": "FILE|NAME", "default": DEFAULT_STATION,
+        "help": f"station description: your file, or {', '.join(shipped_stations())} (default: {DEFAULT_STATION})",
+    },
+    "band": {"metavar": "NAME", "help": "band of the station (default: the station's)"},
+    "start": {
+        "dest": "start_s", "metavar": "UTC", "type": refusing(parse_utc),
+        "help": "look for passes after this time (default: the elements' epoch)",
+    },
+    "mask": {
+        "dest": "mask_deg", "metavar": "DEG", "type": between(0.0, 89.0),
+        "help": "elevation of AOS and LOS (default: the station's)",
+    },
+    "min-peak": {"dest": "min_peak_deg", "metavar": "MIN_PEAK", "type": between(0.0, 90.0)},
+    "speed": {
+        "metavar": "SPEED", "type": refusing(_speed),
+        "help": "of a simulated antenna: factor of real time, or max (default)",
+    },
+    "seed": {"type": seed, "help": "of a simulated antenna: seed of every noise source (default: 1)"},
+    "reset-fault": {
+        "action": "store_true",
+        "help": "of a real antenna: reset the fault that an earlier run has latched, after you have looked at the antenna",
+    },
+    "processes": {
+        "type": int, "choices": (1, 2, 8), "default": 2,
+        "help": "processes of the nodes: 1, 2 (what moves, and the others) or 8, one for each node (default: 2); a real "
+        "drive's control unit always has its own",
+    },
+    "ephemeris-error": {"dest": "ephemeris_error_s", "metavar": "S", "type": between(-60.0, 60.0)},
+    "models": {"metavar": "DIR"},
+    "namespace": {
+        "type": refusing(_namespace), "default": "/gs1", "help": "namespace of the antenna (default: /gs1)",
+    },
+    "params-file": {
+        "dest": "parameter_files", "metavar": "PARAMS_FILE", "type": Path, "action": "append", "default": [],
+        "help": "further ROS parameter file, may be repeated",
+    },
+    "receiver": {
+        "metavar": "ADDRESS", "default": "",
+        "help": "receiver in place of the station's, with further keys after ?: "
+        "rtl_tcp://localhost:1234?iq.rate_hz=240000; a simulated antenna serves its samples there",
+    },
+    "output": {"type": Path, "metavar": "DIR"},
+}  # fmt: skip
+"""Settings of each option; its `dest` is a field of the requests."""
 
 
-def add_station_options(parser: argparse.ArgumentParser) -> None:
-    """Add --station and --band to a command line."""
-    add = parser.add_argument
-    add("--station", metavar="FILE|NAME", default=DEFAULT_STATION,
-        help=f"station description: your file, or {', '.join(shipped_stations())} (default: {DEFAULT_STATION})")  # fmt: skip
-    add("--band", metavar="NAME", help="band of the station (default: the station's)")
+def add_options(parser: argparse.ArgumentParser, names: str, **own: Any) -> None:
+    """Add options by their names, in this order; `own` are helps, or further settings."""
+    for name in names.split():
+        differs = own.get(name.replace("-", "_"), {})
+        parser.add_argument(f"--{name}", **OPTIONS[name] | ({"help": differs} if isinstance(differs, str) else differs))
 
 
-def add_target_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of station, satellite, start and mask to a command line."""
-    add = parser.add_argument
-    add("--elements", metavar="FILE|DIR|URL", default="", help=f"{ELEMENTS_HELP} (default: verification set of sgp4)")
-    add("--interpolation", nargs=2, metavar=("METHOD", "DEGREE"), default=("", "7"),
-        help="HERMITE, LAGRANGE or LINEAR, for an OEM that declares none")  # fmt: skip
-    add("--satellite", default="28057", help="catalogue number or name (default: 28057, CBERS-2)")
-    add_station_options(parser)
-    add("--start", metavar="UTC", help="look for passes after this time (default: the elements' epoch)")
-    add("--mask", type=between(0.0, 89.0), metavar="DEG",
-        help="elevation of AOS and LOS (default: the station's)")  # fmt: skip
+def requested(
+    parser: Callable[[], argparse.ArgumentParser], made: Callable[..., Made], argv: list[str] | None = None
+) -> Made:
+    """Return what is `made` of the options of a command line, `station` and `target` as objects.
+
+    Raises ValueError for a station, a band or an interpolation that does not exist.
+    """
+    # Imported here: commands without a station do without its libraries.
+    from rf_pointing.api.station import Station
+
+    given = vars(parser().parse_args(argv))
+    given["station"] = Station(given["station"], given.pop("band"), model=given.pop("bias_model", None))
+    if "elements" in given:
+        method, degree = given.pop("interpolation", ("", "7"))
+        if not degree.isdecimal():
+            raise ValueError(f"interpolation={method} {degree!r}: the degree must be a whole number")
+        given["target"] = Target(
+            location=given.pop("elements"), satellite=given.pop("satellite", ""), interpolation=method.upper(),
+            interpolation_degree=int(degree),
+        )  # fmt: skip
+    return made(**given)
+
+
+def say_of_elements(target: Target) -> None:
+    """Report elements of an address that are old, and those that cannot be used."""
+    say_if("elements", target.problem)
+    say_if("elements not used", unused(target.location))

@@ -9,16 +9,19 @@ import argparse
 import math
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from rf_pointing import calibration
 from rf_pointing.api.station import Station
+from rf_pointing.api.target import Target
 from rf_pointing.calibration import CandidatePass, PassPriors, SectorRule, Slew
-from rf_pointing.commands.options import ELEMENTS_HELP, add_station_options, ending_with_reason, say, target_from
+from rf_pointing.commands.options import add_options, ending_with_reason, requested, say, say_of_elements
 from rf_pointing.core import MDEG, require_between
-from rf_pointing.core.dates import parse_utc, utc_text
+from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import verification_elements
 from rf_pointing.ephemeris.source import read_source
 from rf_pointing.station.campaign.plan import ArcRules, beacons, candidate_arcs
@@ -33,9 +36,9 @@ class CampaignRequest:
     """Possible passes, and the plan to make of them: the sky, or terms to `improve`."""
 
     station: Station
-    elements: str
+    target: Target
     beacons: bool
-    start: str
+    start_s: float
     hours: float
     rules: ArcRules
     slew: Slew
@@ -48,18 +51,18 @@ class CampaignRequest:
     def candidates(self) -> list[CandidatePass]:
         """Return what could be tracked; ValueError where nothing could."""
         require_between("hours", self.hours, 0.01, 24.0 * 28.0)
-        start_s, span_s = parse_utc(self.start), self.hours * HOUR_S
+        start_s, span_s = self.start_s, self.hours * HOUR_S
         if self.beacons:
             elements = beacons(start_s)
-        elif self.elements:
-            target_from(self.elements, "")
-            elements = read_source(self.elements).elements
+        elif self.target.location:
+            say_of_elements(self.target)
+            elements = read_source(self.target.location).elements
         else:
             elements = verification_elements()
         # The greatest age over the campaign counts: older elements are wrong by kilometres.
         fresh = [one for one in elements if abs(start_s + 0.5 * span_s - one.epoch_t_s) < MAX_AGE_S - 0.5 * span_s]
         if not fresh:
-            raise ValueError(f"none of {len(elements)} elements is within 14 days of start={self.start}")
+            raise ValueError(f"none of {len(elements)} elements is within 14 days of start={utc_text(start_s)}")
         found, refused = candidate_arcs(fresh, self.station.site, start_s, span_s, self.rules)
         for reason in refused:
             say(PROGRAM, f"left out: {reason}")
@@ -78,7 +81,7 @@ def campaign(request: CampaignRequest, candidates: list[CandidatePass]) -> int:
     filled = rule.count - len(plan.coverage.thin)
     print(f"{len(plan.passes)} of {len(candidates)} candidates fill {filled} of {rule.count} sectors")
     if plan.full_at_t_s is not None:
-        after_h = (plan.full_at_t_s - parse_utc(request.start)) / HOUR_S
+        after_h = (plan.full_at_t_s - request.start_s) / HOUR_S
         print(f"all filled at {utc_text(plan.full_at_t_s)}, {after_h:.2f} h after the start")
         return 0
     for sector in plan.coverage.thin:
@@ -108,14 +111,13 @@ def advice(request: CampaignRequest, candidates: list[CandidatePass]) -> int:
     return 0
 
 
-def request_from(argv: list[str] | None = None) -> CampaignRequest:
-    """Return the request of a command line."""
+def arguments() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(prog=PROGRAM, description="Plan a calibration campaign.")
     add = parser.add_argument
-    add("--elements", metavar="FILE|DIR|URL", default="", help=f"{ELEMENTS_HELP} (default: verification set of sgp4)")
+    add_options(parser, "elements")
     add("--beacons", action="store_true", help="the simulated sky of `calibrate` instead of a catalogue")
-    add_station_options(parser)
-    add("--start", metavar="UTC", required=True, help="begin of the campaign")
+    add_options(parser, "station band start", start={"required": True, "help": "begin of the campaign"})
     add("--hours", type=float, default=24.0, help="how far ahead (default: 24)")
     add("--arc", type=float, nargs="*", default=[], metavar="S",
         help="lengths of pieces of passes (default: whole passes)")  # fmt: skip
@@ -127,15 +129,19 @@ def request_from(argv: list[str] | None = None) -> CampaignRequest:
         help="advise the passes that reduce the sigma of these terms most")  # fmt: skip
     add("--model", type=Path, metavar="FILE", help="last model; its covariance is where --improve starts")
     add("--count", type=int, default=5, help="how many passes to advise (default: 5)")
-    add("--orbit-prior", type=float, default=200.0, metavar="M",
+    add("--orbit-prior", dest="orbit_prior_m", type=float, default=200.0, metavar="M",
         help="orbit error of each pass that the next fit allows for (default: 200; 0: none)")  # fmt: skip
-    options = parser.parse_args(argv)
-    return CampaignRequest(
-        station=Station(options.station, options.band), elements=options.elements, beacons=options.beacons,
-        start=options.start, hours=options.hours, slew=Slew(settle_s=options.settle), fewest=options.fewest,
-        rules=ArcRules(arcs_s=tuple(options.arc), spacing_s=options.spacing, sigma_rad=options.sigma * MDEG),
-        improve=options.improve, model=options.model, count=options.count, orbit_prior_m=options.orbit_prior,
-    )  # fmt: skip
+    return parser
+
+
+def request_with(*, arc: list[float], spacing: float, sigma: float, settle: float, **others: Any) -> CampaignRequest:
+    """Return the request of the options."""
+    rules = ArcRules(arcs_s=tuple(arc), spacing_s=spacing, sigma_rad=sigma * MDEG)
+    return CampaignRequest(rules=rules, slew=Slew(settle_s=settle), **others)
+
+
+request_from = partial(requested, arguments, request_with)
+"""Returns the request of a command line."""
 
 
 def main(argv: list[str] | None = None) -> None:

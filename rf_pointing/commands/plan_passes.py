@@ -10,7 +10,8 @@ import json
 import os
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,15 @@ from rf_pointing.api.passes import draw_certificates
 from rf_pointing.api.satellite_list import satellites
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target, every_satellite
-from rf_pointing.commands.options import add_target_options, between, ending_with_reason, say, say_if, target_from
-from rf_pointing.core.dates import parse_utc
+from rf_pointing.commands.options import (
+    add_options,
+    between,
+    ending_with_reason,
+    requested,
+    say,
+    say_if,
+    say_of_elements,
+)
 from rf_pointing.core.whole_file import write_whole
 
 PROGRAM = "plan_passes"
@@ -37,10 +45,10 @@ class PlanRequest:
     min_peak_deg: float
     gap_s: float
     json: bool
-    csv: str | None
-    ics: str | None
-    oem: str | None
-    picture: str | None
+    csv: Path | None
+    ics: Path | None
+    oem: Path | None
+    picture: Path | None
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -74,11 +82,11 @@ def plan_one(request: PlanRequest) -> None:
         say_if(PROGRAM, wanted[-1].one.warning)
     if request.oem:
         text = target.to_oem(start_t_s=start_t_s, duration_s=request.span["hours"] * 3600.0, created_t_s=time.time())
-        write_whole(Path(request.oem), text)
-        say(PROGRAM, request.oem)
+        write_whole(request.oem, text)
+        say(PROGRAM, str(request.oem))
     if request.picture:
         draw_certificates(wanted, station, request.picture)
-        say(PROGRAM, request.picture)
+        say(PROGRAM, str(request.picture))
 
 
 def plan_many(request: PlanRequest, targets: list[Target]) -> None:
@@ -89,55 +97,62 @@ def plan_many(request: PlanRequest, targets: list[Target]) -> None:
         say(PROGRAM, f"{one.name} {reason}")
     say_if(PROGRAM, plan.warning())
     if request.csv:
-        write_whole(Path(request.csv), plan.to_csv())
-        say(PROGRAM, request.csv)
+        write_whole(request.csv, plan.to_csv())
+        say(PROGRAM, str(request.csv))
     if request.ics:
-        write_whole(Path(request.ics), plan.to_calendar())
-        say(PROGRAM, request.ics)
+        write_whole(request.ics, plan.to_calendar())
+        say(PROGRAM, str(request.ics))
     if request.picture:
         plan.draw(request.picture)
-        say(PROGRAM, request.picture)
+        say(PROGRAM, str(request.picture))
 
 
-def request_from(argv: list[str] | None = None) -> PlanRequest:
-    """Return the request of a command line; ValueError for one that contradicts itself."""
+def arguments() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     what = "Plan the coming passes of a satellite, or of many satellites for one antenna, with certificates."
     parser = argparse.ArgumentParser(prog=PROGRAM, description=what)
-    add_target_options(parser)
+    add_options(parser, "elements interpolation satellite station band start mask")
     many = parser.add_mutually_exclusive_group()
     many.add_argument("--satellites", nargs="+", metavar="NAME|NUMBER|FILE", help="plan these satellites together; a "
         "file has one a line, as in '25544, priority=5, peak=20' (start: now, or the newest epoch)")  # fmt: skip
     many.add_argument("--all", action="store_true", help="plan all satellites of the elements together")
     add = parser.add_argument
     add("--hours", type=between(0.01, 744.0), default=24.0, help="how far to look (default: 24)")
-    add("--min-peak", type=between(0.0, 90.0), default=0.0, metavar="DEG", help="least peak of a pass (default: 0)")
-    add("--gap", type=between(0.0, 3600.0), default=0.0, metavar="S",
+    add_options(
+        parser, "min-peak", min_peak={"metavar": "DEG", "default": 0.0, "help": "least peak of a pass (default: 0)"}
+    )
+    add("--gap", dest="gap_s", type=between(0.0, 3600.0), default=0.0, metavar="S",
         help="between passes of many satellites, besides the slew (default: 0)")  # fmt: skip
-    add("--model", metavar="FILE", default="", help="bias model (default: the station's)")
+    add("--model", dest="bias_model", type=Path, metavar="FILE", help="bias model (default: the station's)")
     add("--json", action="store_true", help="print JSON")
-    add("--csv", metavar="FILE", help="write all passes of many satellites as a table")
-    add("--ics", metavar="FILE", help="write the tracked passes of many satellites as a calendar")
-    add("--oem", metavar="FILE", help="write the satellite's motion over these hours as a CCSDS OEM")
-    add("--picture", metavar="FILE", help="draw the plan into this PNG")
-    options = parser.parse_args(argv)
-    station = Station(options.station, options.band, model=options.model or None)
+    add("--csv", type=Path, metavar="FILE", help="write all passes of many satellites as a table")
+    add("--ics", type=Path, metavar="FILE", help="write the tracked passes of many satellites as a calendar")
+    add("--oem", type=Path, metavar="FILE", help="write the satellite's motion over these hours as a CCSDS OEM")
+    add("--picture", type=Path, metavar="FILE", help="draw the plan into this PNG")
+    return parser
+
+
+def request_with(**given: Any) -> PlanRequest:
+    """Return the request of the options; ValueError for those that contradict each other."""
+    station, target, named, everything = (given[name] for name in ("station", "target", "satellites", "all"))
     # A model that cannot be read is reported before the elements are.
     _ = station.rules
-    together = options.all or bool(options.satellites)
-    if together and options.oem:
+    together = everything or bool(named)
+    if together and given["oem"]:
         raise ValueError("--oem is of one satellite: give neither --satellites nor --all")
     for name in ("csv", "ics"):
-        if not together and getattr(options, name):
+        if not together and given[name]:
             raise ValueError(f"--{name} is of a plan of many satellites: give --satellites or --all")
-    target = target_from(options.elements, options.satellite, options.interpolation)
+    say_of_elements(target)
     targets = None
-    if options.all:
-        targets = every_satellite(options.elements, options.min_peak)
-    elif options.satellites:
-        targets = satellites(options.elements, options.satellites, min_peak_deg=options.min_peak)
-    return PlanRequest(
-        station=station, target=target, targets=targets, min_peak_deg=options.min_peak, gap_s=options.gap,
-        span={"start_t_s": parse_utc(options.start) if options.start else None, "hours": options.hours,
-              "mask_deg": options.mask},
-        json=options.json, csv=options.csv, ics=options.ics, oem=options.oem, picture=options.picture,
-    )  # fmt: skip
+    if everything:
+        targets = every_satellite(target.location, given["min_peak_deg"])
+    elif named:
+        targets = satellites(target.location, named, min_peak_deg=given["min_peak_deg"])
+    span = {"start_t_s": given["start_s"], "hours": given["hours"], "mask_deg": given["mask_deg"]}
+    own = {item.name: given[item.name] for item in fields(PlanRequest) if item.name in given}
+    return PlanRequest(targets=targets, span=span, **own)
+
+
+request_from = partial(requested, arguments, request_with)
+"""Returns the request of a command line; ValueError for one that contradicts itself."""

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rf_pointing.commands.options import add_namespace_option, between, ending_with_reason, named
+from rf_pointing.commands.options import add_options, between, ending_with_reason, named, refusing
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.core.whole_file import DATA_BYTES, read_whole
 from rf_pointing.operations.pass_list import read_passes
@@ -50,7 +50,7 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     """Return the request of a command line."""
     load_trackers()
     parser = argparse.ArgumentParser(prog="station", description="Operate a running station.")
-    add_namespace_option(parser)
+    add_options(parser, "namespace")
     parser.add_argument(
         "--key", type=_file, metavar="FILE", help="key of the commands (default: that of antenna_servo)"
     )
@@ -68,12 +68,12 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     track("--sensor", type=named(SENSOR_CHOICES), choices=tuple(SENSOR_CHOICES), default="auto", help="(default: auto)")
     track("--min-peak", dest="min_peak_rad", metavar="MIN_PEAK", type=_degrees(0.0, 90.0), default=0.0,
         help="least peak elevation in deg (default: 0)")  # fmt: skip
-    track("--near", dest="near_s", type=parse_utc, metavar="UTC",
+    track("--near", dest="near_s", type=refusing(parse_utc), metavar="UTC",
         help="the pass at or nearest to this time (default: the next)")  # fmt: skip
     track("--output", type=Path, metavar="DIR", help="folder of recording and report (default: runs/SATELLITE-TIME)")
     track("--no-record", dest="record", action="store_false", help="neither recording nor report")
     queue = add("queue", "hand passes over to the executive: JSON, CSV or ICS of plan_passes", StationClient.queue)
-    queue("text", metavar="file", nargs="?", type=_passes, help="file of the passes")
+    queue("text", metavar="file", nargs="?", type=refusing(_passes), help="file of the passes")
     queue("--remove", nargs="+", default=[], metavar="ID", help="take passes out")
     queue("--start", action="store_true", help="run the schedule, and follow it to its end")
     status = add("status", "show what the station does, and the alarms", StationClient.show_status)
@@ -118,11 +118,8 @@ def _file(text: str) -> Path:
 def _passes(name: str) -> str:
     """Return the text of a file of passes, refused here with its row rather than by a node."""
     if not Path(name).is_file():
-        raise argparse.ArgumentTypeError(f"no such file: {name}")
-    try:
-        read_passes(text := read_whole(Path(name), DATA_BYTES), every=False)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
+        raise ValueError(f"no such file: {name}")
+    read_passes(text := read_whole(Path(name), DATA_BYTES), every=False)
     return text
 
 

@@ -31,14 +31,13 @@ from typing import Any
 
 from rf_pointing.drives.registry import SIMULATED
 from rf_pointing.ros.antenna_server import AntennaServer
-from rf_pointing.ros.command_key import CommandKeyParams
 from rf_pointing.ros.identification_server import IdentificationServer
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.station_node import ExecutiveWatch, StationNode
 from rf_pointing.ros.topic_drive import DriveConnection
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.memory import AntennaMemory
-from rf_pointing.station.antenna.operation import LIVE, AntennaOperation, ServoNodeParams
+from rf_pointing.station.antenna.operation import LIVE, AntennaOperation
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna
 
 INACTIVE_PERIOD_S = 0.05
@@ -49,11 +48,7 @@ class AntennaServo(StationNode):
     """Ticks an antenna in operation; a simulated one makes up for ticks that are late."""
 
     def __init__(self) -> None:
-        super().__init__("antenna_servo")
-        self.parameters.declare("", ServoNodeParams())
-        self.parameters.declare("", CommandKeyParams(), group="key")
-        for prefix, defaults in AntennaParams().sets().items():
-            self.parameters.declare(prefix, defaults, live=prefix in LIVE)
+        super().__init__("antenna_servo", live=dict.fromkeys(LIVE, True))
         self.parameters.check_with(self._check)
         self.parameters.on_change(self._retune)
         self._operation: AntennaOperation | None = None

@@ -22,7 +22,6 @@ from rf_pointing_msgs.srv import SelectTarget
 from sensor_msgs.msg import JointState, Temperature
 from std_srvs.srv import Trigger
 
-from rf_pointing.calibration import AcceptanceRules
 from rf_pointing.ros import convert
 from rf_pointing.ros.convert_calibration import fit_to_result, model_to_message, no_model_to_message
 from rf_pointing.ros.graph import TEMPERATURE
@@ -33,17 +32,14 @@ from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.repeated_call import RepeatedCall
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.station_node import StationNode
-from rf_pointing.station.campaign.calibrator import ORBIT, Calibrator, CalibratorParams, Campaign
+from rf_pointing.station.campaign.calibrator import Calibrator, Campaign
 
 
 class BiasCalibrator(StationNode):
     """Publishes the model in force; collects observations while a sensor tracks."""
 
     def __init__(self) -> None:
-        super().__init__("bias_calibrator")
-        self.parameters.declare("calibrator", CalibratorParams())
-        self.parameters.declare("shadow", AcceptanceRules(), live=True)
-        self.parameters.declare("orbit", ORBIT, live=True)
+        super().__init__("bias_calibrator", live={"shadow": True, "orbit": True})
         self.parameters.on_change(self._retune)
         self.calibrator: Calibrator | None = None
         self._campaign: Campaign | None = None

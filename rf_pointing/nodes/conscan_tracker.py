@@ -23,8 +23,6 @@ class ConscanTrackerNode(StationNode):
 
     def __init__(self) -> None:
         super().__init__(NODE)
-        for prefix, defaults in PowerTrackerParams().sets().items():
-            self.parameters.declare(prefix, defaults)
         self._tracker: PowerTracker | None = None
         self._counts = {"valid": 0, "invalid": 0}
 

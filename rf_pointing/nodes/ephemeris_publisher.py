@@ -19,19 +19,23 @@ from rf_pointing_msgs.msg import Attitude, PassList, PassProfileList, Target
 from rf_pointing_msgs.srv import SelectTarget
 from sensor_msgs.msg import FluidPressure, RelativeHumidity, Temperature
 
-from rf_pointing.ephemeris import ElementUncertainty, Pass
+from rf_pointing.ephemeris import Pass
 from rf_pointing.ephemeris.source import NO_TARGET
-from rf_pointing.planning import HorizonMask, PassProfile
+from rf_pointing.planning import PassProfile
 from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros.graph import HUMIDITY, PRESSURE, SATELLITE_ATTITUDE, TEMPERATURE
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.station_node import StationNode
-from rf_pointing.station.pointing.predicted_target import RENEWAL_S, PredictedTarget, PublisherParams
+from rf_pointing.station.pointing.predicted_target import RENEWAL_S, PredictedTarget
 
-# What may change while the node is configured; ~/select_target takes another satellite.
-LIVE_SOURCE = ("along_track_offset_s", "cross_track_offset_deg", "hold", "refraction", "weather", "antenna")
+LIVE = {
+    # Another satellite is taken by ~/select_target.
+    "source": ("along_track_offset_s", "cross_track_offset_deg", "hold", "refraction", "weather", "antenna"),
+    "publisher": ("lead_s", "margin_s"), "uncertainty": True,
+}  # fmt: skip
+"""Parameters that may change while the node is configured."""
 WEATHER = {
     TEMPERATURE: (Temperature, "temperature_k", convert.temperature_from_message),
     PRESSURE: (FluidPressure, "pressure_hpa", lambda message: 0.01 * message.fluid_pressure),
@@ -43,11 +47,7 @@ class EphemerisPublisher(StationNode):
     """Predicts one target at a time."""
 
     def __init__(self) -> None:
-        super().__init__("ephemeris_publisher")
-        self.parameters.declare("source", NO_TARGET, live=LIVE_SOURCE)
-        self.parameters.declare("publisher", PublisherParams(), live=("lead_s", "margin_s"))
-        self.parameters.declare("mask", HorizonMask())
-        self.parameters.declare("uncertainty", ElementUncertainty(), live=True)
+        super().__init__("ephemeris_publisher", live=LIVE, defaults={"source": NO_TARGET})
         self.parameters.on_change(self._on_parameters)
         self.prediction: PredictedTarget | None = None
 

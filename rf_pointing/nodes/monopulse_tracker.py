@@ -9,14 +9,13 @@ configuration if it exists, written after every calibration scan).
 from rf_pointing_msgs.msg import Monopulse, PointingError, TrackingStatus
 from sensor_msgs.msg import JointState
 
+from rf_pointing.core import Sensor
 from rf_pointing.ros import convert
 from rf_pointing.ros.diagnostics import OK, WARN, Health
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.ros.streams import checked_message
-from rf_pointing.station.parameters import FileParams
-from rf_pointing.tracking import MonopulseParams, MonopulseScanParams
 from rf_pointing.tracking.cluster_tracker import ClusterTracker
 
 
@@ -24,10 +23,7 @@ class MonopulseTrackerNode(StationNode):
     """Measures; whether the antenna acts on it is the pointing controller's business."""
 
     def __init__(self) -> None:
-        super().__init__("monopulse_tracker")
-        self.parameters.declare("monopulse", MonopulseParams(), live=True)
-        self.parameters.declare("calibration", MonopulseScanParams())
-        self.parameters.declare("", FileParams())
+        super().__init__("monopulse_tracker", live={Sensor.MONOPULSE.value: True})
         self.parameters.on_change(self._retune)
         self._tracker: ClusterTracker | None = None
         self._reads_joints = False

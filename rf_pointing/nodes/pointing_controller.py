@@ -20,7 +20,7 @@ from sensor_msgs.msg import Temperature
 from std_srvs.srv import Trigger
 
 from rf_pointing.ros import convert
-from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.command_key import CommandKey
 from rf_pointing.ros.convert_calibration import model_from_message
 from rf_pointing.ros.convert_planning import profile_from_message
 from rf_pointing.ros.graph import TEMPERATURE
@@ -29,7 +29,6 @@ from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 from rf_pointing.ros.station_node import ClockWatch, ExecutiveWatch, StationNode
 from rf_pointing.ros.track_pass import TrackPassServer
 from rf_pointing.station.clients.goals import PassGoals
-from rf_pointing.station.pointing.certificates import StoreParams
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import LIVE, ControllerParams
 from rf_pointing.tracking.sensors import load_trackers
@@ -45,13 +44,9 @@ class PointingControllerNode(StationNode):
     CHECKS_EVERY_NODE = True
 
     def __init__(self) -> None:
-        super().__init__("pointing_controller")
         # Before the declarations: `autotrack.sensor` takes their names.
         load_trackers()
-        for prefix, defaults in ControllerParams().sets().items():
-            self.parameters.declare(prefix, defaults, live=LIVE.get(prefix, False))
-        self.parameters.declare("", StoreParams(), live=True)
-        self.parameters.declare("", CommandKeyParams(), group="key")
+        super().__init__("pointing_controller", live={**LIVE, "": True})
         self.parameters.on_change(self._retune)
         self._goals: PassGoals | None = None
         self._server = TrackPassServer(self)
@@ -102,7 +97,7 @@ class PointingControllerNode(StationNode):
 
     def _sensor(self, sensor: str) -> str:
         assert self.station is not None
-        return self.station.chosen_sensor(sensor or self.station.sensor(self.band), self.band)
+        return self.station.chosen_sensor(sensor, self.band)
 
     def _params(self) -> ControllerParams:
         return ControllerParams(**{prefix: self.parameters.value(prefix) for prefix in ControllerParams().sets()})

@@ -30,7 +30,6 @@ from rf_pointing.ros.graph import INHIBIT, RADIO
 from rf_pointing.ros.main_loop import read_token, run
 from rf_pointing.ros.qos import STATUS, STREAM
 from rf_pointing.ros.station_node import StationNode
-from rf_pointing.station.derive.nodes import reference
 from rf_pointing.station.radio.control import PERIOD_S, RadioControl
 from rf_pointing.station.radio.inhibit import TransmitRules
 
@@ -43,8 +42,6 @@ class RadioControlNode(StationNode):
 
     def __init__(self) -> None:
         super().__init__(RADIO)
-        for prefix, params in reference(RADIO).defaults.items():
-            self.parameters.declare(prefix, params)
         self._server: LineServer | None = None
         self._inbox: SimpleQueue[Inquiry] = SimpleQueue()
         self._refused: deque[str] = deque(maxlen=100)

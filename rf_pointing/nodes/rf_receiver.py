@@ -13,16 +13,14 @@ from rf_pointing.ros import convert
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, SAMPLES, STREAM
 from rf_pointing.ros.station_node import StationNode
-from rf_pointing.station.antenna.receiver import SignalParams, SimulatedReceiver
+from rf_pointing.station.antenna.receiver import SimulatedReceiver
 
 
 class RfReceiver(StationNode):
     """Turns boresights into samples at their stamps, without a timer."""
 
     def __init__(self) -> None:
-        super().__init__("rf_receiver")
-        self.parameters.declare("source", NO_TARGET)
-        self.parameters.declare("signal", SignalParams())
+        super().__init__("rf_receiver", defaults={"source": NO_TARGET})
         self._receiver: SimulatedReceiver | None = None
 
     def configure(self) -> None:

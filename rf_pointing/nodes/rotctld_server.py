@@ -23,10 +23,10 @@ from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.drives.line_server import IO_ERROR, REJECTED, Inquiry, LineServer, ServerParams
+from rf_pointing.drives.line_server import IO_ERROR, REJECTED, Inquiry, LineServer
 from rf_pointing.drives.rotctld import RotatorWords, StationView
 from rf_pointing.ros import convert, convert_calibration
-from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.command_key import CommandKey
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS
 from rf_pointing.ros.main_loop import read_token, run
@@ -34,8 +34,8 @@ from rf_pointing.ros.qos import COMMAND, LATCHED, STATUS, STREAM
 from rf_pointing.ros.repeated_call import ParametersOf
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.ros.station_node import StationNode
-from rf_pointing.station.clients.points import Follower, FollowParams, KnownSatellites, MatchParams
-from rf_pointing.station.clients.steering import PERIOD_S, Answer, Steering, SteeringParams, steering_rows
+from rf_pointing.station.clients.points import Follower, KnownSatellites
+from rf_pointing.station.clients.steering import PERIOD_S, Answer, Steering, steering_rows
 from rf_pointing.station.parameters import controller_params
 from rf_pointing.tracking.sensors import load_trackers
 
@@ -46,12 +46,8 @@ class RotctldServerNode(StationNode):
     """The port of the clients, and the topics and services that their steering needs."""
 
     def __init__(self) -> None:
-        super().__init__("rotctld_server")
         load_trackers()
-        self.parameters.declare("", SteeringParams())
-        self.parameters.declare("", CommandKeyParams(), group="key")
-        for prefix, params in {"server": ServerParams(), "follow": FollowParams(), "match": MatchParams()}.items():
-            self.parameters.declare(prefix, params)
+        super().__init__("rotctld_server")
         self._server: LineServer | None = None
         self._inbox: SimpleQueue[Inquiry] = SimpleQueue()
         self._refused: deque[str] = deque(maxlen=100)

@@ -7,7 +7,6 @@ Parameters: receiver.*, which the station description gives (`receiver`).
 
 from rf_pointing_msgs.msg import CarrierPower, Monopulse, Target
 
-from rf_pointing.receiver.params import SignalReceiverParams
 from rf_pointing.receiver.receiver import SignalReceiver
 from rf_pointing.ros import convert
 from rf_pointing.ros.diagnostics import OK, WARN, Health
@@ -24,7 +23,6 @@ class SignalReceiverNode(StationNode):
 
     def __init__(self) -> None:
         super().__init__("signal_receiver")
-        self.parameters.declare("receiver", SignalReceiverParams())
         self._receiver: SignalReceiver | None = None
 
     def configure(self) -> None:

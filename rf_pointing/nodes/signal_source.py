@@ -10,13 +10,13 @@ from rf_pointing_msgs.msg import Boresight, PassList, PointingError
 
 from rf_pointing.ephemeris.element_updates import ElementUpdates
 from rf_pointing.ephemeris.source import SourceParams, load_track
-from rf_pointing.receiver.serving import Outlet, OutletParams, make_outlet
+from rf_pointing.receiver.serving import Outlet, make_outlet
 from rf_pointing.ros import convert
 from rf_pointing.ros.diagnostics import Health
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import LATCHED, SAMPLES, STREAM
 from rf_pointing.ros.station_node import StationNode
-from rf_pointing.station.antenna.radio import RadioParams, SimulatedRadio, seeded
+from rf_pointing.station.antenna.radio import SimulatedRadio, seeded
 from rf_pointing.station.antenna.receiver import SignalParams
 
 
@@ -25,10 +25,6 @@ class SignalSource(StationNode):
 
     def __init__(self) -> None:
         super().__init__("signal_source")
-        self.parameters.declare("source", SourceParams())
-        self.parameters.declare("signal", SignalParams())
-        self.parameters.declare("sdr", RadioParams())
-        self.parameters.declare("outlet", OutletParams())
         self._radio: SimulatedRadio | None = None
         self._outlet: Outlet | None = None
         self._ticks = 0

@@ -14,15 +14,14 @@ out of the station is received, that one sends them; when it falls silent, this 
 import time
 from pathlib import Path
 
-from rf_pointing.operations import AlarmParams, ExpectedState
+from rf_pointing.operations import ExpectedState
 from rf_pointing.operations.alarms import AlarmBook
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.operations.recovery import Recovery
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.night_messages import AlarmTopic, hear_station, serve_alarms
 from rf_pointing.ros.station_node import StationNode
-from rf_pointing.station.clients.alarm_hooks import HookParams
-from rf_pointing.station.clients.station_alarms import AlarmNodeParams, StationAlarms
+from rf_pointing.station.clients.station_alarms import StationAlarms
 from rf_pointing.station.parameters import controller_params
 
 STEP_S = 0.5
@@ -33,13 +32,10 @@ class AlarmNode(StationNode):
 
     def __init__(self) -> None:
         super().__init__("station_alarms")
-        self.parameters.declare("alarms", AlarmParams())
-        self.parameters.declare("hooks", HookParams())
-        self.parameters.declare("", AlarmNodeParams(), group="files")
 
     def configure(self) -> None:
         assert self.station is not None
-        thresholds, hooks, files = map(self.parameters.value, ("alarms", "hooks", "files"))
+        thresholds, hooks, files = map(self.parameters.value, ("alarms", "hooks", ""))
         folder, topic = Path(files.folder).expanduser().resolve(), AlarmTopic(self)
         folder.mkdir(parents=True, exist_ok=True)
         table = read_tables(thresholds, recovery=files.recovery_file).recovery

@@ -53,7 +53,6 @@ class StationDescriptionNode(StationNode):
 
     def __init__(self) -> None:
         super().__init__(DESCRIPTION)
-        self.parameters.declare("view", ViewParams())
         self._profiles: list[PassProfile] = []
         self._drawn: PassProfile | None = None
 

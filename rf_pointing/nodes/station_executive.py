@@ -25,20 +25,17 @@ from rf_pointing_msgs.srv import ChangeSchedule, Named
 from std_srvs.srv import Trigger
 
 from rf_pointing import __version__
-from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.ros import night_messages as messages
-from rf_pointing.ros.command_key import CommandKeyParams
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.one_goal import OneGoal
 from rf_pointing.ros.qos import LATCHED, STATUS
 from rf_pointing.ros.station_node import StationNode
-from rf_pointing.station.clients.alarm_hooks import HookParams
-from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch
+from rf_pointing.station.clients.night_watch import NightWatch
 from rf_pointing.tracking.sensors import load_trackers
 
-PARAMS = {"executive": ExecutiveParams(), "between": BetweenParams(), "alarms": AlarmParams(), "hooks": HookParams()}
+SETS = ("executive", "between", "alarms", "hooks")
 STEP_S = 0.2
 
 
@@ -46,17 +43,14 @@ class StationExecutive(StationNode):
     """Runs a night on the nodes of its namespace."""
 
     def __init__(self) -> None:
-        super().__init__("station_executive")
         load_trackers()
-        for prefix, defaults in PARAMS.items():
-            self.parameters.declare(prefix, defaults)
-        self.parameters.declare("", CommandKeyParams(), group="key")
+        super().__init__("station_executive")
         result = lambda reason: RunSchedule.Result(**self.watch.result(reason))  # noqa: E731
         cancel = lambda: self.watch.cancel(self.now_s())  # noqa: E731
         self._goal = OneGoal(self, RunSchedule, "run_schedule", self._begin, result, cancel)
 
     def configure(self) -> None:
-        values = map(self.parameters.value, PARAMS)
+        values = map(self.parameters.value, SETS)
         self.watch = watch = NightWatch(
             *values, self.station, self.band, self.get_namespace().strip("/"), connect=self._connect,
             record=self._record, report=self._report, tell=self._tell, publish=messages.AlarmTopic(self).publish,

@@ -18,6 +18,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.ros import convert
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.convert import pair
 from rf_pointing.ros.diagnostics import Health
 from rf_pointing.ros.graph import WIND
 from rf_pointing.ros.identification_server import IdentificationServer
@@ -26,6 +27,7 @@ from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.ros.streams import STAMP_RESOLUTION_S
+from rf_pointing.station.antenna.control_unit import AntennaStatus as ControlUnitStatus
 from rf_pointing.station.antenna.modes import OPERATED
 from rf_pointing.station.antenna.operation import AntennaOperation, Tick
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
@@ -33,6 +35,7 @@ from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 HEAD_BYTES = 4096
 EARLY_S, MOST_EARLY = 0.5, 10
 """How far ahead of the ticks, and how many, commands in simulated time wait for them."""
+antenna_status_to_message, _ = pair(ControlUnitStatus, AntennaStatus)
 POINT_BYTES = 112
 """Length of a point of a command: its time, and four sequences of two numbers with lengths."""
 
@@ -143,7 +146,7 @@ class AntennaServer:
             self._boresight.publish(convert.boresight_to_message(tick.boresight))
         self._identification.tick(t_s)
         if tick.status is not None:
-            message = convert.antenna_status_to_message(tick.status)
+            message = antenna_status_to_message(tick.status)
             message.tick_lateness = self._operation.lateness_s
             self._status.publish(message)
         if tick.fault is not None:

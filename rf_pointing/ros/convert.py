@@ -21,7 +21,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from rf_pointing import core
 from rf_pointing.core.constants import ZERO_CELSIUS_K
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
-from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
+from rf_pointing.station.pointing.status import TrackingStatus
 
 if TYPE_CHECKING:
     from rf_pointing.ephemeris import SkyUncertainty
@@ -90,7 +90,6 @@ _target_to_message, target_from_message = pair(core.Target, ours.Target, name="t
 boresight_to_message, boresight_from_message = pair(core.Boresight, ours.Boresight)
 power_to_message, _power_from_message = pair(core.CarrierPower, ours.CarrierPower, integration_s="integration_time")
 error_to_message, _error_from_message = pair(core.PointingError, ours.PointingError)
-antenna_status_to_message, antenna_status_from_message = pair(AntennaStatus, ours.AntennaStatus)
 tracking_status_to_message, _ = pair(TrackingStatus, ours.TrackingStatus, half_power_beamwidth_rad="beamwidth")
 
 

@@ -1,12 +1,11 @@
-"""Goals of a pass and their outcomes from and to messages, like `convert.py`."""
+"""Goals of a pass from messages, like `convert.py`."""
 
 from rf_pointing_msgs.action import TrackPass
 
 from rf_pointing.ros.convert import pair
 from rf_pointing.ros.convert_planning import pass_from_message
-from rf_pointing.station.clients.goals import GoalOutcome, PassGoal
+from rf_pointing.station.clients.goals import PassGoal
 
-outcome_to_result, _ = pair(GoalOutcome, TrackPass.Result)
 _, _goal_from_message = pair(PassGoal, TrackPass.Goal, window=None)
 
 

@@ -4,8 +4,6 @@ One goal at a time.  The end of the experiment, a cancelled goal, a stop and a d
 in the same controlled stop.  Publishes: manual_rate (one message per control tick).
 """
 
-from typing import Any
-
 from rf_pointing_msgs.action import Identify
 from rf_pointing_msgs.msg import ManualRate
 
@@ -13,6 +11,7 @@ from rf_pointing.core import AXES, random_stream
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.ros import convert_identification as convert
 from rf_pointing.ros.managed import ManagedNode
+from rf_pointing.ros.one_goal import OneGoal
 from rf_pointing.ros.qos import EXPERIMENT
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 
@@ -26,14 +25,9 @@ class IdentificationServer:
     def __init__(self, node: ManagedNode) -> None:
         self._node = node
         self._antenna: SimulatedAntenna | None = None
-        self._goal: Any = None
         self._experiment: IdentificationExperiment | None = None
-        self._reason = ""
-        self._published = 0
-        node.serve_goals(
-            Identify, "identify", accepts=lambda _: self._goal is None and self._antenna is not None,
-            begin=self._begin, cancel=self._cancel, result=self._result,
-        )  # fmt: skip
+        self._axis, self._published = "", 0
+        self._goal = OneGoal(node, Identify, "identify", self._begin, self._result, self._cancel)
 
     def configure(self, antenna: SimulatedAntenna) -> None:
         """Serve this antenna; create the samples' topic."""
@@ -42,42 +36,31 @@ class IdentificationServer:
 
     def tick(self, t_s: float) -> None:
         """Publish the sample of this tick; conclude the goal once the axes rest after the end."""
-        experiment, goal = self._experiment, self._goal
-        if experiment is None or goal is None or self._antenna is None:
+        experiment = self._experiment
+        if experiment is None or not self._goal.lasts or self._antenna is None:
             return
         if experiment.samples_taken > self._published:
             self._published = experiment.samples_taken
             rate, position = experiment.newest
-            self._samples.publish(
-                convert.manual_rate_to_message(t_s, goal.request.axis, self._published - 1, rate, position)
-            )
+            self._samples.publish(convert.manual_rate_to_message(t_s, self._axis, self._published - 1, rate, position))
             if self._published % FEEDBACK_EVERY == 0:
-                where = float(position[AXES.index(goal.request.axis)])
-                goal.publish_feedback(Identify.Feedback(progress=experiment.progress, position=where))
+                where = float(position[AXES.index(self._axis)])
+                self._goal.report(Identify.Feedback(progress=experiment.progress, position=where))
         # Not before the axes rest: a goal that ends while they move would allow the next one.
         if experiment.finished and self._antenna.mode not in ("manual_rate", "stopping"):
-            self._goal = None
-            goal.execute()
+            self._goal.finish()
 
     def end(self) -> None:
         """Conclude a goal that deactivation has interrupted."""
-        goal, self._goal = self._goal, None
-        if goal is not None:
-            goal.execute()
+        self._goal.finish()
 
-    def _begin(self, goal: Any) -> None:
-        """Start the experiment; the goal is executed when it has ended."""
-        self._published, self._experiment = 0, None
-        try:
-            experiment = self._made(goal.request)
-            self._reason = self._antenna.identify(experiment)
-        except ValueError as error:
-            self._reason = str(error)
-        if self._reason:
-            self._node.get_logger().error(f"identification refused: {self._reason}")
-            goal.execute()
-            return
-        self._goal, self._experiment = goal, experiment
+    def _begin(self, request: Identify.Goal) -> None:
+        """Start the experiment; ValueError says why it cannot be."""
+        self._axis, self._published, self._experiment = request.axis, 0, None
+        experiment = self._made(request)
+        if reason := self._antenna.identify(experiment):
+            raise ValueError(reason)
+        self._experiment = experiment
 
     def _made(self, request: Identify.Goal) -> IdentificationExperiment:
         params = convert.excitation_from_goal(request, self._antenna.params.tick_s)
@@ -92,9 +75,9 @@ class IdentificationServer:
         if self._experiment is not None:
             self._experiment.abort("the goal was cancelled")
 
-    def _result(self) -> Identify.Result:
+    def _result(self, reason: str) -> Identify.Result:
         experiment, self._experiment = self._experiment, None
-        result = Identify.Result(message=self._reason)
+        result = Identify.Result(message=reason)
         if experiment is not None:
             result.message, result.samples_taken = experiment.abort_reason, experiment.samples_taken
             result.success = not experiment.abort_reason

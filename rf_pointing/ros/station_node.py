@@ -7,8 +7,10 @@ a pass while a node of its namespace differs.
 
 import time
 from collections import deque
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -21,7 +23,7 @@ from rf_pointing.ros.graph import EXECUTIVE_STATUS, STATION_IN_USE
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import IN_USE, STATUS, WATCHED
 from rf_pointing.ros.stamps import seconds_from_stamp
-from rf_pointing.station.derive.nodes import NODES
+from rf_pointing.station.derive.nodes import NODES, reference
 from rf_pointing.station.description import StationDescription, owner, read_station, shipped_stations
 
 EXECUTIVE_SILENT_S = 5.0
@@ -47,12 +49,18 @@ class StationParams(Params):
 class StationNode(ManagedNode):
     """A node whose parameters the station description gives; `station` is None if it is refused.
 
-    It checks the file and its own numbers; one that `CHECKS_EVERY_NODE` those of the others, too.
+    Its parameter sets are those of `derive/nodes.py`; `live` are those that may change while the
+    node is configured: True for a whole set, or names of its fields; `defaults` are in place of the
+    table's.  It checks the file and its own numbers; one that `CHECKS_EVERY_NODE` those of the
+    others, too.
     """
 
     CHECKS_EVERY_NODE = False
 
-    def __init__(self, name: str) -> None:
+    def __init__(
+        self, name: str, live: Mapping[str, bool | Collection[str]] = MappingProxyType({}),
+        defaults: Mapping[str, Params] = MappingProxyType({}),
+    ) -> None:  # fmt: skip
         super().__init__(name)
         self.parameters.declare("", StationParams(), group="description")
         self.station: StationDescription | None = None
@@ -71,6 +79,11 @@ class StationNode(ManagedNode):
         else:
             self.station = station
             self.parameters.take_station(values, partial(owner, name))
+        usual = reference(name)
+        for prefix, params in {**usual.defaults, **defaults}.items():
+            self.parameters.declare(prefix, params, live=live.get(prefix, False))
+        for group, params in usual.root.items():
+            self.parameters.declare("", params, live=live.get(group, False), group=group)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         result = super().on_configure(state)

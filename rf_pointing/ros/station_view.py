@@ -32,11 +32,19 @@ def status_values(
         "target": tracking.target, "on_source": tracking.on_source, "carrier_to_noise_db_hz": tracking.carrier_to_noise,
         "seconds_tracked": tracking.seconds_tracked, "executive": executive.state, "pass": executive.pass_id,
         "next": executive.next_id, "doing": executive.reason, "blocks": list(executive.blocks),
-        "alarms": [
-            {"name": each.name, "level": each.level, "message": each.message, "acknowledged": each.acknowledged}
-            for each in executive.alarms
-        ],
+        "alarms": [alarm_values(each) for each in executive.alarms],
     }  # fmt: skip
+
+
+def alarm_values(alarm: ours.Alarm) -> dict[str, Any]:
+    """Return an alarm that lasts."""
+    return {name: getattr(alarm, name) for name in ("name", "level", "message", "acknowledged")}
+
+
+def words_of(*messages: Any) -> dict[str, str | bool]:
+    """Return the texts and truth values of messages, by the names of their fields."""
+    fields = ((message, name) for message in messages for name in message.get_fields_and_field_types())
+    return {name: value for message, name in fields if isinstance(value := getattr(message, name), str | bool)}
 
 
 def entry_values(entry: ours.ScheduledPass) -> dict[str, Any]:
@@ -55,18 +63,16 @@ def window_values(window: ours.Pass) -> dict[str, Any]:
 
 
 def moving_values(antenna: ours.AntennaStatus, tracking: ours.TrackingStatus) -> dict[str, Any]:
-    """Return what changes all the time: rates, limits, the beam and the error in it.
+    """Return what changes all the time: words, rates, limits, the beam and the error in it.
 
     The error is in beamwidths, cross-elevation and elevation, [] where no beamwidth is published.
     """
     error = (tracking.cross_elevation_error, tracking.elevation_error)
     beam = tracking.beamwidth
     return {
-        "t_s": seconds_from_stamp(antenna.header.stamp), "high_wind": antenna.high_wind,
-        "transmit_inhibit": antenna.transmit_inhibit, "commander": antenna.commander,
+        **words_of(antenna, tracking), "t_s": seconds_from_stamp(antenna.header.stamp),
         "rate_deg_s": degrees(antenna.rate_command), "rate_limit_deg_s": degrees(antenna.rate_limit),
-        "at_limit": [bool(each) for each in antenna.at_limit], "reason": tracking.reason, "sensor": tracking.sensor,
-        "level": tracking.level, "alarm": tracking.alarm, "held": tracking.held,
+        "at_limit": [bool(each) for each in antenna.at_limit], "level": tracking.level,
         "beam_deg": degrees((tracking.azimuth, tracking.elevation)), "beamwidth_deg": round(math.degrees(beam), 5),
         "error_beamwidths": [round(float(each) / beam, 4) for each in error] if beam > 0.0 else [],
         "axis_distance_deg": round(math.degrees(tracking.axis_distance), 5),
@@ -106,8 +112,7 @@ def executive_values(executive: ours.ExecutiveStatus) -> dict[str, Any]:
         "state": executive.state, "pass": executive.pass_id, "target": executive.target, "blocks": list(executive.blocks),
         "doing": executive.reason, "next": executive.next_id, "next_s": seconds_from_stamp(executive.next_start),
         "alarms": [
-            {"name": each.name, "level": each.level, "message": each.message, "acknowledged": each.acknowledged,
-             "raised_utc": stamp_text(each.raised), "count": each.count}
+            {**alarm_values(each), "raised_utc": stamp_text(each.raised), "count": each.count}
             for each in executive.alarms
         ],
     }  # fmt: skip

@@ -19,7 +19,7 @@ from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import Certificate
 from rf_pointing.ros import convert, convert_planning
 from rf_pointing.ros.command_key import CommandKey
-from rf_pointing.ros.convert_goals import goal_from_message, outcome_to_result
+from rf_pointing.ros.convert_goals import goal_from_message
 from rf_pointing.ros.graph import STATION_IN_USE
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import COMMAND, IN_USE, LATCHED, STREAM
@@ -85,7 +85,7 @@ class TrackPassServer:
         return ours.Pass() if window is None else convert_planning.pass_to_message(window)
 
     def _result(self) -> TrackPass.Result:
-        return outcome_to_result(self._goals.outcome(), target_pass=self._window())
+        return TrackPass.Result(**self._goals.outcome(), target_pass=self._window())
 
     # The port of the goals
 

@@ -124,7 +124,7 @@ class StationSetup:
     @property
     def sensor(self) -> str:
         """The station's default sensor in this band."""
-        return self.station.sensor(self.band)
+        return self.station.chosen_sensor(band=self.band)
 
     def track(self) -> TopocentricTrack:
         """Return the target as the station predicts it."""
@@ -171,7 +171,7 @@ def simulate_pass(
     setup: StationSetup,
     window: Pass,
     start_t_s: float,
-    sensor: str | None = None,
+    sensor: str = "",
     on_reception: Callable[[Reception], object] | None = None,
 ) -> PassLog:
     """Return the log of one pass, from `start_t_s` (time to slew included) to loss of signal.
@@ -179,7 +179,7 @@ def simulate_pass(
     Without a `sensor` the station's default one tracks.  `on_reception` is called with every
     reception.
     """
-    track, sensor = setup.track(), setup.station.chosen_sensor(sensor or setup.sensor, setup.band)
+    track, sensor = setup.track(), setup.station.chosen_sensor(sensor, setup.band)
     if sensor == Sensor.ARRAY and setup.array is None:
         raise ValueError("sensor=array needs an array: what measures the receptions with it is not given")
     antenna, receiver, controller = setup.antenna(), setup.receiver(), setup.controller()

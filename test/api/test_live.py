@@ -46,7 +46,7 @@ def request(line: str) -> Any:
 
 def setup_of(line: str, tmp_path: Path) -> Any:
     found = request(line)
-    return live.run_setup("track", found, found.window, tmp_path, found.scan)
+    return live.run_setup("track", found, found.window, tmp_path)
 
 
 def parameters(line: str, tmp_path: Path) -> dict[str, dict[str, Any]]:
@@ -383,7 +383,7 @@ def test_the_models_of_both_axes_are_left_with_the_recordings(
     assert "valid band" in capsys.readouterr().out
     servo = {"station": str(read_station("dss13").path.resolve()), "band": "S", "wind.mean_speed_m_s": 0.3,
              "antenna.tick_s": 0.05}  # fmt: skip
-    assert experiments.started == [(servo, (Path("mine.yaml"),), Path("out"))]
+    assert experiments.started == [(servo, [Path("mine.yaml")], Path("out"))]
 
 
 def test_recordings_without_a_model_are_kept(

@@ -24,7 +24,13 @@ def test_plan_passes_plans_a_day_of_cbers_2_unless_told_otherwise() -> None:
     line = f"--all --start {START} --hours 744 --min-peak 90 --gap 3600 --mask 12 --json --csv c --ics i --picture p"
     given = plan_passes.request_from(line.split())
     assert given.span == {"start_t_s": parse_utc(START), "hours": 744.0, "mask_deg": 12.0}
-    assert (given.gap_s, given.json, given.csv, given.ics, given.picture) == (3600.0, True, "c", "i", "p")
+    assert (given.gap_s, given.json, given.csv, given.ics, given.picture) == (
+        3600.0,
+        True,
+        Path("c"),
+        Path("i"),
+        Path("p"),
+    )
     assert given.targets
     assert {target.min_peak_deg for target in given.targets} == {90.0}
 

@@ -1,22 +1,21 @@
 """The options that the commands share: their ranges, what they mean, and how a command ends."""
 
 import argparse
+from typing import Any
 
 import pytest
 
+from rf_pointing.api.target import Target
 from rf_pointing.commands import options
 
 
-def target_of(*line: str) -> argparse.Namespace:
-    parser = argparse.ArgumentParser()
-    options.add_target_options(parser)
-    return parser.parse_args(line)
+def parsed(names: str, *line: str) -> dict[str, Any]:
+    def parser() -> argparse.ArgumentParser:
+        made = argparse.ArgumentParser()
+        options.add_options(made, names)
+        return made
 
-
-def namespace_of(text: str) -> str:
-    parser = argparse.ArgumentParser()
-    options.add_namespace_option(parser)
-    return str(parser.parse_args(["--namespace", text]).namespace)
+    return options.requested(parser, dict, list(line))
 
 
 def test_a_text_is_reported_and_an_empty_one_is_not(capsys: pytest.CaptureFixture[str]) -> None:
@@ -63,17 +62,12 @@ def test_a_seed_is_a_parameter_of_a_node() -> None:
 
 @pytest.mark.parametrize(("text", "name"), [("/gs1", "/gs1"), ("gs2", "/gs2"), ("/north/gs1", "/north/gs1")])
 def test_the_first_slash_of_a_namespace_may_be_left_out(text: str, name: str) -> None:
-    assert namespace_of(text) == name
+    assert parsed("station band namespace", "--namespace", text)["namespace"] == name
 
 
 def test_a_target_is_what_the_options_name() -> None:
-    given = target_of()
-    target = options.target_from(given.elements, given.satellite, given.interpolation)
-    assert (target.satellite, target.location, target.interpolation, target.interpolation_degree) == (
-        "28057",
-        "",
-        "",
-        7,
-    )
-    other = options.target_from("", "MY BIRD", ("lagrange", "5"))
-    assert (other.satellite, other.interpolation, other.interpolation_degree) == ("MY BIRD", "LAGRANGE", 5)
+    names = "station band elements satellite interpolation"
+    assert parsed(names)["target"] == Target()
+    line = ["--satellite", "BIRD", "--elements", "a.tle", "--interpolation", "lagrange", "5"]
+    wanted = Target(satellite="BIRD", location="a.tle", interpolation="LAGRANGE", interpolation_degree=5)
+    assert parsed(names, *line)["target"] == wanted

@@ -149,7 +149,7 @@ def test_a_goal_without_a_sensor_takes_the_first_of_the_band(station: Station) -
     station.up().run(2)
     station.goal(target_pass=station.pass_message, sensor="")
     station.run(2)
-    assert station.bench.sent["tracking_status"][-1].sensor == station.bench.node.station.sensor(None)
+    assert station.bench.sent["tracking_status"][-1].sensor == station.bench.node.station.chosen_sensor()
 
 
 def test_nodes_on_another_station_refuse_the_goal(station: Station) -> None:

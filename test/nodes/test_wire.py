@@ -35,10 +35,12 @@ from rf_pointing.operations.night import NightState
 from rf_pointing.operations.schedule import PassState
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
 from rf_pointing.ros import convert, convert_identification, convert_planning
+from rf_pointing.ros.antenna_server import antenna_status_to_message
 from rf_pointing.ros.diagnostics import LEVELS
+from rf_pointing.station.antenna.control_unit import AntennaStatus
 from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.simulated_antenna import FAULTS
-from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
+from rf_pointing.station.pointing.status import TrackingStatus
 
 T_S, SEC, NANOSEC = 1_151_384_323.813083, 1_151_384_323, 813_083_000
 QUATERNION = np.array([0.1, 0.3, -0.5, 0.8062257748298549])
@@ -159,7 +161,7 @@ def test_antenna_status() -> None:
         commander="pointing_controller", set_points=9, starts=(7, 8), reversals=(1, 2),
     )  # fmt: skip
     says(
-        convert.antenna_status_to_message(status),
+        antenna_status_to_message(status),
         mode="fault", fault="ran dry", commanded=[1.0, 2.0], rate_command=[3.0, 4.0], rate_limit=[5.0, 6.0],
         acceleration_limit=[7.0, 8.0], at_limit=[False, True], command_lead=0.7, commands_accepted=11,
         commands_rejected=12, last_rejection="stale", warning="near", transmit_inhibit="slewing",

@@ -71,7 +71,7 @@ def test_an_interrupted_experiment_ends_once_with_the_samples_until_then(bench: 
 def test_a_refused_experiment_ends_at_once_with_the_reason(bench: Any, request_: Any, words: str) -> None:
     taken = bench.goal("identify", request_)
     assert (taken.end, words in taken.result.message, taken.result.samples_taken) == ("aborted", True, 0)
-    assert any(line.startswith("identification refused: ") and words in line for _, line in bench.log)
+    assert any(line.startswith("goal refused: ") and words in line for _, line in bench.log)
     assert bench.goal("identify", goal()).end == ""
 
 

@@ -69,7 +69,8 @@ def test_executive_passes_and_schedule_are_shown_in_utc_and_degrees() -> None:
 
 @pytest.mark.parametrize(("beamwidth", "error"), [(0.004, [0.25, -0.125]), (0.5, [0.002, -0.001]), (0.0, [])])
 def test_what_moves_is_in_degrees_and_its_error_in_beamwidths(beamwidth: float, error: list[float]) -> None:
-    axes = antenna(rate_command=np.radians([1.23456, -0.5]), rate_limit=np.radians([6.0, 3.0]), at_limit=[1, 0])
+    axes = antenna(rate_command=np.radians([1.23456, -0.5]), rate_limit=np.radians([6.0, 3.0]), at_limit=[1, 0],
+        transmit_inhibit="low", last_rejection="late")  # fmt: skip
     tracking = ours.TrackingStatus(
         azimuth=math.radians(100.0), elevation=math.radians(40.0), cross_elevation_error=0.001, elevation_error=-0.0005,
         beamwidth=beamwidth, axis_distance=math.radians(0.0123456), seconds_lost=3.26, mean_loss=0.126, los=STAMP,
@@ -78,6 +79,7 @@ def test_what_moves_is_in_degrees_and_its_error_in_beamwidths(beamwidth: float, 
         "rate_deg_s": [1.2346, -0.5], "rate_limit_deg_s": [6.0, 3.0], "at_limit": [True, False], "beam_deg": [100.0, 40.0],
         "beamwidth_deg": round(math.degrees(beamwidth), 5), "error_beamwidths": error, "axis_distance_deg": 0.01235,
         "seconds_lost": 3.3, "mean_loss_db": 0.13, "t_s": NOW_S, "los_s": NOW_S,
+        "transmit_inhibit": "low", "last_rejection": "late", "held": False,
     }  # fmt: skip
     found = moving_values(axes, tracking)
     assert {name: found[name] for name in wanted} == wanted

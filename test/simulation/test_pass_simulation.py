@@ -145,7 +145,7 @@ def test_a_tracker_of_ones_own_is_that_of_the_setup_and_the_sensor_that_of_the_b
     assert StationSetup("dss13", "X", tracker=mine).power_tracker() is mine
     setup = StationSetup("dss13", "X")
     assert isinstance(setup.power_tracker(), PowerTracker)
-    assert setup.sensor == setup.station.sensor("X")
+    assert setup.sensor == setup.station.chosen_sensor(band="X")
 
 
 def test_a_rotator_is_simulated_as_one_and_begins_where_it_is_said_to() -> None:

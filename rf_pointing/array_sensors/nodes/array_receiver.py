@@ -10,12 +10,10 @@ from rf_pointing_msgs.msg import ArraySnapshots, PointingError
 from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock
 from rf_pointing.array_sensors.doa.dish_array import SimulatedDishArray
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.rf.dish_array import DishArrayParams
 from rf_pointing.ros.convert import error_from_message
 from rf_pointing.ros.main_loop import run
 from rf_pointing.ros.qos import STREAM
 from rf_pointing.ros.station_node import StationNode
-from rf_pointing.station.parameters import ReceiverSeed
 
 
 class ArrayReceiver(StationNode):
@@ -23,8 +21,6 @@ class ArrayReceiver(StationNode):
 
     def __init__(self) -> None:
         super().__init__("array_receiver")
-        self.parameters.declare("array", DishArrayParams())
-        self.parameters.declare("receiver", ReceiverSeed())
         self._array: SimulatedDishArray | None = None
 
     def configure(self) -> None:

@@ -9,7 +9,6 @@ from rf_pointing_msgs.msg import ArraySnapshots, PointingError
 
 from rf_pointing.array_sensors.doa.dish_array import DishArrayTracker
 from rf_pointing.array_sensors.nodes import convert
-from rf_pointing.rf.dish_array import DishArrayParams
 from rf_pointing.ros.convert import error_to_message
 from rf_pointing.ros.diagnostics import OK, WARN, Health
 from rf_pointing.ros.main_loop import run
@@ -22,7 +21,6 @@ class ArrayTracker(StationNode):
 
     def __init__(self) -> None:
         super().__init__("array_tracker")
-        self.parameters.declare("array", DishArrayParams())
         self._tracker: DishArrayTracker | None = None
 
     def configure(self) -> None:

@@ -11,6 +11,8 @@ closes the loops.  This module alone carries anything out: it gives the others w
 know and acts on their answers.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from rf_pointing.controllers import TrajectorySample
@@ -22,7 +24,6 @@ from rf_pointing.station.antenna.axes import NEW_PATH_RAD, AntennaAxes, Hardware
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.modes import AntennaMode, AntennaModes, MotionSnapshot, Request
 from rf_pointing.station.antenna.safety import AntennaSafety, SafetyParams
-from rf_pointing.station.pointing.status import AntennaStatus
 
 SAME_S = 1e-9
 _ON_THE_WAY = {
@@ -34,6 +35,35 @@ _ON_THE_WAY = {
 SAME_RAD = 1e-3
 WIND_EVERY = 5
 """Ticks between two readings of the anemometer."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AntennaStatus:
+    """State of the drive at `t_s`: mode, fault, what the loops follow, counts of commands.
+
+    `set_points`, `starts` and `reversals` of a drive that takes positions count since tracking
+    began.
+    """
+
+    t_s: float
+    mode: str
+    fault: str
+    commanded_rad: Array
+    rate_command_rad_s: Array
+    rate_limit_rad_s: Array
+    acceleration_limit_rad_s2: Array
+    at_limit: tuple[bool, bool]
+    command_lead_s: float
+    commands_accepted: int
+    commands_rejected: int
+    last_rejection: str
+    warning: str = ""
+    high_wind: str = ""
+    transmit_inhibit: str = ""
+    commander: str = ""
+    set_points: int = 0
+    starts: tuple[int, int] = (0, 0)
+    reversals: tuple[int, int] = (0, 0)
 
 
 class ControlUnit:
@@ -67,6 +97,12 @@ class ControlUnit:
     def mode(self) -> AntennaMode:
         """The mode that the antenna is in."""
         return self.modes.mode
+
+    @property
+    def in_use(self) -> str:
+        """Why what guards the antenna cannot change now, "" while its drives are off."""
+        powered = self.axes.hardware.powered
+        return f"the drives are enabled (the antenna is {self.mode}); disable it first" if powered else ""
 
     # Commands
 

@@ -19,13 +19,12 @@ from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, R
 from rf_pointing.planning import PositionLimits, PositionWatch
 from rf_pointing.servo import PlantParams
 from rf_pointing.station.antenna.axes import Following
-from rf_pointing.station.antenna.control_unit import ControlUnit
+from rf_pointing.station.antenna.control_unit import AntennaStatus, ControlUnit
 from rf_pointing.station.antenna.loops import BY_DRIVE, LoopParams
 from rf_pointing.station.antenna.modes import AntennaMode
 from rf_pointing.station.antenna.mount import SimulatedBeam
 from rf_pointing.station.antenna.safety import SafetyParams
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams
-from rf_pointing.station.pointing.status import AntennaStatus
 
 CONNECT_S = 5.0
 """Longest wait for the first reading of a device."""

@@ -14,11 +14,12 @@ from typing import Any
 
 from rf_pointing.core import AXES, Boresight, JointReading, JointTrajectory, Params, parameter
 from rf_pointing.core.signals import LONGEST_GAP_S
+from rf_pointing.station.antenna.control_unit import AntennaStatus
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.memory import AntennaMemory, TurnMemory
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
-from rf_pointing.station.pointing.status import AntennaStatus, Level, Report
+from rf_pointing.station.pointing.status import Level, Report
 
 LIVE = ("plant", "loops")
 """Parameter sets that may change while the antenna moves."""
@@ -172,11 +173,8 @@ class AntennaOperation:
             # Anybody may deactivate the node, which disables the drives.
             if not active and holder:
                 raise ValueError(f"loops.{name} guards the antenna: {words} cannot change while {holder} commands it")
-            if active and self.antenna.axes.hardware.powered:
-                raise ValueError(
-                    f"loops.{name} guards the antenna: {words} cannot change while the drives are enabled "
-                    f"(the antenna is {self.antenna.mode}); disable it first"
-                )
+            if active and (reason := self.antenna.in_use):
+                raise ValueError(f"loops.{name} guards the antenna: {words} cannot change while {reason}")
         self.antenna.check(sets["plant"], sets["loops"])
 
     # What /diagnostics shows

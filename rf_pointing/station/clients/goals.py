@@ -8,7 +8,7 @@ may still arrive; simulated time waits for its status.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory
@@ -48,21 +48,6 @@ class PassGoal:
         # Passes that are over are looked for only where the time is over, too: to say so.
         early_s = self.near_t_s - NEAR_S
         return early_s if self.near_t_s <= now_s else max(early_s, now_s)
-
-
-@dataclass(frozen=True, kw_only=True)
-class GoalOutcome:
-    """Outcome of a goal; `predicted_loss_db` is that of the certificate, -1 without one."""
-
-    success: bool = False
-    message: str
-    seconds_tracked_s: float = 0.0
-    seconds_lost_s: float = 0.0
-    rms_cross_elevation_error_rad: float = 0.0
-    rms_elevation_error_rad: float = 0.0
-    mean_loss_db: float = 0.0
-    predicted_loss_db: float = -1.0
-    fault: str = ""
 
 
 class Search(Protocol):
@@ -234,25 +219,21 @@ class PassGoals:
         self.controller.stop(reason)
         return busy
 
-    def outcome(self) -> GoalOutcome:
-        """Return what became of the newest goal."""
+    def outcome(self) -> dict[str, Any]:
+        """Return what became of the newest goal, by the fields of its result."""
         core = self.controller
         if self._refusal:
-            return GoalOutcome(message=self._refusal, fault=core.antenna.fault)
+            return {"message": self._refusal, "fault": core.antenna.fault, "predicted_loss": -1.0}
         statistics, certificate = core.statistics, core.plan.certificate
-        why = statistics.outcome.why_not_tracked(statistics.reason, statistics.fault, core.params.machine.least_share)
+        seen = statistics.outcome
+        why = seen.why_not_tracked(statistics.reason, statistics.fault, core.params.machine.least_share)
         right_rad, up_rad = statistics.rms_rad
-        return GoalOutcome(
-            success=not why,
-            message=why or LOSS_OF_SIGNAL,
-            seconds_tracked_s=statistics.outcome.tracked_s,
-            seconds_lost_s=statistics.outcome.lost_s,
-            rms_cross_elevation_error_rad=right_rad,
-            rms_elevation_error_rad=up_rad,
-            mean_loss_db=statistics.outcome.mean_loss_db,
-            predicted_loss_db=certificate.chosen.mean_loss_db if certificate and certificate.chosen else -1.0,
-            fault=statistics.fault,
-        )
+        return {
+            "success": not why, "message": why or LOSS_OF_SIGNAL, "fault": statistics.fault,
+            "seconds_tracked": float(seen.tracked_s), "seconds_lost": float(seen.lost_s),
+            "rms_cross_elevation_error": right_rad, "rms_elevation_error": up_rad, "mean_loss": float(seen.mean_loss_db),
+            "predicted_loss": certificate.chosen.mean_loss_db if certificate and certificate.chosen else -1.0,
+        }  # fmt: skip
 
     # Periods
 

@@ -76,7 +76,7 @@ class NightWatch:
         self.sender = connect(tables.directives, actions, self._responded, self._ended)
         self.night = Night(
             Schedule(controller.limits, controller.machine.axes, between, antenna), tables.procedure, tables.recovery,
-            self.sender.send, quiet_s=alarms.quiet_s, sensor=own.sensor or station.sensor(band),
+            self.sender.send, quiet_s=alarms.quiet_s, sensor=own.sensor or station.chosen_sensor(band=band),
             least_share=controller.machine.least_share, save=self._keep,
         )  # fmt: skip
         self.alarms = StationAlarms(

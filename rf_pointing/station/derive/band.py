@@ -41,13 +41,13 @@ class Derived:
 
     `own` are the beginnings of the names that a parameter file gives where the description says
     nothing, `either` those that `tuning` may give as well, `root` the node's own sets without a
-    prefix, `given` what `tuning` puts over the rows.
+    prefix by the names of their groups, `given` what `tuning` puts over the rows.
     """
 
     defaults: Mapping[str, Params]
     rows: Rows = field(default_factory=dict)
     own: tuple[str, ...] = ()
-    root: tuple[Params, ...] = ()
+    root: Mapping[str, Params] = field(default_factory=dict)
     either: tuple[str, ...] = ()
     given: Mapping[str, Value] = field(default_factory=dict)
 
@@ -65,7 +65,7 @@ class Derived:
     @property
     def every_name(self) -> set[str]:
         """The names of all parameters of the node."""
-        return {*self.names, *(name for params in self.root for name in leaves(params))}
+        return {*self.names, *(name for params in self.root.values() for name in leaves(params))}
 
     def set_of(self, prefix: str) -> Params:
         """Return one set in core units; ValueError names the parameter that is refused."""

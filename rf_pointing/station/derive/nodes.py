@@ -30,6 +30,10 @@ RADIO_PORT = 4534
 """Port of radio_control: Hamlib's own are 4532 for a rig and 4533 for a rotator."""
 
 
+KEY = {"key": own.CommandKeyParams()}
+"""The set of every node that signs what it sends, by its group."""
+
+
 def antenna_servo(of: Band) -> Derived:
     """The antenna's control unit, and the truth of a simulated one."""
     from rf_pointing.station.antenna.operation import ServoNodeParams
@@ -71,7 +75,7 @@ def antenna_servo(of: Band) -> Derived:
         },
     }
     trial = ("antenna.", "mount.", "wind.mean_speed_m_s", "wind.from_azimuth_deg")
-    return Derived(AntennaParams().sets(), rows, trial, (ServoNodeParams(), own.CommandKeyParams()))
+    return Derived(AntennaParams().sets(), rows, trial, {"": ServoNodeParams(), **KEY})
 
 
 def pointing_controller(of: Band) -> Derived:
@@ -106,9 +110,7 @@ def pointing_controller(of: Band) -> Derived:
     }  # fmt: skip
     # What remains a ROS parameter: the timing of the node, and the sensor of a pass.
     timing = ("pointing.period_s", "pointing.transport_s", "pointing.horizon_s", "pointing.error_age_s")
-    return Derived(
-        ControllerParams().sets(), rows, (*timing, "autotrack.sensor"), (StoreParams(), own.CommandKeyParams())
-    )
+    return Derived(ControllerParams().sets(), rows, (*timing, "autotrack.sensor"), {"": StoreParams(), **KEY})
 
 
 def ephemeris_publisher(of: Band) -> Derived:
@@ -167,7 +169,7 @@ def monopulse_tracker(of: Band) -> Derived:
 
     width: Rows = {"half_power_beamwidth_deg": of.width}
     sets = {Sensor.MONOPULSE.value: MonopulseParams(), "calibration": MonopulseScanParams()}
-    return Derived(sets, dict.fromkeys(sets, width), root=(own.FileParams(),))
+    return Derived(sets, dict.fromkeys(sets, width), root={"": own.FileParams()})
 
 
 def carrier_tracker(of: Band) -> Derived:
@@ -200,7 +202,7 @@ def station_executive(_: Band) -> Derived:
     sets = {
         "between": BetweenParams(), "alarms": AlarmParams(), "executive": ExecutiveParams(), "hooks": HookParams(),
     }  # fmt: skip
-    return Derived(sets, own=("executive.",), root=(own.CommandKeyParams(),), either=("hooks.",))
+    return Derived(sets, own=("executive.",), root=KEY, either=("hooks.",))
 
 
 def station_alarms(_: Band) -> Derived:
@@ -209,7 +211,7 @@ def station_alarms(_: Band) -> Derived:
     from rf_pointing.station.clients.alarm_hooks import HookParams
     from rf_pointing.station.clients.station_alarms import AlarmNodeParams
 
-    return Derived({"alarms": AlarmParams(), "hooks": HookParams()}, root=(AlarmNodeParams(),), either=("hooks.",))
+    return Derived({"alarms": AlarmParams(), "hooks": HookParams()}, root={"": AlarmNodeParams()}, either=("hooks.",))
 
 
 def bias_calibrator(of: Band) -> Derived:
@@ -233,7 +235,7 @@ def operator_page(_: Band) -> Derived:
     """The page in a browser."""
     from rf_pointing.station.clients.board import PageParams
 
-    return Derived({"page": PageParams()}, own=("page.",), root=(own.CommandKeyParams(),))
+    return Derived({"page": PageParams()}, own=("page.",), root=KEY)
 
 
 def rotctld_server(_: Band) -> Derived:
@@ -243,7 +245,7 @@ def rotctld_server(_: Band) -> Derived:
     from rf_pointing.station.clients.steering import SteeringParams
 
     sets = {"server": ServerParams(), "follow": FollowParams(), "match": MatchParams()}
-    return Derived(sets, own=tuple(sets), root=(SteeringParams(), own.CommandKeyParams()))
+    return Derived(sets, own=tuple(sets), root={"": SteeringParams(), **KEY})
 
 
 def radio_control(of: Band) -> Derived:
@@ -265,7 +267,7 @@ def simulation_clock(_: Band) -> Derived:
     """Simulation time."""
     from rf_pointing.station.clients.pacing import ClockParams
 
-    return Derived({}, root=(ClockParams(),))
+    return Derived({}, root={"": ClockParams()})
 
 
 def station_description(_: Band) -> Derived:

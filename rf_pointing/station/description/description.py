@@ -3,7 +3,6 @@
 import dataclasses
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from rf_pointing.core.derived import Value
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.parameters import flat, leaves
 from rf_pointing.core.whole_file import compose_yaml, read_whole
-from rf_pointing.ephemeris.sites import Site
 from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference
@@ -40,40 +38,22 @@ _FORMER = {
 }
 
 
-@dataclass(frozen=True)
 class StationDescription:
     """A description without problems; `read_station` makes it."""
 
-    path: Path
-    content: Content
-    mask: HorizonMask
-    lines: Mapping[str, int] = field(repr=False)
-    _derived: dict[tuple[str, str], Derived] = field(default_factory=dict, repr=False, compare=False)
-
-    @property
-    def name(self) -> str:
+    def __init__(self, path: Path, content: Content, mask: HorizonMask, lines: Mapping[str, int]) -> None:
+        self.path, self.content, self.mask, self.lines = path, content, mask, lines
+        self.name = content.name
         """Name of the station; models and observations belong to it."""
-        return self.content.name
-
-    @cached_property
-    def site(self) -> Site:
+        self.site = site_of(content)
         """Where the antenna stands."""
-        return site_of(self.content)
-
-    @property
-    def bands(self) -> tuple[str, ...]:
+        self.bands = tuple(content.bands)
         """Names of the bands, in the order of the file."""
-        return tuple(self.content.bands)
-
-    @property
-    def default_band(self) -> str:
+        self.default_band = content.default_band or self.bands[0]
         """The band that counts when none is named."""
-        return self.content.default_band or self.bands[0]
-
-    @property
-    def drive(self) -> Mapping[str, Any]:
+        self.drive: Mapping[str, Any] = {"type": "simulated"} | content.drive
         """The drive section: its `type` and the keys of that type."""
-        return {"type": "simulated"} | self.content.drive
+        self._derived: dict[tuple[str, str], Derived] = {}
 
     @property
     def receiver(self) -> str:
@@ -83,7 +63,7 @@ class StationDescription:
     def received_by(self, section: ReceiverSection) -> "StationDescription":
         """Return the same station with another receiver."""
         content = dataclasses.replace(self.content, receiver=section)
-        return dataclasses.replace(self, content=content, _derived={})
+        return StationDescription(self.path, content, self.mask, self.lines)
 
     @property
     def simulated(self) -> bool:
@@ -93,16 +73,11 @@ class StationDescription:
         return self.drive["type"] in SIMULATED
 
     def sensors(self, band: str | None = None) -> tuple[str, ...]:
-        """Return what a band can track with, empty for program track alone."""
+        """Return what a band can track with, the default first; empty for program track alone."""
         return self.content.bands[self._band(band)].sensors
 
-    def sensor(self, band: str | None = None) -> str:
-        """Return the default sensor of a band, as the operator names it."""
-        sensors = self.sensors(band)
-        return str(sensors[0] if sensors else Sensor.PROGRAM)
-
-    def chosen_sensor(self, sensor: str, band: str | None = None) -> str:
-        """Return the sensor that the operator's choice means in a band.
+    def chosen_sensor(self, sensor: str | None = None, band: str | None = None) -> str:
+        """Return the sensor that the operator's choice means in a band, by default the first.
 
         `auto` is monopulse or conscan, as the carrier allows, where the band has both; else the one
         of them that it has; else its first sensor.
@@ -113,6 +88,8 @@ class StationDescription:
             For a sensor that the band does not have, and for `auto` where it has none.
         """
         known, name = self.sensors(band), self._band(band)
+        if not sensor:
+            return str(known[0] if known else Sensor.PROGRAM)
         if sensor != Sensor.AUTO:
             # Sensors of other packages are not the feed's: the station does not list them.
             if sensor in set(Sensor) - {*known, Sensor.PROGRAM}:

@@ -164,7 +164,7 @@ class PointingCorrections:
 
         The scan is as large as the axes with these limits allow.
         """
-        self._share = times, self._scans.share(sky, limits)
+        self._share = times, self._scans.share(sky, limits) if self._scans.running else np.ones(len(times))
         return added(sky, *self._scan(times))
 
     def cross(self, command_s: float, mode: str) -> None:

@@ -107,12 +107,12 @@ class ScanPatterns:
         self.running = mode if self._pattern is not None else ""
 
     def share(self, target: Motion, limits: AxisRates) -> Array:
-        """Return the share (n,) of a scan that the azimuth axis can add to the target's motion.
+        """Return the share (n,) of the running scan that the azimuth can add to the motion.
 
         Near the zenith a step across the line of sight is 1 / cos(elevation) of azimuth, and the
         target needs the axis for itself.  A search is not a scan: its way must not change.
         """
-        if self.running in ("", Mode.SEARCH):
+        if self.running == Mode.SEARCH:
             return np.ones(len(target.position))
         left = [
             most - np.abs(part[:, 0])

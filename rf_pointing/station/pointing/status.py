@@ -1,4 +1,4 @@
-"""Status that the controller and the antenna publish about themselves."""
+"""Status that the controller publishes, and the form of a check on /diagnostics."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -65,32 +65,3 @@ class TrackingStatus:
     def offset_rad(self) -> Array:
         """Offset added to the prediction, without the scans (2,): cross-elevation and elevation."""
         return np.array([self.cross_elevation_offset_rad, self.elevation_offset_rad])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AntennaStatus:
-    """State of the drive at `t_s`: mode, fault, what the loops follow, counts of commands.
-
-    `set_points`, `starts` and `reversals` of a drive that takes positions count since tracking
-    began.
-    """
-
-    t_s: float
-    mode: str
-    fault: str
-    commanded_rad: Array
-    rate_command_rad_s: Array
-    rate_limit_rad_s: Array
-    acceleration_limit_rad_s2: Array
-    at_limit: tuple[bool, bool]
-    command_lead_s: float
-    commands_accepted: int
-    commands_rejected: int
-    last_rejection: str
-    warning: str = ""
-    high_wind: str = ""
-    transmit_inhibit: str = ""
-    commander: str = ""
-    set_points: int = 0
-    starts: tuple[int, int] = (0, 0)
-    reversals: tuple[int, int] = (0, 0)

@@ -16,11 +16,12 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from rf_pointing.core import JointReading, JointTrajectory
 from rf_pointing.planning import WrapCount
+from rf_pointing.station.antenna.control_unit import AntennaStatus
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.memory import SINCE, AntennaMemory
 from rf_pointing.station.antenna.operation import WRAP_EVERY, AntennaOperation, Tick
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulationParams
-from rf_pointing.station.pointing.status import AntennaStatus, Level
+from rf_pointing.station.pointing.status import Level
 from test.drives.simulators import Gs232
 from test.station.driven_antenna import MOTION, Driven
 from test.station.stepped_antenna import CALM, STANDING, START_S, TICK_S, ramp

@@ -126,7 +126,7 @@ class Desk:
 
     @property
     def message(self) -> str:
-        return self.goals.outcome().message
+        return str(self.goals.outcome()["message"])
 
 
 @pytest.fixture
@@ -219,10 +219,10 @@ def test_a_pass_that_is_held_to_its_end_succeeds_and_tells_its_progress(desk: De
     desk.begin()
     desk.period(310)
     outcome = desk.goals.outcome()
-    assert (outcome.success, outcome.message, outcome.fault) == (True, LOSS_OF_SIGNAL, "")
-    assert outcome.seconds_tracked_s + outcome.seconds_lost_s == pytest.approx(30.0, abs=0.3)
+    assert (outcome["success"], outcome["message"], outcome["fault"]) == (True, LOSS_OF_SIGNAL, "")
+    assert outcome["seconds_tracked"] + outcome["seconds_lost"] == pytest.approx(30.0, abs=0.3)
     certificate = desk.world.of("certificate")[0]
-    assert outcome.predicted_loss_db == certificate.chosen.mean_loss_db
+    assert outcome["predicted_loss"] == certificate.chosen.mean_loss_db
     shares = [1.0 - (29.0 - second) / desk.window.duration_s for second in range(29)]
     assert desk.world.progress[:29] == pytest.approx(shares, abs=0.3 / desk.window.duration_s)
     assert len(desk.world.of("period")) == 310
@@ -234,7 +234,7 @@ def test_a_pass_that_was_stopped_fails_and_says_why(desk: Desk) -> None:
     assert desk.goals.stop("stop was requested")
     assert not desk.world.of("end"), "under control, with the next period"
     desk.period(2)
-    assert (desk.message, desk.goals.outcome().success, desk.world.latest.velocity_rad_s[-1].tolist()) == (
+    assert (desk.message, desk.goals.outcome()["success"], desk.world.latest.velocity_rad_s[-1].tolist()) == (
         "stop was requested", False, [0.0, 0.0],
     )  # fmt: skip
     assert not desk.goals.stop("again")

@@ -33,11 +33,11 @@ def made(*change: str) -> StationDescription:
 
 def test_the_first_band_counts_unless_one_is_named() -> None:
     station = made()
-    assert (station.bands, station.default_band, station.sensor()) == (("S", "X", "UHF", "L"), "S", "steptrack")
+    assert (station.bands, station.default_band, station.chosen_sensor()) == (("S", "X", "UHF", "L"), "S", "steptrack")
     other = made("bands:", "default_band: X\nbands:")
-    assert (other.default_band, other.sensor(), other.sensor("S")) == ("X", "conscan", "steptrack")
+    assert (other.default_band, other.chosen_sensor(), other.chosen_sensor(band="S")) == ("X", "conscan", "steptrack")
     assert station.sensors("UHF") == ()
-    assert station.sensor("UHF") == "program"
+    assert station.chosen_sensor(band="UHF") == "program"
     with pytest.raises(ValueError, match="Mine: band='Ka' must be one of S, X, UHF, L"):
         station.sensors("Ka")
 

@@ -43,7 +43,7 @@ def test_a_small_description_is_enough() -> None:
     station = station_from(Path("s.yaml"), GOOD)
     assert (station.name, station.bands, station.default_band) == ("My dish", ("X",), "X")
     assert station.site == Site.from_degrees(48.1, 11.6, 520.0)
-    assert station.sensor() == Sensor.CONSCAN
+    assert station.chosen_sensor() == Sensor.CONSCAN
     assert station.bias_model_file() is None
     # 66 deg * 36.56 mm / 3.7 m.
     assert station.parameters("pointing_controller")["conscan.half_power_beamwidth_deg"] == pytest.approx(
