@@ -25,6 +25,8 @@ EXECUTABLES = {
         "radio_control",
         "rf_receiver",
         "rotctld_server",
+        "signal_receiver",
+        "signal_source",
         "simulation_clock",
         "station_alarms",
         "station_description",
@@ -34,6 +36,7 @@ EXECUTABLES = {
     "commands": [
         "calibrate",
         "check_drive",
+        "check_receiver",
         "check_station",
         "fetch_elements",
         "fit_bias_model",
@@ -99,27 +102,31 @@ setup(
     license="Apache-2.0",
     maintainer="rf_pointing maintainers",
     maintainer_email="maintainers@rf-pointing.example",
-    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    packages=[*find_packages(include=[PACKAGE, f"{PACKAGE}.*"]), f"{PACKAGE}.config"],
+    # In the package as well as in share/: Python finds it where there is no ament.
+    package_dir={f"{PACKAGE}.config": "config"},
     package_data={
         f"{PACKAGE}.controllers": ["*.json"],
         f"{PACKAGE}.web": ["page/*"],
         f"{PACKAGE}.operations": ["tables/*"],
         f"{PACKAGE}.report": ["templates/*", "messages/*.msg"],
-        f"{PACKAGE}.station.description": ["stations/*"],
+        f"{PACKAGE}.config": ["stations/*", "array_sensors/*"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/config", sorted(glob("config/*.*"))),
-        (f"share/{PACKAGE}/config/sros2", ["config/sros2/gs1.xml"]),
-        (f"share/{PACKAGE}/config/systemd", sorted(glob("config/systemd/*"))),
-        (f"share/{PACKAGE}/config/viewers", sorted(glob("config/viewers/*"))),
+        *(
+            (f"share/{PACKAGE}/config/{folder}", sorted(glob(f"config/{folder}/*")))
+            for folder in ("array_sensors", "sros2", "stations", "systemd", "viewers")
+        ),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.py"))),
     ],
     python_requires=">=3.11",
     install_requires=LIBRARIES,
     extras_require={
         "sweep": ["dask", "distributed"],
+        "zmq": ["pyzmq>=25"],
         "tables": ["pandas>=2.1", "pyarrow>=14"],
         # `colcon test` runs pytest where this extra names it.
         "test": ["pytest>=8", "pytest-timeout", "hypothesis"],

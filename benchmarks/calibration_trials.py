@@ -14,6 +14,7 @@ Orbit errors are those of elements: along the track (mean anomaly), across it (i
 import argparse
 import os
 import time
+from collections import Counter
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -27,7 +28,7 @@ from scipy.stats import binomtest  # noqa: E402
 
 from rf_pointing.calibration import TERM_NAMES, TERMS, BiasModel, FitResult, RawTracking, ReferenceTrack, TrackedPass  # noqa: E402
 from rf_pointing.core import MDEG, azel_from_unit_vector, random_stream, unit_vector_from_azel, wrap_rad  # noqa: E402
-from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes, site  # noqa: E402
+from rf_pointing.ephemeris import Elements, Site, TopocentricTrack, find_passes, site  # noqa: E402
 from rf_pointing.station.campaign import recorded_input  # noqa: E402
 from rf_pointing.station.campaign.offline_fit import FitData, FitRequest, OfflineFit  # noqa: E402
 from rf_pointing.station.description.description import read_station  # noqa: E402
@@ -75,17 +76,19 @@ class Case:
     orbit_m: float
     rate_hz: float
     correlated: bool
+    shared: bool = False
 
     @property
     def name(self) -> str:
         noise = "correlated" if self.correlated else "white"
-        return f"{self.rate_hz:g} Hz, {noise}, orbit {self.orbit_m:g} m"
+        whose = " of each satellite" if self.shared else ""
+        return f"{self.rate_hz:g} Hz, {noise}, orbit {self.orbit_m:g} m{whose}"
 
 
-def constellation(random: np.random.Generator) -> list[Elements]:
-    """Return four low satellites."""
+def constellation(random: np.random.Generator, count: int = 4) -> list[Elements]:
+    """Return low satellites."""
     made = []
-    for number in range(4):
+    for number in range(count):
         axis_m = 6.378e6 + random.uniform(500e3, 1300e3)
         made.append(
             Elements(
@@ -133,15 +136,26 @@ def changes(elements: Elements) -> list[Elements]:
     ]
 
 
-def campaign(number: int, rate_hz: float) -> list[Seen]:
-    """Return the passes of one campaign at one of the sites."""
-    random, place = random_stream(number, "calibration trials"), site(SITES[number % len(SITES)])
+def campaign(
+    number: int, rate_hz: float, *, place: Site | None = None, passes: int = PASSES, satellites: int = 4
+) -> list[Seen]:
+    """Return the passes of one campaign at one of the sites, or at `place`."""
+    random, place = random_stream(number, "calibration trials"), place or site(SITES[number % len(SITES)])
     every = []
-    for elements in constellation(random):
+    for elements in constellation(random, satellites):
         track = TopocentricTrack(elements, place)
         every += [(elements, track, one) for one in find_passes(track, EPOCH_T_S, 3.0 * 86400.0, np.radians(10.0))]
     high = [one for one in every if one[2].peak_elevation_rad > np.radians(20.0)]
-    chosen = [high[k] for k in sorted(random.choice(len(high), min(PASSES, len(high)), replace=False).tolist())]
+    if satellites == 4:
+        chosen = [high[k] for k in sorted(random.choice(len(high), min(passes, len(high)), replace=False).tolist())]
+    else:
+        # As many passes of each, as far as there are.
+        order, rank = random.permutation(len(high)), Counter[str]()
+        turn = np.zeros(len(high))
+        for k in order.tolist():
+            turn[k] = rank[high[k][0].name]
+            rank[high[k][0].name] += 1
+        chosen = [high[k] for k in sorted(order[np.argsort(turn[order], kind="stable")][:passes].tolist())]
     return [seen_of(elements, track, one.aos_t_s, one.los_t_s, rate_hz) for elements, track, one in chosen]
 
 
@@ -174,10 +188,15 @@ def planted(random: np.random.Generator) -> BiasModel:
     return BiasModel.zero().replace(**values)
 
 
-def measured(seen: Seen, mount: BiasModel, case: Case, random: np.random.Generator) -> RawTracking:
-    """Return what the station records of a pass."""
+def measured(
+    seen: Seen, mount: BiasModel, case: Case, random: np.random.Generator, own: dict[str, Array] | None = None
+) -> RawTracking:
+    """Return what the station records of a pass; `own` keeps the errors that its satellite has in all passes."""
     size = case.orbit_m * np.array([SHARES[0], SHARES[1], SHARES[1], SHARES[2], SHARES[2]])
-    moved = seen.position_m + sum(m * one for m, one in zip(random.normal(size=5) * size, seen.fields, strict=True))
+    errors = random.normal(size=5) * size
+    if case.shared and own is not None:
+        errors = own.setdefault(seen.target, errors)
+    moved = seen.position_m + sum(m * one for m, one in zip(errors, seen.fields, strict=True))
     at = seen.at
     azimuth, elevation = azel_from_unit_vector(moved)
     around = np.stack([wrap_rad(azimuth - seen.angles_rad[0]), elevation - seen.angles_rad[1]])
@@ -230,16 +249,18 @@ class Outcome:
     refused: list[str]
 
 
-def run_trials(case: Case, trials: int, campaigns: int, seed: int) -> Outcome:
+def run_trials(case: Case, trials: int, campaigns: int, seed: int, satellites: int, select: bool) -> Outcome:
     """Simulate and fit; the campaigns take turns."""
-    geometry = [campaign(number, case.rate_hz) for number in range(campaigns)]
+    geometry = [campaign(number, case.rate_hz, satellites=satellites) for number in range(campaigns)]
     # The clock of the trials is right: some of the planted mounts lag alike in both axes.
-    request = FitRequest(station=STATION.name, band=BAND, site=STATION.site, time_error_s=0.0, select=True)
+    request = FitRequest(station=STATION.name, band=BAND, site=STATION.site, time_error_s=0.0, select=select)
     full, chosen, kept, truths, seconds, refused = [], [], [], [], [], list[str]()
     for trial in range(trials):
         random = random_stream(seed + trial, f"trials {case.name}")
         mount = planted(random)
-        passes = [TrackedPass(measured(one, mount, case, random), one.reference) for one in geometry[trial % campaigns]]
+        number, own = trial % campaigns, dict[str, Array]()
+        passes = [TrackedPass(measured(one, mount, case, random, own), one.reference) for one in geometry[number]]
+        request = replace(request, site=site(SITES[number % len(SITES)]))
         start = time.process_time()
         try:
             done = OfflineFit(request, FitData(None, passes)).run()
@@ -325,12 +346,21 @@ def main() -> None:
     parser.add_argument("--rates", type=float, nargs="+", default=[1.0, 5.0])
     parser.add_argument("--noise", nargs="+", choices=("white", "correlated"), default=["white", "correlated"])
     parser.add_argument("--orbits", type=float, nargs="+", default=[0.0, 150.0, 1000.0])
+    parser.add_argument("--satellites", type=int, default=4, help="among which the passes are (default: 4)")
+    parser.add_argument("--shared", action="store_true", help="one orbit error for all passes of a satellite")
+    parser.add_argument("--all-terms", action="store_true", help="without the choice of terms")
     parser.add_argument("--verbose", action="store_true", help="every term")
     options = parser.parse_args()
     for rate, noise, orbit in product(options.rates, options.noise, options.orbits):
-        case = Case(orbit, rate, noise == "correlated")
-        found = run_trials(case, options.trials, options.campaigns, options.seed)
-        print(describe(case.name, found.full, options.verbose))
+        case = Case(orbit, rate, noise == "correlated", options.shared)
+        found = run_trials(
+            case, options.trials, options.campaigns, options.seed, options.satellites, not options.all_terms
+        )
+        print(f"{PASSES / options.satellites:.0f} passes of each of {options.satellites} satellites:")
+        print(describe(case.name, found.full, options.verbose), flush=True)
+        if options.all_terms:
+            print(f"    {len(found.refused)} refused{': ' + found.refused[0] if found.refused else ''}", flush=True)
+            continue
         print(describe(f"{case.name}, --select", found.chosen, options.verbose))
         known, zero = np.isfinite(found.chosen) & ~found.kept, found.truth == 0.0
         false, missed = np.sum(known & zero) / np.sum(zero), np.sum(~known & ~zero) / np.sum(~zero)

@@ -33,7 +33,7 @@ PICTURES = ROOT / "runs" / "first_hour"
 SETUP_MB, SETUP_S = 450.0, 300.0
 HOOK_S, READY_S, BACK_S = 60.0, 30.0, 60.0
 UNPLUGGED_S = 60.0
-EVERY_S, LEAD_S = 330.0, 45.0
+EVERY_S, LEAD_S = 270.0, 45.0
 """From one culmination to the next; the first pass culminates so long after rotctld has come."""
 LONGEST_S = 1800.0
 
@@ -213,7 +213,7 @@ def restarts(station: LaunchedStation) -> int:
 
 def unplug(table: Table, station: LaunchedStation, culmination_s: float) -> None:
     """Unplug the drive for a minute in a pass."""
-    station.until(lambda: time.time() >= culmination_s - 40.0, EVERY_S)
+    station.until(lambda: time.time() >= culmination_s - 65.0, EVERY_S)
     before, began_s = restarts(station), time.time()
     say(f"unplugged: {station.antenna.mode}, {station.tracking.mode}, held {station.tracking.held}")
     station.relay.set("cut")
@@ -243,14 +243,39 @@ def power_cut(table: Table, station: LaunchedStation, culmination_s: float) -> N
     table.within("kill -9 of everything in a pass: held again without a hand", back_s, BACK_S)
 
 
-def page(table: Table, folder: Path, _given: argparse.Namespace) -> None:
-    """Take pictures of the page in a pass."""
+def photograph(table: Table, port: int, wait: Callable[[float], object]) -> None:
+    """Take pictures of the whole page at both widths, in light and dark."""
     from selenium import webdriver
 
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    options = webdriver.ChromeOptions()
+    options.binary_location = str(shutil.which("chromium"))
+    for word in ("headless=new", "no-sandbox", "disable-dev-shm-usage", "disable-gpu", "hide-scrollbars"):
+        options.add_argument(f"--{word}")
+    browser = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
+    try:
+        for theme, width in ((theme, width) for theme in ("light", "dark") for width in (1400, 390)):
+            features = [{"name": "prefers-color-scheme", "value": theme}]
+            browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+            size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
+            browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+            browser.get(f"http://127.0.0.1:{port}/")
+            wait(8.0)
+            script = "const e = document.documentElement; return [e.scrollWidth, e.scrollHeight]"
+            wide, high = browser.execute_script(script)
+            browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size | {"height": high})
+            wait(2.0)
+            browser.save_screenshot(str(PICTURES / f"page-{width}-{theme}.png"))
+            table.add(f"the page at {width} px, {theme}, does not scroll sideways", f"{wide} px", wide <= width)
+    finally:
+        browser.quit()
+
+
+def page(table: Table, folder: Path, _given: argparse.Namespace) -> None:
+    """Take pictures of the page in a pass."""
     if not (shutil.which("chromium") and shutil.which("chromedriver")):
         table.add("pictures of the page", "no chromium here", False)
         return
-    PICTURES.mkdir(parents=True, exist_ok=True)
     culmination_s = time.time() + 120.0
     station = LaunchedStation(folder, [culmination_s, culmination_s + EVERY_S], words=("page:=true",))
     try:
@@ -258,29 +283,7 @@ def page(table: Table, folder: Path, _given: argparse.Namespace) -> None:
         station.until(station.fresh, 120.0)
         station.queue()
         station.until(lambda: station.tracking.held, 150.0)
-        for theme in ("light", "dark"):
-            for width in (1400, 390):
-                options = webdriver.ChromeOptions()
-                options.binary_location = str(shutil.which("chromium"))
-                for word in ("headless=new", "no-sandbox", "disable-dev-shm-usage", "disable-gpu", "hide-scrollbars"):
-                    options.add_argument(f"--{word}")
-                browser = webdriver.Chrome(
-                    options=options, service=webdriver.ChromeService(shutil.which("chromedriver"))
-                )
-                features = [{"name": "prefers-color-scheme", "value": theme}]
-                browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
-                size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
-                browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-                browser.get(f"http://127.0.0.1:{station.page_port}/")
-                station.spin(8.0)
-                wide, high = browser.execute_script(
-                    "const e = document.documentElement; return [e.scrollWidth, e.scrollHeight]"
-                )
-                browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size | {"height": high})
-                station.spin(2.0)
-                browser.save_screenshot(str(PICTURES / f"page-{width}-{theme}.png"))
-                browser.quit()
-                table.add(f"the page at {width} px, {theme}, does not scroll sideways", f"{wide} px", wide <= width)
+        photograph(table, station.page_port, station.spin)
     finally:
         station.close()
 

@@ -110,11 +110,14 @@ class Hand:
         station.wind_m_s = 30.0 if on and kind == "gust" else 3.0
 
 
-def fly(count: int, folder: Path) -> int:
-    """Fly the night with `count` faults; print every fault and the verdict, return the exit code."""
+def fly(count: int, folder: Path, every_s: float = EVERY_S) -> int:
+    """Fly the night with `count` faults and a pass each `every_s`; print every fault and the verdict.
+
+    Return the exit code.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     faults, begun_s = faults_of(count), time.time()
-    culminations = [begun_s + FIRST_S + EVERY_S * k for k in range((count + 1) // 2)]
+    culminations = [begun_s + FIRST_S + every_s * k for k in range((count + 1) // 2)]
     ages = [OLD_H if k == STALE_PASS else 0.0 for k in range(len(culminations))]
     free_gb = os.statvfs(folder).f_bavail * os.statvfs(folder).f_frsize / 1e9
     changes = f"  alarms.elements_stale_h: {STALE_H}\n  alarms.disk_free_gb: {free_gb - 0.5 * SPARE_GB:.3f}\n"

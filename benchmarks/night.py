@@ -146,12 +146,17 @@ def main() -> None:
     parser.add_argument("--faults", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--report", help="folder of the morning report")
+    parser.add_argument(
+        "--every", type=float, default=360.0, help="s from a pass to the next, on rotctld (default: 360)"
+    )
     parser.add_argument("--drive", choices=("simulated", "rotctld"), default="simulated")
     options = parser.parse_args()
     if options.drive == "rotctld":
         from live_night import fly
 
-        sys.exit(fly(min(20, options.faults or 20), Path(options.report or tempfile.mkdtemp(prefix="night-"))))
+        sys.exit(
+            fly(min(20, options.faults or 20), Path(options.report or tempfile.mkdtemp(prefix="night-")), options.every)
+        )
     good = [measure(options, station) for station in ([options.station] if options.station else STATIONS)]
     sys.exit(0 if all(good) else 1)
 

@@ -30,13 +30,23 @@ from rclpy.action.graph import (
 )
 from rclpy.signals import SignalHandlerOptions
 
-from rf_pointing.ros.graph import ALARMS, ARRAY_NODES, DESCRIPTION, EXECUTIVE, NODES, OPERATOR_PAGE, RADIO, ROTCTLD
+from rf_pointing.ros.graph import (
+    ALARMS,
+    ARRAY_NODES,
+    DESCRIPTION,
+    EXECUTIVE,
+    NODES,
+    OPERATOR_PAGE,
+    RADIO,
+    RECEIVER_NODES,
+    ROTCTLD,
+)
 from rf_pointing.ros.leased_services import LEASED, SIGNED
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.station.description import read_station
 
 NAMESPACE = "/gs1"
-OF_STATION = (*NODES, *ARRAY_NODES, EXECUTIVE, ALARMS, RADIO, ROTCTLD, DESCRIPTION, OPERATOR_PAGE)
+OF_STATION = (*NODES, *ARRAY_NODES, *RECEIVER_NODES, EXECUTIVE, ALARMS, RADIO, ROTCTLD, DESCRIPTION, OPERATOR_PAGE)
 WITHOUT_STATION = ("simulation_clock", OPERATOR_PAGE)
 ON_A_DRIVE: dict[str, Any] = {"drive.type": "simulated_rotator", "wind.anemometer": True}
 WITH_A_RADIO: dict[str, Any] = {"radio.transponders.any.downlink_mhz": 2250.0}

@@ -34,7 +34,7 @@ def pages() -> list[Path]:
 def _row(topic: Topic) -> tuple[str, ...]:
     meaning = f" ({topic.meaning})" if topic.meaning else ""
     frame = f"`{topic.frame}`" if topic.frame else ""
-    qos = ", ".join(_qos(topic.qos)) + "; heard best effort" * (topic.name in FOREIGN)
+    qos = ", ".join(_qos(topic.qos)) + "; received best effort" * (topic.name in FOREIGN)
     return f"`{topic.name}`{meaning}", f"`{topic.type_name}`", topic.rate, qos, topic.publisher, frame
 
 

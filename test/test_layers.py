@@ -14,6 +14,7 @@ IMPORTED_AS = {
     "astropy_iers_data": "astropy-iers-data",
     "yaml": "PyYAML",
     "serial": "pyserial",
+    "zmq": "pyzmq",
 }
 BASE = {"numpy"}
 SIBLING = BASE | {"scipy"}
@@ -28,6 +29,8 @@ SIBLINGS = {
     "identification": SIBLING,
     "operations": {"icalendar"},
     "drives": BASE | {"serial"},
+    # The last two are optional: their sources say what to install.
+    "receiver": SIBLING | {"serial", "zmq", "SoapySDR"},
 }
 COMPOSED = set().union(*SIBLINGS.values())
 CORE_OF_ARRAYS = {f"array_sensors/{room}" for room in ("attitude", "doa", "interferometer", "tripulse")}
@@ -57,6 +60,8 @@ ALLOWED_ROOMS = {
     **{room: {"core"} for room in SIBLINGS},
     # A schedule turns the antenna between passes by the rules of planning.
     "operations": {"core", "planning"},
+    # Noise and level as the simulated receiver has them.
+    "receiver": {"core", "rf"},
     "station": {"core", *SIBLINGS},
     "simulation": {"core", "station", *SIBLINGS},
     "report": {"core", "station", "simulation", *SIBLINGS},

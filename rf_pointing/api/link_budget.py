@@ -80,7 +80,7 @@ class LinkBudgetTable:
 
     def draw(self, path: str | Path) -> None:
         """Draw noise, G/T and C/N0 into a PNG."""
-        from rf_pointing.report.budget_picture import draw_budget
+        from rf_pointing.report.plan_picture import draw_budget
 
         draw_budget(self.columns, STEP_S / 60.0 * np.arange(float(len(self.utc))), self.title, Path(path))
 

@@ -21,21 +21,25 @@ from rf_pointing.api.target import SOURCE, Target
 from rf_pointing.core import MDEG, Params, Sensor
 from rf_pointing.core.checks import id_of
 from rf_pointing.core.dates import utc_text
+from rf_pointing.core.parameters import flat
 from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
-from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES
+from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES, RECEIVER_NODES, with_receiver
 from rf_pointing.ros.live_pass import outcome_line, track_pass
 from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end
 from rf_pointing.station.antenna.memory import state_files, state_folder
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, fit_of_kept
+from rf_pointing.station.derive.signal import OPEN as RECEIVER_SECTIONS
 from rf_pointing.station.log_lines import say
 from rf_pointing.tracking.power_tracker import scan_tuning
 
-OF_STATION = tuple(node.name for node in (*GRAPH, *ARRAY_GRAPH) if node.name != "simulation_clock")
+OF_STATION = (
+    *(node.name for node in (*GRAPH, *ARRAY_GRAPH) if node.name != "simulation_clock"), *RECEIVER_NODES
+)  # fmt: skip
 """The nodes that take the station description."""
 LIGHT_WIND_M_S = 0.3
 
@@ -239,7 +243,8 @@ def nodes_of(request: RunRequest) -> tuple[str, ...]:
     """Return the executables of a run, in the order of their start."""
     array = ARRAY_NODES if Sensor.ARRAY in request.station.sensors else ()
     # A real array has receivers of its own.
-    return (*NODES, *array) if request.station.simulated else (*DRIVE_NODES, *array[1:])
+    names = (*NODES, *array) if request.station.simulated else (*DRIVE_NODES, *array[1:])
+    return with_receiver(names, request.station.description.receiver)
 
 
 def run_setup(program: str, request: RunRequest, window: Pass, output: Path, scan: Params | None = None) -> RunSetup:
@@ -323,6 +328,10 @@ def _write_station(request: RunRequest, output: Path, scan: Params | None) -> Pa
     changes = {f"bands.{request.station.band}.tuning.{name}": value for name, value in tuning.items()}
     if isinstance(request, TrackRequest) and request.mask_deg is not None:
         changes["mount.pass_elevation_deg"] = request.mask_deg
+    if request.receiver:
+        section = request.station.description.content.receiver
+        own = {name: getattr(section, name) for name in ("type", *RECEIVER_SECTIONS)}
+        changes |= {f"receiver.{name}": value for name, value in flat(own).items()}
     written = output / "station.yaml"
     request.station.description.write(written, changes)
     return written
@@ -340,6 +349,7 @@ def _parameters(request: RunRequest, station: Path, output: Path) -> dict[str, d
     own: dict[str, dict[str, Any]] = {
         "ephemeris_publisher": source,
         "rf_receiver": {**source, **truth, "signal.seed": _seed(request)},
+        "signal_source": {**source, **truth, "signal.seed": _seed(request)},
         "array_receiver": {"receiver.seed": _seed(request)},
         "antenna_servo": kept,
         "pointing_controller": {

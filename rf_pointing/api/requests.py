@@ -7,26 +7,32 @@ ValueErrors in the operator's words.
 
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
+import yaml
 
 from rf_pointing.api.station import Station
 from rf_pointing.api.target import Target
 from rf_pointing.core import AXES, MDEG, Params, require_between
 from rf_pointing.core.dates import DAY_S, parse_utc, utc_text
-from rf_pointing.core.parameters import read_parameter_files
+from rf_pointing.core.parameters import flat, read_parameter_files, with_leaves
 from rf_pointing.ephemeris import Elements, ElementUncertainty, Pass, first_pass_above, stale_warning
 from rf_pointing.ephemeris.solar import SolarDirection
 from rf_pointing.ephemeris.source import SourceParams, read_source
 from rf_pointing.identification import ExcitationParams
 from rf_pointing.planning import Gate, choose_turns
+from rf_pointing.receiver.params import SignalReceiverParams
+from rf_pointing.receiver.registry import check_params, known_types
 from rf_pointing.station.campaign.calibrator import journal_of
 from rf_pointing.station.campaign.plan import beacons
 from rf_pointing.station.campaign.schedule import CalibrationSchedule, CampaignParams, schedule_calibration
+from rf_pointing.station.derive.signal import OPEN
+from rf_pointing.station.description.content import ReceiverSection
 
 DEFAULT_MODELS = "runs/models"
 """Where `calibrate` leaves accepted models and `track` finds them."""
@@ -50,6 +56,7 @@ class RunRequest:
     `speed` is a factor of real time, or "max" (default); it, the seed and the error of the
     ephemeris belong to a simulated antenna, `reset_fault` to a real one.  `sensor` is by default
     that of the band, `models` the folder of accepted models ("" for the station's own).
+    `receiver` takes the place of the station's, as rtl_tcp://localhost:1234?iq.rate_hz=240000.
     """
 
     station: Station
@@ -63,6 +70,7 @@ class RunRequest:
     processes: int = 2
     models: str = DEFAULT_MODELS
     keep_observations: bool = False
+    receiver: str = ""
     namespace: str = "/gs1"
     parameter_files: tuple[Path, ...] = ()
     record: Path | None = None
@@ -73,6 +81,14 @@ class RunRequest:
             raise ValueError(f"speed={self.speed} must be between 0.1 and 1000")
         if self.ephemeris_error_s is not None:
             require_between("ephemeris_error_s", self.ephemeris_error_s, -60.0, 60.0)
+        if self.receiver:
+            description = self.station.description
+            section = receiver_section(self.receiver, description.content.receiver)
+            station = Station(description.received_by(section), self.station.band)
+            object.__setattr__(self, "station", station)
+        if self.station.simulated and self.speed is None and self.station.description.receiver != "simulated":
+            # Samples without stamps have the time of their arrival.
+            object.__setattr__(self, "speed", 1.0)
         if not self.station.simulated:
             self._check_real_time()
         description, band = self.station.description, self.station.band
@@ -142,6 +158,33 @@ class RunRequest:
             goal = (window.aos_azimuth_rad + shift + turns * 2.0 * math.pi, elevation)
             times.append(Gate(params.gate, limits, params.mask, machine.axes).slew(start, goal, sun)[0])
         return float(math.ceil(max(times) + SETTLE_S))
+
+
+def receiver_section(text: str, before: ReceiverSection) -> ReceiverSection:
+    """Return the receiver that an address means, its further keys after `?`.
+
+    What the address leaves out stays as it was `before`.  Raises ValueError for what is no address.
+    """
+    # A scheme of the standard has no underscore.
+    kind, _, place = text.partition("://")
+    try:
+        parts = urlsplit(f"//{place}")
+        link: dict[str, Any] = {"host": parts.hostname, "port": parts.port}
+    except ValueError as error:
+        raise ValueError(f"receiver={text!r}: {error}") from error
+    sections: dict[str, Any] = {name: dict(flat(getattr(before, name))) for name in OPEN}
+    link = {name: value for name, value in link.items() if value is not None}
+    sections["link"] |= {"file": parts.path} if kind == "sigmf" else link
+    for key, value in parse_qsl(parts.query, keep_blank_values=True):
+        section, _, name = key.partition(".")
+        if section not in sections:
+            raise ValueError(f"receiver={text!r}: {key} must begin with one of {', '.join(sections)}")
+        sections[section][name] = yaml.safe_load(value)
+    if kind not in known_types():
+        raise ValueError(f"receiver={text!r} must begin with one of {', '.join(known_types())} and ://")
+    given = {f"{name}.{key}": value for name in OPEN for key, value in sections[name].items()}
+    check_params(with_leaves(SignalReceiverParams(), {"type": kind, **given}))
+    return replace(before, type=kind, **sections)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rf_pointing.calibration.fit_problem import FitProblem, Round
-from rf_pointing.calibration.fit_result import FitResult, Prior, Rejected
+from rf_pointing.calibration.fit_result import FitResult, Nuisance, Prior, Rejected
 from rf_pointing.calibration.noise import NoiseScale, share_after_editing
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.calibration.pass_errors import PassPriors
+from rf_pointing.calibration.pass_errors import PassPriors, SharedErrors
 from rf_pointing.calibration.terms import TERM_NAMES, terms_by_name
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.types import Array
@@ -84,6 +84,8 @@ def fit_bias_model(
     held: Mapping[str, float] | None = None,
     priors: Mapping[str, Prior] | None = None,
     pass_priors: PassPriors | None = None,
+    shared: SharedErrors | None = None,
+    nuisances: Sequence[Nuisance] = (),
     options: FitOptions | None = None,
     start: FitResult | None = None,
 ) -> FitResult:
@@ -97,6 +99,10 @@ def fit_bias_model(
         Value and sigma of terms that are known before the data.
     pass_priors
         Sizes of orbit and clock errors, which are then estimated for every pass.
+    shared
+        Those that the passes of one set of elements have in common besides.
+    nuisances
+        What the whole campaign has in common, estimated with the terms.
     start
         A fit of nearly the same, from which fewer rounds are needed.
 
@@ -116,7 +122,8 @@ def fit_bias_model(
             f"passes={len(observations.passes)} must be >= fewest_passes={chosen.fewest_passes}: "
             "the errors of one pass look like those of the mount; track more, or give every term a prior"
         )
-    problem = FitProblem(observations, names, dict(held or {}), dict(priors or {}), pass_priors, chosen.form)
+    problem = FitProblem(observations, names, dict(held or {}), dict(priors or {}), pass_priors, chosen.form,
+                         shared, nuisances)  # fmt: skip
     last = _iterate(problem, chosen, start)
     _check_left(observations, last, chosen, backed)
     return _result(problem, last, chosen)
@@ -174,6 +181,8 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
     if noise is not None and options.covariance == "white":
         covariance = covariance * excess_of(noise)
     size = normalised_size(last.residuals, problem.sigmas, used)
+    common, spread = problem.nuisance_estimates(last)
+    places, rows = problem.pass_rows(last) if problem.pass_priors is not None else (np.zeros(0, dtype=np.int64), None)
     return FitResult(
         names=problem.names,
         values=solution.values,
@@ -201,7 +210,13 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
         pass_errors=problem.pass_errors(last),
         pass_priors=problem.pass_priors,
         noise=noise,
-        pass_rows=problem.pass_rows(last)[1] if problem.pass_priors is not None else None,
+        pass_rows=rows,
+        pass_places=places,
+        shared=problem.shared,
+        sharing=problem.sharing,
+        nuisances=problem.nuisances,
+        nuisance_values=common,
+        nuisance_covariance=spread,
         priors=problem.priors,
     )
 

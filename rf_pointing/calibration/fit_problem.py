@@ -4,6 +4,7 @@ Azimuth and elevation are kept apart: most terms act on one axis only, and two Q
 columns are half the work of the full matrix.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.angles import Angles, ArrayAngles
 from rf_pointing.calibration.bias_model import BiasModel
-from rf_pointing.calibration.fit_result import FitResult, Prior
+from rf_pointing.calibration.fit_result import FitResult, Nuisance, Prior
 from rf_pointing.calibration.noise import NoiseScale, noise_scale
 from rf_pointing.calibration.normal_equations import (
     NormalEquations,
@@ -23,7 +24,15 @@ from rf_pointing.calibration.normal_equations import (
     require_determined,
 )
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.calibration.pass_errors import PassErrors, PassPriors, lags_of, middles_of_passes, pass_partials
+from rf_pointing.calibration.pass_errors import (
+    PassErrors,
+    PassPriors,
+    SharedErrors,
+    Sharing,
+    lags_of,
+    middles_of_passes,
+    pass_partials,
+)
 from rf_pointing.calibration.terms import Partial, terms_by_name
 from rf_pointing.core import wrap_rad
 from rf_pointing.core.types import Array
@@ -67,11 +76,35 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
+class Level:
+    """Unknowns that were eliminated: of passes, of sets of elements, or of the whole campaign.
+
+    `parents` (g,) says which group of the wider level each belongs to.
+    """
+
+    heads: PassHeads
+    parents: Places
+
+
+def _joined(levels: tuple[Level, ...], solution: Solution) -> tuple[Array, Array]:
+    """Return values (g, m) and root (g, m, r) of the covariance of all that acts on a pass."""
+    values, root = solution.values[np.newaxis], np.linalg.cholesky(solution.covariance)[np.newaxis]
+    for one in levels:
+        values, root = one.heads.joint(values[one.parents], root[one.parents])
+    return values, root
+
+
+@dataclass(frozen=True, eq=False)
 class Round:
-    """One linear solution; residuals and pass offsets (2, n) are of all rows."""
+    """One linear solution; residuals and pass offsets (2, n) are of all rows.
+
+    `values` (g, m) and the `root` (g, m, r) of their covariance are of all that acts on a pass.
+    """
 
     solution: Solution
-    heads: PassHeads | None
+    levels: tuple[Level, ...]
+    values: Array
+    root: Array
     used: NDArray[np.bool_]
     weight: Array
     residuals: Array
@@ -89,8 +122,13 @@ class FitProblem:
         priors: dict[str, Prior],
         pass_priors: PassPriors | None,
         form: str,
+        shared: SharedErrors | None = None,
+        nuisances: Sequence[Nuisance] = (),
     ) -> None:
         self.data, self.names, self.held, self.priors, self.pass_priors = data, names, held, priors, pass_priors
+        self.nuisances = tuple(nuisances)
+        self.shared = shared
+        self.sharing = Sharing.of(data, shared) if shared is not None and pass_priors is not None else None
         self.linear = form == "printed"
         angles, terms = ArrayAngles.of(data.motion(), data.temperature_k), terms_by_name(names)
         self.blocks = (
@@ -114,42 +152,44 @@ class FitProblem:
 
     def equations(
         self, values: Array, used: NDArray[np.bool_], weight: Array
-    ) -> tuple[NormalEquations, PassHeads | None]:
-        """Return the triangle of the equations linearised about `values`, and the passes' rows."""
+    ) -> tuple[NormalEquations, tuple[Level, ...]]:
+        """Return the triangle of the equations about `values`, and what was eliminated."""
         equations = NormalEquations(self.names)
         right = self._right(values)
         # Pass errors act on both axes, so the blocks can no longer be reduced each by itself.
-        if self.pass_priors is not None:
-            heads, common = eliminate(*self._pass_equations(used, right, weight), self.pass_priors.sigma)
+        if self.pass_priors is not None or self.nuisances:
+            levels, common = self._eliminated(self._all_rows(right, weight), used, weight)
             equations.add_equations(common, 2 * int(np.sum(used)))
-            return equations, heads
+            return equations, levels
         root = np.sqrt(weight)
         equations.add_blocks(
             (block.rows(axis_right, root / sigma)[used], block.columns)
             for block, axis_right, sigma in zip(self.blocks, right, self.sigmas, strict=True)
         )
-        return equations, None
+        return equations, ()
 
     def solve(self, values: Array, used: NDArray[np.bool_], weight: Array) -> Round:
         """Return the solution linearised about `values`, from the `used` rows and `weight`."""
-        equations, heads = self.equations(values, used, weight)
+        equations, levels = self.equations(values, used, weight)
         for name, prior in self.priors.items():
             equations.add_prior(name, prior.value, prior.sigma)
         solution = equations.solve()
         # Full rank is not enough: a sigma of degrees has made the linearisation itself wrong.
         require_determined(self.names, solution.covariance, known=self.priors)
-        offsets = self._pass_offsets(heads, solution)
+        joint = _joined(levels, solution)
+        offsets = self._offsets(levels, joint[0])
         residuals = self.measured - self._modelled(solution.values) - offsets
         residuals[0] = wrap_rad(residuals[0])
-        return Round(solution, heads, used, weight, residuals, offsets)
+        return Round(solution, levels, *joint, used, weight, residuals, offsets)
 
     def pass_errors(self, last: Round) -> tuple[PassErrors, ...]:
         """Return the orbit and clock errors of every pass that took part."""
-        if self.pass_priors is None or last.heads is None:
+        if self.pass_priors is None:
             return ()
-        names, heads = self.pass_priors.names, last.heads
-        values, sigma = heads.values(last.solution).tolist(), heads.sigma(last.solution).tolist()
-        numbers = self.passes[0][heads.passes]
+        names, own = self.pass_priors.names, slice(len(self.pass_priors.names))
+        values = last.values[:, own].tolist()
+        sigma = np.sqrt(np.einsum("gij,gij->gi", last.root[:, own], last.root[:, own])).tolist()
+        numbers = self.passes[0][last.levels[-1].heads.passes]
         middles = dict(zip(self.data.pass_id.tolist(), middles_of_passes(self.data).tolist(), strict=True))
         return tuple(
             PassErrors(
@@ -158,9 +198,19 @@ class FitProblem:
             for number, value, spread in zip(numbers.tolist(), values, sigma, strict=True)
         )
 
+    def nuisance_estimates(self, last: Round) -> tuple[Array, Array]:
+        """Return the nuisances (q,) that the data show, and their covariance (q, q)."""
+        if not self.nuisances:
+            return np.zeros(0), np.zeros((0, 0))
+        values, root = _joined(last.levels[:1], last.solution)
+        own = slice(sum(len(one.sigma) for one in self.nuisances))
+        return values[0, own], root[0, own] @ root[0, own].T
+
     def pass_rows(self, last: Round) -> tuple[Places, Array]:
         """Return the passes and the triangles of their rows at the solution, without any prior."""
-        return self._pass_equations(last.used, self._right(last.solution.values), last.weight)
+        return self._pass_equations(
+            self._all_rows(self._right(last.solution.values), last.weight), last.used, last.weight
+        )
 
     def factor_with(self, fit: FitResult, more: Array) -> Array:
         """Return the triangle of the equations about `fit`, priors included, with more unknowns.
@@ -173,13 +223,7 @@ class FitProblem:
         right[0] = wrap_rad(right[0])
         rows = self._all_rows(right, weight)
         rows = np.concatenate([rows[:, :-1], np.concatenate(more) * self._scale(weight), rows[:, -1:]], axis=1)
-        chosen = np.tile(fit.used, 2)
-        if self.pass_priors is not None:
-            own = np.concatenate(self._own()[0]) * self._scale(weight)
-            rows = np.concatenate([own, rows], axis=1)[chosen]
-            _, rows = eliminate(*pass_equations(rows, np.tile(self.passes[1], 2)[chosen]), self.pass_priors.sigma)
-        else:
-            rows = rows[chosen]
+        _, rows = self._eliminated(rows, fit.used, weight)
         known = np.zeros((len(self.priors), rows.shape[1]))
         for row, (name, prior) in zip(known, self.priors.items(), strict=True):
             place = self.names.index(name)
@@ -194,18 +238,7 @@ class FitProblem:
         count, used = len(self.data), last.used
         rows = self._all_rows(last.residuals, last.weight)
         rows[:, -1] /= share
-        common = rows[:, :-1]
-        influence = [common @ np.linalg.cholesky(last.solution.covariance)]
-        if last.heads is not None:
-            inverse = np.zeros((len(self.passes[0]), *last.heads.own.shape[1:]))
-            across = np.zeros((len(self.passes[0]), *last.heads.common.shape[1:]))
-            inverse[last.heads.passes] = np.linalg.inv(last.heads.own)
-            across[last.heads.passes] = inverse[last.heads.passes] @ last.heads.common
-            own, place = np.concatenate(self._own()[0]) * self._scale(last.weight), np.tile(self.passes[1], 2)
-            common = common - np.einsum("ij,ijk->ik", own, across[place])
-            influence = [common @ np.linalg.cholesky(last.solution.covariance)]
-            influence.append(np.einsum("ij,ijk->ik", own, inverse[place]))
-        every = np.concatenate(influence, axis=1)
+        every = np.einsum("ij,ijk->ik", self._full_rows(rows, last.weight), self._of_rows(last.levels, last.root))
         order = np.lexsort((self.data.t_s, self.passes[1]))
         order = order[used[order]]
         azimuth, elevation = (
@@ -256,20 +289,74 @@ class FitProblem:
     def _scale(self, weight: Array) -> Array:
         return (np.sqrt(weight) / self.sigmas).reshape(-1, 1)
 
-    def _pass_equations(self, used: NDArray[np.bool_], right: Array, weight: Array) -> tuple[Places, Array]:
+    def _nuisance_rows(self, weight: Array) -> Array:
+        """Return the rows (2 n, q) of the partials by what the whole campaign has in common."""
+        every = [np.concatenate(one.partials) for one in self.nuisances]
+        return np.concatenate([np.zeros((2 * len(self.data), 0)), *every], axis=1) * self._scale(weight)
+
+    def _pass_equations(self, rows: Array, used: NDArray[np.bool_], weight: Array) -> tuple[Places, Array]:
+        """Return the triangles of the passes of own partials, nuisances, and `rows`."""
         scaled = np.concatenate(self._own()[0]) * self._scale(weight)
-        rows = np.concatenate([scaled, self._all_rows(right, weight)], axis=1)
+        rows = np.concatenate([scaled, self._nuisance_rows(weight), rows], axis=1)
         chosen = np.tile(used, 2)
         return pass_equations(rows[chosen], np.tile(self.passes[1], 2)[chosen])
 
-    def _pass_offsets(self, heads: PassHeads | None, solution: Solution) -> Array:
-        if heads is None:
-            return np.zeros((2, len(self.data)))
-        own, priors = self._own()
-        values = np.zeros((len(self.passes[0]), len(priors.names)))
-        values[heads.passes] = heads.values(solution)
-        of_row = values[self.passes[1]]
-        return np.stack([np.einsum("ij,ij->i", partials, of_row) for partials in own])
+    def _eliminated(self, rows: Array, used: NDArray[np.bool_], weight: Array) -> tuple[tuple[Level, ...], Array]:
+        """Return `rows` of common terms free of all other unknowns, and these, the widest first."""
+        levels = []
+        if self.pass_priors is not None:
+            numbers, factors = self._pass_equations(rows, used, weight)
+            sigma, parents = self.pass_priors.sigma, np.zeros(len(numbers), dtype=np.int64)
+            expected = None
+            if self.sharing is not None and self.shared is not None:
+                own, count = len(sigma), len(self.shared.priors.sigma)
+                factors = np.insert(factors, [own] * count, 0.0, axis=2)
+                expected = np.zeros((len(numbers), own, factors.shape[2] - own - 1))
+                expected[:, :, :count] = self.sharing.turns[numbers]
+                sets, parents = np.unique(self.sharing.sets[numbers], return_inverse=True)
+            heads, rest = eliminate(numbers, factors, sigma, expected)
+            levels.append(Level(heads, parents))
+            if self.sharing is not None and self.shared is not None:
+                groups = np.repeat(parents, rest.shape[1])
+                _, factors = pass_equations(rest.reshape(-1, rest.shape[2]), groups)
+                heads, rest = eliminate(sets, factors, self.shared.priors.sigma)
+                levels.append(Level(heads, np.zeros(len(sets), dtype=np.int64)))
+            rows = rest.reshape(-1, rest.shape[2])
+        else:
+            rows = np.concatenate([self._nuisance_rows(weight), rows], axis=1)[np.tile(used, 2)]
+        if self.nuisances:
+            none = np.zeros(1, dtype=np.int64)
+            heads, rest = eliminate(none, rows[np.newaxis], np.concatenate([one.sigma for one in self.nuisances]))
+            levels.append(Level(heads, none))
+            rows = rest[0]
+        return tuple(reversed(levels)), rows
+
+    def _full_rows(self, rows: Array, weight: Array) -> Array:
+        """Return the rows (2 n, m) by all unknowns that act on one, those of its pass first."""
+        parts = [self._nuisance_rows(weight), rows[:, :-1]]
+        if self.pass_priors is not None:
+            shared = 0 if self.shared is None or self.sharing is None else len(self.shared.priors.names)
+            own = np.concatenate(self._own()[0]) * self._scale(weight)
+            # An error of the elements acts by those of their passes alone.
+            parts = [own, np.zeros((len(rows), shared)), *parts]
+        return np.concatenate(parts, axis=1)
+
+    def _of_rows(self, levels: tuple[Level, ...], values: Array) -> Array:
+        """Return for each row (2 n, ...) those `values` that belong to its pass."""
+        if self.pass_priors is None:
+            return np.broadcast_to(values, (2 * len(self.data), *values.shape[1:]))
+        every = np.zeros((len(self.passes[0]), *values.shape[1:]))
+        every[levels[-1].heads.passes] = values
+        return every[np.tile(self.passes[1], 2)]
+
+    def _offsets(self, levels: tuple[Level, ...], values: Array) -> Array:
+        """Return by how much (2, n) all but the terms moves the angles."""
+        count, one = len(self.data), np.ones(len(self.data))
+        if not levels:
+            return np.zeros((2, count))
+        terms = len(self.names)
+        rows = self._full_rows(np.zeros((2 * count, terms + 1)), one) / self._scale(one)
+        return np.einsum("ij,ij->i", rows, self._of_rows(levels, values)).reshape(2, count)
 
     def _own(self) -> tuple[Pair, PassPriors]:
         """Return the partials by the passes' errors, seen with the lags of the last solution."""

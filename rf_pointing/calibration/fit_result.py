@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rf_pointing.calibration.bias_model import BiasModel
 from rf_pointing.calibration.noise import NoiseScale
 from rf_pointing.calibration.normal_equations import advice_for
-from rf_pointing.calibration.pass_errors import PassErrors, PassPriors
+from rf_pointing.calibration.pass_errors import PassErrors, PassPriors, SharedErrors, Sharing
 from rf_pointing.core import require_finite
 from rf_pointing.core.types import Array
 
@@ -32,6 +32,18 @@ class Prior:
             raise ValueError(f"prior sigma={self.sigma} must be > 0")
 
 
+@dataclass(frozen=True, eq=False)
+class Nuisance:
+    """What a whole campaign has in common besides the terms.
+
+    `partials` (2, n, q) of azimuth and elevation, and the sigma (q,) of each before the data.
+    """
+
+    name: str
+    partials: Array
+    sigma: Array
+
+
 @dataclass(frozen=True)
 class Rejected:
     """One observation the fit left out: its row in the input, and why."""
@@ -51,8 +63,11 @@ class FitResult:
     if none were estimated); `used` (n,) says which rows counted.  `variance_azimuth` and
     `variance_elevation` are the mean squared residuals over sigma, 1 for a right sigma; `noise`
     says the same of slow residuals, None where it was not measured.  `pass_rows` (g, w, w) are the
-    equations of each pass (`fit_problem.FitProblem.pass_rows`), None without pass errors; `priors`
-    those of the terms.
+    equations of each pass (`fit_problem.FitProblem.pass_rows`), None without pass errors, and
+    `pass_places` (g,) which of the passes of the data each is; `priors`
+    those of the terms.  `shared` and `sharing` are the errors of the sets of elements, None where
+    the passes have their own only.  `nuisances` are what the whole campaign has in common, with
+    their values (q,) and covariance (q, q).
     """
 
     names: tuple[str, ...]
@@ -79,6 +94,12 @@ class FitResult:
     pass_priors: PassPriors | None
     noise: tuple[NoiseScale, NoiseScale] | None
     pass_rows: Array | None
+    pass_places: NDArray[np.int64]
+    shared: SharedErrors | None
+    sharing: Sharing | None
+    nuisances: tuple[Nuisance, ...]
+    nuisance_values: Array
+    nuisance_covariance: Array
     priors: Mapping[str, Prior]
 
     @cached_property
@@ -90,6 +111,12 @@ class FitResult:
     def correlation(self) -> Array:
         """Return the correlation matrix of `values`."""
         return self.covariance / np.outer(self.sigma, self.sigma)
+
+    @property
+    def orbit_sigma(self) -> Array:
+        """Return the sizes of the passes' errors, those of their elements included."""
+        own = self.pass_priors.sigma if self.pass_priors is not None else np.zeros(0)
+        return np.hypot(own, self.shared.priors.sigma) if self.shared is not None else own
 
     @property
     def coefficients(self) -> dict[str, float]:

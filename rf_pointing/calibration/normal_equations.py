@@ -4,7 +4,8 @@ Blocks of rows are folded in one after the other; no normal equations are formed
 number is the square.  Parameters that belong to one pass only are eliminated first: the rows [P | A
 | b] of a pass and the prior rows [1/sigma | 0 | 0] of its own parameters p become a triangle; what
 lies below the rows of p is free of p and goes on to the common terms, and the rows of p give p once
-the terms are known.
+the terms are known.  What several passes have in common, the error of one set of elements or of
+the whole campaign, is eliminated from what is left in the same way, level by level.
 
 What the data do not determine is reported by the terms' names, with data that would separate them.
 """
@@ -130,7 +131,7 @@ class NormalEquations:
 class PassHeads:
     """The rows of the passes' own parameters: own (g, p, p) @ p + common @ x = right (g, p).
 
-    `passes` (g,) says which pass each belongs to, ascending.
+    `passes` (g,) says which pass each belongs to, ascending; of another level, which group.
     """
 
     passes: Places
@@ -138,17 +139,18 @@ class PassHeads:
     common: Array
     right: Array
 
-    def values(self, solution: Solution) -> Array:
-        """Return the passes' parameters (g, p) that go with the common solution."""
-        right = self.right - self.common @ solution.values
-        return np.asarray(np.linalg.solve(self.own, right[..., np.newaxis])[..., 0])
+    def joint(self, values: Array, root: Array) -> tuple[Array, Array]:
+        """Return values (g, p + k) and square root (g, p + k, p + m) of the covariance of all.
 
-    def sigma(self, solution: Solution) -> Array:
-        """Return their standard deviations (g, p), the uncertainty of the terms included."""
+        The own parameters come first, then the common ones, whose values (g, k) and square root
+        (g, k, m) are given.
+        """
         inverse = np.linalg.inv(self.own)
-        across = inverse @ self.common
-        variance = np.sum(inverse**2, axis=2) + np.sum((across @ solution.covariance) * across, axis=2)
-        return np.asarray(np.sqrt(variance))
+        right = self.right - np.einsum("gij,gj->gi", self.common, values)
+        own = np.einsum("gij,gj->gi", inverse, right)
+        upper = np.concatenate([inverse, -inverse @ self.common @ root], axis=2)
+        lower = np.concatenate([np.zeros((*root.shape[:2], inverse.shape[2])), root], axis=2)
+        return np.concatenate([own, values], axis=1), np.concatenate([upper, lower], axis=1)
 
 
 def pass_equations(rows: Array, passes: Places) -> tuple[Places, Array]:
@@ -171,17 +173,23 @@ def pass_equations(rows: Array, passes: Places) -> tuple[Places, Array]:
     return numbers, factors
 
 
-def eliminate(numbers: Places, factors: Array, prior_sigma: Array) -> tuple[PassHeads, Array]:
-    """Return the rows of the passes' own parameters, and rows (m, k + 1) free of them.
+def eliminate(
+    numbers: Places, factors: Array, prior_sigma: Array, expected: Array | None = None
+) -> tuple[PassHeads, Array]:
+    """Return the rows of the passes' own parameters, and rows (g, m, k + 1) free of them.
 
     The columns of the `factors` are the pass's own partials, the common ones and the right side.
+    The own parameters scatter with `prior_sigma` about zero, or about what `expected` (g, own, k)
+    makes of the common ones.
     """
     own = len(prior_sigma)
     prior = np.zeros((len(numbers), own, factors.shape[2]))
     prior[:, np.arange(own), np.arange(own)] = 1.0 / prior_sigma
+    if expected is not None:
+        prior[:, :, own:-1] = -expected / prior_sigma[:, np.newaxis]
     reduced = np.asarray(np.linalg.qr(np.concatenate([prior, factors], axis=1), mode="r"))
     heads = reduced[:, :own]
-    rest = reduced[:, own:, own:].reshape(-1, factors.shape[2] - own)
+    rest = reduced[:, own:, own:]
     return PassHeads(numbers, heads[:, :, :own], heads[:, :, own:-1], heads[:, :, -1]), rest
 
 

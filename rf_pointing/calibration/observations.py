@@ -196,8 +196,8 @@ def north_text(turn_rad: float) -> str:
     """Return what it means that all azimuths are off by the same angle."""
     degrees = np.degrees(turn_rad)
     return (
-        f"all azimuths are {degrees:+.2f} deg off: counted from magnetic north (a declination of {-degrees:+.2f} deg) or "
-        "from grid north?"
+        f"all azimuths are {degrees:+.2f} deg off: an offset, or counted from magnetic north (a declination of "
+        f"{-degrees:+.2f} deg) or from grid north?"
     )
 
 

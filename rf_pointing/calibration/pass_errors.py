@@ -18,6 +18,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rf_pointing.calibration.observations import Observations
 from rf_pointing.calibration.reference import ReferenceTrack
@@ -25,6 +26,7 @@ from rf_pointing.core import Params, azel_from_unit_vector, parameter, wrap_rad
 from rf_pointing.core.types import Array
 
 _EARTH_RADIUS_M = 6.371e6
+_EARTH_RATE_RAD_S = 7.2921e-5
 _GRAVITY_M3_S2 = 3.986004418e14
 # Angular rate of a revolution in 105 min.
 LOW_ORBIT_RATE_RAD_S = 1e-3
@@ -97,6 +99,62 @@ class PassErrors:
     values: Mapping[str, float]
     sigma: Mapping[str, float]
     middle_t_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharedErrors:
+    """Errors that all passes have in common that one set of elements predicts.
+
+    `sets` names the set of each pass, `priors` are their sizes: those of an error at the ascending
+    node, which is turned on as the satellite goes round.  `latitude_rad` is that of the site.
+    """
+
+    sets: Mapping[int, str]
+    latitude_rad: float
+    priors: PassPriors
+
+    def times(self, factor: float) -> "SharedErrors":
+        """Return the same with errors that much larger."""
+        sizes = (factor * self.priors.sigma).tolist()
+        return replace(self, priors=self.priors.replace(**dict(zip(self.priors.names, sizes, strict=True))))
+
+
+@dataclass(frozen=True, eq=False)
+class Sharing:
+    """The set of elements (g,) of each pass, and what (g, p, p) turns its error into theirs."""
+
+    sets: NDArray[np.int64]
+    turns: Array
+
+    @classmethod
+    def of(cls, data: Observations, shared: SharedErrors) -> "Sharing":
+        """Return those of the passes of `data`, ascending; a pass without a set is its own."""
+        numbers, first = np.unique(data.pass_id, return_index=True)
+        names = [shared.sets.get(number, f"pass {number}") for number in numbers.tolist()]
+        sight = _Sight.of(data.motion(), *_ranges(data))
+        pole = np.array([0.0, np.cos(shared.latitude_rad), np.sin(shared.latitude_rad)])
+        # Of the inertial velocity: that of the ground turns the plane by some degrees.
+        position = sight.geocentric_m
+        velocity = sight.velocity_m_s + np.cross(_EARTH_RATE_RAD_S * pole, position)
+        normal = np.cross(position, velocity)
+        node = np.cross(pole, normal)
+        phase = np.arctan2(
+            np.einsum("ij,ij->i", position, np.cross(normal, node)) / np.linalg.norm(normal, axis=1),
+            np.einsum("ij,ij->i", position, node),
+        )
+        middle = (middles_of_passes(data) - data.t_s)[first]
+        rate = sight.orbit_rate_rad_s[first]
+        own = shared.priors.names
+        turns = np.zeros((len(numbers), len(own), len(own)))
+        cosine, sine = np.cos(phase[first] + rate * middle), np.sin(phase[first] + rate * middle)
+        for place, name in enumerate(own):
+            turns[:, place, place] = 1.0
+            drift = f"{name.removesuffix('_m')}_drift_m_s"
+            if name in ("cross_track_m", "radial_m") and drift in own:
+                other = own.index(drift)
+                turns[:, place, place] = turns[:, other, other] = cosine
+                turns[:, place, other], turns[:, other, place] = sine / rate, -sine * rate
+        return cls(np.unique(names, return_inverse=True)[1].astype(np.int64), turns)
 
 
 def pass_partials(
@@ -207,13 +265,17 @@ class _Sight:
         return np.asarray(self.range_m[:, np.newaxis] * self.axes[0] + centre)
 
     @cached_property
-    def track_axes(self) -> tuple[Array, Array, Array]:
-        """Unit vectors (n, 3) along, across and radial to the track."""
+    def velocity_m_s(self) -> Array:
+        """Velocity (n, 3) as seen from the rotating Earth, where the station is."""
         toward, clockwise, upward = self.axes
         turning = clockwise * (self.azimuth_rate_rad_s * np.cos(self.elevation_rad))[:, np.newaxis]
         turning = turning + upward * self.elevation_rate_rad_s[:, np.newaxis]
-        # As seen from the rotating Earth, where the station is.
-        velocity = self.range_rate_m_s[:, np.newaxis] * toward + self.range_m[:, np.newaxis] * turning
+        return np.asarray(self.range_rate_m_s[:, np.newaxis] * toward + self.range_m[:, np.newaxis] * turning)
+
+    @cached_property
+    def track_axes(self) -> tuple[Array, Array, Array]:
+        """Unit vectors (n, 3) along, across and radial to the track."""
+        velocity = self.velocity_m_s
         radial = self.geocentric_m / np.linalg.norm(self.geocentric_m, axis=1, keepdims=True)
         across = np.cross(radial, velocity)
         across /= np.linalg.norm(across, axis=1, keepdims=True)

@@ -13,25 +13,30 @@ With the partials D of a suspect next to those of the terms and of the passes' e
 estimated like a term.  The suspect that explains most is named.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rf_pointing.calibration.fit_problem import FitProblem
-from rf_pointing.calibration.fit_result import FitResult
+from rf_pointing.calibration.fit_result import FitResult, Nuisance
 from rf_pointing.calibration.observations import Observations, north_text
-from rf_pointing.calibration.outlying_passes import MEASURABLE_FROM, without_pass
+from rf_pointing.calibration.outlying_passes import MEASURABLE_FROM, free_errors
 from rf_pointing.calibration.pass_errors import PassPriors, site_partials
 from rf_pointing.calibration.pipeline import TrackedPass
 from rf_pointing.core import wrap_rad
 from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.core.types import Array
 
+Places = NDArray[np.int64]
+
 # A suspect must be this many sigma off, and as large as this to matter.
 _SURE_SIGMA = 5.0
 _LEAST_REFRACTION, _WRONG_REFRACTION = 0.05, 0.3
-_LEAST_SITE_M = 20.0
+_LEAST_SITE_M, _SITE_SIGMA_M = 20.0, 1e4
 _LEAST_CLOCK_S = 0.05
 # Lags of two axes are equal by chance in one of 30 mounts, if they are known as well as this.
 _EQUAL_SIGMA, _EQUAL_SHARE, _EQUAL_S = 3.0, 0.01, 0.01
@@ -40,7 +45,14 @@ _LARGEST_NORTH_RAD = np.radians(2.0)
 _TURNED_SPREAD_RAD = np.radians(1.0)
 # Ratio of sigma to a median of absolute values, and the fewest others that can judge one value.
 _MEDIAN_TO_SIGMA, _FEWEST_OTHERS = 1.4826, 4
-_LEAST_LATE_S, _FARTHEST, _JUDGED = 0.015, 3, 1.5
+# By which clocks are off; by which passes scatter, 110 m to 7 km along the track.
+_LATE_S, _SCATTER_S, _LEAST_LATE_S = (0.2, 2.0, 20.0), tuple(0.015 * 2.0**k for k in range(7)), 0.015
+# -ln of the probability that some passes are late; how many sigma of the others that must be.
+_MOST_GROUPS, _GROUP_COST, _ALONE, _FAR = 5, 2.0, 2, 4.0
+# Chi-square by which an explanation is better than by chance in a hundred fits.
+_LIKELY = 12.0
+# Clock errors that are tried; what two acceleration lags may leave of chi-square for one clock.
+_CLOCKS_S, _ONE_CLOCK, _NEWTON_STEPS = np.arange(-5.0, 5.0, 0.01), 12.0, 5
 _FEWEST_RANGED = 20
 
 
@@ -56,33 +68,81 @@ class SystematicError:
     refuse: bool
 
 
-def refraction_and_site(fit: FitResult, points: Observations, refraction: RadioRefraction) -> SystematicError | None:
-    """Return the wrong refraction or the wrong site that explains the residuals best, if any does.
+def refraction_and_site(
+    fit: FitResult, points: Observations, refraction: RadioRefraction
+) -> tuple[SystematicError | None, dict[str, float]]:
+    """Return the wrong refraction if it explains the residuals best, and the gains of both.
+
+    A gain is that in chi-square of "refraction" and of "site".
 
     `refraction` is that of the station's air; it has been added to the reference or not.
     """
-    bending = refraction.apply(points.true_elevation_rad) - points.true_elevation_rad
-    columns = {"refraction": np.stack([np.zeros_like(bending), bending])[..., np.newaxis]}
+    columns = {"refraction": _bending(points, refraction)}
     if points.range_m is not None and points.range_rate_m_s is not None:
         columns["site"] = np.stack(site_partials(points))
     estimates = _estimates(fit, points, columns)
     kind, estimate = max(estimates.items(), key=lambda item: item[1].gain)
-    if estimate.gain <= _SURE_SIGMA**2:
-        return None
-    return _refraction(estimate) if kind == "refraction" else _site(estimate)
+    gains = {name: one.gain for name, one in estimates.items()}
+    # The lesser one takes in what the other explains.
+    if kind == "refraction" and estimate.gain > _SURE_SIGMA**2:
+        return _refraction(estimate), {"refraction": estimate.gain, "site": 0.0}
+    return None, {"site": 0.0} | gains
 
 
-def common_clock(fit: FitResult, known: Mapping[str, float]) -> SystematicError | None:
-    """Return the clock error that both lags of `fit` show alike, beyond the lags in `known`."""
-    lags = ("azimuth_velocity_lag", "elevation_velocity_lag")
-    if any(name not in fit.names for name in lags):
+def site_nuisance(points: Observations) -> Nuisance:
+    """Return that the antenna is anywhere within ten kilometres of its site."""
+    return Nuisance("site", np.stack(site_partials(points)), np.full(3, _SITE_SIGMA_M))
+
+
+def wrong_site(fit: FitResult, gain_before: float) -> SystematicError | None:
+    """Return the wrong site that a fit with `site_nuisance`, its last one, shows.
+
+    The sizes of the orbit errors are those next to it: beside a wrong site they are too large, and
+    hide it.  Few satellites make them too small, so the chi-square that it gained with the sizes
+    before counts too.
+    """
+    values, covariance = fit.nuisance_values[-3:], fit.nuisance_covariance[-3:, -3:]
+    gain = float(values @ np.linalg.solve(covariance, values))
+    if gain < _LIKELY:
         return None
-    places = [fit.names.index(name) for name in lags]
-    moved = fit.values[places] - [known[name] for name in lags]
+    return _site(_Estimate(values, np.sqrt(np.diag(covariance)), gain if gain_before > _LIKELY else _LIKELY))
+
+
+def refraction_nuisance(points: Observations, refraction: RadioRefraction, sigma: float) -> Nuisance:
+    """Return that the bending is off by a share `sigma` in all passes."""
+    return Nuisance("refraction", _bending(points, refraction), np.array([sigma]))
+
+
+def _bending(points: Observations, refraction: RadioRefraction) -> Array:
+    bending = refraction.apply(points.true_elevation_rad) - points.true_elevation_rad
+    return np.stack([np.zeros_like(bending), bending])[..., np.newaxis]
+
+
+def common_clock(fit: FitResult, known: Mapping[str, float], taken_s: float = 0.0) -> SystematicError | None:
+    """Return the clock error that explains the lags of `fit` beyond those `known`, if one does.
+
+    Time tags late by tau make of the lags x6, x7 of an axis
+
+        x6 - tau,    x7 - x6 tau + tau^2 / 2
+
+    Either both axes lag by the same time, or one tau takes the acceleration lags of both away.
+    What was found is exact when `taken_s` of it is taken off the time tags of the fit already.
+    """
+    names = ("azimuth_velocity_lag", "elevation_velocity_lag", "azimuth_acceleration_lag", "elevation_acceleration_lag")
+    if any(name not in fit.names for name in names[:2]):
+        return None
+    places = [fit.names.index(name) for name in names if name in fit.names]
+    moved = fit.values[places] - [known.get(name, 0.0) for name in names[: len(places)]]
     covariance = fit.covariance[np.ix_(places, places)]
+    return _equal_lags(moved[:2], covariance[:2, :2], taken_s) or (
+        _without_acceleration(moved, covariance, taken_s) if len(places) == len(names) else None
+    )
+
+
+def _equal_lags(moved: Array, covariance: Array, taken_s: float) -> SystematicError | None:
     apart = float(np.sqrt(np.array([1.0, -1.0]) @ covariance @ [1.0, -1.0]))
     weight = np.linalg.solve(covariance, np.ones(2))
-    size, sigma = float(weight @ moved / np.sum(weight)), float(np.sum(weight) ** -0.5)
+    size, sigma = float(weight @ moved / np.sum(weight)) - taken_s, float(np.sum(weight) ** -0.5)
     # A delay of 0.5 s is not a pure lag: its third order and the means of 10 s leave some ms.
     equal = abs(moved[0] - moved[1]) < _EQUAL_SIGMA * apart + _EQUAL_SHARE * abs(size)
     if not equal or abs(size) < max(_LEAST_CLOCK_S, _SURE_SIGMA * sigma):
@@ -93,6 +153,40 @@ def common_clock(fit: FitResult, known: Mapping[str, float]) -> SystematicError 
         f"{_late(-size)}, or the mount delays both axes alike, which angles do not tell apart",
         refuse=apart < _EQUAL_S,
     )  # fmt: skip
+
+
+def _without_acceleration(moved: Array, covariance: Array, taken_s: float) -> SystematicError | None:
+    """Return the clock error without which neither axis has an acceleration lag."""
+    weight = np.linalg.inv(covariance[2:, 2:])
+
+    def misfit(tau: Array) -> tuple[Array, Array]:
+        left = (
+            moved[2:]
+            + np.multiply.outer(tau, moved[:2])
+            + 0.5 * np.multiply.outer(tau, np.ones(2)) * tau[:, np.newaxis]
+        )
+        return left, np.einsum("ti,ij,tj->t", left, weight, left)
+
+    tau = _CLOCKS_S[np.argmin(misfit(_CLOCKS_S)[1])]
+    for _ in range(_NEWTON_STEPS):
+        slope = moved[:2] + tau
+        tau = tau - float(slope @ weight @ misfit(np.array([tau]))[0][0]) / float(slope @ weight @ slope)
+    slope = moved[:2] + tau
+    sigma = float(slope @ weight @ slope) ** -0.5
+    left, (there, here) = misfit(np.array([-taken_s, tau]))
+    tau += taken_s
+    # Mounts that have acceleration lags of their own tell nothing of a clock.
+    if abs(tau) < _LEAST_CLOCK_S or there - here < _LIKELY:
+        return None
+    lags = "s^2 and ".join(f"{value:+.3f} +/- {size:.3f} " for value, size in
+                           zip(left[0], np.sqrt(np.diag(covariance))[2:], strict=True))  # fmt: skip
+    if here > _ONE_CLOCK:
+        text = (f"the axes have acceleration lags of {lags}s^2, which no clock error explains: whether the time tags are late "
+                "in all passes the angles do not tell, and the lags hold for this clock only")  # fmt: skip
+        return SystematicError("clock", float(tau), sigma, "s", text, refuse=False)
+    text = (f"the time tags of all passes are {_late(tau)} (+/- {sigma:.3f} s): with them the axes have acceleration lags of "
+            f"{lags}s^2, without this error none")  # fmt: skip
+    return SystematicError("clock", float(tau), sigma, "s", text, refuse=bool(there - here > _SURE_SIGMA**2))
 
 
 def clock_by_ranges(passes: Sequence[TrackedPass]) -> SystematicError | None:
@@ -145,32 +239,83 @@ def north_doubt(fit: FitResult, convergence_rad: float) -> SystematicError | Non
     return SystematicError("north", float(np.degrees(size)), float(np.degrees(sigma)), "deg", text, refuse=False)
 
 
-def late_passes(fit: FitResult, points: Observations) -> dict[int, SystematicError]:
-    """Return the passes that are displaced along their track far more than the others are."""
+def late_passes(
+    fit: FitResult, points: Observations, sets: Mapping[int, str] | None = None
+) -> tuple[dict[int, SystematicError], SystematicError | None]:
+    """Return the passes whose clock is late as that of most others is not.
+
+    `fit` has a clock in each pass (`timed`), which takes in errors along the track too.  `sets`
+    names the elements of each pass, whose errors they share.  Lateness falls into groups; where
+    none of them has most of the passes, the second value says so, and nobody is late.
+    """
     if fit.pass_priors is None or len(fit.pass_errors) <= _FEWEST_OTHERS:
-        return {}
-    by_clock = "clock_s" in fit.pass_priors.names
-    name = "clock_s" if by_clock else "along_track_m"
-    if name not in fit.pass_priors.names:
-        return {}
-    start = _searched_from(fit.pass_priors)
-    values = np.array([one.values[name] for one in fit.pass_errors])
+        return {}, None
+    clocks, covariance = free_errors(fit, _searched_from(fit.pass_priors), "clock_s")
+    numbers, late = [one.pass_id for one in fit.pass_errors], -clocks
+    names = [(sets or {}).get(number, f"pass {number}") for number in numbers]
+    sets_of = np.unique(names, return_inverse=True)[1].astype(np.int64)
+    labels = _groups_of(late, covariance, sets_of)
+    counts = np.bincount(labels)
+    most = labels == np.argmax(counts)
+    usual = max(float(np.std(late[most])), _LEAST_LATE_S)
+    if 2 * np.max(counts) <= len(late):
+        first, second = (np.sort(late[labels == k] - np.median(late)) for k in np.argsort(-counts, kind="stable")[:2])
+        text = (f"the passes are late by different times, and no time has most of them: {len(first)} and {len(second)} of "
+                f"{len(late)} differ by {abs(np.median(first) - np.median(second)):.3f} s")  # fmt: skip
+        return {}, SystematicError(
+            "late pass", float(np.median(first) - np.median(second)), usual, "s", text, refuse=True
+        )
+    late -= np.mean(late[most])
+    apart = np.eye(len(late)) - most / np.sum(most)
+    sigma = np.sqrt(np.diag(apart @ covariance @ apart.T))
     found = {}
-    # Only the farthest: each costs a search for the sizes of the others.
-    apart = np.abs(values - np.median(values))
-    far = np.flatnonzero(apart > _JUDGED * _MEDIAN_TO_SIGMA * np.median(apart))
-    for k in far[np.argsort(-apart[far])][:_FARTHEST].tolist():
-        number = fit.pass_errors[k].pass_id
-        speed = 1.0 if by_clock else _ground_speed(points, number)
-        along, sigma, size = without_pass(fit, start, k, name)
-        usual = max(size, _LEAST_LATE_S * speed)
-        if abs(along) < _SURE_SIGMA * float(np.hypot(usual, sigma)):
+    for k in np.flatnonzero(~most).tolist():
+        if abs(np.mean(late[labels == labels[k]])) < _FAR * usual:
             continue
-        late = -along / speed
-        what = "" if by_clock else f", or its target {abs(along) / 1e3:.2f} km off along the track"
-        text = f"pass {number} is {_late(late)} where the others are within {usual / speed:.3f} s{what}"
-        found[number] = SystematicError("late pass", late, sigma / speed, "s", text, refuse=False)
-    return found
+        what = ""
+        if points.range_m is not None and points.range_rate_m_s is not None:
+            off_km = abs(late[k]) * _ground_speed(points, numbers[k]) / 1e3
+            what = f", or its target {off_km:.2f} km off along the track"
+        text = f"pass {numbers[k]} is {_late(late[k])} where the others are within {usual:.3f} s{what}"
+        found[numbers[k]] = SystematicError("late pass", float(late[k]), float(sigma[k]), "s", text, refuse=False)
+    return found, None
+
+
+def timed(priors: PassPriors | None) -> PassPriors:
+    """Return priors in which a clock stands for the errors along the track."""
+    return PassPriors(clock_s=1.0) if priors is None else priors.replace(along_track_m=0.0, clock_s=1.0)
+
+
+def _groups_of(late: Array, covariance: Array, sets: Places) -> Places:
+    """Return the group (g,) of each pass by its lateness.
+
+    Groups are of greatest likelihood for passes that scatter, those of one set of elements together
+    too, and for groups that are late by any time.  More of them must be worth their number.
+    """
+    count = len(late)
+    together = (sets[:, np.newaxis] == sets).astype(np.float64)
+    own = np.array([float(np.median(late[sets == one])) if np.sum(sets == one) > _ALONE else 0.0 for one in sets])
+    best = (-np.inf, np.zeros(count, dtype=np.int64))
+    for values in (late, late - own):
+        order = np.argsort(values, kind="stable")
+        gaps = np.argsort(-np.diff(values[order]), kind="stable")
+        for groups in range(1, 1 + min(_MOST_GROUPS, count // 2)):
+            labels = np.zeros(count, dtype=np.int64)
+            labels[order[1:]] = np.cumsum(np.isin(np.arange(count - 1), gaps[: groups - 1]))
+            sizes = np.bincount(labels)
+            others = np.delete(sizes, np.argmax(sizes))
+            # How many choices of so many passes there are.
+            cost = sum(_GROUP_COST + math.log(math.comb(count, k)) for k in others.tolist())
+            alike = (labels[:, np.newaxis] == labels).astype(np.float64)
+            for scatter, shared, off in product(
+                _SCATTER_S, (0.0, *_SCATTER_S[1::2]), _LATE_S if groups > 1 else (0.0,)
+            ):
+                total = covariance + scatter**2 * np.eye(count) + shared**2 * together + off**2 * alike
+                root = np.linalg.cholesky(total)
+                likely = -0.5 * np.sum(np.linalg.solve(root, late) ** 2) - np.sum(np.log(np.diag(root))) - cost
+                if likely > best[0]:
+                    best = (likely, labels)
+    return best[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +328,7 @@ class _Estimate:
 def _estimates(fit: FitResult, points: Observations, columns: Mapping[str, Array]) -> dict[str, _Estimate]:
     """Return the size of each suspect next to all terms, and by how much it lowers chi-square."""
     widths = [part.shape[-1] for part in columns.values()]
-    problem = FitProblem(points, fit.names, dict(fit.held), dict(fit.priors), fit.pass_priors, fit.form)
+    problem = FitProblem(points, fit.names, dict(fit.held), dict(fit.priors), fit.pass_priors, fit.form, fit.shared)
     factor = problem.factor_with(fit, np.concatenate(list(columns.values()), axis=-1))
     scale = 1.0 if fit.noise is None else max(1.0, 0.5 * (fit.noise[0].factor + fit.noise[1].factor))
     found, start = {}, len(fit.names)
@@ -226,7 +371,7 @@ def _site(estimate: _Estimate) -> SystematicError | None:
         f"the antenna is {size:.0f} +/- {sigma:.0f} m away from the site given: {east:+.0f} m east, {north:+.0f} m north, "
         f"{up:+.0f} m up of it"
     )
-    return SystematicError("site", size, sigma, "m", text, refuse=True)
+    return SystematicError("site", size, sigma, "m", text, refuse=bool(estimate.gain > _SURE_SIGMA**2))
 
 
 def _turn(points: Observations) -> tuple[float, float]:

@@ -34,10 +34,10 @@ from numpy.typing import NDArray
 
 from rf_pointing.calibration.fit import fit_bias_model, held_at_zero
 from rf_pointing.calibration.fit_problem import FitProblem
-from rf_pointing.calibration.fit_result import FitResult
+from rf_pointing.calibration.fit_result import FitResult, Nuisance
 from rf_pointing.calibration.normal_equations import NormalEquations
 from rf_pointing.calibration.observations import Observations
-from rf_pointing.calibration.pass_errors import PassPriors
+from rf_pointing.calibration.pass_errors import PassPriors, SharedErrors
 from rf_pointing.calibration.terms import terms_by_name
 from rf_pointing.core import wrap_rad
 from rf_pointing.core.types import Array
@@ -89,6 +89,8 @@ def select_terms(
     held: Mapping[str, float] | None = None,
     pass_priors: PassPriors | None = None,
     about: FitResult | None = None,
+    shared: SharedErrors | None = None,
+    nuisances: Sequence[Nuisance] = (),
 ) -> TermSelection:
     """Return the `candidates` that the data support; the others count as zero.
 
@@ -97,7 +99,7 @@ def select_terms(
     unknown names and a search that has not settled.
     """
     terms_by_name(candidates)
-    search = _Search.of(observations, tuple(candidates), held or {}, pass_priors, about)
+    search = _Search.of(observations, tuple(candidates), held or {}, pass_priors, about, shared, nuisances)
     chosen: frozenset[str] = frozenset()
     bic = search.bic(chosen)
     for _ in range(_MOST_STEPS):
@@ -146,10 +148,12 @@ class _Search:
         held: Mapping[str, float],
         pass_priors: PassPriors | None,
         about: FitResult | None,
+        shared: SharedErrors | None,
+        nuisances: Sequence[Nuisance],
     ) -> "_Search":
         # Products of terms are not terms: a lag of 0.5 s alone looks as 0.12 s^2 more otherwise.
         form = "printed" if about is None else about.form
-        problem = FitProblem(data, names, {**held_at_zero(names), **held}, {}, pass_priors, form)
+        problem = FitProblem(data, names, {**held_at_zero(names), **held}, {}, pass_priors, form, shared, nuisances)
         everything, one = np.ones(len(data), dtype=bool), np.ones(len(data))
         values = np.array([0.0 if about is None else about.coefficients[name] for name in names])
         equations, _ = problem.equations(values, everything, one)

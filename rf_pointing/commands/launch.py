@@ -17,22 +17,18 @@ import signal
 import sys
 import time
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
 from rf_pointing.core.dates import utc_text
-from rf_pointing.core.whole_file import parse_json, read_whole
 from rf_pointing.ros.launching import LaunchFile, Process, launch_files
 from rf_pointing.ros.main_loop import InstanceLock, present_holder
-from rf_pointing.ros.supervisor import STATE, Supervisor, to_terminal
-from rf_pointing.station.antenna.memory import state_folder
+from rf_pointing.ros.supervisor import Supervisor, lock_name, log_folder, running, to_terminal
 from rf_pointing.station.description.reading import nearest
 from rf_pointing.station.log_lines import say
 
 PROGRAM = "launch"
-LOGS = "log"
 PATIENCE_S = 60.0
 """Longest time in which all processes of a station end."""
 ENDED_FOR_S = 0.1
@@ -100,9 +96,7 @@ def shown_arguments(file: LaunchFile) -> list[str]:
 
 def start(file: LaunchFile, namespace: str, words: list[str], processes: list[Process], *, detach: bool) -> int:
     """Run the processes to their end, or to the first line of a background process of their own."""
-    folder = state_folder() / namespace.strip("/") / LOGS
-    lock = InstanceLock(lock_name(namespace))
-    show = to_terminal
+    folder, lock = log_folder(namespace), InstanceLock(lock_name(namespace))
     if detach:
         folder.mkdir(parents=True, exist_ok=True)
         if os.fork():
@@ -117,28 +111,11 @@ def start(file: LaunchFile, namespace: str, words: list[str], processes: list[Pr
     for sign in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(sign, lambda number, _frame: signals.append(number))
     about = {"file": file.name, "namespace": namespace, "process": os.getpid(), "began_t_s": time.time()}
-    supervisor = Supervisor(processes, folder, about, None if detach else show)
+    supervisor = Supervisor(processes, folder, about, None if detach else to_terminal)
     supervisor.say(f"{file.name} {shlex.join(words)}, process {os.getpid()}; logs: {folder}")
     code = supervisor.run(signals)
     lock.release()
     return code
-
-
-def lock_name(namespace: str) -> str:
-    """Return the name that one launch of a namespace holds."""
-    return f"/{namespace.strip('/')}/{PROGRAM}"
-
-
-def running(words: list[str]) -> list[dict[str, Any]]:
-    """Return what runs in this ROS domain, or in one namespace of it."""
-    found = []
-    for path in sorted(state_folder().rglob(f"{LOGS}/{STATE}")):
-        with suppress(OSError, ValueError):
-            state = parse_json(read_whole(path))
-            if present_holder(lock_name(state["namespace"])) == state["process"]:
-                found.append(state | {"folder": path.parent})
-    wanted = {word.strip("/") for word in words}
-    return [state for state in found if not wanted or state["namespace"].strip("/") in wanted]
 
 
 def status(words: list[str]) -> int:

@@ -10,9 +10,8 @@ from pathlib import Path
 
 from rf_pointing.commands.options import ending_with_reason
 from rf_pointing.core.checks import one_of
-from rf_pointing.station.description import STATIONS, StationError, station_from
+from rf_pointing.station.description import StationError, station_from
 from rf_pointing.station.description.content import BandSection
-from rf_pointing.station.description.schema import SCHEMA
 
 FREQUENCIES_MHZ = {
     "VHF": 145.9,
@@ -94,7 +93,6 @@ class NewStation:
         ]
         dish = "" if self.diameter is None else f"\ndish: {{diameter_m: {self.diameter}}}\n"
         return (
-            f"# yaml-language-server: $schema={STATIONS / SCHEMA}\n"
             "# Degrees, metres and seconds; `check_station` prints what follows from these numbers.\n"
             f"version: 1\nname: {_quoted(self.name)}\n"
             f"site: {{latitude_deg: {self.latitude}, longitude_deg: {self.longitude}, height_m: {self.height}}}\n"

@@ -14,6 +14,8 @@ def add_run_options(parser: argparse.ArgumentParser, *, models: str, ephemeris_e
     """Add the options of a run that starts nodes; the texts are helps."""
     add = parser.add_argument
     add("--speed", help="of a simulated antenna: factor of real time, or max (default)")
+    add("--receiver", metavar="ADDRESS", default="", help="receiver in place of the station's, with further keys "
+        "after ?: rtl_tcp://localhost:1234?iq.rate_hz=240000; a simulated antenna serves its samples there")  # fmt: skip
     add("--seed", type=seed, help="of a simulated antenna: seed of every noise source (default: 1)")
     add("--reset-fault", action="store_true", help="of a real antenna: reset the fault that an earlier run has "
         "latched, after you have looked at the antenna")  # fmt: skip
@@ -37,6 +39,7 @@ def run_fields(given: dict[str, Any]) -> dict[str, Any]:
         "start_s": parse_utc(given["start"]) if given["start"] else None,
         "speed": _speed(given["speed"]),
         "seed": given["seed"],
+        "receiver": given["receiver"],
         "ephemeris_error_s": given["ephemeris_error"],
         "reset_fault": given["reset_fault"],
         "processes": given["processes"],

@@ -277,6 +277,17 @@ class LineServer:
         """Return the steady time of a client's last bytes, minus infinity if it is gone."""
         return self.counts.connected.get(client, -math.inf)
 
+    def values(self) -> dict[str, object]:
+        """Return what became of clients and lines, as /diagnostics shows it."""
+        counts = self.counts
+        return {
+            "port": self.port,
+            "clients": len(counts.connected),
+            "refused lines": counts.refused_lines,
+            "last refused": counts.last_refusal,
+            "refused clients": counts.refused_clients,
+        }
+
     def close(self) -> None:
         """Disconnect every client and free the port."""
         self._loop.call_soon_threadsafe(self._stop.set)

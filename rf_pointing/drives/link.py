@@ -136,7 +136,7 @@ class Opening:
 class KeptLink:
     """A link that is opened again whenever it is lost; the waits double up to the longest.
 
-    `link` is None while there is none; `problem` says why until the device is known to answer.
+    `link` is None until it is open; `problem` says why until the device is known to answer.
     """
 
     def __init__(self, name: str, params: LinkParams, baud: int) -> None:

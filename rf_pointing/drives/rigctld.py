@@ -19,7 +19,7 @@ from rf_pointing.drives.params import LinkParams
 from rf_pointing.drives.protocols import LONGEST_LINE, RPRT_ERRORS
 
 KEY_POLL_S = 0.05
-"""A rig may be keyed at its microphone: so often it is asked."""
+"""A rig may be keyed at its microphone: its key is read so often."""
 ASK_S = 1.0
 HIGHEST_HZ = 4e11
 FORGOTTEN = 0.995

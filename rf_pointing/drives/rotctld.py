@@ -28,7 +28,7 @@ from rf_pointing.drives.protocols import LIMIT_NAMES
 AZIMUTH_DEG, ELEVATION_DEG = (-180.0, 450.0), (0.0, 180.0)
 MODEL = 2
 ZENITH_DEG = 1.0
-"""As far as a bias model may turn the beam past the zenith of a mount that points there."""
+"""Largest angle by which a bias model turns the beam past the zenith of the mount."""
 
 
 @dataclass(slots=True)

@@ -135,11 +135,8 @@ class OperatorPage(ManagedNode):
         if not server.app.viewers:
             return
         for node, reader in self._readers.items():
-            if (values := reader.take()) is not None:
-                try:
-                    self._board.note_parameters(node, values)
-                except ValueError as error:
-                    self.inputs.note_refusal("get_parameters", str(error))
+            if refused := board.take_parameters(node, reader.take()):
+                self.inputs.note_refusal("get_parameters", refused)
         server.put(board.sections(live))
 
     def _send(self, number: int, name: str, arguments: Mapping[str, Any]) -> None:

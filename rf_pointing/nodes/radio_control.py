@@ -1,4 +1,4 @@
-"""Executable `radio_control`: the radio beside the antenna, by `radio` of the description.
+"""Executable `radio_control`: the radio of the antenna, by `radio` of the description.
 
 Tunes receiver and transmitter behind rigctld after the Doppler shift of the target, as rigctld of
 its own answers programs that ask (port 4534), and lets the transmitter send or not: `set_ptt` is
@@ -21,19 +21,18 @@ from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from rf_pointing.drives.line_server import Inquiry, LineServer, ServerParams
+from rf_pointing.drives.line_server import Inquiry, LineServer
 from rf_pointing.drives.rigctld import RadioView, RigWords
-from rf_pointing.ephemeris.solar import SolarDirection, SunParams
-from rf_pointing.planning.forbidden_sky import ForbiddenSky, HorizonMask
-from rf_pointing.planning.gate import GateParams
+from rf_pointing.ephemeris.solar import SolarDirection
+from rf_pointing.planning.forbidden_sky import ForbiddenSky
 from rf_pointing.ros import convert
 from rf_pointing.ros.graph import INHIBIT, RADIO
 from rf_pointing.ros.main_loop import read_token, run
 from rf_pointing.ros.qos import STATUS, STREAM
 from rf_pointing.ros.station_node import StationNode
-from rf_pointing.station.derive.nodes import RADIO_PORT
+from rf_pointing.station.derive.nodes import reference
 from rf_pointing.station.radio.control import PERIOD_S, RadioControl
-from rf_pointing.station.radio.inhibit import InhibitParams, TransmitRules
+from rf_pointing.station.radio.inhibit import TransmitRules
 
 PUBLISHED_S = 0.1
 CHECKS = ("receiver", "transmitter", "transmit", "clients")
@@ -44,11 +43,7 @@ class RadioControlNode(StationNode):
 
     def __init__(self) -> None:
         super().__init__(RADIO)
-        sets = {
-            "server": ServerParams(port=RADIO_PORT), "inhibit": InhibitParams(), "mask": HorizonMask(),
-            "gate": GateParams(), "sun": SunParams(),
-        }  # fmt: skip
-        for prefix, params in sets.items():
+        for prefix, params in reference(RADIO).defaults.items():
             self.parameters.declare(prefix, params)
         self._server: LineServer | None = None
         self._inbox: SimpleQueue[Inquiry] = SimpleQueue()
@@ -104,26 +99,29 @@ class RadioControlNode(StationNode):
         wall_s = time.monotonic()
         reading = self._joints.take()
         if reading is not None:
-            self._radio.note_axes(reading, wall_s)
+            axes_rad = reading.position_rad.tolist()
+            self._radio.note("joint_states", wall_s, axes_rad=tuple(axes_rad))
         self._radio.step(t_s, wall_s, self._sun.at(t_s))
         self._publish(wall_s)
 
     def _publish(self, wall_s: float) -> None:
         # Numbers in the words change all the time; a change that matters is published at once.
-        refusal = self._radio.refusal
-        if bool(refusal) != bool(self._published) or wall_s - self._published_s >= PUBLISHED_S:
-            self._published, self._published_s = refusal, wall_s
-            self._inhibits.publish(String(data=refusal))
+        reason = self._radio.reason
+        if bool(reason) != bool(self._published) or wall_s - self._published_s >= PUBLISHED_S:
+            self._published, self._published_s = reason, wall_s
+            self._inhibits.publish(String(data=reason))
 
     def _on_target(self, message: ours.Target) -> None:
         self._radio.note_target(convert.target_from_message(message))
 
     def _on_antenna(self, m: ours.AntennaStatus) -> None:
-        self._radio.note_antenna(m.transmit_inhibit, m.fault, time.monotonic())
+        said = {"inhibit": m.transmit_inhibit, "fault": m.fault}
+        self._radio.note("antenna_status", time.monotonic(), **said)
 
     def _on_tracking(self, m: ours.TrackingStatus) -> None:
-        errors_rad = math.hypot(m.cross_elevation_error, m.elevation_error), abs(m.axis_distance)
-        self._radio.note_tracking(m.mode, m.target, errors_rad, m.beamwidth, time.monotonic())
+        error_rad = max(math.hypot(m.cross_elevation_error, m.elevation_error), m.axis_distance)
+        said = {"mode": m.mode, "target": m.target, "error_rad": error_rad}
+        self._radio.note("tracking_status", time.monotonic(), **said, beamwidth_rad=m.beamwidth)
 
 
 def main() -> None:

@@ -34,7 +34,7 @@ class Condition:
 
     @property
     def demand(self) -> str:
-        """What the value must be, in words."""
+        """The required value in words."""
         wanted = " or ".join(map(_shown, self.wanted)) if self.test == "one_of" else _shown(self.wanted)
         test = {"is": "be", "is_not": "not be", "one_of": "be"}.get(self.test, f"be {self.test}")
         return f"must {test} {wanted}"

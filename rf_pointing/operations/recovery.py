@@ -239,8 +239,8 @@ class Recovery:
                     self.book.raise_(name, cause.level, one.text, now_s, ask, about)
         for name in [name for name in self.ongoing if name not in present]:
             one = self.ongoing.pop(name)
-            if not one.told_by_another:
-                self._gone[name] = one.tried, one.tried_s, now_s
+            # Each outage of a drive is told, and its fault costs the next one no try.
+            self._gone[name] = 0 if one.told_by_another else one.tried, one.tried_s, now_s
         # Also those of before a restart whose causes have gone meanwhile.
         for alarm in self.book.lasting:
             if alarm.name not in self.ongoing and alarm.name.partition(" ")[0] in {c.name for c in self.table.causes}:
@@ -248,11 +248,7 @@ class Recovery:
         self.book.remind(now_s)
 
     def _begun(self, name: str, cause: Cause, device: str, now_s: float) -> Ongoing:
-        """Return a cause that is there; one that comes back soon has the tries of before.
-
-        What another cause leaves behind has tries of its own each time: six cuts of a cable in half
-        an hour are six outages, not a fault that no reset helps.
-        """
+        """Return a cause that is there; one that comes back soon has the tries of before."""
         if name not in self._gone or now_s - self._gone[name][2] > FORGET_S:
             return Ongoing(cause, device, now_s)
         tried, tried_s, _ = self._gone[name]

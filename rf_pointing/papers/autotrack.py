@@ -83,7 +83,7 @@ def averaging_rows(seed: int) -> list[Row]:
         # A mixture of both: more than of receiver noise alone, less than of the line alone.
         Row(
             f"the same with a line at {LINE_HZ:.0f} Hz", "BWG Fig. 27", 17.0, coloured, "dB", 1.0,
-            explained=white + 1.0 < coloured < limit, remark=
+            due=(white + 1.0, limit), remark=
             f"the mean of five takes out {limit:.1f} dB of a line there; receiver noise and the motion of the structure "
             "remain",
         ),
@@ -106,7 +106,7 @@ def station_gain_db(changes: Changes, seed: int) -> float:
     single, averaged = [], []
     for reception, mode in zip(heard, log.mode, strict=True):
         cluster = reception.cluster
-        if mode != "monopulse" or cluster.t_s[0] <= begun_s:
+        if cluster is None or mode != "monopulse" or cluster.t_s[0] <= begun_s:
             continue
         averaged.append(_measured(tracker, cluster) - truth(cluster.t_s).mean(axis=0))
         single += [

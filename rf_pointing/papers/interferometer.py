@@ -4,7 +4,6 @@ Table 7-1 lies on its side in the scan; the module has only those cells whose se
 legible without doubt.
 """
 
-import math
 from concurrent.futures import Executor
 
 from rf_pointing.array_sensors.interferometer.radio import LinkParams
@@ -17,7 +16,7 @@ from rf_pointing.papers.interferometer_design import (
     step_error_probability,
 )
 from rf_pointing.papers.interferometer_simulation import simulation_rows
-from rf_pointing.papers.row import Row, as_due
+from rf_pointing.papers.row import Row, near
 
 _SINGLE_PRECISION = 1e-6
 TABLE_7_1: dict[int, dict[int, float]] = {
@@ -150,7 +149,7 @@ def _snr_row(system: str, carriers: int, printed_db: float) -> Row:
     return Row(
         f"{system}, K = {carriers}: power ratio", "PI83 Table 8-1", printed_db, ours, "dB", 0.1,
         remark=f"(7-30) and (7-33) need {ours:.2f} dB; 110.0 is where the author's iteration stopped" if two else "",
-        explained=two and printed_db == SOLVER_LIMIT_DB and _gives(row.ratio, ours, 1, 1),
+        due=near(ours if two and printed_db == SOLVER_LIMIT_DB and _gives(row.ratio, ours, 1, 1) else None, 1e-3),
     )  # fmt: skip
 
 
@@ -166,7 +165,7 @@ def _steps_row() -> Row:
     return Row(
         "DFT, K = 8: power ratio for its K - 2 = 6 steps", "PI83 section 8.2", 20.7, ours.snr_db, "dB", 0.1,
         remark=f"K carriers give K - 1 differences and K - 2 steps between them: nu = {ours.ratio:.3f}, not 4.888",
-        explained=_gives(ratio, ours.snr_db, 2, 6),
+        due=near(ours.snr_db if _gives(ratio, ours.snr_db, 2, 6) else None, 1e-3),
     )  # fmt: skip
 
 
@@ -191,7 +190,12 @@ def _tables_8_2_and_8_3() -> list[Row]:
 
 
 def _power_row(
-    quantity: str, source: str, paper: float, ours: float, remark: str = "", due: float = math.nan
+    quantity: str,
+    source: str,
+    paper: float,
+    ours: float,
+    remark: str = "",
+    due: float | None = None,
 ) -> Row:
     return Row(
         quantity,
@@ -201,7 +205,7 @@ def _power_row(
         "W",
         1e-3 * paper,
         remark=remark,
-        explained=as_due(ours, due, 1e-3),
+        due=near(due, 1e-3),
     )
 
 

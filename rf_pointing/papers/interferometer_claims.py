@@ -48,7 +48,7 @@ from rf_pointing.papers.interferometer_transponder import (
     nonlinear_reflector,
     simple_repeater,
 )
-from rf_pointing.papers.row import Row, as_due
+from rf_pointing.papers.row import Row, near
 
 _AHEAD = np.array([1.0, 0.0, 0.0])
 _DOUBLE_DB = 10.0 * math.log10(2.0)
@@ -71,7 +71,7 @@ def _row(
     *,
     bound: str = "==",
     remark: str = "",
-    due: float = math.nan,
+    due: float | None = None,
     within: float = 0.003,
 ) -> Row:
     """Return a row; one that does not hold is explained while ours is `due`, what `remark` makes of
@@ -79,7 +79,7 @@ def _row(
     """
     return Row(
         quantity, f"PI83 {section}", paper, ours, unit, tolerance, bound=bound, remark=remark,
-        explained=as_due(ours, due, within),
+        due=near(due, within),
     )  # fmt: skip
 
 

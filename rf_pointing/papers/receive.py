@@ -1,6 +1,6 @@
 """Noise of the receiving system: the dichroic plate of DSS-13 and the cryogenic amplifiers.
 
-What `rf/noise.py` makes of their losses, noise figures and gains, beside what DICHROIC and HEMT
+What `rf/noise.py` makes of their losses, noise figures and gains, with what DICHROIC and HEMT
 print, and the two-port noise of HEMT section III:
 
     T_n = T_min + T_0 (g_n / R_g) |Z_g - Z_opt|^2,   T_min = 2 T_0 (g_n R_opt + Re C),

@@ -29,6 +29,7 @@ PAPERS = (
     "doa",
     "interferometer",
     "monopulse",
+    "nco",
     "receive",
     "satcal",
     "sensors",
@@ -68,7 +69,12 @@ def main(argv: list[str] | None = None) -> None:
     options = parser.parse_args(argv)
     rows = _rows(parser, options)
     if options.json:
-        print(json.dumps([{**asdict(row), "holds": row.holds} for row in rows], indent=1))
+        print(
+            json.dumps(
+                [{**asdict(row), "holds": row.holds, "explained": row.explained} for row in rows],
+                indent=1,
+            )
+        )
     else:
         print(as_table(rows))
     # Explained rows count: the exit code is for scripts that watch for a regression.
@@ -127,3 +133,7 @@ def _dask_client(parser: argparse.ArgumentParser, address: str) -> Any:
         parser.error("--dask needs the extra `sweep`: pip install dask distributed")
     except (OSError, ValueError) as error:
         parser.error(f"--dask={address}: {error}")
+
+
+if __name__ == "__main__":
+    main()

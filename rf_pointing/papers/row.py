@@ -16,13 +16,14 @@ class Row:
     `tolerance` is absolute, in `unit`.  With `bound` "<=" or ">=" the paper's number is a limit on
     one side.  With a `factor` above 1 ours may be that much larger or smaller than the paper's
     number, and no more: an absolute tolerance above the number itself would accept a zero.
-    `explained` accepts a row that does not hold; its `remark` gives the measured reason.
+    `due` are the limits between which the measured reason in `remark` puts ours: a row that does
+    not hold is explained there, and nowhere else.
 
     Raises
     ------
     ValueError
         If `bound` is unknown, `tolerance` is negative or not finite, `factor` is below 1 or has a
-        bound or a tolerance as well, or an explained row has no remark.
+        bound or a tolerance as well, or `due` is no interval or has no remark.
     """
 
     quantity: str
@@ -33,7 +34,7 @@ class Row:
     tolerance: float
     bound: str = "=="
     remark: str = ""
-    explained: bool = False
+    due: tuple[float, float] | None = None
     factor: float = 1.0
 
     def __post_init__(self) -> None:
@@ -41,7 +42,8 @@ class Row:
         # numpy.bool_, which json refuses to write: plain Python from here on.
         for name in ("paper", "ours", "tolerance", "factor"):
             object.__setattr__(self, name, float(getattr(self, name)))
-        object.__setattr__(self, "explained", bool(self.explained))
+        if self.due is not None:
+            object.__setattr__(self, "due", (float(self.due[0]), float(self.due[1])))
         if self.bound not in ("==", "<=", ">="):
             raise ValueError(f"bound={self.bound!r} must be one of ==, <=, >=")
         if not (math.isfinite(self.tolerance) and self.tolerance >= 0.0):
@@ -52,8 +54,12 @@ class Row:
             raise ValueError(
                 f"factor={self.factor} goes with a positive number, without bound and tolerance"
             )
-        if self.explained and not self.remark:
-            raise ValueError(f"explained={self.explained} needs a remark for {self.quantity!r}")
+        if self.due is not None and not (
+            self.remark and -math.inf < self.due[0] <= self.due[1] < math.inf
+        ):
+            raise ValueError(
+                f"due={self.due} must be two finite limits with a remark for {self.quantity!r}"
+            )
 
     @property
     def holds(self) -> bool:
@@ -72,18 +78,19 @@ class Row:
         return abs(self.ours - self.paper) <= self.tolerance
 
     @property
+    def explained(self) -> bool:
+        """Whether ours is what the measured reason makes of it."""
+        return self.due is not None and self.due[0] <= self.ours <= self.due[1]
+
+    @property
     def accepted(self) -> bool:
         """Whether the row holds or carries its measured explanation."""
         return self.holds or self.explained
 
 
-def as_due(ours: float, due: float, within: float) -> bool:
-    """Return whether `ours` is what the reason for a misprint makes of it, to the share `within`.
-
-    An explanation must fail where ours is something else: NaN, for a row that has none, is never
-    reached.
-    """
-    return abs(ours - due) <= within * abs(due)
+def near(due: float | None, within: float) -> tuple[float, float] | None:
+    """Return the limits of a number to the share `within`, None without a reason for one."""
+    return None if due is None else (due - within * abs(due), due + within * abs(due))
 
 
 def as_table(rows: Sequence[Row]) -> str:

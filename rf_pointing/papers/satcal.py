@@ -16,7 +16,7 @@ from rf_pointing.core import random_stream
 from rf_pointing.core.types import Array
 from rf_pointing.papers.orbit.measurements import Look, look, measured
 from rf_pointing.papers.orbit.motion import Gravity, propagate
-from rf_pointing.papers.row import Row, as_due
+from rf_pointing.papers.row import Row, near
 from rf_pointing.papers.satcal_campaign import (
     APRIL_T_S,
     INJECTION_T_S,
@@ -324,7 +324,7 @@ def _velocity_rows(check: BatchCheck, raw_m: float) -> list[Row]:
     return [
         Row(
             "velocity error from raw radar angles", "Table 6", 16.09, raw, "cm/s", 1.6,
-            explained=as_due(raw, turned, 0.25),
+            due=near(turned, 0.25),
             remark=f"a shift of {raw_m:.1f} m along or across an orbit of 101 min turns the velocity by "
             f"{turned:.1f} cm/s; 16 cm/s would need a semi-major axis off by "
             "hundreds of metres, and Table 6 prints 2 cm",

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from rf_pointing.controllers import PositionLoopParams
-from rf_pointing.papers.row import Row, as_due
+from rf_pointing.papers.row import Row, near
 from rf_pointing.papers.servo_pass import PassSetup, fly
 
 CLUSTER, SAMPLE_S, CUT_OFF_HZ = 5, 0.02, 8.0
@@ -32,7 +32,7 @@ def noise_rows(seed: int = 1) -> list[Row]:
             "dB", 1.0, remark=
             f"exact for noise flat from 8 to 25 Hz: r_s = {coloured:.1f}; flat noise gives the paper's simulated 50 "
             f"from {_cut_off_hz(50.0):.1f} Hz on, so its noise was not flat above 8 Hz",
-            explained=as_due(coloured, 37.3, 5e-3) and _cut_off_hz(50.0) > 1.5 * CUT_OFF_HZ,
+            due=near(10.0 * math.log10(37.3) if _cut_off_hz(50.0) > 1.5 * CUT_OFF_HZ else None, 2e-3),
         ),
         Row(
             "noise power ratio r_s in the running loop, white noise at 20 dB", "BWG Fig. 28", 4.7, _in_the_loop(seed),

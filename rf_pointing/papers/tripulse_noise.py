@@ -25,7 +25,7 @@ from rf_pointing.array_sensors.tripulse.beams import (
 from rf_pointing.array_sensors.tripulse.robust import posterior_projection_error, signal_matrix
 from rf_pointing.core import as_finite_array, random_stream, require_finite
 from rf_pointing.core.types import Array
-from rf_pointing.papers.row import Row
+from rf_pointing.papers.row import Row, near
 from rf_pointing.papers.tripulse_theory import (
     allocate_pulses,
     equal_pulses,
@@ -264,7 +264,7 @@ def _variance_rows(seed: int) -> list[Row]:
             "sigma_theta at theta = 20 deg over (21) as printed", "eq. (21), Fig. 2", 1.0,
             case.theta_sigma_rad / published, "1", 0.01,
             remark="(19) counts both projections, of which only the radial one moves theta; (21) is the total angle's",
-            explained=abs(case.theta_sigma_rad / ours - 1.0) <= 0.01,
+            due=near(ours / published, 0.01),
         ),
         Row(
             "sigma_theta at theta = 20 deg over sigma_T / cos(theta)", "eq. (21) corrected", 1.0,
@@ -273,7 +273,7 @@ def _variance_rows(seed: int) -> list[Row]:
         Row(
             "var R at 12 dB and gamma = 1 over (17) as printed", "eq. (17)", 1.0, ratio / printed, "1", 0.02,
             remark="by E|n|^4 = 2 sigma^4 the second coefficient is 1 + 2 gamma^2; the printed 1 - gamma^2 is 0 here",
-            explained=abs(ratio / corrected - 1.0) <= 0.05,
+            due=near(corrected / printed, 0.05),
         ),
         Row(
             "var R at 12 dB and gamma = 1 over (17) with 1 + 2 gamma^2", "eq. (17) corrected", 1.0, ratio / corrected,

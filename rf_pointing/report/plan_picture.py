@@ -1,12 +1,14 @@
-"""Picture of the coming passes: the sky, the azimuth within its travel, rates against limits."""
+"""Pictures of the coming passes: sky, azimuth within its travel, rates; and of a link budget."""
 
 import math
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rf_pointing.core.types import Array
 from rf_pointing.planning import AxisLimits, HorizonMask
 from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure, sky_axes, sky_place
 from rf_pointing.station.pointing.certificates import PlannedPass
@@ -22,6 +24,27 @@ def draw_plan(planned: list[PlannedPass], limits: AxisLimits, mask: HorizonMask,
         wrap, rates = drawn.add_subplot(grid[0, 1]), drawn.add_subplot(grid[1, 1])
         _draw_wrap(wrap, planned, limits)
         _draw_rates(rates, planned)
+
+
+def draw_budget(columns: Mapping[str, Array], minutes: Array, title: str, path: Path) -> None:
+    """Write the picture of a link budget (`api/link_budget.py`) to `path`.
+
+    It is drawn over the `minutes` of a pass, over elevation where there are none.
+    """
+    x, name = (minutes, "min after AOS") if len(minutes) else (columns["elevation_deg"], "elevation, deg")
+    with figure(path, 9.0, 6.4) as drawn:
+        noise, level = drawn.subplots(2, 1, sharex=True)
+        parts = [key for key in columns if key.endswith("_k") and not key.startswith(("system", "g_over"))]
+        noise.stackplot(x, *(columns[key] for key in parts), labels=[key[:-2] for key in parts], colors=COLOURS)
+        noise.set_ylabel("noise temperature, K")
+        noise.legend(loc="upper right", ncols=4)
+        noise.set_title(title)
+        level.plot(x, columns["carrier_to_noise_db_hz"], color=AXIS_COLOURS[0], label="C/N0, dB-Hz")
+        merit = level.twinx()
+        merit.plot(x, columns["g_over_t_db_k"], color=AXIS_COLOURS[1], label="G/T, dB/K")
+        merit.set_ylabel("G/T, dB/K", color=AXIS_COLOURS[1])
+        level.set_ylabel("C/N0, dB-Hz", color=AXIS_COLOURS[0])
+        level.set_xlabel(name)
 
 
 def _draw_sky(axes: Any, planned: list[PlannedPass], mask: HorizonMask) -> None:

@@ -90,6 +90,12 @@ _POINTING_ERROR = Topic(
 )  # fmt: skip
 # An array on the dish has nodes of its own.
 _TRACKERS = dict.fromkeys(traits.node for traits in SENSORS.values() if not traits.own_level)
+_RECEIVED = (
+    Topic("monopulse", ours.Monopulse, STREAM, "10 Hz, 5 samples each", frame=BEAM),
+    Topic("carrier_power", ours.CarrierPower, STREAM, "10 Hz", frame=BEAM),
+)
+_TRUTH = Topic("sim/pointing_error", ours.PointingError, STREAM, "10 Hz", meaning="truth of the simulation",
+               allowed_lag_s=_ONE_PERIOD_S, frame=BEAM)  # fmt: skip
 _TARGET_MEANING = "direction, rates, range, Doppler, light time, refraction, covariance"
 
 # The clock waits for the topic that each node publishes last in a period.  What the
@@ -107,16 +113,7 @@ GRAPH = (
         ),
         simulated=True,
     ),
-    GraphNode(
-        "rf_receiver",
-        (
-            Topic("monopulse", ours.Monopulse, STREAM, "10 Hz, 5 samples each", frame=BEAM),
-            Topic("carrier_power", ours.CarrierPower, STREAM, "10 Hz", frame=BEAM),
-            Topic("sim/pointing_error", ours.PointingError, STREAM, "10 Hz", meaning="truth of the simulation",
-                  allowed_lag_s=_ONE_PERIOD_S, frame=BEAM),
-        ),
-        simulated=True,
-    ),
+    GraphNode("rf_receiver", (*_RECEIVED, _TRUTH), simulated=True),
     *(GraphNode(name, (_POINTING_ERROR,)) for name in _TRACKERS),
     GraphNode("bias_calibrator", (Topic("pointing_model", ours.PointingModel, LATCHED, "latched"),)),
     GraphNode(
@@ -149,10 +146,19 @@ ARRAY_GRAPH = (
 # Not recorded: 60 kB/s, and nothing of the report reads them.
 
 
+RECEIVER_GRAPH = (
+    GraphNode("signal_source", (_TRUTH,), simulated=True),
+    GraphNode("signal_receiver", _RECEIVED),
+)
+"""Nodes in place of rf_receiver where the receiver of a station is not simulated."""
+SERVED = ("rtl_tcp", "vita49", "zmq")
+"""Receivers whose samples signal_source can make for a simulated antenna."""
+
+
 def _topics() -> tuple[Topic, ...]:
     """Return each topic of the graph once, with the names of all nodes that publish it."""
     found: dict[str, Topic] = {}
-    for node in (*GRAPH, *ARRAY_GRAPH):
+    for node in (*GRAPH, *ARRAY_GRAPH, *RECEIVER_GRAPH):
         for topic in node.topics:
             others = f"{found[topic.name].publisher}, " if topic.name in found else ""
             found[topic.name] = replace(topic, publisher=others + node.name)
@@ -226,12 +232,27 @@ STATION_NODES = tuple(node.name for node in GRAPH if not node.simulated)
 ARRAY_NODES = tuple(node.name for node in ARRAY_GRAPH)
 DRIVE_NODES = ("antenna_servo", *STATION_NODES)
 """Executables of a station whose drive is a device; its receiver is its own."""
+RECEIVER_NODES = tuple(node.name for node in RECEIVER_GRAPH)
 MOVES = ("simulation_clock", "antenna_servo", "rf_receiver", "array_receiver")
 """Nodes that move the antenna and receive meanwhile: the first of two processes."""
-APART = (ALARMS, EXECUTIVE, ROTCTLD, RADIO, OPERATOR_PAGE)
-"""Clients of the station: they serve others, or work long."""
+APART = (ALARMS, EXECUTIVE, ROTCTLD, RADIO, OPERATOR_PAGE, *RECEIVER_NODES)
+"""Nodes that serve others, or work long: they hold up none of the station's."""
 PROCESSES = (1, 2, 8)
 """Numbers of processes of a station that may be chosen; 8 is one for each node."""
+
+
+def with_receiver(names: Sequence[str], receiver: str) -> tuple[str, ...]:
+    """Return the executables of a station with this `receiver` in place of the simulated one.
+
+    `names` are those with a simulated receiver, or none: with a drive that is a device.
+    """
+    if receiver == "simulated":
+        return tuple(names)
+    source, own = (node.name for node in RECEIVER_GRAPH)
+    rest = tuple(name for name in names if name != "rf_receiver")
+    if receiver == "topic":
+        return rest
+    return (*rest, source, own) if rest != tuple(names) and receiver in SERVED else (*rest, own)
 
 
 def partition(names: Sequence[str], processes: int) -> list[tuple[str, ...]]:

@@ -28,6 +28,7 @@ from rf_pointing.ros.graph import (
     ROTCTLD,
     STATION_NODES,
     partition,
+    with_receiver,
 )
 from rf_pointing.ros.main_loop import DRIVE_PRIORITY, present_holder
 from rf_pointing.station.antenna.memory import move_state, state_files, state_folder
@@ -42,7 +43,7 @@ SEVERAL = "station_process"
 """Executable of a process with several nodes."""
 BOOLEANS = {"true": True, "True": True, "1": True, "false": False, "False": False, "0": False}
 # The publisher predicts the target, and the simulated receiver receives it.
-SEES_TARGET = ("ephemeris_publisher", "rf_receiver")
+SEES_TARGET = ("ephemeris_publisher", "rf_receiver", "signal_source")
 # What decides who can reach the nodes; an integrator who sets one of them has decided.
 DISCOVERY = ("FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DISCOVERY_SERVER")
 
@@ -237,7 +238,7 @@ def _station_processes(
     if values["description"]:
         names = (*names, DESCRIPTION)
     wanted = {"alarms": ALARMS, "executive": EXECUTIVE, "page": OPERATOR_PAGE, "radio": RADIO, "rotctld": ROTCTLD}
-    names = (*names, *(name for argument, name in wanted.items() if values[argument]))
+    names = (*with_receiver(names, station.receiver), *(name for argument, name in wanted.items() if values[argument]))
     given = {name: _parameters(values, name, simulated=simulated) for name in names}
     space, respawn = values["namespace"], values["respawn"]
     # Each antenna has its own simulation time; without the clock node, /clock is the user's.
@@ -278,7 +279,7 @@ def full_namespace(pushed: str, namespace: str) -> str:
 
 
 def adopt_state(values: Mapping[str, Any], former: str) -> str:
-    """Move what an antenna kept below its `namespace:=` alone; return what is to be said of it.
+    """Move what an antenna kept below its `namespace:=` alone; return what was moved.
 
     Two sites that include the file with the same `former` one shared it: the first takes it,
     unless an antenna of that namespace runs.

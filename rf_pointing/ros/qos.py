@@ -17,8 +17,8 @@ def _reliable(depth: int, **policies: Any) -> QoSProfile:
 STREAM = _reliable(10)
 """Measurements and status: reliable, depth 10; losses show in the sequence numbers."""
 INSTRUMENT = QoSProfile(depth=10, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""What devices of the station publish: a reliable subscriber would not hear their drivers, most of
-which publish best effort; this one hears both."""
+"""Topics of devices: most drivers publish best effort, which a reliable subscriber does not
+receive; this one receives both."""
 WATCHED = _reliable(2000)
 """The same streams for a node that only watches: it may be busy for a while and loses none."""
 STATUS = _reliable(10, **_KEPT)

@@ -18,12 +18,18 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.core.dates import utc_text
-from rf_pointing.core.whole_file import write_whole
-from rf_pointing.ros.graph import APART, MOVES
+from rf_pointing.core.whole_file import parse_json, read_whole, write_whole
+from rf_pointing.ros.graph import APART, EXECUTIVE, MOVES
 from rf_pointing.ros.launching import Process
-from rf_pointing.ros.main_loop import RESTART_S
+from rf_pointing.ros.main_loop import RESTART_S, present_holder
 from rf_pointing.ros.managed_graph import bind_to_parent, end_processes, node_environment
+from rf_pointing.station.antenna.memory import state_folder
+from rf_pointing.station.clients.station_alarms import NEEDED
 
+FIRST = (*NEEDED, EXECUTIVE)
+"""Nodes that a pass in progress waits for: to import all nodes takes a small computer 30 s."""
+LATER_S = 5.0
+"""From their start to that of the others."""
 SETTLED_S = 30.0
 LONGEST_DELAY_S = 8.0
 STEP_S = 0.2
@@ -67,14 +73,15 @@ class Supervisor:
         self, processes: Sequence[Process], folder: Path, about: dict[str, Any], show: Callable[[str], None] | None
     ) -> None:  # fmt: skip
         folder.mkdir(parents=True, exist_ok=True)
+        self._folder, self._about, self._show, self._children = folder, about, show, list[_Child]()
         space = processes[0].namespace.strip("/")
-        self._children = []
         for process in processes:
             below = process.namespace.strip("/").removeprefix(space).strip("/")
-            self._children.append(_Child(process, "/".join(filter(None, (below, process.name)))))
-        self._folder, self._about, self._show = folder, about, show
-        for child in self._children:
+            child = _Child(process, "/".join(filter(None, (below, process.name))))
             child.shown = self._size(child)
+            self._children.append(child)
+        first = [child for child in self._children if set(child.process.nodes) & set(FIRST)]
+        self._first: list[_Child] | None = first
 
     def run(self, signals: Sequence[int]) -> int:
         """Keep the processes running until a signal is there; return the exit code.
@@ -92,6 +99,10 @@ class Supervisor:
     def step(self, now_s: float) -> bool:
         """Note what has ended, start what is due; return whether anything runs or will."""
         changed = False
+        if self._first is not None:
+            for child in self._children:
+                child.due_s = now_s + (0.0 if child in (self._first or self._children) else LATER_S)
+            self._first = None
         for child in self._children:
             if child.running is not None and child.due_s is None and (code := child.running.poll()) is not None:
                 changed = True
@@ -197,6 +208,28 @@ class Supervisor:
     def _size(self, child: _Child) -> int:
         path = self._log(child)
         return path.stat().st_size if path.exists() else 0
+
+
+def lock_name(namespace: str) -> str:
+    """Return the name that one launch of a namespace holds."""
+    return f"/{namespace.strip('/')}/launch"
+
+
+def log_folder(namespace: str) -> Path:
+    """Return the folder of logs and state of a launch."""
+    return state_folder() / namespace.strip("/") / "log"
+
+
+def running(words: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """Return the state of each launch of this ROS domain, or of those with these namespaces."""
+    found, wanted = [], {word.strip("/") for word in words}
+    for path in sorted(state_folder().rglob(f"log/{STATE}")):
+        with suppress(OSError, ValueError):
+            state = parse_json(read_whole(path))
+            named = not wanted or state["namespace"].strip("/") in wanted
+            if named and present_holder(lock_name(state["namespace"])) == state["process"]:
+                found.append(state | {"folder": path.parent})
+    return found
 
 
 def _how(code: int) -> str:

@@ -20,8 +20,10 @@ from rf_pointing.drives import make_drive, simulated, takes_positions
 from rf_pointing.ephemeris import Pass, TopocentricTrack
 from rf_pointing.ephemeris.source import load_track
 from rf_pointing.planning import Certificate
+from rf_pointing.receiver.registry import SAMPLES as SAMPLED
 from rf_pointing.simulation.closed_loop import PointedAntenna, ticks
 from rf_pointing.station.antenna.drive_antenna import DriveAntenna
+from rf_pointing.station.antenna.radio import SampledReceiver, SimulatedRadio, seeded
 from rf_pointing.station.antenna.receiver import Reception, SimulatedReceiver
 from rf_pointing.station.antenna.simulated_antenna import AntennaParams, SimulatedAntenna, SimulatedHardware
 from rf_pointing.station.description import DEFAULT_STATION, StationDescription, read_station
@@ -50,7 +52,7 @@ class PassLog:
     command_rad: list[tuple[float, float]] = field(default_factory=list)
     certificate: Certificate | None = None
     fault: str = ""
-    """What the antenna had latched at the end."""
+    """The fault that was latched at the end, "" without one."""
 
     def errors_rad(self, *modes: str) -> Array:
         """Return the true errors (n, 2) of the clusters in these modes (all when none is named)."""
@@ -139,10 +141,18 @@ class StationSetup:
             return SimulatedAntenna(params, hardware)
         return DriveAntenna(params.replace(drive=drive), make_drive(drive, params.antenna.start_rad), 0.0)
 
-    def receiver(self) -> SimulatedReceiver:
-        """Return the simulated receiver, which receives the satellite where it really is."""
+    def receiver(self) -> SimulatedReceiver | SampledReceiver:
+        """Return the simulated receiver, which receives the satellite where it really is.
+
+        Where the station's receiver takes samples, it is the meter of a simulated radio's.
+        """
         sets = self.sets("rf_receiver")
-        return SimulatedReceiver(sets["signal"], load_track(sets["source"]))
+        signal, real = sets["signal"], load_track(sets["source"])
+        if self.station.receiver not in SAMPLED:
+            return SimulatedReceiver(signal, real)
+        radio = seeded(self.sets("signal_source")["sdr"], signal.seed)
+        taken = self.sets("signal_receiver")["receiver"]
+        return SampledReceiver(SimulatedRadio(signal, radio, real), taken, self.track())
 
     def controller(self) -> PointingController:
         """Return the pointing controller with its model."""
@@ -197,7 +207,8 @@ def simulate_pass(
         reception = receiver.take(tick.boresight)
         if reception is not None:
             # Before the next period, as on the graph: only errors stamped before it are used.
-            controller.take_error(monopulse.measure(reception.cluster))
+            if reception.cluster is not None:
+                controller.take_error(monopulse.measure(reception.cluster))
             if setup.array is not None:
                 controller.take_error(setup.array(reception))
             for error in carrier.take_power(reception.power):

@@ -1,4 +1,4 @@
-"""What nodes and commands log: lines for a reader, or objects of JSON for a collector.
+"""Lines of the logs of nodes and commands: text for a reader, or JSON for a collector.
 
 `RF_POINTING_LOG=json` in the environment makes every line of a node's log, and every line that a
 command says on stderr, an object with `t_s` (UTC), `level`, `name` and `text`.  Data on stdout stay

@@ -68,6 +68,9 @@ class LockWatchParams(Params):
     )
     sigmas: float = parameter(4.0, "certainty of the steepness in standard deviations", low=1.0, high=10.0)
     steepest: float = parameter(2.0, "response above which it is a sidelobe", low=1.1, high=10.0)
+    compares_level: bool = parameter(
+        True, "whether the receiver's C/N0 is on the link's scale; false for a total power without its noise"
+    )
     level_clusters: int = parameter(3, "clusters in a row for which it must be", low=1, high=100)
     level_drop_db: float = parameter(10.0, "C/N0 below the link's that is a sidelobe", low=3.0, high=30.0)
 

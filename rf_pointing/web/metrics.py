@@ -1,4 +1,4 @@
-"""What the page knows as OpenMetrics 1.0, for Prometheus and what reads its format.
+"""The values of the page as OpenMetrics 1.0, for Prometheus and others that read its format.
 
 `board_metrics` makes metric families of the values that the page shows, `exposition` writes them.
 Names end in their unit.  A source that has been silent for `STALE_S` gives no samples: a gap is

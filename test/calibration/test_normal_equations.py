@@ -95,7 +95,7 @@ def test_parameters_of_the_passes_are_those_of_all_columns_at_once(random, own):
     numbers, triangles = pass_equations(np.column_stack([matrix, right]), passes)
     heads, rest = eliminate(numbers, triangles, sigma)
     equations = NormalEquations(NAMES)
-    equations.add_equations(rest, 50)
+    equations.add_equations(rest.reshape(-1, 4), 50)
     solution = equations.solve()
     wide = np.zeros((50 + 3 * own, 3 * own + 3))
     wide[:50, 3 * own :] = matrix[:, own:]
@@ -109,8 +109,49 @@ def test_parameters_of_the_passes_are_those_of_all_columns_at_once(random, own):
     np.testing.assert_allclose(solution.covariance, covariance[3 * own :, 3 * own :], rtol=1e-9)
     assert solution.residual_square == pytest.approx(float(square[0]), rel=1e-9)
     assert heads.passes.tolist() == [2, 5, 9]
-    np.testing.assert_allclose(heads.values(solution).ravel(), expected[: 3 * own], rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(heads.sigma(solution).ravel() ** 2, np.diag(covariance)[: 3 * own], rtol=1e-9)
+    values, root = heads.joint(
+        solution.values[np.newaxis].repeat(3, 0), np.linalg.cholesky(solution.covariance)[np.newaxis].repeat(3, 0)
+    )
+    np.testing.assert_allclose(values[:, :own].ravel(), expected[: 3 * own], rtol=1e-9, atol=1e-12)
+    variance = np.einsum("gij,gij->gi", root, root)
+    np.testing.assert_allclose(variance[:, :own].ravel(), np.diag(covariance)[: 3 * own], rtol=1e-9)
+
+
+def test_what_groups_have_in_common_is_eliminated_as_if_all_columns_were_solved_at_once(random):
+    """Own errors scatter about what a turn makes of their group's error: against one least squares."""
+    groups, turns = np.array([0, 1, 0, 1, 0]), random.normal(size=(5, 2, 2))
+    passes = np.repeat(np.arange(5), 12)
+    matrix, right = random.normal(size=(60, 5)), random.normal(size=60)
+    own_sigma, group_sigma = np.array([0.3, 1.5]), np.array([2.0, 0.7])
+    numbers, factors = pass_equations(np.column_stack([matrix, right]), passes)
+    factors = np.insert(factors, [2] * 2, 0.0, axis=2)
+    expected = np.concatenate([turns, np.zeros((5, 2, 3))], axis=2)
+    heads, rest = eliminate(numbers, factors, own_sigma, expected)
+    _, factors = pass_equations(rest.reshape(-1, 6), np.repeat(groups, rest.shape[1]))
+    wider, rest = eliminate(np.arange(2), factors, group_sigma)
+    equations = NormalEquations(NAMES)
+    equations.add_equations(rest.reshape(-1, 4), 60)
+    solution = equations.solve()
+    root = np.linalg.cholesky(solution.covariance)[np.newaxis]
+    values, root = wider.joint(solution.values[np.newaxis].repeat(2, 0), root.repeat(2, 0))
+    values, root = heads.joint(values[groups], root[groups])
+    # Columns: errors of five passes, of two groups, terms.
+    wide = np.zeros((60 + 10 + 4, 10 + 4 + 3))
+    for k in range(5):
+        rows = np.flatnonzero(passes == k)
+        wide[rows, 2 * k : 2 * k + 2] = matrix[rows, :2]
+        prior = slice(60 + 2 * k, 62 + 2 * k)
+        wide[prior, 2 * k : 2 * k + 2] = np.diag(1.0 / own_sigma)
+        wide[prior, 10 + 2 * groups[k] : 12 + 2 * groups[k]] = -turns[k] / own_sigma[:, np.newaxis]
+    wide[:60, 14:] = matrix[:, 2:]
+    wide[70:, 10:14] = np.diag(np.tile(1.0 / group_sigma, 2))
+    every = np.linalg.lstsq(wide, np.append(right, np.zeros(14)), rcond=None)[0]
+    covariance = np.linalg.inv(wide.T @ wide)
+    np.testing.assert_allclose(solution.values, every[14:], rtol=1e-9)
+    np.testing.assert_allclose(solution.covariance, covariance[14:, 14:], rtol=1e-9)
+    np.testing.assert_allclose(values[:, :2].ravel(), every[:10], rtol=1e-8, atol=1e-12)
+    spread = np.einsum("gij,gij->gi", root, root)[:, :2].ravel()
+    np.testing.assert_allclose(spread, np.diag(covariance)[:10], rtol=1e-9)
 
 
 @pytest.mark.parametrize("scales", [(1.0, 1.0, 1.0), (1e-3, 1.0, 1e3), (1e3, 1e-3, 1.0)])

@@ -28,6 +28,7 @@ TERMS = (
 MOUNT = BiasModel.zero().replace(azimuth_offset=60.0 * MDEG, mislevel_east=-30.0 * MDEG, elevation_offset=90.0 * MDEG)
 AIR = RadioRefraction.standard(0.0)
 ORBIT = PassPriors.of_orbit(30.0)
+TIMED = systematic_errors.timed(ORBIT)
 MISSES = np.linspace(-900e3, 900e3, 10)
 
 
@@ -48,20 +49,24 @@ def campaign_with(track, raw_pass):
 
 def fitted(passes, orbit=ORBIT):
     points = RawPasses(passes, 0).process(PriorKnowledge(model=MOUNT)).points
+    return fitted_points(points, orbit), points
+
+
+def fitted_points(points, orbit=ORBIT, **more):
     options = FitOptions(form="rotation", scale_covariance=True)
     held = held_at_zero(TERMS)
-    return fit_bias_model(points, terms=TERMS, held=held, pass_priors=orbit, options=options), points
+    return fit_bias_model(points, terms=TERMS, held=held, pass_priors=orbit, options=options, **more)
 
 
 def test_a_right_campaign_is_not_suspected(campaign_with):
     passes = campaign_with()
     fit, points = fitted(passes)
-    assert systematic_errors.refraction_and_site(fit, points, AIR) is None
+    assert systematic_errors.refraction_and_site(fit, points, AIR)[0] is None
     assert systematic_errors.common_clock(fit, dict.fromkeys(TERMS, 0.0)) is None
     assert systematic_errors.clock_by_ranges(passes) is None
     assert systematic_errors.wrong_north(points, 0.0) is None
     assert systematic_errors.north_doubt(fit, 0.0) is None
-    assert systematic_errors.late_passes(fit, points) == {}
+    assert systematic_errors.late_passes(fitted_points(points, TIMED), points) == ({}, None)
 
 
 @pytest.mark.parametrize(("kind", "expected"), [("twice", 1.0), ("removed", -1.0)])
@@ -70,7 +75,8 @@ def test_refraction_applied_twice_or_removed_is_measured(campaign_with, kind, ex
         apparent = AIR.apply(raw.elevation_rad) if kind == "twice" else AIR.remove(raw.elevation_rad)
         return replace(raw, elevation_rad=apparent), reference
 
-    found = systematic_errors.refraction_and_site(*fitted(campaign_with(bent)), AIR)
+    found, elsewhere = systematic_errors.refraction_and_site(*fitted(campaign_with(bent)), AIR)
+    assert elsewhere["site"] == 0.0
     assert found.kind == "refraction"
     assert found.refuse
     assert found.size == pytest.approx(expected, abs=max(0.05, 4.0 * found.sigma))
@@ -89,7 +95,11 @@ def test_an_antenna_200_m_from_its_site_is_found(campaign_with):
         turned = reference.azimuth_rad + wrap_rad(azimuth - reference.azimuth_rad)
         return raw, replace(reference, azimuth_rad=turned, elevation_rad=elevation)
 
-    found = systematic_errors.refraction_and_site(*fitted(campaign_with(elsewhere)), AIR)
+    fit, points = fitted(campaign_with(elsewhere))
+    air, gains = systematic_errors.refraction_and_site(fit, points, AIR)
+    assert air is None
+    nuisance = systematic_errors.site_nuisance(points)
+    found = systematic_errors.wrong_site(fitted_points(points, nuisances=[nuisance]), gains["site"])
     assert found.kind == "site"
     assert found.refuse
     assert found.size == pytest.approx(200.0, abs=4.0 * found.sigma)
@@ -100,11 +110,62 @@ def test_an_antenna_200_m_from_its_site_is_found(campaign_with):
 
 def test_one_late_pass_is_named_and_the_others_are_not(campaign_with):
     passes = campaign_with(lambda k, raw, reference: (replace(raw, t_s=raw.t_s + 0.5 * (k == 6)), reference))
-    fit, points = fitted(passes, PassPriors.of_orbit(1000.0))
-    found = systematic_errors.late_passes(fit, points)
+    fit, points = fitted(passes, TIMED)
+    found, undecided = systematic_errors.late_passes(fit, points)
+    assert undecided is None
     assert list(found) == [6]
     assert found[6].size == pytest.approx(0.5, rel=0.1)
     assert "late where the others are within" in found[6].text
+
+
+@pytest.mark.parametrize(("which", "late_s"), [((1, 4, 7), 0.5), ((0, 2, 5, 8), 0.2), ((0, 2, 4, 6, 8), 0.5)])
+def test_any_minority_of_late_passes_is_named_and_half_of_them_is_no_minority(campaign_with, which, late_s):
+    passes = campaign_with(lambda k, raw, reference: (replace(raw, t_s=raw.t_s + late_s * (k in which)), reference))
+    found, undecided = systematic_errors.late_passes(*fitted(passes, TIMED))
+    if len(which) < 5:
+        assert undecided is None
+        assert tuple(found) == which
+        assert [one.size for one in found.values()] == pytest.approx([late_s] * len(which), abs=0.06)
+    else:
+        assert not found
+        assert undecided.refuse
+        assert abs(undecided.size) == pytest.approx(late_s, abs=0.06)
+        assert "no time has most of them: 5 and 5 of 10 differ" in undecided.text
+
+
+@pytest.mark.parametrize("late_s", [0.5, -0.8])
+@pytest.mark.parametrize("lags_s", [(-1.022, -1.907), (0.6, 0.35), (0.4, -0.5)])
+@pytest.mark.parametrize(("own_s2", "verdict"), [((0.0, 0.0), True), ((0.3, -0.4), False)])
+def test_a_clock_takes_the_acceleration_lags_of_both_axes_away_or_is_not_told(late_s, lags_s, own_s2, verdict):
+    """Taylor series of the delay: x6 - tau and x7 - x6 tau + tau^2 / 2."""
+    names = ("azimuth_velocity_lag", "elevation_velocity_lag", "azimuth_acceleration_lag", "elevation_acceleration_lag")
+    values = np.concatenate([np.subtract(lags_s, late_s), own_s2 - np.multiply(lags_s, late_s) + 0.5 * late_s**2])
+    fit = SimpleNamespace(names=names, values=values, covariance=np.diag([0.005, 0.005, 0.01, 0.01]) ** 2)
+    found = systematic_errors.common_clock(fit, {})
+    assert found.refuse is verdict
+    if verdict:
+        assert found.size == pytest.approx(late_s, abs=1e-9)
+        assert found.sigma == pytest.approx(0.01 / np.hypot(*lags_s), rel=1e-6)
+    else:
+        assert "which no clock error explains" in found.text
+    right = SimpleNamespace(names=names, values=np.array([*lags_s, 0.0, 0.0]), covariance=fit.covariance)
+    assert systematic_errors.common_clock(right, {}) is None
+
+
+def test_air_that_bends_more_than_the_standard_is_a_nuisance_and_not_a_mount(campaign_with):
+    def bent(_, raw, reference):
+        more = 0.15 * (raw.elevation_rad - AIR.remove(raw.elevation_rad))
+        return replace(raw, elevation_rad=raw.elevation_rad + more), reference
+
+    _, points = fitted(campaign_with(bent))
+    air = systematic_errors.refraction_nuisance(points, AIR, 0.1)
+    pulls = []
+    for nuisances in ([], [air]):
+        fit = fitted_points(points, nuisances=nuisances)
+        truth = np.array([MOUNT.coefficients[name] for name in fit.names])
+        pulls.append(float(np.max(np.abs((fit.values - truth) / fit.sigma))))
+    assert pulls[1] < 4.0 < pulls[0]
+    assert fit.nuisance_values[0] == pytest.approx(0.15, abs=4.0 * np.sqrt(fit.nuisance_covariance[0, 0]))
 
 
 def test_time_tags_late_in_all_passes_are_equal_lags_or_late_ranges(campaign_with):
@@ -136,7 +197,9 @@ def test_a_turn_beyond_what_observations_take_names_the_north_too(campaign_with)
     def turned(number, raw, reference):
         return replace(raw, azimuth_rad=raw.azimuth_rad - np.radians(14.0)), reference
 
-    with pytest.raises(ValueError, match=r"all azimuths are -1\d\.\d+ deg off: counted from magnetic north"):
+    with pytest.raises(
+        ValueError, match=r"all azimuths are -1\d\.\d+ deg off: an offset, or counted from magnetic north"
+    ):
         RawPasses(campaign_with(turned), 0).process(PriorKnowledge(model=MOUNT))
 
 

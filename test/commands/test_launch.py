@@ -13,6 +13,7 @@ import pytest
 pytest.importorskip("rclpy", reason="processes of nodes need ROS 2")
 from rf_pointing.commands import launch
 from rf_pointing.ros.launching import launch_files
+from rf_pointing.ros.supervisor import running
 
 START = """
 import sys
@@ -85,7 +86,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     yield tmp_path
-    for state in launch.running([]):
+    for state in running():
         os.kill(state["process"], signal.SIGINT)
 
 
@@ -102,12 +103,8 @@ def test_a_station_in_the_background_is_one_of_its_name_and_is_ended_by_it(
     line = [sys.executable, "-c", START, str(home)]
     done = subprocess.run([*line, "detach"], capture_output=True, text=True, timeout=PATIENCE_S, check=True)
     assert "gs1 goes on in the background; logs: " in done.stdout
-    until(
-        lambda: (
-            len([each for state in launch.running([]) for each in state["processes"].values() if each["process"]]) == 2
-        )
-    )
-    (state,) = launch.running(["/gs1"])
+    until(lambda: len([each for state in running() for each in state["processes"].values() if each["process"]]) == 2)
+    (state,) = running(["/gs1"])
     code, text = said(capsys, "status")
     assert (code, text.count("process ")) == (0, 3)
     again = subprocess.run(line, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
@@ -118,21 +115,21 @@ def test_a_station_in_the_background_is_one_of_its_name_and_is_ended_by_it(
     )
     node = state["processes"]["antenna_servo"]["process"]
     os.kill(node, signal.SIGKILL)
-    until(lambda: launch.running([])[0]["processes"]["antenna_servo"]["process"] not in (None, node))
+    until(lambda: running()[0]["processes"]["antenna_servo"]["process"] not in (None, node))
     assert said(capsys, "status")[1].count("was ended by SIGKILL") == 1
     code, text = said(capsys, "stop", "gs1")
     assert (code, "gs1 has ended" in text) == (0, True)
-    assert launch.running([]) == []
+    assert running() == []
 
 
 def test_ctrl_c_and_a_closed_terminal_end_all_in_order(home: Path) -> None:
     """Exit code 0, and nothing is left; every line of the nodes was shown with its name."""
     for sign in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
-        running = subprocess.Popen([sys.executable, "-c", START, str(home)], stdout=subprocess.PIPE, text=True)
-        until(lambda: launch.running([]) and len(launch.running([])[0]["processes"]) == 2)
-        (state,) = launch.running([])
-        running.send_signal(sign)
-        text, _ = running.communicate(timeout=PATIENCE_S)
-        assert running.returncode == 0
+        process = subprocess.Popen([sys.executable, "-c", START, str(home)], stdout=subprocess.PIPE, text=True)
+        until(lambda: running() and len(running()[0]["processes"]) == 2)
+        (state,) = running()
+        process.send_signal(sign)
+        text, _ = process.communicate(timeout=PATIENCE_S)
+        assert process.returncode == 0
         assert f"{signal.Signals(sign).name}: ends all processes" in text
         assert not any(Path(f"/proc/{each['process']}").exists() for each in state["processes"].values())

@@ -79,7 +79,10 @@ NODES: dict[Any, dict[str, Any]] = {
         "executive.partners_key_file": PARTNERS_KEY,
     },
     RotctldServerNode: {"server.port": 0},
-    RadioControlNode: {"server.port": 0, "station": "examples/transponder_radio.yaml"},
+    RadioControlNode: {
+        "server.port": 0,
+        "station": str(Path(__file__).parents[2] / "examples" / "transponder_radio.yaml"),
+    },
     ArrayReceiver: {},
     ArrayTracker: {},
     DoaAttitudeNode: {},

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rf_pointing_msgs.msg import AntennaStatus, TrackingStatus
 
-from rf_pointing.core import JointReading, Target
+from rf_pointing.core import JointReading
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.nodes.radio_control import RadioControlNode
 from rf_pointing.ros import convert
@@ -19,6 +19,7 @@ from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.station.description import read_station
 from test.conftest import within
 from test.drives.rotctld import RealRigctld
+from test.station.radio.targets import target
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "transponder_radio.yaml"
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
@@ -51,11 +52,10 @@ class Radio:
         return -5000.0 + 20.0 * (t_s - self.begun_s)
 
     def give(self) -> None:
-        t_s, rest = time.time(), dict.fromkeys(("azimuth_rad", "elevation_rad", "azimuth_rate_rad_s", "elevation_rate_rad_s",
-            "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2", "refraction_rad"), 0.0)  # fmt: skip
+        t_s = time.time()
         at_s = round(t_s, 1) + 2.0
-        target = Target(t_s=at_s, name="RS-44", range_m=1e6, range_rate_m_s=self.range_rate(at_s), **rest)
-        self.bench.give("target", convert.target_to_message(target))
+        one = target(at_s, rate_m_s=self.range_rate(at_s))
+        self.bench.give("target", convert.target_to_message(one))
         place = np.array([4.0, 0.9])
         reading = JointReading(t_s=t_s, position_rad=place, velocity_rad_s=np.zeros(2))
         self.bench.give("joint_states", convert.joints_to_message(reading))

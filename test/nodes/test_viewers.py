@@ -1,6 +1,7 @@
 """What the layouts of RViz, Foxglove and PlotJuggler show is published: every topic, field, type and frame of them."""
 
 import json
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,6 +28,9 @@ SHOWN_AS = {
     "rviz_default_plugins/MarkerArray": "visualization_msgs/MarkerArray",
 }
 """What a display of RViz subscribes to."""
+TO_DEGREES = ".@rad2deg"
+RADIANS = re.compile(r"azimuth|elevation|position|velocity|commanded|axis_error|rate")
+"""Fields in rad or rad/s; a viewer shows degrees."""
 NUMBER = re.compile(r"(double|float|u?int\d+|boolean)\b")
 
 
@@ -54,7 +58,7 @@ def foxglove_paths(configuration: dict[str, Any]) -> Iterator[tuple[str, str, li
         paths = [each["value"] for each in config.get("paths", [])]
         paths += [config[key] for key in ("topicPath", "topicToRender") if key in config]
         for path in (*paths, *config.get("topics", {})):
-            topic, *fields = path.split(".")
+            topic, *fields = path.removesuffix(TO_DEGREES).split(".")
             yield panel.partition("!")[0], topic, fields
 
 
@@ -91,6 +95,24 @@ def test_plotjuggler_draws_what_is_published() -> None:
     assert len(curves) >= 20
     for curve in curves:
         assert NUMBER.fullmatch(plotted(curve)), curve
+
+
+def test_angles_are_shown_in_degrees_under_titles_that_say_so() -> None:
+    shown: dict[str, list[tuple[str, bool]]] = {}
+    for panel in json.loads((FOLDER / "foxglove.json").read_text())["configById"].values():
+        for path in (each["value"] for each in panel.get("paths", []) if "title" in panel):
+            shown.setdefault(panel["title"], []).append((path, path.endswith(TO_DEGREES)))
+    for area in ElementTree.parse(FOLDER / "plotjuggler.xml").iter("DockArea"):
+        for curve in area.iter("curve"):
+            scaled = [float(str(each.get("value_scale"))) for each in curve.iter("options")]
+            assert scaled in ([], [pytest.approx(math.degrees(1.0), rel=1e-12)])
+            shown.setdefault(str(area.get("name")), []).append((str(curve.get("name")), bool(scaled)))
+    assert len(shown) > 10
+    for title, paths in shown.items():
+        for path, degrees in paths:
+            field = path.removesuffix(TO_DEGREES).removeprefix(NAMESPACE)
+            assert degrees == bool(RADIANS.search(field)) == ("[deg" in title), (title, path)
+    assert "rad]" not in str(shown)
 
 
 def plotted(curve: str) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rf_pointing_msgs import action, msg, srv
 
 from rf_pointing.array_sensors.attitude.attitude_report import AttitudeReport, RateReport
 from rf_pointing.array_sensors.attitude.rigid_body import KnownTorque
@@ -16,8 +17,10 @@ from rf_pointing.array_sensors.doa.array_source import SnapshotBlock
 from rf_pointing.array_sensors.doa.attitude_chain import ChannelBlock, HeldTorque
 from rf_pointing.array_sensors.interferometer.measurement import InterferometerMeasurement
 from rf_pointing.array_sensors.nodes import convert as convert_arrays
+from rf_pointing.array_sensors.interferometer.tracker import ACQUIRING, COASTING, TRACKING
 from rf_pointing.array_sensors.tripulse.signal import TripulseFrame
 from rf_pointing.core import (
+    AXES,
     Boresight,
     CarrierPower,
     JointReading,
@@ -26,9 +29,15 @@ from rf_pointing.core import (
     PointingError,
     Target,
 )
+from rf_pointing.core.modes import Mode, Sensor
 from rf_pointing.identification import ExcitationParams
+from rf_pointing.operations.night import NightState
+from rf_pointing.operations.schedule import PassState
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
 from rf_pointing.ros import convert, convert_identification, convert_planning
+from rf_pointing.ros.diagnostics import LEVELS
+from rf_pointing.station.antenna.modes import AntennaMode
+from rf_pointing.station.antenna.simulated_antenna import FAULTS
 from rf_pointing.station.pointing.status import AntennaStatus, TrackingStatus
 
 T_S, SEC, NANOSEC = 1_151_384_323.813083, 1_151_384_323, 813_083_000
@@ -295,3 +304,27 @@ def branch() -> Branch:
         )
     }  # fmt: skip
     return Branch(turns=-1, plunge=True, over=True, reasons=(), closest_limit="azimuth", **pairs, **numbers)
+
+
+@pytest.mark.parametrize(
+    ("interface", "prefix", "words"),
+    [
+        (msg.AntennaStatus, "MODE", AntennaMode), (msg.TrackingStatus, "MODE", Mode),
+        (msg.TrackingStatus, "SENSOR", {*Sensor, "none"} - {Sensor.PROGRAM}), (action.TrackPass.Goal, "SENSOR", Sensor),
+        (msg.ScheduledPass, "STATE", PassState), (msg.ExecutiveStatus, "STATE", NightState),
+        (msg.RelativePoseStatus, "STATUS", (ACQUIRING, TRACKING, COASTING)), (srv.InjectFault.Request, "FAULT", FAULTS),
+        (action.Identify.Goal, "AXIS", AXES), (action.RunCampaign.Result, "VERDICT", ("better", "worse", "undecided")),
+        (action.Identify.Goal, "KIND", ("white", "multisine")),
+    ],
+)  # fmt: skip
+def test_an_interface_has_a_constant_for_every_word_of_a_closed_set(interface: Any, prefix: str, words: Any) -> None:
+    names = [name for name in dir(type(interface)) if name.startswith(f"{prefix}_")]
+    assert {name: getattr(interface, name) for name in names} == {
+        f"{prefix}_{word.upper()}": str(word) for word in words
+    }
+
+
+def test_levels_are_those_of_diagnostics() -> None:
+    levels = [bytes([level]) for level in (msg.TrackingStatus.LEVEL_OK, msg.Alarm.LEVEL_WARNING, msg.Alarm.LEVEL_ERROR)]
+    assert tuple(levels) == LEVELS
+    assert msg.TrackingStatus.LEVEL_ERROR == msg.Alarm.LEVEL_ERROR

@@ -350,3 +350,25 @@ def test_what_a_lost_drive_leaves_is_reset_after_every_outage(outages: list[int]
                 assert k <= lasts_s + 3
                 fault = ""
         assert fault == ""
+
+
+def test_a_link_that_is_lost_each_five_minutes_costs_its_passes_and_never_waits_for_a_hand() -> None:
+    told: list[tuple[str, str]] = []
+    one = Recovery(
+        read_tables(AlarmParams()).recovery,
+        ExpectedState(),
+        AlarmBook(lambda event, alarm: told.append((event, alarm.name)), 0.0),
+    )
+    fault = ""
+    for k in range(3600):
+        lost = "refused" if k % 300 < 20 else ""
+        fault = "drive lost: refused" if lost else fault
+        for attribute, value in {"antenna.fault": fault, "drive.problem": lost}.items():
+            one.expected_state.observe(attribute, value, float(k))
+        one.step(float(k))
+        assert one.effect()[0] in ("continue", "wait")
+        if due := one.due(float(k)):
+            one.note_try(due[0], float(k))
+            fault = ""
+    assert [row for row in told if row[0] != "reminder"] == [("raised", "lost_drive"), ("cleared", "lost_drive")] * 12
+    assert fault == ""

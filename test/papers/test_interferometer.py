@@ -14,7 +14,7 @@ def found() -> list[Row]:
 
 def test_no_cell_of_the_tables_would_hold_with_nothing(found) -> None:
     tables = [row for row in found if "Table" in row.source]
-    assert not any(replace(row, ours=0.0, explained=False).holds for row in tables)
+    assert not any(replace(row, ours=0.0, due=None).holds for row in tables)
 
 
 @pytest.mark.parametrize(

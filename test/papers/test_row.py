@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from rf_pointing.papers.row import Row, as_due, as_table
+from rf_pointing.papers.row import Row, as_table, near
 
 PLAIN = Row(quantity="gain", source="paper A", paper=4.0, ours=4.5, unit="dB", tolerance=0.5)
 
@@ -47,7 +47,9 @@ def test_a_row_holds_up_to_its_limits_and_no_further(
         {"factor": 1.1},
         {"factor": 2.0, "tolerance": 0.0, "bound": ">="},
         {"factor": 2.0, "tolerance": 0.0, "paper": 0.0},
-        {"explained": True},
+        {"due": (8.0, 10.0)},
+        {"due": (10.0, 8.0), "remark": "why"},
+        {"due": (8.0, math.inf), "remark": "why"},
     ],
     ids=str,
 )
@@ -60,16 +62,15 @@ def test_a_row_is_accepted_where_it_holds_or_carries_its_reason() -> None:
     far = replace(PLAIN, ours=9.0)
     assert PLAIN.accepted
     assert not far.accepted
-    assert replace(far, explained=True, remark="why").accepted
+    explained = replace(far, due=(8.0, 10.0), remark="why")
+    assert explained.accepted
+    for wrong in (7.9, 10.1, math.nan):
+        assert not replace(explained, ours=wrong).accepted
 
 
-@pytest.mark.parametrize(
-    ("ours", "due", "fits"),
-    [(10.0, 10.0, True), (10.9, 10.0, True), (11.1, 10.0, False), (8.9, 10.0, False), (-10.9, -10.0, True),
-     (math.nan, 10.0, False), (10.0, math.nan, False)],
-)  # fmt: skip
-def test_a_due_number_is_reached_within_its_share(ours: float, due: float, fits: bool) -> None:
-    assert as_due(ours, due, 0.1) is fits
+def test_the_limits_of_a_due_number_are_its_share_about_it() -> None:
+    assert near(-10.0, 0.1) == (-11.0, -9.0)
+    assert near(None, 0.1) is None
 
 
 def test_a_small_factor_is_printed_as_one() -> None:
@@ -82,7 +83,7 @@ def test_the_table_has_a_line_for_every_row_its_remark_and_the_count_of_verdicts
         PLAIN,
         replace(PLAIN, quantity="loss of the second kind", ours=0.25, bound=">=", remark="measured"),
         replace(PLAIN, quantity="ratio", ours=6.0, tolerance=0.0, factor=2.5),
-        replace(PLAIN, quantity="misprint", ours=40.0, explained=True, remark="x" * 70 + " " + "y" * 70),
+        replace(PLAIN, quantity="misprint", ours=40.0, due=(39.0, 41.0), remark="x" * 70 + " " + "y" * 70),
     ]
     assert as_table(rows).splitlines() == [
         "quantity                 source   paper  ours  unit  tolerance  holds",

@@ -15,6 +15,20 @@ def ka_link(**changes: float) -> Link:
     return Link(LinkParams(**changes), AtmosphereParams(zenith_loss_db=0.14), NoiseParams(lna_k=45.0, dichroic_k=1.34))
 
 
+@pytest.mark.parametrize(("elevation_deg", "within"), [(5.5, 0.008), (10.0, 0.003), (20.0, 0.001)])
+def test_air_mass_is_that_of_rays_through_the_standard_air(elevation_deg: float, within: float) -> None:
+    """Absorption of dry air follows p^2 T^-2.8; the cosecant of ITU-R P.676 Annex 2 is 5 % more at 5.5 deg."""
+    radius_m, height = 6.371e6, np.linspace(0.0, 40e3, 8001)
+    kelvin = np.maximum(288.15 - 6.5e-3 * height, 216.65)
+    low = 1013.25 * (np.maximum(kelvin, 216.65) / 288.15) ** 5.2559
+    pressure = np.where(height < 11e3, low, 226.3 * np.exp(-(height - 11e3) / 6341.6))
+    index = 1.0 + 77.6e-6 * pressure / kelvin
+    absorption = pressure**2 * kelvin**-2.8
+    level = index[0] * radius_m * np.cos(np.radians(elevation_deg)) / (index * (radius_m + height))
+    expected = np.trapezoid(absorption / np.sqrt(1.0 - level**2), height) / np.trapezoid(absorption, height)
+    assert air_mass(np.radians(elevation_deg), 6000.0) == pytest.approx(expected, rel=within)
+
+
 def test_air_mass_is_one_at_zenith_cosecant_high_up_and_finite_on_the_horizon() -> None:
     assert air_mass(ZENITH, 6000.0) == pytest.approx(1.0, abs=1e-12)
     elevation = np.radians([20.0, 45.0, 70.0])

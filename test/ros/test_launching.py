@@ -405,7 +405,7 @@ def test_launch_gets_every_argument_and_every_process_as_it_is(name: str, monkey
         assert (action["respawn"], action["respawn_delay"]) == (process.respawn, 0.5)
         assert (action["remappings"], action["arguments"]) == ([*process.remappings], [*process.arguments])
         assert (action["additional_env"], action["ros_arguments"]) == (process.environment, [*process.ros_arguments])
-        own = next(each for each in action["parameters"] if not str(each).endswith(f"config/{name}.yaml"))
+        own = next(each for each in action["parameters"] if not str(each).endswith(f"config/array_sensors/{name}.yaml"))
         if len(process.nodes) == 1:
             assert (action["name"], own) == (process.name, process.values(process.name))
             continue

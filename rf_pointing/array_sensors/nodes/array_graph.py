@@ -191,7 +191,8 @@ class ArrayGraph:
         parameter_files: Sequence[Path] = (),
         patience_s: float = 60.0,
     ) -> None:
-        share = Path(get_package_share_directory("rf_pointing")) / "config" / f"{system.name}.yaml"
+        folder = Path(get_package_share_directory("rf_pointing")) / "config" / "array_sensors"
+        share = folder / f"{system.name}.yaml"
         start_s = float(read_parameter_files([share])[CLOCK]["start_s"])
         self.namespace = f"/{system.name}"
         self._node, self._system, self._spin_once = node, system, spin

@@ -35,7 +35,9 @@ def array_processes(names: Sequence[str], values: Mapping[str, Any]) -> list[Pro
 
 
 def _launch_file(name: str) -> LaunchFile:
-    parameters = Path(get_package_share_directory(PACKAGE)) / "config" / f"{name}.yaml"
+    parameters = (
+        Path(get_package_share_directory(PACKAGE)) / "config" / "array_sensors" / f"{name}.yaml"
+    )
     arguments = (
         Argument("namespace", "namespace of the graph", name),
         Argument("params_file", "parameters of its nodes", str(parameters)),

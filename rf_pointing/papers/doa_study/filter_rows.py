@@ -38,15 +38,18 @@ def attitude_rows(tables: dict[DirectionCase, CaseResult]) -> list[Row]:
     for (snapshots, snr_db), printed in PRINTED.items():
         grid = tables[DirectionCase(snapshots=snapshots, snr_db=snr_db, refined=False)]
         refined = tables[DirectionCase(snapshots=snapshots, snr_db=snr_db)]
-        reason = _reason(grid, refined)
+        reason, most_deg = _reason(grid, refined)
         for axis, paper in zip(AXES, printed[2:], strict=True):
+            # Better than the peak without a grid and without outliers no axis is.
+            least_deg = 0.5 * getattr(refined, f"{axis}_deg")
+            due = (least_deg, max(least_deg, most_deg)) if reason else None
             found.append(
                 # The stations and Q are not published; they move an axis by no more than this.
                 Row(
                     f"RMSE of {axis}, {case_name(snapshots, snr_db)}, 1-deg grid", table_of(snapshots, snr_db), paper,
                     getattr(grid, f"{axis}_deg"), "deg", 0.0, factor=SCENE_FACTOR,
                     remark=f"refined peak {getattr(refined, f'{axis}_deg'):.3f} deg{f'; {reason}' if reason else ''}",
-                    explained=bool(reason),
+                    due=due,
                 )
             )  # fmt: skip
         if (snapshots, snr_db) in FAIR:
@@ -101,7 +104,7 @@ def filter_rows(inside: CaseResult, drawn: CaseResult, published: list[CaseResul
             f"attitude sigma the printed filter predicts for itself with the printed Q={PRINTED_Q:g}", "section 5.2",
             max(PRINTED[100, 0.0][2:]), printed_q.sigma_deg, "deg", 0.1,
             remark=f"contradicts the tables; with Q=1e-12 it predicts {ours_q.sigma_deg:.3f} deg",
-            explained=grown**0.25 <= printed_q.sigma_deg / ours_q.sigma_deg <= 1.25 * grown**0.5,
+            due=(grown**0.25 * ours_q.sigma_deg, 1.25 * grown**0.5 * ours_q.sigma_deg),
         )
     )  # fmt: skip
     for name, ratio, tolerance in (
@@ -174,8 +177,10 @@ def _worst(result: CaseResult) -> float:
     return max(result.yaw_deg, result.roll_deg, result.pitch_deg)
 
 
-def _reason(grid: CaseResult, refined: CaseResult) -> str:
-    """Return what is measured where ours does not equal the paper's, empty where nothing is.
+def _reason(grid: CaseResult, refined: CaseResult) -> tuple[str, float]:
+    """Return what is measured where ours is not the paper's, and the largest error that explains.
+
+    The text is empty where nothing is.
 
     Each reason has its own criterion: a filter with outliers must be as good as it claims, and the
     grid's repeating error must be gone from the refined peak.
@@ -187,22 +192,25 @@ def _reason(grid: CaseResult, refined: CaseResult) -> str:
     begun = trials * grid.outliers
     fewest = lost[0] <= begun + 3.0 * math.sqrt(begun)
     if grid.outliers > 1e-3 and fewest and 1.0 / SCENE_FACTOR <= claimed <= SCENE_FACTOR:
-        return (
+        text = (
             f"{100.0 * grid.outliers:.1f} % outliers, which the chi-square test refuses; "
             + (f"the other {trials - lost[0]} trials: " if lost[0] else "worst axis ")
             + f"{claimed:.2f} of what the filter claims; the cause of the paper's number is unknown (without the test the "
             f"filter does not give it either); locked wrongly at the end: {lost[0]} of {trials} on the grid, {lost[1]} of "
             f"{trials} refined, and {begun:.0f} begin with an outlier"
         )
+        return text, SCENE_FACTOR * _worst(grid) / claimed
     weak = (
         math.degrees(cosine_sigma_rad(ARRAY, grid.case.snapshots, grid.case.snr)) >= 0.5 * FLOOR_DEG
     )
     if not weak and _worst(grid) >= SCENE_FACTOR * _worst(refined):
-        return (
+        text = (
             "the error of the grid repeats with the direction, and the filter cannot average it away: "
             f"{_worst(grid) / _worst(refined):.1f} times the refined peak's"
         )
-    return ""
+        # Of one direction; stations see the attitude by two or more.
+        return text, SCENE_FACTOR * FLOOR_DEG
+    return "", 0.0
 
 
 def locked_wrongly(result: CaseResult) -> NDArray[np.bool_]:

@@ -73,11 +73,31 @@ class SignalParams(Params):
 
 
 class Reception(NamedTuple):
-    """One cluster of samples, its carrier power, and the true target minus beam."""
+    """A cluster of samples (None of one channel), carrier power, and true target minus beam."""
 
-    cluster: MonopulseCluster
+    cluster: MonopulseCluster | None
     power: CarrierPower
     truth: PointingError
+
+
+class Arriving(NamedTuple):
+    """Signal where a beam points: true error, C/N0 on the target, range rate; all (n,)."""
+
+    cross_elevation_rad: Array
+    elevation_rad: Array
+    level_db_hz: Array
+    range_rate_m_s: Array
+
+    def truth(self, t_s: float) -> PointingError:
+        """Return the true target minus beam at the last of the times, `t_s`."""
+        return PointingError(
+            t_s=t_s,
+            sensor="truth",
+            cross_elevation_rad=float(self.cross_elevation_rad[-1]),
+            elevation_rad=float(self.elevation_rad[-1]),
+            # The wire carries finite numbers; 0 dB-Hz is far below what any tracker uses.
+            carrier_to_noise_db_hz=max(float(self.level_db_hz[-1]), 0.0),
+        )
 
 
 class _Ahead:
@@ -86,10 +106,10 @@ class _Ahead:
     def __init__(self, track: TopocentricTrack) -> None:
         self.track = track
         self._times: Array = np.zeros(0)
-        self._rows: Array = np.zeros((0, 4))
+        self._rows: Array = np.zeros((0, 5))
 
     def at(self, t_s: Array) -> Array:
-        """Return azimuth, elevation, range and satellite's gain (n, 4) at even times (n,)."""
+        """Return azimuth, elevation, range, its rate and the gain (n, 5) at even times (n,)."""
         first = int(np.searchsorted(self._times, t_s[0] - TIME_TOLERANCE_S))
         # Compared with a tolerance: times are sums of ticks.
         found = self._times[first : first + len(t_s)]
@@ -97,29 +117,28 @@ class _Ahead:
             step_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
             self._times = t_s[0] + step_s * np.arange(max(BLOCK, len(t_s)))
             look = self.track.sample(self._times)
-            self._rows = np.column_stack([look.azimuth_rad, look.elevation_rad, look.range_m, look.satellite_gain_db])
+            self._rows = np.column_stack(
+                [look.azimuth_rad, look.elevation_rad, look.range_m, look.range_rate_m_s, look.satellite_gain_db]
+            )
             first = 0
         rows: Array = self._rows[first : first + len(t_s)]
         return rows
 
 
-class SimulatedReceiver:
-    """Collects boresights; `take` returns a `Reception` for every full cluster."""
+class ArrivingSignal:
+    """What reaches an antenna that points at these boresights, before any receiver."""
 
     def __init__(self, params: SignalParams, real_track: TopocentricTrack) -> None:
         self.params = params
         self._ahead = _Ahead(real_track)
         self._link = Link(params.link, params.atmosphere, params.noise)
-        feed = MonopulseFeed(params.feed, params.beam)
-        random = random_stream(params.seed, "receiver")
-        line = params.interference if params.interference.level_db_hz > NO_LINE_DB_HZ else None
-        self._receiver = Receiver(params.receiver, Beam(params.beam), feed, random, line)
-        self._boresights: list[Boresight] = []
-        self._newest = -1
         self._first_s: float | None = None
         self._dropouts: Dropouts | None = None
         # Made once: a feed is turned over in flight, between two clusters.
-        self._flipped = MonopulseFeed(_turned_over(params.feed), params.beam)
+        self._feeds = (
+            MonopulseFeed(params.feed, params.beam), MonopulseFeed(_turned_over(params.feed), params.beam)
+        )  # fmt: skip
+        self.feed = self._feeds[0]
 
     @property
     def target(self) -> str:
@@ -127,8 +146,52 @@ class SimulatedReceiver:
         return self._ahead.track.name
 
     def tune(self, real_track: TopocentricTrack) -> None:
-        """Receive another satellite from the next cluster on."""
+        """Receive another satellite from now on."""
         self._ahead = _Ahead(real_track)
+
+    def at(self, t_s: Array, boresights: list[Boresight]) -> Arriving:
+        """Return what arrives at even times (n,), those of the boresights."""
+        azimuth, elevation, range_m, range_rate_m_s, gain_db = self._ahead.at(t_s).T
+        right, up = sky_offset_rad(
+            azimuth, elevation, [each.azimuth_rad for each in boresights], [each.elevation_rad for each in boresights]
+        )
+        # Below the horizon there is no signal, whatever the geometry of the beam.
+        level = self._link.carrier_to_noise_db_hz(range_m, np.abs(elevation)) + gain_db
+        level = np.where(elevation > 0.0, level, -np.inf)
+        return Arriving(right, up, self._disturbed(t_s, level), range_rate_m_s)
+
+    def _disturbed(self, t_s: Array, level_db_hz: Array) -> Array:
+        """Return the C/N0 with the spin in it and the dropouts taken out.
+
+        All but the spin, and so the turned feed, count from the first reception.
+        """
+        params = self.params
+        if params.spin.depth > 0.0:
+            level_db_hz = level_db_hz + spin_gain_db(params.spin, t_s)
+        # Counted from the first signal, so that a pass has its dropouts however long it slews
+        # before.
+        if self._first_s is None and float(level_db_hz[0]) > -np.inf:
+            self._first_s = float(t_s[0])
+            begin_s = self._first_s + params.dropouts_after_s
+            random = random_stream(params.seed, "dropouts")
+            self._dropouts = Dropouts(params.dropouts, begin_s, begin_s + params.dropouts_within_s, random)
+        if self._first_s is None or self._dropouts is None:
+            return level_db_hz
+        if 0.0 < params.sign_flip_after_s <= float(t_s[0]) - self._first_s:
+            self.feed = self._feeds[1]
+        return self._dropouts.level_db_hz(t_s, level_db_hz) if params.dropouts.count else level_db_hz
+
+
+class SimulatedReceiver(ArrivingSignal):
+    """Collects boresights; `take` returns a `Reception` for every full cluster."""
+
+    def __init__(self, params: SignalParams, real_track: TopocentricTrack) -> None:
+        super().__init__(params, real_track)
+        random = random_stream(params.seed, "receiver")
+        line = params.interference if params.interference.level_db_hz > NO_LINE_DB_HZ else None
+        self._receiver = Receiver(params.receiver, Beam(params.beam), self.feed, random, line)
+        self._boresights: list[Boresight] = []
+        self._newest = -1
 
     def take(self, boresight: Boresight) -> Reception | None:
         """Take one boresight; return the reception when it completes a cluster.
@@ -153,52 +216,14 @@ class SimulatedReceiver:
 
     def _receive(self, cluster: list[Boresight]) -> Reception:
         t_s = np.array([sample.t_s for sample in cluster])
-        azimuth, elevation, range_m, gain_db = self._ahead.at(t_s).T
-        right, up = sky_offset_rad(
-            azimuth,
-            elevation,
-            [sample.azimuth_rad for sample in cluster],
-            [sample.elevation_rad for sample in cluster],
-        )
-        # Below the horizon there is no signal, whatever the geometry of the beam.
-        level = self._link.carrier_to_noise_db_hz(range_m, np.abs(elevation)) + gain_db
-        level = np.where(elevation > 0.0, level, -np.inf)
-        level = self._disturbed(t_s, level)
+        right, up, level, _ = arriving = self.at(t_s, cluster)
+        self._receiver.feed = self.feed
         sample_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
-        truth = PointingError(
-            t_s=float(t_s[-1]),
-            sensor="truth",
-            cross_elevation_rad=float(right[-1]),
-            elevation_rad=float(up[-1]),
-            # The wire carries finite numbers; 0 dB-Hz is far below what any tracker uses.
-            carrier_to_noise_db_hz=max(float(level[-1]), 0.0),
-        )
         return Reception(
             self._receiver.cluster(t_s, right, up, level, sample_s),
             self._receiver.carrier_power(float(t_s[-1]), sample_s * len(t_s), right, up, level),
-            truth,
+            arriving.truth(float(t_s[-1])),
         )
-
-    def _disturbed(self, t_s: Array, level_db_hz: Array) -> Array:
-        """Return the C/N0 with the spin in it and the dropouts taken out.
-
-        All but the spin, and so the turned feed, count from the first reception.
-        """
-        params = self.params
-        if params.spin.depth > 0.0:
-            level_db_hz = level_db_hz + spin_gain_db(params.spin, t_s)
-        # Counted from the first signal, so that a pass has its dropouts however long it slews
-        # before.
-        if self._first_s is None and float(level_db_hz[0]) > -np.inf:
-            self._first_s = float(t_s[0])
-            begin_s = self._first_s + params.dropouts_after_s
-            random = random_stream(params.seed, "dropouts")
-            self._dropouts = Dropouts(params.dropouts, begin_s, begin_s + params.dropouts_within_s, random)
-        if self._first_s is None or self._dropouts is None:
-            return level_db_hz
-        if 0.0 < params.sign_flip_after_s <= float(t_s[0]) - self._first_s:
-            self._receiver.feed = self._flipped
-        return self._dropouts.level_db_hz(t_s, level_db_hz) if params.dropouts.count else level_db_hz
 
 
 def _turned_over(feed: MonopulseFeedParams) -> MonopulseFeedParams:

@@ -6,6 +6,7 @@ leave over, and the noise of slow residuals is known after a fit only.
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -25,6 +26,9 @@ from rf_pointing.calibration import (
     TrackedPass,
     systematic_errors,
 )
+from rf_pointing.calibration.fit_result import Nuisance
+from rf_pointing.calibration.outlying_passes import MEASURABLE_FROM
+from rf_pointing.calibration.pass_errors import SharedErrors
 from rf_pointing.calibration.systematic_errors import SystematicError
 from rf_pointing.core import MDEG
 from rf_pointing.core.dates import DAY_S
@@ -32,9 +36,17 @@ from rf_pointing.core.refraction import RadioRefraction
 from rf_pointing.ephemeris import Elements, Site, find_elements
 from rf_pointing.ephemeris.uncertainty import ElementUncertainty
 from rf_pointing.station.campaign.log import priors_near
+from rf_pointing.station.campaign.wrong_causes import cause_of
 
 # Rounds of pipeline and fit; in sigma, what the last one may still have moved a term.
 MOST_ROUNDS, SETTLED = 6, 0.05
+# Shares by which the bending of standard air, and of measured weather, is off.
+AIR_SIGMA, WEATHER_SIGMA = 0.1, 0.03
+# Chi-square that a wrong site or wrong air must gain to be free in the fit.
+MAYBE_WRONG = 4.0
+# A size measured from n sets of elements holds 68 and 95 % when it is 1 + 1.25 / (n - 1) times as
+# large: Student's t.
+FEW_SETS = 1.25
 # Elements are three times worse than they should be in one of 400 sets.
 AGE_FACTOR = 3.0
 FEWEST_FOR_SIZES = 8
@@ -128,23 +140,39 @@ class OfflineFit:
 
     def __init__(self, request: FitRequest, data: FitData) -> None:
         self._request, self._data = request, data
-        first = int(np.max(data.points.pass_id)) + 1 if data.points is not None else 0
-        self._raw = RawPasses(data.passes, first) if data.passes else None
+        self._free = set[str]()
+        self._first = int(np.max(data.points.pass_id)) + 1 if data.points is not None else 0
+
+    @cached_property
+    def _raw(self) -> RawPasses | None:
+        return RawPasses(self._data.passes, self._first) if self._data.passes else None
 
     def run(self) -> Fitted:
         """Return the fit.
 
-        Raises ValueError for data with a systematic error that the terms would take in.
+        Raises ValueError for data with a systematic error that the terms would take in, and names
+        the cause where one of those that are known explains what the passes have in common.
         """
+        try:
+            return self._run()
+        except ValueError as error:
+            request = self._request
+            cause = cause_of(self._data.passes, request.elements, request.site, request.refraction)
+            if not cause:
+                raise
+            raise ValueError(f"no model is fitted: {cause}. Without that: {error}") from error
+
+    def _run(self) -> Fitted:
         request, passes = self._request, self._data.passes
         model = request.known.model if request.known else BiasModel.zero()
         known, late = PriorKnowledge(model=model, form=request.form), dict[int, SystematicError]()
         every, stages, notes = self._collected(known, late)
+        disagreement = None
         notes += dict.fromkeys(note for one in passes for note in one.raw.notes)
         _refuse_wrong([systematic_errors.wrong_north(every, request.convergence_rad)])
         # Points alone are fitted once, and with `select` the terms need not be separable together.
         if self._raw is None and request.select and not self._measures_orbit(every):
-            result, kept = self._fit_of_chosen(every, PassPriors.of_orbit(request.orbit_prior_m or 0.0), None)
+            result, kept = self._fit_of_chosen(every, PassPriors.of_orbit(request.orbit_prior_m or 0.0), None, None)
             return Fitted(result, None, every, stages, notes, [], kept)
         result = self._fit_of_all(every, None)
         judged = False
@@ -152,10 +180,12 @@ class OfflineFit:
             before, count = result, len(late)
             # Without the latest pass another one may stand out, and no more once none does.
             if not judged:
-                timed = result.pass_errors or len(every.passes) <= FEWEST_TIMED
-                # A clock of its own for each pass: only their differences count.
-                clocks = result if timed else self._fit_of(every, request.terms, PassPriors(clock_s=1.0))
-                late |= systematic_errors.late_passes(clocks, every)
+                if len(every.passes) > FEWEST_TIMED:
+                    # A clock of its own for each pass: only their differences count.
+                    timed = systematic_errors.timed(result.pass_priors)
+                    clocks = self._fit_of(every, request.terms, timed, edit_sigma=0.0)
+                    found, disagreement = systematic_errors.late_passes(clocks, every, self._sets)
+                    late |= found
                 judged = len(late) == count
             if self._raw is None and judged:
                 break
@@ -164,21 +194,33 @@ class OfflineFit:
             result = self._fit_of_all(every, before)
             if judged and np.all(np.abs(result.values - before.values) < SETTLED * result.sigma):
                 break
-        warnings = [*self._doubtful(result, every), *self._orbit_warnings(result)]
+        clock = self._common_clock(result, known, late) if request.time_error_s is None else None
+        air, gains = systematic_errors.refraction_and_site(result, every, self._air)
+        self._free = {name for name in gains if name == "refraction" and gains[name] > MAYBE_WRONG}
+        if self._free:
+            result = self._fit_of_all(every, result)
+        site_gain = gains["site"]
+        result, site = self._at_its_site(result, every, site_gain) if site_gain > MAYBE_WRONG else (result, None)
+        doubts = self._doubtful(result, [disagreement, clock, air, site])
+        warnings = [*doubts, *self._orbit_warnings(result)]
         full, kept = result, tuple[str, ...]()
         if request.select:
-            result, kept = self._fit_of_chosen(every, full.pass_priors, full)
+            result, kept = self._fit_of_chosen(every, full.pass_priors, full.shared, full)
         return Fitted(result, full, every, stages, [*notes, *(one.text for one in late.values())], warnings, kept)
 
     def _collected(
-        self, known: PriorKnowledge, out: Collection[int]
+        self, known: PriorKnowledge, out: Collection[int], late_s: float = 0.0
     ) -> tuple[Observations, list[StageReport], list[str]]:
-        """Return all points but those of the passes `out`, and what the pipeline reports."""
-        parts = [self._data.points] if self._data.points is not None else []
+        """Return all points but those of the passes `out`, and what the pipeline reports.
+
+        `late_s` is taken off all time tags.
+        """
+        parts = [_earlier(self._data.points, late_s)] if self._data.points is not None else []
         stages: list[StageReport] = []
         notes: list[str] = []
         if self._raw is not None:
-            made = self._raw.process(known)
+            moved = [replace(one, raw=replace(one.raw, t_s=one.raw.t_s - late_s)) for one in self._data.passes]
+            made = (self._raw if late_s == 0.0 else RawPasses(moved, self._first)).process(known)
             parts.append(made.points)
             stages, notes = list(made.reports), list(made.notes)
         together = Observations.concatenate(parts)
@@ -208,25 +250,83 @@ class OfflineFit:
             return self._fit_of(points, names, PassPriors.of_orbit(self._request.orbit_prior_m or 0.0), before)
         last = before
 
-        def fit(priors: PassPriors) -> FitResult:
+        def fit(priors: PassPriors, shared: SharedErrors | None) -> FitResult:
             nonlocal last
-            last = self._fit_of(points, names, priors, last)
+            last = self._fit_of(points, names, priors, last, shared)
             return last
 
-        return fit(calibration.measured_pass_priors(fit, first=before.pass_priors if before else None))
+        wider = 1.0 + FEW_SETS / max(len(set(self._sets.values())) - 1, 1)
+        first = MEASURABLE_FROM, self._shared()
+        if before is not None and before.pass_priors:
+            first = before.pass_priors, before.shared.times(1.0 / wider) if before.shared else None
+        priors, shared = calibration.measured_pass_priors(fit, first=first)
+        return fit(priors, shared.times(wider) if shared else None)
+
+    def _shared(self) -> SharedErrors | None:
+        """Return the errors that passes of one satellite share, None where nothing tells them.
+
+        With one pass each they are those of the passes, and with one satellite they are a lag.
+        """
+        if not 1 < len(set(self._sets.values())) < len(self._sets):
+            return None
+        return SharedErrors(sets=self._sets, latitude_rad=self._request.site.latitude_rad, priors=MEASURABLE_FROM)
+
+    @cached_property
+    def _sets(self) -> dict[int, str]:
+        """The set of elements of each raw pass; points name no target, each has its own."""
+        return {self._first + k: one.raw.target for k, one in enumerate(self._data.passes)}
+
+    def _nuisances(self, points: Observations) -> list[Nuisance]:
+        """Return what is wrong alike for all passes, where it was found to matter."""
+        sigma = WEATHER_SIGMA if isinstance(self._request.refraction, RadioRefraction) else AIR_SIGMA
+        found = []
+        if "refraction" in self._free:
+            found.append(systematic_errors.refraction_nuisance(points, self._air, sigma))
+        if "site" in self._free:
+            found.append(systematic_errors.site_nuisance(points))
+        return found
+
+    @cached_property
+    def _air(self) -> RadioRefraction:
+        air = self._request.refraction
+        return air if isinstance(air, RadioRefraction) else RadioRefraction.standard(self._request.site.altitude_m)
+
+    def _common_clock(self, result: FitResult, known: PriorKnowledge, late: Collection[int]) -> SystematicError | None:
+        """Return the clock error of all passes, if the lags of `result` show one."""
+        found = systematic_errors.common_clock(result, self._request.coefficients)
+        for _ in range(MOST_ROUNDS):
+            if found is None:
+                return None
+            # A delay of half a second is more than lags of that time: it is taken off, then fitted.
+            taken, known = found.size, _known_after(result, known)
+            points, *_ = self._collected(known, late, taken)
+            result = self._fit_of(points, result.names, result.pass_priors, result, result.shared)
+            found = systematic_errors.common_clock(result, self._request.coefficients, taken)
+            if found is not None and abs(found.size - taken) < SETTLED * found.sigma:
+                break
+        return found
 
     def _fit_of_chosen(
-        self, points: Observations, orbit: PassPriors | None, full: FitResult | None
+        self, points: Observations, orbit: PassPriors | None, shared: SharedErrors | None, full: FitResult | None
     ) -> tuple[FitResult, tuple[str, ...]]:
         """Return the fit of the terms that the data support, and which of them others need."""
         names = self._request.terms
         held = {name: value for name, value in self._request.coefficients.items() if name not in names}
-        chosen = calibration.select_terms(points, names, held=held, pass_priors=orbit, about=full)
-        result = self._fit_of(points, chosen.names, orbit)
+        chosen = calibration.select_terms(
+            points, names, held=held, pass_priors=orbit, about=full, shared=shared, nuisances=self._nuisances(points)
+        )
+        result = self._fit_of(points, chosen.names, orbit, None, shared)
         return replace(result, covariance=result.covariance * np.outer(chosen.widening, chosen.widening)), chosen.kept
 
     def _fit_of(
-        self, points: Observations, names: tuple[str, ...], orbit: PassPriors | None, start: FitResult | None = None
+        self,
+        points: Observations,
+        names: tuple[str, ...],
+        orbit: PassPriors | None,
+        start: FitResult | None = None,
+        shared: SharedErrors | None = None,
+        *,
+        edit_sigma: float = 3.0,
     ) -> FitResult:
         """Return the fit of `names`.
 
@@ -237,24 +337,30 @@ class OfflineFit:
         rest = {name: value for name, value in base.coefficients.items() if name not in names}
         options = FitOptions(
             form=request.form, scale_covariance=True,
-            huber_sigma=1.5 if request.robust else 0.0, edit_sigma=0.0 if request.robust else 3.0,
+            huber_sigma=1.5 if request.robust else 0.0, edit_sigma=0.0 if request.robust else edit_sigma,
         )  # fmt: skip
         return calibration.fit_bias_model(
             points, terms=names, held={name: 0.0 if name in offered else value for name, value in rest.items()},
             priors=priors_near(base, names) if request.known else None, pass_priors=orbit, start=start, options=options,
+            shared=shared, nuisances=self._nuisances(points),
         )  # fmt: skip
 
-    def _doubtful(self, result: FitResult, points: Observations) -> list[str]:
+    def _at_its_site(
+        self, result: FitResult, points: Observations, gain: float
+    ) -> tuple[FitResult, SystematicError | None]:
+        """Return the fit in which the site is free, and the wrong site, if the data show one."""
+        self._free.add("site")
+        free = self._fit_of_all(points, result)
+        found = systematic_errors.wrong_site(free, gain)
+        if found is None:
+            self._free.discard("site")
+        return (free, found) if found else (result, None)
+
+    def _doubtful(self, result: FitResult, others: Sequence[SystematicError | None]) -> list[str]:
         """Return the systematic errors that the data show; ValueError where they spoil the fit."""
         request = self._request
-        air = request.refraction
-        if not isinstance(air, RadioRefraction):
-            air = RadioRefraction.standard(request.site.altitude_m)
         # What is wrong everywhere first: a wrong clock moves the passes as a wrong site would.
-        found = [systematic_errors.clock_by_ranges(self._data.passes)]
-        if request.time_error_s is None:
-            found.append(systematic_errors.common_clock(result, request.coefficients))
-        found.append(systematic_errors.refraction_and_site(result, points, air))
+        found = [systematic_errors.clock_by_ranges(self._data.passes), *others]
         found.append(systematic_errors.north_doubt(result, request.convergence_rad))
         if not self._data.recorded:
             _refuse_wrong(found)
@@ -274,12 +380,17 @@ class OfflineFit:
                 f"the orbit errors are measured from {result.passes} passes, which know their size to "
                 f"{100.0 / np.sqrt(2.0 * result.passes):.0f} %: sigma may be too small by as much"
             )
+        if len(self._sets) > 1 and len(set(self._sets.values())) == 1 and self._data.points is None:
+            warnings.append(
+                f"one satellite ({self._sets[0]}) carries the fit: an error of its elements is in the lags, and sigma "
+                "does not hold it; track others too"
+            )
         elements, passes = self._request.elements, self._data.passes
         if not elements or not passes:
             return warnings
         ages_s = [float(one.raw.t_s[0]) - find_elements(elements, one.raw.target).epoch_t_s for one in passes]
         expected = np.sqrt(np.mean([np.square(ElementUncertainty().sigmas_m(age)) for age in ages_s], axis=0))
-        sizes = dict(zip(result.pass_priors.names, result.pass_priors.sigma.tolist(), strict=True))
+        sizes = dict(zip(result.pass_priors.names, result.orbit_sigma.tolist(), strict=True))
         for name, size in zip(("along_track_m", "cross_track_m", "radial_m"), expected.tolist(), strict=True):
             if name in sizes and sizes[name] > AGE_FACTOR * size:
                 warnings.append(
@@ -287,6 +398,23 @@ class OfflineFit:
                     f"{max(map(abs, ages_s)) / DAY_S:.1f} days old: targets, clock or elements are wrong"
                 )
         return warnings
+
+
+def _earlier(points: Observations, seconds: float) -> Observations:
+    """Return the points with the true motion of that much earlier."""
+    if seconds == 0.0:
+        return points
+    azimuth, elevation, *rates = points.motion()
+    bend = rates[2:]
+    moved = {"t_s": points.t_s - seconds}
+    for name, angle, rate, acceleration in zip(
+        ("azimuth", "elevation"), (azimuth, elevation), rates, bend, strict=False
+    ):
+        moved[f"true_{name}_rad"] = angle - seconds * (rate - 0.5 * seconds * acceleration)
+        moved[f"{name}_rate_rad_s"] = rate - seconds * acceleration
+    if points.range_m is not None and points.range_rate_m_s is not None:
+        moved["range_m"] = points.range_m - seconds * points.range_rate_m_s
+    return replace(points, **moved)
 
 
 def _refuse_wrong(found: Sequence[SystematicError | None]) -> None:
@@ -327,7 +455,7 @@ def _orbit_remarks(request: FitRequest, result: FitResult) -> list[str]:
     if result.pass_priors is not None:
         sizes = ", ".join(
             f"{size:.0f} m {name.removesuffix('_m').replace('_', '-')}"
-            for name, size in zip(result.pass_priors.names, result.pass_priors.sigma.tolist(), strict=True)
+            for name, size in zip(result.pass_priors.names, result.orbit_sigma.tolist(), strict=True)
         )
         measured = " as the passes show them" if request.orbit_prior_m is None else ""
         return [f"sigma allows for orbit errors of {sizes} in each pass{measured}"]

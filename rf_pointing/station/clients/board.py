@@ -175,6 +175,15 @@ class Board:
             if check in row["checks"] or len(row["checks"]) < MOST_ROWS:
                 row["checks"][check] = [level, message]
 
+    def take_parameters(self, node: str, values: Mapping[str, Any] | None) -> str:
+        """Note parameters, if there are new ones; return why they are refused, "" if not."""
+        try:
+            if values is not None:
+                self.note_parameters(node, values)
+        except ValueError as error:
+            return str(error)
+        return ""
+
     def note_parameters(self, node: str, values: Mapping[str, Any]) -> None:
         """Take the parameters `READ` of a node; ValueError for a wrong horizon or site."""
         if node == "ephemeris_publisher":

@@ -70,6 +70,7 @@ class StationAlarms:
         self.named = watched - {"*"}
         self._alive_s: dict[str, float] = {}
         self._gone: set[str] = set()
+        self._lost_executive = ""
         self._states: dict[str, tuple[str, str]] = {}
         self._failed: dict[str, dict[str, str]] = {}
         self._executive_s, self._observed_s = float("-inf"), float("inf")
@@ -102,7 +103,7 @@ class StationAlarms:
             if node == "antenna_servo":
                 self.healths["drive"] = {"problem": message if level == Level.ERROR else ""}
         elif check == "executive":
-            self.healths["executive"] = {"lost": message if level == Level.ERROR else ""}
+            self._lost_executive = message if level == Level.ERROR else ""
         elif check == "hooks" and values.get("alarms_sent") is not None:
             # Only an executive that has a way out tells its alarms itself.
             self._executive_s = wall_s if len(values) > 2 else self._executive_s
@@ -175,6 +176,8 @@ class StationAlarms:
     def step(self, t_s: float, wall_s: float) -> None:
         """Observe, raise and clear, and tell what is due: where no executive acts on it."""
         self.observe(t_s, wall_s)
+        # An executive that has just come back would tell of its own end once more.
+        self.take("executive", {"lost": self._lost_executive}, t_s)
         self.book.held = wall_s - self._executive_s < SILENT_S
         self.recovery.step(t_s)
 

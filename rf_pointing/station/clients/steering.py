@@ -177,12 +177,8 @@ class Steering:
         """Return what the antenna does for clients, and what became of them at the port."""
         if server is None:
             return Report(Level.OK, "not served", {})
-        counts, sky = server.counts, self._known.sky
-        values = {
-            "port": server.port, "clients": len(counts.connected), "steering": self.client,
-            "refused lines": counts.refused_lines, "last refused": counts.last_refusal,
-            "refused clients": counts.refused_clients, "satellites": len(sky.elements) if sky else 0,
-        }  # fmt: skip
+        sky = self._known.sky
+        values = server.values() | {"steering": self.client, "satellites": len(sky.elements) if sky else 0}
         if trouble := self._known.problem or self._refusal:
             return Report(Level.WARN, trouble, values)
         if self._match is not None and self._certified:

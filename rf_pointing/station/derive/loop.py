@@ -5,6 +5,7 @@ import math
 from rf_pointing.core.angles import MDEG
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
 from rf_pointing.station.derive.band import REFERENCE_M, Band
+from rf_pointing.station.derive.signal import level_known
 
 GUST_POWER = 2.5
 """Growth with the diameter of what the encoders miss: 0.06 mdeg in 1 s at 34 m, 0.36 at 70 m."""
@@ -55,6 +56,7 @@ def lock_watch(of: Band) -> Rows:
     vibration = max(gusts, of.step_deg / math.sqrt(12.0) / VIBRATION_DEG[1])
     return {
         "half_power_beamwidth_deg": of.width,
+        "compares_level": Value(level_known(of), "receiver.level.floor_dbm", "whether the noise of a power is known"),
         "gust_deg": tuned(
             tuple(each * gusts for each in GUSTS_DEG),
             "0.0001 to 0.0008 deg, above 34 m with the power 2.5 of the diameter",

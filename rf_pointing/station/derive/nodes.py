@@ -141,6 +141,26 @@ def rf_receiver(of: Band) -> Derived:
     )
 
 
+def signal_receiver(of: Band) -> Derived:
+    """The receiver of a station that is not simulated."""
+    from rf_pointing.receiver.params import SignalReceiverParams
+    from rf_pointing.station.derive.signal import receiver
+
+    return Derived({"receiver": SignalReceiverParams()}, {"receiver": receiver(of)})
+
+
+def signal_source(of: Band) -> Derived:
+    """The radio of a simulated station whose receiver takes samples."""
+    from rf_pointing.receiver.serving import OutletParams
+    from rf_pointing.station.antenna.radio import RadioParams
+    from rf_pointing.station.derive.signal import outlet, radio
+
+    arriving = rf_receiver(of)
+    sets = {**arriving.defaults, "sdr": RadioParams(), "outlet": OutletParams()}
+    rows = {**arriving.rows, "sdr": radio(of), "outlet": outlet(of)}
+    return Derived(sets, rows, (*arriving.own, "sdr.generator.", "outlet.file"))
+
+
 def monopulse_tracker(of: Band) -> Derived:
     """The monopulse tracker."""
     from rf_pointing.tracking import MonopulseParams, MonopulseScanParams
@@ -227,7 +247,7 @@ def rotctld_server(_: Band) -> Derived:
 
 
 def radio_control(of: Band) -> Derived:
-    """Radio beside the antenna: where its transmitter may send, and the port of its clients."""
+    """Radio of the antenna: where its transmitter may send, and the port of its clients."""
     from rf_pointing.drives.line_server import ServerParams
     from rf_pointing.ephemeris.solar import SunParams
     from rf_pointing.planning.gate import GateParams
@@ -258,6 +278,7 @@ NODES: Mapping[str, Callable[[Band], Derived]] = {
     SENSORS[Sensor.STEPTRACK].node if each is carrier_tracker else each.__name__: each
     for each in (
         antenna_servo, pointing_controller, ephemeris_publisher, rf_receiver, monopulse_tracker, carrier_tracker,
+        signal_source, signal_receiver,
         array_receiver, array_tracker, station_executive, station_alarms, bias_calibrator, operator_page, rotctld_server,
         radio_control, simulation_clock, station_description,
     )

@@ -5,6 +5,9 @@ import math
 import numpy as np
 
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
+from rf_pointing.core.parameters import flat, leaves
+from rf_pointing.receiver.params import LEVELS, UNKNOWN_FLOOR_DBM, SignalReceiverParams
+from rf_pointing.receiver.params import OUTLET_FORMATS as FORMATS
 from rf_pointing.rf.budget import gain_of_beam_dbi, zenith_level_db_hz
 from rf_pointing.rf.noise import (
     Stage,
@@ -24,6 +27,65 @@ TICK_S = 0.02
 ZENITH_LEVEL = "zenith_carrier_to_noise_db_hz"
 
 
+OPEN = "link", "iq", "signal", "level"
+"""Sections of `receiver` whose keys are those of the node's parameters."""
+
+
+def receiver(of: Band) -> dict[str, Value]:
+    """The receiver of the station, as signal_receiver takes it."""
+    section = of.content.receiver
+    given = {f"{name}.{key}": value for name in OPEN for key, value in flat(getattr(section, name)).items()}
+    own = {"type": section.type, "options": section.options}
+    return (
+        {name: Value(value, f"receiver.{name}") for name, (_, value) in leaves(SignalReceiverParams()).items()}
+        | {name: Value(value, f"receiver.{name}") for name, value in (own | given).items()}
+        | {
+            "period_s": Value(section.power_period_s, "receiver.power_period_s"),
+            "frequency_hz": Value(1e6 * of.section.frequency_mhz, "bands.*.frequency_mhz"),
+            "system_noise_k": system_noise(of),
+        }
+    )
+
+
+def level_known(of: Band) -> bool:
+    """Whether the C/N0 of the receiver is one: a power without its noise is not."""
+    taken = {name: each.value for name, each in receiver(of).items()}
+    return taken["type"] not in LEVELS or taken["level.kind"] != "dbm" or taken["level.floor_dbm"] > UNKNOWN_FLOOR_DBM
+
+
+def radio(of: Band) -> dict[str, Value]:
+    """The radio of a simulated station whose receiver takes samples."""
+    taken = {name: each.value for name, each in receiver(of).items()}
+    received_hz = abs(taken["frequency_hz"] - 1e6 * taken["iq.converter_mhz"])
+    return {
+        "carrier_hz": Value(received_hz, "receiver.iq.converter_mhz"),
+        "doppler_hz": Value(taken["frequency_hz"], "bands.*.frequency_mhz"),
+        "centre_hz": Value(1e6 * taken["iq.centre_mhz"] or received_hz, "receiver.iq.centre_mhz"),
+        "generator.rate_hz": Value(taken["iq.rate_hz"], "receiver.iq.rate_hz"),
+        "generator.channels": Value(taken["signal.channels"], "receiver.signal.channels"),
+    }
+
+
+def outlet(of: Band) -> dict[str, Value]:
+    """How the radio of a simulated station is reached."""
+    taken = {name: each.value for name, each in receiver(of).items()}
+    kind = taken["type"] if taken["type"] in FORMATS else FORMATS[0]
+    host = {"localhost": "127.0.0.1"}.get(taken["link.host"], taken["link.host"])
+    return {
+        "format": Value(kind, "receiver.type"),
+        "host": Value(host, "receiver.link.host"),
+        "port": Value(taken["link.port"], "receiver.link.port"),
+    }
+
+
+def system_noise(of: Band) -> Value:
+    """System noise temperature at the zenith."""
+    noise_k = clear_noise_k(of)
+    if of.section.noise is not None:
+        return Value(noise_k, "bands.*.noise", "sky, ground, plate and chain at the zenith")
+    return Value(noise_k, "bands.*.system_noise_k", "120 K, below 1 GHz 400 K, unless given")
+
+
 def signal(of: Band) -> Rows:
     """Signal, noise and clusters of the simulated receiver."""
     loss_db = air_loss_db(of)
@@ -38,11 +100,7 @@ def signal(of: Band) -> Rows:
                            "what sky and ground leave of system_noise_k"),
             "dichroic_k": tuned(0.0, "none"),
         } if stated is None else noise_parts(stated, of.section.frequency_mhz),
-        "receiver": {
-            "system_noise_k": Value(noise_k, "bands.*.system_noise_k", "120 K, below 1 GHz 400 K, unless given")
-            if stated is None
-            else Value(noise_k, "bands.*.noise", "sky, ground, plate and chain at the zenith")
-        },
+        "receiver": {"system_noise_k": system_noise(of)},
         "cluster_samples": tuned(
             max(3, round(of.content.receiver.power_period_s / TICK_S)), "samples in a power period"
         ),

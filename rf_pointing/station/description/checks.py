@@ -6,7 +6,7 @@ from typing import Any
 
 from rf_pointing.core import Params, Sensor, leaves
 from rf_pointing.core.checks import LONGEST_NAME, brief, one_of
-from rf_pointing.core.parameters import flat, from_edge
+from rf_pointing.core.parameters import flat, from_edge, with_leaves
 from rf_pointing.core.whole_file import read_whole
 from rf_pointing.drives.params import DriveParams
 from rf_pointing.drives.protocols import turns_azimuth_alone
@@ -14,9 +14,11 @@ from rf_pointing.drives.registry import known_types, takes_positions
 from rf_pointing.ephemeris import SITES
 from rf_pointing.planning import HorizonMask
 from rf_pointing.planning.horizon_file import in_order, read_horizon
+from rf_pointing.receiver.params import SignalReceiverParams
 from rf_pointing.station.derive.band import BEAM_FACTOR_DEG, SPEED_OF_LIGHT_M_S, pass_elevation_deg
 from rf_pointing.station.derive.nodes import NODES, described_parameters, reference
-from rf_pointing.station.description.content import ArraySection, BandSection, Content, MountSection
+from rf_pointing.station.derive.signal import OPEN
+from rf_pointing.station.description.content import ArraySection, BandSection, Content, MountSection, ReceiverSection
 from rf_pointing.station.description.reading import MOST_VALUES, Reader, nearest
 
 BEAMWIDTH_TOLERANCE = 0.2
@@ -48,6 +50,7 @@ def check(content: Content, reader: Reader, nodes: tuple[str, ...]) -> HorizonMa
     if kind not in ("simulated", "topic") and not takes_positions(kind) and kind not in known_types():
         known = one_of(kind, ("simulated", "topic", *known_types()))
         reader.note("drive.type", f"drive.type={kind!r} must be {known}")
+    _check_receiver(content.receiver, reader)
     if content.simulation is not None and "antenna_servo" in nodes:
         _check_errors(content.simulation.mount_errors, "simulation.mount_errors", reader)
     return mask
@@ -58,6 +61,25 @@ def _check_errors(values: Mapping[str, Any] | None, key: str, reader: Reader) ->
 
     errors = {f"mount.{name}": value for name, value in flat(values or {}).items()}
     _check_names({"mount": MountParams()}, errors, key, reader, strip="mount.")
+
+
+def _check_receiver(section: ReceiverSection | None, reader: Reader) -> None:
+    if section is None or section.type == "simulated":
+        return
+    from rf_pointing.receiver.registry import check_params, known_types
+
+    problems = len(reader.problems)
+    if section.type not in known_types():
+        known = ", ".join(known_types())
+        reader.note("receiver.type", f"receiver.type={section.type!r} must be one of {known}")
+    given = {f"{name}.{key}": value for name in OPEN for key, value in flat(getattr(section, name) or {}).items()}
+    rows = {f"receiver.{name}": value for name, value in given.items()}
+    _check_names({"receiver": SignalReceiverParams()}, rows, "receiver", reader, strip="receiver.")
+    if len(reader.problems) == problems:
+        try:
+            check_params(with_leaves(SignalReceiverParams(), {"type": section.type, **given}))
+        except ValueError as error:
+            reader.note("receiver", f"receiver.{error}")
 
 
 def _check_mount(content: Content, mount: MountSection, reader: Reader) -> None:

@@ -182,7 +182,7 @@ class NoiseSection:
     """Parts of the system noise, in place of system_noise_k."""
 
     chain: tuple[StageSection, ...] = parameter(description="parts behind the antenna, in the order of the signal")
-    spillover_k: float = parameter(8.0, "ground seen beside the reflector, feed and mirrors", low=0.0, high=300.0)
+    spillover_k: float = parameter(8.0, "ground seen past the reflector, feed and mirrors", low=0.0, high=300.0)
     dichroic_loss_db: float = parameter(
         0.0, "reflection and ohmic loss of a dichroic plate in the beam; 0: none", low=0.0, high=3.0
     )
@@ -230,10 +230,16 @@ class BandSection:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverSection:
-    """The receiver that measures the carrier."""
+    """The receiver that measures the carrier: simulated, or a device of yours."""
 
+    type: str = parameter("simulated", "where the signal comes from, as receiver.type of signal_receiver")
     power_period_s: float = parameter(0.1, "time between two carrier powers", low=0.06, high=10.0)
     delay_s: float = parameter(0.0, "time from the beam's direction to the power that it gives", low=-60.0, high=60.0)
+    options: str = parameter("", "text for a receiver of your own")
+    link: Open = field(default_factory=dict, metadata={"description": "how the device is reached"})
+    iq: Open = field(default_factory=dict, metadata={"description": "samples of a radio"})
+    signal: Open = field(default_factory=dict, metadata={"description": "what is measured in samples"})
+    level: Open = field(default_factory=dict, metadata={"description": "what a reported level means"})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -251,7 +257,7 @@ class RigSection:
 
 @dataclass(frozen=True, kw_only=True)
 class TransponderSection:
-    """What a satellite sends, and what it receives."""
+    """Frequencies of one satellite."""
 
     downlink_mhz: float = parameter(description="middle of the downlink", low=10.0, high=400000.0)
     uplink_mhz: float | None = parameter(

@@ -19,12 +19,13 @@ from rf_pointing.ephemeris.sites import Site
 from rf_pointing.planning.forbidden_sky import HorizonMask
 from rf_pointing.station.derive.band import Band, Derived, site_of
 from rf_pointing.station.derive.nodes import NODES, reference
-from rf_pointing.station.description.content import Content
+from rf_pointing.station.description.content import Content, ReceiverSection
 from rf_pointing.station.description.reading import Reader, StationError, nearest
 from rf_pointing.tracking.sensors import SENSORS
 
-STATIONS = Path(__file__).parent / "stations"
-"""Folder of the shipped descriptions; it is installed with the package."""
+_PACKAGE = Path(__file__).parents[2]
+STATIONS = next(filter(Path.is_dir, (_PACKAGE / "config/stations", _PACKAGE.parent / "config/stations")))
+"""Folder of the shipped descriptions: installed with the package, or config/ of a checkout."""
 DEFAULT_STATION = "dss13"
 OF_EVERY_NODE = (
     "lifecycle.autostart", "lifecycle.realtime_priority", "station", "band", "use_sim_time",
@@ -73,6 +74,16 @@ class StationDescription:
     def drive(self) -> Mapping[str, Any]:
         """The drive section: its `type` and the keys of that type."""
         return {"type": "simulated"} | self.content.drive
+
+    @property
+    def receiver(self) -> str:
+        """Type of the receiver: simulated, or that of a device."""
+        return self.content.receiver.type
+
+    def received_by(self, section: ReceiverSection) -> "StationDescription":
+        """Return the same station with another receiver."""
+        content = dataclasses.replace(self.content, receiver=section)
+        return dataclasses.replace(self, content=content, _derived={})
 
     @property
     def simulated(self) -> bool:

@@ -1,6 +1,6 @@
 """The JSON schema of a station description, from the same declarations as its reader.
 
-    python3 -m rf_pointing.station.description.schema > .../stations/station.schema.json
+    python3 -m rf_pointing.station.description.schema > config/stations/station.schema.json
 
 Editors complete and check a file that begins with
 

@@ -98,7 +98,7 @@ class CarrierWatch:
     """Compares the carrier with the link; `faults` counts the false locks of the pass."""
 
     def __init__(self, watch: LockWatchParams, link: LinkParams) -> None:
-        self._watch, self.link = LockWatch(watch), link
+        self._watch, self.link, self._compares = LockWatch(watch), link, watch.compares_level
         self.restart()
 
     def restart(self) -> None:
@@ -124,7 +124,7 @@ class CarrierWatch:
         does not say how near it comes is not refused.
         """
         nearest_m = window.smallest_range_m
-        if nearest_m <= 0.0 or sensor == Sensor.PROGRAM:
+        if nearest_m <= 0.0 or sensor == Sensor.PROGRAM or not self._compares:
             return
         chosen, level = thresholds.replace(sensor=SENSOR_CHOICES[sensor]), self.link.level_db_hz(nearest_m)
         if profile is not None and np.any(profile.satellite_gain_db):
@@ -143,6 +143,10 @@ class CarrierWatch:
         paths = zip(profile.range_m.tolist(), profile.satellite_gain_db.tolist(), strict=True)
         return [self.link.level_db_hz(*path) for path in paths]
 
+    def axis_db_hz(self, path: tuple[float, float] | None) -> float:
+        """Return the C/N0 to expect on the axis, -inf where nothing can be compared with it."""
+        return self.link.level_db_hz(*path) if path is not None and self._compares else -math.inf
+
     def false_lock(
         self, error: PointingError, beam_rad: Array, path: tuple[float, float], faint_db_hz: float, expected_db: float
     ) -> str:
@@ -156,9 +160,8 @@ class CarrierWatch:
         if error.carrier_to_noise_db_hz < faint_db_hz or error.t_s <= self._watched_s:
             return ""
         self._watched_s = error.t_s
-        fault = self._watch.add(
-            error, float(beam_rad[0]), float(beam_rad[1]), self.link.level_db_hz(*path) + expected_db
-        )
+        expected = self.axis_db_hz(path) + expected_db if self._compares else None
+        fault = self._watch.add(error, float(beam_rad[0]), float(beam_rad[1]), expected)
         if fault:
             self.faults, self.last_fault = self.faults + 1, fault
         return fault
@@ -251,7 +254,7 @@ class TrackingMode:
         """
         error, before, valid = newest(errors, self.state.mode), self.state, valid_sensors(errors)
         fault = self._false_lock(error, motion)
-        self.axis_db_hz = self._carrier.link.level_db_hz(*motion.path) if motion.path is not None else -math.inf
+        self.axis_db_hz = self._carrier.axis_db_hz(motion.path)
         if self._table.params.own_level:
             self.axis_db_hz += self.params.array_gain_db
         request = Request.CALIBRATE if self._calibrating else Request.TRACK

@@ -1,1 +1,1 @@
-"""The radio beside the antenna: its frequencies, its key, and whether it may send."""
+"""The radio of the antenna: its frequencies, its key, and whether it may send."""

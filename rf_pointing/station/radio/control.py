@@ -7,9 +7,8 @@ at its microphone, is unkeyed with the next step or message that brings the reas
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
-from rf_pointing.core import JointReading, Target
+from rf_pointing.core import Target
 from rf_pointing.core.types import Pair
 from rf_pointing.drives.line_server import INVALID, IO_ERROR, REJECTED, Inquiry, LineServer
 from rf_pointing.drives.params import LinkParams
@@ -44,12 +43,18 @@ class RadioControl:
         make_rig: Callable[..., Rig] = Rig,
     ) -> None:
         self._radio, self._rules, self.view, self._say = radio, rules, view, say
-        self._channels = {name.casefold(): Channel.of(each) for name, each in radio.transponders.items()}
+        self._channels = {
+            name.casefold(): Channel.of(each) for name, each in radio.transponders.items()
+        }
         receive, transmit = radio.receive, radio.transmit
-        self._receive_dial, self._transmit_dial = (Dial(each or RigSection()) for each in (receive, transmit))
+        self._receive_dial, self._transmit_dial = (
+            Dial(each or RigSection()) for each in (receive, transmit)
+        )
         split = receive is not None and transmit is not None and _place(receive) == _place(transmit)
         self._receiver = make_rig(_link(receive), sends=split, split=split) if receive else None
-        self._transmitter = make_rig(_link(transmit), sends=True) if transmit and not split else None
+        self._transmitter = (
+            make_rig(_link(transmit), sends=True) if transmit and not split else None
+        )
         if split:
             self._transmitter = self._receiver
         self._transmit_command = TRANSMIT if split else RECEIVE
@@ -69,28 +74,15 @@ class RadioControl:
         """Take where the target will be."""
         self._motion.take(target)
 
-    def note_axes(self, axes: JointReading, wall_s: float) -> None:
-        """Take where the antenna is."""
-        azimuth, elevation = axes.position_rad.tolist()
-        self._know(wall_s, 0, axes_rad=(azimuth, elevation))
-
-    def note_antenna(self, inhibit: str, fault: str, wall_s: float) -> None:
-        """Take why the antenna does not let the transmitter send."""
-        self._know(wall_s, 1, inhibit=inhibit, fault=fault)
-
-    def note_tracking(
-        self, mode: str, target: str, errors_rad: tuple[float, ...], beam_rad: float, wall_s: float
-    ) -> None:
-        """Take what the controller tracks; the largest of the errors (each >= 0) counts."""
-        self._know(wall_s, 2, mode=mode, target=target, error_rad=max(errors_rad), beamwidth_rad=beam_rad)
-
-    def _know(self, wall_s: float, source: int, **values: object) -> None:
-        heard = [wall_s if index == source else each for index, each in enumerate(self.antenna.heard_s)]
-        self.antenna = replace(self.antenna, heard_s=tuple(heard), **values)  # type: ignore[arg-type]
+    def note(self, topic: str, wall_s: float, **known: object) -> None:
+        """Take fields of `Antenna` from a message, and unkey at once if they say so."""
+        for name, value in known.items():
+            setattr(self.antenna, name, value)
+        self.antenna.heard_s[topic] = wall_s
         self._decide(wall_s)
 
     @property
-    def refusal(self) -> str:
+    def reason(self) -> str:
         """Why the key is refused, "" while it is not."""
         return self.inhibit or self._line.problem
 
@@ -100,11 +92,13 @@ class RadioControl:
         """Carry out the order of a client; its reply may come later."""
         order = inquiry.order
         if order.name != "set_ptt":
-            inquiry.reply(self._retune(order.values[0], order.name == "set_split_freq", t_s, inquiry.client))
+            inquiry.reply(
+                self._retune(order.values[0], order.name == "set_split_freq", t_s, inquiry.client)
+            )
         elif not order.values[0]:
             self._key(False, inquiry.reply)
-        elif self.refusal:
-            self._say(f"{inquiry.client}: the key is refused: {self.refusal}")
+        elif self.reason:
+            self._say(f"{inquiry.client}: the key is refused: {self.reason}")
             inquiry.reply(REJECTED)
         else:
             self._key(True, inquiry.reply)
@@ -126,7 +120,10 @@ class RadioControl:
             uplink_hz = self._transmit_dial.frequency_hz(dial_hz, channel.up_hz or 0.0) / shifts.up
             above_hz = channel.above_hz(uplink_hz)
         else:
-            above_hz = self._receive_dial.frequency_hz(dial_hz, channel.down_hz) / shifts.down - channel.down_hz
+            above_hz = (
+                self._receive_dial.frequency_hz(dial_hz, channel.down_hz) / shifts.down
+                - channel.down_hz
+            )
         # A client may give back what it has read, a step of the dial and a moment later.
         if abs(above_hz) > channel.half_hz + 100.0:
             self._say(f"{client}: {dial_hz:.0f} Hz is {above_hz:.0f} Hz from the middle of the passband of "
@@ -141,7 +138,9 @@ class RadioControl:
         """Tune, key, and set the line, as is due now."""
         self._active, self._wall_s, self._sun_rad = True, wall_s, sun_rad
         self._tune(t_s)
-        for rig in {id(each): each for each in (self._receiver, self._transmitter) if each}.values():
+        for rig in {
+            id(each): each for each in (self._receiver, self._transmitter) if each
+        }.values():
             rig.step(wall_s)
         self._decide(wall_s)
         self.view.keyed = self._transmitter is not None and bool(self._transmitter.keyed)
@@ -179,7 +178,9 @@ class RadioControl:
         """Return the frequencies on the air at the station, received and sent."""
         above_hz = self._above_hz.get(self._motion.name, 0.0)
         uplink_hz = channel.uplink_hz(above_hz)
-        return (channel.down_hz + above_hz) * shifts.down, None if uplink_hz is None else uplink_hz * shifts.up
+        return (
+            channel.down_hz + above_hz
+        ) * shifts.down, None if uplink_hz is None else uplink_hz * shifts.up
 
     def _channel(self) -> Channel | None:
         return self._channels.get(self._motion.name.casefold()) or self._channels.get(ANY)
@@ -190,14 +191,23 @@ class RadioControl:
         self.inhibit = self._reason(wall_s)
         self._line.step(not self.inhibit, wall_s)
         rig = self._transmitter
-        if self.inhibit and rig is not None and rig.keyed and wall_s - self._unkeyed_s > UNKEY_AGAIN_S:
+        if (
+            self.inhibit
+            and rig is not None
+            and rig.keyed
+            and wall_s - self._unkeyed_s > UNKEY_AGAIN_S
+        ):
             self._unkeyed_s, self._tries, self.unkeyed = wall_s, self._tries + 1, self.unkeyed + 1
             self._say(f"the transmitter is unkeyed: {self.inhibit}")
             rig.key(False, wall_s)
         elif rig is None or not rig.keyed:
             self._tries = 0
         if bool(before) != bool(self.inhibit):
-            self._say(f"the transmitter may not send: {self.inhibit}" if self.inhibit else "the transmitter may send")
+            self._say(
+                f"the transmitter may not send: {self.inhibit}"
+                if self.inhibit
+                else "the transmitter may send"
+            )
 
     def _reason(self, wall_s: float) -> str:
         if not self._active:
@@ -216,7 +226,9 @@ class RadioControl:
     def reports(self, server: LineServer | None) -> dict[str, Report]:
         """Return the checks of both rigs, of the key, and of the clients."""
         found = {"receiver": self._rig(self._receiver, RECEIVE, self.view.receive_hz)}
-        found["transmitter"] = self._rig(self._transmitter, self._transmit_command, self.view.transmit_hz)
+        found["transmitter"] = self._rig(
+            self._transmitter, self._transmit_command, self.view.transmit_hz
+        )
         values: dict[str, object] = {
             "keyed": self.view.keyed,
             "unkeyed": self.unkeyed,
@@ -228,14 +240,8 @@ class RadioControl:
         elif self._line.problem:
             level, words = Level.ERROR, self._line.problem
         found["transmit"] = Report(level, words, values)
-        found["clients"] = Report(Level.OK, "not served", {})
-        if server is not None:
-            counts = server.counts
-            values = {
-                "port": server.port, "refused lines": counts.refused_lines, "last refused": counts.last_refusal,
-                "refused clients": counts.refused_clients,
-            }  # fmt: skip
-            found["clients"] = Report(Level.OK, f"{len(counts.connected)} connected", values)
+        clients = server.values() if server is not None else {}
+        found["clients"] = Report(Level.OK, "served" if clients else "not served", clients)
         return found
 
     def _rig(self, rig: Rig | None, command: str, wanted_hz: float | None) -> Report:

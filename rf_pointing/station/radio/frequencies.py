@@ -38,7 +38,10 @@ class Dial:
 
     def frequency_hz(self, dial_hz: float, near_hz: float) -> float:
         """Return the frequency on the air of a tuning, on `near_hz`'s side of the oscillator."""
-        oscillator_hz, plain_hz = 1e6 * self.section.oscillator_mhz, dial_hz - self.section.offset_hz
+        oscillator_hz, plain_hz = (
+            1e6 * self.section.oscillator_mhz,
+            dial_hz - self.section.offset_hz,
+        )
         return oscillator_hz - plain_hz if near_hz < oscillator_hz else oscillator_hz + plain_hz
 
 
@@ -54,7 +57,9 @@ class Channel(NamedTuple):
     def of(cls, section: TransponderSection) -> "Channel":
         """Return the channel of a section of the description."""
         up_hz = None if section.uplink_mhz is None else 1e6 * section.uplink_mhz
-        return cls(1e6 * section.downlink_mhz, up_hz, 500.0 * section.passband_khz, section.inverting)
+        return cls(
+            1e6 * section.downlink_mhz, up_hz, 500.0 * section.passband_khz, section.inverting
+        )
 
     def uplink_hz(self, above_hz: float) -> float | None:
         """Return the uplink of a point of the downlink so far above its middle."""
@@ -83,7 +88,7 @@ class Motion:
         self._known: deque[Target] = deque(maxlen=KEPT)
 
     def take(self, target: Target) -> None:
-        """Take the next target; it replaces what was said of later times, or another satellite."""
+        """Take the next target; it replaces those of later times, or another satellite's."""
         if target.name != self.name:
             self._known.clear()
         while self._known and self._known[-1].t_s >= target.t_s:
@@ -108,7 +113,9 @@ class Motion:
                 if later is None or later.t_s - each.t_s > GAP_S:
                     return (each.range_rate_m_s, each.range_m) if each.t_s == t_s else None
                 share = (t_s - each.t_s) / (later.t_s - each.t_s)
-                rate_m_s = each.range_rate_m_s + share * (later.range_rate_m_s - each.range_rate_m_s)
+                rate_m_s = each.range_rate_m_s + share * (
+                    later.range_rate_m_s - each.range_rate_m_s
+                )
                 return rate_m_s, each.range_m + share * (later.range_m - each.range_m)
             later = each
         return None

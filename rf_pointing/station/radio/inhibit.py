@@ -7,7 +7,7 @@ error, and the EIRP that a sector of the sky may get.
 
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import serial
 
@@ -26,24 +26,36 @@ class InhibitParams(Params):
     """When the transmitter may not send."""
 
     most_error_beamwidths: float = parameter(
-        0.5, "largest pointing error with the transmitter on, in half-power beamwidths", low=0.01, high=10.0
+        0.5,
+        "largest pointing error with the transmitter on, in half-power beamwidths",
+        low=0.01,
+        high=10.0,
     )
-    silence_s: float = parameter(0.5, "antenna and controller may be silent for so long", low=0.15, high=5.0)
+    silence_s: float = parameter(
+        0.5, "antenna and controller may be silent for so long", low=0.15, high=5.0
+    )
 
 
 @dataclass(slots=True)
 class Antenna:
-    """What the station says; the times are steady ones of the last messages."""
+    """State of the station, from its messages; `heard_s` are the steady times of the last ones."""
 
-    axes_rad: Pair | None = None
+    axes_rad: Pair = (0.0, 0.0)
     inhibit: str = ""
     fault: str = ""
     mode: str = Mode.IDLE
     target: str = ""
     error_rad: float = 0.0
     beamwidth_rad: float = 1.0
-    heard_s: tuple[float, float, float] = (-math.inf, -math.inf, -math.inf)
-    """Of joint_states, antenna_status and tracking_status."""
+    heard_s: dict[str, float] = field(default_factory=dict)
+
+
+HEARD = {
+    "joint_states": "antenna_servo (joint_states)",
+    "antenna_status": "antenna_servo",
+    "tracking_status": "pointing_controller",
+}
+"""Who is silent without a topic."""
 
 
 class TransmitRules:
@@ -54,11 +66,10 @@ class TransmitRules:
 
     def reason(self, antenna: Antenna, target: str, sun_rad: Pair | None, wall_s: float) -> str:
         """Return "" when the transmitter may send to `target`, else why not."""
-        names = ("antenna_servo (joint_states)", "antenna_servo", "pointing_controller")
-        for name, heard_s in zip(names, antenna.heard_s, strict=True):
-            if wall_s - heard_s > self._params.silence_s:
+        for topic, name in HEARD.items():
+            if wall_s - antenna.heard_s.get(topic, -math.inf) > self._params.silence_s:
                 return f"{name} is silent"
-        if antenna.axes_rad is None or antenna.fault or antenna.inhibit:
+        if antenna.fault or antenna.inhibit:
             return antenna.inhibit or f"antenna fault: {antenna.fault}"
         if antenna.mode in NOT_ON_TARGET:
             return f"the controller is not on a target: {antenna.mode}"

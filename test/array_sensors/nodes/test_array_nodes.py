@@ -26,7 +26,7 @@ from rf_pointing.core.parameters import read_parameter_files
 from rf_pointing.ros.convert import error_from_message, error_to_message
 from rf_pointing.ros.stamps import seconds_from_stamp
 
-CONFIG = Path(__file__).parents[3] / "config"
+CONFIG = Path(__file__).parents[3] / "config" / "array_sensors"
 START_S = 1_767_225_600.0
 STEP_S = 0.25
 OK, WARN = b"\x00", b"\x01"

@@ -15,7 +15,7 @@ def test_every_node_of_a_system_is_launched_with_its_file_and_its_clock(name: st
     assert set(nodes) == {CLOCK, *(each.rsplit("/", 1)[-1] for each in ARRAY_SYSTEMS[name].nodes)}
     for each, node in nodes.items():
         assert (node.package, node.executable) == ("rf_pointing", each)
-        assert str(node.parameters[0]).endswith(f"/config/{name}.yaml")
+        assert str(node.parameters[0]).endswith(f"/config/array_sensors/{name}.yaml")
         assert node.values(each) == {"use_sim_time": each != CLOCK, "lifecycle.autostart": autostart == "true"}
         assert node.remappings == (("/clock", "/north/sat/clock"),)
         assert node.respawn is (autostart == "true")

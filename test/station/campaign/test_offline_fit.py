@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rf_pointing.calibration import BiasModel, Ionosphere, ModelVersion, Observations, TrackedPass
+from rf_pointing.calibration import BiasModel, Ionosphere, ModelVersion, Observations, RawTracking, TrackedPass
 from rf_pointing.calibration.pass_errors import pass_partials
 from rf_pointing.core import MDEG
 from rf_pointing.ephemeris import find_elements, site, verification_elements
@@ -112,6 +112,36 @@ def test_late_time_tags_are_refused_unless_the_station_recorded_them_or_its_cloc
     assert any("the time tags are 0.500 s late" in doubt for doubt in done.warnings) == (stated_s is None)
     lags = [done.result.coefficients[name] for name in terms[2:]]
     assert lags == pytest.approx([-0.5, -0.5], abs=0.01)
+
+
+def lagging(raw: RawTracking, lags_s: tuple[float, float]) -> RawTracking:
+    """Return the samples of axes that lag besides."""
+    at = reference_of(raw, [CBERS], PLACE, 14.0 * 86400.0).at(raw.t_s)
+    return dataclasses.replace(
+        raw,
+        azimuth_rad=raw.azimuth_rad + lags_s[0] * at.azimuth_rate_rad_s,
+        elevation_rad=raw.elevation_rad + lags_s[1] * at.elevation_rate_rad_s,
+    )
+
+
+@pytest.mark.parametrize("lags_s", [(-1.0, -1.9), (0.8, 1.4)])
+def test_late_time_tags_next_to_unequal_lags_are_refused_with_their_size(lags_s: tuple[float, float]) -> None:
+    lags = ("azimuth_velocity_lag", "azimuth_acceleration_lag", "elevation_velocity_lag", "elevation_acceleration_lag")
+    for late_s in (0.0, 0.5):
+        tagged = [
+            dataclasses.replace(one, t_s=one.t_s + late_s) for one in (lagging(raw, lags_s) for raw in raw_passes())
+        ]
+        data = [TrackedPass(one, reference_of(one, [CBERS], PLACE, 14.0 * 86400.0), IONOSPHERE) for one in tagged]
+        if late_s == 0.0:
+            assert not [
+                doubt for doubt in fit(FitData(None, data), terms=(*OFFSETS, *lags)).warnings if "tags" in doubt
+            ]
+            continue
+        with pytest.raises(ValueError, match="the time tags of all passes are") as refused:
+            fit(FitData(None, data), terms=(*OFFSETS, *lags))
+        size, sigma = re.findall(r"are ([\d.]+) s late \(\+/- ([\d.]+) s\)", str(refused.value))[0]
+        assert float(size) == pytest.approx(0.5, abs=4.0 * float(sigma))
+        assert float(sigma) < 0.05
 
 
 def test_orbit_errors_beyond_those_of_young_elements_are_doubtful() -> None:

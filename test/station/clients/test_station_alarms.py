@@ -193,3 +193,12 @@ def test_a_process_that_stood_still_itself_blames_nobody_for_the_silence(bench: 
     assert bench.run(20) == []
     del bench.checks["antenna_servo", "state"]
     assert [row[1:] for row in bench.run(10)] == [("raised", "lost_node antenna_servo")]
+
+
+def test_an_executive_that_comes_back_does_not_tell_of_its_own_end(bench: Bench) -> None:
+    """The controller still says that it is silent: station_alarms has told that, and only that node does."""
+    bench.alarms.take_check("pointing_controller", "executive", ERROR, "station_executive has been silent", {}, 1.0)
+    bench.alarms.observe(T_S + 1.0, 1.0)
+    bench.alarms.recovery.step(T_S + 1.0)
+    assert bench.messages == []
+    assert [row[1:] for row in bench.run(1)] == [("raised", "lost_executive")]

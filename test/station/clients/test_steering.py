@@ -12,7 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory, unit_vector_from_azel
-from rf_pointing.drives.line_server import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, Order, ServerCounts, Session
+from rf_pointing.drives.line_server import IO_ERROR, REJECTED, TIMED_OUT, Inquiry, Order, Session
 from rf_pointing.drives.rotctld import Habit, StationView
 from rf_pointing.station.clients.points import Follower, FollowParams, MatchParams
 from rf_pointing.station.clients.steering import Answer, Steering, SteeringParams, steering_rows
@@ -118,7 +118,7 @@ class Desk:
         return found
 
     def report(self) -> tuple[Level, str]:
-        server: Any = SimpleNamespace(counts=ServerCounts(), port=4533)
+        server: Any = SimpleNamespace(values=dict)
         return self.steering.report(server)[:2]
 
     def fly(self, points: int = 3, azimuth_deg: float = 100.0, elevation_deg: float = 40.0) -> list[int]:

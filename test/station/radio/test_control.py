@@ -8,10 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-
-from rf_pointing.core import JointReading, Mode, Target
+from rf_pointing.core import Mode
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.drives.line_server import INVALID, IO_ERROR, REJECTED, Inquiry, Order
 from rf_pointing.drives.rigctld import RECEIVE, TRANSMIT, RadioView
@@ -20,6 +18,7 @@ from rf_pointing.station.description import read_station
 from rf_pointing.station.pointing.status import Level
 from rf_pointing.station.radio.control import RESTING, RadioControl
 from rf_pointing.station.radio.inhibit import InhibitParams, TransmitLine, TransmitRules
+from test.station.radio.targets import target
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "transponder_radio.yaml"
 T_S, RATE_M_S = 1.8e9, 6500.0
@@ -58,7 +57,9 @@ class Station:
         section = read_station(EXAMPLE).content.radio
         assert section is not None
         self.section = replace(section, transmit_line=line, **changes)
-        mask = HorizonMask(azimuth_rad=(0.0, 1.0, 2.0), elevation_rad=(0.0, 0.0, math.radians(30.0)))
+        mask = HorizonMask(
+            azimuth_rad=(0.0, 1.0, 2.0), elevation_rad=(0.0, 0.0, math.radians(30.0))
+        )
         rules = TransmitRules(InhibitParams(), self.section, ForbiddenSky(mask, math.radians(10.0)))
         self.rigs: list[Any] = []
         self.said: list[str] = []
@@ -77,16 +78,17 @@ class Station:
     def step(self) -> None:
         self.t_s = round(self.t_s + 0.02, 6)
         wall_s, radio = self.t_s - T_S, self.radio
-        rest = dict.fromkeys(("azimuth_rad", "elevation_rad", "azimuth_rate_rad_s", "elevation_rate_rad_s",
-            "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2", "refraction_rad"), 0.0)  # fmt: skip
-        radio.note_target(Target(t_s=self.t_s + 2.0, name=self.target, range_m=1e6, range_rate_m_s=RATE_M_S, **rest))
-        place = np.radians(self.axes)
-        if "joints" not in self.silent:
-            radio.note_axes(JointReading(t_s=self.t_s, position_rad=place, velocity_rad_s=np.zeros(2)), wall_s)
-        if "antenna" not in self.silent:
-            radio.note_antenna(self.inhibit, self.fault, wall_s)
-        if "controller" not in self.silent:
-            radio.note_tracking(self.mode, self.tracked, (math.radians(self.error_deg), 0.0), BEAM_RAD, wall_s)
+        radio.note_target(target(self.t_s + 2.0, self.target))
+        messages: dict[str, dict[str, Any]] = {
+            "joint_states": {"axes_rad": tuple(map(math.radians, self.axes))},
+            "antenna_status": {"inhibit": self.inhibit, "fault": self.fault},
+            "tracking_status": {
+                "mode": self.mode, "target": self.tracked, "error_rad": math.radians(self.error_deg),
+                "beamwidth_rad": BEAM_RAD,
+            },
+        }  # fmt: skip
+        for topic in messages.keys() - self.silent:
+            radio.note(topic, wall_s, **messages[topic])
         radio.step(self.t_s, wall_s, self.sun)
 
     def run(self, seconds: float) -> None:
@@ -120,23 +122,34 @@ def test_both_rigs_follow_the_satellite_in_an_inverting_transponder(station: Sta
     station.step()
     assert receiver.tuned_hz[RECEIVE] == pytest.approx(dial_hz, abs=1.0)
     above = 12_000.0 / (1.0 - q)
-    assert transmitter.tuned_hz[RECEIVE] == pytest.approx((145.965e6 - above) * (1.0 + q + 2 * q * q), abs=1.0)
+    assert transmitter.tuned_hz[RECEIVE] == pytest.approx(
+        (145.965e6 - above) * (1.0 + q + 2 * q * q), abs=1.0
+    )
     assert station.order("set_split_freq", transmitter.tuned_hz[RECEIVE] + 12_000.0) == 0
     station.step()
-    assert receiver.tuned_hz[RECEIVE] == pytest.approx(435.640e6 * (1.0 - q), abs=2.0), "back in the middle"
+    assert receiver.tuned_hz[RECEIVE] == pytest.approx(435.640e6 * (1.0 - q), abs=2.0), (
+        "back in the middle"
+    )
 
 
-def test_a_tuning_outside_the_passband_and_one_without_a_satellite_are_refused(station: Station) -> None:
+def test_a_tuning_outside_the_passband_and_one_without_a_satellite_are_refused(
+    station: Station,
+) -> None:
     before = dict(station.rigs[0].tuned_hz)
     assert station.order("set_freq", 435.72e6) == INVALID
-    assert "Hz from the middle of the passband of RS-44, must be within 30000 Hz" in station.said[-1]
+    assert (
+        "Hz from the middle of the passband of RS-44, must be within 30000 Hz" in station.said[-1]
+    )
     station.step()
     assert station.rigs[0].tuned_hz == before
     station.target = "NOAA 19"
     station.run(2.2)
     assert station.order("set_freq", 435.64e6) == IO_ERROR
     report = station.radio.reports(None)["receiver"]
-    assert (report.level, report.message) == (Level.WARN, "no frequency: NOAA 19 is not in radio.transponders")
+    assert (report.level, report.message) == (
+        Level.WARN,
+        "no frequency: NOAA 19 is not in radio.transponders",
+    )
     assert station.radio.inhibit == "no uplink is known of NOAA 19 (radio.transponders)"
 
 
@@ -160,19 +173,21 @@ REASONS: dict[str, tuple[Callable[[Station], object], str]] = {
     "another target": (lambda s: setattr(s, "tracked", "ISS"), "ISS is tracked, and the radio is on RS-44"),
     "sector": (lambda s: setattr(s, "axes", (30.0, 8.0)), "EIRP 26 dBW exceeds 20 dBW, allowed below 10 deg at azimuth 0"),
     "sector over the top": (lambda s: setattr(s, "axes", (210.0, 172.0)), "EIRP 26 dBW exceeds 20 dBW"),
-    "silent antenna": (lambda s: s.silent.add("antenna"), "antenna_servo is silent"),
-    "silent joints": (lambda s: s.silent.add("joints"), "antenna_servo (joint_states) is silent"),
-    "silent controller": (lambda s: s.silent.add("controller"), "pointing_controller is silent"),
+    "silent antenna": (lambda s: s.silent.add("antenna_status"), "antenna_servo is silent"),
+    "silent joints": (lambda s: s.silent.add("joint_states"), "antenna_servo (joint_states) is silent"),
+    "silent controller": (lambda s: s.silent.add("tracking_status"), "pointing_controller is silent"),
     "rig": (lambda s: setattr(s.transmitter, "problem", "rigctld at localhost:4542: gone"), "rigctld at localhost:4542: gone"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", REASONS)
-def test_every_reason_refuses_the_key_and_unkeys_within_100_ms_of_its_message(station: Station, name: str) -> None:
+def test_every_reason_refuses_the_key_and_unkeys_within_100_ms_of_its_message(
+    station: Station, name: str
+) -> None:
     assert station.order("set_ptt", 1.0) == 0
     station.run(0.1)
     assert station.transmitter.keyed
-    assert station.radio.refusal == ""
+    assert station.radio.reason == ""
     change, words = REASONS[name]
     change(station)
     took_s = 0.0
@@ -181,14 +196,16 @@ def test_every_reason_refuses_the_key_and_unkeys_within_100_ms_of_its_message(st
         took_s += 0.02
     # What is silent is missed after its silence.
     assert took_s <= (0.52 if name.startswith("silent") else 0.02) + 0.04
-    assert words in station.radio.refusal
+    assert words in station.radio.reason
     assert station.order("set_ptt", 1.0) == REJECTED
     assert "1.2.3.4:5: the key is refused: " in station.said[-1]
     assert not station.transmitter.keyed
     assert station.order("set_ptt", 0.0) == 0
 
 
-def test_a_transmitter_keyed_at_its_microphone_is_unkeyed_and_one_that_sends_on_is_an_error(station: Station) -> None:
+def test_a_transmitter_keyed_at_its_microphone_is_unkeyed_and_one_that_sends_on_is_an_error(
+    station: Station,
+) -> None:
     station.inhibit = "the antenna is parked"
     station.step()
     station.transmitter.keyed = True
@@ -202,17 +219,19 @@ def test_a_transmitter_keyed_at_its_microphone_is_unkeyed_and_one_that_sends_on_
     assert report.message == "the transmitter sends although it may not: the antenna is parked"
 
 
-def test_at_rest_nothing_is_sent_and_a_station_without_a_transmitter_never_sends(station: Station) -> None:
+def test_at_rest_nothing_is_sent_and_a_station_without_a_transmitter_never_sends(
+    station: Station,
+) -> None:
     assert station.order("set_ptt", 1.0) == 0
     station.radio.rest(station.t_s - T_S)
     assert not station.transmitter.keyed
-    assert station.radio.refusal == RESTING
-    station.radio.note_antenna("", "", station.t_s - T_S)
-    assert station.radio.refusal == RESTING, "a message does not wake it"
+    assert station.radio.reason == RESTING
+    station.radio.note("antenna_status", station.t_s - T_S)
+    assert station.radio.reason == RESTING, "a message does not wake it"
     station.radio.close()
     assert all(rig.closed for rig in station.rigs)
     deaf = Station(transmit=None)
-    assert deaf.radio.refusal == "the station has no transmitter (radio.transmit)"
+    assert deaf.radio.reason == "the station has no transmitter (radio.transmit)"
     assert deaf.order("set_ptt", 1.0) == REJECTED
 
 

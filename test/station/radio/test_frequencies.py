@@ -8,14 +8,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from skyfield.api import EarthSatellite, load, wgs84
-
-from rf_pointing.core import Target
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
-from rf_pointing.ephemeris import SITES, TopocentricTrack, find_elements, find_passes, verification_elements
+from rf_pointing.ephemeris import (
+    SITES,
+    TopocentricTrack,
+    find_elements,
+    find_passes,
+    verification_elements,
+)
 from rf_pointing.station.description.content import RigSection, TransponderSection
 from rf_pointing.station.radio.control import PERIOD_S
 from rf_pointing.station.radio.frequencies import Channel, Dial, Motion
+from skyfield.api import EarthSatellite, load, wgs84
+from test.station.radio.targets import target
 
 SITE = SITES["Goldstone DSS-13"]
 LOW_ORBITS = ("28057", "06251", "29238")
@@ -29,7 +34,9 @@ def passes() -> list[tuple[TopocentricTrack, str, float, float]]:
     for number in LOW_ORBITS:
         elements = find_elements(verification_elements(), number)
         track = TopocentricTrack(elements, SITE)
-        windows = find_passes(track, elements.epoch_t_s, 2.5 * 86400.0, lambda azimuth: 0.0 * azimuth)
+        windows = find_passes(
+            track, elements.epoch_t_s, 2.5 * 86400.0, lambda azimuth: 0.0 * azimuth
+        )
         found += [(track, number, each.aos_t_s, each.los_t_s) for each in windows]
     return found[:20]
 
@@ -61,7 +68,9 @@ def test_frequencies_agree_with_skyfields_range_rate_on_twenty_passes() -> None:
         assert all(each is not None for each in shifts)
         down = [437.8e6 * each.down for each in shifts if each]
         up = [145.9e6 * each.up for each in shifts if each]
-        worst = max(worst, np.abs(down - 437.8e6 * (1.0 - q)).max(), np.abs(up - 145.9e6 * (1.0 + q)).max())
+        worst = max(
+            worst, np.abs(down - 437.8e6 * (1.0 - q)).max(), np.abs(up - 145.9e6 * (1.0 + q)).max()
+        )
     print(f"20 passes: at most {worst:.2f} Hz from skyfield")
     assert worst < HZ
 
@@ -78,7 +87,10 @@ def test_what_is_sent_arrives_at_the_frequency_of_the_satellite() -> None:
     track, _, aos_s, los_s = passes()[0]
     seen = TopocentricTrack(track.target, SITE, light_time="transmit")
     t_s = 0.5 * (aos_s + los_s) + 0.04
-    tau = np.array([seen.target_at(t_s + step).range_m for step in (-0.05, 0.05)]) / SPEED_OF_LIGHT_M_S
+    tau = (
+        np.array([seen.target_at(t_s + step).range_m for step in (-0.05, 0.05)])
+        / SPEED_OF_LIGHT_M_S
+    )
     arriving = (0.1 + np.diff(tau)[0]) / 0.1
     shifts = motion(track, t_s).at(t_s)
     assert shifts is not None
@@ -91,7 +103,11 @@ def test_updates_at_1_ghz_are_at_most_10_hz_apart_in_every_pass() -> None:
         look = track.sample(np.arange(aos_s, los_s, 1.0))
         steepest_s = float(look.t_s[np.argmax(np.abs(np.gradient(look.range_rate_m_s)))])
         known = motion(track, steepest_s)
-        tuned = [dial.of(1e9 * shifts.down) for step in range(80) if (shifts := known.at(steepest_s + PERIOD_S * step))]
+        tuned = [
+            dial.of(1e9 * shifts.down)
+            for step in range(80)
+            if (shifts := known.at(steepest_s + PERIOD_S * step))
+        ]
         largest = max(largest, float(np.abs(np.diff(tuned)).max()))
     print(f"at 1 GHz at most {largest:.1f} Hz from update to update")
     assert 1.0 < largest <= 10.0
@@ -105,14 +121,18 @@ def test_a_transponder_and_a_converter_are_undone_by_their_inverses(
     above_hz: float, inverting: bool, frequency_hz: float, oscillator_mhz: float, offset_hz: float
 ) -> None:
     channel = Channel.of(
-        TransponderSection(downlink_mhz=435.64, uplink_mhz=145.965, passband_khz=60.0, inverting=inverting)
+        TransponderSection(
+            downlink_mhz=435.64, uplink_mhz=145.965, passband_khz=60.0, inverting=inverting
+        )
     )
     uplink_hz = channel.uplink_hz(above_hz)
     assert uplink_hz is not None
     assert channel.above_hz(uplink_hz) == pytest.approx(above_hz, abs=1e-6)
     assert (uplink_hz - 145.965e6) * above_hz * (-1 if inverting else 1) >= 0.0
     dial = Dial(RigSection(oscillator_mhz=oscillator_mhz, offset_hz=offset_hz, step_hz=1.0))
-    assert dial.frequency_hz(dial.of(frequency_hz), frequency_hz) == pytest.approx(frequency_hz, abs=0.56)
+    assert dial.frequency_hz(dial.of(frequency_hz), frequency_hz) == pytest.approx(
+        frequency_hz, abs=0.56
+    )
 
 
 def test_an_ku_band_lnb_and_a_transverter_above_the_signal() -> None:
@@ -123,23 +143,20 @@ def test_an_ku_band_lnb_and_a_transverter_above_the_signal() -> None:
     assert Dial(RigSection(step_hz=10.0)).of(145_900_007.0) == 145_900_010.0
 
 
-def test_a_time_before_the_first_and_after_the_last_message_is_not_known_and_another_satellite_begins_anew() -> None:
-    def target(t_s: float, name: str = "A", rate: float = 7000.0) -> Target:
-        rest = dict.fromkeys(("azimuth_rad", "elevation_rad", "azimuth_rate_rad_s", "elevation_rate_rad_s",
-            "azimuth_acceleration_rad_s2", "elevation_acceleration_rad_s2", "refraction_rad"), 0.0)  # fmt: skip
-        return Target(t_s=t_s, name=name, range_m=1e6, range_rate_m_s=rate, **rest)
-
+def test_a_time_before_the_first_and_after_the_last_message_is_not_known_and_another_satellite_begins_anew() -> (
+    None
+):
     known = Motion()
     assert known.at(10.0) is None
     for t_s in (10.0, 10.1, 10.2):
-        known.take(target(t_s))
+        known.take(target(t_s, rate_m_s=7000.0))
     assert known.at(9.99) is None
     assert known.at(10.21) is None
     shifts = known.at(10.05)
     assert shifts is not None
     assert shifts.down == pytest.approx(1.0 - 7000.0 / SPEED_OF_LIGHT_M_S, abs=1e-15)
     # A publisher that starts again repeats a time, with a newer rate; over a gap nothing is known.
-    known.take(target(10.2, rate=6000.0))
+    known.take(target(10.2, rate_m_s=6000.0))
     shifts = known.at(10.15)
     assert shifts is not None
     assert shifts.down == pytest.approx(1.0 - 6500.0 / SPEED_OF_LIGHT_M_S, abs=1e-15)

@@ -1,0 +1,70 @@
+"""Executable `signal_source`: the samples that a radio behind the simulated antenna delivers.
+
+In place of rf_receiver where the receiver of a simulated station is a real one: the signal passes
+as samples only.  Subscribes: sim/boresight, passes (which satellite is selected).  Publishes:
+sim/pointing_error (10 Hz, truth).  Serves: rtl_tcp, DIFI, ZMQ or a SigMF recording.
+Parameters: source.*, signal.* as rf_receiver; sdr.* (radio and transmitter), outlet.* (where).
+"""
+
+from rf_pointing_msgs.msg import Boresight, PassList, PointingError
+
+from rf_pointing.ephemeris.element_updates import ElementUpdates
+from rf_pointing.ephemeris.source import SourceParams, load_track
+from rf_pointing.receiver.serving import Outlet, OutletParams, make_outlet
+from rf_pointing.ros import convert
+from rf_pointing.ros.diagnostics import Health
+from rf_pointing.ros.main_loop import run
+from rf_pointing.ros.qos import LATCHED, SAMPLES, STREAM
+from rf_pointing.ros.station_node import StationNode
+from rf_pointing.station.antenna.radio import RadioParams, SimulatedRadio, seeded
+from rf_pointing.station.antenna.receiver import SignalParams
+
+
+class SignalSource(StationNode):
+    """Turns boresights into samples at their stamps, without a timer."""
+
+    def __init__(self) -> None:
+        super().__init__("signal_source")
+        self.parameters.declare("source", SourceParams())
+        self.parameters.declare("signal", SignalParams())
+        self.parameters.declare("sdr", RadioParams())
+        self.parameters.declare("outlet", OutletParams())
+        self._radio: SimulatedRadio | None = None
+        self._outlet: Outlet | None = None
+        self._ticks = 0
+
+    def configure(self) -> None:
+        value, source = self.parameters.value, self.parameters.value("source")
+        ElementUpdates(source.elements).require()
+        signal, radio = value("signal"), value("sdr")
+        self._radio = SimulatedRadio(signal, seeded(radio, signal.seed), load_track(source))
+        self._outlet = make_outlet(value("outlet"), radio.generator.rate_hz, radio.centre_hz)
+        self._at_cleanup.callback(self._outlet.close)
+        self._truth = self.stream(PointingError, "sim/pointing_error", STREAM)
+        self.listen(Boresight, "sim/boresight", self._on_boresight, SAMPLES)
+        self.listen(PassList, "passes", self._on_passes, LATCHED)
+        self.diagnostics.add("samples", self._health)
+
+    def _on_passes(self, message: PassList) -> None:
+        """Tune to the satellite that the ephemeris publisher predicts."""
+        if message.target and message.target != self._radio.target:
+            source: SourceParams = self.parameters.value("source")
+            self._radio.tune(load_track(source.replace(satellite=message.target)))
+
+    def _on_boresight(self, message: Boresight) -> None:
+        piece = self._radio.take(convert.boresight_from_message(message)) if self.active else None
+        if piece is not None:
+            self._outlet.send(piece.samples, piece.t_s)
+            self._ticks += 1
+            # As often as rf_receiver, on the same grid.
+            params: SignalParams = self.parameters.value("signal")
+            if round(piece.truth.t_s / params.sample_s) % params.cluster_samples == 0:
+                self._truth.publish(convert.error_to_message(piece.truth))
+
+    def _health(self) -> Health:
+        return Health(values={"pieces": self._ticks, "lost": self._outlet.lost})
+
+
+def main() -> None:
+    """Entry point of `ros2 run rf_pointing signal_source`."""
+    run(SignalSource)

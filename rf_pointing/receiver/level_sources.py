@@ -1,0 +1,114 @@
+"""Sources of a level: instruments that are asked (SCPI, rigctld), and receivers that send text."""
+
+import re
+import time
+from collections.abc import Sequence
+
+from rf_pointing.receiver.source import WAIT_S, Arrival, ByteSource, Level
+
+LONGEST_LINE = 4096
+ANSWER_S = 2.0
+SCPI_REQUEST = "CALC:MARK1:Y?"
+S9_DBM = -73.0
+"""Level of S9 on HF; rigctld's STRENGTH counts dB above it."""
+
+
+class LineSource(ByteSource):
+    """Lines of text; `ask` makes one request and waits for its line."""
+
+    _text = b""
+
+    def greet(self) -> None:
+        self._text = b""
+        self._due_s = time.monotonic()
+
+    def line(self) -> str | None:
+        """Return the next line, None after `WAIT_S` without one; a datagram is a line."""
+        if b"\n" not in self._text:
+            data = self.receive()
+            self._text += data + (
+                b"\n" if data and self.transport == "udp" and not data.endswith(b"\n") else b""
+            )
+        if len(self._text) > LONGEST_LINE and b"\n" not in self._text[:LONGEST_LINE]:
+            self._text = b""
+            self.losses["line without an end"] += 1
+        if b"\n" not in self._text:
+            return None
+        line, self._text = self._text.split(b"\n", 1)
+        return line.decode("latin-1").strip()
+
+    def ask(self, request: str) -> str | None:
+        """Send a request when it is due; return its answer, None before that.
+
+        Raises ConnectionError when no answer comes: a late one would be taken for the next.
+        """
+        now_s = time.monotonic()
+        if now_s < self._due_s:
+            time.sleep(min(self._due_s - now_s, WAIT_S))
+            return None
+        self._due_s = max(self._due_s + self.params.period_s, now_s)
+        self.send(f"{request}\n".encode())
+        while time.monotonic() - now_s < ANSWER_S:
+            if answer := self.line():
+                return answer
+        raise ConnectionError(f"no answer to {request} within {ANSWER_S:.0f} s")
+
+    def level(self, begun_s: float, text: str) -> Sequence[Arrival]:
+        """Return the level in a text that was measured between `begun_s` and now."""
+        found = re.search(self.params.level.pattern, text)
+        if found is None:
+            self.losses["line without a level"] += 1
+            return ()
+        groups = found.groupdict()
+        try:
+            value = float(groups["level"])
+        except (KeyError, TypeError, ValueError):
+            self.losses["line without a level"] += 1
+            return ()
+        lock = groups.get("lock")
+        now_s = self.now_s()
+        # An instrument measures between request and answer.
+        middle_s = now_s - 0.5 * min(max(now_s - begun_s, 0.0), ANSWER_S)
+        locked = None if lock is None else lock == self.params.level.locked
+        return (Level(middle_s - self.params.link.latency_s, value, locked),)
+
+
+class Scpi(LineSource):
+    """A spectrum analyser or power meter that answers SCPI on a TCP socket (port 5025)."""
+
+    def read(self) -> Sequence[Arrival]:
+        begun_s = self.now_s()
+        answer = self.ask(self.params.level.request or SCPI_REQUEST)
+        if answer is None:
+            return ()
+        # Analysers answer 9.91E+37 for "not a number".
+        if "9.9" in answer and "E+37" in answer.upper():
+            self.losses["not measured"] += 1
+            return ()
+        return self.level(begun_s, answer)
+
+
+class Rigctl(LineSource):
+    """The signal strength of Hamlib's rigctld, or of GQRX, which answers in dBFS."""
+
+    def read(self) -> Sequence[Arrival]:
+        begun_s = self.now_s()
+        answer = self.ask(self.params.level.request or "l STRENGTH")
+        if answer is None:
+            return ()
+        if answer.startswith("RPRT"):
+            raise ConnectionError(f"the rig refuses its level: {answer}")
+        return self.level(begun_s, answer)
+
+
+class TextLevel(LineSource):
+    """A beacon receiver or modem that sends its level by itself, or when it is asked."""
+
+    @property
+    def transport(self) -> str:  # type: ignore[override]
+        return self.params.level.transport
+
+    def read(self) -> Sequence[Arrival]:
+        begun_s, request = self.now_s(), self.params.level.request
+        text = self.ask(request) if request else self.line()
+        return self.level(begun_s if request else self.now_s(), text) if text else ()

@@ -1,0 +1,159 @@
+"""Parameters of a real receiver: where its signal comes from, and what is measured in it."""
+
+from dataclasses import dataclass
+
+from rf_pointing.core import Params, parameter
+
+CARRIER, BAND, PREAMBLE = "carrier", "band", "preamble"
+DETECTORS = (CARRIER, BAND, PREAMBLE)
+LEVEL_KINDS = ("dbm", "c_n0_db_hz", "es_n0_db")
+LEVELS = ("scpi", "rigctl", "level")
+"""Receivers that give levels, not samples."""
+UNKNOWN_FLOOR_DBM = -200.0
+OUTLET_FORMATS = ("rtl_tcp", "vita49", "zmq", "sigmf")
+SAMPLE_FORMATS = ("cf32", "ci16", "ci8", "cu8")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceLinkParams(Params):
+    """How the source is reached, and how long it may be silent."""
+
+    host: str = parameter(
+        "localhost", "host of the source; of UDP, the address that is listened on"
+    )
+    port: int = parameter(1234, "its TCP or UDP port", low=1, high=65535)
+    device: str = parameter(
+        "", "serial port, e.g. /dev/ttyUSB0, or the arguments of an SDR; empty: over the network"
+    )
+    baud: int = parameter(9600, "speed of the serial port", low=50, high=4_000_000)
+    file: str = parameter("", "recording: the .sigmf-meta file")
+    latency_s: float = parameter(
+        0.0,
+        "time from the antenna to the arrival of a sample or level without a time stamp",
+        low=0.0,
+        high=10.0,
+    )
+    silence_s: float = parameter(
+        1.0, "time without a sample after which the source is lost", low=0.1, high=60.0
+    )
+    first_retry_s: float = parameter(
+        0.5, "wait before the first attempt to reconnect", low=0.05, high=60.0
+    )
+    longest_retry_s: float = parameter(
+        5.0, "longest wait; it doubles from attempt to attempt", low=0.05, high=3600.0
+    )
+
+    ordered = ("first_retry_s <= longest_retry_s",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class IqParams(Params):
+    """The samples of a software-defined radio."""
+
+    rate_hz: float = parameter(2.4e6, "complex samples per second", low=8e3, high=1e8)
+    format: str = parameter(
+        "cf32", "samples over ZMQ: cf32, ci16, ci8 or cu8", choices=SAMPLE_FORMATS
+    )
+    centre_mhz: float = parameter(
+        0.0, "frequency at the middle of the spectrum; 0: that of the band", low=0.0, high=400000.0
+    )
+    converter_mhz: float = parameter(
+        0.0,
+        "frequency that LNB or converter takes off before the radio",
+        low=-400000.0,
+        high=400000.0,
+    )
+    gain_db: float = parameter(30.0, "gain that rtl_tcp and soapy set", low=0.0, high=100.0)
+    clock_ppm: float = parameter(
+        0.0, "error of the radio's clock, positive when it is fast", low=-300.0, high=300.0
+    )
+    swapped: bool = parameter(
+        False, "whether the converter turns the spectrum over (its oscillator is above)"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignalSearchParams(Params):
+    """What is measured in the samples."""
+
+    kind: str = parameter(
+        CARRIER, "carrier: a line; band: total power; preamble: a known sequence", choices=DETECTORS
+    )
+    uncertainty_hz: float = parameter(
+        20e3,
+        "half the range in which the signal is searched, beside its predicted frequency",
+        low=10.0,
+        high=1e7,
+    )
+    loop_bandwidth_hz: float = parameter(
+        8.0, "noise bandwidth of the phase-locked loop", low=0.5, high=15.0
+    )
+    band_hz: float = parameter(
+        20e3, "bandwidth whose power is measured (band)", low=100.0, high=5e7
+    )
+    lock_sigmas: float = parameter(
+        5.0, "level over the noise at which a signal counts as found", low=3.0, high=30.0
+    )
+    noise_time_constant_s: float = parameter(
+        2.0, "averaging time of the noise density", low=0.1, high=100.0
+    )
+    preamble: str = parameter("", "symbols of the sequence: 0 and 1 (BPSK), or 0 to 3 (QPSK)")
+    symbol_rate_hz: float = parameter(
+        1e4, "symbols per second of preamble or modem", low=1.0, high=1e8
+    )
+    channels: int = parameter(
+        1, "1: sum; 3: sum and the differences cross-elevation and elevation", low=1, high=3
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LevelParams(Params):
+    """A level that a beacon receiver, modem, analyser or power meter reports."""
+
+    kind: str = parameter(
+        "dbm", "what the number is: dbm, c_n0_db_hz or es_n0_db", choices=LEVEL_KINDS
+    )
+    pattern: str = parameter(
+        r"(?P<level>[-+]?\d+(\.\d+)?)",
+        "regular expression with the group level, and lock where there is one",
+    )
+    locked: str = parameter("1", "text of the group lock that means a lock")
+    request: str = parameter(
+        "", "line that asks for the level; empty: it comes by itself (scpi: the usual one)"
+    )
+    transport: str = parameter("udp", "how `level` comes", choices=("udp", "tcp", "serial"))
+    scale_db: float = parameter(1.0, "dB of one unit of the number", low=-100.0, high=100.0)
+    offset_db: float = parameter(0.0, "level in dB at the number 0", low=-500.0, high=500.0)
+    sigma_db: float = parameter(
+        0.0,
+        "standard deviation of one level; 0: from the scatter of the levels",
+        low=0.0,
+        high=20.0,
+    )
+    floor_dbm: float = parameter(
+        -200.0, "noise without a signal (dbm); -200: unknown", low=-200.0, high=100.0
+    )
+    bandwidth_hz: float = parameter(
+        1e4, "noise bandwidth of the measurement (dbm)", low=1.0, high=1e9
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignalReceiverParams(Params):
+    """A receiver: its source, and what is measured."""
+
+    type: str = parameter(
+        "simulated",
+        "where the signal comes from: simulated, rtl_tcp, soapy, sigmf, zmq, vita49, scpi, rigctl, "
+        "level, topic, or one of an entry point",
+    )
+    options: str = parameter("", "text for a receiver of one's own")
+    period_s: float = parameter(0.1, "time between two carrier powers", low=0.06, high=10.0)
+    frequency_hz: float = parameter(8.45e9, "frequency of the carrier", low=1e6, high=4e11)
+    system_noise_k: float = parameter(
+        120.0, "system noise temperature for powers in watts", low=1.0, high=1e4
+    )
+    link: SourceLinkParams = parameter(SourceLinkParams(), "how the source is reached")
+    iq: IqParams = parameter(IqParams(), "samples of a radio")
+    signal: SignalSearchParams = parameter(SignalSearchParams(), "what is measured in samples")
+    level: LevelParams = parameter(LevelParams(), "what a reported level means")

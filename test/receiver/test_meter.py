@@ -1,0 +1,194 @@
+"""Planted truth: level, frequency and sigma that come out are those that went in."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rf_pointing.core import AXES
+from rf_pointing.receiver import SignalMeter
+from rf_pointing.receiver.band import band_bound
+from rf_pointing.receiver.carrier import power_bound
+from rf_pointing.receiver.params import SignalSearchParams
+from test.receiver.planted import PIECE_S, START_S, Planted, mean_db, ratios
+
+WITHIN_DB = 0.3
+"""Accuracy that is promised from 25 to 90 dB-Hz."""
+BAND = SignalSearchParams(kind="band", band_hz=1.4e4)
+
+
+def sigmas_off(planted: Planted, measured: list, level_db_hz: float) -> float:
+    """Return by how many of its sigmas the mean differs from the truth."""
+    ratio, sigma = ratios(measured)
+    return float((np.mean(ratio) - 10.0 ** (0.1 * level_db_hz)) / (np.mean(sigma) / math.sqrt(len(ratio))))
+
+
+@pytest.mark.parametrize("level_db_hz", [25.0, 35.0, 60.0, 90.0])
+def test_the_level_of_a_carrier_and_its_sigma(level_db_hz: float) -> None:
+    planted = Planted(level_db_hz)
+    measured = planted.run(14.0)
+    ratio, sigma = ratios(measured)
+    # A strong carrier's scatter is below its sigma: that of the noise density is common to all.
+    spread = float(np.std(ratio) / np.mean(sigma))
+    assert (0.75 < spread < 1.3) if level_db_hz < 80.0 else spread < 1.3
+    chance_db = 4.343 * float(np.mean(sigma) / np.mean(ratio)) / math.sqrt(len(ratio))
+    assert abs(mean_db(measured) - level_db_hz) < WITHIN_DB + (0.5 * chance_db if level_db_hz < 30.0 else 0.0)
+    assert planted.meter.carrier.locked
+    assert not planted.meter.problem(planted.time_s(planted.index))
+
+
+@pytest.mark.parametrize("seed", range(1, 4))
+def test_a_weak_carrier_has_no_bias_beyond_chance(seed: int) -> None:
+    planted = Planted(25.0, radio={"seed": seed})
+    assert abs(sigmas_off(planted, planted.run(14.0), 25.0)) < 4.0
+
+
+@pytest.mark.parametrize("doppler_hz", [-1e5, 1e5])
+def test_doppler_of_100_khz_at_1_khz_a_second_with_a_clock_that_is_50_ppm_off(doppler_hz: float) -> None:
+    planted = Planted(
+        45.0, rate_hz=1.2e6, doppler_hz=doppler_hz, slope_hz_s=-math.copysign(1e3, doppler_hz), clock_ppm=50.0,
+        signal=SignalSearchParams(uncertainty_hz=1.5e5),
+    )  # fmt: skip
+    measured = planted.run(5.0)
+    assert abs(mean_db(measured) - 45.0) < WITHIN_DB
+    # What the clock adds: 50 ppm of the centre; that of the carrier's offset is below a hertz.
+    assert planted.meter.carrier.offset_hz == pytest.approx(-50e-6 * (2.25e9 - 1.2e5), abs=10.0)
+
+
+@pytest.mark.parametrize(("level_db_hz", "slope_hz_s"), [(45.0, 1e3), (55.0, -1e3)])
+def test_a_frequency_that_nothing_predicts(level_db_hz: float, slope_hz_s: float) -> None:
+    planted = Planted(level_db_hz, slope_hz_s=slope_hz_s, doppler_hz=-3.0 * slope_hz_s, predicted=False)
+    assert abs(mean_db(planted.run(5.0)) - level_db_hz) < WITHIN_DB
+    assert planted.meter.carrier.locked
+
+
+@pytest.mark.parametrize("modulation", ["bpsk", "qpsk", "fm"])
+@pytest.mark.parametrize("level_db_hz", [35.0, 60.0, 90.0])
+def test_the_power_of_a_modulated_signal(modulation: str, level_db_hz: float) -> None:
+    # Carson's band holds 98 % of FM.
+    radio = {"modulation": modulation, "symbol_rate_hz": 1e3 if modulation == "fm" else 1e4}
+    signal = SignalSearchParams(kind="band", band_hz=1e4 if modulation == "fm" else 1.4e4)
+    planted = Planted(level_db_hz, signal=signal, radio=radio)
+    measured = planted.run(12.0, settle_s=3.0)
+    assert abs(mean_db(measured) - level_db_hz) < WITHIN_DB
+    ratio, sigma = ratios(measured)
+    assert np.std(ratio) / np.mean(sigma) < 1.4
+    assert planted.meter.found
+
+
+def test_the_bounds_stand_beside() -> None:
+    planted = Planted(50.0)
+    measured = planted.run(6.0)
+    watts = measured[0].power.power_w / ratios(measured)[0][0]
+    seconds = measured[0].power.integration_s
+    assert measured[0].bound_w / watts == pytest.approx(power_bound(ratios(measured)[0][0], seconds))
+    # Nothing is better than the bound, and the estimate is within 15 % of it.
+    share = np.mean([each.power.sigma_w / each.bound_w for each in measured])
+    assert 1.0 <= share < 1.15
+    weak = Planted(30.0, signal=BAND, radio={"modulation": "qpsk"})
+    found = weak.run(12.0, settle_s=3.0)
+    bound = band_bound(ratios(found)[0][0], weak.meter.band.band_hz, found[0].power.integration_s)
+    assert found[0].bound_w / watts == pytest.approx(bound)
+    assert 1.0 <= np.mean([each.power.sigma_w / each.bound_w for each in found]) < 1.6
+
+
+def test_a_step_of_the_gain_is_taken_out() -> None:
+    planted = Planted(50.0, radio={"bits": 0})
+    planted.run(4.0)
+    scaled = []
+    for _ in range(150):
+        piece = planted.piece()
+        piece.samples[:] *= 2.0
+        scaled += planted.meter.take(piece)
+    assert planted.meter.noise.steps == 1
+    assert planted.meter.noise.step_db == pytest.approx(6.02, abs=0.3)
+    assert all(abs(each.power.carrier_to_noise_db_hz - 50.0) < 1.0 for each in scaled)
+    assert "has changed by +" in planted.meter.problem(planted.time_s(planted.index))
+
+
+def test_clipping_and_interference_are_named() -> None:
+    loud = Planted(60.0, radio={"noise_dbfs": -3.0, "bits": 8})
+    loud.run(3.0)
+    assert "clipped: lower the gain" in loud.meter.problem(loud.time_s(loud.index))
+    beside = Planted(50.0, radio={"line_db_hz": 60.0, "line_offset_hz": 25e3})
+    measured = beside.run(5.0)
+    assert abs(mean_db(measured) - 50.0) < WITHIN_DB
+    assert beside.meter.state.line is not None
+    assert beside.meter.state.line.offset_hz == pytest.approx(25e3, abs=100.0)
+    assert beside.meter.state.line.level_db_hz == pytest.approx(60.0, abs=2.0)
+
+
+def test_a_dropout_is_lost_named_and_found_again() -> None:
+    planted = Planted(lambda t_s: -20.0 if 4.0 < t_s < 7.0 else 50.0)
+    planted.run(6.5)
+    assert not planted.meter.carrier.tracking
+    assert "no signal" in planted.meter.problem(planted.time_s(planted.index))
+    assert abs(mean_db(planted.run(4.0, settle_s=2.0)) - 50.0) < WITHIN_DB
+    assert planted.meter.carrier.jumps == 0
+
+
+def test_a_signal_at_another_frequency_is_named_as_a_jump() -> None:
+    planted = Planted(50.0)
+    planted.run(3.0)
+    planted.level = -20.0
+    planted.run(2.0)
+    planted.level, planted.carrier_hz = 50.0, planted.carrier_hz + 7e3
+    planted.run(2.0)
+    assert planted.meter.carrier.jump_hz == pytest.approx(7e3, abs=20.0)
+    assert "+7.0 kHz from where it was: retuned" in planted.meter.problem(planted.time_s(planted.index))
+
+
+def test_lost_samples_do_not_shift_the_time() -> None:
+    planted = Planted(50.0)
+    planted.run(3.0)
+    for _ in range(3):
+        planted.piece()
+    measured = planted.run(2.0, settle_s=0.5)
+    assert abs(mean_db(measured) - 50.0) < WITHIN_DB
+    assert measured[-1].power.t_s == pytest.approx(planted.time_s(planted.index), abs=0.13)
+
+
+def test_stamps_are_the_time_at_the_antenna() -> None:
+    """A level that falls at a known time is measured to fall then."""
+    falls_s = 3.2
+    planted = Planted(lambda t_s: 60.0 if t_s < falls_s else 57.0)
+    measured = planted.run(5.0)
+    after = [each for each in measured if each.power.t_s - each.power.integration_s >= START_S + falls_s + 1e-6]
+    before = [each for each in measured if each.power.t_s <= START_S + falls_s]
+    assert all(abs(each.power.carrier_to_noise_db_hz - 57.0) < WITHIN_DB for each in after)
+    assert all(abs(each.power.carrier_to_noise_db_hz - 60.0) < WITHIN_DB for each in before)
+    assert len(before) + len(after) >= len(measured) - 1
+
+
+def test_a_carrier_outside_the_received_span_is_named() -> None:
+    planted = Planted(50.0, doppler_hz=2e5)
+    planted.run(2.0)
+    assert "outside the 240 kHz that are received" in planted.meter.problem(planted.time_s(planted.index))
+
+
+def test_three_channels_give_clusters_whose_ratio_is_that_of_the_feed() -> None:
+    truth = np.array([1.0, 0.2 - 0.01j, -0.1 + 0.02j])
+    planted = Planted(60.0, volts=truth, signal=SignalSearchParams(channels=3))
+    clusters = [each.cluster for each in planted.run(4.0)]
+    assert all(cluster is not None for cluster in clusters)
+    total = np.concatenate([cluster.sum for cluster in clusters])
+    for axis, name in enumerate(AXES):
+        part = clusters[0].difference_cross_elevation if name == AXES[0] else clusters[0].difference_elevation
+        assert len(part) == len(clusters[0].t_s) >= 7
+        values = np.concatenate(
+            [c.difference_cross_elevation if axis == 0 else c.difference_elevation for c in clusters]
+        )
+        assert np.vdot(total, values) / np.vdot(total, total) == pytest.approx(truth[1 + axis], abs=2e-3)
+    # The noise of a sample is N0 / T in the unit of the cluster.
+    each_s = float(np.mean(np.diff(clusters[0].t_s)))
+    assert np.var(total - np.mean(total)) * each_s == pytest.approx(1.0, rel=0.3)
+
+
+def test_a_meter_that_is_made_anew_at_another_rate_says_so() -> None:
+    planted = Planted(50.0)
+    meter: SignalMeter = planted.meter
+    other = Planted(50.0, rate_hz=1.2e5)
+    for _ in range(round(2.0 / PIECE_S)):
+        meter.take(other.piece())
+    assert meter.layout.rate_hz == 1.2e5
+    assert "the source's rate is 120000 sample/s, stated 240000" in meter.problem(START_S + 2.0)

@@ -1,0 +1,425 @@
+"""Every source against what really sends its protocol, over real sockets and in the time of the test."""
+
+import json
+import math
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rf_pointing.receiver import (
+    GeneratorParams,
+    SignalGenerator,
+    SignalReceiver,
+    SignalReceiverParams,
+    make_source,
+)  # fmt: skip
+from rf_pointing.receiver.iq_sources import decoded, read_sigmf
+from rf_pointing.receiver.params import IqParams, LevelParams, SignalSearchParams, SourceLinkParams
+from rf_pointing.receiver.serving import DifiSender, Outlet, OutletParams, RtlTcpServer, make_outlet
+from rf_pointing.receiver.vita49 import Context, Packet, decode_context, decode_packet, encode_context, encode_packet
+
+RATE_HZ, CARRIER_HZ, CENTRE_HZ = 96e3, 437.5e6, 437.49e6
+LEVEL_DB_HZ, PIECE_S = 55.0, 0.02
+PATIENCE_S = 20.0
+
+
+def free_port(kind: int = socket.SOCK_STREAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def wait_for(condition: Callable[[], object], what: str) -> None:
+    """Wait in wall time for what threads and sockets do."""
+    for _ in range(int(PATIENCE_S / 0.005)):
+        if condition():
+            return
+        time.sleep(0.005)
+    raise AssertionError(f"{what} within {PATIENCE_S} s")
+
+
+@dataclass
+class Line:
+    """A generator, an outlet and a receiver in the test's own time."""
+
+    kind: str
+    channels: int = 1
+    port: int = field(default_factory=lambda: free_port())
+    t_s: float = 5000.0
+    iq: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.generator = SignalGenerator(GeneratorParams(rate_hz=RATE_HZ, channels=self.channels))
+        self.outlet: Outlet | None = self.open_outlet()
+        self.receiver = SignalReceiver(
+            SignalReceiverParams(
+                type=self.kind, frequency_hz=CARRIER_HZ,
+                link=SourceLinkParams(host="127.0.0.1", port=self.port, first_retry_s=0.05, longest_retry_s=0.2),
+                iq=IqParams(**{"rate_hz": RATE_HZ, "centre_mhz": 1e-6 * CENTRE_HZ, **self.iq}),
+                signal=SignalSearchParams(channels=self.channels),
+            ),
+            lambda: self.t_s,
+        )  # fmt: skip
+        self.measured: list[Any] = []
+        self.receiver.step(self.t_s)
+
+    def open_outlet(self) -> Outlet:
+        return make_outlet(OutletParams(format=self.kind, port=self.port), RATE_HZ, CENTRE_HZ)
+
+    def connect(self) -> None:
+        if isinstance(self.outlet, RtlTcpServer):
+            outlet = self.outlet
+            wait_for(lambda: outlet.connected, "no client")
+        else:
+            # Neither UDP nor a subscription says that it is heard.
+            def heard() -> bool:
+                self.run(PIECE_S, wait=False)
+                return self.receiver.source.index > 0
+
+            wait_for(heard, "no samples")
+            self.receiver.step(self.t_s)
+
+    def run(self, seconds: float, *, wait: bool = True, shift_s: float = 0.0, gain: float = 1.0) -> None:
+        """Send `seconds` of signal, a piece at a time, and let the receiver take each."""
+        volts = 10.0 ** (LEVEL_DB_HZ / 20.0) * np.array([1.0, 0.1, -0.05])[: self.channels]
+        for _ in range(round(seconds / PIECE_S)):
+            samples = self.generator.take(round(PIECE_S * RATE_HZ), (CARRIER_HZ - CENTRE_HZ,) * 2, volts)
+            begin_s, self.t_s = self.t_s, self.t_s + PIECE_S
+            before = self.receiver.source.index
+            assert self.outlet is not None
+            self.outlet.send(np.clip(gain * samples.view(np.float32), -1.0, 1.0).view(np.complex64), begin_s + shift_s)
+            if wait:
+                wait_for(lambda: self.receiver.source.index >= before + samples.shape[1], "samples")  # noqa: B023
+                self.measured += self.receiver.step(self.t_s)
+
+    def stall(self, seconds: float) -> None:
+        self.t_s += seconds
+        self.measured += self.receiver.step(self.t_s)
+
+    def problem(self) -> str:
+        return self.receiver.problem(self.t_s)
+
+    def close(self) -> None:
+        self.receiver.end()
+        if self.outlet is not None:
+            self.outlet.close()
+
+
+@pytest.fixture
+def line() -> Iterator[Callable[..., Line]]:
+    made: list[Line] = []
+
+    def make(*args: Any, **named: Any) -> Line:
+        made.append(Line(*args, **named))
+        made[-1].connect()
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+def levels(line: Line, since_s: float = 1.0) -> list[float]:
+    begun_s = line.measured[0].power.t_s
+    return [each.power.carrier_to_noise_db_hz for each in line.measured if each.power.t_s > begun_s + since_s]
+
+
+@pytest.mark.parametrize("kind", ["rtl_tcp", "vita49", "zmq"])
+def test_what_is_served_is_measured_with_its_time(line: Callable[..., Line], kind: str) -> None:
+    if kind == "zmq":
+        pytest.importorskip("zmq")
+    subject = line(kind)
+    subject.run(4.0)
+    assert np.mean(levels(subject)) == pytest.approx(LEVEL_DB_HZ, abs=0.3)
+    assert not subject.problem()
+    # The newest report ends where the samples do, but for one report and the block under way.
+    assert 0.0 <= subject.t_s - subject.measured[-1].power.t_s < 0.15
+    assert subject.receiver.values()["phase_locked"]
+
+
+def test_difi_carries_three_channels_and_survives_lost_packets(line: Callable[..., Line]) -> None:
+    subject = line("vita49", channels=3)
+    subject.run(3.0)
+    clusters = [each.cluster for each in subject.measured[10:]]
+    ratio = np.mean([np.vdot(c.sum, c.difference_cross_elevation) / np.vdot(c.sum, c.sum) for c in clusters])
+    assert ratio == pytest.approx(0.1, abs=5e-3)
+    sender = subject.outlet
+    assert isinstance(sender, DifiSender)
+    count = len(subject.measured)
+    for _ in range(50):
+        # One piece of five is lost.
+        subject.run(4 * PIECE_S)
+        subject.generator.take(round(PIECE_S * RATE_HZ), (CARRIER_HZ - CENTRE_HZ,) * 2, [1.0, 0.0, 0.0])
+        subject.t_s += PIECE_S
+    assert len(subject.measured) > count + 10
+    late = subject.measured[-1].power
+    assert late.carrier_to_noise_db_hz == pytest.approx(LEVEL_DB_HZ, abs=1.0)
+
+
+def test_a_source_that_is_killed_is_named_and_comes_back(line: Callable[..., Line]) -> None:
+    subject = line("rtl_tcp")
+    subject.run(2.0)
+    assert subject.outlet is not None
+    subject.outlet.close()
+    wait_for(lambda: "rtl_tcp at 127.0.0.1" in subject.problem(), "a problem")
+    subject.outlet = None
+    subject.stall(1.0)
+    subject.outlet = subject.open_outlet()
+    subject.connect()
+    subject.measured.clear()
+    subject.run(3.0)
+    assert not subject.problem()
+    assert np.mean(levels(subject)) == pytest.approx(LEVEL_DB_HZ, abs=0.3)
+    assert subject.receiver.source.losses["connection"] >= 1
+
+
+def test_a_stall_is_named_and_does_not_shift_the_time(line: Callable[..., Line]) -> None:
+    subject = line("rtl_tcp")
+    subject.run(2.0)
+    subject.stall(5.0)
+    assert subject.problem()
+    subject.measured.clear()
+    subject.run(3.0)
+    assert not subject.problem()
+    assert 0.0 <= subject.t_s - subject.measured[-1].power.t_s < 0.15
+    assert subject.receiver.meter.clock.stalls >= 1
+
+
+def test_samples_of_another_time_are_named_and_left_out(line: Callable[..., Line]) -> None:
+    subject = line("vita49")
+    subject.run(2.0)
+    subject.measured.clear()
+    # 1e9 samples at 2.4 Msample/s.
+    subject.run(1.0, shift_s=-416.7)
+    assert not subject.measured
+    assert "samples are 416.7 s late" in subject.problem()
+    subject.run(2.0)
+    assert not subject.problem()
+
+
+def test_a_wrong_rate_is_named(line: Callable[..., Line]) -> None:
+    subject = line("rtl_tcp", iq={"rate_hz": 1.2 * RATE_HZ})
+    subject.run(3.0)
+    assert "96.0 ksample/s arrive, iq.rate_hz states 115.2" in subject.problem()
+
+
+def test_clipping_is_named(line: Callable[..., Line]) -> None:
+    subject = line("rtl_tcp")
+    subject.run(2.0, gain=40.0)
+    assert "% of the samples are clipped" in subject.problem()
+
+
+def test_what_is_not_rtl_tcp_is_named() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        link = SourceLinkParams(host="127.0.0.1", port=server.getsockname()[1])
+        source = make_source(SignalReceiverParams(type="rtl_tcp", frequency_hz=1e9, link=link), lambda: 0.0)
+        source.step()
+        client, _ = server.accept()
+        client.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+        wait_for(lambda: "is not rtl_tcp: it begins with b'HTTP'" in source.problem, "a problem")
+        source.end()
+        client.close()
+
+
+def test_garbage_on_the_port_of_difi_is_counted(line: Callable[..., Line]) -> None:
+    subject = line("vita49")
+    subject.run(2.0)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for size in (1, 27, 28, 100, 1400):
+            sender.sendto(bytes(range(256)) * 6 if size == 1400 else b"\xff" * size, ("127.0.0.1", subject.port))
+    wait_for(lambda: subject.receiver.source.losses["packet that is not DIFI"] >= 5, "garbage")
+    subject.run(1.0)
+    assert not subject.problem()
+
+
+def test_a_recording_is_written_read_and_replayed(tmp_path: Path) -> None:
+    path = tmp_path / "pass.sigmf-meta"
+    outlet = make_outlet(OutletParams(format="sigmf", file=str(path)), RATE_HZ, CENTRE_HZ)
+    generator = SignalGenerator(GeneratorParams(rate_hz=RATE_HZ))
+    for piece in range(150):
+        offset_hz = CARRIER_HZ - CENTRE_HZ
+        outlet.send(generator.take(1920, (offset_hz, offset_hz), [10.0 ** (LEVEL_DB_HZ / 20.0)]), 1e9 + PIECE_S * piece)
+    outlet.close()
+    about = json.loads(path.read_text())
+    assert about["global"]["core:datatype"] == "ci16_le"
+    assert read_sigmf(path)[1:] == (RATE_HZ, "ci16", 1, CENTRE_HZ, 1e9)
+    t_s = 100.0
+    params = SignalReceiverParams(
+        type="sigmf", frequency_hz=CARRIER_HZ, link=SourceLinkParams(file=str(path)), iq=IqParams(rate_hz=RATE_HZ)
+    )
+    receiver = SignalReceiver(params, lambda: t_s)
+    found: list[Any] = []
+    for _ in range(145):
+        t_s += PIECE_S
+        due = (t_s - 100.0 - 2.0 * PIECE_S) * RATE_HZ
+        wait_for(lambda: found.extend(receiver.step(t_s)) or receiver.source.index >= due, "samples")  # noqa: B023
+    receiver.end()
+    assert np.mean([each.power.carrier_to_noise_db_hz for each in found[10:]]) == pytest.approx(LEVEL_DB_HZ, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ("{", "is not SigMF"),
+        ('{"global": {"core:sample_rate": 1.0}}', "is not SigMF"),
+        ('{"global": {"core:datatype": "rf64_le", "core:sample_rate": 1e4}}', "core:datatype=rf64 must be"),
+    ],
+)
+def test_a_file_that_is_no_recording_is_refused(tmp_path: Path, content: str, reason: str) -> None:
+    path = tmp_path / "a.sigmf-meta"
+    path.write_text(content)
+    with pytest.raises(ValueError, match=reason):
+        read_sigmf(path)
+
+
+class Instrument(threading.Thread):
+    """An instrument that answers each line of a request, or sends lines by itself."""
+
+    def __init__(self, answer: Callable[[str], str]) -> None:
+        super().__init__(daemon=True)
+        self._answer, self.requests = answer, list[str]()
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port = int(self._server.getsockname()[1])
+        self.start()
+
+    def run(self) -> None:
+        with suppress(OSError):
+            while True:
+                client, _ = self._server.accept()
+                with client, client.makefile("rw") as lines:
+                    for line in lines:
+                        self.requests.append(line.strip())
+                        lines.write(self._answer(line.strip()))
+                        lines.flush()
+
+    def close(self) -> None:
+        self._server.close()
+
+
+@pytest.mark.parametrize(
+    ("kind", "request_", "answer", "value"),
+    [
+        ("scpi", "CALC:MARK1:Y?", "-63.25\n", -63.25),
+        ("rigctl", "l STRENGTH", "-12\n", -12.0),
+        ("level", "C/N?", "LOCK 1 C/N= 12.5 dB\n", 12.5),
+    ],
+)
+def test_an_instrument_that_is_asked(kind: str, request_: str, answer: str, value: float) -> None:
+    instrument = Instrument(lambda _: answer)
+    level = LevelParams(transport="tcp", request=request_ if kind == "level" else "",
+                        **({"pattern": r"LOCK (?P<lock>\d) C/N= *(?P<level>[\d.]+)"} if kind == "level" else {}))  # fmt: skip
+    link = SourceLinkParams(host="127.0.0.1", port=instrument.port)
+    source = make_source(SignalReceiverParams(type=kind, link=link, level=level), time.time)
+    found: list[Any] = []
+    wait_for(lambda: found.extend(source.step()) or len(found) >= 3, "levels")
+    source.end()
+    instrument.close()
+    assert [each.value for each in found] == [value] * len(found)
+    assert found[0].locked is (True if kind == "level" else None)
+    assert set(instrument.requests) == {request_}
+
+
+def test_a_beacon_receiver_that_sends_datagrams() -> None:
+    port, sent = free_port(socket.SOCK_DGRAM), 0
+    level = LevelParams(pattern=r"BCN1 (?P<level>-?[\d.]+) dBm (?P<lock>\w+)", locked="LOCKED")
+    params = SignalReceiverParams(type="level", link=SourceLinkParams(host="127.0.0.1", port=port), level=level)
+    source = make_source(params, lambda: 7.0)
+    found: list[Any] = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+
+        def send() -> bool:
+            nonlocal sent
+            sender.sendto(b"BCN1 -71.4 dBm " + (b"SEARCH" if sent % 2 else b"LOCKED"), ("127.0.0.1", port))
+            sender.sendto(b"HELLO", ("127.0.0.1", port))
+            sent += 1
+            found.extend(source.step())
+            return len(found) >= 4
+
+        wait_for(send, "levels")
+    source.end()
+    assert {each.value for each in found} == {-71.4}
+    assert {each.locked for each in found} == {True, False}
+    assert source.losses["line without a level"] >= 1
+
+
+def test_an_instrument_that_does_not_answer_is_lost() -> None:
+    instrument = Instrument(lambda _: "RPRT -11\n")
+    link = SourceLinkParams(host="127.0.0.1", port=instrument.port)
+    source = make_source(SignalReceiverParams(type="rigctl", link=link), time.time)
+    source.step()
+    wait_for(lambda: "the rig refuses its level: RPRT -11" in source.problem, "a refusal")
+    source.end()
+    instrument.close()
+
+
+@given(
+    st.builds(
+        Packet, st.sampled_from([1, 4]), st.integers(0, 2**32 - 1), st.integers(0, 15), st.integers(0, 2**32 - 1),
+        st.integers(0, 10**12 - 1), st.binary(max_size=400).map(lambda data: data + bytes(-len(data) % 4)),
+    )
+)  # fmt: skip
+def test_packets_survive_the_way(packet: Packet) -> None:
+    assert decode_packet(encode_packet(packet)) == packet
+
+
+@given(
+    st.builds(
+        Context, st.none() | st.integers(1, 10**9).map(float), st.none() | st.integers(1, 10**11).map(float),
+        st.none() | st.integers(4, 16),
+    )
+)  # fmt: skip
+def test_contexts_survive_the_way(context: Context) -> None:
+    assert decode_context(encode_context(context)) == context
+
+
+@given(st.binary(max_size=200))
+def test_any_datagram_is_decoded_or_refused(data: bytes) -> None:
+    with suppress(ValueError):
+        packet = decode_packet(data)
+        decode_context(packet.payload)
+
+
+def test_a_packet_as_the_difi_consortium_prints_it() -> None:
+    """The header of its tutorial: 1A61 00C9, stream 0, OUI of VITA, seconds, one picosecond."""
+    header = bytes.fromhex("1a6100c900000000000012a200000000") + struct.pack(">IQ", 1_700_000_000, 1)
+    packet = decode_packet(header + b"\xff\xff\x00\x00" * 194)
+    assert (packet.kind, packet.count, packet.seconds, packet.picoseconds) == (1, 1, 1_700_000_000, 1)
+    assert len(packet.payload) == 4 * 194
+
+
+@pytest.mark.parametrize(("kind", "data", "value"), [
+    ("cu8", bytes([255, 0]), complex(127.5 / 128.0, -127.5 / 128.0)),
+    ("ci8", bytes([127, 128]), complex(127.0 / 128.0, -1.0)),
+    ("ci16", struct.pack("<hh", 32767, -32768), complex(32767.0 / 32768.0, -1.0)),
+    ("cf32", struct.pack("<ff", 0.5, math.nan), complex(0.5, 0.0)),
+])  # fmt: skip
+def test_samples_of_every_format(kind: str, data: bytes, value: complex) -> None:
+    samples, clipped = decoded(data, kind)
+    assert samples[0, 0] == pytest.approx(value, abs=1e-6)
+    assert clipped > 0.0
+
+
+@pytest.mark.parametrize(
+    ("params", "reason"),
+    [
+        ({"type": "radio"}, "receiver.type='radio' must be one of"),
+        ({"type": "level", "level": LevelParams(pattern="(")}, "is not a regular expression"),
+        ({"type": "level", "level": LevelParams(pattern="a")}, "must have a group level"),
+        ({"type": "rtl_tcp", "signal": SignalSearchParams(channels=2)}, "signal.channels=2 must be 1"),
+        ({"type": "rtl_tcp", "signal": SignalSearchParams(kind="preamble", preamble="01")}, "at least 8"),
+    ],
+)
+def test_receivers_that_could_never_work_are_refused(params: dict[str, Any], reason: str) -> None:
+    with pytest.raises(ValueError, match=reason):
+        make_source(SignalReceiverParams(**params), time.time)
