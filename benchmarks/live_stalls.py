@@ -90,8 +90,8 @@ SHIM = r"""
 #include <time.h>
 #include <unistd.h>
 static volatile double *share; /* of the datagrams that are lost, and damaged; s by which the clock is ahead */
-/* Ends of waits are told by the clock that is ahead, and the kernel has another. */
-static struct timespec told(const struct timespec *end) {
+/* Ends of waits are times of the clock that is ahead, and the kernel has another. */
+static struct timespec kernel_time(const struct timespec *end) {
   struct timespec found = *end;
   if (share && end->tv_sec > 1000000000L) found.tv_sec -= (time_t)share[2];
   return found;
@@ -135,12 +135,12 @@ int pthread_cond_timedwait(pthread_cond_t *condition, pthread_mutex_t *mutex, co
   static __typeof__(pthread_cond_timedwait) *real;
   if (!real) real = (__typeof__(pthread_cond_timedwait) *)dlvsym(RTLD_NEXT, "pthread_cond_timedwait", "GLIBC_2.3.2");
   if (!real) real = (__typeof__(pthread_cond_timedwait) *)dlsym(RTLD_NEXT, "pthread_cond_timedwait");
-  struct timespec then = told(end);
+  struct timespec then = kernel_time(end);
   return real(condition, mutex, &then);
 }
 int sem_timedwait(sem_t *semaphore, const struct timespec *end) {
   REAL(sem_timedwait);
-  struct timespec then = told(end);
+  struct timespec then = kernel_time(end);
   return real(semaphore, &then);
 }
 int clock_gettime(clockid_t clock, struct timespec *now) {

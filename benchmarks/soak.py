@@ -8,9 +8,9 @@ node is killed (-9) or stopped (SIGSTOP, 0.2 to 5 s), and the device behind the 
 again after 0.5 s, as a launch file does.
 
 A second of a pass is lost while the axes are more than half the beamwidth from the satellite, or
-have not been heard for 1 s.  A fault, which for a killed node lasts until it is active again, may
+have not been received for 1 s.  A fault, which for a killed node lasts until it is active again, may
 cost itself and 10 s more, one that has moved the device its way back at 6 deg/s too.  Every other
-lost second, a node that ends by itself, an outage of the device of which nobody was told within
+lost second, a node that ends by itself, an outage of the device which nobody has reported within
 the 10 min in which an alarm is not repeated, and more than six messages about one fault fail the
 soak (exit 1).
 """
@@ -57,7 +57,7 @@ GAP_S = 3.0, 20.0
 STALL_S, BLOCK_S, OUT_S = (0.2, 5.0), (0.3, 8.0), (0.5, 8.0)
 SAMPLE_S, SILENT_S = 0.1, 1.0
 LOST_S, QUIET_S, MOST_SAID = 4.5, 600.0, 6
-"""An outage of the device of which somebody must be told, once in so long; most messages about a fault."""
+"""An outage of the device that must be reported, once in so long; most messages about a fault."""
 
 
 @dataclass
@@ -255,16 +255,16 @@ class Soak:
         """Print the table; return what is wrong."""
         at, bad, excused = self.lost()
         wrong = list(self.ended)
-        print(f"{'fault':<30}{'at s':>8}{'for s':>7}{'lost s':>8}{'recovered after s':>19}{'told':>6}")
+        print(f"{'fault':<30}{'at s':>8}{'for s':>7}{'lost s':>8}{'recovered after s':>19}{'said':>6}")
         for fault in self.faults:
             lasted_s = fault.end_s - fault.begin_s
             print(f"{fault.what:<30}{fault.begin_s:>8.1f}{lasted_s:>7.1f}{fault.lost_s:>8.1f}"
                   f"{fault.recovered_s:>19.1f}{fault.said:>6}  {fault.words[:90]}")  # fmt: skip
             if fault.said > MOST_SAID:
-                wrong.append(f"{fault.begin_s:.1f} s: {fault.what}: told {fault.said} times, at most {MOST_SAID}")
+                wrong.append(f"{fault.begin_s:.1f} s: {fault.what}: reported {fault.said} times, at most {MOST_SAID}")
             told = any(0.0 <= fault.until_s - when_s < QUIET_S and "drive" in words for when_s, words in self.told)
             if fault.what.startswith("device") and lasted_s > LOST_S and not told:
-                wrong.append(f"{fault.begin_s:.1f} s: {fault.what} for {lasted_s:.1f} s: nobody was told")
+                wrong.append(f"{fault.begin_s:.1f} s: {fault.what} for {lasted_s:.1f} s: it was not reported")
         unexcused = at[bad & ~excused]
         if len(unexcused):
             edges = np.flatnonzero(np.diff(unexcused) > 1.5 * SAMPLE_S)
