@@ -181,7 +181,7 @@ def cause_of(
     passes: Sequence[TrackedPass],
     elements: Sequence[Elements],
     site: Site,
-    refraction: RadioRefraction | str | None,
+    refraction: RadioRefraction | Literal["standard"] | None,
 ) -> str:
     """Return the cause by which the samples are where they are, "" where none of those known does.
 
