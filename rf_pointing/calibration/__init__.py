@@ -25,7 +25,13 @@ if TYPE_CHECKING:
     from rf_pointing.calibration.observations import Observations, require_derivatives
     from rf_pointing.calibration.outlying_passes import measured_pass_priors, warnings_of
     from rf_pointing.calibration.pass_errors import PassPriors
-    from rf_pointing.calibration.pipeline import PriorKnowledge, Processed, RawPasses, TrackedPass, select_observations
+    from rf_pointing.calibration.pipeline import (
+        PriorKnowledge,
+        Processed,
+        RawPasses,
+        TrackedPass,
+        select_observations,
+    )
     from rf_pointing.calibration.raw_tracking import RawTracking, StageReport, split_passes
     from rf_pointing.calibration.reference import ReferenceTrack
     from rf_pointing.calibration.tdm import read_tdm, write_tdm

@@ -20,7 +20,9 @@ class AcceptanceRules(Params):
     """When a verdict is given, and which one a candidate needs to be accepted."""
 
     fewest_passes: int = parameter(3, "passes before a verdict", low=2, high=1000)
-    t_limit: float = parameter(2.0, "paired t value beyond which a model is better or worse", low=0.5, high=10.0)
+    t_limit: float = parameter(
+        2.0, "paired t value beyond which a model is better or worse", low=0.5, high=10.0
+    )
     accept: str = parameter(
         "better",
         "verdict that a candidate needs to be accepted; with 'not worse' it need not have been observed",
@@ -52,7 +54,9 @@ class AcceptanceScore:
     def add(self, observations: Observations) -> None:
         """Score observations of one or more passes; a pass may come in pieces."""
         # Exact forms of both: near the zenith the printed one would score its own error.
-        active, candidate = (_misses(model, observations) for model in (self.active, self.candidate))
+        active, candidate = (
+            _misses(model, observations) for model in (self.active, self.candidate)
+        )
         for number in observations.passes.tolist():
             rows = observations.pass_id == number
             sums = np.array([np.sum(rows), np.sum(active[rows]), np.sum(candidate[rows])])
@@ -79,7 +83,9 @@ def _paired_t(gain: Array) -> float:
     mean, spread = float(np.mean(gain)), float(np.std(gain))
     if len(gain) < 2 or mean == 0.0:
         return 0.0
-    return mean / spread * math.sqrt(len(gain) - 1) if spread > 0.0 else math.copysign(math.inf, mean)
+    return (
+        mean / spread * math.sqrt(len(gain) - 1) if spread > 0.0 else math.copysign(math.inf, mean)
+    )
 
 
 def _misses(model: BiasModel, data: Observations) -> Array:

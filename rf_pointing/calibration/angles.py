@@ -22,7 +22,9 @@ class _Angles(ABC):
     azimuth: Array
     elevation: Array
     temperature_k: ArrayLike | None
-    _kept: dict[tuple[str, int], tuple[Array, Array]] = field(default_factory=dict, kw_only=True, repr=False)
+    _kept: dict[tuple[str, int], tuple[Array, Array]] = field(
+        default_factory=dict, kw_only=True, repr=False
+    )
 
     @property
     @abstractmethod
@@ -49,7 +51,9 @@ class _Angles(ABC):
         # No default: a model fitted with temperatures would be wrong by mdeg without them.
         if self.temperature_k is None:
             raise ValueError("temperature_k=None must be given: the model has a temperature term")
-        return (np.asarray(self.temperature_k, dtype=np.float64) - REFERENCE_TEMPERATURE_K) * self.one
+        return (
+            np.asarray(self.temperature_k, dtype=np.float64) - REFERENCE_TEMPERATURE_K
+        ) * self.one
 
     # Several terms share a sine; each is computed once for a million rows.
     def _keep(self, axis: str, multiple: int) -> tuple[Array, Array]:
@@ -71,9 +75,13 @@ class ArrayAngles(_Angles):
     @classmethod
     def of(cls, motion: Sequence[ArrayLike], temperature_k: ArrayLike | None) -> "ArrayAngles":
         """Broadcast azimuth, elevation, their rates and their accelerations to one shape."""
-        azimuth, elevation, *rates = np.broadcast_arrays(*(np.asarray(part, dtype=np.float64) for part in motion))
+        azimuth, elevation, *rates = np.broadcast_arrays(
+            *(np.asarray(part, dtype=np.float64) for part in motion)
+        )
         if len(rates) != 4:
-            raise ValueError(f"motion has {len(motion)} parts, must have 6: angles, rates and accelerations")
+            raise ValueError(
+                f"motion has {len(motion)} parts, must have 6: angles, rates and accelerations"
+            )
         return cls(azimuth, elevation, temperature_k, *rates)
 
     @cached_property

@@ -18,7 +18,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rf_pointing.calibration import taylor
-from rf_pointing.calibration.angles import REFERENCE_TEMPERATURE_K, Angles, ArrayAngles, SeriesAngles
+from rf_pointing.calibration.angles import (
+    REFERENCE_TEMPERATURE_K,
+    Angles,
+    ArrayAngles,
+    SeriesAngles,
+)
 from rf_pointing.calibration.mount import Skew, axes_from_sky, sky_from_axes
 from rf_pointing.calibration.terms import TERM_NAMES, Term, terms_by_name
 from rf_pointing.core import angular_distance_rad, require_between
@@ -30,7 +35,9 @@ INVERSE_TOLERANCE_RAD = 1e-12
 # `remove` raises if it has not converged after this many iterations.
 INVERSE_ITERATIONS = 60
 # Where `departure` looks: the terms bend over tens of degrees.
-_AZIMUTHS, _ELEVATIONS = np.meshgrid(np.radians(np.arange(0.0, 360.0, 15.0)), np.radians(np.arange(5.0, 81.0, 5.0)))
+_AZIMUTHS, _ELEVATIONS = np.meshgrid(
+    np.radians(np.arange(0.0, 360.0, 15.0)), np.radians(np.arange(5.0, 81.0, 5.0))
+)
 
 
 @dataclass(frozen=True)
@@ -54,7 +61,9 @@ class BiasModel:
         ordered = {term.name: float(self.coefficients[term.name]) for term in terms}
         object.__setattr__(self, "coefficients", MappingProxyType(ordered))
         # Terms that are zero cost time in every period of the controller and change nothing.
-        object.__setattr__(self, "_acting", tuple((t, ordered[t.name]) for t in terms if ordered[t.name] != 0.0))
+        object.__setattr__(
+            self, "_acting", tuple((t, ordered[t.name]) for t in terms if ordered[t.name] != 0.0)
+        )
 
     # A MappingProxyType cannot be pickled, and the fits of a Monte Carlo run in several processes.
     def __reduce__(self) -> tuple[type[Self], tuple[dict[str, float]]]:
@@ -69,7 +78,12 @@ class BiasModel:
     def from_degrees(cls, coefficients: Mapping[str, float]) -> Self:
         """Build from degrees (angles) and seconds (lags), the units of SATCAL Tables 1 and 3."""
         terms = terms_by_name(coefficients)
-        return cls({t.name: coefficients[t.name] * (_DEGREE if t.unit.startswith("rad") else 1.0) for t in terms})
+        return cls(
+            {
+                t.name: coefficients[t.name] * (_DEGREE if t.unit.startswith("rad") else 1.0)
+                for t in terms
+            }
+        )
 
     def replace(self, **changes: float) -> Self:
         """Return a model with some coefficients changed; a new name must be a known extension."""
@@ -84,7 +98,12 @@ class BiasModel:
     def skew(self) -> Skew:
         """Return the four rotations of the mount."""
         value = self.coefficients
-        return Skew(value["non_orthogonality"], value["collimation"], value["mislevel_east"], value["mislevel_north"])
+        return Skew(
+            value["non_orthogonality"],
+            value["collimation"],
+            value["mislevel_east"],
+            value["mislevel_north"],
+        )
 
     @property
     def has_lags(self) -> bool:
@@ -100,7 +119,9 @@ class BiasModel:
         if not names:
             return self
         if temperature_k is None:
-            raise ValueError(f"the bias model has {', '.join(names)}, and no temperature has been received")
+            raise ValueError(
+                f"the bias model has {', '.join(names)}, and no temperature has been received"
+            )
         changes = dict.fromkeys(names, 0.0)
         for name in names:
             offset = name.replace("temperature", "offset")
@@ -108,7 +129,9 @@ class BiasModel:
             changes[offset] = self.coefficients[offset] + self.coefficients[name] * warmer_k
         return self.replace(**changes)
 
-    def offset_rad(self, *motion: ArrayLike, temperature_k: ArrayLike | None = None) -> tuple[Array, Array]:
+    def offset_rad(
+        self, *motion: ArrayLike, temperature_k: ArrayLike | None = None
+    ) -> tuple[Array, Array]:
         """Return observed minus true azimuth and elevation (rad), SATCAL eqs. (1)-(2) as printed.
 
         `motion` are the true azimuth and elevation (rad), their rates (rad/s) and accelerations
@@ -116,7 +139,9 @@ class BiasModel:
         model has a temperature term and `temperature_k` is None.
         """
         angles = ArrayAngles.of(motion, temperature_k)
-        azimuth, elevation = self._sum(angles, (2, *angles.one.shape), ("rotation", "additive", "lag"))
+        azimuth, elevation = self._sum(
+            angles, (2, *angles.one.shape), ("rotation", "additive", "lag")
+        )
         return azimuth, elevation
 
     def departure(self) -> tuple[float, float, float]:
@@ -132,7 +157,9 @@ class BiasModel:
         worst = np.unravel_index(int(np.argmax(apart)), apart.shape)
         return float(apart[worst]), float(_AZIMUTHS[worst]), float(_ELEVATIONS[worst])
 
-    def apply(self, *motion: ArrayLike, temperature_k: ArrayLike | None = None) -> tuple[Array, Array]:
+    def apply(
+        self, *motion: ArrayLike, temperature_k: ArrayLike | None = None
+    ) -> tuple[Array, Array]:
         """Return observed azimuth and elevation (rad) of a true `motion`, as in `offset_rad`.
 
         Exact; `remove` is the inverse.  Raises ValueError for a direction in the exclusion cone of
@@ -141,7 +168,9 @@ class BiasModel:
         azimuth, elevation = self._observed(self._true_series(*motion), temperature_k)[:, 0]
         return azimuth, elevation
 
-    def remove(self, *motion: ArrayLike, temperature_k: ArrayLike | None = None) -> tuple[Array, Array]:
+    def remove(
+        self, *motion: ArrayLike, temperature_k: ArrayLike | None = None
+    ) -> tuple[Array, Array]:
         """Return the true angles (rad) of observed ones; the rates are those of the TRUE motion.
 
         Raises ValueError if INVERSE_ITERATIONS do not reach INVERSE_TOLERANCE_RAD.
@@ -209,7 +238,9 @@ class BiasModel:
         axes = np.array(axes_from_sky(true[0], true[1], self.skew))
         return self._shift(axes, ("lag",), None)[:, :1]
 
-    def _without_encoders(self, target: Array, start: Array, temperature_k: ArrayLike | None) -> Array:
+    def _without_encoders(
+        self, target: Array, start: Array, temperature_k: ArrayLike | None
+    ) -> Array:
         axes = start
         for _ in range(INVERSE_ITERATIONS):
             found = target - self._shift(axes, ("additive",), temperature_k)
@@ -218,13 +249,19 @@ class BiasModel:
             # Tighter than the outer loop, which would else see the rest of this one as its change.
             if change <= 0.01 * INVERSE_TOLERANCE_RAD:
                 return axes
-        raise ValueError(f"remove: encoder terms change {change:.3e} rad after {INVERSE_ITERATIONS} iterations")
+        raise ValueError(
+            f"remove: encoder terms change {change:.3e} rad after {INVERSE_ITERATIONS} iterations"
+        )
 
 
 def _series_of(position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> Array:
     """Return the Taylor series (2, 5, ...) of azimuth and elevation."""
-    parts = np.broadcast_arrays(*(np.asarray(p, dtype=np.float64) for p in (position, velocity, acceleration)))
-    for name, part in zip(("position_rad", "velocity_rad_s", "acceleration_rad_s2"), parts, strict=True):
+    parts = np.broadcast_arrays(
+        *(np.asarray(p, dtype=np.float64) for p in (position, velocity, acceleration))
+    )
+    for name, part in zip(
+        ("position_rad", "velocity_rad_s", "acceleration_rad_s2"), parts, strict=True
+    ):
         if part.ndim == 0 or part.shape[-1] != 2:
             raise ValueError(f"{name} has shape {part.shape}, must end in 2 (azimuth, elevation)")
         if not np.all(np.isfinite(part)):

@@ -80,7 +80,9 @@ class Slew(Params):
     `travel_rad` are the ends of the azimuth travel: cables may rule out the shorter direction.
     """
 
-    rate_rad_s: float = parameter(math.radians(1.8), "mean axis rate of a slew", low=1e-5, high=10.0)
+    rate_rad_s: float = parameter(
+        math.radians(1.8), "mean axis rate of a slew", low=1e-5, high=10.0
+    )
     settle_s: float = parameter(30.0, "stop, settling and acquisition", low=0.0, high=3600.0)
     travel_rad: tuple[float, ...] = parameter(
         (), "lower and upper end of the azimuth travel; none: unlimited", low=-20.0, high=20.0
@@ -88,7 +90,9 @@ class Slew(Params):
 
     def check_together(self) -> None:
         """Refuse a travel that is not a pair, or is less than a turn."""
-        if self.travel_rad and (len(self.travel_rad) != 2 or self.travel_rad[1] - self.travel_rad[0] < _TURN):
+        if self.travel_rad and (
+            len(self.travel_rad) != 2 or self.travel_rad[1] - self.travel_rad[0] < _TURN
+        ):
             raise ValueError(f"travel_rad={self.travel_rad} must be two ends at least a turn apart")
 
     def ends_rad(self, azimuth_rad: Array) -> tuple[float, float]:
@@ -98,7 +102,9 @@ class Slew(Params):
         if self.travel_rad:
             low, high = self.travel_rad
             turns = _TURN * (np.arange(-2.0, 3.0) - np.floor(path[0] / _TURN))
-            outside = np.maximum(low - np.min(path) - turns, 0.0) + np.maximum(np.max(path) + turns - high, 0.0)
+            outside = np.maximum(low - np.min(path) - turns, 0.0) + np.maximum(
+                np.max(path) + turns - high, 0.0
+            )
             path = path + turns[np.lexsort((np.abs(path[0] + turns), outside))[0]]
         return float(path[0]), float(path[-1])
 
@@ -145,7 +151,9 @@ def plan_campaign(
     # Neither plan is always the better one, and both cost little next to the candidates' tracks.
     plans = [table.by_exchange(), table.by_rate()]
     # Where neither fills the sky, the plan that brings more of the missing points.
-    taken, filled, full_at = min(plans, key=lambda plan: (plan[2] or math.inf, -table.gain(begun, plan[1] - begun)))
+    taken, filled, full_at = min(
+        plans, key=lambda plan: (plan[2] or math.inf, -table.gain(begun, plan[1] - begun))
+    )
     if full_at is not None:
         taken, filled = table.without_needless(taken, filled)
     return Campaign(tuple(table.candidates[k] for k in taken), Coverage(rule, filled), full_at)
@@ -154,7 +162,9 @@ def plan_campaign(
 class _Table:
     """Times, directions at both ends and points per sector of all candidates, by their end."""
 
-    def __init__(self, candidates: Sequence[CandidatePass], rule: SectorRule, slew: Slew, begun: Counts) -> None:
+    def __init__(
+        self, candidates: Sequence[CandidatePass], rule: SectorRule, slew: Slew, begun: Counts
+    ) -> None:
         self._begun = begun
         self.candidates, self._rule, self._slew = candidates, rule, slew
         tracks = [c.track for c in candidates]
@@ -163,7 +173,9 @@ class _Table:
         azimuth = np.array([slew.ends_rad(t.azimuth_rad) for t in tracks])
         elevation = np.array([(t.elevation_rad[0], t.elevation_rad[-1]) for t in tracks])
         self._from, self._to = np.moveaxis(np.stack([azimuth, elevation], axis=-1), 1, 0)
-        self._counts = np.array([rule.coverage(t.azimuth_rad, t.elevation_rad).counts for t in tracks])
+        self._counts = np.array(
+            [rule.coverage(t.azimuth_rad, t.elevation_rad).counts for t in tracks]
+        )
 
     def gain(self, filled: Counts, more: Counts) -> Counts:
         """Return how many points `more` (..., sectors) brings where they are missing."""
@@ -178,7 +190,9 @@ class _Table:
         for k in range(len(self.candidates)):
             ready = self._end[taken] + self._slew.time_s(self._to[taken], self._from[k])
             # One candidate may exclude several: it must be worth more than all of them.
-            rivals = [other for other, t_s in zip(taken, ready, strict=True) if t_s > self._start[k]]
+            rivals = [
+                other for other, t_s in zip(taken, ready, strict=True) if t_s > self._start[k]
+            ]
             theirs: Counts = np.sum(self._counts[rivals], axis=0, dtype=np.int64)
             without = filled - theirs
             if self.gain(without, self._counts[k]) <= self.gain(without, theirs):
@@ -264,18 +278,26 @@ def next_best_passes(
         # Given this one: two good passes of one sky add less than each alone.
         present = after[best]
         left = [k for k in left if k != best and reach.allows(candidates[k], candidates[best])]
-        advice.append(PassAdvice(candidates[best].name, candidates[best].start_t_s, np.sqrt(np.diag(present)), factor))
+        advice.append(
+            PassAdvice(
+                candidates[best].name, candidates[best].start_t_s, np.sqrt(np.diag(present)), factor
+            )
+        )
     return advice
 
 
 def _places(terms: Sequence[str], chosen: Sequence[str]) -> NDArray[np.int64]:
     astray = [name for name in chosen if name not in terms]
     if astray or not chosen:
-        raise ValueError(f"chosen={', '.join(chosen) or 'nothing'} must name terms among {', '.join(terms)}")
+        raise ValueError(
+            f"chosen={', '.join(chosen) or 'nothing'} must name terms among {', '.join(terms)}"
+        )
     return np.array([list(terms).index(name) for name in chosen], dtype=np.int64)
 
 
-def _information(terms: tuple[str, ...], candidate: CandidatePass, pass_priors: PassPriors | None) -> Array:
+def _information(
+    terms: tuple[str, ...], candidate: CandidatePass, pass_priors: PassPriors | None
+) -> Array:
     """Return rows (m, k) whose squares are the information of a pass about the terms."""
     data = candidate.observations("planned", "planned", 0)
     # At the reference of the thermal terms, of which a plan can promise nothing.

@@ -31,7 +31,12 @@ class SectorRule(Params):
 
     def check_together(self) -> None:
         """Refuse bands that do not rise."""
-        if any(high <= low for low, high in zip(self.elevation_edges_rad, self.elevation_edges_rad[1:], strict=False)):
+        if any(
+            high <= low
+            for low, high in zip(
+                self.elevation_edges_rad, self.elevation_edges_rad[1:], strict=False
+            )
+        ):
             raise ValueError(f"elevation_edges_rad={self.elevation_edges_rad} must increase")
 
     @property
@@ -51,7 +56,9 @@ class SectorRule(Params):
         band = np.searchsorted(edges, elevation, side="right") - 1
         # An azimuth a rounding below 2 pi would be in the sector after the last one.
         inside = (band >= 0) & (band < len(edges) - 1)
-        return np.where(inside, band * self.azimuth_sectors + np.minimum(column, self.azimuth_sectors - 1), -1)
+        return np.where(
+            inside, band * self.azimuth_sectors + np.minimum(column, self.azimuth_sectors - 1), -1
+        )
 
     def name(self, sector: int) -> str:
         """Return the bounds of a sector in words."""
@@ -68,7 +75,10 @@ class SectorRule(Params):
 
 def on_the_sky(azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> tuple[Array, Array]:
     """Return the direction (n,) of axis angles (n,): of a dish over the top on the other side."""
-    azimuth, elevation = np.asarray(azimuth_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64)
+    azimuth, elevation = (
+        np.asarray(azimuth_rad, dtype=np.float64),
+        np.asarray(elevation_rad, dtype=np.float64),
+    )
     over = elevation > 0.5 * np.pi
     return np.where(over, azimuth + np.pi, azimuth), np.where(over, np.pi - elevation, elevation)
 
@@ -88,9 +98,13 @@ class Coverage:
     def require_full(self) -> None:
         """Raise ValueError naming the sectors that are not filled."""
         if self.thin:
-            worst = "; ".join(f"{self.rule.name(sector)} has {self.counts[sector]}" for sector in self.thin[:4])
+            worst = "; ".join(
+                f"{self.rule.name(sector)} has {self.counts[sector]}" for sector in self.thin[:4]
+            )
             more = f" and {len(self.thin) - 4} more" if len(self.thin) > 4 else ""
-            raise ValueError(f"{len(self.thin)} of {self.rule.count} sectors have < {self.rule.fewest}: {worst}{more}")
+            raise ValueError(
+                f"{len(self.thin)} of {self.rule.count} sectors have < {self.rule.fewest}: {worst}{more}"
+            )
 
 
 def select_by_sector(
@@ -116,7 +130,9 @@ def select_by_sector(
     return chosen, dropped
 
 
-def _shared_out(rows: NDArray[np.int64], pass_id: NDArray[np.int64], most: int) -> NDArray[np.int64]:
+def _shared_out(
+    rows: NDArray[np.int64], pass_id: NDArray[np.int64], most: int
+) -> NDArray[np.int64]:
     """Return up to `most` rows, one from each pass in turn, spread within the pass."""
     if len(rows) <= most:
         return rows

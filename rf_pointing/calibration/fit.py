@@ -54,12 +54,22 @@ class FitOptions(Params):
     errors of a pass are correlated (it needs many passes, edited beforehand).
     """
 
-    form: str = parameter("printed", "model form: SATCAL (1)-(2) or exact rotations", choices=("printed", "rotation"))
-    edit_sigma: float = parameter(3.0, "residuals beyond this many sigma are left out; 0: none", low=0.0, high=100.0)
-    huber_sigma: float = parameter(0.0, "residuals beyond this many sigma count linearly; 0: squared", low=0.0, high=10)
+    form: str = parameter(
+        "printed", "model form: SATCAL (1)-(2) or exact rotations", choices=("printed", "rotation")
+    )
+    edit_sigma: float = parameter(
+        3.0, "residuals beyond this many sigma are left out; 0: none", low=0.0, high=100.0
+    )
+    huber_sigma: float = parameter(
+        0.0, "residuals beyond this many sigma count linearly; 0: squared", low=0.0, high=10
+    )
     covariance: str = parameter("white", "how sigma is computed", choices=("white", "sandwich"))
-    fewest_passes: int = parameter(3, "fewer passes are refused unless every term has a prior", low=1, high=1000)
-    scale_covariance: bool = parameter(False, "raise the white covariance where residuals are larger than sigma says")
+    fewest_passes: int = parameter(
+        3, "fewer passes are refused unless every term has a prior", low=1, high=1000
+    )
+    scale_covariance: bool = parameter(
+        False, "raise the white covariance where residuals are larger than sigma says"
+    )
 
     def check_together(self) -> None:
         """Refuse editing before a sandwich."""
@@ -115,7 +125,9 @@ def fit_bias_model(
     names, chosen = tuple(terms), options or FitOptions()
     _check_names(names, held or {}, priors or {})
     if pass_priors is not None and chosen.covariance == "sandwich":
-        raise ValueError("covariance='sandwich' with pass_priors counts the errors of a pass twice: choose one")
+        raise ValueError(
+            "covariance='sandwich' with pass_priors counts the errors of a pass twice: choose one"
+        )
     backed = all(name in (priors or {}) for name in names)
     if len(observations.passes) < chosen.fewest_passes and not backed:
         raise ValueError(
@@ -139,12 +151,16 @@ def _iterate(problem: FitProblem, options: FitOptions, start: FitResult | None) 
         used = start.used if len(start.used) == len(used) else used
     for number in range(1, _MOST_ROUNDS + 1):
         now = problem.solve(values, used, weight)
-        step = float(np.max(np.abs(now.solution.values - values) / np.sqrt(np.diag(now.solution.covariance))))
+        step = float(
+            np.max(np.abs(now.solution.values - values) / np.sqrt(np.diag(now.solution.covariance)))
+        )
         values = now.solution.values
         size = normalised_size(now.residuals, problem.sigmas, used)
         keep = within_limit(size, options.edit_sigma, used, may_return=number <= _FREE_ROUNDS)
         lighter = huber_weights(size, options.huber_sigma)
-        settled = np.array_equal(keep, used) and np.allclose(lighter, weight, rtol=0.0, atol=_WEIGHTS_SETTLED)
+        settled = np.array_equal(keep, used) and np.allclose(
+            lighter, weight, rtol=0.0, atol=_WEIGHTS_SETTLED
+        )
         # The covariance of a round that was not the last one would belong to other rows.
         if settled and (problem.linear or step < _CONVERGED_SIGMA):
             return now
@@ -156,7 +172,9 @@ def _check_left(data: Observations, last: Round, options: FitOptions, backed: bo
     """Refuse a fit that rejects too much: what is left agrees with itself, not with the antenna."""
     out = ~last.used
     numbers, counts = np.unique(data.pass_id[out], return_counts=True)
-    worst = ", ".join(str(number) for number in numbers[np.argsort(-counts, kind="stable")][:4].tolist())
+    worst = ", ".join(
+        str(number) for number in numbers[np.argsort(-counts, kind="stable")][:4].tolist()
+    )
     if np.mean(out) > _MOST_EDITED:
         raise ValueError(
             f"{int(np.sum(out))} of {len(data)} observations were edited out ({100.0 * np.mean(out):.0f} %), most of them of "
@@ -177,12 +195,20 @@ def _result(problem: FitProblem, last: Round, options: FitOptions) -> FitResult:
     covariance = solution.covariance
     if options.covariance == "sandwich":
         covariance = sandwich_covariance(problem.names, covariance, problem.weighted_passes(last))
-    noise = problem.noise(last, share_after_editing(options.edit_sigma)) if options.scale_covariance else None
+    noise = (
+        problem.noise(last, share_after_editing(options.edit_sigma))
+        if options.scale_covariance
+        else None
+    )
     if noise is not None and options.covariance == "white":
         covariance = covariance * excess_of(noise)
     size = normalised_size(last.residuals, problem.sigmas, used)
     common, spread = problem.nuisance_estimates(last)
-    places, rows = problem.pass_rows(last) if problem.pass_priors is not None else (np.zeros(0, dtype=np.int64), None)
+    places, rows = (
+        problem.pass_rows(last)
+        if problem.pass_priors is not None
+        else (np.zeros(0, dtype=np.int64), None)
+    )
     return FitResult(
         names=problem.names,
         values=solution.values,
@@ -229,7 +255,9 @@ def excess_of(noise: tuple[NoiseScale, NoiseScale]) -> float:
     return factor if factor > 1.0 + _EXCESS_SIGMA * uncertainty else 1.0
 
 
-def _check_names(names: tuple[str, ...], held: Mapping[str, float], priors: Mapping[str, Prior]) -> None:
+def _check_names(
+    names: tuple[str, ...], held: Mapping[str, float], priors: Mapping[str, Prior]
+) -> None:
     """Raise ValueError for unknown names and terms of the 14 that are not fitted or held once."""
     if not names:
         raise ValueError("terms is empty, must name at least one term to fit")
@@ -240,7 +268,9 @@ def _check_names(names: tuple[str, ...], held: Mapping[str, float], priors: Mapp
         raise ValueError(f"term {', '.join(both)} is both fitted and held")
     missing = [name for name in TERM_NAMES if name not in names and name not in held]
     if missing:
-        raise ValueError(f"term {', '.join(missing)} is neither fitted nor held: give it a value in held")
+        raise ValueError(
+            f"term {', '.join(missing)} is neither fitted nor held: give it a value in held"
+        )
     astray = [name for name in priors if name not in names]
     if astray:
         raise ValueError(f"prior of {', '.join(astray)}: not a fitted term")
@@ -254,7 +284,9 @@ def normalised_size(residuals: Array, sigmas: Array, used: NDArray[np.bool_]) ->
     return np.asarray(np.max(sizes / spread[:, np.newaxis], axis=0))
 
 
-def within_limit(size: Array, limit: float, used: NDArray[np.bool_], *, may_return: bool) -> NDArray[np.bool_]:
+def within_limit(
+    size: Array, limit: float, used: NDArray[np.bool_], *, may_return: bool
+) -> NDArray[np.bool_]:
     """Return the rows that count next; limit 0 keeps all, with `may_return` rejected rows too."""
     if limit == 0.0:
         return used
@@ -267,21 +299,28 @@ def huber_weights(size: Array, limit: float) -> Array:
     return np.ones_like(size) if limit == 0.0 else np.minimum(1.0, limit / np.maximum(size, limit))
 
 
-def sandwich_covariance(names: Sequence[str], covariance: Array, passes: Sequence[tuple[int, Array, Array]]) -> Array:
+def sandwich_covariance(
+    names: Sequence[str], covariance: Array, passes: Sequence[tuple[int, Array, Array]]
+) -> Array:
     """Return the covariance (k, k), from that of white noise and each pass's rows and residuals.
 
     Rows and residuals are divided by sigma.  Raises ValueError for fewer than
     _FEWEST_SANDWICH_PASSES passes and where one pass alone determines a term.
     """
     if len(passes) < _FEWEST_SANDWICH_PASSES:
-        raise ValueError(f"passes={len(passes)} must be >= {_FEWEST_SANDWICH_PASSES} for a sandwich covariance")
+        raise ValueError(
+            f"passes={len(passes)} must be >= {_FEWEST_SANDWICH_PASSES} for a sandwich covariance"
+        )
     # A pass that alone determines a term has no residual to measure its errors by.
     meat = np.zeros_like(covariance)
     for number, rows, residuals in passes:
         remaining = np.eye(len(names)) - (rows.T @ rows) @ covariance
         values, vectors = np.linalg.eig(remaining.T)
         if np.min(np.abs(values)) < _ALONE:
-            weak = np.abs(vectors[:, int(np.argmin(np.abs(values)))]) * np.sqrt(np.diag(covariance)) ** -1
+            weak = (
+                np.abs(vectors[:, int(np.argmin(np.abs(values)))])
+                * np.sqrt(np.diag(covariance)) ** -1
+            )
             name = names[int(np.argmax(weak))]
             raise ValueError(f"pass {number} alone determines {name}: add passes that see it too")
         score = np.linalg.solve(remaining, rows.T @ residuals)

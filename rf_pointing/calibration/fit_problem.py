@@ -57,7 +57,9 @@ class Block:
     @classmethod
     def of(cls, angles: Angles, partials: list[Partial | None]) -> "Block":
         """Evaluate the partials of all unknowns, None for those that do not act on this axis."""
-        acting = [(column, partial) for column, partial in enumerate(partials) if partial is not None]
+        acting = [
+            (column, partial) for column, partial in enumerate(partials) if partial is not None
+        ]
         # Column by column in memory: LAPACK wants it so, and each partial is written in one go.
         padded = np.zeros((len(angles.one), len(acting) + 1), order="F")
         for place, (_, partial) in enumerate(acting):
@@ -130,10 +132,18 @@ class FitProblem:
         shared: SharedErrors | None = None,
         nuisances: Sequence[Nuisance] = (),
     ) -> None:
-        self.data, self.names, self.held, self.priors, self.pass_priors = data, names, held, priors, pass_priors
+        self.data, self.names, self.held, self.priors, self.pass_priors = (
+            data,
+            names,
+            held,
+            priors,
+            pass_priors,
+        )
         self.nuisances = tuple(nuisances)
         self.shared = shared
-        self.sharing = Sharing.of(data, shared) if shared is not None and pass_priors is not None else None
+        self.sharing = (
+            Sharing.of(data, shared) if shared is not None and pass_priors is not None else None
+        )
         self.linear = form == "printed"
         angles, terms = ArrayAngles.of(data.motion(), data.temperature_k), terms_by_name(names)
         self.blocks = (
@@ -153,7 +163,9 @@ class FitProblem:
 
     def start(self) -> Array:
         """Return the values of the first linearisation: those of the priors, else zero."""
-        return np.array([self.priors[name].value if name in self.priors else 0.0 for name in self.names])
+        return np.array(
+            [self.priors[name].value if name in self.priors else 0.0 for name in self.names]
+        )
 
     def equations(
         self, values: Array, used: NDArray[np.bool_], weight: Array
@@ -195,10 +207,15 @@ class FitProblem:
         values = last.values[:, own].tolist()
         sigma = np.sqrt(np.einsum("gij,gij->gi", last.root[:, own], last.root[:, own])).tolist()
         numbers = self.passes[0][last.levels[-1].heads.passes]
-        middles = dict(zip(self.data.pass_id.tolist(), middles_of_passes(self.data).tolist(), strict=True))
+        middles = dict(
+            zip(self.data.pass_id.tolist(), middles_of_passes(self.data).tolist(), strict=True)
+        )
         return tuple(
             PassErrors(
-                number, dict(zip(names, value, strict=True)), dict(zip(names, spread, strict=True)), middles[number]
+                number,
+                dict(zip(names, value, strict=True)),
+                dict(zip(names, spread, strict=True)),
+                middles[number],
             )
             for number, value, spread in zip(numbers.tolist(), values, sigma, strict=True)
         )
@@ -227,7 +244,9 @@ class FitProblem:
         right = self.measured - self._modelled(fit.values)
         right[0] = wrap_rad(right[0])
         rows = self._all_rows(right, weight)
-        rows = np.concatenate([rows[:, :-1], np.concatenate(more) * self._scale(weight), rows[:, -1:]], axis=1)
+        rows = np.concatenate(
+            [rows[:, :-1], np.concatenate(more) * self._scale(weight), rows[:, -1:]], axis=1
+        )
         _, rows = self._eliminated(rows, fit.used, weight)
         known = np.zeros((len(self.priors), rows.shape[1]))
         for row, (name, prior) in zip(known, self.priors.items(), strict=True):
@@ -243,11 +262,14 @@ class FitProblem:
         count, used = len(self.data), last.used
         rows = self._all_rows(last.residuals, last.weight)
         rows[:, -1] /= share
-        every = np.einsum("ij,ijk->ik", self._full_rows(rows, last.weight), self._of_rows(last.levels, last.root))
+        every = np.einsum(
+            "ij,ijk->ik", self._full_rows(rows, last.weight), self._of_rows(last.levels, last.root)
+        )
         order = np.lexsort((self.data.t_s, self.passes[1]))
         order = order[used[order]]
         azimuth, elevation = (
-            noise_scale(rows[axis + order, -1], every[axis + order], self.passes[1][order]) for axis in (0, count)
+            noise_scale(rows[axis + order, -1], every[axis + order], self.passes[1][order])
+            for axis in (0, count)
         )
         return azimuth, elevation
 
@@ -297,16 +319,22 @@ class FitProblem:
     def _nuisance_rows(self, weight: Array) -> Array:
         """Return the rows (2 n, q) of the partials by what the whole campaign has in common."""
         every = [np.concatenate(one.partials) for one in self.nuisances]
-        return np.concatenate([np.zeros((2 * len(self.data), 0)), *every], axis=1) * self._scale(weight)
+        return np.concatenate([np.zeros((2 * len(self.data), 0)), *every], axis=1) * self._scale(
+            weight
+        )
 
-    def _pass_equations(self, rows: Array, used: NDArray[np.bool_], weight: Array) -> tuple[Places, Array]:
+    def _pass_equations(
+        self, rows: Array, used: NDArray[np.bool_], weight: Array
+    ) -> tuple[Places, Array]:
         """Return the triangles of the passes of own partials, nuisances, and `rows`."""
         scaled = np.concatenate(self._own()[0]) * self._scale(weight)
         rows = np.concatenate([scaled, self._nuisance_rows(weight), rows], axis=1)
         chosen = np.tile(used, 2)
         return pass_equations(rows[chosen], np.tile(self.passes[1], 2)[chosen])
 
-    def _eliminated(self, rows: Array, used: NDArray[np.bool_], weight: Array) -> tuple[tuple[Level, ...], Array]:
+    def _eliminated(
+        self, rows: Array, used: NDArray[np.bool_], weight: Array
+    ) -> tuple[tuple[Level, ...], Array]:
         """Return `rows` of common terms free of all other unknowns, and these, the widest first."""
         levels = []
         if self.pass_priors is not None:
@@ -331,7 +359,9 @@ class FitProblem:
             rows = np.concatenate([self._nuisance_rows(weight), rows], axis=1)[np.tile(used, 2)]
         if self.nuisances:
             none = np.zeros(1, dtype=np.int64)
-            heads, rest = eliminate(none, rows[np.newaxis], np.concatenate([one.sigma for one in self.nuisances]))
+            heads, rest = eliminate(
+                none, rows[np.newaxis], np.concatenate([one.sigma for one in self.nuisances])
+            )
             levels.append(Level(heads, none))
             rows = rest[0]
         return tuple(reversed(levels)), rows
@@ -340,7 +370,9 @@ class FitProblem:
         """Return the rows (2 n, m) by all unknowns that act on one, those of its pass first."""
         parts = [self._nuisance_rows(weight), rows[:, :-1]]
         if self.pass_priors is not None:
-            shared = 0 if self.shared is None or self.sharing is None else len(self.shared.priors.names)
+            shared = (
+                0 if self.shared is None or self.sharing is None else len(self.shared.priors.names)
+            )
             own = np.concatenate(self._own()[0]) * self._scale(weight)
             # An error of the elements acts by those of their passes alone.
             parts = [own, np.zeros((len(rows), shared)), *parts]
@@ -371,8 +403,13 @@ class FitProblem:
         lags = (0.0, 0.0)
         # The printed form is linear: it has no term for a product of lag and orbit error.
         if not self.linear and self._last is not None:
-            lags = lags_of({**self.held, **dict(zip(self.names, self._last[0].tolist(), strict=True))})
+            lags = lags_of(
+                {**self.held, **dict(zip(self.names, self._last[0].tolist(), strict=True))}
+            )
         known = self._own_at
-        if known is None or max(abs(a - b) for a, b in zip(known[0], lags, strict=True)) > _SAME_LAG_S:
+        if (
+            known is None
+            or max(abs(a - b) for a, b in zip(known[0], lags, strict=True)) > _SAME_LAG_S
+        ):
             self._own_at = known = (lags, pass_partials(self.data, self.pass_priors.names, lags))
         return known[1], self.pass_priors

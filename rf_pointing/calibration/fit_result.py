@@ -34,7 +34,7 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Nuisance:
-    """What a whole campaign has in common besides the terms.
+    """Unknowns that a whole campaign has in common besides the terms.
 
     `partials` (2, n, q) of azimuth and elevation, and the sigma (q,) of each before the data.
     """
@@ -132,7 +132,9 @@ class FitResult:
         """Return the standard deviation of one fitted term."""
         return float(self.sigma[self.names.index(name)])
 
-    def inseparable(self, threshold: float = HIGH_CORRELATION) -> tuple[tuple[str, str, float], ...]:
+    def inseparable(
+        self, threshold: float = HIGH_CORRELATION
+    ) -> tuple[tuple[str, str, float], ...]:
         """Return the pairs of terms whose correlation reaches `threshold`, the worst first."""
         rows, columns = np.triu_indices(len(self.names), 1)
         pairs = [

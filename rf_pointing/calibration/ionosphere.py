@@ -25,13 +25,17 @@ _DELAY_M3_S2 = 40.3
 class Ionosphere(Params):
     """Vertical electron content and carrier frequency."""
 
-    electrons_per_m2: float = parameter(description="vertical total electron content", low=0.0, high=5e18)
+    electrons_per_m2: float = parameter(
+        description="vertical total electron content", low=0.0, high=5e18
+    )
     frequency_hz: float = parameter(description="carrier frequency", low=1e8, high=1e11)
 
     def bending(self, elevation_rad: Array, range_m: Array) -> Array:
         """Return apparent minus true elevation (rad) of a target above the shell, at `range_m`."""
         cosine, sine = np.cos(elevation_rad), np.sin(elevation_rad)
-        slope = -self._vertical_m() * _RATIO**2 * sine * cosine / (1.0 - _RATIO**2 * cosine**2) ** 1.5
+        slope = (
+            -self._vertical_m() * _RATIO**2 * sine * cosine / (1.0 - _RATIO**2 * cosine**2) ** 1.5
+        )
         # The phase advances with electrons: the gradient bends the ray up as the troposphere does.
         return np.asarray(-slope * (1.0 / range_m + 1.0 / (_EARTH_RADIUS_M * sine)))
 

@@ -49,10 +49,16 @@ class LagHistory:
         self._velocity_s = np.array([known[name] for name in VELOCITY])
         acceleration_s2 = np.array([known[name] for name in ACCELERATION])
         # x_a = 0 says "not fitted": adding T x_v to it would plan a lag that nobody has measured.
-        self._damping_s2 = np.where(acceleration_s2 == 0.0, 0.0, acceleration_s2 + averaging_s * self._velocity_s)
+        self._damping_s2 = np.where(
+            acceleration_s2 == 0.0, 0.0, acceleration_s2 + averaging_s * self._velocity_s
+        )
 
     def along(
-        self, t_s: Array, rate_rad_s: Array, acceleration_rad_s2: Array, before: LagState | None = None
+        self,
+        t_s: Array,
+        rate_rad_s: Array,
+        acceleration_rad_s2: Array,
+        before: LagState | None = None,
     ) -> tuple[tuple[Array, Array, Array], list[LagState]]:
         """Return by what the axes must lead a beam that moves like this, and the states.
 
@@ -73,7 +79,9 @@ class LagHistory:
         states = [LagState(t, (rate[0], rate[1]), row[:2], row[2:]) for t, rate, row in rows]
         return self._lead(rate_rad_s, acceleration_rad_s2, found), states
 
-    def lead(self, t_s: Array, rate_rad_s: Array, acceleration_rad_s2: Array) -> tuple[Array, Array, Array]:
+    def lead(
+        self, t_s: Array, rate_rad_s: Array, acceleration_rad_s2: Array
+    ) -> tuple[Array, Array, Array]:
         """Return what `along` returns first, for a beam that was at rest before the first time."""
         found = self._averages(t_s.tolist(), rate_rad_s.tolist(), None)
         return self._lead(rate_rad_s, acceleration_rad_s2, found)
@@ -97,7 +105,9 @@ class LagHistory:
         (row,) = self._averages([t_s], [[east, up]], before)
         return LagState(t_s, (east, up), row[:2], row[2:])
 
-    def stopped(self, t_s: float, axis_rate_rad_s: Array, moved_rad: Array, before: LagState) -> LagState:
+    def stopped(
+        self, t_s: float, axis_rate_rad_s: Array, moved_rad: Array, before: LagState
+    ) -> LagState:
         """Return the state at `t_s` of axes that moved by `moved_rad` (2,) since, unseen.
 
         They went on at the rate of `before` for as long as that takes, and then stopped.
@@ -105,12 +115,18 @@ class LagHistory:
         if t_s - before.t_s > FORGOTTEN_TIMES * self._time_s:
             return LagState(t_s, before.rate)
         since_s, rate, state = t_s - before.t_s, np.array(before.rate), before
-        moving_s = np.where(rate * moved_rad > 0.0, np.abs(moved_rad) / np.maximum(np.abs(rate), 1e-9), 0.0)
+        moving_s = np.where(
+            rate * moved_rad > 0.0, np.abs(moved_rad) / np.maximum(np.abs(rate), 1e-9), 0.0
+        )
         for after_s in np.linspace(0.0, since_s, math.ceil(since_s / UNSEEN_STEP_S) + 1)[1:-1]:
-            state = self.dragged(before.t_s + float(after_s), np.where(after_s <= moving_s, rate, 0.0), state)
+            state = self.dragged(
+                before.t_s + float(after_s), np.where(after_s <= moving_s, rate, 0.0), state
+            )
         return self.dragged(t_s, axis_rate_rad_s, state)
 
-    def _averages(self, times: list[float], rates: list[list[float]], before: LagState | None) -> list[Averages]:
+    def _averages(
+        self, times: list[float], rates: list[list[float]], before: LagState | None
+    ) -> list[Averages]:
         """Return the averages of both rates and how fast they change, at each time."""
         here = before or LagState(times[0], (rates[0][0], rates[0][1]))
         time_s, (dt_s, mm, ms, sm, ss), last_s = self._time_s, self._step(0.0), here.t_s
@@ -125,12 +141,22 @@ class LagHistory:
                 if since_s not in steps:
                     steps[since_s] = self._step(since_s)
                 dt_s, mm, ms, sm, ss = steps[since_s]
-            x_ramp, y_ramp = ((x_rate - x) / dt_s, (y_rate - y) / dt_s) if dt_s > 0.0 else (0.0, 0.0)
+            x_ramp, y_ramp = (
+                ((x_rate - x) / dt_s, (y_rate - y) / dt_s) if dt_s > 0.0 else (0.0, 0.0)
+            )
             # Off the ramp at its beginning, counted from its end: a rate may change in no time.
             m, s = x_mean - x_rate + (time_s + dt_s) * x_ramp, x_slope - x_ramp
             n, r = y_mean - y_rate + (time_s + dt_s) * y_ramp, y_slope - y_ramp
-            x, x_mean, x_slope = x_rate, x_rate - time_s * x_ramp + mm * m + ms * s, x_ramp + sm * m + ss * s
-            y, y_mean, y_slope = y_rate, y_rate - time_s * y_ramp + mm * n + ms * r, y_ramp + sm * n + ss * r
+            x, x_mean, x_slope = (
+                x_rate,
+                x_rate - time_s * x_ramp + mm * m + ms * s,
+                x_ramp + sm * m + ss * s,
+            )
+            y, y_mean, y_slope = (
+                y_rate,
+                y_rate - time_s * y_ramp + mm * n + ms * r,
+                y_ramp + sm * n + ss * r,
+            )
             found.append((x_mean, y_mean, x_slope, y_slope))
         return found
 

@@ -32,7 +32,12 @@ _TEXTS = ("name", "station", "band", "software")
 _COUNTS = ("observations", "rejected", "passes")
 _ANGLES = ("rms_cross_elevation", "rms_elevation", "mean_azimuth", "mean_elevation")
 # Unit in the file of each unit of the core, and the factor to it.
-_EDGE = {"rad": ("deg", math.degrees(1.0)), "s": ("s", 1.0), "s^2": ("s2", 1.0), "rad/K": ("deg_k", math.degrees(1.0))}
+_EDGE = {
+    "rad": ("deg", math.degrees(1.0)),
+    "s": ("s", 1.0),
+    "s^2": ("s2", 1.0),
+    "rad/K": ("deg_k", math.degrees(1.0)),
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,10 +71,22 @@ class ModelVersion:
     covariance: Array
 
     @classmethod
-    def from_fit(cls, result: FitResult, *, name: str, software: str, created_t_s: float) -> "ModelVersion":
+    def from_fit(
+        cls, result: FitResult, *, name: str, software: str, created_t_s: float
+    ) -> "ModelVersion":
         """Return the version that a fit gives; it is valid from its creation until replaced."""
         rms, used = result.rms_rad(), result.used
-        same = ("station", "band", "form", "condition", "model", "covariance", "first_t_s", "last_t_s", "passes")
+        same = (
+            "station",
+            "band",
+            "form",
+            "condition",
+            "model",
+            "covariance",
+            "first_t_s",
+            "last_t_s",
+            "passes",
+        )
         same_name: dict[str, Any] = {field: getattr(result, field) for field in same}
         return cls(
             name=name,
@@ -100,7 +117,9 @@ class ModelVersion:
 
     def is_valid_at(self, t_s: float) -> bool:
         """Return whether `t_s` lies in the time for which the model is meant."""
-        return self.valid_from_t_s <= t_s and (self.valid_until_t_s is None or t_s <= self.valid_until_t_s)
+        return self.valid_from_t_s <= t_s and (
+            self.valid_until_t_s is None or t_s <= self.valid_until_t_s
+        )
 
 
 def write_model(path: str | Path, version: ModelVersion) -> None:
@@ -144,7 +163,8 @@ def _to_mapping(version: ModelVersion) -> dict[str, Any]:
             **{f"{name}_deg": math.degrees(getattr(version, f"{name}_rad")) for name in _ANGLES},
         },
         "terms": {
-            name: _term_entry(name, value, sigma.get(name)) for name, value in version.model.coefficients.items()
+            name: _term_entry(name, value, sigma.get(name))
+            for name, value in version.model.coefficients.items()
         },
         "covariance": {
             "order": list(version.fitted),
@@ -208,7 +228,11 @@ def _edge(name: str) -> tuple[str, float]:
 
 def _term_entry(name: str, value: float, sigma: float | None) -> dict[str, Any]:
     unit, scale = _edge(name)
-    entry: dict[str, Any] = {f"value_{unit}": float(value * scale), "used": value != 0.0, "fixed": sigma is None}
+    entry: dict[str, Any] = {
+        f"value_{unit}": float(value * scale),
+        "used": value != 0.0,
+        "fixed": sigma is None,
+    }
     if sigma is not None:
         entry[f"sigma_{unit}"] = sigma * scale
     return entry
@@ -224,7 +248,9 @@ def _read_terms(top: "_Section") -> tuple[BiasModel, dict[str, tuple[str, float]
         values[name] = entry.number(f"value_{unit}") / scale
         # The flags are for readers; one that contradicts its value shows a file edited by hand.
         if entry.flag("used") != (values[name] != 0.0):
-            raise ValueError(f"{entry.key('used')}={entry.flag('used')} contradicts {entry.key('value_' + unit)}")
+            raise ValueError(
+                f"{entry.key('used')}={entry.flag('used')} contradicts {entry.key('value_' + unit)}"
+            )
         if not entry.flag("fixed"):
             if not entry.has(f"sigma_{unit}"):
                 raise ValueError(f"{entry.key(f'sigma_{unit}')} is missing")
@@ -242,12 +268,16 @@ def _read_covariance(top: "_Section", stated: Mapping[str, tuple[str, float]]) -
     units, scale = [_edge(name)[0] for name in order], np.array([_edge(name)[1] for name in order])
     if list(section.texts("unit")) != units:
         raise ValueError(f"{section.key('unit')} must be {', '.join(units)}")
-    matrix = np.array(section.matrix("matrix", len(order))).reshape(len(order), len(order)) / np.outer(scale, scale)
+    matrix = np.array(section.matrix("matrix", len(order))).reshape(
+        len(order), len(order)
+    ) / np.outer(scale, scale)
     if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0) or np.any(np.diag(matrix) <= 0.0):
         raise ValueError(f"{section.key('matrix')} must be symmetric with a positive diagonal")
     sigma = np.sqrt(np.diag(matrix))
     if np.min(np.linalg.eigvalsh(matrix / np.outer(sigma, sigma)), initial=1.0) < -_ROUNDING:
-        raise ValueError(f"{section.key('matrix')} must be positive semidefinite: no data have such a covariance")
+        raise ValueError(
+            f"{section.key('matrix')} must be positive semidefinite: no data have such a covariance"
+        )
     # People edit these files: a sigma that was changed without its covariance must not pass.
     for (key, value), expected in zip(stated.values(), (sigma * scale).tolist(), strict=True):
         if not math.isclose(value, expected, rel_tol=_SIGMA_AGREES):
@@ -257,19 +287,25 @@ def _read_covariance(top: "_Section", stated: Mapping[str, tuple[str, float]]) -
 
 def _check_order(section: "_Section", first: str, last: str) -> None:
     if section.has(last) and section.time(last) < section.time(first):
-        raise ValueError(f"{section.key(last)}={section.text(last)} must not be before {first}={section.text(first)}")
+        raise ValueError(
+            f"{section.key(last)}={section.text(last)} must not be before {first}={section.text(first)}"
+        )
 
 
 class _Section:
     """One mapping of a file: keys known and complete, every value of its type."""
 
-    def __init__(self, value: Any, path: str, needed: tuple[str, ...], optional: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, value: Any, path: str, needed: tuple[str, ...], optional: tuple[str, ...] = ()
+    ) -> None:
         if not isinstance(value, Mapping):
             raise ValueError(f"{path or 'file'} must be a mapping of keys to values")
         self.path, self.values = path, value
         unknown = [str(key) for key in value if key not in needed + optional]
         if unknown:
-            raise ValueError(f"{self.key(unknown[0])} is not a known key; known: {', '.join(needed + optional)}")
+            raise ValueError(
+                f"{self.key(unknown[0])} is not a known key; known: {', '.join(needed + optional)}"
+            )
         missing = [key for key in needed if key not in value]
         if missing:
             raise ValueError(f"{self.key(missing[0])} is missing")
@@ -282,7 +318,9 @@ class _Section:
         """Return whether an optional key is given and not null."""
         return self.values.get(name) is not None
 
-    def section(self, name: str, needed: tuple[str, ...], optional: tuple[str, ...] = ()) -> "_Section":
+    def section(
+        self, name: str, needed: tuple[str, ...], optional: tuple[str, ...] = ()
+    ) -> "_Section":
         """Return a nested mapping."""
         return _Section(self.values[name], self.key(name), needed, optional)
 
@@ -335,7 +373,10 @@ class _Section:
         square = isinstance(value, list) and len(value) == count
         if not square or not all(isinstance(row, list) and len(row) == count for row in value):
             raise ValueError(f"{key} must be a list of {count} lists of {count} numbers")
-        return [[_number(f"{key}[{i}][{j}]", item) for j, item in enumerate(row)] for i, row in enumerate(value)]
+        return [
+            [_number(f"{key}[{i}][{j}]", item) for j, item in enumerate(row)]
+            for i, row in enumerate(value)
+        ]
 
 
 def _number(key: str, value: Any) -> float:

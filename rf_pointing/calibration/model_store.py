@@ -29,7 +29,11 @@ class ModelStore:
         """
         version.check_for(self.station, self.band, version.valid_from_t_s)
         # Usable on any system: a folder of models is copied to whatever the operator works on.
-        if not version.name or any(sign in version.name for sign in '/\\:*?"<>|') or version.name.startswith("."):
+        if (
+            not version.name
+            or any(sign in version.name for sign in '/\\:*?"<>|')
+            or version.name.startswith(".")
+        ):
             raise ValueError(f"name={version.name!r} must be usable as a file name")
         if self._path(version.name).exists():
             raise ValueError(f"name={version.name!r} is taken; versions are never overwritten")

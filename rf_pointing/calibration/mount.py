@@ -38,7 +38,9 @@ class Skew:
             return np.eye(3)
         east, north = -self.mislevel_east / angle, self.mislevel_north / angle
         cross = np.array([[0.0, 0.0, north], [0.0, 0.0, -east], [-north, east, 0.0]])
-        return np.asarray(np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross))
+        return np.asarray(
+            np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
+        )
 
 
 def axes_from_sky(azimuth: Array, elevation: Array, skew: Skew) -> tuple[Array, Array]:
@@ -52,7 +54,9 @@ def axes_from_sky(azimuth: Array, elevation: Array, skew: Skew) -> tuple[Array, 
     sin_c, sin_n = -math.sin(skew.collimation), -math.sin(skew.non_orthogonality)
     cos_n = math.cos(skew.non_orthogonality)
     right = (sin_n * up + sin_c * taylor.constant(1.0, up)) / cos_n
-    forward_squared = taylor.multiply(east, east) + taylor.multiply(north, north) - taylor.multiply(right, right)
+    forward_squared = (
+        taylor.multiply(east, east) + taylor.multiply(north, north) - taylor.multiply(right, right)
+    )
     # A controller holds its last command here; a guessed azimuth would be any azimuth.
     if np.any(forward_squared[0] <= 0.0):
         raise ValueError(
@@ -62,7 +66,9 @@ def axes_from_sky(azimuth: Array, elevation: Array, skew: Skew) -> tuple[Array, 
     # The root of a beam over the top is negative: it looks back along the forward axis.
     branch = np.where(elevation[0] > np.pi / 2.0, -1.0, 1.0)
     forward = branch * taylor.square_root(forward_squared)
-    axis_elevation = taylor.angle_of((up + sin_c * sin_n * taylor.constant(1.0, up)) / cos_n, forward)
+    axis_elevation = taylor.angle_of(
+        (up + sin_c * sin_n * taylor.constant(1.0, up)) / cos_n, forward
+    )
     axis_azimuth = taylor.angle_of(east, north) - taylor.angle_of(right, forward)
     return _near(axis_azimuth, azimuth), axis_elevation
 

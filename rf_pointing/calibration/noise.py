@@ -98,10 +98,15 @@ def noise_of(points: Thinned, elevation_rad: Array) -> tuple[Array, Chosen]:
     level = _sums(place, points.freedom * points.variance[:, 1]) / _sums(place, points.freedom)
     azimuth = _split(place, points.variance[:, 0], points.freedom, np.cos(elevation_rad) ** -2.0)
     variance = np.stack([azimuth, level[place]], axis=1)
-    of_pass = PiecewiseRows.of(np.flatnonzero(np.diff(points.passes, prepend=-1) != 0), len(points.t_s))
+    of_pass = PiecewiseRows.of(
+        np.flatnonzero(np.diff(points.passes, prepend=-1) != 0), len(points.t_s)
+    )
     straight = np.ones(len(place), dtype=bool)
     for channel, expected in zip(points.variance.T, variance.T, strict=False):
-        straight &= _excess(channel / np.maximum(expected, _LEAST_VARIANCE), points.freedom, of_pass) <= _BENT_SIGMA
+        straight &= (
+            _excess(channel / np.maximum(expected, _LEAST_VARIANCE), points.freedom, of_pass)
+            <= _BENT_SIGMA
+        )
     return np.sqrt(variance / points.counts[:, np.newaxis]), straight
 
 
@@ -114,7 +119,9 @@ def _excess(ratio: Array, freedom: Array, of_pass: PiecewiseRows) -> Array:
     usual = np.maximum(of_pass.medians(root), 1e-12)[of_pass.row]
     # Correlated noise has fewer degrees of freedom and scatters more.
     width = _MEDIAN_TO_SIGMA * of_pass.medians(np.abs(root / usual - 1.0))[of_pass.row]
-    return np.asarray((root / usual - 1.0) / np.maximum(width, np.sqrt(2.0 / (9.0 * np.maximum(freedom, 1.0)))))
+    return np.asarray(
+        (root / usual - 1.0) / np.maximum(width, np.sqrt(2.0 / (9.0 * np.maximum(freedom, 1.0))))
+    )
 
 
 def _sums(place: NDArray[np.int64], values: Array) -> Array:
@@ -143,6 +150,9 @@ def _split(place: NDArray[np.int64], variance: Array, freedom: Array, secant2: A
         both = apart & (a >= 0.0) & (b >= 0.0) & (a * flat + b * steep > steep**2 / two + shows)
         # Outside the quadrant the better of its two edges is the least.
         edge = steep**2 / two + shows > flat**2 / one
-        a, b = np.where(both, a, np.where(edge, 0.0, flat / one)), np.where(both, b, np.where(edge, steep / two, 0.0))
+        a, b = (
+            np.where(both, a, np.where(edge, 0.0, flat / one)),
+            np.where(both, b, np.where(edge, steep / two, 0.0)),
+        )
         fitted = a[place] + b[place] * secant2
     return fitted

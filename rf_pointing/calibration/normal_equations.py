@@ -72,7 +72,9 @@ class NormalEquations:
         """
         # Most terms act on one axis: two QRs of half the columns are half the work of one of all.
         reduced = [(equations_of(rows), columns, len(rows)) for rows, columns in blocks]
-        stacked = np.zeros((sum(len(part) for part, _, _ in reduced), len(self.names) + 1), order="F")
+        stacked = np.zeros(
+            (sum(len(part) for part, _, _ in reduced), len(self.names) + 1), order="F"
+        )
         start = 0
         for part, columns, _ in reduced:
             here = stacked[start : start + len(part)]
@@ -82,7 +84,9 @@ class NormalEquations:
 
     def add_equations(self, rows: Array, count: int) -> None:
         """Fold in rows (m, k + 1), matrix and right side, that stand for `count` equations."""
-        self.factor = equations_of(np.concatenate([self.factor, rows]) if len(self.factor) else rows)
+        self.factor = equations_of(
+            np.concatenate([self.factor, rows]) if len(self.factor) else rows
+        )
         self.rows += count
 
     def add_prior(self, name: str, value: float, sigma: float) -> None:
@@ -99,7 +103,9 @@ class NormalEquations:
         matrix, right = self.factor[:, :count], self.factor[:, count]
         scale = np.sqrt(np.einsum("ij,ij->j", matrix, matrix))
         if len(matrix) < count or not scale.all():
-            lost = [name for name, length in zip(self.names, scale, strict=True) if length == 0.0] or self.names
+            lost = [
+                name for name, length in zip(self.names, scale, strict=True) if length == 0.0
+            ] or self.names
             raise ValueError(
                 f"{self.rows} equations do not determine {', '.join(lost)}: fix them, give priors, or add {advice_for(lost)}"
             )
@@ -197,9 +203,15 @@ def require_determined(names: Sequence[str], covariance: Array, known: Container
     """Raise ValueError naming angles of a sigma beyond LARGEST_SIGMA_RAD, and data for them."""
     # Terms in `known` have a prior: the user has stated how far they may be off.
     sigma = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    lost = [n for n in names if n not in known and ALL_TERMS[n].unit == "rad" and sigma[n] > LARGEST_SIGMA_RAD]
+    lost = [
+        n
+        for n in names
+        if n not in known and ALL_TERMS[n].unit == "rad" and sigma[n] > LARGEST_SIGMA_RAD
+    ]
     if lost:
-        largest, limit = (np.degrees(value) for value in (max(sigma[name] for name in lost), LARGEST_SIGMA_RAD))
+        largest, limit = (
+            np.degrees(value) for value in (max(sigma[name] for name in lost), LARGEST_SIGMA_RAD)
+        )
         raise ValueError(
             f"the data hardly separate {' + '.join(lost)} (sigma up to {largest:.2g} deg, must be <= {limit:.2g} deg): "
             f"fix one of the terms, give a prior, or add {advice_for(lost)}"
@@ -245,7 +257,11 @@ def _null_space_message(names: Sequence[str], directions: Array, scale: Array) -
     """Return the message for null directions (m, k) of a matrix of column norms `scale` (k,)."""
     sentences = []
     for effect in np.abs(_echelon(directions * scale)):
-        involved = [name for name, share in zip(names, effect / np.max(effect), strict=True) if share > _SHARE]
+        involved = [
+            name
+            for name, share in zip(names, effect / np.max(effect), strict=True)
+            if share > _SHARE
+        ]
         sentences.append(" + ".join(involved))
     everyone = list(dict.fromkeys(name for sentence in sentences for name in sentence.split(" + ")))
     return (

@@ -28,7 +28,12 @@ _MOTION = (
     "azimuth_acceleration_rad_s2",
     "elevation_acceleration_rad_s2",
 )
-_OBSERVED = ("observed_azimuth_rad", "observed_elevation_rad", "sigma_azimuth_rad", "sigma_elevation_rad")
+_OBSERVED = (
+    "observed_azimuth_rad",
+    "observed_elevation_rad",
+    "sigma_azimuth_rad",
+    "sigma_elevation_rad",
+)
 _OPTIONAL = ("range_m", "range_rate_m_s", "temperature_k")
 # Rows farther apart say little: the remainder grows with the cube of their distance.
 _NEIGHBOURS_S = 20.0
@@ -115,7 +120,12 @@ class Observations:
         """Return the rows of a boolean mask or of an index array."""
         rows = np.asarray(chosen)
         return replace(
-            self, **{name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+            self,
+            **{
+                name: value[rows]
+                for name, value in vars(self).items()
+                if isinstance(value, np.ndarray)
+            },
         )
 
     def motion(self) -> tuple[Array, ...]:
@@ -130,9 +140,13 @@ class Observations:
         for name in ("station", "band"):
             values = sorted({getattr(part, name) for part in parts})
             if len(values) > 1:
-                raise ValueError(f"{name} is mixed: {', '.join(values)}; one model belongs to one {name}")
+                raise ValueError(
+                    f"{name} is mixed: {', '.join(values)}; one model belongs to one {name}"
+                )
         joined = {}
-        for name in (item.name for item in fields(Observations) if item.name not in ("station", "band")):
+        for name in (
+            item.name for item in fields(Observations) if item.name not in ("station", "band")
+        ):
             values = [getattr(part, name) for part in parts]
             missing = sum(value is None for value in values)
             # A gap filled with zeros would be a range of zero: orbit errors at infinite angles.
@@ -154,7 +168,9 @@ def _finite(name: str, value: ArrayLike, length: int | None) -> Array:
 def _pass_numbers(value: ArrayLike, length: int) -> NDArray[np.int64]:
     numbers = np.asarray(value)
     if numbers.shape != (length,) or not np.issubdtype(numbers.dtype, np.integer):
-        raise ValueError(f"pass_id has shape {numbers.shape} and type {numbers.dtype}, must be {length} integers")
+        raise ValueError(
+            f"pass_id has shape {numbers.shape} and type {numbers.dtype}, must be {length} integers"
+        )
     return numbers.astype(np.int64)
 
 
@@ -175,9 +191,14 @@ def _check_times(t_s: Array, pass_id: NDArray[np.int64]) -> None:
 
 def _check_angles(data: Observations) -> None:
     for kind in ("observed", "true"):
-        azimuth, elevation = getattr(data, f"{kind}_azimuth_rad"), getattr(data, f"{kind}_elevation_rad")
+        azimuth, elevation = (
+            getattr(data, f"{kind}_azimuth_rad"),
+            getattr(data, f"{kind}_elevation_rad"),
+        )
         outside = np.abs(azimuth) > _LARGEST_AZIMUTH_RAD
-        _refuse_where(outside, f"{kind}_azimuth_rad", azimuth, "must be within 3 pi; degrees given?")
+        _refuse_where(
+            outside, f"{kind}_azimuth_rad", azimuth, "must be within 3 pi; degrees given?"
+        )
         outside = (elevation < -np.pi / 2.0) | (elevation > np.pi)
         reason = "must be within -pi/2..pi; degrees given, or azimuth and elevation swapped?"
         _refuse_where(outside, f"{kind}_elevation_rad", elevation, reason)
@@ -204,7 +225,9 @@ def north_text(turn_rad: float) -> str:
 def _refuse_where(wrong: NDArray[np.bool_], name: str, value: Array, reason: str) -> None:
     if np.any(wrong):
         row = int(np.flatnonzero(wrong)[0])
-        raise ValueError(f"{name}[{row}]={value[row]:.6g} {reason} ({int(np.sum(wrong))} of {len(value)} rows)")
+        raise ValueError(
+            f"{name}[{row}]={value[row]:.6g} {reason} ({int(np.sum(wrong))} of {len(value)} rows)"
+        )
 
 
 def require_derivatives(points: Observations) -> None:
@@ -231,10 +254,14 @@ def require_derivatives(points: Observations) -> None:
         if np.sum(judged) >= _FEWEST_JUDGED and np.sum(wrong) > 0.5 * np.sum(judged):
             first = int(np.flatnonzero(wrong)[0])
             share = f"{int(np.sum(wrong))} of {int(np.sum(judged))} rows"
-            raise ValueError(_not_the_change(points, rows[first : first + 2], name, rate_name, share))
+            raise ValueError(
+                _not_the_change(points, rows[first : first + 2], name, rate_name, share)
+            )
 
 
-def _not_the_change(points: Observations, pair: NDArray[np.int64], name: str, rate_name: str, share: str) -> str:
+def _not_the_change(
+    points: Observations, pair: NDArray[np.int64], name: str, rate_name: str, share: str
+) -> str:
     # In the units of the file, which the reader of the message has before them.
     edge, values = to_degrees(name, getattr(points, name)[pair].tolist())
     rate_edge, rates = to_degrees(rate_name, getattr(points, rate_name)[pair].tolist())

@@ -95,7 +95,9 @@ def free_errors(fit: FitResult, start: PassPriors, name: str) -> tuple[Array, Ar
     size = np.sqrt(np.sum(every.sizes(start, free=place).reshape(-1, every.own) ** 2, axis=0))
     alone = replace(every, sharing=None)
     terms, covariance = alone.terms(size)
-    solved = np.linalg.solve(alone.mine(size), alone.products[:, : alone.own, alone.own :])[:, place]
+    solved = np.linalg.solve(alone.mine(size), alone.products[:, : alone.own, alone.own :])[
+        :, place
+    ]
     inverse = np.linalg.inv(alone.mine(size))[:, place, place]
     across = solved[:, :-1]
     scale = start.sigma[place]
@@ -130,15 +132,23 @@ class _Equations:
         length = np.sqrt(np.maximum(np.einsum("gii->i", products), 1e-300))
         length[:own] = 1.0 / start.sigma
         length[-1] = 1.0
-        prior = np.array([0.0 if one is None else one.sigma**-2.0 for one in known]) / length[own:-1] ** 2
-        right = np.array([0.0 if one is None else one.value * one.sigma**-2.0 for one in known]) / length[own:-1]
+        prior = (
+            np.array([0.0 if one is None else one.sigma**-2.0 for one in known])
+            / length[own:-1] ** 2
+        )
+        right = (
+            np.array([0.0 if one is None else one.value * one.sigma**-2.0 for one in known])
+            / length[own:-1]
+        )
         sharing = fit.sharing
         if sharing is not None:
             # Editing may have left nothing of a pass.
             numbers = fit.pass_places
             turns = sharing.turns[numbers] / start.sigma[:, np.newaxis] * start.sigma
             sharing = Sharing(np.unique(sharing.sets[numbers], return_inverse=True)[1], turns)
-        return cls(products / length / length[:, np.newaxis], own, length[own:], prior, right, sharing)
+        return cls(
+            products / length / length[:, np.newaxis], own, length[own:], prior, right, sharing
+        )
 
     def sizes(self, start: PassPriors, free: int | None = None) -> Array:
         """Return the sizes (p,) of greatest likelihood, over those of the start.
@@ -153,14 +163,23 @@ class _Equations:
         size[held] = _FREE
         for _ in range(_ROUNDS):
             sums = [
-                (np.sum((values / one) ** 2, axis=0), np.sum(np.maximum(1.0 - variance / one**2, 0.0), axis=0))
+                (
+                    np.sum((values / one) ** 2, axis=0),
+                    np.sum(np.maximum(1.0 - variance / one**2, 0.0), axis=0),
+                )
                 for (values, variance), one in zip(
                     self.estimates(size, *self.terms(size)), np.split(size, levels), strict=True
                 )
             ]
             square, freedom = (np.concatenate(each) for each in zip(*sums, strict=True))
-            total, count = (np.bincount(groups, some, len(size))[groups] for some in (square, freedom))
-            change = np.sqrt(np.where((count >= _FEWEST_SEEN) & ~held, total / np.maximum(count, _FEWEST_SEEN), 1.0))
+            total, count = (
+                np.bincount(groups, some, len(size))[groups] for some in (square, freedom)
+            )
+            change = np.sqrt(
+                np.where(
+                    (count >= _FEWEST_SEEN) & ~held, total / np.maximum(count, _FEWEST_SEEN), 1.0
+                )
+            )
             before, size = size, np.maximum(size * change, _LEAST)
             if np.max(np.abs(np.log(size / before))) < 0.1 * _SETTLED:
                 break
@@ -171,7 +190,9 @@ class _Equations:
         rest = self._without_passes(size)[1]
         if self.sharing is not None:
             own = self.own
-            solved = np.linalg.solve(_with_prior(rest[:, :own, :own], size[own:]), rest[:, :own, own:])
+            solved = np.linalg.solve(
+                _with_prior(rest[:, :own, :own], size[own:]), rest[:, :own, own:]
+            )
             rest = rest[:, own:, own:] - rest[:, own:, :own] @ solved
         rest = np.sum(rest, axis=0)
         covariance = np.linalg.inv(rest[:-1, :-1] + np.diag(self.prior))
@@ -195,7 +216,9 @@ class _Equations:
             both = np.linalg.inv(mine) + upper @ np.swapaxes(across, 1, 2)
             lower = np.broadcast_to(covariance, (len(mine), *covariance.shape))
             joint = np.block([[both, upper], [np.swapaxes(upper, 1, 2), lower]])
-            values = np.concatenate([found[0][0], np.broadcast_to(terms, (len(mine), len(terms)))], axis=1)
+            values = np.concatenate(
+                [found[0][0], np.broadcast_to(terms, (len(mine), len(terms)))], axis=1
+            )
             place = self.sharing.sets
         found.insert(0, _errors(self.mine(size), solved, values[place], joint[place]))
         return found
@@ -214,7 +237,9 @@ class _Equations:
         if self.sharing is not None:
             seen = products[:, :own, :own] @ self.sharing.turns
             turned = np.swapaxes(self.sharing.turns, 1, 2)
-            rest = np.block([[turned @ seen, turned @ across], [np.swapaxes(turned @ across, 1, 2), rest]])
+            rest = np.block(
+                [[turned @ seen, turned @ across], [np.swapaxes(turned @ across, 1, 2), rest]]
+            )
             across = np.concatenate([seen, across], axis=2)
         solved: Any = np.linalg.solve(self.mine(size), across)
         rest = rest - np.swapaxes(across, 1, 2) @ solved
@@ -232,7 +257,9 @@ def _with_prior(products: Array, size: Array) -> Array:
 def _errors(mine: Array, solved: Array, values: Array, covariance: Array) -> tuple[Array, Array]:
     """Return errors (g, p) and their variances, from how they follow from the other unknowns."""
     across = solved[:, :, :-1]
-    variance = np.einsum("gii->gi", np.linalg.inv(mine)) + np.sum((across @ covariance) * across, axis=2)
+    variance = np.einsum("gii->gi", np.linalg.inv(mine)) + np.sum(
+        (across @ covariance) * across, axis=2
+    )
     return solved[:, :, -1] - (across @ values[..., np.newaxis])[..., 0], variance
 
 
@@ -243,10 +270,16 @@ def warnings_of(fit: FitResult, points: Observations) -> tuple[str, ...]:
 
 def _lost_passes(fit: FitResult, points: Observations) -> tuple[str, ...]:
     # A pass of another target agrees with itself, and the residuals of what is left look fine.
-    lost = [number for number in points.passes.tolist() if not np.any(fit.used[points.pass_id == number])]
+    lost = [
+        number
+        for number in points.passes.tolist()
+        if not np.any(fit.used[points.pass_id == number])
+    ]
     if not lost:
         return ()
-    return (f"pass {', '.join(map(str, lost))} was edited out whole: another target, a wrong clock or orbit?",)
+    return (
+        f"pass {', '.join(map(str, lost))} was edited out whole: another target, a wrong clock or orbit?",
+    )
 
 
 def _small_sigma(fit: FitResult, points: Observations) -> tuple[str, ...]:
@@ -265,7 +298,11 @@ def _small_sigma(fit: FitResult, points: Observations) -> tuple[str, ...]:
     return (
         f"the residuals of a pass are correlated, their sums are {larger:.1f} times those of independent ones: the orbit "
         "of each pass is off, "
-        + ("which sigma counts as noise" if fit.noise is not None else "and sigma is too small by about as much"),
+        + (
+            "which sigma counts as noise"
+            if fit.noise is not None
+            else "and sigma is too small by about as much"
+        ),
     )
 
 
@@ -278,7 +315,9 @@ def pass_correlation(fit: FitResult, points: Observations) -> float:
     ):
         size = residual[fit.used] / sigma[fit.used]
         size = size / np.sqrt(np.mean(size**2))
-        _, place, lengths = np.unique(points.pass_id[fit.used], return_inverse=True, return_counts=True)
+        _, place, lengths = np.unique(
+            points.pass_id[fit.used], return_inverse=True, return_counts=True
+        )
         squares += float(np.sum(np.bincount(place, weights=size) ** 2 / lengths))
         count += len(lengths)
     return float(np.sqrt(squares / count))

@@ -44,13 +44,19 @@ class PassPriors(Params):
     along_track_m: float = parameter(0.0, "orbit error along the track", low=0.0, high=1e6)
     cross_track_m: float = parameter(0.0, "orbit error across the track", low=0.0, high=1e6)
     radial_m: float = parameter(0.0, "orbit error in height", low=0.0, high=1e6)
-    along_track_drift_m_s: float = parameter(0.0, "further change of the along-track error", low=0.0, high=1e3)
-    cross_track_drift_m_s: float = parameter(0.0, "change of the cross-track error", low=0.0, high=1e3)
+    along_track_drift_m_s: float = parameter(
+        0.0, "further change of the along-track error", low=0.0, high=1e3
+    )
+    cross_track_drift_m_s: float = parameter(
+        0.0, "change of the cross-track error", low=0.0, high=1e3
+    )
     radial_drift_m_s: float = parameter(0.0, "change of the height error", low=0.0, high=1e3)
     clock_s: float = parameter(0.0, "time tag error of the station", low=0.0, high=10.0)
 
     @classmethod
-    def of_orbit(cls, size_m: float, rate_rad_s: float = LOW_ORBIT_RATE_RAD_S) -> "PassPriors | None":
+    def of_orbit(
+        cls, size_m: float, rate_rad_s: float = LOW_ORBIT_RATE_RAD_S
+    ) -> "PassPriors | None":
         """Return orbit errors of one size along, across and radially; None for a size of zero.
 
         An error of the orbit's plane or shape is at any phase in a pass: its drift is as large,
@@ -67,13 +73,16 @@ class PassPriors(Params):
     def check_together(self) -> None:
         """Refuse an empty set."""
         if not self.names:
-            raise ValueError("pass priors are all zero: give at least one a standard deviation, or leave them out")
+            raise ValueError(
+                "pass priors are all zero: give at least one a standard deviation, or leave them out"
+            )
 
     @cached_property
     def groups(self) -> tuple[int, ...]:
         """Return which size each of `names` has: an error and its drift share one."""
         stems = [
-            name.removesuffix("_m").removesuffix("_drift_m_s") if "along" not in name else name for name in self.names
+            name.removesuffix("_m").removesuffix("_drift_m_s") if "along" not in name else name
+            for name in self.names
         ]
         return tuple(stems.index(stem) for stem in stems)
 
@@ -116,7 +125,9 @@ class SharedErrors:
     def times(self, factor: float) -> "SharedErrors":
         """Return the same with errors that much larger."""
         sizes = (factor * self.priors.sigma).tolist()
-        return replace(self, priors=self.priors.replace(**dict(zip(self.priors.names, sizes, strict=True))))
+        return replace(
+            self, priors=self.priors.replace(**dict(zip(self.priors.names, sizes, strict=True)))
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,13 +144,14 @@ class Sharing:
         names = [shared.sets.get(number, f"pass {number}") for number in numbers.tolist()]
         sight = _Sight.of(data.motion(), *_ranges(data))
         pole = np.array([0.0, np.cos(shared.latitude_rad), np.sin(shared.latitude_rad)])
-        # Of the inertial velocity: that of the ground turns the plane by some degrees.
+        # The inertial velocity counts: that of the ground turns the plane by some degrees.
         position = sight.geocentric_m
         velocity = sight.velocity_m_s + np.cross(_EARTH_RATE_RAD_S * pole, position)
         normal = np.cross(position, velocity)
         node = np.cross(pole, normal)
         phase = np.arctan2(
-            np.einsum("ij,ij->i", position, np.cross(normal, node)) / np.linalg.norm(normal, axis=1),
+            np.einsum("ij,ij->i", position, np.cross(normal, node))
+            / np.linalg.norm(normal, axis=1),
             np.einsum("ij,ij->i", position, node),
         )
         middle = (middles_of_passes(data) - data.t_s)[first]
@@ -168,7 +180,9 @@ def pass_partials(
     """
     data = observations
     elapsed_s = data.t_s - middles_of_passes(data)
-    return motion_partials(elapsed_s, data.motion(), data.range_m, data.range_rate_m_s, names, lags_s)
+    return motion_partials(
+        elapsed_s, data.motion(), data.range_m, data.range_rate_m_s, names, lags_s
+    )
 
 
 def motion_partials(
@@ -215,7 +229,9 @@ def track_axes(observations: Observations) -> tuple[Array, Array, Array]:
 def shift_by(observations: Observations, metres: Array) -> tuple[Array, Array]:
     """Return the shifts (n,) of a target moved along, across and up, `metres` (n, 3)."""
     sight = _Sight.of(observations.motion(), *_ranges(observations))
-    shift = sight.shift(sum(m[:, np.newaxis] * axis for m, axis in zip(metres.T, sight.track_axes, strict=True)))
+    shift = sight.shift(
+        sum(m[:, np.newaxis] * axis for m, axis in zip(metres.T, sight.track_axes, strict=True))
+    )
     return shift[0], shift[1]
 
 
@@ -228,7 +244,9 @@ def _ranges(observations: Observations) -> tuple[Array, Array]:
 def site_partials(observations: Observations) -> tuple[Array, Array]:
     """Return the partials (n, 3) by metres that the antenna is east, north and up of its site."""
     sight = _Sight.of(observations.motion(), *_ranges(observations))
-    columns = np.stack([sight.shift(-np.broadcast_to(axis, (len(observations), 3))) for axis in np.eye(3)], axis=-1)
+    columns = np.stack(
+        [sight.shift(-np.broadcast_to(axis, (len(observations), 3))) for axis in np.eye(3)], axis=-1
+    )
     return columns[0], columns[1]
 
 
@@ -270,7 +288,9 @@ class _Sight:
         toward, clockwise, upward = self.axes
         turning = clockwise * (self.azimuth_rate_rad_s * np.cos(self.elevation_rad))[:, np.newaxis]
         turning = turning + upward * self.elevation_rate_rad_s[:, np.newaxis]
-        return np.asarray(self.range_rate_m_s[:, np.newaxis] * toward + self.range_m[:, np.newaxis] * turning)
+        return np.asarray(
+            self.range_rate_m_s[:, np.newaxis] * toward + self.range_m[:, np.newaxis] * turning
+        )
 
     @cached_property
     def track_axes(self) -> tuple[Array, Array, Array]:
@@ -289,7 +309,9 @@ class _Sight:
     def shift(self, displacement_m: Any) -> Array:
         """Return by what azimuth and elevation (2, n) change when the target moves (n, 3)."""
         _, clockwise, upward = self.axes
-        azimuth = np.sum(clockwise * displacement_m, axis=1) / (self.range_m * np.cos(self.elevation_rad))
+        azimuth = np.sum(clockwise * displacement_m, axis=1) / (
+            self.range_m * np.cos(self.elevation_rad)
+        )
         elevation = np.sum(upward * displacement_m, axis=1) / self.range_m
         return np.asarray(np.stack([azimuth, elevation]))
 
@@ -329,7 +351,11 @@ def displaced(track: ReferenceTrack, errors: PassErrors) -> ReferenceTrack:
     # So fine that the derivatives of the shift are differences of it, near the zenith too.
     step_s = _TURN_PER_STEP_RAD / max(float(np.max(np.abs(track.azimuth_rate_rad_s))), 1e-9)
     if step_s < track.t_s[1] - track.t_s[0]:
-        track = track.at(np.linspace(track.t_s[0], track.t_s[-1], 2 + int((track.t_s[-1] - track.t_s[0]) / step_s)))
+        track = track.at(
+            np.linspace(
+                track.t_s[0], track.t_s[-1], 2 + int((track.t_s[-1] - track.t_s[0]) / step_s)
+            )
+        )
     motion = track.motion()
     sight = _Sight.of(motion, track.range_m, track.range_rate_m_s)
     moved = track.range_m[:, np.newaxis] * sight.axes[0]
@@ -340,9 +366,14 @@ def displaced(track: ReferenceTrack, errors: PassErrors) -> ReferenceTrack:
     azimuth, elevation = azel_from_unit_vector(moved)
     # Over the top, a dish reaches the same direction with another pair of axis angles.
     over = motion[1] > 0.5 * np.pi
-    azimuth, elevation = np.where(over, azimuth + np.pi, azimuth), np.where(over, np.pi - elevation, elevation)
+    azimuth, elevation = (
+        np.where(over, azimuth + np.pi, azimuth),
+        np.where(over, np.pi - elevation, elevation),
+    )
     late_s = errors.values.get("clock_s", 0.0)
-    shift = np.stack([wrap_rad(azimuth - motion[0]), elevation - motion[1]]) + late_s * np.stack(motion[2:4])
+    shift = np.stack([wrap_rad(azimuth - motion[0]), elevation - motion[1]]) + late_s * np.stack(
+        motion[2:4]
+    )
     farther = np.linalg.norm(moved, axis=1) - track.range_m
     elapsed = track.t_s - track.t_s[0]
     rate = np.gradient(shift, elapsed, axis=1)

@@ -83,7 +83,10 @@ class TrackedPass:
     ionosphere: Ionosphere | None = None
 
     def __post_init__(self) -> None:
-        if np.median(self.raw.over) > 0.5 and float(np.median(self.reference.elevation_rad)) <= 0.5 * np.pi:
+        if (
+            np.median(self.raw.over) > 0.5
+            and float(np.median(self.reference.elevation_rad)) <= 0.5 * np.pi
+        ):
             object.__setattr__(self, "reference", self.reference.over_the_top())
 
     @cached_property
@@ -100,14 +103,17 @@ class TrackedPass:
     def residuals(self) -> dict[str, Array]:
         """Measured minus reference of every channel at the sound samples; the angles are first."""
         found = {
-            name: value[self.validation[0]] - getattr(self.track, name) for name, value in self.raw.channels.items()
+            name: value[self.validation[0]] - getattr(self.track, name)
+            for name, value in self.raw.channels.items()
         }
         if self.ionosphere is not None:
             axis_rad = self.track.elevation_rad
             height_rad = np.minimum(axis_rad, np.pi - axis_rad)
             # Upward on the sky is downward on the axis of a dish over the top.
             upward = np.where(axis_rad > 0.5 * np.pi, -1.0, 1.0)
-            found["elevation_rad"] -= upward * self.ionosphere.bending(height_rad, self.track.range_m)
+            found["elevation_rad"] -= upward * self.ionosphere.bending(
+                height_rad, self.track.range_m
+            )
             if "range_m" in found:
                 found["range_m"] -= self.ionosphere.delay_m(height_rad)
         return found
@@ -132,7 +138,9 @@ class RawPasses:
     def __init__(self, passes: Sequence[TrackedPass], first: int) -> None:
         for one in passes:
             require_unit(one.raw, one.reference)
-        self._numbers = {first + k: one for k, one in enumerate(passes) if np.sum(one.validation[0]) > 1}
+        self._numbers = {
+            first + k: one for k, one in enumerate(passes) if np.sum(one.validation[0]) > 1
+        }
         self._lost = tuple(
             f"pass {first + k} of {one.raw.target}: {one.validation[1].text()}"
             for k, one in enumerate(passes)
@@ -142,9 +150,13 @@ class RawPasses:
             raise ValueError(f"no pass gives calibration points: {'; '.join(self._lost[:3])}")
         used = list(self._numbers.values())
         # What some passes do not have can judge none of them.
-        self._names = [name for name in used[0].residuals if all(name in one.residuals for one in used)]
+        self._names = [
+            name for name in used[0].residuals if all(name in one.residuals for one in used)
+        ]
         self._validation = _summed([one.validation[1] for one in passes])
-        self._residuals = {name: np.concatenate([one.residuals[name] for one in used]) for name in self._names}
+        self._residuals = {
+            name: np.concatenate([one.residuals[name] for one in used]) for name in self._names
+        }
         self._tracks = _joined([one.track for one in used])
         self._passes = np.repeat(list(self._numbers), [len(one.track.t_s) for one in used])
 
@@ -154,15 +166,24 @@ class RawPasses:
         What is `known` is taken off before the means and put back on the points.
         """
         t_s, residuals = self._tracks["t_s"], dict(self._residuals)
-        paths = {number: _displaced(one, known.errors.get(number)) for number, one in self._numbers.items()}
-        shift = self._known_rad(known, self._tracks, [paths[n].at(one.track.t_s) for n, one in self._numbers.items()])
+        paths = {
+            number: _displaced(one, known.errors.get(number))
+            for number, one in self._numbers.items()
+        }
+        shift = self._known_rad(
+            known, self._tracks, [paths[n].at(one.track.t_s) for n, one in self._numbers.items()]
+        )
         # Encoders count turns: only the azimuth difference folded into half a turn is a residual.
         residuals["azimuth_rad"] = wrap_rad(residuals["azimuth_rad"] - shift[0])
         residuals["elevation_rad"] = residuals["elevation_rad"] - shift[1]
         # On the sky: in azimuth the noise of a high pass grows so fast that a piece loses its top.
-        on_sky = residuals | {"azimuth_rad": residuals["azimuth_rad"] * np.cos(self._tracks["elevation_rad"])}
+        on_sky = residuals | {
+            "azimuth_rad": residuals["azimuth_rad"] * np.cos(self._tracks["elevation_rad"])
+        }
         keep, dropped = find_outliers(t_s, self._passes, on_sky)
-        outliers = StageReport(stage="outliers", before=len(t_s), after=int(np.sum(keep)), dropped=dropped)
+        outliers = StageReport(
+            stage="outliers", before=len(t_s), after=int(np.sum(keep)), dropped=dropped
+        )
         # Where range or range rate are wrong, so is the time or the target of the angles.
         stacked = np.stack([value[keep] for value in residuals.values()], axis=1)
         thinned = thin(t_s[keep], self._passes[keep], stacked)
@@ -177,16 +198,27 @@ class RawPasses:
             self._report("thinning", outliers.after, thinned),
             self._report("smoothing", len(thinned.t_s), smoothed),
             StageReport(
-                stage="corrections", before=count, after=count, dropped={}, note="ionosphere" if corrected else "none"
+                stage="corrections",
+                before=count,
+                after=count,
+                dropped={},
+                note="ionosphere" if corrected else "none",
             ),
         )
         empty = sorted(set(self._numbers) - set(points.passes.tolist()))
-        return Processed(points, reports, (*self._lost, *(f"pass {number}: too few samples" for number in empty)))
+        return Processed(
+            points, reports, (*self._lost, *(f"pass {number}: too few samples" for number in empty))
+        )
 
-    def _known_rad(self, known: PriorKnowledge, tracks: Mapping[str, Array], paths: Sequence[ReferenceTrack]) -> Array:
+    def _known_rad(
+        self, known: PriorKnowledge, tracks: Mapping[str, Array], paths: Sequence[ReferenceTrack]
+    ) -> Array:
         """Return the known part (2, n) of observed minus reference angles."""
         path = _joined(paths)
-        moved = wrap_rad(path["azimuth_rad"] - tracks["azimuth_rad"]), path["elevation_rad"] - tracks["elevation_rad"]
+        moved = (
+            wrap_rad(path["azimuth_rad"] - tracks["azimuth_rad"]),
+            path["elevation_rad"] - tracks["elevation_rad"],
+        )
         return np.stack(moved) + known.bias_rad(path)
 
     def _with_sigma(
@@ -202,9 +234,15 @@ class RawPasses:
         tracks = _joined([path.at(t_s) for path, t_s in times if len(t_s)])
         sigma, straight = noise_of(smoothed, tracks["elevation_rad"])
         left = {name: value[straight] for name, value in tracks.items()}
-        return smoothed.select(straight, "not along a line"), left, np.maximum(sigma[straight].T, _LEAST_SIGMA_RAD)
+        return (
+            smoothed.select(straight, "not along a line"),
+            left,
+            np.maximum(sigma[straight].T, _LEAST_SIGMA_RAD),
+        )
 
-    def _points(self, smoothed: Thinned, tracks: dict[str, Array], sigma: Array, known: PriorKnowledge) -> Observations:
+    def _points(
+        self, smoothed: Thinned, tracks: dict[str, Array], sigma: Array, known: PriorKnowledge
+    ) -> Observations:
         # The true motion is that with the errors known so far, about which they are linear; their
         # linear part is put back, for the fit finds whole errors and not their changes.
         shift = known.bias_rad(tracks) + _error_shift_rad(known, tracks, smoothed.passes)
@@ -224,21 +262,30 @@ class RawPasses:
         )
 
     def _report(self, stage: str, before: int, result: Thinned) -> StageReport:
-        scatter = ", ".join(f"{name} {value:.3g}" for name, value in zip(self._names, result.noise, strict=True))
+        scatter = ", ".join(
+            f"{name} {value:.3g}" for name, value in zip(self._names, result.noise, strict=True)
+        )
         note = f"scatter {scatter}" if np.any(result.freedom) else "samples as they are"
-        return StageReport(stage=stage, before=before, after=len(result.t_s), dropped=result.dropped, note=note)
+        return StageReport(
+            stage=stage, before=before, after=len(result.t_s), dropped=result.dropped, note=note
+        )
 
 
 def _joined(tracks: Sequence[ReferenceTrack]) -> dict[str, Array]:
     """Return the columns of all tracks, one after the other."""
-    return {item.name: np.concatenate([getattr(one, item.name) for one in tracks]) for item in fields(ReferenceTrack)}
+    return {
+        item.name: np.concatenate([getattr(one, item.name) for one in tracks])
+        for item in fields(ReferenceTrack)
+    }
 
 
 def _displaced(one: TrackedPass, errors: PassErrors | None) -> ReferenceTrack:
     return one.reference if errors is None else displaced(one.reference, errors)
 
 
-def _error_shift_rad(known: PriorKnowledge, tracks: Mapping[str, Array], passes: NDArray[np.int64]) -> Array:
+def _error_shift_rad(
+    known: PriorKnowledge, tracks: Mapping[str, Array], passes: NDArray[np.int64]
+) -> Array:
     """Return the shifts (2, n) of the angles that are linear in the errors of the passes."""
     errors = known.errors
     if not errors:
@@ -251,7 +298,9 @@ def _error_shift_rad(known: PriorKnowledge, tracks: Mapping[str, Array], passes:
     middle = np.array([one.middle_t_s if one else 0.0 for one in found])[place]
     motion = [tracks[name] for name in _MOTION]
     elapsed_s = tracks["t_s"] - middle
-    partials = motion_partials(elapsed_s, motion, tracks["range_m"], tracks["range_rate_m_s"], names, known.lags_s)
+    partials = motion_partials(
+        elapsed_s, motion, tracks["range_m"], tracks["range_rate_m_s"], names, known.lags_s
+    )
     return np.stack([np.einsum("ij,ij->i", axis, values[place]) for axis in partials])
 
 
@@ -259,9 +308,13 @@ def _summed(reports: Sequence[StageReport]) -> StageReport:
     dropped: Counter[str] = Counter()
     for report in reports:
         dropped.update(report.dropped)
-    before, after = (sum(getattr(report, name) for report in reports) for name in ("before", "after"))
+    before, after = (
+        sum(getattr(report, name) for report in reports) for name in ("before", "after")
+    )
     note = "" if len(reports) == 1 else f"{len(reports)} passes"
-    return StageReport(stage=reports[0].stage, before=before, after=after, dropped=dropped, note=note)
+    return StageReport(
+        stage=reports[0].stage, before=before, after=after, dropped=dropped, note=note
+    )
 
 
 def select_observations(
@@ -269,7 +322,9 @@ def select_observations(
 ) -> tuple[Observations, Coverage, StageReport]:
     """Choose the points of each sector from all passes; `require_full` refuses a thin sector."""
     together = Observations.concatenate(list(passes))
-    rows, dropped = select_by_sector(together.true_azimuth_rad, together.true_elevation_rad, together.pass_id, rule)
+    rows, dropped = select_by_sector(
+        together.true_azimuth_rad, together.true_elevation_rad, together.pass_id, rule
+    )
     chosen = together.select(rows)
     coverage = rule.coverage(chosen.true_azimuth_rad, chosen.true_elevation_rad)
     # Thin sectors let terms trade places: a paper's campaign is refused, an operator's is reported.

@@ -81,7 +81,9 @@ class StageReport:
     def text(self) -> str:
         """Return one line for people."""
         reasons = ", ".join(f"{count} {reason}" for reason, count in self.dropped.items() if count)
-        line = f"{self.stage}: {self.before} -> {self.after}" + (f" (dropped {reasons})" if reasons else "")
+        line = f"{self.stage}: {self.before} -> {self.after}" + (
+            f" (dropped {reasons})" if reasons else ""
+        )
         return f"{line}; {self.note}" if self.note else line
 
 
@@ -100,17 +102,24 @@ def split_passes(raw: RawTracking, gap_s: float) -> list[RawTracking]:
     over = raw.over[rows]
     # One wrong angle is not another side.
     padded_over = np.pad(over.astype(np.float64), _NEIGHBOURS, mode="edge")
-    side = np.median(np.lib.stride_tricks.sliding_window_view(padded_over, 2 * _NEIGHBOURS + 1), axis=1)
+    side = np.median(
+        np.lib.stride_tricks.sliding_window_view(padded_over, 2 * _NEIGHBOURS + 1), axis=1
+    )
     cuts = rows[np.flatnonzero((np.abs(np.diff(usual)) > gap_s) | (np.diff(side) != 0.0)) + 1]
     values = {"t_s": raw.t_s, "good": raw.good, **raw.channels}
     parts = {name: np.split(value, cuts) for name, value in values.items()}
-    return [replace(raw, **{name: part[k] for name, part in parts.items()}) for k in range(len(cuts) + 1)]
+    return [
+        replace(raw, **{name: part[k] for name, part in parts.items()})
+        for k in range(len(cuts) + 1)
+    ]
 
 
 def _column(name: str, value: ArrayLike, length: int | None) -> Array:
     array = np.asarray(value, dtype=np.float64)
     if array.ndim != 1 or (length is not None and len(array) != length):
-        raise ValueError(f"{name} has shape {array.shape}, must be ({'n' if length is None else length},)")
+        raise ValueError(
+            f"{name} has shape {array.shape}, must be ({'n' if length is None else length},)"
+        )
     return array
 
 
@@ -134,7 +143,9 @@ def validate(raw: RawTracking, reference: ReferenceTrack) -> tuple[NDArray[np.bo
         wrong = rows[is_wrong(rows)]
         keep[wrong] = False
         dropped[reason] = len(wrong)
-    report = StageReport(stage="validation", before=len(raw), after=int(np.sum(keep)), dropped=dropped)
+    report = StageReport(
+        stage="validation", before=len(raw), after=int(np.sum(keep)), dropped=dropped
+    )
     return keep, report
 
 
@@ -145,13 +156,20 @@ def require_unit(raw: RawTracking, reference: ReferenceTrack) -> None:
     times, places = np.unique(raw.t_s[rows], return_index=True)
     if len(times) < 2:
         return
-    at, azimuth, elevation = reference.at(times), raw.azimuth_rad[rows][places], raw.elevation_rad[rows][places]
+    at, azimuth, elevation = (
+        reference.at(times),
+        raw.azimuth_rad[rows][places],
+        raw.elevation_rad[rows][places],
+    )
 
     def distance(factor: float) -> float:
         across = wrap_rad(factor * azimuth - at.azimuth_rad) * np.cos(at.elevation_rad)
         return float(np.median(np.hypot(across, factor * elevation - at.elevation_rad)))
 
-    words = {np.pi / 180.0: "large: degrees read as radians?", 180.0 / np.pi: "small: radians read as degrees?"}
+    words = {
+        np.pi / 180.0: "large: degrees read as radians?",
+        180.0 / np.pi: "small: radians read as degrees?",
+    }
     for factor, cause in words.items():
         if distance(1.0) > _ANOTHER_UNIT_RAD > distance(factor):
             raise ValueError(

@@ -36,9 +36,15 @@ class ReferenceTrack:
     def __post_init__(self) -> None:
         object.__setattr__(self, "t_s", as_finite_array("t_s", self.t_s, (None,)))
         for item in fields(self):
-            object.__setattr__(self, item.name, as_finite_array(item.name, getattr(self, item.name), (len(self.t_s),)))
+            object.__setattr__(
+                self,
+                item.name,
+                as_finite_array(item.name, getattr(self, item.name), (len(self.t_s),)),
+            )
         if len(self.t_s) < 2 or np.any(np.diff(self.t_s) <= 0.0):
-            raise ValueError("reference t_s must have at least 2 points and increase from point to point")
+            raise ValueError(
+                "reference t_s must have at least 2 points and increase from point to point"
+            )
 
     def covers(self, t_s: ArrayLike) -> NDArray[np.bool_]:
         """Return which times lie within the samples; the track is never extrapolated."""
@@ -50,7 +56,9 @@ class ReferenceTrack:
         times = as_finite_array("t_s", t_s, (None,))
         if not np.all(self.covers(times)):
             outside = times[~self.covers(times)][0]
-            raise ValueError(f"t_s={outside} must be within the reference {self.t_s[0]}..{self.t_s[-1]}")
+            raise ValueError(
+                f"t_s={outside} must be within the reference {self.t_s[0]}..{self.t_s[-1]}"
+            )
         # The last sample belongs to the last interval, or there would be no interval to its right.
         left = np.clip(np.searchsorted(self.t_s, times, side="right") - 1, 0, len(self.t_s) - 2)
         step, elapsed = self.t_s[left + 1] - self.t_s[left], times - self.t_s[left]
@@ -80,8 +88,13 @@ class ReferenceTrack:
 
     def truth(self) -> dict[str, Array]:
         """Return the columns of `Observations` that hold the true motion, by name."""
-        columns = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "t_s"}
-        return {f"true_{name}" if name in ("azimuth_rad", "elevation_rad") else name: columns[name] for name in columns}
+        columns = {
+            item.name: getattr(self, item.name) for item in fields(self) if item.name != "t_s"
+        }
+        return {
+            f"true_{name}" if name in ("azimuth_rad", "elevation_rad") else name: columns[name]
+            for name in columns
+        }
 
 
 def _quintic(
@@ -95,7 +108,9 @@ def _quintic(
     return position, velocity, a0 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5))
 
 
-def _cubic(value: Array, rate: Array, left: NDArray[np.int64], step: Array, elapsed: Array) -> tuple[Array, Array]:
+def _cubic(
+    value: Array, rate: Array, left: NDArray[np.int64], step: Array, elapsed: Array
+) -> tuple[Array, Array]:
     p0, p1, v0, v1 = value[left], value[left + 1], rate[left], rate[left + 1]
     slope = (p1 - p0) / step
     c2 = (3.0 * slope - 2.0 * v0 - v1) / step

@@ -46,7 +46,11 @@ _TURNED_SPREAD_RAD = np.radians(1.0)
 # Ratio of sigma to a median of absolute values, and the fewest others that can judge one value.
 _MEDIAN_TO_SIGMA, _FEWEST_OTHERS = 1.4826, 4
 # By which clocks are off; by which passes scatter, 110 m to 7 km along the track.
-_LATE_S, _SCATTER_S, _LEAST_LATE_S = (0.2, 2.0, 20.0), tuple(0.015 * 2.0**k for k in range(7)), 0.015
+_LATE_S, _SCATTER_S, _LEAST_LATE_S = (
+    (0.2, 2.0, 20.0),
+    tuple(0.015 * 2.0**k for k in range(7)),
+    0.015,
+)
 # -ln of the probability that some passes are late; how many sigma of the others that must be.
 _MOST_GROUPS, _GROUP_COST, _ALONE, _FAR = 5, 2.0, 2, 4.0
 # Chi-square by which an explanation is better than by chance in a hundred fits.
@@ -105,10 +109,14 @@ def wrong_site(fit: FitResult, gain_before: float) -> SystematicError | None:
     gain = float(values @ np.linalg.solve(covariance, values))
     if gain < _LIKELY:
         return None
-    return _site(_Estimate(values, np.sqrt(np.diag(covariance)), gain if gain_before > _LIKELY else _LIKELY))
+    return _site(
+        _Estimate(values, np.sqrt(np.diag(covariance)), gain if gain_before > _LIKELY else _LIKELY)
+    )
 
 
-def refraction_nuisance(points: Observations, refraction: RadioRefraction, sigma: float) -> Nuisance:
+def refraction_nuisance(
+    points: Observations, refraction: RadioRefraction, sigma: float
+) -> Nuisance:
     """Return that the bending is off by a share `sigma` in all passes."""
     return Nuisance("refraction", _bending(points, refraction), np.array([sigma]))
 
@@ -118,7 +126,9 @@ def _bending(points: Observations, refraction: RadioRefraction) -> Array:
     return np.stack([np.zeros_like(bending), bending])[..., np.newaxis]
 
 
-def common_clock(fit: FitResult, known: Mapping[str, float], taken_s: float = 0.0) -> SystematicError | None:
+def common_clock(
+    fit: FitResult, known: Mapping[str, float], taken_s: float = 0.0
+) -> SystematicError | None:
     """Return the clock error that explains the lags of `fit` beyond those `known`, if one does.
 
     Time tags late by tau make of the lags x6, x7 of an axis
@@ -128,7 +138,12 @@ def common_clock(fit: FitResult, known: Mapping[str, float], taken_s: float = 0.
     Either both axes lag by the same time, or one tau takes the acceleration lags of both away.
     What was found is exact when `taken_s` of it is taken off the time tags of the fit already.
     """
-    names = ("azimuth_velocity_lag", "elevation_velocity_lag", "azimuth_acceleration_lag", "elevation_acceleration_lag")
+    names = (
+        "azimuth_velocity_lag",
+        "elevation_velocity_lag",
+        "azimuth_acceleration_lag",
+        "elevation_acceleration_lag",
+    )
     if any(name not in fit.names for name in names[:2]):
         return None
     places = [fit.names.index(name) for name in names if name in fit.names]
@@ -155,7 +170,9 @@ def _equal_lags(moved: Array, covariance: Array, taken_s: float) -> SystematicEr
     )  # fmt: skip
 
 
-def _without_acceleration(moved: Array, covariance: Array, taken_s: float) -> SystematicError | None:
+def _without_acceleration(
+    moved: Array, covariance: Array, taken_s: float
+) -> SystematicError | None:
     """Return the clock error without which neither axis has an acceleration lag."""
     weight = np.linalg.inv(covariance[2:, 2:])
 
@@ -170,7 +187,9 @@ def _without_acceleration(moved: Array, covariance: Array, taken_s: float) -> Sy
     tau = _CLOCKS_S[np.argmin(misfit(_CLOCKS_S)[1])]
     for _ in range(_NEWTON_STEPS):
         slope = moved[:2] + tau
-        tau = tau - float(slope @ weight @ misfit(np.array([tau]))[0][0]) / float(slope @ weight @ slope)
+        tau = tau - float(slope @ weight @ misfit(np.array([tau]))[0][0]) / float(
+            slope @ weight @ slope
+        )
     slope = moved[:2] + tau
     sigma = float(slope @ weight @ slope) ** -0.5
     left, (there, here) = misfit(np.array([-taken_s, tau]))
@@ -186,7 +205,9 @@ def _without_acceleration(moved: Array, covariance: Array, taken_s: float) -> Sy
         return SystematicError("clock", float(tau), sigma, "s", text, refuse=False)
     text = (f"the time tags of all passes are {_late(tau)} (+/- {sigma:.3f} s): with them the axes have acceleration lags of "
             f"{lags}s^2, without this error none")  # fmt: skip
-    return SystematicError("clock", float(tau), sigma, "s", text, refuse=bool(there - here > _SURE_SIGMA**2))
+    return SystematicError(
+        "clock", float(tau), sigma, "s", text, refuse=bool(there - here > _SURE_SIGMA**2)
+    )
 
 
 def clock_by_ranges(passes: Sequence[TrackedPass]) -> SystematicError | None:
@@ -222,7 +243,12 @@ def wrong_north(points: Observations, convergence_rad: float) -> SystematicError
     if abs(size) < _LARGEST_NORTH_RAD or sigma > _TURNED_SPREAD_RAD:
         return None
     return SystematicError(
-        "north", float(np.degrees(size)), float(np.degrees(sigma)), "deg", _north(size, convergence_rad), True
+        "north",
+        float(np.degrees(size)),
+        float(np.degrees(sigma)),
+        "deg",
+        _north(size, convergence_rad),
+        True,
     )
 
 
@@ -236,7 +262,9 @@ def north_doubt(fit: FitResult, convergence_rad: float) -> SystematicError | Non
     ):
         return None
     text = _north(size, convergence_rad) + "; the term azimuth_offset takes it off"
-    return SystematicError("north", float(np.degrees(size)), float(np.degrees(sigma)), "deg", text, refuse=False)
+    return SystematicError(
+        "north", float(np.degrees(size)), float(np.degrees(sigma)), "deg", text, refuse=False
+    )
 
 
 def late_passes(
@@ -259,7 +287,10 @@ def late_passes(
     most = labels == np.argmax(counts)
     usual = max(float(np.std(late[most])), _LEAST_LATE_S)
     if 2 * np.max(counts) <= len(late):
-        first, second = (np.sort(late[labels == k] - np.median(late)) for k in np.argsort(-counts, kind="stable")[:2])
+        first, second = (
+            np.sort(late[labels == k] - np.median(late))
+            for k in np.argsort(-counts, kind="stable")[:2]
+        )
         text = (f"the passes are late by different times, and no time has most of them: {len(first)} and {len(second)} of "
                 f"{len(late)} differ by {abs(np.median(first) - np.median(second)):.3f} s")  # fmt: skip
         return {}, SystematicError(
@@ -276,14 +307,22 @@ def late_passes(
         if points.range_m is not None and points.range_rate_m_s is not None:
             off_km = abs(late[k]) * _ground_speed(points, numbers[k]) / 1e3
             what = f", or its target {off_km:.2f} km off along the track"
-        text = f"pass {numbers[k]} is {_late(late[k])} where the others are within {usual:.3f} s{what}"
-        found[numbers[k]] = SystematicError("late pass", float(late[k]), float(sigma[k]), "s", text, refuse=False)
+        text = (
+            f"pass {numbers[k]} is {_late(late[k])} where the others are within {usual:.3f} s{what}"
+        )
+        found[numbers[k]] = SystematicError(
+            "late pass", float(late[k]), float(sigma[k]), "s", text, refuse=False
+        )
     return found, None
 
 
 def timed(priors: PassPriors | None) -> PassPriors:
     """Return priors in which a clock stands for the errors along the track."""
-    return PassPriors(clock_s=1.0) if priors is None else priors.replace(along_track_m=0.0, clock_s=1.0)
+    return (
+        PassPriors(clock_s=1.0)
+        if priors is None
+        else priors.replace(along_track_m=0.0, clock_s=1.0)
+    )
 
 
 def _groups_of(late: Array, covariance: Array, sets: Places) -> Places:
@@ -294,7 +333,12 @@ def _groups_of(late: Array, covariance: Array, sets: Places) -> Places:
     """
     count = len(late)
     together = (sets[:, np.newaxis] == sets).astype(np.float64)
-    own = np.array([float(np.median(late[sets == one])) if np.sum(sets == one) > _ALONE else 0.0 for one in sets])
+    own = np.array(
+        [
+            float(np.median(late[sets == one])) if np.sum(sets == one) > _ALONE else 0.0
+            for one in sets
+        ]
+    )
     best = (-np.inf, np.zeros(count, dtype=np.int64))
     for values in (late, late - own):
         order = np.argsort(values, kind="stable")
@@ -310,9 +354,15 @@ def _groups_of(late: Array, covariance: Array, sets: Places) -> Places:
             for scatter, shared, off in product(
                 _SCATTER_S, (0.0, *_SCATTER_S[1::2]), _LATE_S if groups > 1 else (0.0,)
             ):
-                total = covariance + scatter**2 * np.eye(count) + shared**2 * together + off**2 * alike
+                total = (
+                    covariance + scatter**2 * np.eye(count) + shared**2 * together + off**2 * alike
+                )
                 root = np.linalg.cholesky(total)
-                likely = -0.5 * np.sum(np.linalg.solve(root, late) ** 2) - np.sum(np.log(np.diag(root))) - cost
+                likely = (
+                    -0.5 * np.sum(np.linalg.solve(root, late) ** 2)
+                    - np.sum(np.log(np.diag(root)))
+                    - cost
+                )
                 if likely > best[0]:
                     best = (likely, labels)
     return best[1]
@@ -325,12 +375,18 @@ class _Estimate:
     gain: float
 
 
-def _estimates(fit: FitResult, points: Observations, columns: Mapping[str, Array]) -> dict[str, _Estimate]:
+def _estimates(
+    fit: FitResult, points: Observations, columns: Mapping[str, Array]
+) -> dict[str, _Estimate]:
     """Return the size of each suspect next to all terms, and by how much it lowers chi-square."""
     widths = [part.shape[-1] for part in columns.values()]
-    problem = FitProblem(points, fit.names, dict(fit.held), dict(fit.priors), fit.pass_priors, fit.form, fit.shared)
+    problem = FitProblem(
+        points, fit.names, dict(fit.held), dict(fit.priors), fit.pass_priors, fit.form, fit.shared
+    )
     factor = problem.factor_with(fit, np.concatenate(list(columns.values()), axis=-1))
-    scale = 1.0 if fit.noise is None else max(1.0, 0.5 * (fit.noise[0].factor + fit.noise[1].factor))
+    scale = (
+        1.0 if fit.noise is None else max(1.0, 0.5 * (fit.noise[0].factor + fit.noise[1].factor))
+    )
     found, start = {}, len(fit.names)
     # The triangle's columns are terms, suspects and the right side: each suspect is tried alone.
     terms, right = factor[:, : len(fit.names)], factor[:, -1]
@@ -371,12 +427,17 @@ def _site(estimate: _Estimate) -> SystematicError | None:
         f"the antenna is {size:.0f} +/- {sigma:.0f} m away from the site given: {east:+.0f} m east, {north:+.0f} m north, "
         f"{up:+.0f} m up of it"
     )
-    return SystematicError("site", size, sigma, "m", text, refuse=bool(estimate.gain > _SURE_SIGMA**2))
+    return SystematicError(
+        "site", size, sigma, "m", text, refuse=bool(estimate.gain > _SURE_SIGMA**2)
+    )
 
 
 def _turn(points: Observations) -> tuple[float, float]:
     """Return the median azimuth residual and its spread over the passes."""
-    turns = [float(np.median(points.residual_azimuth_rad[points.pass_id == number])) for number in points.passes]
+    turns = [
+        float(np.median(points.residual_azimuth_rad[points.pass_id == number]))
+        for number in points.passes
+    ]
     size = float(np.median(turns))
     return size, _MEDIAN_TO_SIGMA * float(np.median(np.abs(wrap_rad(np.array(turns) - size))))
 
@@ -387,7 +448,10 @@ def _north(size_rad: float, convergence_rad: float) -> str:
 
 def _searched_from(priors: PassPriors) -> PassPriors:
     """Return the same errors with sizes that are larger than any that occurs."""
-    wide = {**dict(zip(MEASURABLE_FROM.names, MEASURABLE_FROM.sigma.tolist(), strict=True)), "clock_s": 1.0}
+    wide = {
+        **dict(zip(MEASURABLE_FROM.names, MEASURABLE_FROM.sigma.tolist(), strict=True)),
+        "clock_s": 1.0,
+    }
     return priors.replace(**{name: wide.get(name, getattr(priors, name)) for name in priors.names})
 
 
@@ -395,7 +459,9 @@ def _ground_speed(points: Observations, number: int) -> float:
     """Return the speed (m/s) of the target of a pass as seen from the ground."""
     chosen = points.select(points.pass_id == number)
     range_m, rate = np.asarray(chosen.range_m), np.asarray(chosen.range_rate_m_s)
-    turning = np.hypot(chosen.azimuth_rate_rad_s * np.cos(chosen.true_elevation_rad), chosen.elevation_rate_rad_s)
+    turning = np.hypot(
+        chosen.azimuth_rate_rad_s * np.cos(chosen.true_elevation_rad), chosen.elevation_rate_rad_s
+    )
     return float(np.median(np.hypot(range_m * turning, rate)))
 
 

@@ -57,7 +57,12 @@ _NEXT_PLACE = {
 _HEADER = ("CCSDS_TDM_VERS", "CREATION_DATE", "ORIGINATOR", "MESSAGE_ID")
 _ONE_WAY = ("2,1", "1,2")
 _ANGLES = ("ANGLE_1", "ANGLE_2")
-_SCALE = {"ANGLE_1": math.radians(1.0), "ANGLE_2": math.radians(1.0), "RANGE": 1e3, "DOPPLER_INSTANTANEOUS": 1e3}
+_SCALE = {
+    "ANGLE_1": math.radians(1.0),
+    "ANGLE_2": math.radians(1.0),
+    "RANGE": 1e3,
+    "DOPPLER_INSTANTANEOUS": 1e3,
+}
 
 
 @dataclass
@@ -80,14 +85,20 @@ def read_tdm(path: str | Path, *, band: str | None = None) -> list[RawTracking]:
         raise ValueError(f"{source}: {error}") from None
 
 
-def write_tdm(path: str | Path, tracks: Sequence[RawTracking], *, originator: str, created_t_s: float) -> None:
+def write_tdm(
+    path: str | Path, tracks: Sequence[RawTracking], *, originator: str, created_t_s: float
+) -> None:
     """Write one segment for each pass with good samples, and only those; `read_tdm` is the inverse.
 
     Raises ValueError if no sample is good, and for names that are not ASCII.
     """
     if not any(np.any(track.good) for track in tracks):
         raise ValueError(f"{path}: no good sample to write in {len(tracks)} passes")
-    lines = ["CCSDS_TDM_VERS = 2.0", f"CREATION_DATE = {to_utc_text(created_t_s)}", f"ORIGINATOR = {originator}"]
+    lines = [
+        "CCSDS_TDM_VERS = 2.0",
+        f"CREATION_DATE = {to_utc_text(created_t_s)}",
+        f"ORIGINATOR = {originator}",
+    ]
     for track in (one for one in tracks if np.any(one.good)):
         lines += ["", *_metadata_lines(track), "", *_data_lines(track)]
     text = "\n".join(lines) + "\n"
@@ -211,15 +222,21 @@ def _participants(segment: _Segment) -> tuple[str, str]:
     path = [part.strip() for part in segment.metadata["PATH"].split(",")]
     others = dict.fromkeys(part for part in path if part != path[-1])
     target = next(iter(others), "")
-    if len(others) != 1 or any(f"PARTICIPANT_{number}" not in segment.metadata for number in (path[-1], target)):
-        raise ValueError(f"line {segment.line}: PATH={segment.metadata['PATH']} must join a station and its target")
+    if len(others) != 1 or any(
+        f"PARTICIPANT_{number}" not in segment.metadata for number in (path[-1], target)
+    ):
+        raise ValueError(
+            f"line {segment.line}: PATH={segment.metadata['PATH']} must join a station and its target"
+        )
     return path[-1], target
 
 
 def _band(segment: _Segment, otherwise: str | None) -> str:
     """Return the band in which the station receives; a two-way uplink band says nothing of it."""
     one_way = segment.metadata["PATH"].replace(" ", "") in _ONE_WAY
-    named = segment.metadata.get("RECEIVE_BAND") or (segment.metadata.get("TRANSMIT_BAND") if one_way else None)
+    named = segment.metadata.get("RECEIVE_BAND") or (
+        segment.metadata.get("TRANSMIT_BAND") if one_way else None
+    )
     if named is None and otherwise is None:
         raise ValueError(f"line {segment.line}: RECEIVE_BAND is missing in the metadata")
     return named or str(otherwise)
@@ -229,7 +246,10 @@ def _unusable(segment: _Segment, key: str) -> str:
     """Return why the values of a keyword are left out, empty if they are not."""
     if key in _ANGLES:
         return ""
-    path, units = segment.metadata["PATH"].replace(" ", ""), segment.metadata.get("RANGE_UNITS", "km")
+    path, units = (
+        segment.metadata["PATH"].replace(" ", ""),
+        segment.metadata.get("RANGE_UNITS", "km"),
+    )
     if path not in _ONE_WAY:
         return f"left out of PATH={path}, only one-way is read"
     if key == "RANGE" and units != "km":
@@ -240,11 +260,16 @@ def _unusable(segment: _Segment, key: str) -> str:
 
 
 def _require_same_times(
-    key: str, series: dict[float, tuple[int, float]], other: str, known: dict[float, tuple[int, float]]
+    key: str,
+    series: dict[float, tuple[int, float]],
+    other: str,
+    known: dict[float, tuple[int, float]],
 ) -> None:
     for t_s, (number, _) in series.items():
         if t_s not in known:
-            raise ValueError(f"line {number}: {key} at {to_utc_text(t_s)} has no {other} at that time")
+            raise ValueError(
+                f"line {number}: {key} at {to_utc_text(t_s)} has no {other} at that time"
+            )
 
 
 def _correction(segment: _Segment, key: str) -> float:
@@ -257,7 +282,9 @@ def _correction(segment: _Segment, key: str) -> float:
     try:
         value = float(segment.metadata[name])
     except ValueError:
-        raise ValueError(f"line {segment.line}: {name}={segment.metadata[name]} must be a number") from None
+        raise ValueError(
+            f"line {segment.line}: {name}={segment.metadata[name]} must be a number"
+        ) from None
     return value * _SCALE[key] if applied == "NO" else 0.0
 
 

@@ -99,7 +99,9 @@ def select_terms(
     unknown names and a search that has not settled.
     """
     terms_by_name(candidates)
-    search = _Search.of(observations, tuple(candidates), held or {}, pass_priors, about, shared, nuisances)
+    search = _Search.of(
+        observations, tuple(candidates), held or {}, pass_priors, about, shared, nuisances
+    )
     chosen: frozenset[str] = frozenset()
     bic = search.bic(chosen)
     for _ in range(_MOST_STEPS):
@@ -128,7 +130,9 @@ def held_out_passes(
         rest = observations.select(observations.pass_id != number)
         model = fit_bias_model(rest, terms=terms, held=fixed, pass_priors=pass_priors).model
         offset = model.offset_rad(*left_out.motion(), temperature_k=left_out.temperature_k)
-        across = wrap_rad(left_out.residual_azimuth_rad - offset[0]) * np.cos(left_out.true_elevation_rad)
+        across = wrap_rad(left_out.residual_azimuth_rad - offset[0]) * np.cos(
+            left_out.true_elevation_rad
+        )
         square = across**2 + (left_out.residual_elevation_rad - offset[1]) ** 2
         rms.append(float(np.sqrt(np.mean(square))))
         squares, count = squares + float(np.sum(square)), count + len(square)
@@ -153,7 +157,9 @@ class _Search:
     ) -> "_Search":
         # Products of terms are not terms: a lag of 0.5 s alone looks as 0.12 s^2 more otherwise.
         form = "printed" if about is None else about.form
-        problem = FitProblem(data, names, {**held_at_zero(names), **held}, {}, pass_priors, form, shared, nuisances)
+        problem = FitProblem(
+            data, names, {**held_at_zero(names), **held}, {}, pass_priors, form, shared, nuisances
+        )
         everything, one = np.ones(len(data), dtype=bool), np.ones(len(data))
         values = np.array([0.0 if about is None else about.coefficients[name] for name in names])
         equations, _ = problem.equations(values, everything, one)
@@ -173,10 +179,15 @@ class _Search:
             return float(right @ right), np.zeros(0), np.zeros((0, 0))
         lengths = np.linalg.norm(matrix, axis=0)
         # A column of rounding alone, scaled to one, would explain some noise: it stays zero.
-        inverse = np.where(lengths > _NOTHING * np.max(lengths), 1.0 / np.maximum(lengths, 1e-300), 0.0)
+        inverse = np.where(
+            lengths > _NOTHING * np.max(lengths), 1.0 / np.maximum(lengths, 1e-300), 0.0
+        )
         left, singular, rotation = np.linalg.svd(matrix * inverse, full_matrices=False)
         kept = singular > 1e-9 * singular[0]
-        along, root = left[:, kept].T @ right, (rotation[kept] / singular[kept, np.newaxis]).T * inverse[:, np.newaxis]
+        along, root = (
+            left[:, kept].T @ right,
+            (rotation[kept] / singular[kept, np.newaxis]).T * inverse[:, np.newaxis],
+        )
         return float(right @ right - along @ along), root @ along, root @ root.T
 
     def bic(self, chosen: Collection[str]) -> float:
@@ -189,7 +200,9 @@ class _Search:
         removals = [(self.bic(chosen - {name}), name) for name in chosen]
         if removals and min(removals)[0] < bic:
             return _least(removals)
-        additions = [(self.bic(chosen | {name}), name) for name in self.equations.names if name not in chosen]
+        additions = [
+            (self.bic(chosen | {name}), name) for name in self.equations.names if name not in chosen
+        ]
         if additions and min(additions)[0] < bic - _SAME_BIC:
             return _least(additions)
         return None
@@ -200,7 +213,9 @@ class _Search:
         names = tuple(name for name in self.equations.names if name in names or name in kept)
         mixture = self._mixture(names, kept)
         narrow, wide = (mixture.holding(math.erf(k / math.sqrt(2.0))) / k for k in (1.0, 2.0))
-        return TermSelection(names, np.maximum(0.5 * (narrow + wide), 1.0), tuple(n for n in names if n in kept))
+        return TermSelection(
+            names, np.maximum(0.5 * (narrow + wide), 1.0), tuple(n for n in names if n in kept)
+        )
 
     def _needed(self, names: tuple[str, ...]) -> frozenset[str]:
         """Return the absent terms without which the sigma of a fitted one is far too small."""
@@ -211,7 +226,10 @@ class _Search:
             for absent in (name for name in every if name not in fitted):
                 among = [name for name in every if name in fitted or name == absent]
                 own = np.array([name != absent for name in among])
-                with_it, usual = self._sigma(among), np.array([term.size for term in terms_by_name(among)])
+                with_it, usual = (
+                    self._sigma(among),
+                    np.array([term.size for term in terms_by_name(among)]),
+                )
                 # Ignore fits that do not constrain every term better than its prior.
                 if fitted and np.all(with_it < usual):
                     found.append((float(np.max(with_it[own] / sigma)), absent))
@@ -242,9 +260,14 @@ class _Search:
         places = [every.index(name) for name in names]
         _, fitted, covariance = self.solve(names)
         one_sigma = np.sqrt(np.diag(covariance) * self.scale)
-        apart, wide = (values[likely][:, places] - fitted) / one_sigma, sigma[likely][:, places] / one_sigma
+        apart, wide = (
+            (values[likely][:, places] - fitted) / one_sigma,
+            sigma[likely][:, places] / one_sigma,
+        )
         # A subset without the term has it at zero, exactly.
-        return _Mixture(member[likely], weights / np.sum(weights), apart, np.maximum(wide, _NOTHING))
+        return _Mixture(
+            member[likely], weights / np.sum(weights), apart, np.maximum(wide, _NOTHING)
+        )
 
     def _posteriors(self, member: NDArray[np.bool_], share: float) -> tuple[Array, Array, Array]:
         """Return -2 ln of the weight (m,) of subsets (m, k), and values and sigma (m, k).
@@ -253,7 +276,10 @@ class _Search:
         """
         sizes = share * np.array([term.size for term in terms_by_name(self.equations.names)])
         matrix, right = self.equations.factor[:, :-1] * sizes, self.equations.factor[:, -1]
-        system, along = np.eye(len(sizes)) + matrix.T @ matrix / self.scale, matrix.T @ right / self.scale
+        system, along = (
+            np.eye(len(sizes)) + matrix.T @ matrix / self.scale,
+            matrix.T @ right / self.scale,
+        )
         above = np.full(len(member), right @ right / self.scale)
         values, sigma = np.zeros(member.shape), np.zeros(member.shape)
         counts = np.sum(member, axis=1)
@@ -284,11 +310,17 @@ class _Mixture:
 
     def holding(self, share: float) -> Array:
         """Return the half width (k,) about zero that holds `share` of the mixture."""
-        low, high = np.zeros(self.apart.shape[1]), np.max(np.abs(self.apart) + 6.0 * self.wide, axis=0)
+        low, high = (
+            np.zeros(self.apart.shape[1]),
+            np.max(np.abs(self.apart) + 6.0 * self.wide, axis=0),
+        )
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
             inside = 1.0 - self.weights @ self.outside(slice(None), middle)
-            low, high = np.where(inside < share, middle, low), np.where(inside < share, high, middle)
+            low, high = (
+                np.where(inside < share, middle, low),
+                np.where(inside < share, high, middle),
+            )
         return np.asarray(0.5 * (low + high))
 
     def outside(self, terms: int | slice, half: float | Array) -> Array:

@@ -109,7 +109,9 @@ def terms_by_name(names: Iterable[str]) -> tuple[Term, ...]:
     chosen = list(names)
     unknown = [name for name in chosen if name not in ALL_TERMS]
     if unknown:
-        raise ValueError(f"the bias model has no term {', '.join(unknown)}; it has {', '.join(ALL_TERMS)}")
+        raise ValueError(
+            f"the bias model has no term {', '.join(unknown)}; it has {', '.join(ALL_TERMS)}"
+        )
     if len(set(chosen)) < len(chosen):
         repeated = sorted({name for name in chosen if chosen.count(name) > 1})
         raise ValueError(f"term {', '.join(repeated)} is given more than once")

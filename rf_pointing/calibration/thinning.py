@@ -58,7 +58,9 @@ class Thinned:
     @property
     def noise(self) -> Array:
         """Return the standard deviation (m,) of one sample, over all pieces."""
-        return np.asarray(np.sqrt(self.freedom @ self.variance / max(float(np.sum(self.freedom)), 1.0)))
+        return np.asarray(
+            np.sqrt(self.freedom @ self.variance / max(float(np.sum(self.freedom)), 1.0))
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,11 +105,15 @@ def medians(values: Array, chosen: Chosen) -> Array:
 
 def _pieces(t_s: Array, passes: Places, length_s: float) -> Places:
     """Return the first row of each piece [k, k + 1) * `length_s` of a pass."""
-    starts = (np.diff(np.floor(t_s / length_s), prepend=-np.inf) != 0.0) | (np.diff(passes, prepend=-1) != 0)
+    starts = (np.diff(np.floor(t_s / length_s), prepend=-np.inf) != 0.0) | (
+        np.diff(passes, prepend=-1) != 0
+    )
     return np.flatnonzero(starts)
 
 
-def find_outliers(t_s: Array, passes: Places, residuals: Mapping[str, Array]) -> tuple[Chosen, dict[str, int]]:
+def find_outliers(
+    t_s: Array, passes: Places, residuals: Mapping[str, Array]
+) -> tuple[Chosen, dict[str, int]]:
     """Return the samples to keep (n,) and how many each channel of `residuals` rejected.
 
     A sample is judged by a parabola through its 30-s piece and by the robust spread about it.
@@ -116,7 +122,9 @@ def find_outliers(t_s: Array, passes: Places, residuals: Mapping[str, Array]) ->
     keep, dropped = np.ones(len(t_s), dtype=bool), {}
     pieces = PiecewiseRows.of(_pieces(t_s, passes, _PIECE_S), len(t_s))
     # Scaled to -1..1: powers of seconds since 1970 have no common digits left.
-    place = np.asarray(pieces.filled(2.0 * np.mod(t_s, _PIECE_S) / _PIECE_S - 1.0), dtype=np.float64)
+    place = np.asarray(
+        pieces.filled(2.0 * np.mod(t_s, _PIECE_S) / _PIECE_S - 1.0), dtype=np.float64
+    )
     basis = np.stack([np.ones_like(place), place, place**2], axis=-1)
     of_pass = PiecewiseRows.of(np.flatnonzero(np.diff(passes, prepend=-1) != 0), len(t_s))
     for name, residual in residuals.items():
@@ -189,7 +197,9 @@ def smooth(t_s: Array, passes: Places, residuals: Array) -> Thinned:
     return _means(t_s, passes, residuals, first, np.full(len(first), _POINT_FEWEST), _POINT_S)
 
 
-def _means(t_s: Array, passes: Places, residuals: Array, first: Places, fewest: Places, length_s: float) -> Thinned:
+def _means(
+    t_s: Array, passes: Places, residuals: Array, first: Places, fewest: Places, length_s: float
+) -> Thinned:
     """Return the mean of each piece at its mean time, which is the line through it there.
 
     Pieces begin at the rows `first` (p,), and have at least `fewest` (p,) samples.
@@ -198,15 +208,22 @@ def _means(t_s: Array, passes: Places, residuals: Array, first: Places, fewest: 
     # From the start of a piece: times since 1970 would lose their microseconds in a sum.
     start = t_s[first]
     off = t_s - np.repeat(start, counts)
-    middle, value = np.add.reduceat(off, first) / counts, np.add.reduceat(residuals, first) / counts[:, np.newaxis]
+    middle, value = (
+        np.add.reduceat(off, first) / counts,
+        np.add.reduceat(residuals, first) / counts[:, np.newaxis],
+    )
     off, apart = off - np.repeat(middle, counts), residuals - np.repeat(value, counts, axis=0)
     slope = np.add.reduceat(off[:, np.newaxis] * apart, first) ** 2
     lever = np.maximum(np.add.reduceat(off**2, first), 1e-9)[:, np.newaxis]
     freedom = np.maximum(counts - 2.0, 0.0)
     squares = np.add.reduceat(apart**2, first) - slope / lever
     variance = np.maximum(squares, 0.0) / np.maximum(freedom, 1.0)[:, np.newaxis]
-    every = Thinned(start + middle, passes[first], value, counts.astype(np.float64), variance, freedom, {})
+    every = Thinned(
+        start + middle, passes[first], value, counts.astype(np.float64), variance, freedom, {}
+    )
     enough = counts >= fewest
     if not np.any(enough):
         raise ValueError(f"no {length_s:g}-s piece has the {np.max(fewest)} samples it needs")
-    return every.select(enough, f"in a {length_s:g}-s piece with fewer than {np.max(fewest)} samples")
+    return every.select(
+        enough, f"in a {length_s:g}-s piece with fewer than {np.max(fewest)} samples"
+    )

@@ -64,7 +64,9 @@ def read_observations(path: str | Path) -> Observations:
         raise ValueError(f"{path}: column pass_id must hold whole numbers")
     pass_id = columns.pop("pass_id").astype(np.int64)
     try:
-        return Observations(station=notes["station"], band=notes["band"], pass_id=pass_id, **columns)
+        return Observations(
+            station=notes["station"], band=notes["band"], pass_id=pass_id, **columns
+        )
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -118,11 +120,20 @@ class ObservationJournal:
         """
         if not self.path.exists():
             return None
-        stems = (f"{self.path.stem}-{name}{tail}" for tail in ("", *(f"-{k}" for k in range(2, _MOST_OF_A_NAME))))
-        free = (place for stem in stems if not (place := self.path.with_name(stem + self.path.suffix)).exists())
+        stems = (
+            f"{self.path.stem}-{name}{tail}"
+            for tail in ("", *(f"-{k}" for k in range(2, _MOST_OF_A_NAME)))
+        )
+        free = (
+            place
+            for stem in stems
+            if not (place := self.path.with_name(stem + self.path.suffix)).exists()
+        )
         old = next(free, None)
         if old is None:
-            raise ValueError(f"{self.path.stem}-{name}-* are all taken; observations are never overwritten")
+            raise ValueError(
+                f"{self.path.stem}-{name}-* are all taken; observations are never overwritten"
+            )
         os.rename(self.path, old)
         self.points = None
         return old
@@ -180,7 +191,9 @@ def _head_and_lines(points: Observations) -> tuple[str, str]:
     return head, "".join(",".join(map(repr, row)) + "\n" for row in rows)
 
 
-def _read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> CsvTable:
+def _read_table(
+    path: str | Path, notes: Sequence[str], needed: Sequence[str], optional: Sequence[str]
+) -> CsvTable:
     """Return notes and columns (n,) of a table that has all `notes` and all `needed` columns."""
     # A column that is neither is an error, or one with a typing error would go unnoticed.
     source = Path(path)
@@ -188,7 +201,11 @@ def _read_table(path: str | Path, notes: Sequence[str], needed: Sequence[str], o
     lines = read_whole(source, JOURNAL_BYTES, "utf-8-sig").splitlines()
     try:
         found, start = _read_notes(lines, notes)
-        header = [name.strip() for name in next(csv.reader([lines[start]]))] if start < len(lines) else []
+        header = (
+            [name.strip() for name in next(csv.reader([lines[start]]))]
+            if start < len(lines)
+            else []
+        )
         _check_header(start + 1, header, needed, optional)
         rows = [
             _numbers(number, header, cells)
@@ -211,14 +228,20 @@ def _read_notes(lines: Sequence[str], wanted: Sequence[str]) -> tuple[dict[str, 
         start += 1
     missing = [name for name in wanted if not found.get(name)]
     if missing:
-        raise ValueError(f"line {start + 1}: the note '# {missing[0]}: ...' is missing before the header")
+        raise ValueError(
+            f"line {start + 1}: the note '# {missing[0]}: ...' is missing before the header"
+        )
     return found, start
 
 
-def _check_header(number: int, header: Sequence[str], needed: Sequence[str], optional: Sequence[str]) -> None:
+def _check_header(
+    number: int, header: Sequence[str], needed: Sequence[str], optional: Sequence[str]
+) -> None:
     unknown = [name for name in header if name not in needed and name not in optional]
     if unknown:
-        raise ValueError(f"line {number}: unknown column {unknown[0]!r}; known: {', '.join([*needed, *optional])}")
+        raise ValueError(
+            f"line {number}: unknown column {unknown[0]!r}; known: {', '.join([*needed, *optional])}"
+        )
     missing = [name for name in needed if name not in header]
     if missing:
         raise ValueError(f"line {number}: column {missing[0]} is missing")

@@ -37,7 +37,7 @@ def main(argv: list[str] | None = None) -> None:
 
 
 def receiver_of(name: str, band: str | None, address: str) -> SignalReceiverParams:
-    """Return the receiver of a station; ValueError says why there is none to check."""
+    """Return the receiver of a station; ValueError says why nothing can be checked."""
     station = read_station(name)
     if address:
         station = station.received_by(receiver_section(address, station.content.receiver))

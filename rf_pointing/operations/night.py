@@ -28,7 +28,7 @@ REPLAN_S = 60.0
 RETRY_S = 5.0
 """Wait after an attempt that tracked less than `REJOIN_S`; as much more after each further one."""
 REJOIN_S = 10.0
-"""What must be left of a pass in work for another attempt."""
+"""Least time left of a pass in work for another attempt."""
 PATIENCE_S = 60.0
 """After the set of a pass until its end must have shown."""
 OVERDUE_S = 10.0

@@ -81,7 +81,7 @@ def design_rows(seed: int) -> list[Row]:
     waves = np.array([oscillator.samples(cycles).real for _ in range(REPEATS)], dtype=np.float64)
     mean = np.mean(waves, axis=0)
     carrier = float(np.abs(np.fft.rfft(mean)[R * POINTS // 2**10]) ** 2)
-    # Offset of the floor, a constant half step, is no line of the signal.
+    # Offset of the floor, a constant half step, does not belong to the signal.
     lines = np.abs(np.fft.rfft(mean - np.mean(mean))) ** 2
     lines[R * POINTS // 2**10] = 0.0
     noise = float(np.mean(np.var(waves, axis=0))) / (2.0 * carrier / POINTS**2)

@@ -23,7 +23,7 @@ class Row:
     ------
     ValueError
         If `bound` is unknown, `tolerance` is negative or not finite, `factor` is below 1 or has a
-        bound or a tolerance as well, or `due` is no interval or has no remark.
+        bound or a tolerance as well, or `due` does not rise or lacks its remark.
     """
 
     quantity: str

@@ -71,7 +71,7 @@ class SignalGenerator:
         """
         params = self.params
         n = np.arange(count)
-        # Of the radio's samples: its clock takes more of them in a second.
+        # The radio's own clock counts: it takes more samples in a second.
         rate_hz = params.rate_hz * (1.0 + 1e-6 * params.clock_ppm)
         begin, end = (each / rate_hz for each in offset_hz)
         turns = self._phase + begin * n + (0.5 * (end - begin) / count) * n * n

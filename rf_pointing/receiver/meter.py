@@ -50,7 +50,7 @@ class Measurement:
 
 @dataclass
 class MeterState:
-    """What the meter knows of its stream, for the operator."""
+    """Findings of the meter about its stream, for the operator."""
 
     clipped: float = 0.0
     late_s: float | None = None

@@ -72,7 +72,7 @@ class IqParams(Params):
 
 @dataclass(frozen=True, kw_only=True)
 class SignalSearchParams(Params):
-    """What is measured in the samples."""
+    """The signal that is looked for in the samples, and how."""
 
     kind: str = parameter(
         CARRIER, "carrier: a line; band: total power; preamble: a known sequence", choices=DETECTORS

@@ -58,7 +58,7 @@ class SpinWatch:
         powers_of = np.abs(phasors @ relative) ** 2
         variance = float(np.mean(relative**2))
         at = int(np.argmax(powers_of))
-        # Of white noise the share at one frequency is exponential.
+        # With white noise the share at one frequency is exponential.
         peak = float(powers_of[at]) / (len(times) * max(variance, 1e-300))
         if peak < math.log(len(frequencies) / FALSE_SHARE):
             return None

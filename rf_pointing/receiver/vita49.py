@@ -49,7 +49,7 @@ class Packet:
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What a context packet says; None for what it leaves out."""
+    """Contents of a context packet; None for fields that it leaves out."""
 
     rate_hz: float | None = None
     centre_hz: float | None = None

@@ -18,6 +18,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
+from rf_pointing.core.modes import Sensor
 from rf_pointing.core.signals import BASE, BEAM
 from rf_pointing.ros.qos import COMMAND, EXPERIMENT, IN_USE, LATCHED, SAMPLES, STATUS, STREAM
 from rf_pointing.tracking.sensors import SENSORS
@@ -201,12 +202,12 @@ def topics_of(names: Collection[str]) -> tuple[Topic, ...]:
 
 TOPICS = _topics()
 FOREIGN = (
-    WIND, TEMPERATURE, PRESSURE, HUMIDITY, SATELLITE_ATTITUDE, "carrier_power", "monopulse", "array_snapshots",
+    WIND, TEMPERATURE, PRESSURE, HUMIDITY, SATELLITE_ATTITUDE, "carrier_power", Sensor.MONOPULSE, "array_snapshots",
     "tripulse_frame", "interferometer_measurement",
 )  # fmt: skip
 """Topics that devices of the station may publish, subscribed as `INSTRUMENT`."""
 SOURCES = {topic.name: topic.publisher for topic in TOPICS} | dict.fromkeys(
-    ("carrier_power", "monopulse"), "rf_receiver, or a receiver of your own"
+    ("carrier_power", Sensor.MONOPULSE), "rf_receiver, or a receiver of your own"
 )
 """Who sends a topic, for a node that waits for it."""
 PAUSES = ("target", "array_snapshots")

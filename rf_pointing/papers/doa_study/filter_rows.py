@@ -208,7 +208,7 @@ def _reason(grid: CaseResult, refined: CaseResult) -> tuple[str, float]:
             "the error of the grid repeats with the direction, and the filter cannot average it away: "
             f"{_worst(grid) / _worst(refined):.1f} times the refined peak's"
         )
-        # Of one direction; stations see the attitude by two or more.
+        # One direction alone; stations see the attitude by two or more.
         return text, SCENE_FACTOR * FLOOR_DEG
     return "", 0.0
 

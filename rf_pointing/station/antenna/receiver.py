@@ -126,7 +126,7 @@ class _Ahead:
 
 
 class ArrivingSignal:
-    """What reaches an antenna that points at these boresights, before any receiver."""
+    """The signal that reaches an antenna at these boresights, before any receiver."""
 
     def __init__(self, params: SignalParams, real_track: TopocentricTrack) -> None:
         self.params = params

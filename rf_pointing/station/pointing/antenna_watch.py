@@ -26,7 +26,7 @@ from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.core.types import Array
 
 UNREAD_S = 0.2
-"""Time between two readings from which on it is no evidence of a frozen encoder."""
+"""Readings further apart than this say nothing about a frozen encoder."""
 # Share of `frozen_rad` that an encoder may toggle by and still keep its angle.
 TOGGLE_SHARE = 0.25
 # Share of the window: a gust pushes the axes off and lets them come back within it.
