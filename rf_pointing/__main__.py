@@ -36,9 +36,10 @@ def main(argv: list[str] | None = None) -> None:
         return
     name = given[0].replace("-", "_")
     if name not in found:
-        from rf_pointing.core.checks import near_names
+        # Not that of core/checks: a bare Python has no numpy.
+        from difflib import get_close_matches
 
-        near = near_names(name, found, 0.4)
+        near = get_close_matches(name, found, cutoff=0.4)
         hint = f", did you mean {near[0]}?" if near else ";"
         sys.exit(_refusal(f"there is no {given[0]!r}{hint} `rf-pointing` lists what there is"))
     sys.argv = [name, *given[1:]]

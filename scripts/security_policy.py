@@ -52,6 +52,7 @@ ON_A_DRIVE: dict[str, Any] = {"drive.type": "simulated_rotator", "wind.anemomete
 WITH_A_RADIO: dict[str, Any] = {"radio.transponders.any.downlink_mhz": 2250.0}
 STATIONS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("dss13", WITH_A_RADIO), ("dss13", WITH_A_RADIO | ON_A_DRIVE), ("rotator_2m", WITH_A_RADIO),
+    ("leo_3m7", {"receiver.type": "rtl_tcp"}),
 )  # fmt: skip
 DRIVE_TOPICS = (("publish", "drive/set_point"), ("publish", "drive/enable"), ("subscribe", "drive/state"))
 """Topics of a drive of the type `topic`, which waits for its driver's first message."""
@@ -162,8 +163,8 @@ def collect(namespace: str, station: Path, policy: dict[str, Access]) -> None:
             node = kind()
             try:
                 node.trigger_configure()
-                # Only a station with an array has these.
-                if node._state_name != "inactive" and node.get_name() not in ARRAY_NODES:
+                # Only a station with an array, or with a receiver, has these.
+                if node._state_name != "inactive" and node.get_name() not in (*ARRAY_NODES, *RECEIVER_NODES, RADIO):
                     raise ValueError(f"{node.get_name()}: {node._state_health().message}")
                 own = policy.setdefault(node.get_name(), Access())
                 for rule, names in accesses(node).names.items():

@@ -17,7 +17,7 @@ LIBRARY_OF = {
     "markupsafe": "python3-jinja2", "urllib3": "python3-requests",
 }  # fmt: skip
 """Key, or library without one, of modules that are named otherwise."""
-OPTIONAL = {"dask", "distributed", "pandas", "pyarrow"}
+OPTIONAL = {"SoapySDR", "dask", "distributed", "pandas", "pyarrow", "zmq"}
 """Used where they are installed."""
 UNIT = re.compile(
     r"\b(rad|s|m|K|W|V|A|Hz|dB|dBm|dB-Hz|kg|N|deg|lane|lanes|cycles?|counts?|1|share|radians?|unit|ratio|frequency received"

@@ -164,7 +164,7 @@ class RunRequest:
 def receiver_section(text: str, before: ReceiverSection) -> ReceiverSection:
     """Return the receiver that an address means, its further keys after `?`.
 
-    What the address leaves out stays as it was `before`.  Raises ValueError for a malformed address.
+    What the address leaves out stays as it was `before`.  Raises ValueError for a wrong address.
     """
     # A scheme of the standard has no underscore.
     kind, _, place = text.partition("://")

@@ -96,7 +96,7 @@ class ServedWords:
         return {**dict(self.letters.values()), **self.names, "password": 1}.get(name)
 
     def judged(self, name: str, arguments: list[str]) -> tuple[int, str, tuple[float, ...]]:
-        """Return 0 or the code of a refusal, the reason, and the numbers in the arguments."""
+        """Return 0 or the code of an error, the reason, and the numbers in the arguments."""
         raise NotImplementedError
 
     def fields(self, order: "Order") -> Fields | None:
@@ -202,7 +202,7 @@ def _order(line: bytes, words: ServedWords) -> Order | None:
 
 
 def shown(text: str) -> str:
-    """Return a client's text as a refusal may show it."""
+    """Return a client's text as a reason may show it."""
     return repr(text[:24])
 
 

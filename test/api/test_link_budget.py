@@ -46,4 +46,4 @@ def test_the_command_prints_json_and_draws(capsys: pytest.CaptureFixture[str], t
     assert picture.read_bytes().startswith(b"\x89PNG")
     with pytest.raises(SystemExit):
         main(["--station", "dss13", "--band", "Q"])
-    assert "band='Q' of Goldstone DSS-13 must be one of S, X, Ka" in capsys.readouterr().err
+    assert "Goldstone DSS-13: band='Q' must be one of S, X, Ka" in capsys.readouterr().err

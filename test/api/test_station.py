@@ -138,8 +138,8 @@ def test_the_plan_of_many_has_the_passes_of_each_in_every_form(station: rp.Stati
     assert station.plan([CBERS], hours=1.0).day.start_t_s == CBERS.first_t_s
     with pytest.raises(ValueError, match="at least one satellite"):
         station.plan([])
-    with pytest.raises(ValueError, match="Sun is not tracked from mean elements"):
-        station.plan([rp.elements("Sun")])
+    mixed = station.plan([CBERS, rp.elements("Sun")], start=START, hours=12.5)
+    assert {row["name"] for row in mixed.rows} == {"CBERS 2", "Sun"}
 
 
 def test_a_calendar_keeps_rfc_5545_and_the_names(station: rp.Station, tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ from std_srvs.srv import Trigger
 import rf_pointing.report
 from rf_pointing.commands import station
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.main_loop import ros_domain
 from rf_pointing.ros.qos import LATCHED, STATUS
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.station_client import StationClient
@@ -180,7 +181,10 @@ def test_a_station_that_is_not_there_ends_with_2_after_ten_seconds(
     fake: FakeStation, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run("--namespace", "/roof", "night", "pause") == 2
-    assert capsys.readouterr().err == "station: station_executive/pause not seen within 10 s in /roof\n"
+    assert (
+        capsys.readouterr().err
+        == f"station: station_executive/pause not seen within 10 s in /roof of ROS domain {ros_domain()}\n"
+    )
     assert fake.wall.passed_s == pytest.approx(10.0, abs=0.1)
     assert fake.name == f"station_{os.getpid()}", "several operators may look at one station"
 
@@ -484,7 +488,7 @@ def test_the_status_is_shown_as_soon_as_all_of_it_is_there(
 
 def test_an_antenna_alone_has_a_status_and_none_has_not(fake: FakeStation, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("status") == 2
-    assert capsys.readouterr().err == "station: no antenna in /gs1 of ROS domain 0\n"
+    assert capsys.readouterr().err == f"station: no antenna in /gs1 of ROS domain {ros_domain()}\n"
     fake.publish(fake.wall.passed_s + 0.1, "antenna_status", ANTENNA)
     assert run("status") == 0
     (line,) = capsys.readouterr().out.splitlines()

@@ -85,7 +85,7 @@ def test_every_pass_is_that_of_the_single_search(options: dict, horizon: Any) ->
     assert len(found.passes) > 25
     assert [p.aos_t_s for p in found.passes] == sorted(p.aos_t_s for p in found.passes)
     for orbit in orbits:
-        ours = [p for p in found.passes if p.elements is orbit]
+        ours = [p for p in found.passes if p.target is orbit]
         wanted = find_passes(TopocentricTrack(orbit, place, **options), START_T_S, DAY_S, mask)
         assert len(ours) == len(wanted), orbit.name
         for mine, single in zip(ours, wanted, strict=True):
@@ -125,7 +125,7 @@ def test_objects_that_cannot_be_searched_are_listed_with_the_reason(goldstone: S
     reasons = {one.catalogue_number: reason for one, reason in found.unsearched}
     assert "days from its epoch, must be <= 14.00 days" in reasons[88888]
     assert reasons[28350].endswith("outside the usable span of COSMOS 2405: any time to 2006-06-17T05:45:46.673Z")
-    searched = {p.elements.catalogue_number for p in found.passes}
+    searched = {p.target.catalogue_number for p in found.passes}
     assert 28057 in searched
     assert not searched & set(reasons)
 
@@ -171,9 +171,9 @@ def test_what_a_pass_of_the_catalogue_states_is_what_the_track_of_its_object_doe
     orbits, place = random_orbits(6), site("Canberra DSS-43")
     checked = 0
     for one in find_catalogue_passes(orbits, place, START_T_S, DAY_S, MASK_RAD).passes:
-        track = TopocentricTrack(one.elements, place)
+        track = TopocentricTrack(one.target, place)
         peak = track.target_at(one.tca_t_s)
-        assert one.name == one.elements.name
+        assert one.name == one.target.name
         assert one.duration_s == one.los_t_s - one.aos_t_s
         assert math.cos(one.tca_azimuth_rad - peak.azimuth_rad) > 1.0 - 1e-7
         assert one.tca_range_m == pytest.approx(peak.range_m, rel=1e-5)

@@ -45,7 +45,7 @@ WAITS = {
     StationExecutive: WATCHED,
     RotctldServerNode: WATCHED,
     OperatorPage: f"{ANTENNA}, {TRACKING}, {TARGET}, {JOINTS}",
-    ArrayReceiver: "sim/pointing_error (rf_receiver)",
+    ArrayReceiver: "sim/pointing_error (rf_receiver, signal_source)",
     ArrayTracker: "array_snapshots",
     DoaAttitudeNode: "array_snapshots",
     InterferometerTrackerNode: "interferometer_measurement",

@@ -6,7 +6,18 @@ from typing import Any
 import pytest
 
 from rf_pointing.report.topics import TOPICS as REPORTED
-from rf_pointing.ros.graph import ARRAY_GRAPH, ESSENTIAL, EXECUTIVE, GRAPH, INHIBIT, NODES, STATION_NODES, TOPICS, VIEWS
+from rf_pointing.ros.graph import (
+    ARRAY_GRAPH,
+    ESSENTIAL,
+    EXECUTIVE,
+    GRAPH,
+    INHIBIT,
+    NODES,
+    RECEIVER_GRAPH,
+    STATION_NODES,
+    TOPICS,
+    VIEWS,
+)
 from test.scripts import script_module
 
 
@@ -38,7 +49,12 @@ def test_a_topic_is_the_same_whoever_publishes_it() -> None:
     for topic in TOPICS:
         if topic.publisher in ("every node", EXECUTIVE):
             continue
-        found = [(node.name, row) for node in (*GRAPH, *ARRAY_GRAPH) for row in node.topics if row.name == topic.name]
+        found = [
+            (node.name, row)
+            for node in (*GRAPH, *ARRAY_GRAPH, *RECEIVER_GRAPH)
+            for row in node.topics
+            if row.name == topic.name
+        ]
         assert all(row == found[0][1] for _, row in found)
         assert topic.publisher == ", ".join(name for name, _ in found)
 
