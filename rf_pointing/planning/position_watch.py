@@ -68,6 +68,11 @@ class PositionWatch:
         self._axes: list[_Axis | None] = [None, None]
         self.reason = ""
 
+    def look_away(self, for_s: float) -> None:
+        """Leave out a time in which nobody looked: it does not count as a standstill."""
+        for axis in filter(None, self._axes):
+            axis.still_since_s, axis.moved_s = axis.still_since_s + for_s, axis.moved_s + for_s
+
     def step(
         self,
         t_s: float,

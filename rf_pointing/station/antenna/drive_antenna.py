@@ -67,7 +67,9 @@ class DriveHardware:
             self._watch.reset()
         # Time in which nobody looked is not silence of the device.
         late_s, self._t_s = max(0.0, t_s - self._t_s), t_s
-        self._unseen_s += late_s if late_s > LATE_S else 0.0
+        if late_s > LATE_S:
+            self._unseen_s += late_s
+            self._watch.look_away(late_s)
         rotator, before, newest = self.rotator, self.rotator.position_rad, self.rotator.reading
         was_lost = self._lost
         new = rotator.step(t_s)
