@@ -55,8 +55,8 @@ _LATE_S, _SCATTER_S, _LEAST_LATE_S = (
 _MOST_GROUPS, _GROUP_COST, _ALONE, _FAR = 5, 2.0, 2, 4.0
 # Chi-square by which an explanation is better than by chance in a hundred fits.
 _LIKELY = 12.0
-# Clock errors that are tried; what two acceleration lags may leave of chi-square for one clock.
-_CLOCKS_S, _ONE_CLOCK, _NEWTON_STEPS = np.arange(-5.0, 5.0, 0.01), 12.0, 5
+# What two acceleration lags may leave of chi-square for one clock; imaginary part of a real root.
+_ONE_CLOCK, _REAL = 12.0, 1e-4
 _FEWEST_RANGED = 20
 
 
@@ -101,7 +101,7 @@ def site_nuisance(points: Observations) -> Nuisance:
 def wrong_site(fit: FitResult, gain_before: float) -> SystematicError | None:
     """Return the wrong site that a fit with `site_nuisance`, its last one, shows.
 
-    The sizes of the orbit errors are those next to it: beside a wrong site they are too large, and
+    The sizes of the orbit errors are those next to it: with a wrong site they are too large, and
     hide it.  Few satellites make them too small, so the chi-square that it gained with the sizes
     before counts too.
     """
@@ -184,14 +184,21 @@ def _without_acceleration(
         )
         return left, np.einsum("ti,ij,tj->t", left, weight, left)
 
-    tau = _CLOCKS_S[np.argmin(misfit(_CLOCKS_S)[1])]
-    for _ in range(_NEWTON_STEPS):
-        slope = moved[:2] + tau
-        tau = tau - float(slope @ weight @ misfit(np.array([tau]))[0][0]) / float(
-            slope @ weight @ slope
-        )
+    # Chi-square is a quartic of tau, which is least at a real root of its derivative.
+    ones, rates = weight @ np.ones(2), weight @ moved[:2]
+    roots = np.roots(
+        [
+            0.5 * np.sum(ones),
+            1.5 * float(ones @ moved[:2]),
+            float(rates @ moved[:2] + ones @ moved[2:]),
+            float(rates @ moved[2:]),
+        ]
+    )
+    real = roots.real[np.abs(roots.imag) < _REAL * (1.0 + np.abs(roots))]
+    tau = real[np.argmin(misfit(real)[1])]
     slope = moved[:2] + tau
-    sigma = float(slope @ weight @ slope) ** -0.5
+    # Without lags no clock makes an acceleration lag, and its error is any.
+    sigma = 1.0 / math.sqrt(max(float(slope @ weight @ slope), 1e-12))
     left, (there, here) = misfit(np.array([-taken_s, tau]))
     tau += taken_s
     # Mounts that have acceleration lags of their own tell nothing of a clock.

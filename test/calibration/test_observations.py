@@ -130,7 +130,7 @@ def test_a_north_is_suspected_where_all_azimuths_are_off_alike_and_only_there(ca
     data = campaign(table_1, passes=2)
     shift = 0.3 / np.min(np.cos(data.true_elevation_rad))
     with pytest.raises(
-        ValueError, match=r"must be <= 0\.2: all azimuths are \+.* deg off: counted from magnetic north"
+        ValueError, match=r"must be <= 0\.2: all azimuths are \+.* deg off: an offset, or counted from magnetic north"
     ):
         replace(data, observed_azimuth_rad=data.observed_azimuth_rad + shift)
     one = np.where(np.arange(len(data)) == 4, shift, 0.0)

@@ -43,7 +43,12 @@ def pulls(done: Fitted) -> list[float]:
 
 def displaced(data: Observations, along_m: np.ndarray) -> Observations:
     """Return points of passes that are moved along their tracks, by so much each."""
-    data = dataclasses.replace(data, range_m=np.full(len(data), 1e6), range_rate_m_s=np.zeros(len(data)))
+    # Of a circular orbit 1000 km up: what moves it along its track is a time then.
+    radius_m, height_m = 6.371e6, 1e6
+    down = radius_m * np.sin(data.true_elevation_rad)
+    root = np.sqrt(down**2 + 2.0 * radius_m * height_m + height_m**2)
+    rate = -radius_m * np.cos(data.true_elevation_rad) * data.elevation_rate_rad_s * (1.0 - down / root)
+    data = dataclasses.replace(data, range_m=root - down, range_rate_m_s=rate)
     moved = [partial[:, 0] * along_m[data.pass_id] for partial in pass_partials(data, ("along_track_m",))]
     seen = {"observed_azimuth_rad": data.observed_azimuth_rad + moved[0],
             "observed_elevation_rad": data.observed_elevation_rad + moved[1]}  # fmt: skip
