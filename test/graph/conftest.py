@@ -122,7 +122,7 @@ def live_graph(folder: Path, ros_domain: int) -> Iterator[SimpleNamespace]:
         place, target = "dss13" if station is None else str(folder / "station.yaml"), {"source.satellite": "28057"}
         own = {
             f"/**/{name}": {"ros__parameters": {"station": place} | (target if name in TARGETED else {})}
-            for name in STATION_NODES.intersection(names)
+            for name in STATION_NODES.intersection(each.rpartition("/")[2] for each in names)
         }
         files = [folder / "in_use.yaml"]
         files[-1].write_text(yaml.safe_dump(own))

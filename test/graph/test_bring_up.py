@@ -155,7 +155,7 @@ def change(live: SimpleNamespace, namespace: str, node: str, transition: int) ->
 def start(namespace: str, *arguments: str) -> "subprocess.Popen[str]":
     """Start an antenna with standard ROS arguments, as an integrator does."""
     return subprocess.Popen(
-        [executable("antenna_servo"), "--ros-args", "-r", f"__ns:={namespace}", *arguments],
+        [executable("antenna_servo"), "--ros-args", "-r", f"__ns:={namespace}", "-p", "station:=dss13", *arguments],
         stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
 

@@ -137,7 +137,7 @@ def test_the_python_example_reports_what_went_wrong_and_stops_on_ctrl_c(station:
 
     wrong = fly("MYSAT 2")
     station.live.spin_until(lambda: wrong.poll() is not None, "the end of the example")
-    assert (wrong.returncode, "nearest: MYSAT 1" in wrong.communicate()[0]) == (1, True)
+    assert (wrong.returncode, "did you mean MYSAT 1" in wrong.communicate()[0]) == (1, True)
     right, begun_s = fly("MYSAT 1"), time.time()
     try:
         assert right.stdout is not None

@@ -48,7 +48,7 @@ def ended_with_2(*arguments: str) -> str:
 
 
 def refused(*arguments: str) -> str:
-    """Return the one line that `track` says of arguments that it refuses with exit code 2."""
-    said = ended_with_2(*arguments)
-    assert len(said.strip().splitlines()) == 1, said
+    """Return the one line that `track` says of arguments that it refuses with exit code 2, below its usage."""
+    *usage, said = ended_with_2(*arguments).strip().splitlines()
+    assert not usage or usage[0].startswith("usage: track"), usage
     return said

@@ -56,7 +56,7 @@ def lock_watch(of: Band) -> Rows:
     vibration = max(gusts, of.step_deg / math.sqrt(12.0) / VIBRATION_DEG[1])
     return {
         "half_power_beamwidth_deg": of.width,
-        "compares_level": Value(level_known(of), "receiver.level.floor_dbm", "whether the noise of a power is known"),
+        "compares_level": Value(level_known(of), "receiver", "whether the noise of a power is known"),
         "gust_deg": tuned(
             tuple(each * gusts for each in GUSTS_DEG),
             "0.0001 to 0.0008 deg, above 34 m with the power 2.5 of the diameter",
