@@ -79,7 +79,7 @@ def _common(broken: list[tuple[tuple[int, ...], float]], sound: Array) -> tuple[
     last, least = -1, math.inf
     for rows, off in [*broken, ((2**62,), 0.0)]:
         if rows[0] > last:
-            shared = shared if len(shared) == 1 else {each for each in shared if not sound[each]}
+            shared = {each for each in shared if not sound[each]}
             if len(shared) == 1:
                 return shared.pop(), least
             shared, last, least = set(rows), max(rows), off
