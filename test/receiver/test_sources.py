@@ -262,7 +262,7 @@ def test_a_recording_is_written_read_and_replayed(tmp_path: Path) -> None:
     found: list[Any] = []
     for _ in range(145):
         t_s += PIECE_S
-        due = (t_s - 100.0 - 2.0 * PIECE_S) * RATE_HZ
+        due = (t_s - 100.0 - 10.0 * PIECE_S) * RATE_HZ
         wait_for(lambda: found.extend(receiver.step(t_s)) or receiver.source.index >= due, "samples")  # noqa: B023
     receiver.end()
     assert np.mean([each.power.carrier_to_noise_db_hz for each in found[10:]]) == pytest.approx(LEVEL_DB_HZ, abs=0.3)
