@@ -127,8 +127,8 @@ class PositionWatch:
             axis.moved_s, axis.moved = t_s, away
         # New set points come all the time: only one for a device that had arrived begins anew.
         if moved or arrived:
-            # Measured over more than a poll, it may have moved until later.
-            axis.still_since_s = t_s + max(0.0, within_s - limits.period_s)
+            # The latest time at which it may still have moved.
+            axis.still_since_s = t_s + within_s
         if set_point != axis.set_point:
             # The margin covers what is left of the motion before.
             axis.lead_to(set_point, angle)
