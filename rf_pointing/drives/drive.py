@@ -77,6 +77,9 @@ class Drive:
         """Do what is due at `t_s` without waiting; return the newest reading, None before it."""
         raise NotImplementedError
 
+    def clock_stepped(self, by_s: float) -> None:
+        """Take note that the clock of `step` was set ahead by `by_s`, or back."""
+
     def go_to(self, position_rad: Pair) -> None:
         """Take a position set point in place of the one before."""
         raise NotImplementedError(f"{type(self).__name__} takes no position set points")

@@ -100,6 +100,11 @@ class PolledDrive(Drive):
                 self._lose(t_s, f"the link is lost: {error}")
         return self._reading
 
+    def clock_stepped(self, by_s: float) -> None:
+        if self._t_s is not None:
+            self._t_s += by_s
+            self._shift_waits(by_s)
+
     def go_to(self, position_rad: Pair) -> None:
         self._set_point, self._stopped, self._stop_due = position_rad, False, False
         self._send_now()

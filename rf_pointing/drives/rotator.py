@@ -57,12 +57,11 @@ class _Axis:
         self.timing: tuple[float, float, float] | None = None
         self.back_since_s: float | None = None
 
-    def set_back(self, by_s: float) -> None:
-        """Go on with a clock that was set back."""
-        if by_s > 0.0:
-            self.timing = None
-            self.sent_s = self.sent_s - by_s if self.sent is not None else -math.inf
-            self.back_since_s = None
+    def clock_stepped(self, by_s: float) -> None:
+        """Go on with a clock that was set ahead by so much, or back."""
+        self.timing = None
+        self.sent_s = self.sent_s + by_s if self.sent is not None else -math.inf
+        self.back_since_s = None
 
 
 class Rotator:
@@ -84,13 +83,20 @@ class Rotator:
 
     # What the device reads
 
+    def clock_stepped(self, by_s: float) -> None:
+        """Go on with a clock that was set ahead by so much, or back: every wait stays as it was."""
+        self._t_s += by_s
+        self._sent_s += by_s
+        self._history.clear()
+        for axis in self._axes:
+            axis.clock_stepped(by_s)
+        self.drive.clock_stepped(by_s)
+
     def step(self, t_s: float) -> bool:
         """Let the drive work; return whether there is a new reading."""
-        # Where the clock has gone back every wait stays as long as it was.
-        back_s, self._t_s = max(0.0, self._t_s - t_s), t_s
-        self._sent_s -= back_s
-        for axis in self._axes:
-            axis.set_back(back_s)
+        if t_s < self._t_s:
+            self.clock_stepped(t_s - self._t_s)
+        self._t_s = t_s
         reading = self.drive.step(t_s)
         if reading is None or reading is self.reading:
             return False

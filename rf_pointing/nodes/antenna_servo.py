@@ -103,11 +103,12 @@ class AntennaServo(StationNode):
         self._server.send(self._operation.start(now_s), now_s)
 
     def _tick(self, t_s: float) -> None:
-        jumped_s, stalled_s = self._schedule.jumped_s, self._schedule.stalled_s
+        due = self._schedule
+        jumped_s, stalled_s, stepped_s = due.jumped_s, due.stalled_s, due.stepped_s
         if stalled_s:
             self.get_logger().error(f"this process stalled for {stalled_s:.1f} s: stopped until the next command")
         self._server.begin_tick(t_s)
-        tick = self._operation.tick(t_s, self.now_s(), time.perf_counter(), jumped_s, stalled_s)
+        tick = self._operation.tick(t_s, self.now_s(), time.perf_counter(), jumped_s, stalled_s, stepped_s)
         self._server.send(tick, t_s)
 
     def deactivate(self) -> None:

@@ -68,11 +68,6 @@ class PositionWatch:
         self._axes: list[_Axis | None] = [None, None]
         self.reason = ""
 
-    def look_away(self, for_s: float) -> None:
-        """Leave out a time in which nobody looked: it does not count as a standstill."""
-        for axis in filter(None, self._axes):
-            axis.still_since_s, axis.moved_s = axis.still_since_s + for_s, axis.moved_s + for_s
-
     def step(
         self,
         t_s: float,
@@ -127,8 +122,7 @@ class PositionWatch:
             axis.moved_s, axis.moved = t_s, away
         # New set points come all the time: only one for a device that had arrived begins anew.
         if moved or arrived:
-            # The latest time at which it may still have moved.
-            axis.still_since_s = t_s + within_s
+            axis.still_since_s = t_s
         if set_point != axis.set_point:
             # The margin covers what is left of the motion before.
             axis.lead_to(set_point, angle)

@@ -30,6 +30,8 @@ FIRST_WAIT_S, LONGEST_WAIT_S = 1.0, 8.0
 """Waits before a node that brings itself up tries again; they double."""
 ROUNDING = 1e-3
 """Share of a period by which an instant may lie ahead of the clock and is due."""
+STEP_S = 0.05
+"""Both clocks are read one after the other, and a busy computer may hold a process in between."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +48,8 @@ class Schedule:
     The work is done once for every instant of the grid, in order; where nothing `catches_up`, once
     at the present time for all that are due.  A gap of more than `longest_gap_s` starts a new grid.
     It is a jump of the clock, unless a steady clock has gone on as far: then the process itself has
-    stalled.  `steady_s` is the time of a clock that nobody sets, None where time is simulated.
+    stalled.  A smaller step of the clock is known by the steady clock too (`stepped_s`).
+    `steady_s` is the time of a clock that nobody sets, None where time is simulated.
     """
 
     # A timer may fire late, or twice at one time when the clock moves in steps.  Whole multiples
@@ -58,15 +61,16 @@ class Schedule:
         self._period_s, self._catches_up = period_s, catches_up
         self.longest_gap_s = max(LONGEST_GAP_S, 2.0 * period_s)
         self._origin_s, self._count = self._on_grid(start_s), 1
-        self._steady_s = steady_s
-        self.jumped_s = self.stalled_s = 0.0
+        self._steady_s, self._ahead_s = steady_s, None if steady_s is None else start_s - steady_s
+        self.jumped_s = self.stalled_s = self.stepped_s = 0.0
 
     def due(self, now_s: float, steady_s: float | None = None) -> list[float]:
         """Return the instants until `now_s` not returned yet.
 
-        `jumped_s` is not 0 after a jump, `stalled_s` after a stall.
+        `jumped_s` is not 0 after a jump, `stalled_s` after a stall, `stepped_s` after any step of
+        the clock since the instant before.
         """
-        self.jumped_s = self.stalled_s = 0.0
+        self.jumped_s = self.stalled_s = self.stepped_s = 0.0
         late_s = now_s - self._next_s
         stood_s = 0.0 if steady_s is None or self._steady_s is None else steady_s - self._steady_s
         self._steady_s = steady_s
@@ -80,6 +84,10 @@ class Schedule:
         while self._next_s <= now_s + ROUNDING * self._period_s:
             times.append(self._next_s)
             self._count += 1
+        if times and steady_s is not None:
+            before, self._ahead_s = self._ahead_s, now_s - steady_s
+            stepped_s = 0.0 if before is None else self._ahead_s - before
+            self.stepped_s = stepped_s if abs(stepped_s) > STEP_S else 0.0
         if self._catches_up or not times:
             return times
         # Not again before half a period has passed: a device gets one tick for all that it missed.

@@ -60,6 +60,14 @@ class DriveHardware:
         smallest = max(self.rotator.smallest_rad) if self.takes_positions else max(can.resolution_rad)
         self.settled_rad = max(math.radians(0.02), SETTLED_STEPS * smallest)
 
+    def clock_stepped(self, by_s: float) -> None:
+        """Go on with a clock that was stepped: every wait stays as long as it was."""
+        # Readings on both sides of the step say nothing about how far apart they are.
+        self._watch.reset()
+        self.rotator.clock_stepped(by_s)
+        self._t_s += by_s
+        self._unseen_s += max(0.0, by_s)
+
     def look(self, t_s: float) -> None:
         """Let the drive work at `t_s`, and check what it reads."""
         if t_s < self._t_s:
@@ -67,9 +75,7 @@ class DriveHardware:
             self._watch.reset()
         # Time in which nobody looked is not silence of the device.
         late_s, self._t_s = max(0.0, t_s - self._t_s), t_s
-        if late_s > LATE_S:
-            self._unseen_s += late_s
-            self._watch.look_away(late_s)
+        self._unseen_s += late_s if late_s > LATE_S else 0.0
         rotator, before, newest = self.rotator, self.rotator.position_rad, self.rotator.reading
         was_lost = self._lost
         new = rotator.step(t_s)

@@ -115,9 +115,13 @@ class AntennaOperation:
         self.antenna.stop(reason)
         self._memory.keep(self.antenna, self.antenna.t_s)
 
-    def tick(self, t_s: float, now_s: float, wall_s: float, jumped_s: float = 0.0, stalled_s: float = 0.0) -> Tick:
+    def tick(
+        self, t_s: float, now_s: float, wall_s: float, jumped_s: float = 0.0, stalled_s: float = 0.0, stepped_s: float = 0.0
+    ) -> Tick:  # fmt: skip
         """Do the tick at `t_s`; `now_s` is the clock that was read, `wall_s` a steady one."""
         antenna = self.antenna
+        if stepped_s and isinstance(antenna, DriveAntenna):
+            antenna.hardware.clock_stepped(stepped_s)
         if jumped_s:
             # Every time in the command table means another direction now.
             antenna.stop(f"the clock jumped by {jumped_s:+.2f} s, at most {LONGEST_GAP_S:.2f} s")

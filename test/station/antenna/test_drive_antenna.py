@@ -88,7 +88,7 @@ def test_five_seconds_of_silence_stop_the_device_when_it_answers_again(driven) -
 
 
 @pytest.mark.parametrize(
-    ("name", "within_s"), [("hamlib", 1.0), ("easycomm 2", 1.0), ("spid rot2", 1.2), ("gs232", 1.2)]
+    ("name", "within_s"), [("hamlib", 1.0), ("easycomm 2", 1.0), ("spid rot2", 1.0), ("gs232", 1.2)]
 )
 def test_a_controller_that_restarts_in_the_middle_of_a_motion_is_found(driven, name: str, within_s: float) -> None:
     """It forgets its set point: the axes stand still; or it forgets where it is: a jump."""
