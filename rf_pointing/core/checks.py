@@ -4,6 +4,7 @@ import math
 import re
 import sys
 from collections.abc import Collection, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -143,3 +144,15 @@ def _all_finite(array: NDArray[Any]) -> bool:
     if array.size <= 16 and array.dtype == np.float64:
         return all(map(math.isfinite, array.ravel().tolist()))
     return bool(np.isfinite(array).all())
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One property of a device: whether it has it, and what was measured and what is stated."""
+
+    name: str
+    passed: bool
+    text: str
+
+    def __str__(self) -> str:
+        return f"{'pass' if self.passed else 'FAIL'}  {self.name:<22} {self.text}"

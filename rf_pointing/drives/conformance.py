@@ -6,11 +6,11 @@ middle of the travel and back: signs, arrival, rates, latency, stop, stale comma
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from rf_pointing.core import AXES, Motion
+from rf_pointing.core.checks import Line
 from rf_pointing.core.types import Pair
 from rf_pointing.drives.drive import POSITION, Drive, DriveReading
 from rf_pointing.drives.params import DriveParams
@@ -24,18 +24,6 @@ RATE_SHARE = 0.25
 SAME_RAD = 1e-9
 Clock = Callable[[float], float]
 """Lets a tick pass and returns the time then; the argument is the longest tick in s."""
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """One property: whether the drive has it, and what was measured and what is stated."""
-
-    name: str
-    passed: bool
-    text: str
-
-    def __str__(self) -> str:
-        return f"{'pass' if self.passed else 'FAIL'}  {self.name:<22} {self.text}"
 
 
 class ConformanceCheck:

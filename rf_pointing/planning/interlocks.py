@@ -44,6 +44,10 @@ class Authority:
         """Give the authority to `name`, whose command was accepted at `t_s`."""
         self.holder, self._newest_s = name, t_s
 
+    def clock_stepped(self, by_s: float) -> None:
+        """Go on with a clock that was stepped: the holder has been silent as long as before."""
+        self._newest_s += by_s
+
     def release(self) -> None:
         """Let whoever commands next have the authority."""
         self.holder, self._newest_s = "", -math.inf

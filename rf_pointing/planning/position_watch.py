@@ -68,6 +68,11 @@ class PositionWatch:
         self._axes: list[_Axis | None] = [None, None]
         self.reason = ""
 
+    @property
+    def doubted(self) -> bool:
+        """Whether an axis is bridged: its newest reading is not confirmed yet."""
+        return any(axis is not None and axis.bad for axis in self._axes)
+
     def step(
         self,
         t_s: float,
@@ -129,6 +134,9 @@ class PositionWatch:
         axis.t_s, axis.trusted = t_s, angle
         if not axis.low - margin <= angle <= axis.high + margin:
             past = max(axis.low - angle, angle - axis.high)
+            if not moved:
+                # As after a jump: one that stands there can be reset.
+                axis.low = axis.high = angle
             return angle, (
                 f"moves without a command, {math.degrees(past):.2f} deg beyond its set point, "
                 f"at most {math.degrees(margin):.2f} deg"

@@ -332,6 +332,14 @@ class WindWatch:
         self._low_since_s: float | None = None
         self.reason = ""
 
+    def clock_stepped(self, by_s: float) -> None:
+        """Go on with a clock that was stepped: readings and silence stay as old as they were."""
+        self._newest_s, self._begun_s = self._newest_s + by_s, self._begun_s + by_s
+        if self._low_since_s is not None:
+            self._low_since_s += by_s
+        for kept in (self._seconds, self._minutes):
+            kept[0::2] = array("d", (t_s + by_s for t_s in kept[0::2]))
+
     @property
     def gust_m_s(self) -> float:
         """Mean of the last 3 s."""

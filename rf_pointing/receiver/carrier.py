@@ -45,11 +45,6 @@ def power_bound(ratio_hz: float, seconds: float) -> float:
     return math.sqrt(2.0 * max(ratio_hz, 0.0) / seconds)
 
 
-def frequency_bound_hz(ratio_hz: float, seconds: float) -> float:
-    """Return the bound of the frequency of a carrier (Rife and Boorstyn 1974), phase unknown."""
-    return math.sqrt(6.0 / (ratio_hz * seconds**3)) / (2.0 * math.pi)
-
-
 class Loop:
     """The loop filter: frequency from the prediction, by errors in cycles and hertz."""
 

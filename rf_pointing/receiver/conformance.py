@@ -6,10 +6,10 @@ The antenna may look anywhere; with a signal in the beam all lines can pass.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
+from rf_pointing.core.checks import Line
 from rf_pointing.receiver.meter import CLIPPED_SHARE, Measurement
 from rf_pointing.receiver.params import LEVELS
 from rf_pointing.receiver.receiver import SignalReceiver
@@ -17,18 +17,6 @@ from rf_pointing.receiver.receiver import SignalReceiver
 CONNECT_S = 10.0
 LATEST_S = 0.5
 """Age of a report at which a scan of 4 s still closes."""
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """One property: whether the receiver has it, and what was measured."""
-
-    name: str
-    passed: bool
-    text: str
-
-    def __str__(self) -> str:
-        return f"{'pass' if self.passed else 'FAIL'}  {self.name:<14} {self.text}"
 
 
 class ReceiverCheck:

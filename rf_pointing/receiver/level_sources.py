@@ -9,8 +9,6 @@ from rf_pointing.receiver.source import WAIT_S, Arrival, ByteSource, Level
 LONGEST_LINE = 4096
 ANSWER_S = 2.0
 SCPI_REQUEST = "CALC:MARK1:Y?"
-S9_DBM = -73.0
-"""Level of S9 on HF; rigctld's STRENGTH counts dB above it."""
 
 
 class LineSource(ByteSource):

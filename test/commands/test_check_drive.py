@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from rf_pointing.commands import check_drive
+from rf_pointing.core.checks import Line
 from rf_pointing.drives import DriveParams
-from rf_pointing.drives.conformance import Line
 from rf_pointing.station.description import read_station
 
 GOOD, BAD = Line("rest", True, "0.1 mdeg"), Line("losses", False, "3 lost")

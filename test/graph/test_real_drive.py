@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rf_pointing_msgs.msg import AntennaStatus
@@ -70,7 +71,7 @@ def test_a_pass_on_the_real_rotctld_is_tracked_in_real_time(line: list[str], tmp
     assert {"sim/boresight", "sim/pointing_error", "clock"}.isdisjoint(recording.topics)
     joints = recording.get("joint_states")
     assert joints is not None
-    assert len(joints) > 70 * 45, "50 Hz"
+    assert np.max(np.diff(joints.log_time_ns)) < 5e8, "beside another graph as well"
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     outcome = summary["outcome"]
     assert outcome["tracked"] is True

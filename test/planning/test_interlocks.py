@@ -16,6 +16,10 @@ def test_the_first_commander_keeps_the_authority_until_it_is_silent() -> None:
     assert authority.conflict("/gs1/controller", 1.4) == ""
     authority.claim("/gs1/controller", 1.4)
     assert authority.conflict("", 2.0) == "conflict: /gs1/controller commands, an unnamed one is refused"
+    authority.clock_stepped(-3600.0)
+    assert authority.conflict("/gs1/panel", -3597.8) != ""
+    assert authority.conflict("/gs1/panel", -3597.5) == ""
+    authority.clock_stepped(3600.0)
     assert authority.conflict("/gs1/panel", 2.5) == ""
     authority.claim("/gs1/panel", 2.5)
     authority.release()

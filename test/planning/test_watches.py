@@ -252,6 +252,19 @@ def test_silence_is_high_wind_and_so_is_nonsense() -> None:
     assert "silent for 5." in watch.step(t_s + 5.5)
 
 
+@pytest.mark.parametrize("step_s", [-86400.0, -3.0, 5.0, 86400.0])
+def test_a_step_of_the_clock_is_neither_silence_nor_calm(step_s: float) -> None:
+    watch, unstepped = WindWatch(WIND_PARAMS), WindWatch(WIND_PARAMS)
+    for each in (watch, unstepped):
+        blow(each, 0.0, 20.0, 5.0)
+        blow(each, 20.0, 300.0, 19.0)
+    watch.clock_stepped(step_s)
+    for t_s in np.arange(320.0, 420.0, 0.5).tolist():
+        for each, by_s in ((watch, step_s), (unstepped, 0.0)):
+            each.take(t_s + by_s, 19.0)
+        assert watch.step(t_s + step_s) == unstepped.step(t_s)
+
+
 def test_calm_must_last_for_the_release_time_and_begins_anew_with_every_gust() -> None:
     watch = WindWatch(WIND_PARAMS)
     t_s, _ = blow(watch, 0.0, 20.0, 5.0)

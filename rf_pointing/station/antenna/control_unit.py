@@ -186,6 +186,10 @@ class ControlUnit:
             self._end_experiment(reason or "stop was requested")
         self.modes.stop()
 
+    def clock_stepped(self, by_s: float) -> None:
+        """Go on with a clock that was stepped by `by_s`: every wait stays as long as it was."""
+        self.safety.clock_stepped(by_s)
+
     def stall(self) -> None:
         """Go on after a stall: to a goal of the antenna's own, else with the next command."""
         if self.mode not in _ON_THE_WAY.values():

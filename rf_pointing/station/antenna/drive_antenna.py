@@ -76,12 +76,17 @@ class DriveHardware:
         # Time in which nobody looked is not silence of the device.
         late_s, self._t_s = max(0.0, t_s - self._t_s), t_s
         self._unseen_s += late_s if late_s > LATE_S else 0.0
-        rotator, before, newest = self.rotator, self.rotator.position_rad, self.rotator.reading
+        rotator = self.rotator
+        before, newest = rotator.position_rad, rotator.reading
         was_lost = self._lost
         new = rotator.step(t_s)
         self._unseen_s = 0.0 if new else self._unseen_s
-        self._lost = self.drive.problem or self._silent(t_s - max(late_s, self._unseen_s), rotator.reading)
+        seen_s = t_s - max(late_s, self._unseen_s)
+        self._lost = self.drive.problem or self._silent(seen_s, rotator.reading)
         self.sampled_s = 0.0
+        if was_lost:
+            # As little do readings on both sides of an outage.
+            self._watch.reset()
         if new and rotator.reading is not None:
             self.sampled_s = max(0.0, rotator.reading.t_s - newest.t_s) if newest is not None else 0.0
             moved_rad = rotator.position_rad[0] - before[0]
@@ -189,6 +194,11 @@ class DriveHardware:
         self._watch.reset()
         self.drive.enable()
 
+    @property
+    def doubt(self) -> str:
+        """Why the angles are not known well enough to hold there, "" if they are."""
+        return "the last angle jumped, the next one must confirm it" if self._watch.doubted else ""
+
     def place(self, azimuth_rad: float) -> None:
         """Take the turn of a one-turn azimuth from outside."""
         self.rotator.place(azimuth_rad)
@@ -235,6 +245,12 @@ class DriveAntenna(ControlUnit):
             self.hardware.rotator.count_anew()
         return refused
 
+    def reset_fault(self) -> str:
+        return self.hardware.doubt or super().reset_fault()
+
+    def resume(self) -> str:
+        return self.hardware.doubt or super().resume()
+
     def step(self, t_s: float) -> tuple[JointReading | None, Boresight | None]:
         """Return the joints at `t_s` (None: the drive is lost) and where it really is, if known."""
         passed_s = t_s - self.t_s
@@ -259,6 +275,10 @@ class DriveAntenna(ControlUnit):
         self.hardware.place(azimuth_rad)
         self.axes.encoder_rad = np.array(self.hardware.encoders())
         self.axes.hold()
+
+    def clock_stepped(self, by_s: float) -> None:
+        super().clock_stepped(by_s)
+        self.hardware.clock_stepped(by_s)
 
     def deactivate(self) -> None:
         """Stop the device at once, and set its brakes where it has any."""

@@ -120,8 +120,8 @@ class AntennaOperation:
     ) -> Tick:  # fmt: skip
         """Do the tick at `t_s`; `now_s` is the clock that was read, `wall_s` a steady one."""
         antenna = self.antenna
-        if stepped_s and isinstance(antenna, DriveAntenna):
-            antenna.hardware.clock_stepped(stepped_s)
+        if by_s := stepped_s or jumped_s:
+            antenna.clock_stepped(by_s)
         if jumped_s:
             # Every time in the command table means another direction now.
             antenna.stop(f"the clock jumped by {jumped_s:+.2f} s, at most {LONGEST_GAP_S:.2f} s")

@@ -125,6 +125,12 @@ class AntennaSafety:
         faster = rate[0] + tick_s * acceleration[0], rate[1] + tick_s * acceleration[1]
         return self.gate.guard(kind, position, then, faster, self.sun.at(t_s))
 
+    def clock_stepped(self, by_s: float) -> None:
+        """Go on with a clock that was stepped: what was silent has been so as long as before."""
+        self.wind.clock_stepped(by_s)
+        self.authority.clock_stepped(by_s)
+        self.commanded_s += by_s
+
     def warning(self, t_s: float, mode: AntennaMode, commanded: Pair) -> str:
         """Return what is not a fault yet: high wind without stow, a late command, a near limit."""
         if self.wind.reason and mode not in (AntennaMode.STOWING, AntennaMode.STOWED):

@@ -6,7 +6,10 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from rf_pointing.core.types import Pair
 from rf_pointing.planning import HorizonMask, WindWatchParams
 from rf_pointing.station.antenna.loops import LoopParams
 from rf_pointing.station.antenna.safety import SafetyParams
@@ -116,6 +119,40 @@ def test_the_alarm_of_a_controller_is_a_fault(driven) -> None:
     device.errors = 2
     subject.run(3.0, lambda: subject.mode == "fault")
     assert subject.fault == "drive: jam"
+
+
+@pytest.mark.parametrize("name", ["hamlib", "easycomm 2", "spid rot2"])
+@given(
+    moved_deg=st.tuples(st.floats(-30.0, 30.0), st.floats(-20.0, 20.0)),
+    after_s=st.floats(0.0, 1.0),
+    lost=st.booleans(),
+)
+@settings(max_examples=12)
+def test_a_device_that_is_elsewhere_is_not_moved_back_whenever_the_fault_is_reset(
+    name: str, moved_deg: Pair, after_s: float, lost: bool
+) -> None:
+    """Lost and then elsewhere, or turned by somebody under its brakes: a reset holds where it is."""
+    subject = Driven(name).enabled()
+    try:
+        subject.go(20.0, 40.0)
+        subject.run(20.0)
+        subject.path = None
+        subject.antenna.trip("somebody has stopped it")
+        subject.run(2.0)
+        subject.device.silent = lost
+        subject.run(3.0)
+        there = 20.0 + moved_deg[0], 40.0 + moved_deg[1]
+        zero = np.degrees(subject.bench.params.rotator.zero_rad)
+        subject.device.reset((there[0] - zero[0], there[1] - zero[1]))
+        subject.device.silent = False
+        # A device that has answered all the time is known as well as its last reading.
+        subject.run(after_s if lost else max(after_s, 0.3))
+        assert subject.wait(3.0, lambda: subject.antenna.reset_fault() == "")
+        subject.run(3.0)
+        near_deg = math.degrees(subject.antenna.hardware.settled_rad)
+        assert subject.true_deg == pytest.approx(there, abs=1.5 * near_deg)
+    finally:
+        subject.close()
 
 
 # Sensors and drives
