@@ -196,7 +196,7 @@ class DriveHardware:
 
     @property
     def doubt(self) -> str:
-        """Why the angles are not known well enough to hold there, "" if they are."""
+        """Why the angles cannot be trusted to hold there, "" if they can."""
         return "the last angle jumped, the next one must confirm it" if self._watch.doubted else ""
 
     def place(self, azimuth_rad: float) -> None:
