@@ -9,9 +9,9 @@ somebody else's pass is tracked, and while a fault is latched.  So is its `S`: i
 client itself has begun.  Points of the very satellite that is tracked are accepted whoever tracks
 it, and move nothing.
 
-An accepted point means that the antenna follows.  Where it has followed nobody for `FOLLOWED_S`, the
-points are refused; a pass that the controller no longer names is given up, its points are followed,
-and as soon as a controller is back its goal is sent again.
+An accepted point means that the antenna follows.  Where it has followed nobody for `FOLLOWED_S`,
+the points are refused; a pass that the controller no longer names is given up, its points are
+followed, and as soon as a controller is back its goal is sent again.
 """
 
 import math
