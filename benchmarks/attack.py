@@ -170,7 +170,7 @@ class Attacked(Station):
         self.until(client.server_is_ready, "track_pass")
         sent = client.send_goal_async(TrackPass.Goal(satellite=name, sensor="program"))
         self.until(sent.done, "the accepted goal")
-        result = sent.result().get_result_async()
+        self.result = result = sent.result().get_result_async()
         self.until(lambda: self.tracking.target == name or result.done(), "the pass")
         if result.done():
             raise TimeoutError(f"no pass: {result.result().result.message}")
@@ -193,6 +193,9 @@ class Attacked(Station):
         """Return how long it takes until the axes are on a satellite again, and stay there for 2 s."""
         begun_s, since_s = time.monotonic(), math.inf
         while time.monotonic() - since_s < 2.0:
+            if self.result.done():
+                # A client whose goal has ended sends it again.
+                self.goal(name)
             on = self.now_off_deg(name) < ON_SOURCE_DEG
             since_s = min(since_s, time.monotonic()) if on else math.inf
             if time.monotonic() - begun_s > patience_s:
