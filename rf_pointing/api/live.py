@@ -26,7 +26,16 @@ from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
-from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES, RECEIVER_NODES, with_receiver
+from rf_pointing.ros.graph import (
+    ARRAY_GRAPH,
+    ARRAY_NODES,
+    DRIVE_NODES,
+    GRAPH,
+    NODES,
+    RECEIVER_NODES,
+    with_receiver,
+    with_trackers,
+)
 from rf_pointing.ros.live_pass import outcome_line, track_pass
 from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end
 from rf_pointing.station.antenna.memory import state_files, state_folder
@@ -241,9 +250,12 @@ def identify(request: IdentifyRequest) -> IdentifyResult:
 def nodes_of(request: RunRequest) -> tuple[str, ...]:
     """Return the executables of a run, in the order of their start."""
     array = ARRAY_NODES if Sensor.ARRAY in request.station.sensors else ()
+    station = request.station.description
+    if request.station.simulated:
+        return with_receiver((*NODES, *array), station.receiver)
     # A real array has receivers of its own.
-    names = (*NODES, *array) if request.station.simulated else (*DRIVE_NODES, *array[1:])
-    return with_receiver(names, request.station.description.receiver)
+    names = with_trackers((*DRIVE_NODES, *array[1:]), station.every_sensor, station.receiver)
+    return with_receiver(names, station.receiver)
 
 
 def run_setup(program: str, request: RunRequest, window: Pass, output: Path) -> RunSetup:

@@ -242,6 +242,17 @@ PROCESSES = (1, 2, 8)
 """Numbers of processes of a station that may be chosen; 8 is one for each node."""
 
 
+def with_trackers(names: Sequence[str], sensors: Collection[str], receiver: str) -> tuple[str, ...]:
+    """Return the executables of a real antenna whose bands have these `sensors`.
+
+    One stays for a described `receiver` where no band has a sensor: it reports the C/N0.
+    """
+    wanted = {SENSORS[name].node for name in sensors if name in SENSORS}
+    if not wanted and receiver != "simulated":
+        wanted = {SENSORS[Sensor.CONSCAN].node}
+    return tuple(name for name in names if name not in _TRACKERS or name in wanted)
+
+
 def with_receiver(names: Sequence[str], receiver: str) -> tuple[str, ...]:
     """Return the executables of a station with this `receiver` in place of the simulated one.
 
