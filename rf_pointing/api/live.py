@@ -24,6 +24,7 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study
+from rf_pointing.planning.forbidden_sky import horizon_to_notes
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
 from rf_pointing.ros.graph import (
@@ -280,7 +281,13 @@ def run_setup(program: str, request: RunRequest, window: Pass, output: Path) -> 
         parameter_files=(parameter_file(output, parameters), *request.parameter_files),
         logs=output / "logs",
         bag=request.record or output / "bag",
-        notes={"station": station.name, "band": station.band, "sensor": request.sensor, **kind},
+        notes={
+            "station": station.name,
+            "band": station.band,
+            "sensor": request.sensor,
+            **kind,
+            **horizon_to_notes(station.rules.mask),
+        },
         punctual=ticks,
         reset_fault=request.reset_fault,
         begin_s=window.aos_t_s - before_s,

@@ -20,6 +20,7 @@ from rf_pointing.operations.night import Night, NightState
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.operations.pass_work import filler_text, fillers_of
 from rf_pointing.operations.schedule import Entry, PassState, Schedule, ScheduledPass
+from rf_pointing.planning.forbidden_sky import horizon_to_notes
 from rf_pointing.station.clients.alarm_hooks import HookParams, Message
 from rf_pointing.station.clients.night_folder import NightFolder, Recording
 from rf_pointing.station.clients.station_alarms import NEEDED, StationAlarms
@@ -69,9 +70,9 @@ class NightWatch:
     ) -> None:  # fmt: skip
         require_choice("executive.sensor", own.sensor, ("", *SENSOR_CHOICES))
         self._own, self._thresholds, self._write_report, self._tell = own, alarms, report, tell
-        self._notes = {"station": station.name, "band": band}
         tables = read_tables(alarms, own.directives_file, own.procedure_file, own.recovery_file)
         controller = controller_params(station, band)
+        self._notes = {"station": station.name, "band": band, **horizon_to_notes(controller.mask)}
         self.folder = NightFolder(own.folder, record)
         actions = {"record": self._record, "end_record": self.folder.end_record, "report": self.folder.report}
         self.sender = connect(tables.directives, actions, self._responded, self._ended)
