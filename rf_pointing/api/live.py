@@ -286,7 +286,7 @@ def run_setup(program: str, request: RunRequest, window: Pass, output: Path) -> 
             "band": station.band,
             "sensor": request.sensor,
             **kind,
-            **horizon_to_notes(station.rules.mask),
+            **horizon_to_notes(station.controller.mask),
         },
         punctual=ticks,
         reset_fault=request.reset_fault,

@@ -23,8 +23,8 @@ class Mode(StrEnum):
     HOLD_OFF = "hand_back"
 
 
+# Modes of the antenna whose words cannot follow "is".
 _NOUNS = {"fault": "in fault", "manual_rate": "driven by an experiment"}
-# Modes of the antenna whose words are no adjectives.
 
 
 def antenna_is(mode: str) -> str:

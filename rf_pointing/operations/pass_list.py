@@ -71,7 +71,8 @@ def row_of(item: ScheduledPass) -> dict[str, Any]:
         "aos_elevation_deg": math.degrees(item.elevation_rad[0]),
         "los_elevation_deg": math.degrees(item.elevation_rad[1]),
         "antenna": item.antenna, "sensor": item.sensor,
-        "element_age_h": None if math.isnan(item.element_age_s) else item.element_age_s / 3600.0, "filler": item.filler,
+        "element_age_h": None if math.isnan(item.element_age_s) else item.element_age_s / 3600.0,
+        "filler": item.filler,
     }  # fmt: skip
     return {name: round(value, 6) if isinstance(value, float) else value for name, value in row.items()}
 

@@ -162,7 +162,8 @@ def fillers_of(records: Iterable[PassRecord]) -> dict[str, list[PassRecord]]:
 
 def filler_text(records: Sequence[PassRecord]) -> str:
     """Return in how many gaps one target was tracked, and for how long."""
-    return tracked_in_gaps([each.tracked_s for each in records if each.state == PassState.TRACKED], len(records))
+    spans_s = [each.tracked_s for each in records if each.state == PassState.TRACKED]
+    return tracked_in_gaps(spans_s, len(records))
 
 
 def record_from(row: Mapping[str, Any]) -> PassRecord:

@@ -151,7 +151,8 @@ class Schedule:
 
     def gap_text(self, item: ScheduledPass) -> str:
         """Return which of its gaps a filler is in, "" for any other pass."""
-        gaps = [each.item.id for each in self.in_order if each.item.filler and each.item.target == item.target]
+        items = [each.item for each in self.in_order]
+        gaps = [each.id for each in items if each.filler and each.target == item.target]
         return f"gap {gaps.index(item.id) + 1} of {len(gaps)}" if item.filler else ""
 
     def entry(self, name: str) -> Entry:

@@ -65,7 +65,8 @@ class NightReport:
     @property
     def chosen(self) -> tuple[PassRecord, ...]:
         """Passes that were to be tracked, without those that filled gaps."""
-        return tuple(each for each in self.passes if each.state not in BY_CHOICE and not each.filler)
+        wanted = (each for each in self.passes if not each.filler)
+        return tuple(each for each in wanted if each.state not in BY_CHOICE)
 
     @property
     def held_share(self) -> float:
@@ -142,7 +143,8 @@ def _to_do(
     rows += [
         f"{name} came {count} times in the night: find out why" for name, count in sorted(again.items()) if count >= 3
     ]
-    lost = [each for each in passes if each.state not in (TRACKED, "weather", *BY_CHOICE) and not each.filler]
+    blameless = TRACKED, "weather", *BY_CHOICE
+    lost = [each for each in passes if each.state not in blameless and not each.filler]
     if lost:
         rows.append(
             f"{len(lost)} passes were lost ({_listed([each.name for each in lost])}): plan them again if needed"
@@ -178,11 +180,11 @@ def index_page(folder: Path) -> str:
         href = f"{file.parent.name}/night.html"
         try:
             night = parse_json(read_whole(file, DATA_BYTES))
-            passes = night["passes"]
+            passes = [each for each in night["passes"] if not each.get("filler")]
             rows.append({
                 "href": href, "begun": _minute(night["begun_t_s"]), "station": night["station"],
                 "tracked": int(night["tracked"]),
-                "wanted": sum(each["state"] not in BY_CHOICE and not each.get("filler") for each in passes),
+                "wanted": sum(each["state"] not in BY_CHOICE for each in passes),
                 "held": 100.0 * float(night["held_share"]), "alarms": len(night["alarms"]),
                 "messages": int(night["messages"]), "to_do": len(night["to_do"]),
             })  # fmt: skip
@@ -205,8 +207,8 @@ def page(report: NightReport) -> str:
         oldest_h=max(ages, default=None),
         passes=[_row(each) for each in report.passes if not each.filler],
         fillers=[
-            {"name": name, "text": filler_text(each), "pieces": list(map(_row, each)),
-             "why": dict.fromkeys(line for one in each if one.state != TRACKED for line in _why(one))}
+            {"name": name, "text": filler_text(each), "pieces": [_row(one) for one in each],
+             "why": {line for one in each if one.state != TRACKED for line in _why(one)}}
             for name, each in fillers_of(report.passes).items()
         ],
         alarms=[

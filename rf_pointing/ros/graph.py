@@ -245,11 +245,11 @@ PROCESSES = (1, 2, 8)
 def with_trackers(names: Sequence[str], sensors: Collection[str], receiver: str) -> tuple[str, ...]:
     """Return the executables of a real antenna whose bands have these `sensors`.
 
-    One stays for a described `receiver` where no band has a sensor: it reports the C/N0.
+    Where no band has any, one stays for a described `receiver`: it reports the C/N0.
     """
     wanted = {SENSORS[name].node for name in sensors if name in SENSORS}
     if not wanted and receiver != "simulated":
-        wanted = {SENSORS[Sensor.CONSCAN].node}
+        wanted = {SENSORS[name].node for traits in SENSORS.values() for name in traits.level_from}
     return tuple(name for name in names if name not in _TRACKERS or name in wanted)
 
 

@@ -126,9 +126,10 @@ def passes_values(message: ours.PassList) -> dict[str, Any]:
 
 def schedule_values(schedule: ours.Schedule) -> list[dict[str, Any]]:
     """Return the passes of a schedule; of a longer one those around the first that is not over."""
-    open_ = [n for n, each in enumerate(schedule.passes) if each.state in ("waiting", "active")]
-    first = max(0, min([*open_[:1], len(schedule.passes)][0] - MOST_ROWS // 4, len(schedule.passes) - MOST_ROWS))
-    return [entry_values(each) for each in schedule.passes[first : first + MOST_ROWS]]
+    rows = schedule.passes
+    coming = (n for n, each in enumerate(rows) if each.state in ("waiting", "active"))
+    first = max(0, min(next(coming, len(rows)) - MOST_ROWS // 4, len(rows) - MOST_ROWS))
+    return [entry_values(each) for each in rows[first : first + MOST_ROWS]]
 
 
 def certificate_values(message: ours.PassCertificate) -> dict[str, Any]:
@@ -148,7 +149,8 @@ def pass_line(row: dict[str, Any]) -> str:
 def status_text(values: dict[str, Any]) -> str:
     """Return what the station does in a line, with a line for the fault and each alarm."""
     name = values["pass_target"] or values["pass"]
-    doing = "; ".join([f"{name} {'; '.join(values['blocks'])}".strip(), *filter(None, [values["doing"]])]) or "nothing"
+    parts = " ".join(filter(None, [name, "; ".join(values["blocks"])])), values["doing"]
+    doing = "; ".join(filter(None, parts)) or "nothing"
     lines = [
         f"{values['utc'][:19]}  antenna {values['antenna']} az {values['azimuth_deg']:.2f} el {values['elevation_deg']:.2f} deg"
         f"  {values['tracking'] or 'no controller'} {values['target']}  executive {values['executive']}: {doing}"

@@ -293,8 +293,9 @@ class NightWatch:
         tracked = states[PassState.TRACKED]
         lost = sum(states.values()) - tracked
         gaps = [f"{name} {filler_text(each)}" for name, each in fillers_of(records).items()]
+        said = "; ".join([f"{self.night.reason}: {tracked} tracked, {lost} not", *gaps])
         return {"success": lost == 0, "passes_tracked": tracked, "passes_lost": lost, "report": self._report,
-                "message": "; ".join([f"{self.night.reason}: {tracked} tracked, {lost} not", *gaps])}  # fmt: skip
+                "message": said}  # fmt: skip
 
     def progress(self) -> dict[str, Any]:
         """Return where the night is, by the fields of its feedback."""

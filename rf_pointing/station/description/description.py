@@ -78,7 +78,7 @@ class StationDescription:
 
     @property
     def every_sensor(self) -> set[str]:
-        """What any of the bands can track with."""
+        """Every sensor that one of the bands can track with."""
         return {name for band in self.content.bands.values() for name in band.sensors}
 
     def chosen_sensor(self, sensor: str | None = None, band: str | None = None) -> str:
