@@ -19,7 +19,7 @@ from rf_pointing.core.signals import BASE
 from rf_pointing.core.types import Pair
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, make_drive
 from rf_pointing.drives.drive import POSITION, RATE
-from rf_pointing.ros.qos import INSTRUMENT, LATCHED, STREAM
+from rf_pointing.ros.qos import INSTRUMENT, LATCHED, SET_POINT
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.streams import checked_message, frame_in, require_length
 from rf_pointing.station.antenna.drive_antenna import CONNECT_S, DriveAntenna, connected_antenna
@@ -58,7 +58,7 @@ class TopicDrive(Drive):
             f"{beside.get_name()}_drive", namespace=beside.get_namespace(), context=beside.context,
             use_global_arguments=False, start_parameter_services=False,
         )  # fmt: skip
-        self._set_points = self.node.create_publisher(JointState, "drive/set_point", STREAM)
+        self._set_points = self.node.create_publisher(JointState, "drive/set_point", SET_POINT)
         self._enabled = self.node.create_publisher(Bool, "drive/enable", LATCHED)
         self.node.create_subscription(JointState, "drive/state", self.take_state, INSTRUMENT, raw=True)
         self._executor = SingleThreadedExecutor(context=beside.context)
