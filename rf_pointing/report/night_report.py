@@ -207,8 +207,7 @@ def page(report: NightReport) -> str:
         oldest_h=max(ages, default=None),
         passes=[_row(each) for each in report.passes if not each.filler],
         fillers=[
-            {"name": name, "text": filler_text(each), "pieces": [_row(one) for one in each],
-             "why": {line for one in each if one.state != TRACKED for line in _why(one)}}
+            {"name": name, "text": filler_text(each), "pieces": list(map(_row, each))}
             for name, each in fillers_of(report.passes).items()
         ],
         alarms=[

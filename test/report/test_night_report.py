@@ -115,7 +115,7 @@ def test_what_fills_gaps_is_one_line_and_no_pass_of_the_counts(tmp_path: Path) -
     assert "tracked in 18 gaps, 3.2 h" in text[0]
     assert "tracked in 18 of 19 gaps, 3.2 h" in text[1]
     assert [each.count("QO-100</span>") for each in text] == [1, 1]
-    assert "no answer" in text[1]
+    assert f"{utc_text(T0 + 17000.0)[11:16]}: no answer" in text[1]
     assert (report.tracked, report.wanted, report.held_share, report.to_do) == (1, 1, 0.9, ())
     assert "1 of 1" in (tmp_path / "index.html").read_text()
 
