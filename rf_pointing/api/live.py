@@ -252,10 +252,10 @@ def nodes_of(request: RunRequest) -> tuple[str, ...]:
     """Return the executables of a run, in the order of their start."""
     array = ARRAY_NODES if Sensor.ARRAY in request.station.sensors else ()
     station = request.station.description
-    if request.station.simulated:
-        return with_receiver((*NODES, *array), station.receiver)
     # A real array has receivers of its own.
-    names = with_trackers((*DRIVE_NODES, *array[1:]), station.every_sensor, station.receiver)
+    names = (*NODES, *array) if station.simulated else (*DRIVE_NODES, *array[1:])
+    if not station.simulated:
+        names = with_trackers(names, station.every_sensor, station.receiver)
     return with_receiver(names, station.receiver)
 
 
@@ -273,6 +273,7 @@ def run_setup(program: str, request: RunRequest, window: Pass, output: Path) -> 
         start_s = float(math.floor(window.aos_t_s) - before_s)
         clock = {"start_s": start_s, "speed": factor, "tick_s": 0.02 if ticks else 0.1}
         parameters = {"simulation_clock": clock} | parameters
+    kind |= horizon_to_notes(station.controller.mask)
     return RunSetup(
         program=program,
         namespace=request.namespace,
@@ -281,13 +282,7 @@ def run_setup(program: str, request: RunRequest, window: Pass, output: Path) -> 
         parameter_files=(parameter_file(output, parameters), *request.parameter_files),
         logs=output / "logs",
         bag=request.record or output / "bag",
-        notes={
-            "station": station.name,
-            "band": station.band,
-            "sensor": request.sensor,
-            **kind,
-            **horizon_to_notes(station.controller.mask),
-        },
+        notes={"station": station.name, "band": station.band, "sensor": request.sensor, **kind},
         punctual=ticks,
         reset_fault=request.reset_fault,
         begin_s=window.aos_t_s - before_s,
