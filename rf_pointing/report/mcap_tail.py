@@ -11,6 +11,7 @@ import re
 import struct
 from collections import defaultdict
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -100,6 +101,32 @@ def salvage(source: Path, target: Path) -> McapTail:
             if chunk is not None:
                 _close_chunk(file, chunk)
     return complete(target)
+
+
+def publish_times(path: Path) -> dict[str, list[tuple[int, int]]]:
+    """Return log and publish time in ns of every message by topic, in the order of the file."""
+    topics: dict[int, str] = {}
+    times: dict[str, list[tuple[int, int]]] = defaultdict(list)
+    with path.open("rb") as file:
+        file.seek(len(_MAGIC))
+        for opcode, content in _unpacked(file):
+            if opcode == _CHANNEL:
+                channel, _, length = struct.unpack_from("<HHI", content)
+                topics[channel] = content[8 : 8 + length].decode()
+            elif opcode == _MESSAGE:
+                channel, _, log, published = struct.unpack_from("<HIQQ", content)
+                times[topics[channel]].append((log, published))
+    return times
+
+
+def _unpacked(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+    """Return all records, those of the chunks that can be read in place of the chunks."""
+    for opcode, _, content in _records(file):
+        if opcode != _CHUNK:
+            yield opcode, content
+            continue
+        with suppress(*CHUNK_ERRORS, struct.error):
+            yield from ((inner, record) for inner, _, record in _records(_chunk_data(content)[0]))
 
 
 def _summary(file: BinaryIO) -> Iterator[Record]:
@@ -219,14 +246,10 @@ def _records(file: BinaryIO) -> Iterator[Record]:
 
 
 def _open_chunk(start: int, content: bytes, tail: McapTail) -> _OpenChunk | None:
-    # Start and end time, size before compression, checksum; then name and data of the compression.
-    _, _, size, crc = struct.unpack_from("<QQQI", content)
-    name_end = 32 + int.from_bytes(content[28:32], "little")
-    compression = content[32:name_end].decode()
-    stored = content[name_end + 8 :]
     messages: dict[int, list[tuple[int, int]]] = defaultdict(list)
     try:
-        records = list(_records(BytesIO(decompress(stored, compression, size, crc))))
+        data, compression, sizes = _chunk_data(content)
+        records = list(_records(data))
         for opcode, offset, record in records:
             if opcode == _MESSAGE:
                 channel, _, log_time = struct.unpack_from("<HIQ", record)
@@ -236,7 +259,16 @@ def _open_chunk(start: int, content: bytes, tail: McapTail) -> _OpenChunk | None
         return None
     for opcode, _, record in records:
         _note(opcode, record, tail)
-    return _OpenChunk(start, _HEAD + len(content), content[:16], compression, (len(stored), size), messages)
+    return _OpenChunk(start, _HEAD + len(content), content[:16], compression, sizes, messages)
+
+
+def _chunk_data(content: bytes) -> tuple[BytesIO, str, tuple[int, int]]:
+    """Return the records of a chunk, its compression, and its sizes with it and without."""
+    # Start and end time, size before compression, checksum; then name and data of the compression.
+    _, _, size, crc = struct.unpack_from("<QQQI", content)
+    name_end = 32 + int.from_bytes(content[28:32], "little")
+    compression, stored = content[32:name_end].decode(), content[name_end + 8 :]
+    return BytesIO(decompress(stored, compression, size, crc)), compression, (len(stored), size)
 
 
 def _note(opcode: int, content: bytes, tail: McapTail) -> None:

@@ -2,7 +2,8 @@
 
 The bag is read once; each message of the antenna becomes a row of its topic.  Types come from the
 bag itself.  Stamps are simulation time, log times the wall clock of the recorder, both integer
-nanoseconds.  A message that cannot be decoded is counted; NaN values are kept.
+nanoseconds; a bag whose log times are simulated has the wall clock in its publish times.  A message
+that cannot be decoded is counted; NaN values are kept.
 """
 
 import json
@@ -17,13 +18,15 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Connection
 from rosbags.interfaces.typing import Typesdict
-from rosbags.rosbag2.storage_mcap import zstd  # type: ignore[attr-defined]  # whichever zstd it uses
+from rosbags.rosbag2.storage_mcap import McapReader, zstd  # type: ignore[attr-defined]  # whichever zstd it uses
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_typestore
 from rosbags.typesys.store import Typestore
 
+from rf_pointing.core.types import IntArray
 from rf_pointing.report.bag_source import READ_ERRORS, BagSource, open_bag
 from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, TopicLoss
+from rf_pointing.report.mcap_tail import publish_times
 from rf_pointing.report.summary import Complaint
 from rf_pointing.report.topics import TOPICS, TopicData, as_column, head_reader, types_of
 
@@ -31,6 +34,8 @@ _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _DECODE_ERRORS = (SerdeError, AttributeError, *READ_ERRORS)
 _ZSTD = b"\x28\xb5\x2f\xfd"
 """Begin of a compressed message; one of ROS begins with a zero."""
+_TICK_NS = 100_000_000
+"""Longest step of a simulated clock; log times that follow it so closely are taken from it."""
 _NUMBER = re.compile(r"\d+(\.\d+)?")
 Take = Callable[[int, bytes], None]
 
@@ -64,9 +69,16 @@ class _Rows:
         self.heads.append(head)
         self.rows.append(row)
 
-    def data(self) -> TopicData:
+    @property
+    def on_time(self) -> bool:
+        """Whether the log times are the times that the messages tell: simulated ones."""
+        stamps = [head[0] for head in self.heads]
+        return bool(stamps) and float(np.median(np.abs(np.subtract(self.logs, stamps)))) <= _TICK_NS
+
+    def data(self, published: Iterable[tuple[int, int]] = ()) -> TopicData:
+        """Return the columns, with the `published` time to each log time (both ns) in its place."""
         # Without messages the array still needs its columns.
-        logs = np.array(self.logs, dtype=np.int64)
+        logs = _replaced(np.array(self.logs, dtype=np.int64), np.array([*published], dtype=np.int64))
         heads = np.array(self.heads, dtype=np.int64).reshape(len(self.heads), self.head_length)
         rows = self.rows
         # Splits may overlap in time, and are read one after the other.
@@ -85,6 +97,21 @@ class _Rows:
         )
 
 
+def _replaced(logs: IntArray, published: IntArray) -> IntArray:
+    """Return the publish times of messages with log times `logs` (n,), of the same one in order.
+
+    `published` (m, 2) has log and publish times; a message that is not in it keeps its log time.
+    """
+    if not len(published):
+        return logs
+    known, times = published[np.argsort(published[:, 0], kind="stable")].T
+    rank = np.empty_like(logs)
+    order = np.argsort(logs, kind="stable")
+    rank[order] = np.arange(len(logs)) - np.searchsorted(logs[order], logs[order])
+    index = np.minimum(np.searchsorted(known, logs) + rank, len(known) - 1)
+    return np.where(known[index] == logs, times[index], logs)
+
+
 class _Collector:
     """Reads all messages of `source` once; `namespace` chooses the antenna."""
 
@@ -96,12 +123,16 @@ class _Collector:
         self._typestore = self._types(source)
         self._rows: dict[str, _Rows] = {}
         self.count = self.missing = 0
+        self._published: dict[str, list[tuple[int, int]]] = defaultdict(list)
         for reader in source.readers:
             self._read(reader)
+        if "clock" in self._rows and self._rows["clock"].on_time:
+            self._read_publish_times(source)
 
     def topics(self) -> dict[str, TopicData]:
         """Return the topics of the antenna by relative name, in the order of `TOPICS`."""
-        return {name: self._rows[name].data() for name in TOPICS if name in self._rows}
+        found = {name: self._rows[name] for name in TOPICS if name in self._rows}
+        return {name: rows.data(self._published.get(rows.topic, ())) for name, rows in found.items()}
 
     def all_problems(self) -> tuple[str, ...]:
         """Return what is wrong with the recording, each problem once, in words for the user."""
@@ -154,6 +185,13 @@ class _Collector:
                 f"{reader.message_count - count} of {reader.message_count} messages of {reader.path.name} "
                 "are not readable: the file is damaged"
             )
+
+    def _read_publish_times(self, source: BagSource) -> None:
+        for reader in source.readers:
+            for storage in getattr(reader.storage, "storages", (reader.storage,)):
+                if isinstance(storage, McapReader):
+                    for topic, times in publish_times(Path(str(storage.path))).items():
+                        self._published[topic] += times
 
     def _taker(self, connection: Connection) -> Take:
         name = connection.topic.removeprefix(f"{self._namespace}/")

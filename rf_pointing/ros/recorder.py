@@ -1,7 +1,12 @@
-"""Record every topic of an antenna into a bag, as it was received; nothing is decoded."""
+"""Record every topic of an antenna into a bag, as it was received; nothing is decoded.
+
+Where time is simulated, the log time of a message is the newest time of `clock`, so that players
+and plots show true rates at any speed; its publish time is the wall time of arrival.
+"""
 
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -12,15 +17,17 @@ from rclpy.subscription import Subscription
 from rf_pointing.report.bag_writer import BagResult, BagWriter
 from rf_pointing.report.definitions import definitions, qos_from_profile
 from rf_pointing.ros.graph import EXECUTIVE, TOPICS, Topic
+from rf_pointing.ros.stamps import seconds_from_raw
 
 QUEUE = 2000
 """Depth of the recorder's queues: enough for a pause of its process at any speed."""
 
 
 class Recorder:
-    """Subscribes to all `topics` of `namespace` and writes their messages with the wall time.
+    """Subscribes to all `topics` of `namespace` and writes their messages.
 
-    A topic without a publisher in its row is recorded where there is one, and not waited for.
+    A topic without a publisher in its row is recorded where there is one, and not waited for. The
+    log time is the wall time, or `simulated` time.
     """
 
     def __init__(
@@ -30,8 +37,13 @@ class Recorder:
         path: Path,
         topics: Sequence[Topic] = TOPICS,
         notes: Mapping[str, str] | None = None,
+        *,
+        simulated: bool = False,
     ) -> None:
         self._node, self._topics, self._closed = node, topics, False
+        self._clock = f"{namespace}/clock" if simulated else ""
+        self._clock_ns: int | None = None
+        self._early: list[tuple[str, bytes, int]] = []
         self._writer = BagWriter(path, definitions(Path(get_package_share_directory("rf_pointing_msgs"))), notes=notes)
         self._subscriptions = [self._subscribe(topic, namespace) for topic in topics]
 
@@ -52,6 +64,8 @@ class Recorder:
         self._closed = True
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
+        # Time never came: the wall clock is all there is.
+        self._write_early(None)
         return self._writer.close()
 
     def _subscribe(self, topic: Topic, namespace: str) -> Subscription:
@@ -64,9 +78,28 @@ class Recorder:
 
         def take(data: bytes) -> None:
             # A message can be on its way when its subscription is destroyed.
-            if self._closed:
-                return
-            # The wall clock of arrival: latencies between topics are measured with it.
-            self._writer.write(name, time.time_ns(), data)
+            if not self._closed:
+                self._take(name, data)
 
         return self._node.create_subscription(topic.message_type, name, take, deep, raw=True)
+
+    def _take(self, name: str, data: bytes) -> None:
+        # The wall clock of arrival: latencies between topics are measured with it.
+        wall_ns = time.time_ns()
+        if name == self._clock:
+            with suppress(ValueError):
+                # Stamps are on whole microseconds.
+                self._clock_ns = round(seconds_from_raw(data) * 1e6) * 1000
+                self._write_early(self._clock_ns)
+        if not self._clock:
+            self._writer.write(name, wall_ns, data)
+        elif self._clock_ns is None:
+            # Nodes report on /diagnostics before the clock does: one bag has one time.
+            self._early.append((name, data, wall_ns))
+        else:
+            self._writer.write(name, self._clock_ns, data, wall_ns)
+
+    def _write_early(self, log_time_ns: int | None) -> None:
+        early, self._early = self._early, []
+        for name, data, wall_ns in early:
+            self._writer.write(name, wall_ns if log_time_ns is None else log_time_ns, data, wall_ns)

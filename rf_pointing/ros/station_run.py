@@ -174,7 +174,9 @@ class StationRun(GraphRun):
             on_time=on_time,
             processes=setup.processes,
         )
-        self._recorder = Recorder(self.node, setup.namespace, setup.bag, setup.topics, setup.notes)
+        self._recorder = Recorder(
+            self.node, setup.namespace, setup.bag, setup.topics, setup.notes, simulated=setup.simulated
+        )
 
     def spin(self, timeout_s: float) -> None:
         """Handle one event, or wait for one; InterruptedRunError if stopped before time runs."""
