@@ -80,12 +80,19 @@ def _of_topic(topic: str) -> dict[str, Meaning]:
     return {column: fields[column] for column in (_PASSES if topic == "passes" else TOPICS[topic].columns)}
 
 
+def message_fields(definition: str) -> list[tuple[str, str, str, int]]:
+    """Return type, name and comment of every field of a definition, and where it begins in it."""
+    return [
+        (each[1], each[2], re.sub(r"\s*\n +#\s*", " ", each[3] or ""), each.start())
+        for each in _FIELD.finditer(definition)
+    ]
+
+
 @cache
 def _fields(name: str) -> dict[str, Meaning]:
     """Return unit and meaning of every field of a message; a time is read in ns."""
     found = {}
-    for kind, field_name, comment in _FIELD.findall((MESSAGES / f"{name}.msg").read_text(encoding="utf-8")):
-        text = re.sub(r"\s*\n +#\s*", " ", comment)
+    for kind, field_name, text, _ in message_fields((MESSAGES / f"{name}.msg").read_text(encoding="utf-8")):
         unit = re.split("[, ]", text, maxsplit=1)[0]
         if kind == "builtin_interfaces/Time":
             found[field_name] = ("ns", f"{text} since 1970")
