@@ -5,7 +5,7 @@
 
 It needs control_msgs, which the package itself does not.  The control unit checks every command as
 one of pointing_controller: travel, rates, horizon, Sun, wind, authority.  What it refuses ends the
-goal with its words.  A trajectory must end at rest.  With a simulated station add
+goal with its words.  A trajectory ends at rest and has a point each second or more.  With a simulated station add
 `-p use_sim_time:=true -r /clock:=/gs1/clock`.
 """
 
@@ -24,7 +24,8 @@ from rf_pointing.ros.command_key import CommandKey
 from rf_pointing.ros.qos import COMMAND
 from rf_pointing.station.parameters import CommandKeyParams
 
-AHEAD, PERIOD_S = Duration(seconds=0.1), 0.2
+AHEAD, REACH, PERIOD_S = Duration(seconds=0.1), Duration(seconds=10.0), 0.2
+"""What is sent: points from 0.1 s to 10 s ahead; the control unit takes up to 15 s."""
 TOLERANCE_RAD, PATIENCE = 0.002, Duration(seconds=2.0)
 """Where the goal gives none: 0.1 deg, and how long the axes may take after the end."""
 RESULT = FollowJointTrajectory.Result
@@ -45,7 +46,7 @@ class Bridge(Node):
         self.create_subscription(AntennaStatus, "antenna_status", self.note, 10)
         self.server = ActionServer(
             self, FollowJointTrajectory, "follow_joint_trajectory", self.follow,
-            goal_callback=lambda _: GoalResponse.REJECT if self.goal else GoalResponse.ACCEPT,
+            goal_callback=lambda _: self.answer(),
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )  # fmt: skip
         self.create_timer(PERIOD_S, self.step)
@@ -56,11 +57,18 @@ class Bridge(Node):
     def note(self, message: AntennaStatus) -> None:
         self.status = message
 
+    def answer(self) -> GoalResponse:
+        # One at a time, and none before the axes and the time are known.
+        ready = self.goal is None and self.axes and self.get_clock().now().nanoseconds
+        return GoalResponse.ACCEPT if ready else GoalResponse.REJECT
+
     async def follow(self, goal: object) -> RESULT:
         self.goal, self.ended, self.wanted = goal, Future(), goal.request.trajectory
-        self.start = Time.from_msg(self.wanted.header.stamp, self.get_clock().clock_type)
-        if not self.start.nanoseconds:
-            self.start = self.get_clock().now() + AHEAD + AHEAD
+        start = Time.from_msg(self.wanted.header.stamp, self.get_clock().clock_type)
+        if not start.nanoseconds:
+            start = self.get_clock().now() + AHEAD + AHEAD
+        self.when = [start + Duration.from_msg(each.time_from_start) for each in self.wanted.points]
+        self.begin: Time | None = None
         self.rejected = self.status.commands_rejected
         return await self.ended
 
@@ -75,11 +83,18 @@ class Bridge(Node):
             return self.end(RESULT.SUCCESSFUL, "canceled")
         if self.status.fault or self.status.commands_rejected > self.rejected:
             return self.end(RESULT.INVALID_GOAL, self.status.fault or self.status.last_rejection)
-        when = [self.start + Duration.from_msg(each.time_from_start) for each in wanted.points]
-        left = [point for point, at in zip(wanted.points, when, strict=True) if at > now + AHEAD]
-        if left:
-            command = JointTrajectory(joint_names=wanted.joint_names, points=left)
-            command.header.stamp = self.start.to_msg()
+        command = JointTrajectory(joint_names=wanted.joint_names)
+        begin = next((at for at in self.when if at > now + AHEAD), None)
+        # Whole microseconds, as the control unit keeps times.
+        base = Time(nanoseconds=now.nanoseconds // 1000 * 1000, clock_type=now.clock_type)
+        command.header.stamp = base.to_msg()
+        for point, at in zip(wanted.points, self.when, strict=True):
+            if base + AHEAD < at < base + REACH:
+                point.time_from_start = (at - base).to_msg()
+                command.points.append(point)
+        # The same points again would be refused as a duplicate.
+        if command.points and begin != self.begin:
+            self.begin = begin
             self.key.sign(command, self.get_fully_qualified_name())
             self.commands.publish(command)
         target = dict(zip(wanted.joint_names, wanted.points[-1].positions, strict=True))
@@ -87,9 +102,9 @@ class Bridge(Node):
         off = {name: abs(self.axes.get(name, 1e9) - angle) for name, angle in target.items()}
         within = all(each <= (allowed.get(name) or TOLERANCE_RAD) for name, each in off.items())
         patience = Duration.from_msg(self.goal.request.goal_time_tolerance)
-        if now >= when[-1] and within:
+        if now >= self.when[-1] and within:
             return self.end(RESULT.SUCCESSFUL, "")
-        if now > when[-1] + (patience if patience.nanoseconds else PATIENCE):
+        if now > self.when[-1] + (patience if patience.nanoseconds else PATIENCE):
             return self.end(RESULT.GOAL_TOLERANCE_VIOLATED, f"the axes are off by {off} rad")
         feedback = FollowJointTrajectory.Feedback(joint_names=list(target))
         feedback.header.stamp = now.to_msg()
