@@ -5,8 +5,8 @@
 
 It needs control_msgs, which the package itself does not.  The control unit checks every command as
 one of pointing_controller: travel, rates, horizon, Sun, wind, authority.  What it refuses ends the
-goal with its words.  A trajectory ends at rest and has a point each second or more.  With a simulated station add
-`-p use_sim_time:=true -r /clock:=/gs1/clock`.
+goal with its words.  A trajectory ends at rest and has a point each second or more.  With a
+simulated station add `-p use_sim_time:=true -r /clock:=/gs1/clock`.
 """
 
 import rclpy
@@ -25,7 +25,7 @@ from rf_pointing.ros.qos import COMMAND
 from rf_pointing.station.parameters import CommandKeyParams
 
 AHEAD, REACH, PERIOD_S = Duration(seconds=0.1), Duration(seconds=10.0), 0.2
-"""What is sent: points from 0.1 s to 10 s ahead; the control unit takes up to 15 s."""
+"""Points from 0.1 s to 10 s ahead are sent; the control unit takes up to 15 s."""
 TOLERANCE_RAD, PATIENCE = 0.002, Duration(seconds=2.0)
 """Where the goal gives none: 0.1 deg, and how long the axes may take after the end."""
 RESULT = FollowJointTrajectory.Result
@@ -77,7 +77,7 @@ class Bridge(Node):
             return None
         wanted, now = self.wanted, self.get_clock().now()
         if sorted(wanted.joint_names) != ["azimuth", "elevation"] or not wanted.points:
-            return self.end(RESULT.INVALID_JOINTS, "the joints must be azimuth and elevation, with points")
+            return self.end(RESULT.INVALID_JOINTS, "needs points of azimuth and elevation")
         if self.goal.is_cancel_requested:
             # Silence: the control unit stops under control.
             return self.end(RESULT.SUCCESSFUL, "canceled")

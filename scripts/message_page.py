@@ -11,7 +11,7 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
-from rf_pointing.report.export import message_fields
+from rf_pointing.report.export import FIELD
 
 DEFINITIONS = Path(__file__).parents[1] / "msg_defs"
 PARTS = {"msg": ("",), "srv": ("Request", "Response"), "action": ("Goal", "Result", "Feedback")}
@@ -55,10 +55,11 @@ def _filled(text: str) -> str:
 def _table(title: str, part: str) -> Iterator[str]:
     yield f"\n| {title or 'Field'} | Type | Meaning |\n|---|---|---|\n"
     end = 0
-    for kind, name, comment, place in message_fields(part):
+    for found in FIELD.finditer(part):
+        kind, name, comment = found[1], found[2], re.sub(r"\s*\n +#\s*", " ", found[3] or "")
         # The constants of a field stand above it.
-        known = [f"`{constant}` {value}" for constant, value in CONSTANT.findall(part, end, place)]
-        end = place
+        known = [f"`{constant}` {value}" for constant, value in CONSTANT.findall(part, end, found.start())]
+        end = found.start()
         meaning = "; ".join([comment.replace("|", "\\|"), *([", ".join(known)] if known else [])])
         yield f"| `{name}` | `{kind}` | {meaning} |\n"
 

@@ -1,8 +1,5 @@
 """Record serialized messages into a rosbag2 MCAP bag.
 
-A message has two times, as `ros2 bag record --use-sim-time` writes them: its log time, in simulated
-time where time is simulated, and its publish time by the wall clock.
-
 A full disk does not disturb the caller: writing stops, later messages are counted per topic as
 lost, and `close` leaves a bag of everything that reached the disk.
 """
@@ -40,7 +37,7 @@ _PUBLISH_TIME_AT = 1 + 8 + 2 + 4 + 8
 
 
 class _TwoTimes(McapWriter):
-    """MCAP storage that gives a message `publish_time_ns`; rosbags repeats the log time."""
+    """MCAP storage that gives a message a publish time; rosbags repeats the log time."""
 
     def __init__(self, *given: Any) -> None:
         super().__init__(*given)
@@ -48,7 +45,7 @@ class _TwoTimes(McapWriter):
         self._published: list[tuple[int, int]] = []
 
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
-        """Write one message."""
+        """Write one message, and note where it is."""
         self._published.append((self.chunk.bio.tell(), self.publish_time_ns))
         super().write(connection, timestamp, data)
 
@@ -158,10 +155,10 @@ class BagWriter:
             topic, type_name, msgdef=msgdef, rihs01=rihs01, offered_qos_profiles=list(qos)
         )
 
-    def write(self, topic: str, log_time_ns: int, data: bytes | memoryview, publish_time_ns: int | None = None) -> None:
+    def write(self, topic: str, log_time_ns: int, data: bytes | memoryview, published_ns: int = 0) -> None:
         """Append one serialized message; after a disk problem it is counted as lost instead.
 
-        `publish_time_ns` is the log time unless it is given.
+        It is `published_ns` at its log time where that is not given.
 
         Raises
         ------
@@ -178,7 +175,7 @@ class BagWriter:
         # Counted before it is written: a message whose writing fails is in no bag, and is lost.
         self._accepted[topic].append(log_time_ns)
         assert isinstance(self._writer.storage, _TwoTimes)
-        self._writer.storage.publish_time_ns = log_time_ns if publish_time_ns is None else publish_time_ns
+        self._writer.storage.publish_time_ns = published_ns or log_time_ns
         try:
             self._writer.write(self._connections[topic], log_time_ns, data)
         except OSError as error:
@@ -235,7 +232,7 @@ class BagWriter:
         counts = {topic: tail.counts.get(item.id, 0) for topic, item in self._connections.items()}
         lost = tuple(self._losses(counts))
         try:
-            times = (min(tail.times, default=0), max(tail.times, default=0))
+            times = (min(tail.times, default=(0,))[0], max(tail.times, default=(0,))[0])
             loss_notes = {PROBLEM_NOTE: problem, LOST_NOTE: json.dumps([vars(item) for item in lost])}
             _write_metadata(data, self._connections.values(), counts, times, self._notes | loss_notes)
         except OSError as error:

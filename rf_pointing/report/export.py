@@ -41,7 +41,8 @@ They ship with the package, so that they are there without ROS.  A comment begin
 SUFFIXES = {"rad": "_rad", "rad/s": "_rad_s", "rad/s^2": "_rad_s2", "m": "_m", "m/s": "_m_s", "s": "_s", "dB": "_db",
             "dB-Hz": "_db_hz", "W": "_w", "ns": "_ns", "": ""}  # fmt: skip
 """End of the name of a column, by its unit."""
-_FIELD = re.compile(r"^(\S+) (\w+) *(?:# *(.*(?:\n +#.*)*))?$", re.MULTILINE)
+FIELD = re.compile(r"^(\S+) (\w+) *(?:# *(.*(?:\n +#.*)*))?$", re.MULTILINE)
+"""Type, name and comment of a field of a definition."""
 _JOINTS = {"position": ("rad", "encoder angle, continuous over all turns"), "velocity": ("rad/s", "encoder rate")}
 """JointState is a message of ROS, whose comments are not at hand without it."""
 # A row of these tables is made of the elements of a list in their messages.
@@ -80,19 +81,12 @@ def _of_topic(topic: str) -> dict[str, Meaning]:
     return {column: fields[column] for column in (_PASSES if topic == "passes" else TOPICS[topic].columns)}
 
 
-def message_fields(definition: str) -> list[tuple[str, str, str, int]]:
-    """Return type, name and comment of every field of a definition, and where it begins in it."""
-    return [
-        (each[1], each[2], re.sub(r"\s*\n +#\s*", " ", each[3] or ""), each.start())
-        for each in _FIELD.finditer(definition)
-    ]
-
-
 @cache
 def _fields(name: str) -> dict[str, Meaning]:
     """Return unit and meaning of every field of a message; a time is read in ns."""
     found = {}
-    for kind, field_name, text, _ in message_fields((MESSAGES / f"{name}.msg").read_text(encoding="utf-8")):
+    for kind, field_name, comment in FIELD.findall((MESSAGES / f"{name}.msg").read_text(encoding="utf-8")):
+        text = re.sub(r"\s*\n +#\s*", " ", comment)
         unit = re.split("[, ]", text, maxsplit=1)[0]
         if kind == "builtin_interfaces/Time":
             found[field_name] = ("ns", f"{text} since 1970")

@@ -11,7 +11,6 @@ import re
 import struct
 from collections import defaultdict
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -40,7 +39,8 @@ class McapTail:
     usable_bytes: int = 0
     dropped_bytes: int = 0
     counts: dict[int, int] = field(default_factory=lambda: defaultdict(int))
-    times: list[int] = field(default_factory=list)
+    times: list[tuple[int, int, int]] = field(default_factory=list)
+    """Log and publish time and channel of every message."""
     schemas: dict[int, bytes] = field(default_factory=dict)
     channels: dict[int, bytes] = field(default_factory=dict)
     chunk_indexes: list[bytes] = field(default_factory=list)
@@ -104,29 +104,16 @@ def salvage(source: Path, target: Path) -> McapTail:
 
 
 def publish_times(path: Path) -> dict[str, list[tuple[int, int]]]:
-    """Return log and publish time in ns of every message by topic, in the order of the file."""
-    topics: dict[int, str] = {}
-    times: dict[str, list[tuple[int, int]]] = defaultdict(list)
+    """Return log and publish time in ns of the intact messages of a file by topic, in its order."""
+    tail, found = McapTail(), defaultdict[str, list[tuple[int, int]]](list)
     with path.open("rb") as file:
         file.seek(len(_MAGIC))
-        for opcode, content in _unpacked(file):
-            if opcode == _CHANNEL:
-                channel, _, length = struct.unpack_from("<HHI", content)
-                topics[channel] = content[8 : 8 + length].decode()
-            elif opcode == _MESSAGE:
-                channel, _, log, published = struct.unpack_from("<HIQQ", content)
-                times[topics[channel]].append((log, published))
-    return times
-
-
-def _unpacked(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """Return all records, those of the chunks that can be read in place of the chunks."""
-    for opcode, _, content in _records(file):
-        if opcode != _CHUNK:
-            yield opcode, content
-            continue
-        with suppress(*CHUNK_ERRORS, struct.error):
-            yield from ((inner, record) for inner, _, record in _records(_chunk_data(content)[0]))
+        _scan(file, tail)
+    # Number, number of the schema and length of the topic come before it.
+    names = {each: text[8 : 8 + int.from_bytes(text[4:8], "little")].decode() for each, text in tail.channels.items()}
+    for log_time, published, channel in tail.times:
+        found[names[channel]].append((log_time, published))
+    return found
 
 
 def _summary(file: BinaryIO) -> Iterator[Record]:
@@ -246,10 +233,14 @@ def _records(file: BinaryIO) -> Iterator[Record]:
 
 
 def _open_chunk(start: int, content: bytes, tail: McapTail) -> _OpenChunk | None:
+    # Start and end time, size before compression, checksum; then name and data of the compression.
+    _, _, size, crc = struct.unpack_from("<QQQI", content)
+    name_end = 32 + int.from_bytes(content[28:32], "little")
+    compression = content[32:name_end].decode()
+    stored = content[name_end + 8 :]
     messages: dict[int, list[tuple[int, int]]] = defaultdict(list)
     try:
-        data, compression, sizes = _chunk_data(content)
-        records = list(_records(data))
+        records = list(_records(BytesIO(decompress(stored, compression, size, crc))))
         for opcode, offset, record in records:
             if opcode == _MESSAGE:
                 channel, _, log_time = struct.unpack_from("<HIQ", record)
@@ -259,23 +250,14 @@ def _open_chunk(start: int, content: bytes, tail: McapTail) -> _OpenChunk | None
         return None
     for opcode, _, record in records:
         _note(opcode, record, tail)
-    return _OpenChunk(start, _HEAD + len(content), content[:16], compression, sizes, messages)
-
-
-def _chunk_data(content: bytes) -> tuple[BytesIO, str, tuple[int, int]]:
-    """Return the records of a chunk, its compression, and its sizes with it and without."""
-    # Start and end time, size before compression, checksum; then name and data of the compression.
-    _, _, size, crc = struct.unpack_from("<QQQI", content)
-    name_end = 32 + int.from_bytes(content[28:32], "little")
-    compression, stored = content[32:name_end].decode(), content[name_end + 8 :]
-    return BytesIO(decompress(stored, compression, size, crc)), compression, (len(stored), size)
+    return _OpenChunk(start, _HEAD + len(content), content[:16], compression, (len(stored), size), messages)
 
 
 def _note(opcode: int, content: bytes, tail: McapTail) -> None:
     if opcode == _MESSAGE:
-        channel, _, log_time = struct.unpack_from("<HIQ", content)
+        channel, _, log_time, published = struct.unpack_from("<HIQQ", content)
         tail.counts[channel] += 1
-        tail.times.append(log_time)
+        tail.times.append((log_time, published, channel))
     elif opcode in (_SCHEMA, _CHANNEL):
         kept = tail.schemas if opcode == _SCHEMA else tail.channels
         kept[int.from_bytes(content[:2], "little")] = content
@@ -311,7 +293,7 @@ def _write_end(file: BinaryIO, tail: McapTail) -> None:
 def _statistics(tail: McapTail) -> bytes:
     counts = b"".join(struct.pack("<HQ", *item) for item in sorted(tail.counts.items()))
     sizes = (tail.message_count, len(tail.schemas), len(tail.channels), 0, 0, len(tail.chunk_indexes))
-    span = (min(tail.times, default=0), max(tail.times, default=0))
+    span = (min(tail.times, default=(0,))[0], max(tail.times, default=(0,))[0])
     return struct.pack("<QHIIIIQQI", *sizes, *span, len(counts)) + counts
 
 

@@ -8,9 +8,9 @@ that cannot be decoded is counted; NaN values are kept.
 
 import json
 import re
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,12 +18,11 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Connection
 from rosbags.interfaces.typing import Typesdict
-from rosbags.rosbag2.storage_mcap import McapReader, zstd  # type: ignore[attr-defined]  # whichever zstd it uses
+from rosbags.rosbag2.storage_mcap import zstd  # type: ignore[attr-defined]  # whichever zstd it uses
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_typestore
 from rosbags.typesys.store import Typestore
 
-from rf_pointing.core.types import IntArray
 from rf_pointing.report.bag_source import READ_ERRORS, BagSource, open_bag
 from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, TopicLoss
 from rf_pointing.report.mcap_tail import publish_times
@@ -69,16 +68,14 @@ class _Rows:
         self.heads.append(head)
         self.rows.append(row)
 
-    @property
-    def on_time(self) -> bool:
-        """Whether the log times are the times that the messages tell: simulated ones."""
-        stamps = [head[0] for head in self.heads]
-        return bool(stamps) and float(np.median(np.abs(np.subtract(self.logs, stamps)))) <= _TICK_NS
-
     def data(self, published: Iterable[tuple[int, int]] = ()) -> TopicData:
         """Return the columns, with the `published` time to each log time (both ns) in its place."""
+        times = defaultdict[int, deque[int]](deque)
+        for log_time_ns, time_ns in published:
+            times[log_time_ns].append(time_ns)
+        found = [times[each].popleft() if times.get(each) else each for each in self.logs]
         # Without messages the array still needs its columns.
-        logs = _replaced(np.array(self.logs, dtype=np.int64), np.array([*published], dtype=np.int64))
+        logs = np.array(found, dtype=np.int64)
         heads = np.array(self.heads, dtype=np.int64).reshape(len(self.heads), self.head_length)
         rows = self.rows
         # Splits may overlap in time, and are read one after the other.
@@ -97,21 +94,6 @@ class _Rows:
         )
 
 
-def _replaced(logs: IntArray, published: IntArray) -> IntArray:
-    """Return the publish times of messages with log times `logs` (n,), of the same one in order.
-
-    `published` (m, 2) has log and publish times; a message that is not in it keeps its log time.
-    """
-    if not len(published):
-        return logs
-    known, times = published[np.argsort(published[:, 0], kind="stable")].T
-    rank = np.empty_like(logs)
-    order = np.argsort(logs, kind="stable")
-    rank[order] = np.arange(len(logs)) - np.searchsorted(logs[order], logs[order])
-    index = np.minimum(np.searchsorted(known, logs) + rank, len(known) - 1)
-    return np.where(known[index] == logs, times[index], logs)
-
-
 class _Collector:
     """Reads all messages of `source` once; `namespace` chooses the antenna."""
 
@@ -126,8 +108,7 @@ class _Collector:
         self._published: dict[str, list[tuple[int, int]]] = defaultdict(list)
         for reader in source.readers:
             self._read(reader)
-        if "clock" in self._rows and self._rows["clock"].on_time:
-            self._read_publish_times(source)
+        self._read_publish_times(source)
 
     def topics(self) -> dict[str, TopicData]:
         """Return the topics of the antenna by relative name, in the order of `TOPICS`."""
@@ -187,11 +168,17 @@ class _Collector:
             )
 
     def _read_publish_times(self, source: BagSource) -> None:
-        for reader in source.readers:
-            for storage in getattr(reader.storage, "storages", (reader.storage,)):
-                if isinstance(storage, McapReader):
-                    for topic, times in publish_times(Path(str(storage.path))).items():
-                        self._published[topic] += times
+        """Read the wall times of a bag whose log times are those that its clock tells."""
+        clock = self._rows.get("clock")
+        late_ns = [abs(log - head[0]) for log, head in zip(clock.logs, clock.heads, strict=True)] if clock else []
+        if not late_ns or np.median(late_ns) > _TICK_NS:
+            return
+        storages: list[Any] = [each.storage for each in source.readers]
+        for part in (part for each in storages for part in getattr(each, "storages", (each,))):
+            # What is damaged keeps its log times.
+            with suppress(*READ_ERRORS):
+                for topic, times in publish_times(Path(part.path)).items():
+                    self._published[topic] += times
 
     def _taker(self, connection: Connection) -> Take:
         name = connection.topic.removeprefix(f"{self._namespace}/")

@@ -24,10 +24,10 @@ QUEUE = 2000
 
 
 class Recorder:
-    """Subscribes to all `topics` of `namespace` and writes their messages.
+    """Subscribes to all `topics` of `namespace` and writes their messages with the wall time.
 
-    A topic without a publisher in its row is recorded where there is one, and not waited for. The
-    log time is the wall time, or `simulated` time.
+    A topic without a publisher in its row is recorded where there is one, and not waited for.
+    Nothing is written before `simulated` time has come.
     """
 
     def __init__(
@@ -37,13 +37,11 @@ class Recorder:
         path: Path,
         topics: Sequence[Topic] = TOPICS,
         notes: Mapping[str, str] | None = None,
-        *,
         simulated: bool = False,
     ) -> None:
         self._node, self._topics, self._closed = node, topics, False
         self._clock = f"{namespace}/clock" if simulated else ""
-        self._clock_ns: int | None = None
-        self._early: list[tuple[str, bytes, int]] = []
+        self._clock_ns, self._held = 0, list[tuple[str, bytes, int]]()
         self._writer = BagWriter(path, definitions(Path(get_package_share_directory("rf_pointing_msgs"))), notes=notes)
         self._subscriptions = [self._subscribe(topic, namespace) for topic in topics]
 
@@ -64,8 +62,6 @@ class Recorder:
         self._closed = True
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
-        # Time never came: the wall clock is all there is.
-        self._write_early(None)
         return self._writer.close()
 
     def _subscribe(self, topic: Topic, namespace: str) -> Subscription:
@@ -78,28 +74,18 @@ class Recorder:
 
         def take(data: bytes) -> None:
             # A message can be on its way when its subscription is destroyed.
-            if not self._closed:
-                self._take(name, data)
+            if self._closed:
+                return
+            # The wall clock of arrival: latencies between topics are measured with it.
+            self._held.append((name, data, time.time_ns()))
+            if name == self._clock:
+                with suppress(ValueError):
+                    # Stamps are on whole microseconds.
+                    self._clock_ns = round(seconds_from_raw(data) * 1e6) * 1000
+            # Nodes report on /diagnostics before the clock does: one bag has one time.
+            if self._clock_ns or not self._clock:
+                for topic_name, raw, wall_ns in self._held:
+                    self._writer.write(topic_name, self._clock_ns or wall_ns, raw, wall_ns)
+                self._held.clear()
 
         return self._node.create_subscription(topic.message_type, name, take, deep, raw=True)
-
-    def _take(self, name: str, data: bytes) -> None:
-        # The wall clock of arrival: latencies between topics are measured with it.
-        wall_ns = time.time_ns()
-        if name == self._clock:
-            with suppress(ValueError):
-                # Stamps are on whole microseconds.
-                self._clock_ns = round(seconds_from_raw(data) * 1e6) * 1000
-                self._write_early(self._clock_ns)
-        if not self._clock:
-            self._writer.write(name, wall_ns, data)
-        elif self._clock_ns is None:
-            # Nodes report on /diagnostics before the clock does: one bag has one time.
-            self._early.append((name, data, wall_ns))
-        else:
-            self._writer.write(name, self._clock_ns, data, wall_ns)
-
-    def _write_early(self, log_time_ns: int | None) -> None:
-        early, self._early = self._early, []
-        for name, data, wall_ns in early:
-            self._writer.write(name, wall_ns if log_time_ns is None else log_time_ns, data, wall_ns)
