@@ -43,8 +43,10 @@ def _kind(kind: str) -> Iterator[str]:
         text = file.read_text(encoding="utf-8")
         head = re.match(r"(?:#.*\n)*", text)
         assert head is not None
-        yield f"\n### {file.stem}\n\n{_filled(re.sub('^# *', '', head.group(), flags=re.MULTILINE))}\n"
-        for title, part in zip(PARTS[kind], re.split("^---$", text[head.end() :], flags=re.MULTILINE), strict=True):
+        about = re.sub("^# *", "", head.group(), flags=re.MULTILINE)
+        yield f"\n### {file.stem}\n\n{_filled(about)}\n"
+        parts = re.split("^---$", text[head.end() :], flags=re.MULTILINE)
+        for title, part in zip(PARTS[kind], parts, strict=True):
             yield from _table(title, part)
 
 
@@ -58,7 +60,7 @@ def _table(title: str, part: str) -> Iterator[str]:
     for found in FIELD.finditer(part):
         kind, name, comment = found[1], found[2], re.sub(r"\s*\n +#\s*", " ", found[3] or "")
         # The constants of a field stand above it.
-        known = [f"`{constant}` {value}" for constant, value in CONSTANT.findall(part, end, found.start())]
+        known = [f"`{key}` {value}" for key, value in CONSTANT.findall(part, end, found.start())]
         end = found.start()
         meaning = "; ".join([comment.replace("|", "\\|"), *([", ".join(known)] if known else [])])
         yield f"| `{name}` | `{kind}` | {meaning} |\n"

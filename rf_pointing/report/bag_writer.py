@@ -59,10 +59,6 @@ class _TwoTimes(McapWriter):
         self._published.clear()
 
 
-class _Writer(Writer):
-    STORAGE_PLUGINS = {StoragePlugin.MCAP: _TwoTimes}  # noqa: RUF012  # a Mapping in its parent
-
-
 @dataclass(frozen=True)
 class TopicLoss:
     """Messages of one topic that did not reach the bag, and the log time of the first of them."""
@@ -155,10 +151,10 @@ class BagWriter:
             topic, type_name, msgdef=msgdef, rihs01=rihs01, offered_qos_profiles=list(qos)
         )
 
-    def write(self, topic: str, log_time_ns: int, data: bytes | memoryview, published_ns: int = 0) -> None:
+    def write(self, topic: str, log_time_ns: int, data: bytes | memoryview, at_ns: int = 0) -> None:
         """Append one serialized message; after a disk problem it is counted as lost instead.
 
-        It is `published_ns` at its log time where that is not given.
+        Its publish time is `at_ns`, or the log time.
 
         Raises
         ------
@@ -175,7 +171,7 @@ class BagWriter:
         # Counted before it is written: a message whose writing fails is in no bag, and is lost.
         self._accepted[topic].append(log_time_ns)
         assert isinstance(self._writer.storage, _TwoTimes)
-        self._writer.storage.publish_time_ns = published_ns or log_time_ns
+        self._writer.storage.publish_time_ns = at_ns or log_time_ns
         try:
             self._writer.write(self._connections[topic], log_time_ns, data)
         except OSError as error:
@@ -190,7 +186,8 @@ class BagWriter:
         return self._result
 
     def _opened(self) -> Writer:
-        writer = _Writer(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
+        writer = Writer(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
+        writer.STORAGE_PLUGINS = {StoragePlugin.MCAP: _TwoTimes}
         for key, value in self._notes.items():
             writer.set_custom_data(key, value)
         writer.open()

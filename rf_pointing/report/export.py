@@ -85,7 +85,8 @@ def _of_topic(topic: str) -> dict[str, Meaning]:
 def _fields(name: str) -> dict[str, Meaning]:
     """Return unit and meaning of every field of a message; a time is read in ns."""
     found = {}
-    for kind, field_name, comment in FIELD.findall((MESSAGES / f"{name}.msg").read_text(encoding="utf-8")):
+    definition = (MESSAGES / f"{name}.msg").read_text(encoding="utf-8")
+    for kind, field_name, comment in FIELD.findall(definition):
         text = re.sub(r"\s*\n +#\s*", " ", comment)
         unit = re.split("[, ]", text, maxsplit=1)[0]
         if kind == "builtin_interfaces/Time":

@@ -109,10 +109,10 @@ def publish_times(path: Path) -> dict[str, list[tuple[int, int]]]:
     with path.open("rb") as file:
         file.seek(len(_MAGIC))
         _scan(file, tail)
-    # Number, number of the schema and length of the topic come before it.
-    names = {each: text[8 : 8 + int.from_bytes(text[4:8], "little")].decode() for each, text in tail.channels.items()}
     for log_time, published, channel in tail.times:
-        found[names[channel]].append((log_time, published))
+        # Numbers of channel and schema and the length of the topic come before it.
+        (length,) = struct.unpack_from("<4xI", tail.channels[channel])
+        found[tail.channels[channel][8 : 8 + length].decode()].append((log_time, published))
     return found
 
 

@@ -112,8 +112,8 @@ class _Collector:
 
     def topics(self) -> dict[str, TopicData]:
         """Return the topics of the antenna by relative name, in the order of `TOPICS`."""
-        found = {name: self._rows[name] for name in TOPICS if name in self._rows}
-        return {name: rows.data(self._published.get(rows.topic, ())) for name, rows in found.items()}
+        rows, times = self._rows, self._published
+        return {name: rows[name].data(times[rows[name].topic]) for name in TOPICS if name in rows}
 
     def all_problems(self) -> tuple[str, ...]:
         """Return what is wrong with the recording, each problem once, in words for the user."""
@@ -170,8 +170,9 @@ class _Collector:
     def _read_publish_times(self, source: BagSource) -> None:
         """Read the wall times of a bag whose log times are those that its clock tells."""
         clock = self._rows.get("clock")
-        late_ns = [abs(log - head[0]) for log, head in zip(clock.logs, clock.heads, strict=True)] if clock else []
-        if not late_ns or np.median(late_ns) > _TICK_NS:
+        if clock is None or not clock.logs:
+            return
+        if np.median(np.abs(np.subtract(clock.logs, [head[0] for head in clock.heads]))) > _TICK_NS:
             return
         storages: list[Any] = [each.storage for each in source.readers]
         for part in (part for each in storages for part in getattr(each, "storages", (each,))):

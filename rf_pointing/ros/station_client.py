@@ -237,8 +237,9 @@ class StationClient(GraphRun):
             goal.near = stamp_from_seconds(near_s)
         live = LivePass(self)
         self.until(live.client.server_is_ready, "track_pass")
+        given = self.node, self.namespace, folder / "bag"
         simulated = self.node.count_publishers(f"{self.namespace}/clock") > 0
-        recorder = Recorder(self.node, self.namespace, folder / "bag", simulated=simulated) if record else None
+        recorder = Recorder(*given, simulated=simulated) if record else None
         try:
             result = live.result(live.begin(goal))
         finally:

@@ -309,7 +309,8 @@ class PassGoals:
         # A goal whose pass is still looked for has nothing to feed back.
         if self._goal is None or self._search is not None or self.window is None:
             return
-        if self._fed_back != (now := (status.mode, status.level)) or status.t_s >= self._feedback_due_s:
+        now = status.mode, status.level
+        if now != self._fed_back or status.t_s >= self._feedback_due_s:
             self._fed_back, self._feedback_due_s = now, status.t_s + FEEDBACK_S
             share = (status.t_s - self.window.aos_t_s) / max(self.window.duration_s, 1.0)
             self._port.feed_back(min(max(share, 0.0), 1.0))
