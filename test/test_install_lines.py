@@ -25,6 +25,12 @@ def words(start: str) -> list[str]:
     return shlex.split(line[line.index(start) :])
 
 
+def test_the_workflow_runs_the_lines_of_the_readme() -> None:
+    workflow = yaml.safe_load((ROOT / ".github/workflows/check.yml").read_text())
+    steps = workflow["jobs"]["readme"]["steps"]
+    assert "\n".join(LINES[1:]) in next(step["run"] for step in steps if step.get("working-directory") == "ws")
+
+
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A workspace with the checkout in src/rf_pointing; its package is linked, so that nothing is made in ours."""

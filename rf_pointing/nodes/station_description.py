@@ -2,9 +2,10 @@
 
 Subscribes: joint_states, target, pass_profiles.
 Publishes: beam_markers (5 Hz: beam, target, the zone around the Sun) and sky_markers (latched:
-horizon mask, the pass in progress or the next one) as visualization_msgs/MarkerArray; /tf_static
-(where the antenna stands on the Earth); and unless robot_state_publisher does it (view.publish_tf)
-robot_description (latched) and /tf.  Parameters: view.*.
+horizon mask, the pass in progress or the next one) as visualization_msgs/MarkerArray; site
+(latched, NavSatFix) and /tf_static (where the antenna stands on the Earth); and unless
+robot_state_publisher does it (view.publish_tf) robot_description (latched) and /tf.  Parameters:
+view.*.
 
 The tree is earth (REP-105) -> base_link (x east, y north, z up, at the intersection of the axes)
 -> azimuth_link -> elevation_link -> beam, all but earth below the antenna's namespace.  The beam is
@@ -16,7 +17,7 @@ from typing import Any
 
 from rclpy.qos import QoSProfile
 from rf_pointing_msgs.msg import PassProfileList, Target
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, NavSatFix
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
@@ -71,6 +72,8 @@ class StationDescriptionNode(StationNode):
         self.listen(PassProfileList, "pass_profiles", self._on_profiles, LATCHED)
         self._moving = self.publisher(MarkerArray, "beam_markers", STREAM)
         self._latched = self.publisher(MarkerArray, "sky_markers", LATCHED)
+        fix = draw.site_fix(self.station.site, self._base, self.now_s())
+        self.publisher(NavSatFix, "site", LATCHED).publish(fix)
         self._tf = self._describe(params.publish_tf)
         self._draw_sky()
         self.diagnostics.add("view", self._health)

@@ -98,7 +98,8 @@ class StationExecutive(StationNode):
         # Imported when it is needed: an executive that was killed must be back soon.
         from rf_pointing.ros.recorder import Recorder
 
-        return Recorder(self, self.get_namespace(), bag, notes=notes)
+        simulated = self.get_parameter("use_sim_time").value
+        return Recorder(self, self.get_namespace(), bag, notes=notes, simulated=simulated)
 
     def _report(self, folder: Path, health: Mapping[str, Mapping[str, Any]]) -> None:
         from rf_pointing.report.night_report import night_of, write_night

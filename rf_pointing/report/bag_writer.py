@@ -7,6 +7,7 @@ lost, and `close` leaves a bag of everything that reached the disk.
 import copy
 import json
 import shutil
+import struct
 from array import array
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,6 +21,7 @@ import yaml
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.metadata import dump_qos_v9
+from rosbags.rosbag2.storage_mcap import McapWriter
 
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.mcap_tail import McapTail, complete
@@ -30,6 +32,31 @@ PROBLEM_NOTE = "rf_pointing.problem"
 """Key in the bag's custom data: why recording stopped."""
 # Size of a file that keeps room for the index of a bag that fills the disk.
 _RESERVE_BYTES = 512 * 1024
+# Publish time of an MCAP message: after opcode, length, channel, sequence and log time.
+_PUBLISH_TIME_AT = 1 + 8 + 2 + 4 + 8
+
+
+class _TwoTimes(McapWriter):
+    """MCAP storage that gives a message a publish time; rosbags repeats the log time."""
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.publish_time_ns = 0
+        self._published: list[tuple[int, int]] = []
+
+    def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
+        """Write one message, and note where it is."""
+        self._published.append((self.chunk.bio.tell(), self.publish_time_ns))
+        super().write(connection, timestamp, data)
+
+    def close_chunk(self) -> None:
+        """Close the chunk."""
+        with self.chunk.bio.getbuffer() as content:
+            for start, time_ns in self._published:
+                struct.pack_into("<Q", content, start + _PUBLISH_TIME_AT, time_ns)
+        super().close_chunk()
+        # After it: a chunk that a full disk has refused is closed once more.
+        self._published.clear()
 
 
 @dataclass(frozen=True)
@@ -124,8 +151,10 @@ class BagWriter:
             topic, type_name, msgdef=msgdef, rihs01=rihs01, offered_qos_profiles=list(qos)
         )
 
-    def write(self, topic: str, log_time_ns: int, data: bytes | memoryview) -> None:
+    def write(self, topic: str, log_time_ns: int, data: bytes | memoryview, at_ns: int = 0) -> None:
         """Append one serialized message; after a disk problem it is counted as lost instead.
+
+        Its publish time is `at_ns`, or the log time.
 
         Raises
         ------
@@ -141,6 +170,8 @@ class BagWriter:
             return
         # Counted before it is written: a message whose writing fails is in no bag, and is lost.
         self._accepted[topic].append(log_time_ns)
+        assert isinstance(self._writer.storage, _TwoTimes)
+        self._writer.storage.publish_time_ns = at_ns or log_time_ns
         try:
             self._writer.write(self._connections[topic], log_time_ns, data)
         except OSError as error:
@@ -156,6 +187,7 @@ class BagWriter:
 
     def _opened(self) -> Writer:
         writer = Writer(self.path, version=9, storage_plugin=StoragePlugin.MCAP)
+        writer.STORAGE_PLUGINS = {StoragePlugin.MCAP: _TwoTimes}
         for key, value in self._notes.items():
             writer.set_custom_data(key, value)
         writer.open()
@@ -197,7 +229,7 @@ class BagWriter:
         counts = {topic: tail.counts.get(item.id, 0) for topic, item in self._connections.items()}
         lost = tuple(self._losses(counts))
         try:
-            times = (min(tail.times, default=0), max(tail.times, default=0))
+            times = (min(tail.times, default=(0,))[0], max(tail.times, default=(0,))[0])
             loss_notes = {PROBLEM_NOTE: problem, LOST_NOTE: json.dumps([vars(item) for item in lost])}
             _write_metadata(data, self._connections.values(), counts, times, self._notes | loss_notes)
         except OSError as error:

@@ -41,7 +41,8 @@ They ship with the package, so that they are there without ROS.  A comment begin
 SUFFIXES = {"rad": "_rad", "rad/s": "_rad_s", "rad/s^2": "_rad_s2", "m": "_m", "m/s": "_m_s", "s": "_s", "dB": "_db",
             "dB-Hz": "_db_hz", "W": "_w", "ns": "_ns", "": ""}  # fmt: skip
 """End of the name of a column, by its unit."""
-_FIELD = re.compile(r"^(\S+) (\w+) *(?:# *(.*(?:\n +#.*)*))?$", re.MULTILINE)
+FIELD = re.compile(r"^(\S+) (\w+) *(?:# *(.*(?:\n +#.*)*))?$", re.MULTILINE)
+"""Type, name and comment of a field of a definition."""
 _JOINTS = {"position": ("rad", "encoder angle, continuous over all turns"), "velocity": ("rad/s", "encoder rate")}
 """JointState is a message of ROS, whose comments are not at hand without it."""
 # A row of these tables is made of the elements of a list in their messages.
@@ -84,7 +85,8 @@ def _of_topic(topic: str) -> dict[str, Meaning]:
 def _fields(name: str) -> dict[str, Meaning]:
     """Return unit and meaning of every field of a message; a time is read in ns."""
     found = {}
-    for kind, field_name, comment in _FIELD.findall((MESSAGES / f"{name}.msg").read_text(encoding="utf-8")):
+    definition = (MESSAGES / f"{name}.msg").read_text(encoding="utf-8")
+    for kind, field_name, comment in FIELD.findall(definition):
         text = re.sub(r"\s*\n +#\s*", " ", comment)
         unit = re.split("[, ]", text, maxsplit=1)[0]
         if kind == "builtin_interfaces/Time":

@@ -39,7 +39,8 @@ class McapTail:
     usable_bytes: int = 0
     dropped_bytes: int = 0
     counts: dict[int, int] = field(default_factory=lambda: defaultdict(int))
-    times: list[int] = field(default_factory=list)
+    times: list[tuple[int, int, int]] = field(default_factory=list)
+    """Log and publish time and channel of every message."""
     schemas: dict[int, bytes] = field(default_factory=dict)
     channels: dict[int, bytes] = field(default_factory=dict)
     chunk_indexes: list[bytes] = field(default_factory=list)
@@ -100,6 +101,19 @@ def salvage(source: Path, target: Path) -> McapTail:
             if chunk is not None:
                 _close_chunk(file, chunk)
     return complete(target)
+
+
+def publish_times(path: Path) -> dict[str, list[tuple[int, int]]]:
+    """Return log and publish time in ns of the intact messages of a file by topic, in its order."""
+    tail, found = McapTail(), defaultdict[str, list[tuple[int, int]]](list)
+    with path.open("rb") as file:
+        file.seek(len(_MAGIC))
+        _scan(file, tail)
+    for log_time, published, channel in tail.times:
+        # Numbers of channel and schema and the length of the topic come before it.
+        (length,) = struct.unpack_from("<4xI", tail.channels[channel])
+        found[tail.channels[channel][8 : 8 + length].decode()].append((log_time, published))
+    return found
 
 
 def _summary(file: BinaryIO) -> Iterator[Record]:
@@ -241,9 +255,9 @@ def _open_chunk(start: int, content: bytes, tail: McapTail) -> _OpenChunk | None
 
 def _note(opcode: int, content: bytes, tail: McapTail) -> None:
     if opcode == _MESSAGE:
-        channel, _, log_time = struct.unpack_from("<HIQ", content)
+        channel, _, log_time, published = struct.unpack_from("<HIQQ", content)
         tail.counts[channel] += 1
-        tail.times.append(log_time)
+        tail.times.append((log_time, published, channel))
     elif opcode in (_SCHEMA, _CHANNEL):
         kept = tail.schemas if opcode == _SCHEMA else tail.channels
         kept[int.from_bytes(content[:2], "little")] = content
@@ -279,7 +293,7 @@ def _write_end(file: BinaryIO, tail: McapTail) -> None:
 def _statistics(tail: McapTail) -> bytes:
     counts = b"".join(struct.pack("<HQ", *item) for item in sorted(tail.counts.items()))
     sizes = (tail.message_count, len(tail.schemas), len(tail.channels), 0, 0, len(tail.chunk_indexes))
-    span = (min(tail.times, default=0), max(tail.times, default=0))
+    span = (min(tail.times, default=(0,))[0], max(tail.times, default=(0,))[0])
     return struct.pack("<QHIIIIQQI", *sizes, *span, len(counts)) + counts
 
 

@@ -2,14 +2,15 @@
 
 The bag is read once; each message of the antenna becomes a row of its topic.  Types come from the
 bag itself.  Stamps are simulation time, log times the wall clock of the recorder, both integer
-nanoseconds.  A message that cannot be decoded is counted; NaN values are kept.
+nanoseconds; a bag whose log times are simulated has the wall clock in its publish times.  A message
+that cannot be decoded is counted; NaN values are kept.
 """
 
 import json
 import re
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from rosbags.typesys.store import Typestore
 
 from rf_pointing.report.bag_source import READ_ERRORS, BagSource, open_bag
 from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, TopicLoss
+from rf_pointing.report.mcap_tail import publish_times
 from rf_pointing.report.summary import Complaint
 from rf_pointing.report.topics import TOPICS, TopicData, as_column, head_reader, types_of
 
@@ -31,6 +33,8 @@ _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _DECODE_ERRORS = (SerdeError, AttributeError, *READ_ERRORS)
 _ZSTD = b"\x28\xb5\x2f\xfd"
 """Begin of a compressed message; one of ROS begins with a zero."""
+_TICK_NS = 100_000_000
+"""Longest step of a simulated clock; log times that follow it so closely are taken from it."""
 _NUMBER = re.compile(r"\d+(\.\d+)?")
 Take = Callable[[int, bytes], None]
 
@@ -64,9 +68,14 @@ class _Rows:
         self.heads.append(head)
         self.rows.append(row)
 
-    def data(self) -> TopicData:
+    def data(self, published: Iterable[tuple[int, int]] = ()) -> TopicData:
+        """Return the columns, with the `published` time to each log time (both ns) in its place."""
+        times = defaultdict[int, deque[int]](deque)
+        for log_time_ns, time_ns in published:
+            times[log_time_ns].append(time_ns)
+        found = [times[each].popleft() if times.get(each) else each for each in self.logs]
         # Without messages the array still needs its columns.
-        logs = np.array(self.logs, dtype=np.int64)
+        logs = np.array(found, dtype=np.int64)
         heads = np.array(self.heads, dtype=np.int64).reshape(len(self.heads), self.head_length)
         rows = self.rows
         # Splits may overlap in time, and are read one after the other.
@@ -96,12 +105,15 @@ class _Collector:
         self._typestore = self._types(source)
         self._rows: dict[str, _Rows] = {}
         self.count = self.missing = 0
+        self._published: dict[str, list[tuple[int, int]]] = defaultdict(list)
         for reader in source.readers:
             self._read(reader)
+        self._read_publish_times(source)
 
     def topics(self) -> dict[str, TopicData]:
         """Return the topics of the antenna by relative name, in the order of `TOPICS`."""
-        return {name: self._rows[name].data() for name in TOPICS if name in self._rows}
+        rows, times = self._rows, self._published
+        return {name: rows[name].data(times[rows[name].topic]) for name in TOPICS if name in rows}
 
     def all_problems(self) -> tuple[str, ...]:
         """Return what is wrong with the recording, each problem once, in words for the user."""
@@ -154,6 +166,20 @@ class _Collector:
                 f"{reader.message_count - count} of {reader.message_count} messages of {reader.path.name} "
                 "are not readable: the file is damaged"
             )
+
+    def _read_publish_times(self, source: BagSource) -> None:
+        """Read the wall times of a bag whose log times are those that its clock tells."""
+        clock = self._rows.get("clock")
+        if clock is None or not clock.logs:
+            return
+        if np.median(np.abs(np.subtract(clock.logs, [head[0] for head in clock.heads]))) > _TICK_NS:
+            return
+        storages: list[Any] = [each.storage for each in source.readers]
+        for part in (part for each in storages for part in getattr(each, "storages", (each,))):
+            # What is damaged keeps its log times.
+            with suppress(*READ_ERRORS):
+                for topic, times in publish_times(Path(part.path)).items():
+                    self._published[topic] += times
 
     def _taker(self, connection: Connection) -> Take:
         name = connection.topic.removeprefix(f"{self._namespace}/")

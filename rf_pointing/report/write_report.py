@@ -48,7 +48,7 @@ def page(summary: Summary, pictures: Mapping[Path, Picture]) -> str:
     """Return the HTML text of the report; pictures are embedded."""
     found = summary.target_pass
     lost = [
-        f"{number(item.count)} messages of {item.topic} were not recorded, from {item.first_lost_utc} (wall clock) on"
+        f"{number(item.count)} messages of {item.topic} were not recorded, from {item.first_lost_utc} on"
         for item in summary.not_recorded
     ]
     return render(

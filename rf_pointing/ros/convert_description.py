@@ -12,6 +12,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Quaternion, TransformStamped
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import NavSatFix, NavSatStatus
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -54,6 +55,19 @@ def site_transform(site: Site, namespace: str) -> TransformStamped:
     # The rows of `axes` are east, north, up; the columns of the rotation are what x, y, z become.
     turn = Rotation.from_matrix(np.array(site.axes).T)
     return _transform(EARTH, frame_in(namespace, FRAMES[0]), site.position_m, turn, Time())
+
+
+def site_fix(site: Site, frame_id: str, t_s: float) -> NavSatFix:
+    """Return where the antenna stands, in degrees, for maps; a survey has no covariance."""
+    fix = NavSatFix(
+        # A map leaves out what has no fix.
+        status=NavSatStatus(status=NavSatStatus.STATUS_FIX),
+        latitude=math.degrees(site.latitude_rad),
+        longitude=math.remainder(math.degrees(site.longitude_rad), 360.0),
+        altitude=site.altitude_m,
+    )
+    fix.header.frame_id, fix.header.stamp = frame_id, stamp_from_seconds(t_s)
+    return fix
 
 
 def beam_markers(frame_id: str, radius_m: float, beamwidth_rad: float) -> list[Marker]:

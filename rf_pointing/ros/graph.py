@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile
 from rf_pointing_msgs import msg as ours
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, NavSatFix
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
@@ -217,6 +217,7 @@ VIEWS = (
     # Each marker has a frame of its own.
     Topic("beam_markers", MarkerArray, STREAM, "5 Hz", DESCRIPTION, "beam, target and Sun", frame=""),
     Topic("sky_markers", MarkerArray, LATCHED, "latched", DESCRIPTION, "horizon mask and pass", frame=""),
+    Topic("site", NavSatFix, LATCHED, "latched", DESCRIPTION, "where the axes intersect, WGS 84"),
 )
 """Topics for viewers; all of it follows from `TOPICS`, so it is not recorded."""
 RADIO = "radio_control"

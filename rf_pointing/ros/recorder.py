@@ -1,7 +1,12 @@
-"""Record every topic of an antenna into a bag, as it was received; nothing is decoded."""
+"""Record every topic of an antenna into a bag, as it was received; nothing is decoded.
+
+Where time is simulated, the log time of a message is the newest time of `clock`, so that players
+and plots show true rates at any speed; its publish time is the wall time of arrival.
+"""
 
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -12,6 +17,7 @@ from rclpy.subscription import Subscription
 from rf_pointing.report.bag_writer import BagResult, BagWriter
 from rf_pointing.report.definitions import definitions, qos_from_profile
 from rf_pointing.ros.graph import EXECUTIVE, TOPICS, Topic
+from rf_pointing.ros.stamps import seconds_from_raw
 
 QUEUE = 2000
 """Depth of the recorder's queues: enough for a pause of its process at any speed."""
@@ -21,6 +27,7 @@ class Recorder:
     """Subscribes to all `topics` of `namespace` and writes their messages with the wall time.
 
     A topic without a publisher in its row is recorded where there is one, and not waited for.
+    Nothing is written before `simulated` time has come.
     """
 
     def __init__(
@@ -30,8 +37,11 @@ class Recorder:
         path: Path,
         topics: Sequence[Topic] = TOPICS,
         notes: Mapping[str, str] | None = None,
+        simulated: bool = False,
     ) -> None:
         self._node, self._topics, self._closed = node, topics, False
+        self._clock = f"{namespace}/clock" if simulated else ""
+        self._clock_ns, self._held = 0, list[tuple[str, bytes, int]]()
         self._writer = BagWriter(path, definitions(Path(get_package_share_directory("rf_pointing_msgs"))), notes=notes)
         self._subscriptions = [self._subscribe(topic, namespace) for topic in topics]
 
@@ -67,6 +77,15 @@ class Recorder:
             if self._closed:
                 return
             # The wall clock of arrival: latencies between topics are measured with it.
-            self._writer.write(name, time.time_ns(), data)
+            self._held.append((name, data, time.time_ns()))
+            if name == self._clock:
+                with suppress(ValueError):
+                    # Stamps are on whole microseconds.
+                    self._clock_ns = round(seconds_from_raw(data) * 1e6) * 1000
+            # Nodes report on /diagnostics before the clock does: one bag has one time.
+            if self._clock_ns or not self._clock:
+                for topic_name, raw, wall_ns in self._held:
+                    self._writer.write(topic_name, self._clock_ns or wall_ns, raw, wall_ns)
+                self._held.clear()
 
         return self._node.create_subscription(topic.message_type, name, take, deep, raw=True)

@@ -237,7 +237,9 @@ class StationClient(GraphRun):
             goal.near = stamp_from_seconds(near_s)
         live = LivePass(self)
         self.until(live.client.server_is_ready, "track_pass")
-        recorder = Recorder(self.node, self.namespace, folder / "bag") if record else None
+        given = self.node, self.namespace, folder / "bag"
+        simulated = self.node.count_publishers(f"{self.namespace}/clock") > 0
+        recorder = Recorder(*given, simulated=simulated) if record else None
         try:
             result = live.result(live.begin(goal))
         finally:

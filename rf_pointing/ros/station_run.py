@@ -174,7 +174,8 @@ class StationRun(GraphRun):
             on_time=on_time,
             processes=setup.processes,
         )
-        self._recorder = Recorder(self.node, setup.namespace, setup.bag, setup.topics, setup.notes)
+        given = setup.bag, setup.topics, setup.notes, setup.simulated
+        self._recorder = Recorder(self.node, setup.namespace, *given)
 
     def spin(self, timeout_s: float) -> None:
         """Handle one event, or wait for one; InterruptedRunError if stopped before time runs."""

@@ -1,5 +1,6 @@
 """config/sros2/gs1.xml allows each node what it has in the graph, and no more."""
 
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from types import ModuleType
@@ -57,3 +58,19 @@ def test_only_the_commanders_may_move_the_antenna() -> None:
         "operator", "operator_page", "rotctld_server", "station_executive",
     }  # fmt: skip
     assert not rules("operator")["publish"] - {"/rosout", "/parameter_events"}
+
+
+def test_an_action_is_named_at_the_namespace_or_below_the_node_that_serves_it_as_the_page_says() -> None:
+    text = (ROOT / "docs" / "nodes_and_topics.md").read_text().partition("\n## Actions\n")[2].partition("\n### ")[0]
+    listed = dict(re.findall(r"^\| `(\S+)` \| (\w+) \|", text, re.MULTILINE))
+    enclaves = [each.attrib["path"].removeprefix("/gs1/") for each in ET.parse(SHIPPED).iter("enclave")]
+    served = {
+        action.removeprefix("/gs1/"): node
+        for node in enclaves
+        for action in (each.text or "" for rule in ET.parse(SHIPPED).findall(
+            f".//enclave[@path='/gs1/{node}']//actions[@execute='ALLOW']") for each in rule)
+    }  # fmt: skip
+    assert served == listed
+    for action, node in served.items():
+        # Where other names of the node stand: what works on its own store is below it, as services are.
+        assert action in ("track_pass", "run_schedule", "identify") or action.startswith(f"{node}/"), action

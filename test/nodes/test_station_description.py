@@ -4,11 +4,13 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import erfa
 import numpy as np
 import pytest
 from geometry_msgs.msg import Quaternion
 from rf_pointing_msgs.msg import PassProfile, PassProfileList, Target
 from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import NavSatStatus
 from visualization_msgs.msg import Marker
 
 from rf_pointing.core import JointReading
@@ -62,6 +64,11 @@ def test_the_tree_begins_at_the_centre_of_the_earth(name: str) -> None:
     assert abs(east[2]) < 1e-12
     place = stands.transform.translation
     assert 6.3e6 < math.hypot(place.x, place.y, place.z) < 6.4e6
+    fix = convert_description.site_fix(site, "gs4/base_link", 1e9)
+    assert (fix.header.frame_id, fix.status.status) == ("gs4/base_link", NavSatStatus.STATUS_FIX)
+    assert abs(fix.longitude) <= 180.0
+    wgs84 = erfa.gd2gc(1, math.radians(fix.longitude), math.radians(fix.latitude), fix.altitude)
+    assert wgs84 == pytest.approx([place.x, place.y, place.z], abs=1e-6)
 
 
 def test_every_header_of_the_graph_names_a_frame_of_its_antenna(make_bench: Callable[..., Any]) -> None:
@@ -119,6 +126,7 @@ def test_a_viewer_sees_beam_target_mask_pass_and_sun(view: Callable[..., Any]) -
     assert children("/tf") == ["gs4/azimuth_link", "gs4/elevation_link"]
     assert children("/tf_static") == ["gs4/base_link", "gs4/beam"]
     assert bench.sent["robot_description"][-1].data == urdf(station)
+    assert bench.sent["site"][-1].latitude == pytest.approx(math.degrees(station.site.latitude_rad))
     markers = newest(bench, "beam_markers")
     assert {name: marker.header.frame_id for name, marker in markers.items()} == {
         "beam": "gs4/beam", "half_power_beam": "gs4/beam", "target": "gs4/base_link", "target_name": "gs4/base_link",

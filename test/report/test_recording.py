@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import zstandard
+from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from mcap_ros2.writer import Writer as IndependentWriter
@@ -48,6 +49,30 @@ def test_topics_come_with_stamps_log_times_sequences_and_columns(bag: Path) -> N
     assert recording.topics["clock"].stamp_ns is not None
     assert recording.topics["tracking_status"]["mode"][0] == "monopulse"
     assert [item.los_ns - item.aos_ns for item in recording.passes] == [8 * 10**9]
+
+
+def test_simulated_log_times_give_the_same_recording_by_the_wall_times_of_its_messages(
+    bag: Path, tmp_path: Path, types: Definitions
+) -> None:
+    """The wall times stand as publish times, where `ros2 bag record --use-sim-time` has them, too."""
+    recorded = read_recording(bag).topics
+    clock = recorded["clock"]
+    assert clock.stamp_ns is not None
+    with Reader(bag) as reader, BagWriter(tmp_path / "simulated", types) as simulated:
+        for connection in reader.connections:
+            simulated.register(connection.topic, connection.msgtype)
+        for connection, wall_ns, data in reader.messages():
+            newest = max(0, int(np.searchsorted(clock.log_time_ns, wall_ns, side="right")) - 1)
+            simulated.write(connection.topic, int(clock.stamp_ns[newest]), data, wall_ns)
+    with (tmp_path / "simulated" / "simulated.mcap").open("rb") as stream:
+        messages = [(channel.topic, message) for _, channel, message in make_reader(stream).iter_messages()]
+    joints = [message for topic, message in messages if topic == "/gs1/joint_states"]
+    rate_hz = 1e9 / np.diff([message.log_time for message in joints])
+    assert np.all(np.abs(rate_hz - 50.0) < 1e-6), "a viewer plots the rate of the drive, not of the run"
+    assert [message.publish_time for message in joints] == recorded["joint_states"].log_time_ns.tolist()
+    for name, data in read_recording(tmp_path / "simulated").topics.items():
+        assert np.array_equal(data.log_time_ns, recorded[name].log_time_ns), name
+        assert np.array_equal(data.stamp_ns, recorded[name].stamp_ns), name
 
 
 def test_the_bags_of_a_pass_that_was_joined_again_are_read_as_one_recording(bag: Path, tmp_path: Path) -> None:

@@ -7,11 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from mcap.reader import make_reader
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from rf_pointing_msgs.msg import PassList, Target
 from rosbags.rosbag2 import Reader
+from rosgraph_msgs.msg import Clock
 
 from rf_pointing.ros.graph import EXECUTIVE, TOPICS
 from rf_pointing.ros.qos import LATCHED, STREAM
@@ -71,6 +74,34 @@ def test_a_bag_holds_every_message_of_the_namespace_in_order(
         log_times = [t for connection, t, _ in reader.messages() if connection.topic == "/gs9/target"]
     assert names == {topic.name if topic.name.startswith("/") else f"/gs9/{topic.name}" for topic in TOPICS}
     assert log_times == sorted(log_times)
+
+
+def test_simulated_time_is_the_log_time_from_the_first_message_on(
+    make_node: Callable[..., Any], executor: Any, tmp_path: Path
+) -> None:
+    talker, listener = make_node("talker"), make_node("listener")
+    recorder = Recorder(listener, "/gs9", tmp_path / "bag", simulated=True)
+    clock = talker.create_publisher(Clock, "/gs9/clock", STREAM)
+    targets = talker.create_publisher(Target, "/gs9/target", STREAM)
+    heard: Counter[str] = Counter()
+    listener.create_subscription(Target, "/gs9/target", lambda _: heard.update(["target"]), STREAM)
+    listener.create_subscription(Clock, "/gs9/clock", lambda _: heard.update(["clock"]), STREAM)
+    executor.add_node(listener)
+    spin_until(executor, lambda: min(clock.get_subscription_count(), targets.get_subscription_count()) > 1)
+    before_ns = time.time_ns()
+    for number, (publisher, message) in enumerate(
+        [(targets, Target()), (clock, Clock(clock=Time(sec=1000))), (targets, Target()),
+         (clock, Clock(clock=Time(sec=1000, nanosec=20_000_000))), (targets, Target())], 1
+    ):  # fmt: skip
+        publisher.publish(message)
+        spin_until(executor, lambda so_far=number: heard.total() == so_far)
+        # One more event: the recorder's own.
+        executor.spin_once(timeout_sec=0.2)
+    recorder.close()
+    with (tmp_path / "bag" / "bag.mcap").open("rb") as stream:
+        read = [(channel.topic, message) for _, channel, message in make_reader(stream).iter_messages()]
+    assert [message.log_time / 1e9 for topic, message in read if topic == "/gs9/target"] == [1000.0, 1000.0, 1000.02]
+    assert all(before_ns <= message.publish_time <= time.time_ns() for _, message in read)
 
 
 def test_every_topic_of_the_table_waits_for_its_publisher(make_node: Callable[..., Any], tmp_path: Path) -> None:

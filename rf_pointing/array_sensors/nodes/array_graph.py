@@ -292,7 +292,7 @@ def record_system(name: str, seconds: float, folder: Path) -> BagResult:
     def spin(timeout_s: float) -> None:
         executor.spin_once(timeout_sec=timeout_s)
 
-    recorder = Recorder(node, f"/{name}", folder / f"{name}_bag", system.topics)
+    recorder = Recorder(node, f"/{name}", folder / f"{name}_bag", system.topics, simulated=True)
     try:
         with ArrayGraph(system, node, spin, folder / "logs" / name, speed=SPEEDS[name]) as graph:
             graph.bring_up()

@@ -21,7 +21,8 @@ from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.params import ControllerParams
 from rf_pointing.station.pointing.status import Level, Report, TrackingStatus
 
-FEEDBACK_EVERY = 10
+FEEDBACK_S = 5.0
+"""Node time between two feedbacks of one mode and level; `tracking_status` has every period."""
 TEMPERATURE_STEP_K = 0.1
 LONGEST_WAIT_S = 0.05
 """Wall time that a period waits for what it should use; commands start after 0.1 s."""
@@ -96,7 +97,9 @@ class PassGoals:
         self._search: Search | None = None
         self._refusal, self._cancelled = "", False
         self._begun_wall_s = 0.0
-        self._steps = 0
+        # Mode and level of the last feedback, and when the next one is due.
+        self._fed_back: tuple[Any, ...] = ()
+        self._feedback_due_s = 0.0
         # The period that waits, and until when by the steady clock.
         self._period: tuple[float, float] | None = None
         self._issued: Certificate | None = None
@@ -141,6 +144,7 @@ class PassGoals:
         """Start the pass of a goal, or look for it first; a refused goal ends at once."""
         self._goal, self._begun_wall_s = goal, wall_s
         self._refusal, self._cancelled, self.window = "", False, goal.window
+        self._fed_back = ()
         try:
             # Known without the ephemeris, which would change its target for nothing.
             self._require_fit()
@@ -305,8 +309,9 @@ class PassGoals:
         # A goal whose pass is still looked for has nothing to feed back.
         if self._goal is None or self._search is not None or self.window is None:
             return
-        self._steps += 1
-        if self._steps % FEEDBACK_EVERY == 0:
+        now = status.mode, status.level
+        if now != self._fed_back or status.t_s >= self._feedback_due_s:
+            self._fed_back, self._feedback_due_s = now, status.t_s + FEEDBACK_S
             share = (status.t_s - self.window.aos_t_s) / max(self.window.duration_s, 1.0)
             self._port.feed_back(min(max(share, 0.0), 1.0))
         if busy and not core.busy:

@@ -1,5 +1,6 @@
 """Goals of the controller: one at a time, each ends once, a refused one has moved nothing, no period is lost."""
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -15,7 +16,7 @@ from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading, JointTrajectory
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.ephemeris import Pass, TopocentricTrack
-from rf_pointing.station.clients.goals import NEAR_S, PATIENCE_WALL_S, PassGoal, PassGoals, nearest_pass
+from rf_pointing.station.clients.goals import FEEDBACK_S, NEAR_S, PATIENCE_WALL_S, PassGoal, PassGoals, nearest_pass
 from rf_pointing.station.pointing.certificates import StoreParams
 from rf_pointing.station.pointing.controller import PointingController
 from rf_pointing.station.pointing.status import Level, TrackingStatus
@@ -53,7 +54,8 @@ class World:
     different: str = ""
     events: list[tuple[str, Any]] = field(default_factory=list)
     searches: list[Search] = field(default_factory=list)
-    progress: list[float] = field(default_factory=list)
+    statuses: list[TrackingStatus] = field(default_factory=list)
+    fed_back: list[tuple[TrackingStatus, float]] = field(default_factory=list)
     latest: JointTrajectory | None = None
 
     def joints(self, until_s: float) -> JointReading | None:
@@ -70,7 +72,8 @@ class World:
         self.searches.append(Search(goal, from_s))
         return self.searches[-1]
 
-    def publish(self, t_s: float, trajectory: JointTrajectory | None, _status: TrackingStatus) -> None:
+    def publish(self, t_s: float, trajectory: JointTrajectory | None, status: TrackingStatus) -> None:
+        self.statuses.append(status)
         self.events.append(("period", t_s))
         self.latest = trajectory or self.latest
         if trajectory is not None:
@@ -80,7 +83,7 @@ class World:
         self.events.append(("certificate", certificate))
 
     def feed_back(self, progress: float) -> None:
-        self.progress.append(progress)
+        self.fed_back.append((self.statuses[-1], progress))
 
     def warn(self, alarm: str) -> None:
         self.events.append(("alarm", alarm))
@@ -223,8 +226,15 @@ def test_a_pass_that_is_held_to_its_end_succeeds_and_tells_its_progress(desk: De
     assert outcome["seconds_tracked"] + outcome["seconds_lost"] == pytest.approx(30.0, abs=0.3)
     certificate = desk.world.of("certificate")[0]
     assert outcome["predicted_loss"] == certificate.chosen.mean_loss_db
-    shares = [1.0 - (29.0 - second) / desk.window.duration_s for second in range(29)]
-    assert desk.world.progress[:29] == pytest.approx(shares, abs=0.3 / desk.window.duration_s)
+    for status, progress in desk.world.fed_back:
+        share = (status.t_s - desk.window.aos_t_s) / desk.window.duration_s
+        assert progress == pytest.approx(min(share, 1.0), abs=1e-9)
+    fed = [status for status, _ in desk.world.fed_back]
+    changed = [new for old, new in itertools.pairwise(desk.world.statuses)
+               if (new.mode, new.level) != (old.mode, old.level)]  # fmt: skip
+    assert all(status in fed for status in changed), "a change is told at once"
+    assert max(np.diff([status.t_s for status in fed])) <= FEEDBACK_S + 1e-6
+    assert len(fed) <= len(changed) + 30.0 / FEEDBACK_S + 2
     assert len(desk.world.of("period")) == 310
 
 
