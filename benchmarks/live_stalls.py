@@ -90,10 +90,16 @@ SHIM = r"""
 #include <time.h>
 #include <unistd.h>
 static volatile double *share; /* of the datagrams that are lost, and damaged; s by which the clock is ahead */
+static void shift(struct timespec *time, double seconds) {
+  double whole = floor(seconds);
+  time->tv_sec += (time_t)whole;
+  time->tv_nsec += (long)(1e9 * (seconds - whole));
+  if (time->tv_nsec >= 1000000000L) time->tv_nsec -= 1000000000L, time->tv_sec++;
+}
 /* Ends of waits are times of the clock that is ahead, and the kernel has another. */
 static struct timespec kernel_time(const struct timespec *end) {
   struct timespec found = *end;
-  if (share && end->tv_sec > 1000000000L) found.tv_sec -= (time_t)share[2];
+  if (share && end->tv_sec > 1000000000L) shift(&found, -share[2]);
   return found;
 }
 #define REAL(name) static __typeof__(name) *real; if (!real) real = (__typeof__(name) *)dlsym(RTLD_NEXT, #name)
@@ -146,12 +152,7 @@ int sem_timedwait(sem_t *semaphore, const struct timespec *end) {
 int clock_gettime(clockid_t clock, struct timespec *now) {
   REAL(clock_gettime);
   int failed = real(clock, now);
-  if (clock == CLOCK_REALTIME && share && share[2] != 0.0) {
-    double whole = floor(share[2]);
-    now->tv_sec += (time_t)whole;
-    now->tv_nsec += (long)(1e9 * (share[2] - whole));
-    if (now->tv_nsec >= 1000000000L) now->tv_nsec -= 1000000000L, now->tv_sec++;
-  }
+  if (clock == CLOCK_REALTIME && share && share[2] != 0.0) shift(now, share[2]);
   return failed;
 }
 """

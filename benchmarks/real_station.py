@@ -241,23 +241,30 @@ class Station:
             values |= own.get(name, {})
         sections = {f"/**/{name}": {"ros__parameters": values} for name, values in given.items()}
         (folder / "run.yaml").write_text(json.dumps(sections))
-        self.node = rclpy.create_node("attacker", namespace=self.namespace)
-        ends.callback(self.node.destroy_node)
-        self.executor = make_executor()
-        ends.callback(self.executor.shutdown)
-        self.executor.add_node(self.node)
         self.antenna, self.tracking, self.tracking_s = AntennaStatus(), TrackingStatus(), -math.inf
         self.axes: list[tuple[float, float, float]] = []
         self.health: dict[str, DiagnosticStatus] = {}
+        self.listen(ends)
+        self.processes = NodeProcesses(self.namespace, [folder / "run.yaml"], folder / "logs")
+        ends.callback(self.processes.stop)
+        self.start(nodes)
+        self.until(lambda: self.antenna.mode and self.tracking.sequence > 0, "the station", BRING_UP_S)
+
+    def listen(self, ends: ExitStack) -> None:
+        """Hear the station as a new participant; one that took damaged datagrams may be deaf."""
+        context = rclpy.Context()
+        rclpy.init(context=context, domain_id=int(os.environ["ROS_DOMAIN_ID"]))
+        ends.callback(context.try_shutdown)
+        self.node = rclpy.create_node("attacker", namespace=self.namespace, context=context)
+        ends.callback(self.node.destroy_node)
+        self.executor = make_executor(context)
+        ends.callback(self.executor.shutdown)
+        self.executor.add_node(self.node)
         listen = self.node.create_subscription
         listen(AntennaStatus, "antenna_status", lambda m: setattr(self, "antenna", m), STATUS)
         listen(TrackingStatus, "tracking_status", self._on_tracking, STREAM)
         listen(JointState, "joint_states", self._on_joints, STREAM)
         listen(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
-        self.processes = NodeProcesses(self.namespace, [folder / "run.yaml"], folder / "logs")
-        ends.callback(self.processes.stop)
-        self.start(nodes)
-        self.until(lambda: self.antenna.mode and self.tracking.sequence > 0, "the station", BRING_UP_S)
 
     def _on_tracking(self, message: TrackingStatus) -> None:
         self.tracking, self.tracking_s = message, time.monotonic()
@@ -277,6 +284,11 @@ class Station:
     def spin(self, seconds: float) -> None:
         until_s = time.monotonic() + seconds
         while time.monotonic() < until_s:
+            self.spin_once()
+
+    def spin_once(self) -> None:
+        """Take what has arrived; a datagram that was damaged on purpose is left out, as by the nodes."""
+        with suppress(ValueError, RuntimeError):
             self.executor.spin_once(timeout_sec=0.01)
 
     def until(self, condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> float:
@@ -285,7 +297,7 @@ class Station:
         while not condition():
             if time.monotonic() - begun_s > patience_s:
                 raise TimeoutError(f"waited {patience_s:.0f} s for {what}: {self.said()}")
-            self.executor.spin_once(timeout_sec=0.01)
+            self.spin_once()
         return time.monotonic() - begun_s
 
     def said(self) -> str:

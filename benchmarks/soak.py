@@ -212,7 +212,7 @@ class Soak:
         """Let time go on; start again what has ended."""
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
-            self.station.executor.spin_once(timeout_sec=0.02)
+            self.station.spin_once()
             now_s = time.monotonic()
             for name, code in self.station.processes.ended().items():
                 if name not in self._down:

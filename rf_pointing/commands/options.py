@@ -5,6 +5,7 @@ makes the request with `requested`.
 """
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
@@ -32,6 +33,10 @@ def ending_with_reason(program: str) -> Iterator[None]:
     """Report a ValueError or OSError in a line, and end the program with exit code 2."""
     try:
         yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # A command before `| head` ends as any other; Python must not complain at its end either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (ValueError, OSError) as error:
         say(program, str(error), "ERROR")
         sys.exit(2)

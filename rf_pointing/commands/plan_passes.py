@@ -7,8 +7,6 @@ graph is needed.
 
 import argparse
 import json
-import os
-import sys
 import time
 from dataclasses import dataclass, fields
 from functools import partial
@@ -53,16 +51,12 @@ class PlanRequest:
 
 def main(argv: list[str] | None = None) -> None:
     """Entry point of `ros2 run rf_pointing plan_passes`."""
-    try:
-        with ending_with_reason(PROGRAM):
-            request = request_from(argv)
-            if request.targets is None:
-                plan_one(request)
-            else:
-                plan_many(request, request.targets)
-    except BrokenPipeError:
-        # `plan_passes | head` has seen enough; Python must not complain about it at its end either.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    with ending_with_reason(PROGRAM):
+        request = request_from(argv)
+        if request.targets is None:
+            plan_one(request)
+        else:
+            plan_many(request, request.targets)
 
 
 def plan_one(request: PlanRequest) -> None:

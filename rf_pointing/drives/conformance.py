@@ -81,10 +81,11 @@ class ConformanceCheck:
 
     def _age(self) -> Line:
         ages = [reading.age_s(t_s) for t_s, reading, _ in self._readings]
-        oldest, newest = max(ages, default=math.inf), min(ages, default=-math.inf)
+        oldest, middle = max(ages, default=math.inf), float(np.median(ages or [-math.inf]))
         limit_s = self._params.link.lost_s
-        text = f"{newest:.2f} to {oldest:.2f} s when they come, must be 0 to {limit_s:.2f} s"
-        return Line("age of readings", newest >= -1e-3 and oldest <= limit_s, text)
+        # Single ones may be younger than a tick that was held up; a clock that is ahead shifts all.
+        text = f"{middle:.2f} s when they come, up to {oldest:.2f} s, must be 0 to {limit_s:.2f} s"
+        return Line("age of readings", middle >= -1e-3 and oldest <= limit_s, text)
 
     def _rest(self, name: str) -> Line:
         late = self._readings[len(self._readings) // 2 :]

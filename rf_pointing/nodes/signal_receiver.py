@@ -27,6 +27,8 @@ class SignalReceiverNode(StationNode):
 
     def configure(self) -> None:
         self._receiver = SignalReceiver(self.parameters.value("receiver"), self.now_s)
+        if self.get_parameter("use_sim_time").value:
+            self._receiver.source.steady_s = self.now_s
         self._at_cleanup.callback(self._receiver.end)
         self._power = self.stream(CarrierPower, "carrier_power", STREAM)
         self._monopulse = self.stream(Monopulse, "monopulse", STREAM)

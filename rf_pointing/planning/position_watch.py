@@ -8,8 +8,8 @@ the time P between two readings:
 * a motion that was not commanded: away from the range between where it was and its set point, by
   more than 2 q and what it moves in P and the latency;
 * a standstill: no step while the set point is two steps or the dead band away, of a device at rest
-  for `still_s` and twice P (at least 0.4 s) beyond the latency.  One that has moved that way in the
-  last second has its motor running: it must show a step within the latency and twice P, or two
+  for `still_s` and twice P (at least `busy_s`) beyond the latency.  One that has moved that way in
+  the last second has its motor running: it must show a step within the latency and twice P, or two
   steps of its speed.
 """
 
@@ -21,8 +21,6 @@ from rf_pointing.core.types import Pair
 
 JUMP = 1.5
 STEPS = 2.0
-BUSY_S = 0.4
-"""Least time that a moving device may stand: a set point may wait so long on a busy computer."""
 RUNNING_S = 1.0
 """Between two set points of a motion a device may stand so long."""
 FAR_STEPS = 2.1
@@ -38,6 +36,8 @@ class PositionLimits:
     dead_band_rad: Pair = (0.0, 0.0)
     period_s: float = 0.2
     still_s: float = 1.0
+    busy_s: float = 0.4
+    """Least time that a moving device may stand: a set point may wait on a busy computer."""
 
 
 class _Axis:
@@ -145,7 +145,7 @@ class PositionWatch:
             off = abs(set_point - angle)
             still_s = t_s - axis.still_since_s
             running = axis.still_since_s - axis.moved_s <= RUNNING_S and (set_point - angle) * axis.moved > 0.0
-            polls_s = max(2.0 * limits.period_s, BUSY_S)
+            polls_s = max(2.0 * limits.period_s, limits.busy_s)
             start_s = latency_s + (max(polls_s, 2.0 * step / rate) if running else limits.still_s + polls_s)
             if off > far and still_s > start_s:
                 return angle, (

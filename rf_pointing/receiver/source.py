@@ -49,6 +49,8 @@ class Source:
 
     def __init__(self, params: SignalReceiverParams, now_s: Callable[[], float]) -> None:
         self.params, self.now_s = params, now_s
+        self.steady_s = time.monotonic
+        """Clock of silence; a simulation that runs slower than time goes gives its own."""
         self.problem = f"{self.where} is not connected yet"
         self.losses: Counter[str] = Counter()
         self.index = 0
@@ -108,14 +110,14 @@ class Source:
         while not self._ended.is_set():
             try:
                 self.open()
-                heard_s = time.monotonic()
+                heard_s = self.steady_s()
                 while not self._ended.is_set():
                     arrivals = self.read()
                     if arrivals:
-                        heard_s, wait_s, self.problem = time.monotonic(), link.first_retry_s, ""
+                        heard_s, wait_s, self.problem = self.steady_s(), link.first_retry_s, ""
                         self._keep(arrivals)
-                    elif time.monotonic() - heard_s > link.silence_s:
-                        raise ConnectionError(f"silent for {time.monotonic() - heard_s:.1f} s")
+                    elif (silent_s := self.steady_s() - heard_s) > link.silence_s:
+                        raise ConnectionError(f"silent for {silent_s:.1f} s")
             except (OSError, ValueError, RuntimeError) as error:
                 self.losses["connection"] += 1
                 self.problem = f"{self.where}: {getattr(error, 'strerror', None) or error}"

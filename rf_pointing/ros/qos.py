@@ -33,6 +33,8 @@ COMMAND = _reliable(1, deadline=Duration(seconds=0.5), lifespan=Duration(seconds
 """Commands that move an antenna: only the newest counts, and an old one is worse than none."""
 COMMAND_INPUT = _reliable(10)
 """The same for our driver: commands carry their times, so one that waited is still useful."""
+SET_POINT = _reliable(1)
+"""Set points of a device: only the newest counts, and none waits behind one that was lost."""
 SERVICE = _reliable(1000)
 """Requests: of a hundred at once ten are kept by default, and the others never answered."""
 LATCHED = _reliable(1, **_KEPT)

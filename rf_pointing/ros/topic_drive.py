@@ -19,7 +19,7 @@ from rf_pointing.core.signals import BASE
 from rf_pointing.core.types import Pair
 from rf_pointing.drives import Capabilities, Drive, DriveParams, DriveReading, make_drive
 from rf_pointing.drives.drive import POSITION, RATE
-from rf_pointing.ros.qos import INSTRUMENT, LATCHED, STREAM
+from rf_pointing.ros.qos import INSTRUMENT, LATCHED, SET_POINT
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.streams import checked_message, frame_in, require_length
 from rf_pointing.station.antenna.drive_antenna import CONNECT_S, DriveAntenna, connected_antenna
@@ -52,13 +52,13 @@ class TopicDrive(Drive):
         self.losses: dict[str, int] = {"state that cannot be used": 0}
         self._lost_s, self._t_s = params.link.lost_s, 0.0
         self._reading: DriveReading | None = None
-        self._refusal, self._taken = "", 0
+        self._refusal, self._taken, self._seen, self._behind_s = "", 0, 0, 0.0
         # A node of its own: its executor is turned by `step`, also before the antenna's node runs.
         self.node = Node(
             f"{beside.get_name()}_drive", namespace=beside.get_namespace(), context=beside.context,
             use_global_arguments=False, start_parameter_services=False,
         )  # fmt: skip
-        self._set_points = self.node.create_publisher(JointState, "drive/set_point", STREAM)
+        self._set_points = self.node.create_publisher(JointState, "drive/set_point", SET_POINT)
         self._enabled = self.node.create_publisher(Bool, "drive/enable", LATCHED)
         self.node.create_subscription(JointState, "drive/state", self.take_state, INSTRUMENT, raw=True)
         self._executor = SingleThreadedExecutor(context=beside.context)
@@ -75,8 +75,12 @@ class TopicDrive(Drive):
                 break
         if self._reading is not None:
             age_s, most_s = self._reading.age_s(t_s - late_s), self._lost_s
-            silent = f"no message on drive/state for {age_s:.1f} s, at most {most_s:.1f} s"
-            self.problem = silent if age_s > most_s else ""
+            self._behind_s = age_s if self._taken > self._seen else self._behind_s
+            self._seen = self._taken
+            found = f"no message on drive/state for {age_s:.1f} s"
+            if self._behind_s > most_s:
+                found = f"the stamps on drive/state are {self._behind_s:.1f} s behind this computer's clock"
+            self.problem = f"{found}, at most {most_s:.1f} s" if age_s > most_s else ""
         if self.problem and self._refusal:
             self.problem = f"no message on drive/state that can be used: {self._refusal}"
         return self._reading

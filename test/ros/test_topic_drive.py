@@ -116,6 +116,12 @@ def test_a_state_older_or_newer_than_the_loss_of_the_device_is_none(bench: Bench
     assert bench.drive.problem == "", "a step that came late is not silence"
     bench.drive.step(NOW_S + 2.0 * lost_s + 0.03)
     assert "no message on drive/state for" in bench.drive.problem
+    now_s = NOW_S + 2.0 * lost_s + 0.03
+    for tick in range(1, 7):
+        if tick % 3 == 1:
+            bench.state(t_s=now_s + 0.02 * tick - 60.0)
+        bench.drive.step(now_s + 0.02 * tick)
+        assert "stamps on drive/state are 60.0 s behind this computer's clock" in bench.drive.problem
 
 
 def test_a_driver_that_publishes_best_effort_is_heard(bench: Bench) -> None:

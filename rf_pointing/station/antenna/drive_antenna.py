@@ -391,6 +391,8 @@ def _limits(can: Capabilities, params: DriveParams) -> PositionLimits:
         rate_rad_s=can.rate_rad_s,
         dead_band_rad=params.rotator.dead_band_rad,
         period_s=can.period_s,
+        # A network that loses a set point sends it again.
+        **({"busy_s": params.link.lost_s} if params.type == "topic" else {}),
     )
 
 

@@ -9,9 +9,9 @@ somebody else's pass is tracked, and while a fault is latched.  So is its `S`: i
 client itself has begun.  Points of the very satellite that is tracked are accepted whoever tracks
 it, and move nothing.
 
-An accepted point means that the antenna follows.  Where it has followed nobody for `SILENT_S`, the
-points are refused; a pass that the controller no longer names is given up, its points are followed,
-and as soon as a controller is back its goal is sent again.
+An accepted point means that the antenna follows.  Where it has followed nobody for `FOLLOWED_S`,
+the points are refused; a pass that the controller no longer names is given up, its points are
+followed, and as soon as a controller is back its goal is sent again.
 """
 
 import math
@@ -45,6 +45,8 @@ from rf_pointing.tracking.sensors import SENSOR_CHOICES
 PERIOD_S = 0.1
 SILENT_S = 2.0
 """Steady time after which an antenna that publishes nothing counts as absent."""
+FOLLOWED_S = 1.2
+"""Longest steady time for which points are accepted that nobody has followed."""
 ANSWER_S, STOPPED_S, ACCEPTED_S = 2.5, 1.0, 20.0
 """Longest steady time until a service answers, a pass is stopped, and one is accepted."""
 LEASE_S = 10.0
@@ -289,9 +291,9 @@ class Steering:
     def _followed(self) -> int:
         """Return the code of a point while the antenna should be moving: REJECTED if it rests."""
         silent_s = self._wall_s - self._obeyed_wall_s
-        if silent_s > SILENT_S:
-            self._warn("nothing is followed", f"the antenna has been {self._mode} for more than {SILENT_S:.0f} s")
-        return REJECTED if silent_s > SILENT_S else 0
+        if silent_s > FOLLOWED_S:
+            self._warn("nothing is followed", f"the antenna has been {self._mode} for more than {FOLLOWED_S} s")
+        return REJECTED if silent_s > FOLLOWED_S else 0
 
     def _point(self, inquiry: Inquiry) -> Steps:
         self.client, self._steered_wall_s = inquiry.client, self._wall_s
@@ -385,8 +387,8 @@ class Steering:
         points = self.follower.points
         if wall_s - self._antenna_wall_s > SILENT_S:
             self.view.position_deg = None
-        if self._goal and wall_s - self._named_wall_s > SILENT_S:
-            self._give_up(f"silent for {SILENT_S:.0f} s")
+        if self._goal and wall_s - self._named_wall_s > FOLLOWED_S:
+            self._give_up(f"silent for {FOLLOWED_S} s")
         if self._goal and self._certified:
             silent_s = wall_s - max(self._heard_s(self.client), self._steered_wall_s)
             if silent_s > self._match_params.silence_s:
