@@ -119,17 +119,12 @@ def _passes_of(
     turning = roots_between(lambda t_s: motion.height(t_s)[1], grid[turns], grid[turns + 1], _TIME_TOLERANCE_S)
     peaks = turning[rate[turns] > 0.0]
     knots = np.insert(grid, turns + 1, turning)
-    above = np.insert(height, turns + 1, motion.height(turning)[0]) > sine
+    heights = np.insert(height, turns + 1, motion.height(turning)[0]) - sine
+    above = heights > 0.0
     change = np.flatnonzero(above[1:] != above[:-1])
-    crossings = roots_between(
-        lambda t_s: motion.height(t_s)[0] - sine, knots[change], knots[change + 1], _TIME_TOLERANCE_S
+    crossings = _crossings(
+        track, motion, sine, (knots[change], knots[change + 1]), (heights[change], heights[change + 1])
     )
-    if len(crossings):
-        # A low pass crosses the mask slowly: the track takes off what the interpolation left.
-        seen = track.sample(crossings)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            late_s = (seen.elevation_rad - flat_rad) / seen.elevation_rate_rad_s
-        crossings = crossings - np.where(np.abs(late_s) < _LATEST_S, late_s, 0.0)
     rises = np.concatenate([knots[:1][above[:1]], crossings[above[change + 1]]]).tolist()
     sets = np.concatenate([crossings[above[change]], knots[-1:][above[-1:]]]).tolist()
     stays = [stay for stay in zip(rises, sets, strict=True) if stay[1] > stay[0]]
@@ -212,6 +207,31 @@ def _height(position: Array, velocity: Array) -> tuple[Array, Array]:
     away = np.einsum("cn,cn->n", position, velocity)
     length = np.sqrt(square)
     return np.asarray(position[2] / length), (velocity[2] - position[2] * away / square) / length
+
+
+def _crossings(
+    track: TopocentricTrack, motion: _Motion, sine: float, ends: tuple[Array, Array], heights: tuple[Array, Array]
+) -> Array:
+    """Return where the height crosses the mask between `ends` (n,), above it by `heights` there."""
+    low, high = ends
+    if not len(low):
+        return low
+    crossings = low + (high - low) * heights[0] / (heights[0] - heights[1])
+    # The track has the last word: a low pass crosses slowly, and the interpolation is off by more.
+    for of, times in ((motion.height, 2), (lambda t_s: _exact_height(track, t_s), 1)):
+        for _ in range(times):
+            height, rate = of(crossings)
+            late_s = np.divide(height - sine, rate, out=np.full_like(rate, np.inf), where=rate != 0.0)
+            crossings = np.minimum(np.maximum(crossings - late_s, low), high)
+    if np.all(np.abs(late_s) < _LATEST_S):
+        return crossings
+    # Newton's steps went astray near a peak at the mask.
+    return roots_between(lambda t_s: _exact_height(track, t_s)[0] - sine, low, high, _TIME_TOLERANCE_S)
+
+
+def _exact_height(track: TopocentricTrack, t_s: Array) -> tuple[Array, Array]:
+    seen = track.relative_motion_at(t_s)[0]
+    return _height(np.array(seen.position), np.array(seen.velocity))
 
 
 def _node_step_s(track: TopocentricTrack) -> float:
