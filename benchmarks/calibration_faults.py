@@ -111,7 +111,8 @@ def main() -> None:
                     wanted[f"clock {seconds} s, lags {lags}"] = (late(seconds), still)
             for name, (spoil, planted) in wanted.items():
                 if options.only in name:
-                    said = outcome(number, spoil, planted, case, options.seed, options.passes, options.select)
+                    given = options.seed, options.passes, options.select
+                    said = outcome(number, spoil, planted, case, *given)
                     print(f"{trials.SITES[number % 4]:18s} {orbit:5.0f} m  {name:26s} {said}", flush=True)
 
 

@@ -1,10 +1,11 @@
-"""Processor time of one object's pass search beside skyfield's, in one run, and a check against brute force.
+"""Processor time of one object's pass search beside skyfield's, and a check by brute force.
 
     scripts/run-python benchmarks/pass_search.py --objects 300
 
-The objects are those of benchmarks/ephemeris.py, with a tenth at an eccentricity of 0.95, over sites to both poles.
-Both search 24 h above 5 deg; skyfield gives times of events, good to half a second, ours whole passes in refraction,
-good to 0.1 ms.  Brute force samples the track every 10 s.
+The objects are those of benchmarks/ephemeris.py, with a tenth at an eccentricity of 0.95, over
+sites to both poles.  Both search 24 h above 5 deg in the same run; skyfield gives times of events,
+good to half a second, ours whole passes in refraction, good to 0.1 ms.  Brute force samples the
+track every 10 s.
 """
 
 import argparse

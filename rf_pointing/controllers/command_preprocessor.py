@@ -196,7 +196,8 @@ def _chase(now: _AxisMotion, target: _AxisMotion, limits: _AxisLimits, dt_s: flo
         # again at once.
         target = (min(max(target[0], limits.low), limits.high), 0.0, 0.0)
     margin = _MARGIN if limits.jerk == 0.0 else _SOFT_MARGIN
-    braking = margin * max(limits.acceleration - abs(target[2]), (1.0 - _MARGIN) * limits.acceleration)
+    left = max(limits.acceleration - abs(target[2]), (1.0 - _MARGIN) * limits.acceleration)
+    braking = margin * left
     if limits.jerk > 0.0:
         return _advance(now, _soft_acceleration(now, target, braking, limits, dt_s), limits, dt_s)
     gap = target[0] - target[1] * dt_s - now[0]
@@ -253,15 +254,18 @@ def _soft_acceleration(
 ) -> float:
     """Return the largest acceleration of this step after which the axis stops at the target."""
     jerk, rate = _SOFT_MARGIN * limits.jerk, now[1] - target[1] + target[2] * dt_s
-    gap, change = target[0] - now[0] - target[1] * dt_s + 0.5 * target[2] * dt_s**2, limits.jerk * dt_s
+    gap = target[0] - now[0] - target[1] * dt_s + 0.5 * target[2] * dt_s**2
+    change = limits.jerk * dt_s
     least, most = now[2] - change, now[2] + change
     # Where it stops grows with the acceleration.  The steps of a ramp lie on it in their middles.
     for _ in range(_HALVINGS):
         middle = 0.5 * (least + most)
-        gained = 0.5 * (middle - target[2]) * dt_s
-        way = 0.5 * (rate + 0.5 * gained) * dt_s + _soft_stop(rate + gained, middle - target[2], braking, jerk)
+        pull = middle - target[2]
+        gained = 0.5 * pull * dt_s
+        way = 0.5 * (rate + 0.5 * gained) * dt_s + _soft_stop(rate + gained, pull, braking, jerk)
         least, most = (middle, most) if way < gap else (least, middle)
-    slowest, fastest = (_fading(side * limits.rate - now[1], limits.jerk, dt_s) for side in (-1.0, 1.0))
+    ends = (_fading(end - now[1], limits.jerk, dt_s) for end in (-limits.rate, limits.rate))
+    slowest, fastest = ends
     return min(max(0.5 * (least + most), slowest), fastest)
 
 

@@ -109,22 +109,23 @@ def _passes_of(
         horizon, flat_rad = None, min_elevation_rad
         require_between("min_elevation_rad", flat_rad, -0.01, np.pi / 2)
     motion = _Motion.of(track, start_t_s, duration_s)
-    sine = math.sin(flat_rad if track.refraction is None else float(track.refraction.remove(flat_rad)))
+    air = track.refraction
+    sine = math.sin(float(air.remove(flat_rad)) if air else flat_rad)
     grid, height, rate = motion.grid(_STEP_S)
     # A turning point that the tangents keep on one side of the mask cuts nothing.
     step_s = grid[1] - grid[0]
     turns = np.flatnonzero((rate[1:] > 0.0) != (rate[:-1] > 0.0))
     reach = height[turns] + rate[turns] * step_s, height[turns + 1] - rate[turns + 1] * step_s
     turns = turns[np.where(rate[turns] > 0.0, np.maximum(*reach) > sine, np.minimum(*reach) < sine)]
-    turning = roots_between(lambda t_s: motion.height(t_s)[1], grid[turns], grid[turns + 1], _TIME_TOLERANCE_S)
+    between = grid[turns], grid[turns + 1]
+    turning = roots_between(lambda t_s: motion.height(t_s)[1], *between, _TIME_TOLERANCE_S)
     peaks = turning[rate[turns] > 0.0]
     knots = np.insert(grid, turns + 1, turning)
     heights = np.insert(height, turns + 1, motion.height(turning)[0]) - sine
     above = heights > 0.0
     change = np.flatnonzero(above[1:] != above[:-1])
-    crossings = _crossings(
-        track, motion, sine, (knots[change], knots[change + 1]), (heights[change], heights[change + 1])
-    )
+    around = (knots[change], knots[change + 1]), (heights[change], heights[change + 1])
+    crossings = _crossings(track, motion, sine, *around)
     rises = np.concatenate([knots[:1][above[:1]], crossings[above[change + 1]]]).tolist()
     sets = np.concatenate([crossings[above[change]], knots[-1:][above[-1:]]]).tolist()
     stays = [stay for stay in zip(rises, sets, strict=True) if stay[1] > stay[0]]
@@ -173,7 +174,8 @@ class _Motion:
     def grid(self, step_s: float) -> tuple[Array, Array, Array]:
         """Return even times, nodes among them, no more than `step_s` apart, and `height` there."""
         count, parts = len(self.coefficients), math.ceil(self.step_s / step_s)
-        times = self.start_t_s + self.step_s / parts * np.arange(count * parts + 1, dtype=np.float64)
+        steps = np.arange(count * parts + 1, dtype=np.float64)
+        times = self.start_t_s + self.step_s / parts * steps
         bases = _bases(np.arange(parts) / parts, 2)
         even = [np.moveaxis(basis @ self.coefficients, -1, 0).reshape(3, -1) for basis in bases]
         ends = self.at(times[-1:], 2)
@@ -221,12 +223,13 @@ def _crossings(
     for of, times in ((motion.height, 2), (lambda t_s: _exact_height(track, t_s), 1)):
         for _ in range(times):
             height, rate = of(crossings)
-            late_s = np.divide(height - sine, rate, out=np.full_like(rate, np.inf), where=rate != 0.0)
+            late_s = (height - sine) / np.where(rate == 0.0, 1e-30, rate)
             crossings = np.minimum(np.maximum(crossings - late_s, low), high)
     if np.all(np.abs(late_s) < _LATEST_S):
         return crossings
     # Newton's steps went astray near a peak at the mask.
-    return roots_between(lambda t_s: _exact_height(track, t_s)[0] - sine, low, high, _TIME_TOLERANCE_S)
+    exact = lambda t_s: _exact_height(track, t_s)[0] - sine  # noqa: E731
+    return roots_between(exact, low, high, _TIME_TOLERANCE_S)
 
 
 def _exact_height(track: TopocentricTrack, t_s: Array) -> tuple[Array, Array]:
@@ -343,7 +346,8 @@ def _described(
         top = float(places[np.argmax(motion.height(places)[0])])
         highest.append(top)
         # Where the peak is an end, half of the points coincide there.
-        rows.append(np.concatenate([(rise_s - top) * _PROFILE[::-1], [0.0], (set_s - top) * _PROFILE]) + top)
+        before, after = (rise_s - top) * _PROFILE[::-1], (set_s - top) * _PROFILE
+        rows.append(top + np.concatenate([before, [0.0], after]))
     times = np.array(rows)
     azimuth, elevation, *rates, length = _angles(track, motion, times)
     azimuth = np.unwrap(azimuth, axis=1)
@@ -382,10 +386,12 @@ def _described(
 def _angles(track: TopocentricTrack, motion: _Motion, times: Array) -> list[Array]:
     """Return azimuth, apparent elevation, their rates and accelerations, and distance [m]."""
     position, velocity, acceleration = ((v[0], v[1], v[2]) for v in motion.at(times.ravel(), 3))
-    azimuth, up, turning, rate, bend, rise = angles_and_rates(StateVector(position, velocity, acceleration, position))
+    seen = StateVector(position, velocity, acceleration, position)
+    azimuth, up, turning, rate, bend, rise = angles_and_rates(seen)
     if track.refraction is not None:
         up, rate, rise = track.refraction.apply_with_rates(up, rate, rise)
-    return [one.reshape(times.shape) for one in (azimuth, up, turning, rate, bend, rise, norm(position))]
+    found = azimuth, up, turning, rate, bend, rise, norm(position)
+    return [one.reshape(times.shape) for one in found]
 
 
 def _even(aos_t_s: float, los_t_s: float) -> Array:

@@ -119,17 +119,6 @@ def test_controlled_stop_takes_rate_over_acceleration_and_holds() -> None:
     assert np.all(moved > held)
 
 
-def test_jerk_limit_is_kept_and_the_target_reached() -> None:
-    jerk = 0.02
-    shaper = preprocessor(jerk_limit_rad_s3=(jerk, jerk))
-    shaper.reset((0.0, 0.5))
-    rows = [shaper.step((0.4, 0.6), (0.0, 0.0), (0.0, 0.0), DT_S) for _ in range(2500)]
-    acceleration = np.array([row[2] for row in rows])
-    assert np.max(np.abs(np.diff(acceleration, axis=0))) <= jerk * DT_S * (1.0 + 1e-6)
-    np.testing.assert_allclose(rows[-1][0], (0.4, 0.6), atol=1e-6)
-    assert max(row[0][0] for row in rows) < 0.4 + 0.3 * MDEG
-
-
 def seven_segments_s(way: float, rate: float, acceleration: float, jerk: float) -> float:
     """The least time from rest to rest: jerk, hold, jerk, coast, and the same backwards."""
     top = min(acceleration, math.sqrt(rate * jerk))
