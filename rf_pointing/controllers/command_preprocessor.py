@@ -26,6 +26,7 @@ from rf_pointing.core.types import Array
 _MARGIN = 0.8
 # Along the way of least time a chase may plan with nearly all.
 _SOFT_MARGIN = 0.97
+_RAMP_TICKS = 4.0
 # Halvings of the accelerations that one step of the jerk limit allows.
 _HALVINGS = 30
 # A command exactly at a limit, computed twice, must not be called infeasible by its last bit.
@@ -253,10 +254,13 @@ def _soft_acceleration(
     now: _AxisMotion, target: _AxisMotion, braking: float, limits: _AxisLimits, dt_s: float
 ) -> float:
     """Return the largest acceleration of this step after which the axis stops at the target."""
-    jerk, rate = _SOFT_MARGIN * limits.jerk, now[1] - target[1] + target[2] * dt_s
+    # A ramp takes some ticks at least: in a single one it would be missed.
+    jerk = min(_SOFT_MARGIN * limits.jerk, braking / (_RAMP_TICKS * dt_s))
+    rate = now[1] - target[1] + target[2] * dt_s
     gap = target[0] - now[0] - target[1] * dt_s + 0.5 * target[2] * dt_s**2
     change = limits.jerk * dt_s
-    least, most = now[2] - change, now[2] + change
+    least = max(now[2] - change, -limits.acceleration)
+    most = min(now[2] + change, limits.acceleration)
     # Where it stops grows with the acceleration.  The steps of a ramp lie on it in their middles.
     for _ in range(_HALVINGS):
         middle = 0.5 * (least + most)
