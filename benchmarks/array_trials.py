@@ -59,6 +59,7 @@ from rf_pointing.array_sensors.interferometer.source import InterferometerSource
 from rf_pointing.array_sensors.interferometer.system import InterferometerSystem
 from rf_pointing.array_sensors.interferometer.tracker import InterferometerTracker, TrackerState
 from rf_pointing.array_sensors.tripulse.array import TripulseArrayParams
+from rf_pointing.array_sensors.tripulse.beams import shared_projection_sigma
 from rf_pointing.array_sensors.tripulse.geostationary_scene import GeostationaryParams, WobbleParams
 from rf_pointing.array_sensors.tripulse.receiver import TripulseReceiver, TripulseReceiverParams
 from rf_pointing.array_sensors.tripulse.signal import TripulseSignalParams
@@ -340,6 +341,7 @@ TRIPULSE_CASES = {
     "within 0.5 deg, 17 dB-Hz": TripulseCase(element_db_hz=17.0),
     "quadrants off by 10 deg": TripulseCase(quadrant_rad=np.radians(10.0)),
     "quadrants off by 10 deg, three stations": TripulseCase(quadrant_rad=np.radians(10.0), third_station=True),
+    "within 0.5 deg, tapered to 0.4": TripulseCase(taper_edge=0.4),
     "ten dead elements, reported": TripulseCase(failed=", ".join(f"{m}:1" for m in range(1, 11))),
 }
 
@@ -366,7 +368,7 @@ def tripulse_run(case: TripulseCase, seed: int) -> Epochs:
     truth = SimulatedTripulse(array, signal, link, orbit, wobble, stations, seed)
     nominal = TripulseReceiverParams(element_carrier_to_noise_db_hz=case.element_db_hz)
     receiver = TripulseReceiver(array=array, signal=signal, params=nominal)
-    shared = 2.0 * case.quadrant_rad / float(array.kd[0] * array.n_x)
+    shared = float(np.max(shared_projection_sigma(array, case.quadrant_rad)))
     solver = TripulseAttitude(StationAttitudeParams(shared_sigma=shared), EpochParams(), orbit, stations)
     rows: list[Any] = []
     for k in range(10):

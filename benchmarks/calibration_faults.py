@@ -95,6 +95,7 @@ def main() -> None:
     parser.add_argument("--passes", type=int, default=16)
     parser.add_argument("--shared", action="store_true", help="one orbit error for all passes of a satellite")
     parser.add_argument("--clock", type=float, nargs="*", default=[0.5], help="lateness of all passes")
+    parser.add_argument("--select", action="store_true", help="choose among the terms")
     parser.add_argument("--only", default="", help="cases whose name contains this")
     options = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -110,7 +111,8 @@ def main() -> None:
                     wanted[f"clock {seconds} s, lags {lags}"] = (late(seconds), still)
             for name, (spoil, planted) in wanted.items():
                 if options.only in name:
-                    said = outcome(number, spoil, planted, case, options.seed, options.passes)
+                    given = options.seed, options.passes, options.select
+                    said = outcome(number, spoil, planted, case, *given)
                     print(f"{trials.SITES[number % 4]:18s} {orbit:5.0f} m  {name:26s} {said}", flush=True)
 
 

@@ -173,7 +173,9 @@ class BiasModel:
     ) -> tuple[Array, Array]:
         """Return the true angles (rad) of observed ones; the rates are those of the TRUE motion.
 
-        Raises ValueError if INVERSE_ITERATIONS do not reach INVERSE_TOLERANCE_RAD.
+        Within 0.25 deg of the zenith, with lags of a second, several directions can have the same
+        observed angles: one of them is returned, not always the nearest.  Raises ValueError if
+        INVERSE_ITERATIONS do not reach INVERSE_TOLERANCE_RAD.
         """
         observed = self._true_series(*motion)
         # The derivatives were given as those of the true motion: only the angles are unknown.

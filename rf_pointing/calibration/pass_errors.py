@@ -157,10 +157,9 @@ class Sharing:
         middle = (middles_of_passes(data) - data.t_s)[first]
         rate = sight.orbit_rate_rad_s[first]
         own = shared.priors.names
-        turns = np.zeros((len(numbers), len(own), len(own)))
+        turns = np.tile(np.eye(len(own)), (len(numbers), 1, 1))
         cosine, sine = np.cos(phase[first] + rate * middle), np.sin(phase[first] + rate * middle)
         for place, name in enumerate(own):
-            turns[:, place, place] = 1.0
             drift = f"{name.removesuffix('_m')}_drift_m_s"
             if name in ("cross_track_m", "radial_m") and drift in own:
                 other = own.index(drift)

@@ -6,9 +6,9 @@ travel.  From outside the travel every motion that does not lead further out is 
 commanded.
 
 Without a jerk limit an axis chases with the largest rate from which it can still stop in the
-distance that is left, the sampled form of v = sqrt(2 a d).  With one, the same curve is followed
-with less deceleration and ends in a straight line, along which the deceleration fades within the
-jerk limit.
+distance that is left, the sampled form of v = sqrt(2 a d).  With one, it chases with the largest
+acceleration from which it can: the stop is that of least time, whose deceleration grows, holds and
+fades within the limits.
 """
 
 import copy
@@ -24,9 +24,11 @@ from rf_pointing.core.types import Array
 # A chase brakes with less than the limit: the rest corrects what the target's own acceleration
 # takes away.
 _MARGIN = 0.8
-# Under a jerk limit the deceleration builds up and fades late, so still less of it can be planned
-# with.
-_JERK_MARGIN = 0.6
+# Along the way of least time a chase may plan with nearly all.
+_SOFT_MARGIN = 0.97
+_RAMP_TICKS = 4.0
+# Halvings of the accelerations that one step of the jerk limit allows.
+_HALVINGS = 30
 # A command exactly at a limit, computed twice, must not be called infeasible by its last bit.
 _ROUNDING = 1e-9
 
@@ -194,11 +196,13 @@ def _chase(now: _AxisMotion, target: _AxisMotion, limits: _AxisLimits, dt_s: flo
         # The end of the travel is a place to rest: chased at the target's rate it would be left
         # again at once.
         target = (min(max(target[0], limits.low), limits.high), 0.0, 0.0)
-    braking = _MARGIN * max(limits.acceleration - abs(target[2]), (1.0 - _MARGIN) * limits.acceleration)
+    margin = _MARGIN if limits.jerk == 0.0 else _SOFT_MARGIN
+    left = max(limits.acceleration - abs(target[2]), (1.0 - _MARGIN) * limits.acceleration)
+    braking = margin * left
+    if limits.jerk > 0.0:
+        return _advance(now, _soft_acceleration(now, target, braking, limits, dt_s), limits, dt_s)
     gap = target[0] - target[1] * dt_s - now[0]
     side = math.copysign(1.0, gap)
-    if limits.jerk > 0.0:
-        return _advance(now, _soft_acceleration(now, target, gap, braking, limits, dt_s), limits, dt_s)
     # Measured from where the target was at the start of this step, both at its rate.
     closing = _stoppable_rate(abs(gap), side * (now[1] - target[1]), braking, dt_s)
     return _advance(now, (target[1] + side * closing - now[1]) / dt_s, limits, dt_s)
@@ -206,10 +210,8 @@ def _chase(now: _AxisMotion, target: _AxisMotion, limits: _AxisLimits, dt_s: flo
 
 def _halt(now: _AxisMotion, limits: _AxisLimits, dt_s: float) -> _AxisMotion:
     """Return the motion after one step of a controlled stop."""
-    if limits.jerk == 0.0:
-        return _advance(now, -now[1] / dt_s, limits, dt_s)
-    settle = min(abs(now[1]) / dt_s, math.sqrt(2.0 * _JERK_MARGIN * limits.jerk * abs(now[1])))
-    return _advance(now, -math.copysign(settle, now[1]), limits, dt_s)
+    wanted = -now[1] / dt_s if limits.jerk == 0.0 else _fading(-now[1], limits.jerk, dt_s)
+    return _advance(now, wanted, limits, dt_s)
 
 
 def _advance(now: _AxisMotion, wanted: float, limits: _AxisLimits, dt_s: float) -> _AxisMotion:
@@ -249,24 +251,43 @@ def _stoppable_rate(distance: float, rate: float, braking: float, dt_s: float) -
 
 
 def _soft_acceleration(
-    now: _AxisMotion, target: _AxisMotion, gap: float, braking: float, limits: _AxisLimits, dt_s: float
+    now: _AxisMotion, target: _AxisMotion, braking: float, limits: _AxisLimits, dt_s: float
 ) -> float:
-    """Return the acceleration along the soft approach curve, with a pull back onto it."""
-    braking *= _JERK_MARGIN
-    steepness = 0.25 * limits.jerk / braking
-    knee = braking / steepness**2
-    distance = abs(gap)
-    if distance < knee:
-        closing, slope = steepness * distance, steepness
-    else:
-        closing = math.sqrt(2.0 * braking * (distance - 0.5 * knee))
-        slope = braking / closing
-    wanted = target[1] + math.copysign(closing, gap)
-    along = target[2] - (now[1] - target[1]) * slope if abs(wanted) < limits.rate else 0.0
-    error = min(max(wanted, -limits.rate), limits.rate) - now[1]
-    pull = min(3.0 * steepness, 0.45 / dt_s)
-    strength = _JERK_MARGIN * limits.jerk
-    turn = strength / pull**2
-    size = abs(error)
-    back = pull * size if size < turn else math.sqrt(2.0 * strength * (size - 0.5 * turn))
-    return along + math.copysign(back, error)
+    """Return the largest acceleration of this step after which the axis stops at the target."""
+    # A ramp takes some ticks at least: in a single one it would be missed.
+    jerk = min(_SOFT_MARGIN * limits.jerk, braking / (_RAMP_TICKS * dt_s))
+    rate = now[1] - target[1] + target[2] * dt_s
+    gap = target[0] - now[0] - target[1] * dt_s + 0.5 * target[2] * dt_s**2
+    change = limits.jerk * dt_s
+    least = max(now[2] - change, -limits.acceleration)
+    most = min(now[2] + change, limits.acceleration)
+    # Where it stops grows with the acceleration.  The steps of a ramp lie on it in their middles.
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (least + most)
+        pull = middle - target[2]
+        gained = 0.5 * pull * dt_s
+        way = 0.5 * (rate + 0.5 * gained) * dt_s + _soft_stop(rate + gained, pull, braking, jerk)
+        least, most = (middle, most) if way < gap else (least, middle)
+    ends = (_fading(end - now[1], limits.jerk, dt_s) for end in (-limits.rate, limits.rate))
+    slowest, fastest = ends
+    return min(max(0.5 * (least + most), slowest), fastest)
+
+
+def _soft_stop(rate: float, acceleration: float, braking: float, jerk: float) -> float:
+    """Return the way to rest in least time: the deceleration grows, holds and fades."""
+    side = math.copysign(1.0, rate + 0.5 * acceleration * abs(acceleration) / jerk)
+    rate, acceleration = side * rate, side * acceleration
+    brake = min(math.sqrt(max(0.5 * acceleration**2 + jerk * rate, 0.0)), braking)
+    if brake == 0.0:
+        return 0.0
+    first = abs(acceleration + brake) / jerk
+    bend = -math.copysign(jerk, acceleration + brake)
+    held = rate + (acceleration + 0.5 * bend * first) * first
+    way = (rate + (0.5 * acceleration + bend * first / 6.0) * first) * first
+    hold = max(held - 0.5 * brake**2 / jerk, 0.0) / brake
+    return side * (way + (held - 0.5 * brake * hold) * hold + brake**3 / (6.0 * jerk**2))
+
+
+def _fading(change: float, jerk: float, dt_s: float) -> float:
+    """Return the acceleration that, held for a step and then fading, changes the rate so much."""
+    return math.copysign(jerk * (math.sqrt(dt_s**2 + 2.0 * abs(change) / jerk) - dt_s), change)

@@ -15,7 +15,7 @@ constant is less than three times the bending on the horizon.
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -69,7 +69,9 @@ class RadioRefraction(Params):
                 f"{1e3 * gradient:.0f} N/km, must be <= {1e3 * _DUCTING_PER_M:.0f} N/km: low rays would be trapped"
             )
 
+    # Its rays are traced once for all tracks of a site.
     @classmethod
+    @lru_cache(maxsize=64)
     def standard(cls, altitude_m: float) -> Self:
         """Return the refraction of the ICAO standard troposphere with half saturated air."""
         # ICAO: 6.5 K per kilometre, and the pressure that follows from it.

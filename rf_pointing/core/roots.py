@@ -53,7 +53,9 @@ def roots_between(function: Callable[[Array], Array], low: Array, high: Array, t
     fa, fb = function(a), function(b)
     if np.any(fa * fb > 0.0):
         raise ValueError(f"no change of sign in the interval that starts at {a[fa * fb > 0.0][0]}")
-    part = np.full_like(a, 0.5)
+    # The chord first: it saves a bisection or two of a smooth function.
+    apart = fa - fb
+    part = np.clip(np.divide(fa, apart, out=np.full_like(a, 0.5), where=apart != 0.0), 0.05, 0.95)
     for _ in range(_MAX_ITERATIONS):
         x = a + part * (b - a)
         fx = function(x)

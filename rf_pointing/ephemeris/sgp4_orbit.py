@@ -31,6 +31,8 @@ _KM = 1e3
 # so that none falls to the ground, where SGP4 refuses it, between two steps.
 LEAST_RADIUS_KM = 6378.135 + 20.0
 _SCAN_STEP_S, _SCAN_BLOCK = 60.0, 10000
+# Times at which the mean perigee is looked at, and what Sun, Moon and the Earth's shape move it by.
+_PERIGEES, _FAR_ABOVE_KM = 14, 100.0
 
 
 class Sgp4Orbit:
@@ -87,6 +89,8 @@ class Sgp4Orbit:
 
     def _endurance_s(self, sense: float) -> float:
         """Return how long from the epoch, into the future (1) or past (-1), the object orbits."""
+        if self._stays_high(sense):
+            return math.inf
         steps = math.ceil(self.max_age_s / _SCAN_STEP_S)
         for first in range(0, steps + 1, _SCAN_BLOCK):
             elapsed_s = sense * _SCAN_STEP_S * np.arange(first, min(first + _SCAN_BLOCK, steps + 1), dtype=np.float64)
@@ -94,6 +98,15 @@ class Sgp4Orbit:
             if len(falls):
                 return self._fall_s(sense, _SCAN_STEP_S * (first + float(falls[0])))
         return math.inf
+
+    def _stays_high(self, sense: float) -> bool:
+        """Return whether the mean perigee, smooth in time, is far above the ground throughout."""
+        for k in range(_PERIGEES + 1):
+            code, _, _ = self._record.sgp4_tsince(sense * k / _PERIGEES * self.max_age_s / 60.0)
+            perigee_km = self._record.am * (1.0 - self._record.em) * self._record.radiusearthkm
+            if code or not perigee_km > LEAST_RADIUS_KM + _FAR_ABOVE_KM:
+                return False
+        return True
 
     def _fall_s(self, sense: float, late_s: float) -> float:
         """Return the time from the epoch to the end of the orbit, in the step before `late_s`."""

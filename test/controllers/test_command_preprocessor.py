@@ -119,33 +119,40 @@ def test_controlled_stop_takes_rate_over_acceleration_and_holds() -> None:
     assert np.all(moved > held)
 
 
-def test_jerk_limit_is_kept_and_the_target_reached() -> None:
-    jerk = 0.02
-    shaper = preprocessor(jerk_limit_rad_s3=(jerk, jerk))
-    shaper.reset((0.0, 0.5))
-    rows = [shaper.step((0.4, 0.6), (0.0, 0.0), (0.0, 0.0), DT_S) for _ in range(2500)]
-    acceleration = np.array([row[2] for row in rows])
-    assert np.max(np.abs(np.diff(acceleration, axis=0))) <= jerk * DT_S * (1.0 + 1e-6)
-    np.testing.assert_allclose(rows[-1][0], (0.4, 0.6), atol=1e-6)
-    assert max(row[0][0] for row in rows) < 0.4 + 0.3 * MDEG
+def seven_segments_s(way: float, rate: float, acceleration: float, jerk: float) -> float:
+    """The least time from rest to rest: jerk, hold, jerk, coast, and the same backwards."""
+    top = min(acceleration, math.sqrt(rate * jerk))
+    if way >= rate * (rate / top + top / jerk):
+        return way / rate + rate / top + top / jerk
+    if way <= 2.0 * acceleration**3 / jerk**2:
+        return 4.0 * (0.5 * way / jerk) ** (1.0 / 3.0)
+    ramps = acceleration**2 / jerk
+    return (math.sqrt(ramps**2 + 4.0 * acceleration * way) - ramps) / acceleration + 2.0 * acceleration / jerk
 
 
-def test_a_soft_slew_brakes_evenly_and_fades_at_a_quarter_of_its_jerk_limit() -> None:
-    """0.48 of the acceleration limit is planned with: 0.8 for the target's own, 0.6 of it for the jerk."""
-    jerk, braking = 0.1, 0.48 * ACCELERATION
-    shaper = preprocessor(jerk_limit_rad_s3=(jerk, jerk))
+@settings(max_examples=40, deadline=None)
+@given(
+    way_deg=st.floats(0.01, 30.0), rate_deg_s=st.floats(0.3, 8.0), acceleration_deg_s2=st.floats(0.2, 4.0),
+    jerk_deg_s3=st.floats(0.2, 16.0), side=st.sampled_from([1.0, -1.0]),
+)  # fmt: skip
+def test_a_soft_slew_takes_at_most_a_twentieth_longer_than_the_seven_segments(
+    way_deg: float, rate_deg_s: float, acceleration_deg_s2: float, jerk_deg_s3: float, side: float
+) -> None:
+    """Besides two ticks; it was up to 4.9 times as long."""
+    way, rate, acceleration, jerk = np.radians([way_deg, rate_deg_s, acceleration_deg_s2, jerk_deg_s3]).tolist()
+    shaper = preprocessor(rate_limit_rad_s=(rate,) * 2, acceleration_limit_rad_s2=(acceleration,) * 2,
+                          jerk_limit_rad_s3=(jerk,) * 2)  # fmt: skip
     shaper.reset((0.0, 0.5))
-    rows = [shaper.step((0.5, 0.5), (0.0, 0.0), (0.0, 0.0), DT_S) for _ in range(1200)]
-    position, rate, acceleration = np.array(rows)[:, :, 0].T
-    # Along v = k d the deceleration k v changes by k^2 v: a quarter of the limit where v = braking / k.
-    k = 0.25 * jerk / braking
-    left, stopping = 0.5 - position, np.arange(len(rows)) > int(np.argmax(rate))
-    even = stopping & (rate > 1.2 * braking / k) & (rate < 0.7 * RATE)
-    fading = stopping & (rate < 0.8 * braking / k) & (left > 1e-5)
-    assert np.count_nonzero(even) > 50
-    assert np.count_nonzero(fading) > 40
-    np.testing.assert_allclose(-acceleration[even], braking, rtol=1e-3)
-    np.testing.assert_allclose(rate[fading], k * left[fading], rtol=0.02)
+    least, count, before = seven_segments_s(way, rate, acceleration, jerk), 0, 0.0
+    while not shaper.state.transparent[0]:
+        place, speed, pull = (side * one[0] for one in shaper.step((side * way, 0.5), (0.0, 0.0), (0.0, 0.0), DT_S))
+        count += 1
+        assert place <= way + 0.02 * MDEG
+        assert abs(speed) <= rate * (1.0 + 1e-6)
+        assert abs(pull) <= acceleration * (1.0 + 1e-6)
+        assert shaper.state.transparent[0] or abs(pull - before) <= jerk * DT_S * (1.0 + 1e-6)
+        before = pull
+        assert count * DT_S <= 1.05 * least + 2.0 * DT_S
 
 
 def test_a_target_on_its_way_is_caught_without_overshoot_within_a_jerk_limit_too() -> None:
@@ -331,22 +338,18 @@ def test_a_target_that_accelerates_is_met_with_what_it_leaves_of_the_limit(share
     assert np.median(slowing[braking]) == pytest.approx(-0.8 * left * ACCELERATION, rel=0.03)
 
 
-def test_a_stop_within_a_jerk_limit_fades_at_six_tenths_of_it_and_ends_at_rest() -> None:
-    jerk = 0.02
+@pytest.mark.parametrize("jerk", [0.002, 0.02, 0.2])
+def test_a_stop_within_a_jerk_limit_takes_the_least_time(jerk: float) -> None:
+    """The deceleration grows, holds and fades: 2 sqrt(v / j), or v / a + a / j where it reaches the limit."""
     shaper = preprocessor(jerk_limit_rad_s3=(jerk, jerk))
     shaper.reset((0.0, 0.8), (0.03, -0.02))
     shaper.stop()
-    rows = np.array([shaper.step((9.0, 1.5), (0.0, 0.0), (0.0, 0.0), DT_S)[1:] for _ in range(600)])
-    rate, acceleration = rows[:, 0], rows[:, 1]
-    assert np.max(np.abs(acceleration)) <= ACCELERATION * (1.0 + 1e-9)
-    for axis, side in ((0, 1.0), (1, -1.0)):
-        speed, braking = side * rate[:, axis], -side * acceleration[:, axis]
-        ramp = np.argmax(np.abs(np.diff(braking) - jerk * DT_S) > 1e-9)
-        fading = np.arange(1, 600)[(speed[1:] > 2e-4) & (braking[1:] < 0.99 * braking.max())]
-        fading = fading[fading > ramp + 1]
-        assert len(fading) > 20
-        np.testing.assert_allclose(braking[fading] ** 2, 1.2 * jerk * speed[fading - 1], rtol=1e-6)
-        assert np.all(speed >= -1e-4)
-        assert abs(speed[-1]) < 1e-12
-    # At the limit for 1.2 s at most and the two ramps, of which the second is the slower.
-    assert DT_S * np.count_nonzero(rate[:, 0] > 1e-6) < 0.03 / ACCELERATION + 2.0 * ACCELERATION / (0.6 * jerk)
+    rows = np.array([shaper.step((9.0, 1.5), (0.0, 0.0), (0.0, 0.0), DT_S)[1:] for _ in range(800)])
+    for axis, speed in enumerate((0.03, 0.02)):
+        rate, acceleration = np.sign(0.5 - axis) * rows[:, :, axis].T
+        top = min(ACCELERATION, math.sqrt(jerk * speed))
+        assert np.max(np.abs(np.diff(acceleration))) <= jerk * DT_S * (1.0 + 1e-9)
+        assert np.max(np.abs(acceleration)) <= ACCELERATION * (1.0 + 1e-9)
+        assert np.all(rate >= -1e-4)
+        assert abs(rate[-1]) < 1e-12
+        assert DT_S * np.count_nonzero(rate > 1e-6) == pytest.approx(speed / top + top / jerk, abs=3.0 * DT_S)

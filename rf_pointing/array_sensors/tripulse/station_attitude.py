@@ -124,7 +124,8 @@ class StationAttitudeParams(Params):
         high=1.5,
     )
     # Phases of the quadrants off by p rms move a projection by 2 p/(N k d): 6e-4 is 5 deg of 16
-    # elements three wavelengths apart.  No residual shows it: it turns all lines of sight alike.
+    # elements three wavelengths apart; a taper needs more (`beams.shared_projection_sigma`).  No
+    # residual shows it: it turns all lines of sight alike.
     shared_sigma: float = parameter(
         6e-4,
         "fixed error of each projection that all stations share (beamformer)",

@@ -14,6 +14,7 @@ from rf_pointing.array_sensors.tripulse.beams import (
     monopulse_ratios,
     polar_angles_rad,
     ratio_and_slope,
+    shared_projection_sigma,
 )
 from rf_pointing.core import random_stream
 
@@ -176,3 +177,19 @@ def test_a_direction_may_lie_in_the_plane_of_the_array() -> None:
     np.testing.assert_allclose(phi, [np.pi, 0.0])
     with pytest.raises(ValueError, match="not a direction"):
         direction_projections([np.nan, 0.0], [0.0, 0.0])
+
+
+@pytest.mark.parametrize(("taper_edge", "failed"), [(1.0, ""), (0.4, ""), (0.0, ""), (0.4, "3:5, 12:14, 1:1")])
+def test_phases_of_the_quadrants_move_the_projections_by_their_sigma(taper_edge: float, failed: str) -> None:
+    """Planted phases, inverted as if there were none; a uniform aperture has 2 p/(N k d)."""
+    params = TripulseArrayParams(n_x=16, n_y=14, taper_edge=taper_edge, failed=failed)
+    weights, phase = element_weights(params, [0.0, 0.0]), 0.02
+    off = phase * random_stream(3, "quadrants").standard_normal((4000, 2, 2))
+    turned = weights * np.exp(1j * np.kron(off, np.ones((8, 7))))
+    seen = invert_with_weights(params, weights, [0.0, 0.0], monopulse_ratios(beam_signals(params, turned, [0.0, 0.0])))
+    sigma = shared_projection_sigma(params, phase)
+    np.testing.assert_allclose(np.std(seen, axis=0), sigma, rtol=0.035)
+    uniform = 2.0 * phase / (params.kd * [16, 14])
+    assert np.all(sigma >= uniform * (1.0 - 1e-9))
+    if taper_edge == 1.0:
+        np.testing.assert_allclose(sigma, uniform, rtol=1e-9)
