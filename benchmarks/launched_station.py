@@ -224,6 +224,7 @@ class LaunchedStation:
         self.executor.add_node(self.node)
         self.antenna, self.tracking, self.executive = AntennaStatus(), TrackingStatus(), ExecutiveStatus()
         self.heard_s = -math.inf
+        self._clients: list[subprocess.Popen[bytes]] = []
         listen = self.node.create_subscription
         listen(AntennaStatus, "antenna_status", self._on_antenna, STATUS)
         listen(TrackingStatus, "tracking_status", lambda m: setattr(self, "tracking", m), STREAM)
@@ -274,7 +275,9 @@ class LaunchedStation:
         """Hand the passes over and start the night; the client follows it to its end."""
         with (self.folder / "queue.out").open("ab") as out:
             words = [executable("station"), "--namespace", "/gs1", "queue", str(self.schedule), "--start"]
-            return subprocess.Popen(words, env=self.environment, stdin=subprocess.DEVNULL, stdout=out, stderr=out)
+            client = subprocess.Popen(words, env=self.environment, stdin=subprocess.DEVNULL, stdout=out, stderr=out)
+        self._clients.append(client)
+        return client
 
     def told(self) -> list[dict[str, str]]:
         """Return every message that has left the station."""
@@ -312,6 +315,9 @@ class LaunchedStation:
     def close(self) -> None:
         if self.process.poll() is None:
             self.stop()
+        for client in self._clients:
+            # One that still follows a night would wait for its end for ever.
+            client.terminate()
         self.rotctld.kill()
         self.executor.shutdown()
         self.node.destroy_node()

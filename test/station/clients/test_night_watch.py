@@ -182,6 +182,18 @@ def test_a_night_ends_with_its_report_once_and_with_a_result(tmp_path: Path, dis
     assert one.watch.alarms.healths["disk"] == {"free_gb": 0.0, "problem": "the disk is gone"}
 
 
+def test_the_answer_to_a_selection_names_the_target_of_a_number(tmp_path: Path) -> None:
+    one = Bench(tmp_path)
+    one.start(30.0)
+    for later_s in (0.0, 1.0):
+        one.night.take("antenna", {"mode": "holding", "azimuth": 0.5, "elevation": 0.5, "fault": ""}, T_S + later_s)
+        one.night.take("tracking", {"mode": "idle", "target": ""}, T_S + later_s)
+        one.step(later_s)
+    assert one.night.active_id == "p0"
+    one.responded(1, True, "1 passes", SimpleNamespace(passes=[SimpleNamespace(target="METEOR-M2 4")]))
+    assert [each.item.name for each in one.night.schedule.in_order] == ["METEOR-M2 4"]
+
+
 def test_a_list_replaces_the_schedule_unless_it_resumes_and_is_never_a_file(tmp_path: Path) -> None:
     one = Bench(tmp_path)
     with pytest.raises(ValueError, match="must name passes"):
