@@ -10,6 +10,8 @@ Replace `advance` by your device.  A driver of `model: rate` gets velocities in 
 """
 
 import math
+import time
+from contextlib import suppress
 
 import rclpy
 from rclpy.node import Node
@@ -31,27 +33,33 @@ class Driver(Node):
         self.state = self.create_publisher(JointState, "drive/state", 10)
         self.create_subscription(JointState, "drive/set_point", self.take, 10)
         self.create_subscription(Bool, "drive/enable", self.enable, latched)
-        self.newest_s = self.get_clock().now().nanoseconds * 1e-9
+        self.newest_s = time.monotonic()
         self.create_timer(PERIOD_S, self.advance)
 
     def take(self, set_point: JointState) -> None:
-        self.goal = dict(zip(set_point.name, set_point.position, strict=True))
+        goal = dict(zip(set_point.name, set_point.position, strict=False))
+        if set(goal) == set(self.axes) and all(map(math.isfinite, goal.values())):
+            self.goal = goal
 
     def enable(self, _enabled: Bool) -> None:
         # False: stop, and set the brakes.  What was commanded before does not come back.
         self.goal = {}
 
     def advance(self) -> None:
-        now = self.get_clock().now()
-        reach = RATE_RAD_S * (now.nanoseconds * 1e-9 - self.newest_s)
-        self.newest_s = now.nanoseconds * 1e-9
+        # A clock that is set must not move the axes.
+        now_s = time.monotonic()
+        reach, self.newest_s = RATE_RAD_S * (now_s - self.newest_s), now_s
         for axis, goal in self.goal.items():
             self.axes[axis] += max(-reach, min(reach, goal - self.axes[axis]))
         message = JointState(name=list(self.axes), position=list(self.axes.values()))
-        message.header.stamp = now.to_msg()
+        message.header.stamp = self.get_clock().now().to_msg()
         self.state.publish(message)
 
 
 if __name__ == "__main__":
     rclpy.init()
-    rclpy.spin(Driver())
+    driver = Driver()
+    while rclpy.ok():
+        # What was damaged on its way and cannot be read must not end a driver.
+        with suppress(ValueError, RuntimeError):
+            rclpy.spin_once(driver)

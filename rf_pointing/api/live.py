@@ -24,9 +24,19 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris import Pass, tle_lines
 from rf_pointing.identification import Recording
 from rf_pointing.identification.study import study
+from rf_pointing.planning.forbidden_sky import horizon_to_notes
 from rf_pointing.ros.campaign_run import CalibrationOutcome, CalibrationRun
 from rf_pointing.ros.experiment_run import EndedEarlyError, ExperimentRun
-from rf_pointing.ros.graph import ARRAY_GRAPH, ARRAY_NODES, DRIVE_NODES, GRAPH, NODES, RECEIVER_NODES, with_receiver
+from rf_pointing.ros.graph import (
+    ARRAY_GRAPH,
+    ARRAY_NODES,
+    DRIVE_NODES,
+    GRAPH,
+    NODES,
+    RECEIVER_NODES,
+    with_receiver,
+    with_trackers,
+)
 from rf_pointing.ros.live_pass import outcome_line, track_pass
 from rf_pointing.ros.station_run import RunSetup, StationRun, parameter_file, run_to_end
 from rf_pointing.station.antenna.memory import state_files, state_folder
@@ -241,9 +251,12 @@ def identify(request: IdentifyRequest) -> IdentifyResult:
 def nodes_of(request: RunRequest) -> tuple[str, ...]:
     """Return the executables of a run, in the order of their start."""
     array = ARRAY_NODES if Sensor.ARRAY in request.station.sensors else ()
+    station = request.station.description
     # A real array has receivers of its own.
-    names = (*NODES, *array) if request.station.simulated else (*DRIVE_NODES, *array[1:])
-    return with_receiver(names, request.station.description.receiver)
+    names = (*NODES, *array) if station.simulated else (*DRIVE_NODES, *array[1:])
+    if not station.simulated:
+        names = with_trackers(names, station.every_sensor, station.receiver)
+    return with_receiver(names, station.receiver)
 
 
 def run_setup(program: str, request: RunRequest, window: Pass, output: Path) -> RunSetup:
@@ -260,6 +273,7 @@ def run_setup(program: str, request: RunRequest, window: Pass, output: Path) -> 
         start_s = float(math.floor(window.aos_t_s) - before_s)
         clock = {"start_s": start_s, "speed": factor, "tick_s": 0.02 if ticks else 0.1}
         parameters = {"simulation_clock": clock} | parameters
+    kind |= horizon_to_notes(station.controller.mask)
     return RunSetup(
         program=program,
         namespace=request.namespace,

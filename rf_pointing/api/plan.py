@@ -18,6 +18,7 @@ from rf_pointing.core import to_degrees
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.ephemeris.uncertainty import error_text
 from rf_pointing.operations.pass_list import read_passes, to_calendar
+from rf_pointing.operations.pass_work import tracked_in_gaps
 from rf_pointing.station.pointing.multi_satellite_plan import DayPass, DayPlan, Fate
 
 if TYPE_CHECKING:
@@ -109,6 +110,7 @@ def row_values(item: DayPass, beamwidth_rad: float) -> dict[str, Any]:
     names_of_path |= {"aos_elevation_rad": window.aos_elevation_rad, "los_elevation_rad": window.los_elevation_rad}
     values |= dict(to_degrees(name, value) for name, value in names_of_path.items())
     values |= {"tca_range_m": window.tca_range_m, "rises_before": window.rises_before, "sets_after": window.sets_after}
+    values["filler"] = item.filler
     values["element_age_h"] = item.age_s / 3600.0 if window.catalogue_number is not None else None
     values |= {
         "along_track_sigma_deg": math.degrees(item.along_rad),
@@ -167,12 +169,7 @@ def table_text(plan: DayPlan) -> str:
     counts = {fate: sum(item.fate is fate for item in plan.passes) for fate in Fate}
     pieces: dict[str, list[float]] = {}
     for item in plan.passes:
-        # What was up before its piece began fills a gap; a pass in progress does so once.
-        if item.fate is Fate.TRACKED and item.window.rises_before:
+        if item.fate is Fate.TRACKED and item.filler:
             pieces.setdefault(item.window.name, []).append(item.window.duration_s)
-    lines += [
-        f"{name} is tracked in {len(each)} gaps, {sum(each) / 3600.0:.1f} h"
-        for name, each in pieces.items()
-        if len(each) > 1
-    ]
+    lines += [f"{name} is {tracked_in_gaps(each)}" for name, each in pieces.items()]
     return "\n".join([*lines, f"{len(plan.passes)} passes: " + ", ".join(f"{n} {fate}" for fate, n in counts.items())])

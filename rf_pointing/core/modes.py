@@ -23,6 +23,15 @@ class Mode(StrEnum):
     HOLD_OFF = "hand_back"
 
 
+# Modes of the antenna whose words cannot follow "is".
+_NOUNS = {"fault": "in fault", "manual_rate": "driven by an experiment"}
+
+
+def antenna_is(mode: str) -> str:
+    """Return the clause that says which mode of `antenna_status` the antenna is in."""
+    return f"the antenna is {_NOUNS.get(mode, mode)}"
+
+
 class Sensor(StrEnum):
     """Sensors of a pass: the radio sensors, the choice between them, and none of them."""
 

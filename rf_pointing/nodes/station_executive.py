@@ -92,7 +92,7 @@ class StationExecutive(StationNode):
             self._goal.finish()
 
     def _connect(self, *given: Any) -> DirectiveSender:
-        return DirectiveSender(self, *given, self.parameters.value("key"))
+        return DirectiveSender(self, *given, self.parameters.value("key"), answered=given[2])
 
     def _record(self, bag: Path, notes: Mapping[str, str]) -> Any:
         # Imported when it is needed: an executive that was killed must be back soon.

@@ -138,12 +138,14 @@ class Night:
                   "stage": f"{entry.item.id} {stage}", "due": due}  # fmt: skip
         self.take("next", values, now_s)
 
-    def respond(self, number: int, accepted: bool, text: str, now_s: float) -> None:
-        """Take the response to a directive."""
+    def respond(self, number: int, accepted: bool, text: str, now_s: float, name: str = "") -> None:
+        """Take the response to a directive, and the `name` of the target that it has selected."""
         if number not in self._numbers:
             self._note(now_s, "", "unexpected response", f"{number}: {text}")
             return
         executor, own = self._numbers[number]
+        if name and self._work is not None and executor is self._work.executor:
+            self.schedule.name_target(self.schedule.entries[self._work.id].item, name)
         executor.respond(own, accepted, text, now_s)
 
     def fail(self, number: int, text: str, now_s: float) -> None:
@@ -214,7 +216,7 @@ class Night:
         elif entry.state in (PassState.WAITING, PassState.YIELDS):
             self.schedule.end(entry, PassState.SKIPPED, SKIPPED)
         else:
-            raise ValueError(f"pass {name} is {entry.state}")
+            raise ValueError(f"pass {name} cannot be skipped: its state is {entry.state}")
         self.change(now_s)
         return f"pass {name} is skipped"
 
@@ -439,8 +441,8 @@ class Night:
     def _begin_pass(self, entry: Entry, now_s: float) -> None:
         entry.state, entry.reason = PassState.ACTIVE, ""
         self._work = PassWork(entry.item.id, self._pass_executor(entry, now_s), now_s)
-        self._rest, self.reason = "", ""
-        self._note(now_s, entry.item.id, "begun")
+        self._rest, self.reason = "", self.schedule.gap_text(entry.item)
+        self._note(now_s, entry.item.id, "begun", self.reason)
         self._save()
 
     def _pass_executor(self, entry: Entry, now_s: float) -> Executor:

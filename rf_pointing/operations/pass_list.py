@@ -72,6 +72,7 @@ def row_of(item: ScheduledPass) -> dict[str, Any]:
         "los_elevation_deg": math.degrees(item.elevation_rad[1]),
         "antenna": item.antenna, "sensor": item.sensor,
         "element_age_h": None if math.isnan(item.element_age_s) else item.element_age_s / 3600.0,
+        "filler": item.filler,
     }  # fmt: skip
     return {name: round(value, 6) if isinstance(value, float) else value for name, value in row.items()}
 
@@ -171,6 +172,7 @@ def _pass_of(number: int, row: Mapping[str, Any]) -> ScheduledPass:
             antenna=_text(row, "antenna"),
             sensor=_text(row, "sensor"),
             element_age_s=3600.0 * _number(row, "element_age_h"),
+            filler=_flag(row, "filler"),
         )
     except KeyError as error:
         raise ValueError(f"row {number}: {error.args[0]} is missing") from None
@@ -202,6 +204,13 @@ def _number(row: Mapping[str, Any], key: str, missing: float = math.nan) -> floa
     if not is_number(found, -_LARGEST, _LARGEST):
         raise ValueError(f"{key}={brief(value)} must be a number from -{_LARGEST:g} to {_LARGEST:g}")
     return float(found)
+
+
+def _flag(row: Mapping[str, Any], key: str) -> bool:
+    value = row.get(key)
+    if value not in (None, "", True, False, "True", "False", "true", "false"):
+        raise ValueError(f"{key}={brief(value)} must be true or false")
+    return value in (True, "True", "true")
 
 
 def _whole(row: Mapping[str, Any], key: str) -> int:

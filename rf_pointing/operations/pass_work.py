@@ -1,7 +1,7 @@
 """The pass in work: how often it was tried, what was counted in each attempt, and its record."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -10,7 +10,7 @@ from rf_pointing.core.pass_outcome import SIDELOBE_DB
 from rf_pointing.operations.alarms import AlarmBook
 from rf_pointing.operations.executor import BlockState, Executor
 from rf_pointing.operations.expected_state import ExpectedState
-from rf_pointing.operations.schedule import Entry
+from rf_pointing.operations.schedule import Entry, PassState
 
 VERDICT = "verdict.json"
 """File of the record of a pass, with its recordings."""
@@ -37,6 +37,7 @@ class PassRecord:
     element_age_h: float | None
     recorded: bool
     priority: int = 0
+    filler: bool = False
 
 
 @dataclass(slots=True)
@@ -116,6 +117,7 @@ def record_of(entry: Entry, work: PassWork | None, book: AlarmBook, seen: Expect
         id=item.id, name=item.name or item.target, aos_t_s=item.aos_t_s, los_t_s=item.los_t_s, state=str(entry.state),
         reason=entry.reason, tracked_s=entry.tracked_s, lost_s=entry.lost_s, loss_db=entry.loss_db,
         attempts=work.number if work else 0, causes=tuple(dict.fromkeys(causes)), element_age_h=age_h, recorded=recorded,
+        filler=item.filler,
     )  # fmt: skip
 
 
@@ -141,6 +143,27 @@ def causes_between(book: AlarmBook, from_s: float, to_s: float) -> list[str]:
 
 def _clock(t_s: float) -> str:
     return utc_text(t_s)[11:19]
+
+
+def tracked_in_gaps(spans_s: Sequence[float], count: int | None = None) -> str:
+    """Return in how many gaps a filler was tracked, of `count`, by its spans (s)."""
+    gaps = f"{len(spans_s)} of {count}" if count not in (None, len(spans_s)) else f"{len(spans_s)}"
+    return f"tracked in {gaps} gap{'s' * (gaps != '1')}, {sum(spans_s) / 3600.0:.1f} h"
+
+
+def fillers_of(records: Iterable[PassRecord]) -> dict[str, list[PassRecord]]:
+    """Return the records of each target that filled gaps, by its name."""
+    found: dict[str, list[PassRecord]] = {}
+    for each in records:
+        if each.filler:
+            found.setdefault(each.name, []).append(each)
+    return found
+
+
+def filler_text(records: Sequence[PassRecord]) -> str:
+    """Return in how many gaps one target was tracked, and for how long."""
+    spans_s = [each.tracked_s for each in records if each.state == PassState.TRACKED]
+    return tracked_in_gaps(spans_s, len(records))
 
 
 def record_from(row: Mapping[str, Any]) -> PassRecord:

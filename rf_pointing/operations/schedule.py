@@ -64,6 +64,8 @@ class ScheduledPass:
     antenna: str = ""
     sensor: str = ""
     element_age_s: float = math.nan
+    filler: bool = False
+    """Whether it is a piece of a longer stay, in a gap between passes."""
 
     def __post_init__(self) -> None:
         # The name of its recording's folder.
@@ -136,10 +138,22 @@ class Schedule:
             if present is None or present.state in OPEN:
                 entries[item.id] = Entry(item)
             elif present.item != item:
-                raise ValueError(f"pass {item.id} is {present.state}: it cannot be replaced")
+                raise ValueError(f"pass {item.id} cannot be replaced: its state is {present.state}")
         if len(entries) > MOST_PASSES:
             raise ValueError(f"a schedule of {len(entries)} passes must have <= {MOST_PASSES}")
         self.entries = entries
+
+    def name_target(self, item: ScheduledPass, name: str) -> None:
+        """Give every pass of the target of `item` its name, where a list had its number alone."""
+        for each in self.entries.values():
+            if each.item.target == item.target and each.item.name in ("", item.target):
+                each.item = dataclasses.replace(each.item, name=name)
+
+    def gap_text(self, item: ScheduledPass) -> str:
+        """Return which of its gaps a filler is in, "" for any other pass."""
+        items = [each.item for each in self.in_order]
+        gaps = [each.id for each in items if each.filler and each.target == item.target]
+        return f"gap {gaps.index(item.id) + 1} of {len(gaps)}" if item.filler else ""
 
     def entry(self, name: str) -> Entry:
         """Return the entry of an id; ValueError for an unknown one."""

@@ -6,8 +6,9 @@ directions are plain floats, for a control tick; whole paths are arrays.
 """
 
 import bisect
+import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,8 @@ from numpy.typing import ArrayLike
 from rf_pointing.core import Params, parameter
 from rf_pointing.core.types import TURN, Array, Pair
 
+HORIZON_NOTE = "horizon_deg"
+"""Note of a recording with the points of the horizon."""
 # How fast the Sun moves over the sky at most.
 EARTH_RATE_RAD_S = 2.0 * math.pi / 86400.0
 # Finer than a zone about the Sun.
@@ -74,6 +77,23 @@ class HorizonMask(Params):
         heights = np.array([*self.elevation_rad, self.elevation_rad[0]])
         folded = (np.asarray(azimuth_rad, dtype=np.float64) - points[0]) % TURN + points[0]
         return np.asarray(np.interp(folded, points, heights))
+
+
+def horizon_to_notes(mask: HorizonMask) -> dict[str, str]:
+    """Return what a recording keeps of a horizon: nothing of one without hills."""
+    points = zip(mask.azimuth_rad, mask.elevation_rad, strict=True)
+    rows = [[round(math.degrees(each), 4) for each in point] for point in points]
+    return {HORIZON_NOTE: json.dumps(rows)} if max(mask.elevation_rad) > 0.0 else {}
+
+
+def horizon_from_notes(notes: Mapping[str, str]) -> HorizonMask | None:
+    """Return the horizon of a recording; None for one without hills, or with a damaged note."""
+    try:
+        azimuth_deg, elevation_deg = zip(*json.loads(notes[HORIZON_NOTE]), strict=True)
+        radians = tuple(map(math.radians, azimuth_deg)), tuple(map(math.radians, elevation_deg))
+        return HorizonMask(azimuth_rad=radians[0], elevation_rad=radians[1])
+    except (KeyError, ValueError, TypeError):
+        return None
 
 
 def angle_between(points: Array, others: Array) -> Array:

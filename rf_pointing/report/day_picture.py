@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from rf_pointing.planning import HorizonMask
-from rf_pointing.report.picture_style import figure, sky_axes, sky_place
-from rf_pointing.report.plan_picture import draw_hills
+from rf_pointing.report.picture_style import draw_hills, figure, sky_axes, sky_place
 from rf_pointing.station.pointing.multi_satellite_plan import DayPass, DayPlan, Fate
 
 FEWEST_ROWS, MOST_ROWS = 8, 45

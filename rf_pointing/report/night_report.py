@@ -15,7 +15,7 @@ from urllib.parse import quote
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.whole_file import DATA_BYTES, parse_json, read_whole, write_whole
 from rf_pointing.operations.alarms import AlarmBook
-from rf_pointing.operations.pass_work import PassRecord, causes_between
+from rf_pointing.operations.pass_work import PassRecord, causes_between, filler_text, fillers_of
 from rf_pointing.report.html import render
 
 STALE_H = 48.0
@@ -55,19 +55,24 @@ class NightReport:
     @property
     def tracked(self) -> int:
         """Passes that count as tracked."""
-        return sum(each.state == TRACKED for each in self.passes)
+        return sum(each.state == TRACKED for each in self.chosen)
 
     @property
     def wanted(self) -> int:
-        """Passes that were to be tracked."""
-        return sum(each.state not in BY_CHOICE for each in self.passes)
+        """Number of `chosen`."""
+        return len(self.chosen)
+
+    @property
+    def chosen(self) -> tuple[PassRecord, ...]:
+        """Passes that were to be tracked, without those that filled gaps."""
+        wanted = (each for each in self.passes if not each.filler)
+        return tuple(each for each in wanted if each.state not in BY_CHOICE)
 
     @property
     def held_share(self) -> float:
         """Share of the time of the passes that were to be tracked in which the target was held."""
-        wanted = [each for each in self.passes if each.state not in BY_CHOICE]
-        planned_s = sum(each.los_t_s - each.aos_t_s for each in wanted)
-        return sum(each.tracked_s for each in wanted) / planned_s if planned_s else 0.0
+        planned_s = sum(each.los_t_s - each.aos_t_s for each in self.chosen)
+        return sum(each.tracked_s for each in self.chosen) / planned_s if planned_s else 0.0
 
 
 def night_of(
@@ -138,7 +143,8 @@ def _to_do(
     rows += [
         f"{name} came {count} times in the night: find out why" for name, count in sorted(again.items()) if count >= 3
     ]
-    lost = [each for each in passes if each.state not in (TRACKED, "weather", *BY_CHOICE)]
+    blameless = TRACKED, "weather", *BY_CHOICE
+    lost = [each for each in passes if each.state not in blameless and not each.filler]
     if lost:
         rows.append(
             f"{len(lost)} passes were lost ({_listed([each.name for each in lost])}): plan them again if needed"
@@ -174,7 +180,7 @@ def index_page(folder: Path) -> str:
         href = f"{file.parent.name}/night.html"
         try:
             night = parse_json(read_whole(file, DATA_BYTES))
-            passes = night["passes"]
+            passes = [each for each in night["passes"] if not each.get("filler")]
             rows.append({
                 "href": href, "begun": _minute(night["begun_t_s"]), "station": night["station"],
                 "tracked": int(night["tracked"]),
@@ -199,12 +205,10 @@ def page(report: NightReport) -> str:
         ended=_minute(report.ended_t_s),
         timeline=_timeline(report),
         oldest_h=max(ages, default=None),
-        passes=[
-            {"clock": _clock(each.aos_t_s)[:5], "name": each.name, "state": each.state,
-             "why": _why(each), "lost_s": round(each.lost_s), "loss_db": each.loss_db,
-             "held": 100.0 * each.tracked_s / max(1.0, each.los_t_s - each.aos_t_s),
-             "report": f"../passes/{quote(each.id)}/report.html" if each.recorded else ""}
-            for each in report.passes
+        passes=[_row(each) for each in report.passes if not each.filler],
+        fillers=[
+            {"name": name, "text": filler_text(each), "pieces": list(map(_row, each))}
+            for name, each in fillers_of(report.passes).items()
         ],
         alarms=[
             {"clock": _clock(each.raised_t_s), "name": each.name.replace("_", " "),
@@ -215,6 +219,15 @@ def page(report: NightReport) -> str:
         health=[(device, name, str(value)) for device, values in sorted(report.health.items())
                 for name, value in values.items()],
     )  # fmt: skip
+
+
+def _row(one: PassRecord) -> dict[str, Any]:
+    return {
+        "clock": _clock(one.aos_t_s)[:5], "name": one.name, "state": one.state, "why": _why(one),
+        "lost_s": round(one.lost_s), "loss_db": one.loss_db,
+        "held": 100.0 * one.tracked_s / max(1.0, one.los_t_s - one.aos_t_s),
+        "report": f"../passes/{quote(one.id)}/report.html" if one.recorded else "",
+    }  # fmt: skip
 
 
 def _lasted(one: NightAlarm) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from rf_pointing.core import azel_from_unit_vector, unit_vector_from_azel
 from rf_pointing.core.modes import Mode
 from rf_pointing.core.types import Array, IntArray
+from rf_pointing.planning import HorizonMask
 from rf_pointing.report.analysis import Analysis
 from rf_pointing.tracking.sensors import SENSORS
 
@@ -83,6 +84,15 @@ def sky_place(azimuth_rad: Array, elevation_rad: Array) -> tuple[Array, Array]:
     # By way of the vector: past the zenith the antenna looks to the other side.
     theta, elevation = azel_from_unit_vector(unit_vector_from_azel(azimuth_rad, elevation_rad))
     return np.unwrap(theta), 90.0 - np.degrees(elevation)
+
+
+def draw_hills(axes: Any, mask: HorizonMask) -> None:
+    """Draw the horizon mask grey into a sky."""
+    around = np.radians(np.arange(0.0, 360.5, 0.5))
+    hills = np.degrees(mask.lowest_all(around))
+    axes.fill_between(
+        around, 90.0 - np.clip(hills, 0.0, 90.0), 90.0, where=hills > 0.0, color="#b0b4b8", lw=0.0, zorder=0.4
+    )
 
 
 @contextmanager

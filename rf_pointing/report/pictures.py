@@ -14,6 +14,7 @@ from rf_pointing.core import AXES, MDEG
 from rf_pointing.core.modes import Mode
 from rf_pointing.core.pass_outcome import SIDELOBE_DB, pointing_loss_db, received_power
 from rf_pointing.core.types import Array
+from rf_pointing.planning.forbidden_sky import horizon_from_notes
 from rf_pointing.report.analysis import Analysis, ErrorSeries, tracking_modes
 from rf_pointing.report.picture_style import (
     ALONE_COLOUR,
@@ -21,6 +22,7 @@ from rf_pointing.report.picture_style import (
     DASHED,
     LIMIT_COLOUR,
     TimeAxis,
+    draw_hills,
     figure,
     legend_above,
     marked_level,
@@ -203,6 +205,8 @@ def draw_sky(analysis: Analysis, path: Path) -> None:
         drawn.get_layout_engine().set(rect=(0.0, 0.04, 1.0, 0.92))
         axes = drawn.add_subplot(projection="polar")
         sky_axes(axes)
+        if (horizon := horizon_from_notes(analysis.recording.notes)) is not None:
+            draw_hills(axes, horizon)
         _draw_actual(axes, analysis)
         if analysis.modes is not None:
             _draw_commanded(axes, analysis)

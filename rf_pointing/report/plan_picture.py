@@ -10,7 +10,15 @@ import numpy as np
 
 from rf_pointing.core.types import Array
 from rf_pointing.planning import AxisLimits, HorizonMask
-from rf_pointing.report.picture_style import AXIS_COLOURS, DASHED, LIMIT_COLOUR, figure, sky_axes, sky_place
+from rf_pointing.report.picture_style import (
+    AXIS_COLOURS,
+    DASHED,
+    LIMIT_COLOUR,
+    draw_hills,
+    figure,
+    sky_axes,
+    sky_place,
+)
 from rf_pointing.station.pointing.certificates import PlannedPass
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#332288", "#882255", "#7f7f7f")
@@ -58,15 +66,6 @@ def _draw_sky(axes: Any, planned: list[PlannedPass], mask: HorizonMask) -> None:
         if chosen is not None and chosen.crossing is not None:
             axes.plot(*sky_place(*chosen.crossing.position_rad.T), color="black", lw=0.8)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2, fontsize=8.0)
-
-
-def draw_hills(axes: Any, mask: HorizonMask) -> None:
-    """Draw the horizon mask grey into a sky."""
-    around = np.radians(np.arange(0.0, 360.5, 0.5))
-    hills = np.degrees(mask.lowest_all(around))
-    axes.fill_between(
-        around, 90.0 - np.clip(hills, 0.0, 90.0), 90.0, where=hills > 0.0, color="#b0b4b8", lw=0.0, zorder=0.4
-    )
 
 
 def _draw_wrap(axes: Any, planned: list[PlannedPass], limits: AxisLimits) -> None:

@@ -11,6 +11,7 @@ from rf_pointing.core import AXES, MDEG
 from rf_pointing.core.dates import utc_text
 from rf_pointing.core.modes import Sensor
 from rf_pointing.core.types import Array, IntArray
+from rf_pointing.planning.forbidden_sky import HORIZON_NOTE
 from rf_pointing.report.analysis import Analysis, ErrorSeries, Interval, Timeline, statistics_of, tracking_modes
 from rf_pointing.report.outcome import verdict
 from rf_pointing.report.recording import Pass, Recording
@@ -89,7 +90,7 @@ def _bag(recording: Recording) -> BagInfo:
         wall_s=wall,
         speed=simulated / wall if simulated is not None and wall else None,
         message_count=sum(len(data) for data in filled) + sum(recording.others.values()),
-        notes=recording.notes,
+        notes={name: text for name, text in recording.notes.items() if name != HORIZON_NOTE},
     )
 
 

@@ -243,6 +243,17 @@ PROCESSES = (1, 2, 8)
 """Numbers of processes of a station that may be chosen; 8 is one for each node."""
 
 
+def with_trackers(names: Sequence[str], sensors: Collection[str], receiver: str) -> tuple[str, ...]:
+    """Return the executables of a real antenna whose bands have these `sensors`.
+
+    Where no band has any, one stays for a described `receiver`: it reports the C/N0.
+    """
+    wanted = {SENSORS[name].node for name in sensors if name in SENSORS}
+    if not wanted and receiver != "simulated":
+        wanted = {SENSORS[name].node for traits in SENSORS.values() for name in traits.level_from}
+    return tuple(name for name in names if name not in _TRACKERS or name in wanted)
+
+
 def with_receiver(names: Sequence[str], receiver: str) -> tuple[str, ...]:
     """Return the executables of a station with this `receiver` in place of the simulated one.
 

@@ -29,6 +29,7 @@ from rf_pointing.ros.graph import (
     STATION_NODES,
     partition,
     with_receiver,
+    with_trackers,
 )
 from rf_pointing.ros.main_loop import DRIVE_PRIORITY, present_holder
 from rf_pointing.station.antenna.memory import move_state, state_files, state_folder
@@ -223,7 +224,8 @@ def single_antenna(values: Mapping[str, Any]) -> list[Process]:
     """
     station = read_station(values["station"])
     own = () if station.drive["type"] == "simulated" else ("antenna_servo",)
-    return _station_processes(values, station, (*own, *STATION_NODES))
+    names = with_trackers((*own, *STATION_NODES), station.every_sensor, station.receiver)
+    return _station_processes(values, station, names)
 
 
 def _station_processes(

@@ -178,19 +178,26 @@ class LifecycleClient:
         wanted, reached = TRANSITIONS[transition]
         request = ChangeState.Request(transition=Transition(id=wanted))
         waiting = {name: self._clients[name].call_async(request) for name in names}
-        # Answers come in order: where that to the change is lost, the state shows the outcome.
-        states = {name: RepeatedCall(self._looks[name], GetState.Request(), after_s=AGAIN_S) for name in names}
-        self._until_none(
-            lambda: [name for name in names if not waiting[name].done() and not states[name].done()],
-            transition,
-            patience_s,
-        )
+        # Where the answer to the change is lost, the state shows the outcome.
+        look = lambda name: RepeatedCall(self._looks[name], GetState.Request(), AGAIN_S)  # noqa: E731
+        states, again = {name: look(name) for name in names}, set[str]()
 
         def succeeded(name: str) -> bool:
             if waiting[name].done():
                 return bool(waiting[name].result().success)
             return bool(states[name].result().current_state.id == reached)
 
+        def over(name: str) -> bool:
+            if waiting[name].done() or not states[name].done():
+                return bool(waiting[name].done())
+            if succeeded(name) or name in again:
+                return True
+            # A node that is still starting may answer the later of two calls first.
+            again.add(name)
+            states[name] = look(name)
+            return False
+
+        self._until_none(lambda: [name for name in names if not over(name)], transition, patience_s)
         return [name for name in names if not succeeded(name)]
 
     def _until_none(self, late: Callable[[], list[str]], what: str, patience_s: float | None = None) -> None:

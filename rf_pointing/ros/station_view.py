@@ -31,6 +31,7 @@ def status_values(
         "azimuth_deg": round(azimuth, 3), "elevation_deg": round(elevation, 3), "tracking": tracking.mode,
         "target": tracking.target, "on_source": tracking.on_source, "carrier_to_noise_db_hz": tracking.carrier_to_noise,
         "seconds_tracked": tracking.seconds_tracked, "executive": executive.state, "pass": executive.pass_id,
+        "pass_target": executive.target,
         "next": executive.next_id, "doing": executive.reason, "blocks": list(executive.blocks),
         "alarms": [alarm_values(each) for each in executive.alarms],
     }  # fmt: skip
@@ -124,8 +125,11 @@ def passes_values(message: ours.PassList) -> dict[str, Any]:
 
 
 def schedule_values(schedule: ours.Schedule) -> list[dict[str, Any]]:
-    """Return the passes of a schedule."""
-    return [entry_values(each) for each in schedule.passes[:MOST_ROWS]]
+    """Return the passes of a schedule; of a longer one those around the first that is not over."""
+    rows = schedule.passes
+    coming = (n for n, each in enumerate(rows) if each.state in ("waiting", "active"))
+    first = max(0, min(next(coming, len(rows)) - MOST_ROWS // 4, len(rows) - MOST_ROWS))
+    return [entry_values(each) for each in rows[first : first + MOST_ROWS]]
 
 
 def certificate_values(message: ours.PassCertificate) -> dict[str, Any]:
@@ -144,7 +148,9 @@ def pass_line(row: dict[str, Any]) -> str:
 
 def status_text(values: dict[str, Any]) -> str:
     """Return what the station does in a line, with a line for the fault and each alarm."""
-    doing = f"{values['pass']} {'; '.join(values['blocks'])}" if values["pass"] else values["doing"] or "nothing"
+    name = values["pass_target"] or values["pass"]
+    parts = " ".join(filter(None, [name, "; ".join(values["blocks"])])), values["doing"]
+    doing = "; ".join(filter(None, parts)) or "nothing"
     lines = [
         f"{values['utc'][:19]}  antenna {values['antenna']} az {values['azimuth_deg']:.2f} el {values['elevation_deg']:.2f} deg"
         f"  {values['tracking'] or 'no controller'} {values['target']}  executive {values['executive']}: {doing}"

@@ -58,8 +58,11 @@ def parameters(line: str, tmp_path: Path) -> dict[str, dict[str, Any]]:
 def test_nodes_of_an_array_run_where_the_band_has_one(tmp_path: Path) -> None:
     assert live.nodes_of(request("")) == NODES
     assert live.nodes_of(request("--station rotator_2m")) == (*NODES, *ARRAY_NODES)
-    # A real array has receivers of its own.
-    assert live.nodes_of(request(changed(tmp_path, REAL, "rotator_2m"))) == (*DRIVE_NODES, *ARRAY_NODES[1:])
+    # A real array has receivers of its own, and what tracks by no signal needs no tracker.
+    real = live.nodes_of(request(changed(tmp_path, REAL, "rotator_2m")))
+    assert real == (*(name for name in DRIVE_NODES if name != "monopulse_tracker"), *ARRAY_NODES[1:])
+    yagi = live.nodes_of(request(changed(tmp_path, REAL, "vhf_uhf_yagi")))
+    assert yagi == tuple(name for name in DRIVE_NODES if not name.endswith("_tracker"))
 
 
 def test_the_request_reaches_the_nodes_as_parameters(tmp_path: Path) -> None:

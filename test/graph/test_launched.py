@@ -114,7 +114,8 @@ def test_a_station_of_its_own_comes_up_with_what_the_user_has_written_last(
     )
     arguments = {"station": "leo_3m7", "band": "X", "satellite": "Sun", "params_file": str(own), "state_folder": "none"}
     launch_file.start("single_antenna", **arguments)
-    launch_file.wait_active(STATION_NODES)
+    # No band of the dish has monopulse.
+    launch_file.wait_active(tuple(name for name in STATION_NODES if name != "monopulse_tracker"))
     wanted = {
         "ephemeris_publisher": {"band": "S", "source.satellite": "Moon", "use_sim_time": False},
         "pointing_controller": {"band": "S", "certificate_folder": str(tmp_path / "certificates")},

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, Phase, settings
+from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
@@ -14,6 +14,7 @@ from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.operations.night import Night, NightState
+from rf_pointing.operations.pass_work import filler_text, fillers_of
 from rf_pointing.operations.procedure import read_procedure
 from rf_pointing.operations.recovery import read_table
 from rf_pointing.operations.schedule import OPEN, PassState, Schedule, ScheduledPass
@@ -28,13 +29,14 @@ class Station:
     """An antenna and a controller that do what is commanded within seconds, and publish it to the night."""
 
     def __init__(self, *passes: ScheduledPass) -> None:
-        self.passes = {item.target: item for item in passes}
+        self.passes = {item.id: item for item in passes}
         self.mode, self.fault, self.wind, self.place = "parked", "", "", PARK
         self.target, self.reason, self.tracked_s, self.window = "", "start", 0.0, None
         self.silent_s, self.free_gb, self.refuses, self.recording = 0.0, 100.0, "", ""
         self.drive, self.missing = "", list[str]()
         self.told: list[tuple[float, str, str]] = []
         self.sent: list[str] = []
+        self.names: dict[int, str] = {}
         self.kept: list[str] = []
         self.now_s, self.speaks = 0.0, True
         self._answers: list[tuple[int, str]] = []
@@ -58,13 +60,16 @@ class Station:
         assert json.loads(self.kept[-1])["attempt"] == json.loads(json.dumps(self.night.state()["attempt"])), name
         self.sent.append(name)
         error = self._do(name, arguments)
+        if name == "select_target":
+            self.names[number] = f"bird {arguments['target']}"
         if name == "track" and not error:
             self._goal = number
         self._answers.append((number, error))
 
     def _do(self, name: str, arguments: dict[str, Any]) -> str:
         if name == "select_target":
-            item = self.passes[arguments["target"]]
+            item = self.passes[self.night.active_id]
+            assert arguments["target"] == item.target
             self.night.take_passes(item.name, [(item.aos_t_s + 0.7, item.los_t_s + 0.7, item)], self.now_s)
         elif name == "track":
             if refused := self.fault or self.refuses:
@@ -130,7 +135,7 @@ class Station:
     def _publish(self, held: bool) -> None:
         answers, self._answers = self._answers, []
         for number, error in answers:
-            self.night.respond(number, not error, error, self.now_s)
+            self.night.respond(number, not error, error, self.now_s, self.names.get(number, ""))
         place = {} if self.drive else {"azimuth": self.place[0], "elevation": self.place[1]}
         for device, values in {
             "drive": {"problem": self.drive},
@@ -149,6 +154,35 @@ class Station:
 
 def two() -> tuple[ScheduledPass, ...]:
     return a_pass("a", 1000.0), a_pass("b", 2000.0, azimuth=(200.0, 120.0))
+
+
+@given(fills=st.lists(st.booleans(), min_size=2, max_size=5), lost=st.integers(0, 4))
+@settings(max_examples=15, deadline=None)
+def test_a_filler_is_counted_by_its_gaps_and_a_number_gets_the_name_of_its_target(fills: list[bool], lost: int) -> None:
+    """One pass after the other, the filler's in the gaps; one is refused by the antenna."""
+    items = [
+        a_pass(f"p{k}", 600.0 + 900.0 * k, target="28" if fills_gap else "25544", filler=fills_gap)
+        for k, fills_gap in enumerate(fills)
+    ]
+    station, said = Station(*items), list[str]()
+    for k, item in enumerate(items):
+        station.refuses = "it is in the Sun" if k == lost else ""
+        station.run(item.aos_t_s + 100.0 - station.now_s)
+        said.append(station.night.reason)
+        station.run(item.los_t_s + 20.0 - station.now_s)
+    station.run(1e5)
+    count, tracked = sum(fills), sum(each for k, each in enumerate(fills) if k != lost)
+    number = iter(range(1, count + 1))
+    assert said == [f"gap {next(number)} of {count}" if each else "" for each in fills]
+    assert {record.name for record in station.night.records} == {f"bird {item.target}" for item in items}
+    found = fillers_of(station.night.records)
+    held_s = [each.tracked_s for each in found.get("bird 28", []) if each.state == "tracked"]
+    hours = sum(held_s) / 3600.0
+    assert math.isclose(hours, tracked / 6.0, rel_tol=0.02, abs_tol=0.001)
+    shown = f"{tracked}" if tracked == count else f"{tracked} of {count}"
+    assert {name: filler_text(each) for name, each in found.items()} == (
+        {"bird 28": f"tracked in {shown} gap{'s' * (shown != '1')}, {hours:.1f} h"} if count else {}
+    )
 
 
 class AnyNight(RuleBasedStateMachine):
@@ -616,9 +650,9 @@ def test_the_pass_of_the_target_is_the_one_that_shares_most_with_that_of_the_sch
     seen = lambda name: one.night.expected_state.value(f"ephemeris.{name}")  # noqa: E731
     windows = [(0.0, 1000.0, "before"), (900.0, 1010.0, "10 s"), (1500.0, 1700.0, "100 s"), (1300.0, 1400.0, "too"),
                (1600.0, 1900.0, "after")]  # fmt: skip
-    for t_s, given, found in ((900.0, windows, None), (941.0, windows, "100 s"), (942.0, windows[:1], None)):
+    for t_s, present, found in ((900.0, windows, None), (941.0, windows, "100 s"), (942.0, windows[:1], None)):
         one.at(t_s)
-        one.night.take_passes("x", given, t_s)
+        one.night.take_passes("x", present, t_s)
         assert (seen("target"), seen("pass"), seen("pass_found")) == ("x", found, found is not None)
 
 
@@ -664,7 +698,11 @@ def test_a_stopped_night_ends_after_its_pass_and_an_aborted_one_at_once(request_
 def test_passes_and_blocks_are_skipped_by_their_names() -> None:
     one = Bench(*(a_pass(name, 1000.0 + 2000.0 * k) for k, name in enumerate("abc")))
     assert one.night.skip("b", 10.0) == "pass b is skipped"
-    refused = {"b": "pass b is skipped", "e": "pass 'e' is not in the schedule", "": "no pass is in work"}
+    refused = {
+        "b": "pass b cannot be skipped: its state is skipped",
+        "e": "pass 'e' is not in the schedule",
+        "": "no pass is in work",
+    }
     for name, words in refused.items():
         with pytest.raises(ValueError, match=words):
             one.night.skip(name, 11.0)

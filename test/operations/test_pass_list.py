@@ -15,12 +15,13 @@ WHOLE = ScheduledPass(
     id="7", target="33591", name="NOAA 19", aos_t_s=AOS_S, los_t_s=LOS_S, priority=-3, peak_rad=math.radians(40.0),
     azimuth_path_rad=tuple(map(math.radians, (10.0, -5.0, 200.0, 190.0))),
     elevation_rad=(math.radians(5.0), math.radians(7.0)), antenna="gs2", sensor="program", element_age_s=5400.0,
+    filler=True,
 )  # fmt: skip
 ROW = {
     "id": "7", "name": "NOAA 19", "target": "33591", "priority": -3, "aos_utc": "2026-01-01T01:00:00.250Z",
     "los_utc": "2026-01-01T01:11:40.750Z", "peak_elevation_deg": 40.0, "aos_azimuth_deg": 10.0,
     "azimuth_low_deg": -5.0, "azimuth_high_deg": 200.0, "azimuth_end_deg": 190.0, "aos_elevation_deg": 5.0,
-    "los_elevation_deg": 7.0, "antenna": "gs2", "sensor": "program", "element_age_h": 1.5,
+    "los_elevation_deg": 7.0, "antenna": "gs2", "sensor": "program", "element_age_h": 1.5, "filler": True,
 }  # fmt: skip
 HEAD = "target,aos_utc,los_utc"
 TIMES = "2026-01-01T01:00:00Z,2026-01-01T01:10:00Z"
@@ -44,7 +45,7 @@ def test_every_field_comes_back(form: str) -> None:
         "calendar": lambda: to_calendar([WHOLE], "Station", 0.0),
     }[form]()
     (back,) = read_passes(text)
-    for name in ("id", "target", "name", "priority", "antenna", "sensor"):
+    for name in ("id", "target", "name", "priority", "antenna", "sensor", "filler"):
         assert getattr(back, name) == getattr(WHOLE, name)
     for name in ("aos_t_s", "los_t_s", "peak_rad", "element_age_s"):
         assert getattr(back, name) == pytest.approx(getattr(WHOLE, name), abs=1e-6)
@@ -128,6 +129,7 @@ def calendar_of(*lines: str) -> str:
         ('{"list": []}', "must be a list of passes"),
         ('{"passes": 3}', "must be a list of passes"),
         (f"{HEAD},peak_elevation_deg\na,{TIMES},x\n", "row 1: peak_elevation_deg='x' must be a number"),
+        (f"{HEAD},filler\na,{TIMES},maybe\n", "row 1: filler='maybe' must be true or false"),
         (f"{HEAD}\na,soon,later\n", "row 1"),
         (f"{HEAD}\na,{','.join(reversed(TIMES.split(',')))}\n", "row 1: aos=.* must be < los="),
         ("BEGIN:VCALENDAR\nBEGIN:VEVENT\n", "not a calendar|must have dtstart"),

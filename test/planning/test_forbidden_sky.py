@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rf_pointing.planning import HorizonMask
-from rf_pointing.planning.forbidden_sky import ForbiddenSky, angle_between
+from rf_pointing.planning.forbidden_sky import ForbiddenSky, angle_between, horizon_from_notes, horizon_to_notes
 
 MASK = HorizonMask(azimuth_rad=(0.5, 2.0, 5.0), elevation_rad=(0.1, 0.3, 0.05))
 
@@ -23,6 +23,17 @@ def test_heights_lie_on_straight_lines_closed_over_north(azimuth: float, height:
 def test_one_azimuth_and_many_agree(random: np.random.Generator) -> None:
     azimuths = random.uniform(-10.0, 10.0, 500)
     np.testing.assert_allclose(MASK.lowest_all(azimuths), [MASK.lowest_rad(a) for a in azimuths.tolist()], atol=1e-12)
+
+
+def test_a_recording_keeps_the_hills_and_nothing_of_a_flat_horizon(random: np.random.Generator) -> None:
+    azimuth, elevation = np.sort(random.uniform(0.0, 6.2, 50)), random.uniform(-0.1, 1.4, 50)
+    mask = HorizonMask(azimuth_rad=tuple(azimuth), elevation_rad=tuple(elevation))
+    around = np.linspace(0.0, 7.0, 100)
+    back = horizon_from_notes(horizon_to_notes(mask) | {"station": "Dish"})
+    assert back is not None
+    assert back.lowest_all(around) == pytest.approx(mask.lowest_all(around), abs=1e-3)
+    assert horizon_from_notes(horizon_to_notes(HorizonMask())) is None
+    assert horizon_to_notes(HorizonMask()) == {}
 
 
 def test_passes_begin_clear_of_the_horizon_and_above_the_least_elevation(random: np.random.Generator) -> None:

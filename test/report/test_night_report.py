@@ -102,6 +102,24 @@ def test_the_page_has_the_lost_seconds_with_their_causes_and_escapes_names(tmp_p
     assert values["to_do"] == list(report.to_do)
 
 
+def test_what_fills_gaps_is_one_line_and_no_pass_of_the_counts(tmp_path: Path) -> None:
+    """18 gaps of 640 s, and one in which the drive did not answer."""
+    filler = {"name": "QO-100", "filler": True}
+    pieces = [record(f"QO-100 {k}", 900.0 * k, tracked_s=640.0) | filler for k in range(18)]
+    lost = record("QO-100 x", 17000.0, state="lost", reason="no answer", tracked_s=0.0) | filler
+    text, night = [], tmp_path / "report-2006-06-26T1800"
+    for records in (pieces, [*pieces, lost, record("SAT 1", 18000.0, tracked_s=540.0)]):
+        report = night_of(state(records), "Dish")
+        write_night(report, night)
+        text.append((night / "night.html").read_text())
+    assert "tracked in 18 gaps, 3.2 h" in text[0]
+    assert "tracked in 18 of 19 gaps, 3.2 h" in text[1]
+    assert [each.count("QO-100</span>") for each in text] == [1, 1]
+    assert f"{utc_text(T0 + 17000.0)[11:16]}: no answer" in text[1]
+    assert (report.tracked, report.wanted, report.held_share, report.to_do) == (1, 1, 0.9, ())
+    assert "1 of 1" in (tmp_path / "index.html").read_text()
+
+
 def test_a_night_without_a_pass_is_a_page_too() -> None:
     assert "Nothing to do" in page(night_of({"begun_s": None, "schedule": [], "records": [],
                                              "alarms": {"history": [], "alarms": []}}, "Dish"))  # fmt: skip

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from rf_pointing.planning import HorizonMask
+from rf_pointing.planning.forbidden_sky import horizon_to_notes
 from rf_pointing.report.analysis import Analysis, analyse
 from rf_pointing.report.definitions import Definitions
 from rf_pointing.report.picture_style import LIMIT_COLOUR, mode_colour, mode_runs, per_second
@@ -22,9 +24,9 @@ ALL = ["pointing_error", "link", "sky_track", "beam", "axes", "timing"]
 def analysed(
     tmp_path_factory: pytest.TempPathFactory, synthetic_run: type[Any], types: Definitions
 ) -> Callable[..., Analysis]:
-    def make(**plan: Any) -> Analysis:
+    def make(notes: dict[str, str] | None = None, **plan: Any) -> Analysis:
         path = tmp_path_factory.mktemp("pictures") / "bag"
-        synthetic_run(**{"seconds": 4.0, "aos_los_s": (1.0, 3.0), **plan}).write(path, types)
+        synthetic_run(**{"seconds": 4.0, "aos_los_s": (1.0, 3.0), **plan}).write(path, types, notes)
         return analyse(read_recording(path))
 
     return make
@@ -73,6 +75,25 @@ def test_sky_has_north_up_and_east_right_and_folds_over_the_zenith(
     track = coloured(tmp_path / "sky_track.png", "#66aad0")
     inside = track[(track[:, 0] > 0.1) & (track[:, 0] < 0.84)]
     assert np.median(inside, axis=0) == pytest.approx([row, column], abs=0.03)
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_sky_has_the_hills_of_the_station_that_was_recorded(
+    analysed: Callable[..., Analysis], tmp_path: Path, damaged: bool
+) -> None:
+    """A hill of 30 deg in the east covers the outer third of the circle there, and nothing else."""
+    azimuth, elevation = (tuple(np.radians(each)) for each in ([0.0, 60.0, 61.0, 119.0, 120.0], [0, 0, 30, 30, 0]))
+    notes = horizon_to_notes(HorizonMask(azimuth_rad=azimuth, elevation_rad=elevation))
+    analysis = analysed({name: text[: -4 * damaged or None] for name, text in notes.items()})
+    draw_sky(analysis, tmp_path / "sky.png")
+    hill = coloured(tmp_path / "sky.png", "#b0b4b8")
+    hill = hill[(hill[:, 0] > 0.2) & (hill[:, 0] < 0.8)]
+    if damaged:
+        assert len(hill) < 2000
+        return
+    assert len(hill) > 20_000
+    assert np.mean(hill[:, 1] > 0.6) > 0.98
+    assert np.mean(hill, axis=0) == pytest.approx([0.49, 0.83], abs=0.03)
 
 
 def test_sky_draws_no_command_where_there_is_no_target(analysed: Callable[..., Analysis], tmp_path: Path) -> None:

@@ -108,6 +108,25 @@ def test_a_station_with_a_drive_starts_the_control_unit_on_it_with_a_priority(tm
     assert those_with(launched("simulated_station"), "lifecycle.realtime_priority") == set()
 
 
+@pytest.mark.parametrize(
+    ("sensors", "receiver", "trackers"),
+    [
+        (["", "", ""], "simulated", set()), (["", "", ""], "topic", {"conscan_tracker"}),
+        (["steptrack", "", ""], "simulated", {"conscan_tracker"}), (["monopulse", "", ""], "topic", {"monopulse_tracker"}),
+        (["monopulse", "conscan", ""], "simulated", {"conscan_tracker", "monopulse_tracker"}),
+    ],
+)  # fmt: skip
+def test_a_real_antenna_starts_the_trackers_of_its_bands_or_one_for_the_level_of_its_receiver(
+    tmp_path: Path, sensors: list[str], receiver: str, trackers: set[str]
+) -> None:
+    path = tmp_path / "mine.yaml"
+    by_band = {f"bands.{name}.sensors": own.split() for name, own in zip(("S", "X", "Ka"), sensors, strict=True)}
+    read_station("dss13").write(path, {"drive.type": "hamlib", "receiver.type": receiver, **by_band})
+    nodes = set(launched("single_antenna", station=str(path), band="Ka"))
+    assert nodes & {"conscan_tracker", "monopulse_tracker"} == trackers
+    assert {"antenna_servo", "pointing_controller", "ephemeris_publisher", "bias_calibrator"} <= nodes
+
+
 def test_a_station_with_an_array_starts_its_nodes() -> None:
     """A real array has receivers of its own."""
     rotator = {"station": "rotator_2m"}

@@ -185,6 +185,7 @@ class Network:
         self.machine, self.ready_s, self.answer_s = machine, 0.1, 0.05
         self.refusing: dict[str, float] = {}
         self.lost: set[str] = set()
+        self.late_s: dict[str, float] = {}
         self.states: dict[str, int] = {}
         self.requests: list[tuple[str, int, float]] = []
         self.spins = 0
@@ -209,7 +210,8 @@ class Network:
             self.requests.append((node, request.transition.id, wall.passed_s))
             left = self.refusing.get(node, 0)
             self.refusing[node] = left - 1
-            return Answer(wall, math.inf if node in self.lost else at_s, ChangeState.Response(success=left <= 0))
+            answered_s = math.inf if node in self.lost else at_s + self.late_s.get(node, 0.0)
+            return Answer(wall, answered_s, ChangeState.Response(success=left <= 0))
 
         return SimpleNamespace(
             service_is_ready=lambda: wall.passed_s >= self.ready_s, call_async=call_async,
@@ -292,6 +294,15 @@ def test_where_an_answer_is_lost_the_state_of_the_node_counts(
             graph.configure(NODES)
     else:
         graph.configure(NODES)
+
+
+def test_a_node_that_tells_its_state_before_it_takes_the_change_has_not_refused(
+    machine: Machine, network: Network, graph: ManagedGraph
+) -> None:
+    """On a busy computer: its state is still the old one after 5 s, and the change succeeds after 8 s."""
+    network.late_s = {"rf_receiver": 8.0}
+    graph.configure(NODES)
+    assert machine.wall.passed_s == pytest.approx(8.1, abs=0.1)
 
 
 def test_an_activation_is_repeated_for_the_nodes_that_refuse_it(

@@ -17,6 +17,7 @@ from rf_pointing.ros.station_view import (
     moving_values,
     passes_values,
     schedule_values,
+    status_text,
     status_values,
     target_values,
 )
@@ -49,8 +50,9 @@ def test_the_status_of_a_station_is_in_degrees_and_utc() -> None:
         "utc": utc_text(NOW_S), "antenna": "tracking", "fault": "f", "warning": "w", "azimuth_deg": 123.457,
         "elevation_deg": 45.679, "tracking": "coast", "target": "BIRD", "on_source": True, "carrier_to_noise_db_hz": 41.0,
         "seconds_tracked": 7.0, "executive": "running", "pass": "p1", "next": "p2", "doing": "waits", "blocks": ["slew"],
-        "alarms": [ALARM],
+        "alarms": [ALARM], "pass_target": "BIRD",
     }  # fmt: skip
+    assert "executive running: BIRD slew; waits" in status_text(found)
 
 
 def test_executive_passes_and_schedule_are_shown_in_utc_and_degrees() -> None:
@@ -58,6 +60,10 @@ def test_executive_passes_and_schedule_are_shown_in_utc_and_degrees() -> None:
         "state": "running", "pass": "p1", "target": "BIRD", "blocks": ["slew"], "doing": "waits", "next": "p2",
         "next_s": NOW_S, "alarms": [{**ALARM, "raised_utc": utc_text(NOW_S), "count": 3}],
     }  # fmt: skip
+    # A long schedule is shown around the pass that comes next.
+    long = [ours.ScheduledPass(id=f"p{n}", state="tracked" if n < 300 else "waiting") for n in range(500)]
+    rows = schedule_values(ours.Schedule(passes=long))
+    assert (len(rows), rows[0]["id"], rows[-1]["id"]) == (200, "p250", "p449")
     passes = ours.PassList(target="1", passes=[ours.Pass(target="BIRD", **TIMES)] * 201)
     assert passes_values(passes) == {"target": "1", "rows": [{"target": "BIRD", **SHOWN_TIMES}] * 200}
     entry = ours.ScheduledPass(id="p1", priority=2, state="lost", **TIMES)

@@ -17,6 +17,7 @@ import numpy as np
 
 from rf_pointing.controllers import TrajectorySample
 from rf_pointing.core import AXES, JointReading, JointTrajectory
+from rf_pointing.core.modes import antenna_is
 from rf_pointing.core.types import Array, Pair
 from rf_pointing.identification import IdentificationExperiment
 from rf_pointing.servo import PlantParams
@@ -102,7 +103,7 @@ class ControlUnit:
     def in_use(self) -> str:
         """Why what guards the antenna cannot change now, "" while its drives are off."""
         powered = self.axes.hardware.powered
-        return f"the drives are enabled (the antenna is {self.mode}); disable it first" if powered else ""
+        return f"the drives are enabled ({antenna_is(self.mode)}); disable it first" if powered else ""
 
     # Commands
 
@@ -391,7 +392,7 @@ class ControlUnit:
         """Return the status at `t_s`."""
         axes, path, safety = self.axes, self.axes.path, self.safety
         commanded = path.preprocessor.state.position_rad
-        silent = "" if self.modes.traits.transmits else f"the antenna is {self.mode}"
+        silent = "" if self.modes.traits.transmits else antenna_is(self.mode)
         return AntennaStatus(
             t_s=t_s,
             mode=self.mode,

@@ -18,6 +18,8 @@ allows.
 from dataclasses import dataclass
 from enum import StrEnum, auto
 
+from rf_pointing.core.modes import antenna_is
+
 
 class AntennaMode(StrEnum):
     """Modes of the antenna; the values travel in `antenna_status`."""
@@ -137,28 +139,30 @@ class AntennaModes:
             case Request.COMMAND:
                 return self._against_command(now)
             case Request.IDENTIFY:
+                if now.fault:
+                    return f"fault latched ({now.fault}); reset it first"
                 if self.mode != AntennaMode.HOLDING:
-                    return f"the antenna is {now.fault or self.mode}, must be holding"
+                    return f"{antenna_is(self.mode)}, must be holding"
                 return "the axes are still moving" if now.moving else ""
             case Request.PAUSE:
-                return "" if self.mode == AntennaMode.TRACKING else f"nothing to pause, the antenna is {self.mode}"
+                return "" if self.mode == AntennaMode.TRACKING else f"nothing to pause, {antenna_is(self.mode)}"
             case Request.RESUME:
                 if self.mode == AntennaMode.PAUSED:
                     return ""
-                return now.high_wind if self.traits.at_rest else f"nothing to resume, the antenna is {self.mode}"
+                return now.high_wind if self.traits.at_rest else f"nothing to resume, {antenna_is(self.mode)}"
             case Request.PARK | Request.STOW | Request.GO_TO:
                 if now.fault:
                     return f"fault latched ({now.fault}); reset it first"
                 if request == Request.GO_TO and now.high_wind:
                     return now.high_wind
                 stows_parked = request == Request.STOW and self.mode == AntennaMode.PARKED
-                return "" if self.traits.movable or stows_parked else f"the antenna is {self.mode}"
+                return "" if self.traits.movable or stows_parked else antenna_is(self.mode)
             case Request.STOW_IN_FAULT:
                 if not now.fault:
                     return "no fault is latched; request stow"
-                return "" if self.mode == AntennaMode.FAULT else f"the antenna is {self.mode}, must be in fault"
+                return "" if self.mode == AntennaMode.FAULT else f"{antenna_is(self.mode)}, must be in fault"
             case Request.DISABLE:
-                return "" if self.traits.movable else f"nothing to disable, the antenna is {self.mode}"
+                return "" if self.traits.movable else f"nothing to disable, {antenna_is(self.mode)}"
             case Request.RESET_FAULT:
                 slowing = self.mode == AntennaMode.STOPPING or now.moving
                 return "the axes are still moving" if now.fault and slowing else ""
@@ -171,7 +175,7 @@ class AntennaModes:
         if self.mode == AntennaMode.MANUAL_RATE:
             return "an identification drives the antenna"
         if self.traits.ends_in or self.traits.at_rest:
-            return f"the antenna is {self.mode}; resume it first"
+            return f"{antenna_is(self.mode)}; resume it first"
         return ""
 
     def hold(self, now: MotionSnapshot) -> None:

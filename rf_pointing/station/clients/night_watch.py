@@ -18,7 +18,9 @@ from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.operations.night import Night, NightState
 from rf_pointing.operations.pass_list import read_passes
+from rf_pointing.operations.pass_work import filler_text, fillers_of
 from rf_pointing.operations.schedule import Entry, PassState, Schedule, ScheduledPass
+from rf_pointing.planning.forbidden_sky import horizon_to_notes
 from rf_pointing.station.clients.alarm_hooks import HookParams, Message
 from rf_pointing.station.clients.night_folder import NightFolder, Recording
 from rf_pointing.station.clients.station_alarms import NEEDED, StationAlarms
@@ -68,9 +70,9 @@ class NightWatch:
     ) -> None:  # fmt: skip
         require_choice("executive.sensor", own.sensor, ("", *SENSOR_CHOICES))
         self._own, self._thresholds, self._write_report, self._tell = own, alarms, report, tell
-        self._notes = {"station": station.name, "band": band}
         tables = read_tables(alarms, own.directives_file, own.procedure_file, own.recovery_file)
         controller = controller_params(station, band)
+        self._notes = {"station": station.name, "band": band, **horizon_to_notes(controller.mask)}
         self.folder = NightFolder(own.folder, record)
         actions = {"record": self._record, "end_record": self.folder.end_record, "report": self.folder.report}
         self.sender = connect(tables.directives, actions, self._responded, self._ended)
@@ -208,8 +210,10 @@ class NightWatch:
     def _write_morning(self, folder: Path) -> None:
         self._write_report(folder, self.alarms.healths)
 
-    def _responded(self, number: int, accepted: bool, text: str) -> None:
-        self.night.respond(number, accepted, text, self._t_s)
+    def _responded(self, number: int, accepted: bool, text: str, answer: Any = None) -> None:
+        # A selection is answered with passes, which have the name of a target known by its number.
+        names = [each.target for each in getattr(answer, "passes", ())]
+        self.night.respond(number, accepted, text, self._t_s, *names[:1])
 
     def _ended(self, number: int, name: str, succeeded: bool, result: Mapping[str, Any]) -> None:
         message = str(result.get("message") or "")
@@ -284,19 +288,23 @@ class NightWatch:
         """Return the result of the night, or of one refused for `reason`, by its fields."""
         if reason:
             return {"message": reason}
-        states = Counter(record.state for record in self.night.records)
+        records = self.night.records
+        states = Counter(record.state for record in records if not record.filler)
         tracked = states[PassState.TRACKED]
         lost = sum(states.values()) - tracked
+        gaps = [f"{name} {filler_text(each)}" for name, each in fillers_of(records).items()]
+        said = "; ".join([f"{self.night.reason}: {tracked} tracked, {lost} not", *gaps])
         return {"success": lost == 0, "passes_tracked": tracked, "passes_lost": lost, "report": self._report,
-                "message": f"{self.night.reason}: {tracked} tracked, {lost} not"}  # fmt: skip
+                "message": said}  # fmt: skip
 
     def progress(self) -> dict[str, Any]:
         """Return where the night is, by the fields of its feedback."""
         night = self.night
         states = Counter(each.state for each in night.schedule.entries.values())
         entry = night.schedule.active
+        step = [*night.blocks(), night.reason] if entry else night.blocks()
         return {"state": str(night.state_name), "target": entry.item.name if entry else "",
-                "step": "; ".join(night.blocks()), "passes_done": len(night.records),
+                "step": "; ".join(filter(None, step)), "passes_done": len(night.records),
                 "passes_left": states[PassState.WAITING] + states[PassState.ACTIVE]}  # fmt: skip
 
     def health(self) -> Report:

@@ -76,6 +76,11 @@ class StationDescription:
         """Return what a band can track with, the default first; empty for program track alone."""
         return self.content.bands[self._band(band)].sensors
 
+    @property
+    def every_sensor(self) -> set[str]:
+        """Every sensor that one of the bands can track with."""
+        return {name for band in self.content.bands.values() for name in band.sensors}
+
     def chosen_sensor(self, sensor: str | None = None, band: str | None = None) -> str:
         """Return the sensor that the operator's choice means in a band, by default the first.
 

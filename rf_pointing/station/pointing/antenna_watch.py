@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rf_pointing.core import AXES, JointReading, Params, angular_distance_rad, parameter
+from rf_pointing.core.modes import antenna_is
 from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.core.types import Array
 
@@ -134,7 +135,7 @@ class AntennaWatch:
         if silent or self.mode not in FOLLOWING:
             # Pause, stow and park move the axes off the command on purpose; a stall stops them.
             self.unsettle()
-            doubt = doubt or f"the antenna is {self.mode}"
+            doubt = doubt or antenna_is(self.mode)
         elif reading is not None and command is not None and self._settled:
             fault = fault or self._frozen(reading, command, distance) or self._runaway(t_s, reading, distance)
         self.state = AxisState(

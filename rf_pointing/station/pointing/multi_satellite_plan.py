@@ -81,6 +81,8 @@ class DayPass:
     """Age of the elements then, 0 for what is tracked without them."""
     certificate: Certificate | None = None
     profile: PassProfile | None = None
+    filler: bool = False
+    """Whether it fills a gap: a piece of the stay of what is up for hours."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,7 +165,7 @@ def plan_day(
                 window=window, priority=of[id(target)].priority, fate=fate, age_s=age_s,
                 reason=barred.get(k) or yields.get(k, ""),
                 along_rad=error.sigmas_m(age_s)[0] / window.tca_range_m if isinstance(target, Elements) else 0.0,
-                certificate=certificate, profile=profile,
+                certificate=certificate, profile=profile, filler=id(target) in cut,
             )
         )  # fmt: skip
     return DayPlan(start_t_s=start_t_s, duration_s=duration_s, passes=tuple(rows), unsearched=found.unsearched)

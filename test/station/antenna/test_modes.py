@@ -1,12 +1,15 @@
 """The modes of the antenna: every end of a motion is a controlled stop, and a fault stays until it is reset."""
 
+import itertools
+import re
+
 import numpy as np
 import pytest
 
 from rf_pointing.controllers import CommandPreprocessorParams
 from rf_pointing.core import MDEG
 from rf_pointing.station.antenna.loops import LoopParams
-from rf_pointing.station.antenna.modes import MODES, AntennaMode
+from rf_pointing.station.antenna.modes import MODES, AntennaMode, AntennaModes, MotionSnapshot, Request
 from rf_pointing.station.antenna.safety import SafetyParams
 from test.station.stepped_antenna import SETTLING_S, STANDING, START_S, TICK_S, enabled, ramp
 
@@ -72,6 +75,16 @@ def test_a_fault_that_cut_the_drives_is_not_reset_while_the_axes_still_turn() ->
     assert clock.antenna.reset_fault() == "the axes are still moving"
     clock.run(3.0)
     assert clock.antenna.reset_fault() == ""
+
+
+def test_a_refusal_says_in_words_how_the_antenna_is() -> None:
+    """No refusal puts a noun after "is", and a latched fault is named with its way out."""
+    machine, found = AntennaModes(), set[str]()
+    for machine.mode, request, fault in itertools.product(MODES, Request, ("", "drives cut")):
+        now = MotionSnapshot(fault=fault, high_wind="", moving=False, arrived=True)
+        found.add(machine.reason_against(request, now))
+    assert not [text for text in found if re.search("is (fault|manual_rate|drives cut)", text)]
+    assert {"nothing to pause, the antenna is in fault", "fault latched (drives cut); reset it first"} <= found
 
 
 @pytest.mark.parametrize("mode", [mode for mode, traits in MODES.items() if traits.ends_in or traits.at_rest])

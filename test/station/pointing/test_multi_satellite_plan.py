@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rf_pointing import planning
+from rf_pointing.api.plan import table_text
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core.constants import EARTH_MU_M3_S2
 from rf_pointing.ephemeris import Elements, TopocentricTrack, find_passes, moon, site
@@ -196,6 +197,10 @@ def test_bodies_of_the_sky_fill_the_gaps_that_passes_leave(satellites: list[Elem
         item.window for item in alone.passes if item.fate is Fate.TRACKED
     ]
     assert len(fillers) > 3
+    # Also the first piece, where the body has just risen.
+    assert fillers == [item for item in plan.passes if item.filler]
+    hours = sum(item.window.duration_s for item in fillers) / 3600.0
+    assert f"Moon is tracked in {len(fillers)} gaps, {hours:.1f} h" in table_text(plan)
     assert all(one.los_t_s <= other.aos_t_s for one, other in itertools.pairwise(tracked))
     stays = {body.name: find_passes(TopocentricTrack(body, PLACE), START_S, 43200.0, LEAST_RAD) for body in bodies}
     for item in fillers:
