@@ -209,8 +209,8 @@ class FakeStation:
         self.graph = FakeGraph(self, namespace, list(files), logs, given)
         return self.graph
 
-    def _record(self, _node: Any, namespace: str, path: Path, topics: Any = None, notes: Any = None) -> Any:
-        self.recorder.given = namespace, path, topics, notes
+    def _record(self, _node: Any, namespace: str, path: Path, *rest: Any, simulated: bool = False) -> Any:
+        self.recorder.given = namespace, path, *(rest or (None, None, simulated))
         path.mkdir(parents=True)
 
         def close() -> Any:

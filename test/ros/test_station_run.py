@@ -51,10 +51,11 @@ def test_a_run_has_its_nodes_its_files_and_its_recording(fake: FakeStation, setu
     assert (graph.namespace, graph.files, graph.logs, graph.on_time, graph.processes) == (
         "/roof", [setup.bag.parent / "run.yaml"], setup.logs, (), 2,
     )  # fmt: skip
-    assert fake.recorder.given == ("/roof", setup.bag, TOPICS, {"seed": "1"})
+    assert fake.recorder.given == ("/roof", setup.bag, TOPICS, {"seed": "1"}, True)
     StationRun(replace(real, bag=setup.bag.parent / "other"))
     # Only what runs is recorded of a real antenna; clock and servo go first in real time.
     assert fake.recorder.given[2] == topics_of(DRIVE_NODES) != TOPICS
+    assert not fake.recorder.given[-1], "the wall clock is its time"
     assert fake.graph.on_time == ("simulation_clock", "antenna_servo")
 
 
