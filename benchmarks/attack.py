@@ -100,7 +100,7 @@ class Attacked(Station):
     """A station with everything that listens, behind a library that spoils its network and its clock."""
 
     def __init__(self, ends: ExitStack, folder: Path, drive: str) -> None:
-        self.ends, self.drive = ends, drive
+        self.drive = drive
         self.page_port, self.server_port = free_port(), free_port()
         (folder / "token").write_text(TOKEN)
         (folder / "token").chmod(0o600)
@@ -572,7 +572,7 @@ def damaged_datagrams(station: Attacked) -> Measured:
         off_s(station, name, 30.0, flood)
     station.spoil()
     # Who watched has taken damaged datagrams, too: what counts is how soon the pass goes on.
-    station.listen(station.ends)
+    station.listen()
     off = station.regained_s(name)
     dead = died(station)
     return Measured(math.inf if dead else off, "s off the satellite", "; ".join([f"{sent} of noise", *dead]))
@@ -743,4 +743,6 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    status = main()
+    sys.stdout.flush()
+    os._exit(status)  # a participant that took damaged datagrams may never end

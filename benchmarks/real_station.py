@@ -244,21 +244,19 @@ class Station:
         self.antenna, self.tracking, self.tracking_s = AntennaStatus(), TrackingStatus(), -math.inf
         self.axes: list[tuple[float, float, float]] = []
         self.health: dict[str, DiagnosticStatus] = {}
-        self.listen(ends)
+        self.listen()
         self.processes = NodeProcesses(self.namespace, [folder / "run.yaml"], folder / "logs")
         ends.callback(self.processes.stop)
         self.start(nodes)
         self.until(lambda: self.antenna.mode and self.tracking.sequence > 0, "the station", BRING_UP_S)
 
-    def listen(self, ends: ExitStack) -> None:
+    def listen(self) -> None:
         """Hear the station as a new participant; one that took damaged datagrams may be deaf."""
+        # It ends with the process: the end of one that is deaf may never come.
         context = rclpy.Context()
         rclpy.init(context=context, domain_id=int(os.environ["ROS_DOMAIN_ID"]))
-        ends.callback(context.try_shutdown)
         self.node = rclpy.create_node("attacker", namespace=self.namespace, context=context)
-        ends.callback(self.node.destroy_node)
         self.executor = make_executor(context)
-        ends.callback(self.executor.shutdown)
         self.executor.add_node(self.node)
         listen = self.node.create_subscription
         listen(AntennaStatus, "antenna_status", lambda m: setattr(self, "antenna", m), STATUS)
