@@ -60,9 +60,11 @@ class SimulationClock(ManagedNode):
         """Subscribe to a topic that time waits for."""
         assert topic.allowed_lag_s is not None
         stream = PacedStream(allowed_lag_s=topic.allowed_lag_s, essential=topic.name == ESSENTIAL)
-        self.listen(
-            topic.message_type, topic.name, lambda raw: stream.received(seconds_from_raw(raw)), topic.qos, raw=True
-        )
+
+        def take(raw: bytes) -> None:
+            stream.received(seconds_from_raw(raw), self._pacer.now_s)
+
+        self.listen(topic.message_type, topic.name, take, topic.qos, raw=True)
         return stream
 
     def ready(self) -> bool:

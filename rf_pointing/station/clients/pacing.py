@@ -4,7 +4,8 @@ Time is never ahead of the wall clock, and never far ahead of the graph.
 
 Each paced stream states by how much its newest stamp may lag the next tick.  A stream that stays
 silent for longer than the patience is no longer waited for until its next message; nor is a stream
-whose messages are further apart than expected.  The essential stream is the antenna's: while it is
+whose messages are further apart than expected, or late by nature: samples of a receiver need time
+to go on before they come.  The essential stream is the antenna's: while it is
 silent, time runs no faster than the wall clock.
 
 A clock that brings itself up continues from the time at which a killed clock was (`ClockMemory`),
@@ -30,6 +31,8 @@ SETTLE_S = 0.2
 RESUME_S = 20.0
 """A graph waits no longer than this for a killed clock."""
 _RECORD = struct.Struct("<3d")
+OFTEN, PROMPT = 3, 20
+"""So often given up, a stream is waited for again after so many messages in a row in time."""
 LARGEST_SPACING_S = 0.25
 """Usual streams have a period of 0.1 s; conscan, once a scan, has seconds."""
 
@@ -49,12 +52,22 @@ class PacedStream:
     waiting_since_s: float | None = None
     waits: int = 0
     abandoned: int = 0
+    _given_up: int = 0
+    _prompt: int = 0
 
-    def received(self, stamp_s: float) -> None:
-        """Note the stamp of a message."""
+    def received(self, stamp_s: float, now_s: float) -> None:
+        """Note the stamp of a message that has come at `now_s` of simulation time."""
         sparse = self.newest_s is not None and stamp_s - self.newest_s > self.spacing_s
         self.newest_s = stamp_s if self.newest_s is None else max(self.newest_s, stamp_s)
-        self.waited_for, self.waiting_since_s = not sparse, None
+        self._prompt = self._prompt + 1 if stamp_s + self.allowed_lag_s >= now_s else 0
+        self._given_up = 0 if self._prompt >= PROMPT else self._given_up
+        self.waited_for, self.waiting_since_s = not sparse and self._given_up < OFTEN, None
+
+    def give_up(self) -> None:
+        """Wait for it no longer, until it is heard again."""
+        self.waited_for, self.waiting_since_s = False, None
+        self.abandoned += 1
+        self._given_up += 1
 
 
 @dataclass
@@ -126,8 +139,7 @@ class Pacer:
         left_s = stream.waiting_since_s + patience_s - wall_s
         if left_s > 0.0:
             return left_s
-        stream.waited_for, stream.waiting_since_s = False, None
-        stream.abandoned += 1
+        stream.give_up()
         return 0.0
 
 
