@@ -57,9 +57,10 @@ class PacedStream:
 
     def received(self, stamp_s: float, now_s: float) -> None:
         """Note the stamp of a message that has come at `now_s` of simulation time."""
-        sparse = self.newest_s is not None and stamp_s - self.newest_s > self.spacing_s
-        self.newest_s = stamp_s if self.newest_s is None else max(self.newest_s, stamp_s)
-        self._prompt = self._prompt + 1 if stamp_s + self.allowed_lag_s >= now_s else 0
+        before_s = stamp_s if self.newest_s is None else self.newest_s
+        sparse, self.newest_s = stamp_s - before_s > self.spacing_s, max(before_s, stamp_s)
+        # In time: before time would have gone on without it.
+        self._prompt = self._prompt + 1 if before_s + self.allowed_lag_s >= now_s else 0
         self._given_up = 0 if self._prompt >= PROMPT else self._given_up
         self.waited_for, self.waiting_since_s = not sparse and self._given_up < OFTEN, None
 
