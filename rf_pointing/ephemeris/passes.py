@@ -349,7 +349,12 @@ def _described(
         before, after = (rise_s - top) * _PROFILE[::-1], (set_s - top) * _PROFILE
         rows.append(top + np.concatenate([before, [0.0], after]))
     times = np.array(rows)
-    azimuth, elevation, *rates, length = _angles(track, motion, times)
+    found = _angles(track, _state(motion, times.ravel()))
+    azimuth, elevation, *rates, length = (one.reshape(times.shape) for one in found)
+    # The ends are where an antenna waits: of the track itself.
+    ends_s = times[:, [0, -1]]
+    exact = _angles(track, track.relative_motion_at(ends_s.ravel())[0])
+    azimuth[:, [0, -1]], elevation[:, [0, -1]] = (one.reshape(ends_s.shape) for one in exact[:2])
     azimuth = np.unwrap(azimuth, axis=1)
     azimuth += 2.0 * np.pi * (azimuth[:, :1] < 0.0)
     # Rates peak where their derivative, nearly straight between two points, goes through zero.
@@ -364,7 +369,7 @@ def _described(
     around = times[number, largest - 1], times[number, largest + 1]
     at.append(np.linspace(*around, _CLOSER).ravel())
     most = np.abs(np.array(rates)).max(axis=2)
-    _, _, *further, _ = _angles(track, motion, np.concatenate(at))
+    _, _, *further, _ = _angles(track, _state(motion, np.concatenate(at)))
     row = np.concatenate([*(place[0] for place in turning), np.tile(number, _CLOSER)])
     for peak, values in zip(most, further, strict=True):
         np.maximum.at(peak, row, np.abs(values))
@@ -383,15 +388,17 @@ def _described(
     ]  # fmt: skip
 
 
-def _angles(track: TopocentricTrack, motion: _Motion, times: Array) -> list[Array]:
+def _state(motion: _Motion, times: Array) -> StateVector:
+    position, velocity, acceleration = ((v[0], v[1], v[2]) for v in motion.at(times, 3))
+    return StateVector(position, velocity, acceleration, position)
+
+
+def _angles(track: TopocentricTrack, seen: StateVector) -> list[Array]:
     """Return azimuth, apparent elevation, their rates and accelerations, and distance [m]."""
-    position, velocity, acceleration = ((v[0], v[1], v[2]) for v in motion.at(times.ravel(), 3))
-    seen = StateVector(position, velocity, acceleration, position)
     azimuth, up, turning, rate, bend, rise = angles_and_rates(seen)
     if track.refraction is not None:
         up, rate, rise = track.refraction.apply_with_rates(up, rate, rise)
-    found = azimuth, up, turning, rate, bend, rise, norm(position)
-    return [one.reshape(times.shape) for one in found]
+    return [azimuth, up, turning, rate, bend, rise, norm(seen.position)]
 
 
 def _even(aos_t_s: float, los_t_s: float) -> Array:

@@ -69,7 +69,7 @@ class NodeProcesses:
             if autostart:
                 arguments += ["-p", "lifecycle.autostart:=true"]
             urgent = not self._on_time or not set(self._on_time).isdisjoint((*room, executable))
-            with self.log(room[0]).open("wb") as log:
+            with self.log(room[0]).open("ab") as log:
                 process = subprocess.Popen(
                     [str(folder / start[0]), *start[1:], *arguments],
                     stdin=subprocess.DEVNULL,

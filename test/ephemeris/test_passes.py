@@ -244,9 +244,9 @@ def test_a_pass_states_what_the_track_does_between_its_rise_and_its_set(
         assert found.sets_after or looks.elevation_rad[-1] == pytest.approx(MASK_RAD, abs=1e-6)
         assert found.peak_elevation_rad == pytest.approx(looks.elevation_rad.max(), abs=INTERPOLATED_RAD)
         assert found.tca_t_s == pytest.approx(looks.t_s[np.argmax(looks.elevation_rad)], abs=0.03)
-        assert found.aos_elevation_rad == pytest.approx(looks.elevation_rad[0], abs=INTERPOLATED_RAD)
+        assert found.aos_elevation_rad == pytest.approx(looks.elevation_rad[0], abs=1e-12)
         azimuths = looks.azimuth_rad[[0, -1]]
-        assert (found.aos_azimuth_rad, found.los_azimuth_rad) == pytest.approx(azimuths, abs=INTERPOLATED_RAD)
+        assert (found.aos_azimuth_rad, found.los_azimuth_rad) == pytest.approx(azimuths, abs=1e-9)
         ends = looks.azimuth_rad.min(), looks.azimuth_rad.max()
         assert (found.azimuth_min_rad, found.azimuth_max_rad) == pytest.approx(ends, abs=1e-6)
         for name in ("azimuth_rate_rad_s", "elevation_rate_rad_s", "azimuth_acceleration_rad_s2"):

@@ -40,10 +40,22 @@ def test_the_flown_loss_is_the_predicted_one(script: Any, name: str) -> None:
 
 @pytest.mark.parametrize("level_db_hz", [60.0, 56.0])
 def test_an_array_costs_what_its_noise_does(level_db_hz: float) -> None:
-    """90 s of a pass by the array alone; at 56 dB-Hz half of them have the least C/N0 that is valid."""
+    """90 s of a pass by the array alone; at 56 dB-Hz half of them have the least C/N0 that is valid.
+
+    The steps of a rotator make one flight twice as good as the next: three beginnings are averaged.
+    """
+    flown, predicted = np.mean([array_loss_db(level_db_hz, math.radians(mask)) for mask in (20.0, 21.0, 25.0)], axis=0)
+    print(f"array, {level_db_hz:.0f} dB-Hz: predicted {predicted:.3f} dB, flown {flown:.3f} dB")
+    assert abs(flown - predicted) <= NEAR_DB
+    # A certificate without the array's noise would say 0.00.
+    assert 0.4 * flown < predicted < 2.5 * flown
+
+
+def array_loss_db(level_db_hz: float, mask_rad: float) -> tuple[float, float]:
+    """Return the loss that is flown from this elevation on, and the one that was predicted."""
     epoch_t_s = load_elements(SourceParams()).epoch_t_s
     track = StationSetup("rotator_2m").track()
-    window = first_pass_above(track, epoch_t_s, math.radians(40.0), math.radians(20.0), 4.0 * 86400.0)
+    window = first_pass_above(track, epoch_t_s, math.radians(40.0), mask_rad, 4.0 * 86400.0)
     window = dataclasses.replace(window, los_t_s=window.aos_t_s + 90.0)
     changes = {
         "antenna_servo": {
@@ -63,7 +75,4 @@ def test_an_array_costs_what_its_noise_does(level_db_hz: float) -> None:
     assert log.certificate is not None
     chosen = log.certificate.chosen
     assert chosen is not None
-    print(f"array, {level_db_hz:.0f} dB-Hz: predicted {chosen.mean_loss_db:.3f} dB, flown {flown.mean_loss_db:.3f} dB")
-    assert abs(flown.mean_loss_db - chosen.mean_loss_db) <= NEAR_DB
-    # A certificate without the array's noise would say 0.00.
-    assert 0.4 * flown.mean_loss_db < chosen.mean_loss_db < 2.5 * flown.mean_loss_db
+    return flown.mean_loss_db, chosen.mean_loss_db
