@@ -378,8 +378,12 @@ def eccentric(step_s: float, place: int, turn: float) -> tuple[np.ndarray, np.nd
 ORBITS = st.builds(eccentric, st.floats(10.0, 240.0), st.integers(0, 350), st.floats(0.0, 3.1))
 
 
+# From 135 s on a state six steps before a perigee of e = 0.7 can be off without being found.
+CLOSE_ORBITS = st.builds(eccentric, st.floats(10.0, 120.0), st.integers(0, 350), st.floats(0.0, 3.1))
+
+
 @settings(max_examples=30)
-@given(ORBITS, st.integers(0, 20), st.booleans(), st.floats(0.0, 6.3), st.floats(1.0, 100.0))
+@given(CLOSE_ORBITS, st.integers(0, 20), st.booleans(), st.floats(0.0, 6.3), st.floats(1.0, 100.0))
 def test_one_state_off_its_orbit_is_found_and_an_orbit_is_not(
     orbit: tuple[np.ndarray, np.ndarray, np.ndarray], row: int, moving: bool, way: float, factor: float
 ) -> None:

@@ -65,7 +65,7 @@ class PacedStream:
         self.waited_for, self.waiting_since_s = not sparse and self._given_up < OFTEN, None
 
     def give_up(self) -> None:
-        """Wait for it no longer, until it is heard again."""
+        """Wait for it no longer, until its next message."""
         self.waited_for, self.waiting_since_s = False, None
         self.abandoned += 1
         self._given_up += 1
