@@ -54,7 +54,9 @@ class PolledDrive(Drive):
         self._reading: DriveReading | None = None
         self._stop_first()
         self._latency_s, self._alarm, self._refused = 0.0, "", ""
-        self._t_s: float | None = None
+        # Waits are kept in a time that does not jump; clocks are set, by `_set_s` in all.
+        self._own_s: float | None = None
+        self._set_s = 0.0
         self._poll_s = self._also_s = self._known_s = self._stop_s = -1e9
         self._asked_s = math.inf
         """When the position was first requested since the last one."""
@@ -78,32 +80,32 @@ class PolledDrive(Drive):
         )
 
     def step(self, t_s: float) -> DriveReading | None:
-        if self._t_s is not None:
-            late_s = t_s - self._t_s
-            # A step that came late is not silence of the device, and a clock that went back keeps
-            # every wait as long as it was.
-            if late_s < 0.0:
-                self._shift_waits(late_s)
-            elif late_s > LATE_S:
-                self._known_s, self._asked_s = self._known_s + late_s, self._asked_s + late_s
-                if self._pending is not None:
-                    self._pending = self._pending[0], self._pending[1] + late_s
-        self._t_s = t_s
-        if self._kept.step(t_s):
-            self._begin(t_s)
+        now_s = t_s - self._set_s
+        late_s = 0.0 if self._own_s is None else now_s - self._own_s
+        # A step that came late is not silence of the device, and a clock that went back keeps
+        # every wait as long as it was.
+        if late_s < 0.0:
+            self.clock_stepped(late_s)
+            now_s -= late_s
+        elif late_s > LATE_S:
+            self._known_s, self._asked_s = self._known_s + late_s, self._asked_s + late_s
+            if self._pending is not None:
+                self._pending = self._pending[0], self._pending[1] + late_s
+        self._own_s = now_s
+        if self._kept.step(now_s):
+            self._begin(now_s)
         elif self._kept.link is None:
             self.problem = self._kept.problem
         if self._kept.link is not None:
             try:
-                self._exchange(self._kept.link, t_s)
+                self._exchange(self._kept.link, now_s)
             except OSError as error:
-                self._lose(t_s, f"the link is lost: {error}")
+                self._lose(now_s, f"the link is lost: {error}")
         return self._reading
 
     def clock_stepped(self, by_s: float) -> None:
-        if self._t_s is not None:
-            self._t_s += by_s
-            self._shift_waits(by_s)
+        if self._own_s is not None:
+            self._set_s += by_s
 
     def go_to(self, position_rad: Pair) -> None:
         self._set_point, self._stopped, self._stop_due = position_rad, False, False
@@ -115,15 +117,12 @@ class PolledDrive(Drive):
 
     def close(self) -> None:
         if self._kept.link is not None and self._stop_due:
-            self._try_last_stop(self._kept.link)
+            try:
+                self._kept.link.write(self._protocol.stop().data)
+            except OSError:
+                self.losses["stop at the end"] += 1
         self._kept.close()
         self.problem = self._kept.problem
-
-    def _try_last_stop(self, link: Link) -> None:
-        try:
-            link.write(self._protocol.stop().data)
-        except OSError:
-            self.losses["stop at the end"] += 1
 
     # The link
 
@@ -148,24 +147,13 @@ class PolledDrive(Drive):
         self._kept.lose(t_s, why)
         self.problem = self._kept.problem
 
-    def _shift_waits(self, by_s: float) -> None:
-        self._kept.shift(by_s)
-        self._poll_s += by_s
-        self._also_s += by_s
-        self._known_s += by_s
-        self._asked_s += by_s
-        self._stop_s += by_s
-        self._owed_s = deque(each + by_s for each in self._owed_s)
-        if self._pending is not None:
-            self._pending = self._pending[0], self._pending[1] + by_s
-
     # The exchange
 
     def _exchange(self, link: Link, t_s: float) -> None:
         arrived = link.read()
         self._buffer += arrived
         # What is read was measured before now, however long this process slept since its tick.
-        read_s = max(t_s, self.now_s()) if arrived and self.now_s is not None else t_s
+        read_s = max(t_s, self.now_s() - self._set_s) if arrived and self.now_s is not None else t_s
         for answer in self._protocol.take(self._buffer):
             self._take(answer, read_s)
         if self._pending is not None and t_s - self._pending[1] > self._timing.answer_s:
@@ -181,11 +169,11 @@ class PolledDrive(Drive):
 
     def _send_now(self) -> None:
         """Send a new set point or a stop without waiting for the next tick."""
-        if self._kept.link is not None and self._t_s is not None:
+        if self._kept.link is not None and self._own_s is not None:
             try:
-                self._send(self._kept.link, self._t_s)
+                self._send(self._kept.link, self._own_s)
             except OSError as error:
-                self._lose(self._t_s, f"the link is lost: {error}")
+                self._lose(self._own_s, f"the link is lost: {error}")
 
     def _send(self, link: Link, t_s: float) -> None:
         # A stop does not wait for an answer that may never come.
@@ -247,7 +235,7 @@ class PolledDrive(Drive):
         first, second = (math.radians(angle) for angle in answer.angles_deg)
         before, self._known_s, self._asked_s = self._reading, t_s, math.inf
         self._reading = DriveReading(
-            t_s=t_s - 0.5 * self._latency_s,
+            t_s=t_s + self._set_s - 0.5 * self._latency_s,
             within_s=0.5 * self._latency_s,
             position_rad=(first, second),
             alarm=self._alarm,

@@ -12,8 +12,6 @@ lies between two states: the broken ties have none in common, and nothing is ref
 ties that are weak beside the strongest are not counted: they are truncation, near a perigee.
 """
 
-import math
-
 import numpy as np
 
 from rf_pointing.core.constants import EARTH_MU_M3_S2, EARTH_RADIUS_M
