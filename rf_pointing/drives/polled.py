@@ -118,7 +118,7 @@ class PolledDrive(Drive):
     def close(self) -> None:
         if self._kept.link is not None and self._stop_due:
             try:
-                self._kept.link.write(self._protocol.stop().data)
+                self._kept.link.write(self._protocol.stop.data)
             except OSError:
                 self.losses["stop at the end"] += 1
         self._kept.close()
@@ -137,7 +137,8 @@ class PolledDrive(Drive):
         self._owed_s.clear()
         self._buffer.clear()
         self._stop_first()
-        self._queue = deque(self._protocol.greeting())
+        self._protocol.connected()
+        self._queue = deque(self._protocol.greeting)
         self._known_s, self._also_s, self._asked_s = t_s, t_s, math.inf
         self._poll_s = t_s - self._timing.poll_period_s
 
@@ -188,7 +189,7 @@ class PolledDrive(Drive):
         """Return what is to be sent now: a stop before a set point before what is only read."""
         if self._stop_due:
             self._stop_due, self._stop_s = False, t_s
-            return self._protocol.stop()
+            return self._protocol.stop
         # A controller may need its greeting's answer to understand the set point.
         if self._queue:
             return self._queue.popleft()
@@ -205,8 +206,8 @@ class PolledDrive(Drive):
             self._asked_s = min(self._asked_s, t_s)
             if t_s - self._also_s >= ALSO_S:
                 self._also_s = t_s
-                self._queue.extend(self._protocol.also())
-            return self._protocol.ask()
+                self._queue.extend(self._protocol.also)
+            return self._protocol.ask
         return None
 
     def _take(self, answer: Answer, t_s: float) -> None:

@@ -32,9 +32,9 @@ def positions(words: DeviceProtocol, *chunks: bytes) -> list[tuple[float, ...]]:
 )
 def test_requests_are_those_of_the_table(type_: str, model: str, ask: bytes, go: bytes, stop: bytes) -> None:
     words = made(type_, model)
-    assert words.ask().data == ask
+    assert words.ask.data == ask
     assert words.go_to(123.5, 45.25).data == go
-    assert words.stop().data == stop
+    assert words.stop.data == stop
 
 
 def test_the_set_point_of_the_spid_document() -> None:
@@ -157,7 +157,7 @@ def test_a_controller_without_elevation_is_recognised_or_named(
     assert b"045" not in words.go_to(123.0, 45.0).data
     # Once it is known, nothing else is a position; another connection begins anew.
     assert positions(words, b"AZ=123 EL=045\r\n+0123+0045\r\n") == []
-    words.greeting()
+    words.connected()
     assert words.has_elevation
     assert positions(words, b"AZ=123 EL=045\r\n", b"AZ123.0 EL45.0\n")[0] == (123.0, 45.0)
     assert positions(made(type_, named), answer) == [(azimuth_deg, 0.0)]
