@@ -52,10 +52,12 @@ _MOST_ECCENTRIC = 0.9999999
 _TURN_DEG = (-360.0, 360.0)
 
 
-# A flat object of JSON; in a text with a damaged quote, one without a look at the quotes.
+# A flat object of JSON; in a damaged text one without a look at the quotes, whose brace must be
+# where one of a list ends: it may stand in place of a digit.
 _OBJECT = re.compile(r'\{(?:[^{}"]|"(?:[^"\\\n]|\\.)*")*\}')
-_DAMAGED_OBJECT = re.compile(r"\{[^{}]*\}?")
-_NAMES = ("tle0", "tle_line0", "line0", "object_name", "satname", "name")
+_DAMAGED_OBJECT = re.compile(r"\{[^{}]*(?:\}(?=\s*(?:[,\]]|\Z)))?")
+# N2YO has the name in an object of its own.
+_NAMES = ("tle0", "tle_line0", "line0", "object_name", "satname", "name", "info")
 _OURS = {"MEAN_MOTION", "ECCENTRICITY", "BSTAR", "RA_OF_ASC_NODE", "MEAN_ANOMALY"}
 # SGP4's own, of WGS 72, as its mean motion is.
 _MU_KM3_S2 = 398600.8
@@ -65,50 +67,57 @@ Found = Iterator[Elements | ValueError | UserWarning]
 
 def read_json(text: str, _name: str = "") -> Found:
     """Yield the elements of every object in JSON that has those of an OMM, or lines of a TLE."""
-    wrong, parsed = "", None
+    wrong = ""
     try:
         parsed = parse_json(text, parse_constant=float)
     except json.JSONDecodeError as error:
-        wrong = f"line {error.lineno}: OMM JSON is malformed: {error.msg}"
+        wrong, parsed = f"line {error.lineno}: OMM JSON is malformed: {error.msg}", None
     ours = clean = 0
-    for line, piece in _pieces(text, _DAMAGED_OBJECT if wrong else _OBJECT):
-        for found in _of_object(line, piece, ours + 1):
-            ours += 1
-            clean += not isinstance(found, ValueError)
-            yield found
+    pattern, rest = _DAMAGED_OBJECT if wrong else _OBJECT, text
+    # From the innermost objects outwards: a flat one is read, and stands as its name from then on.
+    for _ in range(DEEPEST):
+        flat: list[str] = []
+        for line, piece in _pieces(rest, pattern):
+            found, name = _of_object(line, piece, ours + 1)
+            flat.append(json.dumps(name) + "\n" * piece.count("\n"))
+            ours += len(found)
+            clean += sum(not isinstance(one, ValueError) for one in found)
+            yield from found
+        if not flat:
+            break
+        names = iter(flat)
+        rest = pattern.sub(lambda _, names=names: next(names), rest)  # type: ignore[misc]
     # The damage may be around the objects; one that it has hit is listed already.
     if wrong and clean == ours:
         yield ValueError(wrong)
     if not ours and not wrong:
-        # Objects in objects, with both lines of a TLE in one text.
+        # Lists in lists.
         yield from read_tle("\n".join(_texts(parsed)))
 
 
-def _of_object(line: int, piece: str, number: int) -> Found:
-    """Yield what one flat object of JSON holds, nothing for one of another kind."""
+def _of_object(line: int, piece: str, number: int) -> tuple[list[Elements | ValueError | UserWarning], str]:
+    """Return what one flat object of JSON holds, nothing for one of another kind, and its name."""
     try:
         fields = parse_json(piece, parse_constant=_no_constant, object_pairs_hook=_once)
     except ValueError as error:
         # Damage to an object of another kind is nobody's concern.
-        if any(key in piece for key in _OURS) or tle_columns(piece):
-            reason = getattr(error, "msg", error)
-            yield ValueError(f"line {line}: OMM JSON {number} is malformed: {reason}")
-        return
-    if _OURS & fields.keys():
-        yield _omm(line, number, fields)
-        return
-    lines = [one for text in fields.values() if isinstance(text, str) for one in text.splitlines()
-             if tle_columns(one)]  # fmt: skip
+        ours = any(key in piece for key in _OURS) or tle_columns(piece)
+        reason = getattr(error, "msg", error)
+        return [ValueError(f"line {line}: OMM JSON {number} is malformed: {reason}")] if ours else [], ""
     named = {key.casefold(): value for key, value in fields.items() if isinstance(value, str)}
     name = next((named[key] for key in _NAMES if named.get(key)), "")
-    for found in read_tle("\n".join([name, *lines])) if lines else ():
-        yield ValueError(f"line {line}: {found}") if isinstance(found, ValueError) else found
+    if _OURS & fields.keys():
+        return [_omm(line, number, fields)], name
+    # Lines of their own, or all of them in one text.
+    texts = [text for text in named.values() if any(map(tle_columns, text.splitlines()))]
+    found = read_tle("\n".join([name, *texts])) if texts else ()
+    return [ValueError(f"line {line}: {one}") if isinstance(one, ValueError) else one for one in found], name
 
 
 def _texts(value: Any) -> Iterator[str]:
     if isinstance(value, str):
         yield value
-    for each in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+    for each in value if isinstance(value, list) else ():
         yield from _texts(each)
 
 
@@ -130,8 +139,9 @@ def read_omm_xml(text: str, _name: str = "") -> Found:
 
 def xml_segments(text: str, kind: str) -> Iterator[tuple[int, "Element | ValueError"]]:
     """Yield line and tree of every <segment>; of malformed XML, of those that are whole."""
-    if "<!" in text.replace("<!--", ""):
-        raise ValueError(f"{kind} XML must not define entities or a document type")
+    if (place := text.replace("<!--", "<---").find("<!")) >= 0:
+        line = text.count("\n", 0, place) + 1
+        raise ValueError(f"line {line}: {kind} XML must not define entities or a document type")
     pieces = list(_pieces(text, _SEGMENT))
     from xml.etree.ElementTree import ParseError
 
@@ -182,14 +192,16 @@ def _pieces(text: str, pattern: re.Pattern[str]) -> Iterator[tuple[int, str]]:
 def read_omm_csv(text: str, _name: str = "") -> Found:
     """Yield the elements of a table whose first line names the columns."""
     lines = text.strip().splitlines()
+    # Spreadsheets of many countries separate by semicolons.
+    between = min(",;\t", key=lambda sign: -lines[0].count(sign))
     # A line at a time: a quote that is lost must not swallow the lines below it.
-    names = next(csv.reader(lines[:1]))
+    names = next(csv.reader(lines[:1], delimiter=between))
     _once([(name, "") for name in names])
     for number, line in enumerate(lines[1:], start=1):
         if not line.strip():
             continue
         try:
-            row = next(csv.reader([line], strict=True))
+            row = next(csv.reader([line], strict=True, delimiter=between))
         except csv.Error as error:
             yield ValueError(f"line {number + 1}: OMM CSV is malformed: {error}")
             continue
