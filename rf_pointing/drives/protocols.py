@@ -269,7 +269,7 @@ class EasycommProtocol(LineProtocol):
     stop = Request("SA SE", b"SA SE\n")
     ERRORS: ClassVar = {1: "sensor error", 2: "jam", 4: "homing error"}
     dialects = (
-        _dialect("azel", rb"AZ\s*=?\s*%s[\s,]*EL\s*=?\s*%s"),
+        _dialect("azel", rb"AZ\s*=?\s*%s[\s,]*EL\s*=?\s*%s(?:\s+UP.*)?"),
         _dialect(AZIMUTH, rb"AZ\s*=?\s*%s"),
     )
 
@@ -302,7 +302,7 @@ class SpidProtocol(DeviceProtocol):
     """
 
     START, END, SET = 0x57, 0x20, 0x2F
-    PULSES = (1, 2, 4, 10)
+    PULSES = (1, 2, 4, 5, 10)
     ask = Request("status", bytes([START, *bytes(10), 0x1F, END]), POSITION)
     stop = Request("stop", bytes([START, *bytes(10), 0x0F, END]), POSITION)
     # The pulses per degree are the controller's setting; set points need them.
