@@ -48,6 +48,7 @@ from rf_pointing.operations.pass_list import to_json
 from rf_pointing.operations.schedule import ScheduledPass
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.leased_services import SIGNED, Caller
+from rf_pointing.ros.main_loop import DEAF
 from rf_pointing.ros.qos import STATUS
 from rf_pointing.ros.stamps import stamp_from_seconds
 
@@ -97,11 +98,17 @@ def scenario(bound: float) -> Callable[[Callable[["Attacked"], Measured]], Calla
 
 
 class Attacked(Station):
-    """A station with everything that listens, behind a library that spoils its network and its clock."""
+    """A station with everything that listens, behind a library that spoils its network and its clock.
+
+    While `restarts`, nodes that have ended start again, as a launch file lets them: `restarted` are their words.
+    """
+
+    restarts = False
 
     def __init__(self, ends: ExitStack, folder: Path, drive: str) -> None:
         self.drive = drive
         self.page_port, self.server_port = free_port(), free_port()
+        self.restarted = list[str]()
         (folder / "token").write_text(TOKEN)
         (folder / "token").chmod(0o600)
         self.disk = folder / "disk"
@@ -129,6 +136,11 @@ class Attacked(Station):
         self.clock_s = self.clock_s if ahead_s is None else ahead_s
         with self._spoilt.open("r+b" if self._spoilt.exists() else "wb") as file:
             file.write(struct.pack("3d", lost, damaged, self.clock_s))
+
+    def spin_once(self) -> None:
+        super().spin_once()
+        if self.restarts:
+            self.restarted += died(self)
 
     @property
     def overhead(self) -> str:
@@ -186,8 +198,8 @@ class Attacked(Station):
         return name
 
     def now_off_deg(self, name: str) -> float:
-        """Return how far the axes are from a satellite; far while they are silent."""
-        silent = time.time() + self.clock_s - self.axes[-1][0] > 1.0
+        """Return how far the axes are from a satellite; far while they are silent, or of another time."""
+        silent = abs(time.time() + self.clock_s - self.axes[-1][0]) > 1.0
         return 180.0 if silent else self.off_deg(name, (self.axes[-1][0] - self.clock_s, *self.axes[-1][1:]))
 
     def regained_s(self, name: str, patience_s: float = 60.0) -> float:
@@ -569,13 +581,18 @@ def damaged_datagrams(station: Attacked) -> Measured:
                     sent += 1
 
         station.spoil(damaged=0.2)
+        station.restarts = True
         off_s(station, name, 30.0, flood)
     station.spoil()
     # Who watched has taken damaged datagrams, too: what counts is how soon the pass goes on.
     station.listen()
-    off = station.regained_s(name)
-    dead = died(station)
-    return Measured(math.inf if dead else off, "s off the satellite", "; ".join([f"{sent} of noise", *dead]))
+    try:
+        off = station.regained_s(name)
+    finally:
+        station.restarts, ended = False, station.restarted
+    # A node that has gone deaf ends by itself; nothing else may.
+    dead = [each for each in ended if f"ended with {DEAF}" not in each]
+    return Measured(math.inf if dead else off, "s off the satellite", "; ".join([f"{sent} of noise", *ended]))
 
 
 def begin_night(station: Attacked) -> str:
