@@ -286,7 +286,8 @@ def controller_killed_under_a_client(station: Attacked) -> Measured:
             before = station.now_off_deg(name)
             station.spin(0.5)
             now_s, follows = time.monotonic(), station.now_off_deg(name) < max(1.0, before - 0.2)
-            lied_s = 0.0 if follows or not accepted else lied_s + now_s - last_s
+            # Until it is killed the antenna may still turn round on its way from rest.
+            lied_s = 0.0 if follows or not accepted or killed_s == math.inf else lied_s + now_s - last_s
             lies_s, last_s = max(lies_s, lied_s), now_s
             tracked = station.tracking.target == name and now_s - station.tracking_s < 1.0
             on_source = on_source + 0.5 if tracked and station.tracking.on_source else 0.0
