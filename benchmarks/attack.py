@@ -207,8 +207,9 @@ class Attacked(Station):
         begun_s, since_s = time.monotonic(), math.inf
         while time.monotonic() - since_s < 2.0:
             if self.result.done():
-                # A client whose goal has ended sends it again.
-                self.goal(name)
+                # A client whose goal has ended sends it again, as often as it is refused.
+                with suppress(TimeoutError):
+                    self.goal(name)
             on = self.now_off_deg(name) < ON_SOURCE_DEG
             since_s = min(since_s, time.monotonic()) if on else math.inf
             if time.monotonic() - begun_s > patience_s:

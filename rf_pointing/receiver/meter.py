@@ -30,7 +30,8 @@ GUARD_BINS = 20
 """Bins next to the carrier that its own line may reach at 90 dB-Hz."""
 SPAN = 0.48
 """Usable half of the spectrum: filters cut its ends."""
-CLIPPED_SHARE = 1e-3
+CLIPPED_SHARE, CLIPPED_MOST = 1e-3, 0.1
+"""Shares of clipped samples that are named, and beyond which a level no longer shows a scan."""
 LATE_S = 1.0
 LINE_S = 1.0
 BURST_S = 5.0
@@ -269,7 +270,7 @@ class SignalMeter:
         density = layout.density(self._density)
         if noise.stepped:
             self._event(t_s, f"gain or noise has changed by {noise.step_db:+.1f} dB")
-        if density <= 0.0:
+        if density <= 0.0 or self.state.clipped > CLIPPED_MOST:
             self._clear()
             return []
         if self.params.signal.kind == CARRIER:

@@ -218,6 +218,10 @@ def test_clipping_is_named(line: Callable[..., Line]) -> None:
     subject = line("rtl_tcp")
     subject.run(2.0, gain=40.0)
     assert "% of the samples are clipped" in subject.problem()
+    subject.run(1.0, gain=300.0)
+    reports = subject.receiver.reports
+    subject.run(1.0, gain=300.0)
+    assert subject.receiver.reports == reports
 
 
 def test_what_is_not_rtl_tcp_is_named() -> None:
