@@ -16,6 +16,7 @@ import json
 import math
 import os
 import random
+import shutil
 import signal
 import socket
 import struct
@@ -206,7 +207,7 @@ class Attacked(Station):
         """Return how long it takes until the axes are on a satellite again, and stay there for 2 s."""
         begun_s, since_s = time.monotonic(), math.inf
         while time.monotonic() - since_s < 2.0:
-            if self.result.done():
+            if not self.tracking.target and time.monotonic() - self.tracking_s < 1.0:
                 # A client whose goal has ended sends it again, as often as it is refused.
                 with suppress(TimeoutError):
                     self.goal(name)
@@ -572,28 +573,29 @@ def damaged_datagrams(station: Attacked) -> Measured:
     first = 7400 + 250 * int(os.environ["ROS_DOMAIN_ID"])
     ports = [first, first + 1, *(first + 10 + 2 * number + kind for number in range(12) for kind in (0, 1))]
     sent = 0
+    station.leave()
+    station.spoil(damaged=0.2)
+    ended, end_s = list[str](), time.monotonic() + 30.0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-
-        def flood() -> None:
-            nonlocal sent
+        while time.monotonic() < end_s:
             for port in ports:
                 for _ in range(4):
                     noise = random_.randbytes(random_.randrange(1, 400))
                     stranger.sendto(random_.choice((noise, b"RTPS\x02\x03\x01\x0f" + noise)), ("127.0.0.1", port))
                     sent += 1
-
-        station.spoil(damaged=0.2)
-        station.restarts = True
-        off_s(station, name, 30.0, flood)
+            ended += died(station)
+            time.sleep(0.1)
     station.spoil()
-    # Who watched has taken damaged datagrams, too: what counts is how soon the pass goes on.
+    begun_s, station.restarts = time.monotonic(), True
     station.listen()
     try:
-        off = station.regained_s(name)
+        station.regained_s(name)
+        off = time.monotonic() - begun_s - 2.0
     finally:
-        station.restarts, ended = False, station.restarted
-    # A node that has gone deaf ends by itself; nothing else may.
-    dead = [each for each in ended if f"ended with {DEAF}" not in each]
+        station.restarts, ended = False, ended + station.restarted
+    # A node that has gone deaf ends by itself, or is ended where it hangs in DDS; nothing else may.
+    hung = [name for name in station.nodes if "Timeout (0:" in station.processes.log(name).read_text(errors="replace")]
+    dead = [each for each in ended if f"ended with {DEAF}" not in each and each.split()[0] not in hung]
     return Measured(math.inf if dead else off, "s off the satellite", "; ".join([f"{sent} of noise", *ended]))
 
 
@@ -707,11 +709,13 @@ def second_executive(ends: ExitStack, folder: Path, drive: str, other: str, shar
         process.wait()
 
 
-def attack(drive: str, names: list[str]) -> list[Verdict]:
+def attack(drive: str, names: list[str], keep: Path | None) -> list[Verdict]:
     """Run scenarios on a drive and print a row for each."""
     verdicts = []
     with ExitStack() as ends:
         folder = ends.enter_context(tempfile.TemporaryDirectory(prefix="attack"))
+        if keep is not None:
+            ends.callback(lambda: shutil.copytree(Path(folder) / "logs", keep / drive, dirs_exist_ok=True))
         station = Attacked(ends, Path(folder), drive)
         for name in names:
             bound, function = SCENARIOS[name]
@@ -736,6 +740,7 @@ def main() -> int:
     parser.add_argument("scenarios", nargs="*", metavar="SCENARIO", help=f"default: all of {', '.join(SCENARIOS)}")
     parser.add_argument("--drive", nargs="+", choices=DEVICES, default=["rotctld"])
     parser.add_argument("--json", type=Path, help="write the verdicts to a file")
+    parser.add_argument("--keep", type=Path, help="folder to which the logs are copied, by drive")
     parser.add_argument("--inside", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if unknown := [name for name in options.scenarios if name not in SCENARIOS]:
@@ -753,7 +758,7 @@ def main() -> int:
                 folder = ends.enter_context(tempfile.TemporaryDirectory(prefix="attack"))
                 return second_executive(ends, Path(folder), options.drive[0], *options.inside)
         names = options.scenarios or list(SCENARIOS)
-        verdicts = [row for drive in options.drive for row in attack(drive, names)]
+        verdicts = [row for drive in options.drive for row in attack(drive, names, options.keep)]
     finally:
         rclpy.try_shutdown()
     if options.json:
