@@ -79,9 +79,9 @@ def centre_offset_hz(
 class SignalMeter:
     """Takes samples and range rates; `take` returns the reports that they complete."""
 
-    def __init__(self, params: SignalReceiverParams, balance: ChannelBalance | None = None) -> None:
+    def __init__(self, params: SignalReceiverParams) -> None:
         self.params, self.doppler = params, DopplerPrediction(params.frequency_hz)
-        self.balance = balance or ChannelBalance()
+        self.balance = ChannelBalance()
         self.state = MeterState()
         self._centre_hz: float | None = None
         self._begin(params.iq.rate_hz)
@@ -324,7 +324,8 @@ class SignalMeter:
         return Measurement(power, None, power_bound(burst.ratio_hz, burst.seconds) * watts)
 
     def _cluster(self, power: CarrierPower, density: float) -> MonopulseCluster:
-        prompts = self.balance.take(np.array(self._prompts), self._channel_noise)
+        prompts = np.array(self._prompts)
+        self.balance.take(prompts, self._channel_noise)
         # The scale of the samples is free; that of the noise is the same for every gain.
         prompts = prompts / math.sqrt(density)
         times = np.array(self._times) - 0.5 * self.layout.hop_s

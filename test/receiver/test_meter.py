@@ -195,6 +195,22 @@ def test_three_channels_give_clusters_whose_ratio_is_that_of_the_feed() -> None:
     assert np.var(total - np.mean(total)) * each_s == pytest.approx(1.0, rel=0.3)
 
 
+def test_a_drift_of_a_difference_channel_is_named() -> None:
+    """Gain of signal and noise alike, and phase."""
+    planted = Planted(60.0, rate_hz=4.8e4, signal=SignalSearchParams(channels=3), volts=[1.0, 0.2, -0.1])
+    planted.run(8.0)
+    assert planted.meter.balance.problem == ""
+    for _ in range(round(70.0 / PIECE_S)):
+        piece = planted.piece()
+        piece.samples[1] *= 10.0 ** (-1.5 / 20.0) * np.exp(1j * math.radians(25.0))
+        planted.meter.take(piece)
+    balance = planted.meter.balance
+    assert balance.gain_drift_db == pytest.approx([-1.5, 0.0], abs=0.2)
+    assert np.degrees(balance.phase_drift_rad) == pytest.approx([25.0, 0.0], abs=1.0)
+    assert "cross-elevation: gain -1." in balance.problem
+    assert "; elevation" not in balance.problem
+
+
 def test_a_meter_that_is_made_anew_at_another_rate_says_so() -> None:
     planted = Planted(50.0)
     meter: SignalMeter = planted.meter
