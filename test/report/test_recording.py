@@ -1,8 +1,8 @@
 """Recordings of any kind become the same arrays; damage is reported, not hidden."""
 
+import itertools
 import math
 import re
-import itertools
 import shutil
 import sqlite3
 from pathlib import Path
