@@ -215,7 +215,9 @@ class PolledDrive(Drive):
         if answer.kind == POSITION:
             self._take_position(answer, t_s)
         elif answer.kind == LIMITS:
-            self._take_limits(answer.angles_deg)
+            if len(answer.angles_deg) == 4:
+                low_az, high_az, low_el, high_el = (math.radians(angle) for angle in answer.angles_deg)
+                self._state_capabilities(((low_az, low_el), (high_az, high_el)))
         elif answer.kind == REFUSED:
             self._refused = answer.text
             self.losses[f"refused ({answer.text})"] += 1
@@ -252,9 +254,3 @@ class PolledDrive(Drive):
         if self._stopped and before is not None and t_s - self._stop_s > STOP_AGAIN_S:
             steps = zip(self._reading.position_rad, before.position_rad, self.capabilities.resolution_rad, strict=True)
             self._stop_due = any(abs(a - b) > SETTLED_STEPS * step for a, b, step in steps)
-
-    def _take_limits(self, angles_deg: tuple[float, ...]) -> None:
-        if len(angles_deg) != 4:
-            return
-        low_az, high_az, low_el, high_el = (math.radians(angle) for angle in angles_deg)
-        self._state_capabilities(((low_az, low_el), (high_az, high_el)))

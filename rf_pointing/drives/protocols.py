@@ -72,20 +72,17 @@ class DeviceProtocol:
 
     def take(self, buffer: bytearray) -> list[Answer]:
         """Return the complete answers of `buffer` and remove them from it."""
-        return [answer for line in _lines(buffer) for answer in self._line(line)]
+        found: list[Answer] = []
+        # Lines end with CR, LF or both; an endless one is cut.
+        while (match := re.search(rb"[\r\n]", buffer)) or len(buffer) > LONGEST_LINE:
+            end = match.start() if match else LONGEST_LINE
+            line = bytes(buffer[:end]).strip()
+            del buffer[: end + 1]
+            found.extend(self._line(line) if line else ())
+        return found
 
     def _line(self, line: bytes) -> Iterator[Answer]:
         raise NotImplementedError
-
-
-def _lines(buffer: bytearray) -> Iterator[bytes]:
-    """Yield the complete lines, ended by CR, LF or both; an endless one is cut."""
-    while (match := re.search(rb"[\r\n]", buffer)) or len(buffer) > LONGEST_LINE:
-        end = match.start() if match else LONGEST_LINE
-        line = bytes(buffer[:end])
-        del buffer[: end + 1]
-        if line.strip():
-            yield line.strip()
 
 
 def _position(azimuth_deg: float, elevation_deg: float, text: bytes = b"") -> Answer:

@@ -56,12 +56,6 @@ class _Axis:
         self.timing: tuple[float, float, float] | None = None
         self.back_since_s: float | None = None
 
-    def clock_stepped(self, by_s: float) -> None:
-        """Go on with a clock that was set ahead by so much, or back."""
-        self.timing = None
-        self.sent_s = self.sent_s + by_s if self.sent is not None else -math.inf
-        self.back_since_s = None
-
 
 class Rotator:
     """A drive that takes positions, in continuous joint angles; `step` once a tick.
@@ -87,7 +81,8 @@ class Rotator:
         self._sent_s += by_s
         self._history.clear()
         for axis in self._axes:
-            axis.clock_stepped(by_s)
+            axis.timing = axis.back_since_s = None
+            axis.sent_s = axis.sent_s + by_s if axis.sent is not None else -math.inf
         self.drive.clock_stepped(by_s)
 
     def step(self, t_s: float) -> bool:

@@ -273,7 +273,7 @@ def _elements(fields: Fields) -> Elements:
         catalogue_number=catalogue_number,
         international_designator=_text(fields, "OBJECT_ID"),
         classification=_text(fields, "CLASSIFICATION_TYPE") or "U",
-        epoch_t_s=from_utc_text(str(_present(fields, "EPOCH"))),
+        epoch_t_s=from_utc_text(_required(fields, "EPOCH")),
         mean_motion_rad_s=_mean_motion_per_day(fields) * per_day,
         eccentricity=_number(fields, "ECCENTRICITY", 0.0, _MOST_ECCENTRIC),
         inclination_rad=math.radians(_number(fields, "INCLINATION", 0.0, 180.0)),
@@ -283,10 +283,10 @@ def _elements(fields: Fields) -> Elements:
         drag_per_earth_radius=_number(fields, "BSTAR"),
         # Publishers copy the columns of the TLE, which hold half and a sixth of the derivatives.
         # SGP4 uses neither, and version 3 does without.
-        mean_motion_dot_rad_s2=2.0 * _optional(fields, "MEAN_MOTION_DOT") * per_day / DAY_S,
-        mean_motion_ddot_rad_s3=6.0 * _optional(fields, "MEAN_MOTION_DDOT") * per_day / DAY_S**2,
-        element_set_number=_integer(fields, "ELEMENT_SET_NO") if _given(fields, "ELEMENT_SET_NO") else 0,
-        revolution_number=_integer(fields, "REV_AT_EPOCH") if _given(fields, "REV_AT_EPOCH") else 0,
+        mean_motion_dot_rad_s2=2.0 * _number(fields, "MEAN_MOTION_DOT", missing=0.0) * per_day / DAY_S,
+        mean_motion_ddot_rad_s3=6.0 * _number(fields, "MEAN_MOTION_DDOT", missing=0.0) * per_day / DAY_S**2,
+        element_set_number=_integer(fields, "ELEMENT_SET_NO", missing=0.0),
+        revolution_number=_integer(fields, "REV_AT_EPOCH", missing=0.0),
     )
 
 
@@ -302,23 +302,24 @@ def _given(fields: Fields, key: str) -> bool:
     return fields.get(key) is not None and fields[key] != ""
 
 
-def _optional(fields: Fields, key: str) -> float:
-    return _number(fields, key) if _given(fields, key) else 0.0
-
-
-def _present(fields: Fields, key: str) -> Any:
-    if not _given(fields, key):
-        raise ValueError(f"{key} is missing")
-    return fields[key]
-
-
 def _text(fields: Fields, key: str) -> str:
     """Return a text, empty where the message has none (JSON: null)."""
     return str(fields.get(key) or "").strip()
 
 
-def _number(fields: Fields, key: str, low: float = -_LARGEST, high: float = _LARGEST) -> float:
-    value = _present(fields, key)
+def _required(fields: Fields, key: str) -> str:
+    if not _given(fields, key):
+        raise ValueError(f"{key} is missing")
+    return str(fields[key])
+
+
+def _number(
+    fields: Fields, key: str, low: float = -_LARGEST, high: float = _LARGEST, *, missing: float | None = None
+) -> float:
+    if missing is not None and not _given(fields, key):
+        return missing
+    _required(fields, key)
+    value = fields[key]
     if isinstance(value, str):
         value, unit = without_unit(value)
         wanted = _UNITS.get(key, "")
@@ -335,8 +336,8 @@ def _number(fields: Fields, key: str, low: float = -_LARGEST, high: float = _LAR
     return float(value)
 
 
-def _integer(fields: Fields, key: str) -> int:
-    value = _number(fields, key)
+def _integer(fields: Fields, key: str, missing: float | None = None) -> int:
+    value = _number(fields, key, missing=missing)
     # 28057.0 of a spreadsheet is a whole number, 28057.5 is a damaged one.
     if value != int(value):
         raise ValueError(f"{key}={value} must be a whole number")

@@ -141,17 +141,6 @@ def test_an_object_without_a_name_goes_by_its_number_and_brackets_belong_to_a_na
     assert bracketed.name == "STARLINK-11072 [DTC]"
 
 
-def test_a_classification_is_kept_and_without_one_an_object_is_unclassified() -> None:
-    without = {key: value for key, value in FIELDS.items() if key != "CLASSIFICATION_TYPE"}
-    for stated, wanted in (({"CLASSIFICATION_TYPE": "C"}, "C"), ({"CLASSIFICATION_TYPE": ""}, "U"), ({}, "U")):
-        assert read_elements(as_csv(without | stated))[0].classification == wanted
-
-
-def test_old_line_ends_and_a_byte_order_mark_change_nothing() -> None:
-    plain = read_elements(as_csv(FIELDS))
-    assert read_elements("\ufeff" + as_csv(FIELDS)) == read_elements(as_csv(FIELDS).replace("\r\n", "\r")) == plain
-
-
 @pytest.mark.parametrize("key", ["EPOCH", "MEAN_MOTION", "NORAD_CAT_ID", "BSTAR", "ECCENTRICITY"])
 def test_a_missing_field_is_refused_never_zero(key: str) -> None:
     without = {name: value for name, value in FIELDS.items() if name != key}

@@ -126,6 +126,9 @@ TLE_FORMS = {
         for name, first, second in LINES
     }}, indent=2),
     "lists of JSON": json.dumps(LINES),
+    "N2YO": json.dumps([
+        {"info": {"satname": name, "satid": 5}, "tle": f"{first}\r\n{second}"} for name, first, second in LINES
+    ]),
     "TOML": joined('[[satellite]]\nname = "{name}"\nline1 = "{first}"\nline2 = "{second}"\n\n'),
     "block of YAML": joined("  - name: {name}\n    tle: |\n      {first}\n      {second}\n"),
     "dump of SQL": joined("INSERT INTO tle VALUES (1,'{name}','{first}','{second}');\n"),
@@ -144,13 +147,6 @@ def test_every_dress_of_a_tle_gives_the_same_orbits(form: str) -> None:
     ]
     assert [one.name for one in found.elements] == [one.name for one in SETS]
     assert bool(found.notes) == (form == "no checksums")
-
-
-def test_both_lines_in_one_text_of_json_are_read() -> None:
-    """As the service of N2YO sends them."""
-    name, first, second = LINES[0]
-    text = json.dumps({"info": {"satname": name, "satid": 5}, "tle": f"{first}\r\n{second}"})
-    assert [one.catalogue_number for one in read_elements(text)] == [SETS[0].catalogue_number]
 
 
 FOREIGN = {
@@ -321,7 +317,6 @@ def mutants(text: str, alphabet: str) -> st.SearchStrategy[str]:
     return st.builds(damaged, st.integers(0, len(text) - 1), st.sampled_from(alphabet), kinds)
 
 
-TWO = "\n".join("\n".join(lines) for lines in LINES[:2]) + "\n"
 ANY = "".join(map(chr, range(32, 127))) + "\n\t\ufffd"
 
 

@@ -151,12 +151,6 @@ def test_the_verification_file_comes_back_column_by_column() -> None:
         assert line1[2:7] in ODD or first == line1
 
 
-def test_numbers_up_to_339999_are_written_in_alpha5(cbers: Elements) -> None:
-    large = dataclasses.replace(cbers, catalogue_number=271828)
-    assert tle_lines(large)[0][2:7] == "T1828"
-    assert read_elements("\n".join(tle_lines(large)))[0].catalogue_number == 271828
-
-
 def test_angles_that_round_to_a_full_turn_become_zero(cbers: Elements) -> None:
     lines = tle_lines(dataclasses.replace(cbers, ascending_node_rad=2.0 * math.pi - 1e-9, mean_anomaly_rad=-1e-9))
     (back,) = read_elements("\n".join(lines))

@@ -114,7 +114,6 @@ GOALS: dict[str, tuple[tuple[float, ...], tuple[str, ...], float | None, list[st
     "at once alone": ((0.0,), (), None, BOTH),
     "elevation first": ((1.0,), (), None, TURNED),
     "with rates": ((0.2, 1.0), ("velocities",), None, BOTH),
-    "with rates, elevation first": ((0.2, 1.0), ("velocities",), None, TURNED),
     "with accelerations": ((0.2, 1.0), ("velocities", "accelerations"), None, BOTH),
     "with efforts": ((0.5, 1.0), ("effort",), None, BOTH),
     "in nanoseconds": ((0.123456789, 0.987654321), (), None, BOTH),
