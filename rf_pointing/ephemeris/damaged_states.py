@@ -9,7 +9,7 @@ velocities, h apart, and three positions (here at even steps h) leave
 
 each also for every other state.  A damaged state breaks its own ties and no others.  A manoeuvre
 lies between two states: the broken ties have none in common, and nothing is refused.  In one place
-ties that are weak beside the strongest are not counted: they are truncation, near a perigee.
+ties that are weak next to the strongest are not counted: they are truncation, near a perigee.
 """
 
 import numpy as np
