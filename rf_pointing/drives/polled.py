@@ -216,7 +216,7 @@ class PolledDrive(Drive):
             self._take_position(answer, t_s)
         elif answer.kind == LIMITS:
             if len(answer.angles_deg) == 4:
-                low_az, high_az, low_el, high_el = (math.radians(angle) for angle in answer.angles_deg)
+                low_az, high_az, low_el, high_el = map(math.radians, answer.angles_deg)
                 self._state_capabilities(((low_az, low_el), (high_az, high_el)))
         elif answer.kind == REFUSED:
             self._refused = answer.text

@@ -212,7 +212,10 @@ class RigWords(ServedWords):
 
     def fields(self, order: Order) -> Fields | None:
         view = self.view
-        dials = {"get_freq": ("Frequency", view.receive_hz), "get_split_freq": ("TX Frequency", view.transmit_hz)}
+        dials = {
+            "get_freq": ("Frequency", view.receive_hz),
+            "get_split_freq": ("TX Frequency", view.transmit_hz),
+        }
         if order.name in dials:
             label, hertz = dials[order.name]
             return None if hertz is None else labelled((label, f"{hertz:.0f}"))

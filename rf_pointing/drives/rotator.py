@@ -287,7 +287,9 @@ class Rotator:
         return wanted if abs(wanted - here) > 0.5 * step else None
 
     def _send(self, t_s: float, target: Pair) -> None:
-        for index, (axis, new, here) in enumerate(zip(self._axes, target, self.estimate(t_s), strict=True)):
+        here_rad = self.estimate(t_s)
+        for index, axis in enumerate(self._axes):
+            new, here = target[index], here_rad[index]
             if axis.sent is not None and abs(new - axis.sent) < SAME_RAD:
                 continue
             away = new - here

@@ -98,7 +98,8 @@ class StationView:
             azimuth, elevation = habit.shown_deg(*self.position_deg)
             return labelled(("Azimuth", f"{azimuth:.2f}"), ("Elevation", f"{elevation:.2f}"))
         if name == "get_info":
-            return labelled(("Info", f"{self.name}; refused: {self.reason}" if self.reason else self.name))
+            refused = f"; refused: {self.reason}" if self.reason else ""
+            return labelled(("Info", f"{self.name}{refused}"))
         if name == "get_status":
             return labelled(("Status flags", self._flags()))
         return tuple((line, line) for line in self._caps()) if name == "dump_caps" else _STATE
@@ -120,7 +121,8 @@ class StationView:
         )  # fmt: skip
 
 
-_LIMITS = zip(LIMIT_NAMES, ("min_az", "max_az", "min_el", "max_el"), (*AZIMUTH_DEG, *ELEVATION_DEG), strict=True)
+_KEYS = ("min_az", "max_az", "min_el", "max_el")
+_LIMITS = zip(LIMIT_NAMES, _KEYS, (*AZIMUTH_DEG, *ELEVATION_DEG), strict=True)
 _STATE = (
     ("rotctld Protocol Ver: 1", "1"),
     (f"Rotor Model: {MODEL}", f"{MODEL}"),

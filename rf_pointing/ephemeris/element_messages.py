@@ -62,7 +62,8 @@ _OURS = {"MEAN_MOTION", "ECCENTRICITY", "BSTAR", "RA_OF_ASC_NODE", "MEAN_ANOMALY
 # SGP4's own, of WGS 72, as its mean motion is.
 _MU_KM3_S2 = 398600.8
 
-Found = Iterator[Elements | ValueError | UserWarning]
+One = Elements | ValueError | UserWarning
+Found = Iterator[One]
 
 
 def read_json(text: str, _name: str = "") -> Found:
@@ -95,7 +96,7 @@ def read_json(text: str, _name: str = "") -> Found:
         yield from read_tle("\n".join(_texts(parsed)))
 
 
-def _of_object(line: int, piece: str, number: int) -> tuple[list[Elements | ValueError | UserWarning], str]:
+def _of_object(line: int, piece: str, number: int) -> tuple[list[One], str]:
     """Return what one flat object of JSON holds, nothing for one of another kind, and its name."""
     try:
         fields = parse_json(piece, parse_constant=_no_constant, object_pairs_hook=_once)
@@ -103,7 +104,8 @@ def _of_object(line: int, piece: str, number: int) -> tuple[list[Elements | Valu
         # Damage to an object of another kind is nobody's concern.
         ours = any(key in piece for key in _OURS) or tle_columns(piece)
         reason = getattr(error, "msg", error)
-        return [ValueError(f"line {line}: OMM JSON {number} is malformed: {reason}")] if ours else [], ""
+        wrong = ValueError(f"line {line}: OMM JSON {number} is malformed: {reason}")
+        return [wrong] if ours else [], ""
     named = {key.casefold(): value for key, value in fields.items() if isinstance(value, str)}
     name = next((named[key] for key in _NAMES if named.get(key)), "")
     if _OURS & fields.keys():

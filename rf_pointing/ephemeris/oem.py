@@ -265,7 +265,8 @@ def _segment(draft: Draft) -> OemSegment:
     method, degree = _interpolation(meta)
     if len(states) < 2:
         raise ValueError(f"OEM segment of {meta['OBJECT_NAME']} has {len(states)} states, must have 2 or more")
-    tai_s = np.array([_tai_of(f"line {state.number}", state.epoch, meta["TIME_SYSTEM"]) for state in states])
+    scale = meta["TIME_SYSTEM"]
+    tai_s = np.array([_tai_of(f"line {state.number}", state.epoch, scale) for state in states])
     for state, step_s in zip(states[1:], np.diff(tai_s), strict=True):
         if step_s <= 0.0:
             raise ValueError(f"line {state.number}: {state.epoch} must be later than the state before")

@@ -32,6 +32,8 @@ SGP4_XP = "4"
 # Quotes, keys, tags and separators of tables; none of them occurs in a TLE.
 _AROUND = re.compile(r"""[\"'<>|;,=:\t]+\s*""")
 _FIELD = re.compile(r"""\"[^\"]*\"|'[^']*'|[^\"';,=:\t]+""")
+_KEYS = "name|tle0|nickname|version|website|status|tle"
+_NAMED = re.compile(rf"(?:- *)?({_KEYS})\s*[=:]\s*(.*)", re.IGNORECASE)
 # Names of columns and keys around a TLE.
 _KEY = re.compile(
     r"/?\W*(id|name|norad\w*|cat\w*|satellite|sat|tle|((tle|line|l)[ _]?(line)?[ _]?[012]))?", re.IGNORECASE
@@ -95,11 +97,12 @@ def _name_in(text: str, before: str, *, table: bool = False) -> str:
     """
     text = re.sub(r"</?[A-Za-z]\w*>", "|", text)
     if table:
-        fields = [each.strip(" \"'") for each in (text.split("|") if "|" in text else _FIELD.findall(text))]
+        fields = text.split("|") if "|" in text else _FIELD.findall(text)
+        fields = [each.strip(" \"'") for each in fields]
         names = [each for each in fields if re.search(r"[^\W\d_]", each) and not _KEY.fullmatch(each)]
         return names[-1] if names else before
     # Keys of Gpredict's files and of YAML; any other text with an equals sign is a name.
-    key = re.match(r"(?:- *)?(name|tle0|nickname|version|website|status|tle)\s*[=:]\s*(.*)", text, re.IGNORECASE)
+    key = _NAMED.match(text)
     if key is not None:
         return key[2].strip(" \"'") if key[1].casefold() in ("name", "tle0") else before
     if _AROUND.search(text) and all(_KEY.fullmatch(each.strip()) for each in _AROUND.split(text)):

@@ -152,9 +152,10 @@ def _calendar_rows(text: str) -> list[dict[str, Any]]:
         if not isinstance(begin, datetime) or not isinstance(end, datetime):
             raise ValueError(f"{said} must have dtstart, and dtend or duration, with a time of day")
         zones = [event[key].params.get("TZID") for key in ("dtstart", "dtend") if key in event]
-        if (begin.tzinfo is None or end.tzinfo is None) and (unknown := next(filter(None, zones), "")):
-            raise ValueError(f"{said} has its time in a zone that is not known, TZID={unknown}: write Z")
-        if begin.tzinfo is None or end.tzinfo is None:
+        floating = begin.tzinfo is None or end.tzinfo is None
+        if floating and (unknown := next(filter(None, zones), "")):
+            raise ValueError(f"{said} has a time in a zone that is not known, TZID={unknown}: write Z")
+        if floating:
             raise ValueError(f"{said} has a time without a zone, {begin.isoformat()}: write Z or TZID")
         times = {key: utc_text(when.timestamp()) for key, when in (("aos_utc", begin), ("los_utc", end))}
         rows.append({"target": re.split(r",\s*peak", str(event.get("summary") or ""))[0].strip(), **times})

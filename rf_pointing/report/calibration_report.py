@@ -196,7 +196,8 @@ def draw_histogram(points: Observations, fit: FitResult, path: Path) -> None:
             edges = np.linspace(float(used.min()), float(used.max()), 41)
             for axis, label in enumerate(AXIS_NAMES if axes is left else ("_", "_")):
                 colour = AXIS_COLOURS[axis]
-                axes.hist(used[axis], edges, histtype="stepfilled", color=colour, alpha=0.45, label=label)
+                filled = {"histtype": "stepfilled", "alpha": 0.45}
+                axes.hist(used[axis], edges, color=colour, label=label, **filled)
             axes.set(xlabel=f"{name}, mdeg on the sky", ylabel="observations")
         _normal(right, _after(fit)[:, fit.used] / MDEG)
         legend_above(left)

@@ -73,13 +73,6 @@ def test_catalogue_numbers_beyond_a_tle_are_kept_and_refused_only_by_the_tle(not
         tle_lines(found)
 
 
-def test_segments_of_one_message_come_in_order() -> None:
-    other = as_xml({**FIELDS, "NORAD_CAT_ID": 100123, "OBJECT_NAME": "SECOND"})
-    second = other[other.index("<segment>") : other.index("</body>")]
-    text = as_xml(FIELDS).replace("</segment>", "</segment>" + second)
-    assert [e.catalogue_number for e in read_elements(text)] == [28057, 100123]
-
-
 @pytest.mark.parametrize("notation", ["json numbers", "json strings", "xml", "csv", "kvn"])
 @pytest.mark.parametrize(
     ("change", "message"),

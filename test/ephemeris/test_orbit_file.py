@@ -122,7 +122,7 @@ TLE_FORMS = {
         for name, first, second in LINES
     ]),
     "Stellarium": json.dumps({"creator": "Satellites plugin version 0.11", "hintColor": [0.0, 0.4], "satellites": {
-        first[2:7]: {"name": name, "tle1": first, "tle2": second, "comms": [{"frequency": 145.8}, {"frequency": 435.1}]}
+        first[2:7]: {"name": name, "tle1": first, "tle2": second, "comms": [{"hz": 1}, {"hz": 2}]}
         for name, first, second in LINES
     }}, indent=2),
     "lists of JSON": json.dumps(LINES),
@@ -338,7 +338,8 @@ CHECKED = sorted(TLE_FORMS.keys() - {"no checksums"})
 
 
 @settings(max_examples=300)
-@given(st.sampled_from(CHECKED).flatmap(lambda form: mutants(TLE_FORMS[form], ANY)))
+# A hash makes a comment of a line.
+@given(st.sampled_from(CHECKED).flatmap(lambda form: mutants(TLE_FORMS[form], ANY.replace("#", ""))))
 def test_no_byte_of_a_tle_makes_another_orbit(text: str) -> None:
     """The checksum finds most; the columns find what it counts as nothing."""
     wanted = {one.catalogue_number: orbit(one) for one in SETS}
@@ -426,21 +427,14 @@ def test_a_manoeuvre_is_not_a_damaged_state(
     assert damaged_state(times, position, velocity, turning=False)[0] == -1
 
 
-class Ephemeris:
-    """A file in one form, which a failing example does not print."""
-
-    def __init__(self, text: str) -> None:
-        self.text = text
-
-
 def ephemerides(oem: str) -> dict[str, str]:
     parts = parts_of(oem)
     return {"OEM": oem, "MEME": as_meme(*parts), **{form: write(*parts) for form, (write, _) in TABLES.items()}}
 
 
 @pytest.fixture(scope="module", params=["OEM", "OEM in XML", "MEME", "CPF", "SP3"])
-def ephemeris(request: pytest.FixtureRequest, oem: str) -> Ephemeris:
-    return Ephemeris(ephemerides(oem)[request.param])
+def ephemeris(request: pytest.FixtureRequest, oem: str) -> str:
+    return ephemerides(oem)[request.param]
 
 
 def test_every_format_that_is_read_is_among_those_whose_bytes_are_damaged(oem: str) -> None:
@@ -450,11 +444,10 @@ def test_every_format_that_is_read_is_among_those_whose_bytes_are_damaged(oem: s
 
 @settings(max_examples=30)
 @given(data=st.data())
-def test_no_byte_of_an_ephemeris_makes_another_orbit(data: st.DataObject, ephemeris: Ephemeris) -> None:
+def test_no_byte_of_an_ephemeris_makes_another_orbit(data: st.DataObject, ephemeris: str) -> None:
     """A digit that moves a state by more than 0.1 km is found by its neighbours."""
-    text = ephemeris.text
-    (wanted,) = read_orbits(text).segments
-    damaged = data.draw(mutants(text, ANY))
+    (wanted,) = read_orbits(ephemeris).segments
+    damaged = data.draw(mutants(ephemeris, ANY))
     found = refused(damaged, reason=r"line \d|must be|must read|holds no elements|lacks|whole")
     if found is None:
         return

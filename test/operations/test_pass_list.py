@@ -149,7 +149,7 @@ def calendar_of(*lines: str) -> str:
          "event S has a time without a zone, 2026-01-01T01:00:00: write Z or TZID"),
         (calendar_of("DTSTART:20260101T010000", "DURATION:PT10M"), "event S has a time without a zone"),
         (calendar_of("DTSTART;TZID=Moon/Tycho:20260101T010000", "DURATION:PT10M"),
-         "event S has its time in a zone that is not known, TZID=Moon/Tycho: write Z"),
+         "event S has a time in a zone that is not known, TZID=Moon/Tycho: write Z"),
         (calendar_of("DTSTART:20260101T010000Z", "DURATION:PT10M")[:-20], "not a calendar"),
     ],
 )  # fmt: skip
