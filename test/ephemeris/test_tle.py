@@ -54,13 +54,6 @@ def test_a_classification_is_read_and_without_one_an_object_is_unclassified() ->
         assert found.classification == wanted
 
 
-def test_names_come_from_the_line_above() -> None:
-    assert read_elements(f"CBERS 2\n{LINE1}\n{LINE2}\n")[0].name == "CBERS 2"
-    assert read_elements(f"0 CBERS 2\r\n{LINE1}\r\n{LINE2}")[0].name == "CBERS 2"
-    assert read_elements(f"# a comment\n\n{LINE1}\n{LINE2}   0.0   2880.0   120.00")[0].name == "28057"
-    assert "CBERS 2" in {elements.name for elements in verification_elements()}
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader, StoragePlugin
 
-from rf_pointing.report.bag_writer import BagWriter
+from rf_pointing.report.bag_writer import LOST_NOTE, PROBLEM_NOTE, BagWriter
 from rf_pointing.report.definitions import Definitions
 from test.report.conftest import offered_qos
 
@@ -161,6 +161,7 @@ def test_disk_that_fills_stops_recording_and_every_message_is_accounted_for(
     with (path / "bag.mcap").open("rb") as stream:
         assert sum(1 for _ in make_reader(stream).iter_messages()) == len(read)
     assert not (path / ".reserve").exists()
+    assert {PROBLEM_NOTE, LOST_NOTE} <= metadata(path)["custom_data"].keys()
 
 
 def test_disk_that_is_full_at_the_last_write_keeps_what_reached_it(tmp_path: Path, types: Definitions) -> None:
