@@ -62,8 +62,8 @@ _OURS = {"MEAN_MOTION", "ECCENTRICITY", "BSTAR", "RA_OF_ASC_NODE", "MEAN_ANOMALY
 # SGP4's own, of WGS 72, as its mean motion is.
 _MU_KM3_S2 = 398600.8
 
-One = Elements | ValueError | UserWarning
-Found = Iterator[One]
+Finding = Elements | ValueError | UserWarning
+Found = Iterator[Finding]
 
 
 def read_json(text: str, _name: str = "") -> Found:
@@ -77,17 +77,18 @@ def read_json(text: str, _name: str = "") -> Found:
     pattern, rest = _DAMAGED_OBJECT if wrong else _OBJECT, text
     # From the innermost objects outwards: a flat one is read, and stands as its name from then on.
     for _ in range(DEEPEST):
-        flat: list[str] = []
+        names: list[str] = []
         for line, piece in _pieces(rest, pattern):
             found, name = _of_object(line, piece, ours + 1)
-            flat.append(json.dumps(name) + "\n" * piece.count("\n"))
-            ours += len(found)
-            clean += sum(not isinstance(one, ValueError) for one in found)
-            yield from found
-        if not flat:
+            names.append(name)
+            for one in found:
+                ours += 1
+                clean += not isinstance(one, ValueError)
+                yield one
+        if not names or rest.count("{") == len(names):
             break
-        names = iter(flat)
-        rest = pattern.sub(lambda _, names=names: next(names), rest)  # type: ignore[misc]
+        label = iter(names)
+        rest = pattern.sub(lambda flat: json.dumps(next(label)) + "\n" * flat[0].count("\n"), rest)  # noqa: B023
     # The damage may be around the objects; one that it has hit is listed already.
     if wrong and clean == ours:
         yield ValueError(wrong)
@@ -96,7 +97,7 @@ def read_json(text: str, _name: str = "") -> Found:
         yield from read_tle("\n".join(_texts(parsed)))
 
 
-def _of_object(line: int, piece: str, number: int) -> tuple[list[One], str]:
+def _of_object(line: int, piece: str, number: int) -> tuple[list[Finding], str]:
     """Return what one flat object of JSON holds, nothing for one of another kind, and its name."""
     try:
         fields = parse_json(piece, parse_constant=_no_constant, object_pairs_hook=_once)
@@ -106,10 +107,10 @@ def _of_object(line: int, piece: str, number: int) -> tuple[list[One], str]:
         reason = getattr(error, "msg", error)
         wrong = ValueError(f"line {line}: OMM JSON {number} is malformed: {reason}")
         return [wrong] if ours else [], ""
+    if _OURS & fields.keys():
+        return [_omm(line, number, fields)], ""
     named = {key.casefold(): value for key, value in fields.items() if isinstance(value, str)}
     name = next((named[key] for key in _NAMES if named.get(key)), "")
-    if _OURS & fields.keys():
-        return [_omm(line, number, fields)], name
     # Lines of their own, or all of them in one text.
     texts = [text for text in named.values() if any(map(tle_columns, text.splitlines()))]
     found = read_tle("\n".join([name, *texts])) if texts else ()
