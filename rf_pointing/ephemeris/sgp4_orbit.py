@@ -73,7 +73,7 @@ class Sgp4Orbit:
         self._check_age(t_s, elapsed_s)
         # SGP4 counts elapsed seconds; a difference of UTC lacks the leap seconds in between.
         elapsed_s = elapsed_s + (leap_seconds().tai_minus_utc_s(t_s) - self._leap_at_epoch_s)
-        positions = [_position_km(self._record, elapsed_s + k * _STEP_S, self.name) for k in OFFSETS]
+        positions = _positions_km(self._record, elapsed_s, self.name)
         teme = motion_from_positions(positions, _STEP_S, _KM)
         return earth_fixed_from_teme(teme, t_s, self.orientation)
 
@@ -141,16 +141,19 @@ def earth_fixed_from_teme(motion: StateVector, t_s: Any, orientation: EarthOrien
     return turned_about_z(motion, angle_rad, earth.pole_x_rad, earth.pole_y_rad)
 
 
-def _position_km(record: Satrec, elapsed_s: Any, name: str) -> Vector:
-    position: Vector
+def _positions_km(record: Satrec, elapsed_s: Any, name: str) -> list[Vector]:
+    """Return the positions at the five `OFFSETS` from a time."""
     if isinstance(elapsed_s, float):
-        code, position, _ = record.sgp4_tsince(elapsed_s / 60.0)
+        found = [record.sgp4_tsince((elapsed_s + k * _STEP_S) / 60.0) for k in OFFSETS]
+        code, positions = max(one[0] for one in found), [one[1] for one in found]
     else:
-        whole = np.full(elapsed_s.shape, record.jdsatepoch)
+        # One call for all: it costs as much as twenty positions.
+        each = np.add.outer(_STEP_S * np.array(OFFSETS), elapsed_s)
+        whole = np.full(each.size, record.jdsatepoch)
         # Fractions of days carry the elapsed time; the epoch's own fraction is added first.
-        codes, positions, _ = record.sgp4_array(whole, record.jdsatepochF + elapsed_s / DAY_S)
-        x, y, z = positions.T
-        position, code = (x, y, z), int(codes.max(initial=0))
+        codes, every, _ = record.sgp4_array(whole, record.jdsatepochF + each.ravel() / DAY_S)
+        positions = [tuple(one) for one in every.T.reshape(3, *each.shape).swapaxes(0, 1)]
+        code = int(codes.max(initial=0))
     if code:
         raise ValueError(f"{name} cannot be propagated: {SGP4_ERRORS[code]}")
-    return position
+    return positions
