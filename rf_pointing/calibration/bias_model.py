@@ -201,7 +201,9 @@ class BiasModel:
         the nearest.  Raises ValueError in the mount's cone of exclusion.
         """
         axes, still = motion[:2], (0.0, 0.0, 0.0, 0.0)
-        moving, resting = (np.array(self.offset_rad(*axes, *rates)) for rates in (motion[2:], still))
+        moving, resting = (
+            np.array(self.offset_rad(*axes, *rates)) for rates in (motion[2:], still)
+        )
         return self.remove(*(np.array(axes) - moving + resting), *still)
 
     def apply_moving(
