@@ -37,7 +37,7 @@ Places = NDArray[np.int64]
 # A suspect must be this many sigma off, and as large as this to matter.
 _SURE_SIGMA = 5.0
 _LEAST_REFRACTION, _WRONG_REFRACTION = 0.05, 0.3
-_LEAST_SITE_M, _FAR_SITE_M, _SITE_SIGMA_M = 20.0, 1000.0, 1e4
+_LEAST_SITE_M, FAR_SITE_M, _SITE_SIGMA_M = 20.0, 1000.0, 1e4
 _LEAST_CLOCK_S = 0.05
 # Lags of two axes are equal by chance in one of 30 mounts, if they are known as well as this.
 _EQUAL_SIGMA, _EQUAL_SHARE, _EQUAL_S = 3.0, 0.01, 0.01
@@ -119,7 +119,7 @@ def far_site(fit: FitResult) -> bool:
     """
     values, covariance = fit.nuisance_values[-3:], fit.nuisance_covariance[-3:, -3:]
     sure = values @ np.linalg.solve(covariance, values) > _SURE_SIGMA**2
-    return bool(sure and np.linalg.norm(values) > _FAR_SITE_M)
+    return bool(sure and np.linalg.norm(values) > FAR_SITE_M)
 
 
 def wrong_site(fit: FitResult, gain_before: float, away_m: Array) -> SystematicError | None:
@@ -237,7 +237,12 @@ def _without_acceleration(
         text = (f"the time tags of all passes are {_late(tau)} (+/- {sigma:.3f} s), or the axes have acceleration lags of "
                 f"{lags}s^2, which angles do not tell apart")  # fmt: skip
     return SystematicError(
-        "clock", float(tau), sigma, "s", text, refuse=bool(there - here > _SURE_SIGMA**2)
+        "clock",
+        float(tau),
+        sigma,
+        "s",
+        text,
+        refuse=bool(there - here > _SURE_SIGMA**2 or odds > 1.0),
     )
 
 
@@ -247,7 +252,7 @@ def _clock_odds(
 ) -> float:  # fmt: skip
     """Return how much likelier than lags alone a clock about `tau` is, for mounts as they are.
 
-    Each lag of a mount is nothing or of its usual size, as likely; beside a clock it has none of
+    Each lag of a mount is nothing or of its usual size, as likely; next to a clock it has none of
     acceleration.  A clock that an equal lag of one axis happens to cancel is unlikely.
     """
     own = np.sqrt(np.diag(covariance))

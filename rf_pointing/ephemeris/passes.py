@@ -1,11 +1,11 @@
 """Passes of a target over a site: rise, closest approach, set, and what they require.
 
 The motion is interpolated between nodes by position, velocity and acceleration (quintic Hermite).
-With 0.4 rad of the orbit from node to node the error is 0.4^6/46080 r, 0.6 m or 0.08 ms in a low
-orbit.  Elevation is cut at its turning points; between two of them it is monotonic, so each
-crossing of the mask is bracketed and none is missed that the step of the search resolves.  A
-horizon that depends on the azimuth cuts the stays above its lowest point again, at a step of a
-second (longer in stays of hours): every stay above it is a pass.
+With 0.5 rad of the orbit from node to node the error is 0.5^6/46080 r, 2.4 m or 0.3 ms in a low
+orbit; ends and peak are those of the track itself.  Elevation is cut at its turning points; between
+two of them it is monotonic, so each crossing of the mask is bracketed and none is missed that the
+step of the search resolves.  A horizon that depends on the azimuth cuts the stays above its lowest
+point again, at a step of a second (longer in stays of hours): every stay above it is a pass.
 """
 
 import itertools

@@ -223,6 +223,10 @@ class OfflineFit:
             result = self._fit_of_all(every, result)
         site_gain = math.inf if "site" in self._free else gains["site"]
         result, site = self._at_its_site(result, every, site_gain) if site_gain > MAYBE_WRONG else (result, None)
+        # A site that is far off makes late passes, and passes late by two times make a clock.
+        far = site is not None and site.size > systematic_errors.FAR_SITE_M
+        clock = None if far or disagreement else clock
+        disagreement = None if far else disagreement
         reasons = self._doubtful(result, [disagreement, clock, air, site])
         warnings = [*reasons, *self._orbit_warnings(result)]
         full, kept = result, tuple[str, ...]()
