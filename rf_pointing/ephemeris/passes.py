@@ -375,7 +375,7 @@ def _described(
     off_m = range_m - np.sqrt(square[:, len(_PROFILE)])
     for one, at in zip(sampled, exact, strict=True):
         one[..., [0, len(_PROFILE), -1]] = at.transpose(0, 2, 1)
-    azimuth, up, turning, rate, bend, lift = angles_and_rates(_state(*sampled))
+    azimuth, up, turning, rate, bend, lift = angles_and_rates(_without_jerk(*sampled))
     if track.refraction is not None:
         up, rate, lift = track.refraction.apply_with_rates(up, rate, lift)
     azimuth[:, 1:] -= _TURN * np.cumsum(np.rint(np.diff(azimuth) / _TURN), axis=1)
@@ -385,7 +385,7 @@ def _described(
     largest = np.minimum(np.maximum(np.argmax(np.abs(bend), axis=1), 1), rows.shape[1] - 2)
     low, high = rows[number, largest - 1], rows[number, largest + 1]
     closer = (low + (high - low) * _CLOSER).ravel()
-    bending = np.abs(angles_and_rates(_state(*motion.at(closer, 3)))[4]).reshape(len(_CLOSER), -1)
+    bending = np.abs(angles_and_rates(_without_jerk(*motion.at(closer, 3)))[4]).reshape(len(_CLOSER), -1)
     turn, lifting, near = _largest(
         rows, np.array([np.abs(turning), np.abs(rate), -square]),
         np.array([np.copysign(bend, bend * turning), np.copysign(lift, lift * rate), -2.0 * farther]),
@@ -450,7 +450,7 @@ def _largest(times: Array, value: Array, slope: Array) -> Array:
     return np.asarray(most)
 
 
-def _state(position: Array, velocity: Array, acceleration: Array) -> StateVector:
+def _without_jerk(position: Array, velocity: Array, acceleration: Array) -> StateVector:
     return StateVector(position, velocity, acceleration, position)
 
 
