@@ -115,11 +115,12 @@ def site_nuisance(points: Observations) -> Nuisance:
 def far_site(fit: FitResult) -> bool:
     """Return whether a fit with `site_nuisance` shows the antenna so far away that all is off.
 
-    Kilometres make late passes and clocks of their own, and 45 mdeg of tilt for each five.
+    Kilometres make late passes and clocks of their own, and 45 mdeg of tilt for each five.  The
+    height does not count: refraction that is applied twice or not at all looks like 3 km of it.
     """
     values, covariance = fit.nuisance_values[-3:], fit.nuisance_covariance[-3:, -3:]
     sure = values @ np.linalg.solve(covariance, values) > _SURE_SIGMA**2
-    return bool(sure and np.linalg.norm(values) > FAR_SITE_M)
+    return bool(sure and np.hypot(values[0], values[1]) > FAR_SITE_M)
 
 
 def wrong_site(fit: FitResult, gain_before: float, away_m: Array) -> SystematicError | None:
