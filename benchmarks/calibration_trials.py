@@ -13,10 +13,12 @@ Orbit errors are those of elements: along the track (mean anomaly), across it (i
 
 import argparse
 import os
+import pickle
 import time
 from collections import Counter
 from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
 
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
@@ -249,13 +251,17 @@ class Outcome:
     refused: list[str]
 
 
-def run_trials(case: Case, trials: int, campaigns: int, seed: int, satellites: int, select: bool) -> Outcome:
-    """Simulate and fit; the campaigns take turns."""
+def run_trials(
+    case: Case, trials: int, campaigns: int, seed: int, satellites: int, select: bool, keep: Path | None
+) -> Outcome:
+    """Simulate and fit; the campaigns take turns.  What `keep` has of a case is not run again."""
+    key = f"{case.name}, {satellites} satellites, {campaigns} campaigns, seed {seed}, {select}".replace(" ", "_")
+    store = keep / f"{key}.pickle" if keep else None
+    rows: list[tuple[object, ...] | str] = pickle.loads(store.read_bytes()) if store and store.exists() else []
     geometry = [campaign(number, case.rate_hz, satellites=satellites) for number in range(campaigns)]
     # The clock of the trials is right: some of the planted mounts lag alike in both axes.
     request = FitRequest(station=STATION.name, band=BAND, site=STATION.site, time_error_s=0.0, select=select)
-    full, chosen, kept, truths, seconds, refused = [], [], [], [], [], list[str]()
-    for trial in range(trials):
+    for trial in range(len(rows), trials):
         random = random_stream(seed + trial, f"trials {case.name}")
         mount = planted(random)
         number, own = trial % campaigns, dict[str, Array]()
@@ -265,14 +271,15 @@ def run_trials(case: Case, trials: int, campaigns: int, seed: int, satellites: i
         try:
             done = OfflineFit(request, FitData(None, passes)).run()
         except ValueError as error:
-            refused.append(str(error))
-            continue
-        seconds.append(time.process_time() - start)
-        full.append(pulls(done.full or done.result, mount))
-        chosen.append(pulls(done.result, mount))
-        kept.append([name in done.kept for name in TERM_NAMES])
-        truths.append([mount.coefficients[name] for name in TERM_NAMES])
-    return Outcome(*map(np.array, (full, chosen, kept, truths, seconds)), refused)
+            rows.append(str(error))
+        else:
+            kept, truth = zip(*((name in done.kept, mount.coefficients[name]) for name in TERM_NAMES), strict=True)
+            every = pulls(done.full or done.result, mount), pulls(done.result, mount)
+            rows.append((*every, kept, truth, time.process_time() - start))
+        if store:
+            store.write_bytes(pickle.dumps(rows))
+    fitted = zip(*(row for row in rows if not isinstance(row, str)), strict=True)
+    return Outcome(*map(np.array, fitted), [row for row in rows if isinstance(row, str)])
 
 
 def pulls(fit: FitResult, mount: BiasModel) -> Array:
@@ -349,12 +356,19 @@ def main() -> None:
     parser.add_argument("--satellites", type=int, default=4, help="among which the passes are (default: 4)")
     parser.add_argument("--shared", action="store_true", help="one orbit error for all passes of a satellite")
     parser.add_argument("--all-terms", action="store_true", help="without the choice of terms")
+    parser.add_argument("--keep", type=Path, help="directory of what was run, from which a run goes on")
     parser.add_argument("--verbose", action="store_true", help="every term")
     options = parser.parse_args()
     for rate, noise, orbit in product(options.rates, options.noise, options.orbits):
         case = Case(orbit, rate, noise == "correlated", options.shared)
         found = run_trials(
-            case, options.trials, options.campaigns, options.seed, options.satellites, not options.all_terms
+            case,
+            options.trials,
+            options.campaigns,
+            options.seed,
+            options.satellites,
+            not options.all_terms,
+            options.keep,
         )
         print(f"{PASSES / options.satellites:.0f} passes of each of {options.satellites} satellites:")
         print(describe(case.name, found.full, options.verbose), flush=True)

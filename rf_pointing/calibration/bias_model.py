@@ -174,8 +174,9 @@ class BiasModel:
         """Return the true angles (rad) of observed ones; the rates are those of the TRUE motion.
 
         Within 0.25 deg of the zenith, with lags of a second, several directions can have the same
-        observed angles: one of them is returned, not always the nearest.  Raises ValueError if
-        INVERSE_ITERATIONS do not reach INVERSE_TOLERANCE_RAD.
+        observed angles: one of them is returned, not always the nearest; `beam_at` of axes whose
+        rates are known has one only.  Raises ValueError if INVERSE_ITERATIONS do not reach
+        INVERSE_TOLERANCE_RAD.
         """
         observed = self._true_series(*motion)
         # The derivatives were given as those of the true motion: only the angles are unknown.
@@ -192,6 +193,18 @@ class BiasModel:
             f"remove: change {change:.3e} rad after {INVERSE_ITERATIONS} iterations must be "
             f"<= {INVERSE_TOLERANCE_RAD}; the lags are too long for the azimuth rates this close to the zenith"
         )
+
+    def beam_at(self, *motion: ArrayLike) -> tuple[Array, Array]:
+        """Return the true angles (rad) of the beam of moving axes; the rates are those of the AXES.
+
+        The lags come off at once, and axes at rest point in one direction: at the zenith too it is
+        the nearest.  Raises ValueError in the mount's cone of exclusion.
+        """
+        axes, still = motion[:2], (0.0, 0.0, 0.0, 0.0)
+        moving, resting = (
+            np.array(self.offset_rad(*axes, *rates)) for rates in (motion[2:], still)
+        )
+        return self.remove(*(np.array(axes) - moving + resting), *still)
 
     def apply_moving(
         self,

@@ -347,21 +347,33 @@ def displaced(track: ReferenceTrack, errors: PassErrors) -> ReferenceTrack:
 
     A kilometre turns the azimuth rate of a pass at 85 deg by 1.4 %, and the lags act on it.
     """
-    # So fine that the derivatives of the shift are differences of it, near the zenith too.
-    step_s = _TURN_PER_STEP_RAD / max(float(np.max(np.abs(track.azimuth_rate_rad_s))), 1e-9)
-    if step_s < track.t_s[1] - track.t_s[0]:
-        track = track.at(
-            np.linspace(
-                track.t_s[0], track.t_s[-1], 2 + int((track.t_s[-1] - track.t_s[0]) / step_s)
-            )
-        )
-    motion = track.motion()
-    sight = _Sight.of(motion, track.range_m, track.range_rate_m_s)
-    moved = track.range_m[:, np.newaxis] * sight.axes[0]
+    track, sight = _finely(track)
     shares = _displacements(track.t_s - errors.middle_t_s, sight.orbit_rate_rad_s)
+    metres = np.zeros((len(track.t_s), 3))
     for name, value in errors.values.items():
         for share, axis in zip(shares.get(name, ()), sight.track_axes, strict=False):
-            moved = moved + value * share[:, np.newaxis] * axis
+            metres = metres + value * share[:, np.newaxis] * axis
+    return _moved(track, sight, metres, errors.values.get("clock_s", 0.0))
+
+
+def seen_from(track: ReferenceTrack, east_north_up_m: Array) -> ReferenceTrack:
+    """Return the track as an antenna that much away from its site sees it, in parallel axes."""
+    track, sight = _finely(track)
+    return _moved(track, sight, np.broadcast_to(-east_north_up_m, (len(track.t_s), 3)), 0.0)
+
+
+def _finely(track: ReferenceTrack) -> tuple[ReferenceTrack, _Sight]:
+    # So fine that the derivatives of the shift are differences of it, near the zenith too.
+    step_s = _TURN_PER_STEP_RAD / max(float(np.max(np.abs(track.azimuth_rate_rad_s))), 1e-9)
+    length_s = track.t_s[-1] - track.t_s[0]
+    if step_s < track.t_s[1] - track.t_s[0]:
+        track = track.at(np.linspace(track.t_s[0], track.t_s[-1], 2 + int(length_s / step_s)))
+    return track, _Sight.of(track.motion(), track.range_m, track.range_rate_m_s)
+
+
+def _moved(track: ReferenceTrack, sight: _Sight, metres: Array, late_s: float) -> ReferenceTrack:
+    motion = track.motion()
+    moved = track.range_m[:, np.newaxis] * sight.axes[0] + metres
     azimuth, elevation = azel_from_unit_vector(moved)
     # Over the top, a dish reaches the same direction with another pair of axis angles.
     over = motion[1] > 0.5 * np.pi
@@ -369,7 +381,6 @@ def displaced(track: ReferenceTrack, errors: PassErrors) -> ReferenceTrack:
         np.where(over, azimuth + np.pi, azimuth),
         np.where(over, np.pi - elevation, elevation),
     )
-    late_s = errors.values.get("clock_s", 0.0)
     shift = np.stack([wrap_rad(azimuth - motion[0]), elevation - motion[1]]) + late_s * np.stack(
         motion[2:4]
     )

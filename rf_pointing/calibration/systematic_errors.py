@@ -14,9 +14,10 @@ estimated like a term.  The suspect that explains most is named.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,7 @@ Places = NDArray[np.int64]
 # A suspect must be this many sigma off, and as large as this to matter.
 _SURE_SIGMA = 5.0
 _LEAST_REFRACTION, _WRONG_REFRACTION = 0.05, 0.3
-_LEAST_SITE_M, _SITE_SIGMA_M = 20.0, 1e4
+_LEAST_SITE_M, FAR_SITE_M, _SITE_SIGMA_M = 20.0, 1000.0, 1e4
 _LEAST_CLOCK_S = 0.05
 # Lags of two axes are equal by chance in one of 30 mounts, if they are known as well as this.
 _EQUAL_SIGMA, _EQUAL_SHARE, _EQUAL_S = 3.0, 0.01, 0.01
@@ -57,7 +58,19 @@ _MOST_GROUPS, _GROUP_COST, _ALONE, _FAR = 5, 2.0, 2, 4.0
 _LIKELY = 12.0
 # What two acceleration lags may leave of chi-square for one clock; imaginary part of a real root.
 _ONE_CLOCK, _REAL = 12.0, 1e-4
+# Lags of mounts, and the steps by which the times of a clock are tried.
+_LAG_S, _LAG_S2, _TIMES = 0.5, 0.3, 4000
+# So much likelier is sure.
+_ODDS = 20.0
 _FEWEST_RANGED = 20
+
+
+class WrongDataError(ValueError):
+    """Data whose systematic errors, of these `kinds`, would spoil a fit."""
+
+    def __init__(self, text: str, kinds: frozenset[str]) -> None:
+        super().__init__(text)
+        self.kinds = kinds
 
 
 @dataclass(frozen=True)
@@ -82,7 +95,8 @@ def refraction_and_site(
     `refraction` is that of the station's air; it has been added to the reference or not.
     """
     columns = {"refraction": _bending(points, refraction)}
-    if points.range_m is not None and points.range_rate_m_s is not None:
+    free = any(one.name == "site" for one in fit.nuisances)
+    if not free and points.range_m is not None and points.range_rate_m_s is not None:
         columns["site"] = np.stack(site_partials(points))
     estimates = _estimates(fit, points, columns)
     kind, estimate = max(estimates.items(), key=lambda item: item[1].gain)
@@ -98,14 +112,25 @@ def site_nuisance(points: Observations) -> Nuisance:
     return Nuisance("site", np.stack(site_partials(points)), np.full(3, _SITE_SIGMA_M))
 
 
-def wrong_site(fit: FitResult, gain_before: float) -> SystematicError | None:
-    """Return the wrong site that a fit with `site_nuisance`, its last one, shows.
+def far_site(fit: FitResult) -> bool:
+    """Return whether a fit with `site_nuisance` shows the antenna so far away that all is off.
 
-    The sizes of the orbit errors are those next to it: with a wrong site they are too large, and
-    hide it.  Few satellites make them too small, so the chi-square that it gained with the sizes
-    before counts too.
+    Kilometres make late passes and clocks of their own, and 45 mdeg of tilt for each five.  The
+    height does not count: refraction that is applied twice or not at all looks like 3 km of it.
     """
     values, covariance = fit.nuisance_values[-3:], fit.nuisance_covariance[-3:, -3:]
+    sure = values @ np.linalg.solve(covariance, values) > _SURE_SIGMA**2
+    return bool(sure and np.hypot(values[0], values[1]) > FAR_SITE_M)
+
+
+def wrong_site(fit: FitResult, gain_before: float, away_m: Array) -> SystematicError | None:
+    """Return the wrong site that a fit with `site_nuisance`, its last one, shows.
+
+    `away_m` (3,) are taken off its reference already.  The sizes of the orbit errors are those next
+    to it: with a wrong site they are too large, and hide it.  Few satellites make them too small,
+    so the chi-square that it gained with the sizes before counts too.
+    """
+    values, covariance = away_m + fit.nuisance_values[-3:], fit.nuisance_covariance[-3:, -3:]
     gain = float(values @ np.linalg.solve(covariance, values))
     if gain < _LIKELY:
         return None
@@ -177,11 +202,7 @@ def _without_acceleration(
     weight = np.linalg.inv(covariance[2:, 2:])
 
     def misfit(tau: Array) -> tuple[Array, Array]:
-        left = (
-            moved[2:]
-            + np.multiply.outer(tau, moved[:2])
-            + 0.5 * np.multiply.outer(tau, np.ones(2)) * tau[:, np.newaxis]
-        )
+        left = _accelerations(moved, tau)
         return left, np.einsum("ti,ij,tj->t", left, weight, left)
 
     # Chi-square is a quartic of tau, which is least at a real root of its derivative.
@@ -200,21 +221,67 @@ def _without_acceleration(
     # Without lags no clock makes an acceleration lag, and its error is any.
     sigma = 1.0 / math.sqrt(max(float(slope @ weight @ slope), 1e-12))
     left, (there, here) = misfit(np.array([-taken_s, tau]))
+    odds = _clock_odds(moved, covariance, lambda one: misfit(one)[1], tau, sigma, taken_s)
     tau += taken_s
     # Mounts that have acceleration lags of their own tell nothing of a clock.
     if here <= _ONE_CLOCK and (abs(tau) < _LEAST_CLOCK_S or there - here < _LIKELY):
         return None
     lags = "s^2 and ".join(f"{value:+.3f} +/- {size:.3f} " for value, size in
                            zip(left[0], np.sqrt(np.diag(covariance))[2:], strict=True))  # fmt: skip
-    if here > _ONE_CLOCK:
-        text = (f"the axes have acceleration lags of {lags}s^2, which no clock error explains: whether the time tags are late "
-                "in all passes the angles do not tell, and the lags hold for this clock only")  # fmt: skip
+    if here > _ONE_CLOCK or odds < 1.0 / _ODDS:
+        text = (f"the axes have acceleration lags of {lags}s^2, which a clock error does not explain: whether the time tags "
+                "are late in all passes the angles do not tell, and the lags hold for this clock only")  # fmt: skip
         return SystematicError("clock", float(tau), sigma, "s", text, refuse=False)
     text = (f"the time tags of all passes are {_late(tau)} (+/- {sigma:.3f} s): with them the axes have acceleration lags of "
             f"{lags}s^2, without this error none")  # fmt: skip
+    if odds < _ODDS:
+        text = (f"the time tags of all passes are {_late(tau)} (+/- {sigma:.3f} s), or the axes have acceleration lags of "
+                f"{lags}s^2, which angles do not tell apart")  # fmt: skip
     return SystematicError(
-        "clock", float(tau), sigma, "s", text, refuse=bool(there - here > _SURE_SIGMA**2)
+        "clock",
+        float(tau),
+        sigma,
+        "s",
+        text,
+        refuse=bool(there - here > _SURE_SIGMA**2 or odds > 1.0),
     )
+
+
+def _clock_odds(
+    moved: Array, covariance: Array, misfit: Callable[[Array], Array],
+    tau: float, sigma: float, taken_s: float,
+) -> float:  # fmt: skip
+    """Return how much likelier than lags alone a clock about `tau` is, for mounts as they are.
+
+    Each lag of a mount is nothing or of its usual size, as likely; next to a clock it has none of
+    acceleration.  A clock that an equal lag of one axis happens to cancel is unlikely.
+    """
+    own = np.sqrt(np.diag(covariance))
+
+    def likely(value: Array, spread: Array, size: float) -> Any:
+        wide = np.hypot(spread, size)
+        return 0.5 * (_normal(value, spread) + _normal(value, wide))
+
+    still = np.array([-taken_s])
+    none = likely(moved[:2] - taken_s, own[:2], _LAG_S).prod()
+    none *= likely(_accelerations(moved, still)[0], own[2:], _LAG_S2).prod()
+    step = 12.0 * sigma / _TIMES
+    each = tau + step * np.arange(-_TIMES / 2, _TIMES / 2)
+    # A lag of nothing is narrower than the steps: what is summed keeps its area.
+    rates = likely(each[:, np.newaxis] + moved[:2], np.hypot(own[:2], step), _LAG_S).prod(axis=1)
+    area = 2.0 * np.pi * math.sqrt(np.linalg.det(covariance[2:, 2:]))
+    clock = rates * np.exp(-0.5 * misfit(each)) / area * _normal(each + taken_s, _LAG_S)
+    return float(np.sum(clock) * step / max(none, 1e-300))
+
+
+def _accelerations(moved: Array, tau: Array) -> Array:
+    """Return the acceleration lags (t, 2) that are left when the clock is `tau` (t,) later."""
+    bent = 0.5 * np.multiply.outer(tau**2, np.ones(2))
+    return np.asarray(moved[2:] + np.multiply.outer(tau, moved[:2]) + bent)
+
+
+def _normal(value: Any, sigma: Any) -> Any:
+    return np.exp(-0.5 * (value / sigma) ** 2) / (math.sqrt(2.0 * np.pi) * sigma)
 
 
 def clock_by_ranges(passes: Sequence[TrackedPass]) -> SystematicError | None:
@@ -388,8 +455,9 @@ def _estimates(
     """Return the size of each suspect next to all terms, and by how much it lowers chi-square."""
     widths = [part.shape[-1] for part in columns.values()]
     problem = FitProblem(
-        points, fit.names, dict(fit.held), dict(fit.priors), fit.pass_priors, fit.form, fit.shared
-    )
+        points, fit.names, dict(fit.held), dict(fit.priors), fit.pass_priors, fit.form, fit.shared,
+        fit.nuisances,
+    )  # fmt: skip
     factor = problem.factor_with(fit, np.concatenate(list(columns.values()), axis=-1))
     scale = (
         1.0 if fit.noise is None else max(1.0, 0.5 * (fit.noise[0].factor + fit.noise[1].factor))

@@ -1,11 +1,11 @@
 """Passes of a target over a site: rise, closest approach, set, and what they require.
 
 The motion is interpolated between nodes by position, velocity and acceleration (quintic Hermite).
-With 0.4 rad of the orbit from node to node the error is 0.4^6/46080 r, 0.6 m or 0.08 ms in a low
-orbit.  Elevation is cut at its turning points; between two of them it is monotonic, so each
-crossing of the mask is bracketed and none is missed that the step of the search resolves.  A
-horizon that depends on the azimuth cuts the stays above its lowest point again, at a step of a
-second (longer in stays of hours): every stay above it is a pass.
+With 0.5 rad of the orbit from node to node the error is 0.5^6/46080 r, 2.4 m or 0.3 ms in a low
+orbit; ends and peak are those of the track itself.  Elevation is cut at its turning points; between
+two of them it is monotonic, so each crossing of the mask is bracketed and none is missed that the
+step of the search resolves.  A horizon that depends on the azimuth cuts the stays above its lowest
+point again, at a step of a second (longer in stays of hours): every stay above it is a pass.
 """
 
 import itertools
@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rf_pointing.core import require_between
 from rf_pointing.core.dates import utc_text
@@ -21,24 +22,30 @@ from rf_pointing.core.roots import roots_between
 from rf_pointing.core.types import Array
 from rf_pointing.ephemeris.elements import Elements
 from rf_pointing.ephemeris.look_angles import angles_and_rates
-from rf_pointing.ephemeris.state_vector import StateVector, norm
+from rf_pointing.ephemeris.state_vector import StateVector, rows_of
 from rf_pointing.ephemeris.track import TopocentricTrack
 
 # Lowest elevation (n,) at azimuths (n,) on any turn.
 Horizon = Callable[[Array], Array]
+Flags = NDArray[np.bool_]
 
 # A stay of less than 30 s between two turning points is not a pass that anyone would track.
 _STEP_S = 30.0
 _TIME_TOLERANCE_S = 1e-4
 # From node to node of the interpolation, at the fastest place of the orbit; no longer than an hour
 # of the turning Earth.
-_NODE_RAD, _LONGEST_NODE_S = 0.4, 1200.0
+_NODE_RAD, _LONGEST_NODE_S = 0.5, 1200.0
+_TURN = 2.0 * np.pi
 # Points of a pass on either side of its peak, denser towards it by e^5: 0.1 s where it is overhead.
 _PROFILE = np.sinh(np.linspace(0.0, 5.0, 41)[1:]) / np.sinh(5.0)
-_ORDER = np.arange(1.0, 6.0)
+_ORDER = np.arange(1.0, 6.0)[:, np.newaxis]
+# Coefficients of the third to fifth power, from what position, velocity and acceleration lack.
+_QUINTIC = np.array([[10.0, -4.0, 0.5], [-15.0, 7.0, -1.0], [6.0, -3.0, 0.5]])
 # More than the interpolation is off where the elevation crosses the mask, however slowly.
-_LATEST_S = 0.05
-_CLOSER = 21
+_LATEST_S, _MOST_EXACT = 0.05, 5
+# Steps to a turning point or a crossing of the interpolation, and what the last one may be.
+_NEWTON, _SETTLED_S = 5, 0.1
+_CLOSER = np.linspace(0.0, 1.0, 21)[:, np.newaxis]
 _PROFILE_STEP_S = 1.0
 _PROFILE_POINTS = 5000
 _HORIZON_POINTS, _HORIZON_MARGIN_RAD = 3601, 0.01
@@ -51,8 +58,7 @@ class Pass:
     """One stay above the mask; angles apparent, azimuths continuous over the pass.
 
     `rises_before` and `sets_after` tell that the pass runs on beyond the searched interval, where
-    it is cut off.  `smallest_range_m` leaves out the motion of the site during the light's
-    travel, 3 m in a low orbit.
+    it is cut off.
     """
 
     name: str
@@ -118,26 +124,29 @@ def _passes_of(
     reach = height[turns] + rate[turns] * step_s, height[turns + 1] - rate[turns + 1] * step_s
     turns = turns[np.where(rate[turns] > 0.0, np.maximum(*reach) > sine, np.minimum(*reach) < sine)]
     between = grid[turns], grid[turns + 1]
-    turning = roots_between(lambda t_s: motion.height(t_s)[1], *between, _TIME_TOLERANCE_S)
+    turning, turned = _turning(motion, *between, (rate[turns], rate[turns + 1]))
     peaks = turning[rate[turns] > 0.0]
-    knots = np.insert(grid, turns + 1, turning)
-    heights = np.insert(height, turns + 1, motion.height(turning)[0]) - sine
+    knots, heights = np.empty((2, len(grid) + len(turns)))
+    new = np.zeros(len(knots), dtype=bool)
+    new[turns + 1 + np.arange(len(turns))] = True
+    knots[new], heights[new] = turning, turned - sine
+    knots[~new], heights[~new] = grid, height - sine
     above = heights > 0.0
     change = np.flatnonzero(above[1:] != above[:-1])
     around = (knots[change], knots[change + 1]), (heights[change], heights[change + 1])
-    crossings = _crossings(track, motion, sine, *around)
+    crossings = _crossings(motion, sine, *around)
     rises = np.concatenate([knots[:1][above[:1]], crossings[above[change + 1]]]).tolist()
     sets = np.concatenate([crossings[above[change]], knots[-1:][above[-1:]]]).tolist()
     stays = [stay for stay in zip(rises, sets, strict=True) if stay[1] > stay[0]]
     if horizon is not None:
         stays = [part for stay in stays for part in _stays_above(track, *stay, horizon, peaks)]
     ends = float(grid[0]), float(grid[-1])
-    return _described(track, motion, stays, peaks, ends)
+    return _described(track, motion, stays, peaks, ends, sine if horizon is None else None)
 
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """Motion from the site between even nodes: coefficients (n, 6, 3), east-north-up, metres."""
+    """Motion from the site between even nodes: coefficients (6, 3, n), east-north-up, metres."""
 
     start_t_s: float
     step_s: float
@@ -148,93 +157,92 @@ class _Motion:
         count = math.ceil(duration_s / _node_step_s(track)) + 1
         times = np.linspace(start_t_s, start_t_s + duration_s, max(count, 2))
         h = float(times[1] - times[0])
-        held = track.hold_t_s is not None
-        seen = track.relative_motion_at(np.full_like(times, track.hold_t_s) if held else times)[0]
-        still = 0.0 if held else 1.0
-        p, v, a = (
-            np.stack(np.broadcast_arrays(*part), axis=-1) * scale
-            for part, scale in ((seen.position, 1.0), (seen.velocity, h * still), (seen.acceleration, h * h * still))
-        )
-        first, gained = 0.5 * a[:-1], v[1:] - v[:-1] - a[:-1]
-        moved, bent = p[1:] - p[:-1] - v[:-1] - first, a[1:] - a[:-1]
-        rest = (10.0 * moved - 4.0 * gained + 0.5 * bent, -15.0 * moved + 7.0 * gained - bent,
-                6.0 * moved - 3.0 * gained + 0.5 * bent)  # fmt: skip
-        return cls(start_t_s, h, np.stack([p[:-1], v[:-1], first, *rest], axis=1))
+        p, v, a = (part * h**k for k, part in enumerate(_seen(track, times)[0]))
+        first, gained = 0.5 * a[:, :-1], v[:, 1:] - v[:, :-1] - a[:, :-1]
+        moved, bent = p[:, 1:] - p[:, :-1] - v[:, :-1] - first, a[:, 1:] - a[:, :-1]
+        rest = np.tensordot(_QUINTIC, np.array([moved, gained, bent]), axes=1)
+        return cls(start_t_s, h, np.concatenate([np.array([p[:, :-1], v[:, :-1], first]), rest]))
 
     def at(self, t_s: Array, orders: int) -> list[Array]:
         """Return position (3, n) and its first derivatives, `orders` in all."""
         place = (t_s - self.start_t_s) / self.step_s
-        node = np.minimum(np.maximum(place, 0.0).astype(np.int64), len(self.coefficients) - 1)
-        here = self.coefficients[node]
-        return [
-            np.einsum("nk,nkc->cn", basis, here) / self.step_s**order
-            for order, basis in enumerate(_bases(place - node, orders))
-        ]
+        node = np.minimum(np.maximum(place, 0.0).astype(np.int64), self.coefficients.shape[2] - 1)
+        here = self.coefficients[:, :, node]
+        return list(np.einsum("okn,kcn->ocn", self._bases(place - node, orders), here))
 
     def grid(self, step_s: float) -> tuple[Array, Array, Array]:
         """Return even times, nodes among them, no more than `step_s` apart, and `height` there."""
-        count, parts = len(self.coefficients), math.ceil(self.step_s / step_s)
-        steps = np.arange(count * parts + 1, dtype=np.float64)
-        times = self.start_t_s + self.step_s / parts * steps
-        bases = _bases(np.arange(parts) / parts, 2)
-        even = [np.moveaxis(basis @ self.coefficients, -1, 0).reshape(3, -1) for basis in bases]
-        ends = self.at(times[-1:], 2)
-        position, velocity = (
-            np.concatenate([inside / self.step_s**order, end], axis=1)
-            for order, (inside, end) in enumerate(zip(even, ends, strict=True))
+        count, parts = self.coefficients.shape[2], math.ceil(self.step_s / step_s)
+        bases = self._bases(np.arange(parts + 1) / parts, 2).swapaxes(1, 2)
+        # Each node is the end of one part and the start of the next: the last end alone counts.
+        even = (bases @ self.coefficients.reshape(6, -1)).reshape(2, parts + 1, 3, count)
+        height, rate = (
+            np.append(one[: parts * count].reshape(parts, count).T, one[-1])
+            for one in _height(*even.swapaxes(1, 2).reshape(2, 3, -1))
         )
-        return times, *_height(position, velocity)
+        return self.start_t_s + self.step_s / parts * np.arange(count * parts + 1), height, rate
 
-    def height(self, t_s: Array) -> tuple[Array, Array]:
-        """Return the sine of the true elevation and its rate, 1/s."""
-        position, velocity = self.at(t_s, 2)
-        return _height(position, velocity)
+    def _bases(self, s: Array, orders: int) -> Array:
+        """Return the powers (orders, 6, n) of `s` and their derivatives by time."""
+        bases = np.zeros((orders, 6, len(s)))
+        bases[0, 0] = 1.0
+        for k in range(1, 6):
+            np.multiply(bases[0, k - 1], s, out=bases[0, k])
+        for order in range(1, orders):
+            bases[order, 1:] = bases[order - 1, :-1] * (_ORDER / self.step_s)
+        return bases
 
-
-def _bases(s: Array, orders: int) -> list[Array]:
-    """Return the powers (n, 6) of `s` and their derivatives, `orders` in all."""
-    powers = np.ones((len(s), 6))
-    for k in range(1, 6):
-        powers[:, k] = powers[:, k - 1] * s
-    found = [powers]
-    for _ in range(1, orders):
-        slope = np.zeros_like(powers)
-        slope[:, 1:] = found[-1][:, :-1] * _ORDER
-        found.append(slope)
-    return found
+    def height(self, t_s: Array, orders: int) -> list[Array]:
+        """Return the sine of the true elevation and its rates, `orders` in all (2 or 3)."""
+        return _height(*self.at(t_s, orders))
 
 
-def _height(position: Array, velocity: Array) -> tuple[Array, Array]:
+def _height(position: Array, velocity: Array, *bend: Array) -> list[Array]:
+    """Return the sine of the elevation, its rate, and with the acceleration the second one."""
     square = np.einsum("cn,cn->n", position, position)
     away = np.einsum("cn,cn->n", position, velocity)
     length = np.sqrt(square)
-    return np.asarray(position[2] / length), (velocity[2] - position[2] * away / square) / length
+    height, rate = position[2] / length, (velocity[2] - position[2] * away / square) / length
+    if not bend:
+        return [height, rate]
+    speed = np.einsum("cn,cn->n", velocity, velocity) + np.einsum("cn,cn->n", position, bend[0])
+    longer = (speed - away * away / square) / length
+    return [height, rate, (bend[0][2] - 2.0 * rate * away / length - height * longer) / length]
 
 
-def _crossings(
-    track: TopocentricTrack, motion: _Motion, sine: float, ends: tuple[Array, Array], heights: tuple[Array, Array]
-) -> Array:
+def _turning(motion: _Motion, low: Array, high: Array, rates: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return where the height turns between `low` and `high` (n,), by its rates there, and it."""
+    at = low + (high - low) * rates[0] / (rates[0] - rates[1])
+    for _ in range(_NEWTON):
+        height, rate, bend = motion.height(at, 3)
+        step_s = rate / np.where(bend == 0.0, 1e-30, bend)
+        at = np.minimum(np.maximum(at - step_s, low), high)
+        if np.all(np.abs(step_s) < _SETTLED_S):
+            return at, height - 0.5 * step_s * rate
+    at = roots_between(lambda t_s: motion.height(t_s, 2)[1], low, high, _TIME_TOLERANCE_S)
+    return at, motion.height(at, 2)[0]
+
+
+def _crossings(motion: _Motion, sine: float, ends: tuple[Array, Array], heights: tuple[Array, Array]) -> Array:
     """Return where the height crosses the mask between `ends` (n,), above it by `heights` there."""
     low, high = ends
-    if not len(low):
-        return low
     crossings = low + (high - low) * heights[0] / (heights[0] - heights[1])
-    # The track has the last word: a low pass crosses slowly, and the interpolation is off by more.
-    for of, times in ((motion.height, 2), (lambda t_s: _exact_height(track, t_s), 1)):
-        for _ in range(times):
-            height, rate = of(crossings)
-            late_s = (height - sine) / np.where(rate == 0.0, 1e-30, rate)
-            crossings = np.minimum(np.maximum(crossings - late_s, low), high)
-    if np.all(np.abs(late_s) < _LATEST_S):
-        return crossings
+    for _ in range(_NEWTON):
+        height, rate = motion.height(crossings, 2)
+        late_s = (height - sine) / np.where(rate == 0.0, 1e-30, rate)
+        crossings = np.minimum(np.maximum(crossings - late_s, low), high)
+        if np.all(np.abs(late_s) < _SETTLED_S):
+            return crossings
     # Newton's steps went astray near a peak at the mask.
-    exact = lambda t_s: _exact_height(track, t_s)[0] - sine  # noqa: E731
-    return roots_between(exact, low, high, _TIME_TOLERANCE_S)
+    return roots_between(lambda t_s: motion.height(t_s, 2)[0] - sine, low, high, _TIME_TOLERANCE_S)
 
 
-def _exact_height(track: TopocentricTrack, t_s: Array) -> tuple[Array, Array]:
-    seen = track.relative_motion_at(t_s)[0]
-    return _height(np.array(seen.position), np.array(seen.velocity))
+def _seen(track: TopocentricTrack, t_s: Array) -> tuple[list[Array], Array]:
+    """Return position, velocity and acceleration (3, n) of the track itself, and range by light."""
+    held = track.hold_t_s is not None
+    seen, range_m, _ = track.relative_motion_at(np.full_like(t_s, track.hold_t_s) if held else t_s)
+    parts = [rows_of(part, len(t_s)) for part in (seen.position, seen.velocity, seen.acceleration)]
+    return [parts[0], *(np.zeros_like(part) if held else part for part in parts[1:])], range_m
 
 
 def _node_step_s(track: TopocentricTrack) -> float:
@@ -334,71 +342,116 @@ def _edge(t_s: float) -> str:
 
 
 def _described(
-    track: TopocentricTrack, motion: _Motion, stays: list[tuple[float, float]], peaks: Array, ends: tuple[float, float]
+    track: TopocentricTrack,
+    motion: _Motion,
+    stays: list[tuple[float, float]],
+    peaks: Array,
+    ends: tuple[float, float],
+    sine: float | None,
 ) -> list[Pass]:
-    """Return the stays with their extremes, all sampled together."""
+    """Return the stays with their extremes, all sampled together.
+
+    Ends and peak, where an antenna waits and what a pass is chosen by, are those of the track; ends
+    within the search are first moved to where it crosses the mask at `sine`, None if they do.
+    """
     if not stays:
         return []
-    rows, highest = [], []
-    for rise_s, set_s in stays:
-        inside = peaks[(peaks > rise_s) & (peaks < set_s)]
-        places = np.concatenate([inside, [rise_s, set_s]])
-        top = float(places[np.argmax(motion.height(places)[0])])
-        highest.append(top)
-        # Where the peak is an end, half of the points coincide there.
-        before, after = (rise_s - top) * _PROFILE[::-1], (set_s - top) * _PROFILE
-        rows.append(top + np.concatenate([before, [0.0], after]))
-    times = np.array(rows)
-    found = _angles(track, _state(motion, times.ravel()))
-    azimuth, elevation, *rates, length = (one.reshape(times.shape) for one in found)
-    # The ends are where an antenna waits: of the track itself.
-    ends_s = times[:, [0, -1]]
-    exact = _angles(track, track.relative_motion_at(ends_s.ravel())[0])
-    azimuth[:, [0, -1]], elevation[:, [0, -1]] = (one.reshape(ends_s.shape) for one in exact[:2])
-    azimuth = np.unwrap(azimuth, axis=1)
-    azimuth += 2.0 * np.pi * (azimuth[:, :1] < 0.0)
-    # Rates peak where their derivative, nearly straight between two points, goes through zero.
-    turning = [np.nonzero((one[:, 1:] > 0.0) != (one[:, :-1] > 0.0)) for one in rates[2:]]
-    at = [
-        times[place] + np.diff(times)[place] * one[place] / (one[place] - one[:, 1:][place])
-        for one, place in zip(rates[2:], turning, strict=True)
-    ]
+    rise, fall = np.array(stays).T
+    inside = [peaks[(peaks > low) & (peaks < high)] for low, high in stays]
+    place = np.concatenate([rise, fall, *inside])
+    height = motion.height(place, 2)[0]
+    row = np.concatenate([*np.tile(np.arange(len(stays)), (2, 1)),
+                          np.repeat(np.arange(len(stays)), [len(one) for one in inside])])  # fmt: skip
+    best = np.lexsort((height, row))[np.cumsum(np.bincount(row)) - 1]
+    times = np.concatenate([rise, place[best], fall]).reshape(3, -1)
+    free = np.array([rise != ends[0], best >= 2 * len(stays), fall != ends[1]])
+    times, exact, range_m = _exact(track, times, free, sine)
+    # Where the peak is an end, half of the points coincide there.
+    before, after = (np.outer(times[k] - times[1], _PROFILE) for k in (0, 2))
+    rows = times[1][:, np.newaxis] + np.concatenate([before[:, ::-1], np.zeros((len(rise), 1)), after], axis=1)
+    sampled = [one.reshape(3, *rows.shape) for one in motion.at(rows.ravel(), 3)]
+    # A square that is smallest is minus it largest.
+    square, farther = (np.einsum("cnk,cnk->nk", sampled[0], one) for one in sampled[:2])
+    off_m = range_m - np.sqrt(square[:, len(_PROFILE)])
+    for one, at in zip(sampled, exact, strict=True):
+        one[..., [0, len(_PROFILE), -1]] = at.transpose(0, 2, 1)
+    azimuth, up, turning, rate, bend, lift = angles_and_rates(_without_jerk(*sampled))
+    if track.refraction is not None:
+        up, rate, lift = track.refraction.apply_with_rates(up, rate, lift)
+    azimuth[:, 1:] -= _TURN * np.cumsum(np.rint(np.diff(azimuth) / _TURN), axis=1)
+    azimuth += _TURN * (azimuth[:, :1] < 0.0)
     # The acceleration is looked at more closely around its largest value.
-    number = np.arange(len(times))
-    largest = np.clip(np.argmax(np.abs(rates[2]), axis=1), 1, times.shape[1] - 2)
-    around = times[number, largest - 1], times[number, largest + 1]
-    at.append(np.linspace(*around, _CLOSER).ravel())
-    most = np.abs(np.array(rates)).max(axis=2)
-    _, _, *further, _ = _angles(track, _state(motion, np.concatenate(at)))
-    row = np.concatenate([*(place[0] for place in turning), np.tile(number, _CLOSER)])
-    for peak, values in zip(most, further, strict=True):
-        np.maximum.at(peak, row, np.abs(values))
-    extremes = zip(stays, highest, azimuth, elevation, most.T.tolist(), length.min(axis=1).tolist(), strict=True)
+    number = np.arange(len(rows))
+    largest = np.minimum(np.maximum(np.argmax(np.abs(bend), axis=1), 1), rows.shape[1] - 2)
+    low, high = rows[number, largest - 1], rows[number, largest + 1]
+    closer = (low + (high - low) * _CLOSER).ravel()
+    bending = np.abs(angles_and_rates(_without_jerk(*motion.at(closer, 3)))[4]).reshape(len(_CLOSER), -1)
+    turn, lifting, near = _largest(
+        rows, np.array([np.abs(turning), np.abs(rate), -square]),
+        np.array([np.copysign(bend, bend * turning), np.copysign(lift, lift * rate), -2.0 * farther]),
+    )  # fmt: skip
+    most = turn, lifting, np.maximum(bending.max(axis=0), np.abs(bend).max(axis=1)), np.sqrt(-near) + off_m
+    extremes = zip(*times.tolist(), azimuth, up, *(one.tolist() for one in most), strict=True)
     return [
         Pass(
             name=track.name, aos_t_s=rise_s, tca_t_s=top, los_t_s=set_s,
-            peak_elevation_rad=float(up[len(_PROFILE)]), aos_azimuth_rad=float(around[0]),
-            aos_elevation_rad=float(up[0]), los_azimuth_rad=float(around[-1]),
+            peak_elevation_rad=float(high[len(_PROFILE)]), aos_azimuth_rad=float(around[0]),
+            aos_elevation_rad=float(high[0]), los_azimuth_rad=float(around[-1]),
             azimuth_min_rad=float(around.min()), azimuth_max_rad=float(around.max()),
-            peak_azimuth_rate_rad_s=peak[0], peak_elevation_rate_rad_s=peak[1],
-            peak_azimuth_acceleration_rad_s2=peak[2], smallest_range_m=nearest,
+            peak_azimuth_rate_rad_s=turn, peak_elevation_rate_rad_s=lifting,
+            peak_azimuth_acceleration_rad_s2=bent, smallest_range_m=near,
             rises_before=rise_s == ends[0], sets_after=set_s == ends[1],
         )
-        for (rise_s, set_s), top, around, up, peak, nearest in extremes
+        for rise_s, top, set_s, around, high, turn, lifting, bent, near in extremes
     ]  # fmt: skip
 
 
-def _state(motion: _Motion, times: Array) -> StateVector:
-    position, velocity, acceleration = ((v[0], v[1], v[2]) for v in motion.at(times, 3))
+def _exact(track: TopocentricTrack, times: Array, free: Flags, sine: float | None) -> tuple[Array, list[Array], Array]:
+    """Return rise, peak and set (3, n) of the track, its motion there, and the range at the peaks.
+
+    Those that are not `free` stay.
+    """
+    for _ in range(_MOST_EXACT):
+        seen, range_m = _seen(track, times.ravel())
+        height, rate, bend = (part.reshape(times.shape) for part in _height(*seen))
+        late_s = np.where(free, rate / np.where(bend == 0.0, 1e-30, bend), 0.0)
+        late_s[::2] = 0.0
+        if sine is not None:
+            late_s[::2] = np.where(free, (height - sine) / np.where(rate == 0.0, 1e-30, rate), 0.0)[::2]
+        moved = times - np.minimum(np.maximum(late_s, -_STEP_S), _STEP_S)
+        moved[0], moved[2] = np.minimum(moved[0], moved[1]), np.maximum(moved[1], moved[2])
+        late_s, times = times - moved, moved
+        # What remains is moved by its own motion: 1 cm in 50 ms.
+        if np.all(np.abs(late_s) < _LATEST_S):
+            break
+    position, velocity, acceleration = (part.reshape(3, *times.shape) for part in seen)
+    # The site moves during the travel of the light, 3 m in a low orbit.
+    way_m = range_m.reshape(times.shape)[1] - np.linalg.norm(position[:, 1], axis=0)
+    position = position - late_s * (velocity - 0.5 * late_s * acceleration)
+    return (
+        times,
+        [position, velocity - late_s * acceleration, acceleration],
+        way_m + np.linalg.norm(position[:, 1], axis=0),
+    )
+
+
+def _largest(times: Array, value: Array, slope: Array) -> Array:
+    """Return the largest values (m, n) of curves (m, n, k) at times (n, k), by their slopes.
+
+    Between two points a curve is the cubic through them.
+    """
+    curve, row, k = np.nonzero((slope[..., 1:] < 0.0) & (slope[..., :-1] >= 0.0))
+    h, y, last = times[row, k + 1] - times[row, k], value[curve, row, k], value[curve, row, k + 1]
+    m, end = slope[curve, row, k], slope[curve, row, k + 1]
+    s = m / (m - end)
+    between = y + (last - y) * s * s * (3.0 - 2.0 * s) + h * s * (1.0 - s) * (m * (1.0 - s) - end * s)
+    most = value.max(axis=2)
+    np.maximum.at(most, (curve, row), between)
+    return np.asarray(most)
+
+
+def _without_jerk(position: Array, velocity: Array, acceleration: Array) -> StateVector:
     return StateVector(position, velocity, acceleration, position)
-
-
-def _angles(track: TopocentricTrack, seen: StateVector) -> list[Array]:
-    """Return azimuth, apparent elevation, their rates and accelerations, and distance [m]."""
-    azimuth, up, turning, rate, bend, rise = angles_and_rates(seen)
-    if track.refraction is not None:
-        up, rate, rise = track.refraction.apply_with_rates(up, rate, rise)
-    return [azimuth, up, turning, rate, bend, rise, norm(seen.position)]
 
 
 def _even(aos_t_s: float, los_t_s: float) -> Array:

@@ -19,7 +19,7 @@ from sgp4.api import SGP4_ERRORS, Satrec
 from rf_pointing.core.dates import DAY_S, utc_text
 from rf_pointing.ephemeris.earth_orientation import EarthOrientationSource
 from rf_pointing.ephemeris.elements import Elements
-from rf_pointing.ephemeris.state_vector import OFFSETS, StateVector, Vector, motion_from_positions, turned_about_z
+from rf_pointing.ephemeris.state_vector import OFFSETS, StateVector, motion_from_positions, turned_about_z
 from rf_pointing.ephemeris.time_scales import POSIX_EPOCH_JD, leap_seconds
 
 # Derivative of Greenwich mean sidereal time per second of UT1 (Aoki et al. 1982).
@@ -73,8 +73,7 @@ class Sgp4Orbit:
         self._check_age(t_s, elapsed_s)
         # SGP4 counts elapsed seconds; a difference of UTC lacks the leap seconds in between.
         elapsed_s = elapsed_s + (leap_seconds().tai_minus_utc_s(t_s) - self._leap_at_epoch_s)
-        positions = [_position_km(self._record, elapsed_s + k * _STEP_S, self.name) for k in OFFSETS]
-        teme = motion_from_positions(positions, _STEP_S, _KM)
+        teme = motion_from_positions(_positions_km(self._record, elapsed_s, self.name), _STEP_S, _KM)
         return earth_fixed_from_teme(teme, t_s, self.orientation)
 
     def warnings(self, t_s: float) -> tuple[str, ...]:
@@ -141,16 +140,18 @@ def earth_fixed_from_teme(motion: StateVector, t_s: Any, orientation: EarthOrien
     return turned_about_z(motion, angle_rad, earth.pole_x_rad, earth.pole_y_rad)
 
 
-def _position_km(record: Satrec, elapsed_s: Any, name: str) -> Vector:
-    position: Vector
+def _positions_km(record: Satrec, elapsed_s: Any, name: str) -> Any:
+    """Return the positions at the five `OFFSETS` from a time."""
     if isinstance(elapsed_s, float):
-        code, position, _ = record.sgp4_tsince(elapsed_s / 60.0)
+        found = [record.sgp4_tsince((elapsed_s + k * _STEP_S) / 60.0) for k in OFFSETS]
+        code, positions = max(one[0] for one in found), [one[1] for one in found]
     else:
-        whole = np.full(elapsed_s.shape, record.jdsatepoch)
+        # One call for all: it costs as much as twenty positions.
+        each = np.add.outer(_STEP_S * np.array(OFFSETS), elapsed_s)
+        whole = np.full(each.size, record.jdsatepoch)
         # Fractions of days carry the elapsed time; the epoch's own fraction is added first.
-        codes, positions, _ = record.sgp4_array(whole, record.jdsatepochF + elapsed_s / DAY_S)
-        x, y, z = positions.T
-        position, code = (x, y, z), int(codes.max(initial=0))
+        codes, every, _ = record.sgp4_array(whole, record.jdsatepochF + each.ravel() / DAY_S)
+        code, positions = int(codes.max(initial=0)), every.reshape(5, -1, 3)
     if code:
         raise ValueError(f"{name} cannot be propagated: {SGP4_ERRORS[code]}")
-    return position
+    return positions

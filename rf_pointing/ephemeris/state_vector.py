@@ -1,4 +1,6 @@
-"""Position and its derivatives as plain components: one code for floats and for arrays.
+"""Position and its derivatives as components: one code for floats and for arrays.
+
+Many times at once may be rows (3, n) of one array, on which an operation costs a third.
 
 Two kinds of derivative are needed.  An *inertial* motion holds d^k r/dt^k of a non-rotating frame,
 written in Earth-fixed axes; light time shifts it.  A *rotating* motion holds the derivatives that
@@ -15,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-# Components x, y, z: floats, or arrays of one shape.
-Vector = tuple[Any, Any, Any]
+# Components x, y, z: floats, or arrays of one shape; or the rows of an array (3, n).
+Vector = Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,8 @@ class StateVector:
 
 def dot(a: Vector, b: Vector) -> Any:
     """Return the scalar product."""
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return np.einsum("cn,cn->n", a, b)
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
@@ -54,12 +58,29 @@ def norm(a: Vector) -> Any:
 
 
 def combined(*terms: tuple[Any, Vector]) -> Vector:
-    """Return the sum of factor * vector."""
+    """Return the sum of factor * vector; rows if one of them is."""
+    if isinstance(terms[0][1], np.ndarray) or isinstance(terms[-1][1], np.ndarray):
+        factor, first = terms[0]
+        total = factor * _rows(first)
+        for factor, vector in terms[1:]:
+            total = total + factor * _rows(vector)
+        return total
     factor, (x, y, z) = terms[0]
     x, y, z = factor * x, factor * y, factor * z
     for factor, (dx, dy, dz) in terms[1:]:
         x, y, z = x + factor * dx, y + factor * dy, z + factor * dz
     return x, y, z
+
+
+def _rows(v: Vector) -> Any:
+    return v if isinstance(v, np.ndarray) else np.reshape(v, (3, -1))
+
+
+def rows_of(v: Vector, count: int) -> Any:
+    """Return the components as an array (3, count)."""
+    if isinstance(v, np.ndarray):
+        return v
+    return np.array([np.broadcast_to(one, count) for one in v])
 
 
 def turned_about_z(motion: StateVector, angle_rad: Any, pole_x_rad: Any, pole_y_rad: Any) -> StateVector:
@@ -70,6 +91,10 @@ def turned_about_z(motion: StateVector, angle_rad: Any, pole_x_rad: Any, pole_y_
     """
     functions: Any = math if isinstance(angle_rad, float) else np
     c, s = functions.cos(angle_rad), functions.sin(angle_rad)
+    if isinstance(motion.position, np.ndarray):
+        x, y, z = np.stack(motion.derivatives(), axis=1)
+        turned = _earth_fixed((x, y, z), c, s, pole_x_rad, pole_y_rad)
+        return StateVector(*np.stack(turned, axis=1))
     return StateVector(*(_earth_fixed(v, c, s, pole_x_rad, pole_y_rad) for v in motion.derivatives()))
 
 
@@ -80,14 +105,25 @@ def _earth_fixed(v: Vector, c: Any, s: Any, pole_x: Any, pole_y: Any) -> Vector:
 
 def rotated(motion: StateVector, axes: tuple[Vector, Vector, Vector]) -> StateVector:
     """Return the components along three fixed unit vectors."""
+    if isinstance(motion.position, np.ndarray):
+        return StateVector(*(np.array(axes) @ v for v in motion.derivatives()))
     first, second, third = axes
     return StateVector(*((dot(first, v), dot(second, v), dot(third, v)) for v in motion.derivatives()))
+
+
+# -z x v, of rows.
+_ACROSS = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
 
 def seen_from_rotating_axes(motion: StateVector, rate_rad_s: float) -> StateVector:
     """Return the derivatives seen in axes that turn about z, from inertial ones in them."""
     w, w2, w3 = rate_rad_s, rate_rad_s**2, rate_rad_s**3
     a0, a1, a2, a3 = motion.derivatives()
+    if isinstance(a0, np.ndarray):
+        b0, b1, b2 = _ACROSS @ a0, _ACROSS @ a1, _ACROSS @ a2
+        c0, c1 = _ACROSS @ b0, _ACROSS @ b1
+        jerk = a3 + 3.0 * w * b2 + 3.0 * w2 * c1 - w3 * b0
+        return StateVector(a0, a1 + w * b0, a2 + 2.0 * w * b1 + w2 * c0, jerk)
     velocity = (a1[0] + w * a0[1], a1[1] - w * a0[0], a1[2])
     acceleration = (a2[0] + 2.0 * w * a1[1] - w2 * a0[0], a2[1] - 2.0 * w * a1[0] - w2 * a0[1], a2[2])
     jerk = (
@@ -110,8 +146,15 @@ _STENCILS = (
 )
 
 
-def motion_from_positions(positions: list[Vector], step_s: float, unit_m: float) -> StateVector:
-    """Return the motion in metres of five positions in `unit_m`; errors h^4, of the jerk h^2."""
+def motion_from_positions(positions: Any, step_s: float, unit_m: float) -> StateVector:
+    """Return the motion in metres of five positions in `unit_m`; errors h^4, of the jerk h^2.
+
+    The positions are five vectors, or an array (5, n, 3).
+    """
+    if isinstance(positions, np.ndarray):
+        weights = np.array(_STENCILS) * (unit_m / step_s ** np.arange(4.0))[:, np.newaxis]
+        found = (weights @ positions.reshape(5, -1)).reshape(4, -1, 3)
+        return StateVector(*np.ascontiguousarray(found.transpose(0, 2, 1)))
     orders = (_weighted(positions, weights, unit_m / step_s**k) for k, weights in enumerate(_STENCILS))
     position, velocity, acceleration, jerk = orders
     return StateVector(position, velocity, acceleration, jerk)

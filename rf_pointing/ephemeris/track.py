@@ -93,6 +93,7 @@ class TopocentricTrack:
         self.light_time = light_time
         self.antenna = antenna or SatelliteAntennaParams()
         self._antenna = _inertial_motion_of(site, target.rotation_rate_rad_s)
+        self._antenna_rows = StateVector(*(np.reshape(v, (3, 1)) for v in self._antenna.derivatives()))
 
     def with_offsets(
         self,
@@ -167,9 +168,10 @@ class TopocentricTrack:
         if self.target.at_infinity:
             seen, range_m, range_rate_m_s = self._direction_only(motion)
         else:
-            pairs = zip(motion.derivatives(), self._antenna.derivatives(), strict=True)
+            antenna = self._antenna if isinstance(t_s, float) else self._antenna_rows
+            pairs = zip(motion.derivatives(), antenna.derivatives(), strict=True)
             relative = StateVector(*(combined((1.0, of_target), (-1.0, of_antenna)) for of_target, of_antenna in pairs))
-            inertial, range_m, range_rate_m_s = delayed(relative, self._antenna, SENSES[self.light_time])
+            inertial, range_m, range_rate_m_s = delayed(relative, antenna, SENSES[self.light_time])
             seen = seen_from_rotating_axes(inertial, self.target.rotation_rate_rad_s)
         enu = rotated(seen, self.site.axes)
         # A target at rest has no across; without an offset it must stay usable.

@@ -10,6 +10,7 @@ from rf_pointing.core import MDEG
 
 CLOSURE_RAD = 1e-12
 STILL = (0.0, 0.0, 0.0, 0.0)
+ROTATIONS = ("non_orthogonality", "collimation", "mislevel_east", "mislevel_north")
 
 
 def random_model(random, scale=1.0):
@@ -49,6 +50,20 @@ def test_remove_undoes_apply_with_random_coefficients(random, elevation_deg):
         back = model.remove(*model.apply(azimuth, elevation, *motion), *motion)
         assert np.max(np.abs(back[0] - azimuth)) < CLOSURE_RAD
         assert np.max(np.abs(back[1] - elevation)) < CLOSURE_RAD
+
+
+def test_axes_in_motion_have_one_beam_at_the_zenith_too(random):
+    """Within 0.25 deg of it, with lags of a second, `remove` may return another that has the same angles."""
+    azimuth, elevation = random.uniform(-np.pi, np.pi, 2000), np.radians(random.uniform(88.5, 89.9, 2000))
+    motion = [random.uniform(-size, size, 2000) for size in (0.1, 0.1, 0.01, 0.01)]
+    for _ in range(5):
+        model = random_model(random).replace(**dict.fromkeys(ROTATIONS, 0.0))
+        x = model.coefficients
+        beam = model.beam_at(azimuth, elevation, *motion)
+        back = model.apply(*beam, *STILL)
+        for axis, name in enumerate(("azimuth", "elevation")):
+            lag = x[f"{name}_velocity_lag"] * motion[axis] + x[f"{name}_acceleration_lag"] * motion[axis + 2]
+            assert back[axis] + lag == pytest.approx((azimuth, elevation)[axis], abs=CLOSURE_RAD)
 
 
 def test_joint_velocity_and_acceleration_are_the_derivatives_of_the_joint_position(random):

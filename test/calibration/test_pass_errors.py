@@ -1,4 +1,5 @@
-from dataclasses import replace
+import math
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -9,12 +10,15 @@ from rf_pointing.calibration.pass_errors import (
     Sharing,
     motion_partials,
     pass_partials,
+    seen_from,
     shift_by,
     site_partials,
     track_axes,
 )
-from rf_pointing.core import azel_from_unit_vector, unit_vector_from_azel, wrap_rad
+from rf_pointing.calibration.reference import ReferenceTrack
+from rf_pointing.core import angular_distance_rad, azel_from_unit_vector, unit_vector_from_azel, wrap_rad
 from rf_pointing.ephemeris import TopocentricTrack, find_elements, find_passes, site, verification_elements
+from rf_pointing.station.campaign.wrong_causes import moved
 from test.calibration.conftest import fly_by
 
 TABLE_1_TERMS = tuple(name for name in TERM_NAMES if not name.endswith("acceleration_lag"))
@@ -73,6 +77,25 @@ def test_partials_are_the_shift_of_a_displaced_satellite(campaign, table_1):
         shift = displaced(data, neighbouring(data, names[k], 10.0))
         assert 10.0 * azimuth[:, k] == pytest.approx(shift[0], abs=1e-9)
         assert 10.0 * elevation[:, k] == pytest.approx(shift[1], abs=1e-9)
+
+
+def test_a_track_seen_from_elsewhere_is_that_of_a_site_there():
+    here, away_m = site("Goldstone DSS-13"), np.array([2000.0, -3000.0, 0.0])
+    there = moved(here, away_m)
+    elements = find_elements(verification_elements(), "28057")
+    track = TopocentricTrack(elements, here, refraction=None)
+    one = find_passes(track, elements.epoch_t_s, 86400.0, math.radians(20.0))[0]
+    times = np.arange(one.aos_t_s, one.los_t_s)
+    at, other = (
+        ReferenceTrack(**{item.name: getattr(seen.sample(times), item.name) for item in fields(ReferenceTrack)})
+        for seen in (track, TopocentricTrack(elements, there, refraction=None))
+    )
+    seen = seen_from(at, away_m).at(times)
+    # The vertical turns by 0.1 mdeg for 11 m; the rest is that of an ellipsoid.
+    turned = np.hypot(*away_m[:2]) / 6.371e6
+    off = angular_distance_rad(seen.azimuth_rad, seen.elevation_rad, other.azimuth_rad, other.elevation_rad)
+    assert np.max(off) < 1.2 * turned
+    assert np.max(np.abs(seen.range_m - other.range_m)) < 0.02 * np.linalg.norm(away_m)
 
 
 def test_orbit_errors_without_range_are_refused(campaign, table_1):

@@ -108,13 +108,9 @@ class MountError:
         return sky_now
 
     def _remove_steep(self, t_s: float, axes_rad: Array, motion: tuple[float, ...]) -> Array:
-        still = (0.0, 0.0, 0.0, 0.0)
-        moving, resting = (np.array(self._model.offset_rad(*axes_rad, *rates)) for rates in (motion, still))
-        azimuth, elevation = axes_rad - moving + resting
-        # The lags at once, the rest by inversion: near the zenith the inversion with lags need not
-        # converge.
+        # Near the zenith the inversion with lags at the rates of the beam need not converge.
         try:
-            sky = np.array(self._model.remove(azimuth, elevation, 0.0, 0.0, 0.0, 0.0))
+            sky = np.array(self._model.beam_at(*axes_rad, *motion))
         except ValueError:
             return np.asarray(axes_rad + self._correction)
         # The rate is kept up here too: leaving the steep region must not start with a jump.

@@ -4,6 +4,7 @@ Raw passes are processed until the terms stay: the points are means of what mode
 leave over, and the noise of slow residuals is known after a fit only.
 """
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -28,8 +29,8 @@ from rf_pointing.calibration import (
 )
 from rf_pointing.calibration.fit_result import Nuisance
 from rf_pointing.calibration.outlying_passes import MEASURABLE_FROM
-from rf_pointing.calibration.pass_errors import SharedErrors
-from rf_pointing.calibration.systematic_errors import SystematicError
+from rf_pointing.calibration.pass_errors import SharedErrors, seen_from
+from rf_pointing.calibration.systematic_errors import SystematicError, WrongDataError
 from rf_pointing.core import MDEG
 from rf_pointing.core.dates import DAY_S
 from rf_pointing.core.refraction import RadioRefraction
@@ -50,6 +51,10 @@ FEW_SETS = 1.25
 # Elements are three times worse than they should be in one of 400 sets.
 AGE_FACTOR = 3.0
 FEWEST_FOR_SIZES = 8
+# Causes whose size is that of a fit next to them.
+MEASURED = frozenset({"clock", "site"})
+# A site that moves by less than this is where the fit has it.
+SETTLED_M = 100.0
 # So few passes cannot judge one of them by the others.
 FEWEST_TIMED = 4
 FEWEST_HELD_OUT = 4
@@ -141,11 +146,22 @@ class OfflineFit:
     def __init__(self, request: FitRequest, data: FitData) -> None:
         self._request, self._data = request, data
         self._free = set[str]()
+        # By how much the references of raw passes are those of another place.
+        self._away_m = np.zeros(3)
         self._first = int(np.max(data.points.pass_id)) + 1 if data.points is not None else 0
 
     @cached_property
     def _raw(self) -> RawPasses | None:
-        return RawPasses(self._data.passes, self._first) if self._data.passes else None
+        return self._processed(0.0) if self._data.passes else None
+
+    def _processed(self, late_s: float) -> RawPasses:
+        """Return the pipeline of the passes as their true place sees them, without a lateness."""
+        passes = self._data.passes
+        if np.any(self._away_m):
+            passes = [replace(one, reference=seen_from(one.reference, self._away_m)) for one in passes]
+        if late_s:
+            passes = [replace(one, raw=replace(one.raw, t_s=one.raw.t_s - late_s)) for one in passes]
+        return RawPasses(passes, self._first)
 
     def run(self) -> Fitted:
         """Return the fit.
@@ -157,6 +173,9 @@ class OfflineFit:
             return self._run()
         except ValueError as error:
             request = self._request
+            # A fit that settles next to it measures it better than medians of distances.
+            if isinstance(error, WrongDataError) and error.kinds <= MEASURED:
+                raise
             cause = cause_of(self._data.passes, request.elements, request.site, request.refraction)
             if not cause:
                 raise
@@ -174,7 +193,7 @@ class OfflineFit:
         if self._raw is None and request.select and not self._measures_orbit(every):
             result, kept = self._fit_of_chosen(every, PassPriors.of_orbit(request.orbit_prior_m or 0.0), None, None)
             return Fitted(result, None, every, stages, notes, [], kept)
-        result = self._fit_of_all(every, None)
+        result = self._first_fit(every, known)
         judged = False
         for _ in range(MOST_ROUNDS):
             before, count = result, len(late)
@@ -190,6 +209,7 @@ class OfflineFit:
             if self._raw is None and judged:
                 break
             known = _known_after(result, known)
+            self._move_site(result)
             every, stages, _ = self._collected(known, late)
             result = self._fit_of_all(every, before)
             if judged and np.all(np.abs(result.values - before.values) < SETTLED * result.sigma):
@@ -198,11 +218,15 @@ class OfflineFit:
         # The station's own clock is not doubted because nothing proves it.
         clock = None if self._data.recorded and clock is not None and not clock.refuse else clock
         air, gains = systematic_errors.refraction_and_site(result, every, self._air)
-        self._free = {name for name in gains if name == "refraction" and gains[name] > MAYBE_WRONG}
-        if self._free:
+        if gains["refraction"] > MAYBE_WRONG:
+            self._free.add("refraction")
             result = self._fit_of_all(every, result)
-        site_gain = gains["site"]
+        site_gain = math.inf if "site" in self._free else gains["site"]
         result, site = self._at_its_site(result, every, site_gain) if site_gain > MAYBE_WRONG else (result, None)
+        # A site that is far off makes late passes, and passes late by two times make a clock.
+        far = site is not None and site.size > systematic_errors.FAR_SITE_M
+        clock = None if far or disagreement else clock
+        disagreement = None if far else disagreement
         reasons = self._doubtful(result, [disagreement, clock, air, site])
         warnings = [*reasons, *self._orbit_warnings(result)]
         full, kept = result, tuple[str, ...]()
@@ -221,8 +245,7 @@ class OfflineFit:
         stages: list[StageReport] = []
         notes: list[str] = []
         if self._raw is not None:
-            moved = [replace(one, raw=replace(one.raw, t_s=one.raw.t_s - late_s)) for one in self._data.passes]
-            made = (self._raw if late_s == 0.0 else RawPasses(moved, self._first)).process(known)
+            made = (self._raw if late_s == 0.0 else self._processed(late_s)).process(known)
             parts.append(made.points)
             stages, notes = list(made.reports), list(made.notes)
         together = Observations.concatenate(parts)
@@ -263,6 +286,42 @@ class OfflineFit:
             first = before.pass_priors, before.shared.times(1.0 / wider) if before.shared else None
         priors, shared = calibration.measured_pass_priors(fit, first=first)
         return fit(priors, shared.times(wider) if shared else None)
+
+    def _first_fit(self, points: Observations, known: PriorKnowledge) -> FitResult:
+        """Return the first fit, with the site free where the antenna is far from it.
+
+        Late passes that are found next to a wrong site are made by it: it comes first.
+        """
+        if not self._measures_orbit(points):
+            return self._fit_of_all(points, None)
+        self._free.add("site")
+        try:
+            free = self._fit_of(points, self._request.terms, MEASURABLE_FROM, None, self._shared())
+        except ValueError:
+            # Few passes do not separate terms and site: the fit without it says what it lacks.
+            free = None
+        if free is None or not systematic_errors.far_site(free):
+            self._free.discard("site")
+            return self._fit_of_all(points, free)
+        for _ in range(MOST_ROUNDS):
+            step_m, known = self._move_site(free), _known_after(free, known)
+            if step_m < SETTLED_M:
+                break
+            points, *_ = self._collected(known, ())
+            free = self._fit_of_all(points, free)
+        return free
+
+    def _move_site(self, result: FitResult) -> float:
+        """See the passes from where a fit with a free site has the antenna; return how far off.
+
+        Displacements of kilometres are not linear.
+        """
+        step_m = result.nuisance_values[-3:]
+        if "site" not in self._free or self._data.points is not None:
+            return 0.0
+        self._away_m = self._away_m + step_m
+        self.__dict__.pop("_raw", None)
+        return float(np.linalg.norm(step_m))
 
     def _shared(self) -> SharedErrors | None:
         """Return the errors that passes of one satellite share, None where nothing tells them.
@@ -353,7 +412,7 @@ class OfflineFit:
         """Return the fit in which the site is free, and the wrong site, if the data show one."""
         self._free.add("site")
         free = self._fit_of_all(points, result)
-        found = systematic_errors.wrong_site(free, gain)
+        found = systematic_errors.wrong_site(free, gain, self._away_m)
         if found is None:
             self._free.discard("site")
         return (free, found) if found else (result, None)
@@ -423,9 +482,10 @@ def _earlier(points: Observations, seconds: float) -> Observations:
 
 def _refuse_wrong(found: Sequence[SystematicError | None]) -> None:
     """Raise ValueError for the systematic errors with which a fit would be wrong."""
-    wrong = [one.text for one in found if one is not None and one.refuse]
+    wrong = [one for one in found if one is not None and one.refuse]
     if wrong:
-        raise ValueError(f"no model is fitted: {'; '.join(wrong)}")
+        text = "; ".join(one.text for one in wrong)
+        raise WrongDataError(f"no model is fitted: {text}", frozenset(one.kind for one in wrong))
 
 
 def _known_after(result: FitResult, before: PriorKnowledge) -> PriorKnowledge:

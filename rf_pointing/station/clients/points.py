@@ -280,7 +280,7 @@ class Follower:
         if self.model is not None:
             # At the mount's zenith the model has no inverse: the axes are near enough.
             with suppress(ValueError):
-                beam = self.model.remove(*beam, *axes.velocity_rad_s, 0.0, 0.0)
+                beam = self.model.beam_at(*beam, *axes.velocity_rad_s, 0.0, 0.0)
         if math.cos(beam[0] - azimuth) < 0.0:
             beam = beam[0] + math.pi, math.pi - beam[1]
         return float(beam[0]), float(beam[1])

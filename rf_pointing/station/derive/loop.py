@@ -4,11 +4,15 @@ import math
 
 from rf_pointing.core.angles import MDEG
 from rf_pointing.core.derived import Rows, Value, rounded, tuned
+from rf_pointing.station.derive import axes
 from rf_pointing.station.derive.band import REFERENCE_M, Band
 from rf_pointing.station.derive.signal import level_known
 
 GUST_POWER = 2.5
 """Growth with the diameter of what the encoders miss: 0.06 mdeg in 1 s at 34 m, 0.36 at 70 m."""
+# Cycles of the loop within its delay, a gain margin of 4.3, and the delay of errors and commands.
+# Twice as many, with the steps of a rotator, swing by three of them for as long as the pass lasts.
+LOOP_DELAY, LEAD_S = 0.058, 0.2
 # As the parameters of the watch hold them, to the last bit.
 GUSTS_DEG = tuple(math.degrees(each * MDEG) for each in (0.1, 0.2, 0.4, 0.8))
 VIBRATION_DEG = (0.0, math.degrees(0.2 * MDEG), 6e-4)
@@ -30,8 +34,17 @@ def pointing(of: Band) -> Rows:
 
 def integrator(of: Band) -> Rows:
     """The tracking loop."""
+    bandwidth_hz = 0.2
+    if of.positions:
+        drive = axes.drive(of)
+        wait_s = drive["rotator.latency_s"].value + 0.5 * drive["rotator.minimum_interval_s"].value
+        bandwidth_hz = rounded(min(bandwidth_hz, LOOP_DELAY / (LEAD_S + wait_s)))
     return {
-        "bandwidth_hz": tuned(0.2, "a fifth of the position loop's at most"),
+        "bandwidth_hz": tuned(
+            bandwidth_hz,
+            "0.2 Hz, a fifth of the position loop's; a drive that takes positions: at most 0.058 "
+            "over 0.2 s, its latency and half its interval",
+        ),
         "mean_of": tuned(5, "five errors"),
         "offset_limit_deg": tuned(min(max(0.6, 1.5 * of.beamwidth_deg), 20.0), "1.5 h, from 0.6 to 20 deg"),
         "acceleration_deg_s2": tuned(

@@ -14,6 +14,7 @@ from rf_pointing.core import MDEG
 from rf_pointing.ephemeris import find_elements, site, verification_elements
 from rf_pointing.station.campaign.offline_fit import FitData, FitRequest, Fitted, OfflineFit, remarks, summary
 from rf_pointing.station.campaign.recorded_input import reference_of
+from rf_pointing.station.campaign.wrong_causes import moved
 from test.commands.planted_campaign import PLANTED, STATION, points, raw_passes
 
 PLACE, CBERS = site(STATION), find_elements(verification_elements(), "28057")
@@ -147,6 +148,19 @@ def test_late_time_tags_next_to_unequal_lags_are_refused_with_their_size(lags_s:
         size, sigma = re.findall(r"are ([\d.]+) s late \(\+/- ([\d.]+) s\)", str(refused.value))[0]
         assert float(size) == pytest.approx(0.5, abs=4.0 * float(sigma))
         assert float(sigma) < 0.05
+
+
+def test_a_site_that_is_kilometres_off_is_named_with_its_size_and_nothing_else() -> None:
+    given = moved(PLACE, np.array([3e3, 4e3, 0.0]))
+    data = [TrackedPass(one, reference_of(one, [CBERS], given, 14.0 * 86400.0), IONOSPHERE) for one in raw_passes()]
+    with pytest.raises(ValueError, match="no model is fitted: the antenna is") as refused:
+        fit(FitData(None, data), site=given)
+    assert re.search(r"\b(late|early|edited)\b", str(refused.value)) is None
+    found = re.findall(r"is (\d+) \+/- (\d+) m away .*: ([+-]\d+) m east, ([+-]\d+) m north", str(refused.value))[0]
+    size, sigma, *away = map(float, found)
+    assert size == pytest.approx(5000.0, abs=4.0 * sigma + 30.0)
+    assert away == pytest.approx([-3000.0, -4000.0], abs=4.0 * sigma + 30.0)
+    assert sigma < 200.0
 
 
 def test_orbit_errors_beyond_those_of_young_elements_are_doubtful() -> None:

@@ -178,6 +178,8 @@ CASES: Mapping[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "a drive that takes positions": (
         {"drive": {"type": "gs232", "rotator": {"minimum_interval_s": 0.7, "latency_s": 0.4},
                    "link": {"poll_period_s": 0.25}}}, {
+        # 0.058 over 0.2 s, the latency and half of the interval.
+        "integrator.bandwidth_hz": 0.0610526,
         "machine.rate_limit_deg_s": (6.0, 3.0), "axes.reaction_s": 1.6, "drive.type": "gs232",
         "drive.rotator.minimum_interval_s": 0.7,
     }),
