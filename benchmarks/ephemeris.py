@@ -124,7 +124,7 @@ def compare(elements: list[Elements], place: Site) -> None:
     ours_s = seconds(lambda: find_catalogue_passes(same, place, EPOCH_T_S, DAY_S, MASK_RAD, **options), repeat=3)
     worst, events, right = 0.0, 0, []
     for index, (one, (times, kinds)) in enumerate(zip(same, raw, strict=True)):
-        passes = [p for p in found.passes if p.elements is one]
+        passes = [p for p in found.passes if p.target is one]
         ours = [p.aos_t_s for p in passes if not p.rises_before], [p.los_t_s for p in passes if not p.sets_after]
         theirs = other.refined(index, times, kinds)
         if [len(mine) for mine in ours] == [len(wanted) for wanted in theirs]:

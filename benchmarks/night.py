@@ -131,7 +131,7 @@ def show(
         when = f"after {found[0] - fault.t_s:.1f} s" if found and found[0] >= fault.t_s - 1.0 else "raised already"
         shown = f"{name} {when}: {found[4]}" if found else "NOT IN THE REPORT"
         print(f"  {utc_text(fault.t_s)[11:19]} {fault.kind:<17} {fault.seconds:5.0f} s -> {shown}")
-    good = scheduled == len(records) and not innocent and not unseen and not log.outside
+    good = 0 < scheduled == len(records) and not innocent and not unseen and not log.outside
     print(
         f"  {'as asked' if good else 'NOT AS ASKED'}: {len(innocent)} lost without a fault, {unseen} faults without an alarm"
     )

@@ -231,7 +231,7 @@ class NightSimulation:
         self.log.moved_s += TICK_S
         if self._ticks % PERIOD_TICKS:
             return
-        switch, rate = pair(axes.hardware.switch_rad), pair(axes.hardware.velocity_rad_s)
+        switch, rate = axes.hardware.switch_rad, pair(axes.hardware.velocity_rad_s)
         safety = self.antenna.safety
         reason = safety.beyond(switch, rate) or safety.gate.limits.reason(*switch, None, OUTSIDE_RAD)
         if reason and len(self.log.outside) < 100:

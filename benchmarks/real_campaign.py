@@ -122,6 +122,7 @@ def main() -> None:
         print(f"{path.name}: beam minus rotator at 40 deg, around the compass: azimuth {off[0].mean():+.3f} +- "
               f"{off[0].std():.3f}, elevation {off[1].mean():+.3f} +- {off[1].std():.3f} deg")  # fmt: skip
     print(f"the beam is off the rotator by azimuth {OFFSET_DEG[0]:+.2f}, elevation {OFFSET_DEG[1]:+.2f} deg")
+    sys.exit(done.returncode)
 
 
 if __name__ == "__main__":

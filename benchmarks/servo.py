@@ -111,11 +111,11 @@ def node_lines() -> bool:
         def now_s(self) -> float:
             return self.t_s
 
-        def every(self, period_s: float, callback: Callable[[float], None]) -> Schedule:
+        def every(self, period_s: float, callback: Callable[[float], None], **_catches_up: bool) -> Schedule:
             self.tick = callback
             return Schedule(self.t_s, period_s)
 
-    rclpy.init(args=["--ros-args", "-r", "__ns:=/benchmark"])
+    rclpy.init(args=["--ros-args", "-r", "__ns:=/benchmark", "-p", "station:=dss13"])
     node = Ticked()
     try:
         node.trigger_configure()

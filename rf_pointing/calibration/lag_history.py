@@ -12,7 +12,7 @@ average: d = 0.  Between samples r is a straight line, for which the average is 
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,8 +28,7 @@ UNSEEN_STEP_S = 0.1
 FORGOTTEN_TIMES = 20.0
 
 
-@dataclass(frozen=True, slots=True)
-class LagState:
+class LagState(NamedTuple):
     """Rates (rad/s) of the beam at `t_s`, their average, and how fast that changes (rad/s^2)."""
 
     t_s: float

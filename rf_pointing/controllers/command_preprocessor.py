@@ -147,15 +147,15 @@ class CommandPreprocessor:
         ValueError
             For a non-finite command or `dt_s` outside [1e-4, 1] s.
         """
-        require_between("dt_s", dt_s, 1e-4, 1.0)
+        if not 1e-4 <= dt_s <= 1.0:
+            require_between("dt_s", dt_s, 1e-4, 1.0)
         position = as_finite_pair("position_rad", position_rad)
         velocity = as_finite_pair("velocity_rad_s", velocity_rad_s)
         acceleration = as_finite_pair("acceleration_rad_s2", acceleration_rad_s2)
         state, moved, transparent = self._state, [], [False, False]
-        before = zip(
-            state.position_rad.tolist(), state.velocity_rad_s.tolist(), state.acceleration_rad_s2.tolist(), strict=True
-        )
-        for axis, (limits, now) in enumerate(zip(self._limits, before, strict=True)):
+        before = state.position_rad.tolist(), state.velocity_rad_s.tolist(), state.acceleration_rad_s2.tolist()
+        for axis, limits in enumerate(self._limits):
+            now = before[0][axis], before[1][axis], before[2][axis]
             target = (position[axis], velocity[axis], acceleration[axis])
             if not limits.low <= now[0] <= limits.high:
                 # Outside its travel an axis stays where it is, or comes in; it never starts by
@@ -175,13 +175,14 @@ class CommandPreprocessor:
 
 def _reachable(now: _AxisMotion, target: _AxisMotion, limits: _AxisLimits, dt_s: float) -> bool:
     """Return whether a cubic leads to the target within this step, all limits and the travel."""
-    if not limits.low <= target[0] <= limits.high or abs(target[1]) > limits.rate:
+    if not limits.low <= target[0] <= limits.high or not -limits.rate <= target[1] <= limits.rate:
         return False
     # The acceleration of a cubic is linear in time, so its largest value is at one of the two ends.
     moved = 6.0 * (target[0] - now[0])
     first = (moved - (4.0 * now[1] + 2.0 * target[1]) * dt_s) / dt_s**2
     last = ((2.0 * now[1] + 4.0 * target[1]) * dt_s - moved) / dt_s**2
-    if max(abs(first), abs(last), abs(target[2])) > limits.acceleration + _ROUNDING:
+    most = limits.acceleration + _ROUNDING
+    if not (-most <= first <= most and -most <= last <= most and -most <= target[2] <= most):
         return False
     room = limits.high - target[0] if target[1] > 0.0 else target[0] - limits.low
     # A command that runs into the end of the travel is cut while there is still room to stop.

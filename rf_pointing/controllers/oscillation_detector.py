@@ -97,8 +97,9 @@ class OscillationDetector:
         ValueError
             For a non-finite error.
         """
-        require_finite("error_rad", error_rad)
-        require_between("dt_s", dt_s, 1e-5, 1.0)
+        if not (math.isfinite(error_rad) and 1e-5 <= dt_s <= 1.0):
+            require_finite("error_rad", error_rad)
+            require_between("dt_s", dt_s, 1e-5, 1.0)
         state, before = self._state, self._state.output_rad
         if dt_s != self._decay[0]:
             self._decay = (dt_s, math.exp(-2.0 * math.pi * self.params.high_pass_hz * dt_s))
@@ -111,12 +112,13 @@ class OscillationDetector:
         if before * state.output_rad < 0.0:
             self._swing(state.age_s, state.peak_rad)
             state.age_s, state.peak_rad = 0.0, 0.0
-        state.peak_rad = max(state.peak_rad, abs(state.output_rad))
+        size_rad = abs(state.output_rad)
+        state.peak_rad = size_rad if size_rad > state.peak_rad else state.peak_rad
         # A loop that runs away from its command never crosses zero again.
         if state.peak_rad >= self.params.largest_rad and not state.reason:
             most = _mdeg(self.params.largest_rad)
             state.reason = f"oscillation of {_mdeg(state.peak_rad)}, at most {most}, cut before its period was known"
-        return self.oscillating
+        return bool(state.reason)
 
     def _swing(self, half_period_s: float, peak_rad: float) -> None:
         """Count a completed swing, or begin a new row where it does not fit."""

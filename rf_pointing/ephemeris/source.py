@@ -8,7 +8,7 @@ is out of date and the configuration counts.
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -172,9 +172,18 @@ class SourceContents:
             # Where both are in a folder, an ephemeris of the operator is better than mean elements.
             return OemTarget(found, interpolation=method)
         if self.elements:
-            return find_elements(self.elements, wanted)
+            return find_elements(self._by_label.get(key) or self.elements, wanted)
         names = sorted({f"{segment.name} ({segment.object_id})" for segment in self.segments})
         raise ValueError(f"satellite={wanted!r} is not among the objects of the ephemeris: {', '.join(names)}")
+
+    @cached_property
+    def _by_label(self) -> dict[str, list[Elements]]:
+        """The elements by name and by number: a search of 30 000 takes milliseconds."""
+        found: dict[str, list[Elements]] = {}
+        for one in self.elements:
+            for label in {one.name.casefold(), str(one.catalogue_number)}:
+                found.setdefault(label, []).append(one)
+        return found
 
     @property
     def first(self) -> str:

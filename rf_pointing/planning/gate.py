@@ -149,14 +149,14 @@ class Gate:
         """
         # A check when a command arrives is not what moves: a table is carried on for a second, or
         # followed late.  So every tick looks at where the axes would come to rest.
-        stop = [rate * abs(rate) / (2.0 * limit) for rate, limit in zip(rate_rad_s, self.axes[1], strict=True)]
+        (first, second), (azimuth, elevation), (_, limits) = rate_rad_s, next_rad, self.axes
+        stop = first * abs(first) / (2.0 * limits[0]), second * abs(second) / (2.0 * limits[1])
         sun = None if kind in TO_SAFETY else sun_rad
-        inside = all(
-            low <= here <= high and low <= here + way <= high
-            for low, here, way, high in zip(self._low, next_rad, stop, self._high, strict=True)
-        )
-        heights = next_rad[1], next_rad[1] + stop[1]
-        if inside and self._sky.clear(min(heights), max(heights), sun):
+        there = azimuth + stop[0], elevation + stop[1]
+        (left, bottom), (right, top) = self._low, self._high
+        inside = left <= azimuth <= right and left <= there[0] <= right and bottom <= elevation <= top
+        low, high = (elevation, there[1]) if elevation <= there[1] else (there[1], elevation)
+        if inside and bottom <= there[1] <= top and self._sky.clear(low, high, sun):
             return ""
         # Both axes brake at once, each from its own rate, so the path to rest bends.
         for share in HALTING_SHARES:
@@ -183,8 +183,11 @@ class Gate:
         Axes that `released_rad` beyond it when they were released may swing there, and leave by
         themselves.
         """
+        (low, bottom), (high, top), hard_rad = self._low, self._high, self.params.hard_rad
+        if low - hard_rad <= joint_rad[0] <= high + hard_rad and bottom - hard_rad <= joint_rad[1] <= top + hard_rad:
+            return ""
         for axis, (angle, rate) in enumerate(zip(joint_rad, rate_rad_s, strict=True)):
-            low, high = self._low[axis] - self.params.hard_rad, self._high[axis] + self.params.hard_rad
+            low, high = self._low[axis] - hard_rad, self._high[axis] + hard_rad
             # Brakes that let go beyond a limit would otherwise trip on the swing they cause.
             if released_rad is not None:
                 low, high = min(low, released_rad[axis] - GUARD_RAD), max(high, released_rad[axis] + GUARD_RAD)

@@ -87,15 +87,14 @@ class AxisWatch:
 
         `passed_s` is the time since the sample before, None for one tick.
         """
-        reasons, used = [], []
         passed_s = self._tick_s if passed_s is None else passed_s
-        for index, axis in enumerate(self._axes):
-            angle, reason = self._angle(axis, encoder_rad[index], rate_rad_s[index], passed_s)
-            used.append(angle)
-            if reason:
-                reasons.append(f"{AXES[index]} {reason}")
-        self.reason = "; ".join(reasons)
-        return (used[0], used[1]), self.reason
+        first, second = self._axes
+        azimuth, reason = self._angle(first, encoder_rad[0], rate_rad_s[0], passed_s)
+        elevation, other = self._angle(second, encoder_rad[1], rate_rad_s[1], passed_s)
+        self.reason = ""
+        if reason or other:
+            self.reason = "; ".join(f"{name} {text}" for name, text in zip(AXES, (reason, other), strict=True) if text)
+        return (azimuth, elevation), self.reason
 
     @property
     def cause(self) -> str:
@@ -118,20 +117,21 @@ class AxisWatch:
             axis.trusted, axis.raw = encoder, encoder
             return encoder, ""
         # A tachometer without a number leaves the encoder on its own for this tick.
-        moved = rate * passed_s if math.isfinite(rate) else 0.0
+        known = math.isfinite(rate)
+        moved = rate * passed_s if known else 0.0
         if passed_s > LATE_TICKS * self._tick_s:
             # The rate may have changed meanwhile: the mean of both ends, and more tolerance.
             moved = 0.5 * (moved + axis.rate * passed_s)
             jump_rad *= passed_s / self._tick_s
             axis.window.clear()
             axis.shown.clear()
-        axis.rate = rate if math.isfinite(rate) else axis.rate
+        axis.rate = rate if known else axis.rate
         predicted = axis.trusted + moved
         axis.travel += moved
         axis.shown.append((encoder, axis.travel))
         off = encoder - predicted
         # Written so that NaN counts as a jump.
-        if not abs(off) <= jump_rad:
+        if not -jump_rad <= off <= jump_rad:
             axis.bad += 1
             axis.trusted = predicted
             text = (
@@ -145,14 +145,14 @@ class AxisWatch:
         axis.frozen_travel = axis.frozen_travel + moved if encoder == axis.raw else 0.0
         axis.trusted = axis.raw = encoder
         axis.window.append((encoder, axis.travel))
-        if abs(axis.frozen_travel) > params.frozen_rad:
+        if not -params.frozen_rad <= axis.frozen_travel <= params.frozen_rad:
             return encoder, (
                 f"encoder stands still while the drive moved {math.degrees(axis.frozen_travel):.3f} deg, "
                 f"at most {math.degrees(params.frozen_rad):.3f} deg"
             )
         first = axis.window[0]
         drift = (encoder - first[0]) - (axis.travel - first[1])
-        if abs(drift) > params.drift_rad:
+        if not -params.drift_rad <= drift <= params.drift_rad:
             return encoder, self._drifted(drift)
         return encoder, ""
 
@@ -213,7 +213,14 @@ class DriveWatch:
         self._delay = math.ceil(params.delay_s / tick_s - 1e-9)
         self._unknown = params.disturbance_time_s / tick_s
         self._wind, self._slack = params.disturbance_rad_s2 * tick_s, params.slack_rad_s2 * tick_s
+        # What a tick leaves of a gap of rates, and of a difference of winds: computed once.
+        self._left, self._follow = self._over(tick_s)
         self.reset()
+
+    def _over(self, passed_s: float) -> Pair:
+        return (
+            math.exp(-self._bandwidth * passed_s), 1.0 - math.exp(-passed_s / self.params.disturbance_time_s)
+        )  # fmt: skip
 
     def reset(self) -> None:
         """Begin with the drives as they are: none has run away, and no wind is known."""
@@ -234,14 +241,15 @@ class DriveWatch:
                 found.append(f"{name} tachometer reads {rate}, must be a number")
             elif passed_s > 0.0 and (reason := self._runaway(drive, rate, passed_s)):
                 found.append(f"{name} drive runs at {math.degrees(rate):.2f} deg/s, {reason}")
-        self.reason = "; ".join(found)
+        self.reason = "; ".join(found) if found else ""
         return self.reason
 
     def _runaway(self, drive: _Drive, rate: float, passed_s: float) -> str:
         """Return how a drive runs away, with the bound that it exceeds, "" if it does not."""
         params, before = self.params, drive.rate
         ticks = passed_s / self._tick_s
-        acting = list(drive.commands)[-(self._delay + max(1, round(ticks))) :]
+        count = self._delay + (1 if ticks == 1.0 else max(1, round(ticks)))
+        acting = [drive.commands[-1]] if count == 1 else list(drive.commands)[-count:]
         drive.rate, drive.samples = rate, drive.samples + 1
         if before is None:
             return ""
@@ -255,7 +263,7 @@ class DriveWatch:
             drive.rate, drive.bridged = before, drive.bridged + 1
         # Until the wind is known it counts as gained, so the limit is twice as wide.
         limit = params.gained_rad_s * (1.0 if drive.samples > self._unknown else 2.0)
-        for now, then in zip(drive.gained, (up, down), strict=True):
+        for now, then in ((drive.gained[0], up), (drive.gained[1], down)):
             if now > limit and then > BEGUN * limit:
                 return (
                     f"commanded {math.degrees(acting[-1]):.2f} deg/s: gained {math.degrees(now):.3f} deg/s "
@@ -266,45 +274,54 @@ class DriveWatch:
     def _gained(self, drive: _Drive, before: float, rate: float, acting: Sequence[float], passed_s: float) -> Pair:
         """Return the rates gained up and down so far; learn the wind from what the model leaves."""
         ticks = passed_s / self._tick_s
-        expected = [self._expected(before, each, passed_s) for each in acting]
-        change = rate - before - drive.wind * ticks
+        left, follow = (self._left, self._follow) if ticks == 1.0 else self._over(passed_s)
+        least = most = self._expected(before, acting[0], passed_s, left)
+        linear = abs(acting[0] - before) < self._linear
+        for each in acting[1:]:
+            change = self._expected(before, each, passed_s, left)
+            least, most = min(least, change), max(most, change)
+            linear = linear and abs(each - before) < self._linear
+        moved = rate - before
+        change = moved - drive.wind * ticks
         (up, down), margin, slack = drive.gained, self.params.margin, self._slack * ticks
         # Only a linear loop tells wind from saturation.
-        if max(abs(each - before) for each in acting) < self._linear:
+        if linear:
             # Which of the commands acts is not known: what any of them explains is not wind.
-            moved = rate - before
-            unexplained = (moved - min(max(moved, min(expected)), max(expected))) / ticks
-            follow = 1.0 - math.exp(-passed_s / self.params.disturbance_time_s)
-            wind = drive.wind + follow * (unexplained - drive.wind)
-            drive.wind = min(max(wind, -self._wind), self._wind)
-        return (
-            max(0.0, up + change - margin * max(0.0, *expected) - slack),
-            max(0.0, down - change + margin * min(0.0, *expected) - slack),
-        )
+            explained = least if moved < least else most if moved > most else moved
+            wind = drive.wind + follow * ((moved - explained) / ticks - drive.wind)
+            drive.wind = -self._wind if wind < -self._wind else wind if wind < self._wind else self._wind
+        up = up + change - margin * (most if most > 0.0 else 0.0) - slack
+        down = down - change + margin * (least if least < 0.0 else 0.0) - slack
+        return up if up > 0.0 else 0.0, down if down > 0.0 else 0.0
 
     def _fast(self, before: float, rate: float, acting: Sequence[float]) -> str:
         """Return which bound a drive exceeds: its largest rate, or that about its command."""
-        largest = self.params.overspeed * self.params.rate_limit_rad_s
+        largest, excess = self.params.overspeed * self.params.rate_limit_rad_s, self.params.excess_rad_s
         if abs(rate) > largest:
             return f"must be <= {math.degrees(largest):.2f} deg/s"
+        for each in acting:
+            if -excess <= rate - each <= excess:
+                return ""
         command = min(acting, key=lambda each: abs(rate - each))
-        beyond = abs(rate - command) > self.params.excess_rad_s and abs(rate) > max(map(abs, acting))
-        if not beyond or (rate - before) * (command - rate) > 0.0:
+        if abs(rate) <= max(map(abs, acting)) or (rate - before) * (command - rate) > 0.0:
             return ""
-        return (
-            f"commanded {math.degrees(command):.2f} deg/s, must be within "
-            f"{math.degrees(self.params.excess_rad_s):.2f} deg/s of it"
-        )
+        return f"commanded {math.degrees(command):.2f} deg/s, must be within {math.degrees(excess):.2f} deg/s of it"
 
-    def _expected(self, rate: float, command: float, passed_s: float) -> float:
-        """Return the model's change of rate: full acceleration, then exponential."""
+    def _expected(self, rate: float, command: float, passed_s: float, left: float) -> float:
+        """Return the model's change of rate: full acceleration, then exponential.
+
+        `left` is the share of a gap that an exponential of the whole time leaves.
+        """
         limit, bandwidth = self.params.rate_limit_rad_s, self._bandwidth
-        gap = min(max(command, -limit), limit) - rate
-        left, hard = abs(gap), self.params.acceleration_limit_rad_s2
-        full_s = min(passed_s, max(0.0, left / hard - 1.0 / bandwidth))
-        left -= hard * full_s
-        moved = abs(gap) - left * math.exp(-bandwidth * (passed_s - full_s))
-        return math.copysign(moved, gap)
+        gap = (-limit if command < -limit else command if command < limit else limit) - rate
+        size, hard = abs(gap), self.params.acceleration_limit_rad_s2
+        full_s = size / hard - 1.0 / bandwidth
+        if full_s <= 0.0:
+            moved = size - size * left
+        else:
+            full_s = min(passed_s, full_s)
+            moved = size - (size - hard * full_s) * math.exp(-bandwidth * (passed_s - full_s))
+        return moved if gap >= 0.0 else -moved
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -48,7 +48,7 @@ class Link:
     def carrier_to_noise_db_hz(self, range_m: ArrayLike, elevation_rad: ArrayLike) -> NDArray[np.float64]:
         """Return C/N0 in dB-Hz for the beam on the target; elevation within [0, pi], range > 0."""
         distance = np.asarray(range_m, dtype=np.float64)
-        if not np.all(distance > 0.0):
+        if not (distance > 0.0).all():
             raise ValueError(f"range_m={distance} must be > 0")
         # Relative to the reference range, for which the zenith figure holds.
         spreading_db = 20.0 * np.log10(distance / self.params.reference_range_m)

@@ -41,7 +41,7 @@ class AtmosphereParams(Params):
 def air_mass(elevation_rad: ArrayLike, height_m: float) -> NDArray[np.float64]:
     """Return the path through the layer over its height; `elevation_rad` within [0, pi]."""
     elevation = np.asarray(elevation_rad, dtype=np.float64)
-    if np.any(elevation < 0.0) or np.any(elevation > math.pi):
+    if ((elevation < 0.0) | (elevation > math.pi)).any():
         raise ValueError(f"elevation_rad={elevation} must be >= 0 and <= pi")
     ratio = MEAN_EARTH_RADIUS_M / height_m
     rise = ratio * np.sin(elevation)

@@ -7,7 +7,8 @@ n_I)^2, whose variance is 2 (Pc/N0) / T (B-3).
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -91,12 +92,17 @@ class Receiver:
         x = as_finite_array("offset_cross_elevation_rad", offset_cross_elevation_rad, (len(times),))
         y = as_finite_array("offset_elevation_rad", offset_elevation_rad, (len(times),))
         require_between("sample_s", sample_s, 1e-6, None)
-        carrier = _amplitude(carrier_to_noise_db_hz) * np.exp(1j * self._advance_phase(times))
-        channels = carrier * np.stack(self.feed.voltages(x, y)) + self._channel_noise(len(times), sample_s)
+        phase = self._advance_phase(times)
+        carrier = _amplitude(carrier_to_noise_db_hz) * np.exp(1j * phase)
+        channels = carrier * np.array(self.feed.voltages(x, y)) + self._channel_noise(len(times), sample_s)
         if self.interference is not None:
             channels += interference_volts(self.interference, times, sample_s)
-        gain = self._advance_gain(channels[0], sample_s)
-        measured_db_hz = self._measure_carrier_to_noise(channels, sample_s)
+        gain, next_gain = self._advance_gain(channels[0], sample_s)
+        density, still, measured_db_hz = self._measure_carrier_to_noise(channels, sample_s)
+        self.state = ReceiverState(
+            t_s=float(times[-1]), phase_rad=float(np.mod(phase[-1], 2.0 * math.pi)), agc_gain=next_gain,
+            noise_density=density, still_densities=still, clusters=self.state.clusters + 1,
+        )  # fmt: skip
         total, right, up = gain * channels
         return MonopulseCluster(
             t_s=times,
@@ -140,14 +146,13 @@ class Receiver:
 
     def _advance_phase(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         previous = times[0] if self.state.t_s is None else self.state.t_s
-        steps = np.diff(times, prepend=previous)
-        if np.any(steps < 0.0) or np.any(steps[1:] <= 0.0):
+        steps = times - np.concatenate(([previous], times[:-1]))
+        if not (steps[0] >= 0.0 and (steps[1:] > 0.0).all()):
             raise ValueError("t_s must increase from sample to sample and from cluster to cluster")
         # A random walk: its variance grows with the time between samples, gaps included.
         walk = self.params.phase_noise_rad * np.sqrt(steps) * self.rng.standard_normal(len(times))
-        phase = self.state.phase_rad + np.cumsum(2.0 * math.pi * self.params.frequency_offset_hz * steps + walk)
-        self.state = replace(self.state, t_s=float(times[-1]), phase_rad=float(np.mod(phase[-1], 2.0 * math.pi)))
-        return phase
+        turned = np.add.accumulate(2.0 * math.pi * self.params.frequency_offset_hz * steps + walk)
+        return np.asarray(self.state.phase_rad + turned)
 
     def _channel_noise(self, count: int, sample_s: float) -> ComplexArray:
         parts = self.rng.standard_normal((2, 3, count)) * math.sqrt(0.5 / sample_s)
@@ -156,17 +161,22 @@ class Receiver:
         noise[1:] *= 10.0 ** (self.params.difference_noise_db / 20.0)
         return np.asarray(noise)
 
-    def _advance_gain(self, total: ComplexArray, sample_s: float) -> float:
-        power = float(np.mean(np.abs(total) ** 2))
+    def _advance_gain(self, total: ComplexArray, sample_s: float) -> tuple[float, float]:
+        """Return the gain of this cluster and that of the next one."""
+        power = _mean(np.abs(total) ** 2)
         wanted = 1.0 / math.sqrt(power)
         # The first cluster sets the gain; later ones move it by the loop's time constant.
         gain = wanted if self.state.agc_gain is None else self.state.agc_gain
         share = 1.0 - math.exp(-len(total) * sample_s / self.params.agc_time_constant_s)
-        self.state = replace(self.state, agc_gain=gain * (wanted / gain) ** share)
-        return gain
+        return gain, gain * (wanted / gain) ** share
 
-    def _measure_carrier_to_noise(self, channels: ComplexArray, sample_s: float) -> float:
-        """Estimate C/N0 of the sum: power per cluster over a noise density of many clusters."""
+    def _measure_carrier_to_noise(
+        self, channels: ComplexArray, sample_s: float
+    ) -> tuple[float, tuple[float, ...], float]:
+        """Estimate C/N0 of the sum: power per cluster over a noise density of many clusters.
+
+        Return the density, those of the clusters that stand still, and the C/N0 in dB-Hz.
+        """
         scaled = channels.copy()
         # Back to the noise of the sum, whose density is wanted.
         scaled[1:] *= 10.0 ** (-self.params.difference_noise_db / 20.0)
@@ -177,13 +187,13 @@ class Receiver:
         average = self.state.noise_density
         # Until the average has filled, every cluster counts the same, the first one whole.
         average += max(share, 1.0 / count) * (density - average)
-        self.state = replace(self.state, noise_density=average, still_densities=still, clusters=count)
+        density = average
         # The average is more precise, but under a strong carrier mostly the motion of the beam.
         if len(still) >= FEWEST_CLUSTERS:
             quiet = _mean_from_quartile(still, 4.0 * (channels.shape[1] - VIBRATING - 1))
             average = quiet if average > LARGEST_EXCESS * quiet else average
-        carrier = float(np.mean(np.abs(channels[0]) ** 2)) - average / sample_s
-        return max(_db(carrier / average), self.params.floor_db_hz)
+        carrier = _mean(np.abs(channels[0]) ** 2) - average / sample_s
+        return density, still, max(_db(carrier / average), self.params.floor_db_hz)
 
 
 def _mean_from_quartile(values: tuple[float, ...], freedom: float) -> float:
@@ -204,18 +214,29 @@ def noise_variance(channels: ComplexArray, order: int) -> float:
     total, differences = channels[0], channels[1:].T
     count = len(total)
     order = min(order, count - 2)
-    basis = total[:, None] * np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), order)
+    basis = total[:, None] * _polynomials(count, order)
     # The columns are nearly orthogonal, so the normal equations lose nothing.
     adjoint = basis.conj().T
     fit = np.linalg.solve(adjoint @ basis, adjoint @ differences)
-    residual = np.sum(np.abs(differences - basis @ fit) ** 2, axis=0) / (count - order - 1)
-    signal_share = max(1.0 - np.mean(residual) / np.mean(np.abs(total) ** 2), 0.0)
-    return float(np.mean(residual / (1.0 + signal_share * np.abs(fit[0]) ** 2)))
+    residual = np.add.reduce(np.abs(differences - basis @ fit) ** 2, axis=0) / (count - order - 1)
+    signal_share = max(1.0 - _mean(residual) / _mean(np.abs(total) ** 2), 0.0)
+    return _mean(residual / (1.0 + signal_share * np.abs(fit[0]) ** 2))
+
+
+@lru_cache(maxsize=64)
+def _polynomials(count: int, order: int) -> NDArray[np.float64]:
+    """Return the Legendre polynomials (count, order + 1) at even times."""
+    return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), order), dtype=np.float64)
+
+
+def _mean(values: NDArray[np.float64]) -> float:
+    # np.mean looks at its arguments for longer than it adds a cluster.
+    return float(np.add.reduce(values)) / len(values)
 
 
 def _amplitude(carrier_to_noise_db_hz: ArrayLike) -> NDArray[np.float64]:
     level = np.asarray(carrier_to_noise_db_hz, dtype=np.float64)
-    if np.any(np.isnan(level)) or np.any(level > 200.0):
+    if not (level <= 200.0).all():
         raise ValueError(f"carrier_to_noise_db_hz={level} must be <= 200, -inf for no carrier")
     return np.asarray(10.0 ** (level / 20.0))
 

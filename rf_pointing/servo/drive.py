@@ -70,12 +70,13 @@ def axis_inputs(
     torque: the command follows the rate, and the accelerations are scaled so that the rate loop of
     the linear model, which still acts, takes nothing away.
     """
-    # Unpacked once: this runs for every axis in every substep, and attributes of a tuple are slow.
+    # Unpacked once, bounds without calls: this runs for every axis in every substep.
     decay, response, rate_limit, rate_gap, friction, excess, stribeck, brake, _, _, _, _, step = drive
     if powered:
         # The rate limit first: a command beyond it must not ask for more torque than one at it.
-        command = min(max(command, -rate_limit), rate_limit)
-        command = min(max(command, rate - rate_gap), rate + rate_gap)
+        command = -rate_limit if command < -rate_limit else command if command < rate_limit else rate_limit
+        least, most = rate - rate_gap, rate + rate_gap
+        command = least if command < least else command if command < most else most
     else:
         command = rate
     gain = response if powered else step
@@ -85,7 +86,8 @@ def axis_inputs(
         holding += friction * (1.0 + excess * math.exp(-ratio * ratio))
     # Friction can at most stop the axis within the substep; more would drive it backwards.
     free = decay * rate + (1.0 - decay) * command + gain * wind
-    opposing = min(max(-free / gain, -holding), holding)
+    opposing = -free / gain
+    opposing = -holding if opposing < -holding else opposing if opposing < holding else holding
     return command, opposing * gain / response, wind * gain / response
 
 
@@ -100,7 +102,7 @@ def gear_correction(deflection: float, rate: float, drive: DriveConstants) -> fl
     # Evaluated where the gear will be in mid-step; at the start it would brake a load that floats
     # freely.
     deflection += 0.5 * step * rate
-    if abs(deflection) <= preload:
+    if -preload <= deflection <= preload:
         return 0.0
     forward, backward = _tooth_wind(preload + deflection, play), _tooth_wind(preload - deflection, play)
     # A train within its play carries neither spring nor damping force.

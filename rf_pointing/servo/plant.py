@@ -63,6 +63,7 @@ class AntennaPlant:
         position_rad: ArrayLike = (0.0, math.pi / 4.0),
     ) -> None:
         self._random = random
+        self._joints: Pair | None = None
         self._configure(params)
         self._state = self._rest(as_finite_array("position_rad", position_rad, (2,)))
 
@@ -77,6 +78,7 @@ class AntennaPlant:
         if state.x.shape != self._state.x.shape:
             raise ValueError(f"state.x has shape {state.x.shape}, must be {self._state.x.shape}")
         self._state = copy.deepcopy(state)
+        self._joints = None
         self._random.bit_generator.state = state.random
 
     @property
@@ -92,7 +94,14 @@ class AntennaPlant:
     @property
     def true_joint_rad(self) -> Array:
         """Angles (2,) at the encoders without their steps and noise (truth)."""
-        return self._output(self._model.encoder)
+        return np.array(self.joints())
+
+    def joints(self) -> Pair:
+        """Return `true_joint_rad` as plain floats."""
+        if self._joints is None:
+            azimuth, elevation = self._output(self._model.encoder).tolist()
+            self._joints = azimuth, elevation
+        return self._joints
 
     @property
     def velocity_rad_s(self) -> Array:
@@ -154,14 +163,17 @@ class AntennaPlant:
         ticks = int(interval_s / _GRID_S + 1e-6)
         ticks_per_substep = max(1, round(substep_s / _GRID_S))
         whole, rest = divmod(ticks, ticks_per_substep)
+        x = self._state.x.tolist()
         for count in [ticks_per_substep] * whole + ([rest] if rest else []):
-            self._substep(command, wind, count)
-        self._state.debt_s = max(0.0, interval_s - ticks * _GRID_S)
+            x = self._substep(x, command, wind, count)
+        left_s = interval_s - ticks * _GRID_S
+        self._state.debt_s, self._joints = left_s if left_s > 0.0 else 0.0, None
 
-    def _substep(self, command: Pair, wind: Pair, ticks: int) -> None:
-        matrix, (azimuth, elevation) = self._cached(ticks)
+    def _substep(self, x: list[float], command: Pair, wind: Pair, ticks: int) -> list[float]:
+        """Go on from the state `x` of the linear model, and return the next one."""
+        cached = self._cache.get(ticks) or self._prepare(ticks)
+        matrix, (azimuth, elevation) = cached
         state, size, (gear_az, gear_el) = self._state, self._size, self._gear
-        x = state.x.tolist()
         if self._delayed:
             # The dead time is not a whole number of ticks: the command in force may change within a
             # tick.
@@ -181,9 +193,14 @@ class AntennaPlant:
         # Into the state itself: no new array in every substep.
         np.dot(matrix, z, out=state.x)
         state.time_s += ticks * _GRID_S
-        for axis, angle in enumerate(state.x[:2].tolist()):
-            if not self._travel[axis][0] <= angle <= self._travel[axis][1]:
+        x = state.x.tolist()
+        (low_az, high_az), (low_el, high_el) = self._travel
+        if low_az <= x[0] <= high_az and low_el <= x[1] <= high_el:
+            return x
+        for axis, (low, high) in enumerate(self._travel):
+            if not low <= x[axis] <= high:
                 self._hit_stop(axis)
+        return list(state.x.tolist())
 
     def _hit_stop(self, axis: int) -> None:
         """Stop the axis dead, which strikes the modes: their rates jump by excitation * rate."""
@@ -207,7 +224,7 @@ class AntennaPlant:
         return found
 
     def _read_encoders(self) -> None:
-        angles = self._output(self._model.encoder).tolist()
+        angles = self.joints()
         # Both axes draw, also when one has no noise: then the other's does not depend on it.
         noise = self._random.standard_normal(2).tolist()
         for axis, step in enumerate(self._encoder_step):
@@ -221,16 +238,16 @@ class AntennaPlant:
             output = output + self._state.debt_s * (rows @ (self._model.a @ self._state.x))
         return output
 
-    def _cached(self, ticks: int) -> tuple[Array, tuple[DriveConstants, DriveConstants]]:
-        if ticks not in self._cache:
-            step_s = ticks * _GRID_S
-            constants = drive_constants(self.params.azimuth, step_s), drive_constants(self.params.elevation, step_s)
-            self._cache[ticks] = (discretise(self._model.a, self._model.b, step_s), constants)
+    def _prepare(self, ticks: int) -> tuple[Array, tuple[DriveConstants, DriveConstants]]:
+        step_s = ticks * _GRID_S
+        constants = drive_constants(self.params.azimuth, step_s), drive_constants(self.params.elevation, step_s)
+        self._cache[ticks] = (discretise(self._model.a, self._model.b, step_s), constants)
         return self._cache[ticks]
 
     def _configure(self, params: PlantParams) -> None:
         axes = (params.azimuth, params.elevation)
         self.params = params
+        self._joints = None
         self._model: LinearModel = linear_model(params)
         self._size = len(self._model.a)
         self._modes = self._model.mode_excitation.shape[1]

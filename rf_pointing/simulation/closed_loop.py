@@ -7,8 +7,7 @@ it, `PointedAntenna`.
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 from rf_pointing.core import Boresight, JointReading, JointTrajectory
 from rf_pointing.ephemeris import TopocentricTrack
@@ -41,8 +40,7 @@ def ticks(antenna: TickedAntenna[Output], count: int | None = None, first: int =
         yield k, antenna.step(k)
 
 
-@dataclass(frozen=True, slots=True)
-class PointedTick:
+class PointedTick(NamedTuple):
     """One tick at `t_s`; `status` and `trajectory` only in the controller's periods."""
 
     t_s: float

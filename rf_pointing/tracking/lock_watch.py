@@ -10,7 +10,7 @@
 import cmath
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -215,15 +215,16 @@ class LockWatch:
             return ""
         sensed = complex(error.cross_elevation_rad, error.elevation_rad)
         beam = complex(beam_cross_elevation_rad, beam_elevation_rad)
-        noise = 0.5 * float(np.trace(error.covariance_rad2))
+        (right, _), (_, up) = error.covariance_rad2.tolist()
+        noise = 0.5 * (right + up)
         floor = self.params.unmodelled_beamwidths * self.params.half_power_beamwidth_rad
         oldest = error.t_s - self.params.window_s
         level_fault = self._level_fault(error, sensed, expected_carrier_to_noise_db_hz)
         low = self.state.low_clusters + 1 if level_fault else 0
-        recent = (row for row in self.state.rows if oldest <= row[0] < error.t_s)
+        recent = [row for row in self.state.rows if oldest <= row[0] < error.t_s]
         rows = (*recent, (error.t_s, sensed, beam, noise + floor**2))
-        self.state = replace(self.state, rows=rows, low_clusters=low)
-        self._weigh(error.t_s, sensed, beam, noise)
+        bank, weather, sums = self._weigh(error.t_s, sensed, beam, noise)
+        self.state = LockWatchState(bank=bank, weather=weather, sums=sums, rows=rows, low_clusters=low)
         # A carrier that comes or goes within a cluster is not a sidelobe.
         if low >= self.params.level_clusters:
             return level_fault
@@ -243,22 +244,23 @@ class LockWatch:
             return None
         weights = [1.0 / row[3] for row in rows]
         total = sum(weights)
-        mean_beam = sum(w * row[2] for w, row in zip(weights, rows, strict=True)) / total
+        mean_beam = sum([w * row[2] for w, row in zip(weights, rows, strict=True)]) / total
         # About the mean of the beam the mean of the errors has no part in the sums.
-        sums = ResponseSums()
-        for _, sensed, beam, variance in rows:
-            sums = sums.with_pair(beam - mean_beam, sensed, variance)
-        return sums.estimate()
+        return ResponseSums.of([(beam - mean_beam, sensed, variance) for _, sensed, beam, variance in rows]).estimate()
 
-    def _weigh(self, t_s: float, error_rad: complex, beam_rad: complex, noise_rad2: float) -> None:
-        """Update the evidence by one more error and beam (cross-elevation + j elevation)."""
+    def _weigh(
+        self, t_s: float, error_rad: complex, beam_rad: complex, noise_rad2: float
+    ) -> tuple[InnovationBank, tuple[tuple[float, ...], ...], tuple[float, ...]]:
+        """Return bank, weather and evidence after one more error and beam.
+
+        Both are cross-elevation + j elevation.
+        """
         params, state = self.params, self.state
         noise = noise_rad2 + self._shake**2
         if state.bank is None or not 0.0 < t_s - state.bank.t_s <= LONGEST_GAP_S:
             bank = InnovationBank.begin(t_s, beam_rad, error_rad, noise, self._drift)
             weather = (tuple(self._usual.tolist()),) * len(RESPONSES)
-            self.state = replace(state, bank=bank, weather=weather, sums=LockWatchState().sums)
-            return
+            return bank, weather, LockWatchState().sums
         gap_s = t_s - state.bank.t_s
         bank, (beam, error), variance = state.bank.step(t_s, beam_rad, error_rad, noise, self._walk, self._wander)
         # Log likelihood of the measurement per response (rows) and weather (columns).
@@ -271,7 +273,7 @@ class LockWatch:
         says = np.minimum(explained - explained[0], params.evidence / 3.0)
         sums = np.maximum(0.0, math.exp(-gap_s / params.fade_s) * np.array(state.sums) + says)
         weather = tuple(map(tuple, known.tolist()))
-        self.state = replace(state, bank=bank, weather=weather, sums=tuple(sums.tolist()))
+        return bank, weather, tuple(sums.tolist())
 
     def _level_fault(self, error: PointingError, sensed: complex, expected_db_hz: float | None) -> str:
         if expected_db_hz is None or abs(sensed) > 0.3 * self.params.half_power_beamwidth_rad:

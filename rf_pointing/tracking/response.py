@@ -1,6 +1,7 @@
 """Response of a sensed error to motion of the beam: 1 if right, -1 if the sign is flipped."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 
@@ -34,15 +35,22 @@ class ResponseSums:
     product: complex = 0j
     weight: float = 0.0
 
+    @classmethod
+    def of(cls, pairs: Iterable[tuple[complex, complex, float]]) -> "ResponseSums":
+        """Return the sums of pairs as `with_pair` takes them."""
+        product, weight = 0j, 0.0
+        for moved, change, variance in pairs:
+            # A weight without bound would silence all other pairs.
+            if not variance > 0.0:
+                raise ValueError(f"variance_rad2={variance} must be > 0")
+            product -= moved.conjugate() * change / variance
+            weight += abs(moved) ** 2 / variance
+        return cls(product, weight)
+
     def with_pair(self, moved_rad: complex, change_rad: complex, variance_rad2: float) -> "ResponseSums":
         """Return the sums with one more pair; `variance_rad2` is that of the change, per axis."""
-        # A weight without bound would silence all other pairs.
-        if not variance_rad2 > 0.0:
-            raise ValueError(f"variance_rad2={variance_rad2} must be > 0")
-        return ResponseSums(
-            self.product - moved_rad.conjugate() * change_rad / variance_rad2,
-            self.weight + abs(moved_rad) ** 2 / variance_rad2,
-        )
+        one = ResponseSums.of([(moved_rad, change_rad, variance_rad2)])
+        return ResponseSums(self.product + one.product, self.weight + one.weight)
 
     def faded(self, share: float) -> "ResponseSums":
         """Return the sums with the past counting `share` as much."""

@@ -34,7 +34,7 @@ NEW_PATH_RAD = math.radians(0.5)
 class Hardware(Protocol):
     """Drives, brakes and sensors of a control unit, in the order azimuth, elevation.
 
-    `velocity_rad_s` (2,) are the tachometer rates and `switch_rad` (2,) the angles at the limit
+    `velocity_rad_s` (2,) are the tachometer rates and `switch_rad` the angles at the limit
     switches, which do not depend on the encoders; `at_stop` says which axis touches a hard stop.
     `encoders` and `anemometer_m_s` read a sensor, NaN from one that is silent; None is a station
     without an anemometer.  `move` gives the drives their rate commands (2,) for one tick, or, where
@@ -54,7 +54,7 @@ class Hardware(Protocol):
     @property
     def velocity_rad_s(self) -> Array: ...
     @property
-    def switch_rad(self) -> Array: ...
+    def switch_rad(self) -> Pair: ...
     @property
     def powered(self) -> bool: ...
     @property
@@ -110,14 +110,15 @@ class SlewPath:
         # A table may move on ahead of the axes: it is compared with the table that it replaces.
         follows = following and not self.table.empty
         from_rad = self.table.at(float(trajectory.t_s[0])).position_rad if follows else encoder_rad
-        return float(np.max(np.abs(trajectory.position_rad[0] - from_rad))) > NEW_PATH_RAD
+        return bool(max(map(abs, (trajectory.position_rad[0] - from_rad).tolist())) > NEW_PATH_RAD)
 
     def go_round(self, corners: Corners) -> None:
         """Reach the next table by these corners."""
         self._set_corners(corners)
 
     def _set_corners(self, corners: Corners) -> None:
-        self._corners = CornerPath(corners, near_rad=self._near_rad, rest_rad_s=REST_RAD_S)
+        path = CornerPath(corners, near_rad=self._near_rad, rest_rad_s=REST_RAD_S)
+        self._corners: CornerPath | None = path if corners else None
 
     def ends_at_rest(self, t_s: float) -> bool:
         """Return whether the table's last point is at rest."""
@@ -131,7 +132,7 @@ class SlewPath:
     def step(self, sample: TrajectorySample | None, encoder_rad: Pair, tick_s: float) -> Motion:
         """Return the feasible motion to the next corner, the sample or the goal, one tick on."""
         # The command rests, and by the encoders the axes have been at a corner to be past it.
-        corner = self._corners.next(encoder_rad, self.preprocessor.velocity_rad_s)
+        corner = self._corners.next(encoder_rad, self.preprocessor.velocity_rad_s) if self._corners else None
         if corner is None and sample is not None:
             command = sample.position_rad, sample.velocity_rad_s, sample.acceleration_rad_s2
         else:
@@ -227,7 +228,7 @@ class AntennaAxes:
     def watch(self) -> str:
         """Bridge impossible encoder readings; return why the drives must be cut, "" if not."""
         hardware = self.hardware
-        encoders, switches, velocity = hardware.encoders(), pair(hardware.switch_rad), pair(hardware.velocity_rad_s)
+        encoders, switches, velocity = hardware.encoders(), hardware.switch_rad, pair(hardware.velocity_rad_s)
         if hardware.takes_positions:
             # The hardware has a watch of its own, at its own steps and readings.
             bridged, reason = encoders, self._safety.beyond(switches, velocity)

@@ -119,7 +119,7 @@ class ControlUnit:
         )
         if reason:
             return self.reject(reason)
-        table.accept(trajectory, now_s)
+        table.take(trajectory, now_s)
         safety.authority.claim(commander, now_s)
         self._accepted, self._ran_dry = self._accepted + 1, ""
         safety.commanded_s = now_s
@@ -164,7 +164,7 @@ class ControlUnit:
         axes = self.axes
         self._held_axis = -1
         # Watches begin anew: what they saw under the brakes is not motion.
-        self.safety.release(pair(axes.hardware.switch_rad))
+        self.safety.release(axes.hardware.switch_rad)
         axes.rate_command_rad_s = np.zeros(2)
         self._watch_sensors()
         self.modes.hold(self._motion())
@@ -272,7 +272,7 @@ class ControlUnit:
         if any(abs(azimuth - goal[0]) > SAME_RAD for azimuth, _ in decision.way):
             return "the way to stow leads round what is forbidden and needs the azimuth, which is braked"
         self._held_axis = 0
-        safety.release(pair(axes.hardware.switch_rad))
+        safety.release(axes.hardware.switch_rad)
         axes.hold()
         axes.hardware.release_brake(self._held_axis)
         axes.path.go(goal, decision.way)
@@ -443,8 +443,8 @@ class ControlUnit:
 
     def _watch_sensors(self) -> None:
         """Check the sensors after a tick, and trip on what cannot be bridged."""
-        reason = self._without_held(self.axes.watch())
-        if reason:
+        reason = self.axes.watch()
+        if reason and (reason := self._without_held(reason)):
             self.trip(reason)
 
     def _rates(self, t_s: float, encoder_rad: Array) -> Array:
@@ -454,20 +454,22 @@ class ControlUnit:
             if rates is not None:
                 return rates
         axes, steps = self.axes, max(1, round(self._passed_s / self._tick_s))
+        motion = self.modes.traits.motion
         step_s = self._passed_s / steps
         for left in reversed(range(steps)):
             followed = self._followed(t_s - left * step_s)
             feasible = axes.path.step(followed, pair(axes.encoder_rad), step_s)
-            if self.modes.traits.motion:
-                reason = self.safety.guard(self.modes.traits.motion, t_s, *map(pair, feasible))
+            if motion:
+                reason = self.safety.guard(motion, t_s, *map(pair, feasible))
                 if reason:
                     self.stop(reason)
         # Exactly zero: the preprocessor brings the rate to zero, not near it.
-        standing = float(np.max(np.abs(feasible.velocity))) == 0.0
+        standing = not any(feasible.velocity.tolist())
         if standing and self.mode not in (AntennaMode.TRACKING, AntennaMode.HOLDING):
             self._settle(feasible.position)
         rates = axes.loops.rates(feasible, encoder_rad)
-        if not self._without_held(axes.loops.oscillation):
+        swings = axes.loops.oscillation
+        if not (swings and self._without_held(swings)):
             return rates
         # The command follows the swinging axes, or the reset would start with a slew.
         axes.path.preprocessor.reset(encoder_rad)

@@ -145,9 +145,9 @@ class DriveHardware:
         return np.zeros(2) if self._lost else np.array(self.rotator.rate_rad_s)
 
     @property
-    def switch_rad(self) -> Array:
-        """Angles (2,) for the hard limits: those of the encoders, there are no others."""
-        return np.array(self.rotator.position_rad)
+    def switch_rad(self) -> Pair:
+        """Angles for the hard limits: those of the encoders, there are no others."""
+        return self.rotator.position_rad
 
     @property
     def at_stop(self) -> tuple[bool, bool]:

@@ -74,9 +74,10 @@ def law_rates(
     position, velocity, acceleration = command
     rates = []
     for axis, law in enumerate(laws):
-        rates.append(law.output(position[axis], velocity[axis], encoder_rad[axis], acceleration[axis]))
+        rate = law.output(position[axis], velocity[axis], encoder_rad[axis], acceleration[axis])
         # Before the drives move: nothing between the laws and the drives cuts these rates any more.
-        law.update(tick_s, rates[axis])
+        law.update(tick_s, rate)
+        rates.append(rate)
     return rates
 
 
@@ -144,10 +145,13 @@ class AxisLoops:
             # and fro, and the watch of its set points sees it swing about one.
             given = command.velocity
         else:
-            given = np.array(law_rates(self._laws, [part.tolist() for part in command], measured, self._tick_s))
-            for watch, position, shown in zip(self.watch, command.position.tolist(), measured, strict=True):
+            position, velocity, acceleration = command
+            wanted = position.tolist()
+            rows = wanted, velocity.tolist(), acceleration.tolist()
+            given = np.array(law_rates(self._laws, rows, measured, self._tick_s))
+            for axis, watch in enumerate(self.watch):
                 # The error of the feasible command: that of the raw one is large in every slew.
-                watch.update(position - shown, self._tick_s)
+                watch.update(wanted[axis] - measured[axis], self._tick_s)
         # Kept for an exchange of the law: the next one starts where this one is.
         self._newest = (command.position, command.velocity, measured_rad, given)
         return given

@@ -120,9 +120,9 @@ class SimulatedHardware(AntennaPlant):
         self._beam = SimulatedBeam(params.mount, params.antenna.lag_averaging_s, self._tick_s)
 
     @property
-    def switch_rad(self) -> Array:
-        """Angles (2,) at the limit switches: the true ones, whatever the encoders show."""
-        return self.true_joint_rad
+    def switch_rad(self) -> Pair:
+        """Angles at the limit switches: the true ones, whatever the encoders show."""
+        return self.joints()
 
     def look(self, t_s: float) -> Boresight:
         """Return the true direction of the beam, and let the wind blow on it for this tick."""
@@ -143,7 +143,7 @@ class SimulatedHardware(AntennaPlant):
 
     def encoders(self) -> Pair:
         """Return the angles that the encoders show."""
-        azimuth, elevation = self.encoder_rad.tolist()
+        azimuth, elevation = self._state.encoder_rad.tolist()
         # The common case without a call: this runs in every tick.
         if self.injected.kind == "none":
             return azimuth, elevation

@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rf_pointing.core import AXES, JointReading, Params, angular_distance_rad, parameter
+from rf_pointing.core.angles import separation_rad
 from rf_pointing.core.modes import antenna_is
 from rf_pointing.core.signals import TimeBuffer
 from rf_pointing.core.types import Array
@@ -155,10 +156,10 @@ class AntennaWatch:
         command = self._command_at(t_s if silent else reading.t_s)
         if command is None:
             return None, None, 0.0
-        azimuth, elevation = reading.position_rad
-        off = command - reading.position_rad
-        error = np.array([math.remainder(off[0], 2.0 * math.pi) * math.cos(elevation), off[1]])
-        return command, error, float(angular_distance_rad(azimuth, elevation, command[0], command[1]))
+        azimuth, elevation = reading.position_rad.tolist()
+        across, up = command.tolist()
+        error = np.array([math.remainder(across - azimuth, 2.0 * math.pi) * math.cos(elevation), up - elevation])
+        return command, error, separation_rad(azimuth, elevation, across, up)
 
     def _command_at(self, t_s: float) -> Array | None:
         # The newest command may lie a rounding of the stamps before the reading.

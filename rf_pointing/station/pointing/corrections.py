@@ -152,8 +152,9 @@ class PointingCorrections:
 
     def add_corrections(self, times: Array, target: Motion, range_m: Array) -> Motion:
         """Return the target's motion (n, 2) with both corrections; `range_m` is (n,)."""
-        rates = target.velocity * np.column_stack([np.cos(target.position[:, 1]), np.ones(len(times))])
-        sky = np.column_stack([rates, range_m])
+        sky = np.empty((len(times), 3))
+        sky[:, 0] = target.velocity[:, 0] * np.cos(target.position[:, 1])
+        sky[:, 1], sky[:, 2] = target.velocity[:, 1], range_m
         self._ahead = _Ahead(times, sky, direction_rows(SkyMotion(*sky.T)))
         offset, rate = self._corrections(times)
         self._past.add(float(times[0]), np.concatenate([sky[0], offset[0]]))
@@ -178,9 +179,7 @@ class PointingCorrections:
             return
         self._over = over
         self.filter.turn(OVER)
-        state = self._integrator.state
-        state.offset_rad, state.rate_rad_s = state.offset_rad * OVER, state.rate_rad_s * OVER
-        self._integrator.state = state
+        self._integrator.change(signs=OVER)
 
     def axis_offsets_rad(self, target: Motion, over: NDArray[np.bool_], range_m: float) -> Array:
         """Return how far (n, 2) the corrections move the axes off the target's motion (n, 2).
@@ -230,12 +229,9 @@ class PointingCorrections:
         if self.filter.state.t_s is not None and t_s < self.filter.state.t_s:
             return
         now = np.array([command_s])
-        before = self._ephemeris_correction(now)[0]
+        before = self._learned(now)
         self.filter.update(t_s, direction, covariance, sky)
-        after = self._ephemeris_correction(now)[0]
-        state = self._integrator.state
-        state.offset_rad = state.offset_rad + (before - after)[0]
-        self._integrator.state = state
+        self._integrator.change((before - self._learned(now))[0])
 
     def _change_mode(self, command_s: float, mode: str) -> None:
         """Change what belongs to the modes; neither place nor speed of the command jumps."""
@@ -292,9 +288,14 @@ class PointingCorrections:
             still = np.zeros((len(times), 2))
             return still, still
         known = self._ahead.t_s
-        offsets = self._ahead.rows @ self.filter.state.mean
-        rates = np.gradient(offsets, known, axis=0, edge_order=2)
-        return _interpolated(times, known, offsets), _interpolated(times, known, rates)
+        rates = np.gradient(self._ahead.rows @ self.filter.state.mean, known, axis=0, edge_order=2)
+        return self._learned(times), _interpolated(times, known, rates)
+
+    def _learned(self, times: Array) -> Array:
+        """Return what the filter learned (n, 2), zero before a measurement."""
+        if self._ahead is None or self.filter.state.used == 0:
+            return np.zeros((len(times), 2))
+        return _interpolated(times, self._ahead.t_s, self._ahead.rows @ self.filter.state.mean)
 
     def _tracking_correction(self, times: Array) -> tuple[Array, Array]:
         """Return what the loop found (n, 2), and its rate."""
@@ -347,7 +348,10 @@ def _sky(past: Array) -> SkyMotion:
 
 
 def _interpolated(times: Array, known: Array, values: Array) -> Array:
-    return np.column_stack([np.interp(times, known, column) for column in values.T])
+    if times is known:
+        return values
+    columns: Array = np.array([np.interp(times, known, column) for column in values.T]).T
+    return columns
 
 
 def added(target: Motion, offset: Array, rate: Array) -> Motion:
@@ -356,10 +360,9 @@ def added(target: Motion, offset: Array, rate: Array) -> Motion:
     elevation = np.minimum(np.abs(target.position[:, 1]), STEEPEST_RAD)
     secant, tangent = 1.0 / np.cos(elevation), np.tan(elevation)
     climb = target.velocity[:, 1]
-    azimuth = offset[:, 0] * secant
-    azimuth_rate = secant * (rate[:, 0] + offset[:, 0] * tangent * climb)
-    return Motion(
-        target.position + np.stack([azimuth, offset[:, 1]], axis=-1),
-        target.velocity + np.stack([azimuth_rate, rate[:, 1]], axis=-1),
-        target.acceleration,
-    )
+    position, velocity = target.position.copy(), target.velocity.copy()
+    position[:, 0] += offset[:, 0] * secant
+    velocity[:, 0] += secant * (rate[:, 0] + offset[:, 0] * tangent * climb)
+    position[:, 1] += offset[:, 1]
+    velocity[:, 1] += rate[:, 1]
+    return Motion(position, velocity, target.acceleration)

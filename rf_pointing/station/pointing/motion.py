@@ -26,6 +26,7 @@ from rf_pointing.station.pointing.prediction import Prediction, TargetBuffer, ti
 STALE_S = 1.0
 # Factor on the fastest stated rate of the mount: loops overshoot, and gusts push.
 BELIEVED_RATE = 2.0
+ORIGIN = np.zeros((1, 2))
 # Before this the motion of the axes has left no trace in the mount.
 REMEMBERED_S = 60.0
 
@@ -151,8 +152,11 @@ class CommandedMotion:
         Rates far beyond those of the mount are noise of its encoders: nothing is stopped or met by
         them.
         """
-        fastest = BELIEVED_RATE * np.array(self._plan.machine.axes.rate_rad_s)
-        reading = replace(reading, velocity_rad_s=np.clip(reading.velocity_rad_s, -fastest, fastest))
+        fastest = [BELIEVED_RATE * rate for rate in self._plan.machine.axes.rate_rad_s]
+        first, second = reading.velocity_rad_s.tolist()
+        if not (-fastest[0] <= first <= fastest[0] and -fastest[1] <= second <= fastest[1]):
+            believed = np.clip(reading.velocity_rad_s, np.negative(fastest), fastest)
+            reading = replace(reading, velocity_rad_s=believed)
         self.axes, self._direct = reading, self._plan.course.from_axes(reading)
         self.beam.take_joints(self._direct)
         self._path.take_axes(reading, self.model)
@@ -204,7 +208,7 @@ class CommandedMotion:
             return False
         lag_s = t_s - self._direct.t_s
         apart = centre - self._direct.position_rad - lag_s * self._direct.velocity_rad_s
-        return float(np.max(np.abs(apart))) < self.params.on_target_rad
+        return bool(max(map(abs, apart.tolist())) < self.params.on_target_rad)
 
     def centre_rad(self, t_s: float) -> Array:
         """Return the commanded axis angles (2,) without the scan, zero if not known."""
@@ -223,7 +227,7 @@ class CommandedMotion:
         if window is not None and t_s < window.aos_t_s:
             self._last_sky = np.array([window.aos_azimuth_rad, window.aos_elevation_rad])
         elif window is not None and self.targets.covers(t_s, t_s):
-            self._last_sky = added(self.targets.at([t_s]), correction_rad[None, :], np.zeros((1, 2))).position[0]
+            self._last_sky = added(self.targets.at([t_s]), correction_rad[None, :], ORIGIN).position[0]
         return self._last_sky
 
     def follow(

@@ -133,11 +133,14 @@ class TargetBuffer:
         first = max(bisect.bisect_right(self._times, start_s) - 1, 0)
         last = bisect.bisect_left(self._times, end_s - 1e-6)
         inside = self._times[first : last + 1]
+        # Two samples about one instant: the common case without a generator.
+        if len(inside) == 2:
+            return inside[1] - inside[0] <= LARGEST_GAP_S
         return all(b - a <= LARGEST_GAP_S for a, b in itertools.pairwise(inside))
 
     def at(self, t_s: ArrayLike) -> Motion:
         """Return the motion (n, 2) at the times (n,), all of which must be covered."""
-        rows = [self._one(float(t)) for t in np.atleast_1d(np.asarray(t_s, dtype=np.float64))]
+        rows = [self._one(t) for t in np.atleast_1d(np.asarray(t_s, dtype=np.float64)).tolist()]
         return Motion(*(np.array([row[part] for row in rows]) for part in range(3)))
 
     def range_m(self, t_s: ArrayLike) -> Array:
@@ -197,6 +200,17 @@ class Prediction:
         self._driven: LagState | None = None
         self._driven_rad, self._seen_from_s = np.zeros(2), math.inf
         self._start: Motion | None = None
+        self._history: tuple[BiasModel, float, LagHistory] | None = None
+
+    def _lags(self, model: BiasModel) -> LagHistory | None:
+        """Return the lags of the model that are averaged, None without any."""
+        known = self._history
+        if known is not None and known[0] is model and known[1] == self.lag_averaging_s:
+            return known[2]
+        if not (self.lag_averaging_s > 0.0 and model.has_lags):
+            return None
+        self._history = model, self.lag_averaging_s, LagHistory(model, self.lag_averaging_s)
+        return self._history[2]
 
     def clear(self) -> None:
         """Forget the block: the target, the model or the turn has changed."""
@@ -214,10 +228,9 @@ class Prediction:
 
     def take_axes(self, reading: JointReading, model: BiasModel) -> None:
         """Note how the axes move: the lags of a slew go on into the pass."""
-        before, here = self._driven, reading.position_rad
-        if not (self.lag_averaging_s > 0.0 and model.has_lags) or (before and reading.t_s <= before.t_s):
+        before, here, history = self._driven, reading.position_rad, self._lags(model)
+        if history is None or (before and reading.t_s <= before.t_s):
             return
-        history = LagHistory(model, self.lag_averaging_s)
         if before is not None and reading.t_s - before.t_s > UNSEEN_S:
             self._driven = history.stopped(reading.t_s, reading.velocity_rad_s, here - self._driven_rad, before)
         else:
@@ -229,15 +242,15 @@ class Prediction:
 
         A controller that starts again in the middle of a pass knows no other reason for it.
         """
-        course = self._plan.course
-        if not (self.lag_averaging_s > 0.0 and model.has_lags) or len(t_s) < 2 or self._seen_from_s <= t_s[0]:
+        course, history = self._plan.course, self._lags(model)
+        if history is None or len(t_s) < 2 or self._seen_from_s <= t_s[0]:
             return
         path = course.detour(t_s, self._held(float(t_s[-1]), sky, model, float(reading.position_rad[0])))
         off = np.abs(path.position - course.from_axes(reading).position_rad)
         nearest = int(np.argmin(off[:, 0] * np.cos(path.position[:, 1]) + off[:, 1]))
         if float(np.max(off[nearest])) > ON_PATH_RAD:
             return
-        history, signs, until = LagHistory(model, self.lag_averaging_s), course.signs(t_s), slice(nearest + 1)
+        signs, until = course.signs(t_s), slice(nearest + 1)
         moving = course.detour(t_s, sky)
         _, states = history.along(t_s[until], (signs * moving.velocity)[until], (signs * moving.acceleration)[until])
         state, still = states[-1], np.zeros(2)
@@ -254,8 +267,8 @@ class Prediction:
 
     def at(self, times: Array, targets: TargetBuffer, model: BiasModel, near_azimuth_rad: float) -> Motion:
         """Return the motion at `times` (n,), computed as far ahead as the target is known."""
-        keys = [time_key(t) for t in times]
-        if any(key not in self._known for key in keys):
+        keys = [round(t_s * 1000.0) for t_s in times.tolist()]
+        if not self._known.keys() >= set(keys):
             self._compute(times, targets, model, near_azimuth_rad)
         rows = np.array([self._known[key] for key in keys])
         return Motion(rows[:, 0:2], rows[:, 2:4], rows[:, 4:6])
@@ -265,22 +278,22 @@ class Prediction:
         beyond = float(times[-1]) + self._period_s * np.arange(1, max(0, int(ahead / self._period_s)) + 1)
         block = np.concatenate([times, beyond])
         course, sky, last_s = self._plan.course, targets.at(block), float(block[-1])
-        if self.lag_averaging_s > 0.0 and model.has_lags:
+        history = self._lags(model)
+        if history is not None:
             beam = course.detour(block, self._held(last_s, sky, without_lags(model), near_azimuth_rad))
-            motion = self._with_lags(block, beam, course.detour(block, sky), model)
+            motion = self._with_lags(block, beam, course.detour(block, sky), history)
         else:
             motion = course.detour(block, self._held(last_s, sky, model, near_azimuth_rad))
         rows = np.concatenate(motion, axis=1)
         self._known = {time_key(t): row for t, row in zip(block, rows, strict=True)}
 
-    def _with_lags(self, block: Array, beam: Motion, moving: Motion, model: BiasModel) -> Motion:
+    def _with_lags(self, block: Array, beam: Motion, moving: Motion, history: LagHistory) -> Motion:
         """Return the axes (n, 2) that hold a beam, with the lags of its motion so far."""
         # The lags act in the angles of the axes, which over the top run the other way.
         signs = self._plan.course.signs(block)
         # From the state at the block's start, or where the last block was left, or from the slew.
         earlier = [state for key, state in self._lagging.items() if key <= time_key(block[0])]
         before = earlier[-1] if earlier else self._driven if not self._lagging else None
-        history = LagHistory(model, self.lag_averaging_s)
         lags, states = history.along(block, signs * moving.velocity, signs * moving.acceleration, before)
         self._lagging = {time_key(state.t_s): state for state in states}
         return Motion(*(part + signs * lag for part, lag in zip(beam, lags, strict=True)))
