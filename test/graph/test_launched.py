@@ -5,6 +5,7 @@ none of the three: there the package's own command starts them, the goal is sent
 recorder records.
 """
 
+import importlib.util
 import shutil
 import signal
 import subprocess
@@ -39,6 +40,8 @@ from .conftest import ask, executable
 
 pytestmark = [pytest.mark.graph, pytest.mark.alone]
 ROS2, LAUNCH_TEST = shutil.which("ros2"), shutil.which("launch_test")
+BAG = ROS2 is not None and importlib.util.find_spec("ros2bag") is not None
+"""Each tool is a package of its own, so one may be there without another."""
 SPEED = 8.0
 ARRAYS = {
     "doa": ("doa_source", "doa_attitude"),
@@ -157,7 +160,7 @@ def test_the_simulated_station_flies_a_users_tle_by_its_name(
         assert result.target_pass.target == "sat 2"
     bag.close()
     assert set(launch_file.stop()) == {0}
-    if ROS2:
+    if BAG:
         play(live, tmp_path / "bag")
     summary = write_report(tmp_path / "bag", tmp_path / "report")
     assert summary.outcome.tracked
@@ -174,9 +177,9 @@ def test_the_simulated_station_under_launch_testing() -> None:
 
 def record(live: SimpleNamespace, folder: Path) -> Any:
     """Begin to record: with `ros2 bag record -a` where it is installed."""
-    if not ROS2:
+    if not BAG:
         return Recorder(live.node, live.namespace, folder / "bag")
-    process = subprocess.Popen([ROS2, "bag", "record", "-a", "-s", "mcap", "-o", str(folder / "bag")])
+    process = subprocess.Popen([str(ROS2), "bag", "record", "-a", "-s", "mcap", "-o", str(folder / "bag")])
 
     def close() -> None:
         process.send_signal(signal.SIGINT)
