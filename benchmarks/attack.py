@@ -16,6 +16,7 @@ import json
 import math
 import os
 import random
+import shutil
 import signal
 import socket
 import struct
@@ -48,6 +49,7 @@ from rf_pointing.operations.schedule import ScheduledPass
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.convert_planning import scheduled_to_message
 from rf_pointing.ros.leased_services import SIGNED, Caller
+from rf_pointing.ros.main_loop import DEAF
 from rf_pointing.ros.qos import STATUS
 from rf_pointing.ros.stamps import stamp_from_seconds
 
@@ -97,11 +99,17 @@ def scenario(bound: float) -> Callable[[Callable[["Attacked"], Measured]], Calla
 
 
 class Attacked(Station):
-    """A station with everything that listens, behind a library that spoils its network and its clock."""
+    """A station with everything that listens, behind a library that spoils its network and its clock.
+
+    While `restarts`, nodes that have ended start again, as a launch file lets them: `restarted` are their words.
+    """
+
+    restarts = False
 
     def __init__(self, ends: ExitStack, folder: Path, drive: str) -> None:
         self.drive = drive
         self.page_port, self.server_port = free_port(), free_port()
+        self.restarted = list[str]()
         (folder / "token").write_text(TOKEN)
         (folder / "token").chmod(0o600)
         self.disk = folder / "disk"
@@ -129,6 +137,11 @@ class Attacked(Station):
         self.clock_s = self.clock_s if ahead_s is None else ahead_s
         with self._spoilt.open("r+b" if self._spoilt.exists() else "wb") as file:
             file.write(struct.pack("3d", lost, damaged, self.clock_s))
+
+    def spin_once(self) -> None:
+        super().spin_once()
+        if self.restarts:
+            self.restarted += died(self)
 
     @property
     def overhead(self) -> str:
@@ -186,17 +199,18 @@ class Attacked(Station):
         return name
 
     def now_off_deg(self, name: str) -> float:
-        """Return how far the axes are from a satellite; far while they are silent."""
-        silent = time.time() + self.clock_s - self.axes[-1][0] > 1.0
+        """Return how far the axes are from a satellite; far while they are silent, or of another time."""
+        silent = abs(time.time() + self.clock_s - self.axes[-1][0]) > 1.0
         return 180.0 if silent else self.off_deg(name, (self.axes[-1][0] - self.clock_s, *self.axes[-1][1:]))
 
     def regained_s(self, name: str, patience_s: float = 60.0) -> float:
         """Return how long it takes until the axes are on a satellite again, and stay there for 2 s."""
         begun_s, since_s = time.monotonic(), math.inf
         while time.monotonic() - since_s < 2.0:
-            if self.result.done():
-                # A client whose goal has ended sends it again.
-                self.goal(name)
+            if not self.tracking.target and time.monotonic() - self.tracking_s < 1.0:
+                # A client whose goal has ended sends it again, as often as it is refused.
+                with suppress(TimeoutError):
+                    self.goal(name)
             on = self.now_off_deg(name) < ON_SOURCE_DEG
             since_s = min(since_s, time.monotonic()) if on else math.inf
             if time.monotonic() - begun_s > patience_s:
@@ -274,7 +288,8 @@ def controller_killed_under_a_client(station: Attacked) -> Measured:
             before = station.now_off_deg(name)
             station.spin(0.5)
             now_s, follows = time.monotonic(), station.now_off_deg(name) < max(1.0, before - 0.2)
-            lied_s = 0.0 if follows or not accepted else lied_s + now_s - last_s
+            # Until it is killed the antenna may still turn round on its way from rest.
+            lied_s = 0.0 if follows or not accepted or killed_s == math.inf else lied_s + now_s - last_s
             lies_s, last_s = max(lies_s, lied_s), now_s
             tracked = station.tracking.target == name and now_s - station.tracking_s < 1.0
             on_source = on_source + 0.5 if tracked and station.tracking.on_source else 0.0
@@ -558,24 +573,30 @@ def damaged_datagrams(station: Attacked) -> Measured:
     first = 7400 + 250 * int(os.environ["ROS_DOMAIN_ID"])
     ports = [first, first + 1, *(first + 10 + 2 * number + kind for number in range(12) for kind in (0, 1))]
     sent = 0
+    station.leave()
+    station.spoil(damaged=0.2)
+    ended, end_s = list[str](), time.monotonic() + 30.0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-
-        def flood() -> None:
-            nonlocal sent
+        while time.monotonic() < end_s:
             for port in ports:
                 for _ in range(4):
                     noise = random_.randbytes(random_.randrange(1, 400))
                     stranger.sendto(random_.choice((noise, b"RTPS\x02\x03\x01\x0f" + noise)), ("127.0.0.1", port))
                     sent += 1
-
-        station.spoil(damaged=0.2)
-        off_s(station, name, 30.0, flood)
+            ended += died(station)
+            time.sleep(0.1)
     station.spoil()
-    # Who watched has taken damaged datagrams, too: what counts is how soon the pass goes on.
+    begun_s, station.restarts = time.monotonic(), True
     station.listen()
-    off = station.regained_s(name)
-    dead = died(station)
-    return Measured(math.inf if dead else off, "s off the satellite", "; ".join([f"{sent} of noise", *dead]))
+    try:
+        station.regained_s(name)
+        off = time.monotonic() - begun_s - 2.0
+    finally:
+        station.restarts, ended = False, ended + station.restarted
+    # A node that has gone deaf ends by itself, or is ended where it hangs in DDS; nothing else may.
+    hung = [name for name in station.nodes if "Timeout (0:" in station.processes.log(name).read_text(errors="replace")]
+    dead = [each for each in ended if f"ended with {DEAF}" not in each and each.split()[0] not in hung]
+    return Measured(math.inf if dead else off, "s off the satellite", "; ".join([f"{sent} of noise", *ended]))
 
 
 def begin_night(station: Attacked) -> str:
@@ -688,11 +709,13 @@ def second_executive(ends: ExitStack, folder: Path, drive: str, other: str, shar
         process.wait()
 
 
-def attack(drive: str, names: list[str]) -> list[Verdict]:
+def attack(drive: str, names: list[str], keep: Path | None) -> list[Verdict]:
     """Run scenarios on a drive and print a row for each."""
     verdicts = []
     with ExitStack() as ends:
         folder = ends.enter_context(tempfile.TemporaryDirectory(prefix="attack"))
+        if keep is not None:
+            ends.callback(lambda: shutil.copytree(Path(folder) / "logs", keep / drive, dirs_exist_ok=True))
         station = Attacked(ends, Path(folder), drive)
         for name in names:
             bound, function = SCENARIOS[name]
@@ -717,6 +740,7 @@ def main() -> int:
     parser.add_argument("scenarios", nargs="*", metavar="SCENARIO", help=f"default: all of {', '.join(SCENARIOS)}")
     parser.add_argument("--drive", nargs="+", choices=DEVICES, default=["rotctld"])
     parser.add_argument("--json", type=Path, help="write the verdicts to a file")
+    parser.add_argument("--keep", type=Path, help="folder to which the logs are copied, by drive")
     parser.add_argument("--inside", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if unknown := [name for name in options.scenarios if name not in SCENARIOS]:
@@ -734,7 +758,7 @@ def main() -> int:
                 folder = ends.enter_context(tempfile.TemporaryDirectory(prefix="attack"))
                 return second_executive(ends, Path(folder), options.drive[0], *options.inside)
         names = options.scenarios or list(SCENARIOS)
-        verdicts = [row for drive in options.drive for row in attack(drive, names)]
+        verdicts = [row for drive in options.drive for row in attack(drive, names, options.keep)]
     finally:
         rclpy.try_shutdown()
     if options.json:

@@ -251,18 +251,24 @@ class Station:
         self.until(lambda: self.antenna.mode and self.tracking.sequence > 0, "the station", BRING_UP_S)
 
     def listen(self) -> None:
-        """Hear the station as a new participant; one that took damaged datagrams may be deaf."""
+        """Join the graph as a new participant."""
         # It ends with the process: the end of one that is deaf may never come.
-        context = rclpy.Context()
-        rclpy.init(context=context, domain_id=int(os.environ["ROS_DOMAIN_ID"]))
-        self.node = rclpy.create_node("attacker", namespace=self.namespace, context=context)
-        self.executor = make_executor(context)
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=int(os.environ["ROS_DOMAIN_ID"]))
+        self.node = rclpy.create_node("attacker", namespace=self.namespace, context=self.context)
+        self.executor = make_executor(self.context)
         self.executor.add_node(self.node)
         listen = self.node.create_subscription
         listen(AntennaStatus, "antenna_status", lambda m: setattr(self, "antenna", m), STATUS)
         listen(TrackingStatus, "tracking_status", self._on_tracking, STREAM)
         listen(JointState, "joint_states", self._on_joints, STREAM)
         listen(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
+
+    def leave(self) -> None:
+        """Leave the graph until `listen`: what takes damaged datagrams may hang for good."""
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.shutdown()
 
     def _on_tracking(self, message: TrackingStatus) -> None:
         self.tracking, self.tracking_s = message, time.monotonic()

@@ -8,6 +8,7 @@ Parameters: receiver.*, which the station description gives (`receiver`).
 from rf_pointing_msgs.msg import CarrierPower, Monopulse, Target
 
 from rf_pointing.receiver.receiver import SignalReceiver
+from rf_pointing.receiver.stream_clock import SmoothClock
 from rf_pointing.ros import convert
 from rf_pointing.ros.diagnostics import OK, WARN, Health
 from rf_pointing.ros.main_loop import run
@@ -26,9 +27,11 @@ class SignalReceiverNode(StationNode):
         self._receiver: SignalReceiver | None = None
 
     def configure(self) -> None:
-        self._receiver = SignalReceiver(self.parameters.value("receiver"), self.now_s)
-        if self.get_parameter("use_sim_time").value:
-            self._receiver.source.steady_s = self.now_s
+        simulated = self.get_parameter("use_sim_time").value
+        now_s = SmoothClock(self.now_s).now_s if simulated else self.now_s
+        self._receiver = SignalReceiver(self.parameters.value("receiver"), now_s)
+        if simulated:
+            self._receiver.source.steady_s = now_s
         self._at_cleanup.callback(self._receiver.end)
         self._power = self.stream(CarrierPower, "carrier_power", STREAM)
         self._monopulse = self.stream(Monopulse, "monopulse", STREAM)

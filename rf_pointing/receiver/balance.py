@@ -1,14 +1,13 @@
-"""Gain and phase of the difference channels against the sum, calibrated on a carrier and watched.
+"""Drift of the difference channels against the sum since the receiver's start.
 
-A carrier that reaches all channels alike (a pilot, or the feed turned off the satellite by a known
-offset) gives the ratio of each channel to the sum: the correction.  Afterwards the channels drift.
+What gain and phase they have is measured by the tracker: its calibration scan fits the complex
+response of both channels on the carrier (`tracking/monopulse_scan.py`).  Afterwards they drift.
 Gain: the noise of each channel against the sum's keeps its ratio, for its amplifiers do.  Phase: a
 real error is in phase with the sum; the slope of the quadrature against the in-phase part is the
 tangent of the drift.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,40 +19,16 @@ FEWEST = 50
 DRIFT_DB, DRIFT_RAD = 0.5, math.radians(10.0)
 
 
-@dataclass(frozen=True)
-class Correction:
-    """Complex gains (2,) of the differences relative to the sum, and the noise ratios then."""
-
-    gains: ComplexArray
-    noise_ratio: Array
-
-    @classmethod
-    def measure(cls, prompts: ComplexArray, noise: Array) -> "Correction":
-        """Return the gains from integrations (n, 3) of the same carrier, and the noise powers (3,).
-
-        Raises ValueError where a channel does not carry it.
-        """
-        total, differences = prompts[:, 0], prompts[:, 1:]
-        gains = np.conj(total) @ differences / np.vdot(total, total).real
-        if not np.all(np.abs(gains) > 1e-3):
-            size = np.abs(gains)
-            raise ValueError(f"gains={size} must be > 0.001: a difference lacks the carrier")
-        return cls(gains, noise[1:] / noise[0])
-
-
 class ChannelBalance:
-    """Corrects integrations and watches the drift; without a correction the channels are alike."""
+    """Watches gain and phase of the differences."""
 
-    def __init__(self, correction: Correction | None = None) -> None:
-        self.correction = correction
-        self._reference: Array | None = None if correction is None else correction.noise_ratio
+    def __init__(self) -> None:
+        self._reference: Array | None = None
         self._ratios: list[ComplexArray] = []
         self._noise: Array | None = None
 
-    def take(self, prompts: ComplexArray, noise: Array) -> ComplexArray:
-        """Return corrected integrations (n, 3); `noise` (3,) are the channels' noise powers."""
-        if self.correction is not None:
-            prompts = prompts / np.concatenate([[1.0], self.correction.gains])
+    def take(self, prompts: ComplexArray, noise: Array) -> None:
+        """Take integrations (n, 3) of the channels, and their noise powers (3,)."""
         share = noise[1:] / noise[0]
         self._noise = share if self._noise is None else self._noise + 0.05 * (share - self._noise)
         if self._reference is None:
@@ -61,11 +36,10 @@ class ChannelBalance:
         total = np.mean(np.abs(prompts[:, 0]) ** 2)
         self._ratios.append(np.conj(prompts[:, 0]) @ prompts[:, 1:] / len(prompts) / total)
         del self._ratios[:-WATCHED]
-        return prompts
 
     @property
     def gain_drift_db(self) -> Array:
-        """Drift of the differences' gains since the calibration, dB (2,)."""
+        """Drift of the differences' gains since the start, dB (2,)."""
         if self._noise is None or self._reference is None:
             return np.zeros(2)
         return np.asarray(10.0 * np.log10(self._noise / self._reference))

@@ -6,7 +6,8 @@ gamma variate).  An FFT of the narrow channel around it then gives the frequency
 
 Loop: one integration y = A exp(j phase) + n per block of T = 10 ms, E|n|^2 = N0 / T.  Third order
 in phase with an assist of second order in frequency (Ward, Betz, Hegarty in Kaplan and Hegarty
-2006, table 5.6), so a constant rate of the frequency leaves no error.
+2006, table 5.6), so a constant rate of the frequency leaves no error.  A loop that is off by k / T
+sees the same phases; the spectrum of the block's own samples, whose bin k is there, shows it.
 
 Power over n integrations, without the phase, so that a hertz of frequency error costs nothing:
 
@@ -38,6 +39,8 @@ NATURAL = 1.0 / 0.7845
 DAMPING = 1.1, 2.4
 ASSIST, ASSIST_DAMPING = 1.0 / 0.53, 1.414
 ASSIST_SHARE = 0.5
+IMAGES, IMAGE_RATIO, IMAGE_LOOKS = 8, 4.0, 20
+"""Images of the carrier on either side, and what is stronger than the loop's own frequency."""
 
 
 def power_bound(ratio_hz: float, seconds: float) -> float:
@@ -64,6 +67,11 @@ class Loop:
     def slow_hz(self) -> float:
         """The frequency without the part that answers the newest phase."""
         return self._slow_hz
+
+    def shift(self, frequency_hz: float) -> None:
+        """Go on at another frequency, by whole turns an integration."""
+        self._slow_hz += frequency_hz
+        self.frequency_hz += frequency_hz
 
     def update(self, phase_cycles: float, frequency_hz: float) -> None:
         """Take the errors of one integration."""
@@ -92,6 +100,7 @@ class CarrierTracker:
         self._wanted = FINE_BLOCKS
         self._before: complex | None = None
         self._angle, self._tracked = 0.0, 0
+        self._images = np.zeros(2 * IMAGES + 1)
         # Size of the integrations and frequency since shortly before a loss can be known.
         self._recent: deque[tuple[float, float]] = deque(maxlen=round(LOST_S / layout.hop_s))
         self._last_hz: float | None = None
@@ -134,6 +143,7 @@ class CarrierTracker:
         prompt: ComplexArray = np.mean(samples, axis=1)
         if self.tracking:
             self._follow(complex(prompt[0]), noise)
+            self._leave_image(samples[0])
         return prompt
 
     def _mixed(
@@ -263,6 +273,16 @@ class CarrierTracker:
             limit = variance * (1.0 + LOST_SIGMAS / math.sqrt(len(self._recent)))
             if sum(level for level, _ in self._recent) / len(self._recent) < limit:
                 self.lose()
+
+    def _leave_image(self, samples: ComplexArray) -> None:
+        """Go to the carrier if the loop holds an image of it, as after a jump of a few hertz."""
+        near = np.abs(scipy.fft.fft(samples)[np.arange(-IMAGES, IMAGES + 1)]) ** 2
+        self._images += (near - self._images) / min(self._tracked, IMAGE_LOOKS)
+        best = int(np.argmax(self._images))
+        if self._tracked >= IMAGE_LOOKS and self._images[best] > IMAGE_RATIO * self._images[IMAGES]:
+            self._loop.shift((best - IMAGES) / self._layout.hop_s)
+            self._before, self._tracked = None, 0
+            self._recent.clear()
 
     def lose(self) -> None:
         """Search again; the power goes on being measured where the carrier was."""

@@ -1,9 +1,12 @@
 """Sources of a level: instruments that answer (SCPI, rigctld), and receivers that send text."""
 
 import re
+import shlex
+import subprocess
 import time
 from collections.abc import Sequence
 
+from rf_pointing.receiver.params import COMMAND
 from rf_pointing.receiver.source import WAIT_S, Arrival, ByteSource, Level
 
 LONGEST_LINE = 4096
@@ -41,15 +44,21 @@ class LineSource(ByteSource):
         Raises ConnectionError when no answer comes: a late one would be taken for the next.
         """
         now_s = time.monotonic()
-        if now_s < self._due_s:
-            time.sleep(min(self._due_s - now_s, WAIT_S))
+        if not self.due(now_s):
             return None
-        self._due_s = max(self._due_s + self.params.period_s, now_s)
         self.send(f"{request}\n".encode())
         while time.monotonic() - now_s < ANSWER_S:
             if answer := self.line():
                 return answer
         raise ConnectionError(f"no answer to {request} within {ANSWER_S:.0f} s")
+
+    def due(self, now_s: float) -> bool:
+        """Return whether the next request is due; wait for a while where it is not."""
+        if now_s < self._due_s:
+            time.sleep(min(self._due_s - now_s, WAIT_S))
+            return False
+        self._due_s = max(self._due_s + self.params.period_s, now_s)
+        return True
 
     def level(self, begun_s: float, text: str) -> Sequence[Arrival]:
         """Return the level in a text that was measured between `begun_s` and now."""
@@ -100,11 +109,42 @@ class Rigctl(LineSource):
 
 
 class TextLevel(LineSource):
-    """A beacon receiver or modem that sends its level by itself, or on request."""
+    """A beacon receiver or modem that sends its level by itself, on request, or to a program."""
 
     @property
     def transport(self) -> str:  # type: ignore[override]
         return self.params.level.transport
+
+    @property
+    def where(self) -> str:
+        command = self.params.level.request if self.transport == COMMAND else ""
+        return f"level from {shlex.split(command)[0]}" if command else super().where
+
+    def open(self) -> None:
+        if self.transport != COMMAND:
+            super().open()
+        elif not self.params.level.request:
+            raise ValueError("level.request must be the command line that prints the level")
+        self.greet()
+
+    def ask(self, request: str) -> str | None:
+        """Make a request; of a command, run it without a shell, and return what it prints."""
+        if self.transport != COMMAND:
+            return super().ask(request)
+        if not self.due(time.monotonic()):
+            return None
+        words = shlex.split(request)
+        try:
+            ran = subprocess.run(
+                words, capture_output=True, text=True, timeout=ANSWER_S, check=False
+            )
+        except subprocess.TimeoutExpired as error:
+            raise ConnectionError(f"{words[0]} has not ended after {ANSWER_S:.0f} s") from error
+        if ran.returncode:
+            raise ConnectionError(
+                f"{words[0]} ended with {ran.returncode}: {ran.stderr.strip()[:200]}"
+            )
+        return ran.stdout.strip()
 
     def read(self) -> Sequence[Arrival]:
         begun_s, request = self.now_s(), self.params.level.request

@@ -30,7 +30,8 @@ GUARD_BINS = 20
 """Bins next to the carrier that its own line may reach at 90 dB-Hz."""
 SPAN = 0.48
 """Usable half of the spectrum: filters cut its ends."""
-CLIPPED_SHARE = 1e-3
+CLIPPED_SHARE, CLIPPED_MOST = 1e-3, 0.1
+"""Shares of clipped samples that are named, and beyond which a level no longer shows a scan."""
 LATE_S = 1.0
 LINE_S = 1.0
 BURST_S = 5.0
@@ -78,9 +79,9 @@ def centre_offset_hz(
 class SignalMeter:
     """Takes samples and range rates; `take` returns the reports that they complete."""
 
-    def __init__(self, params: SignalReceiverParams, balance: ChannelBalance | None = None) -> None:
+    def __init__(self, params: SignalReceiverParams) -> None:
         self.params, self.doppler = params, DopplerPrediction(params.frequency_hz)
-        self.balance = balance or ChannelBalance()
+        self.balance = ChannelBalance()
         self.state = MeterState()
         self._centre_hz: float | None = None
         self._begin(params.iq.rate_hz)
@@ -269,7 +270,7 @@ class SignalMeter:
         density = layout.density(self._density)
         if noise.stepped:
             self._event(t_s, f"gain or noise has changed by {noise.step_db:+.1f} dB")
-        if density <= 0.0:
+        if density <= 0.0 or self.state.clipped > CLIPPED_MOST:
             self._clear()
             return []
         if self.params.signal.kind == CARRIER:
@@ -323,7 +324,8 @@ class SignalMeter:
         return Measurement(power, None, power_bound(burst.ratio_hz, burst.seconds) * watts)
 
     def _cluster(self, power: CarrierPower, density: float) -> MonopulseCluster:
-        prompts = self.balance.take(np.array(self._prompts), self._channel_noise)
+        prompts = np.array(self._prompts)
+        self.balance.take(prompts, self._channel_noise)
         # The scale of the samples is free; that of the noise is the same for every gain.
         prompts = prompts / math.sqrt(density)
         times = np.array(self._times) - 0.5 * self.layout.hop_s

@@ -9,6 +9,7 @@ DETECTORS = (CARRIER, BAND, PREAMBLE)
 LEVEL_KINDS = ("dbm", "c_n0_db_hz", "es_n0_db")
 LEVELS = ("scpi", "rigctl", "level")
 """Receivers that give levels, not samples."""
+COMMAND = "command"
 UNKNOWN_FLOOR_DBM = -200.0
 OUTLET_FORMATS = ("rtl_tcp", "vita49", "zmq", "sigmf")
 SAMPLE_FORMATS = ("cf32", "ci16", "ci8", "cu8")
@@ -117,9 +118,13 @@ class LevelParams(Params):
     )
     locked: str = parameter("1", "text of the group lock that means a lock")
     request: str = parameter(
-        "", "line that requests the level; empty: it comes by itself (scpi: the usual one)"
+        "", "line that requests the level, or command; empty: it comes by itself (scpi: the usual)"
     )
-    transport: str = parameter("udp", "how `level` comes", choices=("udp", "tcp", "serial"))
+    transport: str = parameter(
+        "udp",
+        "how `level` comes; command: a program prints it (snmpget)",
+        choices=("udp", "tcp", "serial", COMMAND),
+    )
     scale_db: float = parameter(1.0, "dB of one unit of the number", low=-100.0, high=100.0)
     offset_db: float = parameter(0.0, "level in dB at the number 0", low=-500.0, high=500.0)
     sigma_db: float = parameter(

@@ -19,7 +19,8 @@ from rf_pointing.receiver.params import SignalSearchParams
 from rf_pointing.receiver.spectrum import Layout, Spectrum
 
 ROLL_OFF = 0.35
-FALSE_SHARE = 1e-4
+FALSE_SHARE = 1e-6
+"""Chance of a burst in one look at noise; there are 100 looks a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +56,10 @@ class PreambleDetector:
                 f"signal.symbol_rate_hz={rate} does not fit into iq.rate_hz={layout.rate_hz}"
             )
         self._rate_hz = layout.rate_hz * self.layout.width / layout.block
-        # One period holds the sequence and silence: its pulses do not wrap into it.
-        shape = pulses(np.concatenate([symbols, np.zeros(8)]), ROLL_OFF, 64)
+        # One period holds the sequence and silence: its pulses do not wrap into it.  Of both the
+        # mean power is 1; that of the sequence counts.
+        whole = np.concatenate([symbols, np.zeros(8)])
+        shape = pulses(whole, ROLL_OFF, 64) * np.float32(math.sqrt(len(symbols) / len(whole)))
         place = np.arange(int(len(symbols) * self._rate_hz / rate)) * rate / self._rate_hz * 64
         self._template = shape[place.astype(int)].astype(np.complex128)
         self.seconds = len(self._template) / self._rate_hz

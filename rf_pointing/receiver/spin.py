@@ -1,10 +1,17 @@
-"""Spin of a satellite, from the periodic change of its power (least-squares periodogram)."""
+"""Spin of a satellite, from the periodic change of its power.
+
+The largest line of the periodogram, then least squares of a sinusoid on a cubic trend.  The sigma
+is the Cramer-Rao bound sqrt(6 / n) noise / (pi T depth) with the noise of the residuals.
+"""
 
 import math
 from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize_scalar
+
+from rf_pointing.core.types import Array
 
 WINDOW_S = 60.0
 FEWEST = 100
@@ -45,14 +52,12 @@ class SpinWatch:
             return None
         times, powers = np.array(self._rows).T
         span_s = float(times[-1] - times[0])
-        mean = float(np.mean(powers))
-        if mean <= 0.0:
-            return None
         place = 2.0 * (times - times[0]) / span_s - 1.0
-        relative = powers / mean - 1.0
-        relative = relative - np.polynomial.legendre.legval(
-            place, np.polynomial.legendre.legfit(place, relative, TREND_ORDER)
-        )
+        trend = np.polynomial.legendre.legvander(place, TREND_ORDER)
+        level = trend @ np.linalg.lstsq(trend, powers, rcond=None)[0]
+        if np.min(level) <= 0.0:
+            return None
+        relative = powers / level - 1.0
         frequencies = np.arange(2.0 / span_s, 0.5 * (len(times) - 1) / span_s, 0.25 / span_s)
         phasors = np.exp(-2j * np.pi * np.outer(frequencies, times - times[0]))
         powers_of = np.abs(phasors @ relative) ** 2
@@ -62,11 +67,20 @@ class SpinWatch:
         peak = float(powers_of[at]) / (len(times) * max(variance, 1e-300))
         if peak < math.log(len(frequencies) / FALSE_SHARE):
             return None
-        depth = 2.0 * math.sqrt(float(powers_of[at])) / len(times)
-        rest = max(variance - 0.5 * depth**2, 1e-12)
-        sigma_hz = math.sqrt(6.0 * rest / len(times)) / (math.pi * span_s * depth)
-        shift = 0.0
-        if 0 < at < len(frequencies) - 1:
-            left, middle, right = (float(powers_of[at + k]) for k in (-1, 0, 1))
-            shift = 0.5 * (left - right) / (left - 2.0 * middle + right)
-        return Spin(float(frequencies[at]) + shift * 0.25 / span_s, sigma_hz, depth)
+        found = minimize_scalar(
+            lambda hertz: _fit(hertz, times - times[0], trend, relative)[1],
+            bounds=frequencies[at] + np.array([-0.5, 0.5]) / span_s,
+            options={"xatol": 1e-5 / span_s},
+        )
+        depth, rest = _fit(float(found.x), times - times[0], trend, relative)
+        sigma_hz = math.sqrt(6.0 * rest) / (math.pi * span_s * depth * len(times))
+        return Spin(float(found.x), sigma_hz, depth)
+
+
+def _fit(frequency_hz: float, t_s: Array, trend: Array, relative: Array) -> tuple[float, float]:
+    """Return depth and sum of squared residuals of a sinusoid of this frequency on a trend."""
+    angle = 2.0 * np.pi * frequency_hz * t_s
+    design = np.column_stack([trend, np.cos(angle), np.sin(angle)])
+    solved = np.linalg.lstsq(design, relative, rcond=None)[0]
+    residuals = relative - design @ solved
+    return float(np.hypot(*solved[-2:])), float(residuals @ residuals)

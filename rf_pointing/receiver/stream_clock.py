@@ -6,7 +6,9 @@ full, follow a clock that is 50 ppm off to 0.5 ms.
 """
 
 import math
+import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
@@ -17,6 +19,7 @@ SETTLED_S = 0.25
 """Stretch at the stated rate after which a burst of what had waited counts as over."""
 BURST = 1.2
 STALL_S = 0.5
+WITHIN_S = 0.5
 RATE_SHARE = 0.01
 """How far the measured rate may be from the stated one."""
 
@@ -99,6 +102,33 @@ class StreamClock:
             self._low = self._high = arrival_s - index_end / self.rate_hz
             self._low_before = math.inf
         self._since = index_end, arrival_s
+
+
+class SmoothClock:
+    """Goes on steadily between the steps of a clock that is received, and may be received late.
+
+    A late step only makes that clock slow.  So what it was ahead of a steady one at most, within
+    the last `WITHIN_S`, is what it is ahead by.
+    """
+
+    def __init__(
+        self, clock_s: Callable[[], float], steady_s: Callable[[], float] = lambda: time.monotonic()
+    ) -> None:
+        self._clock_s, self._steady_s = clock_s, steady_s
+        # Replaced as a whole: the thread of a source and that of its node both look.
+        self._ahead: tuple[tuple[float, float], ...] = ()
+
+    def now_s(self) -> float:
+        """Return the time of the clock."""
+        steady_s, clock_s = self._steady_s(), self._clock_s()
+        ahead_s = clock_s - steady_s
+        if self._ahead and clock_s < steady_s + self._ahead[0][1] - STALL_S:
+            # It stands, or was set back.
+            self._ahead = ()
+        # Those that are less ahead than a later one never count again.
+        kept = [each for each in self._ahead if each[1] > ahead_s and each[0] > steady_s - WITHIN_S]
+        self._ahead = (*kept, (steady_s, ahead_s))
+        return steady_s + self._ahead[0][1]
 
 
 class DopplerPrediction:

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -72,7 +73,9 @@ class Wait:
 
 
 class Diagnostics:
-    """Publishes every registered check once a second of wall time."""
+    """Publishes every check once a second of wall time; `writing` surrounds the write."""
+
+    writing: Callable[[], AbstractContextManager[None]] = nullcontext
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -105,4 +108,5 @@ class Diagnostics:
             status.message, status.hardware_id = health.message, full_name
             status.values = [KeyValue(key=key, value=str(value)) for key, value in health.values.items()]
             array.status.append(status)
-        self._publisher.publish(array)
+        with self.writing():
+            self._publisher.publish(array)

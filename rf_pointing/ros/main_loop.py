@@ -18,8 +18,8 @@ import tempfile
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +41,7 @@ NICER = -10
 SHORTEST_TOKEN = 16
 HUNG_S = 120.0
 """Longest time for one thing of a node; to read 32 MiB of elements takes 15 s."""
+WRITTEN_S = 15.0
 DEAF = 3
 """Exit code of a node that no longer receives."""
 LONGEST_WAIT_S = 0.2
@@ -94,13 +95,13 @@ def run(
         for sign in (signal.SIGINT, signal.SIGTERM):
             signal.signal(sign, lambda number, _frame: signals.append(number))
         executor = make_executor()
-        loop = NodeLoop(node_types, executor, signals, restart=restart)
+        watch = HangWatch()
+        loop = NodeLoop(node_types, executor, signals, watch.writing, restart=restart)
     except (RuntimeError, ValueError) as error:
         _say_not_started(error)
         rclpy.try_shutdown()
         sys.exit(2)
     settle_garbage()
-    watch = HangWatch()
     code = loop.work(watch.come_round)
     watch.end()
     executor.shutdown()
@@ -112,13 +113,16 @@ def run(
 class NodeLoop:
     """The nodes of a process, made by `node_types`, in one executor; each lives and ends by itself.
 
-    With `restart` a node that has failed is made again, and brings itself up.
+    With `restart` a node that has failed is made again, and brings itself up.  `writing` surrounds
+    what a node writes each second.
     """
 
     def __init__(
-        self, node_types: Sequence[Callable[[], Any]], executor: Any, signals: Sequence[int], *, restart: bool = False
+        self, node_types: Sequence[Callable[[], Any]], executor: Any, signals: Sequence[int],
+        writing: Callable[[], AbstractContextManager[None]] = nullcontext, *, restart: bool = False
     ) -> None:  # fmt: skip
         self._executor, self._signals, self._restart = executor, signals, restart
+        self._writing = writing
         self._nodes: list[tuple[Callable[[], Any], Any]] = []
         self._missing: dict[Callable[[], Any], float] = {}
         self._restarts, self._stall_s, self._stalled_s = Counter[str](), 0.0, -math.inf
@@ -128,6 +132,7 @@ class NodeLoop:
     def _add(self, make: Callable[[], Any], node: Any) -> None:
         self._nodes.append((make, node))
         self._executor.add_node(node)
+        node.diagnostics.writing = self._writing
         if self._restart:
             node.diagnostics.add("process", self.health)
 
@@ -264,9 +269,22 @@ class HangWatch:
 
     def come_round(self) -> None:
         """Note that the loop works; each second is often enough."""
-        if time.monotonic() - self._armed_s > min(1.0, 0.1 * self._patience_s) and sys.gettrace() is None:
-            self._armed_s = time.monotonic()
-            faulthandler.dump_traceback_later(self._patience_s, exit=True, file=sys.__stderr__)
+        if time.monotonic() - self._armed_s > min(1.0, 0.1 * self._patience_s):
+            self._arm(self._patience_s)
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Give what is written within a shorter time."""
+        # Damaged datagrams can leave a thread of DDS in a loop without end, with the lock that
+        # every write needs.
+        self._arm(min(WRITTEN_S, self._patience_s))
+        yield
+        self._arm(self._patience_s)
+
+    def _arm(self, patience_s: float) -> None:
+        self._armed_s = time.monotonic()
+        if sys.gettrace() is None:
+            faulthandler.dump_traceback_later(patience_s, exit=True, file=sys.__stderr__)
 
     @staticmethod
     def end() -> None:

@@ -2,8 +2,8 @@
 
 An answer blocks the process for 0.1 s where the middleware does not know the caller's end yet, and
 is lost: of 200 callers that had just started 14 were answered, and the node did nothing for 4 s.
-Here an answer waits until the ends of all callers are known.  Whoever calls more often than can be
-served is refused at once.
+Here an answer waits until the ends of all callers are known, and is sent again while its own is
+not.  Whoever calls more often than can be served is refused at once.
 """
 
 import atexit
@@ -29,8 +29,8 @@ TURN_S = 0.005
 # Every client of a service gets the answers to all of them, and keeps ten until it looks.
 BURST, PACE_S, PACE_EACH_S = 4, 0.01, 0.0006
 """Answers sent in a row, the pause after them, and what each caller adds to it."""
-UNKNOWN_S, KNOWN_S = 0.05, 5.0
-"""Time between two looks for the ends of callers, and the longest wait for them."""
+UNKNOWN_S, KNOWN_S, WORTH_S = 0.05, 5.0, 30.0
+"""Time between two looks for the ends of callers, the longest waits for all and for one of them."""
 
 
 class ServiceDoor:
@@ -40,7 +40,8 @@ class ServiceDoor:
         self._node, self._closed = node, False
         self.services: list[Service] = []
         self._calls = deque[tuple[Service, Any, Any]]()
-        self._answers = deque[tuple[Service, Any, Any]]()
+        # With the time until which each is worth sending.
+        self._answers = deque[tuple[Service, Any, Any, float]]()
         # Services with a call since their callers were known, with the times of the calls.
         self._unknown = dict[Service, float]()
         self._callers = 0
@@ -87,7 +88,7 @@ class ServiceDoor:
             # What is left when the node has closed the service is answered by nobody.
             if service in self.services:
                 answer = service.callback(request, service.srv_type.Response())
-                self._answers.append((service, answer, header))
+                self._answers.append((service, answer, header, time.monotonic() + WORTH_S))
         self._wake.trigger()
         if self._calls:
             self._call_node()
@@ -134,19 +135,23 @@ class ServiceDoor:
             answer = service.srv_type.Response()
             if hasattr(answer, "success"):
                 answer.success, answer.message = False, f"{MOST_WAITING} calls wait; call again later"
-            self._answers.append((service, answer, header))
+            self._answers.append((service, answer, header, time.monotonic() + WORTH_S))
 
     def _send(self) -> None:
         """Send a few answers; those whose callers are not known yet go to the end."""
         known = dict[Service, bool]()
         for _ in range(min(BURST, len(self._answers))):
-            service, response, header = answer = self._answers.popleft()
-            # The service may be closed, or its caller gone.
-            with suppress(InvalidHandle, rclpy_implementation.RCLError):
-                if not known.setdefault(service, self._knows_callers(service)):
+            service, response, header, until_s = answer = self._answers.popleft()
+            # The service may be closed.
+            with suppress(InvalidHandle):
+                try:
+                    if known.setdefault(service, self._knows_callers(service)):
+                        service.send_response(response, header)
+                except rclpy_implementation.RCLError:
+                    # The end of this caller is not known yet.
+                    known[service] = False
+                if not known[service] and time.monotonic() < until_s:
                     self._answers.append(answer)
-                else:
-                    service.send_response(response, header)
         if self._answers:
             time.sleep(PACE_S + self._callers * PACE_EACH_S if any(known.values()) else UNKNOWN_S)
 

@@ -127,6 +127,17 @@ def test_a_dropout_is_lost_named_and_found_again() -> None:
     assert planted.meter.carrier.jumps == 0
 
 
+@pytest.mark.parametrize("jump_hz", [-470.0, -160.0, -78.125, 40.0, 120.0, 156.25, 310.0])
+@pytest.mark.parametrize("level_db_hz", [35.0, 60.0])
+def test_a_small_jump_does_not_leave_the_loop_on_an_image(level_db_hz: float, jump_hz: float) -> None:
+    """A step in the time of the samples moves the prediction so far."""
+    planted = Planted(level_db_hz)
+    planted.run(3.0)
+    planted.carrier_hz += jump_hz
+    assert abs(mean_db(planted.run(3.0, settle_s=1.5)) - level_db_hz) < WITHIN_DB
+    assert planted.meter.carrier.offset_hz == pytest.approx(jump_hz, abs=3.0)
+
+
 def test_a_signal_at_another_frequency_is_named_as_a_jump() -> None:
     planted = Planted(50.0)
     planted.run(3.0)
@@ -182,6 +193,22 @@ def test_three_channels_give_clusters_whose_ratio_is_that_of_the_feed() -> None:
     # The noise of a sample is N0 / T in the unit of the cluster.
     each_s = float(np.mean(np.diff(clusters[0].t_s)))
     assert np.var(total - np.mean(total)) * each_s == pytest.approx(1.0, rel=0.3)
+
+
+def test_a_drift_of_a_difference_channel_is_named() -> None:
+    """Gain of signal and noise alike, and phase."""
+    planted = Planted(60.0, rate_hz=4.8e4, signal=SignalSearchParams(channels=3), volts=[1.0, 0.2, -0.1])
+    planted.run(8.0)
+    assert planted.meter.balance.problem == ""
+    for _ in range(round(70.0 / PIECE_S)):
+        piece = planted.piece()
+        piece.samples[1] *= 10.0 ** (-1.5 / 20.0) * np.exp(1j * math.radians(25.0))
+        planted.meter.take(piece)
+    balance = planted.meter.balance
+    assert balance.gain_drift_db == pytest.approx([-1.5, 0.0], abs=0.2)
+    assert np.degrees(balance.phase_drift_rad) == pytest.approx([25.0, 0.0], abs=1.0)
+    assert "cross-elevation: gain -1." in balance.problem
+    assert "; elevation" not in balance.problem
 
 
 def test_a_meter_that_is_made_anew_at_another_rate_says_so() -> None:

@@ -218,6 +218,10 @@ def test_clipping_is_named(line: Callable[..., Line]) -> None:
     subject = line("rtl_tcp")
     subject.run(2.0, gain=40.0)
     assert "% of the samples are clipped" in subject.problem()
+    subject.run(1.0, gain=300.0)
+    reports = subject.receiver.reports
+    subject.run(1.0, gain=300.0)
+    assert subject.receiver.reports == reports
 
 
 def test_what_is_not_rtl_tcp_is_named() -> None:
@@ -329,6 +333,29 @@ def test_an_instrument_that_is_asked(kind: str, request_: str, answer: str, valu
     assert [each.value for each in found] == [value] * len(found)
     assert found[0].locked is (True if kind == "level" else None)
     assert set(instrument.requests) == {request_}
+
+
+@pytest.mark.parametrize(
+    ("words", "value", "problem"),
+    [
+        ("printf 'STRING: \"%s dB\"' 7.25", 7.25, ""),
+        ("sh -c 'echo Timeout: no response from modem >&2; exit 1'", None, "sh ended with 1: Timeout: no response"),
+        ("no-such-program 1.3.6.1", None, "level from no-such-program: No such file"),
+        ("", None, "level.request must be the command line"),
+    ],
+)
+def test_a_level_that_a_program_prints(words: str, value: float | None, problem: str) -> None:
+    """As Debian's snmpget prints that of a modem."""
+    level = LevelParams(transport="command", request=words)
+    source = make_source(SignalReceiverParams(type="level", level=level), time.time)
+    found: list[Any] = []
+    try:
+        wait_for(
+            lambda: found.extend(source.step()) or len(found) >= 2 or (problem and problem in source.problem), "levels"
+        )
+    finally:
+        source.end()
+    assert {each.value for each in found} == ({value} if value else set())
 
 
 def test_a_beacon_receiver_that_sends_datagrams() -> None:

@@ -287,6 +287,16 @@ def test_a_process_that_hangs_ends_and_says_where_and_one_that_comes_round_does_
     assert 'File "<string>", line 8 in <module>' in ended.stderr
 
 
+def test_a_write_that_hangs_ends_the_process_sooner() -> None:
+    code = (
+        "import time\nfrom rf_pointing.ros import main_loop\nmain_loop.WRITTEN_S = 0.5\n"
+        "watch = main_loop.HangWatch()\nwith watch.writing():\n    pass\ntime.sleep(1.5)\n"
+        "print('written', flush=True)\nwith watch.writing():\n    time.sleep(60.0)\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30.0)
+    assert (ended.returncode, ended.stdout) == (1, "written\n")
+
+
 def test_an_error_of_a_callback_is_survived_and_one_of_periodic_work_is_not() -> None:
     node = Node()
     assert work(node, Executor([], 2, ValueError("no time"))) == 0
