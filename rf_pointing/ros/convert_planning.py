@@ -2,24 +2,29 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from rf_pointing_msgs import msg as ours
 
 from rf_pointing.core import require_finite
 from rf_pointing.ephemeris import Pass
+from rf_pointing.operations.schedule import MOST_PASSES, Entry, ScheduledPass, require_each_once
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
 from rf_pointing.ros.convert import pair
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.ros.streams import require_plausible
 
-if TYPE_CHECKING:
-    from rf_pointing.operations.schedule import Entry, ScheduledPass
-
 _PROFILE = {"": "position_rad", "_rate": "velocity_rad_s", "_acceleration": "acceleration_rad_s2"}
 
 pass_to_message, _pass_from_message = pair(Pass, ours.Pass, name="target", rises_before=None, sets_after=None)
+_scheduled_to_message, _scheduled_from_message = pair(
+    ScheduledPass,
+    ours.ScheduledPass,
+    peak_rad="peak_elevation",
+    azimuth_path_rad=None,
+    elevation_rad=None,
+    element_age_s=None,
+)
 _certificate_to_message, _certificate_from_message = pair(
     Certificate, ours.PassCertificate, name="target", issued_t_s=None, branches=None, machine=None
 )
@@ -28,21 +33,16 @@ _branch_to_message, _branch_from_message = pair(
 )
 
 
-def scheduled_to_message(item: "ScheduledPass") -> ours.ScheduledPass:
-    known = not math.isnan(item.element_age_s)
-    return ours.ScheduledPass(
-        id=item.id, target=item.target, name=item.name, priority=item.priority, aos=stamp_from_seconds(item.aos_t_s),
-        los=stamp_from_seconds(item.los_t_s), peak_elevation=item.peak_rad, antenna=item.antenna, sensor=item.sensor,
-        azimuth_path=list(item.azimuth_path_rad or ()), aos_elevation=item.elevation_rad[0],
-        los_elevation=item.elevation_rad[1], element_age=item.element_age_s if known else 0.0, filler=item.filler,
+def scheduled_to_message(item: ScheduledPass) -> ours.ScheduledPass:
+    begin, end = item.elevation_rad
+    return _scheduled_to_message(
+        item, azimuth_path=list(item.azimuth_path_rad or ()), aos_elevation=begin, los_elevation=end,
+        element_age=0.0 if math.isnan(item.element_age_s) else item.element_age_s,
     )  # fmt: skip
 
 
-def scheduled_from_messages(messages: Sequence[ours.ScheduledPass]) -> list["ScheduledPass"]:
+def scheduled_from_messages(messages: Sequence[ours.ScheduledPass]) -> list[ScheduledPass]:
     """Return the passes of a request; ValueError names what cannot be one."""
-    # Imported here: of the nodes that convert passes only one has a schedule.
-    from rf_pointing.operations.schedule import MOST_PASSES, ScheduledPass, require_each_once
-
     if len(messages) > MOST_PASSES:
         raise ValueError(f"a schedule of {len(messages)} passes must have <= {MOST_PASSES}")
     found = []
@@ -52,11 +52,9 @@ def scheduled_from_messages(messages: Sequence[ours.ScheduledPass]) -> list["Sch
             path = tuple(each.azimuth_path)
             if len(path) not in (0, 4):
                 raise ValueError(f"azimuth_path has {len(path)} angles, must have 4 or none")
-            found.append(ScheduledPass(
-                id=each.id, target=each.target, name=each.name, priority=each.priority,
-                aos_t_s=seconds_from_stamp(each.aos), los_t_s=seconds_from_stamp(each.los), peak_rad=each.peak_elevation,
-                azimuth_path_rad=path or None, elevation_rad=(each.aos_elevation, each.los_elevation),
-                antenna=each.antenna, sensor=each.sensor, element_age_s=each.element_age or math.nan, filler=each.filler,
+            found.append(_scheduled_from_message(
+                each, azimuth_path_rad=path or None, elevation_rad=(each.aos_elevation, each.los_elevation),
+                element_age_s=each.element_age or math.nan,
             ))  # fmt: skip
         except ValueError as error:
             raise ValueError(f"pass {number}: {error}") from error
@@ -64,7 +62,7 @@ def scheduled_from_messages(messages: Sequence[ours.ScheduledPass]) -> list["Sch
     return found
 
 
-def entry_to_message(entry: "Entry") -> ours.ScheduledPass:
+def entry_to_message(entry: Entry) -> ours.ScheduledPass:
     message = scheduled_to_message(entry.item)
     message.state, message.reason, message.mean_loss = str(entry.state), entry.reason, entry.loss_db
     message.seconds_tracked, message.seconds_lost = entry.tracked_s, entry.lost_s

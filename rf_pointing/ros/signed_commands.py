@@ -43,18 +43,13 @@ class CommandSender:
         self._signatures = create(CommandSignature, SIGNATURES, STREAM)
         self._commands = create(JointTrajectory, COMMANDS, COMMAND)
 
-    def pair(self, command: JointTrajectory) -> tuple[CommandSignature, bytes]:
-        """Return the signature and the bytes of a complete command, which gets its frame."""
+    def send(self, command: JointTrajectory) -> None:
+        """Send a complete command, which gets its frame."""
         command.header.frame_id = self._frame_id
         # What is signed is what is sent; it ends on a multiple of four, so RTPS pads nothing.
         payload = serialize_message(command)
         self.sent += 1
-        return self._key.sign(payload, command.header.stamp, self.sent, self.name), payload
-
-    def send(self, command: JointTrajectory) -> None:
-        """Send a complete command."""
-        signature, payload = self.pair(command)
-        self._signatures.publish(signature)
+        self._signatures.publish(self._key.sign(payload, command.header.stamp, self.sent, self.name))
         self._commands.publish(payload)
 
 
