@@ -61,7 +61,7 @@ FIRST_S, EVERY_S, PASSES = 200.0, 240.0, 12
 """From the start to the first culmination, and from one to the next; each is above 5 deg for 8 min."""
 TOKEN = "the-token-of-the-attacks"
 PAGE = "http://127.0.0.1"
-ON_SOURCE_DEG = 1.0
+ON_SOURCE_DEG, AGAIN_S = 1.0, 2.5
 
 
 class Measured(NamedTuple):
@@ -178,14 +178,14 @@ class Attacked(Station):
         self.until(lambda: not low(), "a satellite overhead", 300.0)
         return self.overhead
 
-    def goal(self, name: str) -> Any:
+    def goal(self, name: str, patience_s: float = PATIENCE_S) -> Any:
         """Track a satellite; return the future of the result."""
         client = ActionClient(self.node, TrackPass, "track_pass")
-        self.until(client.server_is_ready, "track_pass")
+        self.until(client.server_is_ready, "track_pass", patience_s)
         sent = client.send_goal_async(TrackPass.Goal(satellite=name, sensor="program"))
-        self.until(sent.done, "the accepted goal")
-        self.result = result = sent.result().get_result_async()
-        self.until(lambda: self.tracking.target == name or result.done(), "the pass")
+        self.until(sent.done, "the accepted goal", patience_s)
+        result = sent.result().get_result_async()
+        self.until(lambda: self.tracking.target == name or result.done(), "the pass", patience_s)
         if result.done():
             raise TimeoutError(f"no pass: {result.result().result.message}")
         return result
@@ -208,9 +208,9 @@ class Attacked(Station):
         begun_s, since_s = time.monotonic(), math.inf
         while time.monotonic() - since_s < 2.0:
             if not self.tracking.target and time.monotonic() - self.tracking_s < 1.0:
-                # A client whose goal has ended sends it again, as often as it is refused.
+                # A client whose goal has ended, or has no answer, sends it again.
                 with suppress(TimeoutError):
-                    self.goal(name)
+                    self.goal(name, AGAIN_S)
             on = self.now_off_deg(name) < ON_SOURCE_DEG
             since_s = min(since_s, time.monotonic()) if on else math.inf
             if time.monotonic() - begun_s > patience_s:

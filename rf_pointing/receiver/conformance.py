@@ -17,6 +17,8 @@ from rf_pointing.receiver.receiver import SignalReceiver
 CONNECT_S = 10.0
 LATEST_S = 0.5
 """Age of a report at which a scan of 4 s still closes."""
+NORMAL_MEDIAN = 0.6745 * math.sqrt(2.0)
+"""Median size of the difference of two normal variates of sigma 1."""
 
 
 class ReceiverCheck:
@@ -67,8 +69,8 @@ class ReceiverCheck:
     def _signal(self) -> Line:
         problem = self._receiver.problem(self._t_s)
         levels = [each.power.carrier_to_noise_db_hz for _, each in self._measured]
-        mean = float(np.mean(levels)) if levels else -math.inf
-        return Line("signal", not problem, problem or f"C/N0 {mean:.1f} dB-Hz")
+        level = float(np.median(levels)) if levels else -math.inf
+        return Line("signal", not problem, problem or f"C/N0 {level:.1f} dB-Hz")
 
     def _sigma(self) -> Line:
         """Compare the scatter of successive powers with the sigma that they state."""
@@ -76,7 +78,8 @@ class ReceiverCheck:
         sigmas = [each.power.sigma_w for _, each in self._measured]
         if len(powers) < 10:
             return Line("sigma", False, "too few powers to judge it")
-        share = math.sqrt(0.5 * float(np.mean(np.diff(powers) ** 2))) / float(np.mean(sigmas))
+        # Medians: the first powers are from before the signal was found.
+        share = float(np.median(np.abs(np.diff(powers))) / NORMAL_MEDIAN / np.median(sigmas))
         good = 0.3 < share < 2.0
         return Line("sigma", good, f"the powers scatter by {share:.2f} of it, must be 0.3 to 2")
 

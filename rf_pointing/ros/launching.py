@@ -239,6 +239,8 @@ def _station_processes(
         names = (*names, *(ARRAY_NODES if simulated else ARRAY_NODES[1:]))
     if values["description"]:
         names = (*names, DESCRIPTION)
+    if values["radio"] and station.content.radio is None:
+        raise ValueError(f"radio:=true needs the section radio, which {values['station']} has not")
     wanted = {"alarms": ALARMS, "executive": EXECUTIVE, "page": OPERATOR_PAGE, "radio": RADIO, "rotctld": ROTCTLD}
     names = (*with_receiver(names, station.receiver), *(name for argument, name in wanted.items() if values[argument]))
     given = {name: _parameters(values, name, simulated=simulated) for name in names}

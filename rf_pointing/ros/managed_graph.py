@@ -61,7 +61,7 @@ class NodeProcesses:
         for room in partition(names, self._processes):
             *below, executable = room[0].split("/")
             start = [executable] if len(room) == 1 else ["station_process", *room]
-            arguments = ["--ros-args", "-r", f"__ns:={'/'.join([self.namespace, *below])}"]
+            arguments = ["--ros-args", ONE_LOG, "-r", f"__ns:={'/'.join([self.namespace, *below])}"]
             for path in self._files:
                 arguments += ["--params-file", str(path)]
             if simulated_time and room != ("simulation_clock",):
@@ -145,6 +145,8 @@ def _bind_in_the_background() -> None:
     os.nice(NICENESS)
 
 
+ONE_LOG = "--disable-external-lib-logs"
+"""Argument of ROS: what a node logs is in the log of its process, and not once more in ~/.ros."""
 TRANSITIONS = {
     "configure": (Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE),
     "activate": (Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE),

@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 
 from rf_pointing.ros.graph import NODES, TOPICS, Topic, topics_of
 from rf_pointing.ros.main_loop import log_as_chosen, make_executor, ros_domain, settle_garbage
-from rf_pointing.ros.managed_graph import ManagedGraph, NotStartedError
+from rf_pointing.ros.managed_graph import ONE_LOG, ManagedGraph, NotStartedError
 from rf_pointing.ros.recorder import Recorder
 from rf_pointing.ros.waiting import Waiting
 from rf_pointing.station.log_lines import say
@@ -257,7 +257,7 @@ def run_to_end(program: str, make: Callable[[], RunType], work: Callable[[RunTyp
     """
     # Ctrl-C must cancel the goal and end the run in order, not end rclpy under it.
     log_as_chosen()
-    rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
+    rclpy.init(args=["--ros-args", ONE_LOG], signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     try:
         run = make()
     except (OSError, ValueError) as error:

@@ -22,7 +22,7 @@ from rf_pointing.core.whole_file import parse_json, read_whole, write_whole
 from rf_pointing.ros.graph import APART, EXECUTIVE, MOVES
 from rf_pointing.ros.launching import Process
 from rf_pointing.ros.main_loop import RESTART_S, present_holder
-from rf_pointing.ros.managed_graph import bind_to_parent, end_processes, node_environment
+from rf_pointing.ros.managed_graph import ONE_LOG, bind_to_parent, end_processes, node_environment
 from rf_pointing.station.antenna.memory import state_folder
 from rf_pointing.station.clients.station_alarms import NEEDED
 
@@ -165,7 +165,7 @@ class Supervisor:
         try:
             child.running = subprocess.Popen(
                 # The log is here; a file of rcl's own for every start would be kept for ever.
-                [*child.process.command(self._folder), "--disable-external-lib-logs"],
+                [*child.process.command(self._folder), ONE_LOG],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

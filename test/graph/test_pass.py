@@ -227,7 +227,8 @@ def test_two_antennas_track_two_satellites_without_touching_each_other(
     assert rms(difference_mdeg(side_by_side["b"].folder / "bag", core_log(DELTA, SEED))) < SIDE_BY_SIDE_MDEG
 
 
-def test_interrupt_ends_everything_and_keeps_what_was_recorded(tmp_path: Path) -> None:
+def test_interrupt_ends_everything_and_keeps_what_was_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "ros"))
     namespace, before = f"/stop{os.getpid()}", left_segments()
     run = start_track("--output", str(tmp_path), "--namespace", namespace)
     assert run.stderr is not None
@@ -238,6 +239,8 @@ def test_interrupt_ends_everything_and_keeps_what_was_recorded(tmp_path: Path) -
     assert "NOT tracked: the goal was cancelled" in said
     assert processes_of(namespace) == []
     assert left_segments() <= before
+    # Each log is in the folder of the run alone.
+    assert list((tmp_path / "ros").glob("*")) == []
     recording = read_recording(tmp_path / "bag")
     assert recording.problems == ()
     status = recording.get("antenna_status")

@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -27,8 +28,11 @@ MORE = {
     "radio": "radio_control",
     "rotctld": "rotctld_server",
 }
-EVERY = dict.fromkeys(MORE, "true")
 STATION = {"station": "dss13"}
+WITH_RADIO = tempfile.NamedTemporaryFile("w", suffix=".yaml")  # noqa: SIM115
+RADIO = {"radio.transponders.any.downlink_mhz": 437.5}
+read_station("dss13").write(Path(WITH_RADIO.name), RADIO)
+EVERY = dict.fromkeys(MORE, "true") | {"station": WITH_RADIO.name}
 
 
 def launched(name: str, **given: str) -> dict[str, Process]:
@@ -50,7 +54,7 @@ def those_with(nodes: dict[str, Process], name: str) -> set[str]:
 
 def with_drive(tmp_path: Path) -> str:
     path = tmp_path / "mine.yaml"
-    read_station("dss13").write(path, {"drive.type": "hamlib"})
+    read_station("dss13").write(path, RADIO | {"drive.type": "hamlib"})
     return str(path)
 
 
@@ -78,7 +82,7 @@ def test_nodes_share_as_many_processes_as_are_wanted_but_a_real_control_unit_has
     given = {"processes": processes, **EVERY}
     nodes = launched("simulated_station", **given)
     assert len({id(each) for each in nodes.values()}) == simulated + len(MORE) + 1
-    nodes = launched("single_antenna", station=with_drive(tmp_path), **given)
+    nodes = launched("single_antenna", **given | {"station": with_drive(tmp_path)})
     assert len({id(each) for each in nodes.values()}) == real + len(MORE) + 1
     alone = {"antenna_servo", ALARMS, *MORE.values()}
     assert alone <= {node.executable for node in nodes.values()}
@@ -121,7 +125,7 @@ def test_a_real_antenna_starts_the_trackers_of_its_bands_or_one_for_the_level_of
 ) -> None:
     path = tmp_path / "mine.yaml"
     by_band = {f"bands.{name}.sensors": own.split() for name, own in zip(("S", "X", "Ka"), sensors, strict=True)}
-    read_station("dss13").write(path, {"drive.type": "hamlib", "receiver.type": receiver, **by_band})
+    read_station(WITH_RADIO.name).write(path, {"drive.type": "hamlib", "receiver.type": receiver, **by_band})
     nodes = set(launched("single_antenna", station=str(path), band="Ka"))
     assert nodes & {"conscan_tracker", "monopulse_tracker"} == trackers
     assert {"antenna_servo", "pointing_controller", "ephemeris_publisher", "bias_calibrator"} <= nodes
@@ -145,6 +149,7 @@ def test_a_station_with_an_array_starts_its_nodes() -> None:
         (STATION | {"band": "W"}, "W"),
         (STATION | {"params_file": "nowhere.yaml"}, "params_file:=nowhere.yaml does not exist"),
         ({"station": "nowhere"}, "nowhere: no such file, and no shipped station"),
+        (STATION | {"radio": "true"}, "radio:=true needs the section radio, which .* has not"),
     ],
 )
 def test_what_cannot_be_launched_is_refused_by_name_value_and_bound(given: dict[str, str], words: str) -> None:
@@ -192,7 +197,9 @@ def test_robot_state_publisher_turns_the_joints_where_it_is_installed(
 def test_what_is_optional_is_started_on_request_alone() -> None:
     assert not set(MORE.values()) & set(launched("simulated_station"))
     for argument, name in MORE.items():
-        assert set(MORE.values()) & set(launched("simulated_station", **{argument: "true"})) == {name}
+        assert set(MORE.values()) & set(
+            launched("simulated_station", station=WITH_RADIO.name, **{argument: "true"})
+        ) == {name}
 
 
 @pytest.mark.parametrize(("namespace", "home"), [("gs1", "/var/lib/station"), ("/north/gs2", "")])
