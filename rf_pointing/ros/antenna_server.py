@@ -65,11 +65,11 @@ class AntennaServer:
             unsigned=antenna.safety.params.unsigned_commands,
         )  # fmt: skip
         node.listen(
-            JointTrajectory, COMMANDS, lambda raw: pairs.note_command(raw, node.now_s()), COMMAND_INPUT, raw=True,
-            refused=antenna.reject, most_bytes=lambda: HEAD_BYTES + POINT_BYTES * longest_command(),
+            JointTrajectory, COMMANDS, lambda raw: pairs.note_command(raw, node.now_s()), COMMAND_INPUT,
+            raw=True, refused=antenna.reject, most_bytes=lambda: HEAD_BYTES + POINT_BYTES * longest_command(),
         )  # fmt: skip
         node.listen(
-            CommandSignature, SIGNATURES, lambda message: pairs.note_signature(message, node.now_s()), COMMAND_INPUT,
+            CommandSignature, SIGNATURES, lambda m: pairs.note_signature(m, node.now_s()), COMMAND_INPUT,
             most_bytes=lambda: HEAD_BYTES,
         )  # fmt: skip
         node.serve_action(Trigger, "~/stop", self._stop, urgent=True)

@@ -49,7 +49,8 @@ class CommandSender:
         # What is signed is what is sent; it ends on a multiple of four, so RTPS pads nothing.
         payload = serialize_message(command)
         self.sent += 1
-        self._signatures.publish(self._key.sign(payload, command.header.stamp, self.sent, self.name))
+        stamp = command.header.stamp
+        self._signatures.publish(self._key.sign(payload, stamp, self.sent, self.name))
         self._commands.publish(payload)
 
 
@@ -88,7 +89,8 @@ class CommandPairs:
         if (found := self._commands.pop(message.digest, None)) is not None:
             self._take(found[1], message.commander)
             return
-        self._signatures[message.digest] = seconds_from_stamp(message.header.stamp), now_s, message.commander
+        stamp_s = seconds_from_stamp(message.header.stamp)
+        self._signatures[message.digest] = stamp_s, now_s, message.commander
         if len(self._signatures) > MOST_WAITING:
             # Those that somebody sends again are older than the one whose command is on its way.
             del self._signatures[min(self._signatures, key=lambda each: self._signatures[each][0])]
@@ -96,14 +98,17 @@ class CommandPairs:
     def expire(self, now_s: float) -> None:
         """End the waiting of what has waited long enough, also after a step back of the clock."""
         waits_s = NAMELESS_S if self._unsigned else WAITS_S
-        for digest in [each for each, (s, _) in self._commands.items() if not 0.0 <= now_s - s <= waits_s]:
-            self._go_alone(digest)
-        for digest in [each for each, (_, s, _) in self._signatures.items() if not 0.0 <= now_s - s <= WAITS_S]:
-            del self._signatures[digest]
+        for digest, (since_s, _) in [*self._commands.items()]:
+            if not 0.0 <= now_s - since_s <= waits_s:
+                self._go_alone(digest)
+        for digest, (_, since_s, _) in [*self._signatures.items()]:
+            if not 0.0 <= now_s - since_s <= WAITS_S:
+                del self._signatures[digest]
 
     def _go_alone(self, digest: str) -> None:
         _, payload = self._commands.pop(digest)
         if self._unsigned:
             self._take(payload, "")
         else:
-            self._refuse(self._key.conflict("a command without a signature is refused; this antenna's key is"))
+            words = "a command without a signature is refused; this antenna's key is"
+            self._refuse(self._key.conflict(words))
