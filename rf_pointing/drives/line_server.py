@@ -76,6 +76,11 @@ Fields = tuple[tuple[str, str], ...]
 """Lines of an answer, each in the extended and in the plain form."""
 
 
+def labelled(*values: tuple[str, object]) -> Fields:
+    """Return the lines of values, which bear their labels in the extended form."""
+    return tuple((f"{label}: {value}", f"{value}") for label, value in values)
+
+
 class ServedWords:
     """The words of one protocol, as one client speaks them; a subclass answers and judges."""
 

@@ -1,14 +1,15 @@
 """Bytes to and from a device, over a serial port or TCP, without ever waiting for them.
 
-Reading and writing take what is possible now.  Only opening can wait (a host that does not answer,
-a port that is slow to open), so it has a thread of its own.  A lost link is an OSError.
+`read` returns what has arrived, b"" for nothing, and `write` sends all of its bytes; each raises
+OSError where the link is lost.  Only opening can wait (a host that does not answer, a port that is
+slow to open), so it has a thread of its own.
 """
 
 import math
 import os
 import socket
 import threading
-from typing import Protocol
+from concurrent.futures import Future
 
 import serial
 
@@ -16,22 +17,6 @@ from rf_pointing.drives.params import LinkParams
 
 CONNECT_S = 3.0
 CHUNK = 4096
-
-
-class Link(Protocol):
-    """An open link to a device."""
-
-    def read(self) -> bytes:
-        """Return what has arrived, b"" for nothing; OSError when the link is lost."""
-        ...
-
-    def write(self, data: bytes) -> None:
-        """Send `data`; OSError when the link is lost or takes no more."""
-        ...
-
-    def close(self) -> None:
-        """Release the link."""
-        ...
 
 
 class TcpLink:
@@ -82,9 +67,7 @@ class SerialLink:
         self._port.close()
 
 
-def link_name(params: LinkParams) -> str:
-    """Return where the device is, in words."""
-    return params.device or f"{params.host}:{params.port}"
+Link = TcpLink | SerialLink
 
 
 def open_link(params: LinkParams, baud: int) -> Link:
@@ -94,43 +77,24 @@ def open_link(params: LinkParams, baud: int) -> Link:
     return TcpLink(params.host, params.port)
 
 
-class Opening:
-    """An attempt to open a link, in a thread of its own."""
+def opening(params: LinkParams, baud: int) -> Future[Link]:
+    """Return the link that a thread of its own opens; its result raises what `open_link` does."""
+    found: Future[Link] = Future()
 
-    def __init__(self, params: LinkParams, baud: int) -> None:
-        self._params, self._baud = params, baud
-        self._link: Link | None = None
-        self._error: OSError | None = None
-        self._abandoned, self._lock = False, threading.Lock()
-        self._thread = threading.Thread(target=self._open, name="open drive", daemon=True)
-        self._thread.start()
-
-    def result(self) -> Link | None:
-        """Return the open link, None while it is being opened; raise OSError when it cannot."""
-        if self._thread.is_alive():
-            return None
-        if self._error is not None:
-            raise self._error
-        return self._link
-
-    def abandon(self) -> None:
-        """Close the link, now or as soon as it is open."""
-        with self._lock:
-            self._abandoned = True
-            if self._link is not None:
-                self._link.close()
-
-    def _open(self) -> None:
+    def work() -> None:
         try:
-            link = open_link(self._params, self._baud)
+            found.set_result(open_link(params, baud))
         except (OSError, ValueError) as error:
             # pyserial raises ValueError for a speed that the port does not have.
-            self._error = error if isinstance(error, OSError) else OSError(str(error))
-            return
-        with self._lock:
-            if self._abandoned:
-                link.close()
-            self._link = link
+            found.set_exception(error if isinstance(error, OSError) else OSError(str(error)))
+
+    threading.Thread(target=work, name="open drive", daemon=True).start()
+    return found
+
+
+def abandon(found: Future[Link]) -> None:
+    """Close a link, now or as soon as it is open."""
+    found.add_done_callback(lambda done: None if done.exception() else done.result().close())
 
 
 class KeptLink:
@@ -140,30 +104,25 @@ class KeptLink:
     """
 
     def __init__(self, name: str, params: LinkParams, baud: int) -> None:
-        self._where, self._params, self._baud = f"{name} at {link_name(params)}", params, baud
+        self._where = f"{name} at {params.device or f'{params.host}:{params.port}'}"
+        self._params, self._baud = params, baud
         self.problem = f"{self._where} is not connected yet"
         self.link: Link | None = None
-        self._opening: Opening | None = None
+        self._opening: Future[Link] | None = None
         self._retry_s, self._wait_s = -math.inf, params.first_retry_s
 
     def step(self, t_s: float) -> bool:
         """Go on with the opening; return whether the link has just been opened."""
-        if self.link is not None:
-            return False
-        if self._opening is None:
-            if t_s >= self._retry_s:
-                self._opening = Opening(self._params, self._baud)
-            return False
-        try:
-            self.link = self._opening.result()
-        except OSError as error:
+        if self.link is None and self._opening is None and t_s >= self._retry_s:
+            self._opening = opening(self._params, self._baud)
+        elif self._opening is not None and self._opening.done():
+            try:
+                self.link = self._opening.result()
+            except OSError as error:
+                self._back_off(t_s, f"{error.strerror or error}")
             self._opening = None
-            self._back_off(t_s, f"{error.strerror or error}")
-            return False
-        if self.link is None:
-            return False
-        self._opening = None
-        return True
+            return self.link is not None
+        return False
 
     def lose(self, t_s: float, why: str) -> None:
         """Close the link, and wait before it is opened again."""
@@ -176,16 +135,12 @@ class KeptLink:
         """Note that the device has answered."""
         self.problem, self._wait_s = "", self._params.first_retry_s
 
-    def shift(self, by_s: float) -> None:
-        """Keep the wait as long as it was when the clock has been set."""
-        self._retry_s += by_s
-
     def close(self) -> None:
         """Close the link for good."""
         if self.link is not None:
             self.link.close()
         elif self._opening is not None:
-            self._opening.abandon()
+            abandon(self._opening)
         self.link = self._opening = None
         self.problem = f"{self._where} is closed"
 

@@ -54,7 +54,9 @@ class PolledDrive(Drive):
         self._reading: DriveReading | None = None
         self._stop_first()
         self._latency_s, self._alarm, self._refused = 0.0, "", ""
-        self._t_s: float | None = None
+        # Waits are kept in a time that does not jump; clocks are set, by `_set_s` in all.
+        self._own_s: float | None = None
+        self._set_s = 0.0
         self._poll_s = self._also_s = self._known_s = self._stop_s = -1e9
         self._asked_s = math.inf
         """When the position was first requested since the last one."""
@@ -78,32 +80,32 @@ class PolledDrive(Drive):
         )
 
     def step(self, t_s: float) -> DriveReading | None:
-        if self._t_s is not None:
-            late_s = t_s - self._t_s
-            # A step that came late is not silence of the device, and a clock that went back keeps
-            # every wait as long as it was.
-            if late_s < 0.0:
-                self._shift_waits(late_s)
-            elif late_s > LATE_S:
-                self._known_s, self._asked_s = self._known_s + late_s, self._asked_s + late_s
-                if self._pending is not None:
-                    self._pending = self._pending[0], self._pending[1] + late_s
-        self._t_s = t_s
-        if self._kept.step(t_s):
-            self._begin(t_s)
+        now_s = t_s - self._set_s
+        late_s = 0.0 if self._own_s is None else now_s - self._own_s
+        # A step that came late is not silence of the device, and a clock that went back keeps
+        # every wait as long as it was.
+        if late_s < 0.0:
+            self.clock_stepped(late_s)
+            now_s -= late_s
+        elif late_s > LATE_S:
+            self._known_s, self._asked_s = self._known_s + late_s, self._asked_s + late_s
+            if self._pending is not None:
+                self._pending = self._pending[0], self._pending[1] + late_s
+        self._own_s = now_s
+        if self._kept.step(now_s):
+            self._begin(now_s)
         elif self._kept.link is None:
             self.problem = self._kept.problem
         if self._kept.link is not None:
             try:
-                self._exchange(self._kept.link, t_s)
+                self._exchange(self._kept.link, now_s)
             except OSError as error:
-                self._lose(t_s, f"the link is lost: {error}")
+                self._lose(now_s, f"the link is lost: {error}")
         return self._reading
 
     def clock_stepped(self, by_s: float) -> None:
-        if self._t_s is not None:
-            self._t_s += by_s
-            self._shift_waits(by_s)
+        if self._own_s is not None:
+            self._set_s += by_s
 
     def go_to(self, position_rad: Pair) -> None:
         self._set_point, self._stopped, self._stop_due = position_rad, False, False
@@ -115,15 +117,12 @@ class PolledDrive(Drive):
 
     def close(self) -> None:
         if self._kept.link is not None and self._stop_due:
-            self._try_last_stop(self._kept.link)
+            try:
+                self._kept.link.write(self._protocol.stop.data)
+            except OSError:
+                self.losses["stop at the end"] += 1
         self._kept.close()
         self.problem = self._kept.problem
-
-    def _try_last_stop(self, link: Link) -> None:
-        try:
-            link.write(self._protocol.stop().data)
-        except OSError:
-            self.losses["stop at the end"] += 1
 
     # The link
 
@@ -138,7 +137,8 @@ class PolledDrive(Drive):
         self._owed_s.clear()
         self._buffer.clear()
         self._stop_first()
-        self._queue = deque(self._protocol.greeting())
+        self._protocol.connected()
+        self._queue = deque(self._protocol.greeting)
         self._known_s, self._also_s, self._asked_s = t_s, t_s, math.inf
         self._poll_s = t_s - self._timing.poll_period_s
 
@@ -148,24 +148,13 @@ class PolledDrive(Drive):
         self._kept.lose(t_s, why)
         self.problem = self._kept.problem
 
-    def _shift_waits(self, by_s: float) -> None:
-        self._kept.shift(by_s)
-        self._poll_s += by_s
-        self._also_s += by_s
-        self._known_s += by_s
-        self._asked_s += by_s
-        self._stop_s += by_s
-        self._owed_s = deque(each + by_s for each in self._owed_s)
-        if self._pending is not None:
-            self._pending = self._pending[0], self._pending[1] + by_s
-
     # The exchange
 
     def _exchange(self, link: Link, t_s: float) -> None:
         arrived = link.read()
         self._buffer += arrived
         # What is read was measured before now, however long this process slept since its tick.
-        read_s = max(t_s, self.now_s()) if arrived and self.now_s is not None else t_s
+        read_s = max(t_s, self.now_s() - self._set_s) if arrived and self.now_s is not None else t_s
         for answer in self._protocol.take(self._buffer):
             self._take(answer, read_s)
         if self._pending is not None and t_s - self._pending[1] > self._timing.answer_s:
@@ -181,11 +170,11 @@ class PolledDrive(Drive):
 
     def _send_now(self) -> None:
         """Send a new set point or a stop without waiting for the next tick."""
-        if self._kept.link is not None and self._t_s is not None:
+        if self._kept.link is not None and self._own_s is not None:
             try:
-                self._send(self._kept.link, self._t_s)
+                self._send(self._kept.link, self._own_s)
             except OSError as error:
-                self._lose(self._t_s, f"the link is lost: {error}")
+                self._lose(self._own_s, f"the link is lost: {error}")
 
     def _send(self, link: Link, t_s: float) -> None:
         # A stop does not wait for an answer that may never come.
@@ -200,7 +189,7 @@ class PolledDrive(Drive):
         """Return what is to be sent now: a stop before a set point before what is only read."""
         if self._stop_due:
             self._stop_due, self._stop_s = False, t_s
-            return self._protocol.stop()
+            return self._protocol.stop
         # A controller may need its greeting's answer to understand the set point.
         if self._queue:
             return self._queue.popleft()
@@ -217,8 +206,8 @@ class PolledDrive(Drive):
             self._asked_s = min(self._asked_s, t_s)
             if t_s - self._also_s >= ALSO_S:
                 self._also_s = t_s
-                self._queue.extend(self._protocol.also())
-            return self._protocol.ask()
+                self._queue.extend(self._protocol.also)
+            return self._protocol.ask
         return None
 
     def _take(self, answer: Answer, t_s: float) -> None:
@@ -226,7 +215,9 @@ class PolledDrive(Drive):
         if answer.kind == POSITION:
             self._take_position(answer, t_s)
         elif answer.kind == LIMITS:
-            self._take_limits(answer.angles_deg)
+            if len(answer.angles_deg) == 4:
+                low_az, high_az, low_el, high_el = map(math.radians, answer.angles_deg)
+                self._state_capabilities(((low_az, low_el), (high_az, high_el)))
         elif answer.kind == REFUSED:
             self._refused = answer.text
             self.losses[f"refused ({answer.text})"] += 1
@@ -247,7 +238,7 @@ class PolledDrive(Drive):
         first, second = (math.radians(angle) for angle in answer.angles_deg)
         before, self._known_s, self._asked_s = self._reading, t_s, math.inf
         self._reading = DriveReading(
-            t_s=t_s - 0.5 * self._latency_s,
+            t_s=t_s + self._set_s - 0.5 * self._latency_s,
             within_s=0.5 * self._latency_s,
             position_rad=(first, second),
             alarm=self._alarm,
@@ -263,9 +254,3 @@ class PolledDrive(Drive):
         if self._stopped and before is not None and t_s - self._stop_s > STOP_AGAIN_S:
             steps = zip(self._reading.position_rad, before.position_rad, self.capabilities.resolution_rad, strict=True)
             self._stop_due = any(abs(a - b) > SETTLED_STEPS * step for a, b, step in steps)
-
-    def _take_limits(self, angles_deg: tuple[float, ...]) -> None:
-        if len(angles_deg) != 4:
-            return
-        low_az, high_az, low_el, high_el = (math.radians(angle) for angle in angles_deg)
-        self._state_capabilities(((low_az, low_el), (high_az, high_el)))

@@ -48,49 +48,41 @@ class Answer:
 
 
 class DeviceProtocol:
-    """The words of one kind of controller; a subclass gives the requests and reads the answers."""
+    """The words of one kind of controller; a subclass gives the requests and reads the answers.
+
+    `ask` requests the position, `stop` stops both axes, `greeting` is what is sent first on every
+    connection, `also` what is read once a second with the position.
+    """
 
     name = ""
     baud = 9600
     resolution_deg: Pair = (1.0, 1.0)
     has_elevation = True
+    ask: Request
+    stop: Request
+    greeting: tuple[Request, ...] = ()
+    also: tuple[Request, ...] = ()
 
-    def greeting(self) -> list[Request]:
-        """Return what is sent first on every connection."""
-        return []
-
-    def also(self) -> list[Request]:
-        """Return what is read once a second with the position."""
-        return []
-
-    def ask(self) -> Request:
-        """Return the request of the position."""
-        raise NotImplementedError
+    def connected(self) -> None:
+        """Forget what was half read on the connection before."""
 
     def go_to(self, azimuth_deg: float, elevation_deg: float) -> Request:
         """Return the set point."""
         raise NotImplementedError
 
-    def stop(self) -> Request:
-        """Return the stop of both axes."""
-        raise NotImplementedError
-
     def take(self, buffer: bytearray) -> list[Answer]:
         """Return the complete answers of `buffer` and remove them from it."""
-        return [answer for line in _lines(buffer) for answer in self._line(line)]
+        found: list[Answer] = []
+        # Lines end with CR, LF or both; an endless one is cut.
+        while (match := re.search(rb"[\r\n]", buffer)) or len(buffer) > LONGEST_LINE:
+            end = match.start() if match else LONGEST_LINE
+            line = bytes(buffer[:end]).strip()
+            del buffer[: end + 1]
+            found.extend(self._line(line) if line else ())
+        return found
 
     def _line(self, line: bytes) -> Iterator[Answer]:
         raise NotImplementedError
-
-
-def _lines(buffer: bytearray) -> Iterator[bytes]:
-    """Yield the complete lines, ended by CR, LF or both; an endless one is cut."""
-    while (match := re.search(rb"[\r\n]", buffer)) or len(buffer) > LONGEST_LINE:
-        end = match.start() if match else LONGEST_LINE
-        line = bytes(buffer[:end])
-        del buffer[: end + 1]
-        if line.strip():
-            yield line.strip()
 
 
 def _position(azimuth_deg: float, elevation_deg: float, text: bytes = b"") -> Answer:
@@ -156,16 +148,15 @@ class LineProtocol(DeviceProtocol):
     def __init__(self, model: str = "") -> None:
         self._named = next((one for one in self.dialects if one.model == model), None)
         self._alone = 0
-        self.greeting()
+        self.connected()
 
     @property
     def has_elevation(self) -> bool:  # type: ignore[override]
         return self._spoken is None or self._spoken.has_elevation
 
-    def greeting(self) -> list[Request]:
+    def connected(self) -> None:
         # The count stays: a slow board may need more than one connection.
         self._spoken = self._named
-        return []
 
     def _heard(self, line: bytes) -> Answer | None:
         """Return the position in a line, None without one."""
@@ -184,27 +175,23 @@ class HamlibProtocol(DeviceProtocol):
 
     name = "rotctld"
     resolution_deg = (0.01, 0.01)
+    ask = Request("get_pos", b"+p\n", POSITION)
+    stop = Request("stop", b"+S\n", DONE)
+    greeting = (Request("dump_state", b"+\\dump_state\n", LIMITS),)
     _FIELD = re.compile(rb"(Azimuth|Elevation|Minimum Azimuth|Maximum Azimuth|Minimum Elevation|Maximum Elevation):"
                         rb" (-?[0-9]+(?:\.[0-9]+)?)")  # fmt: skip
     _BEGIN = re.compile(rb"(get_pos|set_pos|stop|dump_state):(.*)")
 
     def __init__(self, model: str = "") -> None:
         self.has_elevation = model != AZIMUTH
+        self.connected()
+
+    def connected(self) -> None:
         self._block = ""
         self._fields: dict[str, float] = {}
 
-    def greeting(self) -> list[Request]:
-        self._block, self._fields = "", {}
-        return [Request("dump_state", b"+\\dump_state\n", LIMITS)]
-
-    def ask(self) -> Request:
-        return Request("get_pos", b"+p\n", POSITION)
-
     def go_to(self, azimuth_deg: float, elevation_deg: float) -> Request:
         return Request("set_pos", f"+P {azimuth_deg:.6f} {elevation_deg:.6f}\n".encode(), DONE)
-
-    def stop(self) -> Request:
-        return Request("stop", b"+S\n", DONE)
 
     def _line(self, line: bytes) -> Iterator[Answer]:
         if begin := self._BEGIN.fullmatch(line):
@@ -237,6 +224,7 @@ class Gs232Protocol(LineProtocol):
     """Yaesu GS-232A and GS-232B and what copies them; whole degrees, three digits."""
 
     name = "GS-232"
+    stop = Request("S", b"S\r")
     dialects = (
         _dialect("b", rb"AZ\s*=\s*%s[\s,]*EL\s*=\s*%s"),
         Dialect("a", re.compile(rb".*" + _SIGNED + rb"[\s,]*" + _SIGNED, re.DOTALL)),
@@ -247,7 +235,8 @@ class Gs232Protocol(LineProtocol):
     _azimuth_alone = False
     """Whether C2 was refused, which boards without elevation do not know."""
 
-    def ask(self) -> Request:
+    @property
+    def ask(self) -> Request:  # type: ignore[override]
         name = "C" if self._azimuth_alone or not self.has_elevation else "C2"
         return Request(name, f"{name}\r".encode(), POSITION)
 
@@ -257,9 +246,6 @@ class Gs232Protocol(LineProtocol):
         if not self.has_elevation:
             return Request("M", f"M{azimuth:03d}\r".encode())
         return Request("W", f"W{azimuth:03d} {elevation:03d}\r".encode())
-
-    def stop(self) -> Request:
-        return Request("S", b"S\r")
 
     def _line(self, line: bytes) -> Iterator[Answer]:
         if position := self._heard(line):
@@ -276,28 +262,22 @@ class EasycommProtocol(LineProtocol):
 
     name = "Easycomm"
     resolution_deg = (0.1, 0.1)
+    ask = Request("AZ EL", b"AZ EL\n", POSITION)
+    stop = Request("SA SE", b"SA SE\n")
     ERRORS: ClassVar = {1: "sensor error", 2: "jam", 4: "homing error"}
     dialects = (
-        _dialect("azel", rb"AZ\s*=?\s*%s[\s,]*EL\s*=?\s*%s"),
+        _dialect("azel", rb"AZ\s*=?\s*%s[\s,]*EL\s*=?\s*%s(?:\s+UP.*)?"),
         _dialect(AZIMUTH, rb"AZ\s*=?\s*%s"),
     )
 
     def __init__(self, model: str) -> None:
-        self._version, _, dialect = model.partition("_")
+        version, _, dialect = model.partition("_")
         super().__init__(dialect)
-
-    def also(self) -> list[Request]:
-        return [Request("GE", b"GE\n", STATUS)] if self._version == "3" else []
-
-    def ask(self) -> Request:
-        return Request("AZ EL", b"AZ EL\n", POSITION)
+        self.also = (Request("GE", b"GE\n", STATUS),) if version == "3" else ()
 
     def go_to(self, azimuth_deg: float, elevation_deg: float) -> Request:
         elevation = f" EL{elevation_deg:.1f}" if self.has_elevation else ""
         return Request("AZ EL set", f"AZ{azimuth_deg:.1f}{elevation}\n".encode())
-
-    def stop(self) -> Request:
-        return Request("SA SE", b"SA SE\n")
 
     def _line(self, line: bytes) -> Iterator[Answer]:
         if position := self._heard(line):
@@ -318,9 +298,12 @@ class SpidProtocol(DeviceProtocol):
     Whether there is an elevation is seen by the length of an answer, whatever the model was named.
     """
 
-    _STATUS, _STOP, _SET = 0x1F, 0x0F, 0x2F
-    START, END = 0x57, 0x20
-    PULSES = (1, 2, 4, 10)
+    START, END, SET = 0x57, 0x20, 0x2F
+    PULSES = (1, 2, 4, 5, 10)
+    ask = Request("status", bytes([START, *bytes(10), 0x1F, END]), POSITION)
+    stop = Request("stop", bytes([START, *bytes(10), 0x0F, END]), POSITION)
+    # The pulses per degree are the controller's setting; set points need them.
+    greeting = (ask,)
 
     def __init__(self, model: str) -> None:
         self.name, self.has_elevation = f"SPID {model}", model != "rot1"
@@ -329,26 +312,16 @@ class SpidProtocol(DeviceProtocol):
         self._answers_set = model == "md01"
         self._pulses: tuple[int, int] | None = None
 
-    def greeting(self) -> list[Request]:
-        # The pulses per degree are the controller's setting; set points need them.
-        return [self.ask()]
-
-    def ask(self) -> Request:
-        return Request("status", self._command(self._STATUS), POSITION)
-
-    def stop(self) -> Request:
-        return Request("stop", self._command(self._STOP), POSITION)
-
     def go_to(self, azimuth_deg: float, elevation_deg: float) -> Request:
         azimuth, elevation = azimuth_deg + 360.0, elevation_deg + 360.0
-        answer = POSITION if self._answers_set else ""
-        if not self.has_elevation:
-            return Request("set", self._command(self._SET, f"{round(azimuth):03d}0".encode()))
-        pulses = self._pulses or (round(1.0 / self.resolution_deg[0]), round(1.0 / self.resolution_deg[1]))
-        first, second = (
-            f"{round(angle * each):04d}".encode() for angle, each in zip((azimuth, elevation), pulses, strict=True)
-        )
-        return Request("set", self._command(self._SET, first, second, pulses), answer)
+        first, second, pulses, answer = f"{round(azimuth):03d}0".encode(), bytes(4), (0, 0), ""
+        if self.has_elevation:
+            answer = POSITION if self._answers_set else ""
+            pulses = self._pulses or (round(1.0 / self.resolution_deg[0]), round(1.0 / self.resolution_deg[1]))
+            first, second = (
+                f"{round(angle * each):04d}".encode() for angle, each in zip((azimuth, elevation), pulses, strict=True)
+            )
+        return Request("set", bytes([self.START, *first, pulses[0], *second, pulses[1], self.SET, self.END]), answer)
 
     def take(self, buffer: bytearray) -> list[Answer]:
         found = []
@@ -384,12 +357,6 @@ class SpidProtocol(DeviceProtocol):
             100.0 * digits[i] + 10.0 * digits[i + 1] + digits[i + 2] + 0.1 * digits[i + 3] - 360.0 for i in (0, 4)
         )
         return _position(azimuth, elevation, packet)
-
-    @classmethod
-    def _command(
-        cls, command: int, first: bytes = bytes(4), second: bytes = bytes(4), pulses: tuple[int, int] = (0, 0)
-    ) -> bytes:
-        return bytes([cls.START, *first, pulses[0], *second, pulses[1], command, cls.END])
 
 
 MODELS = {

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
-from rf_pointing.drives.line_server import INVALID, IO_ERROR, NUMBER, Fields, Order, ServedWords, shown
+from rf_pointing.drives.line_server import INVALID, IO_ERROR, NUMBER, Fields, Order, ServedWords, labelled, shown
 from rf_pointing.drives.link import KeptLink
 from rf_pointing.drives.params import LinkParams
 from rf_pointing.drives.protocols import LONGEST_LINE, RPRT_ERRORS
@@ -212,32 +212,25 @@ class RigWords(ServedWords):
 
     def fields(self, order: Order) -> Fields | None:
         view = self.view
-        match order.name:
-            case "get_freq":
-                return _hertz("Frequency", view.receive_hz)
-            case "get_split_freq":
-                return _hertz("TX Frequency", view.transmit_hz)
-            case "get_ptt":
-                return ((f"PTT: {int(view.keyed)}", f"{int(view.keyed)}"),)
-            case "get_split_vfo":
-                return (("Split: 1", "1"), ("TX VFO: VFOB", "VFOB"))
-            case "get_vfo":
-                return (("VFO: VFOA", "VFOA"),)
-            case "get_info":
-                return ((f"Info: {view.name}", view.name),)
-            case "chk_vfo":
-                return (("ChkVFO: 0", "0"),)
-            case "get_powerstat":
-                return (("Power Status: 1", "1"),)
-            case "dump_state":
-                return tuple((line, line) for line in _STATE)
-            case _:
-                # The two VFOs are what they are: receive and transmit.
-                return ()
-
-
-def _hertz(name: str, hertz: float | None) -> Fields | None:
-    return None if hertz is None else ((f"{name}: {hertz:.0f}", f"{hertz:.0f}"),)
+        dials = {
+            "get_freq": ("Frequency", view.receive_hz),
+            "get_split_freq": ("TX Frequency", view.transmit_hz),
+        }
+        if order.name in dials:
+            label, hertz = dials[order.name]
+            return None if hertz is None else labelled((label, f"{hertz:.0f}"))
+        if order.name == "dump_state":
+            return tuple((line, line) for line in _STATE)
+        known: dict[str, list[tuple[str, object]]] = {
+            "get_ptt": [("PTT", int(view.keyed))],
+            "get_info": [("Info", view.name)],
+            "get_powerstat": [("Power Status", 1)],
+            "chk_vfo": [("ChkVFO", 0)],
+            # The two VFOs are what they are: receive and transmit.
+            "get_vfo": [("VFO", "VFOA")],
+            "get_split_vfo": [("Split", 1), ("TX VFO", "VFOB")],
+        }
+        return labelled(*known.get(order.name, []))
 
 
 # Version 0 of Hamlib's form: model and region, ranges of receiver and transmitter, steps, filters,

@@ -17,7 +17,7 @@ nearest to the angle before.  The first turn comes from outside.
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from rf_pointing.core import Motion, nearest_turn_rad
 from rf_pointing.core.types import TURN, Pair
@@ -41,8 +41,8 @@ class MoveCounts:
     """Counts of a relay (azimuth, elevation): set points sent, starts, changes of direction."""
 
     commands: int = 0
-    starts: tuple[int, int] = (0, 0)
-    reversals: tuple[int, int] = (0, 0)
+    starts: list[int] = field(default_factory=lambda: [0, 0])
+    reversals: list[int] = field(default_factory=lambda: [0, 0])
 
 
 class _Axis:
@@ -53,15 +53,8 @@ class _Axis:
     def __init__(self) -> None:
         self.sent: float | None = None
         self.direction = 0.0
-        self.starts = self.reversals = 0
         self.timing: tuple[float, float, float] | None = None
         self.back_since_s: float | None = None
-
-    def clock_stepped(self, by_s: float) -> None:
-        """Go on with a clock that was set ahead by so much, or back."""
-        self.timing = None
-        self.sent_s = self.sent_s + by_s if self.sent is not None else -math.inf
-        self.back_since_s = None
 
 
 class Rotator:
@@ -78,8 +71,7 @@ class Rotator:
         self._axes = (_Axis(), _Axis())
         self._history: deque[tuple[float, Pair]] = deque()
         self._sent_s = self._t_s = -math.inf
-        self._commands = 0
-        self._count_from = MoveCounts()
+        self.counts = MoveCounts()
 
     # What the device reads
 
@@ -89,7 +81,8 @@ class Rotator:
         self._sent_s += by_s
         self._history.clear()
         for axis in self._axes:
-            axis.clock_stepped(by_s)
+            axis.timing = axis.back_since_s = None
+            axis.sent_s = axis.sent_s + by_s if axis.sent is not None else -math.inf
         self.drive.clock_stepped(by_s)
 
     def step(self, t_s: float) -> bool:
@@ -230,24 +223,11 @@ class Rotator:
         self._sent_s = -math.inf
         self.drive.stop()
 
-    def counts(self) -> MoveCounts:
-        """Return what was commanded since `count_anew`."""
-        now, was = self._counts(), self._count_from
-        return MoveCounts(
-            now.commands - was.commands,
-            (now.starts[0] - was.starts[0], now.starts[1] - was.starts[1]),
-            (now.reversals[0] - was.reversals[0], now.reversals[1] - was.reversals[1]),
-        )
-
     def count_anew(self) -> None:
         """Begin the counts of a pass."""
-        self._count_from = self._counts()
+        self.counts = MoveCounts()
         for axis in self._axes:
             axis.direction = 0.0
-
-    def _counts(self) -> MoveCounts:
-        azimuth, elevation = self._axes
-        return MoveCounts(self._commands, (azimuth.starts, elevation.starts), (azimuth.reversals, elevation.reversals))
 
     def _kept(self, axis: int) -> float:
         sent = self._axes[axis].sent
@@ -307,27 +287,25 @@ class Rotator:
         return wanted if abs(wanted - here) > 0.5 * step else None
 
     def _send(self, t_s: float, target: Pair) -> None:
-        for axis, new, here in zip(self._axes, target, self.estimate(t_s), strict=True):
+        here_rad = self.estimate(t_s)
+        for index, axis in enumerate(self._axes):
+            new, here = target[index], here_rad[index]
             if axis.sent is not None and abs(new - axis.sent) < SAME_RAD:
                 continue
             away = new - here
             standing = axis.sent is None or abs(axis.sent - here) < SAME_RAD
             direction = math.copysign(1.0, away) if away else axis.direction
-            axis.starts += standing or direction != axis.direction
-            axis.reversals += direction == -axis.direction and axis.direction != 0.0
-            index = self._axes.index(axis)
+            self.counts.starts[index] += standing or direction != axis.direction
+            self.counts.reversals[index] += direction == -axis.direction and axis.direction != 0.0
             # Measured are moves of a device that had come to rest at its last set point.
             shown = self.position_rad[index]
             rests = len(self._history) > 1 and abs(self._history[-2][1][index] - shown) < SAME_RAD
-            if (
-                axis.timing is None
-                and rests
-                and (axis.sent is None or abs(shown - axis.sent) < 0.51 * self._steps[index])
-            ):
+            arrived = axis.sent is None or abs(shown - axis.sent) < 0.51 * self._steps[index]
+            if axis.timing is None and rests and arrived:
                 axis.timing = t_s, shown, new
             axis.sent, axis.sent_s, axis.direction = new, t_s, direction
         self._sent_s = t_s
-        self._commands += 1
+        self.counts.commands += 1
         azimuth, elevation = (angle - zero for angle, zero in zip(target, self.params.zero_rad, strict=True))
         if self.params.takes_one_turn:
             azimuth %= TURN

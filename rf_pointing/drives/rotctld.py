@@ -20,6 +20,7 @@ from rf_pointing.drives.line_server import (
     Fields,
     Order,
     ServedWords,
+    labelled,
     shown,
 )
 from rf_pointing.drives.protocols import LIMIT_NAMES
@@ -91,22 +92,17 @@ class StationView:
 
     def fields(self, name: str, habit: Habit) -> Fields | None:
         """Return the lines of an answer, extended and plain; None where it is not known yet."""
-        match name:
-            case "get_pos":
-                if self.position_deg is None:
-                    return None
-                named = zip(("Azimuth", "Elevation"), habit.shown_deg(*self.position_deg), strict=True)
-                return tuple((f"{label}: {value:.2f}", f"{value:.2f}") for label, value in named)
-            case "get_info":
-                info = f"{self.name}; refused: {self.reason}" if self.reason else self.name
-                return ((f"Info: {info}", info),)
-            case "get_status":
-                flags = self._flags()
-                return ((f"Status flags: {flags}", flags),)
-            case "dump_caps":
-                return tuple((line, line) for line in self._caps())
-            case _:
-                return _state_fields()
+        if name == "get_pos":
+            if self.position_deg is None:
+                return None
+            azimuth, elevation = habit.shown_deg(*self.position_deg)
+            return labelled(("Azimuth", f"{azimuth:.2f}"), ("Elevation", f"{elevation:.2f}"))
+        if name == "get_info":
+            refused = f"; refused: {self.reason}" if self.reason else ""
+            return labelled(("Info", f"{self.name}{refused}"))
+        if name == "get_status":
+            return labelled(("Status flags", self._flags()))
+        return tuple((line, line) for line in self._caps()) if name == "dump_caps" else _STATE
 
     def _flags(self) -> str:
         azimuth, elevation = self.moving
@@ -125,20 +121,16 @@ class StationView:
         )  # fmt: skip
 
 
-def _state_fields() -> tuple[tuple[str, str], ...]:
-    limits = (*AZIMUTH_DEG, *ELEVATION_DEG)
-    short = ("min_az", "max_az", "min_el", "max_el")
-    return (
-        ("rotctld Protocol Ver: 1", "1"),
-        (f"Rotor Model: {MODEL}", f"{MODEL}"),
-        *(
-            (f"{name}: {value:.6f}", f"{key}={value:.6f}")
-            for name, key, value in zip(LIMIT_NAMES, short, limits, strict=True)
-        ),
-        ("South Zero: 0", "south_zero=0"),
-        ("rot_type=AzEl", "rot_type=AzEl"),
-        ("done", "done"),
-    )
+_KEYS = ("min_az", "max_az", "min_el", "max_el")
+_LIMITS = zip(LIMIT_NAMES, _KEYS, (*AZIMUTH_DEG, *ELEVATION_DEG), strict=True)
+_STATE = (
+    ("rotctld Protocol Ver: 1", "1"),
+    (f"Rotor Model: {MODEL}", f"{MODEL}"),
+    *((f"{name}: {value:.6f}", f"{key}={value:.6f}") for name, key, value in _LIMITS),
+    ("South Zero: 0", "south_zero=0"),
+    ("rot_type=AzEl", "rot_type=AzEl"),
+    ("done", "done"),
+)
 
 
 class RotatorWords(ServedWords):

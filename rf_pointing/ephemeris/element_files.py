@@ -12,20 +12,8 @@ from urllib.parse import urlsplit
 # What a folder is searched for; other files in it (notes, scripts, half-written ones) are no
 # elements.
 SUFFIXES = (
-    ".elements",
-    ".tle",
-    ".3le",
-    ".txt",
-    ".json",
-    ".csv",
-    ".xml",
-    ".kvn",
-    ".omm",
-    ".oem",
-    ".sat",
-    ".cpf",
-    ".sp3",
-)
+    ".elements", ".tle", ".3le", ".txt", ".json", ".csv", ".xml", ".kvn", ".omm", ".oem", ".sat", ".cpf", ".sp3",
+)  # fmt: skip
 
 
 def is_address(location: str) -> bool:

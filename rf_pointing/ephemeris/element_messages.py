@@ -52,63 +52,75 @@ _MOST_ECCENTRIC = 0.9999999
 _TURN_DEG = (-360.0, 360.0)
 
 
-# A flat object of JSON; in a text with a damaged quote, one without a look at the quotes.
+# A flat object of JSON; in a damaged text one without a look at the quotes, whose brace must be
+# where one of a list ends: it may stand in place of a digit.
 _OBJECT = re.compile(r'\{(?:[^{}"]|"(?:[^"\\\n]|\\.)*")*\}')
-_DAMAGED_OBJECT = re.compile(r"\{[^{}]*\}?")
-_NAMES = ("tle0", "tle_line0", "line0", "object_name", "satname", "name")
+_DAMAGED_OBJECT = re.compile(r"\{[^{}]*(?:\}(?=\s*(?:[,\]]|\Z)))?")
+# N2YO has the name in an object of its own.
+_NAMES = ("tle0", "tle_line0", "line0", "object_name", "satname", "name", "info")
 _OURS = {"MEAN_MOTION", "ECCENTRICITY", "BSTAR", "RA_OF_ASC_NODE", "MEAN_ANOMALY"}
 # SGP4's own, of WGS 72, as its mean motion is.
 _MU_KM3_S2 = 398600.8
 
-Found = Iterator[Elements | ValueError | UserWarning]
+Finding = Elements | ValueError | UserWarning
+Found = Iterator[Finding]
 
 
 def read_json(text: str, _name: str = "") -> Found:
     """Yield the elements of every object in JSON that has those of an OMM, or lines of a TLE."""
-    wrong, parsed = "", None
+    wrong = ""
     try:
         parsed = parse_json(text, parse_constant=float)
     except json.JSONDecodeError as error:
-        wrong = f"line {error.lineno}: OMM JSON is malformed: {error.msg}"
+        wrong, parsed = f"line {error.lineno}: OMM JSON is malformed: {error.msg}", None
     ours = clean = 0
-    for line, piece in _pieces(text, _DAMAGED_OBJECT if wrong else _OBJECT):
-        for found in _of_object(line, piece, ours + 1):
-            ours += 1
-            clean += not isinstance(found, ValueError)
-            yield found
+    pattern, rest = _DAMAGED_OBJECT if wrong else _OBJECT, text
+    # From the innermost objects outwards: a flat one is read, and stands as its name from then on.
+    for _ in range(DEEPEST):
+        names: list[str] = []
+        for line, piece in _pieces(rest, pattern):
+            found, name = _of_object(line, piece, ours + 1)
+            names.append(name)
+            for one in found:
+                ours += 1
+                clean += not isinstance(one, ValueError)
+                yield one
+        if not names or rest.count("{") == len(names):
+            break
+        label = iter(names)
+        rest = pattern.sub(lambda flat: json.dumps(next(label)) + "\n" * flat[0].count("\n"), rest)  # noqa: B023
     # The damage may be around the objects; one that it has hit is listed already.
     if wrong and clean == ours:
         yield ValueError(wrong)
     if not ours and not wrong:
-        # Objects in objects, with both lines of a TLE in one text.
+        # Lists in lists.
         yield from read_tle("\n".join(_texts(parsed)))
 
 
-def _of_object(line: int, piece: str, number: int) -> Found:
-    """Yield what one flat object of JSON holds, nothing for one of another kind."""
+def _of_object(line: int, piece: str, number: int) -> tuple[list[Finding], str]:
+    """Return what one flat object of JSON holds, nothing for one of another kind, and its name."""
     try:
         fields = parse_json(piece, parse_constant=_no_constant, object_pairs_hook=_once)
     except ValueError as error:
         # Damage to an object of another kind is nobody's concern.
-        if any(key in piece for key in _OURS) or tle_columns(piece):
-            reason = getattr(error, "msg", error)
-            yield ValueError(f"line {line}: OMM JSON {number} is malformed: {reason}")
-        return
+        ours = any(key in piece for key in _OURS) or tle_columns(piece)
+        reason = getattr(error, "msg", error)
+        wrong = ValueError(f"line {line}: OMM JSON {number} is malformed: {reason}")
+        return [wrong] if ours else [], ""
     if _OURS & fields.keys():
-        yield _omm(line, number, fields)
-        return
-    lines = [one for text in fields.values() if isinstance(text, str) for one in text.splitlines()
-             if tle_columns(one)]  # fmt: skip
+        return [_omm(line, number, fields)], ""
     named = {key.casefold(): value for key, value in fields.items() if isinstance(value, str)}
     name = next((named[key] for key in _NAMES if named.get(key)), "")
-    for found in read_tle("\n".join([name, *lines])) if lines else ():
-        yield ValueError(f"line {line}: {found}") if isinstance(found, ValueError) else found
+    # Lines of their own, or all of them in one text.
+    texts = [text for text in named.values() if any(map(tle_columns, text.splitlines()))]
+    found = read_tle("\n".join([name, *texts])) if texts else ()
+    return [ValueError(f"line {line}: {one}") if isinstance(one, ValueError) else one for one in found], name
 
 
 def _texts(value: Any) -> Iterator[str]:
     if isinstance(value, str):
         yield value
-    for each in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+    for each in value if isinstance(value, list) else ():
         yield from _texts(each)
 
 
@@ -130,8 +142,9 @@ def read_omm_xml(text: str, _name: str = "") -> Found:
 
 def xml_segments(text: str, kind: str) -> Iterator[tuple[int, "Element | ValueError"]]:
     """Yield line and tree of every <segment>; of malformed XML, of those that are whole."""
-    if "<!" in text.replace("<!--", ""):
-        raise ValueError(f"{kind} XML must not define entities or a document type")
+    if (place := text.replace("<!--", "<---").find("<!")) >= 0:
+        line = text.count("\n", 0, place) + 1
+        raise ValueError(f"line {line}: {kind} XML must not define entities or a document type")
     pieces = list(_pieces(text, _SEGMENT))
     from xml.etree.ElementTree import ParseError
 
@@ -182,14 +195,16 @@ def _pieces(text: str, pattern: re.Pattern[str]) -> Iterator[tuple[int, str]]:
 def read_omm_csv(text: str, _name: str = "") -> Found:
     """Yield the elements of a table whose first line names the columns."""
     lines = text.strip().splitlines()
+    # Spreadsheets of many countries separate by semicolons.
+    between = min(",;\t", key=lambda sign: -lines[0].count(sign))
     # A line at a time: a quote that is lost must not swallow the lines below it.
-    names = next(csv.reader(lines[:1]))
+    names = next(csv.reader(lines[:1], delimiter=between))
     _once([(name, "") for name in names])
     for number, line in enumerate(lines[1:], start=1):
         if not line.strip():
             continue
         try:
-            row = next(csv.reader([line], strict=True))
+            row = next(csv.reader([line], strict=True, delimiter=between))
         except csv.Error as error:
             yield ValueError(f"line {number + 1}: OMM CSV is malformed: {error}")
             continue
@@ -261,7 +276,7 @@ def _elements(fields: Fields) -> Elements:
         catalogue_number=catalogue_number,
         international_designator=_text(fields, "OBJECT_ID"),
         classification=_text(fields, "CLASSIFICATION_TYPE") or "U",
-        epoch_t_s=from_utc_text(str(_present(fields, "EPOCH"))),
+        epoch_t_s=from_utc_text(_required(fields, "EPOCH")),
         mean_motion_rad_s=_mean_motion_per_day(fields) * per_day,
         eccentricity=_number(fields, "ECCENTRICITY", 0.0, _MOST_ECCENTRIC),
         inclination_rad=math.radians(_number(fields, "INCLINATION", 0.0, 180.0)),
@@ -271,10 +286,10 @@ def _elements(fields: Fields) -> Elements:
         drag_per_earth_radius=_number(fields, "BSTAR"),
         # Publishers copy the columns of the TLE, which hold half and a sixth of the derivatives.
         # SGP4 uses neither, and version 3 does without.
-        mean_motion_dot_rad_s2=2.0 * _optional(fields, "MEAN_MOTION_DOT") * per_day / DAY_S,
-        mean_motion_ddot_rad_s3=6.0 * _optional(fields, "MEAN_MOTION_DDOT") * per_day / DAY_S**2,
-        element_set_number=_integer(fields, "ELEMENT_SET_NO") if _given(fields, "ELEMENT_SET_NO") else 0,
-        revolution_number=_integer(fields, "REV_AT_EPOCH") if _given(fields, "REV_AT_EPOCH") else 0,
+        mean_motion_dot_rad_s2=2.0 * _number(fields, "MEAN_MOTION_DOT", missing=0.0) * per_day / DAY_S,
+        mean_motion_ddot_rad_s3=6.0 * _number(fields, "MEAN_MOTION_DDOT", missing=0.0) * per_day / DAY_S**2,
+        element_set_number=_integer(fields, "ELEMENT_SET_NO", missing=0.0),
+        revolution_number=_integer(fields, "REV_AT_EPOCH", missing=0.0),
     )
 
 
@@ -290,23 +305,24 @@ def _given(fields: Fields, key: str) -> bool:
     return fields.get(key) is not None and fields[key] != ""
 
 
-def _optional(fields: Fields, key: str) -> float:
-    return _number(fields, key) if _given(fields, key) else 0.0
-
-
-def _present(fields: Fields, key: str) -> Any:
-    if not _given(fields, key):
-        raise ValueError(f"{key} is missing")
-    return fields[key]
-
-
 def _text(fields: Fields, key: str) -> str:
     """Return a text, empty where the message has none (JSON: null)."""
     return str(fields.get(key) or "").strip()
 
 
-def _number(fields: Fields, key: str, low: float = -_LARGEST, high: float = _LARGEST) -> float:
-    value = _present(fields, key)
+def _required(fields: Fields, key: str) -> str:
+    if not _given(fields, key):
+        raise ValueError(f"{key} is missing")
+    return str(fields[key])
+
+
+def _number(
+    fields: Fields, key: str, low: float = -_LARGEST, high: float = _LARGEST, *, missing: float | None = None
+) -> float:
+    if missing is not None and not _given(fields, key):
+        return missing
+    _required(fields, key)
+    value = fields[key]
     if isinstance(value, str):
         value, unit = without_unit(value)
         wanted = _UNITS.get(key, "")
@@ -323,8 +339,8 @@ def _number(fields: Fields, key: str, low: float = -_LARGEST, high: float = _LAR
     return float(value)
 
 
-def _integer(fields: Fields, key: str) -> int:
-    value = _number(fields, key)
+def _integer(fields: Fields, key: str, missing: float | None = None) -> int:
+    value = _number(fields, key, missing=missing)
     # 28057.0 of a spreadsheet is a whole number, 28057.5 is a damaged one.
     if value != int(value):
         raise ValueError(f"{key}={value} must be a whole number")

@@ -9,12 +9,12 @@ the user has named it: whoever holds the address must not reach the ports of thi
 import fcntl
 import functools
 import hashlib
-import queue
 import re
 import statistics
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from email.utils import parsedate_to_datetime
@@ -241,26 +241,22 @@ class _Answer:
 
 def _get(record: Record, timeout_s: float) -> _Answer | None:
     """Return the answer, None when nothing has changed; NotTakenError for everything else."""
-    found: queue.SimpleQueue[_Answer | NotTakenError | None] = queue.SimpleQueue()
+    found: Future[_Answer | None] = Future()
 
     def work() -> None:
         try:
-            found.put(_request(record, timeout_s))
-        except NotTakenError as error:
-            found.put(error)
+            found.set_result(_request(record, timeout_s))
         except Exception as error:
             # A Location such as http://[ raises inside of requests.
-            found.put(NotTakenError(f"{record.address}: {error}"))
+            known = isinstance(error, NotTakenError)
+            found.set_exception(error if known else NotTakenError(f"{record.address}: {error}"))
 
     # The timeouts of an HTTP client are those of one read: a byte a second would keep it for hours.
     threading.Thread(target=work, daemon=True).start()
     try:
-        answer = found.get(timeout=timeout_s)
-    except queue.Empty:
+        return found.result(timeout_s)
+    except TimeoutError:
         raise NotTakenError(f"{record.address} has not answered in full after {timeout_s:g} s") from None
-    if isinstance(answer, NotTakenError):
-        raise answer
-    return answer
 
 
 def _request(record: Record, timeout_s: float) -> _Answer | None:

@@ -265,7 +265,8 @@ def _segment(draft: Draft) -> OemSegment:
     method, degree = _interpolation(meta)
     if len(states) < 2:
         raise ValueError(f"OEM segment of {meta['OBJECT_NAME']} has {len(states)} states, must have 2 or more")
-    tai_s = np.array([_tai_of_line(state, meta["TIME_SYSTEM"]) for state in states])
+    scale = meta["TIME_SYSTEM"]
+    tai_s = np.array([_tai_of(f"line {state.number}", state.epoch, scale) for state in states])
     for state, step_s in zip(states[1:], np.diff(tai_s), strict=True):
         if step_s <= 0.0:
             raise ValueError(f"line {state.number}: {state.epoch} must be later than the state before")
@@ -309,13 +310,9 @@ def _covariance(number: int, keys: dict[str, str], lower: list[float], meta: dic
     matrix += np.tril(matrix, -1).T
     if np.min(np.diag(matrix)) < 0.0:
         raise ValueError(f"line {number}: a covariance has the variance {np.min(np.diag(matrix)):g}, must be >= 0")
-    state = State(number, keys.get("EPOCH", ""), ())
     frame = keys.get("COV_REF_FRAME") or meta["REF_FRAME"]
-    return StateCovariance(_tai_of_line(state, meta["TIME_SYSTEM"]), frame.upper(), matrix * 1e6)
-
-
-def _tai_of_line(state: State, scale: str) -> float:
-    return _tai_of(f"line {state.number}", state.epoch, scale)
+    tai_s = _tai_of(f"line {number}", keys.get("EPOCH", ""), meta["TIME_SYSTEM"])
+    return StateCovariance(tai_s, frame.upper(), matrix * 1e6)
 
 
 def _tai_of(place: str, text: str, scale: str) -> float:

@@ -82,19 +82,15 @@ def read_meme(text: str, name: str = "") -> Found:
         fields = line.split()
         if not fields or not (draft.states or re.match(r"\d{13}", line)):
             continue
-        try:
-            values = numbers_of(fields, number, line)
-            if len(fields) == 7 and re.fullmatch(r"\d{13}(\.\d*)?", fields[0]):
-                date = fields[0]
-                epoch = f"{date[:4]}-{date[4:7]}T{date[7:9]}:{date[9:11]}:{date[11:]}"
-                draft.states.append(State(number, epoch, values[1:]))
-                draft.covariances.append((number, {"EPOCH": epoch, "COV_REF_FRAME": axes}, []))
-            elif len(fields) == 7:
-                draft.covariances[-1][2].extend(values)
-            else:
-                raise ValueError(f"line {number}: {line[:40]!r} must hold seven numbers")
-        except ValueError as error:
-            draft.wrong = draft.wrong or error
+        values = numbers_of(fields, number, line)
+        if len(fields) != 7:
+            raise ValueError(f"line {number}: {line[:40]!r} must hold seven numbers")
+        if re.fullmatch(r"\d{13}(\.\d*)?", date := fields[0]):
+            epoch = f"{date[:4]}-{date[4:7]}T{date[7:9]}:{date[9:11]}:{date[11:]}"
+            draft.states.append(State(number, epoch, values[1:]))
+            draft.covariances.append((number, {"EPOCH": epoch, "COV_REF_FRAME": axes}, []))
+        else:
+            draft.covariances[-1][2].extend(values)
     yield from _parts(draft, float(step[1]) if step else None)
 
 

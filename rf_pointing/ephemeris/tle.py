@@ -31,6 +31,13 @@ SGP4_XP = "4"
 """Ephemeris type of elements that only SGP4-XP propagates."""
 # Quotes, keys, tags and separators of tables; none of them occurs in a TLE.
 _AROUND = re.compile(r"""[\"'<>|;,=:\t]+\s*""")
+_FIELD = re.compile(r"""\"[^\"]*\"|'[^']*'|[^\"';,=:\t]+""")
+_KEYS = "name|tle0|nickname|version|website|status|tle"
+_NAMED = re.compile(rf"(?:- *)?({_KEYS})\s*[=:]\s*(.*)", re.IGNORECASE)
+# Names of columns and keys around a TLE.
+_KEY = re.compile(
+    r"/?\W*(id|name|norad\w*|cat\w*|satellite|sat|tle|((tle|line|l)[ _]?(line)?[ _]?[012]))?", re.IGNORECASE
+)
 # Bulletins explain the columns with letters: 1 AAAAAU 00  0  0 BBBBB.BBBBBBBB ...
 _LIKE_TLE = re.compile(r"[12] (?!AAAAA)(?=[ \dA-Z]{5}|.{60})")
 _LEAST_INSIDE = 60
@@ -66,7 +73,10 @@ def read_tle(text: str, _name: str = "") -> Iterator[Elements | ValueError | Use
             if piece[:1] == "2":
                 yield ValueError(f"line {number}: line 2 of a TLE without line 1: {piece[:24]!r}")
             first = (number, piece) if piece[:1] == "1" else (0, "")
-            name = name if piece[:1] == "1" else _name_in(line, name)
+            if not first[1]:
+                name = _name_in(line, name)
+            elif piece != line:
+                name = _name_in(line.partition(piece)[0], name, table=True)
 
 
 def tle_columns(line: str) -> list[str]:
@@ -80,13 +90,24 @@ def tle_columns(line: str) -> list[str]:
     ]
 
 
-def _name_in(line: str, before: str) -> str:
-    """Return the name that a line of text gives to the elements below it."""
-    # The keys of Gpredict's files; any other text with an equals sign is a name.
-    key = re.match(r"(name|tle0|nickname|version|website|status)\s*=\s*(.*)", line, re.IGNORECASE)
-    if key is None:
-        return line.removeprefix("0 ").strip(" \"',")
-    return key[2] if key[1].casefold() in ("name", "tle0") else before
+def _name_in(text: str, before: str, *, table: bool = False) -> str:
+    """Return the name in a text above or before the elements; the one `before` where it has none.
+
+    What stands before them on their line is of a `table`: the last field that is not a key.
+    """
+    text = re.sub(r"</?[A-Za-z]\w*>", "|", text)
+    if table:
+        fields = text.split("|") if "|" in text else _FIELD.findall(text)
+        fields = [each.strip(" \"'") for each in fields]
+        names = [each for each in fields if re.search(r"[^\W\d_]", each) and not _KEY.fullmatch(each)]
+        return names[-1] if names else before
+    # Keys of Gpredict's files and of YAML; any other text with an equals sign is a name.
+    key = _NAMED.match(text)
+    if key is not None:
+        return key[2].strip(" \"'") if key[1].casefold() in ("name", "tle0") else before
+    if _AROUND.search(text) and all(_KEY.fullmatch(each.strip()) for each in _AROUND.split(text)):
+        return before
+    return text.removeprefix("0 ").lstrip(" \"'([{|>-*").rstrip(" \"',;|")
 
 
 def number_from_alpha5(text: str) -> int:

@@ -10,6 +10,7 @@ import io
 import json
 import math
 import re
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -23,7 +24,7 @@ _PLANNED = ("", "tracked")
 """Fates of rows of `plan_passes` that a schedule takes, unless all are wanted."""
 _PATH = ("aos_azimuth_deg", "azimuth_low_deg", "azimuth_high_deg", "azimuth_end_deg")
 _EXACT = "X-RF-POINTING-PASS"
-_REPEATED = ("RRULE", "RDATE", "EXDATE", "RECURRENCE-ID")
+_REPEATED = ("RRULE", "RDATE", "EXRULE", "EXDATE", "RECURRENCE-ID")
 _LARGEST = 1e9
 """Largest number of a row: degrees, hours, priorities."""
 
@@ -36,7 +37,7 @@ def read_passes(text: str, *, every: bool = True) -> list[ScheduledPass]:
     start = text.lstrip("\ufeff \r\n\t")
     rows: list[Any]
     if start.startswith("BEGIN:VCALENDAR"):
-        rows = _calendar_rows(text)
+        rows = _calendar_rows(start)
     elif start.startswith(("{", "[")):
         content = parse_json(text)
         given = content.get("passes") if isinstance(content, Mapping) else content
@@ -119,11 +120,18 @@ def _calendar_rows(text: str) -> list[dict[str, Any]]:
     from icalendar import Calendar
 
     try:
-        calendar = Calendar.from_ical(text)
+        with warnings.catch_warnings():
+            # Thunderbird's zones have the name of the program before theirs.
+            warnings.simplefilter("ignore")
+            calendars = Calendar.from_ical(text, multiple=True)
+            sent = [each for each in calendars if str(each.get("method", "")).upper() != "CANCEL"]
+            events = [event for each in sent for event in each.walk("VEVENT")]
     except (ValueError, IndexError, KeyError) as error:
         raise ValueError(f"not a calendar: {error}") from error
+    if not calendars:
+        raise ValueError("not a calendar: it has no END:VCALENDAR")
     rows = []
-    for event in calendar.walk("VEVENT"):
+    for event in events:
         exact = event.get(_EXACT)
         if exact is not None:
             row = parse_json(str(exact))
@@ -141,7 +149,11 @@ def _calendar_rows(text: str) -> list[dict[str, Any]]:
             end = begin + length
         if not isinstance(begin, datetime) or not isinstance(end, datetime):
             raise ValueError(f"{said} must have dtstart, and dtend or duration, with a time of day")
-        if begin.tzinfo is None or end.tzinfo is None:
+        zones = [event[key].params.get("TZID") for key in ("dtstart", "dtend") if key in event]
+        floating = begin.tzinfo is None or end.tzinfo is None
+        if floating and (unknown := next(filter(None, zones), "")):
+            raise ValueError(f"{said} has a time in a zone that is not known, TZID={unknown}: write Z")
+        if floating:
             raise ValueError(f"{said} has a time without a zone, {begin.isoformat()}: write Z or TZID")
         times = {key: utc_text(when.timestamp()) for key, when in (("aos_utc", begin), ("los_utc", end))}
         rows.append({"target": re.split(r",\s*peak", str(event.get("summary") or ""))[0].strip(), **times})

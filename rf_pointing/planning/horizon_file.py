@@ -1,9 +1,9 @@
 """Horizon masks as surveys and programs write them: azimuth and lowest elevation, a point a line.
 
 Tables may have blanks, tabs, commas or semicolons, comments after `#`, `;` or `//`, a head that
-names the columns, and azimuths from 0 to 360 or -180 to 180 deg.  One row of heights alone is even
-from north over east.  The points may begin anywhere and fall: they are sorted.  Two heights at one
-azimuth are a wall.
+names the columns, and azimuths from 0 to 360 or -180 to 180 deg.  One row or one column of heights
+alone is even from north over east.  The points may begin anywhere and fall: they are sorted.  Two
+heights at one azimuth are a wall.
 """
 
 import math
@@ -24,7 +24,7 @@ def read_horizon(text: str) -> tuple[list[Point], list[tuple[int, str]]]:
     wrong: list[tuple[int, str]] = []
     columns: list[int] | None = None
     for number, raw in enumerate(text.splitlines(), start=1):
-        line = re.sub(r"(#|//|^\s*;).*", "", raw).strip()
+        line = re.sub(r"(#|//|^\s*;).*|°", "", raw).strip()
         # Semicolons between numbers leave the comma to the decimals.
         fields = re.split(r"\s*;\s*", line.replace(",", ".")) if ";" in line else re.split(r"\s*,\s*|\s+", line)
         fields = [field for field in fields if field]
@@ -34,15 +34,23 @@ def read_horizon(text: str) -> tuple[list[Point], list[tuple[int, str]]]:
         if columns is None and not points and all(value is None for value in numbers):
             columns = _columns(fields)
             continue
-        if not points and columns is None and len(fields) >= FEWEST_HEIGHTS and 360 % len(fields) == 0:
-            step = 360.0 / len(fields)
-            return [(number, k * step, math.nan if value is None else value) for k, value in enumerate(numbers)], []
+        if not points and columns is None and (even := _even([(number, value) for value in numbers])):
+            return even, []
         row = [numbers[k] for k in columns if k < len(numbers)] if columns else numbers
         if len(row) != 2 or row[0] is None or row[1] is None:
             wrong.append((number, raw.strip()))
         else:
             points.append((number, row[0], row[1]))
-    return points, wrong
+    column = [] if points else _even([(number, _number(text)) for number, text in wrong])
+    return (column, []) if column else (points, wrong)
+
+
+def _even(heights: Sequence[tuple[int, float | None]]) -> list[Point]:
+    """Return the points of heights that stand evenly around, empty unless their number says so."""
+    if len(heights) < FEWEST_HEIGHTS or 360 % len(heights):
+        return []
+    step = 360.0 / len(heights)
+    return [(line, k * step, math.nan if height is None else height) for k, (line, height) in enumerate(heights)]
 
 
 def _number(text: str) -> float | None:

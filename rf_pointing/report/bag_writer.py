@@ -4,23 +4,20 @@ A full disk does not disturb the caller: writing stops, later messages are count
 lost, and `close` leaves a bag of everything that reached the disk.
 """
 
-import copy
 import json
 import shutil
 import struct
 from array import array
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-import yaml
-from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
+from rosbags.interfaces import Connection, Qos
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.rosbag2.storage_mcap import McapWriter
 
 from rf_pointing.report.definitions import Definitions
@@ -57,6 +54,16 @@ class _TwoTimes(McapWriter):
         super().close_chunk()
         # After it: a chunk that a full disk has refused is closed once more.
         self._published.clear()
+
+
+@dataclass(frozen=True)
+class _Completed:
+    """File that is closed already: what a writer needs of its storage to write metadata.yaml."""
+
+    path: Path
+
+    def close(self, version: int, metadata: str) -> None:
+        """Leave the file as it is."""
 
 
 @dataclass(frozen=True)
@@ -229,9 +236,14 @@ class BagWriter:
         counts = {topic: tail.counts.get(item.id, 0) for topic, item in self._connections.items()}
         lost = tuple(self._losses(counts))
         try:
-            times = (min(tail.times, default=(0,))[0], max(tail.times, default=(0,))[0])
-            loss_notes = {PROBLEM_NOTE: problem, LOST_NOTE: json.dumps([vars(item) for item in lost])}
-            _write_metadata(data, self._connections.values(), counts, times, self._notes | loss_notes)
+            writer = self._writer
+            writer.storage = _Completed(data)  # type: ignore[assignment]
+            writer.counts = {item.id: counts[topic] for topic, item in self._connections.items()}
+            writer.min_timestamp = min(tail.times, default=(0,))[0]
+            writer.max_timestamp = max(tail.times, default=(0,))[0]
+            writer.set_custom_data(PROBLEM_NOTE, problem)
+            writer.set_custom_data(LOST_NOTE, json.dumps([vars(item) for item in lost]))
+            writer.close()
         except OSError as error:
             problem = f"{problem}; metadata.yaml could not be written: {error}"
         return BagResult(self.path, counts, lost, problem)
@@ -244,50 +256,3 @@ class BagWriter:
             if missing:
                 losses.append(TopicLoss(topic=topic, count=len(missing), first_log_time_ns=missing[0]))
         return losses
-
-
-def _write_metadata(
-    mcap: Path,
-    connections: Iterable[Connection],
-    counts: Mapping[str, int],
-    times_ns: tuple[int, int],
-    notes: Mapping[str, str],
-) -> None:
-    """Write the `metadata.yaml` of a bag whose file had to be closed by `mcap_tail.complete`.
-
-    `counts` are the messages in the file by topic, `times_ns` the first and the last log time.
-    """
-    # Fields and names of rosbag2 metadata version 9 (Jazzy), as rosbags writes them.
-    span = {
-        "starting_time": {"nanoseconds_since_epoch": times_ns[0]},
-        "duration": {"nanoseconds": times_ns[1] - times_ns[0]},
-        "message_count": sum(counts.values()),
-    }
-    information = {
-        "version": 9,
-        "storage_identifier": "mcap",
-        **span,
-        "topics_with_message_count": [_topic(item, counts.get(item.topic, 0)) for item in connections],
-        "compression_format": "",
-        "compression_mode": "",
-        "relative_file_paths": [mcap.name],
-        # A copy: an object used twice would be written as an alias.
-        "files": [{"path": mcap.name, **copy.deepcopy(span)}],
-        "custom_data": dict(notes) or None,
-        "ros_distro": "rosbags",
-    }
-    text = yaml.safe_dump({"rosbag2_bagfile_information": information})
-    (mcap.parent / "metadata.yaml").write_text(text, encoding="utf-8")
-
-
-def _topic(connection: Connection, count: int) -> dict[str, Any]:
-    ext = connection.ext
-    assert isinstance(ext, ConnectionExtRosbag2)
-    metadata = {
-        "name": connection.topic,
-        "type": connection.msgtype,
-        "serialization_format": ext.serialization_format,
-        "offered_qos_profiles": dump_qos_v9(ext.offered_qos_profiles),
-        "type_description_hash": connection.digest,
-    }
-    return {"topic_metadata": metadata, "message_count": count}

@@ -192,7 +192,12 @@ def draw_histogram(points: Observations, fit: FitResult, path: Path) -> None:
     with figure(path, 10.0, 3.8) as drawn:
         left, right = drawn.subplots(1, 2)
         for axes, values, name in ((left, _before(points), "before"), (right, _after(fit), "after")):
-            _histogram(axes, values[:, fit.used] / MDEG, AXIS_NAMES if axes is left else ("_", "_"))
+            used = values[:, fit.used] / MDEG
+            edges = np.linspace(float(used.min()), float(used.max()), 41)
+            for axis, label in enumerate(AXIS_NAMES if axes is left else ("_", "_")):
+                colour = AXIS_COLOURS[axis]
+                filled = {"histtype": "stepfilled", "alpha": 0.45}
+                axes.hist(used[axis], edges, color=colour, label=label, **filled)
             axes.set(xlabel=f"{name}, mdeg on the sky", ylabel="observations")
         _normal(right, _after(fit)[:, fit.used] / MDEG)
         legend_above(left)
@@ -224,12 +229,6 @@ def _before(points: Observations) -> Array:
 
 def _after(fit: FitResult) -> Array:
     return np.stack([fit.residual_azimuth_rad * fit.cos_elevation, fit.residual_elevation_rad])
-
-
-def _histogram(axes: Any, values: Array, names: tuple[str, str]) -> None:
-    edges = np.linspace(float(values.min()), float(values.max()), 41)
-    for axis in (0, 1):
-        axes.hist(values[axis], edges, histtype="stepfilled", color=AXIS_COLOURS[axis], alpha=0.45, label=names[axis])
 
 
 def _normal(axes: Any, values: Array) -> None:

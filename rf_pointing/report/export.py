@@ -153,7 +153,7 @@ def _columns(recording: Recording, topic: str) -> tuple[Columns, list[ColumnMean
     data = recording.get(topic)
     if data is None:
         raise ValueError(f"{recording.path} has no message of {topic}; it has {', '.join(exported_topics(recording))}")
-    values = _passes(recording) if topic == "passes" else _times(recording, data) | _values(data)
+    values = _passes(recording) if topic == "passes" else _times(recording, data) | _values(data, topic)
     rows = []
     for name in values:
         field_name, unit, meaning = _meaning(topic, name)
@@ -185,9 +185,9 @@ def _times(recording: Recording, data: TopicData) -> Columns:
     return {"stamp_ns": stamps, "log_time_ns": data.log_time_ns, "t_s": since * 1e-9}
 
 
-def _values(data: TopicData) -> Columns:
+def _values(data: TopicData, topic: str) -> Columns:
     found: Columns = {}
-    for name, (unit, _) in meanings()[_relative(data.topic)].items():
+    for name, (unit, _) in meanings()[topic].items():
         if name not in data.columns:
             continue
         values, suffix = data.columns[name], SUFFIXES[unit]
@@ -197,10 +197,6 @@ def _values(data: TopicData) -> Columns:
         else:
             found[f"{name}{suffix}"] = values
     return found
-
-
-def _relative(topic: str) -> str:
-    return max((name for name in meanings() if topic.endswith(f"/{name}")), key=len)
 
 
 def _passes(recording: Recording) -> Columns:

@@ -9,8 +9,6 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from rf_pointing.report.summary import ErrorStatistics
-
 Cell = str | float | int | None
 
 
@@ -34,18 +32,6 @@ def number(value: float | int | None, digits: int = 3) -> str:
     return f"{shown:,.{min(decimals, 9)}f}".replace(",", "\u202f")
 
 
-def _rms(error: ErrorStatistics) -> str:
-    return f"{number(error.cross_elevation.rms_mdeg)} / {number(error.elevation.rms_mdeg)}"
-
-
-def _clock(utc: str) -> str:
-    return utc.replace("T", " ").removesuffix("Z").partition(".")[0]
-
-
-def _base64(path: Path) -> str:
-    return base64.b64encode(path.read_bytes()).decode("ascii")
-
-
 _TEMPLATES = Environment(
     # From the source folder: the package is installed as links to it or as plain files.
     loader=FileSystemLoader(Path(__file__).with_name("templates")),
@@ -55,4 +41,9 @@ _TEMPLATES = Environment(
     # A misspelt name in a template is an error, not an empty place in the page.
     undefined=StrictUndefined,
 )
-_TEMPLATES.filters |= {"number": number, "rms": _rms, "clock": _clock, "base64": _base64}
+_TEMPLATES.filters |= {
+    "number": number,
+    "rms": lambda error: f"{number(error.cross_elevation.rms_mdeg)} / {number(error.elevation.rms_mdeg)}",
+    "clock": lambda utc: utc.replace("T", " ").removesuffix("Z").partition(".")[0],
+    "base64": lambda path: base64.b64encode(path.read_bytes()).decode("ascii"),
+}

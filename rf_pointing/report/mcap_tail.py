@@ -177,14 +177,11 @@ class _OpenChunk:
     index_offsets: dict[int, int] = field(default_factory=dict)
     index_bytes: int = 0
 
-    @property
-    def indexed(self) -> bool:
-        return set(self.index_offsets) == set(self.messages)
-
     def chunk_index(self) -> bytes:
         offsets = b"".join(struct.pack("<HQ", *item) for item in self.index_offsets.items())
         head = self.times + struct.pack("<QQI", self.start, self.length, len(offsets)) + offsets
-        return head + struct.pack("<Q", self.index_bytes) + _string(self.compression) + struct.pack("<QQ", *self.sizes)
+        name = self.compression.encode()
+        return head + struct.pack("<QI", self.index_bytes, len(name)) + name + struct.pack("<QQ", *self.sizes)
 
 
 def _scan(file: BinaryIO, tail: McapTail) -> _OpenChunk | None:
@@ -197,7 +194,7 @@ def _scan(file: BinaryIO, tail: McapTail) -> _OpenChunk | None:
         if opcode == _MESSAGE_INDEX and chunk is not None:
             chunk.index_offsets[int.from_bytes(content[:2], "little")] = start
             chunk.index_bytes += end - start
-            if not chunk.indexed:
+            if set(chunk.index_offsets) != set(chunk.messages):
                 continue
             tail.chunk_indexes.append(chunk.chunk_index())
             chunk = None
@@ -285,21 +282,13 @@ def _write_end(file: BinaryIO, tail: McapTail) -> None:
     ):
         for record in records:
             _write(file, opcode, record)
-    _write(file, _STATISTICS, _statistics(tail))
+    counts = b"".join(struct.pack("<HQ", *item) for item in sorted(tail.counts.items()))
+    sizes = (tail.message_count, len(tail.schemas), len(tail.channels), 0, 0, len(tail.chunk_indexes))
+    span = (min(tail.times, default=(0,))[0], max(tail.times, default=(0,))[0])
+    _write(file, _STATISTICS, struct.pack("<QHIIIIQQI", *sizes, *span, len(counts)) + counts)
     _write(file, _FOOTER, struct.pack("<QQI", summary_start, 0, 0))
     file.write(_MAGIC)
 
 
-def _statistics(tail: McapTail) -> bytes:
-    counts = b"".join(struct.pack("<HQ", *item) for item in sorted(tail.counts.items()))
-    sizes = (tail.message_count, len(tail.schemas), len(tail.channels), 0, 0, len(tail.chunk_indexes))
-    span = (min(tail.times, default=(0,))[0], max(tail.times, default=(0,))[0])
-    return struct.pack("<QHIIIIQQI", *sizes, *span, len(counts)) + counts
-
-
 def _write(file: BinaryIO, opcode: int, content: bytes) -> int:
     return file.write(struct.pack("<BQ", opcode, len(content)) + content)
-
-
-def _string(text: str) -> bytes:
-    return struct.pack("<I", len(text.encode())) + text.encode()

@@ -7,7 +7,7 @@ alarms; what the station ran on.  `index.html` lists the nights of a folder, and
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -120,9 +120,8 @@ def _alarms(history: Sequence[tuple[Any, ...]]) -> tuple[NightAlarm, ...]:
                 NightAlarm(name=name, level=level, message=message, raised_t_s=t_s, until_t_s=None, acknowledged=False)
             )
         elif name in open_:
-            kept = asdict(found[open_[name]])
             changes = {"cleared": {"until_t_s": t_s}, "acknowledged": {"acknowledged": True}, "worse": {"level": level}}
-            found[open_[name]] = NightAlarm(**(kept | changes.get(event, {})))
+            found[open_[name]] = replace(found[open_[name]], **changes.get(event, {}))
     return tuple(found)
 
 
@@ -231,8 +230,9 @@ def _row(one: PassRecord) -> dict[str, Any]:
 
 
 def _lasted(one: NightAlarm) -> str:
-    span = "lasts" if one.until_t_s is None else _span(one.until_t_s - one.raised_t_s)
-    return f"{span}, acknowledged" if one.acknowledged else span
+    lasted_s = math.inf if one.until_t_s is None else one.until_t_s - one.raised_t_s
+    span = f"{lasted_s:.0f} s" if lasted_s < 120.0 else f"{lasted_s / 60.0:.0f} min"
+    return f"{'lasts' if one.until_t_s is None else span}{', acknowledged' if one.acknowledged else ''}"
 
 
 def _why(one: PassRecord) -> list[str]:
@@ -283,7 +283,3 @@ def _clock(t_s: float) -> str:
 
 def _minute(t_s: float) -> str:
     return utc_text(t_s)[:16].replace("T", " ")
-
-
-def _span(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"

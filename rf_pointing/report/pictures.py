@@ -331,14 +331,8 @@ def _has_tracking(analysis: Analysis) -> bool:
     return errors is not None and (analysis.modes is None or bool(np.any(np.isin(errors.mode, tracking_modes()))))
 
 
-def _has_link(analysis: Analysis) -> bool:
-    return _has_errors(analysis) or link_series(analysis.recording) is not None
-
-
-def _has_sky(analysis: Analysis) -> bool:
-    return any(
-        analysis.recording.get(name) is not None for name in ("sim/boresight", "joint_states", "tracking_status")
-    )
+def _has_any(*names: str) -> Callable[[Analysis], bool]:
+    return lambda analysis: any(analysis.recording.get(name) is not None for name in names)
 
 
 @dataclass(frozen=True)
@@ -367,14 +361,14 @@ _PICTURES = (
         "Loss of a Gaussian beam down to its sidelobes at 40 dB: that of the mean power of each second, shaded up to "
         "the largest.",
         draw_link,
-        _has_link,
+        lambda analysis: _has_errors(analysis) or link_series(analysis.recording) is not None,
     ),
     Picture(
         "sky_track",
         "Track over the sky",
         "North up, zenith in the middle. Thin line: commanded; wide line: actual, coloured by mode.",
         draw_sky,
-        _has_sky,
+        _has_any("sim/boresight", "joint_states", "tracking_status"),
     ),
     Picture(
         "beam",
@@ -388,7 +382,7 @@ _PICTURES = (
         "Axis rates and accelerations",
         "From the encoders; accelerations are means over half a second. Dashed: limits of the drive.",
         draw_axes,
-        lambda analysis: analysis.recording.get("joint_states") is not None,
+        _has_any("joint_states"),
     ),
     Picture(
         "timing",

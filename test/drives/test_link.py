@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from rf_pointing.drives import LinkParams
-from rf_pointing.drives.link import Link, Opening, SerialLink
+from rf_pointing.drives.link import Link, SerialLink, abandon, opening
 from test.conftest import within
 
 
@@ -77,11 +77,11 @@ def test_a_serial_port_that_takes_no_more_is_a_lost_link(terminal: tuple[int, st
 
 
 def test_a_link_is_opened_meanwhile_and_closed_when_it_is_abandoned(server: socket.socket) -> None:
-    opening = Opening(LinkParams(host="127.0.0.1", port=server.getsockname()[1]), 9600)
-    assert until(opening.result)
+    found = opening(LinkParams(host="127.0.0.1", port=server.getsockname()[1]), 9600)
+    assert until(found.result)
     client, _ = server.accept()
     client.settimeout(5.0)
-    opening.abandon()
+    abandon(found)
     assert client.recv(10) == b""
     client.close()
 
@@ -99,18 +99,18 @@ def test_a_link_that_opens_after_it_was_abandoned_is_closed_at_once(monkeypatch:
         return Slow()
 
     monkeypatch.setattr("rf_pointing.drives.link.open_link", slowly)
-    opening = Opening(LinkParams(), 9600)
-    assert opening.result() is None
+    found = opening(LinkParams(), 9600)
+    assert not found.done()
     until(lambda: threads)
     # A port that never opens must not keep the program from ending.
     assert threads[0].daemon
-    opening.abandon()
+    abandon(found)
     assert not closed.is_set()
     go_on.set()
     assert closed.wait(5.0)
 
 
 def test_a_link_that_cannot_be_opened_says_why() -> None:
-    opening = Opening(LinkParams(device="/dev/nothing"), 9600)
+    found = opening(LinkParams(device="/dev/nothing"), 9600)
     with pytest.raises(OSError, match="/dev/nothing"):
-        until(opening.result)
+        until(found.result)

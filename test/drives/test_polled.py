@@ -3,7 +3,10 @@
 import math
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -104,16 +107,13 @@ def test_attempts_to_reconnect_become_rarer_up_to_the_longest_wait(monkeypatch: 
     attempts: list[float] = []
     now = [0.0]
 
-    class Refused:
-        def __init__(self, *_: object) -> None:
-            attempts.append(now[0])
+    def refused(*_: object) -> Future[Any]:
+        attempts.append(now[0])
+        found = Future[Any]()
+        found.set_exception(ConnectionRefusedError(111, "Connection refused"))
+        return found
 
-        def result(self) -> None:
-            raise ConnectionRefusedError(111, "Connection refused")
-
-        def abandon(self) -> None: ...
-
-    monkeypatch.setattr("rf_pointing.drives.link.Opening", Refused)
+    monkeypatch.setattr("rf_pointing.drives.link.opening", refused)
     drive = make_drive(DriveParams(type="hamlib", link=LinkParams(first_retry_s=0.5, longest_retry_s=4.0)))
     while now[0] < 30.0:
         assert drive.step(now[0]) is None
@@ -201,25 +201,17 @@ def test_before_its_first_tick_a_drive_has_nobody_to_send_to() -> None:
 def test_what_is_commanded_while_the_link_opens_is_not_sent_and_closing_gives_the_link_up(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    abandoned: list[object] = []
-
-    class Waiting:
-        def __init__(self, *_: object) -> None: ...
-
-        def result(self) -> None: ...
-
-        def abandon(self) -> None:
-            abandoned.append(self)
-
-    monkeypatch.setattr("rf_pointing.drives.link.Opening", Waiting)
+    waiting, closed = Future[Any](), list[str]()
+    monkeypatch.setattr("rf_pointing.drives.link.opening", lambda *_: waiting)
     drive = make_drive(DriveParams(type="hamlib"))
     for t_s in (1.0, 2.0):
         assert drive.step(t_s) is None
     drive.go_to(GOAL_RAD)
     drive.stop()
-    assert not abandoned
     drive.close()
-    assert len(abandoned) == 1
+    assert not closed
+    waiting.set_result(SimpleNamespace(close=lambda: closed.append("closed")))
+    assert closed == ["closed"]
 
 
 class Script:
@@ -227,9 +219,6 @@ class Script:
 
     def __init__(self, *_: object) -> None:
         self.arriving, self.written = b"", []
-
-    def result(self) -> "Script":
-        return self
 
     def read(self) -> bytes:
         data, self.arriving = self.arriving, b""
@@ -241,12 +230,18 @@ class Script:
     def close(self) -> None: ...
 
 
+def opened(link: Script) -> Future[Script]:
+    found = Future[Script]()
+    found.set_result(link)
+    return found
+
+
 class Scripted:
     """A drive on such a link: `at` steps it at a time with what has arrived and returns what it wrote."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, type_: str) -> None:
         self.link = Script()
-        monkeypatch.setattr("rf_pointing.drives.link.Opening", lambda *_: self.link)
+        monkeypatch.setattr("rf_pointing.drives.link.opening", lambda *_: opened(self.link))
         self.drive = make_drive(DriveParams(type=type_))
 
     def at(self, t_s: float, arriving: bytes = b"") -> list[bytes]:

@@ -32,9 +32,9 @@ def positions(words: DeviceProtocol, *chunks: bytes) -> list[tuple[float, ...]]:
 )
 def test_requests_are_those_of_the_table(type_: str, model: str, ask: bytes, go: bytes, stop: bytes) -> None:
     words = made(type_, model)
-    assert words.ask().data == ask
+    assert words.ask.data == ask
     assert words.go_to(123.5, 45.25).data == go
-    assert words.stop().data == stop
+    assert words.stop.data == stop
 
 
 def test_the_set_point_of_the_spid_document() -> None:
@@ -62,6 +62,8 @@ ANSWERS = [
     ("spid", "rot2", bytes.fromhex("57 03 07 02 20"), (12.0, 0.0)),
     ("spid", "rot1", bytes.fromhex("57 03 07 02 05 0A 03 09 04 00 0A 20"), (12.5, 34.0)),
     ("spid", "md01", bytes.fromhex("57 08 01 00 00 04 05 04 00 09 04 20"), (450.0, 180.9)),
+    ("spid", "rot2", bytes.fromhex("57 03 07 02 05 05 03 09 04 00 05 20"), (12.5, 34.0)),
+    ("easycomm", "2", b"AZ=093.5 EL=012.0 UP0 XXX DN0 XXX\n", (93.5, 12.0)),
     ("gs232", "", b"AZ=-12.5 EL=045.6\r\n", (-12.5, 45.6)),
     ("gs232", "", b"\r\n>AZ=180  EL=001\r\n", (180.0, 1.0)),
     ("easycomm", "2", b"AZ123 EL45\r\n", (123.0, 45.0)),
@@ -157,7 +159,7 @@ def test_a_controller_without_elevation_is_recognised_or_named(
     assert b"045" not in words.go_to(123.0, 45.0).data
     # Once it is known, nothing else is a position; another connection begins anew.
     assert positions(words, b"AZ=123 EL=045\r\n+0123+0045\r\n") == []
-    words.greeting()
+    words.connected()
     assert words.has_elevation
     assert positions(words, b"AZ=123 EL=045\r\n", b"AZ123.0 EL45.0\n")[0] == (123.0, 45.0)
     assert positions(made(type_, named), answer) == [(azimuth_deg, 0.0)]

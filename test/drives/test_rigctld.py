@@ -8,7 +8,7 @@ import pytest
 from rf_pointing.drives.line_server import Inquiry, LineServer, ServerParams
 from rf_pointing.drives.params import LinkParams
 from rf_pointing.drives.rigctld import RECEIVE, TRANSMIT, RadioView, Rig, RigWords
-from test.drives.test_polled import Script
+from test.drives.test_polled import Script, opened
 from test.drives.test_rotctld_server import talk
 
 
@@ -17,7 +17,7 @@ class Scripted:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, **given: bool) -> None:
         self.link = Script()
-        monkeypatch.setattr("rf_pointing.drives.link.Opening", lambda *_: self.link)
+        monkeypatch.setattr("rf_pointing.drives.link.opening", lambda *_: opened(self.link))
         self.rig, self.codes = Rig(LinkParams(port=4532), **given), list[int]()
 
     def at(self, t_s: float, *arriving: str) -> bytes:

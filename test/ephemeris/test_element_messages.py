@@ -73,13 +73,6 @@ def test_catalogue_numbers_beyond_a_tle_are_kept_and_refused_only_by_the_tle(not
         tle_lines(found)
 
 
-def test_segments_of_one_message_come_in_order() -> None:
-    other = as_xml({**FIELDS, "NORAD_CAT_ID": 100123, "OBJECT_NAME": "SECOND"})
-    second = other[other.index("<segment>") : other.index("</body>")]
-    text = as_xml(FIELDS).replace("</segment>", "</segment>" + second)
-    assert [e.catalogue_number for e in read_elements(text)] == [28057, 100123]
-
-
 @pytest.mark.parametrize("notation", ["json numbers", "json strings", "xml", "csv", "kvn"])
 @pytest.mark.parametrize(
     ("change", "message"),
@@ -139,17 +132,6 @@ def test_an_object_without_a_name_goes_by_its_number_and_brackets_belong_to_a_na
     assert (unnamed.name, unnamed.international_designator) == ("28057", "")
     (bracketed,) = read_elements(as_kvn({**FIELDS, "OBJECT_NAME": "STARLINK-11072 [DTC]"}))
     assert bracketed.name == "STARLINK-11072 [DTC]"
-
-
-def test_a_classification_is_kept_and_without_one_an_object_is_unclassified() -> None:
-    without = {key: value for key, value in FIELDS.items() if key != "CLASSIFICATION_TYPE"}
-    for stated, wanted in (({"CLASSIFICATION_TYPE": "C"}, "C"), ({"CLASSIFICATION_TYPE": ""}, "U"), ({}, "U")):
-        assert read_elements(as_csv(without | stated))[0].classification == wanted
-
-
-def test_old_line_ends_and_a_byte_order_mark_change_nothing() -> None:
-    plain = read_elements(as_csv(FIELDS))
-    assert read_elements("\ufeff" + as_csv(FIELDS)) == read_elements(as_csv(FIELDS).replace("\r\n", "\r")) == plain
 
 
 @pytest.mark.parametrize("key", ["EPOCH", "MEAN_MOTION", "NORAD_CAT_ID", "BSTAR", "ECCENTRICITY"])

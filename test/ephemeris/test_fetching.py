@@ -17,7 +17,6 @@ from urllib.parse import urlsplit
 import pytest
 import requests
 
-from rf_pointing.core.whole_file import DATA_BYTES
 from rf_pointing.ephemeris import fetching, read_elements, tle_lines, verification_elements
 from rf_pointing.ephemeris.element_files import element_files, kept_file
 from rf_pointing.ephemeris.fetching import LONGEST_WAIT_S, Outcome, refresh
@@ -278,10 +277,6 @@ def test_a_header_that_cannot_be_sent_back_is_not_kept(value: str, source: Sourc
     record = next(ask().file.parent.glob(".*.json"))
     record.write_text(record.read_text().replace('"etag": ""', f'"etag": {json.dumps(value)}'))
     assert ask(RULE_S).state == "new"
-
-
-def test_an_answer_that_no_node_would_read_is_not_taken() -> None:
-    assert fetching.MOST_BYTES == DATA_BYTES
 
 
 def test_an_answer_is_read_no_further_than_the_longest_file(

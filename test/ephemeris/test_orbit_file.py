@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
@@ -24,7 +24,7 @@ from rf_pointing.ephemeris import (
     verification_elements,
 )
 from rf_pointing.ephemeris.damaged_states import damaged_state
-from rf_pointing.ephemeris.orbit_file import OrbitFile, decoded, read_elements, read_orbits
+from rf_pointing.ephemeris.orbit_file import FORMATS, OrbitFile, decoded, read_elements, read_orbits
 from rf_pointing.ephemeris.source import SourceParams, load_target
 
 DATA = Path(__file__).parent / "data" / "orbits"
@@ -117,6 +117,23 @@ TLE_FORMS = {
     "pages of SatNOGS": json.dumps({"count": 3, "next": None, "results": [
         {"tle0": name, "tle1": first, "tle2": second, "tle_source": "{Space-Track}"} for name, first, second in LINES
     ]}, indent=2),
+    "observations of SatNOGS": json.dumps([
+        {"id": 1, "tle": f"0 {name}\n{first}\n{second}", "demoddata": [{"payload_demod": "x"}]}
+        for name, first, second in LINES
+    ]),
+    "Stellarium": json.dumps({"creator": "Satellites plugin version 0.11", "hintColor": [0.0, 0.4], "satellites": {
+        first[2:7]: {"name": name, "tle1": first, "tle2": second, "comms": [{"hz": 1}, {"hz": 2}]}
+        for name, first, second in LINES
+    }}, indent=2),
+    "lists of JSON": json.dumps(LINES),
+    "N2YO": json.dumps([
+        {"info": {"satname": name, "satid": 5}, "tle": f"{first}\r\n{second}"} for name, first, second in LINES
+    ]),
+    "TOML": joined('[[satellite]]\nname = "{name}"\nline1 = "{first}"\nline2 = "{second}"\n\n'),
+    "block of YAML": joined("  - name: {name}\n    tle: |\n      {first}\n      {second}\n"),
+    "dump of SQL": joined("INSERT INTO tle VALUES (1,'{name}','{first}','{second}');\n"),
+    "XML of its own": joined("<tle><name>{name}</name>\n<line1>{first}</line1><line2>{second}</line2></tle>\n"),
+    "table of a wiki": joined("| {name} | {first} | {second} |\n"),
     "no checksums": joined("{name}\n{first:.68}\n{second:.68}\n"),
 }  # fmt: skip
 
@@ -128,16 +145,8 @@ def test_every_dress_of_a_tle_gives_the_same_orbits(form: str) -> None:
     assert [dataclasses.replace(one, name="") for one in found.elements] == [
         dataclasses.replace(one, name="") for one in read_elements(joined("{first}\n{second}\n"))
     ]
-    if form not in ("table", "list of Python", "quoted in a mail", "keys of YAML"):
-        assert [one.name for one in found.elements] == [one.name for one in SETS]
+    assert [one.name for one in found.elements] == [one.name for one in SETS]
     assert bool(found.notes) == (form == "no checksums")
-
-
-def test_both_lines_in_one_text_of_json_are_read() -> None:
-    """As the service of N2YO sends them."""
-    name, first, second = LINES[0]
-    text = json.dumps({"info": {"satname": name, "satid": 5}, "tle": f"{first}\r\n{second}"})
-    assert [one.catalogue_number for one in read_elements(text)] == [SETS[0].catalogue_number]
 
 
 FOREIGN = {
@@ -147,6 +156,7 @@ FOREIGN = {
     "RINEX": " " * 5 + "3.04           N: GNSS NAV DATA    M: MIXED".ljust(55) + "RINEX VERSION / TYPE\n",
     "a YUMA almanac": "******** Week 238 almanac for PRN-01 ********\nID: 01\n",
     "a SPICE kernel": "KPL/MK\n",
+    "AMSAT's elements in words": "Satellite: AO-07\nCatalog number: 07530\nEpoch time:      26329.12345678\n",
     "a calendar": "BEGIN:VCALENDAR\n",
     "a PDF": "%PDF-1.7\n",
     "compressed": decoded(b"\x1f\x8b\x08\x00rest"),
@@ -186,6 +196,8 @@ NOTATIONS = {
     "JSON on many lines": json.dumps(MANY, indent=1),
     "CSV": "\n".join([",".join(OMM), *(",".join(map(str, one.values())) for one in MANY)]),
     "quoted CSV": "\n".join([",".join(OMM), *(",".join(f'"{v}"' for v in one.values()) for one in MANY)]),
+    "CSV by semicolons": "\n".join([";".join(OMM), *(";".join(map(str, one.values())) for one in MANY)]),
+    "CSV by tabs": "\n".join(["\t".join(OMM), *("\t".join(map(str, one.values())) for one in MANY)]),
     "XML": f"<ndm>{''.join(map(in_xml, MANY))}</ndm>",
     "XML with prefixes": f"<n:ndm xmlns:n='x'>{''.join(in_xml(one, 'n:') for one in MANY)}</n:ndm>",
     "KVN": "".join("\n".join(["CCSDS_OMM_VERS = 3.0", *(f"{k} = {v}" for k, v in one.items()), ""]) for one in MANY),
@@ -305,7 +317,6 @@ def mutants(text: str, alphabet: str) -> st.SearchStrategy[str]:
     return st.builds(damaged, st.integers(0, len(text) - 1), st.sampled_from(alphabet), kinds)
 
 
-TWO = "\n".join("\n".join(lines) for lines in LINES[:2]) + "\n"
 ANY = "".join(map(chr, range(32, 127))) + "\n\t\ufffd"
 
 
@@ -322,20 +333,27 @@ def refused(text: str, *, reason: str = "") -> OrbitFile | None:
         return None
 
 
-@given(mutants(TWO, ANY))
+# A digit for a digit is beyond any reader where there is no checksum.
+CHECKED = sorted(TLE_FORMS.keys() - {"no checksums"})
+
+
+@settings(max_examples=300)
+# A hash makes a comment of a line.
+@given(st.sampled_from(CHECKED).flatmap(lambda form: mutants(TLE_FORMS[form], ANY.replace("#", ""))))
 def test_no_byte_of_a_tle_makes_another_orbit(text: str) -> None:
     """The checksum finds most; the columns find what it counts as nothing."""
     wanted = {one.catalogue_number: orbit(one) for one in SETS}
-    found = refused(text)
+    found = refused(text, reason=r"line \d|holds no elements")
     for one in found.elements if found else ():
         assert orbit(one) == pytest.approx(wanted[one.catalogue_number], abs=1e-5)
-    assert found is None or len(found.elements) + len(found.refused) >= 2
+    assert found is None or len(found.elements) + len(found.refused) >= len(SETS)
     assert found is None or all(reason.startswith("line ") for reason in found.refused)
 
 
-FRAMED = [name for name in sorted(NOTATIONS) if name != "CSV"]
+FRAMED = [name for name in sorted(NOTATIONS) if "CSV" not in name or "quoted" in name]
 
 
+@example(json.dumps(MANY, indent=1).replace("594e-05", "}594e-05", 1))
 @given(st.sampled_from(FRAMED).flatmap(lambda name: mutants(NOTATIONS[name], "xX{}<>\"',;:=\n ")))
 def test_no_byte_of_the_frame_of_an_omm_makes_another_orbit(text: str) -> None:
     """A digit for a digit, or one less, is beyond any reader: these notations have no checksum."""
@@ -378,12 +396,10 @@ def eccentric(step_s: float, place: int, turn: float) -> tuple[np.ndarray, np.nd
 ORBITS = st.builds(eccentric, st.floats(10.0, 240.0), st.integers(0, 350), st.floats(0.0, 3.1))
 
 
-# From 135 s on a state six steps before a perigee of e = 0.7 can be off without being found.
-CLOSE_ORBITS = st.builds(eccentric, st.floats(10.0, 120.0), st.integers(0, 350), st.floats(0.0, 3.1))
-
-
 @settings(max_examples=30)
-@given(CLOSE_ORBITS, st.integers(0, 20), st.booleans(), st.floats(0.0, 6.3), st.floats(1.0, 100.0))
+@example(eccentric(135.0, 1, 1.6), 4, True, 0.0, 1.0)
+@example(eccentric(200.0, 1, 1.6), 4, True, 0.0, 1.0)
+@given(ORBITS, st.integers(0, 20), st.booleans(), st.floats(0.0, 6.3), st.floats(1.0, 100.0))
 def test_one_state_off_its_orbit_is_found_and_an_orbit_is_not(
     orbit: tuple[np.ndarray, np.ndarray, np.ndarray], row: int, moving: bool, way: float, factor: float
 ) -> None:
@@ -393,10 +409,13 @@ def test_one_state_off_its_orbit_is_found_and_an_orbit_is_not(
     low = 398600.4418e9 / np.linalg.norm(position, axis=1).min() ** 3
     truncated = 2.0 * 30.0 * (math.sqrt(2.0 * low) * 2.0 * (times[1] - times[0])) ** 5 * 4e7 / 240.0
     position[row] += (300.0 + truncated) * factor * np.array([math.cos(way), math.sin(way), 0.0])
+    assume(np.linalg.norm(position[row]) > 0.9 * 6378137.0)  # is refused without its neighbours
     assert damaged_state(times, position, speeds, turning=False)[0] == row
 
 
 @settings(max_examples=30)
+@example(eccentric(114.0, 0, 0.0), 6, 1.0, 3.0)
+@example(eccentric(60.0, 2, 1.08), 16, 0.0, 34.2)
 @given(ORBITS, st.integers(3, 17), st.floats(0.0, 1.0), st.floats(0.001, 300.0))
 def test_a_manoeuvre_is_not_a_damaged_state(
     orbit: tuple[np.ndarray, np.ndarray, np.ndarray], row: int, share: float, speed: float
@@ -408,27 +427,27 @@ def test_a_manoeuvre_is_not_a_damaged_state(
     assert damaged_state(times, position, velocity, turning=False)[0] == -1
 
 
-class Ephemeris:
-    """A file in one form, which a failing example does not print."""
-
-    def __init__(self, text: str) -> None:
-        self.text = text
+def ephemerides(oem: str) -> dict[str, str]:
+    parts = parts_of(oem)
+    return {"OEM": oem, "MEME": as_meme(*parts), **{form: write(*parts) for form, (write, _) in TABLES.items()}}
 
 
 @pytest.fixture(scope="module", params=["OEM", "OEM in XML", "MEME", "CPF", "SP3"])
-def ephemeris(request: pytest.FixtureRequest, oem: str) -> Ephemeris:
-    parts = parts_of(oem)
-    tables = {"OEM": oem, "MEME": as_meme(*parts), **{form: write(*parts) for form, (write, _) in TABLES.items()}}
-    return Ephemeris(tables[request.param])
+def ephemeris(request: pytest.FixtureRequest, oem: str) -> str:
+    return ephemerides(oem)[request.param]
+
+
+def test_every_format_that_is_read_is_among_those_whose_bytes_are_damaged(oem: str) -> None:
+    texts = [*TLE_FORMS.values(), *(NOTATIONS[name] for name in FRAMED), *ephemerides(oem).values()]
+    assert {read_orbits(text).format for text in texts} == {form.name for form in FORMATS if form.read}
 
 
 @settings(max_examples=30)
 @given(data=st.data())
-def test_no_byte_of_an_ephemeris_makes_another_orbit(data: st.DataObject, ephemeris: Ephemeris) -> None:
+def test_no_byte_of_an_ephemeris_makes_another_orbit(data: st.DataObject, ephemeris: str) -> None:
     """A digit that moves a state by more than 0.1 km is found by its neighbours."""
-    text = ephemeris.text
-    (wanted,) = read_orbits(text).segments
-    damaged = data.draw(mutants(text, ANY))
+    (wanted,) = read_orbits(ephemeris).segments
+    damaged = data.draw(mutants(ephemeris, ANY))
     found = refused(damaged, reason=r"line \d|must be|must read|holds no elements|lacks|whole")
     if found is None:
         return

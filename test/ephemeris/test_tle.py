@@ -54,13 +54,6 @@ def test_a_classification_is_read_and_without_one_an_object_is_unclassified() ->
         assert found.classification == wanted
 
 
-def test_names_come_from_the_line_above() -> None:
-    assert read_elements(f"CBERS 2\n{LINE1}\n{LINE2}\n")[0].name == "CBERS 2"
-    assert read_elements(f"0 CBERS 2\r\n{LINE1}\r\n{LINE2}")[0].name == "CBERS 2"
-    assert read_elements(f"# a comment\n\n{LINE1}\n{LINE2}   0.0   2880.0   120.00")[0].name == "28057"
-    assert "CBERS 2" in {elements.name for elements in verification_elements()}
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -149,12 +142,6 @@ def test_the_verification_file_comes_back_column_by_column() -> None:
         first, second = tle_lines(elements)
         assert second == line2
         assert line1[2:7] in ODD or first == line1
-
-
-def test_numbers_up_to_339999_are_written_in_alpha5(cbers: Elements) -> None:
-    large = dataclasses.replace(cbers, catalogue_number=271828)
-    assert tle_lines(large)[0][2:7] == "T1828"
-    assert read_elements("\n".join(tle_lines(large)))[0].catalogue_number == 271828
 
 
 def test_angles_that_round_to_a_full_turn_become_zero(cbers: Elements) -> None:

@@ -114,25 +114,57 @@ def test_a_command_that_cannot_be_used_is_counted_with_its_reason(make_bench: Ma
     assert any(words.startswith("command rejected: unknown joint roll") for _, words in bench.log)
 
 
-def test_a_command_with_stamp_0_begins_now_unless_it_is_signed(make_bench: MakeBench, tmp_path: Path) -> None:
-    """As the controllers of ROS have it; points of positions alone are legal."""
-    for key in ("", str(tmp_path / "command.key")):
-        bench = make_bench(AntennaServo, command_key_file=key).up()
-        take_a_command_now(bench, key)
+# Times of the points, what they carry besides positions, the stamp (None: 0), and the joints.
+BOTH, TURNED = ["azimuth", "elevation"], ["elevation", "azimuth"]
+GOALS: dict[str, tuple[tuple[float, ...], tuple[str, ...], float | None, list[str]]] = {
+    "one point": ((1.0,), (), None, BOTH),
+    "a point at once": ((0.0, 1.0), (), None, BOTH),
+    "at once alone": ((0.0,), (), None, BOTH),
+    "elevation first": ((1.0,), (), None, TURNED),
+    "with rates": ((0.2, 1.0), ("velocities",), None, BOTH),
+    "with accelerations": ((0.2, 1.0), ("velocities", "accelerations"), None, BOTH),
+    "with efforts": ((0.5, 1.0), ("effort",), None, BOTH),
+    "in nanoseconds": ((0.123456789, 0.987654321), (), None, BOTH),
+    "many points": (tuple(0.1 * k for k in range(1, 11)), (), None, BOTH),
+    "stamped now": ((1.0,), (), 0.0, BOTH),
+    "stamped ahead": ((0.2, 0.7), (), 0.3, BOTH),
+    "stamped before": ((0.5, 1.5), (), -0.3, TURNED),
+}
 
 
-def take_a_command_now(bench: Any, key: str) -> None:
+@pytest.mark.parametrize("goal", GOALS)
+def test_what_is_legal_for_controllers_of_ros_reaches_its_last_point(make_bench: MakeBench, goal: str) -> None:
+    """Stamp 0 begins now; points of positions alone, or with rates at rest, in any order of joints."""
+    times, fields, stamp_s, joints = GOALS[goal]
+    bench = make_bench(AntennaServo).up()
+    bench.run(0.1)
+    place = place_deg(bench)
+    message = JointTrajectory(joint_names=joints)
+    message.header.stamp = stamp_from_seconds(0.0 if stamp_s is None else bench.t_s + stamp_s)
+    wanted = place[0] + 0.3, place[1] - 0.3
+    positions = [math.radians(wanted[BOTH.index(joint)]) for joint in joints]
+    for time_s in times:
+        point = JointTrajectoryPoint(positions=positions, **{field: [0.0, 0.0] for field in fields})
+        point.time_from_start.nanosec, point.time_from_start.sec = round(time_s % 1.0 * 1e9), int(time_s)
+        message.points.append(point)
+    bench.give("joint_trajectory", message)
+    bench.run(4.0)
+    values = bench.health("drive").values
+    assert (values["commands_rejected"], values["commands_accepted"]) == ("0", "1"), values["last_rejection"]
+    assert place_deg(bench) == pytest.approx(wanted, abs=0.02)
+
+
+def test_a_signed_command_must_have_its_time(make_bench: MakeBench, tmp_path: Path) -> None:
+    key = str(tmp_path / "command.key")
+    bench = make_bench(AntennaServo, command_key_file=key).up()
     bench.run(0.1)
     now = command(bench, *place_deg(bench))
     now.header.stamp = stamp_from_seconds(0.0)
-    now.points[0].velocities, now.points[0].accelerations = [], []
-    now.points[0].time_from_start.nanosec = 200_000_000
     give(bench, now, key)
     bench.run(0.1)
     values = bench.health("drive").values
-    refused = "1" if key else "0"
-    assert (values["commands_rejected"], values["commands_accepted"]) == (refused, "0" if key else "1")
-    assert not key or values["last_rejection"].startswith("a signed command has stamp 0")
+    assert (values["commands_rejected"], values["commands_accepted"]) == ("1", "0")
+    assert values["last_rejection"].startswith("a signed command has stamp 0")
 
 
 def test_faults_are_injected_where_that_is_enabled_alone(make_bench: MakeBench) -> None:

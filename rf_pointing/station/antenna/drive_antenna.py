@@ -233,9 +233,10 @@ class DriveAntenna(ControlUnit):
 
     def status(self, t_s: float) -> AntennaStatus:
         """Return the status at `t_s`, with what the device was sent."""
-        counts = self.hardware.rotator.counts()
+        counts = self.hardware.rotator.counts
+        (first, second), (back, down) = counts.starts, counts.reversals
         return dataclasses.replace(
-            super().status(t_s), set_points=counts.commands, starts=counts.starts, reversals=counts.reversals
+            super().status(t_s), set_points=counts.commands, starts=(first, second), reversals=(back, down)
         )
 
     def accept(self, trajectory: JointTrajectory, now_s: float, commander: str = "") -> str:

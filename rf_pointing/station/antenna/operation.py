@@ -200,7 +200,7 @@ class AntennaOperation:
         """Return what a real drive was sent, and how it answers."""
         assert isinstance(self.antenna, DriveAntenna)
         hardware, rotator = self.antenna.hardware, self.antenna.hardware.rotator
-        reading, counts = rotator.reading, rotator.counts()
+        reading, counts = rotator.reading, rotator.counts
         assert reading is not None
         values: dict[str, object] = {f"lost {name}": count for name, count in hardware.drive.losses.items()} | {
             "set_points": counts.commands,
