@@ -45,9 +45,9 @@ from rf_pointing_msgs.srv import SignedCall
 from std_srvs.srv import Trigger
 from two_computers import computers, why_not
 
-from rf_pointing.operations.pass_list import to_json
 from rf_pointing.operations.schedule import ScheduledPass
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.convert_planning import scheduled_to_message
 from rf_pointing.ros.leased_services import SIGNED, Caller
 from rf_pointing.ros.main_loop import DEAF
 from rf_pointing.ros.qos import STATUS
@@ -608,7 +608,7 @@ def begin_night(station: Attacked) -> str:
                         los_t_s=middle_s + 230.0, sensor="program")  # fmt: skip
     client = ActionClient(station.node, RunSchedule, "run_schedule")
     station.until(client.server_is_ready, "run_schedule")
-    sent = client.send_goal_async(RunSchedule.Goal(schedule=to_json([one])))
+    sent = client.send_goal_async(RunSchedule.Goal(passes=[scheduled_to_message(one)]))
     station.until(sent.done, "an answer of run_schedule")
     station.until(lambda: station.tracking.target == name, f"the pass of {name}")
     station.until(lambda: station.now_off_deg(name) < ON_SOURCE_DEG, "the satellite")
@@ -673,7 +673,7 @@ def second_executive(ends: ExitStack, folder: Path, drive: str, other: str, shar
     statuses: dict[str, ExecutiveStatus] = {}
 
     def note(message: ExecutiveStatus) -> None:
-        statuses[message.header.frame_id.rpartition(" ")[2]] = message
+        statuses[message.process] = message
 
     station.node.create_subscription(ExecutiveStatus, "executive_status", note, STATUS)
     second = folder / "second"

@@ -39,8 +39,8 @@ from rf_pointing_msgs.msg import ExecutiveStatus, Schedule
 
 from rf_pointing.core import angular_distance_rad
 from rf_pointing.ephemeris import find_passes
-from rf_pointing.operations.pass_list import to_json
 from rf_pointing.operations.schedule import ScheduledPass
+from rf_pointing.ros.convert_planning import scheduled_to_message
 from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 
 NODES = (
@@ -118,7 +118,7 @@ class Soak:
         listen(DiagnosticArray, "alarms", self._on_alarm, STREAM)
         client = ActionClient(station.node, RunSchedule, "run_schedule")
         station.until(client.server_is_ready, "run_schedule")
-        sent = client.send_goal_async(RunSchedule.Goal(schedule=to_json(self.passes)))
+        sent = client.send_goal_async(RunSchedule.Goal(passes=list(map(scheduled_to_message, self.passes))))
         station.until(lambda: self.status.state == "running" and sent.done(), "the night")
 
     def _on_alarm(self, message: DiagnosticArray) -> None:

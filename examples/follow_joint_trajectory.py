@@ -20,8 +20,7 @@ from rf_pointing_msgs.msg import AntennaStatus
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.ros.command_key import CommandKey
-from rf_pointing.ros.qos import COMMAND
+from rf_pointing.ros.signed_commands import CommandSender
 from rf_pointing.station.parameters import CommandKeyParams
 
 AHEAD, REACH, PERIOD_S = Duration(seconds=0.1), Duration(seconds=10.0), 0.2
@@ -39,9 +38,7 @@ class Bridge(Node):
         self.axes: dict[str, float] = {}
         self.status, self.goal = AntennaStatus(), None
         key_file = self.declare_parameter("command_key_file", "").value
-        topic = self.resolve_topic_name("joint_trajectory")
-        self.key = CommandKey(CommandKeyParams(command_key_file=key_file), topic)
-        self.commands = self.create_publisher(JointTrajectory, "joint_trajectory", COMMAND)
+        self.commands = CommandSender(self, CommandKeyParams(command_key_file=key_file))
         self.create_subscription(JointState, "joint_states", self.read, 10)
         self.create_subscription(AntennaStatus, "antenna_status", self.note, 10)
         self.server = ActionServer(
@@ -95,8 +92,7 @@ class Bridge(Node):
         # The same points again would be refused as a duplicate.
         if command.points and begin != self.begin:
             self.begin = begin
-            self.key.sign(command, self.get_fully_qualified_name())
-            self.commands.publish(command)
+            self.commands.send(command)
         target = dict(zip(wanted.joint_names, wanted.points[-1].positions, strict=True))
         allowed = {each.name: each.position for each in self.goal.request.goal_tolerance}
         off = {name: abs(self.axes.get(name, 1e9) - angle) for name, angle in target.items()}

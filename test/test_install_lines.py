@@ -97,7 +97,9 @@ def rosdep(workspace: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
 
 def test_rosdep_resolves_every_dependency_of_both_packages(workspace: Path, rosdep: dict[str, str]) -> None:
     line = [*ROSDEP, *words("rosdep install")[1:]]
-    found = run([*line, "--simulate", "--rosdistro", "jazzy", "--os", "ubuntu:noble"], workspace, **rosdep)
+    found = run(
+        [*line, "--reinstall", "--simulate", "--rosdistro", "jazzy", "--os", "ubuntu:noble"], workspace, **rosdep
+    )
     assert found.returncode == 0, found.stderr
     installed = set(re.findall(r"apt-get install -y (\S+)", found.stdout))
     assert {"ros-jazzy-rclpy", "ros-jazzy-rosidl-default-generators", "python3-numpy"} <= installed

@@ -3,14 +3,14 @@
 Subscribes: target, joint_states, antenna_status, pointing_error, pointing_model, pass_profiles;
 weather/temperature (sensor_msgs/Temperature) for the thermal terms of a model, without which a pass
 is refused.
-Publishes: joint_trajectory (10 Hz while a pass is tracked), tracking_status (10 Hz),
-pass_certificate (latched).
+Publishes: joint_trajectory and command_signature (10 Hz while a pass is tracked), tracking_status
+(10 Hz), pass_certificate (latched).
 Action: track_pass (rf_pointing_msgs/TrackPass); a pass by satellite and time is one that
 ephemeris_publisher/select_target finds.
 Services (std_srvs/Trigger): ~/stop ends the pass under control; ~/calibrate runs the circle on
 which the monopulse tracker calibrates its feed.
 Parameters: those of `ControllerParams`, certificate_folder (where every certificate is stored
-as a file; empty: nowhere), and command_key_file (the key that signs joint_trajectory).
+as a file; empty: nowhere), and command_key_file (the key that signs the commands).
 """
 
 import time
@@ -20,7 +20,6 @@ from sensor_msgs.msg import Temperature
 from std_srvs.srv import Trigger
 
 from rf_pointing.ros import convert
-from rf_pointing.ros.command_key import CommandKey
 from rf_pointing.ros.convert_calibration import model_from_message
 from rf_pointing.ros.convert_planning import profile_from_message
 from rf_pointing.ros.graph import TEMPERATURE
@@ -57,8 +56,7 @@ class PointingControllerNode(StationNode):
         if self.get_parameter("use_sim_time").value:
             # Simulated time waits for the period, also on a busy machine.
             goals.longest_wait_s = SIMULATED_WAIT_S
-        key = CommandKey(self.parameters.value("key"), self.resolve_topic_name("joint_trajectory"))
-        self._server.configure(goals, key)
+        self._server.configure(goals, self.parameters.value("key"))
 
         def take_status(message: ours.AntennaStatus) -> None:
             core.take_antenna(message.mode, message.fault)

@@ -5,11 +5,11 @@ satellite of the ephemeris publisher's elements become its pass, tracked by `tra
 followed, through the safety gate of the antenna like any commander (`station/clients/`).
 
 Subscribes: joint_states, antenna_status, tracking_status, executive_status, pointing_model.
-Publishes: joint_trajectory (10 Hz, while it follows points itself).
+Publishes: joint_trajectory and command_signature (10 Hz, while it follows points itself).
 Uses: antenna_servo/go_to, park, resume; pointing_controller/stop;
 ephemeris_publisher/select_target and its parameter source.elements; track_pass.
 Parameters: server.* (address, port, who may connect), follow.* and match.* (what points mean),
-sensor, identify, command_key_file (the key that signs joint_trajectory and calls).
+sensor, identify, command_key_file (the key that signs commands and calls).
 """
 
 import math
@@ -21,17 +21,16 @@ from typing import Any
 
 from rf_pointing_msgs import msg as ours
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.drives.line_server import IO_ERROR, REJECTED, Inquiry, LineServer
 from rf_pointing.drives.rotctld import RotatorWords, StationView
 from rf_pointing.ros import convert, convert_calibration
-from rf_pointing.ros.command_key import CommandKey
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS
 from rf_pointing.ros.main_loop import read_token, run
-from rf_pointing.ros.qos import COMMAND, LATCHED, STATUS, STREAM
+from rf_pointing.ros.qos import LATCHED, STATUS, STREAM
 from rf_pointing.ros.repeated_call import ParametersOf
+from rf_pointing.ros.signed_commands import CommandSender
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.ros.station_node import StationNode
 from rf_pointing.station.clients.points import Follower, KnownSatellites
@@ -69,8 +68,7 @@ class RotctldServerNode(StationNode):
         self._elements = ParametersOf(self, "ephemeris_publisher", ["source.elements"], RELOAD_S)
         for part in (self._sender, self._elements, self._known):
             self._at_cleanup.callback(part.close)
-        self._commands = self.publisher(JointTrajectory, "joint_trajectory", COMMAND)
-        self._key = CommandKey(value("key"), self.resolve_topic_name("joint_trajectory"))
+        self._commands = CommandSender(self, value("key"), self.publisher)
         joints = convert.joints_from_message
         self._latest = self.listen_latest(JointState, "joint_states", joints, STREAM, required=True)
         self.listen(ours.AntennaStatus, "antenna_status", self._on_antenna, STATUS, required=True)
@@ -117,9 +115,7 @@ class RotctldServerNode(StationNode):
             self._known.load(values["source.elements"], t_s)
         trajectory = self._steering.step(t_s, time.monotonic())
         if trajectory is not None:
-            command = convert.trajectory_to_message(trajectory, t_s)
-            self._key.sign(command, self.get_fully_qualified_name())
-            self._commands.publish(command)
+            self._commands.send(convert.trajectory_to_message(trajectory, t_s))
 
     def _on_antenna(self, m: ours.AntennaStatus) -> None:
         self._steering.note_antenna(m.mode, m.fault, m.commander, m.commands_rejected, m.last_rejection)

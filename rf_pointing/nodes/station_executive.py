@@ -26,6 +26,7 @@ from std_srvs.srv import Trigger
 
 from rf_pointing import __version__
 from rf_pointing.ros import night_messages as messages
+from rf_pointing.ros.convert_planning import scheduled_from_messages
 from rf_pointing.ros.directives import DirectiveSender
 from rf_pointing.ros.graph import EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.ros.main_loop import run
@@ -66,7 +67,8 @@ class StationExecutive(StationNode):
             self.serve_action(Trigger, f"~/{name}", lambda _, name=name: self._shown(watch.request(name, self.now_s())))
         self.serve_action(Named, "~/skip", lambda r: watch.night.skip(r.name, self.now_s()))
         self.serve_action(Named, "~/acknowledge", lambda r: watch.acknowledge(r.name, self.now_s()))
-        change = lambda r: self._shown(watch.change(r.add, r.remove, self.now_s()))  # noqa: E731
+        passes = scheduled_from_messages
+        change = lambda r: self._shown(watch.change(passes(r.add), r.remove, self.now_s()))  # noqa: E731
         self.serve_action(ChangeSchedule, "~/change_schedule", change)
         self.diagnostics.add_report("night", watch.health)
 
@@ -116,7 +118,7 @@ class StationExecutive(StationNode):
         messages.log(self, text, good=good)
 
     def _begin(self, request: RunSchedule.Goal) -> None:
-        self.watch.start(request.schedule, request.resume, self.now_s())
+        self.watch.start(scheduled_from_messages(request.passes), request.resume, self.now_s())
         self._shown()
 
     def _shown(self, answer: str = "") -> str:

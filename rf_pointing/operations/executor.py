@@ -32,6 +32,11 @@ class BlockState(StrEnum):
     SKIPPED = "skipped"
 
 
+def block_text(name: str, state: str, reason: str) -> str:
+    """Return what an operator reads of a block."""
+    return f"{name}: {state}" + (f", {reason}" if reason else "")
+
+
 DONE = (BlockState.COMPLETED, BlockState.SKIPPED)
 _RESTARTED = "the executive was restarted here"
 

@@ -15,7 +15,7 @@ from typing import Any
 from rf_pointing.core.pass_outcome import LEAST_SHARE, LOSS_OF_SIGNAL
 from rf_pointing.core.types import Pair
 from rf_pointing.operations.alarms import Alarm, AlarmBook
-from rf_pointing.operations.executor import BlockState, Executor, JournalEntry
+from rf_pointing.operations.executor import BlockRun, BlockState, Executor, JournalEntry
 from rf_pointing.operations.expected_state import ExpectedState
 from rf_pointing.operations.pass_work import PassRecord, PassWork, record_from, record_of
 from rf_pointing.operations.procedure import Directive, Procedure
@@ -500,12 +500,11 @@ class Night:
     def _note(self, t_s: float, block: str, event: str, detail: str = "") -> None:
         self.journal.append(JournalEntry(t_s, block, "", event, detail))
 
-    def blocks(self) -> list[str]:
-        """Return the blocks of the present procedures that are neither over nor inactive."""
+    def blocks(self) -> list[tuple[str, BlockRun]]:
+        """Return name and run of each block of the present procedures that has begun and lasts."""
         running = [each for each in (self._work and self._work.executor, self._action) if each]
         return [
-            f"{name}: {run.state}" + (f", {run.reason}" if run.reason else "")
-            for executor in running for name, run in executor.runs.items()
+            (name, run) for executor in running for name, run in executor.runs.items()
             if run.state in (BlockState.EXECUTING, BlockState.PAUSED, BlockState.ANOMALY)
         ]  # fmt: skip
 

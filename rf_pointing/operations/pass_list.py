@@ -11,15 +11,14 @@ import json
 import math
 import re
 import warnings
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from rf_pointing.core.checks import brief, id_of, is_number
+from rf_pointing.core.checks import brief, is_number
 from rf_pointing.core.dates import parse_utc, utc_text
 from rf_pointing.core.whole_file import parse_json
-from rf_pointing.operations.schedule import MOST_PASSES, ScheduledPass
+from rf_pointing.operations.schedule import MOST_PASSES, ScheduledPass, require_each_once
 
 _PLANNED = ("", "tracked")
 """Fates of rows of `plan_passes` that a schedule takes, unless all are wanted."""
@@ -56,8 +55,7 @@ def read_passes(text: str, *, every: bool = True) -> list[ScheduledPass]:
         _pass_of(number, row) for number, row in enumerate(rows, start=1)
         if every or row.get("fate") in (*_PLANNED, None)
     ]  # fmt: skip
-    if twice := sorted(each for each, count in Counter(item.id for item in found).items() if count > 1):
-        raise ValueError(f"pass {', '.join(twice[:3])} is in the list twice")
+    require_each_once(found)
     return found
 
 
@@ -169,7 +167,7 @@ def _pass_of(number: int, row: Mapping[str, Any]) -> ScheduledPass:
         path = tuple(_number(row, key) for key in _PATH)
         known = all(math.isfinite(value) for value in path)
         return ScheduledPass(
-            id=_text(row, "id") or f"{id_of(target)}-{round(0.5 * (aos_t_s + los_t_s))}",
+            id=_text(row, "id"),
             target=target,
             name=_text(row, "name") or target,
             priority=_whole(row, "priority"),

@@ -11,13 +11,14 @@ planned, the other does not plan.
 
 import dataclasses
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.core.checks import require_id, require_name
+from rf_pointing.core.checks import id_of, require_id, require_name
 from rf_pointing.core.types import Pair
 from rf_pointing.planning import AxisLimits, AxisRates, Candidate, reasons_against, turns_within
 from rf_pointing.planning.schedule import schedule
@@ -49,13 +50,14 @@ OPEN = (PassState.WAITING, PassState.YIELDS)
 class ScheduledPass:
     """One pass of the list; `azimuth_path_rad` is rise, smallest, largest and set, continuous.
 
-    Without a path the turns between passes are taken to be the longest that the antenna has.
+    Without a path the turns between passes are taken to be the longest that the antenna has.  An
+    empty `id` is made of target and time.
     """
 
-    id: str
     target: str
     aos_t_s: float
     los_t_s: float
+    id: str = ""
     name: str = ""
     priority: int = 0
     peak_rad: float = 0.0
@@ -68,6 +70,8 @@ class ScheduledPass:
     """Whether it is a piece of a longer stay, in a gap between passes."""
 
     def __post_init__(self) -> None:
+        if not self.id:
+            object.__setattr__(self, "id", f"{id_of(self.target)}-{round(0.5 * (self.aos_t_s + self.los_t_s))}")
         # The name of its recording's folder.
         require_id("id", self.id)
         for key in ("target", "name", "antenna", "sensor"):
@@ -83,6 +87,12 @@ class ScheduledPass:
     def duration_s(self) -> float:
         """Time from rise to set."""
         return self.los_t_s - self.aos_t_s
+
+
+def require_each_once(passes: Sequence[ScheduledPass]) -> None:
+    """Raise ValueError, naming the first three, for passes that are in a list twice."""
+    if twice := sorted(each for each, count in Counter(item.id for item in passes).items() if count > 1):
+        raise ValueError(f"pass {', '.join(twice[:3])} is in the list twice")
 
 
 @dataclass(slots=True)

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import Vector3Stamped
-from rf_pointing_msgs.msg import AntennaStatus, Boresight
+from rf_pointing_msgs.msg import AntennaStatus, Boresight, CommandSignature
 from rf_pointing_msgs.srv import GoTo, InjectFault, StowInFault
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -20,19 +20,21 @@ from rf_pointing.ros import convert
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.convert import pair
 from rf_pointing.ros.diagnostics import Health
-from rf_pointing.ros.graph import WIND
+from rf_pointing.ros.graph import COMMANDS, SIGNATURES, WIND
 from rf_pointing.ros.identification_server import IdentificationServer
 from rf_pointing.ros.leased_services import LeasedServices
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import COMMAND_INPUT, SAMPLES, STATUS, STREAM
+from rf_pointing.ros.signed_commands import CommandPairs
 from rf_pointing.ros.stamps import seconds_from_stamp
-from rf_pointing.ros.streams import STAMP_RESOLUTION_S
+from rf_pointing.ros.streams import STAMP_RESOLUTION_S, checked_message
 from rf_pointing.station.antenna.control_unit import AntennaStatus as ControlUnitStatus
 from rf_pointing.station.antenna.modes import OPERATED
 from rf_pointing.station.antenna.operation import AntennaOperation, Tick
 from rf_pointing.station.antenna.simulated_antenna import SimulatedAntenna
 
 HEAD_BYTES = 4096
+"""Longest head of a command, and longest signature."""
 EARLY_S, MOST_EARLY = 0.5, 10
 """How far ahead of the ticks, and how many, commands in simulated time wait for them."""
 antenna_status_to_message, _ = pair(ControlUnitStatus, AntennaStatus)
@@ -48,7 +50,7 @@ class AntennaServer:
         self._joints = node.publisher(JointState, "joint_states", STREAM)
         self._boresight = node.stream(Boresight, "sim/boresight", SAMPLES)
         self._status = node.stream(AntennaStatus, "antenna_status", STATUS)
-        self._key = CommandKey(key, node.resolve_topic_name("joint_trajectory"))
+        self._key = CommandKey(key, node.resolve_topic_name(COMMANDS))
         self.leased = LeasedServices(node, self._key)
         self._simulated: bool = node.get_parameter("use_sim_time").value
         self._early = deque[tuple[JointTrajectory, str, float]](maxlen=MOST_EARLY)
@@ -58,9 +60,17 @@ class AntennaServer:
         """Take commands of at most `longest_command()` points, and requests."""
         node, antenna = self._node, operation.antenna
         self._operation = operation
+        pairs = self._pairs = CommandPairs(
+            self._key, self._on_command, lambda reason: self._refuse(antenna.reject(reason)),
+            unsigned=antenna.safety.params.unsigned_commands,
+        )  # fmt: skip
         node.listen(
-            JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND_INPUT, refused=antenna.reject,
-            most_bytes=lambda: HEAD_BYTES + POINT_BYTES * longest_command(),
+            JointTrajectory, COMMANDS, lambda raw: pairs.note_command(raw, node.now_s()), COMMAND_INPUT,
+            raw=True, refused=antenna.reject, most_bytes=lambda: HEAD_BYTES + POINT_BYTES * longest_command(),
+        )  # fmt: skip
+        node.listen(
+            CommandSignature, SIGNATURES, lambda m: pairs.note_signature(m, node.now_s()), COMMAND_INPUT,
+            most_bytes=lambda: HEAD_BYTES,
         )  # fmt: skip
         node.serve_action(Trigger, "~/stop", self._stop, urgent=True)
         for name in OPERATED:
@@ -78,17 +88,17 @@ class AntennaServer:
         """Let faults be injected into a simulated antenna."""
         self._node.serve_action(InjectFault, "~/inject_fault", self._inject)
 
-    def _on_trajectory(self, message: JointTrajectory) -> None:
-        # As every controller of ROS: stamp 0 begins now.
-        stamp_s = seconds_from_stamp(message.header.stamp)
-        issued_s = stamp_s or self._node.now_s()
+    def _on_command(self, payload: bytes, commander: str) -> None:
         try:
-            commander = self._key.check(message)
-            if self._key.signed and not stamp_s:
+            message = checked_message(payload, JointTrajectory)
+            stamp_s = seconds_from_stamp(message.header.stamp)
+            if commander and self._key.signed and not stamp_s:
                 raise ValueError("a signed command has stamp 0, must have its time: it could be sent again")
         except ValueError as error:
             self._refuse(self._operation.antenna.reject(str(error)))
             return
+        # As every controller of ROS: stamp 0 begins now.
+        issued_s = stamp_s or self._node.now_s()
         if self._simulated and self._ticked_s < issued_s - STAMP_RESOLUTION_S < self._ticked_s + EARLY_S:
             self._early.append((message, commander, issued_s))
         else:
@@ -99,13 +109,15 @@ class AntennaServer:
 
         So simulated time gives the same motion, whichever of command and clock arrives first.
         """
+        self._pairs.expire(self._node.now_s())
         while self._early and self._early[0][2] < t_s - STAMP_RESOLUTION_S:
             self._take(*self._early.popleft())
         self._ticked_s = t_s
 
     def _take(self, message: JointTrajectory, commander: str, issued_s: float) -> None:
         try:
-            self.leased.note(commander, issued_s)
+            if commander:
+                self.leased.note(commander, issued_s)
             command = convert.trajectory_from_message(message, issued_s)
             refused = self._operation.take(command, commander, issued_s, self._node.now_s())
         except ValueError as error:
@@ -135,7 +147,9 @@ class AntennaServer:
         return f"{request.fault} injected at {antenna.t_s:.3f}"
 
     def _commanders(self) -> Health:
-        found = self._key.health(self._node.get_publishers_info_by_topic("joint_trajectory"))
+        # An antenna without ticks ends the waiting here.
+        self._pairs.expire(self._node.now_s())
+        found = self._key.health(self._node.get_publishers_info_by_topic(COMMANDS))
         return Health(found.level, found.message, {**found.values, **self.leased.values()})
 
     def send(self, tick: Tick, t_s: float) -> None:

@@ -1,15 +1,16 @@
 """Who may move the antenna: commands and calls are signed with a key that only its user can read.
 
-    frame_id = NAME + " " + first 128 bits of HMAC-SHA256(key, topic, NAME, stamp, joints, points)
-    signature of a call = first 128 bits of HMAC-SHA256(key, service, caller, stamp, request)
-    frame_id of a claim = NAME + " " + first 128 bits of HMAC-SHA256(key, topic, NAME, stamp, rows,
-                          process) + " " + process; "-" without a key
+    signature of a command = HMAC-SHA256(key, topic, commander, stamp, number, SHA-256 of its bytes)
+    signature of a call = HMAC-SHA256(key, service, caller, stamp, request)
+    signature of a claim = HMAC-SHA256(key, topic, antenna, process, stamp, rows)
 
-ROS 2 tells a Python node nothing of the publisher of a message, and anybody can send any name.  The
-key is a file of controller and control unit, not a message: a peer of the domain cannot read it.
-A command that is sent again is refused by its stamps, a call by its signature.  Signatures of calls
-that are stamped ahead of this computer's clock are kept next to the key: after a restart they would
-not be older than it.  Without a file nothing is signed, and any commander with a name is taken.
+Each is the first 128 bits.  ROS 2 tells a Python node nothing of the publisher of a message, and
+anybody can send any name.  The key is a file of controller and control unit, not a message: a peer
+of the domain cannot read it.  The signature of a command is a message of its own
+(`signed_commands.py`); one that is sent again is refused by its stamps, a call by its signature.
+Signatures of calls that are stamped ahead of this computer's clock are kept next to the key: after
+a restart they would not be older than it.  Without a file nothing is signed, and any commander with
+a name is taken.
 Executives that share a schedule have a key of their own (`executive.partners_key_file`).
 """
 
@@ -23,8 +24,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from builtin_interfaces.msg import Time
+from rf_pointing_msgs.msg import CommandSignature
 from rf_pointing_msgs.srv import SignedCall
-from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.core.dates import to_utc_text
 from rf_pointing.core.whole_file import KeptState
@@ -34,7 +36,7 @@ from rf_pointing.ros.main_loop import secret_in
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.parameters import CommandKeyParams
 
-KEY_BYTES, SHOWN_DIGITS = 32, 32
+KEY_BYTES, SHOWN_DIGITS, ID_DIGITS = 32, 32, 8
 # How long after a foreign command /diagnostics shows the conflict as an error.
 SHOWN_S = 10.0
 # Age of a call by the clocks of both computers; a longer one lets clocks differ, and keeps more
@@ -62,21 +64,33 @@ class CommandKey:
         """Whether there is a key."""
         return bool(self._key)
 
-    def sign(self, message: JointTrajectory, name: str) -> None:
-        """Write the sender's name into a complete message, signed where there is a key."""
-        message.header.frame_id = f"{name} {self._signature(message, name)}" if self._key else name
+    @cached_property
+    def key_id(self) -> str:
+        """Short name of the key, which tells nothing else of it; "" without a key."""
+        return digest_of(b"id" + self._key)[:ID_DIGITS] if self._key else ""
 
-    def check(self, message: JointTrajectory) -> str:
-        """Return the name of the sender; ValueError for a command of anybody without the key."""
-        name, _, signature = message.header.frame_id.partition(" ")
-        if self._key and not _same(signature, self._signature(message, name)):
-            self.foreign, self._last_s = self.foreign + 1, time.monotonic()
-            self._last = (
-                f"conflict: a command in the name of {name or 'nobody'} is not signed with the key of this antenna "
-                f"({self.path})"
-            )
-            raise ValueError(self._last)
-        return name
+    def sign(self, command: bytes, stamp: Time, number: int, commander: str) -> CommandSignature:
+        """Return who sends a serialized command, signed where there is a key."""
+        message = CommandSignature(
+            sequence=number, commander=commander, digest=digest_of(command), key_id=self.key_id
+        )  # fmt: skip
+        message.header.stamp = stamp
+        message.signature = self._signature(message) if self._key else ""
+        return message
+
+    def check(self, message: CommandSignature) -> None:
+        """Raise ValueError for a signature of anybody without the key."""
+        if self._key and not _same(message.signature, self._signature(message)):
+            raise ValueError(self.conflict(
+                f"a command in the name of {message.commander or 'nobody'} is not signed with the key of this antenna, "
+                f"but with {message.key_id or 'none'};"
+            ))  # fmt: skip
+
+    def conflict(self, words: str) -> str:
+        """Count a foreign command and return the reason, which ends with the key."""
+        self.foreign, self._last_s = self.foreign + 1, time.monotonic()
+        self._last = f"conflict: {words} {self.key_id} ({self.path})"
+        return self._last
 
     def sign_call(self, call: SignedCall.Request) -> None:
         """Write the time and the signature into a complete call; needs a key."""
@@ -118,14 +132,13 @@ class CommandKey:
 
     def sign_claim(self, message: Any, topic: str, name: str) -> None:
         """Write who an executive is into its schedule or status, signed if there is a key."""
-        signature = self._claim_signature(message, topic, name, INSTANCE) if self._key else "-"
-        message.header.frame_id = f"{name} {signature} {INSTANCE}"
+        message.antenna, message.process = name, INSTANCE
+        message.signature = self._claim_signature(message, topic, name) if self._key else ""
 
     def check_claim(self, message: Any, topic: str, name: str, now_s: float) -> None:
         """Refuse a schedule or status that is not signed by `name`, or is ahead of `now_s`."""
-        _, signature, instance = (*message.header.frame_id.split(" "), "", "")[:3]
         stamp_s = seconds_from_stamp(message.header.stamp)
-        if not self._key or not _same(signature, self._claim_signature(message, topic, name, instance)):
+        if not self._key or not _same(message.signature, self._claim_signature(message, topic, name)):
             raise ValueError(f"it is not signed by {name} with the key of the partners ({self.path})")
         if stamp_s > now_s + CALL_S:
             raise ValueError(f"the clock of {name} is {stamp_s - now_s:.1f} s ahead, must be <= {CALL_S:.0f} s")
@@ -142,26 +155,21 @@ class CommandKey:
             return Health(WARN, f"{len(names)} publishers of {self._topic}: {', '.join(names)}", values)
         return Health(OK, "one commander" if names else "no commander", values)
 
-    def _signature(self, message: JointTrajectory, name: str) -> str:
-        stamp, points = message.header.stamp, message.points
-        # The lengths keep two fields from trading places.
-        words = [self._topic, name, *message.joint_names]
-        signed = [struct.pack("<qII", stamp.sec, stamp.nanosec, len(points)), *map(_counted, words)]
-        for point in points:
-            since = point.time_from_start
-            parts = (point.positions, point.velocities, point.accelerations, point.effort)
-            signed += [struct.pack(f"<qII{len(part)}d", since.sec, since.nanosec, len(part), *part) for part in parts]
-        return self._digest(signed)
+    # Each begins with a word of its own: none is a valid signature of another kind.
+
+    def _signature(self, message: CommandSignature) -> str:
+        stamp = message.header.stamp
+        head = struct.pack("<4sqIQ", b"sent", stamp.sec, stamp.nanosec, message.sequence)
+        return self._digest([head, *map(_counted, (self._topic, message.commander, message.digest))])
 
     def _call_signature(self, call: SignedCall.Request) -> str:
-        # No command begins with this word: so neither has a valid signature of the other.
         head = struct.pack("<4sqI", b"call", call.stamp.sec, call.stamp.nanosec)
         return self._digest([head, _counted(call.service), _counted(call.caller), bytes(call.request)])
 
-    def _claim_signature(self, message: Any, topic: str, name: str, instance: str) -> str:
+    def _claim_signature(self, message: Any, topic: str, name: str) -> str:
         stamp = message.header.stamp
         head = struct.pack("<4sqI", b"says", stamp.sec, stamp.nanosec)
-        words = [topic, name, instance, getattr(message, "state", "")]
+        words = [topic, name, message.process, getattr(message, "state", "")]
         for each in getattr(message, "passes", ()):
             words += [each.id, each.state, f"{each.aos.sec}.{each.aos.nanosec}", f"{each.los.sec}.{each.los.nanosec}"]
         return self._digest([head, *map(_counted, words)])
@@ -179,7 +187,15 @@ def _same(one: str, other: str) -> bool:
     return hmac.compare_digest(one.encode(), other.encode())
 
 
+def digest_of(payload: bytes) -> str:
+    """Return the SHA-256 of a serialized message in hexadecimal."""
+    import hashlib
+
+    return hashlib.sha256(payload).hexdigest()
+
+
 def _counted(word: str) -> bytes:
+    # The lengths keep two words from trading letters.
     return f"{len(word)}:{word}".encode()
 
 

@@ -1,22 +1,30 @@
 """Messages from and to passes and the planner's nouns, as pairs, like `convert.py`."""
 
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Sequence
 
 import numpy as np
 from rf_pointing_msgs import msg as ours
 
 from rf_pointing.core import require_finite
 from rf_pointing.ephemeris import Pass
+from rf_pointing.operations.schedule import MOST_PASSES, Entry, ScheduledPass, require_each_once
 from rf_pointing.planning import Branch, Certificate, MachineParams, PassProfile
 from rf_pointing.ros.convert import pair
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
-
-if TYPE_CHECKING:
-    from rf_pointing.operations.schedule import Entry
+from rf_pointing.ros.streams import require_plausible
 
 _PROFILE = {"": "position_rad", "_rate": "velocity_rad_s", "_acceleration": "acceleration_rad_s2"}
 
 pass_to_message, _pass_from_message = pair(Pass, ours.Pass, name="target", rises_before=None, sets_after=None)
+_scheduled_to_message, _scheduled_from_message = pair(
+    ScheduledPass,
+    ours.ScheduledPass,
+    peak_rad="peak_elevation",
+    azimuth_path_rad=None,
+    elevation_rad=None,
+    element_age_s=None,
+)
 _certificate_to_message, _certificate_from_message = pair(
     Certificate, ours.PassCertificate, name="target", issued_t_s=None, branches=None, machine=None
 )
@@ -25,13 +33,40 @@ _branch_to_message, _branch_from_message = pair(
 )
 
 
-def entry_to_message(entry: "Entry") -> ours.ScheduledPass:
-    item = entry.item
-    return ours.ScheduledPass(
-        id=item.id, target=item.name or item.target, priority=item.priority, aos=stamp_from_seconds(item.aos_t_s),
-        los=stamp_from_seconds(item.los_t_s), peak_elevation=item.peak_rad, state=str(entry.state), reason=entry.reason,
-        seconds_tracked=entry.tracked_s, seconds_lost=entry.lost_s, mean_loss=entry.loss_db,
+def scheduled_to_message(item: ScheduledPass) -> ours.ScheduledPass:
+    begin, end = item.elevation_rad
+    return _scheduled_to_message(
+        item, azimuth_path=list(item.azimuth_path_rad or ()), aos_elevation=begin, los_elevation=end,
+        element_age=0.0 if math.isnan(item.element_age_s) else item.element_age_s,
     )  # fmt: skip
+
+
+def scheduled_from_messages(messages: Sequence[ours.ScheduledPass]) -> list[ScheduledPass]:
+    """Return the passes of a request; ValueError names what cannot be one."""
+    if len(messages) > MOST_PASSES:
+        raise ValueError(f"a schedule of {len(messages)} passes must have <= {MOST_PASSES}")
+    found = []
+    for number, each in enumerate(messages, start=1):
+        try:
+            require_plausible(each)
+            path = tuple(each.azimuth_path)
+            if len(path) not in (0, 4):
+                raise ValueError(f"azimuth_path has {len(path)} angles, must have 4 or none")
+            found.append(_scheduled_from_message(
+                each, azimuth_path_rad=path or None, elevation_rad=(each.aos_elevation, each.los_elevation),
+                element_age_s=each.element_age or math.nan,
+            ))  # fmt: skip
+        except ValueError as error:
+            raise ValueError(f"pass {number}: {error}") from error
+    require_each_once(found)
+    return found
+
+
+def entry_to_message(entry: Entry) -> ours.ScheduledPass:
+    message = scheduled_to_message(entry.item)
+    message.state, message.reason, message.mean_loss = str(entry.state), entry.reason, entry.loss_db
+    message.seconds_tracked, message.seconds_lost = entry.tracked_s, entry.lost_s
+    return message
 
 
 def pass_from_message(message: ours.Pass) -> Pass:

@@ -79,6 +79,7 @@ DESCRIPTION = "station_description"
 OPERATOR_PAGE = "operator_page"
 """The node of the page in a browser; it moves nothing by itself."""
 STATION_IN_USE = "station_in_use"
+COMMANDS, SIGNATURES = "joint_trajectory", "command_signature"
 SCHEDULE = "schedule"
 EXECUTIVE_STATUS = "executive_status"
 ALARM_TOPIC = "alarms"
@@ -129,8 +130,8 @@ GRAPH = (
         "pointing_controller",
         (
             Topic("pass_certificate", ours.PassCertificate, LATCHED, "latched"),
-            # Its frame_id is the name of the node that commands.
-            Topic("joint_trajectory", JointTrajectory, COMMAND, "10 Hz, 0.1 to 1 s ahead", frame=""),
+            Topic(SIGNATURES, ours.CommandSignature, STREAM, "10 Hz", meaning="who sends each command, signed"),
+            Topic(COMMANDS, JointTrajectory, COMMAND, "10 Hz, 0.1 to 1 s ahead"),
             Topic("tracking_status", ours.TrackingStatus, STREAM, "10 Hz", allowed_lag_s=_ONE_PERIOD_S),
         ),
     ),
@@ -165,19 +166,8 @@ def _topics() -> tuple[Topic, ...]:
             found[topic.name] = replace(topic, publisher=others + node.name)
     every = "every node"
     executive = (
-        # Their frame_id is the name of the antenna, and its signature where schedules are shared.
-        Topic(
-            SCHEDULE,
-            ours.Schedule,
-            LATCHED,
-            "latched",
-            EXECUTIVE,
-            "passes of the antenna and what becomes of them",
-            frame="",
-        ),
-        Topic(
-            EXECUTIVE_STATUS, ours.ExecutiveStatus, STATUS, "1 Hz", EXECUTIVE, "what it does, and the alarms", frame=""
-        ),
+        Topic(SCHEDULE, ours.Schedule, LATCHED, "latched", EXECUTIVE, "passes of the antenna and what becomes of them"),
+        Topic(EXECUTIVE_STATUS, ours.ExecutiveStatus, STATUS, "1 Hz", EXECUTIVE, "what it does, and the alarms"),
         # Without an executive, of station_alarms.
         Topic(
             ALARM_TOPIC, DiagnosticArray, STATUS, "as they come", EXECUTIVE, "messages of alarms, what to do", frame=""

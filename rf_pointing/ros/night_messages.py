@@ -82,7 +82,7 @@ def hear_rival(node: ManagedNode, watch: NightWatch, key: CommandKey) -> None:
     """Subscribe until cleanup to another executive of this antenna, on another computer."""
 
     def on_status(message: ours.ExecutiveStatus) -> None:
-        who = message.header.frame_id.rpartition(" ")[2]
+        who = message.process
         if who != INSTANCE:
             if key.signed:
                 key.check_claim(message, EXECUTIVE_STATUS, node.get_namespace().strip("/"), node.now_s())
@@ -169,7 +169,10 @@ def executive_status_to_message(night: Night, t_s: float) -> ours.ExecutiveStatu
     entry, following = night.schedule.active, night.schedule.next()
     message = ours.ExecutiveStatus(
         state=str(night.state_name), pass_id=night.active_id, target=entry.item.name if entry else "",
-        blocks=night.blocks(), reason=night.reason, next_id=following.item.id if following else "",
+        blocks=[
+            ours.ProcedureBlock(name=name, state=str(run.state), reason=run.reason) for name, run in night.blocks()
+        ],
+        reason=night.reason, next_id=following.item.id if following else "",
     )  # fmt: skip
     message.header.stamp = stamp_from_seconds(t_s)
     if following is not None:

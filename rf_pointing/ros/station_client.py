@@ -29,6 +29,7 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.core.whole_file import JOURNAL_BYTES, read_whole
 from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.convert_planning import scheduled_to_message
 from rf_pointing.ros.graph import ALARMS, EXECUTIVE, EXECUTIVE_STATUS, SCHEDULE
 from rf_pointing.ros.leased_services import LEASED, OWNER, Caller
 from rf_pointing.ros.live_pass import LiveLine, LivePass, outcome_line
@@ -190,11 +191,13 @@ class StationClient(GraphRun):
 
         With `start` the executive runs the schedule ("": the kept one), and is followed to its end.
         """
+        passes = read_passes(text, every=False) if text else []
+        messages = [scheduled_to_message(each) for each in passes]
         if start:
-            return self._run_schedule(text or "")
-        request = ChangeSchedule.Request(add=text or "", remove=list(remove))
+            return self._run_schedule(RunSchedule.Goal(passes=messages, resume=not text))
+        request = ChangeSchedule.Request(add=messages, remove=list(remove))
         granted = self._ask(ChangeSchedule, f"{EXECUTIVE}/change_schedule", request)
-        if granted and (passes := read_passes(text, every=False) if text else []):
+        if granted and passes:
             self.say(f"{len(passes)} passes from {utc_text(passes[0].aos_t_s)}")
         return granted
 
@@ -262,10 +265,9 @@ class StationClient(GraphRun):
         self.say(outcome_line(result))
         return bool(result.success)
 
-    def _run_schedule(self, text: str) -> bool:
+    def _run_schedule(self, goal: RunSchedule.Goal) -> bool:
         client, line = ActionClient(self.node, RunSchedule, "run_schedule"), LiveLine(1.0)
         self.until(client.server_is_ready, "run_schedule")
-        goal = RunSchedule.Goal(schedule=text, resume=not text)
         handle = self.send(client, goal, EXECUTIVE, lambda m: line.show(lambda: _night_line(m.feedback)))
         result = self._end_of_night(handle)
         if result is None:

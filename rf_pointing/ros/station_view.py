@@ -11,6 +11,7 @@ from rf_pointing_msgs import msg as ours
 
 from rf_pointing import planning
 from rf_pointing.core.dates import utc_text
+from rf_pointing.operations.executor import block_text
 from rf_pointing.ros import convert_planning
 from rf_pointing.ros.stamps import seconds_from_stamp
 from rf_pointing.station.clients.board import MOST_ROWS, degrees
@@ -32,9 +33,14 @@ def status_values(
         "target": tracking.target, "on_source": tracking.on_source, "carrier_to_noise_db_hz": tracking.carrier_to_noise,
         "seconds_tracked": tracking.seconds_tracked, "executive": executive.state, "pass": executive.pass_id,
         "pass_target": executive.target,
-        "next": executive.next_id, "doing": executive.reason, "blocks": list(executive.blocks),
+        "next": executive.next_id, "doing": executive.reason, "blocks": blocks_values(executive),
         "alarms": [alarm_values(each) for each in executive.alarms],
     }  # fmt: skip
+
+
+def blocks_values(executive: ours.ExecutiveStatus) -> list[str]:
+    """Return what an operator reads of the blocks that last."""
+    return [block_text(each.name, each.state, each.reason) for each in executive.blocks]
 
 
 def alarm_values(alarm: ours.Alarm) -> dict[str, Any]:
@@ -51,7 +57,7 @@ def words_of(*messages: Any) -> dict[str, str | bool]:
 def entry_values(entry: ours.ScheduledPass) -> dict[str, Any]:
     """Return one pass of the schedule."""
     return {
-        "id": entry.id, "target": entry.target, "priority": entry.priority, "aos_utc": stamp_text(entry.aos),
+        "id": entry.id, "target": entry.name or entry.target, "priority": entry.priority, "aos_utc": stamp_text(entry.aos),
         "los_utc": stamp_text(entry.los), "peak_deg": round(math.degrees(entry.peak_elevation), 2), "state": entry.state,
         "reason": entry.reason, "seconds_tracked": entry.seconds_tracked, "seconds_lost": entry.seconds_lost,
     }  # fmt: skip
@@ -110,7 +116,7 @@ def live_values(newest: Mapping[str, Any]) -> dict[str, Any]:
 def executive_values(executive: ours.ExecutiveStatus) -> dict[str, Any]:
     """Return the executive with its alarms."""
     return {
-        "state": executive.state, "pass": executive.pass_id, "target": executive.target, "blocks": list(executive.blocks),
+        "state": executive.state, "pass": executive.pass_id, "target": executive.target, "blocks": blocks_values(executive),
         "doing": executive.reason, "next": executive.next_id, "next_s": seconds_from_stamp(executive.next_start),
         "alarms": [
             {**alarm_values(each), "raised_utc": stamp_text(each.raised), "count": each.count}

@@ -46,8 +46,9 @@ class FramedPublisher:
         self._publisher, self._frame_id = publisher, frame_id
 
     def publish(self, message: Any) -> None:
-        """Publish a message that has a header."""
-        message.header.frame_id = self._frame_id
+        """Publish a message that has a header; one that is serialized has its frame already."""
+        if not isinstance(message, bytes):
+            message.header.frame_id = self._frame_id
         self._publisher.publish(message)
 
 

@@ -1,6 +1,6 @@
 """The action `track_pass`, and what the goals of the controller send (the port of `PassGoals`).
 
-Publishes: joint_trajectory, tracking_status, pass_certificate.  Calls
+Publishes: joint_trajectory, command_signature, tracking_status, pass_certificate.  Calls
 ephemeris_publisher/select_target for a pass by satellite and time.
 """
 
@@ -11,22 +11,22 @@ from rf_pointing_msgs import msg as ours
 from rf_pointing_msgs.action import TrackPass
 from rf_pointing_msgs.srv import SelectTarget
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
 
 from rf_pointing.core import JointReading
 from rf_pointing.core import JointTrajectory as Trajectory
 from rf_pointing.ephemeris import Pass
 from rf_pointing.planning import Certificate
 from rf_pointing.ros import convert, convert_planning
-from rf_pointing.ros.command_key import CommandKey
 from rf_pointing.ros.convert_goals import goal_from_message
 from rf_pointing.ros.graph import STATION_IN_USE
 from rf_pointing.ros.managed import ManagedNode
-from rf_pointing.ros.qos import COMMAND, IN_USE, LATCHED, STREAM
+from rf_pointing.ros.qos import IN_USE, LATCHED, STREAM
 from rf_pointing.ros.repeated_call import RepeatedCall
+from rf_pointing.ros.signed_commands import CommandSender
 from rf_pointing.ros.stamps import stamp_from_seconds
 from rf_pointing.ros.station_node import StationCensus, StationInUse
 from rf_pointing.station.clients.goals import PassGoal, PassGoals
+from rf_pointing.station.parameters import CommandKeyParams
 from rf_pointing.station.pointing.status import TrackingStatus
 
 
@@ -54,15 +54,15 @@ class TrackPassServer:
             result=self._result, lost="pointing_controller was killed in the pass; send the goal again",
         )  # fmt: skip
 
-    def configure(self, goals: PassGoals, key: CommandKey) -> None:
+    def configure(self, goals: PassGoals, key: CommandKeyParams) -> None:
         """Serve these goals, and sign their commands."""
-        node, self._goals, self._key = self._node, goals, key
-        self._commands = node.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+        node, self._goals = self._node, goals
+        self._commands = CommandSender(node, key, node.publisher)
         self._status = node.stream(ours.TrackingStatus, "tracking_status", STREAM)
         self._certificates = node.stream(ours.PassCertificate, "pass_certificate", LATCHED)
         joints = convert.joints_from_message
         self._joints = node.listen_latest(JointState, "joint_states", joints, STREAM, steady=True, required=True)
-        self._census, self._message, self._sent = StationCensus(), ours.TrackingStatus(), 0
+        self._census, self._message = StationCensus(), ours.TrackingStatus()
         node.listen(StationInUse, STATION_IN_USE, self._census.note, IN_USE)
 
     def _accepts(self, _request: TrackPass.Goal) -> bool:
@@ -104,12 +104,9 @@ class TrackPassServer:
 
     def publish(self, t_s: float, trajectory: Trajectory | None, status: TrackingStatus) -> None:
         if trajectory is not None:
-            command = convert.trajectory_to_message(trajectory, t_s)
-            self._key.sign(command, self._node.get_fully_qualified_name())
-            self._commands.publish(command)
-            self._sent += 1
+            self._commands.send(convert.trajectory_to_message(trajectory, t_s))
         self._message = convert.tracking_status_to_message(status)
-        self._message.commands_sent = self._sent
+        self._message.commands_sent = self._commands.sent
         self._status.publish(self._message)
 
     def show(self, certificate: Certificate) -> None:

@@ -81,8 +81,7 @@ def test_examples_need_nothing_else() -> None:
             "own_drive.py": {"rf_pointing.drives"},
             # A node of another stack that commands the antenna signs as ours do.
             "follow_joint_trajectory.py": {
-                "rf_pointing.ros.command_key",
-                "rf_pointing.ros.qos",
+                "rf_pointing.ros.signed_commands",
                 "rf_pointing.station.parameters",
             },
             "own_receiver.py": {"rf_pointing.receiver"},

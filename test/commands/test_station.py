@@ -21,6 +21,7 @@ from rf_pointing_msgs.msg import (
     PassBranch,
     PassCertificate,
     PassList,
+    ProcedureBlock,
     Schedule,
     ScheduledPass,
     TrackingStatus,
@@ -155,7 +156,7 @@ def trigger(success: bool, message: str = "as you wish") -> Any:
         ("night skip p1", "station_executive/skip", Named, {"name": "p1"}),
         ("night ack", "station_executive/acknowledge", Named, {"name": ""}),
         ("go 120 45", "antenna_servo/go_to", GoTo, {"azimuth": math.radians(120.0), "elevation": math.radians(45.0)}),
-        ("queue --remove a b", "station_executive/change_schedule", ChangeSchedule, {"add": "", "remove": ["a", "b"]}),
+        ("queue --remove a b", "station_executive/change_schedule", ChangeSchedule, {"add": [], "remove": ["a", "b"]}),
     ],
 )
 @pytest.mark.parametrize("success", [True, False])
@@ -396,6 +397,8 @@ ROWS = json.dumps(
     [{"name": "ISS", "catalogue_number": 25544, "aos_utc": "2026-01-01T00:00:00", "los_utc": "2026-01-01T00:10:00",
       "fate": fate} for fate in ("tracked", "yields")]
 )  # fmt: skip
+TIMES = {"aos": stamp_from_seconds(1_767_225_600.0), "los": stamp_from_seconds(1_767_226_200.0)}
+PASSES = [ScheduledPass(id="25544-1767225900", target="25544", name="ISS", **TIMES)]
 
 
 @pytest.fixture
@@ -413,7 +416,7 @@ def test_the_passes_of_a_plan_are_given_to_the_executive(
     fake.services["station_executive/change_schedule"] = lambda _: answer
     assert run("queue", night, "--remove", "p9") == (0 if success else 1)
     ((_, request),) = fake.calls
-    assert (request.add, request.remove) == (ROWS, ["p9"])
+    assert (request.add, request.remove) == (PASSES, ["p9"])
     counted = ["station: 1 passes from 2026-01-01T00:00:00.000Z"] if success else []
     assert capsys.readouterr().err.splitlines() == ["station: the schedule", *counted]
 
@@ -427,7 +430,7 @@ def test_a_schedule_is_run_to_its_end(
     fake.at(0.5, lambda: fake.feedback(SimpleNamespace(feedback=state)))
     assert run("queue", night, "--start") == (0 if success else 1)
     ((name, goal),) = fake.goals
-    assert (name, goal.schedule, goal.resume) == ("run_schedule", ROWS, False)
+    assert (name, goal.passes, goal.resume) == ("run_schedule", PASSES, False)
     assert capsys.readouterr().err.splitlines() == [
         "running, 1 done, 2 left, ISS: track", "station: 1 tracked", "station: morning report /nights/1/night.html",
     ]  # fmt: skip
@@ -438,7 +441,7 @@ def test_without_a_list_the_kept_schedule_goes_on(fake: FakeStation, capsys: pyt
     fake.at(0.5, lambda: fake.feedback(SimpleNamespace(feedback=RunSchedule.Feedback(state="running", passes_left=2))))
     assert run("queue", "--start") == 0
     ((_, goal),) = fake.goals
-    assert (goal.schedule, goal.resume) == ("", True)
+    assert (goal.passes, goal.resume) == ([], True)
     assert capsys.readouterr().err == "running, 0 done, 2 left, between passes\nstation: nothing to do\n"
 
 
@@ -503,7 +506,9 @@ def test_a_fault_or_an_error_gives_exit_code_1(
     fake: FakeStation, capsys: pytest.CaptureFixture[str], fault: str, level: int | None, code: int
 ) -> None:
     alarms = [] if level is None else [Alarm(name="full_disk", level=level, message="0.1 GB", acknowledged=level == 1)]
-    executive = ExecutiveStatus(state="running", pass_id="p1", blocks=["pass: executing"], alarms=alarms)
+    executive = ExecutiveStatus(
+        state="running", pass_id="p1", blocks=[ProcedureBlock(name="pass", state="executing")], alarms=alarms
+    )
     fake.publish(0.1, "antenna_status", AntennaStatus(fault=fault))
     fake.publish(0.1, "executive_status", executive)
     assert run("status") == code

@@ -15,9 +15,11 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.graph import COMMANDS, SIGNATURES
 from rf_pointing.ros.leased_services import Caller
 from rf_pointing.ros.managed_graph import NodeProcesses
-from rf_pointing.ros.qos import COMMAND, STREAM
+from rf_pointing.ros.qos import STREAM
+from rf_pointing.ros.signed_commands import CommandSender
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from test.faults.clocks import ManualClock, WallClock
 
@@ -41,8 +43,8 @@ class Servo:
         key: str = "",
         wall: bool = False,
     ) -> None:
-        self.key = CommandKey(CommandKeyParams(command_key_file=key), f"{live.namespace}/joint_trajectory")
-        self.caller = Caller(live.node, self.key)
+        params = CommandKeyParams(command_key_file=key)
+        self.caller = Caller(live.node, CommandKey(params))
         self.live, self.status, self.joints = live, AntennaStatus(), []
         self.simulated, self.wind_m_s = simulated, 3.0
         self.said: dict[str, str] = {}
@@ -58,14 +60,15 @@ class Servo:
         self.wind = live.node.create_publisher(Vector3Stamped, "weather/wind", STREAM)
         if not simulated:
             self.clock.ticked = self._blow
-        self.commands = live.node.create_publisher(JointTrajectory, "joint_trajectory", COMMAND)
+        self.commands = CommandSender(live.node, params)
         live.node.create_subscription(AntennaStatus, "antenna_status", self._on_status, STREAM)
         live.node.create_subscription(JointState, "joint_states", self._on_joints, STREAM)
         live.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, STREAM)
         self.processes: NodeProcesses = live.start(
             ["antenna_servo"], yaml, autostart=True, simulated=not wall, station=station
         )
-        self.until(lambda: self.status.mode == "holding" and self.commands.get_subscription_count() == 1, "the antenna")
+        both = lambda: all(map(live.node.count_subscribers, (COMMANDS, SIGNATURES)))  # noqa: E731
+        self.until(lambda: self.status.mode == "holding" and both(), "the antenna")
 
     @property
     def now_s(self) -> float:
@@ -79,7 +82,7 @@ class Servo:
         """Let time go on until the antenna is in one of these modes."""
         self.until(lambda: self.status.mode in modes, " or ".join(modes))
 
-    def command(self, shift_s: float = 0.0, who: str = "test", positions: list[float] | None = None,
+    def command(self, shift_s: float = 0.0, positions: list[float] | None = None,
                 joints: tuple[str, str] = ("azimuth", "elevation")) -> JointTrajectory:  # fmt: skip
         """Return a second of motion on the steady line, or of standing at `positions`."""
         now_s = self.now_s + shift_s
@@ -93,19 +96,23 @@ class Servo:
             point.velocities = [0.0 if positions else RATE_RAD_S, 0.0]
             point.time_from_start.nanosec = 100_000_000 * step
             message.points.append(point)
-        self.key.sign(message, who)
         return message
+
+    def send(self, message: JointTrajectory, who: str = "test") -> None:
+        """Send a command, signed, under a name."""
+        self.commands.name = who
+        self.commands.send(message)
 
     def move(self, seconds: float) -> None:
         """Keep commands coming for a while."""
         for _ in range(round(10.0 * seconds)):
-            self.commands.publish(self.command())
+            self.send(self.command())
             self.clock.run(0.1)
 
-    def rejected(self, message: JointTrajectory, words: str) -> None:
+    def rejected(self, message: JointTrajectory, words: str, who: str = "test") -> None:
         """Send what must be refused in these words."""
         before = self.status.commands_rejected
-        self.commands.publish(message)
+        self.send(message, who)
         self.until(lambda: self.status.commands_rejected > before, f"the rejection ({words})")
         assert words in self.status.last_rejection, self.status.last_rejection
 

@@ -14,17 +14,21 @@ import time
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
+from rclpy.serialization import serialize_message
+from rf_pointing_msgs.msg import CommandSignature
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
+from rf_pointing.ros.command_key import CommandKey, CommandKeyParams, digest_of
 from rf_pointing.ros.diagnostics import ERROR, WARN
+from rf_pointing.ros.graph import COMMANDS, SIGNATURES
 from rf_pointing.ros.main_loop import make_executor
-from rf_pointing.ros.qos import COMMAND, SERVICE, STREAM
+from rf_pointing.ros.qos import SERVICE, STREAM
 from test.conftest import within
 from test.drives.rotctld import RealRotctld
 from test.faults.live_servo import RATE_RAD_S, START_RAD, WITH_HILL, Servo, on_rotctld, servo_yaml
@@ -110,7 +114,7 @@ def test_commands_that_cannot_be_followed_move_nothing(everywhere: Servo) -> Non
 def test_the_second_of_two_commanders_is_refused_and_both_are_named(everywhere: Servo) -> None:
     servo = everywhere
     servo.move(0.3)
-    servo.rejected(servo.command(who="panel"), "conflict: test commands, panel is refused")
+    servo.rejected(servo.command(), "conflict: test commands, panel is refused", who="panel")
     assert servo.status.commander == "test"
     servo.ask("stop")
 
@@ -126,38 +130,60 @@ def test_a_second_participant_with_the_name_of_the_commander_moves_nothing(
     foreign = rclpy.create_node("pointing_controller", namespace=f"{servo.live.namespace}/elsewhere", context=context)
     executor = make_executor(context)
     executor.add_node(foreign)
+    kinds = {JointTrajectory: COMMANDS, CommandSignature: SIGNATURES}
+    topics = {kind: f"{servo.live.namespace}/{name}" for kind, name in kinds.items()}
     try:
-        sender = foreign.create_publisher(JointTrajectory, f"{servo.live.namespace}/joint_trajectory", COMMAND)
-        foreign.create_subscription(JointTrajectory, sender.topic_name, heard.append, STREAM)
-        servo.live.spin_until(lambda: sender.get_subscription_count() == 2, "both subscriptions")
+        senders = {kind: foreign.create_publisher(kind, topic, STREAM) for kind, topic in topics.items()}
+        for kind, topic in topics.items():
+            foreign.create_subscription(kind, topic, heard.append, STREAM, raw=kind is JointTrajectory)
+        found = lambda: all(each.get_subscription_count() == 2 for each in senders.values())  # noqa: E731
+        servo.live.spin_until(found, "both subscriptions")
         servo.until(lambda: servo.commanders.level == WARN, "the second publisher on /diagnostics")
         assert "2 publishers of" in servo.commanders.message
-        accepted_s = time.monotonic() + 20.0
-        while not heard and time.monotonic() < accepted_s:
+        accepted_s, pairs = time.monotonic() + 20.0, list[Any]()
+        while not pairs and time.monotonic() < accepted_s:
             servo.move(0.1)
-            executor.spin_once(timeout_sec=0.1)
-        guess = CommandKey(CommandKeyParams(command_key_file=str(tmp_path / "guessed")), sender.topic_name)
-        shifted = servo.command()
-        for point in shifted.points:
-            point.positions = [point.positions[0] + math.radians(10.2), point.positions[1]]
-        words = []
-        for name in (shifted.header.frame_id, "test", ""):
-            shifted.header.frame_id = name
-            words.append((shifted, "conflict: a command in the name of"))
-        guess.sign(guessed := servo.command(positions=[START_RAD[0] + 0.2, START_RAD[1]]), "test")
-        words += [(guessed, "conflict: a command in the name of test"), (heard[0], "o")]
-        for message, reason in words:
+            for _ in kinds:
+                executor.spin_once(timeout_sec=0.1)
+            commands = {digest_of(each): each for each in heard if isinstance(each, bytes)}
+            pairs = [(each, commands[each.digest]) for each in heard if getattr(each, "digest", "") in commands]
+        (signature, replayed), *_ = pairs
+        # It comes to rest: what moves it now is an attack.
+        servo.clock.run(3.0)
+        shifted = servo.command(positions=[START_RAD[0] + math.radians(10.2), START_RAD[1]])
+        payload = serialize_message(shifted)
+        guess = CommandKey(CommandKeyParams(command_key_file=str(tmp_path / "guessed")), topics[JointTrajectory])
+        swapped = CommandSignature(header=signature.header, sequence=signature.sequence, commander="test",
+            digest=digest_of(payload), key_id=signature.key_id, signature=signature.signature)  # fmt: skip
+        for attack, reason in (
+            ([payload], "conflict: a command without a signature"),
+            ([signature, payload], "conflict: a command without a signature"),
+            ([swapped, payload], "conflict: a command without a signature"),
+            (
+                [guess.sign(payload, shifted.header.stamp, 1, "test"), payload],
+                "conflict: a command without a signature",
+            ),
+            ([signature, replayed], "stale"),
+            ([replayed, signature], "stale"),
+        ):
             # What was sent before is in the counts now.
             servo.clock.run(0.3)
             before, taken, stood = servo.status.commands_rejected, servo.status.commands_accepted, servo.joints[-1]
-            sender.publish(message)
+            for message in attack:
+                senders[JointTrajectory if isinstance(message, bytes) else CommandSignature].publish(message)
             servo.until(lambda: servo.status.commands_rejected > before, "the refusal")  # noqa: B023
             assert reason in servo.status.last_rejection
             assert servo.status.commands_accepted == taken
-            assert abs(servo.joints[-1] - stood) < math.radians(1.0)
+            assert abs(servo.joints[-1] - stood) < math.radians(0.1)
         servo.until(lambda: servo.commanders.level == ERROR, "the conflict on /diagnostics")
-        assert servo.commanders.message.startswith("conflict: a command in the name of test is not signed")
-        servo.move(0.5)
+        assert servo.commanders.message.startswith("conflict: a command")
+        taken = servo.status.commands_accepted
+        for number in range(10):
+            for _ in range(20):
+                senders[JointTrajectory].publish(payload + number.to_bytes(4, "little"))
+                senders[CommandSignature].publish(swapped)
+            servo.move(0.1)
+        servo.until(lambda: servo.status.commands_accepted >= taken + 9, "the commands of the pass")
         assert servo.status.mode == "tracking", "the pass goes on"
     finally:
         executor.shutdown()
@@ -285,7 +311,7 @@ def test_a_servo_that_was_frozen_discards_the_commands_that_waited(servo: Servo)
     try:
         for _ in range(20):
             servo.clock.t_s = round(servo.clock.t_s + 0.1, 6)
-            servo.commands.publish(servo.command())
+            servo.send(servo.command())
         assert servo.heard_s < servo.now_s - 1.9
     finally:
         os.kill(process, signal.SIGCONT)
@@ -310,7 +336,7 @@ def test_a_servo_that_stalls_in_wall_time_follows_again_without_a_fault(in_wall_
     resumed_s = time.monotonic()
 
     def follows() -> bool:
-        servo.commands.publish(servo.command())
+        servo.send(servo.command())
         on_line = servo.base_rad + RATE_RAD_S * (servo.now_s - (servo.begun_s or 0.0))
         return servo.status.mode == "tracking" and abs(servo.joints[-1] - on_line) < math.radians(0.05)
 

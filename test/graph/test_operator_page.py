@@ -13,7 +13,7 @@ import pytest
 rclpy = pytest.importorskip("rclpy", reason="the graph needs ROS 2")
 import requests
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rf_pointing_msgs.msg import Alarm, ExecutiveStatus, Schedule, ScheduledPass
+from rf_pointing_msgs.msg import Alarm, ExecutiveStatus, ProcedureBlock, Schedule, ScheduledPass
 from rf_pointing_msgs.srv import Named
 from selenium import webdriver
 from selenium.common.exceptions import StaleElementReferenceException
@@ -228,7 +228,7 @@ def test_hostile_names_are_shown_as_text(page: Browser) -> None:
     sender = f"{page.station.live.namespace}/{HOSTILE}"
     one = DiagnosticStatus(level=b"\x01", name=f"x: {HOSTILE}", message=HOSTILE, hardware_id=sender)
     words = dict.fromkeys(("state", "target", "reason", "next_id"), HOSTILE)
-    status.publish(ExecutiveStatus(**words, blocks=[HOSTILE], alarms=[alarm]))
+    status.publish(ExecutiveStatus(**words, blocks=[ProcedureBlock(name=HOSTILE)], alarms=[alarm]))
     schedule.publish(Schedule(passes=[entry]))
     health.publish(DiagnosticArray(status=[one]))
     for place in ("#alarms", "#night-doing", "#night-state", "#schedule tbody", "#nodes"):

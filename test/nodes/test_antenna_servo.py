@@ -10,6 +10,7 @@ import pytest
 from geometry_msgs.msg import Vector3, Vector3Stamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.serialization import serialize_message
 from rclpy.time import Time as ClockTime
 from rf_pointing_msgs.srv import GoTo, InjectFault, SignedCall, StowInFault
 from sensor_msgs.msg import JointState
@@ -38,8 +39,8 @@ DESCRIPTION = {
 """A small rotator's keys of a station description."""
 
 
-def command(bench: Any, azimuth_deg: float, elevation_deg: float, key: str = "") -> JointTrajectory:
-    """Return a goal at rest, issued now and signed."""
+def command(bench: Any, azimuth_deg: float, elevation_deg: float) -> JointTrajectory:
+    """Return a goal at rest, issued now."""
     message = JointTrajectory(joint_names=["azimuth", "elevation"])
     message.header.stamp = stamp_from_seconds(bench.t_s)
     place = JointTrajectoryPoint(
@@ -48,9 +49,15 @@ def command(bench: Any, azimuth_deg: float, elevation_deg: float, key: str = "")
     )  # fmt: skip
     place.time_from_start.nanosec = 100_000_000
     message.points.append(place)
-    topic = bench.node.resolve_topic_name("joint_trajectory")
-    CommandKey(CommandKeyParams(command_key_file=key), topic).sign(message, "/pointing_controller")
     return message
+
+
+def give(bench: Any, message: JointTrajectory, key: str = "") -> None:
+    """Deliver a command behind its signature, as the controller sends them."""
+    signer = CommandKey(CommandKeyParams(command_key_file=key), bench.node.resolve_topic_name("joint_trajectory"))
+    payload = serialize_message(message)
+    bench.give("command_signature", signer.sign(payload, message.header.stamp, 1, "/pointing_controller"))
+    bench.give("joint_trajectory", payload)
 
 
 def place_deg(bench: Any) -> tuple[float, float]:
@@ -98,7 +105,8 @@ def test_a_command_that_cannot_be_used_is_counted_with_its_reason(make_bench: Ma
     wrong.joint_names = ["azimuth", "roll"]
     longest = command(bench, *place_deg(bench))
     longest.points *= 1000
-    bench.give("joint_trajectory", wrong, longest, command(bench, *place_deg(bench)))
+    for each in (wrong, longest, command(bench, *place_deg(bench))):
+        give(bench, each)
     bench.run(0.1)
     values = bench.health("drive").values
     assert (values["commands_rejected"], values["commands_accepted"]) == ("2", "1")
@@ -152,9 +160,7 @@ def test_a_signed_command_must_have_its_time(make_bench: MakeBench, tmp_path: Pa
     bench.run(0.1)
     now = command(bench, *place_deg(bench))
     now.header.stamp = stamp_from_seconds(0.0)
-    topic = bench.node.resolve_topic_name("joint_trajectory")
-    CommandKey(CommandKeyParams(command_key_file=key), topic).sign(now, "/pointing_controller")
-    bench.give("joint_trajectory", now)
+    give(bench, now, key)
     bench.run(0.1)
     values = bench.health("drive").values
     assert (values["commands_rejected"], values["commands_accepted"]) == ("1", "0")
@@ -209,7 +215,9 @@ def test_while_a_signed_commander_has_the_antenna_only_who_has_the_key_is_served
         "antenna_servo/stow_in_fault": StowInFault.Request(fault="x"),
     }
     assert bench.call("~/go_to", requests["antenna_servo/go_to"]).success, "no commander: everybody is served"
-    bench.give("joint_trajectory", command(bench, *here, key), command(bench, *here, str(tmp_path / "other")))
+    give(bench, command(bench, *here), key)
+    give(bench, command(bench, *here), str(tmp_path / "other"))
+    bench.give("joint_trajectory", command(bench, here[0] + 5.0, here[1]))
     for name, request in requests.items():
         message = bench.call(f"~/{name.rpartition('/')[2]}", request).message
         assert message.startswith(f"/{name} is refused: /pointing_controller commands the antenna.")
@@ -225,6 +233,38 @@ def test_while_a_signed_commander_has_the_antenna_only_who_has_the_key_is_served
     assert "while /pointing_controller commands it" in bench.change(**{"loops.table.horizon_s": 60.0})
     bench.wait(LEASE_S + 0.1)
     assert bench.change(**{"loops.table.horizon_s": 60.0}) == ""
+
+
+@pytest.mark.parametrize("allowed", [True, False])
+def test_a_commander_of_another_stack_has_the_antenna_between_passes_where_the_station_says_so(
+    make_bench: MakeBench, tmp_path: Path, allowed: bool
+) -> None:
+    """It signs nothing, and its frame_id is a frame."""
+    key, station = str(tmp_path / "command.key"), tmp_path / "station.yaml"
+    read_station("dss13").write(station, {"mount.unsigned_commands": allowed})
+    said = [each for each in read_station(station).remarks() if each.startswith("mount.unsigned_commands: anybody")]
+    assert len(said) == allowed
+    bench = make_bench(AntennaServo, command_key_file=key, station=str(station)).up()
+    bench.run(0.1)
+    here = place_deg(bench)
+
+    def foreign(wait_s: float) -> str:
+        message = command(bench, here[0] + 1.0, here[1])
+        message.header.frame_id = "base_link"
+        message.points[0].time_from_start.sec = 2
+        bench.give("joint_trajectory", message)
+        bench.run(wait_s)
+        return str(bench.health("drive").values["last_rejection"])
+
+    give(bench, command(bench, *here), key)
+    in_a_pass = foreign(0.2)
+    assert "/pointing_controller commands, an unnamed one is refused" in in_a_pass or not allowed
+    assert not bench.call("~/park").success, "the lease is of the signed one"
+    bench.run(LEASE_S)
+    between = foreign(1.2)
+    assert between.startswith("conflict: a command without a signature is refused") is not allowed
+    assert place_deg(bench)[0] - here[0] > 0.1 or not allowed
+    assert bench.call("~/park").success, "an unsigned commander has no lease"
 
 
 # Real drives
@@ -393,7 +433,7 @@ def test_in_simulated_time_a_command_counts_behind_the_ticks_of_its_time_whichev
         goal.header.stamp = stamp_from_seconds(bench.t_s + 0.1)
         for given in (early, not early):
             if given:
-                bench.give("joint_trajectory", goal)
+                give(bench, goal)
             bench.run(0.1, 0.1)
         bench.run(0.2, 0.1)
         moved.append([each.velocity[0] for each in bench.sent["joint_states"]])

@@ -25,6 +25,7 @@ from rf_pointing_msgs.msg import (
     PassProfileList,
     PointingModel,
     Schedule,
+    ScheduledPass,
 )
 from sensor_msgs.msg import JointState
 
@@ -36,7 +37,6 @@ from rf_pointing.array_sensors.nodes.tripulse_attitude import TripulseAttitudeNo
 from rf_pointing.array_sensors.nodes.tripulse_receiver import TripulseReceiverNode
 from rf_pointing.calibration import BiasModel
 from rf_pointing.core import JointReading
-from rf_pointing.core.dates import utc_text
 from rf_pointing.drives import DriveParams
 from rf_pointing.nodes.antenna_servo import AntennaServo
 from rf_pointing.nodes.bias_calibrator import BiasCalibrator
@@ -139,8 +139,8 @@ def attacked(
     monkeypatch.chdir(tmp_path)
     bench = make_bench(request.param, **NODES[request.param]).up()
     if request.param is StationExecutive:
-        begin, end = utc_text(bench.t_s - 60.0), utc_text(bench.t_s + 86400.0)
-        bench.goal("run_schedule", RunSchedule.Goal(schedule=f"target,aos_utc,los_utc\nbird,{begin},{end}\n"))
+        times = {"aos": stamp_from_seconds(bench.t_s - 60.0), "los": stamp_from_seconds(bench.t_s + 86400.0)}
+        bench.goal("run_schedule", RunSchedule.Goal(passes=[ScheduledPass(target="bird", **times)]))
     return bench
 
 

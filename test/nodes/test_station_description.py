@@ -26,8 +26,8 @@ from rf_pointing.station.description.urdf import size_m, urdf
 
 TFMessage = pytest.importorskip("tf2_msgs.msg", reason="ROS without tf2").TFMessage
 NAMESPACE = "/gs4"
-UNNAMED = {"joint_trajectory", "schedule", "executive_status", "/diagnostics", "alarms"}
-"""Their frame_id is the name of the commander or of the antenna; nothing."""
+UNNAMED = {"/diagnostics", "alarms"}
+"""What has no frame."""
 
 
 def rotation(q: Quaternion) -> Rotation:

@@ -28,6 +28,7 @@ from rf_pointing.operations import AlarmParams
 from rf_pointing.operations.dictionary import read_tables
 from rf_pointing.ros import convert
 from rf_pointing.ros.command_key import INSTANCE, CommandKey, CommandKeyParams
+from rf_pointing.ros.convert_planning import scheduled_to_message
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN
 from rf_pointing.ros.directives import type_of
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
@@ -36,7 +37,7 @@ from test.nodes.bench import NOW_S
 from test.station.clients import test_night_watch
 
 LISTED = {"p0": 600.0, "p1": 1200.0}
-LIST = test_night_watch.listed(*LISTED.values())
+LIST = [scheduled_to_message(each) for each in test_night_watch.listed(*LISTED.values())]
 
 
 @pytest.fixture
@@ -103,7 +104,7 @@ def shared(make: Callable[..., Any], tmp_path: Path) -> tuple[Any, Callable[...,
     """Return an executive with the passes of `LIST` whose partner is gs0, and what speaks in its name."""
     own = {"executive.partners": "gs0", "executive.partners_key_file": str(tmp_path / "partners.key")}
     bench = make(**own).up()
-    bench.goal("run_schedule", RunSchedule.Goal(schedule=LIST))
+    bench.goal("run_schedule", RunSchedule.Goal(passes=LIST))
 
     def say(
         state: str = "", *, late_s: float = 0.0, key: str = "partners.key", name: str = "gs0", say: str = ""
@@ -170,9 +171,10 @@ def test_what_a_partner_has_said_before_is_not_said_again(shared: Any) -> None:
 
 def test_schedule_and_status_bear_the_name_of_the_antenna(make: Callable[..., Any]) -> None:
     bench = make().up()
-    bench.goal("run_schedule", RunSchedule.Goal(schedule=LIST))
-    shown = {bench.sent[topic][-1].header.frame_id for topic in ("schedule", "executive_status")}
-    assert shown == {f"gs1 - {INSTANCE}"}
+    bench.goal("run_schedule", RunSchedule.Goal(passes=LIST))
+    shown = [bench.sent[topic][-1] for topic in ("schedule", "executive_status")]
+    assert {(each.antenna, each.process, each.signature) for each in shown} == {("gs1", INSTANCE, "")}
+    assert {each.header.frame_id for each in shown} == {"gs1/base_link"}
     with pytest.raises(ValueError, match="must name the key that is shared with partners=gs2"):
         ExecutiveParams(partners="gs2")
 
@@ -182,13 +184,13 @@ def test_a_night_is_a_goal_with_feedback_and_a_result_and_its_report_is_written(
 ) -> None:
     bench = make()
     assert bench.step("configure")
-    assert bench.goal("run_schedule", RunSchedule.Goal(schedule=LIST)) is None, "not active"
+    assert bench.goal("run_schedule", RunSchedule.Goal(passes=LIST)) is None, "not active"
     assert bench.step("activate")
     refused = bench.goal("run_schedule", RunSchedule.Goal())
     assert (refused.end, refused.result.success) == ("aborted", False)
     assert "must name passes" in refused.result.message
-    goal = bench.goal("run_schedule", RunSchedule.Goal(schedule=LIST))
-    assert bench.goal("run_schedule", RunSchedule.Goal(schedule=LIST)) is None
+    goal = bench.goal("run_schedule", RunSchedule.Goal(passes=LIST))
+    assert bench.goal("run_schedule", RunSchedule.Goal(passes=LIST)) is None
     bench.run(1.2)
     assert (goal.feedback[-1].state, goal.feedback[-1].passes_left) == ("running", 2)
     assert goal.cancel()
@@ -202,7 +204,7 @@ def test_a_night_is_a_goal_with_feedback_and_a_result_and_its_report_is_written(
 
 def test_requests_are_answered_and_the_schedule_is_published_when_it_changes(make: Callable[..., Any]) -> None:
     bench = make().up()
-    bench.goal("run_schedule", RunSchedule.Goal(schedule=LIST))
+    bench.goal("run_schedule", RunSchedule.Goal(passes=LIST))
     rows, published = bench.sent["schedule"][-1].passes, len(bench.sent["schedule"])
     assert [(row.id, seconds_from_stamp(row.aos) - NOW_S) for row in rows] == list(LISTED.items())
     assert seconds_from_stamp(bench.sent["schedule"][-1].header.stamp) == NOW_S
@@ -223,7 +225,7 @@ def test_the_status_names_the_next_pass_and_the_alarms_once_a_second(make: Calla
     bench.run(2.0, 0.1)
     assert len(bench.sent["executive_status"]) in (2, 3)
     assert (bench.sent["executive_status"][-1].state, bench.health("alarms").message) == ("idle", "none")
-    bench.goal("run_schedule", RunSchedule.Goal(schedule=LIST))
+    bench.goal("run_schedule", RunSchedule.Goal(passes=LIST))
     night = bench.node.watch.night
     night.schedule.replan(bench.t_s, (0.0, 0.5))
     night.book.raise_("disk", 1, "full", bench.t_s - 7.0)

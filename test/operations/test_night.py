@@ -13,6 +13,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from rf_pointing.core.pass_outcome import LOSS_OF_SIGNAL
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.dictionary import read_tables
+from rf_pointing.operations.executor import block_text
 from rf_pointing.operations.night import Night, NightState
 from rf_pointing.operations.pass_work import filler_text, fillers_of
 from rf_pointing.operations.procedure import read_procedure
@@ -787,7 +788,8 @@ def test_responses_that_nobody_waits_for_are_noted_and_a_reported_failure_ends_t
         one.at(t_s)
     one.night.fail(2, "the goal was aborted", 942.0)
     assert {"unexpected response 77: what?", "anomaly the goal was aborted"} <= set(one.events())
-    assert one.night.blocks() == ["track: anomaly, the goal was aborted"]
+    ((name, run),) = one.night.blocks()
+    assert block_text(name, run.state, run.reason) == "track: anomaly, the goal was aborted"
 
 
 @pytest.mark.parametrize("missing", ["antenna.mode", "tracking.mode"])

@@ -1,4 +1,4 @@
-"""Only who has the key commands the antenna; every part of a command is signed."""
+"""Only who has the key commands the antenna; every part of a signature is signed."""
 
 import time
 from collections.abc import Callable
@@ -6,8 +6,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from builtin_interfaces.msg import Time
+from rf_pointing_msgs.msg import CommandSignature
 from rf_pointing_msgs.srv import SignedCall
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams
 from rf_pointing.ros.diagnostics import ERROR, OK, WARN
@@ -19,17 +20,8 @@ def key_at(path: Path, topic: str = TOPIC) -> CommandKey:
     return CommandKey(CommandKeyParams(command_key_file=str(path)), topic)
 
 
-def command() -> JointTrajectory:
-    point = JointTrajectoryPoint(positions=[1.0, 0.5], velocities=[0.01, 0.0], accelerations=[0.0, 0.0])
-    message = JointTrajectory(joint_names=["azimuth", "elevation"], points=[point])
-    message.header.stamp.sec, message.points[0].time_from_start.nanosec = 1_151_384_000, 100_000_000
-    return message
-
-
-def signed(key: CommandKey) -> JointTrajectory:
-    message = command()
-    key.sign(message, NAME)
-    return message
+def signed(key: CommandKey) -> CommandSignature:
+    return key.sign(b"bytes of a command", Time(sec=1_151_384_000), 7, NAME)
 
 
 def test_the_first_of_both_nodes_makes_the_key_and_the_other_reads_it(tmp_path: Path) -> None:
@@ -37,25 +29,24 @@ def test_the_first_of_both_nodes_makes_the_key_and_the_other_reads_it(tmp_path: 
     sender, receiver = key_at(path), key_at(path)
     assert path.stat().st_mode & 0o777 == 0o600
     assert len(path.read_text()) == 65
-    assert receiver.check(signed(sender)) == key_at(path).check(signed(sender)) == NAME
+    for each in (receiver, key_at(path)):
+        each.check(signed(sender))
+        assert (each.key_id, len(each.key_id)) == (sender.key_id, 8)
 
 
-CHANGES: dict[str, Callable[[JointTrajectory], object]] = {
+CHANGES: dict[str, Callable[[CommandSignature], object]] = {
     "stamp": lambda m: setattr(m.header.stamp, "sec", m.header.stamp.sec + 1),
     "nanoseconds": lambda m: setattr(m.header.stamp, "nanosec", 1),
-    "name": lambda m: setattr(m.header, "frame_id", m.header.frame_id.replace("gs1", "gs2")),
-    "joints": lambda m: setattr(m, "joint_names", ["elevation", "azimuth"]),
-    "position": lambda m: setattr(m.points[0], "positions", [1.0, 0.5000001]),
-    "velocity": lambda m: setattr(m.points[0], "velocities", [0.0, 0.01]),
-    "acceleration": lambda m: setattr(m.points[0], "accelerations", [0.0, 1e-9]),
-    "effort": lambda m: setattr(m.points[0], "effort", [0.0]),
-    "time": lambda m: setattr(m.points[0].time_from_start, "sec", 1),
-    "one more point": lambda m: m.points.append(m.points[0]),
-    "no points": lambda m: m.points.clear(),
-    "no signature": lambda m: setattr(m.header, "frame_id", NAME),
-    "half a signature": lambda m: setattr(m.header, "frame_id", m.header.frame_id[:-16]),
-    "another alphabet": lambda m: setattr(m.header, "frame_id", NAME + " \u0661" * 32),
-}
+    "number": lambda m: setattr(m, "sequence", 8),
+    "name": lambda m: setattr(m, "commander", m.commander.replace("gs1", "gs2")),
+    "command": lambda m: setattr(m, "digest", m.digest[::-1]),
+    "letters between name and command": lambda m: (
+        setattr(m, "digest", m.commander[-1] + m.digest), setattr(m, "commander", m.commander[:-1]),
+    ),
+    "no signature": lambda m: setattr(m, "signature", ""),
+    "half a signature": lambda m: setattr(m, "signature", m.signature[:-16]),
+    "another alphabet": lambda m: setattr(m, "signature", "\u0661" * 32),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("change", CHANGES)
@@ -68,7 +59,7 @@ def test_a_changed_command_is_a_conflict_for_ten_seconds(
     message = signed(key)
     CHANGES[change](message)
     with pytest.raises(
-        ValueError, match="conflict: a command in the name of /gs[12]/pointing_controller is not signed"
+        ValueError, match="conflict: a command in the name of /gs[12]/pointing_controlle.* is not signed"
     ):
         key.check(message)
     for seconds, level in ((9.9, ERROR), (0.2, OK)):
@@ -86,7 +77,8 @@ def test_the_key_of_another_antenna_or_topic_is_refused(tmp_path: Path) -> None:
 
 def test_without_a_key_every_name_is_taken_and_a_second_publisher_is_shown() -> None:
     key, nodes = CommandKey(CommandKeyParams(), TOPIC), ["/gs1/pointing_controller", "/gs1/rotctld_server", "/own"]
-    assert key.check(signed(key)) == signed(key).header.frame_id == NAME
+    key.check(signed(key))
+    assert (signed(key).commander, signed(key).signature, signed(key).key_id) == (NAME, "", "")
     parts = [name.rpartition("/") for name in nodes]
     one, server, other = (SimpleNamespace(node_namespace=space, node_name=name) for space, _, name in parts)
     for publishers, level, message in (

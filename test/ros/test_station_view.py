@@ -27,7 +27,8 @@ STAMP = stamp_from_seconds(NOW_S)
 ALARMS = [ours.Alarm(name="disk", level=1, message="full", raised=STAMP, acknowledged=True, count=3)]
 ALARM = {"name": "disk", "level": 1, "message": "full", "acknowledged": True}
 EXECUTIVE = ours.ExecutiveStatus(
-    state="running", pass_id="p1", target="BIRD", next_id="p2", reason="waits", blocks=["slew"], alarms=ALARMS,
+    state="running", pass_id="p1", target="BIRD", next_id="p2", reason="waits",
+    blocks=[ours.ProcedureBlock(name="slew", state="anomaly", reason="late")], alarms=ALARMS,
     next_start=STAMP,
 )  # fmt: skip
 TIMES = {"aos": STAMP, "los": stamp_from_seconds(NOW_S + 300.0), "peak_elevation": math.radians(56.789)}
@@ -49,15 +50,15 @@ def test_the_status_of_a_station_is_in_degrees_and_utc() -> None:
     assert found == {
         "utc": utc_text(NOW_S), "antenna": "tracking", "fault": "f", "warning": "w", "azimuth_deg": 123.457,
         "elevation_deg": 45.679, "tracking": "coast", "target": "BIRD", "on_source": True, "carrier_to_noise_db_hz": 41.0,
-        "seconds_tracked": 7.0, "executive": "running", "pass": "p1", "next": "p2", "doing": "waits", "blocks": ["slew"],
-        "alarms": [ALARM], "pass_target": "BIRD",
+        "seconds_tracked": 7.0, "executive": "running", "pass": "p1", "next": "p2", "doing": "waits",
+        "blocks": ["slew: anomaly, late"], "alarms": [ALARM], "pass_target": "BIRD",
     }  # fmt: skip
-    assert "executive running: BIRD slew; waits" in status_text(found)
+    assert "executive running: BIRD slew: anomaly, late; waits" in status_text(found)
 
 
 def test_executive_passes_and_schedule_are_shown_in_utc_and_degrees() -> None:
     assert executive_values(EXECUTIVE) == {
-        "state": "running", "pass": "p1", "target": "BIRD", "blocks": ["slew"], "doing": "waits", "next": "p2",
+        "state": "running", "pass": "p1", "target": "BIRD", "blocks": ["slew: anomaly, late"], "doing": "waits", "next": "p2",
         "next_s": NOW_S, "alarms": [{**ALARM, "raised_utc": utc_text(NOW_S), "count": 3}],
     }  # fmt: skip
     # A long schedule is shown around the pass that comes next.

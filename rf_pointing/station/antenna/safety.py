@@ -49,6 +49,9 @@ class SafetyParams(Params):
     stow_elevation_rad: float = parameter(
         math.radians(90.0), "elevation at which the wind does least", low=0.0, high=3.2
     )
+    unsigned_commands: bool = parameter(
+        False, "whether commands without a signature of the antenna's key are taken, as of another commander"
+    )
     authority_s: float = parameter(1.0, "silence after which another may command", low=0.1, high=60.0)
 
 

@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from rf_pointing.core import Params, parameter, require_choice
-from rf_pointing.core.checks import brief
 from rf_pointing.core.whole_file import KeptState
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.dictionary import read_tables
+from rf_pointing.operations.executor import block_text
 from rf_pointing.operations.night import Night, NightState
-from rf_pointing.operations.pass_list import read_passes
 from rf_pointing.operations.pass_work import filler_text, fillers_of
 from rf_pointing.operations.schedule import Entry, PassState, Schedule, ScheduledPass
 from rf_pointing.planning.forbidden_sky import horizon_to_notes
@@ -251,22 +250,22 @@ class NightWatch:
         self._keep()
         return f"acknowledged: {', '.join(names) or 'no alarm lasts'}"
 
-    def change(self, add: str, remove: Sequence[str], now_s: float) -> str:
-        """Add the passes of a list, and remove those of these ids: all of it, or nothing."""
-        added, schedule = passes_of(add), self.night.schedule
+    def change(self, added: Sequence[ScheduledPass], remove: Sequence[str], now_s: float) -> str:
+        """Add passes, and remove those of these ids: all of it, or nothing."""
+        schedule = self.night.schedule
         schedule.change(added, remove)
         self.night.change(now_s)
         return f"{len(added)} passes added, {len(remove)} removed; {len(schedule.entries)} in all"
 
-    def start(self, given: str, resume: bool, now_s: float) -> None:
-        """Begin a night with the passes of a list, or take part in the present one."""
-        passes, night = passes_of(given), self.night
+    def start(self, passes: Sequence[ScheduledPass], resume: bool, now_s: float) -> None:
+        """Begin a night with these passes, or take part in the present one."""
+        night = self.night
         if self._steered_by:
             raise ValueError(_steers(self._steered_by))
         if not night.finished and not resume:
             raise ValueError(f"the executive is {night.state_name}: resume, or abort first")
         if night.finished and not passes and not (resume and night.schedule.entries):
-            raise ValueError("schedule='' must name passes")
+            raise ValueError("passes=[] must name passes")
         night.schedule.change(passes, () if resume else tuple(night.schedule.entries))
         if night.finished:
             night.start(now_s)
@@ -302,7 +301,8 @@ class NightWatch:
         night = self.night
         states = Counter(each.state for each in night.schedule.entries.values())
         entry = night.schedule.active
-        step = [*night.blocks(), night.reason] if entry else night.blocks()
+        step = [block_text(name, run.state, run.reason) for name, run in night.blocks()]
+        step += [night.reason] * bool(entry)
         return {"state": str(night.state_name), "target": entry.item.name if entry else "",
                 "step": "; ".join(filter(None, step)), "passes_done": len(night.records),
                 "passes_left": states[PassState.WAITING] + states[PassState.ACTIVE]}  # fmt: skip
@@ -323,11 +323,3 @@ class NightWatch:
 
 def _steers(who: str) -> str:
     return f"station_executive {who} has a night of this antenna: end one of the two"
-
-
-def passes_of(given: str) -> list[ScheduledPass]:
-    """Return the passes of a list that a service was given; ValueError for the name of a file."""
-    # Whoever can call a service could let the executive open any file of its user.
-    if given.startswith("/") and "\n" not in given:
-        raise ValueError(f"{brief(given)} is the name of a file: send what is in it, as station queue does")
-    return read_passes(given, every=False) if given else []

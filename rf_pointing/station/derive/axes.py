@@ -49,7 +49,7 @@ def preprocessor(of: Band) -> Rows:
 
 
 def rest(of: Band) -> Rows:
-    """Park and stow position."""
+    """Park and stow position, and who may command."""
     azimuth, elevation = (axis.travel_deg for axis in of.axes)
     mount = of.content.mount
     park = mount.park_deg or (nearest_within(0.0, azimuth), nearest_within(45.0, elevation))
@@ -58,6 +58,7 @@ def rest(of: Band) -> Rows:
         "park_azimuth_deg": Value(park[0], "mount.park_deg"),
         "park_elevation_deg": Value(park[1], "mount.park_deg"),
         "stow_elevation_deg": Value(stow, "mount.stow_elevation_deg"),
+        "unsigned_commands": Value(of.content.mount.unsigned_commands, "mount.unsigned_commands"),
     }
 
 

@@ -110,6 +110,9 @@ class MountSection:
     transmit_elevation_deg: float = parameter(
         10.0, "lowest elevation at which the transmitter may be on", low=-11.0, high=91.0
     )
+    unsigned_commands: bool = parameter(
+        False, "whether anybody on the network may command the antenna between passes; false: who has its key"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -214,6 +214,8 @@ class StationDescription:
             yield f"bands.{numbers.name}: there is no bias model; errors of the mount are not corrected"
         if not self.content.wind.anemometer:
             yield "wind.anemometer: the station has none; wind does not stow the antenna"
+        if self.content.mount.unsigned_commands:
+            yield "mount.unsigned_commands: anybody on the network may command the antenna between passes"
         if self.content.sun.radius_deg == 0.0:
             yield "sun.radius_deg: the beam may look into the Sun"
         share = numbers.step_deg / numbers.beamwidth_deg

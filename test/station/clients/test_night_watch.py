@@ -1,7 +1,6 @@
 """The executive without ROS: what it knows, shares, keeps, records and reports, and what it answers."""
 
 import json
-import os
 from collections.abc import Collection
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,7 +14,7 @@ from rf_pointing.core.dates import utc_text
 from rf_pointing.operations import AlarmParams, BetweenParams
 from rf_pointing.operations.dictionary import TABLES
 from rf_pointing.operations.pass_work import record_of
-from rf_pointing.operations.schedule import Entry
+from rf_pointing.operations.schedule import Entry, ScheduledPass
 from rf_pointing.station.clients import night_folder, station_alarms
 from rf_pointing.station.clients.alarm_hooks import HookParams
 from rf_pointing.station.clients.night_watch import ExecutiveParams, NightWatch
@@ -68,13 +67,12 @@ class Bench:
         return [json.loads(row) for row in (self.folder / "journal.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
-def listed(*begins_s: float) -> str:
-    """Return a list of passes of 300 s, named p0, p1, ... that rise so long from T_S."""
-    return json.dumps([
-        {"id": f"p{index}", "target": f"bird{index}", "aos_utc": utc_text(T_S + begin_s),
-         "los_utc": utc_text(T_S + begin_s + 300.0)}
-        for index, begin_s in enumerate(begins_s)
-    ])  # fmt: skip
+def listed(*begins_s: float, sensor: str = "") -> list[ScheduledPass]:
+    """Return passes of 300 s, named p0, p1, ... that rise so long from T_S."""
+    return [
+        ScheduledPass(id=f"p{n}", target=f"bird{n}", aos_t_s=T_S + s, los_t_s=T_S + s + 300.0, sensor=sensor)
+        for n, s in enumerate(begins_s)
+    ]
 
 
 @pytest.fixture(autouse=True)
@@ -194,10 +192,10 @@ def test_the_answer_to_a_selection_names_the_target_of_a_number(tmp_path: Path) 
     assert [each.item.name for each in one.night.schedule.in_order] == ["METEOR-M2 4"]
 
 
-def test_a_list_replaces_the_schedule_unless_it_resumes_and_is_never_a_file(tmp_path: Path) -> None:
+def test_a_list_replaces_the_schedule_unless_it_resumes(tmp_path: Path) -> None:
     one = Bench(tmp_path)
     with pytest.raises(ValueError, match="must name passes"):
-        one.watch.start("", False, T_S)
+        one.watch.start([], False, T_S)
     one.start(600.0, 1200.0)
     with pytest.raises(ValueError, match="the executive is running: resume, or abort first"):
         one.start(1800.0)
@@ -205,14 +203,10 @@ def test_a_list_replaces_the_schedule_unless_it_resumes_and_is_never_a_file(tmp_
     assert list(one.night.schedule.entries) == ["p0", "p1", "p2"]
     one.watch.request("abort", T_S)
     one.step()
-    one.watch.start("", True, T_S)
+    one.watch.start([], True, T_S)
     assert len(one.night.schedule.entries) == 3
     one.watch.request("abort", T_S)
     one.step()
-    os.mkfifo(pipe := tmp_path / "list.json")
-    for change in (lambda: one.watch.start(str(pipe), False, T_S), lambda: one.watch.change(str(pipe), [], T_S)):
-        with pytest.raises(ValueError, match=r"list\.json' is the name of a file: send what is in it"):
-            change()
     # A refused list changes nothing, and neither does the half of one.
     with pytest.raises(ValueError, match="pass 'p9' is not in the schedule"):
         one.watch.change(listed(0.0, 600.0, 1200.0, 1800.0), ["p0", "p9"], T_S)
@@ -251,7 +245,7 @@ def test_only_a_node_that_a_pass_needs_holds_the_night(tmp_path: Path) -> None:
         one.watch.alarms.take_check(node, "state", 0, "active", {"state": "active"}, WALL_S + 5.2)
     assert effect(one, 5.3) == ("continue", missing)
     # The sensor of the next pass decides which tracker is needed.
-    one.watch.change(listed(900.0).replace("{", '{"sensor": "monopulse", '), ["p0"], T_S)
+    one.watch.change(listed(900.0, sensor="monopulse"), ["p0"], T_S)
     one.night.take("antenna", {"mode": "holding", "azimuth": 0.0, "elevation": 0.5}, T_S + 5.3)
     one.step(5.4)
     assert effect(one, 5.5)[0] == "wait"
