@@ -217,8 +217,7 @@ class RadioRefraction(Params):
 
 def _levelled(elevation_rad: Any, depth_rad: float) -> tuple[Any, Any, Any]:
     """Return the elevation held from below, C2: itself above the horizon, then down to `-depth`."""
-    lowest = elevation_rad if isinstance(elevation_rad, float) else np.min(elevation_rad, initial=1.0)
-    if lowest >= 0.0:
+    if isinstance(elevation_rad, float) and elevation_rad >= 0.0:
         return elevation_rad, 1.0, 0.0
     width = 2.0 * depth_rad
     above = elevation_rad + width

@@ -421,18 +421,10 @@ def _exact(track: TopocentricTrack, times: Array, free: Flags, sine: float | Non
         moved = times - np.minimum(np.maximum(late_s, -_STEP_S), _STEP_S)
         moved[0], moved[2] = np.minimum(moved[0], moved[1]), np.maximum(moved[1], moved[2])
         late_s, times = times - moved, moved
-        # What remains is moved by its own motion: 1 cm in 50 ms.
         if np.all(np.abs(late_s) < _LATEST_S):
             break
-    position, velocity, acceleration = (part.reshape(3, *times.shape) for part in seen)
-    # The site moves during the travel of the light, 3 m in a low orbit.
-    way_m = range_m.reshape(times.shape)[1] - np.linalg.norm(position[:, 1], axis=0)
-    position = position - late_s * (velocity - 0.5 * late_s * acceleration)
-    return (
-        times,
-        [position, velocity - late_s * acceleration, acceleration],
-        way_m + np.linalg.norm(position[:, 1], axis=0),
-    )
+    seen, range_m = _seen(track, times.ravel())
+    return times, [part.reshape(3, *times.shape) for part in seen], range_m.reshape(times.shape)[1]
 
 
 def _largest(times: Array, value: Array, slope: Array) -> Array:

@@ -38,7 +38,8 @@ class StateVector:
 def dot(a: Vector, b: Vector) -> Any:
     """Return the scalar product."""
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
-        return np.einsum("cn,cn->n", a, b)
+        x, y, z = a * b
+        return x + y + z
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
@@ -106,7 +107,8 @@ def _earth_fixed(v: Vector, c: Any, s: Any, pole_x: Any, pole_y: Any) -> Vector:
 def rotated(motion: StateVector, axes: tuple[Vector, Vector, Vector]) -> StateVector:
     """Return the components along three fixed unit vectors."""
     if isinstance(motion.position, np.ndarray):
-        return StateVector(*(np.array(axes) @ v for v in motion.derivatives()))
+        x, y, z = np.array(axes).T[:, :, np.newaxis]
+        return StateVector(*(x * v[0] + y * v[1] + z * v[2] for v in motion.derivatives()))
     first, second, third = axes
     return StateVector(*((dot(first, v), dot(second, v), dot(third, v)) for v in motion.derivatives()))
 
@@ -152,17 +154,19 @@ def motion_from_positions(positions: Any, step_s: float, unit_m: float) -> State
     The positions are five vectors, or an array (5, n, 3).
     """
     if isinstance(positions, np.ndarray):
-        weights = np.array(_STENCILS) * (unit_m / step_s ** np.arange(4.0))[:, np.newaxis]
-        found = (weights @ positions.reshape(5, -1)).reshape(4, -1, 3)
-        return StateVector(*np.ascontiguousarray(found.transpose(0, 2, 1)))
+        positions = np.ascontiguousarray(positions.transpose(0, 2, 1))
     orders = (_weighted(positions, weights, unit_m / step_s**k) for k, weights in enumerate(_STENCILS))
     position, velocity, acceleration, jerk = orders
     return StateVector(position, velocity, acceleration, jerk)
 
 
-def _weighted(positions: list[Vector], weights: tuple[float, ...], scale: Any) -> Vector:
-    (ax, ay, az), (bx, by, bz), (x, y, z), (cx, cy, cz), (dx, dy, dz) = positions
+def _weighted(positions: Any, weights: tuple[float, ...], scale: Any) -> Vector:
+    # In this order everywhere: a product of matrices rounds as the processor likes.
     a, b, o, c, d = (weight * scale for weight in weights)
+    if isinstance(positions, np.ndarray):
+        first, second, third, fourth, fifth = positions
+        return a * first + b * second + o * third + c * fourth + d * fifth
+    (ax, ay, az), (bx, by, bz), (x, y, z), (cx, cy, cz), (dx, dy, dz) = positions
     return (
         a * ax + b * bx + o * x + c * cx + d * dx,
         a * ay + b * by + o * y + c * cy + d * dy,
