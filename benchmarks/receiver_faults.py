@@ -68,7 +68,11 @@ class Radio(threading.Thread):
     __hash__ = threading.Thread.__hash__
 
     def open(self) -> None:
-        self.outlet = make_outlet(OutletParams(format=self.kind, port=self.port), RATE_HZ, CENTRE_HZ)
+        self.outlet = make_outlet(
+            OutletParams(format=self.kind, port=self.port),
+            RATE_HZ,
+            CENTRE_HZ,
+        )
 
     def shut(self) -> None:
         outlet, self.outlet = self.outlet, None
@@ -82,9 +86,15 @@ class Radio(threading.Thread):
             if self.silent or (outlet := self.outlet) is None:
                 continue
             offset_hz = CARRIER_HZ - self.centre_hz
-            samples = self._generator.take(count, (offset_hz, offset_hz), [10.0 ** (LEVEL_DB_HZ / 20.0)])
+            samples = self._generator.take(
+                count,
+                (offset_hz, offset_hz),
+                [10.0 ** (LEVEL_DB_HZ / 20.0)],
+            )
             if self.noise:
-                samples = (self._random.integers(0, 2, (1, 2 * count)) * np.float32(2.0) - 1.0).view(np.complex64)
+                samples = (self._random.integers(0, 2, (1, 2 * count)) * np.float32(2.0) - 1.0).view(
+                    np.complex64,
+                )
             parts = np.clip(self.gain * samples.view(np.float32), -1.0, 1.0)
             sent = parts.view(np.complex64)[:, : round(self.share * count)]
             outlet.centre_hz = self.centre_hz
@@ -119,7 +129,9 @@ class Watch:
         self.radio.start()
         self.processes.start(["signal_receiver"], simulated_time=False, autostart=True)
         if self.until(self.good, 60.0) == math.inf:
-            raise TimeoutError(f"no level of {kind}: {self.words}; {self.processes.complaint('signal_receiver')}")
+            raise TimeoutError(
+                f"no level of {kind}: {self.words}; {self.processes.complaint('signal_receiver')}",
+            )
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -132,7 +144,8 @@ class Watch:
     def good(self) -> bool:
         """Whether the newest levels are right."""
         recent = [level for at_s, level in self.levels[-10:] if time.monotonic() - at_s < 1.0]
-        return len(recent) >= 5 and all(abs(level - LEVEL_DB_HZ) < RIGHT_DB for level in recent[-5:])
+        near = [abs(level - LEVEL_DB_HZ) < RIGHT_DB for level in recent[-5:]]
+        return len(near) == 5 and all(near)
 
     def until(self, condition: Callable[[], bool], patience_s: float) -> float:
         """Return how long a condition takes, infinity beyond the patience."""
@@ -186,7 +199,10 @@ def disturb(watch: Watch, name: str) -> tuple[float, float, float]:
 
 def main() -> int:
     """Disturb, print the table, and return the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("--rounds", type=int, default=1)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
@@ -202,7 +218,9 @@ def main() -> int:
                 named_s, back_s, wrong_db = disturb(watches[kind], name)
                 good = named_s <= NAMED_S and back_s <= BACK_S and wrong_db <= WRONG_DB
                 failed += not good
-                rows.append({"fault": name, "named_s": named_s, "back_s": back_s, "wrong_db": wrong_db})
+                rows.append(
+                    {"fault": name, "named_s": named_s, "back_s": back_s, "wrong_db": wrong_db},
+                )
                 print(f"{'ok' if good else 'FAILS':<6}{name:<20}named {named_s:5.2f} s <= {NAMED_S:g}  "
                       f"back {back_s:5.2f} s <= {BACK_S:g}  level off by {wrong_db:5.2f} dB meanwhile", flush=True)  # fmt: skip
             if not round_:

@@ -93,7 +93,7 @@ def all_finite(*values: float) -> bool:
 
 def require_between(name: str, value: float, low: float | None, high: float | None) -> None:
     """Raise ValueError unless `value` is finite and low <= value <= high (None: unbounded)."""
-    # Without a call for what is within; of an infinite value the difference is no number.
+    # Without a call for what is within; infinity less itself is NaN.
     if (low is None or value >= low) and (high is None or value <= high) and value - value == 0.0:
         return
     require_finite(name, value)

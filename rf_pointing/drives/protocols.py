@@ -321,7 +321,11 @@ class SpidProtocol(DeviceProtocol):
             first, second = (
                 f"{round(angle * each):04d}".encode() for angle, each in zip((azimuth, elevation), pulses, strict=True)
             )
-        return Request("set", bytes([self.START, *first, pulses[0], *second, pulses[1], self.SET, self.END]), answer)
+        return Request(
+            "set",
+            bytes([self.START, *first, pulses[0], *second, pulses[1], self.SET, self.END]),
+            answer,
+        )
 
     def take(self, buffer: bytearray) -> list[Answer]:
         found = []

@@ -210,7 +210,12 @@ def _height(position: Array, velocity: Array, *bend: Array) -> list[Array]:
     return [height, rate, (bend[0][2] - 2.0 * rate * away / length - height * longer) / length]
 
 
-def _turning(motion: _Motion, low: Array, high: Array, rates: tuple[Array, Array]) -> tuple[Array, Array]:
+def _turning(
+    motion: _Motion,
+    low: Array,
+    high: Array,
+    rates: tuple[Array, Array],
+) -> tuple[Array, Array]:
     """Return where the height turns between `low` and `high` (n,), by its rates there, and it."""
     at = low + (high - low) * rates[0] / (rates[0] - rates[1])
     for _ in range(_NEWTON):
@@ -223,7 +228,12 @@ def _turning(motion: _Motion, low: Array, high: Array, rates: tuple[Array, Array
     return at, motion.height(at, 2)[0]
 
 
-def _crossings(motion: _Motion, sine: float, ends: tuple[Array, Array], heights: tuple[Array, Array]) -> Array:
+def _crossings(
+    motion: _Motion,
+    sine: float,
+    ends: tuple[Array, Array],
+    heights: tuple[Array, Array],
+) -> Array:
     """Return where the height crosses the mask between `ends` (n,), above it by `heights` there."""
     low, high = ends
     crossings = low + (high - low) * heights[0] / (heights[0] - heights[1])
@@ -385,7 +395,10 @@ def _described(
     largest = np.minimum(np.maximum(np.argmax(np.abs(bend), axis=1), 1), rows.shape[1] - 2)
     low, high = rows[number, largest - 1], rows[number, largest + 1]
     closer = (low + (high - low) * _CLOSER).ravel()
-    bending = np.abs(angles_and_rates(_without_jerk(*motion.at(closer, 3)))[4]).reshape(len(_CLOSER), -1)
+    bending = np.abs(angles_and_rates(_without_jerk(*motion.at(closer, 3)))[4]).reshape(
+        len(_CLOSER),
+        -1,
+    )
     turn, lifting, near = _largest(
         rows, np.array([np.abs(turning), np.abs(rate), -square]),
         np.array([np.copysign(bend, bend * turning), np.copysign(lift, lift * rate), -2.0 * farther]),
@@ -406,7 +419,12 @@ def _described(
     ]  # fmt: skip
 
 
-def _exact(track: TopocentricTrack, times: Array, free: Flags, sine: float | None) -> tuple[Array, list[Array], Array]:
+def _exact(
+    track: TopocentricTrack,
+    times: Array,
+    free: Flags,
+    sine: float | None,
+) -> tuple[Array, list[Array], Array]:
     """Return rise, peak and set (3, n) of the track, its motion there, and the range at the peaks.
 
     Those that are not `free` stay.

@@ -73,7 +73,11 @@ class Sgp4Orbit:
         self._check_age(t_s, elapsed_s)
         # SGP4 counts elapsed seconds; a difference of UTC lacks the leap seconds in between.
         elapsed_s = elapsed_s + (leap_seconds().tai_minus_utc_s(t_s) - self._leap_at_epoch_s)
-        teme = motion_from_positions(_positions_km(self._record, elapsed_s, self.name), _STEP_S, _KM)
+        teme = motion_from_positions(
+            _positions_km(self._record, elapsed_s, self.name),
+            _STEP_S,
+            _KM,
+        )
         return earth_fixed_from_teme(teme, t_s, self.orientation)
 
     def warnings(self, t_s: float) -> tuple[str, ...]:

@@ -152,7 +152,9 @@ def _calendar_rows(text: str) -> list[dict[str, Any]]:
         zones = [event[key].params.get("TZID") for key in ("dtstart", "dtend") if key in event]
         floating = begin.tzinfo is None or end.tzinfo is None
         if floating and (unknown := next(filter(None, zones), "")):
-            raise ValueError(f"{said} has a time in a zone that is not known, TZID={unknown}: write Z")
+            raise ValueError(
+                f"{said} has a time in a zone that is not known, TZID={unknown}: write Z",
+            )
         if floating:
             raise ValueError(f"{said} has a time without a zone, {begin.isoformat()}: write Z or TZID")
         times = {key: utc_text(when.timestamp()) for key, when in (("aos_utc", begin), ("los_utc", end))}

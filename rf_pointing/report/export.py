@@ -153,7 +153,15 @@ def _columns(recording: Recording, topic: str) -> tuple[Columns, list[ColumnMean
     data = recording.get(topic)
     if data is None:
         raise ValueError(f"{recording.path} has no message of {topic}; it has {', '.join(exported_topics(recording))}")
-    values = _passes(recording) if topic == "passes" else _times(recording, data) | _values(data, topic)
+    values = (
+        _passes(recording)
+        if topic == "passes"
+        else _times(recording, data)
+        | _values(
+            data,
+            topic,
+        )
+    )
     rows = []
     for name in values:
         field_name, unit, meaning = _meaning(topic, name)

@@ -226,7 +226,10 @@ def noise_variance(channels: ComplexArray, order: int) -> float:
 @lru_cache(maxsize=64)
 def _polynomials(count: int, order: int) -> NDArray[np.float64]:
     """Return the Legendre polynomials (count, order + 1) at even times."""
-    return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), order), dtype=np.float64)
+    return np.asarray(
+        np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), order),
+        dtype=np.float64,
+    )
 
 
 def _mean(values: NDArray[np.float64]) -> float:

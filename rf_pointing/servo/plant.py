@@ -240,7 +240,13 @@ class AntennaPlant:
 
     def _prepare(self, ticks: int) -> tuple[Array, tuple[DriveConstants, DriveConstants]]:
         step_s = ticks * _GRID_S
-        constants = drive_constants(self.params.azimuth, step_s), drive_constants(self.params.elevation, step_s)
+        constants = (
+            drive_constants(self.params.azimuth, step_s),
+            drive_constants(
+                self.params.elevation,
+                step_s,
+            ),
+        )
         self._cache[ticks] = (discretise(self._model.a, self._model.b, step_s), constants)
         return self._cache[ticks]
 
