@@ -18,7 +18,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
 from rf_pointing.ros.diagnostics import Health
-from rf_pointing.ros.graph import ESSENTIAL, TOPICS, Topic
+from rf_pointing.ros.graph import ERRORS, ESSENTIAL, TOPICS, Topic
 from rf_pointing.ros.main_loop import open_private, run
 from rf_pointing.ros.managed import ManagedNode
 from rf_pointing.ros.qos import STREAM
@@ -44,7 +44,10 @@ class SimulationClock(ManagedNode):
     def configure(self) -> None:
         params: ClockParams = self.parameters.value("")
         self._output = self.publisher(Clock, "clock", STREAM)
-        streams = {topic.name: self._paced(topic) for topic in TOPICS if topic.allowed_lag_s is not None}
+        # What a real receiver measures comes late by nature: time that waited would stand.
+        late = () if params.errors_in_time else (ERRORS,)
+        paced = [topic for topic in TOPICS if topic.allowed_lag_s is not None and topic.name not in late]
+        streams = {topic.name: self._paced(topic) for topic in paced}
         start_s = params.start_s or time.time()
         self._pacer = Pacer(start_s=start_s, tick_s=params.tick_s, speed=params.speed, streams=streams)
         resumed_s = None
@@ -62,7 +65,7 @@ class SimulationClock(ManagedNode):
         stream = PacedStream(allowed_lag_s=topic.allowed_lag_s, essential=topic.name == ESSENTIAL)
 
         def take(raw: bytes) -> None:
-            stream.received(seconds_from_raw(raw), self._pacer.now_s)
+            stream.received(seconds_from_raw(raw))
 
         self.listen(topic.message_type, topic.name, take, topic.qos, raw=True)
         return stream

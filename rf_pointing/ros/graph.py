@@ -86,8 +86,9 @@ ALARM_TOPIC = "alarms"
 SATELLITE_ATTITUDE = "satellite_attitude"
 WIND, TEMPERATURE, PRESSURE, HUMIDITY = (f"weather/{name}" for name in ("wind", "temperature", "pressure", "humidity"))
 """Topics of a station's own instruments."""
+ERRORS = "pointing_error"
 _POINTING_ERROR = Topic(
-    "pointing_error", ours.PointingError, STREAM, "10 Hz, of a scan once a round", allowed_lag_s=_ONE_CLUSTER_S,
+    ERRORS, ours.PointingError, STREAM, "10 Hz, of a scan once a round", allowed_lag_s=_ONE_CLUSTER_S,
     frame=BEAM,
 )  # fmt: skip
 # An array on the dish has nodes of its own.

@@ -131,6 +131,12 @@ def test_a_real_antenna_starts_the_trackers_of_its_bands_or_one_for_the_level_of
     assert {"antenna_servo", "pointing_controller", "ephemeris_publisher", "bias_calibrator"} <= nodes
 
 
+def test_time_does_not_wait_for_what_a_real_receiver_measures(tmp_path: Path) -> None:
+    read_station("leo_3m7").write(path := tmp_path / "mine.yaml", {"receiver.type": "rtl_tcp"})
+    assert values(launched("simulated_station", station=str(path)), "simulation_clock")["errors_in_time"] is False
+    assert "errors_in_time" not in values(launched("simulated_station"), "simulation_clock")
+
+
 def test_a_station_with_an_array_starts_its_nodes() -> None:
     """A real array has receivers of its own."""
     rotator = {"station": "rotator_2m"}

@@ -211,9 +211,7 @@ class ArrayGraph:
         node.create_subscription(
             paced.message_type,
             f"{self.namespace}/{paced.name}",
-            lambda message: estimates.received(
-                seconds_from_stamp(message.header.stamp), self._pacer.now_s
-            ),
+            lambda message: estimates.received(seconds_from_stamp(message.header.stamp)),
             STREAM,
         )
         self._running, self._held_wall_s = False, 0.0

@@ -4,8 +4,7 @@ Time is never ahead of the wall clock, and never far ahead of the graph.
 
 Each paced stream states by how much its newest stamp may lag the next tick.  A stream that stays
 silent for longer than the patience is no longer waited for until its next message; nor is a stream
-whose messages are further apart than expected, or late by nature: samples of a receiver need time
-to go on before they come.  The essential stream is the antenna's: while it is
+whose messages are further apart than expected.  The essential stream is the antenna's: while it is
 silent, time runs no faster than the wall clock.
 
 A clock that brings itself up continues from the time at which a killed clock was (`ClockMemory`),
@@ -31,8 +30,6 @@ SETTLE_S = 0.2
 RESUME_S = 20.0
 """A graph waits no longer than this for a killed clock."""
 _RECORD = struct.Struct("<3d")
-OFTEN, PROMPT = 3, 20
-"""So often given up, a stream is waited for again after so many messages in a row in time."""
 LARGEST_SPACING_S = 0.25
 """Usual streams have a period of 0.1 s; conscan, once a scan, has seconds."""
 
@@ -52,23 +49,17 @@ class PacedStream:
     waiting_since_s: float | None = None
     waits: int = 0
     abandoned: int = 0
-    _given_up: int = 0
-    _prompt: int = 0
 
-    def received(self, stamp_s: float, now_s: float) -> None:
-        """Note the stamp of a message that has come at `now_s` of simulation time."""
-        before_s = stamp_s if self.newest_s is None else self.newest_s
-        sparse, self.newest_s = stamp_s - before_s > self.spacing_s, max(before_s, stamp_s)
-        # In time: before time would have gone on without it.
-        self._prompt = self._prompt + 1 if before_s + self.allowed_lag_s >= now_s else 0
-        self._given_up = 0 if self._prompt >= PROMPT else self._given_up
-        self.waited_for, self.waiting_since_s = not sparse and self._given_up < OFTEN, None
+    def received(self, stamp_s: float) -> None:
+        """Note the stamp of a message."""
+        sparse = self.newest_s is not None and stamp_s - self.newest_s > self.spacing_s
+        self.newest_s = stamp_s if self.newest_s is None else max(self.newest_s, stamp_s)
+        self.waited_for, self.waiting_since_s = not sparse, None
 
     def give_up(self) -> None:
         """Wait for it no longer, until its next message."""
         self.waited_for, self.waiting_since_s = False, None
         self.abandoned += 1
-        self._given_up += 1
 
 
 @dataclass
@@ -151,6 +142,9 @@ class ClockParams(Params):
     start_s: float = parameter(0.0, "UTC seconds since 1970 at which time starts; 0: now", low=0.0, high=4.0e9)
     speed: float = parameter(1.0, "simulated seconds per second; 0: as fast as the graph follows", low=0.0, high=1e4)
     tick_s: float = parameter(0.02, "step of simulation time", low=0.001, high=1.0)
+    errors_in_time: bool = parameter(
+        True, "whether time waits for pointing_error; not behind a real receiver, whose samples need time to go on"
+    )
 
 
 class ClockMemory:
