@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         wrap_rad,
     )
     from rf_pointing.core.checks import as_finite_array, as_finite_pair, require_between, require_choice, require_finite
+    from rf_pointing.core.constants import MU
     from rf_pointing.core.hermite import Motion, Quintic
     from rf_pointing.core.modes import Mode, Sensor
     from rf_pointing.core.parameters import (
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
         to_degrees,
         with_leaves,
     )
-    from rf_pointing.core.pass_outcome import MU, gaussian_gain, gaussian_loss_db
+    from rf_pointing.core.pass_outcome import gaussian_gain, gaussian_loss_db
     from rf_pointing.core.random_streams import random_stream
     from rf_pointing.core.signals import (
         AXES,

@@ -18,9 +18,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-# Exponent of the Gaussian beam: the power falls to exp(-mu/4) = 1/2 at half the half-power
-# beamwidth.
-MU = 4.0 * math.log(2.0)
+from rf_pointing.core.constants import MU
+
 _DB_AT_ONE_BEAMWIDTH = 10.0 * MU / math.log(10.0)
 # The envelope of the sidelobes of a parabolic dish some beamwidths from the axis.
 SIDELOBE_DB = 40.0

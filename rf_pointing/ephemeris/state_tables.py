@@ -89,8 +89,10 @@ def read_meme(text: str, name: str = "") -> Found:
             epoch = f"{date[:4]}-{date[4:7]}T{date[7:9]}:{date[9:11]}:{date[11:]}"
             draft.states.append(State(number, epoch, values[1:]))
             draft.covariances.append((number, {"EPOCH": epoch, "COV_REF_FRAME": axes}, []))
-        else:
+        elif draft.covariances:
             draft.covariances[-1][2].extend(values)
+        else:
+            raise ValueError(f"line {number}: {date[:40]!r} must be a date of 13 digits")
     yield from _parts(draft, float(step[1]) if step else None)
 
 

@@ -19,6 +19,7 @@ from rf_pointing.ephemeris.source import SourceParams, load_elements, load_track
 from rf_pointing.nodes.pointing_controller import PointingControllerNode
 from rf_pointing.ros import convert, convert_calibration, convert_planning
 from rf_pointing.ros.command_key import CommandKey, CommandKeyParams, digest_of
+from rf_pointing.ros.signed_commands import cdr_bytes
 from rf_pointing.ros.stamps import seconds_from_stamp, stamp_from_seconds
 from rf_pointing.station.pointing.certificates import pass_profile
 from test.station.campaign.test_model_keeper import model_file
@@ -81,7 +82,8 @@ def test_a_pass_is_certified_commanded_under_the_name_of_the_node_and_stopped_on
     command, status = bench.sent["joint_trajectory"][-1], bench.sent["tracking_status"][-1]
     signature = bench.sent["command_signature"][-1]
     CommandKey(CommandKeyParams(command_key_file=key), "/gs1/joint_trajectory").check(signature)
-    assert (command.header.frame_id, signature.digest) == ("gs1/base_link", digest_of(serialize_message(command)))
+    payload = serialize_message(command)[: cdr_bytes(command)]
+    assert (command.header.frame_id, signature.digest) == ("gs1/base_link", digest_of(payload))
     assert (signature.commander, seconds_from_stamp(command.header.stamp)) == ("/gs1/pointing_controller", bench.t_s)
     assert status.commands_sent == len(bench.sent["joint_trajectory"]) == 21
     # One at its begin and one per mode; the next is due after 5 s.

@@ -143,7 +143,7 @@ class ClockParams(Params):
     speed: float = parameter(1.0, "simulated seconds per second; 0: as fast as the graph follows", low=0.0, high=1e4)
     tick_s: float = parameter(0.02, "step of simulation time", low=0.001, high=1.0)
     errors_in_time: bool = parameter(
-        True, "whether time waits for pointing_error; not behind a real receiver, whose samples need time to go on"
+        True, "whether time waits for pointing_error; not behind a real receiver: it measures later"
     )
 
 
