@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rf_pointing.core.parameters import leaves, to_degrees, with_leaves
@@ -120,6 +120,7 @@ STANDS: dict[str, Callable[[], tuple[Slew, Callable[[], None]]]] = {
     stalls=st.lists(st.tuples(st.floats(0.0, 1.5), st.floats(0.05, 0.9)), min_size=1, max_size=3),
     moved_deg=st.floats(-40.0, 40.0),
 )
+@example(stalls=[(0.0, 0.78125), (0.53125, 0.875)], moved_deg=0.0)
 @settings(deadline=None, max_examples=15)
 def test_stalls_in_a_slew_are_no_fault_and_the_antenna_arrives(
     stand: str, stalls: list[tuple[float, float]], moved_deg: float
