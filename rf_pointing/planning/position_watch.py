@@ -127,7 +127,7 @@ class PositionWatch:
             axis.moved_s, axis.moved = t_s, away
         # New set points come all the time: only one for a device that had arrived begins anew.
         if moved or arrived:
-            # At the latest: while this process stood, neither was read nor a set point sent.
+            # At the latest: while this process was held up, it neither read nor sent a set point.
             axis.still_since_s = t_s + max(0.0, within_s - limits.period_s)
         if set_point != axis.set_point:
             # The margin covers what is left of the motion before.
