@@ -52,7 +52,7 @@ class Radio(threading.Thread):
     silent: bool = False
     gain: float = 1.0
     share: float = 1.0
-    """Of the samples of a piece that are sent: another rate than the stated one."""
+    """Share of the samples of a piece that is sent; below 1 they come at a lower rate than stated."""
     late_s: float = 0.0
     centre_hz: float = CENTRE_HZ
     noise: bool = False

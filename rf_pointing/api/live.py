@@ -272,7 +272,7 @@ def run_setup(program: str, request: RunRequest, window: Pass, output: Path) -> 
         # At 10 Hz the servo makes up its ticks at once: 80 % less traffic of the clock.
         start_s = float(math.floor(window.aos_t_s) - before_s)
         clock = {"start_s": start_s, "speed": factor, "tick_s": 0.02 if ticks else 0.1}
-        if RECEIVER_NODES[-1] in nodes_of(request):
+        if station.description.receiver != "simulated":
             clock["errors_in_time"] = False
         parameters = {"simulation_clock": clock} | parameters
     kind |= horizon_to_notes(station.controller.mask)

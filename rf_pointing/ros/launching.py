@@ -25,7 +25,6 @@ from rf_pointing.ros.graph import (
     OPERATOR_PAGE,
     PROCESSES,
     RADIO,
-    RECEIVER_NODES,
     ROTCTLD,
     STATION_NODES,
     partition,
@@ -245,7 +244,7 @@ def _station_processes(
     wanted = {"alarms": ALARMS, "executive": EXECUTIVE, "page": OPERATOR_PAGE, "radio": RADIO, "rotctld": ROTCTLD}
     names = (*with_receiver(names, station.receiver), *(name for argument, name in wanted.items() if values[argument]))
     given = {name: _parameters(values, name, simulated=simulated) for name in names}
-    if simulated and RECEIVER_NODES[-1] in names:
+    if simulated and station.receiver != "simulated":
         given["simulation_clock"]["errors_in_time"] = False
     space, respawn = values["namespace"], values["respawn"]
     # Each antenna has its own simulation time; without the clock node, /clock is the user's.

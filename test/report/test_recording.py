@@ -418,14 +418,14 @@ def test_any_splits_of_a_bag_give_its_numbers_less_what_is_missing(
             assert set(mine.log_time_ns.tolist()) <= set(data.log_time_ns.tolist())
 
 
-@pytest.mark.parametrize("told", [True, False], ids=["metadata", "no metadata"])
+@pytest.mark.parametrize("complete", [True, False], ids=["metadata", "no metadata"])
 @pytest.mark.parametrize(
     ("plugin", "mode"),
     # Only MCAP has a compression of its own.
     sorted({*itertools.product(StoragePlugin, CompressionMode)} - {(StoragePlugin.SQLITE3, CompressionMode.STORAGE)}),
 )
 def test_every_kind_of_compression_gives_the_whole_bag(
-    bag: Path, tmp_path: Path, types: Definitions, plugin: StoragePlugin, mode: CompressionMode, told: bool
+    bag: Path, tmp_path: Path, types: Definitions, plugin: StoragePlugin, mode: CompressionMode, complete: bool
 ) -> None:
     packed_bag = tmp_path / "packed"
     writer = Writer(packed_bag, version=9, storage_plugin=plugin)
@@ -437,11 +437,11 @@ def test_every_kind_of_compression_gives_the_whole_bag(
         }
         for connection, log_time_ns, data in reader.messages():
             writer.write(topics[connection.id], log_time_ns, data)
-    if not told:
+    if not complete:
         (packed_bag / "metadata.yaml").unlink()
     whole, found = read_recording(bag), read_recording(packed_bag)
     assert {name: len(data) for name, data in found.topics.items()} == {n: len(d) for n, d in whole.topics.items()}
-    assert found.problems == (() if told else ("metadata.yaml is missing: the recorder did not finish",))
+    assert found.problems == (() if complete else ("metadata.yaml is missing: the recorder did not finish",))
 
 
 def test_what_is_beside_the_splits_is_named(bag: Path, splits: Any, tmp_path: Path) -> None:
