@@ -206,7 +206,7 @@ class Lifecycle(LifecycleNode):
         return schedule
 
     def catch_up(self) -> None:
-        """Do the periodic work that is due although no timer has fired; called while nothing comes."""
+        """Do the periodic work that is due and that no timer has called."""
         # The executor can lose a timer of simulated time when a message of the clock arrives while
         # it arms that timer: the work, and with it time, would stand for seconds.
         for fire in tuple(self._works):
