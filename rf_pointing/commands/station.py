@@ -6,6 +6,7 @@
     station status --watch                  what it does, and the alarms
     station go 120 45                       turn the axes to azimuth and elevation, deg
     station park | stow | pause | release | disable | stop | reset
+    station permit-sun --band X --until 2026-06-21T15:00:00Z --by "A. Name"
     station offset --along 0.3 --cross 0.01
     station night pause | resume | stop | abort | skip [ID] | ack [ALARM]
     station log -n 50                       the journal of the executive
@@ -19,6 +20,7 @@ lasts; 2: the station could not be reached, or the command line is wrong.
 """
 
 import argparse
+import getpass
 import math
 import sys
 from collections.abc import Callable, Mapping
@@ -88,6 +90,12 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
         "--antenna", dest="name", action="store_const", const="antenna_servo/stop",
         help="stop the antenna itself: latches a fault",
     )  # fmt: skip
+    words = "let the beam look into the Sun, once, until a time"
+    permit = add("permit-sun", words, StationClient.permit_sun)
+    permit("--band", required=True, help="band that may; the transmitter stays off")
+    permit("--by", default=getpass.getuser(), help="who permits it (default: the user)")
+    permit("--until", type=refusing(parse_utc), metavar="UTC", help="at most 12 h ahead")
+    permit("--withdraw", action="store_true", help="end a permission")
     offset = add("offset", "set the target off its elements", StationClient.set_offset)
     offset("--along", dest="along_track_s", type=between(-60.0, 60.0), metavar="S", help="ahead of its elements")
     offset("--cross", dest="cross_track_deg", type=between(-5.7, 5.7), metavar="DEG", help="right of its elements")
@@ -101,6 +109,9 @@ def request_of(argv: list[str] | None = None) -> StationRequest:
     given = vars(parser.parse_args(argv))
     if given["call"] is StationClient.set_offset and given["along_track_s"] is given["cross_track_deg"] is None:
         parser.error("offset needs --along or --cross")
+    ends = given["call"] is StationClient.permit_sun and given.pop("withdraw")
+    if given["call"] is StationClient.permit_sun and ends == (given["until"] is not None):
+        parser.error("permit-sun needs --until, or --withdraw")
     if given["call"] is StationClient.queue and not given["text"] and Path((given["remove"] or [""])[-1]).is_file():
         # argparse gives a list of passes the file that follows it.
         given["text"] = _passes(given["remove"].pop())

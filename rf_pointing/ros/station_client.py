@@ -22,7 +22,7 @@ from rclpy.action import ActionClient
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rf_pointing_msgs.action import RunSchedule, TrackPass
 from rf_pointing_msgs.msg import AntennaStatus, ExecutiveStatus, PassList, Schedule, TrackingStatus
-from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Named
+from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Named, PermitSun
 from std_srvs.srv import Trigger
 
 from rf_pointing.core.dates import utc_text
@@ -185,6 +185,12 @@ class StationClient(GraphRun):
     def go(self, azimuth_rad: float, elevation_rad: float) -> bool:
         """Turn the axes to a position; the turn of the cables counts."""
         return self._ask(GoTo, f"{OWNER}/go_to", GoTo.Request(azimuth=azimuth_rad, elevation=elevation_rad))
+
+    def permit_sun(self, until: float | None, by: str, band: str) -> bool:
+        """Let the beam of a band look into the Sun until a time (UTC s), None: no longer."""
+        request = PermitSun.Request(by="" if until is None else by, band=band)
+        request.until = stamp_from_seconds(until or 0.0)
+        return self._ask(PermitSun, f"{OWNER}/permit_sun", request)
 
     def queue(self, text: str | None, remove: Sequence[str] = (), *, start: bool = False) -> bool:
         """Give the passes of a file of plan_passes to the executive, and take others away.

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterType, ParameterValue, SetParametersResult
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
@@ -26,7 +27,7 @@ from rf_pointing_msgs.msg import (
     ScheduledPass,
     TrackingStatus,
 )
-from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Named
+from rf_pointing_msgs.srv import ChangeSchedule, GoTo, Named, PermitSun
 from std_srvs.srv import Trigger
 
 import rf_pointing.report
@@ -65,6 +66,8 @@ def test_wrong_lines_end_with_2_before_the_station_is_looked_for(fake: FakeStati
         ("queue wrong.csv --start", "row 1: start='tomorrow'"),
         ("queue", "queue needs a file, --remove or --start"),
         ("offset", "offset needs --along or --cross"),
+        ("permit-sun --band X", "permit-sun needs --until, or --withdraw"),
+        ("permit-sun --band X --withdraw --until 2026-06-21T12:00:00Z", "permit-sun needs --until, or"),
         ("--key /nowhere/command.key park", "/nowhere/command.key: no such file"),
     ],
 )
@@ -155,6 +158,13 @@ def trigger(success: bool, message: str = "as you wish") -> Any:
         ("night abort", "station_executive/abort", Trigger, {}),
         ("night skip p1", "station_executive/skip", Named, {"name": "p1"}),
         ("night ack", "station_executive/acknowledge", Named, {"name": ""}),
+        (
+            "permit-sun --band X --by alice --until 2026-06-21T12:00:00Z",
+            "antenna_servo/permit_sun",
+            PermitSun,
+            {"by": "alice", "band": "X", "until": Time(sec=1782043200)},
+        ),
+        ("permit-sun --band X --withdraw", "antenna_servo/permit_sun", PermitSun, {"by": "", "band": "X"}),
         ("go 120 45", "antenna_servo/go_to", GoTo, {"azimuth": math.radians(120.0), "elevation": math.radians(45.0)}),
         ("queue --remove a b", "station_executive/change_schedule", ChangeSchedule, {"add": [], "remove": ["a", "b"]}),
     ],

@@ -72,6 +72,7 @@ def antenna_servo(of: Band) -> Derived:
             "gate": axes.gate(of),
             "mask": axes.mask(of),
             "sun": axes.sun(of),
+            "at_rest": axes.sun_at_rest(of),
         },
     }
     trial = ("antenna.", "mount.", "wind.mean_speed_m_s", "wind.from_azimuth_deg")

@@ -349,6 +349,7 @@ const show = {
     write("countdown", left);
     write("reason", live.reason ? `Why: ${live.reason}` : "");
     write("warnings", [live.alarm && `▲ ${live.alarm}`, live.warning && `▲ ${live.warning}`, live.high_wind && `▲ wind: ${live.high_wind}`,
+      live.sun_permitted && `☀ ${live.sun_permitted}`,
       live.transmit_inhibit && `○ transmitter off: ${live.transmit_inhibit}`].filter(Boolean).join("  "));
     byId("warnings").className = `words ${live.level === 2 ? "bad" : "warn"}`;
     byId("fault").hidden = !live.fault;
