@@ -406,6 +406,7 @@ class PointingController:
             seconds_tracked_s=self.statistics.outcome.tracked_s,
             seconds_lost_s=self.statistics.outcome.lost_s,
             mean_loss_db=self.statistics.outcome.mean_loss_db,
+            offsets=self._motion.targets.offsets,
             level=self._alarm[0],
             alarm=self._alarm[1],
         )
