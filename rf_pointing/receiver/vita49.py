@@ -156,7 +156,7 @@ class Vita49(ByteSource):
                 self._contexts[packet.stream] = decode_context(packet.payload)
             return self._data(packet) if packet.kind == DATA else ()
         except ValueError:
-            self.losses["packet that is not DIFI"] += 1
+            self.refuse("packet that is not DIFI")
             return ()
 
     def _data(self, packet: Packet) -> Sequence[Arrival]:

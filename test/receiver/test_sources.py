@@ -236,15 +236,29 @@ def test_what_is_not_rtl_tcp_is_named() -> None:
         client.close()
 
 
-def test_garbage_on_the_port_of_difi_is_counted(line: Callable[..., Line]) -> None:
+def test_garbage_on_the_port_of_difi_is_counted_and_named_while_it_lasts(line: Callable[..., Line]) -> None:
     subject = line("vita49")
     subject.run(2.0)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for size in (1, 27, 28, 100, 1400):
             sender.sendto(bytes(range(256)) * 6 if size == 1400 else b"\xff" * size, ("127.0.0.1", subject.port))
-    wait_for(lambda: subject.receiver.source.losses["packet that is not DIFI"] >= 5, "garbage")
-    subject.run(1.0)
-    assert not subject.problem()
+        wait_for(lambda: subject.receiver.source.losses["packet that is not DIFI"] >= 5, "garbage")
+        subject.run(1.0)
+        assert not subject.problem(), "a few are no problem"
+        for _ in range(60):
+            sender.sendto(b"\xff" * 100, ("127.0.0.1", subject.port))
+        subject.run(PIECE_S)
+        assert "garbage arrives: " in subject.problem()
+        assert subject.problem().endswith(" times packet that is not DIFI")
+        subject.run(3.0)
+        assert not subject.problem()
+
+        def silent() -> bool:
+            sender.sendto(b"\xff" * 100, ("127.0.0.1", subject.port))
+            return "silent for 1." in subject.problem()
+
+        wait_for(silent, "silence")
+        assert "garbage arrives: 50 of 50 times packet that is not DIFI" in subject.problem()
 
 
 def test_a_recording_is_written_read_and_replayed(tmp_path: Path) -> None:
