@@ -192,6 +192,7 @@ class Soapy(Source):
     """Any radio of SoapySDR; Debian's python3-soapysdr."""
 
     _device: Any = None
+    _stream: Any = None
 
     def open(self) -> None:
         try:
@@ -232,7 +233,7 @@ class Soapy(Source):
         return (self.iq(self._buffers[:, : found.ret].copy(), clipped=clipped),)
 
     def close(self) -> None:
-        if self._device is not None:
-            self._device.deactivateStream(self._stream)
-            self._device.closeStream(self._stream)
-            self._device = None
+        device, stream, self._device, self._stream = self._device, self._stream, None, None
+        if stream is not None:
+            device.deactivateStream(stream)
+            device.closeStream(stream)

@@ -12,6 +12,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import serial
@@ -141,7 +142,9 @@ class Source:
                 self.losses["connection"] += 1
                 self.problem = f"{self.where}: {getattr(error, 'strerror', None) or error}"
             finally:
-                self.close()
+                # A device that is gone may refuse that as well.
+                with suppress(OSError, RuntimeError):
+                    self.close()
             self._ended.wait(wait_s)
             wait_s = min(2.0 * wait_s, link.longest_retry_s)
 
