@@ -4,10 +4,11 @@ import os
 import pty
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock, call
 
 import numpy as np
 import pytest
@@ -21,77 +22,67 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "own_receiver.py"
 TIMEOUT, OVERFLOW, BROKEN = -1, -4, -2
 
 
-class FakeSoapy(SimpleNamespace):
-    """The part of Debian's module SoapySDR that a receiver uses; `script` is what streams return."""
+@pytest.fixture
+def radio(monkeypatch: pytest.MonkeyPatch) -> MagicMock:
+    """Put a stand-in for Debian's SoapySDR in place; `script` is what its stream returns."""
+    device = MagicMock(**{"setupStream.return_value": "a stream"})
 
-    SOAPY_SDR_RX, SOAPY_SDR_CF32, SOAPY_SDR_TIMEOUT, SOAPY_SDR_OVERFLOW = 1, "CF32", TIMEOUT, OVERFLOW
-
-    def __init__(self, script: list[Any]) -> None:
-        super().__init__(script=script, calls=[], gone=False, broken="")
-
-    def errToStr(self, code: int) -> str:  # noqa: N802
-        return {BROKEN: "STREAM_ERROR"}[code]
-
-    def Device(self, arguments: str) -> "FakeSoapy":  # noqa: N802
-        self.calls.append(("Device", arguments))
-        if self.gone:
-            raise RuntimeError("Device::make() no match")
-        return self
-
-    def __getattr__(self, name: str) -> Callable[..., Any]:
-        def call(*given: Any) -> str:
-            self.calls.append((name, *given))
-            if name == self.broken:
-                raise RuntimeError(f"{name} failed")
-            return "a stream"
-
-        return call
-
-    def readStream(self, _: str, buffers: list[Any], size: int, timeoutUs: int) -> Any:  # noqa: N802
+    def read(_: str, buffers: list[Any], size: int, timeoutUs: int) -> Any:
         assert 0 < timeoutUs <= 200_000
-        found = self.script.pop(0) if self.script else TIMEOUT
+        found = device.script.pop(0) if device.script else TIMEOUT
         if isinstance(found, int):
             return SimpleNamespace(ret=found)
+        assert found.shape[1] <= size
         for buffer, row in zip(buffers, found, strict=True):
             buffer[: len(row)] = row
-        assert len(found[0]) <= size
-        return SimpleNamespace(ret=len(found[0]))
+        return SimpleNamespace(ret=found.shape[1])
+
+    device.readStream.side_effect = read
+    module = SimpleNamespace(
+        SOAPY_SDR_RX=1, SOAPY_SDR_CF32="CF32", SOAPY_SDR_TIMEOUT=TIMEOUT, SOAPY_SDR_OVERFLOW=OVERFLOW,
+        Device=device.make, errToStr={BROKEN: "STREAM_ERROR"}.get,
+    )  # fmt: skip
+    device.make.return_value = device
+    monkeypatch.setitem(sys.modules, "SoapySDR", module)
+    return device
 
 
-def test_a_radio_of_soapy_is_set_read_and_found_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_radio_of_soapy_is_set_read_and_found_again(radio: MagicMock) -> None:
     piece = np.array([[0.5 + 0.25j, -1.0j, 0.0], [0.1, 0.2, 0.3], [0.0, 0.0, 0.0]], dtype=np.complex64)
-    soapy = FakeSoapy([TIMEOUT, piece, OVERFLOW, piece, BROKEN])
-    monkeypatch.setitem(sys.modules, "SoapySDR", soapy)
+    radio.script = [TIMEOUT, piece, OVERFLOW, piece, BROKEN]
     params = SignalReceiverParams(
         type="soapy", frequency_hz=10.489e9, signal=SignalSearchParams(channels=3),
-        link=SourceLinkParams(device="driver=lime", first_retry_s=0.05),
+        link=SourceLinkParams(device="driver=lime", first_retry_s=0.05, longest_retry_s=0.1),
         iq=IqParams(rate_hz=1e6, converter_mhz=9750.0, gain_db=20.0),
     )  # fmt: skip
     source, found = make_source(params, lambda: 7.0), list[Any]()
     wait_for(lambda: found.extend(source.step()) or "STREAM_ERROR" in source.problem, "an error")
     assert source.problem == "soapy at driver=lime: SoapySDR: STREAM_ERROR"
-    opened = [("Device", "driver=lime")]
-    for channel in range(3):
-        opened += [("setSampleRate", 1, channel, 1e6), ("setFrequency", 1, channel, 739e6),
-                   ("setGain", 1, channel, 20.0)]  # fmt: skip
-    opened += [("setupStream", 1, "CF32", [0, 1, 2]), ("activateStream", "a stream")]
-    closed = [("deactivateStream", "a stream"), ("closeStream", "a stream")]
-    assert soapy.calls[: len(opened) + 2] == opened + closed
+    opened = [call.make("driver=lime")]
+    for each in range(3):
+        opened += [call.setSampleRate(1, each, 1e6), call.setFrequency(1, each, 739e6), call.setGain(1, each, 20.0)]
+    opened += [call.setupStream(1, "CF32", [0, 1, 2]), call.activateStream("a stream")]
+    closed = [call.deactivateStream("a stream"), call.closeStream("a stream")]
+    calls = [each for each in radio.mock_calls if each[0] != "readStream"]
+    assert calls[: len(opened) + 2] == opened + closed
     assert [each.index for each in found] == [0, 4], "a gap where samples were lost"
     assert all(np.array_equal(each.samples, piece) for each in found)
     assert found[0].clipped == pytest.approx(1.0 / 18.0)
     assert source.losses["overflow"] == 1
-    soapy.gone = True
-    wait_for(lambda: "no match" in source.problem, "a radio that is gone")
-    soapy.gone, soapy.broken = False, "setSampleRate"
-    wait_for(lambda: "setSampleRate failed" in source.problem, "a setting that is refused")
-    soapy.broken, soapy.script[:] = "deactivateStream", [BROKEN]
-    wait_for(lambda: "STREAM_ERROR" in source.problem, "a radio that cannot be closed either")
-    soapy.broken, soapy.script[:] = "", [piece]
+    for name in ("make", "setSampleRate"):
+        getattr(radio, name).side_effect = RuntimeError(f"{name} failed")
+        radio.script.append(BROKEN)
+        wait_for(lambda: f"{name} failed" in source.problem, "a problem")  # noqa: B023
+        getattr(radio, name).side_effect = None
+    radio.deactivateStream.side_effect, ends = RuntimeError("gone"), radio.deactivateStream.call_count
+    radio.script.append(BROKEN)
+    wait_for(lambda: radio.deactivateStream.call_count > ends, "a radio that cannot be closed either")
+    radio.deactivateStream.side_effect = None
+    radio.script.append(piece)
     wait_for(lambda: found.extend(source.step()) or len(found) == 3, "samples again")
     wait_for(lambda: not source.problem, "no problem")
     source.end()
-    assert soapy.calls[-2:] == closed
+    assert radio.mock_calls[-2:] == closed
 
 
 def test_without_soapy_the_package_to_install_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,4 +155,7 @@ def test_an_installed_receiver_is_found_by_its_name_and_measured() -> None:
     wait_for(lambda: receiver.step(time.time()) and not receiver.problem(time.time()), "a signal")
     receiver.end()
     assert receiver.newest is not None
+    # C / N0 of 0.02^2 over 2 * 0.05^2 in 240 kHz, 5 kHz above the centre.
     assert receiver.newest.carrier_to_noise_db_hz == pytest.approx(42.8, abs=1.5)
+    assert receiver.meter.carrier.offset_hz == pytest.approx(5e3, abs=10.0)
+    assert len(EXAMPLE.read_text().splitlines()) <= 60

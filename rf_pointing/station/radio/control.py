@@ -58,6 +58,8 @@ class RadioControl:
         self._transmitter = (
             make_rig(_link(transmit), sends=True) if transmit and not split else None
         )
+        # The transmitter first: it is unkeyed first.
+        self._rigs = [each for each in (self._transmitter, self._receiver) if each]
         if split:
             self._transmitter = self._receiver
         self._transmit_command = TRANSMIT if split else RECEIVE
@@ -150,9 +152,7 @@ class RadioControl:
             return
         self._wall_s = wall_s
         self._tune(t_s)
-        for rig in {
-            id(each): each for each in (self._receiver, self._transmitter) if each
-        }.values():
+        for rig in self._rigs:
             rig.step(wall_s)
 
     def rest(self, wall_s: float) -> None:
@@ -164,9 +164,8 @@ class RadioControl:
         """Unkey, and release rigs and line."""
         self._active = False
         self._line.close()
-        for rig in (self._transmitter, self._receiver):
-            if rig is not None:
-                rig.close()
+        for rig in self._rigs:
+            rig.close()
 
     def _tune(self, t_s: float) -> None:
         channel, self._t_s = self._channel(), t_s

@@ -282,62 +282,45 @@ def test_the_line_of_a_gpio_is_high_exactly_while_the_transmitter_may_send(tmp_p
 
 
 class FakePort:
-    """A serial port with its two lines; a cable that is pulled refuses to set them."""
+    """A serial port that notes what is done with it, unless its cable is pulled."""
 
-    history: ClassVar[list[tuple[str, bool, bool]]] = []
+    done: ClassVar[list[tuple[str, Any]]] = []
     pulled: ClassVar[bool] = False
 
-    def __init__(self) -> None:
-        self.lines, self.is_open = {"rts": True, "dtr": True}, False
-
     def __setattr__(self, name: str, value: Any) -> None:
-        if name not in ("rts", "dtr"):
-            object.__setattr__(self, name, value)
-            return
         if self.pulled:
             raise OSError("Input/output error")
-        self.lines[name] = value
-        if self.is_open:
-            self.history.append(("set", self.lines["rts"], self.lines["dtr"]))
+        self.done.append((name, value))
 
     def open(self) -> None:
-        self.is_open = True
-        self.history.append(("open", self.lines["rts"], self.lines["dtr"]))
+        self.done.append(("open", True))
 
     def close(self) -> None:
-        self.history.append(("close", self.lines["rts"], self.lines["dtr"]))
+        self.done.append(("open", False))
 
 
 @pytest.mark.parametrize("name", ["rts", "dtr"])
-def test_the_line_of_a_serial_port_never_goes_up_by_itself(
+def test_a_line_of_a_serial_port_never_goes_up_by_itself(
     monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     monkeypatch.setattr("serial.Serial", FakePort)
-    monkeypatch.setattr(FakePort, "history", [])
-    low, high = (False, False), (name == "rts", name == "dtr")
-    line = TransmitLine(f"/dev/ttyUSB1:{name}")
+    monkeypatch.setattr(FakePort, "done", [])
+    where, low, high = "/dev/ttyUSB1", (name, False), (name, True)
+    opened = [("port", where), ("rts", False), ("dtr", False), ("exclusive", True), ("open", True)]
+    line = TransmitLine(f"{where}:{name}")
     for t_s, allowed in enumerate((False, True, True, False, True)):
         line.step(allowed, 0.1 * t_s)
-    assert FakePort.history == [
-        ("open", *low),
-        ("set", *low),
-        ("set", *high),
-        ("set", *low),
-        ("set", *high),
-    ]
+    assert FakePort.done == [*opened, low, high, low, high]
     monkeypatch.setattr(FakePort, "pulled", True)
     line.step(False, 1.0)
-    assert (
-        line.problem == f"the transmit line /dev/ttyUSB1:{name} cannot be set: Input/output error"
-    )
+    assert line.problem == f"the transmit line {where}:{name} cannot be set: Input/output error"
     monkeypatch.setattr(FakePort, "pulled", False)
-    FakePort.history.clear()
+    FakePort.done.clear()
     line.step(False, 2.1)
     assert line.problem == ""
-    assert FakePort.history == [("open", *low), ("set", *low)]
     line.step(True, 2.2)
     line.close()
-    assert FakePort.history[2:] == [("set", *high), ("set", *low), ("close", *low)]
+    assert FakePort.done == [*opened, low, high, low, ("open", False)]
 
 
 @pytest.fixture
