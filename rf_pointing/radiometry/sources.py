@@ -149,11 +149,6 @@ def moon_brightness_k(wavelength_m: float, phase_rad: float) -> tuple[float, flo
     return kelvin, 0.04 if cm < 1.0 else 0.03
 
 
-def phase_of_moon_rad(sun_longitude_rad: float, moon_longitude_rad: float) -> float:
-    """Return the phase that `flux_of` takes, of the ecliptic longitudes: 0 at the full Moon."""
-    return math.remainder(moon_longitude_rad - sun_longitude_rad - math.pi, math.tau)
-
-
 def _of_disc(brightness_k: float, wavelength_m: float) -> float:
     return 2.0 * BOLTZMANN_J_K * brightness_k * math.pi * DISC_RAD**2 / wavelength_m**2
 

@@ -19,7 +19,7 @@ from itertools import accumulate
 import numpy as np
 
 from rf_pointing.core import Params, parameter
-from rf_pointing.core.types import Pair
+from rf_pointing.core.types import Array, Pair
 from rf_pointing.tracking.scan import Offset, growth
 from rf_pointing.tracking.search import Legs
 
@@ -93,6 +93,26 @@ class ScanProgram:
         """Largest rate and acceleration along an axis, in rad/s and rad/s^2."""
         rates = np.array([self.offset(t)[2:] for t in np.arange(0.0, self.duration_s, 0.05)])
         return float(np.abs(rates).max()), float(np.abs(np.diff(rates, axis=0)).max() / 0.05)
+
+    def axes(self, place_rad: Array, latitude_rad: float) -> Array:
+        """Return what makes cross-elevation and elevation (n, 2, 2) of the frame's offsets.
+
+        `place_rad` (n, 2) are azimuth and elevation of the target.  Celestial offsets are east,
+        multiplied by the cosine of the declination, and north.
+        """
+        azimuth, elevation = place_rad.T
+        turn = np.tile(np.eye(2), (len(place_rad), 1, 1))
+        if self.params.frame == "azimuth":
+            turn[:, 0, 0] = np.cos(elevation)
+        elif self.params.frame == "right_ascension":
+            # The way to the celestial pole, from the vertical clockwise.
+            right = -np.sin(azimuth) * math.cos(latitude_rad)
+            up = np.cos(elevation) * math.sin(latitude_rad)
+            up -= np.sin(elevation) * math.cos(latitude_rad) * np.cos(azimuth)
+            length = np.maximum(np.hypot(right, up), 1e-12)
+            sine, cosine = right / length, up / length
+            turn[:] = np.moveaxis(np.array([[-cosine, sine], [sine, cosine]]), 2, 0)
+        return turn
 
     def _baseline(self) -> Legs | None:
         params, off = self.params, (self.params.baseline_rad, 0.0)

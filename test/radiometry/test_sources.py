@@ -12,7 +12,7 @@ from rf_pointing.core.constants import SPEED_OF_LIGHT_M_S
 from rf_pointing.core.dates import parse_utc
 from rf_pointing.radiometry import sources
 from rf_pointing.radiometry.disc import DiscResponse
-from rf_pointing.radiometry.sources import EPOCH_2016_S, JANSKY, YEAR_S, flux_of, moon_brightness_k, phase_of_moon_rad
+from rf_pointing.radiometry.sources import EPOCH_2016_S, JANSKY, YEAR_S, flux_of, moon_brightness_k
 from rf_pointing.radiometry.y_factor import figures, side_lobe_noise_k, source_noise_k
 from rf_pointing.rf.beam import Beam, BeamParams
 from rf_pointing.rf.budget import DISC_RAD, disc_noise_k, gain_of_beam_dbi, sun_brightness_k
@@ -57,11 +57,6 @@ def test_the_moon_is_between_new_and_full_and_lags_behind_its_phase(cm: float, p
 def test_the_moon_at_3_cm_is_that_of_the_measurements() -> None:
     """Mezger and Strassl 1959, 1420 MHz: 250 +- 12 K; Strezhneva and Troitskii 1961, 3.2 cm: 210 K."""
     assert moon_brightness_k(0.032, math.radians(45.0 + 90.0))[0] == pytest.approx(210.0, rel=0.03)
-
-
-def test_the_phase_is_zero_at_the_full_moon_and_grows() -> None:
-    assert phase_of_moon_rad(1.0, 1.0 + math.pi) == pytest.approx(0.0, abs=1e-12)
-    assert phase_of_moon_rad(1.0, 1.0 + math.pi + 0.1) == pytest.approx(0.1)
 
 
 def test_fluxes_without_a_published_value_are_refused() -> None:
