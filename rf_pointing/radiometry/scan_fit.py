@@ -1,11 +1,12 @@
 """Where the target is, how wide the beam and how strong the source, of the powers of one scan.
 
-    P_i = A l_i R(u_i) + b0 + b1 t_i + b2 y_i,    u^2 = d' M d / h^2,  d = target - beam_i
+    P_i = A l_i R(u_i) + (b0 + b1 t_i) s_i + b2 y_i,   u^2 = d' M d / h^2,  d = target - beam_i
     M = [[1 - e1, -e2], [-e2, 1 + e1]]
 
 R is the beam's pattern over the source's disc (`disc.py`), l_i the strength of the signal against
-its mean (range of a satellite), y_i the beam's elevation off the target: near the horizon the noise
-of the air has a slope.  A carrier's power has no baseline, b = 0.
+its mean (range of a satellite), s_i the noise expected along the beam's elevation over that at the
+target's, and y_i that elevation off the target's, with what is left of its slope.  A carrier's
+power has no baseline, b = 0.
 
 The variance of a power follows from the stated ones, fitted as c0 + c1 P + c2 P^2 and taken at the
 model's power and not at the measured one, which would weigh low values more.  With it least squares
@@ -28,8 +29,8 @@ from rf_pointing.rf.beam import BeamParams
 
 NAMES = ("cross_elevation", "elevation", "width", "e1", "e2", "level", "baseline", "drift", "tilt")
 X, Y, WIDTH, E1, E2, LEVEL, BASE, DRIFT, TILT = range(9)
-SHAPES = {"fixed": 0, "width": 1, "ellipse": 3}
-"""What is fitted of the shape: nothing, the width, or width and ellipse."""
+SHAPES = {"fixed": 0, "width": 1, "axes": 2, "ellipse": 3}
+"""What is fitted of the shape: nothing, the width, that along each axis, or an ellipse."""
 WIDTH_SNR, ELLIPSE_SNR = 20.0, 60.0
 """Level over its sigma from which the shape is fitted; below, it would cost accuracy."""
 WIDEST, NARROWEST = 1.6, 0.6
@@ -45,7 +46,7 @@ target is taken to lie on the line, within this many beamwidths."""
 
 
 class Samples(NamedTuple):
-    """Powers of a scan, all (n,): time, power, its sigma, the beam off the target, l."""
+    """Powers of a scan, all (n,): time, power, its sigma, the beam off the target, l and s."""
 
     t_s: Array
     power: Array
@@ -53,6 +54,7 @@ class Samples(NamedTuple):
     cross_elevation_rad: Array
     elevation_rad: Array
     strength: Array
+    sky: Array
 
     def kept(self, mask: NDArray[np.bool_]) -> "Samples":
         """Return those of the mask (n,)."""
@@ -136,13 +138,9 @@ def fit_scan(samples: Samples, params: ScanFitParams) -> ScanFit:
     clipped = _clipped(samples)
     if clipped.any():
         used, edited = ~clipped, {"clipped power": int(clipped.sum())}
-    shape = "fixed" if params.shape == "auto" else params.shape
     values = problem.start(used)
     for _ in range(ROUNDS):
-        values, covariance, residual = problem.solve(values, used, shape)
-        if params.shape == "auto":
-            shape = problem.best_shape(values, covariance, used)
-            values, covariance, residual = problem.solve(values, used, shape)
+        values, covariance, residual, shape = problem.solve(values, used)
         wrong = problem.outlying(values, residual, used)
         for reason, rows in wrong.items():
             fresh = used & rows
@@ -150,13 +148,14 @@ def fit_scan(samples: Samples, params: ScanFitParams) -> ScanFit:
             used = used & ~rows
         if not any(rows.any() for rows in wrong.values()):
             break
+    else:
+        values, covariance, residual, shape = problem.solve(values, used)
     share = 1.0 - float(np.mean(used))
     if share > params.most_edited:
         words = ", ".join(f"{count} by {reason}" for reason, count in edited.items())
         raise ValueError(
             f"{share:.0%} of the powers had to be edited ({words}), must be <= {params.most_edited:.0%}"
         )
-    values, covariance, residual = problem.solve(values, used, shape)
     problem.judge(values, covariance, residual, used)
     freedom = max(int(used.sum()) - len(problem.free(shape)), 1)
     chi_squared = float(np.sum(residual[used] ** 2)) / freedom
@@ -212,7 +211,8 @@ class _Problem:
     def model(self, values: Array, samples: Samples | None = None) -> Array:
         """Return the powers (n,) of the scan, or of one whose beam went elsewhere."""
         taken = self.samples if samples is None else samples
-        base = values[BASE] + values[DRIFT] * self._since_s + values[TILT] * taken.elevation_rad
+        base = (values[BASE] + values[DRIFT] * self._since_s) * taken.sky
+        base = base + values[TILT] * taken.elevation_rad
         return np.asarray(values[LEVEL] * taken.strength * self.gain(values, taken) + base)
 
     def sigma(self, values: Array) -> Array:
@@ -252,16 +252,36 @@ class _Problem:
     def _linear(self, values: Array, used: NDArray[np.bool_]) -> Array:
         taken, since = self.samples.kept(used), self._since_s[used]
         gain = self.gain(values, taken) * taken.strength
-        rows = [gain, np.ones_like(gain), since, taken.elevation_rad][: len(self.free("fixed")) - 2]
+        rows = [gain, taken.sky, since * taken.sky, taken.elevation_rad][
+            : len(self.free("fixed")) - 2
+        ]
         return np.column_stack(rows) / taken.sigma[:, None]
 
-    def solve(
+    def solve(self, start: Array, used: NDArray[np.bool_]) -> tuple[Array, Array, Array, str]:
+        """Return values, covariance and all residuals of the fit to the used samples, its shape."""
+        if self.params.shape != "auto":
+            return *self._solved(start, used, self.params.shape), self.params.shape
+        found = self._solved(start, used, "fixed")
+        snr = found[0][LEVEL] / math.sqrt(found[1][LEVEL, LEVEL])
+        if self._across is not None or snr < WIDTH_SNR:
+            return *found, "fixed"
+        for shape in ("ellipse", "axes", "width")[0 if snr >= ELLIPSE_SNR else 2 :]:
+            try:
+                finer = self._solved(found[0], used, shape)
+            except ValueError:
+                # Too few places for this shape.
+                continue
+            # What is hardly determined takes the offset with it.
+            sigma = np.sqrt(np.diagonal(finer[1]))
+            if sigma[WIDTH] < 0.1 * self._beamwidth and sigma[E1] < 0.1 and sigma[E2] < 0.1:
+                return *finer, shape
+        return *found, "fixed"
+
+    def _solved(
         self, start: Array, used: NDArray[np.bool_], shape: str
     ) -> tuple[Array, Array, Array]:
-        """Return values, covariance and all residuals of the fit to the used samples."""
         free, values = self.free(shape), start.copy()
-        if SHAPES[shape] < 3:
-            values[[E1, E2]] = 0.0
+        values[[E1, E2][max(SHAPES[shape] - 1, 0) :]] = 0.0
         if shape == "fixed":
             values[WIDTH] = self._beamwidth
         units = self._units()[free]
@@ -311,26 +331,6 @@ class _Problem:
                 self._scale / width,
             ]
         )
-
-    def best_shape(self, values: Array, covariance: Array, used: NDArray[np.bool_]) -> str:
-        """Return how much of the shape the samples determine."""
-        if self._across is not None:
-            return "fixed"
-        snr = values[LEVEL] / math.sqrt(covariance[LEVEL, LEVEL])
-        taken = self.samples.kept(used)
-        fine = 0.1 * self._beamwidth
-        places = np.round(np.column_stack([taken.cross_elevation_rad, taken.elevation_rad]) / fine)
-        distinct, unknown = len(np.unique(places, axis=0)), len(self.free("fixed"))
-        for shape, needed in (("ellipse", ELLIPSE_SNR), ("width", WIDTH_SNR)):
-            if snr >= needed and distinct >= unknown + SHAPES[shape] + 2:
-                try:
-                    found = self.solve(values, used, shape)[1]
-                except ValueError:
-                    continue
-                # What is hardly determined takes the offset with it.
-                if math.sqrt(found[WIDTH, WIDTH]) < 0.1 * self._beamwidth and found[E2, E2] < 0.01:
-                    return shape
-        return "fixed"
 
     def outlying(
         self, values: Array, residual: Array, used: NDArray[np.bool_]

@@ -46,4 +46,4 @@ def scan_of(
     mean = SYSTEM_K + source_k * gain + drift_k_s * (t_s - t_s.mean()) + tilt_k_rad * y
     relative = 1.0 / math.sqrt(bandwidth_hz * PERIOD_S)
     power = mean * (1.0 + relative * random.standard_normal(len(t_s)))
-    return Samples(t_s, power, power * relative, x, y, np.ones_like(t_s))
+    return Samples(t_s, power, power * relative, x, y, np.ones_like(t_s), np.ones_like(t_s))
