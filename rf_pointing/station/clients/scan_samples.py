@@ -86,12 +86,6 @@ class ScanSamples:
 
 def _beam(joints_rad: Array, centre_rad: Array) -> tuple[float, float, float]:
     """Return how far the beam is off the centre on the sky, and its elevation."""
-    # Over the top the same direction has other axis angles.
-    over = centre_rad[1] > 0.5 * math.pi
-    (azimuth, elevation), centre = joints_rad, centre_rad
-    if over:
-        azimuth, elevation = azimuth + math.pi, math.pi - elevation
-        centre = np.array([centre[0] + math.pi, math.pi - centre[1]])
     # Exact on the sphere: 4 deg across at 50 deg of elevation bend by 0.2 deg.
-    right, up = sky_offset_rad(azimuth, elevation, centre[0], centre[1])
-    return float(right), float(up), float(elevation)
+    right, up = sky_offset_rad(*joints_rad, *centre_rad)
+    return float(right), float(up), float(joints_rad[1])

@@ -364,7 +364,9 @@ class PointingController:
     def _choose_turn(self, t_s: float, window: Pass, joints: JointReading, sensor: str) -> float:
         """Issue the certificate, and return the turns (rad) to track on."""
         averaging_s, cost = self.params.pointing.lag_averaging_s, partial(self._cost, sensor, window)
-        self.plan.choose(t_s, window, joints, self._motion.model, averaging_s, cost)
+        # Over the top a scan would measure other offsets than those of a table.
+        direct = self._scans.program is not None
+        self.plan.choose(t_s, window, joints, self._motion.model, averaging_s, cost, direct=direct)
         # Again, for over the top the same encoders are other direct angles.
         self.take_joints(joints)
         return self.plan.course.turns_rad

@@ -136,8 +136,10 @@ class PassPlan:
         model: BiasModel,
         lag_averaging_s: float = 0.0,
         cost: Callable[[PassProfile], SensorCost] | None = None,
+        *,
+        direct: bool = False,
     ) -> None:
-        """Issue the certificate of a pass and take its branch.
+        """Issue the certificate of a pass and take its branch; `direct`: not over the top.
 
         Raises
         ------
@@ -152,8 +154,8 @@ class PassPlan:
         self.profile = profile.resampled()
         azimuth, elevation = joints.position_rad.tolist()
         rules = PlanningRules(
-            model=model, machine=self.machine, limits=self._limits, mask=self.mask, gate=self._gate_params,
-            lag_averaging_s=lag_averaging_s,
+            model=model, machine=self.machine, limits=self._limits.direct() if direct else self._limits, mask=self.mask,
+            gate=self._gate_params, lag_averaging_s=lag_averaging_s,
         )  # fmt: skip
         slew = partial(self.gate.slew, sun_rad=self.sun.at(t_s))
         self.certificate = certificate_of(
