@@ -12,6 +12,7 @@ import numpy as np
 
 from rf_pointing.api.passes import StationPass
 from rf_pointing.api.target import Target
+from rf_pointing.core.checks import id_of
 from rf_pointing.core.dates import utc_text
 from rf_pointing.ephemeris.celestial import sun
 from rf_pointing.ephemeris.celestial_frame import EARTH_RATE_RAD_S
@@ -307,6 +308,17 @@ class ScanResult:
         """Return values and samples as JSON."""
         columns = {name: column.tolist() for name, column in self.samples._asdict().items()}
         return json.dumps(self.values() | {"samples": columns}, indent=1)
+
+    def keep(self, folder: Path | None, table: Path | None) -> None:
+        """Print the scan, write numbers and picture into a folder, and add it to a table."""
+        print(self, flush=True)
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            stem = f"{id_of(self.name)}-{utc_text(self.t_s)[:19].replace('-', '').replace(':', '')}"
+            (folder / f"{stem}.json").write_text(self.to_json(), encoding="utf-8")
+            self.draw(folder / f"{stem}.png")
+        if table is not None:
+            self.append(table)
 
     def draw(self, path: str | Path) -> None:
         """Draw the pattern's cuts and the map of the powers into a PNG."""
