@@ -244,7 +244,7 @@ class ScanResult:
             "cross_elevation_deg": offset[0], "cross_elevation_sigma_deg": sigma[0], "elevation_offset_deg": offset[1],
             "elevation_sigma_deg": sigma[1], "beamwidth_deg": math.degrees(self.fit.values[WIDTH]),
             "ellipticity": self.fit.ellipticity, "shape": self.fit.shape, "snr": self.fit.snr,
-            "chi_squared": self.fit.chi_squared, "samples": len(self.samples.t_s), "edited": self.fit.edited,
+            "chi_squared": self.fit.chi_squared, "powers": len(self.samples.t_s), "edited": self.fit.edited,
         }  # fmt: skip
         if self.figures is not None and self.flux is not None:
             found |= {"flux_jy": self.flux.flux_w_m2_hz * 1e26, "flux_source": self.flux.source}
@@ -266,7 +266,7 @@ class ScanResult:
             f"  offset {values['cross_elevation_deg']:+.4f} +- {values['cross_elevation_sigma_deg']:.4f} deg across, "
             f"{values['elevation_offset_deg']:+.4f} +- {values['elevation_sigma_deg']:.4f} deg up",
             f"  beam {values['beamwidth_deg']:.3f} deg ({fit.shape}), ellipticity {fit.ellipticity:.3f}, level "
-            f"{fit.snr:.0f} sigma, chi^2 {fit.chi_squared:.2f} of {values['samples']} powers{edited}",
+            f"{fit.snr:.0f} sigma, chi^2 {fit.chi_squared:.2f} of {values['powers']} powers{edited}",
         ]
         if self.figures is not None and self.flux is not None:
             got = self.figures
