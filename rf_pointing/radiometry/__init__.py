@@ -1,1 +1,1 @@
-"""What a dish learns from noise: fluxes of the sky, beams over discs, fits of scans, Y-factors."""
+"""Measure a dish by the noise of the sky: fluxes, beams over discs, fits of scans, Y-factors."""

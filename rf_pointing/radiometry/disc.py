@@ -1,4 +1,4 @@
-"""What a beam receives of a disc: its pattern convolved with the disc.
+"""Power that a beam receives of a disc: its pattern convolved with the disc.
 
     R(u) = mean of g over the disc of radius r, its centre u from the axis,  u and r in beamwidths
 

@@ -30,7 +30,7 @@ from rf_pointing.rf.beam import BeamParams
 NAMES = ("cross_elevation", "elevation", "width", "e1", "e2", "level", "baseline", "drift", "tilt")
 X, Y, WIDTH, E1, E2, LEVEL, BASE, DRIFT, TILT = range(9)
 SHAPES = {"fixed": 0, "width": 1, "axes": 2, "ellipse": 3}
-"""What is fitted of the shape: nothing, the width, that along each axis, or an ellipse."""
+"""Choices of the fitted shape: nothing, the width, that along each axis, or an ellipse."""
 WIDTH_SNR, ELLIPSE_SNR = 20.0, 60.0
 """Level over its sigma from which the shape is fitted; below, it would cost accuracy."""
 WIDEST, NARROWEST = 1.6, 0.6
@@ -63,7 +63,7 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class ScanFitParams(Params):
-    """What is known of beam and source, and what is edited."""
+    """Known beam and source, and bounds of what is edited."""
 
     beam: BeamParams = parameter(BeamParams(), "beam as it is expected")
     radius_rad: float = parameter(0.0, "radius of the source", low=0.0, high=0.1)
@@ -371,7 +371,7 @@ class _Problem:
             shape = values[LEVEL] * self.gain(trial) / sigma
             near = used & (np.hypot(*(offsets - place).T) < width)
             power = float(np.sum(shape[near] ** 2))
-            # Seen on several passes of the beam; one burst is none, and edited as one.
+            # Seen in most of its beam: a single burst is edited as interference.
             if int(near.sum()) < FEWEST or not power:
                 continue
             level = float(np.sum((shape * residual)[near])) / power

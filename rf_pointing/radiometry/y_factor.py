@@ -1,4 +1,4 @@
-"""What the noise of a known source says of the antenna: G/T, system noise, aperture efficiency.
+"""Figures of an antenna by the noise of a known source: G/T, system noise, aperture efficiency.
 
     Y   = power on the source / power off it
     G/T = 8 pi k (Y - 1) K L / (S lambda^2)

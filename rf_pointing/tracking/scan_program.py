@@ -30,7 +30,7 @@ POINTS = {
     "nine_point": ((0, 0), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)),
 }
 PATTERNS = ("cross", *POINTS, "raster", "drift", *CURVES)
-FRAMES = ("cross_elevation", "azimuth", "right_ascension")
+ACROSS, AZIMUTH, EAST = FRAMES = ("cross_elevation", "azimuth", "right_ascension")
 """First axis of the offsets: on the sky along the horizon, of the azimuth axis, or to the east."""
 SHORTEST_RAMP_S = 2.0
 
@@ -59,7 +59,7 @@ class ScanProgramParams(Params):
             raise ValueError(
                 f"baseline_rad={self.baseline_rad:.5f} must be 0 or >= half_width_rad={self.half_width_rad:.5f}"
             )
-        if self.pattern == "drift" and self.frame != "right_ascension":
+        if self.pattern == "drift" and self.frame != EAST:
             raise ValueError(f"frame={self.frame}: a drift is along right_ascension, where the antenna stands still")
 
 
@@ -102,9 +102,9 @@ class ScanProgram:
         """
         azimuth, elevation = place_rad.T
         turn = np.tile(np.eye(2), (len(place_rad), 1, 1))
-        if self.params.frame == "azimuth":
+        if self.params.frame == AZIMUTH:
             turn[:, 0, 0] = np.cos(elevation)
-        elif self.params.frame == "right_ascension":
+        elif self.params.frame == EAST:
             # The way to the celestial pole, from the vertical clockwise.
             right = -np.sin(azimuth) * math.cos(latitude_rad)
             up = np.cos(elevation) * math.sin(latitude_rad)

@@ -259,7 +259,7 @@ class SimulatedReceiver(ArrivingSignal):
         # Far off there are but side lobes, which a table would reach in vain.
         gain = self._disc.power(np.minimum(apart2, FARTHEST_BEAMS**2), flux.radius_rad / width, FARTHEST_BEAMS)
         source_k = source_noise_k(flux, params.frequency_hz, params.gain_dbi) * gain / loss
-        # Behind the Earth is no source.
+        # A source below the horizon is behind the Earth.
         source_k = np.where(self.elevation_rad > 0.0, source_k, 0.0)
         kelvin = float(np.mean(system_noise_k(params.noise, params.atmosphere, elevation) + source_k))
         mean_w = BOLTZMANN_J_K * kelvin * receiver.noise_bandwidth_hz

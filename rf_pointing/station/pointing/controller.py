@@ -253,7 +253,7 @@ class PointingController:
             self._stopping = LOSS_OF_SIGNAL
         elif not self._stopping and axes.fault:
             self._stopping = self.statistics.fault = axes.fault
-        elif not self._stopping and t_s >= self.corrections.scan_end_s:
+        elif not self._stopping and self._scans.program and t_s >= self.corrections.scan_end_s:
             self._stopping = SCANNED
         gap_s, self._stepped_s = t_s - self._stepped_s, t_s
         if gap_s > STALLED_S:
