@@ -33,6 +33,8 @@ SHAPES = {"fixed": 0, "width": 1, "axes": 2, "ellipse": 3}
 """Choices of the fitted shape: nothing, the width, that along each axis, or an ellipse."""
 WIDTH_SNR, ELLIPSE_SNR = 20.0, 60.0
 """Level over its sigma from which the shape is fitted; below, it would cost accuracy."""
+WELL = 0.03
+"""Sigma of width over beamwidth and of e1, e2 up to which they are fitted."""
 WIDEST, NARROWEST = 1.6, 0.6
 """Fitted over expected width beyond which it is not this antenna's beam."""
 FEWEST = 12
@@ -93,6 +95,7 @@ class ScanFit:
     values, covariance : (9,) and (9, 9) of `NAMES`: rad, rad, rad, 1, 1, power, power, power/s and
         power/rad; zero in the covariance for what was not fitted.
     chi_squared : per degree of freedom, with the pattern's error in the variances.
+    on_axis : R(0): the level is that of a point with the flux of the disc.
     used : which samples (n,) were; `edited`: how many were not, by reason.
     """
 
@@ -100,6 +103,7 @@ class ScanFit:
     covariance: Array
     chi_squared: float
     shape: str
+    on_axis: float
     used: NDArray[np.bool_]
     edited: dict[str, int]
 
@@ -125,8 +129,8 @@ class ScanFit:
 
     def y_factor(self) -> tuple[float, float]:
         """Return power on the source over that off it, and its sigma."""
-        level, base = float(self.values[LEVEL]), float(self.values[BASE])
-        slope = np.array([1.0 / base, -level / base**2])
+        level, base = self.on_axis * float(self.values[LEVEL]), float(self.values[BASE])
+        slope = np.array([self.on_axis / base, -level / base**2])
         part = self.covariance[np.ix_((LEVEL, BASE), (LEVEL, BASE))]
         return 1.0 + level / base, float(math.sqrt(slope @ part @ slope))
 
@@ -160,7 +164,8 @@ def fit_scan(samples: Samples, params: ScanFitParams) -> ScanFit:
     freedom = max(int(used.sum()) - len(problem.free(shape)), 1)
     chi_squared = float(np.sum(residual[used] ** 2)) / freedom
     return ScanFit(
-        values=values, covariance=covariance * max(chi_squared, 1.0), chi_squared=chi_squared, shape=shape, used=used,
+        values=values, covariance=covariance * max(chi_squared, 1.0), chi_squared=chi_squared,
+        shape=shape, on_axis=problem.on_axis(values), used=used,
         edited={reason: count for reason, count in edited.items() if count},
     )  # fmt: skip
 
@@ -207,6 +212,11 @@ class _Problem:
         )
         farthest = 2.0 + float(np.sqrt(u2.max()))
         return self._response.power(u2, self.params.radius_rad / float(values[WIDTH]), farthest)
+
+    def on_axis(self, values: Array) -> float:
+        """Return R(0)."""
+        radius = self.params.radius_rad / float(values[WIDTH])
+        return 1.0 / self._response.correction(radius)
 
     def model(self, values: Array, samples: Samples | None = None) -> Array:
         """Return the powers (n,) of the scan, or of one whose beam went elsewhere."""
@@ -273,7 +283,7 @@ class _Problem:
                 continue
             # What is hardly determined takes the offset with it.
             sigma = np.sqrt(np.diagonal(finer[1]))
-            if sigma[WIDTH] < 0.1 * self._beamwidth and sigma[E1] < 0.1 and sigma[E2] < 0.1:
+            if sigma[WIDTH] < WELL * self._beamwidth and max(sigma[E1], sigma[E2]) < WELL:
                 return *finer, shape
         return *found, "fixed"
 
@@ -465,8 +475,8 @@ class _Problem:
         swing = max(abs(float(np.mean((residual * sigma)[part]))) for part in parts)
         if chi_squared > 6.0 and swing > 0.02 * float(values[LEVEL]):
             raise ValueError(
-                f"off the source the power comes and goes by {swing / values[LEVEL]:.0%} of the source's: rain, clouds "
-                "or a gain that drifts"
+                f"off the source the power comes and goes by {swing / values[LEVEL]:.0%} of the source's: rain, "
+                "clouds, a gain that drifts, or the air near the horizon"
             )
 
 

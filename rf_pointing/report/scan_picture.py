@@ -21,7 +21,7 @@ def draw_scan(samples: Samples, fit: ScanFit, title: str, path: Path) -> None:
     x, y = np.degrees(samples.cross_elevation_rad), np.degrees(samples.elevation_rad)
     base = (fit.values[BASE] + fit.values[DRIFT] * (samples.t_s - samples.t_s.mean())) * samples.sky
     base = base + fit.values[TILT] * samples.elevation_rad
-    gain = (samples.power - base) / (fit.values[LEVEL] * samples.strength)
+    gain = (samples.power - base) / (fit.on_axis * fit.values[LEVEL] * samples.strength)
     centre = np.degrees(fit.offset_rad)
     with figure(path, 11.0, 5.2) as drawn:
         grid = drawn.add_gridspec(2, 2, width_ratios=[1.0, 1.25])

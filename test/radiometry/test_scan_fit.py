@@ -66,7 +66,7 @@ def test_a_carrier_has_no_baseline_and_follows_the_strength_of_its_satellite(ran
 
 
 def test_the_shape_is_fitted_only_as_far_as_the_source_shows_it(random: np.random.Generator) -> None:
-    shapes = [fit_scan(scan_of(random, source_k=level), KNOWN).shape for level in (0.25, 3.0, 300.0)]
+    shapes = [fit_scan(scan_of(random, source_k=level), KNOWN).shape for level in (0.25, 1.0, 300.0)]
     assert shapes == ["fixed", "width", "ellipse"]
 
 
@@ -154,3 +154,13 @@ def test_a_tapered_aperture_is_fitted_with_its_own_pattern(random: np.random.Gen
     assert fit.chi_squared < 1.2
     assert fit.values[WIDTH] == pytest.approx(S_BAND_RAD, rel=0.01)
     assert np.abs(fit.values[[E1, E2]]).max() < 0.02
+
+
+def test_the_y_factor_is_that_of_the_beam_on_the_middle_of_the_disc(random: np.random.Generator) -> None:
+    """A disc a third of a beam wide fills it to 0.86: the level of the fit is that of a point."""
+    radius = 0.33 * S_BAND_RAD
+    taken = scan_of(random, source_k=300.0, radius_rad=radius, offset_rad=(0.0, 0.0))
+    fit = fit_scan(taken, KNOWN.replace(radius_rad=radius))
+    on_axis = float(taken.power[np.argmin(distance(taken, 0.0, 0.0))])
+    assert fit.y_factor()[0] == pytest.approx(on_axis / SYSTEM_K, rel=0.01)
+    assert fit.values[LEVEL] == pytest.approx(300.0, rel=0.01)
