@@ -1,4 +1,4 @@
-"""Scans of a source: what is asked for, what follows from the band, and what came of it."""
+"""Scans of a source: the request, what follows from the band, and what came of it."""
 
 import math
 from collections.abc import Mapping
@@ -36,7 +36,7 @@ HALF_WIDTH_BEAMS, BEAM_S, BASELINE_BEAMS = 1.5, 4.0, 1.5
 POINT_BEAMS = 0.5
 """Distance of the points of a scan from the target: where the power has fallen by half."""
 SHARE = 0.4
-"""Share of the planned rates and accelerations that a scan takes unless it is told: above 66 deg of
+"""Share of the planned rates and accelerations that a scan takes by default: above 66 deg of
 elevation the azimuth has no more, and the controller makes the scan smaller."""
 LARGEST_SUN = 0.1
 """Noise of the Sun in the side lobes, of the source's, at which a scan is refused."""
@@ -180,7 +180,7 @@ class ScanRequest:
         return self.station.description.sets("rf_receiver", self.station.band)["signal"]
 
     def require_dark(self, t_s: float, flux: Flux | None) -> None:
-        """Refuse a source beside which the Sun shines into the side lobes."""
+        """Refuse a source so near the Sun that it shines into the side lobes."""
         if flux is None or flux.name == SUN:
             return
         station, signal, frequency_hz = self.station, self._signal, self.station.frequency_hz

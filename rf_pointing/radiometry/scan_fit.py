@@ -73,7 +73,7 @@ class ScanFitParams(Params):
     shape: str = parameter("auto", "what is fitted of the shape", choices=("auto", *SHAPES))
     pattern_error: float = parameter(
         0.003,
-        "error of the pattern, of the level: beyond it noise cannot be told from it",
+        "error of the pattern, of the level: smaller than it no noise is seen",
         low=0.0,
         high=0.1,
     )

@@ -1,7 +1,7 @@
 """A scan of a running station: the goal of the controller, and the powers received meanwhile.
 
-What the beam was off the target is told by the encoders and by the centre that the controller
-commands, as its trackers use them.
+How far the beam was off the target follows from the encoders and the centre that the controller
+commands, as for its trackers.
 """
 
 from collections.abc import Callable

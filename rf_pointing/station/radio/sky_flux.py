@@ -1,4 +1,4 @@
-"""Flux of a body at a time, with the Moon's phase and the Sun as the station is told."""
+"""Flux of a body at a time, with the Moon's phase and the Sun as the station states it."""
 
 import math
 from functools import lru_cache
